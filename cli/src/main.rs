@@ -1,0 +1,2 @@
+//! The `rollwalk` command line.
+fn main() {}

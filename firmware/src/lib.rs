@@ -1,0 +1,3 @@
+//! Plays a motion library on the controller: player, motion graph, safety state machine.
+#![no_std]
+#![forbid(unsafe_code)]

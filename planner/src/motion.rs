@@ -1,0 +1,43 @@
+//! What is asked of a motion: duration, footfall pattern, goals, ends.
+
+use serde::{Deserialize, Serialize};
+
+/// A motion goal, resolved against a robot: everything the optimiser needs besides the robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Motion {
+    /// Name of the motion.
+    pub name: String,
+    /// Duration H, s; for periodic motions the period.
+    pub duration_s: f64,
+    /// What happens at the ends of the motion.
+    pub ends: Ends,
+    /// Contact flags c of Eq. 2.7: `stance[sample][end_effector]`. Its length is the sample count T.
+    pub stance: Vec<Vec<bool>>,
+    /// Height w_h that a foot in swing reaches, m (Eq. 2.9).
+    pub swing_height_m: f64,
+    /// Where to go.
+    pub goal: Goal,
+}
+
+/// Boundary conditions (thesis sec. 2.4.1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ends {
+    /// The motion repeats, moved and turned by its own displacement.
+    Periodic,
+    /// The robot stands still at both ends.
+    AtRest,
+    /// Both ends are states of other motions (transitions of a motion graph).
+    Prescribed,
+}
+
+/// Functional objectives. `None` leaves the optimiser free.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Goal {
+    /// Displacement along the starting heading over the motion, m.
+    pub forward_m: Option<f64>,
+    /// Displacement to the left of the starting heading over the motion, m.
+    pub left_m: Option<f64>,
+    /// Change of heading over the motion, rad, positive to the left.
+    pub turn_rad: Option<f64>,
+}

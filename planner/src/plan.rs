@@ -1,0 +1,109 @@
+//! A motion plan: the optimiser's result, self-contained, as it is stored in JSON (Eq. 2.1).
+
+use crate::motion::Motion;
+use rollwalk_robot::Robot;
+use serde::{Deserialize, Serialize};
+
+/// A planned motion with the robot and the goal it was planned for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// Always `rollwalk-plan`.
+    pub format: String,
+    /// Version of this format; 1 today.
+    pub version: u32,
+    /// The robot, resolved.
+    pub robot: Robot,
+    /// The goal, resolved.
+    pub motion: Motion,
+    /// Sample spacing h, s.
+    pub sample_interval_s: f64,
+    /// The samples, T of them.
+    pub samples: Vec<Sample>,
+    /// State one interval before the first sample. At rest: equal to the first sample.
+    /// Periodic: the last sample, moved back by one period.
+    pub before: Sample,
+    /// State one interval after the last sample. At rest: equal to the last sample.
+    /// Periodic: the first sample, moved on by one period.
+    pub after: Sample,
+    /// Where the end lies relative to the start.
+    pub end_placement: Placement,
+    /// How the optimiser fared.
+    pub solve: SolveSummary,
+}
+
+/// Planar placement: turn by `yaw_rad` about the world's vertical, then move by `offset_m`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Placement {
+    /// D: offset in world x and y, m.
+    pub offset_m: [f64; 2],
+    /// ψ: turn about the vertical, rad.
+    pub yaw_rad: f64,
+}
+
+/// The robot at one instant (Eq. 2.1). World frame throughout.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Sample {
+    /// Seconds since the start of the motion.
+    pub time_s: f64,
+    /// Origin of the body frame, m.
+    pub base_position_m: [f64; 3],
+    /// World-from-body rotation as intrinsic z-y-x angles, rad; yaw is not wrapped.
+    pub base_yaw_pitch_roll_rad: [f64; 3],
+    /// World-from-body rotation, `[w, x, y, z]`; also the centroidal orientation θ (Eq. 2.12).
+    pub base_orientation_wxyz: [f64; 4],
+    /// Joint angles in joint order, rad.
+    pub joint_rad: Vec<f64>,
+    /// Centre of mass x, m.
+    pub com_m: [f64; 3],
+    /// End effectors in robot order.
+    pub end_effectors: Vec<EndEffectorSample>,
+}
+
+/// One end effector at one instant.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EndEffectorSample {
+    /// Contact flag c.
+    pub contact: bool,
+    /// Contact point e, m.
+    pub position_m: [f64; 3],
+    /// Ground force on the robot f, N.
+    pub force_n: [f64; 3],
+    /// Wheel spin ω on the interval from this sample to the next, rad/s; 0 for a foot.
+    pub wheel_speed_rad_s: f64,
+    /// Motor speed on the interval from this sample to the next, rad/s, about the axis of the robot
+    /// file; 0 without a wheel.
+    pub motor_speed_rad_s: f64,
+    /// Wheel axis tilt, rad; 0 for a foot.
+    pub tilt_rad: f64,
+    /// Wheel axis yaw, rad; 0 for a foot.
+    pub yaw_rad: f64,
+}
+
+/// How a solve ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SolveSummary {
+    /// Outcome.
+    pub status: Status,
+    /// Accepted and rejected steps together.
+    pub iterations: usize,
+    /// Final energy E(m).
+    pub energy: f64,
+    /// Worst constraint residual as a fraction of its credible level, with its name.
+    pub worst_level: f64,
+    /// Name of the constraint with the worst residual.
+    pub worst_constraint: String,
+}
+
+/// Outcome of a solve: a value, not an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// All constraints hold within 0.2 of their credible levels.
+    Converged,
+    /// The iterations stopped improving with a constraint violated.
+    Infeasible,
+    /// The iteration limit came first.
+    IterationLimit,
+    /// Stopped by the caller.
+    Interrupted,
+}

@@ -1,0 +1,113 @@
+//! The validated robot: plain data, indices instead of names, SI units.
+
+use nalgebra::{Isometry3, Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// A robot with legs and wheels. Built from a robot file; see `docs/conventions.md` for frames.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Robot {
+    /// Name of the robot.
+    pub name: String,
+    /// Rigid links; `links[0]` is the root ("body").
+    pub links: Vec<Link>,
+    /// Joints in file order. A joint's parent link is the root or the child of an earlier joint.
+    pub joints: Vec<Joint>,
+    /// Feet and wheels, in file order.
+    pub end_effectors: Vec<EndEffector>,
+}
+
+/// A rigid link.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Link {
+    /// Name of the link.
+    pub name: String,
+    /// Mass in kg, wheels mounted on the link included.
+    pub mass_kg: f64,
+    /// Centre of mass in the link frame, m.
+    pub com_in_link_m: Vector3<f64>,
+    /// Inertia about the link's centre of mass, in link axes, kg·m².
+    pub inertia_in_link_kg_m2: Matrix3<f64>,
+}
+
+/// A revolute, motor-driven joint.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Joint {
+    /// Name of the joint.
+    pub name: String,
+    /// Index of the link that carries the joint.
+    pub parent: usize,
+    /// Index of the link that the joint moves.
+    pub child: usize,
+    /// Pose of the joint frame in the parent link frame at angle 0.
+    pub parent_from_joint: Isometry3<f64>,
+    /// Unit axis in the joint frame.
+    pub axis_in_joint: Vector3<f64>,
+    /// Smallest angle, rad.
+    pub position_min_rad: f64,
+    /// Largest angle, rad.
+    pub position_max_rad: f64,
+    /// Angle in the nominal standing pose, rad.
+    pub nominal_rad: f64,
+    /// The servo that drives the joint.
+    pub actuator: Actuator,
+}
+
+/// The motor of a joint or of a driven wheel, after its gearbox.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Actuator {
+    /// Model name, such as `XM430-W210-T`.
+    pub model: String,
+    /// Speed limit at the output that plans must respect, rad/s.
+    pub speed_max_rad_s: f64,
+    /// Torque limit at the output, N·m.
+    pub torque_max_nm: f64,
+    /// Default proportional gain, N·m/rad (joints; 0 for wheels).
+    pub kp_nm_rad: f64,
+    /// Default damping gain, N·m·s/rad.
+    pub kd_nm_s_rad: f64,
+    /// Inertia of rotor and gearbox seen at the output, kg·m².
+    pub armature_kg_m2: f64,
+    /// Actuator bus of the controller that the motor hangs on.
+    pub bus: u8,
+    /// Address of the motor on that bus.
+    pub id: u8,
+}
+
+/// A foot or wheel that may touch the ground.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EndEffector {
+    /// Name of the end effector.
+    pub name: String,
+    /// Index of the link that it is mounted on (Eq. 2.14: b).
+    pub link: usize,
+    /// Wheel centre, or centre of the foot sphere, in the link frame, m (Eq. 2.14: l̂).
+    pub center_in_link_m: Vector3<f64>,
+    /// Wheel or foot-sphere radius, m.
+    pub radius_m: f64,
+    /// Coulomb friction coefficient against the ground (Eq. 2.5: μ).
+    pub friction_coefficient: f64,
+    /// What kind of contact it makes.
+    pub contact: Contact,
+}
+
+/// Kind of end effector (thesis sec. 2.4.1).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Contact {
+    /// A small sphere that does not slip.
+    PointFoot,
+    /// A wheel turned by a motor.
+    ActuatedWheel {
+        /// Unit wheel axis in the link frame (â).
+        axis_in_link: Vector3<f64>,
+        /// The wheel's motor.
+        actuator: Actuator,
+    },
+    /// A wheel that turns freely.
+    PassiveWheel {
+        /// Unit wheel axis in the link frame (â).
+        axis_in_link: Vector3<f64>,
+        /// Rolling resistance coefficient c_rr.
+        rolling_resistance: f64,
+    },
+}
