@@ -1,0 +1,102 @@
+//! The steps of `cargo xtask test`, in the order in which they fail fastest.
+
+use crate::{bare_metal, shell, tidy};
+use clap::ValueEnum;
+use std::time::Instant;
+
+/// One step of the check. The names are what `--only` takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Step {
+    /// Formatting, as `rustfmt.toml` says.
+    Fmt,
+    /// House rules that no compiler checks.
+    Tidy,
+    /// Clippy over every target, warnings denied.
+    Clippy,
+    /// Documentation of every crate, warnings denied.
+    Doc,
+    /// `rollwalk-protocol` and `rollwalk-firmware` for the Cortex-M4, without std.
+    NoStd,
+    /// All tests.
+    Test,
+}
+
+impl Step {
+    fn title(self) -> &'static str {
+        match self {
+            Step::Fmt => "formatting",
+            Step::Tidy => "house rules",
+            Step::Clippy => "clippy, warnings denied",
+            Step::Doc => "documentation, warnings denied",
+            Step::NoStd => "protocol and firmware for the Cortex-M4 (no_std)",
+            Step::Test => "all tests",
+        }
+    }
+
+    fn name(self) -> String {
+        self.to_possible_value().expect("no step is hidden").get_name().to_owned()
+    }
+
+    fn check(self) -> Result<(), String> {
+        match self {
+            Step::Fmt => {
+                need_component("rustfmt")?;
+                shell::run(&mut shell::cargo(&["fmt", "--all", "--check"]))
+            }
+            Step::Tidy => tidy::check(&shell::workspace_root()),
+            Step::Clippy => {
+                need_component("clippy")?;
+                let args = ["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"];
+                shell::run(&mut shell::cargo(&args))
+            }
+            Step::Doc => {
+                let mut command = shell::cargo(&["doc", "--no-deps", "--workspace"]);
+                shell::run(command.env("RUSTDOCFLAGS", "-D warnings"))
+            }
+            Step::NoStd => bare_metal::check(),
+            Step::Test => shell::run(&mut shell::cargo(&["test", "--workspace", "--no-fail-fast"])),
+        }
+    }
+}
+
+/// Runs every step, or `only` one.
+///
+/// # Errors
+/// What the first failing step said, with the command that runs it again.
+pub fn run(only: Option<Step>) -> Result<(), String> {
+    let steps: Vec<Step> = match only {
+        Some(step) => vec![step],
+        None => Step::value_variants().to_vec(),
+    };
+    for (index, step) in steps.iter().enumerate() {
+        eprintln!("\n== {}/{} {}: {}", index + 1, steps.len(), step.name(), step.title());
+        let start = Instant::now();
+        let outcome = step.check();
+        let seconds = start.elapsed().as_secs_f64();
+        outcome.map_err(|why| {
+            let name = step.name();
+            format!(
+                "\n{why}\n\nstep `{name}` failed after {seconds:.1} s; once mended, run it alone with\n\
+                 \n    cargo xtask test --only {name}\n"
+            )
+        })?;
+        // The tests come last and end with cargo's own summary lines, which carry their time.
+        if *step != Step::Test {
+            eprintln!("== {} ok in {seconds:.1} s", step.name());
+        }
+    }
+    Ok(())
+}
+
+/// A component that rustup's minimal profile leaves out, installed when it is missing.
+fn need_component(component: &str) -> Result<(), String> {
+    let present = |subcommand: &str| shell::succeeds(&mut shell::cargo(&[subcommand, "--version"]));
+    let subcommand = if component == "rustfmt" { "fmt" } else { component };
+    if present(subcommand) {
+        return Ok(());
+    }
+    let args = ["component", "add", component];
+    shell::run(&mut shell::command("rustup", &args)).map_err(|why| {
+        format!("{why}\n{component} is needed; install it with `rustup component add {component}`")
+    })
+}

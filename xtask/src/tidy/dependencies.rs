@@ -1,0 +1,76 @@
+//! Which crate may depend on which: the arrows of `ARCHITECTURE.md`, held by a test.
+
+use serde_json::Value;
+
+/// Every library crate with the workspace crates that it may depend on. What is not listed, the
+/// binaries and the tests at the end of the data flow, may depend on all.
+const ALLOWED: [(&str, &[&str]); 5] = [
+    ("rollwalk-protocol", &[]),
+    ("rollwalk-firmware", &["rollwalk-protocol"]),
+    ("rollwalk-robot", &["rollwalk-protocol"]),
+    ("rollwalk-planner", &["rollwalk-protocol", "rollwalk-robot"]),
+    ("rollwalk-sim-host", &["rollwalk-firmware", "rollwalk-protocol", "rollwalk-robot"]),
+];
+
+/// Dependencies against the arrows, in the output of `cargo metadata --no-deps`. Those of tests and
+/// build scripts count as well.
+///
+/// # Errors
+/// When `metadata` is not what cargo prints.
+pub fn violations(metadata: &str) -> Result<Vec<String>, String> {
+    let metadata: Value =
+        serde_json::from_str(metadata).map_err(|error| format!("cargo metadata: {error}"))?;
+    let packages = metadata["packages"].as_array().ok_or("cargo metadata: no packages")?;
+    let mut found = Vec::new();
+    for (name, allowed) in ALLOWED {
+        let package = packages.iter().find(|package| package["name"] == name);
+        let dependencies = package.and_then(|package| package["dependencies"].as_array());
+        let Some(dependencies) = dependencies else {
+            found.push(format!("{name}: no such crate in the workspace"));
+            continue;
+        };
+        for dependency in dependencies.iter().filter_map(|dependency| dependency["name"].as_str()) {
+            let ours = packages.iter().any(|package| package["name"] == dependency);
+            if ours && dependency != name && !allowed.contains(&dependency) {
+                found.push(format!("{name} must not depend on {dependency} (ARCHITECTURE.md)"));
+            }
+        }
+    }
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{ALLOWED, violations};
+    use serde_json::json;
+
+    /// The workspace as allowed, with one dependency more.
+    fn workspace(from: &str, to: &str) -> String {
+        let packages = ALLOWED.map(|(name, allowed)| {
+            let mut dependencies: Vec<_> = allowed.iter().map(|d| json!({ "name": d })).collect();
+            dependencies.push(json!({ "name": "serde" }));
+            if name == from {
+                dependencies.push(json!({ "name": to }));
+            }
+            json!({ "name": name, "dependencies": dependencies })
+        });
+        json!({ "packages": packages }).to_string()
+    }
+
+    #[test]
+    fn the_arrows_themselves_are_fine() {
+        assert_eq!(violations(&workspace("", "")).unwrap(), Vec::<String>::new());
+    }
+
+    #[test]
+    fn an_arrow_backwards_is_named() {
+        for (from, to) in [
+            ("rollwalk-planner", "rollwalk-firmware"),
+            ("rollwalk-sim-host", "rollwalk-planner"),
+            ("rollwalk-protocol", "rollwalk-robot"),
+        ] {
+            let found = violations(&workspace(from, to)).unwrap();
+            assert_eq!(found, [format!("{from} must not depend on {to} (ARCHITECTURE.md)")]);
+        }
+    }
+}

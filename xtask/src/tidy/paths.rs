@@ -1,0 +1,79 @@
+//! Paths in text: none of somebody's machine, and none in the documents that lead nowhere.
+
+use super::TextFile;
+use std::collections::BTreeSet;
+
+/// Homes and work folders of machines, split so that this file does not hold what it looks for.
+const MACHINE_ROOTS: [[&str; 2]; 4] =
+    [["/ho", "me/"], ["/ro", "ot/"], ["/wo", "rk/"], ["/Us", "ers/"]];
+
+/// Lines that mention a folder of somebody's machine.
+pub fn machine_paths(files: &[TextFile]) -> Vec<String> {
+    let roots = MACHINE_ROOTS.map(|parts| parts.concat());
+    let mut found = Vec::new();
+    for file in files {
+        for (number, line) in file.text.lines().enumerate() {
+            for root in &roots {
+                if starts_a_path(line, root) {
+                    found.push(format!(
+                        "{}:{}: `{root}...` exists on one machine only; write a path from the \
+                         checkout's root",
+                        file.path,
+                        number + 1
+                    ));
+                }
+            }
+        }
+    }
+    found
+}
+
+/// Whether `root` stands in `line` as the beginning of a path, not as its middle (`docs/home/`).
+fn starts_a_path(line: &str, root: &str) -> bool {
+    line.match_indices(root).any(|(at, _)| {
+        !line[..at].ends_with(|c: char| c.is_alphanumeric() || matches!(c, '.' | '_' | '-' | '*'))
+    })
+}
+
+/// Code spans in Markdown files that name a file or folder of this checkout which does not exist.
+pub fn dead_references(files: &[TextFile], exists: impl Fn(&str) -> bool) -> Vec<String> {
+    let folders: BTreeSet<&str> =
+        files.iter().filter_map(|file| Some(file.path.split_once('/')?.0)).collect();
+    let mut found = Vec::new();
+    for file in files.iter().filter(|file| file.path.ends_with(".md")) {
+        for (number, line) in file.text.lines().enumerate() {
+            // Odd pieces between backticks are code spans.
+            for span in line.split('`').skip(1).step_by(2) {
+                let Some((folder, _)) = span.split_once('/') else { continue };
+                let is_pattern = span.contains(|c: char| "*<>{} ".contains(c) || c.is_uppercase());
+                if folders.contains(folder) && !is_pattern && !exists(span) {
+                    found.push(format!("{}:{}: `{span}` does not exist", file.path, number + 1));
+                }
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::tidy::file;
+
+    #[test]
+    fn machine_paths_are_found_where_a_path_starts() {
+        let home = ["/ho", "me/"].concat();
+        let text = format!("fine: docs{home}x\nbad: `{home}ada/rollwalk`\n");
+        let found = super::machine_paths(&[file("README.md", &text)]);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!(found[0].starts_with("README.md:2"));
+    }
+
+    #[test]
+    fn references_to_missing_files_are_named() {
+        let text =
+            "See `robot/src/lib.rs`, `robot/src/gone.rs`, `robots/*.toml`, `N/A` and `and/or`.\n";
+        let files = [file("README.md", text), file("robot/src/lib.rs", "")];
+        let found = super::dead_references(&files, |path| path == "robot/src/lib.rs");
+        assert_eq!(found, ["README.md:1: `robot/src/gone.rs` does not exist"]);
+    }
+}
