@@ -1,3 +1,8 @@
 //! Plays a motion library on the controller: player, motion graph, safety state machine.
 #![no_std]
 #![forbid(unsafe_code)]
+
+pub mod hermite;
+pub mod limiter;
+pub mod safety;
+pub mod store;

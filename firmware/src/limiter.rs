@@ -1,0 +1,196 @@
+//! The last stage before the wire: whatever comes in, what goes out is within the robot's limits.
+//!
+//! Per channel and tick: a value that is not finite holds the last one, the value is brought into
+//! its range, then no further from the last value than the rate limit allows. A channel emits
+//! nothing before it has been told where it stands ([`Limiter::start`]), so the first setpoint
+//! after torque-on is the measured pose, not a remembered one.
+//!
+//! A joint that starts outside its range (a leg resting on its stop) is not thrown into it: it may
+//! stay or move inwards at the rate limit, never further out.
+
+use heapless::Vec;
+use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
+
+/// What a channel shall do next, before the gains.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Target {
+    /// Joint angle, rad, or wheel speed, rad/s.
+    pub value: f32,
+    /// Joint speed, rad/s; not used for wheels.
+    pub slope: f32,
+}
+
+/// The limiter of all channels.
+#[derive(Clone, Debug)]
+pub struct Limiter {
+    period_s: f32,
+    last: Vec<Option<f32>, MAX_CHANNELS>,
+}
+
+impl Limiter {
+    /// A limiter for `channels` channels at a control period in seconds; nothing started yet.
+    pub fn new(channels: usize, period_s: f32) -> Self {
+        Self { period_s, last: core::iter::repeat_n(None, channels.min(MAX_CHANNELS)).collect() }
+    }
+
+    /// Forgets where the channels stand: nothing is emitted until they are started again.
+    pub fn stop(&mut self) {
+        self.last.iter_mut().for_each(|last| *last = None);
+    }
+
+    /// Tells that a channel stands at a measured value, rad or rad/s. Ignored when not finite.
+    pub fn start(&mut self, channel: usize, measured: f32) {
+        if let Some(last) = self.last.get_mut(channel)
+            && measured.is_finite()
+        {
+            *last = Some(measured);
+        }
+    }
+
+    /// The target brought within the limits, or `None` for a channel that was not started.
+    pub fn apply(
+        &mut self,
+        config: &RobotConfig,
+        channel: usize,
+        target: Target,
+    ) -> Option<Target> {
+        let limits = config.channels.get(channel)?;
+        let last = self.last.get_mut(channel)?.as_mut()?;
+        let out = limited(limits, *last, target, self.period_s);
+        *last = out.value;
+        Some(out)
+    }
+}
+
+fn limited(limits: &Channel, last: f32, target: Target, period_s: f32) -> Target {
+    let step = limits.max_rate * period_s;
+    let wanted = if target.value.is_finite() { target.value } else { last };
+    // Not `clamp`, which panics on limits in the wrong order.
+    let value = wanted.max(limits.min).min(limits.max).max(last - step).min(last + step);
+    let slope = match limits.kind {
+        ChannelKind::WheelSpeed => 0.0,
+        // A value that had to be changed moves at the speed at which it was changed.
+        _ if value != target.value || !target.slope.is_finite() => (value - last) / period_s,
+        _ => target.slope,
+    };
+    Target { value, slope: slope.max(-limits.max_rate).min(limits.max_rate) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn channel(kind: ChannelKind) -> Channel {
+        Channel {
+            kind,
+            min: -1.0,
+            max: 2.0,
+            max_rate: 6.0,
+            max_torque_nm: 3.0,
+            kp_nm_rad: 20.0,
+            kd_nm_s_rad: 0.5,
+            bus: 0,
+            id: 1,
+        }
+    }
+
+    fn config(kind: ChannelKind) -> RobotConfig {
+        RobotConfig { channels: [channel(kind)].into_iter().collect() }
+    }
+
+    fn anything() -> impl Strategy<Value = f32> {
+        prop_oneof![
+            any::<u32>().prop_map(f32::from_bits),
+            -10.0f32..10.0,
+            Just(f32::NAN),
+            Just(f32::INFINITY),
+            Just(f32::NEG_INFINITY),
+        ]
+    }
+
+    fn kinds() -> impl Strategy<Value = ChannelKind> {
+        prop_oneof![Just(ChannelKind::JointPosition), Just(ChannelKind::WheelSpeed)]
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_gets_past_the_limits(
+            kind in kinds(),
+            start in -4.0f32..4.0,
+            targets in prop::collection::vec((anything(), anything()), 1..200),
+        ) {
+            let (config, period) = (config(kind), 1.0 / 120.0);
+            let mut limiter = Limiter::new(1, period);
+            limiter.start(0, start);
+            let mut last = start;
+            for (value, slope) in targets {
+                let out = limiter.apply(&config, 0, Target { value, slope }).unwrap();
+                let (low, high) = (last.min(-1.0), last.max(2.0));
+                prop_assert!(out.value >= low && out.value <= high, "{out:?} after {last}");
+                // One rounding of `last + step` beyond the step itself.
+                prop_assert!((out.value - last).abs() <= 6.0 * period + 4.0 * f32::EPSILON);
+                prop_assert!(out.slope.abs() <= 6.0);
+                last = out.value;
+            }
+        }
+
+        /// What is within the limits passes unchanged.
+        #[test]
+        fn allowed_targets_pass(start in -0.9f32..1.9, step in -0.049f32..0.049, slope in -6.0f32..6.0) {
+            let config = config(ChannelKind::JointPosition);
+            let mut limiter = Limiter::new(1, 1.0 / 120.0);
+            limiter.start(0, start);
+            let target = Target { value: start + step, slope };
+            prop_assert_eq!(limiter.apply(&config, 0, target), Some(target));
+        }
+
+        /// Limits that make no sense do not panic, and still bound the step from where we are.
+        #[test]
+        fn senseless_limits_do_not_panic(min in anything(), max in anything(), rate in anything(), v in anything()) {
+            let mut config = config(ChannelKind::JointPosition);
+            let c = &mut config.channels[0];
+            (c.min, c.max, c.max_rate) = (min, max, rate);
+            let mut limiter = Limiter::new(1, 1.0 / 120.0);
+            limiter.start(0, 0.5);
+            let _ = limiter.apply(&config, 0, Target { value: v, slope: v });
+        }
+    }
+
+    #[test]
+    fn says_nothing_before_it_knows_where_it_is() {
+        let config = config(ChannelKind::JointPosition);
+        let mut limiter = Limiter::new(1, 1.0 / 120.0);
+        assert_eq!(limiter.apply(&config, 0, Target::default()), None);
+        limiter.start(0, f32::NAN);
+        assert_eq!(limiter.apply(&config, 0, Target::default()), None);
+        limiter.start(0, 0.1);
+        assert!(limiter.apply(&config, 0, Target::default()).is_some());
+        limiter.stop();
+        assert_eq!(limiter.apply(&config, 0, Target::default()), None);
+        assert_eq!(limiter.apply(&config, 1, Target::default()), None);
+    }
+
+    #[test]
+    fn nan_holds_the_last_value() {
+        let config = config(ChannelKind::JointPosition);
+        let mut limiter = Limiter::new(1, 1.0 / 120.0);
+        limiter.start(0, 0.7);
+        let nan = Target { value: f32::NAN, slope: f32::NAN };
+        assert_eq!(limiter.apply(&config, 0, nan), Some(Target { value: 0.7, slope: 0.0 }));
+    }
+
+    #[test]
+    fn a_joint_on_its_stop_moves_inwards_without_a_jump() {
+        let config = config(ChannelKind::JointPosition);
+        let mut limiter = Limiter::new(1, 0.01);
+        limiter.start(0, 2.5);
+        let mut last = 2.5;
+        for _ in 0..20 {
+            let out = limiter.apply(&config, 0, Target { value: 5.0, slope: 0.0 }).unwrap();
+            assert!(out.value <= last && last - out.value <= 0.06 + 1e-6);
+            last = out.value;
+        }
+        assert_eq!(last, 2.0);
+    }
+}

@@ -1,0 +1,370 @@
+//! The safety state machine: a pure function `(state, event) -> (state, action)`.
+//!
+//! Nothing here knows time, buses or motions: [`crate::Controller`] turns those into events and
+//! carries out the actions. So the whole of it can be walked exhaustively, and the table in
+//! `docs/playback-and-safety.md` is generated from [`step`] and compared with it in a test.
+//!
+//! ```text
+//! Boot ─> SelfTest ─> Disarmed ─> Aligning ─> Ready <──> Playing
+//!            ^           ^           │          │           │
+//!            │           │           │          └─────┬─────┘ host silent, or disarm
+//!            │ clear     │           │                v
+//!            │           │           │            Returning
+//!            │           │           v                v
+//!            └────────TorqueOff <─ Damped <──────── (held SAFE)
+//!            └────────EStopped  <─ everywhere
+//! ```
+//!
+//! - Torque is driven only in Aligning, Ready, Playing and Returning, and the one way in is
+//!   Disarmed → Aligning, which starts from the measured pose.
+//! - Events that arrive together are handled most severe first ([`Event`] is ordered so), hence the
+//!   outcome does not depend on the order in which frames came in.
+//! - A fault never re-arms by itself: TorqueOff with a latched fault and EStopped wait for the
+//!   operator's two-step clear, which runs the self test again.
+
+/// Where the controller stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u8)]
+pub enum State {
+    /// Nothing has run yet.
+    Boot = 0,
+    /// Configuration and library are being examined.
+    SelfTest = 1,
+    /// No torque; a library may be written, arming is possible.
+    Disarmed = 2,
+    /// Torque is on; ramps from the measured pose to the SAFE pose.
+    Aligning = 3,
+    /// Holds the SAFE node of the motion graph.
+    Ready = 4,
+    /// Plays motions of the graph.
+    Playing = 5,
+    /// Follows the graph to SAFE without accepting motions, then holds there for a moment.
+    Returning = 6,
+    /// Joints free but damped (kp 0), so that the robot sinks instead of falling.
+    Damped = 7,
+    /// No torque; waits for a clear when a fault is latched.
+    TorqueOff = 8,
+    /// No torque; latched until the operator clears it.
+    EStopped = 9,
+}
+
+/// Everything that can change the state, most severe first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u8)]
+pub enum Event {
+    /// Emergency stop, from the bus or from the board.
+    EStop,
+    /// Robot configuration unusable.
+    SelfTestFailed,
+    /// An actuator has been silent for too many ticks.
+    FeedbackLost,
+    /// An actuator reports a fault or has dropped its torque by itself.
+    ActuatorFault,
+    /// The library could not be played although it was validated.
+    PlaybackFailed,
+    /// The SAFE pose was not reached in time.
+    AlignFailed,
+    /// The host's heartbeat has been missing for too long.
+    HostLost,
+    /// The operator wants torque off, in an orderly way.
+    Disarm,
+    /// Second step of clearing, with the right nonce.
+    ClearConfirmed,
+    /// Second step of arming, with the right nonce and every actuator fresh.
+    ArmConfirmed,
+    /// First tick.
+    Started,
+    /// Configuration is usable.
+    SelfTestPassed,
+    /// The SAFE pose is reached.
+    Aligned,
+    /// A command code to another node was accepted.
+    MotionStarted,
+    /// The player has entered the SAFE node and goes nowhere else.
+    SafeReached,
+    /// SAFE was held long enough after returning.
+    HoldElapsed,
+    /// Damping has lasted long enough.
+    DampingElapsed,
+    /// Torque is off and no fault is latched.
+    FaultFree,
+}
+
+/// What the controller does on a transition.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Action {
+    /// Nothing.
+    None,
+    /// Examine the configuration, report through `SelfTestPassed` or `SelfTestFailed`.
+    RunSelfTest,
+    /// Enable the actuators, then ramp from the pose measured at that moment.
+    AlignFromMeasured,
+    /// Start the player in the SAFE node.
+    HoldSafe,
+    /// Send the player to SAFE and accept no other target.
+    RouteToSafe,
+    /// Start the time that SAFE is held before damping.
+    StartHold,
+    /// Replace all setpoints by damping.
+    Damp,
+    /// Disable every actuator at once and forget setpoints, nonces and player.
+    CutTorque,
+}
+
+/// What the actuators may do in a state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Torque {
+    /// Disabled.
+    Off,
+    /// Damping only.
+    Damped,
+    /// Setpoints.
+    Driven,
+}
+
+/// All states, in the order of their codes.
+pub const STATES: [State; 10] = [
+    State::Boot,
+    State::SelfTest,
+    State::Disarmed,
+    State::Aligning,
+    State::Ready,
+    State::Playing,
+    State::Returning,
+    State::Damped,
+    State::TorqueOff,
+    State::EStopped,
+];
+
+/// All events, most severe first.
+pub const EVENTS: [Event; 18] = [
+    Event::EStop,
+    Event::SelfTestFailed,
+    Event::FeedbackLost,
+    Event::ActuatorFault,
+    Event::PlaybackFailed,
+    Event::AlignFailed,
+    Event::HostLost,
+    Event::Disarm,
+    Event::ClearConfirmed,
+    Event::ArmConfirmed,
+    Event::Started,
+    Event::SelfTestPassed,
+    Event::Aligned,
+    Event::MotionStarted,
+    Event::SafeReached,
+    Event::HoldElapsed,
+    Event::DampingElapsed,
+    Event::FaultFree,
+];
+
+impl State {
+    /// What the actuators may do here.
+    pub fn torque(self) -> Torque {
+        match self {
+            Self::Boot | Self::SelfTest | Self::Disarmed | Self::TorqueOff | Self::EStopped => {
+                Torque::Off
+            }
+            Self::Damped => Torque::Damped,
+            Self::Aligning | Self::Ready | Self::Playing | Self::Returning => Torque::Driven,
+        }
+    }
+
+    /// Whether motion commands are accepted here.
+    pub fn accepts_motions(self) -> bool {
+        matches!(self, Self::Ready | Self::Playing)
+    }
+}
+
+/// The state machine.
+pub fn step(state: State, event: Event) -> (State, Action) {
+    use Action as A;
+    use Event as E;
+    use State as S;
+    match (state, event) {
+        (_, E::EStop) => (S::EStopped, A::CutTorque),
+
+        (S::Boot, E::Started) => (S::SelfTest, A::RunSelfTest),
+        (S::SelfTest, E::SelfTestPassed) => (S::Disarmed, A::None),
+        (S::SelfTest, E::SelfTestFailed) => (S::TorqueOff, A::CutTorque),
+        (S::Disarmed, E::ArmConfirmed) => (S::Aligning, A::AlignFromMeasured),
+
+        (S::Aligning, E::Aligned) => (S::Ready, A::HoldSafe),
+        // Not yet on the graph: there is no route to follow, only letting down gently.
+        (S::Aligning, E::AlignFailed | E::HostLost | E::Disarm) => (S::Damped, A::Damp),
+
+        (S::Ready, E::MotionStarted) => (S::Playing, A::None),
+        (S::Playing, E::SafeReached) => (S::Ready, A::None),
+        (S::Ready | S::Playing, E::HostLost | E::Disarm) => (S::Returning, A::RouteToSafe),
+        (S::Returning, E::SafeReached) => (S::Returning, A::StartHold),
+        (S::Returning, E::HoldElapsed) => (S::Damped, A::Damp),
+
+        (
+            S::Aligning | S::Ready | S::Playing | S::Returning,
+            E::FeedbackLost | E::ActuatorFault | E::PlaybackFailed,
+        ) => (S::Damped, A::Damp),
+        (S::Damped, E::DampingElapsed) => (S::TorqueOff, A::CutTorque),
+
+        (S::TorqueOff, E::FaultFree) => (S::Disarmed, A::None),
+        (S::TorqueOff | S::EStopped, E::ClearConfirmed) => (S::SelfTest, A::RunSelfTest),
+
+        _ => (state, A::None),
+    }
+}
+
+/// Events raised since the last tick: a set that hands out the most severe first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct EventSet(u32);
+
+impl EventSet {
+    /// Adds an event.
+    pub fn insert(&mut self, event: Event) {
+        self.0 |= 1 << event as u32;
+    }
+
+    /// Takes out the most severe event.
+    pub fn pop(&mut self) -> Option<Event> {
+        let event = EVENTS.get(self.0.trailing_zeros() as usize).copied()?;
+        self.0 &= self.0.wrapping_sub(1);
+        Some(event)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn listed_in_order_of_their_codes() {
+        for (i, s) in STATES.iter().enumerate() {
+            assert_eq!(*s as usize, i);
+        }
+        for (i, e) in EVENTS.iter().enumerate() {
+            assert_eq!(*e as usize, i);
+        }
+    }
+
+    #[test]
+    fn estop_stops_from_every_state_in_one_step() {
+        for s in STATES {
+            assert_eq!(step(s, Event::EStop), (State::EStopped, Action::CutTorque));
+        }
+    }
+
+    #[test]
+    fn torque_comes_on_only_by_arming_from_disarmed() {
+        for s in STATES {
+            for e in EVENTS {
+                let (next, action) = step(s, e);
+                if s.torque() == Torque::Off && next.torque() != Torque::Off {
+                    assert_eq!((s, e), (State::Disarmed, Event::ArmConfirmed));
+                    assert_eq!((next, action), (State::Aligning, Action::AlignFromMeasured));
+                }
+                if next == State::Aligning && s != State::Aligning {
+                    assert_eq!(s, State::Disarmed);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_loss_of_torque_is_acted_on_and_no_step_gains_torque_back() {
+        for s in STATES {
+            for e in EVENTS {
+                let (next, action) = step(s, e);
+                match (s.torque(), next.torque()) {
+                    (Torque::Driven | Torque::Damped, Torque::Off) => {
+                        assert_eq!(action, Action::CutTorque, "{s:?} {e:?}");
+                    }
+                    (Torque::Driven, Torque::Damped) => assert_eq!(action, Action::Damp),
+                    (Torque::Damped, Torque::Driven) => panic!("{s:?} {e:?} drives again"),
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    /// The timers and the player alone bring every torque state down once the host is gone: nobody
+    /// has to be there for the robot to end without torque.
+    #[test]
+    fn without_a_host_every_state_ends_without_torque() {
+        for start in STATES {
+            let mut s = start;
+            for e in [
+                Event::HostLost,
+                Event::AlignFailed,
+                Event::SafeReached,
+                Event::HoldElapsed,
+                Event::DampingElapsed,
+            ] {
+                s = step(s, e).0;
+            }
+            assert_eq!(s.torque(), Torque::Off, "from {start:?}");
+        }
+    }
+
+    #[test]
+    fn latched_states_leave_only_by_clearing_into_the_self_test() {
+        for e in EVENTS {
+            let (next, _) = step(State::EStopped, e);
+            let expected =
+                if e == Event::ClearConfirmed { State::SelfTest } else { State::EStopped };
+            assert_eq!(next, expected);
+        }
+    }
+
+    #[test]
+    fn every_state_is_reachable_from_boot() {
+        let mut seen = [false; STATES.len()];
+        let mut stack = heapless::Vec::<State, 64>::new();
+        stack.push(State::Boot).unwrap();
+        while let Some(s) = stack.pop() {
+            if core::mem::replace(&mut seen[s as usize], true) {
+                continue;
+            }
+            for e in EVENTS {
+                let next = step(s, e).0;
+                if !seen[next as usize] {
+                    stack.push(next).unwrap();
+                }
+            }
+        }
+        assert_eq!(seen, [true; STATES.len()]);
+    }
+
+    #[test]
+    fn the_set_hands_out_by_severity_whatever_the_order() {
+        for a in EVENTS {
+            for b in EVENTS {
+                let mut set = EventSet::default();
+                set.insert(a);
+                set.insert(b);
+                assert_eq!(set.pop(), Some(a.min(b)));
+                assert_eq!(set.pop(), (a != b).then_some(a.max(b)));
+                assert_eq!(set.pop(), None);
+            }
+        }
+    }
+
+    /// A milder trigger that comes with or after a severe one must not soften the outcome.
+    #[test]
+    fn the_most_severe_trigger_wins() {
+        let rank = |s: State| match s {
+            State::EStopped => 4,
+            State::TorqueOff => 3,
+            State::Damped => 2,
+            State::Returning => 1,
+            _ => 0,
+        };
+        let faults = &EVENTS[..=Event::Disarm as usize];
+        for s in STATES {
+            for &a in faults {
+                for &b in faults {
+                    let alone = rank(step(s, a).0);
+                    let both = rank(step(step(s, a).0, b).0);
+                    assert!(both >= alone, "{s:?}: {a:?} then {b:?}");
+                }
+            }
+        }
+    }
+}
