@@ -1,0 +1,394 @@
+//! A CAN bus in virtual time: nodes with pending frames, arbitration by id, exact frame lengths.
+//!
+//! The bus is pulled, not pushed: [`CanBus::next_delivery`] moves the bus on to the next completed
+//! frame and returns it; the caller hands it to the receivers, who may post answers at that instant,
+//! and pulls again. At every instant at which the bus is idle and frames are pending, the lowest id
+//! wins and occupies the bus for its exact length ([`frame_bits`]); three bits of
+//! intermission later the bus is idle again.
+//!
+//! A node keeps its pending frames by the [`TxPolicy`] it was built with. Frames leave a node lowest
+//! id first, equal ids in the order of posting. Every frame is acknowledged and received by all other
+//! nodes; there are no error frames. An id belongs to one sender: if two nodes send the same id at
+//! the same instant, the node that was added first goes first, where a real bus would see an error.
+
+use crate::bit_timing::{INTERMISSION_BITS, frame_bits};
+use crate::clock::SimTime;
+use rollwalk_protocol::can::CanFrame;
+use std::collections::BTreeMap;
+
+/// Index of a node on its bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct NodeId(usize);
+
+/// What a node does with frames that wait for the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TxPolicy {
+    /// A pending frame is replaced by a newer one of the same id: for setpoints and feedback, of
+    /// which only the latest is worth sending.
+    Latest,
+    /// Every frame is kept, up to a number of pending frames: for streams such as ISO-TP.
+    Queue {
+        /// Most frames that wait.
+        depth: usize,
+    },
+}
+
+/// The node's queue is full; the frame was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("transmit queue full: {depth} frames already wait for the bus")]
+pub struct QueueFull {
+    /// Capacity of the queue.
+    pub depth: usize,
+}
+
+/// A frame that has crossed the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Delivery {
+    /// End of the frame: the instant at which receivers have it.
+    pub at: SimTime,
+    /// Who sent it; everybody else receives it.
+    pub from: NodeId,
+    /// The frame.
+    pub frame: CanFrame,
+}
+
+/// What one id did on the bus.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct IdStatistics {
+    /// Completed frames.
+    pub frames: u64,
+    /// Time on the bus, intermission included.
+    pub busy: SimTime,
+    /// Longest time from posting to the end of the frame.
+    pub worst_latency: SimTime,
+}
+
+/// What the bus did since it was built.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct BusStatistics {
+    /// By id, most urgent first.
+    pub by_id: BTreeMap<u16, IdStatistics>,
+    /// Pending frames that gave way to a newer one of the same id ([`TxPolicy::Latest`]).
+    pub replaced: u64,
+}
+
+impl BusStatistics {
+    /// Completed frames of all ids.
+    pub fn frames(&self) -> u64 {
+        self.by_id.values().map(|id| id.frames).sum()
+    }
+
+    /// Time during which the bus was not idle.
+    pub fn busy(&self) -> SimTime {
+        self.by_id.values().fold(SimTime::ZERO, |sum, id| sum + id.busy)
+    }
+
+    /// What happened after `earlier`, an older copy of the same bus's statistics: the way to measure
+    /// the load over a stretch of time. Worst latencies are those since the start.
+    pub fn since(&self, earlier: &Self) -> Self {
+        let by_id = self.by_id.iter().map(|(&id, now)| {
+            let before = earlier.by_id.get(&id).copied().unwrap_or_default();
+            let worst_latency = now.worst_latency;
+            let frames = now.frames - before.frames;
+            (id, IdStatistics { frames, busy: now.busy - before.busy, worst_latency })
+        });
+        Self { by_id: by_id.collect(), replaced: self.replaced - earlier.replaced }
+    }
+
+    /// Busy time as a fraction of `span`.
+    pub fn load(&self, span: SimTime) -> f64 {
+        if span == SimTime::ZERO { 0.0 } else { self.busy().as_s() / span.as_s() }
+    }
+
+    /// Longest time from posting to the end of the frame, over all ids.
+    pub fn worst_latency(&self) -> SimTime {
+        self.by_id.values().map(|id| id.worst_latency).max().unwrap_or_default()
+    }
+}
+
+/// A frame that waits for the bus.
+#[derive(Clone, Copy, Debug)]
+struct Pending {
+    frame: CanFrame,
+    posted: SimTime,
+}
+
+#[derive(Debug)]
+struct Node {
+    policy: TxPolicy,
+    pending: Vec<Pending>,
+}
+
+/// A frame on its way over the bus.
+#[derive(Clone, Copy, Debug)]
+struct Flight {
+    from: NodeId,
+    pending: Pending,
+    end: SimTime,
+}
+
+/// One bus.
+#[derive(Debug)]
+pub struct CanBus {
+    bit_ns: u64,
+    nodes: Vec<Node>,
+    /// When the bus became idle, or will after the frame in flight and its intermission.
+    idle_from: SimTime,
+    in_flight: Option<Flight>,
+    statistics: BusStatistics,
+}
+
+/// The bitrate of link and actuator buses unless a robot says otherwise, bit/s.
+pub const DEFAULT_BITRATE: u32 = 1_000_000;
+
+impl CanBus {
+    /// An idle bus at `bitrate` bit/s. Panics unless a bit lasts a whole number of nanoseconds.
+    pub fn new(bitrate: u32) -> Self {
+        assert!(
+            bitrate > 0 && 1_000_000_000 % bitrate == 0,
+            "bitrate {bitrate} bit/s: a bit must last a whole number of nanoseconds"
+        );
+        Self {
+            bit_ns: u64::from(1_000_000_000 / bitrate),
+            nodes: Vec::new(),
+            idle_from: SimTime::ZERO,
+            in_flight: None,
+            statistics: BusStatistics::default(),
+        }
+    }
+
+    /// Connects a node.
+    pub fn add_node(&mut self, policy: TxPolicy) -> NodeId {
+        self.nodes.push(Node { policy, pending: Vec::new() });
+        NodeId(self.nodes.len() - 1)
+    }
+
+    /// `node` wants `frame` sent, as of `now`. All deliveries up to `now` must have been pulled.
+    pub fn post(&mut self, now: SimTime, node: NodeId, frame: CanFrame) -> Result<(), QueueFull> {
+        // A frame that won the bus before this instant is out of reach: it can be neither replaced
+        // nor overtaken any more.
+        if self.in_flight.is_none()
+            && let Some(winner) = self.winner()
+            && winner.start < now
+        {
+            self.in_flight = Some(self.transmit(winner));
+        }
+        let Node { policy, pending } = &mut self.nodes[node.0];
+        let newer = Pending { frame, posted: now };
+        match *policy {
+            TxPolicy::Latest => {
+                if let Some(slot) = pending.iter_mut().find(|p| p.frame.id() == frame.id()) {
+                    *slot = newer;
+                    self.statistics.replaced += 1;
+                    return Ok(());
+                }
+            }
+            TxPolicy::Queue { depth } if pending.len() >= depth => return Err(QueueFull { depth }),
+            TxPolicy::Queue { .. } => {}
+        }
+        pending.push(newer);
+        Ok(())
+    }
+
+    /// Frames of `node` that have not begun their way over the bus.
+    pub fn pending(&self, node: NodeId) -> usize {
+        self.nodes[node.0].pending.len()
+    }
+
+    /// Withdraws what `node` has pending: a controller that stops must leave nothing behind.
+    pub fn abort_pending(&mut self, node: NodeId) {
+        self.nodes[node.0].pending.clear();
+    }
+
+    /// When the next frame completes if nobody posts anything before, or `None` if none waits.
+    pub fn next_completion(&self) -> Option<SimTime> {
+        self.in_flight.map(|flight| flight.end).or_else(|| self.winner().map(|winner| winner.end))
+    }
+
+    /// The next frame that completes at or before `until`; call again until `None`.
+    pub fn next_delivery(&mut self, until: SimTime) -> Option<Delivery> {
+        if self.next_completion()? > until {
+            return None;
+        }
+        let flight = match self.in_flight.take() {
+            Some(flight) => flight,
+            None => {
+                let winner = self.winner()?;
+                self.transmit(winner)
+            }
+        };
+        let Flight { from, pending: Pending { frame, posted }, end } = flight;
+        let busy = self.bits(frame_bits(&frame) + INTERMISSION_BITS);
+        let id = self.statistics.by_id.entry(frame.id()).or_default();
+        id.frames += 1;
+        id.busy = id.busy + busy;
+        id.worst_latency = id.worst_latency.max(end - posted);
+        Some(Delivery { at: end, from, frame })
+    }
+
+    /// Load and latencies since the bus was built.
+    pub fn statistics(&self) -> &BusStatistics {
+        &self.statistics
+    }
+
+    /// Who wins the bus when it is idle next and a frame is pending.
+    fn winner(&self) -> Option<Winner> {
+        let waiting = || {
+            self.nodes.iter().enumerate().flat_map(|(node, n)| {
+                n.pending.iter().enumerate().map(move |(slot, pending)| (node, slot, pending))
+            })
+        };
+        let start = self.idle_from.max(waiting().map(|(_, _, p)| p.posted).min()?);
+        let (node, slot, pending) = waiting()
+            .filter(|(_, _, p)| p.posted <= start)
+            .min_by_key(|&(node, slot, p)| (p.frame.id(), node, slot))?;
+        let end = start + self.bits(frame_bits(&pending.frame));
+        Some(Winner { node, slot, start, end })
+    }
+
+    /// Puts the winner's frame on the bus.
+    fn transmit(&mut self, Winner { node, slot, end, .. }: Winner) -> Flight {
+        self.idle_from = end + self.bits(INTERMISSION_BITS);
+        let pending = self.nodes[node].pending.remove(slot);
+        Flight { from: NodeId(node), pending, end }
+    }
+
+    fn bits(&self, count: u32) -> SimTime {
+        SimTime::from_ns(u64::from(count) * self.bit_ns)
+    }
+}
+
+/// The outcome of an arbitration.
+struct Winner {
+    node: usize,
+    slot: usize,
+    start: SimTime,
+    end: SimTime,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const KEEP: TxPolicy = TxPolicy::Queue { depth: 64 };
+
+    fn frame(id: u16, data: &[u8]) -> CanFrame {
+        CanFrame::new(id, data).unwrap()
+    }
+
+    fn us(us: u64) -> SimTime {
+        SimTime::from_us(us)
+    }
+
+    fn drain(bus: &mut CanBus) -> Vec<(u64, u16)> {
+        std::iter::from_fn(|| bus.next_delivery(SimTime::from_ms(1000)))
+            .map(|d| (d.at.as_us(), d.frame.id()))
+            .collect()
+    }
+
+    #[test]
+    fn lowest_id_wins_at_every_idle_instant() {
+        let mut bus = CanBus::new(DEFAULT_BITRATE);
+        let (a, b) = (bus.add_node(KEEP), bus.add_node(KEEP));
+        // Id 0 without data is 50 bits, id 0x555 is 45 bits (see bit_timing).
+        bus.post(us(10), a, frame(0x555, &[])).unwrap();
+        bus.post(us(11), b, frame(0, &[])).unwrap();
+        bus.post(us(11), b, frame(0x555, &[])).unwrap();
+        bus.post(us(12), a, frame(0, &[])).unwrap();
+        // 10 + 45 = 55; idle at 58: both zeros go before the second 0x555, node a's first.
+        let deliveries = drain(&mut bus);
+        assert_eq!(deliveries, [(55, 0x555), (108, 0), (161, 0), (209, 0x555)]);
+    }
+
+    #[test]
+    fn posts_at_the_same_instant_compete_whatever_their_order() {
+        let mut bus = CanBus::new(500_000);
+        let (a, b) = (bus.add_node(KEEP), bus.add_node(KEEP));
+        bus.post(us(5), a, frame(0x555, &[])).unwrap();
+        assert_eq!(bus.next_completion(), Some(us(5 + 90)), "2 us per bit");
+        bus.post(us(5), b, frame(0, &[])).unwrap();
+        assert_eq!(drain(&mut bus)[0], (105, 0));
+    }
+
+    #[test]
+    fn a_newer_setpoint_replaces_a_waiting_one_but_not_one_under_way() {
+        let mut bus = CanBus::new(DEFAULT_BITRATE);
+        let node = bus.add_node(TxPolicy::Latest);
+        bus.post(us(0), node, frame(0x10, &[1])).unwrap();
+        bus.post(us(1), node, frame(0x10, &[2])).unwrap();
+        bus.post(us(2), node, frame(0x10, &[3])).unwrap();
+        let data: Vec<u8> =
+            std::iter::from_fn(|| bus.next_delivery(us(1000))).map(|d| d.frame.data()[0]).collect();
+        assert_eq!(data, [1, 3]);
+        assert_eq!(bus.statistics().replaced, 1);
+    }
+
+    #[test]
+    fn a_full_queue_says_so_and_keeps_order() {
+        let mut bus = CanBus::new(DEFAULT_BITRATE);
+        let node = bus.add_node(TxPolicy::Queue { depth: 2 });
+        bus.post(us(0), node, frame(0x10, &[1])).unwrap();
+        bus.post(us(0), node, frame(0x10, &[2])).unwrap();
+        assert_eq!(bus.post(us(0), node, frame(0x10, &[3])), Err(QueueFull { depth: 2 }));
+        let data: Vec<u8> =
+            std::iter::from_fn(|| bus.next_delivery(us(1000))).map(|d| d.frame.data()[0]).collect();
+        assert_eq!(data, [1, 2]);
+    }
+
+    #[test]
+    fn load_counts_frames_stuff_bits_and_intermission() {
+        let mut bus = CanBus::new(DEFAULT_BITRATE);
+        let node = bus.add_node(KEEP);
+        for k in 0..10 {
+            bus.post(us(100 * k), node, frame(0, &[])).unwrap();
+            assert!(bus.next_delivery(us(100 * (k + 1))).is_some());
+        }
+        // 50 bits and 3 of intermission in every 100 us.
+        let statistics = bus.statistics();
+        assert!((statistics.load(us(1000)) - 0.53).abs() < 1e-12);
+        assert_eq!(statistics.frames(), 10);
+        assert_eq!(statistics.worst_latency(), us(50));
+        assert_eq!(statistics.since(&statistics.clone()).busy(), SimTime::ZERO);
+    }
+
+    proptest! {
+        /// Whatever is posted: frames never overlap, nothing is lost, and a frame never goes while a
+        /// more urgent one that was posted earlier waits.
+        #[test]
+        fn arbitration_is_fair_to_ids(
+            posts in prop::collection::vec((0u64..3000, 0usize..3, 0u16..8), 1..40)
+        ) {
+            let mut posts = posts;
+            posts.sort();
+            let mut bus = CanBus::new(DEFAULT_BITRATE);
+            let nodes = [(); 3].map(|()| bus.add_node(KEEP));
+            let mut log = Vec::new();
+            for &(at, node, id) in &posts {
+                while let Some(delivery) = bus.next_delivery(us(at)) {
+                    log.push(delivery);
+                }
+                bus.post(us(at), nodes[node], frame(id, &[])).unwrap();
+            }
+            while let Some(delivery) = bus.next_delivery(SimTime::from_ms(100)) {
+                log.push(delivery);
+            }
+            prop_assert_eq!(log.len(), posts.len());
+            let mut waiting = posts.clone();
+            for (k, delivery) in log.iter().enumerate() {
+                let start = delivery.at - bus.bits(frame_bits(&delivery.frame));
+                if k > 0 {
+                    prop_assert!(start >= log[k - 1].at + bus.bits(INTERMISSION_BITS));
+                }
+                let urgent =
+                    waiting.iter().filter(|p| us(p.0) <= start).map(|p| p.2).min().unwrap();
+                prop_assert_eq!(delivery.frame.id(), urgent);
+                let sent = waiting
+                    .iter()
+                    .position(|p| p.2 == urgent && NodeId(p.1) == delivery.from)
+                    .unwrap();
+                waiting.remove(sent);
+            }
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! What hangs on each joint while the body is held level and still: inertia and weight.
+//!
+//! For joint j with axis a through point p (body axes, which are the world's here), over all links
+//! that j carries:
+//!
+//! ```text
+//!   I_j   = sum  a·(R I R^T) a + m |a × (c - p)|²
+//!   tau_j = sum  a·((c - p) × m g)
+//! ```
+//!
+//! This is the diagonal of the mass matrix and the gravity term at the pose. Coupling between joints,
+//! Coriolis terms and the ground are not in it.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use rollwalk_robot::Robot;
+
+/// Standard gravity, m/s².
+const GRAVITY_M_S2: f64 = 9.80665;
+
+/// What one joint carries.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct JointLoad {
+    /// Inertia about the joint axis, kg·m².
+    pub inertia_kg_m2: f64,
+    /// Torque of the weight about the joint axis, N·m.
+    pub gravity_nm: f64,
+}
+
+/// The load of every joint at the pose `joint_rad`, in joint order.
+pub fn joint_loads(robot: &Robot, joint_rad: &[f64]) -> Vec<JointLoad> {
+    // A joint's parent is the root or the child of an earlier joint, so one pass places everything.
+    let mut body_from_link = vec![Isometry3::identity(); robot.links.len()];
+    let mut axes = Vec::with_capacity(robot.joints.len());
+    let mut carrier = vec![None; robot.links.len()];
+    for (index, (joint, &angle)) in robot.joints.iter().zip(joint_rad).enumerate() {
+        let body_from_joint = body_from_link[joint.parent] * joint.parent_from_joint;
+        let turn = UnitQuaternion::from_scaled_axis(joint.axis_in_joint * angle);
+        body_from_link[joint.child] =
+            body_from_joint * Isometry3::from_parts(Translation3::identity(), turn);
+        axes.push((body_from_joint * joint.axis_in_joint, body_from_joint.translation.vector));
+        carrier[joint.child] = Some(index);
+    }
+
+    let mut loads = vec![JointLoad::default(); robot.joints.len()];
+    for (index, (link, pose)) in robot.links.iter().zip(&body_from_link).enumerate() {
+        let rotation = pose.rotation.to_rotation_matrix();
+        let com = pose.rotation * link.com_in_link_m + pose.translation.vector;
+        let inertia = rotation * link.inertia_in_link_kg_m2 * rotation.transpose();
+        let weight_n = Vector3::new(0.0, 0.0, -GRAVITY_M_S2 * link.mass_kg);
+        let mut joint = carrier[index];
+        while let Some(j) = joint {
+            let (axis, point) = axes[j];
+            let arm = com - point;
+            loads[j].inertia_kg_m2 +=
+                axis.dot(&(inertia * axis)) + link.mass_kg * axis.cross(&arm).norm_squared();
+            loads[j].gravity_nm += axis.dot(&arm.cross(&weight_n));
+            joint = carrier[robot.joints[j].parent];
+        }
+    }
+    loads
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3;
+    use rollwalk_robot::{Actuator, Joint, Link};
+
+    fn link(name: &str, mass_kg: f64, com: [f64; 3], inertia: [f64; 3]) -> Link {
+        Link {
+            name: name.into(),
+            mass_kg,
+            com_in_link_m: com.into(),
+            inertia_in_link_kg_m2: Matrix3::from_diagonal(&inertia.into()),
+        }
+    }
+
+    fn joint(parent: usize, child: usize, origin_m: [f64; 3], axis: [f64; 3]) -> Joint {
+        let actuator = Actuator {
+            model: "test".into(),
+            speed_max_rad_s: 8.0,
+            torque_max_nm: 3.0,
+            kp_nm_rad: 20.0,
+            kd_nm_s_rad: 0.5,
+            armature_kg_m2: 0.004,
+            bus: 0,
+            id: child as u8,
+        };
+        Joint {
+            name: format!("joint {child}"),
+            parent,
+            child,
+            parent_from_joint: Isometry3::new(origin_m.into(), Vector3::new(0.1, -0.2, 0.3)),
+            axis_in_joint: Vector3::from(axis).normalize(),
+            position_min_rad: -3.0,
+            position_max_rad: 3.0,
+            nominal_rad: 0.0,
+            actuator,
+        }
+    }
+
+    /// A body with a two-joint leg and a one-joint arm, nothing aligned with anything.
+    fn robot() -> Robot {
+        Robot {
+            name: "skew".into(),
+            links: vec![
+                link("body", 5.0, [0.0; 3], [0.1; 3]),
+                link("thigh", 0.4, [0.01, 0.02, -0.08], [1e-3, 1.2e-3, 5e-4]),
+                link("shank", 0.2, [-0.02, 0.01, -0.1], [8e-4, 7e-4, 1e-4]),
+                link("arm", 0.3, [0.1, 0.0, 0.05], [2e-4, 6e-4, 6e-4]),
+            ],
+            joints: vec![
+                joint(0, 1, [0.2, 0.1, -0.05], [0.1, 1.0, 0.2]),
+                joint(1, 2, [0.0, 0.02, -0.18], [0.0, 1.0, -0.3]),
+                joint(0, 3, [-0.2, 0.0, 0.1], [1.0, 0.2, 0.5]),
+            ],
+            end_effectors: vec![],
+        }
+    }
+
+    /// Second algorithm: every link as six point masses with the same mass, centre and inertia, moved
+    /// by chained transforms of the joint alone.
+    fn point_masses(robot: &Robot, q: &[f64]) -> Vec<(f64, Vector3<f64>)> {
+        let mut points = Vec::new();
+        for (index, link) in robot.links.iter().enumerate() {
+            let mut chain = Vec::new();
+            let mut at = index;
+            while let Some(j) = robot.joints.iter().position(|joint| joint.child == at) {
+                chain.push(j);
+                at = robot.joints[j].parent;
+            }
+            let pose = chain.iter().rev().fold(Isometry3::identity(), |pose, &j| {
+                let joint = &robot.joints[j];
+                let turn = UnitQuaternion::from_scaled_axis(joint.axis_in_joint * q[j]);
+                pose * joint.parent_from_joint * turn
+            });
+            let diagonal = link.inertia_in_link_kg_m2.diagonal();
+            for axis in 0..3 {
+                // Second moment along the axis: half the sum of the other two inertias minus its own.
+                let second_moment = 0.5 * (diagonal.sum() - 2.0 * diagonal[axis]);
+                let offset = Vector3::ith(axis, (3.0 * second_moment / link.mass_kg).sqrt());
+                for end in [link.com_in_link_m + offset, link.com_in_link_m - offset] {
+                    points.push((link.mass_kg / 6.0, (pose * nalgebra::Point3::from(end)).coords));
+                }
+            }
+        }
+        points
+    }
+
+    #[test]
+    fn agrees_with_the_energies_of_point_masses() {
+        let robot = robot();
+        for q in [[0.0, 0.0, 0.0], [0.4, -1.1, 0.7], [-1.3, 2.0, -0.5]] {
+            let loads = joint_loads(&robot, &q);
+            for j in 0..3 {
+                let step = 1e-5;
+                let (mut up, mut down) = (q, q);
+                up[j] += step;
+                down[j] -= step;
+                let pairs = point_masses(&robot, &up).into_iter().zip(point_masses(&robot, &down));
+                let (mut inertia, mut torque) = (0.0, 0.0);
+                for ((mass, high), (_, low)) in pairs {
+                    let velocity = (high - low) / (2.0 * step);
+                    inertia += mass * velocity.norm_squared();
+                    torque -= mass * GRAVITY_M_S2 * velocity.z;
+                }
+                // Central differences with step 1e-5: relative error near 1e-10.
+                assert!((loads[j].inertia_kg_m2 - inertia).abs() < 1e-9, "joint {j} at {q:?}");
+                assert!((loads[j].gravity_nm - torque).abs() < 1e-8, "joint {j} at {q:?}");
+            }
+        }
+    }
+}
