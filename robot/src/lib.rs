@@ -4,6 +4,12 @@
 //! the simulated robot and (as [`rollwalk_protocol::config::RobotConfig`]) the firmware share.
 //! Frames, units and orders: `docs/conventions.md`.
 
+mod controller;
+pub mod document;
+mod file;
 mod model;
+mod rules;
 
+pub use controller::Channel;
 pub use model::{Actuator, Contact, EndEffector, Joint, Link, Robot};
+pub use rules::{InvalidRobot, Place, Violation};

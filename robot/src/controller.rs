@@ -1,0 +1,130 @@
+//! The robot as its controller sees it: channels in order, and the configuration derived from them.
+
+use crate::model::{Actuator, Contact, EndEffector, Joint, Robot};
+use crate::rules::{self, InvalidRobot};
+use rollwalk_protocol::config::{self, ChannelKind, RobotConfig};
+
+/// Standard gravity, m/s².
+const GRAVITY_M_S2: f64 = 9.806_65;
+
+/// A motor-driven degree of freedom, in channel order (`docs/conventions.md`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Channel<'r> {
+    /// A joint, commanded by angle.
+    Joint(&'r Joint),
+    /// A driven wheel, commanded by motor speed.
+    Wheel(&'r EndEffector, &'r Actuator),
+}
+
+impl Channel<'_> {
+    /// Name of the joint or end effector.
+    pub fn name(&self) -> &str {
+        match self {
+            Channel::Joint(joint) => &joint.name,
+            Channel::Wheel(wheel, _) => &wheel.name,
+        }
+    }
+
+    /// The motor.
+    pub fn actuator(&self) -> &Actuator {
+        match self {
+            Channel::Joint(joint) => &joint.actuator,
+            Channel::Wheel(_, actuator) => actuator,
+        }
+    }
+}
+
+impl Contact {
+    /// The motor of a driven wheel.
+    pub fn actuator(&self) -> Option<&Actuator> {
+        match self {
+            Contact::ActuatedWheel { actuator, .. } => Some(actuator),
+            Contact::PointFoot | Contact::PassiveWheel { .. } => None,
+        }
+    }
+
+    /// Unit axis of a wheel in the link frame; none for a foot.
+    pub fn wheel_axis_in_link(&self) -> Option<&nalgebra::Vector3<f64>> {
+        match self {
+            Contact::PointFoot => None,
+            Contact::ActuatedWheel { axis_in_link, .. }
+            | Contact::PassiveWheel { axis_in_link, .. } => Some(axis_in_link),
+        }
+    }
+}
+
+impl Robot {
+    /// Checks every rule of robot files; for robots that come from elsewhere, such as plan files.
+    ///
+    /// # Errors
+    /// All broken rules.
+    pub fn validate(&self) -> Result<(), InvalidRobot> {
+        let violations = rules::violations(self);
+        if violations.is_empty() {
+            return Ok(());
+        }
+        Err(InvalidRobot { name: self.name.clone(), violations })
+    }
+
+    /// Mass of all links, kg.
+    pub fn total_mass_kg(&self) -> f64 {
+        self.links.iter().map(|link| link.mass_kg).sum()
+    }
+
+    /// Joints in file order, then driven wheels in end-effector order.
+    pub fn channels(&self) -> impl Iterator<Item = Channel<'_>> {
+        let wheels = self.end_effectors.iter().filter_map(|end_effector| {
+            Some(Channel::Wheel(end_effector, end_effector.contact.actuator()?))
+        });
+        self.joints.iter().map(Channel::Joint).chain(wheels)
+    }
+
+    /// Index of the end effector with this name.
+    pub fn end_effector_index(&self, name: &str) -> Option<usize> {
+        self.end_effectors.iter().position(|end_effector| end_effector.name == name)
+    }
+
+    /// What the controller must know: limits, gains and addresses of every channel, in order.
+    ///
+    /// Gears are reduced to what the controller enforces. A joint moves no faster than its actuator's
+    /// speed limit. A wheel changes speed no faster than its tyre can push the robot or its motor
+    /// can spin up its own rotor: min(μ g / r, torque / armature).
+    ///
+    /// # Errors
+    /// The rules that the robot breaks; a robot with more channels than a controller has is invalid.
+    pub fn controller_config(&self) -> Result<RobotConfig, InvalidRobot> {
+        self.validate()?;
+        // `validate` has bounded the number of channels, so that none is dropped here.
+        let channels = self.channels().map(|channel| config_of(&channel)).collect();
+        Ok(RobotConfig { channels })
+    }
+}
+
+fn config_of(channel: &Channel<'_>) -> config::Channel {
+    let actuator = channel.actuator();
+    let (kind, min, max, max_rate) = match channel {
+        Channel::Joint(joint) => (
+            ChannelKind::JointPosition,
+            joint.position_min_rad,
+            joint.position_max_rad,
+            actuator.speed_max_rad_s,
+        ),
+        Channel::Wheel(wheel, _) => {
+            let grip = wheel.friction_coefficient * GRAVITY_M_S2 / wheel.radius_m;
+            let spin_up = actuator.torque_max_nm / actuator.armature_kg_m2;
+            let speed = actuator.speed_max_rad_s;
+            (ChannelKind::WheelSpeed, -speed, speed, grip.min(spin_up))
+        }
+    };
+    config::Channel {
+        kind,
+        min: min as f32,
+        max: max as f32,
+        max_rate: max_rate as f32,
+        max_torque_nm: actuator.torque_max_nm as f32,
+        kp_nm_rad: actuator.kp_nm_rad as f32,
+        kd_nm_s_rad: actuator.kd_nm_s_rad as f32,
+        bus: actuator.bus,
+        id: actuator.id,
+    }
+}

@@ -1,0 +1,196 @@
+//! TOML text with spans, and faults that point into it.
+//!
+//! Robot, motion and library files are read through this module, so that each of their faults shows
+//! file, line and field and says what would be right. Nothing here touches the file system: the
+//! caller brings name and text.
+//!
+//! Reading collects faults rather than stopping at the first: a [`Table`] getter that finds a wrong
+//! value notes a [`Fault`] and returns `None`; [`Document::finish`] then yields the value or all
+//! faults in file order. A table complains about keys that nobody asked for ([`Table::done`]).
+
+mod suggest;
+mod table;
+
+pub use suggest::{alternatives, closest};
+pub use table::Table;
+
+use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
+use std::cell::RefCell;
+use std::fmt;
+use std::ops::Range;
+use toml::Spanned;
+use toml::de::DeTable;
+
+/// Byte range in the text of a document.
+pub type Span = Range<usize>;
+
+/// One thing that is wrong in a document.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// What is wrong, naming the item and the field.
+    pub message: String,
+    /// Short note at the offending text.
+    pub label: String,
+    /// Where it is.
+    pub span: Span,
+    /// Line of the span's start, counted from 1.
+    pub line: usize,
+    /// What would be right.
+    pub help: String,
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Fault {}
+
+impl Diagnostic for Fault {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        Some(Box::new(&self.help))
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        let label = LabeledSpan::new_with_span(Some(self.label.clone()), self.span.clone());
+        Some(Box::new(std::iter::once(label)))
+    }
+}
+
+/// A document that could not be accepted: its text and everything that is wrong with it.
+#[derive(Clone, Debug)]
+pub struct DocumentError {
+    source: NamedSource<String>,
+    // Boxed: results that hold this error stay small.
+    first: Box<Fault>,
+    rest: Vec<Fault>,
+}
+
+impl DocumentError {
+    /// Name of the file, as the caller gave it.
+    pub fn file_name(&self) -> &str {
+        self.source.name()
+    }
+
+    /// All faults in file order; never empty.
+    pub fn faults(&self) -> impl Iterator<Item = &Fault> {
+        std::iter::once(&*self.first).chain(&self.rest)
+    }
+}
+
+impl fmt::Display for DocumentError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}: {}", self.source.name(), self.first.line, self.first)?;
+        match self.rest.len() {
+            0 => Ok(()),
+            1 => write!(f, " (and 1 more fault)"),
+            more => write!(f, " (and {more} more faults)"),
+        }
+    }
+}
+
+impl std::error::Error for DocumentError {}
+
+impl Diagnostic for DocumentError {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        self.first.help()
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        self.first.labels()
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        Some(&self.source)
+    }
+
+    // Related faults have no text of their own: reports render them against this source.
+    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn Diagnostic> + 'a>> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        Some(Box::new(self.rest.iter().map(|fault| fault as &dyn Diagnostic)))
+    }
+}
+
+/// A parsed TOML text together with the faults found in it so far.
+#[derive(Debug)]
+pub struct Document<'t> {
+    file_name: String,
+    text: &'t str,
+    root: Spanned<DeTable<'t>>,
+    faults: RefCell<Vec<Fault>>,
+}
+
+impl<'t> Document<'t> {
+    /// Parses the text.
+    ///
+    /// # Errors
+    /// All syntax faults, if there are any.
+    pub fn parse(file_name: &str, text: &'t str) -> Result<Self, DocumentError> {
+        let (root, errors) = DeTable::parse_recoverable(text);
+        let faults = RefCell::new(Vec::new());
+        let document = Self { file_name: file_name.to_owned(), text, root, faults };
+        for error in &errors {
+            let span = error.span().unwrap_or(0..0);
+            let message = format!("this is not TOML: {}", error.message());
+            let help = "see https://toml.io for the syntax; strings need quotes, each key may be given once";
+            document.fault(span, message, "here", help);
+        }
+        if errors.is_empty() { Ok(document) } else { document.finish(None::<Self>) }
+    }
+
+    /// The top-level table.
+    pub fn root(&self) -> Table<'_> {
+        Table::new(self, self.root.get_ref(), 0..0, "this file".to_owned())
+    }
+
+    /// Notes a fault. The same words at the same place are noted once.
+    pub fn fault(
+        &self,
+        span: Span,
+        message: impl Into<String>,
+        label: impl Into<String>,
+        help: impl Into<String>,
+    ) {
+        let line =
+            1 + self.text.as_bytes().iter().take(span.start).filter(|&&b| b == b'\n').count();
+        let (message, label, help) = (message.into(), label.into(), help.into());
+        let fault = Fault { message, label, span, line, help };
+        let mut faults = self.faults.borrow_mut();
+        if !faults.iter().any(|known| known.span == fault.span && known.label == fault.label) {
+            faults.push(fault);
+        }
+    }
+
+    /// Whether no fault has been noted yet.
+    pub fn is_clean(&self) -> bool {
+        self.faults.borrow().is_empty()
+    }
+
+    /// The value, if there is one and nothing was wrong.
+    ///
+    /// # Errors
+    /// All noted faults in file order.
+    pub fn finish<T>(self, value: Option<T>) -> Result<T, DocumentError> {
+        let mut faults = self.faults.into_inner();
+        faults.sort_by_key(|fault| fault.span.start);
+        let mut faults = faults.into_iter();
+        match (faults.next(), value) {
+            (None, Some(value)) => Ok(value),
+            (first, _) => Err(DocumentError {
+                source: NamedSource::new(self.file_name, self.text.to_owned()),
+                // A reader that gives up without a fault is a bug there; say so instead of panicking.
+                first: Box::new(first.unwrap_or_else(|| Fault {
+                    message: "the file was rejected without a reason".to_owned(),
+                    label: "somewhere in here".to_owned(),
+                    span: 0..0,
+                    line: 1,
+                    help: "please report this file as a bug".to_owned(),
+                })),
+                rest: faults.collect(),
+            }),
+        }
+    }
+}

@@ -1,0 +1,242 @@
+//! Reading one TOML table: typed getters that note a fault where the text is wrong.
+
+use super::{Document, Span, alternatives};
+use std::cell::RefCell;
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// A table of a [`Document`], with the name under which faults speak of it.
+///
+/// Getters note a fault and return `None` when the value is missing or wrong. Ask for every key
+/// that the table may have, then call [`Table::done`], which rejects the others.
+#[derive(Debug)]
+pub struct Table<'d> {
+    document: &'d Document<'d>,
+    table: &'d DeTable<'d>,
+    span: Span,
+    what: String,
+    asked: RefCell<Vec<&'static str>>,
+}
+
+impl<'d> Table<'d> {
+    pub(super) fn new<'t: 'd>(
+        document: &'d Document<'t>,
+        table: &'d DeTable<'t>,
+        span: Span,
+        what: String,
+    ) -> Self {
+        Self { document, table, span, what, asked: RefCell::new(Vec::new()) }
+    }
+
+    /// What faults call this table, such as "joint `knee`".
+    pub fn what(&self) -> &str {
+        &self.what
+    }
+
+    /// Gives the table a better name once its own name has been read.
+    pub fn call(&mut self, what: impl Into<String>) {
+        self.what = what.into();
+    }
+
+    /// Where the table begins: its header, or its braces.
+    pub fn span(&self) -> Span {
+        self.span.clone()
+    }
+
+    /// Whether the key is present. Counts as asking for it.
+    pub fn has(&self, key: &'static str) -> bool {
+        self.raw(key).is_some()
+    }
+
+    /// Where the value of a key is; the table's header if it is absent.
+    pub fn span_of(&self, key: &str) -> Span {
+        self.table.get(key).map_or_else(|| self.span(), Spanned::span)
+    }
+
+    /// The keys that are present, in alphabetical order, with the places of their values. Counts as
+    /// asking for all of them: for tables whose keys are names.
+    pub fn entries(&self) -> Vec<(&'d str, &'d Spanned<DeValue<'d>>)> {
+        self.table.iter().map(|(key, value)| (key.get_ref().as_ref(), value)).collect()
+    }
+
+    /// Notes a fault at the value of `key`.
+    pub fn fault(&self, key: &str, problem: impl Display, label: impl Display, help: impl Display) {
+        let message = format!("{}: `{key}` {problem}", self.what);
+        self.document.fault(self.span_of(key), message, label.to_string(), help.to_string());
+    }
+
+    /// Rejects keys that no getter asked for. `ignored` names keys that are read elsewhere.
+    pub fn done(self) {
+        let asked = self.asked.borrow();
+        for key in self.table.keys() {
+            let name = key.get_ref().as_ref();
+            if !asked.contains(&name) {
+                self.document.fault(
+                    key.span(),
+                    format!("{}: unknown key `{name}`", self.what),
+                    "not a key of this table",
+                    alternatives(name, asked.iter().copied()),
+                );
+            }
+        }
+    }
+
+    /// A required string.
+    pub fn string(&self, key: &'static str) -> Option<String> {
+        let value = self.required(key, "a string in quotes")?;
+        self.typed(key, value, "a string in quotes", |value| value.as_str().map(str::to_owned))
+    }
+
+    /// A string, or `None` without a fault if the key is absent.
+    pub fn optional_string(&self, key: &'static str) -> Option<String> {
+        self.has(key).then(|| self.string(key))?
+    }
+
+    /// A required string that must be one of `choices`; returns its index.
+    pub fn choice(&self, key: &'static str, choices: &[&'static str]) -> Option<usize> {
+        let given = self.string(key)?;
+        let found = choices.iter().position(|choice| *choice == given);
+        if found.is_none() {
+            let help = alternatives(&given, choices.iter().copied());
+            self.fault(key, format_args!("cannot be \"{given}\""), "not one of the choices", help);
+        }
+        found
+    }
+
+    /// A required number; integers are numbers.
+    pub fn number(&self, key: &'static str) -> Option<f64> {
+        let value = self.required(key, "a number")?;
+        self.typed(key, value, "a finite number", number)
+    }
+
+    /// A required number within a range; `unit` words the help.
+    pub fn number_in(
+        &self,
+        key: &'static str,
+        range: RangeInclusive<f64>,
+        unit: &str,
+    ) -> Option<f64> {
+        let value = self.number(key)?;
+        if range.contains(&value) {
+            return Some(value);
+        }
+        let help = format!("allowed is {} to {} {unit}", range.start(), range.end());
+        self.fault(key, format_args!("is {value}"), "out of range", help.trim_end());
+        None
+    }
+
+    /// A required whole number within a range.
+    pub fn integer(&self, key: &'static str, range: RangeInclusive<u32>) -> Option<u32> {
+        let expected = format!("a whole number from {} to {}", range.start(), range.end());
+        let value = self.required(key, &expected)?;
+        self.typed(key, value, &expected, |value| {
+            let number: u32 = whole(value)?.try_into().ok()?;
+            range.contains(&number).then_some(number)
+        })
+    }
+
+    /// A required array of exactly `N` numbers.
+    pub fn numbers<const N: usize>(&self, key: &'static str) -> Option<[f64; N]> {
+        let expected = format!("an array of {N} finite numbers");
+        let value = self.required(key, &expected)?;
+        self.typed(key, value, &expected, |value| {
+            let numbers: Option<Vec<f64>> =
+                value.as_array()?.iter().map(|item| number(item.get_ref())).collect();
+            numbers?.try_into().ok()
+        })
+    }
+
+    /// A required table.
+    pub fn table(&self, key: &'static str) -> Option<Table<'d>> {
+        let value = self.required(key, "a table")?;
+        let what = format!("[{key}]");
+        let table = self.typed(key, value, "a table", DeValue::as_table)?;
+        Some(Table::new(self.document, table, value.span(), what))
+    }
+
+    /// The tables of an array of tables; none if the key is absent. Each is called
+    /// "`key` number n" until its own name is known.
+    pub fn tables(&self, key: &'static str) -> Vec<Table<'d>> {
+        let Some(value) = self.raw(key) else { return Vec::new() };
+        let expected = "an array of tables, written [[like this]]";
+        let Some(items) = self.typed(key, value, expected, |value| value.as_array()) else {
+            return Vec::new();
+        };
+        let mut tables = Vec::new();
+        for (index, item) in items.iter().enumerate() {
+            if let Some(table) = self.typed(key, item, "a table", DeValue::as_table) {
+                let what = format!("{key} number {}", index + 1);
+                tables.push(Table::new(self.document, table, item.span(), what));
+            }
+        }
+        tables
+    }
+
+    /// The tables of a table whose keys are names, such as `[actuator.NAME]`; none if absent.
+    pub fn named_tables(&self, key: &'static str) -> Vec<(&'d str, Table<'d>)> {
+        let Some(value) = self.raw(key) else { return Vec::new() };
+        let expected = format!("tables, written [{key}.NAME]");
+        let Some(entries) = self.typed(key, value, &expected, DeValue::as_table) else {
+            return Vec::new();
+        };
+        let mut tables = Vec::new();
+        for (name, item) in entries.iter() {
+            if let Some(table) = self.typed(key, item, &expected, DeValue::as_table) {
+                let what = format!("{key} `{}`", name.get_ref());
+                let table = Table::new(self.document, table, name.span(), what);
+                tables.push((name.get_ref().as_ref(), table));
+            }
+        }
+        tables
+    }
+
+    fn raw(&self, key: &'static str) -> Option<&'d Spanned<DeValue<'d>>> {
+        let mut asked = self.asked.borrow_mut();
+        if !asked.contains(&key) {
+            asked.push(key);
+        }
+        self.table.get(key)
+    }
+
+    fn required(&self, key: &'static str, expected: &str) -> Option<&'d Spanned<DeValue<'d>>> {
+        let value = self.raw(key);
+        if value.is_none() {
+            let message = format!("{}: `{key}` is missing", self.what);
+            let help = format!("give `{key}`, {expected}");
+            self.document.fault(self.span(), message, format!("needs `{key}`"), help);
+        }
+        value
+    }
+
+    fn typed<T>(
+        &self,
+        key: &str,
+        value: &'d Spanned<DeValue<'d>>,
+        expected: &str,
+        convert: impl FnOnce(&'d DeValue<'d>) -> Option<T>,
+    ) -> Option<T> {
+        let converted = convert(value.get_ref());
+        if converted.is_none() {
+            let message = format!("{}: `{key}` must be {expected}", self.what);
+            let label = format!("this {} is not", value.get_ref().type_str());
+            self.document.fault(value.span(), message, label, format!("expected is {expected}"));
+        }
+        converted
+    }
+}
+
+fn number(value: &DeValue<'_>) -> Option<f64> {
+    let number = match value {
+        DeValue::Float(float) => float.as_str().parse().ok()?,
+        DeValue::Integer(_) => whole(value)? as f64,
+        _ => return None,
+    };
+    f64::is_finite(number).then_some(number)
+}
+
+fn whole(value: &DeValue<'_>) -> Option<i64> {
+    let integer = value.as_integer()?;
+    i64::from_str_radix(integer.as_str(), integer.radix()).ok()
+}

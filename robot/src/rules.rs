@@ -1,0 +1,395 @@
+//! What makes a robot valid: every rule, once, whatever the robot was read from.
+//!
+//! Robot files (spans known) and robots inside plan files (no spans) pass the same rules. A
+//! violation names its place and its field as robot files spell it; [`crate::file`] turns these
+//! into spans.
+
+use crate::model::{Actuator, Contact, EndEffector, Joint, Link, Robot};
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_protocol::config::MAX_CHANNELS;
+use std::collections::HashMap;
+use std::f64::consts::TAU;
+use std::fmt;
+
+/// The item of a robot that a violation is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Place {
+    /// The robot as a whole.
+    Robot,
+    /// `links[i]`.
+    Link(usize),
+    /// `joints[i]`.
+    Joint(usize),
+    /// `end_effectors[i]`.
+    EndEffector(usize),
+}
+
+/// A rule that a robot breaks.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Violation {
+    /// The item.
+    pub place: Place,
+    /// The field, as robot files spell it.
+    pub field: &'static str,
+    /// What is wrong, naming the item.
+    pub message: String,
+    /// What would be right.
+    pub help: String,
+}
+
+/// A robot that breaks rules, without a file to point into.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub struct InvalidRobot {
+    /// Name of the robot.
+    pub name: String,
+    /// The broken rules; never empty.
+    pub violations: Vec<Violation>,
+}
+
+impl fmt::Display for InvalidRobot {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "robot `{}` is not valid", self.name)?;
+        for violation in &self.violations {
+            write!(f, "\n  {} ({})", violation.message, violation.help)?;
+        }
+        Ok(())
+    }
+}
+
+/// Lengths and offsets of a robot that fits on a desk or in a hall, m.
+const LENGTH_MAX_M: f64 = 10.0;
+/// Heaviest link, kg.
+const MASS_MAX_KG: f64 = 1000.0;
+/// Fastest output of a geared motor, rad/s; larger numbers are usually rev/min.
+const SPEED_MAX_RAD_S: f64 = 100.0;
+/// Strongest output, N·m; larger numbers are usually N·mm.
+const TORQUE_MAX_NM: f64 = 1000.0;
+/// Actuator buses of one controller.
+const BUSES: u8 = 8;
+/// Highest address that a Dynamixel accepts (e-manual: 0 to 252); 0 is kept for the controller.
+const ID_MAX: u8 = 252;
+
+/// All rules that `robot` breaks, in the order of its items.
+pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
+    let mut check = Check { robot, place: Place::Robot, what: "the robot".into(), found: vec![] };
+    check.robot();
+    for (index, link) in robot.links.iter().enumerate() {
+        check.at(Place::Link(index), format!("link `{}`", link.name));
+        check.link(index, link);
+    }
+    for (index, joint) in robot.joints.iter().enumerate() {
+        check.at(Place::Joint(index), format!("joint `{}`", joint.name));
+        check.joint(index, joint);
+    }
+    for (index, end_effector) in robot.end_effectors.iter().enumerate() {
+        check.at(Place::EndEffector(index), format!("end effector `{}`", end_effector.name));
+        check.end_effector(index, end_effector);
+    }
+    check.addresses();
+    check.found
+}
+
+struct Check<'r> {
+    robot: &'r Robot,
+    place: Place,
+    what: String,
+    found: Vec<Violation>,
+}
+
+impl Check<'_> {
+    fn at(&mut self, place: Place, what: String) {
+        self.place = place;
+        self.what = what;
+    }
+
+    fn violated(
+        &mut self,
+        field: &'static str,
+        problem: impl fmt::Display,
+        help: impl Into<String>,
+    ) {
+        let message = format!("{}: `{field}` {problem}", self.what);
+        self.found.push(Violation { place: self.place, field, message, help: help.into() });
+    }
+
+    /// `min <(=) value <= max`; `also` adds a guess at the cause.
+    fn range(
+        &mut self,
+        field: &'static str,
+        value: f64,
+        min: Bound,
+        max: f64,
+        unit: &str,
+        also: &str,
+    ) {
+        let (above, words) = match min {
+            Bound::AtLeast(min) => (value >= min, format!("from {min}")),
+            Bound::Above(min) => (value > min, format!("above {min}")),
+        };
+        if above && value <= max {
+            return;
+        }
+        let guess = if value > max { also } else { "" };
+        let help = format!("allowed is {words} to {max} {unit}{guess}");
+        self.violated(field, format_args!("is {value} {unit}"), help);
+    }
+
+    fn name(&mut self, name: &str, taken: bool) {
+        let fits = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+        if name.is_empty() || name.len() > 48 || !name.chars().all(fits) {
+            let help = "names have 1 to 48 letters, digits, `_` or `-`";
+            self.violated("name", format_args!("cannot be \"{name}\""), help);
+        } else if taken {
+            self.violated("name", "is used twice", "give every item of a kind its own name");
+        }
+    }
+
+    fn vector(&mut self, field: &'static str, vector: &Vector3<f64>) {
+        if !vector.iter().all(|value| value.abs() <= LENGTH_MAX_M) {
+            let help = format!(
+                "each coordinate is within ±{LENGTH_MAX_M} m; millimetres need dividing by 1000"
+            );
+            self.violated(field, format_args!("is {}", show(vector)), help);
+        }
+    }
+
+    fn unit_axis(&mut self, field: &'static str, axis: &Vector3<f64>) {
+        // Axes are normalised when a file is read; 1e-9 allows for rounding there and in JSON.
+        if (axis.norm() - 1.0).abs() > 1e-9 || !axis.iter().all(|value| value.is_finite()) {
+            let help = "a direction of length 1, such as [0, 1, 0]";
+            self.violated(field, format_args!("is {}", show(axis)), help);
+        }
+    }
+
+    fn robot(&mut self) {
+        let robot = self.robot;
+        self.name(&robot.name, false);
+        if robot.links.is_empty() {
+            self.violated("link", "is missing", "a robot has at least one link, its body");
+        }
+        if robot.end_effectors.is_empty() {
+            let help = "a robot has at least one foot or wheel";
+            self.violated("end_effector", "is missing", help);
+        }
+        let channels = robot.channels().count();
+        if channels > MAX_CHANNELS {
+            let help = format!(
+                "one controller handles at most {MAX_CHANNELS} joints and driven wheels together"
+            );
+            self.violated("joint", format_args!("and driven wheels number {channels}"), help);
+        }
+    }
+
+    fn link(&mut self, index: usize, link: &Link) {
+        let robot = self.robot;
+        self.name(&link.name, robot.links[..index].iter().any(|other| other.name == link.name));
+        self.range(
+            "mass_kg",
+            link.mass_kg,
+            Bound::Above(0.0),
+            MASS_MAX_KG,
+            "kg",
+            "; grams need dividing by 1000",
+        );
+        self.vector("com_in_link_m", &link.com_in_link_m);
+        self.inertia(&link.inertia_in_link_kg_m2);
+        let carriers = robot.joints.iter().filter(|joint| joint.child == index).count();
+        if index > 0 && carriers != 1 {
+            let help = "every link but the first is the `child` of exactly one joint";
+            self.violated("name", format_args!("is the child of {carriers} joints"), help);
+        }
+    }
+
+    fn inertia(&mut self, inertia: &Matrix3<f64>) {
+        const FIELD: &str = "inertia_in_link_kg_m2";
+        if !inertia.iter().all(|value| value.is_finite()) {
+            self.violated(FIELD, "is not finite", "give finite numbers in kg·m²");
+            return;
+        }
+        let scale = inertia.amax();
+        // Rounding of a product of rotations is far below one part in 10^9.
+        let tolerance = 1e-9 * scale;
+        if (inertia - inertia.transpose()).amax() > tolerance {
+            self.violated(FIELD, "is not symmetric", "an inertia matrix equals its transpose");
+            return;
+        }
+        let mut moments = inertia.symmetric_eigenvalues();
+        moments.as_mut_slice().sort_by(f64::total_cmp);
+        let [small, middle, large] = [moments[0], moments[1], moments[2]];
+        let shown = format!("principal moments are {small:.3e}, {middle:.3e}, {large:.3e} kg·m²");
+        if small <= 0.0 {
+            let help = format!("{shown}; all must be above 0: enlarge the diagonal");
+            self.violated(FIELD, "is not positive definite", help);
+        } else if small + middle < large - tolerance {
+            let help = format!(
+                "{shown}; no body has one above the sum of the others: check units and the \
+                 order xx, yy, zz, xy, xz, yz"
+            );
+            self.violated(FIELD, "breaks the triangle inequality", help);
+        }
+    }
+
+    fn joint(&mut self, index: usize, joint: &Joint) {
+        let robot = self.robot;
+        let earlier = &robot.joints[..index];
+        self.name(&joint.name, earlier.iter().any(|other| other.name == joint.name));
+        let links = robot.links.len();
+        for (field, link) in [("parent", joint.parent), ("child", joint.child)] {
+            if link >= links {
+                let help = format!("the robot has links 0 to {}", links.saturating_sub(1));
+                self.violated(field, format_args!("is link {link}"), help);
+            }
+        }
+        if joint.child == 0 {
+            let help = "the first link is the root; let joints lead away from it";
+            self.violated("child", "is the root link", help);
+        } else if joint.parent != 0 && !earlier.iter().any(|other| other.child == joint.parent) {
+            let name = robot.links.get(joint.parent).map_or("?", |link| link.name.as_str());
+            let help = format!(
+                "a parent is the root or the child of an earlier joint: move the joint that \
+                 carries `{name}` up, or break the loop"
+            );
+            self.violated("parent", format_args!("`{name}` is not yet part of the tree"), help);
+        }
+        self.vector("origin_in_parent_m", &joint.parent_from_joint.translation.vector);
+        let rotation = joint.parent_from_joint.rotation.norm();
+        if (rotation - 1.0).abs() > 1e-9 || rotation.is_nan() {
+            let help = "the joint frame is turned by a unit quaternion";
+            self.violated(
+                "origin_rpy_rad",
+                format_args!("has a quaternion of length {rotation}"),
+                help,
+            );
+        }
+        self.unit_axis("axis_in_joint", &joint.axis_in_joint);
+        self.joint_range(joint);
+        self.actuator(&joint.actuator);
+        if joint.actuator.kp_nm_rad <= 0.0 {
+            let help = "a joint holds its position with a stiffness above 0 N·m/rad";
+            self.violated("kp_nm_rad", "is 0", help);
+        }
+    }
+
+    fn joint_range(&mut self, joint: &Joint) {
+        let (min, max) = (joint.position_min_rad, joint.position_max_rad);
+        let nominal = joint.nominal_rad;
+        let mut sound = true;
+        for (field, angle) in
+            [("position_min_rad", min), ("position_max_rad", max), ("nominal_rad", nominal)]
+        {
+            // The comparison is false for NaN.
+            let fits = angle.abs() <= TAU;
+            if !fits {
+                let help = format!(
+                    "allowed is within ±2π; {angle} degrees would be {:.4} rad",
+                    angle.to_radians()
+                );
+                self.violated(field, format_args!("is {angle} rad"), help);
+            }
+            sound &= fits;
+        }
+        if !sound {
+            return;
+        }
+        if min >= max {
+            let help = format!("give a value above `position_min_rad` ({min} rad)");
+            self.violated("position_max_rad", format_args!("is {max} rad"), help);
+        } else if !(min..=max).contains(&nominal) {
+            let help = format!("the nominal pose is within the limits, {min} to {max} rad");
+            self.violated("nominal_rad", format_args!("is {nominal} rad"), help);
+        }
+    }
+
+    fn actuator(&mut self, actuator: &Actuator) {
+        if actuator.model.is_empty() {
+            self.violated("model", "is empty", "give the motor's model, such as \"XM430-W210-T\"");
+        }
+        let rpm = "; 1 rev/min is 0.10472 rad/s";
+        let zero = Bound::AtLeast(0.0);
+        let positive = Bound::Above(0.0);
+        self.range(
+            "speed_max_rad_s",
+            actuator.speed_max_rad_s,
+            positive,
+            SPEED_MAX_RAD_S,
+            "rad/s",
+            rpm,
+        );
+        let mm = "; N·mm need dividing by 1000";
+        self.range("torque_max_nm", actuator.torque_max_nm, positive, TORQUE_MAX_NM, "N·m", mm);
+        self.range("kp_nm_rad", actuator.kp_nm_rad, zero, 1e5, "N·m/rad", "");
+        self.range("kd_nm_s_rad", actuator.kd_nm_s_rad, zero, 1e4, "N·m·s/rad", "");
+        self.range("armature_kg_m2", actuator.armature_kg_m2, positive, 10.0, "kg·m²", "");
+        if actuator.bus >= BUSES {
+            let help = format!("a controller has buses 0 to {}", BUSES - 1);
+            self.violated("bus", format_args!("is {}", actuator.bus), help);
+        }
+        if !(1..=ID_MAX).contains(&actuator.id) {
+            let help = format!("motor addresses are 1 to {ID_MAX}");
+            self.violated("id", format_args!("is {}", actuator.id), help);
+        }
+    }
+
+    fn end_effector(&mut self, index: usize, end_effector: &EndEffector) {
+        let robot = self.robot;
+        let earlier = &robot.end_effectors[..index];
+        self.name(&end_effector.name, earlier.iter().any(|other| other.name == end_effector.name));
+        if end_effector.link >= robot.links.len() {
+            let help = format!("the robot has links 0 to {}", robot.links.len().saturating_sub(1));
+            self.violated("link", format_args!("is link {}", end_effector.link), help);
+        }
+        self.vector("center_in_link_m", &end_effector.center_in_link_m);
+        let mm = "; millimetres need dividing by 1000";
+        self.range("radius_m", end_effector.radius_m, Bound::Above(0.0), 1.0, "m", mm);
+        let friction = end_effector.friction_coefficient;
+        self.range("friction_coefficient", friction, Bound::Above(0.0), 2.0, "", "");
+        match &end_effector.contact {
+            Contact::PointFoot => {}
+            Contact::ActuatedWheel { axis_in_link, actuator } => {
+                self.unit_axis("axis_in_link", axis_in_link);
+                self.actuator(actuator);
+            }
+            Contact::PassiveWheel { axis_in_link, rolling_resistance } => {
+                self.unit_axis("axis_in_link", axis_in_link);
+                let zero = Bound::AtLeast(0.0);
+                self.range("rolling_resistance", *rolling_resistance, zero, 0.5, "", "");
+            }
+        }
+    }
+
+    fn addresses(&mut self) {
+        let robot = self.robot;
+        let joints = robot.joints.iter().enumerate().map(|(index, joint)| {
+            (Place::Joint(index), format!("joint `{}`", joint.name), &joint.actuator)
+        });
+        let wheels = robot.end_effectors.iter().enumerate().filter_map(|(index, wheel)| {
+            let actuator = wheel.contact.actuator()?;
+            Some((Place::EndEffector(index), format!("end effector `{}`", wheel.name), actuator))
+        });
+        let mut taken = HashMap::new();
+        for (place, what, actuator) in joints.chain(wheels) {
+            let Actuator { bus, id, .. } = *actuator;
+            match taken.get(&(bus, id)) {
+                None => {
+                    taken.insert((bus, id), what);
+                }
+                Some(other) => {
+                    let help =
+                        format!("{other} has that address: give each motor of a bus its own id");
+                    self.at(place, what);
+                    self.violated("id", format_args!("is {id} on bus {bus} a second time"), help);
+                }
+            }
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Bound {
+    AtLeast(f64),
+    Above(f64),
+}
+
+fn show(vector: &Vector3<f64>) -> String {
+    format!("[{}, {}, {}]", vector.x, vector.y, vector.z)
+}
