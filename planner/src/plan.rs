@@ -1,8 +1,20 @@
 //! A motion plan: the optimiser's result, self-contained, as it is stored in JSON (Eq. 2.1).
 
+mod json;
+mod placement;
+mod validate;
+
+pub use json::PlanError;
+
 use crate::motion::Motion;
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
+
+/// What [`Plan::format`] says.
+pub const FORMAT: &str = "rollwalk-plan";
+
+/// Version of the plan format that this crate writes and reads.
+pub const VERSION: u32 = 1;
 
 /// A planned motion with the robot and the goal it was planned for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,0 +1,36 @@
+//! Planar placements as maps of points and vectors: how a periodic motion goes on.
+
+use super::Placement;
+
+impl Placement {
+    /// A point of the motion one period later: turned about the vertical, then moved.
+    pub fn point(&self, point_m: [f64; 3]) -> [f64; 3] {
+        let [x, y, z] = self.vector(point_m);
+        [x + self.offset_m[0], y + self.offset_m[1], z]
+    }
+
+    /// A free vector (force, velocity, axis) one period later.
+    pub fn vector(&self, vector: [f64; 3]) -> [f64; 3] {
+        let (sin, cos) = self.yaw_rad.sin_cos();
+        let [x, y, z] = vector;
+        [cos * x - sin * y, sin * x + cos * y, z]
+    }
+
+    /// The placement that undoes this one: p → R_z(−ψ)·(p − D).
+    pub fn inverse(&self) -> Self {
+        let back = Self { offset_m: [0.0; 2], yaw_rad: -self.yaw_rad };
+        let [x, y, _] = back.vector([self.offset_m[0], self.offset_m[1], 0.0]);
+        Self { offset_m: [-x, -y], yaw_rad: -self.yaw_rad }
+    }
+
+    /// This placement `times` over; negative counts go back.
+    pub fn repeated(&self, times: i64) -> Self {
+        let step = if times < 0 { self.inverse() } else { *self };
+        let mut total = Self::default();
+        for _ in 0..times.unsigned_abs() {
+            let [x, y, _] = step.point([total.offset_m[0], total.offset_m[1], 0.0]);
+            total = Self { offset_m: [x, y], yaw_rad: total.yaw_rad + step.yaw_rad };
+        }
+        total
+    }
+}

@@ -1,0 +1,255 @@
+//! What a plan must be before anything computes with it: right counts, finite numbers, unit quaternions,
+//! times on the grid, ends that agree with the kind of motion.
+
+use super::{EndEffectorSample, FORMAT, Placement, Plan, PlanError, Sample, VERSION};
+use crate::motion::Ends;
+use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
+use std::fmt::Display;
+
+/// Fewest samples for which periodic splines and second differences are defined.
+const MIN_SAMPLES: usize = 3;
+
+/// Numbers that repeat each other in a plan agree to this: far below any level that matters, and loose
+/// enough for files written with nine digits by other programs.
+const AGREEMENT: f64 = 1e-6;
+
+impl Plan {
+    /// Checks that the plan is whole and consistent; `file` is how errors name it.
+    ///
+    /// # Errors
+    /// [`PlanError::Value`] names the first field that cannot be right.
+    pub fn validate(&self, file: &str) -> Result<(), PlanError> {
+        let at = Field { file, path: String::new() };
+        at.of("format").holds(self.format == FORMAT, &self.format, FORMAT)?;
+        at.of("version").holds(self.version == VERSION, self.version, VERSION)?;
+        self.validate_robot(&at)?;
+        self.validate_grid(&at)?;
+        for (index, (sample, stance)) in self.samples.iter().zip(&self.motion.stance).enumerate() {
+            let at = at.item("samples", index);
+            self.validate_sample(sample, &at)?;
+            let expected_s = index as f64 * self.sample_interval_s;
+            at.of("time_s").near(sample.time_s, expected_s, "the index times sample_interval_s")?;
+            for (j, (end_effector, &stands)) in sample.end_effectors.iter().zip(stance).enumerate()
+            {
+                let ok = end_effector.contact == stands;
+                let expected = format!("motion.stance[{index}][{j}], {stands}");
+                at.item("end_effectors", j).of("contact").holds(
+                    ok,
+                    end_effector.contact,
+                    expected,
+                )?;
+            }
+        }
+        self.validate_sample(&self.before, &at.of("before"))?;
+        self.validate_sample(&self.after, &at.of("after"))?;
+        self.validate_ends(&at)
+    }
+
+    /// Indices of the robot lie inside their tables.
+    fn validate_robot(&self, at: &Field) -> Result<(), PlanError> {
+        let robot = &self.robot;
+        let at = at.of("robot");
+        let links = robot.links.len();
+        at.of("links").holds(links > 0, "empty", "at least the root link")?;
+        let range = format!("the index of a link, less than {links}");
+        for (k, joint) in robot.joints.iter().enumerate() {
+            let at = at.item("joints", k);
+            at.of("parent").holds(joint.parent < links, joint.parent, &range)?;
+            at.of("child").holds(joint.child < links, joint.child, &range)?;
+        }
+        for (j, end_effector) in robot.end_effectors.iter().enumerate() {
+            at.item("end_effectors", j).of("link").holds(
+                end_effector.link < links,
+                end_effector.link,
+                &range,
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Sample count, footfall pattern, duration and spacing fit together.
+    fn validate_grid(&self, at: &Field) -> Result<(), PlanError> {
+        let count = self.samples.len();
+        let feet = self.robot.end_effectors.len();
+        at.of("samples").holds(
+            count >= MIN_SAMPLES,
+            format!("{count} samples long"),
+            format!("at least {MIN_SAMPLES} samples"),
+        )?;
+        let stance = &self.motion.stance;
+        at.of("motion.stance").holds(
+            stance.len() == count,
+            format!("{} rows long", stance.len()),
+            format!("one row per sample, {count}"),
+        )?;
+        for (i, row) in stance.iter().enumerate() {
+            at.item("motion.stance", i).holds(
+                row.len() == feet,
+                format!("{} flags long", row.len()),
+                format!("one flag per end effector, {feet}"),
+            )?;
+        }
+        let duration_s = self.motion.duration_s;
+        let positive = duration_s.is_finite() && duration_s > 0.0;
+        at.of("motion.duration_s").holds(positive, duration_s, "a positive time in s")?;
+        let intervals = match self.motion.ends {
+            Ends::Periodic => count,
+            Ends::AtRest | Ends::Prescribed => count - 1,
+        };
+        let expected = format!("motion.duration_s / {intervals} for this kind of ends");
+        at.of("sample_interval_s").near(
+            self.sample_interval_s,
+            duration_s / intervals as f64,
+            &expected,
+        )
+    }
+
+    /// Shapes, finite numbers and rotations of one sample.
+    fn validate_sample(&self, sample: &Sample, at: &Field) -> Result<(), PlanError> {
+        at.of("time_s").finite(&[sample.time_s])?;
+        at.of("base_position_m").finite(&sample.base_position_m)?;
+        at.of("base_yaw_pitch_roll_rad").finite(&sample.base_yaw_pitch_roll_rad)?;
+        at.of("base_orientation_wxyz").finite(&sample.base_orientation_wxyz)?;
+        at.of("joint_rad").length(sample.joint_rad.len(), self.robot.joints.len(), "joint")?;
+        at.of("joint_rad").finite(&sample.joint_rad)?;
+        at.of("com_m").finite(&sample.com_m)?;
+        let feet = self.robot.end_effectors.len();
+        at.of("end_effectors").length(sample.end_effectors.len(), feet, "end effector")?;
+        for (j, end_effector) in sample.end_effectors.iter().enumerate() {
+            validate_end_effector(end_effector, &at.item("end_effectors", j))?;
+        }
+
+        let [w, x, y, z] = sample.base_orientation_wxyz;
+        let quaternion = Quaternion::new(w, x, y, z);
+        let unit = (quaternion.norm() - 1.0).abs() <= AGREEMENT;
+        let at = at.of("base_orientation_wxyz");
+        at.holds(unit, format!("of norm {}", quaternion.norm()), "a unit quaternion [w, x, y, z]")?;
+        let [yaw, pitch, roll] = sample.base_yaw_pitch_roll_rad;
+        let turned = UnitQuaternion::from_quaternion(quaternion)
+            .angle_to(&Rotation3::from_euler_angles(roll, pitch, yaw).into());
+        at.holds(
+            turned <= AGREEMENT,
+            format!("{turned:.3e} rad away from base_yaw_pitch_roll_rad"),
+            "the same rotation, R_z(yaw) R_y(pitch) R_x(roll)",
+        )
+    }
+
+    /// The states one interval outside belong to the motion as its kind of ends says.
+    fn validate_ends(&self, at: &Field) -> Result<(), PlanError> {
+        at.of("end_placement.offset_m").finite(&self.end_placement.offset_m)?;
+        at.of("end_placement.yaw_rad").finite(&[self.end_placement.yaw_rad])?;
+        let (Some(first), Some(last)) = (self.samples.first(), self.samples.last()) else {
+            return Ok(());
+        };
+        match self.motion.ends {
+            Ends::Periodic => {
+                let (moved, back) = (self.end_placement, self.end_placement.inverse());
+                at.of("after").same_pose(
+                    &self.after,
+                    first,
+                    moved,
+                    "the first sample moved by end_placement",
+                )?;
+                at.of("before").same_pose(
+                    &self.before,
+                    last,
+                    back,
+                    "the last sample moved back by end_placement",
+                )
+            }
+            Ends::AtRest => {
+                let still = Placement::default();
+                at.of("before").same_pose(
+                    &self.before,
+                    first,
+                    still,
+                    "the first sample: at rest",
+                )?;
+                at.of("after").same_pose(&self.after, last, still, "the last sample: at rest")
+            }
+            Ends::Prescribed => Ok(()),
+        }
+    }
+}
+
+fn validate_end_effector(end_effector: &EndEffectorSample, at: &Field) -> Result<(), PlanError> {
+    at.of("position_m").finite(&end_effector.position_m)?;
+    at.of("force_n").finite(&end_effector.force_n)?;
+    at.of("wheel_speed_rad_s").finite(&[end_effector.wheel_speed_rad_s])?;
+    at.of("motor_speed_rad_s").finite(&[end_effector.motor_speed_rad_s])?;
+    at.of("tilt_rad").finite(&[end_effector.tilt_rad])?;
+    at.of("yaw_rad").finite(&[end_effector.yaw_rad])
+}
+
+/// A place in a plan file, for error messages.
+struct Field<'a> {
+    file: &'a str,
+    path: String,
+}
+
+impl Field<'_> {
+    fn of(&self, name: &str) -> Self {
+        let dot = if self.path.is_empty() { "" } else { "." };
+        Self { file: self.file, path: format!("{}{dot}{name}", self.path) }
+    }
+
+    fn item(&self, name: &str, index: usize) -> Self {
+        self.of(&format!("{name}[{index}]"))
+    }
+
+    fn holds(
+        &self,
+        ok: bool,
+        value: impl Display,
+        expected: impl Display,
+    ) -> Result<(), PlanError> {
+        if ok {
+            return Ok(());
+        }
+        Err(PlanError::Value {
+            file: self.file.to_owned(),
+            path: self.path.clone(),
+            value: value.to_string(),
+            expected: expected.to_string(),
+        })
+    }
+
+    fn finite(&self, values: &[f64]) -> Result<(), PlanError> {
+        let bad = values.iter().find(|value| !value.is_finite());
+        self.holds(bad.is_none(), bad.copied().unwrap_or_default(), "finite numbers")
+    }
+
+    fn length(&self, found: usize, expected: usize, thing: &str) -> Result<(), PlanError> {
+        self.holds(
+            found == expected,
+            format!("{found} long"),
+            format!("one per {thing} of the robot, {expected}"),
+        )
+    }
+
+    fn near(&self, value: f64, expected: f64, meaning: &str) -> Result<(), PlanError> {
+        let ok = (value - expected).abs() <= AGREEMENT;
+        self.holds(ok, value, format!("{expected}, {meaning}"))
+    }
+
+    fn same_pose(
+        &self,
+        found: &Sample,
+        wanted: &Sample,
+        moved: Placement,
+        meaning: &str,
+    ) -> Result<(), PlanError> {
+        let wanted_position = Vector3::from(moved.point(wanted.base_position_m));
+        let turn = Vector3::new(moved.yaw_rad, 0.0, 0.0);
+        let wanted_angles = Vector3::from(wanted.base_yaw_pitch_roll_rad) + turn;
+        let position = Vector3::from(found.base_position_m) - wanted_position;
+        let angles = Vector3::from(found.base_yaw_pitch_roll_rad) - wanted_angles;
+        let joints = found.joint_rad.iter().zip(&wanted.joint_rad).map(|(a, b)| (a - b).abs());
+        let away = joints.fold(position.amax().max(angles.amax()), f64::max);
+        self.holds(
+            away <= AGREEMENT,
+            format!("{away:.3e} (m or rad) away from it"),
+            format!("the pose of {meaning}"),
+        )
+    }
+}
