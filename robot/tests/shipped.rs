@@ -1,6 +1,7 @@
 //! The robot files that ship with the project are valid, and mean what their comments say.
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
+use rollwalk_protocol::config::ChannelKind;
 use rollwalk_robot::Robot;
 
 fn shipped(name: &str, text: &str) -> Robot {
@@ -47,37 +48,117 @@ fn contacts_in_body(robot: &Robot) -> Vec<Vector3<f64>> {
     robot.end_effectors.iter().map(contact).collect()
 }
 
-#[test]
-fn agilebot_has_the_counts_of_table_2_1_and_a_plausible_mass() {
-    let robot = agilebot();
-    assert_eq!(robot.joints.len(), 16);
-    assert_eq!(robot.end_effectors.len(), 4);
-    assert_eq!(robot.channels().count(), 20);
-    let mass = robot.total_mass_kg();
-    // 8 XM540 and 12 XM430 alone are 2.304 kg.
-    assert!((4.0..5.0).contains(&mass), "{mass} kg");
+fn all() -> [Robot; 3] {
+    [
+        agilebot(),
+        shipped("robots/swizzlebot.toml", include_str!("../../robots/swizzlebot.toml")),
+        shipped("robots/creature3.toml", include_str!("../../robots/creature3.toml")),
+    ]
 }
 
 #[test]
-fn agilebot_stands_level_with_lateral_wheels_and_its_com_between_them() {
+fn robots_have_the_counts_of_table_2_1_and_plausible_masses() {
+    // Joints, end effectors, channels, and mass: servos alone are 2.304, 1.974 and 0.198 kg.
+    let expected = [(16, 4, 20, 4.0..5.0), (12, 4, 12, 3.0..4.0), (9, 4, 9, 0.35..0.55)];
+    for (robot, (joints, end_effectors, channels, mass)) in all().into_iter().zip(expected) {
+        assert_eq!(robot.joints.len(), joints, "{}", robot.name);
+        assert_eq!(robot.end_effectors.len(), end_effectors, "{}", robot.name);
+        assert_eq!(robot.channels().count(), channels, "{}", robot.name);
+        assert!(mass.contains(&robot.total_mass_kg()), "{} kg", robot.total_mass_kg());
+    }
+}
+
+#[test]
+fn robots_stand_level_on_lateral_wheels_with_the_com_between_them() {
+    for robot in all() {
+        let links = nominal_links(&robot);
+        let contacts = contacts_in_body(&robot);
+        for contact in &contacts {
+            // Sums of a few rounded lengths below 1 m.
+            assert!((contact.z - contacts[0].z).abs() < 1e-12, "{}: {contact}", robot.name);
+        }
+        for wheel in &robot.end_effectors {
+            let Some(axis) = wheel.contact.wheel_axis_in_link() else { continue };
+            let axis = links[wheel.link] * axis;
+            assert!((axis - Vector3::y()).amax() < 1e-12, "{}: {axis}", wheel.name);
+        }
+        for joint in robot.joints.iter().filter(|joint| joint.name.ends_with("_steer")) {
+            let axis = links[joint.child] * joint.axis_in_joint;
+            assert!((axis.z.abs() - 1.0).abs() < 1e-12, "{}: {axis}", joint.name);
+        }
+        let center = contacts.iter().sum::<Vector3<f64>>() / contacts.len() as f64;
+        let com = com_in_body(&robot);
+        // 5 % of the wheel base or so: all feet carry about the same.
+        assert!((com.x - center.x).abs() < 0.008, "com at {com}, feet at {center}");
+        assert!((com.y - center.y).abs() < 1e-12, "com at {com}, feet at {center}");
+    }
+}
+
+/// Reflecting the right side in y = 0 gives the left side: poses, masses and limits.
+#[test]
+fn left_and_right_limbs_are_mirror_images() {
+    for robot in all() {
+        let links = nominal_links(&robot);
+        let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
+        for (index, right) in robot.links.iter().enumerate() {
+            let Some((end, _)) = right.name.split_once("_right") else { continue };
+            let left_name = format!("{end}_left{}", &right.name[end.len() + 6..]);
+            let other = robot.links.iter().position(|link| link.name == left_name).unwrap();
+            let left = &robot.links[other];
+            assert_eq!(left.mass_kg, right.mass_kg);
+            let in_body = |pose: &Isometry3<f64>, link: &rollwalk_robot::Link| {
+                let turn = pose.rotation.to_rotation_matrix();
+                let com = (pose * Point3::from(link.com_in_link_m)).coords;
+                (com, turn * link.inertia_in_link_kg_m2 * turn.transpose())
+            };
+            let (right_com, right_inertia) = in_body(&links[index], right);
+            let (left_com, left_inertia) = in_body(&links[other], left);
+            // Rounding only; inertias are around 1e-4 kg·m².
+            assert!((mirror * right_com - left_com).amax() < 1e-12, "{}", right.name);
+            assert!((mirror * right_inertia * mirror - left_inertia).amax() < 1e-16);
+        }
+        for right in robot.joints.iter().filter(|joint| joint.name.contains("_right_")) {
+            let name = right.name.replace("_right_", "_left_");
+            let left = robot.joints.iter().find(|joint| joint.name == name).unwrap();
+            assert_eq!(left.position_min_rad, right.position_min_rad);
+            assert_eq!(left.position_max_rad, right.position_max_rad);
+            assert_eq!(left.nominal_rad, right.nominal_rad);
+        }
+    }
+}
+
+#[test]
+fn robots_survive_json_bit_by_bit() {
+    for robot in all() {
+        let json = serde_json::to_string(&robot).unwrap();
+        let read: Robot = serde_json::from_str(&json).unwrap();
+        assert_eq!(read, robot);
+        read.validate().unwrap();
+    }
+}
+
+#[test]
+fn the_controller_gets_joints_first_then_wheels_with_addresses_on_two_buses() {
     let robot = agilebot();
-    let links = nominal_links(&robot);
-    let contacts = contacts_in_body(&robot);
-    for contact in &contacts {
-        // Sums of a few rounded lengths below 1 m.
-        assert!((contact.z - contacts[0].z).abs() < 1e-12, "{contact}");
-    }
-    for wheel in &robot.end_effectors {
-        let axis = links[wheel.link] * wheel.contact.wheel_axis_in_link().unwrap();
-        assert!((axis - Vector3::y()).amax() < 1e-12, "{}: {axis}", wheel.name);
-    }
-    for joint in robot.joints.iter().filter(|joint| joint.name.ends_with("_steer")) {
-        let axis = links[joint.child] * joint.axis_in_joint;
-        assert!((axis.z.abs() - 1.0).abs() < 1e-12, "{}: {axis}", joint.name);
-    }
-    let center = contacts.iter().sum::<Vector3<f64>>() / 4.0;
-    let com = com_in_body(&robot);
-    // Half a centimetre of a 0.32 m wheel base: all four wheels carry about the same.
-    assert!((com.x - center.x).abs() < 0.005, "com at {com}, wheels at {center}");
-    assert!((com.y - center.y).abs() < 1e-12, "com at {com}, wheels at {center}");
+    let config = robot.controller_config().unwrap();
+    assert_eq!(config.channels.len(), 20);
+    let names: Vec<_> = robot.channels().map(|channel| channel.name().to_owned()).collect();
+    assert_eq!(names[0], "front_left_hip_roll");
+    assert_eq!(names[15], "rear_right_steer");
+    assert_eq!(names[16..], ["front_left", "front_right", "rear_left", "rear_right"]);
+
+    let (joints, wheels) = config.channels.split_at(16);
+    assert!(joints.iter().all(|channel| channel.kind == ChannelKind::JointPosition));
+    assert!(wheels.iter().all(|channel| channel.kind == ChannelKind::WheelSpeed));
+    assert_eq!((joints[2].min, joints[2].max, joints[2].max_rate), (-2.2, -0.2, 4.16));
+    assert_eq!((wheels[0].min, wheels[0].max, wheels[0].kp_nm_rad), (-6.85, 6.85, 0.0));
+    // μ g / r = 0.8 · 9.80665 / 0.05, below torque / armature = 400.
+    assert!((wheels[0].max_rate - 156.906_4).abs() < 1e-3, "{}", wheels[0].max_rate);
+
+    let mut addresses: Vec<_> =
+        config.channels.iter().map(|channel| (channel.bus, channel.id)).collect();
+    addresses.sort_unstable();
+    let expected: Vec<_> = (0..2).flat_map(|bus| (1..=10).map(move |id| (bus, id))).collect();
+    assert_eq!(addresses, expected);
+    assert_eq!((wheels[0].bus, wheels[0].id, wheels[3].bus, wheels[3].id), (0, 5, 1, 10));
 }
