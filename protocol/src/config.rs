@@ -3,8 +3,11 @@
 //! Derived from the robot file (`rollwalk_robot::Robot::controller_config`). Its [`RobotConfig::hash`]
 //! ties a motion library to the robot that it was built for.
 
+use crate::actuator;
+use crate::crc::crc32c_digest;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 /// Most joints and driven wheels that one controller handles.
 pub const MAX_CHANNELS: usize = 24;
@@ -46,4 +49,111 @@ pub struct Channel {
     pub bus: u8,
     /// Address on that bus.
     pub id: u8,
+}
+
+/// A configuration that no controller can run.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("channel {channel}: {field} is {value}, must be {must}")]
+pub struct ConfigError {
+    /// Number of the channel; the number of channels when there are none.
+    pub channel: u8,
+    /// Field of [`Channel`].
+    pub field: &'static str,
+    /// Its value.
+    pub value: f32,
+    /// What would be right.
+    pub must: &'static str,
+}
+
+impl RobotConfig {
+    /// Identity of the configuration: CRC-32C of its postcard encoding (docs/wire-format.md).
+    /// Any change of a channel, a limit, a gain or an address changes it.
+    pub fn hash(&self) -> u32 {
+        // Written out, as postcard would encode it, so that it cannot fail.
+        let mut digest = crc32c_digest();
+        digest.update(&[self.channels.len() as u8]);
+        for c in &self.channels {
+            let kind = match c.kind {
+                ChannelKind::JointPosition => 0,
+                ChannelKind::WheelSpeed => 1,
+            };
+            digest.update(&[kind]);
+            for x in [c.min, c.max, c.max_rate, c.max_torque_nm, c.kp_nm_rad, c.kd_nm_s_rad] {
+                digest.update(&x.to_le_bytes());
+            }
+            digest.update(&[c.bus, c.id]);
+        }
+        digest.finalize()
+    }
+
+    /// Checks that every value can be commanded: finite, in order, within the scales of the
+    /// actuator messages, wheels able to stand still, no two channels at one address.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        if self.channels.is_empty() {
+            let must = "at least 1 channel";
+            return Err(ConfigError { channel: 0, field: "channels", value: 0.0, must });
+        }
+        for (i, c) in self.channels.iter().enumerate() {
+            if let Some((field, value, must)) = c.fault() {
+                return Err(ConfigError { channel: i as u8, field, value, must });
+            }
+            if self.channels.iter().take(i).any(|other| (other.bus, other.id) == (c.bus, c.id)) {
+                let must = "used by one channel of a bus only";
+                return Err(ConfigError {
+                    channel: i as u8,
+                    field: "id",
+                    value: f32::from(c.id),
+                    must,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Channel {
+    /// Field, value and what would be right, of the first value that is not usable.
+    fn fault(&self) -> Option<(&'static str, f32, &'static str)> {
+        let (reach, reach_text) = match self.kind {
+            ChannelKind::JointPosition => {
+                (actuator::MAX_POSITION_RAD, "within ±6.5 rad, the scale of a setpoint")
+            }
+            ChannelKind::WheelSpeed => {
+                (actuator::MAX_SPEED_RAD_S, "within ±65 rad/s, the scale of a feedback")
+            }
+        };
+        let within = |x: f32| x >= -reach && x <= reach;
+        let up_to = |x: f32, most: f32| x >= 0.0 && x <= most;
+        // Comparisons are written so that a NaN fails them.
+        if !within(self.min) {
+            return Some(("min", self.min, reach_text));
+        }
+        if !within(self.max) {
+            return Some(("max", self.max, reach_text));
+        }
+        if self.min >= self.max {
+            return Some(("max", self.max, "above min"));
+        }
+        let wheel = self.kind == ChannelKind::WheelSpeed;
+        if wheel && (self.min > 0.0 || self.max < 0.0) {
+            return Some(("min", self.min, "such that 0 rad/s is within the limits"));
+        }
+        let fastest = if wheel { f32::MAX } else { actuator::MAX_SPEED_RAD_S };
+        if !(self.max_rate > 0.0 && up_to(self.max_rate, fastest)) {
+            return Some(("max_rate", self.max_rate, "above 0; for a joint at most 65 rad/s"));
+        }
+        if !(self.max_torque_nm > 0.0 && up_to(self.max_torque_nm, actuator::MAX_TORQUE_NM)) {
+            return Some(("max_torque_nm", self.max_torque_nm, "above 0 and at most 160 N·m"));
+        }
+        if !up_to(self.kp_nm_rad, actuator::MAX_KP_NM_RAD) {
+            return Some(("kp_nm_rad", self.kp_nm_rad, "0 to 655 N·m/rad"));
+        }
+        if !up_to(self.kd_nm_s_rad, actuator::MAX_KD_NM_S_RAD) {
+            return Some(("kd_nm_s_rad", self.kd_nm_s_rad, "0 to 65 N·m·s/rad"));
+        }
+        if self.id > actuator::MAX_ID {
+            return Some(("id", f32::from(self.id), "0 to 127"));
+        }
+        None
+    }
 }

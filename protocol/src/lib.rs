@@ -1,9 +1,24 @@
 //! The data that crosses a boundary: robot configuration, motion library, wire messages, framing.
 //!
-//! No std, no alloc, no panics on hostile input. Normative byte formats: `docs/motion-library.md`
-//! and `docs/wire-format.md`.
+//! | module | is | normative page |
+//! |---|---|---|
+//! | [`config`] | the robot as the controller sees it, and its hash | |
+//! | [`library`] | the motion library (`.rwl`): encoder, validator, read view, frame decoder | `docs/motion-library.md` |
+//! | [`wire`] | messages between host and controller, and the transport of long ones | `docs/wire-format.md` |
+//! | [`actuator`] | messages between controller and servos or wheel drives | `docs/wire-format.md` |
+//! | [`can`] | a CAN frame as a value, and how many bits it takes | |
+//! | [`crc`] | the two checksums that all of it uses | |
+//!
+//! No std, no alloc, no `unsafe`, no panics whatever the input. Everything that decodes takes
+//! arbitrary bytes and answers with a value or a refusal, in bounded time.
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+extern crate std;
+
+pub mod actuator;
 pub mod can;
 pub mod config;
+pub mod crc;
+pub mod library;

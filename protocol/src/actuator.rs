@@ -1,0 +1,277 @@
+//! The Rollwalk servo profile: frames between the controller and its servos and wheel drives.
+//!
+//! | id | frame | direction |
+//! |---|---|---|
+//! | `0x080 + n` | [`Control`]: enable, disable | to actuator `n` |
+//! | `0x100 + n` | [`JointSetpoint`] | to actuator `n` |
+//! | `0x180 + n` | [`Feedback`] | from actuator `n` |
+//! | `0x200 + n` | [`WheelSetpoint`] | to actuator `n` |
+//!
+//! `n` is 0 to 127. Disabling goes before any setpoint on a busy bus. Integers are little-endian
+//! and two's complement, every value rounds to the nearest step, and 0 is 0 exactly. −32768 is
+//! never sent and is refused. Values that do not fit their scale are not sent at all: `encode`
+//! answers `None`, a configuration that passed [`crate::config::RobotConfig::check`] never gets
+//! there with values within its limits.
+
+use crate::can::CanFrame;
+
+/// Largest address of an actuator.
+pub const MAX_ID: u8 = 0x7F;
+/// Positions are steps of 0.2 mrad: ±6.5534 rad, a little more than a turn.
+pub const POSITION_STEP_RAD: f32 = 2e-4;
+/// Largest position, rad.
+pub const MAX_POSITION_RAD: f32 = 6.5;
+/// Speeds in 16 bits are steps of 2 mrad/s: ±65.534 rad/s.
+pub const SPEED_STEP_RAD_S: f32 = 2e-3;
+/// Largest speed, rad/s.
+pub const MAX_SPEED_RAD_S: f32 = 65.0;
+/// Speed setpoints of wheels are 32-bit steps of 0.1 mrad/s.
+pub const WHEEL_SPEED_STEP_RAD_S: f32 = 1e-4;
+/// Torques are steps of 5 mN·m: ±163.8 N·m, or 0 to 327 N·m as a limit.
+pub const TORQUE_STEP_NM: f32 = 5e-3;
+/// Largest torque, N·m.
+pub const MAX_TORQUE_NM: f32 = 160.0;
+/// Proportional gains are steps of 0.01 N·m/rad.
+pub const KP_STEP_NM_RAD: f32 = 0.01;
+/// Largest proportional gain, N·m/rad.
+pub const MAX_KP_NM_RAD: f32 = 655.0;
+/// Damping gains are steps of 0.001 N·m·s/rad.
+pub const KD_STEP_NM_S_RAD: f32 = 1e-3;
+/// Largest damping gain, N·m·s/rad.
+pub const MAX_KD_NM_S_RAD: f32 = 65.0;
+
+const CONTROL: u16 = 0x080;
+const JOINT_SETPOINT: u16 = 0x100;
+const FEEDBACK: u16 = 0x180;
+const WHEEL_SETPOINT: u16 = 0x200;
+
+/// The nearest number of steps, or `None` when it is beyond ±`most` or no number.
+fn steps(value: f32, step: f32, most: i32) -> Option<i32> {
+    let exact = f64::from(value) / f64::from(step);
+    // Saturating casts; NaN becomes 0 and is refused by the comparison.
+    let nearest = if exact < 0.0 { exact - 0.5 } else { exact + 0.5 } as i32;
+    (exact.abs() < f64::from(most) + 0.5 && nearest.abs() <= most).then_some(nearest)
+}
+
+fn i16_steps(value: f32, step: f32) -> Option<i16> {
+    steps(value, step, i32::from(i16::MAX)).map(|s| s as i16)
+}
+
+fn u16_steps(value: f32, step: f32) -> Option<u16> {
+    steps(value, step, i32::from(u16::MAX)).and_then(|s| u16::try_from(s).ok())
+}
+
+/// Saturates instead: what an actuator measured has to be told in any case. NaN becomes 0.
+fn measured(value: f32, step: f32) -> i16 {
+    let most = f32::from(i16::MAX) * step;
+    let bounded = if value.is_nan() { 0.0 } else { value.clamp(-most, most) };
+    i16_steps(bounded, step).unwrap_or(if bounded > 0.0 { i16::MAX } else { -i16::MAX })
+}
+
+/// −32768 is not a value.
+fn signed(low: u8, high: u8, step: f32) -> Option<f32> {
+    let raw = i16::from_le_bytes([low, high]);
+    (raw != i16::MIN).then(|| (f64::from(raw) * f64::from(step)) as f32)
+}
+
+fn unsigned(low: u8, high: u8, step: f32) -> f32 {
+    (f64::from(u16::from_le_bytes([low, high])) * f64::from(step)) as f32
+}
+
+fn address(base: u16, id: u8) -> Option<u16> {
+    (id <= MAX_ID).then(|| base | u16::from(id))
+}
+
+/// Address and payload of a frame of kind `base` with exactly `N` bytes.
+fn split<const N: usize>(frame: &CanFrame, base: u16) -> Option<(u8, [u8; N])> {
+    let id = frame.id();
+    let of_kind = id & !u16::from(MAX_ID) == base;
+    let data = frame.data().try_into().ok()?;
+    of_kind.then_some(((id & u16::from(MAX_ID)) as u8, data))
+}
+
+/// What a joint's servo shall do: torque = kp (q* − q) + kd (q̇* − q̇), within its torque limit.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct JointSetpoint {
+    /// q*, rad.
+    pub position_rad: f32,
+    /// q̇*, rad/s.
+    pub velocity_rad_s: f32,
+    /// kp, N·m/rad.
+    pub kp_nm_rad: f32,
+    /// kd, N·m·s/rad.
+    pub kd_nm_s_rad: f32,
+}
+
+impl JointSetpoint {
+    /// `[position i16 0.2 mrad][velocity i16 2 mrad/s][kp u16 0.01 N·m/rad][kd u16 0.001 N·m·s/rad]`.
+    /// `None` when a value is no number or beyond its scale, or `id` above [`MAX_ID`].
+    pub fn encode(&self, id: u8) -> Option<CanFrame> {
+        let [p0, p1] = i16_steps(self.position_rad, POSITION_STEP_RAD)?.to_le_bytes();
+        let [v0, v1] = i16_steps(self.velocity_rad_s, SPEED_STEP_RAD_S)?.to_le_bytes();
+        let [kp0, kp1] = u16_steps(self.kp_nm_rad, KP_STEP_NM_RAD)?.to_le_bytes();
+        let [kd0, kd1] = u16_steps(self.kd_nm_s_rad, KD_STEP_NM_S_RAD)?.to_le_bytes();
+        let id = address(JOINT_SETPOINT, id)?;
+        Some(CanFrame::known(id, [p0, p1, v0, v1, kp0, kp1, kd0, kd1]))
+    }
+
+    /// Address and setpoint; `None` for any other frame.
+    pub fn decode(frame: &CanFrame) -> Option<(u8, Self)> {
+        let (id, [p0, p1, v0, v1, kp0, kp1, kd0, kd1]) = split(frame, JOINT_SETPOINT)?;
+        let setpoint = Self {
+            position_rad: signed(p0, p1, POSITION_STEP_RAD)?,
+            velocity_rad_s: signed(v0, v1, SPEED_STEP_RAD_S)?,
+            kp_nm_rad: unsigned(kp0, kp1, KP_STEP_NM_RAD),
+            kd_nm_s_rad: unsigned(kd0, kd1, KD_STEP_NM_S_RAD),
+        };
+        Some((id, setpoint))
+    }
+}
+
+/// What a wheel's drive shall do: torque = kd (ω* − ω), within the given limit.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WheelSetpoint {
+    /// ω*, rad/s.
+    pub speed_rad_s: f32,
+    /// kd, N·m·s/rad.
+    pub kd_nm_s_rad: f32,
+    /// Torque limit, N·m.
+    pub torque_limit_nm: f32,
+}
+
+impl WheelSetpoint {
+    /// `[speed i32 0.1 mrad/s][kd u16 0.001 N·m·s/rad][torque limit u16 5 mN·m]`.
+    /// `None` when a value is no number or beyond its scale, or `id` above [`MAX_ID`].
+    pub fn encode(&self, id: u8) -> Option<CanFrame> {
+        let [s0, s1, s2, s3] =
+            steps(self.speed_rad_s, WHEEL_SPEED_STEP_RAD_S, i32::MAX)?.to_le_bytes();
+        let [kd0, kd1] = u16_steps(self.kd_nm_s_rad, KD_STEP_NM_S_RAD)?.to_le_bytes();
+        let [t0, t1] = u16_steps(self.torque_limit_nm, TORQUE_STEP_NM)?.to_le_bytes();
+        let id = address(WHEEL_SETPOINT, id)?;
+        Some(CanFrame::known(id, [s0, s1, s2, s3, kd0, kd1, t0, t1]))
+    }
+
+    /// Address and setpoint; `None` for any other frame.
+    pub fn decode(frame: &CanFrame) -> Option<(u8, Self)> {
+        let (id, [s0, s1, s2, s3, kd0, kd1, t0, t1]) = split(frame, WHEEL_SETPOINT)?;
+        let raw = i32::from_le_bytes([s0, s1, s2, s3]);
+        if raw == i32::MIN {
+            return None;
+        }
+        let setpoint = Self {
+            speed_rad_s: (f64::from(raw) * f64::from(WHEEL_SPEED_STEP_RAD_S)) as f32,
+            kd_nm_s_rad: unsigned(kd0, kd1, KD_STEP_NM_S_RAD),
+            torque_limit_nm: unsigned(t0, t1, TORQUE_STEP_NM),
+        };
+        Some((id, setpoint))
+    }
+}
+
+/// Torque on or off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Control {
+    /// No torque. The state after power-on. Answered with a [`Feedback`].
+    Disable,
+    /// Follow setpoints. Until the first setpoint after this one the actuator gives no torque:
+    /// whatever was commanded before is forgotten. Answered with a [`Feedback`].
+    Enable,
+    /// Send a [`Feedback`] and change nothing: how the pose is measured before torque is on.
+    Query,
+}
+
+impl Control {
+    /// One byte: 0 disable, 1 enable, 2 query. `None` when `id` is above [`MAX_ID`].
+    pub fn encode(self, id: u8) -> Option<CanFrame> {
+        let byte = match self {
+            Control::Disable => 0,
+            Control::Enable => 1,
+            Control::Query => 2,
+        };
+        Some(CanFrame::known(address(CONTROL, id)?, [byte]))
+    }
+
+    /// Address and command; `None` for any other frame.
+    pub fn decode(frame: &CanFrame) -> Option<(u8, Self)> {
+        let (id, [byte]) = split(frame, CONTROL)?;
+        let control = match byte {
+            0 => Control::Disable,
+            1 => Control::Enable,
+            2 => Control::Query,
+            _ => return None,
+        };
+        Some((id, control))
+    }
+}
+
+/// State of an actuator, as bits of its feedback.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ActuatorStatus(pub u8);
+
+impl ActuatorStatus {
+    /// Torque is on.
+    pub const ENABLED: u8 = 1 << 0;
+    /// The torque is at its limit.
+    pub const TORQUE_LIMITED: u8 = 1 << 1;
+    /// A position limit of the actuator's own was reached.
+    pub const POSITION_LIMITED: u8 = 1 << 2;
+    /// No setpoint came for too long: torque is off until it is disabled and enabled again.
+    pub const TIMED_OUT: u8 = 1 << 3;
+    /// Too hot: torque is off.
+    pub const OVERHEATED: u8 = 1 << 4;
+    /// Supply voltage out of range: torque is off.
+    pub const BAD_VOLTAGE: u8 = 1 << 5;
+    /// Position sensor or other hardware failed: torque is off.
+    pub const HARDWARE: u8 = 1 << 6;
+    /// All bits that mean that the actuator cannot do what it is told.
+    pub const FAULTS: u8 = Self::TIMED_OUT | Self::OVERHEATED | Self::BAD_VOLTAGE | Self::HARDWARE;
+
+    /// Torque is on.
+    pub fn enabled(self) -> bool {
+        self.0 & Self::ENABLED != 0
+    }
+
+    /// The actuator cannot do what it is told.
+    pub fn faulty(self) -> bool {
+        self.0 & Self::FAULTS != 0
+    }
+}
+
+/// What an actuator measures. The answer to every setpoint and every [`Control`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Feedback {
+    /// Angle, rad; of a wheel within −π to π.
+    pub position_rad: f32,
+    /// Speed, rad/s.
+    pub velocity_rad_s: f32,
+    /// Torque, N·m.
+    pub torque_nm: f32,
+    /// State.
+    pub status: ActuatorStatus,
+    /// Goes up by one with each feedback, and wraps: a repeated value is a repeated frame.
+    pub counter: u8,
+}
+
+impl Feedback {
+    /// `[position i16 0.2 mrad][velocity i16 2 mrad/s][torque i16 5 mN·m][status u8][counter u8]`.
+    /// Measurements beyond their scale saturate. `None` when `id` is above [`MAX_ID`].
+    pub fn encode(&self, id: u8) -> Option<CanFrame> {
+        let [p0, p1] = measured(self.position_rad, POSITION_STEP_RAD).to_le_bytes();
+        let [v0, v1] = measured(self.velocity_rad_s, SPEED_STEP_RAD_S).to_le_bytes();
+        let [t0, t1] = measured(self.torque_nm, TORQUE_STEP_NM).to_le_bytes();
+        let data = [p0, p1, v0, v1, t0, t1, self.status.0, self.counter];
+        Some(CanFrame::known(address(FEEDBACK, id)?, data))
+    }
+
+    /// Address and feedback; `None` for any other frame.
+    pub fn decode(frame: &CanFrame) -> Option<(u8, Self)> {
+        let (id, [p0, p1, v0, v1, t0, t1, status, counter]) = split(frame, FEEDBACK)?;
+        let feedback = Self {
+            position_rad: signed(p0, p1, POSITION_STEP_RAD)?,
+            velocity_rad_s: signed(v0, v1, SPEED_STEP_RAD_S)?,
+            torque_nm: signed(t0, t1, TORQUE_STEP_NM)?,
+            status: ActuatorStatus(status),
+            counter,
+        };
+        Some((id, feedback))
+    }
+}

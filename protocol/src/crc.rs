@@ -1,0 +1,29 @@
+//! The two checksums of this crate: CRC-32C over stored or long data, CRC-8 over single CAN frames.
+//!
+//! CAN has its own CRC, but bridges (serial adapters, drivers with queues) lose, repeat and reorder
+//! whole frames and may damage them outside the reach of that CRC.
+
+use crc::{CRC_8_AUTOSAR, CRC_32_ISCSI, Crc, Digest};
+
+static CRC_32C: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
+static CRC_8: Crc<u8> = Crc::<u8>::new(&CRC_8_AUTOSAR);
+
+/// CRC-32C (Castagnoli; polynomial 0x1EDC6F41, reflected, initial value and final XOR all ones).
+pub fn crc32c(bytes: &[u8]) -> u32 {
+    CRC_32C.checksum(bytes)
+}
+
+/// CRC-32C of several pieces, as if they were one.
+pub(crate) fn crc32c_digest() -> Digest<'static, u32> {
+    CRC_32C.digest()
+}
+
+/// CRC-8/AUTOSAR (polynomial 0x2F, initial value and final XOR 0xFF) over the two bytes of the
+/// frame's id, low byte first, followed by `data`. The id takes part, so that a frame whose id was
+/// damaged or mistaken is refused.
+pub fn crc8_with_id(id: u16, data: &[u8]) -> u8 {
+    let mut digest = CRC_8.digest();
+    digest.update(&id.to_le_bytes());
+    digest.update(data);
+    digest.finalize()
+}

@@ -1,0 +1,78 @@
+//! Quanta: how an angle or a speed becomes a 16-bit integer and back.
+//!
+//! A quantum is a power of two, so that `value = quanta · 2^exponent` is exact in `f32` on every
+//! machine and limits can be compared without tolerance.
+
+use super::RATE_HZ;
+use super::records::ChannelRecord;
+use crate::config::{Channel, ChannelKind};
+
+/// Joint angles: 2⁻¹⁰ rad = 0.977 mrad, at most 0.49 mrad of rounding. Finest quantum of a wheel.
+pub(crate) const FINEST_EXPONENT: i8 = -10;
+/// Coarsest quantum that a record may have: 2⁶ rad/s.
+const COARSEST_EXPONENT: i8 = 6;
+/// Quanta stay within ±32000, which leaves room to compute in.
+const MAX_QUANTA: f32 = 32000.0;
+
+/// 2 to the power of `exponent`.
+pub(crate) fn lsb(exponent: i8) -> f32 {
+    let biased = 127 + i32::from(exponent.clamp(FINEST_EXPONENT, COARSEST_EXPONENT));
+    f32::from_bits((biased as u32) << 23)
+}
+
+/// Largest integer that is not above `x`; saturates.
+fn floor(x: f32) -> i32 {
+    let t = x as i32;
+    if (t as f32) > x { t.saturating_sub(1) } else { t }
+}
+
+fn ceil(x: f32) -> i32 {
+    floor(-x).saturating_neg()
+}
+
+/// Quantum and limits of a channel: a function of the configuration alone, so that a library can be
+/// checked against it. `None` when the limits do not fit 16 bits.
+pub(crate) fn channel_record(channel: &Channel) -> Option<ChannelRecord> {
+    let reach = channel.min.abs().max(channel.max.abs());
+    let mut exponent = FINEST_EXPONENT;
+    if channel.kind == ChannelKind::WheelSpeed {
+        while exponent < COARSEST_EXPONENT && reach > MAX_QUANTA * lsb(exponent) {
+            exponent += 1;
+        }
+    }
+    let lsb = lsb(exponent);
+    // A NaN fails this comparison, as it should.
+    let fits = reach <= MAX_QUANTA * lsb && channel.max_rate > 0.0;
+    let min = i16::try_from(ceil(channel.min / lsb)).ok()?;
+    let max = i16::try_from(floor(channel.max / lsb)).ok()?;
+    // Rounding moves either frame of a step by half a quantum at most: one quantum together.
+    let step = floor(channel.max_rate / (lsb * f32::from(RATE_HZ))).saturating_add(1);
+    let max_step = step.clamp(1, i32::from(i16::MAX)) as u16;
+    (fits && min <= max).then_some(ChannelRecord {
+        kind: match channel.kind {
+            ChannelKind::JointPosition => 0,
+            ChannelKind::WheelSpeed => 1,
+        },
+        lsb_exponent: exponent,
+        min,
+        max,
+        max_step,
+    })
+}
+
+/// The value of some quanta: rad or rad/s.
+pub(crate) fn value(quanta: i32, exponent: i8) -> f32 {
+    quanta as f32 * lsb(exponent)
+}
+
+/// The nearest quanta within the limits, or `None` for a value that is no number or beyond a limit
+/// by more than half a quantum (granted to values that an optimiser left on the limit).
+pub(crate) fn quantise(value: f32, channel: &Channel, record: &ChannelRecord) -> Option<i16> {
+    let lsb = lsb(record.lsb_exponent);
+    let in_reach = value >= channel.min - 0.5 * lsb && value <= channel.max + 0.5 * lsb;
+    // In f64: adding a half to an f32 could round once more.
+    let exact = f64::from(value) / f64::from(lsb);
+    let nearest = if exact < 0.0 { exact - 0.5 } else { exact + 0.5 } as i32;
+    let inside = nearest.min(i32::from(record.max)).max(i32::from(record.min));
+    in_reach.then_some(inside as i16)
+}

@@ -1,0 +1,78 @@
+//! Records of the tables: postcard with fixed-width little-endian integers, so that a table has a
+//! constant stride and record i is found without reading those before it.
+//!
+//! A later minor version may append fields; the stride in the section's header skips them.
+
+use serde::{Deserialize, Serialize};
+
+/// What a library is: counts and the robot that it is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Manifest {
+    #[serde(with = "postcard::fixint::le")]
+    pub config_hash: u32,
+    #[serde(with = "postcard::fixint::le")]
+    pub rate_hz: u16,
+    pub channels: u8,
+    pub motions: u8,
+    pub transitions: u8,
+    pub safe_node: u8,
+}
+
+/// How a channel is quantised, and its limits in quanta.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct ChannelRecord {
+    /// 0 joint position, 1 wheel speed.
+    pub kind: u8,
+    /// A quantum is 2 to this power: rad, or rad/s for a wheel.
+    pub lsb_exponent: i8,
+    #[serde(with = "postcard::fixint::le")]
+    pub min: i16,
+    #[serde(with = "postcard::fixint::le")]
+    pub max: i16,
+    /// Largest change from a frame to the next.
+    #[serde(with = "postcard::fixint::le")]
+    pub max_step: u16,
+}
+
+/// Where the frames of a clip are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct ClipRecord {
+    /// [`FLAG_LOOPING`]; the other bits are 0.
+    pub flags: u8,
+    #[serde(with = "postcard::fixint::le")]
+    pub frames: u16,
+    /// First block, bytes from the start of the frames section.
+    #[serde(with = "postcard::fixint::le")]
+    pub offset: u32,
+    /// Bytes of all its blocks.
+    #[serde(with = "postcard::fixint::le")]
+    pub len: u32,
+}
+
+/// After the last frame comes frame 0.
+pub(crate) const FLAG_LOOPING: u8 = 1;
+
+/// An edge of the graph; its clip is the transition with the same number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct EdgeRecord {
+    pub from: u8,
+    pub to: u8,
+    #[serde(with = "postcard::fixint::le")]
+    pub exit_frame: u16,
+    #[serde(with = "postcard::fixint::le")]
+    pub entry_frame: u16,
+}
+
+/// A command code and the node that it asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct CodeRecord {
+    pub code: u8,
+    pub node: u8,
+}
+
+/// Bytes of each record as this version writes it.
+pub(crate) const MANIFEST_LEN: u16 = 10;
+pub(crate) const CHANNEL_LEN: u16 = 8;
+pub(crate) const CLIP_LEN: u16 = 11;
+pub(crate) const EDGE_LEN: u16 = 6;
+pub(crate) const CODE_LEN: u16 = 2;

@@ -1,0 +1,137 @@
+//! A robot and motions to make libraries of.
+
+use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
+use rollwalk_protocol::library::{LibrarySpec, MotionSpec, TransitionSpec, encode};
+
+/// A joint with limits of ±1.5 rad and 6 rad/s.
+pub fn joint(id: u8) -> Channel {
+    Channel {
+        kind: ChannelKind::JointPosition,
+        min: -1.5,
+        max: 1.5,
+        max_rate: 6.0,
+        max_torque_nm: 3.0,
+        kp_nm_rad: 20.0,
+        kd_nm_s_rad: 0.5,
+        bus: 0,
+        id,
+    }
+}
+
+/// A wheel with limits of ±8 rad/s and 60 rad/s².
+pub fn wheel(id: u8) -> Channel {
+    Channel {
+        kind: ChannelKind::WheelSpeed,
+        min: -8.0,
+        max: 8.0,
+        max_rate: 60.0,
+        max_torque_nm: 1.0,
+        kp_nm_rad: 0.0,
+        kd_nm_s_rad: 0.2,
+        bus: 1,
+        id,
+    }
+}
+
+/// Some joints, then some wheels.
+pub fn robot(joints: u8, wheels: u8) -> RobotConfig {
+    let channels = (0..joints).map(joint).chain((0..wheels).map(wheel)).collect();
+    RobotConfig { channels }
+}
+
+/// Frames one after the other.
+pub fn frames(count: usize, frame: impl Fn(usize) -> Vec<f32>) -> Vec<f32> {
+    (0..count).flat_map(frame).collect()
+}
+
+/// Three motions of a robot with two joints and a wheel: `stand` (SAFE, one frame), `trot`
+/// (looping), `drive` (ends); transitions between stand and each of the others.
+pub struct Fixture {
+    pub config: RobotConfig,
+    pub stand: Vec<f32>,
+    pub trot: Vec<f32>,
+    pub drive: Vec<f32>,
+    pub to_trot: Vec<f32>,
+    pub from_trot: Vec<f32>,
+    pub to_drive: Vec<f32>,
+    pub from_drive: Vec<f32>,
+}
+
+/// From the first to the last of two poses with zero speed at both ends.
+pub fn blend(count: usize, from: &[f32], to: &[f32]) -> Vec<f32> {
+    frames(count, |k| {
+        let s = k as f32 / (count - 1) as f32;
+        let s = s * s * (3.0 - 2.0 * s);
+        from.iter().zip(to).map(|(a, b)| a + s * (b - a)).collect()
+    })
+}
+
+pub const TROT_EXIT: u16 = 70;
+
+impl Fixture {
+    pub fn new() -> Self {
+        let config = robot(2, 1);
+        let stand = vec![0.5, -1.0, 0.0];
+        let trot_at = |k: usize| {
+            let phase = std::f32::consts::TAU * k as f32 / 90.0;
+            vec![0.5 + 0.3 * phase.sin(), -1.0 + 0.2 * phase.cos(), 4.0 + phase.sin()]
+        };
+        let drive_at = |k: usize| {
+            let s = std::f32::consts::PI * k as f32 / 129.0;
+            vec![0.5, -1.0 + 0.1 * s.sin(), 5.0 * s.sin()]
+        };
+        Self {
+            to_trot: blend(40, &stand, &trot_at(0)),
+            from_trot: blend(40, &trot_at(usize::from(TROT_EXIT)), &stand),
+            to_drive: blend(2, &stand, &stand),
+            from_drive: blend(20, &stand, &stand),
+            trot: frames(90, trot_at),
+            drive: frames(130, drive_at),
+            stand,
+            config,
+        }
+    }
+
+    pub fn motions(&self) -> [MotionSpec<'_>; 3] {
+        [
+            MotionSpec { name: "stand", code: 1, looping: true, frames: &self.stand },
+            MotionSpec { name: "trot", code: 20, looping: true, frames: &self.trot },
+            MotionSpec { name: "drive", code: 10, looping: false, frames: &self.drive },
+        ]
+    }
+
+    pub fn transitions(&self) -> [TransitionSpec<'_>; 4] {
+        let edge = |from, exit_frame, to, entry_frame, frames| TransitionSpec {
+            from,
+            exit_frame,
+            to,
+            entry_frame,
+            frames,
+        };
+        [
+            edge(0, 0, 1, 0, &self.to_trot),
+            edge(1, TROT_EXIT, 0, 0, &self.from_trot),
+            edge(0, 0, 2, 0, &self.to_drive),
+            edge(2, 129, 0, 0, &self.from_drive),
+        ]
+    }
+
+    pub fn encode(&self) -> Vec<u8> {
+        let (motions, transitions) = (self.motions(), self.transitions());
+        let spec = LibrarySpec {
+            config: &self.config,
+            motions: &motions,
+            transitions: &transitions,
+            safe: 0,
+        };
+        encode_vec(&spec)
+    }
+}
+
+/// The library of a specification that must be good.
+pub fn encode_vec(spec: &LibrarySpec<'_>) -> Vec<u8> {
+    let mut out = vec![0xA5; 1 << 20];
+    let len = encode(spec, &mut out).unwrap_or_else(|error| panic!("{error}"));
+    out.truncate(len);
+    out
+}

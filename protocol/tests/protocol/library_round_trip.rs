@@ -1,0 +1,135 @@
+//! What goes into a library comes out of it.
+
+use crate::fixture::{Fixture, TROT_EXIT};
+use rollwalk_protocol::library::{
+    Advance, ClipCursor, ClipId, ClipKind, Edge, EdgeId, Library, NodeId, Unreadable, validate,
+};
+
+#[test]
+fn every_value_returns_within_half_a_milliradian() {
+    let f = Fixture::new();
+    let bytes = f.encode();
+    let index = validate(&bytes, &f.config).unwrap();
+    let library = Library::open(&bytes, &index).unwrap();
+    let clips = [&f.stand, &f.trot, &f.drive, &f.to_trot, &f.from_trot, &f.to_drive, &f.from_drive];
+    for (i, values) in clips.into_iter().enumerate() {
+        let clip = ClipId(i as u8);
+        let info = library.clip(clip).unwrap();
+        assert_eq!(usize::from(info.frames), values.len() / 3);
+        let mut cursor = ClipCursor::new(&library, clip, 0).unwrap();
+        for (k, expected) in values.chunks(3).enumerate() {
+            assert_eq!(usize::from(cursor.frame()), k);
+            let mut out = [f32::NAN; 4];
+            cursor.frame_into(&library, &mut out).unwrap();
+            for (channel, (got, want)) in out.iter().zip(expected).enumerate() {
+                // Transitions' ends are moved onto the quanta of the motion that they join, which
+                // was rounded from nearly the same number: a quantum at most instead of half.
+                let tolerance = if i >= 3 { 1.0 } else { 0.5 } / 1024.0 + 1e-7;
+                assert!((got - want).abs() <= tolerance, "{clip:?} {k} {channel}: {got} {want}");
+            }
+            assert!(out[3].is_nan(), "wrote beyond the channels");
+            let last = k + 1 == usize::from(info.frames);
+            assert_eq!(cursor.at_last_frame(), last);
+            let step = cursor.advance(&library).unwrap();
+            assert_eq!(
+                step,
+                match (last, info.looping) {
+                    (false, _) => Advance::Next,
+                    (true, true) => Advance::Wrapped,
+                    (true, false) => Advance::AtEnd,
+                }
+            );
+        }
+        assert_eq!(cursor.frame(), if info.looping { 0 } else { info.frames - 1 });
+    }
+}
+
+#[test]
+fn seeking_finds_what_playing_finds() {
+    let f = Fixture::new();
+    let bytes = f.encode();
+    let index = validate(&bytes, &f.config).unwrap();
+    let library = Library::open(&bytes, &index).unwrap();
+    for i in 0..library.clip_count() {
+        let clip = ClipId(i);
+        let frames = library.clip(clip).unwrap().frames;
+        let mut played = ClipCursor::new(&library, clip, 0).unwrap();
+        let mut sought = ClipCursor::new(&library, clip, frames - 1).unwrap();
+        for k in 0..frames {
+            sought.seek(&library, k).unwrap();
+            assert_eq!(played, sought);
+            played.advance(&library).unwrap();
+        }
+        assert_eq!(sought.seek(&library, frames), Err(Unreadable));
+    }
+}
+
+#[test]
+fn the_graph_returns() {
+    let f = Fixture::new();
+    let bytes = f.encode();
+    let index = validate(&bytes, &f.config).unwrap();
+    let library = Library::open(&bytes, &index).unwrap();
+    let [stand, trot, drive] = [NodeId(0), NodeId(1), NodeId(2)];
+    assert_eq!((library.node_count(), library.edge_count(), library.clip_count()), (3, 4, 7));
+    assert_eq!(library.safe_node(), stand);
+    assert_eq!(library.node_for_code(1), Some(stand));
+    assert_eq!(library.node_for_code(10), Some(drive));
+    assert_eq!(library.node_for_code(20), Some(trot));
+    assert_eq!(library.node_for_code(2), None);
+    assert_eq!(library.next_hop(trot, drive), Some(EdgeId(1)));
+    assert_eq!(library.next_hop(stand, drive), Some(EdgeId(2)));
+    assert_eq!(library.next_hop(drive, drive), Some(EdgeId(3)), "the way round");
+    assert_eq!(library.next_hop(stand, stand), Some(EdgeId(2)), "the shorter way round");
+    assert_eq!(library.next_hop(stand, NodeId(3)), None);
+    let edge =
+        Edge { clip: ClipId(4), from: trot, exit_frame: TROT_EXIT, to: stand, entry_frame: 0 };
+    assert_eq!(library.edge(EdgeId(1)), Some(edge));
+    assert_eq!(library.edge(EdgeId(4)), None);
+    assert_eq!(library.name(drive), Some("drive"));
+    assert_eq!(library.name(NodeId(3)), None);
+    assert_eq!(library.clip(ClipId(2)).unwrap().code, Some(10));
+    assert_eq!(library.clip(ClipId(3)).unwrap().kind, ClipKind::Transition);
+    assert_eq!(library.clip(ClipId(7)), None);
+    let mut pose = [f32::NAN; 3];
+    library.safe_pose_into(&mut pose).unwrap();
+    assert_eq!(pose, [0.5, -1.0, 0.0]);
+    assert_eq!(library.safe_pose_into(&mut pose[..2]), None);
+}
+
+#[test]
+fn joints_of_the_graph_have_no_gap() {
+    let f = Fixture::new();
+    let bytes = f.encode();
+    let index = validate(&bytes, &f.config).unwrap();
+    let library = Library::open(&bytes, &index).unwrap();
+    let quanta = |clip, frame| -> Vec<i16> {
+        ClipCursor::new(&library, clip, frame).unwrap().quanta().collect()
+    };
+    for id in library.edges() {
+        let edge = library.edge(id).unwrap();
+        let last = library.clip(edge.clip).unwrap().frames - 1;
+        assert_eq!(quanta(edge.clip, 0), quanta(edge.from.clip(), edge.exit_frame));
+        assert_eq!(quanta(edge.clip, last), quanta(edge.to.clip(), edge.entry_frame));
+    }
+}
+
+#[test]
+fn other_bytes_do_not_open() {
+    let f = Fixture::new();
+    let bytes = f.encode();
+    let index = validate(&bytes, &f.config).unwrap();
+    assert!(Library::open(&bytes[1..], &index).is_none());
+    let mut other = Fixture::new();
+    other.trot[30] += 0.01;
+    assert!(Library::open(&other.encode(), &index).is_none());
+    // Written over in the middle, where opening does not look: the block's CRC notices.
+    let mut damaged = bytes.clone();
+    damaged[300] ^= 4;
+    let library = Library::open(&damaged, &index).unwrap();
+    let unreadable = (0..library.clip_count()).any(|i| {
+        let frames = library.clip(ClipId(i)).map_or(1, |info| info.frames);
+        (0..frames).any(|k| ClipCursor::new(&library, ClipId(i), k).is_err())
+    });
+    assert!(unreadable);
+}
