@@ -3,5 +3,22 @@
 //! Data flow: robot + [`motion::Motion`] → optimise → [`plan::Plan`] → sampled at 60 Hz → motion library.
 //! A pure library: no clock, no file access, no threads, so that it also builds for the browser.
 
+pub mod formulation;
+pub mod guess;
+pub mod model;
 pub mod motion;
+mod normal;
+mod optimise;
+mod penalty;
 pub mod plan;
+pub mod problem;
+pub mod rows;
+pub mod solver;
+pub mod state;
+mod swing;
+pub mod terms;
+#[cfg(test)]
+mod test_robots;
+pub mod variables;
+
+pub use optimise::{Options, optimise};

@@ -1,0 +1,120 @@
+//! The formulation: which constraints and objectives make up E(m). Read this file first.
+//!
+//! With multipliers s, penalty ρ and ψ_ε of Eq. 2.16, over all rows r (divided by their scales):
+//!
+//! ```text
+//! E(m) = Σ_equalities ρ (r + s)²  +  Σ_inequalities ρ ψ_ε(r + s)  +  Σ_costs w r²
+//! ```
+//!
+//! | constraint | equation | term |
+//! |---|---|---|
+//! | linear dynamics | 2.3 | [`DynamicsLinear`] |
+//! | angular dynamics | 2.4 | [`DynamicsAngular`] |
+//! | friction cone, unilateral contact | 2.5 | [`Friction`] |
+//! | traction of free wheels | 2.6 | [`Traction`] |
+//! | no force in swing | 2.7 | [`SwingForce`] |
+//! | no slip | 2.8, at the midpoint | [`NoSlip`] |
+//! | contact height | 2.9, with a profile | [`ContactHeight`] |
+//! | end effectors apart | 2.10 | [`Collision`] |
+//! | wheel axis | 2.13 | [`WheelAxis`] |
+//! | contact point | 2.14 | [`ContactPoint`] |
+//! | joint angle, joint speed, wheel speed limits | "physical hardware constraints" | [`JointLimit`], [`JointSpeed`], [`WheelSpeed`] |
+//! | anchor of the start, displacement, turn | "boundary conditions", "functional objectives" | [`Anchor`], [`Displacement`], [`Turn`] |
+//!
+//! Equations 2.11 and 2.12 (centre of mass, body orientation) hold by elimination; periodic, at-rest
+//! and prescribed ends by construction of the timeline ([`crate::variables`]).
+//!
+//! | cost | what it does | term |
+//! |---|---|---|
+//! | smoothness | thesis: weight 0.1 on second differences of q | [`Smoothness`] |
+//! | even forces | decides transfer to soft servos | [`EvenForce`] |
+//! | posture | near the nominal pose | [`Posture`] |
+//! | wheel speed, wheel smoothness | fixes free speeds; no jumps | [`WheelEffort`], [`WheelSmoothness`] |
+
+use crate::problem::{Problem, Unknowns};
+use crate::rows::{Columns, RowWriter, Rows, Window};
+use crate::state::State;
+use crate::terms::{
+    Anchor, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular, DynamicsLinear,
+    EvenForce, Friction, JointLimit, JointSpeed, NoSlip, Posture, Smoothness, SwingForce, Traction,
+    Turn, WheelAxis, WheelEffort, WheelSmoothness, WheelSpeed,
+};
+
+/// Which samples a term looks at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Span {
+    /// Every sample of the motion with its neighbours.
+    Samples,
+    /// Every interval of the motion: samples 1 and 2 of the window are its ends.
+    Intervals,
+    /// Once: samples 1 and 2 of the window are the first sample and the one at which the
+    /// displacement is measured.
+    Ends,
+}
+
+/// One family of residuals.
+pub trait Term: Sync {
+    /// Name, as shown in reports.
+    fn name(&self) -> &'static str;
+    /// Where it is written down.
+    fn source(&self) -> &'static str;
+    /// Unit of its residuals.
+    fn unit(&self) -> &'static str;
+    /// Which samples it looks at.
+    fn span(&self) -> Span;
+    /// Writes its rows for one window, with derivatives.
+    fn write(&self, window: &Window, out: &mut RowWriter);
+}
+
+/// All terms of the formulation.
+pub static TERMS: &[&dyn Term] = &[
+    &DynamicsLinear,
+    &DynamicsAngular,
+    &Friction,
+    &Traction,
+    &SwingForce,
+    &NoSlip,
+    &ContactHeight,
+    &Collision,
+    &WheelAxis,
+    &ContactPoint,
+    &JointLimit,
+    &JointSpeed,
+    &WheelSpeed,
+    &Anchor,
+    &Displacement,
+    &Turn,
+    &Smoothness,
+    &EvenForce,
+    &Posture,
+    &WheelEffort,
+    &WheelSmoothness,
+];
+
+/// Windows of a span, as timeline indices.
+fn windows(problem: &Problem, span: Span) -> Vec<[usize; 3]> {
+    let last_interval = problem.last() - 1;
+    match span {
+        Span::Samples => (1..=problem.samples).map(|t| [t - 1, t, t + 1]).collect(),
+        Span::Intervals => (1..=last_interval).map(|t| [t - 1, t, t + 1]).collect(),
+        Span::Ends => vec![[0, 1, problem.last()]],
+    }
+}
+
+/// Residuals and Jacobian of every term.
+pub fn evaluate(
+    problem: &Problem,
+    columns: &Columns,
+    unknowns: &Unknowns,
+    states: &[State],
+    reuse: Rows,
+) -> Rows {
+    let mut out = RowWriter::new(problem, columns, unknowns, states, reuse);
+    for (index, term) in TERMS.iter().enumerate() {
+        for at in windows(problem, term.span()) {
+            out.enter(index, at);
+            term.write(&Window { problem, at, states: at.map(|t| &states[t]) }, &mut out);
+        }
+    }
+    out.finish()
+}

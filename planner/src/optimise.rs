@@ -1,0 +1,114 @@
+//! From a motion goal, or from two motions to be joined, to a plan.
+
+use crate::guess;
+use crate::model::Model;
+use crate::motion::Motion;
+use crate::plan::{EndEffectorSample, Plan, Sample};
+use crate::problem::{Problem, Unknowns, Weights};
+use crate::solver::{self, Progress, Settings};
+use crate::state::State;
+use crate::terms::motor_speed_rad_s;
+use nalgebra::{Rotation3, UnitQuaternion};
+use rollwalk_robot::Robot;
+use std::ops::ControlFlow;
+
+/// How to optimise.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Options {
+    /// Weights of the formulation.
+    pub weights: Weights,
+    /// When the solver stops.
+    pub settings: Settings,
+}
+
+/// Optimises a motion with periodic or at-rest ends, from standing.
+///
+/// The outcome is in the plan's [`solve`](Plan::solve) summary; a plan that did not converge is
+/// returned too, so that it can be looked at. `progress` may stop the solve.
+pub fn optimise(
+    robot: &Robot,
+    motion: &Motion,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Plan {
+    let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
+    let mut unknowns = guess::from_standing(&problem);
+    let solve = solver::solve(&problem, &mut unknowns, &options.settings, progress);
+    plan(&problem, motion, &unknowns, solve)
+}
+
+/// Writes a solution down as a plan.
+fn plan(
+    problem: &Problem,
+    motion: &Motion,
+    unknowns: &Unknowns,
+    solve: crate::plan::SolveSummary,
+) -> Plan {
+    let states = problem.states(unknowns);
+    let mut samples: Vec<Sample> =
+        (0..states.len()).map(|t| sample(problem, t, &states[t], states.get(t + 1))).collect();
+    // Quaternions have two signs; keep the one nearer to the sample before.
+    for t in 1..samples.len() {
+        let before = samples[t - 1].base_orientation_wxyz;
+        let here = &mut samples[t].base_orientation_wxyz;
+        let dot: f64 = before.iter().zip(here.iter()).map(|(a, b)| a * b).sum();
+        if dot < 0.0 {
+            here.iter_mut().for_each(|c| *c = -*c);
+        }
+    }
+    let after = samples.pop().expect("the timeline has a sample after the last");
+    let before = samples.remove(0);
+    Plan {
+        format: crate::plan::FORMAT.into(),
+        version: crate::plan::VERSION,
+        robot: problem.model.robot().clone(),
+        motion: motion.clone(),
+        sample_interval_s: problem.interval_s,
+        samples,
+        before,
+        after,
+        end_placement: unknowns.placement,
+        solve,
+    }
+}
+
+/// One sample of the timeline as it is written down.
+fn sample(problem: &Problem, t: usize, state: &State, after: Option<&State>) -> Sample {
+    let layout = &problem.layout;
+    let rotation = Rotation3::from_matrix_unchecked(state.pose.world_from_body);
+    let quaternion = UnitQuaternion::from_rotation_matrix(&rotation);
+    let end_effectors = layout
+        .end_effectors
+        .iter()
+        .enumerate()
+        .map(|(j, ee)| {
+            let wheel = |pick: fn(crate::variables::WheelVars) -> usize| {
+                ee.wheel.map_or(0.0, |w| state.vars[pick(w)])
+            };
+            EndEffectorSample {
+                contact: problem.stance[t][j],
+                position_m: state.vector(ee.position).into(),
+                force_n: state.vector(ee.force).into(),
+                wheel_speed_rad_s: wheel(|w| w.speed),
+                motor_speed_rad_s: after
+                    .map_or(0.0, |after| motor_speed_rad_s(problem, j, state, after)),
+                tilt_rad: wheel(|w| w.tilt),
+                yaw_rad: wheel(|w| w.yaw),
+            }
+        })
+        .collect();
+    Sample {
+        time_s: (t as f64 - 1.0) * problem.interval_s,
+        base_position_m: state.vector(crate::model::BASE_POSITION).into(),
+        base_yaw_pitch_roll_rad: state.vector(crate::model::BASE_YAW).into(),
+        base_orientation_wxyz: [quaternion.w, quaternion.i, quaternion.j, quaternion.k],
+        joint_rad: state
+            .vars
+            .rows(crate::model::JOINTS, problem.model.robot().joints.len())
+            .iter()
+            .copied()
+            .collect(),
+        com_m: state.pose.com.into(),
+        end_effectors,
+    }
+}

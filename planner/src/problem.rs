@@ -1,0 +1,210 @@
+//! The optimisation problem: robot, timeline, contact schedule, goals, weights.
+//!
+//! Built from a motion goal ([`Problem::new`]) or from two states of other motions
+//! ([`Problem::transition`]); what it minimises is in [`crate::formulation`].
+
+use crate::model::Model;
+use crate::motion::{Ends, Goal, Motion};
+use crate::plan::Placement;
+use crate::state::State;
+use crate::swing;
+use crate::variables::{Layout, Lift, TimelineSample, force_scale_n};
+use nalgebra::DVector;
+
+/// Penalties, weights and margins. The defaults are the ones that measured best; each field says what
+/// it does to the result.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Weights {
+    /// Penalty of every constraint. Multipliers make constraints exact; the penalty sets how hard the
+    /// first steps pull towards them. Larger is surer for walking, slower for rolling.
+    pub penalty: f64,
+    /// Smoothness of q (thesis: 0.1): second differences, rad and m.
+    pub smoothness: f64,
+    /// Pull of ground forces towards an even share of the weight. Decides whether a plan survives
+    /// soft servos: too low and it leans on internal forces that no servo reproduces.
+    pub force: f64,
+    /// Pull of joints and body towards the nominal pose.
+    pub posture: f64,
+    /// Pull of wheel speeds towards zero (rim speed, m/s), which fixes them in swing.
+    pub wheel_speed: f64,
+    /// Pull of wheel speeds towards a constant (rim speed differences, m/s): wheels have inertia.
+    pub wheel_smoothness: f64,
+    /// Least normal force of a foot in stance, as a fraction of its even share of the weight.
+    pub least_normal_force: f64,
+    /// Part of the friction cone that plans use; the rest is for disturbances.
+    pub friction_use: f64,
+    /// Clearance β between end effectors, m (Eq. 2.10).
+    pub clearance_m: f64,
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self {
+            penalty: 1000.0,
+            smoothness: 0.1,
+            force: 1e-3,
+            posture: 1e-3,
+            wheel_speed: 1e-6,
+            wheel_smoothness: 1e-3,
+            least_normal_force: 0.1,
+            friction_use: 0.8,
+            clearance_m: 0.02,
+        }
+    }
+}
+
+/// An optimisation problem.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    /// The robot.
+    pub model: Model,
+    /// Layout of a sample.
+    pub layout: Layout,
+    /// Sample spacing h, s.
+    pub interval_s: f64,
+    /// Samples T of the motion. The timeline has T + 2: index 0 is before the motion.
+    pub samples: usize,
+    /// Where the samples of the timeline come from.
+    pub timeline: Vec<TimelineSample>,
+    /// Contact flags along the timeline: `[timeline sample][end effector]`.
+    pub stance: Vec<Vec<bool>>,
+    /// Contact heights along the timeline, m (Eq. 2.9).
+    pub height_m: Vec<Vec<f64>>,
+    /// Whether the motion repeats: intervals then include the one across the seam.
+    pub periodic: bool,
+    /// Entries of the slots that are not optimised: `[slot][variable]`.
+    pub frozen: Vec<Vec<bool>>,
+    /// Whether the placement (D, ψ) is optimised.
+    pub placement_free: bool,
+    /// Functional objectives.
+    pub goal: Goal,
+    /// Weights.
+    pub weights: Weights,
+}
+
+/// The unknowns: slots and placement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unknowns {
+    /// The stored samples, SI units.
+    pub slots: Vec<DVector<f64>>,
+    /// D and ψ.
+    pub placement: Placement,
+}
+
+/// A state at which a transition starts or ends, with its neighbour outside the transition.
+#[derive(Clone, Debug)]
+pub struct PrescribedEnd {
+    /// Variables of the sample at the end itself.
+    pub at: DVector<f64>,
+    /// Variables one interval further out.
+    pub beyond: DVector<f64>,
+    /// Contact flags at the end.
+    pub stance: Vec<bool>,
+}
+
+impl Problem {
+    /// The problem of a motion goal with periodic or at-rest ends.
+    pub fn new(model: Model, motion: &Motion, weights: Weights) -> Self {
+        let layout = Layout::new(&model);
+        let samples = motion.stance.len();
+        let periodic = motion.ends == Ends::Periodic;
+        let last = samples - 1;
+        let mut timeline = Vec::with_capacity(samples + 2);
+        let ghost = |slot, lift| TimelineSample {
+            slot,
+            lift: if periodic { lift } else { Lift::Identity },
+        };
+        timeline.push(ghost(if periodic { last } else { 0 }, Lift::PlacedBack));
+        timeline.extend((0..samples).map(|slot| TimelineSample { slot, lift: Lift::Identity }));
+        timeline.push(ghost(if periodic { 0 } else { last }, Lift::Placed));
+        let stance = timeline.iter().map(|s| motion.stance[s.slot].clone()).collect();
+        let intervals = if periodic { samples } else { last };
+        Self {
+            interval_s: motion.duration_s / intervals as f64,
+            samples,
+            height_m: swing::heights(&timeline, &motion.stance, periodic, motion.swing_height_m),
+            timeline,
+            stance,
+            periodic,
+            frozen: vec![vec![false; layout.len]; samples],
+            placement_free: periodic,
+            goal: motion.goal,
+            weights,
+            model,
+            layout,
+        }
+    }
+
+    /// The problem of a transition from `start` to `end`. `motion.stance` counts the samples at both
+    /// ends; the placement of the end is free, as are the ground forces at the ends.
+    pub fn transition(
+        model: Model,
+        motion: &Motion,
+        start: &PrescribedEnd,
+        end: &PrescribedEnd,
+        weights: Weights,
+    ) -> (Self, [DVector<f64>; 4]) {
+        let layout = Layout::new(&model);
+        let samples = motion.stance.len();
+        // Slots: the samples, then the two beyond the ends.
+        let mut timeline = vec![TimelineSample { slot: samples, lift: Lift::Identity }];
+        timeline.extend((0..samples).map(|slot| TimelineSample { slot, lift: Lift::Identity }));
+        timeline[samples].lift = Lift::Placed;
+        timeline.push(TimelineSample { slot: samples + 1, lift: Lift::Placed });
+        let mut slot_stance = motion.stance.clone();
+        slot_stance.push(start.stance.clone());
+        slot_stance.push(end.stance.clone());
+        let stance = timeline.iter().map(|s| slot_stance[s.slot].clone()).collect();
+        let mut frozen = vec![vec![false; layout.len]; samples + 2];
+        for slot in [samples, samples + 1] {
+            frozen[slot].fill(true);
+        }
+        for slot in [0, samples - 1] {
+            frozen[slot].fill(true);
+            for ee in &layout.end_effectors {
+                frozen[slot][ee.force..ee.force + 3].fill(false);
+            }
+        }
+        // The speed of the first interval belongs to the first sample and is free.
+        for wheel in layout.end_effectors.iter().filter_map(|e| e.wheel) {
+            frozen[0][wheel.speed] = false;
+        }
+        let problem = Self {
+            interval_s: motion.duration_s / (samples - 1) as f64,
+            samples,
+            height_m: swing::heights(&timeline, &slot_stance, false, motion.swing_height_m),
+            timeline,
+            stance,
+            periodic: false,
+            frozen,
+            placement_free: true,
+            goal: motion.goal,
+            weights,
+            model,
+            layout,
+        };
+        let fixed = [start.at.clone(), end.at.clone(), start.beyond.clone(), end.beyond.clone()];
+        (problem, fixed)
+    }
+
+    /// Ground force that one foot carries when all stand, Mg/n, N.
+    pub fn force_scale_n(&self) -> f64 {
+        force_scale_n(&self.model)
+    }
+
+    /// Timeline index of the sample at which the motion's displacement is measured.
+    pub fn last(&self) -> usize {
+        if self.periodic { self.samples + 1 } else { self.samples }
+    }
+
+    /// Evaluates the whole timeline.
+    pub fn states(&self, unknowns: &Unknowns) -> Vec<State> {
+        self.timeline
+            .iter()
+            .map(|s| {
+                let vars = s.lift.apply(&self.layout, &unknowns.slots[s.slot], &unknowns.placement);
+                State::new(&self.model, &self.layout, vars)
+            })
+            .collect()
+    }
+}

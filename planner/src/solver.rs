@@ -1,0 +1,189 @@
+//! Gauss-Newton with multipliers: the default solver.
+//!
+//! Every row is squared and Gauss-Newton steps with Levenberg-Marquardt damping lower the energy of
+//! [`crate::formulation`]; whenever the energy is nearly as low as it gets for the present
+//! multipliers, they are shifted: s ← s + r for equalities, s ← ψ′(r + s)/2 for inequalities. That
+//! makes constraints exact with a modest penalty, where the thesis's penalty of 10 000 alone makes a
+//! narrow curved valley.
+
+use crate::formulation::{self, TERMS};
+use crate::normal::{NormalEquations, row_energy};
+use crate::plan::{SolveSummary, Status};
+use crate::problem::{Problem, Unknowns};
+use crate::rows::{Columns, Role, Rows};
+use std::ops::ControlFlow;
+
+/// Part of its credible level that the worst constraint may reach in a converged plan.
+pub const ACCEPTED_LEVEL: f64 = 0.2;
+
+/// When to stop and how to step. The defaults suit every shipped motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Most iterations.
+    pub iterations: usize,
+    /// Worst constraint, as a fraction of its credible level, at which a plan is good enough.
+    pub target_level: f64,
+    /// Relative energy decrease of a step below which multipliers are shifted, or, when constraints
+    /// hold, the solve ends.
+    pub flat: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { iterations: 300, target_level: 0.02, flat: 0.01 }
+    }
+}
+
+/// Where a solve stands; passed to the caller after every iteration.
+#[derive(Clone, Debug)]
+pub struct Progress {
+    /// Iterations so far.
+    pub iteration: usize,
+    /// Energy E(m).
+    pub energy: f64,
+    /// Part of the energy that is cost rather than constraint.
+    pub cost: f64,
+    /// Worst constraint as a fraction of its credible level.
+    pub worst_level: f64,
+    /// Its name.
+    pub worst_constraint: &'static str,
+    /// Damping λ.
+    pub damping: f64,
+    /// Length of the step, scaled variables.
+    pub step: f64,
+}
+
+/// The worst constraint row: its index and its residual over its credible level.
+fn worst(rows: &Rows) -> (usize, f64) {
+    let level = |row: &crate::rows::Row| match row.role {
+        Role::Equality => row.value.abs() * row.scale / row.level,
+        Role::Inequality { .. } => row.value.max(0.0) * row.scale / row.level,
+        Role::Cost { .. } => 0.0,
+    };
+    rows.rows
+        .iter()
+        .enumerate()
+        .map(|(index, row)| (index, level(row)))
+        .fold((0, 0.0), |worst, this| if this.1 > worst.1 { this } else { worst })
+}
+
+/// Minimises E(m) from a starting point, in place.
+///
+/// `progress` is called after every iteration and may stop the solve, which keeps the best point so
+/// far. Deterministic: the same problem and start give the same result.
+pub fn solve(
+    problem: &Problem,
+    unknowns: &mut Unknowns,
+    settings: &Settings,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> SolveSummary {
+    let columns = Columns::new(problem);
+    let penalty = problem.weights.penalty;
+    let states = problem.states(unknowns);
+    let mut rows = formulation::evaluate(problem, &columns, unknowns, &states, Rows::default());
+    let mut trial_rows = Rows::default();
+    let mut normal = NormalEquations::new(&rows, columns.count);
+    let mut shifts = vec![0.0; rows.rows.len()];
+    let mut energy = NormalEquations::energy(&rows, &shifts, penalty);
+    let mut damping = 1e-3;
+    let mut status = Status::IterationLimit;
+    let mut iteration = 0;
+    let mut last_step = 0.0;
+    let mut best_level = f64::INFINITY;
+    let mut stalled = 0;
+
+    while iteration < settings.iterations {
+        iteration += 1;
+        normal.assemble(&rows, &shifts, penalty);
+        let mut decrease = 0.0;
+        // Damp until the step lowers the energy about as promised.
+        while damping < 1e12 {
+            let Some(step) = normal.step(damping) else {
+                damping *= 10.0;
+                continue;
+            };
+            let mut trial = unknowns.clone();
+            columns.add_step(problem, &mut trial, &step);
+            let states = problem.states(&trial);
+            trial_rows = formulation::evaluate(problem, &columns, &trial, &states, trial_rows);
+            let trial_energy = NormalEquations::energy(&trial_rows, &shifts, penalty);
+            let ratio = (energy - trial_energy) / normal.promised_decrease(&step, damping);
+            if ratio > 1e-3 {
+                decrease = (energy - trial_energy) / energy.max(f64::MIN_POSITIVE);
+                last_step = step.iter().map(|d| d * d).sum::<f64>().sqrt();
+                *unknowns = trial;
+                std::mem::swap(&mut rows, &mut trial_rows);
+                energy = trial_energy;
+                if ratio > 0.7 {
+                    damping = (damping * 0.2).max(1e-9);
+                } else if ratio < 0.25 {
+                    damping *= 3.0;
+                }
+                break;
+            }
+            if energy - trial_energy > -1e-13 * energy {
+                break; // As low as rounding lets it get.
+            }
+            damping = (damping * 6.0).max(1e-7);
+        }
+        let (row, level) = worst(&rows);
+        let cost: f64 = rows
+            .rows
+            .iter()
+            .filter(|r| matches!(r.role, Role::Cost { .. }))
+            .map(|r| row_energy(r, 0.0, penalty)[0])
+            .sum();
+        let report = Progress {
+            iteration,
+            energy,
+            cost,
+            worst_level: level,
+            worst_constraint: TERMS[rows.rows[row].term].name(),
+            damping,
+            step: last_step,
+        };
+        if progress(&report).is_break() {
+            status = Status::Interrupted;
+            break;
+        }
+        if decrease < settings.flat {
+            if level <= settings.target_level {
+                status = Status::Converged;
+                break;
+            }
+            if level < 0.9 * best_level {
+                best_level = level;
+                stalled = 0;
+            } else {
+                stalled += 1;
+                if stalled >= 25 {
+                    status = if level <= ACCEPTED_LEVEL {
+                        Status::Converged
+                    } else {
+                        Status::Infeasible
+                    };
+                    break;
+                }
+            }
+            for (row, shift) in rows.rows.iter().zip(&mut shifts) {
+                match row.role {
+                    Role::Equality => *shift += row.value,
+                    Role::Inequality { .. } => *shift = row_energy(row, *shift, 1.0)[1] / 2.0,
+                    Role::Cost { .. } => {}
+                }
+            }
+            energy = NormalEquations::energy(&rows, &shifts, penalty);
+        }
+    }
+    let (row, level) = worst(&rows);
+    if status == Status::IterationLimit && level <= ACCEPTED_LEVEL {
+        status = Status::Converged;
+    }
+    SolveSummary {
+        status,
+        iterations: iteration,
+        energy,
+        worst_level: level,
+        worst_constraint: TERMS[rows.rows[row].term].name().into(),
+    }
+}

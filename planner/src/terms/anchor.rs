@@ -1,0 +1,33 @@
+//! The motion starts at the world's origin, heading along x: x₁ = y₁ = yaw₁ = 0 for the base. Three
+//! rows a motion, m and rad; without them every plan could be moved about the plane.
+
+use super::level;
+use crate::formulation::{Span, Term};
+use crate::model::{BASE_POSITION, BASE_YAW};
+use crate::rows::{Role, RowWriter, Window};
+
+/// See the module.
+pub struct Anchor;
+
+impl Term for Anchor {
+    fn name(&self) -> &'static str {
+        "anchor"
+    }
+    fn source(&self) -> &'static str {
+        "sec. 2.4.1, boundary"
+    }
+    fn unit(&self) -> &'static str {
+        "m, rad"
+    }
+    fn span(&self) -> Span {
+        Span::Ends
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        out.set(1.0, level::POSITION_M, Role::Equality);
+        for variable in [BASE_POSITION, BASE_POSITION + 1, BASE_YAW] {
+            out.d(1, variable, 1.0);
+            out.row(None, window.states[1].vars[variable]);
+        }
+    }
+}

@@ -1,0 +1,34 @@
+//! Height of contact points (Eq. 2.9): 0 in stance, the profile of [`crate::swing`] in swing. One row
+//! an end effector and sample, m.
+
+use super::level;
+use crate::formulation::{Span, Term};
+use crate::rows::{Role, RowWriter, Subject, Window};
+
+/// See the module.
+pub struct ContactHeight;
+
+impl Term for ContactHeight {
+    fn name(&self) -> &'static str {
+        "contact height"
+    }
+    fn source(&self) -> &'static str {
+        "Eq. 2.9"
+    }
+    fn unit(&self) -> &'static str {
+        "m"
+    }
+    fn span(&self) -> Span {
+        Span::Samples
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        out.set(1.0, level::POSITION_M, Role::Equality);
+        for (j, ee) in window.problem.layout.end_effectors.iter().enumerate() {
+            let z = ee.position + 2;
+            out.d(1, z, 1.0);
+            let height = window.problem.height_m[window.at[1]][j];
+            out.row(Some(Subject::EndEffector(j)), window.states[1].vars[z] - height);
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Every derivative of every term against central differences, on every shipped robot, at random
+//! poses, with every kind of ends.
+
+use crate::formulation::{self, TERMS};
+use crate::model::Model;
+use crate::motion::Ends;
+use crate::problem::{Problem, Unknowns, Weights};
+use crate::rows::{Columns, Rows};
+use crate::test_robots::{self, random_unknowns};
+
+/// Central differences of this step in scaled variables: truncation about step², rounding about
+/// 1e-13/step for residuals of size 1000.
+const STEP: f64 = 1e-5;
+/// Both of the above with a margin, relative to the size of the row's derivatives.
+const TOLERANCE: f64 = 2e-6;
+
+fn check(problem: &Problem, unknowns: &Unknowns, seen: &mut [usize]) {
+    let columns = Columns::new(problem);
+    let rows_at = |unknowns: &Unknowns| {
+        let states = problem.states(unknowns);
+        formulation::evaluate(problem, &columns, unknowns, &states, Rows::default())
+    };
+    let base = rows_at(unknowns);
+    let mut dense = vec![vec![0.0; columns.count]; base.rows.len()];
+    for (row, dense) in base.rows.iter().zip(&mut dense) {
+        seen[row.term] += 1;
+        for entry in row.entries.clone() {
+            dense[base.columns[entry]] = base.derivatives[entry];
+        }
+    }
+    for column in 0..columns.count {
+        let shifted = |sign: f64| {
+            let mut step = vec![0.0; columns.count];
+            step[column] = sign * STEP;
+            let mut unknowns = unknowns.clone();
+            columns.add_step(problem, &mut unknowns, &step);
+            rows_at(&unknowns)
+        };
+        let (plus, minus) = (shifted(1.0), shifted(-1.0));
+        for (index, row) in base.rows.iter().enumerate() {
+            let numeric = (plus.rows[index].value - minus.rows[index].value) / (2.0 * STEP);
+            let size = dense[index].iter().fold(1.0f64, |a, d| a.max(d.abs()));
+            let error = (numeric - dense[index][column]).abs() / size;
+            assert!(
+                error < TOLERANCE,
+                "{} of {} at sample {}, {:?}, column {column}: exact {} numeric {numeric}",
+                TERMS[row.term].name(),
+                problem.model.robot().name,
+                row.at,
+                row.subject,
+                dense[index][column],
+            );
+        }
+    }
+}
+
+#[test]
+fn every_term_matches_finite_differences_on_every_robot() {
+    let robots = test_robots::all();
+    let mut seen = vec![0; TERMS.len()];
+    for robot in &robots {
+        for (seed, ends) in [Ends::Periodic, Ends::AtRest, Ends::Prescribed].into_iter().enumerate()
+        {
+            let model = Model::new(robot);
+            let motion = test_robots::motion(robot, ends);
+            let problem = if ends == Ends::Prescribed {
+                let random = random_unknowns(&model, 4, 77).slots;
+                let end = |k: usize| crate::problem::PrescribedEnd {
+                    at: random[k].clone(),
+                    beyond: random[k + 1].clone(),
+                    stance: motion.stance[0].clone(),
+                };
+                Problem::transition(model, &motion, &end(0), &end(2), Weights::default()).0
+            } else {
+                Problem::new(model, &motion, Weights::default())
+            };
+            let unknowns = random_unknowns(&problem.model, problem.frozen.len(), seed as u64);
+            check(&problem, &unknowns, &mut seen);
+        }
+    }
+    // A term that wrote no row was not checked.
+    for (term, rows) in TERMS.iter().zip(&seen) {
+        assert!(*rows > 0, "{} wrote no rows", term.name());
+    }
+}

@@ -1,0 +1,53 @@
+//! Linear centroidal dynamics (Eq. 2.3): Σ f + M g − M ẍ = 0, ẍ by second differences of the centre
+//! of mass. Three rows a sample, N, in world.
+
+use super::level;
+use crate::formulation::{Span, Term};
+use crate::rows::{Role, RowWriter, Window};
+use crate::variables::GRAVITY_M_S2;
+use nalgebra::Vector3;
+
+/// See the module.
+pub struct DynamicsLinear;
+
+impl Term for DynamicsLinear {
+    fn name(&self) -> &'static str {
+        "linear dynamics"
+    }
+    fn source(&self) -> &'static str {
+        "Eq. 2.3"
+    }
+    fn unit(&self) -> &'static str {
+        "N"
+    }
+    fn span(&self) -> Span {
+        Span::Samples
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        let mass = problem.model.total_mass_kg();
+        let m_h2 = mass / problem.interval_s.powi(2);
+        let [before, here, after] = window.states;
+        let mut residual = Vector3::new(0.0, 0.0, -mass * GRAVITY_M_S2)
+            - (before.pose.com - here.pose.com * 2.0 + after.pose.com) * m_h2;
+        for ee in &problem.layout.end_effectors {
+            residual += here.vector(ee.force);
+        }
+        out.set(problem.force_scale_n(), level::DYNAMICS_N, Role::Equality);
+        for c in 0..3 {
+            for (k, weight) in [(0, -m_h2), (1, 2.0 * m_h2), (2, -m_h2)] {
+                for (dof, column) in window.states[k].pose.d_com.iter().enumerate() {
+                    // The base position moves the COM along itself only.
+                    if dof >= 3 || dof == c {
+                        out.d(k, dof, weight * column[c]);
+                    }
+                }
+            }
+            for ee in &problem.layout.end_effectors {
+                out.d(1, ee.force + c, 1.0);
+            }
+            out.row(None, residual[c]);
+        }
+    }
+}

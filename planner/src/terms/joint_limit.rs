@@ -1,0 +1,38 @@
+//! Joint angles stay within their limits. Two inequality rows a joint and sample, rad.
+
+use super::level;
+use crate::formulation::{Span, Term};
+use crate::model::JOINTS;
+use crate::rows::{Role, RowWriter, Subject, Window};
+
+/// See the module.
+pub struct JointLimit;
+
+/// Half-width of the smoothing of Eq. 2.16, rad.
+const BAND_RAD: f64 = 0.05;
+
+impl Term for JointLimit {
+    fn name(&self) -> &'static str {
+        "joint limit"
+    }
+    fn source(&self) -> &'static str {
+        "sec. 2.4.1, hardware"
+    }
+    fn unit(&self) -> &'static str {
+        "rad"
+    }
+    fn span(&self) -> Span {
+        Span::Samples
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        out.set(1.0, level::JOINT_RAD, Role::Inequality { band: BAND_RAD });
+        for (j, joint) in window.problem.model.robot().joints.iter().enumerate() {
+            let angle = window.states[1].vars[JOINTS + j];
+            out.d(1, JOINTS + j, 1.0);
+            out.row(Some(Subject::Joint(j)), angle - joint.position_max_rad);
+            out.d(1, JOINTS + j, -1.0);
+            out.row(Some(Subject::Joint(j)), joint.position_min_rad - angle);
+        }
+    }
+}

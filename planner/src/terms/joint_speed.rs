@@ -1,0 +1,42 @@
+//! Joint speeds stay within their limits. Two inequality rows a joint and interval, rad/s.
+
+use super::level;
+use crate::formulation::{Span, Term};
+use crate::model::JOINTS;
+use crate::rows::{Role, RowWriter, Subject, Window};
+
+/// See the module.
+pub struct JointSpeed;
+
+/// Half-width of the smoothing of Eq. 2.16, as a fraction of the limit (thesis: 10 %).
+pub(super) const BAND_FRACTION: f64 = 0.1;
+
+impl Term for JointSpeed {
+    fn name(&self) -> &'static str {
+        "joint speed"
+    }
+    fn source(&self) -> &'static str {
+        "sec. 2.4.1, hardware"
+    }
+    fn unit(&self) -> &'static str {
+        "rad/s"
+    }
+    fn span(&self) -> Span {
+        Span::Intervals
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let h = window.problem.interval_s;
+        let [_, here, after] = window.states;
+        for (j, joint) in window.problem.model.robot().joints.iter().enumerate() {
+            let limit = joint.actuator.speed_max_rad_s;
+            out.set(limit, level::SPEED_FRACTION * limit, Role::Inequality { band: BAND_FRACTION });
+            let speed = (after.vars[JOINTS + j] - here.vars[JOINTS + j]) / h;
+            for sign in [1.0, -1.0] {
+                out.d(1, JOINTS + j, -sign / h);
+                out.d(2, JOINTS + j, sign / h);
+                out.row(Some(Subject::Joint(j)), sign * speed - limit);
+            }
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Regularisers: weak costs that choose among the plans that the constraints leave.
+
+use crate::formulation::{Span, Term};
+use crate::model::{BASE_POSITION, BASE_YAW, JOINTS};
+use crate::rows::{Role, RowWriter, Window};
+
+/// Ground forces near an even share of the weight among the feet in stance, in units of Mg/n. Decides
+/// whether a plan survives soft servos.
+pub struct EvenForce;
+
+/// Joints near their nominal angles, body level and at its nominal height.
+pub struct Posture;
+
+/// Wheels that need not turn do not (rim speed, m/s).
+pub struct WheelEffort;
+
+/// Wheels change their speed gently (rim speed difference between intervals, m/s).
+pub struct WheelSmoothness;
+
+impl Term for EvenForce {
+    fn name(&self) -> &'static str {
+        "even force"
+    }
+    fn source(&self) -> &'static str {
+        "regulariser"
+    }
+    fn unit(&self) -> &'static str {
+        "N"
+    }
+    fn span(&self) -> Span {
+        Span::Samples
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        let scale = problem.force_scale_n();
+        out.set(scale, f64::INFINITY, Role::Cost { weight: problem.weights.force });
+        let count = problem.layout.end_effectors.len();
+        let standing = (0..count).filter(|&j| window.stance(1, j)).count();
+        let share = scale * count as f64 / standing.max(1) as f64;
+        for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
+            if !window.stance(1, j) {
+                continue;
+            }
+            for (c, target) in [0.0, 0.0, share].into_iter().enumerate() {
+                out.d(1, ee.force + c, 1.0);
+                out.row(None, window.states[1].vars[ee.force + c] - target);
+            }
+        }
+    }
+}
+
+impl Term for Posture {
+    fn name(&self) -> &'static str {
+        "posture"
+    }
+    fn source(&self) -> &'static str {
+        "regulariser"
+    }
+    fn unit(&self) -> &'static str {
+        "m, rad"
+    }
+    fn span(&self) -> Span {
+        Span::Samples
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        out.set(1.0, f64::INFINITY, Role::Cost { weight: problem.weights.posture });
+        let nominal = problem.model.nominal_q();
+        let level = [BASE_POSITION + 2, BASE_YAW + 1, BASE_YAW + 2];
+        for dof in level.into_iter().chain(JOINTS..problem.layout.dofs) {
+            out.d(1, dof, 1.0);
+            out.row(None, window.states[1].vars[dof] - nominal[dof]);
+        }
+    }
+}
+
+impl Term for WheelEffort {
+    fn name(&self) -> &'static str {
+        "wheel effort"
+    }
+    fn source(&self) -> &'static str {
+        "regulariser"
+    }
+    fn unit(&self) -> &'static str {
+        "m/s"
+    }
+    fn span(&self) -> Span {
+        Span::Samples
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        out.set(1.0, f64::INFINITY, Role::Cost { weight: problem.weights.wheel_speed });
+        for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
+            let Some(wheel) = ee.wheel else { continue };
+            let radius = problem.model.robot().end_effectors[j].radius_m;
+            out.d(1, wheel.speed, radius);
+            out.row(None, window.states[1].vars[wheel.speed] * radius);
+        }
+    }
+}
+
+impl Term for WheelSmoothness {
+    fn name(&self) -> &'static str {
+        "wheel smoothness"
+    }
+    fn source(&self) -> &'static str {
+        "regulariser"
+    }
+    fn unit(&self) -> &'static str {
+        "m/s"
+    }
+    fn span(&self) -> Span {
+        Span::Intervals
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        out.set(1.0, f64::INFINITY, Role::Cost { weight: problem.weights.wheel_smoothness });
+        for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
+            let Some(wheel) = ee.wheel else { continue };
+            let radius = problem.model.robot().end_effectors[j].radius_m;
+            out.d(1, wheel.speed, -radius);
+            out.d(2, wheel.speed, radius);
+            let [_, here, after] = window.states.map(|s| s.vars[wheel.speed]);
+            out.row(None, (after - here) * radius);
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! Smooth motion (sec. 2.4.1, regularisers): second differences q₋ − 2q + q₊ of base and joints. One
+//! cost row a degree of freedom and sample, m or rad.
+
+use crate::formulation::{Span, Term};
+use crate::rows::{Role, RowWriter, Window};
+
+/// See the module.
+pub struct Smoothness;
+
+impl Term for Smoothness {
+    fn name(&self) -> &'static str {
+        "smoothness"
+    }
+    fn source(&self) -> &'static str {
+        "sec. 2.4.1, regularisers"
+    }
+    fn unit(&self) -> &'static str {
+        "m, rad"
+    }
+    fn span(&self) -> Span {
+        Span::Samples
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let weight = window.problem.weights.smoothness;
+        out.set(1.0, f64::INFINITY, Role::Cost { weight });
+        let [before, here, after] = window.states.map(|s| &s.vars);
+        for dof in 0..window.problem.layout.dofs {
+            out.d(0, dof, 1.0);
+            out.d(1, dof, -2.0);
+            out.d(2, dof, 1.0);
+            out.row(None, before[dof] - 2.0 * here[dof] + after[dof]);
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! No force without contact (Eq. 2.7): f = 0 in swing. Three rows an end effector and sample, N.
+
+use super::level;
+use crate::formulation::{Span, Term};
+use crate::rows::{Role, RowWriter, Subject, Window};
+
+/// See the module.
+pub struct SwingForce;
+
+impl Term for SwingForce {
+    fn name(&self) -> &'static str {
+        "swing force"
+    }
+    fn source(&self) -> &'static str {
+        "Eq. 2.7"
+    }
+    fn unit(&self) -> &'static str {
+        "N"
+    }
+    fn span(&self) -> Span {
+        Span::Samples
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        out.set(window.problem.force_scale_n(), level::FORCE_N, Role::Equality);
+        for (j, ee) in window.problem.layout.end_effectors.iter().enumerate() {
+            if window.stance(1, j) {
+                continue;
+            }
+            for c in 0..3 {
+                out.d(1, ee.force + c, 1.0);
+                out.row(Some(Subject::EndEffector(j)), window.states[1].vars[ee.force + c]);
+            }
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! Motors of driven wheels stay within their speed. Two inequality rows a driven wheel and interval,
+//! rad/s.
+//!
+//! A motor turns the wheel relative to the link that carries it, so its speed is not ω but
+//! ω + α̇_yaw (v·a) − Ω_link·a, with a at the middle of the interval.
+
+use super::{joint_speed::BAND_FRACTION, level};
+use crate::formulation::{Span, Term};
+use crate::model::rotation;
+use crate::problem::Problem;
+use crate::rows::{Role, RowWriter, Subject, Window};
+use crate::state::{ContactFrame, State, d_yaw};
+use crate::variables::WheelVars;
+use nalgebra::Vector3;
+use rollwalk_robot::Contact;
+
+/// See the module.
+pub struct WheelSpeed;
+
+/// Motor speed of wheel `j` on the interval between two samples, rad/s, about the axis of the robot
+/// file.
+pub fn motor_speed_rad_s(problem: &Problem, j: usize, here: &State, after: &State) -> f64 {
+    let Some(wheel) = problem.layout.end_effectors[j].wheel else { return 0.0 };
+    let (axis, _) = middle_axis(wheel, here, after);
+    let yaw_rate = (after.vars[wheel.yaw] - here.vars[wheel.yaw]) / problem.interval_s;
+    let turn = link_turn(j, here, after);
+    here.vars[wheel.speed] + yaw_rate * axis.z - axis.dot(&turn) / problem.interval_s
+}
+
+/// Wheel axis at the middle of an interval, and its derivative with respect to the tilt there.
+fn middle_axis(wheel: WheelVars, here: &State, after: &State) -> (Vector3<f64>, Vector3<f64>) {
+    let middle = |v: usize| 0.5 * (here.vars[v] + after.vars[v]);
+    let frame = ContactFrame::wheel(1.0, middle(wheel.tilt), middle(wheel.yaw));
+    (frame.axis, frame.d_axis_tilt)
+}
+
+/// Rotation vector of the mounting link's turn over an interval, in world, rad.
+fn link_turn(j: usize, here: &State, after: &State) -> Vector3<f64> {
+    let (from, to) = (&here.pose.end_effectors[j], &after.pose.end_effectors[j]);
+    rotation::log(&(to.world_from_link * from.world_from_link.transpose()))
+}
+
+impl Term for WheelSpeed {
+    fn name(&self) -> &'static str {
+        "wheel motor speed"
+    }
+    fn source(&self) -> &'static str {
+        "sec. 2.4.1, hardware"
+    }
+    fn unit(&self) -> &'static str {
+        "rad/s"
+    }
+    fn span(&self) -> Span {
+        Span::Intervals
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        let h = problem.interval_s;
+        let [_, here, after] = window.states;
+        for (j, ee) in problem.model.robot().end_effectors.iter().enumerate() {
+            let (Contact::ActuatedWheel { actuator, .. }, Some(wheel)) =
+                (&ee.contact, problem.layout.end_effectors[j].wheel)
+            else {
+                continue;
+            };
+            let limit = actuator.speed_max_rad_s;
+            out.set(limit, level::SPEED_FRACTION * limit, Role::Inequality { band: BAND_FRACTION });
+            let speed = motor_speed_rad_s(problem, j, here, after);
+
+            let (axis, d_axis_tilt) = middle_axis(wheel, here, after);
+            let turn = link_turn(j, here, after);
+            let yaw_rate = (after.vars[wheel.yaw] - here.vars[wheel.yaw]) / h;
+            // Through the axis at the middle, which moves half as far as either end.
+            let d_tilt = 0.5 * (yaw_rate * d_axis_tilt.z - d_axis_tilt.dot(&turn) / h);
+            let d_yaw_mid = -0.5 * d_yaw(&axis).dot(&turn) / h;
+            // Through the turn of the link: log(exp(δ₊) Φ exp(−δ)).
+            let right = rotation::right_jacobian_inverse(&turn);
+            let d_here = (right.transpose() * axis) / h;
+            let d_after = -(right * axis) / h;
+            for sign in [1.0, -1.0] {
+                out.d(1, wheel.speed, sign);
+                for (k, d_rate) in [(1, -axis.z / h), (2, axis.z / h)] {
+                    out.d(k, wheel.tilt, sign * d_tilt);
+                    out.d(k, wheel.yaw, sign * (d_yaw_mid + d_rate));
+                }
+                for (k, state, d) in [(1, here, d_here), (2, after, d_after)] {
+                    let mount = &state.pose.end_effectors[j];
+                    let columns = problem.model.chain(j).dofs.iter().zip(&mount.d_rotation);
+                    for (&dof, rotation_axis) in columns.skip(3) {
+                        out.d(k, dof, sign * d.dot(rotation_axis));
+                    }
+                }
+                out.row(Some(Subject::EndEffector(j)), sign * speed - limit);
+            }
+        }
+    }
+}
