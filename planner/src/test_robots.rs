@@ -10,7 +10,11 @@ use rollwalk_robot::Robot;
 
 /// The shipped robots: driven wheels, free wheels, feet.
 pub fn all() -> Vec<Robot> {
-    [("agilebot.toml", include_str!("../../robots/agilebot.toml"))]
+    [
+        ("agilebot.toml", include_str!("../../robots/agilebot.toml")),
+        ("swizzlebot.toml", include_str!("../../robots/swizzlebot.toml")),
+        ("creature3.toml", include_str!("../../robots/creature3.toml")),
+    ]
         .map(|(name, text)| Robot::from_toml(name, text).expect("shipped robots are valid"))
         .to_vec()
 }

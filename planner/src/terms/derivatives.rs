@@ -57,6 +57,7 @@ fn check(problem: &Problem, unknowns: &Unknowns, seen: &mut [usize]) {
 #[test]
 fn every_term_matches_finite_differences_on_every_robot() {
     let robots = test_robots::all();
+    assert!(robots.len() >= 3);
     let mut seen = vec![0; TERMS.len()];
     for robot in &robots {
         for (seed, ends) in [Ends::Periodic, Ends::AtRest, Ends::Prescribed].into_iter().enumerate()
@@ -80,7 +81,6 @@ fn every_term_matches_finite_differences_on_every_robot() {
     }
     // A term that wrote no row was not checked.
     for (term, rows) in TERMS.iter().zip(&seen) {
-        let needs_free_wheels = term.name() == "free-wheel traction";
-        assert!(*rows > 0 || needs_free_wheels, "{} wrote no rows", term.name());
+        assert!(*rows > 0, "{} wrote no rows", term.name());
     }
 }
