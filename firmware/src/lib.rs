@@ -2,7 +2,11 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod actuators;
+pub mod align;
 pub mod hermite;
 pub mod limiter;
+pub mod player;
 pub mod safety;
 pub mod store;
+pub mod walk;

@@ -76,6 +76,27 @@ fn limited(limits: &Channel, last: f32, target: Target, period_s: f32) -> Target
     Target { value, slope: slope.max(-limits.max_rate).min(limits.max_rate) }
 }
 
+/// The gains `(kp, kd)`, both scaled down when `kp·position_error + kd·velocity_error` would ask for
+/// more than `max_torque_nm`. Errors are target minus last measurement, in rad and rad/s.
+///
+/// The actuator has a torque limit of its own; this one holds even when that is set wrongly.
+pub fn gains_within_torque(
+    (kp, kd): (f32, f32),
+    position_error: f32,
+    velocity_error: f32,
+    max_torque_nm: f32,
+) -> (f32, f32) {
+    let torque = (kp * position_error + kd * velocity_error).abs();
+    if torque <= max_torque_nm {
+        (kp, kd)
+    } else if torque.is_finite() {
+        let scale = max_torque_nm / torque;
+        (kp * scale, kd * scale)
+    } else {
+        (0.0, 0.0)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -133,6 +154,19 @@ mod tests {
                 prop_assert!(out.slope.abs() <= 6.0);
                 last = out.value;
             }
+        }
+
+        /// The torque asked for is within the limit, and the gains are touched only if they must.
+        #[test]
+        fn torque_is_bounded(gains in (0.0f32..655.0, 0.0f32..65.0), e in -7.0f32..7.0, de in -130.0f32..130.0, most in 0.01f32..160.0) {
+            let (kp, kd) = gains_within_torque(gains, e, de, most);
+            let asked = gains.0 * e + gains.1 * de;
+            let torque = kp * e + kd * de;
+            // Cancellation: a few roundings of the larger of the two parts.
+            let rounding = 1e-6 * (kp * e).abs().max((kd * de).abs());
+            prop_assert!(torque.abs() <= most + rounding);
+            prop_assert!(asked.abs() > most || (kp, kd) == gains);
+            prop_assert_eq!(gains_within_torque(gains, f32::NAN, de, most), (0.0, 0.0));
         }
 
         /// What is within the limits passes unchanged.

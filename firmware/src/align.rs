@@ -1,0 +1,122 @@
+//! From wherever the robot stands to the SAFE pose: one smooth ramp for all channels.
+//!
+//! The ramp is the minimum-jerk quintic from the measured pose to the entry pose, at rest at both
+//! ends. All channels arrive together; the slowest one decides the duration.
+
+use heapless::Vec;
+use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
+
+use crate::limiter::Target;
+
+/// Peak speed of the quintic on a unit interval, s'(1/2) = 30/16.
+const PEAK_SPEED: f32 = 1.875;
+
+/// Shortest ramp, s: a robot that already stands right still gets a defined start.
+const MIN_DURATION_S: f32 = 0.25;
+
+/// A ramp under way.
+#[derive(Clone, Debug)]
+pub struct Ramp {
+    ends: Vec<(f32, f32), MAX_CHANNELS>,
+    duration_s: f32,
+    elapsed_s: f32,
+}
+
+impl Ramp {
+    /// A ramp of `(from, to)` per channel whose joints stay below `speed_rad_s` and their own rate.
+    pub fn new(
+        config: &RobotConfig,
+        ends: impl Iterator<Item = (f32, f32)>,
+        speed_rad_s: f32,
+    ) -> Self {
+        let ends: Vec<_, MAX_CHANNELS> = ends.take(MAX_CHANNELS).collect();
+        let needed = config.channels.iter().zip(&ends).map(|(channel, (from, to))| {
+            // A wheel's value is a speed and its rate an acceleration: only that bounds it.
+            let rate = match channel.kind {
+                ChannelKind::JointPosition => channel.max_rate.min(speed_rad_s),
+                ChannelKind::WheelSpeed => channel.max_rate,
+            };
+            PEAK_SPEED * (to - from).abs() / rate
+        });
+        Self { duration_s: needed.fold(MIN_DURATION_S, f32::max), ends, elapsed_s: 0.0 }
+    }
+
+    /// Targets at the present moment; the first are the measured pose at rest.
+    pub fn target(&self, channel: usize) -> Option<Target> {
+        let &(from, to) = self.ends.get(channel)?;
+        let u = (self.elapsed_s / self.duration_s).min(1.0);
+        let blend = u * u * u * (10.0 + u * (6.0 * u - 15.0));
+        let rate = 30.0 * u * u * (1.0 - u) * (1.0 - u) / self.duration_s;
+        // At the end exactly the entry pose: `from + (to - from)` may round differently.
+        let value = if u == 1.0 { to } else { from + blend * (to - from) };
+        Some(Target { value, slope: rate * (to - from) })
+    }
+
+    /// Lets time pass.
+    pub fn advance(&mut self, period_s: f32) {
+        self.elapsed_s += period_s;
+    }
+
+    /// Whether the targets have arrived.
+    pub fn arrived(&self) -> bool {
+        self.elapsed_s >= self.duration_s
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use rollwalk_protocol::config::Channel;
+
+    fn config() -> RobotConfig {
+        let joint = Channel {
+            kind: ChannelKind::JointPosition,
+            min: -3.0,
+            max: 3.0,
+            max_rate: 5.0,
+            max_torque_nm: 3.0,
+            kp_nm_rad: 20.0,
+            kd_nm_s_rad: 0.5,
+            bus: 0,
+            id: 1,
+        };
+        RobotConfig { channels: [joint, joint].into_iter().collect() }
+    }
+
+    proptest! {
+        /// Starts where the robot stands, ends where it shall stand, and is never faster than told.
+        #[test]
+        fn is_gentle(from in prop::array::uniform2(-3.0f32..3.0), to in prop::array::uniform2(-3.0f32..3.0), speed in 0.2f32..8.0) {
+            let period = 1.0 / 120.0;
+            let mut ramp = Ramp::new(&config(), from.into_iter().zip(to), speed);
+            for i in 0..2 {
+                prop_assert_eq!(ramp.target(i), Some(Target { value: from[i], slope: 0.0 }));
+            }
+            let mut last = from;
+            for _ in 0..100_000 {
+                if ramp.arrived() {
+                    break;
+                }
+                ramp.advance(period);
+                for i in 0..2 {
+                    let t = ramp.target(i).unwrap();
+                    // 1e-4: rounding of values up to 3 divided by the period.
+                    let most = speed.min(5.0) + 1e-4;
+                    prop_assert!(t.slope.abs() <= most);
+                    prop_assert!((t.value - last[i]).abs() / period <= most);
+                    last[i] = t.value;
+                }
+            }
+            prop_assert!(ramp.arrived());
+            prop_assert_eq!(last, to);
+        }
+    }
+
+    #[test]
+    fn a_robot_already_there_still_takes_a_moment() {
+        let ramp = Ramp::new(&config(), [(0.1, 0.1), (0.2, 0.2)].into_iter(), 1.0);
+        assert!(!ramp.arrived());
+        assert_eq!(ramp.target(2), None);
+    }
+}

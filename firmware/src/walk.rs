@@ -1,0 +1,129 @@
+//! The walk over the motion graph: which 60 Hz frame comes next.
+//!
+//! Along a motion, round its loop, over a transition, towards the node that was asked for:
+//!
+//! - A looping motion goes round until a goal elsewhere is set, and is left only at the exit frame
+//!   of the transition that leads there. A motion that ends is left at its last frame.
+//! - A motion that ends without a goal goes on towards SAFE by itself; SAFE holds.
+//! - The first frame of a transition is the exit frame and its last frame is the entry frame, so
+//!   neither is played twice.
+
+use rollwalk_protocol::library::{ClipCursor, ClipId, Edge, Library, NodeId, Unreadable};
+
+/// Where a walk stands.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    Motion(NodeId),
+    Transition(Edge),
+}
+
+/// Why a goal is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GoalError {
+    /// No way there from here.
+    Unreachable,
+}
+
+/// A walk over the frames of a library.
+///
+/// Borrows nothing: each call takes the library again, and it must be the one of [`Walk::start`].
+#[derive(Clone, Debug)]
+pub struct Walk {
+    place: Place,
+    cursor: ClipCursor,
+    /// Node that is still to be entered.
+    goal: Option<NodeId>,
+}
+
+impl Walk {
+    /// A walk that rests in the SAFE pose.
+    pub fn start(library: &Library<'_>) -> Result<Self, Unreadable> {
+        let safe = library.safe_node();
+        let frames = library.clip(safe.clip()).ok_or(Unreadable)?.frames;
+        let cursor = ClipCursor::new(library, safe.clip(), frames.saturating_sub(1))?;
+        Ok(Self { place: Place::Motion(safe), cursor, goal: None })
+    }
+
+    /// Clip and frame it stands at.
+    pub fn at(&self) -> (ClipId, u16) {
+        (self.cursor.clip(), self.cursor.frame())
+    }
+
+    /// Writes the channels' values of the frame it stands at: rad, rad/s.
+    pub fn frame_into(&self, library: &Library<'_>, out: &mut [f32]) -> Result<(), Unreadable> {
+        self.cursor.frame_into(library, out)
+    }
+
+    /// Asks for a motion. One that ends and is being played is played once more after its end.
+    pub fn set_goal(&mut self, library: &Library<'_>, goal: NodeId) -> Result<(), GoalError> {
+        let (from, arriving) = match self.place {
+            Place::Motion(node) => (node, false),
+            Place::Transition(edge) => (edge.to, true),
+        };
+        if from == goal && (arriving || self.stays_at(library, goal)) {
+            // On the way there, or there already: nothing to do but to forget other goals.
+            self.goal = arriving.then_some(goal);
+            return Ok(());
+        }
+        library.next_hop(from, goal).ok_or(GoalError::Unreachable)?;
+        self.goal = Some(goal);
+        Ok(())
+    }
+
+    /// Whether a node is one that the walk does not leave by itself.
+    fn stays_at(&self, library: &Library<'_>, node: NodeId) -> bool {
+        node == library.safe_node() || library.clip(node.clip()).is_some_and(|clip| clip.looping)
+    }
+
+    /// Whether it rests in the SAFE pose and will stay there.
+    pub fn rests_in_safe(&self, library: &Library<'_>) -> bool {
+        // A looping SAFE motion holds still in all its frames (the validator sees to that).
+        let still = |node: NodeId| {
+            self.cursor.at_last_frame() || library.clip(node.clip()).is_some_and(|c| c.looping)
+        };
+        match self.place {
+            Place::Motion(node) => {
+                node == library.safe_node() && self.goal.is_none() && still(node)
+            }
+            Place::Transition(_) => false,
+        }
+    }
+
+    /// To the next frame. Errors only when the library is not the one that was validated.
+    pub fn advance(&mut self, library: &Library<'_>) -> Result<(), Unreadable> {
+        match self.place {
+            Place::Motion(node) => self.advance_motion(library, node),
+            Place::Transition(edge) => {
+                self.cursor.advance(library)?;
+                if self.cursor.at_last_frame() {
+                    // The same frame under the name that it has in the target.
+                    self.cursor = ClipCursor::new(library, edge.to.clip(), edge.entry_frame)?;
+                    self.place = Place::Motion(edge.to);
+                    if self.goal == Some(edge.to) {
+                        self.goal = None;
+                    }
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn advance_motion(&mut self, library: &Library<'_>, node: NodeId) -> Result<(), Unreadable> {
+        let ended = self.cursor.at_last_frame() && !self.stays_at(library, node);
+        if ended && self.goal.is_none() {
+            self.goal = Some(library.safe_node());
+        }
+        if let Some(goal) = self.goal {
+            let edge = library.next_hop(node, goal).and_then(|e| library.edge(e));
+            let edge = edge.ok_or(Unreadable)?;
+            if edge.exit_frame == self.cursor.frame() {
+                // Frame 0 of the transition is the frame where we stand.
+                self.cursor = ClipCursor::new(library, edge.clip, 0)?;
+                self.place = Place::Transition(edge);
+                return self.advance(library);
+            }
+        }
+        // At the end of SAFE this stays: every other motion that ended has left above.
+        self.cursor.advance(library).map(|_| ())
+    }
+}

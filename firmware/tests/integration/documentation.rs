@@ -1,0 +1,45 @@
+//! The tables of `docs/playback-and-safety.md` are those of the code.
+
+use std::fmt::Write;
+
+use rollwalk_firmware::safety::{Action, EVENTS, Event, STATES, Torque, step};
+
+const PAGE: &str = include_str!("../../../docs/playback-and-safety.md");
+
+/// The lines between `<!-- name -->` and the next comment.
+fn block(name: &str) -> &str {
+    let start = format!("<!-- {name} -->\n");
+    let from = PAGE.find(&start).unwrap_or_else(|| panic!("no `{start}`")) + start.len();
+    let rest = &PAGE[from..];
+    rest[..rest.find("<!--").expect("an end mark")].trim()
+}
+
+#[test]
+fn the_table_of_states_is_that_of_the_code() {
+    let mut table = String::from("| code | state | torque | motions |\n|---|---|---|---|");
+    for s in STATES {
+        let torque = match s.torque() {
+            Torque::Off => "off",
+            Torque::Damped => "damped",
+            Torque::Driven => "driven",
+        };
+        let motions = if s.accepts_motions() { "accepted" } else { "refused" };
+        write!(table, "\n| {} | {s:?} | {torque} | {motions} |", s as u8).unwrap();
+    }
+    assert_eq!(block("states"), table, "the page should hold:\n{table}");
+}
+
+#[test]
+fn the_table_of_transitions_is_that_of_the_code() {
+    let mut table = String::from("| state | event | next | action |\n|---|---|---|---|");
+    write!(table, "\n| every | {:?} | EStopped | {:?} |", Event::EStop, Action::CutTorque).unwrap();
+    for s in STATES {
+        for e in EVENTS.into_iter().filter(|&e| e != Event::EStop) {
+            let (next, action) = step(s, e);
+            if (next, action) != (s, Action::None) {
+                write!(table, "\n| {s:?} | {e:?} | {next:?} | {action:?} |").unwrap();
+            }
+        }
+    }
+    assert_eq!(block("transitions"), table, "the page should hold:\n{table}");
+}

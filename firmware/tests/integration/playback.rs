@@ -1,0 +1,273 @@
+//! The order of frames along the graph, and the curve through them.
+
+use proptest::prelude::*;
+use rollwalk_firmware::player::Player;
+use rollwalk_firmware::walk::{GoalError, Walk};
+use rollwalk_protocol::library::{ClipCursor, ClipId, Index, Library, NodeId, validate};
+
+use crate::robot::*;
+
+struct Loaded {
+    bytes: Vec<u8>,
+    index: Index,
+}
+
+impl Loaded {
+    fn new() -> Self {
+        let bytes = library();
+        let index = validate(&bytes, &config()).expect("the test library is valid");
+        Self { bytes, index }
+    }
+
+    fn open(&self) -> Library<'_> {
+        Library::open(&self.bytes, &self.index).unwrap()
+    }
+
+    fn frame(&self, clip: u8, frame: u16) -> [f32; CHANNELS] {
+        let mut out = [0.0; CHANNELS];
+        let library = self.open();
+        let cursor = ClipCursor::new(&library, ClipId(clip), frame).unwrap();
+        cursor.frame_into(&library, &mut out).unwrap();
+        out
+    }
+}
+
+fn node(lib: &Library<'_>, code: u8) -> NodeId {
+    lib.node_for_code(code).unwrap()
+}
+
+/// The next `n` frames of a walk.
+fn go(walk: &mut Walk, lib: &Library<'_>, n: usize) -> Vec<(u8, u16)> {
+    (0..n)
+        .map(|_| {
+            walk.advance(lib).unwrap();
+            let (clip, frame) = walk.at();
+            (clip.0, frame)
+        })
+        .collect()
+}
+
+/// Frames of a clip after its first one, up to `last`.
+fn run(clip: u8, frames: std::ops::RangeInclusive<u16>) -> Vec<(u8, u16)> {
+    frames.map(|f| (clip, f)).collect()
+}
+
+#[test]
+fn a_motion_that_ends_goes_back_to_safe_by_itself() {
+    let loaded = Loaded::new();
+    let lib = loaded.open();
+    let mut walk = Walk::start(&lib).unwrap();
+    assert_eq!(walk.at(), (ClipId(STAND_CLIP), 1));
+    assert!(walk.rests_in_safe(&lib));
+    walk.set_goal(&lib, node(&lib, CODE_DRIVE)).unwrap();
+    assert!(!walk.rests_in_safe(&lib));
+
+    // The last frame of a transition has the name that it has in its target.
+    let mut expected = run(STAND_TO_DRIVE, 1..=TRANSITION_FRAMES - 2);
+    expected.extend(run(DRIVE_CLIP, 0..=DRIVE_FRAMES - 1));
+    expected.extend(run(DRIVE_TO_STAND, 1..=TRANSITION_FRAMES - 2));
+    expected.extend([(STAND_CLIP, 0), (STAND_CLIP, 1), (STAND_CLIP, 0)]);
+    assert_eq!(go(&mut walk, &lib, expected.len()), expected);
+    assert!(walk.rests_in_safe(&lib));
+}
+
+#[test]
+fn a_loop_is_left_only_at_its_exit_frame() {
+    let loaded = Loaded::new();
+    let lib = loaded.open();
+    let mut walk = Walk::start(&lib).unwrap();
+    walk.set_goal(&lib, node(&lib, CODE_WALK)).unwrap();
+    let mut expected = run(STAND_TO_WALK, 1..=TRANSITION_FRAMES - 2);
+    expected.extend(run(WALK_CLIP, WALK_ENTRY..=WALK_FRAMES - 1));
+    expected.extend(run(WALK_CLIP, 0..=WALK_FRAMES - 1));
+    assert_eq!(go(&mut walk, &lib, expected.len()), expected);
+
+    // Just past the exit frame a whole round is left to go.
+    assert_eq!(
+        go(&mut walk, &lib, usize::from(WALK_EXIT) + 2).last(),
+        Some(&(WALK_CLIP, WALK_EXIT + 1))
+    );
+    walk.set_goal(&lib, node(&lib, CODE_STAND)).unwrap();
+    let mut expected = run(WALK_CLIP, WALK_EXIT + 2..=WALK_FRAMES - 1);
+    expected.extend(run(WALK_CLIP, 0..=WALK_EXIT));
+    expected.extend(run(WALK_TO_STAND, 1..=TRANSITION_FRAMES - 2));
+    expected.push((STAND_CLIP, 0));
+    assert_eq!(go(&mut walk, &lib, expected.len()), expected);
+    assert!(walk.rests_in_safe(&lib));
+}
+
+#[test]
+fn a_motion_asked_for_again_is_played_again() {
+    let loaded = Loaded::new();
+    let lib = loaded.open();
+    let mut walk = Walk::start(&lib).unwrap();
+    let drive = node(&lib, CODE_DRIVE);
+    walk.set_goal(&lib, drive).unwrap();
+    // On the way there, asking again is the same request.
+    go(&mut walk, &lib, 3);
+    walk.set_goal(&lib, drive).unwrap();
+    go(&mut walk, &lib, usize::from(TRANSITION_FRAMES));
+    assert_eq!(walk.at().0, ClipId(DRIVE_CLIP));
+    // While it plays, asking again is for once more.
+    walk.set_goal(&lib, drive).unwrap();
+    let clips: Vec<u8> = go(&mut walk, &lib, 400).into_iter().map(|(clip, _)| clip).collect();
+    let mut order = clips;
+    order.dedup();
+    assert_eq!(
+        order,
+        [
+            DRIVE_CLIP,
+            DRIVE_TO_STAND,
+            STAND_CLIP,
+            STAND_TO_DRIVE,
+            DRIVE_CLIP,
+            DRIVE_TO_STAND,
+            STAND_CLIP
+        ]
+    );
+}
+
+#[test]
+fn the_latest_goal_counts() {
+    let loaded = Loaded::new();
+    let lib = loaded.open();
+    let mut walk = Walk::start(&lib).unwrap();
+    walk.set_goal(&lib, node(&lib, CODE_DRIVE)).unwrap();
+    walk.set_goal(&lib, node(&lib, CODE_WALK)).unwrap();
+    assert_eq!(go(&mut walk, &lib, 1), [(STAND_TO_WALK, 1)]);
+    // Taken back while under way: the transition is finished first, then straight back.
+    walk.set_goal(&lib, node(&lib, CODE_STAND)).unwrap();
+    let at: Vec<_> = go(&mut walk, &lib, 300);
+    assert!(at.contains(&(WALK_CLIP, WALK_EXIT)));
+    assert!(walk.rests_in_safe(&lib));
+    // Taken back before it left.
+    walk.set_goal(&lib, node(&lib, CODE_DRIVE)).unwrap();
+    walk.set_goal(&lib, node(&lib, CODE_STAND)).unwrap();
+    assert!(walk.rests_in_safe(&lib));
+    assert_eq!(walk.set_goal(&lib, NodeId(9)), Err(GoalError::Unreachable));
+}
+
+/// A tour through every motion and transition, with the frames that the window stands at.
+fn tour(ticks_per_frame: u16, mut each: impl FnMut(&Player)) {
+    let loaded = Loaded::new();
+    let lib = loaded.open();
+    let mut player = Player::start(&lib, ticks_per_frame).unwrap();
+    for code in [CODE_DRIVE, CODE_WALK, CODE_STAND] {
+        player.set_goal(&lib, node(&lib, code)).unwrap();
+        for _ in 0..220 * u32::from(ticks_per_frame) {
+            player.advance(&lib).unwrap();
+            each(&player);
+        }
+    }
+    assert!(player.rests_in_safe(&lib));
+}
+
+#[test]
+fn every_frame_is_met_exactly() {
+    let loaded = Loaded::new();
+    let config = config();
+    let mut frames = 0;
+    tour(2, |player| {
+        let now = player.playing();
+        if now.phase == 0.0 {
+            let frame = loaded.frame(now.clip.0, now.frame);
+            for c in 0..CHANNELS {
+                assert_eq!(player.target(&config, c).unwrap().value, frame[c], "{now:?}");
+            }
+            frames += 1;
+        }
+    });
+    assert_eq!(frames, 3 * 220);
+}
+
+/// Continuous in value and slope over loop seams and joints of clips, with the slope being the
+/// derivative of the value.
+#[test]
+fn the_curve_is_c1_over_all_seams() {
+    let config = config();
+    let mut largest_second_difference = [0.0_f32; CHANNELS];
+    let mut last_frames: Vec<[f32; CHANNELS]> = vec![];
+    tour(1, |player| {
+        last_frames.push(std::array::from_fn(|c| player.target(&config, c).unwrap().value));
+        if let [.., a, b, d] = last_frames.as_slice() {
+            for c in 0..CHANNELS {
+                let second = (a[c] - 2.0 * b[c] + d[c]).abs();
+                largest_second_difference[c] = largest_second_difference[c].max(second);
+            }
+        }
+    });
+
+    let ticks = 8;
+    let dt = 1.0 / (60.0 * f32::from(ticks));
+    let mut last: Option<[(f32, f32); CHANNELS]> = None;
+    tour(ticks, |player| {
+        let now = std::array::from_fn(|c| {
+            let t = player.target(&config, c).unwrap();
+            (t.value, t.slope)
+        });
+        if let Some(last) = last {
+            for c in 0..2 {
+                let ((p0, v0), (p1, v1)) = (last[c], now[c]);
+                // The second derivative of the curve at a frame is 2·d1 − d2 in second differences
+                // of frames, and linear in between: never above three times the largest one.
+                let acceleration = 3.0 * largest_second_difference[c] * 3600.0;
+                assert!((v1 - v0).abs() <= acceleration * dt * 1.01 + 1e-4, "slope jumps");
+                // Trapezoid rule, exact up to dt² · change of acceleration / 12, plus rounding.
+                let error = (p1 - p0 - 0.5 * dt * (v0 + v1)).abs();
+                assert!(error <= acceleration * dt * dt / 6.0 + 1e-6, "slope is no derivative");
+            }
+        }
+        last = Some(now);
+    });
+}
+
+#[test]
+fn wheels_are_interpolated_too_and_have_no_slope() {
+    let config = config();
+    let mut between = 0;
+    tour(2, |player| {
+        let now = player.playing();
+        let wheel = player.target(&config, 2).unwrap();
+        assert_eq!(wheel.slope, 0.0);
+        if now.phase == 0.5 && now.clip == ClipId(WALK_CLIP) {
+            let here = wheel.value;
+            let a = 3.0
+                + 2.0
+                    * (std::f32::consts::TAU * (f32::from(now.frame) + 0.5)
+                        / f32::from(WALK_FRAMES))
+                    .sin();
+            let inside = (WALK_ENTRY + 2..WALK_FRAMES - 2).contains(&now.frame);
+            if inside {
+                // A quantum of 2⁻¹⁰ rad/s and the cubic's error of 0.157⁴ · 2 / 100.
+                assert!((here - a).abs() < 2e-2, "{here} {a}");
+                between += 1;
+            }
+        }
+    });
+    assert!(between > 20);
+}
+
+proptest! {
+    /// Whatever is asked for and when: from everywhere SAFE is reached once it is asked for.
+    #[test]
+    fn safe_is_reached_from_everywhere(
+        requests in prop::collection::vec((prop_oneof![Just(CODE_STAND), Just(CODE_DRIVE), Just(CODE_WALK)], 0usize..200), 0..12),
+    ) {
+        let loaded = Loaded::new();
+        let lib = loaded.open();
+        let mut player = Player::start(&lib, 2).unwrap();
+        for (code, ticks) in requests {
+            player.set_goal(&lib, node(&lib, code)).unwrap();
+            for _ in 0..ticks {
+                player.advance(&lib).unwrap();
+            }
+        }
+        player.set_goal(&lib, lib.safe_node()).unwrap();
+        // The longest way: a transition, a motion, a transition, and the frames ahead.
+        let longest = 2 * (2 * TRANSITION_FRAMES + DRIVE_FRAMES + WALK_FRAMES + 8);
+        for _ in 0..longest {
+            player.advance(&lib).unwrap();
+        }
+        prop_assert!(player.rests_in_safe(&lib));
+    }
+}

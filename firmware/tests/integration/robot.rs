@@ -1,0 +1,124 @@
+//! A robot with two joints and a wheel, and a library with one motion of each sort.
+
+use std::f32::consts::TAU;
+
+use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
+use rollwalk_protocol::library::{LibrarySpec, MotionSpec, TransitionSpec, encode};
+
+pub const CHANNELS: usize = 3;
+pub const STAND: [f32; CHANNELS] = [0.25, -0.5, 0.0];
+
+/// Command codes.
+pub const CODE_STAND: u8 = 1;
+pub const CODE_DRIVE: u8 = 10;
+pub const CODE_WALK: u8 = 20;
+
+/// Clips: motions (= nodes), then transitions.
+pub const STAND_CLIP: u8 = 0;
+pub const DRIVE_CLIP: u8 = 1;
+pub const WALK_CLIP: u8 = 2;
+pub const STAND_TO_DRIVE: u8 = 3;
+pub const DRIVE_TO_STAND: u8 = 4;
+pub const STAND_TO_WALK: u8 = 5;
+pub const WALK_TO_STAND: u8 = 6;
+
+pub const DRIVE_FRAMES: u16 = 90;
+pub const WALK_FRAMES: u16 = 40;
+pub const WALK_EXIT: u16 = 30;
+pub const WALK_ENTRY: u16 = 7;
+pub const TRANSITION_FRAMES: u16 = 25;
+
+pub fn config() -> RobotConfig {
+    let joint = |id| Channel {
+        kind: ChannelKind::JointPosition,
+        min: -1.5,
+        max: 1.5,
+        max_rate: 8.0,
+        max_torque_nm: 3.0,
+        kp_nm_rad: 20.0,
+        kd_nm_s_rad: 0.5,
+        bus: 0,
+        id,
+    };
+    let wheel = Channel {
+        kind: ChannelKind::WheelSpeed,
+        min: -15.0,
+        max: 15.0,
+        max_rate: 60.0,
+        kp_nm_rad: 0.0,
+        bus: 1,
+        id: 1,
+        ..joint(1)
+    };
+    RobotConfig { channels: [joint(1), joint(2), wheel].into_iter().collect() }
+}
+
+fn stand() -> Vec<f32> {
+    [STAND, STAND].concat()
+}
+
+fn drive() -> Vec<f32> {
+    let last = f32::from(DRIVE_FRAMES - 1);
+    (0..DRIVE_FRAMES)
+        .flat_map(|i| {
+            let bump = 0.5 - 0.5 * (TAU * f32::from(i) / last).cos();
+            [STAND[0] + 0.4 * bump, STAND[1] - 0.2 * bump, 9.0 * bump]
+        })
+        .collect()
+}
+
+fn walk_at(frame: f32) -> [f32; CHANNELS] {
+    let a = TAU * frame / f32::from(WALK_FRAMES);
+    [0.1 + 0.4 * a.sin(), -0.6 + 0.3 * a.cos(), 3.0 + 2.0 * a.sin()]
+}
+
+fn walk() -> Vec<f32> {
+    (0..WALK_FRAMES).flat_map(|i| walk_at(f32::from(i))).collect()
+}
+
+/// From one pose to another along a smooth step: what matters here is that it starts and ends
+/// where it shall.
+fn transition(from: [f32; CHANNELS], to: [f32; CHANNELS]) -> Vec<f32> {
+    (0..TRANSITION_FRAMES)
+        .flat_map(|i| {
+            let u = f32::from(i) / f32::from(TRANSITION_FRAMES - 1);
+            let s = u * u * (3.0 - 2.0 * u);
+            std::array::from_fn::<_, CHANNELS, _>(|c| from[c] + s * (to[c] - from[c]))
+        })
+        .collect()
+}
+
+/// The library, as bytes.
+pub fn library() -> Vec<u8> {
+    library_for(&config())
+}
+
+pub fn library_for(config: &RobotConfig) -> Vec<u8> {
+    let (stand, drive, walk) = (stand(), drive(), walk());
+    let motions = [
+        MotionSpec { name: "stand", code: CODE_STAND, looping: true, frames: &stand },
+        MotionSpec { name: "drive", code: CODE_DRIVE, looping: false, frames: &drive },
+        MotionSpec { name: "walk", code: CODE_WALK, looping: true, frames: &walk },
+    ];
+    let still = transition(STAND, STAND);
+    let into_walk = transition(STAND, walk_at(f32::from(WALK_ENTRY)));
+    let out_of_walk = transition(walk_at(f32::from(WALK_EXIT)), STAND);
+    let edge = |from, exit_frame, to, entry_frame, frames| TransitionSpec {
+        from,
+        exit_frame,
+        to,
+        entry_frame,
+        frames,
+    };
+    let transitions = [
+        edge(0, 1, 1, 0, &still[..]),
+        edge(1, DRIVE_FRAMES - 1, 0, 0, &still[..]),
+        edge(0, 1, 2, WALK_ENTRY, &into_walk[..]),
+        edge(2, WALK_EXIT, 0, 0, &out_of_walk[..]),
+    ];
+    let spec = LibrarySpec { config, motions: &motions, transitions: &transitions, safe: 0 };
+    let mut bytes = vec![0; 64 * 1024];
+    let len = encode(&spec, &mut bytes).expect("the test library encodes");
+    bytes.truncate(len);
+    bytes
+}
