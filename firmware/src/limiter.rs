@@ -47,6 +47,11 @@ impl Limiter {
         }
     }
 
+    /// Where a channel was sent last, or started; `None` when it was not started.
+    pub fn last(&self, channel: usize) -> Option<f32> {
+        self.last.get(channel).copied().flatten()
+    }
+
     /// The target brought within the limits, or `None` for a channel that was not started.
     pub fn apply(
         &mut self,

@@ -230,6 +230,34 @@ impl EventSet {
     }
 }
 
+/// Faults that were met since the last clear: one bit for each [`Event`] that is a fault.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Faults(u8);
+
+impl Faults {
+    /// Remembers an event if it is a fault: whatever is at least as severe as a lost host.
+    pub fn latch(&mut self, event: Event) {
+        if event <= Event::HostLost {
+            self.0 |= 1 << event as u8;
+        }
+    }
+
+    /// Nothing has happened.
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Whether a fault has happened.
+    pub fn contains(self, event: Event) -> bool {
+        event <= Event::HostLost && self.0 & (1 << event as u8) != 0
+    }
+
+    /// Bit `i` is `EVENTS[i]`.
+    pub fn bits(self) -> u8 {
+        self.0
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

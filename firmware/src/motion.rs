@@ -1,0 +1,287 @@
+//! What moves the actuators: enabling, alignment, playback, damping, off.
+//!
+//! A stage for each torque state of the state machine. Whatever the stage, a target reaches a
+//! mailbox only through the limiter, and the limiter lets nothing through for a channel whose
+//! measured pose it has not been given since torque was last off.
+
+use heapless::Vec;
+use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
+use rollwalk_protocol::library::{Library, NodeId, Unreadable};
+
+use crate::actuators::{Actuators, Hold};
+use crate::align::Ramp;
+use crate::limiter::{Limiter, Target};
+use crate::player::{Player, Playing};
+use crate::safety::{Event, EventSet};
+use crate::settings::Settings;
+use crate::walk::GoalError;
+
+/// Feedback at most so many ticks old counts as fresh: asked for in one tick, it is there in the
+/// next, or in the one after when the bus is busy.
+const FRESH_TICKS: u16 = 2;
+
+/// In torque-off states each actuator is asked for its pose so often, Hz.
+const QUERY_HZ: u16 = 20;
+
+#[derive(Clone, Debug)]
+enum Stage {
+    Off,
+    Enabling { ticks: u32 },
+    Ramping { ramp: Ramp, settling_ticks: u32 },
+    Playing(Player),
+    Damped,
+}
+
+/// Robot and settings: what does not change while the controller runs.
+pub(crate) struct Machine {
+    pub config: RobotConfig,
+    pub settings: Settings,
+}
+
+/// The moving side of the controller.
+pub(crate) struct Motion {
+    stage: Stage,
+    limiter: Limiter,
+    pub actuators: Actuators,
+    emitted: Vec<Option<Target>, MAX_CHANNELS>,
+    ticks_to_query: u16,
+}
+
+impl Motion {
+    pub fn new(machine: &Machine) -> Self {
+        let channels = machine.config.channels.len();
+        Self {
+            stage: Stage::Off,
+            limiter: Limiter::new(channels, machine.settings.period_s()),
+            actuators: Actuators::new(channels),
+            emitted: core::iter::repeat_n(None, channels).collect(),
+            ticks_to_query: 0,
+        }
+    }
+
+    /// The target that went to the actuator last; `None` since torque went off.
+    pub fn emitted(&self, channel: usize) -> Option<Target> {
+        self.emitted.get(channel).copied().flatten()
+    }
+
+    /// What is being played.
+    pub fn playing(&self) -> Option<Playing> {
+        match &self.stage {
+            Stage::Playing(player) => Some(player.playing()),
+            _ => None,
+        }
+    }
+
+    /// Whether every actuator has lately told its pose, without a fault.
+    pub fn actuators_ready(&self, machine: &Machine) -> bool {
+        // While torque is off they are asked now and then only.
+        let query_ticks = machine.settings.control_hz / QUERY_HZ;
+        self.actuators.all_heard_within(query_ticks.saturating_mul(2).saturating_add(FRESH_TICKS))
+            && !self.actuators.any_faulty()
+    }
+
+    /// Whether every joint was measured in its range, or but little outside.
+    pub fn pose_plausible(&self, machine: &Machine) -> bool {
+        let slack = machine.settings.out_of_range_rad;
+        machine.config.channels.iter().enumerate().all(|(i, channel)| {
+            let measured = self.actuators.measured(&machine.config, i);
+            channel.kind == ChannelKind::WheelSpeed
+                || measured.is_some_and(|q| q >= channel.min - slack && q <= channel.max + slack)
+        })
+    }
+
+    /// Torque off at once.
+    pub fn cut(&mut self) {
+        self.stage = Stage::Off;
+        self.limiter.stop();
+        self.emitted.iter_mut().for_each(|target| *target = None);
+        self.actuators.disable_all();
+        self.ticks_to_query = 0;
+    }
+
+    /// Enable, then ramp from the measured pose to SAFE.
+    pub fn align(&mut self) {
+        self.limiter.stop();
+        self.stage = Stage::Enabling { ticks: 0 };
+    }
+
+    /// Play, starting at rest in SAFE.
+    pub fn hold_safe(
+        &mut self,
+        machine: &Machine,
+        library: &Library<'_>,
+    ) -> Result<(), Unreadable> {
+        let player = Player::start(library, machine.settings.ticks_per_frame())?;
+        self.stage = Stage::Playing(player);
+        Ok(())
+    }
+
+    /// Ask the player for a motion.
+    pub fn set_goal(&mut self, library: &Library<'_>, goal: NodeId) -> Result<(), GoalError> {
+        match &mut self.stage {
+            Stage::Playing(player) => player.set_goal(library, goal),
+            _ => Err(GoalError::Unreachable),
+        }
+    }
+
+    /// Whether the player rests in SAFE and will stay there.
+    pub fn rests_in_safe(&self, library: &Library<'_>) -> bool {
+        matches!(&self.stage, Stage::Playing(player) if player.rests_in_safe(library))
+    }
+
+    /// Let joints go, damped, and brake wheels.
+    pub fn damp(&mut self, machine: &Machine) {
+        for i in 0..machine.config.channels.len() {
+            if self.limiter.last(i).is_none()
+                && let Some(measured) = self.actuators.measured(&machine.config, i)
+            {
+                self.limiter.start(i, measured);
+            }
+        }
+        self.stage = Stage::Damped;
+    }
+
+    /// A control period has passed, feedback may be missing.
+    pub fn watch(&mut self, machine: &Machine, events: &mut EventSet) {
+        self.actuators.age();
+        let torque_must_be_on = match self.stage {
+            Stage::Off => return,
+            Stage::Enabling { .. } => false,
+            Stage::Ramping { .. } | Stage::Playing(_) | Stage::Damped => true,
+        };
+        if !self.actuators.all_heard_within(machine.settings.silent_ticks) {
+            events.insert(Event::FeedbackLost);
+        }
+        let dropped = torque_must_be_on && !self.actuators.all_enabled();
+        if dropped || self.actuators.any_faulty() {
+            events.insert(Event::ActuatorFault);
+        }
+    }
+
+    /// Puts into the mailboxes what the actuators shall do for the next period.
+    pub fn drive(
+        &mut self,
+        machine: &Machine,
+        library: Option<Library<'_>>,
+        events: &mut EventSet,
+    ) {
+        match self.stage {
+            Stage::Off => self.stay_off(machine),
+            Stage::Damped => self.emit_damping(machine),
+            _ => {
+                let done = library.ok_or(Unreadable).and_then(|l| self.follow(machine, &l, events));
+                if done.is_err() {
+                    events.insert(Event::PlaybackFailed);
+                }
+            }
+        }
+    }
+
+    fn follow(
+        &mut self,
+        machine: &Machine,
+        library: &Library<'_>,
+        events: &mut EventSet,
+    ) -> Result<(), Unreadable> {
+        if let Stage::Enabling { ticks } = &mut self.stage {
+            *ticks = ticks.saturating_add(1);
+            let late = *ticks > machine.settings.ticks(machine.settings.align_patience_us);
+            if self.actuators.all_enabled() && self.actuators.all_heard_within(FRESH_TICKS) {
+                self.start_ramp(machine, library)?;
+            } else if late {
+                events.insert(Event::AlignFailed);
+            } else {
+                self.actuators.keep_enabling();
+            }
+        }
+        if let Stage::Playing(player) = &mut self.stage {
+            player.advance(library)?;
+            if player.rests_in_safe(library) {
+                events.insert(Event::SafeReached);
+            }
+        }
+        self.emit_targets(machine);
+        if let Stage::Ramping { ramp, settling_ticks } = &mut self.stage {
+            ramp.advance(machine.settings.period_s());
+            if ramp.arrived() {
+                *settling_ticks = settling_ticks.saturating_add(1);
+                let patience = machine.settings.ticks(machine.settings.align_patience_us);
+                if *settling_ticks > 1 && arrived(machine, ramp, &self.actuators) {
+                    events.insert(Event::Aligned);
+                } else if *settling_ticks > patience {
+                    events.insert(Event::AlignFailed);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn start_ramp(&mut self, machine: &Machine, library: &Library<'_>) -> Result<(), Unreadable> {
+        let mut safe = [0.0; MAX_CHANNELS];
+        library.safe_pose_into(&mut safe).ok_or(Unreadable)?;
+        let config = &machine.config;
+        let mut ends: Vec<(f32, f32), MAX_CHANNELS> = Vec::new();
+        for (i, to) in safe.into_iter().enumerate().take(config.channels.len()) {
+            let from = self.actuators.measured(config, i).ok_or(Unreadable)?;
+            self.limiter.start(i, from);
+            ends.push((from, to)).map_err(|_| Unreadable)?;
+        }
+        let ramp = Ramp::new(config, ends.into_iter(), machine.settings.align_speed_rad_s);
+        self.stage = Stage::Ramping { ramp, settling_ticks: 0 };
+        Ok(())
+    }
+
+    fn emit_targets(&mut self, machine: &Machine) {
+        for i in 0..machine.config.channels.len() {
+            let target = match &self.stage {
+                Stage::Ramping { ramp, .. } => ramp.target(i),
+                Stage::Playing(player) => player.target(&machine.config, i),
+                Stage::Off | Stage::Enabling { .. } | Stage::Damped => None,
+            };
+            if let Some(target) = target {
+                self.emit(machine, i, target, Hold::Driven);
+            }
+        }
+    }
+
+    fn emit_damping(&mut self, machine: &Machine) {
+        for (i, channel) in machine.config.channels.iter().enumerate() {
+            let value = match channel.kind {
+                // Without stiffness the position does not matter; staying put, it never jumps.
+                ChannelKind::JointPosition => self.limiter.last(i),
+                ChannelKind::WheelSpeed => Some(0.0),
+            };
+            if let Some(value) = value {
+                self.emit(machine, i, Target { value, slope: 0.0 }, Hold::Damped);
+            }
+        }
+    }
+
+    fn emit(&mut self, machine: &Machine, channel: usize, target: Target, hold: Hold) {
+        let limited = self.limiter.apply(&machine.config, channel, target);
+        if let (Some(target), Some(slot)) = (limited, self.emitted.get_mut(channel)) {
+            self.actuators.command(&machine.config, channel, target, hold);
+            *slot = Some(target);
+        }
+    }
+
+    fn stay_off(&mut self, machine: &Machine) {
+        let query = self.ticks_to_query == 0;
+        self.ticks_to_query = match self.ticks_to_query {
+            0 => (machine.settings.control_hz / QUERY_HZ).saturating_sub(1),
+            n => n - 1,
+        };
+        self.actuators.keep_disabled(query);
+    }
+}
+
+/// Whether every joint was measured near the end of the ramp.
+fn arrived(machine: &Machine, ramp: &Ramp, actuators: &Actuators) -> bool {
+    machine.config.channels.iter().enumerate().all(|(i, channel)| {
+        let error = ramp.target(i).zip(actuators.measured(&machine.config, i));
+        channel.kind == ChannelKind::WheelSpeed
+            || error.is_some_and(|(target, measured)| {
+                (target.value - measured).abs() <= machine.settings.align_tolerance_rad
+            })
+    })
+}

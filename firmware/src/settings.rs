@@ -1,0 +1,127 @@
+//! What can be set about a controller besides the robot itself.
+
+use crate::hermite::FRAME_HZ;
+
+/// Settings of a controller. The defaults are chosen for a robot of a few kilograms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Address on the link, 0 to 14.
+    pub node: u8,
+    /// Rate at which [`crate::Controller::tick`] is called, Hz: a multiple of 60, at most 960.
+    pub control_hz: u16,
+    /// The host is lost when no heartbeat came for so long, µs.
+    pub heartbeat_timeout_us: u32,
+    /// An actuator is lost when it gave no feedback for so many ticks.
+    pub silent_ticks: u16,
+    /// Fastest joint while aligning, rad/s.
+    pub align_speed_rad_s: f32,
+    /// How far from the SAFE pose a joint may be measured for alignment to be over, rad: servos
+    /// with proportional gain sag under the robot's weight.
+    pub align_tolerance_rad: f32,
+    /// How long enabling, and how long settling after the ramp, may take, µs each.
+    pub align_patience_us: u32,
+    /// How far outside its range a joint may be measured for arming, rad: beyond that the
+    /// measurement, or the zero of the servo, is wrong.
+    pub out_of_range_rad: f32,
+    /// How long SAFE is held after the host was lost, µs.
+    pub hold_us: u32,
+    /// How long joints are damped before torque goes off, µs.
+    pub damping_us: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            node: 1,
+            control_hz: 120,
+            heartbeat_timeout_us: 250_000,
+            silent_ticks: 12,
+            align_speed_rad_s: 1.0,
+            align_tolerance_rad: 0.35,
+            align_patience_us: 1_000_000,
+            out_of_range_rad: 0.2,
+            hold_us: 1_000_000,
+            damping_us: 1_500_000,
+        }
+    }
+}
+
+/// Name of a setting, and what it must be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SettingsError {
+    /// Field of [`Settings`].
+    pub field: &'static str,
+    /// What would be right.
+    pub must: &'static str,
+}
+
+impl Settings {
+    /// Checks that a controller can run with these.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        let fail = |field, must| Err(SettingsError { field, must });
+        let positive = |x: f32| x > 0.0 && x.is_finite();
+        if self.node > 14 {
+            return fail("node", "0 to 14");
+        }
+        if self.control_hz == 0 || !self.control_hz.is_multiple_of(60) || self.control_hz > 960 {
+            return fail("control_hz", "a multiple of 60, from 60 to 960");
+        }
+        if self.heartbeat_timeout_us == 0 {
+            return fail("heartbeat_timeout_us", "above 0");
+        }
+        if self.silent_ticks < 2 {
+            return fail("silent_ticks", "at least 2: feedback is a tick old at best");
+        }
+        if !positive(self.align_speed_rad_s) {
+            return fail("align_speed_rad_s", "above 0");
+        }
+        if !positive(self.align_tolerance_rad) {
+            return fail("align_tolerance_rad", "above 0");
+        }
+        if !(self.out_of_range_rad >= 0.0 && self.out_of_range_rad.is_finite()) {
+            return fail("out_of_range_rad", "0 or more");
+        }
+        Ok(())
+    }
+
+    /// Control periods of a 60 Hz frame.
+    pub fn ticks_per_frame(&self) -> u16 {
+        (self.control_hz / FRAME_HZ as u16).max(1)
+    }
+
+    /// Control period, s.
+    pub fn period_s(&self) -> f32 {
+        1.0 / f32::from(self.control_hz.max(1))
+    }
+
+    /// Control periods of a duration, rounded up.
+    pub fn ticks(&self, duration_us: u32) -> u32 {
+        let ticks = (u64::from(duration_us) * u64::from(self.control_hz)).div_ceil(1_000_000);
+        u32::try_from(ticks).unwrap_or(u32::MAX)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_are_usable_and_nonsense_is_named() {
+        let good = Settings::default();
+        assert_eq!(good.check(), Ok(()));
+        assert_eq!(good.ticks_per_frame(), 2);
+        assert_eq!(good.ticks(250_001), 31);
+        for (bad, field) in [
+            (Settings { node: 15, ..good }, "node"),
+            (Settings { control_hz: 100, ..good }, "control_hz"),
+            (Settings { control_hz: 0, ..good }, "control_hz"),
+            (Settings { heartbeat_timeout_us: 0, ..good }, "heartbeat_timeout_us"),
+            (Settings { silent_ticks: 1, ..good }, "silent_ticks"),
+            (Settings { align_speed_rad_s: f32::NAN, ..good }, "align_speed_rad_s"),
+            (Settings { align_tolerance_rad: 0.0, ..good }, "align_tolerance_rad"),
+            (Settings { out_of_range_rad: f32::INFINITY, ..good }, "out_of_range_rad"),
+        ] {
+            assert_eq!(bad.check().unwrap_err().field, field);
+        }
+    }
+}
