@@ -62,14 +62,14 @@ fn u16_steps(value: f32, step: f32) -> Option<u16> {
 }
 
 /// Saturates instead: what an actuator measured has to be told in any case. NaN becomes 0.
-fn measured(value: f32, step: f32) -> i16 {
+pub(crate) fn measured(value: f32, step: f32) -> i16 {
     let most = f32::from(i16::MAX) * step;
     let bounded = if value.is_nan() { 0.0 } else { value.clamp(-most, most) };
     i16_steps(bounded, step).unwrap_or(if bounded > 0.0 { i16::MAX } else { -i16::MAX })
 }
 
 /// −32768 is not a value.
-fn signed(low: u8, high: u8, step: f32) -> Option<f32> {
+pub(crate) fn signed(low: u8, high: u8, step: f32) -> Option<f32> {
     let raw = i16::from_le_bytes([low, high]);
     (raw != i16::MIN).then(|| (f64::from(raw) * f64::from(step)) as f32)
 }

@@ -22,3 +22,4 @@ pub mod can;
 pub mod config;
 pub mod crc;
 pub mod library;
+pub mod wire;

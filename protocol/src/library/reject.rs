@@ -63,6 +63,17 @@ impl Section {
     }
 }
 
+impl Section {
+    /// Number on the wire: the section's tag, 0 for header and section table, 255 for the footer.
+    pub fn code(self) -> u8 {
+        match self.index() {
+            Some(index) => index as u8 + 1,
+            None if self == Section::Footer => 255,
+            None => 0,
+        }
+    }
+}
+
 impl fmt::Display for Section {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -377,4 +388,45 @@ pub enum Why {
         /// The motion.
         node: NodeId,
     },
+}
+
+impl Why {
+    /// Number on the wire; never changes its meaning.
+    pub fn code(&self) -> u8 {
+        match self {
+            Why::NotALibrary => 1,
+            Why::Truncated { .. } => 2,
+            Why::TrailingBytes { .. } => 3,
+            Why::Corrupted { .. } => 4,
+            Why::OtherMajor { .. } => 5,
+            Why::SectionBeyondEnd => 6,
+            Why::BadSection { .. } => 7,
+            Why::MissingSection { .. } => 8,
+            Why::BadConfig(_) => 9,
+            Why::WrongRobot { .. } => 10,
+            Why::WrongRate { .. } => 11,
+            Why::WrongCount { .. } => 12,
+            Why::CountOutOfRange { .. } => 13,
+            Why::BadRecord { .. } => 14,
+            Why::ChannelMismatch { .. } => 15,
+            Why::ClipLength { .. } => 16,
+            Why::BadClip { .. } => 17,
+            Why::BadBlock { .. } => 18,
+            Why::OutOfLimits { .. } => 19,
+            Why::TooFast { .. } => 20,
+            Why::SeamJump { .. } => 21,
+            Why::EndsInMotion { .. } => 22,
+            Why::BadEdge { .. } => 23,
+            Why::ExitBeforeEnd { .. } => 24,
+            Why::EndMismatch { .. } => 25,
+            Why::NoRouteToSafe { .. } => 26,
+            Why::BadRoute { .. } => 27,
+            Why::CodeWithoutMotion { .. } => 28,
+            Why::DuplicateCode { .. } => 29,
+            Why::MotionWithTwoCodes { .. } => 30,
+            Why::NoSafeMotion { .. } => 31,
+            Why::SafeNotAtRest { .. } => 32,
+            Why::BadName { .. } => 33,
+        }
+    }
 }

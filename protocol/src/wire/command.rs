@@ -1,0 +1,220 @@
+//! Class 2: what the host asks for, and the answer, which it always gets.
+
+use super::{DecodeError, Kind, Node, State, coded};
+use crate::can::CanFrame;
+
+const COMMAND: Kind = Kind::new(2, 0);
+const ACK: Kind = Kind::new(3, 2);
+
+/// No motion, in the fields that name one.
+const NO_MOTION: u8 = 0xFF;
+
+/// Something that the controller shall do, once.
+///
+/// A command is executed at most once: its sequence number tells a repetition, which is answered
+/// again but not executed again. After `valid_until_ms` it is answered [`CommandResult::Expired`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Command {
+    /// 0 to 15, one more (and around) with each new command.
+    pub seq: u8,
+    /// What to do.
+    pub action: Action,
+    /// Low 16 bits of the controller's clock in ms (see [`super::HeartbeatReply`]) up to which the
+    /// command may be executed; at most 32 s ahead.
+    pub valid_until_ms: u16,
+}
+
+/// What a command asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Action {
+    /// Go to the motion with a code and play it.
+    Play {
+        /// Command code of the motion.
+        code: u8,
+        /// Playback speed in 64ths: 64 as planned. Negative speeds are reserved.
+        speed_64ths: i8,
+    },
+    /// Hold the current pose, wheels stopped.
+    Pause,
+    /// Go on after a pause.
+    Resume,
+    /// Go to the safe motion.
+    Return,
+    /// Torque off.
+    Disarm,
+    /// First step of torque on: the acknowledgement has a nonce.
+    ArmRequest,
+    /// Second step of torque on.
+    ArmConfirm {
+        /// From the acknowledgement of the request.
+        nonce: u16,
+    },
+    /// First step out of a latched emergency stop or fault: the acknowledgement has a nonce.
+    ClearRequest,
+    /// Second step out of a latched emergency stop or fault.
+    ClearConfirm {
+        /// From the acknowledgement of the request.
+        nonce: u16,
+    },
+    /// Of a later version: to be answered with [`CommandResult::UnknownKind`].
+    Unknown {
+        /// Kind on the wire, 9 to 15.
+        kind: u8,
+    },
+}
+
+impl Action {
+    /// Number on the wire, 4 bits.
+    pub fn kind(self) -> u8 {
+        match self {
+            Action::Play { .. } => 0,
+            Action::Pause => 1,
+            Action::Resume => 2,
+            Action::Return => 3,
+            Action::Disarm => 4,
+            Action::ArmRequest => 5,
+            Action::ArmConfirm { .. } => 6,
+            Action::ClearRequest => 7,
+            Action::ClearConfirm { .. } => 8,
+            Action::Unknown { kind } => kind & 0xF,
+        }
+    }
+}
+
+impl Command {
+    /// `[crc8][seq 4 low bits, kind 4 high bits][code u8][speed i8/64][arg u16][valid until u16 ms]`;
+    /// fields that an action does not have are 0.
+    pub fn encode(self, to: Node) -> CanFrame {
+        let (code, speed, arg) = match self.action {
+            Action::Play { code, speed_64ths } => (code, speed_64ths, 0),
+            Action::ArmConfirm { nonce } | Action::ClearConfirm { nonce } => (0, 0, nonce),
+            _ => (0, 0, 0),
+        };
+        let [a0, a1] = arg.to_le_bytes();
+        let [v0, v1] = self.valid_until_ms.to_le_bytes();
+        let head = self.seq & 0xF | self.action.kind() << 4;
+        COMMAND.seal(to, [0, head, code, speed as u8, a0, a1, v0, v1])
+    }
+
+    /// Addressee and command. A field that its action does not have, but that is not 0, is a
+    /// [`DecodeError::BadValue`].
+    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+        let (node, [_, head, code, speed, a0, a1, v0, v1]) = COMMAND.unseal(frame)?;
+        let arg = u16::from_le_bytes([a0, a1]);
+        let (seq, kind) = (head & 0xF, head >> 4);
+        let unused =
+            |values: [u16; 2]| (values == [0, 0]).then_some(()).ok_or(DecodeError::BadValue);
+        let play = [u16::from(code), u16::from(speed)];
+        let action = match kind {
+            0 => {
+                unused([arg, 0])?;
+                Action::Play { code, speed_64ths: speed as i8 }
+            }
+            6 | 8 => {
+                unused(play)?;
+                let nonce = arg;
+                if kind == 6 {
+                    Action::ArmConfirm { nonce }
+                } else {
+                    Action::ClearConfirm { nonce }
+                }
+            }
+            1..=5 | 7 => {
+                unused(play)?;
+                unused([arg, 0])?;
+                match kind {
+                    1 => Action::Pause,
+                    2 => Action::Resume,
+                    3 => Action::Return,
+                    4 => Action::Disarm,
+                    5 => Action::ArmRequest,
+                    _ => Action::ClearRequest,
+                }
+            }
+            _ => Action::Unknown { kind },
+        };
+        Ok((node, Self { seq, action, valid_until_ms: u16::from_le_bytes([v0, v1]) }))
+    }
+
+    /// Whether it is too late to execute it, by the controller's clock.
+    pub fn expired(self, now_us: u64) -> bool {
+        let now_ms = (now_us / 1000) as u16;
+        (self.valid_until_ms.wrapping_sub(now_ms) as i16) < 0
+    }
+}
+
+coded! {
+    /// What became of a command.
+    CommandResult {
+        /// Executed, or on its way.
+        Ok = 0,
+        /// No motion has this code.
+        UnknownCode = 1,
+        /// Not possible in this state.
+        WrongState = 2,
+        /// Came after its time.
+        Expired = 3,
+        /// The motion graph has no route to this motion.
+        Unreachable = 4,
+        /// Torque is off: arm first.
+        NotArmed = 5,
+        /// There is no valid library.
+        NoLibrary = 6,
+        /// The nonce is not the one that was handed out, or is too old: start again.
+        WrongNonce = 7,
+        /// The library is for another robot configuration.
+        ConfigMismatch = 8,
+        /// An actuator's pose is not known, or outside its limits.
+        PoseUnknown = 9,
+        /// Older than the last command.
+        OutOfOrder = 10,
+        /// This version does not know this kind of command.
+        UnknownKind = 11,
+        /// A fault is still there: the fault report says which.
+        FaultPresent = 12,
+        /// Speed 0 or below, or beyond what the robot's limits allow.
+        BadSpeed = 13,
+    }
+}
+
+/// The answer to a command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CommandAck {
+    /// Of the command.
+    pub seq: u8,
+    /// Kind of the command, 4 bits ([`Action::kind`]).
+    pub kind: u8,
+    /// What became of it.
+    pub result: CommandResult,
+    /// State after it.
+    pub state: State,
+    /// Motion that the command leads to.
+    pub motion: Option<u8>,
+    /// Of an arm or clear request: the nonce to confirm with. Of a played motion: frames until it
+    /// starts. Otherwise 0.
+    pub value: u16,
+}
+
+impl CommandAck {
+    /// `[crc8][seq 4 low bits, kind 4 high bits][result u8][state u8][motion u8, 255 none][value u16]`
+    pub fn encode(self, from: Node) -> CanFrame {
+        let head = self.seq & 0xF | self.kind << 4;
+        let [v0, v1] = self.value.to_le_bytes();
+        let motion = self.motion.unwrap_or(NO_MOTION);
+        ACK.seal(from, [0, head, self.result.code(), self.state.code(), motion, v0, v1])
+    }
+
+    /// Sender and answer.
+    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+        let (node, [_, head, result, state, motion, v0, v1]) = ACK.unseal(frame)?;
+        let ack = Self {
+            seq: head & 0xF,
+            kind: head >> 4,
+            result: CommandResult::from_code(result).ok_or(DecodeError::BadValue)?,
+            state: State::from_code(state).ok_or(DecodeError::BadValue)?,
+            motion: (motion != NO_MOTION).then_some(motion),
+            value: u16::from_le_bytes([v0, v1]),
+        };
+        Ok((node, ack))
+    }
+}

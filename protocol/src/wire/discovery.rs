@@ -1,0 +1,47 @@
+//! Class 7: who is there.
+
+use super::{DecodeError, Kind, Node};
+use crate::can::CanFrame;
+
+const DISCOVER: Kind = Kind::new(7, 0);
+const DISCOVERED: Kind = Kind::new(7, 1);
+
+/// Asks controllers to say who they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Discover;
+
+impl Discover {
+    /// Without payload.
+    pub fn encode(self, to: Node) -> CanFrame {
+        CanFrame::known(DISCOVER.id(to), [])
+    }
+
+    /// Addressee.
+    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+        let (node, []) = DISCOVER.plain(frame)?;
+        Ok((node, Discover))
+    }
+}
+
+/// The answer, from the address that the controller has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Discovered {
+    /// Serial number of the hardware.
+    pub uid: [u8; 6],
+    /// Major protocol version that it speaks.
+    pub protocol_major: u8,
+}
+
+impl Discovered {
+    /// `[uid 6 bytes][protocol major u8]`
+    pub fn encode(self, from: Node) -> CanFrame {
+        let [a, b, c, d, e, f] = self.uid;
+        CanFrame::known(DISCOVERED.id(from), [a, b, c, d, e, f, self.protocol_major])
+    }
+
+    /// Sender and answer.
+    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+        let (node, [a, b, c, d, e, f, protocol_major]) = DISCOVERED.plain(frame)?;
+        Ok((node, Self { uid: [a, b, c, d, e, f], protocol_major }))
+    }
+}

@@ -1,0 +1,55 @@
+//! Class 1: the host is there, and what time it is.
+
+use super::{DecodeError, Kind, Node};
+use crate::can::CanFrame;
+
+const HEARTBEAT: Kind = Kind::new(1, 0);
+const REPLY: Kind = Kind::new(1, 1);
+
+/// The host is there. Sent every [`super::HEARTBEAT_PERIOD_MS`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heartbeat {
+    /// Goes up by one each time, and wraps: only a new value feeds the watchdog, a repeated frame
+    /// does not.
+    pub seq: u8,
+    /// Host's clock, low 32 bits of ms.
+    pub host_ms: u32,
+}
+
+impl Heartbeat {
+    /// `[crc8][seq u8][host ms u32]`
+    pub fn encode(self, to: Node) -> CanFrame {
+        let [t0, t1, t2, t3] = self.host_ms.to_le_bytes();
+        HEARTBEAT.seal(to, [0, self.seq, t0, t1, t2, t3])
+    }
+
+    /// Addressee and message.
+    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+        let (node, [_, seq, t0, t1, t2, t3]) = HEARTBEAT.unseal(frame)?;
+        Ok((node, Self { seq, host_ms: u32::from_le_bytes([t0, t1, t2, t3]) }))
+    }
+}
+
+/// The controller's answer to each heartbeat: from its clock the host works out how long a
+/// [`super::Command`] is valid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HeartbeatReply {
+    /// Of the heartbeat that this answers.
+    pub seq: u8,
+    /// Controller's clock when it took the heartbeat, low 32 bits of ms.
+    pub controller_ms: u32,
+}
+
+impl HeartbeatReply {
+    /// `[crc8][seq u8][controller ms u32]`
+    pub fn encode(self, from: Node) -> CanFrame {
+        let [t0, t1, t2, t3] = self.controller_ms.to_le_bytes();
+        REPLY.seal(from, [0, self.seq, t0, t1, t2, t3])
+    }
+
+    /// Sender and message.
+    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+        let (node, [_, seq, t0, t1, t2, t3]) = REPLY.unseal(frame)?;
+        Ok((node, Self { seq, controller_ms: u32::from_le_bytes([t0, t1, t2, t3]) }))
+    }
+}

@@ -1,0 +1,393 @@
+//! ISO 15765-2 (ISO-TP) with normal addressing: messages longer than a frame, as a state machine
+//! without clock or bus.
+//!
+//! Both directions of a link share an [`Endpoint`]: data one way and flow control the other have
+//! the same identifier. Give it the payload of every frame of the peer ([`Endpoint::on_frame`]),
+//! and send what [`Endpoint::poll`] hands out. Time is an argument, µs of any monotonic clock.
+//!
+//! One message at a time each way. A lost, repeated or reordered frame ends the message with an
+//! [`IsoTpError`] on the side that notices and with a timeout on the other; what to do then is up to
+//! the caller. Frames are not padded.
+
+use crate::can::CanFrame;
+use thiserror::Error;
+
+/// Longest message that ISO-TP over classic frames can carry.
+const MAX_LENGTH: usize = 4095;
+/// So often may a receiver ask for more time in a row before the sender gives up.
+const MAX_WAITS: u8 = 16;
+
+/// What a receiver asks of the sender, and how long both wait for one another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timing {
+    /// Consecutive frames between two flow controls; 0: all in one go.
+    pub block_size: u8,
+    /// Least time between two consecutive frames, in the coding of the standard: 0 to 127 ms, or
+    /// 0xF1 to 0xF9 for 100 to 900 µs.
+    pub st_min: u8,
+    /// Longest wait for flow control or the next consecutive frame, µs (N_Bs and N_Cr).
+    pub timeout_us: u64,
+}
+
+impl Default for Timing {
+    /// No pauses, blocks of 16 frames, 1 s timeout.
+    fn default() -> Self {
+        Self { block_size: 16, st_min: 0, timeout_us: 1_000_000 }
+    }
+}
+
+/// Payload of a frame to send.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pdu {
+    data: [u8; 8],
+    len: u8,
+}
+
+impl Pdu {
+    fn new(head: &[u8], body: &[u8]) -> Self {
+        let mut pdu = Self::default();
+        for (slot, byte) in pdu.data.iter_mut().zip(head.iter().chain(body)) {
+            *slot = *byte;
+            pdu.len += 1;
+        }
+        pdu
+    }
+
+    /// The bytes.
+    pub fn data(&self) -> &[u8] {
+        self.data.get(..usize::from(self.len)).unwrap_or(&self.data)
+    }
+
+    /// As a frame; excess bits of the identifier are dropped.
+    pub fn frame(&self, id: u16) -> CanFrame {
+        CanFrame::new(id & 0x7FF, self.data()).unwrap_or(CanFrame::known(id, self.data))
+    }
+}
+
+/// Why a message did not get through.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum IsoTpError {
+    /// A consecutive frame was lost, repeated or out of order.
+    #[error("a frame of the message was lost, repeated or out of order")]
+    Sequence,
+    /// The peer fell silent in the middle of a message that we receive.
+    #[error("the rest of the message did not come in time")]
+    ReceiveTimeout,
+    /// The peer does not ask for the rest of our message.
+    #[error("the receiver did not ask for the rest of the message in time")]
+    SendTimeout,
+    /// The peer has no room for our message.
+    #[error("the receiver has no room for the message")]
+    PeerOverflow,
+    /// The peer's message is longer than our room; it has been told.
+    #[error("the message is too long")]
+    TooLong,
+    /// The peer asks for more time again and again, or answers what we do not understand.
+    #[error("the receiver does not get ready")]
+    BadFlowControl,
+}
+
+/// Why a message is not taken for sending.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum SendError {
+    /// One is still on its way.
+    #[error("the message before is still on its way")]
+    Busy,
+    /// Empty, or longer than the endpoint has room for.
+    #[error("the message is empty or too long")]
+    BadLength,
+}
+
+/// What a received frame leads to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// Nothing yet.
+    None,
+    /// A message is complete: [`Endpoint::received`].
+    Received,
+    /// A message failed.
+    Failed(IsoTpError),
+}
+
+/// What to do next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// Nothing now.
+    Idle,
+    /// Send this.
+    Send(Pdu),
+    /// A message failed because time ran out.
+    Failed(IsoTpError),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sending {
+    Idle,
+    /// Single or first frame not yet handed out.
+    Start,
+    /// Waits for flow control.
+    Waiting {
+        since_us: u64,
+        waits: u8,
+    },
+    /// Hands out consecutive frames: `left` until the next flow control, 0 for no end.
+    Streaming {
+        left: u8,
+        bounded: bool,
+        st_min_us: u64,
+        not_before_us: u64,
+    },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Receiving {
+    Idle,
+    /// In the middle of a message of `len` bytes.
+    Collecting {
+        len: usize,
+        sequence: u8,
+        left: u8,
+        since_us: u64,
+    },
+}
+
+/// One end of a link, with room for a message of `N` bytes each way.
+#[derive(Clone, Debug)]
+pub struct Endpoint<const N: usize> {
+    timing: Timing,
+    tx: [u8; N],
+    tx_len: usize,
+    tx_at: usize,
+    tx_sequence: u8,
+    sending: Sending,
+    rx: [u8; N],
+    rx_at: usize,
+    receiving: Receiving,
+    flow_control: Option<Pdu>,
+}
+
+impl<const N: usize> Endpoint<N> {
+    /// An end where nothing is under way.
+    pub fn new(timing: Timing) -> Self {
+        const { assert!(N > 0 && N <= MAX_LENGTH, "ISO-TP carries 1 to 4095 bytes") };
+        Self {
+            timing,
+            tx: [0; N],
+            tx_len: 0,
+            tx_at: 0,
+            tx_sequence: 0,
+            sending: Sending::Idle,
+            rx: [0; N],
+            rx_at: 0,
+            receiving: Receiving::Idle,
+            flow_control: None,
+        }
+    }
+
+    /// Takes a message for sending; [`poll`](Self::poll) hands out its frames.
+    pub fn send(&mut self, message: &[u8]) -> Result<(), SendError> {
+        if self.is_sending() {
+            return Err(SendError::Busy);
+        }
+        let slot = self.tx.get_mut(..message.len()).filter(|slot| !slot.is_empty());
+        slot.ok_or(SendError::BadLength)?.copy_from_slice(message);
+        (self.tx_len, self.tx_at, self.tx_sequence) = (message.len(), 0, 0);
+        self.sending = Sending::Start;
+        Ok(())
+    }
+
+    /// Frames of our message are still to be handed out.
+    pub fn is_sending(&self) -> bool {
+        self.sending != Sending::Idle
+    }
+
+    /// The last complete message, until a frame of the next one comes.
+    pub fn received(&self) -> &[u8] {
+        match self.receiving {
+            Receiving::Idle => self.rx.get(..self.rx_at).unwrap_or(&[]),
+            Receiving::Collecting { .. } => &[],
+        }
+    }
+
+    /// Drops whatever is under way.
+    pub fn reset(&mut self) {
+        self.sending = Sending::Idle;
+        self.drop_reception();
+        self.flow_control = None;
+    }
+
+    /// Takes the payload of a frame from the peer.
+    pub fn on_frame(&mut self, data: &[u8], now_us: u64) -> Event {
+        let Some((&head, rest)) = data.split_first() else { return Event::None };
+        match head >> 4 {
+            0 => self.on_single(head, rest),
+            1 => self.on_first(head, rest, now_us),
+            2 => self.on_consecutive(head & 0xF, rest, now_us),
+            3 => self.on_flow_control(head & 0xF, rest, now_us),
+            _ => Event::None,
+        }
+    }
+
+    /// What to do now. Call again until [`Output::Idle`].
+    pub fn poll(&mut self, now_us: u64) -> Output {
+        if let Some(pdu) = self.flow_control.take() {
+            return Output::Send(pdu);
+        }
+        let late = |since: u64| now_us.saturating_sub(since) > self.timing.timeout_us;
+        if let Receiving::Collecting { since_us, .. } = self.receiving
+            && late(since_us)
+        {
+            self.drop_reception();
+            return Output::Failed(IsoTpError::ReceiveTimeout);
+        }
+        match self.sending {
+            Sending::Idle => Output::Idle,
+            Sending::Start => Output::Send(self.start(now_us)),
+            Sending::Waiting { since_us, .. } if late(since_us) => {
+                self.sending = Sending::Idle;
+                Output::Failed(IsoTpError::SendTimeout)
+            }
+            Sending::Waiting { .. } => Output::Idle,
+            Sending::Streaming { not_before_us, .. } if now_us < not_before_us => Output::Idle,
+            Sending::Streaming { left, bounded, st_min_us, .. } => {
+                Output::Send(self.consecutive(left, bounded, st_min_us, now_us))
+            }
+        }
+    }
+
+    fn start(&mut self, now_us: u64) -> Pdu {
+        let message = self.tx.get(..self.tx_len).unwrap_or(&[]);
+        if message.len() <= 7 {
+            self.sending = Sending::Idle;
+            return Pdu::new(&[message.len() as u8], message);
+        }
+        let head = [0x10 | (message.len() >> 8) as u8 & 0xF, message.len() as u8];
+        self.tx_at = 6;
+        self.tx_sequence = 1;
+        self.sending = Sending::Waiting { since_us: now_us, waits: 0 };
+        Pdu::new(&head, message)
+    }
+
+    fn consecutive(&mut self, left: u8, bounded: bool, st_min_us: u64, now_us: u64) -> Pdu {
+        let rest = self.tx.get(self.tx_at..self.tx_len).unwrap_or(&[]);
+        let count = rest.len().min(7);
+        let pdu = Pdu::new(&[0x20 | self.tx_sequence], rest);
+        self.sending = if count == rest.len() {
+            Sending::Idle
+        } else if bounded && left <= 1 {
+            Sending::Waiting { since_us: now_us, waits: 0 }
+        } else {
+            let not_before_us = now_us.saturating_add(st_min_us);
+            Sending::Streaming { left: left.saturating_sub(1), bounded, st_min_us, not_before_us }
+        };
+        self.tx_at = self.tx_at.saturating_add(count);
+        self.tx_sequence = (self.tx_sequence + 1) & 0xF;
+        pdu
+    }
+
+    fn on_flow_control(&mut self, status: u8, rest: &[u8], now_us: u64) -> Event {
+        let Sending::Waiting { waits, .. } = self.sending else { return Event::None };
+        let mut fail = |error| {
+            self.sending = Sending::Idle;
+            Event::Failed(error)
+        };
+        match (status, rest) {
+            (0, &[block_size, st_min, ..]) => {
+                self.sending = Sending::Streaming {
+                    left: block_size,
+                    bounded: block_size > 0,
+                    st_min_us: st_min_us(st_min),
+                    not_before_us: now_us,
+                };
+                Event::None
+            }
+            (1, _) if waits < MAX_WAITS => {
+                self.sending = Sending::Waiting { since_us: now_us, waits: waits + 1 };
+                Event::None
+            }
+            (2, _) => fail(IsoTpError::PeerOverflow),
+            _ => fail(IsoTpError::BadFlowControl),
+        }
+    }
+
+    fn on_single(&mut self, head: u8, rest: &[u8]) -> Event {
+        let len = usize::from(head & 0xF);
+        let (Some(bytes), 1..=7) = (rest.get(..len), len) else { return Event::None };
+        let Some(slot) = self.rx.get_mut(..len) else {
+            return Event::Failed(IsoTpError::TooLong);
+        };
+        // A new message ends one that was not complete.
+        slot.copy_from_slice(bytes);
+        self.rx_at = len;
+        self.receiving = Receiving::Idle;
+        Event::Received
+    }
+
+    fn on_first(&mut self, head: u8, rest: &[u8], now_us: u64) -> Event {
+        let Some((&low, bytes)) = rest.split_first() else { return Event::None };
+        let len = usize::from(head & 0xF) << 8 | usize::from(low);
+        // Shorter ones go into a single frame; a first frame is always full.
+        if len < 8 || bytes.len() != 6 {
+            return Event::None;
+        }
+        self.drop_reception();
+        let slot = self.rx.get_mut(..6).filter(|_| len <= N);
+        let Some(slot) = slot else {
+            self.flow_control = Some(Pdu::new(&[0x32, 0, 0], &[]));
+            return Event::Failed(IsoTpError::TooLong);
+        };
+        slot.copy_from_slice(bytes);
+        self.rx_at = 6;
+        let left = self.timing.block_size;
+        self.receiving = Receiving::Collecting { len, sequence: 1, left, since_us: now_us };
+        self.ask_for_more();
+        Event::None
+    }
+
+    fn on_consecutive(&mut self, number: u8, rest: &[u8], now_us: u64) -> Event {
+        let Receiving::Collecting { len, sequence, left, .. } = self.receiving else {
+            return Event::None;
+        };
+        let count = len.saturating_sub(self.rx_at).min(7);
+        let end = self.rx_at.saturating_add(count);
+        let (true, Some(bytes), Some(slot)) =
+            (number == sequence, rest.get(..count), self.rx.get_mut(self.rx_at..end))
+        else {
+            self.drop_reception();
+            return Event::Failed(IsoTpError::Sequence);
+        };
+        slot.copy_from_slice(bytes);
+        self.rx_at = end;
+        if end == len {
+            self.receiving = Receiving::Idle;
+            return Event::Received;
+        }
+        let block_done = self.timing.block_size > 0 && left <= 1;
+        let left = if block_done { self.timing.block_size } else { left.saturating_sub(1) };
+        let sequence = (sequence + 1) & 0xF;
+        self.receiving = Receiving::Collecting { len, sequence, left, since_us: now_us };
+        if block_done {
+            self.ask_for_more();
+        }
+        Event::None
+    }
+
+    fn ask_for_more(&mut self) {
+        let head = [0x30, self.timing.block_size, self.timing.st_min];
+        self.flow_control = Some(Pdu::new(&head, &[]));
+    }
+
+    fn drop_reception(&mut self) {
+        self.receiving = Receiving::Idle;
+        self.rx_at = 0;
+    }
+}
+
+/// µs of a coded least separation time; reserved codes mean the longest, as the standard says.
+fn st_min_us(code: u8) -> u64 {
+    match code {
+        0..=0x7F => u64::from(code) * 1000,
+        0xF1..=0xF9 => u64::from(code - 0xF0) * 100,
+        _ => 127_000,
+    }
+}

@@ -1,0 +1,203 @@
+//! Messages between host and controller, protocol version 1.
+//!
+//! An 11-bit identifier is class (3 bits), node (4 bits), message (4 bits): lower is more urgent.
+//!
+//! | class | messages | from | |
+//! |---|---|---|---|
+//! | 0 | [`Estop`], [`EstopAck`] | both | the identifier alone stops |
+//! | 1 | [`Heartbeat`], [`HeartbeatReply`] | both | every [`HEARTBEAT_PERIOD_MS`] |
+//! | 2 | [`Command`] | host | answered by [`CommandAck`] |
+//! | 3 | [`Status`], [`FaultReport`], [`CommandAck`] | controller | every [`STATUS_PERIOD_MS`] and on change |
+//! | 4 | [`JointTelemetry`] | controller | may be dropped |
+//! | 5 | [`transport`]: [`Request`], [`Response`] over ISO-TP | both | hello, library transfer |
+//! | 7 | [`Discover`], [`Discovered`] | both | |
+//!
+//! A receiver dispatches with [`ToController::decode`] or [`FromController::decode`]. Every message
+//! has `encode(node) -> CanFrame` and `decode(&CanFrame) -> Result<(Node, Self), DecodeError>`.
+//! Integers are little-endian. Layouts are normative in `docs/wire-format.md`; [`SCHEMA`] lists
+//! them in short, and its hash is part of HELLO.
+
+mod command;
+mod discovery;
+mod dispatch;
+mod heartbeat;
+pub mod isotp;
+mod safety;
+mod status;
+mod telemetry;
+pub mod transport;
+
+pub use command::{Action, Command, CommandAck, CommandResult};
+pub use discovery::{Discover, Discovered};
+pub use dispatch::{FromController, ToController};
+pub use heartbeat::{Heartbeat, HeartbeatReply};
+pub use safety::{Estop, EstopAck};
+pub use status::{Fault, FaultBits, FaultReport, Severity, State, Status};
+pub use telemetry::JointTelemetry;
+pub use transport::{Request, Response};
+
+use crate::can::CanFrame;
+use crate::crc::crc8_with_id;
+use thiserror::Error;
+
+/// Protocol version: another major number and the two may only talk HELLO.
+pub const PROTOCOL_MAJOR: u8 = 1;
+/// Protocol version: a higher minor number has messages that we ignore.
+pub const PROTOCOL_MINOR: u8 = 0;
+/// Time between two heartbeats of the host, ms.
+pub const HEARTBEAT_PERIOD_MS: u32 = 50;
+/// Without a heartbeat for so long the host counts as lost, ms.
+pub const HOST_TIMEOUT_MS: u32 = 250;
+/// Time between two status messages, ms.
+pub const STATUS_PERIOD_MS: u32 = 50;
+
+/// Layout of every message in short; part of the protocol's identity.
+pub const SCHEMA: &str = "\
+0n0 estop
+0n1 estop_ack crc8 state:u8
+1n0 heartbeat crc8 seq:u8 host_ms:u32
+1n1 heartbeat_reply crc8 seq:u8 controller_ms:u32
+2n0 command crc8 seq:4 kind:4 code:u8 speed:i8/64 arg:u16 valid_until_ms:u16
+3n0 status crc8 state:4 severity:4 faults:u16 clip:u8 frame:12 counter:4 library:u8
+3n1 fault crc8 counter:u8 fault:u8 channel:u8 value:f32
+3n2 command_ack crc8 seq:4 kind:4 result:u8 state:u8 motion:u8 value:u16
+4n0 joint channel:u8 position:i16*2e-4rad velocity:i16*2e-3rad/s torque:i16*5e-3Nm status:u8
+5n0 transport_to_controller isotp
+5n1 transport_to_host isotp
+7F0 discover
+7n1 discovered uid:6*u8 protocol_major:u8
+isotp 01 hello_request major:u8 minor:u8
+isotp 10 begin len:u32 crc32c:u32
+isotp 11 block offset:u32 crc32c:u32 bytes
+isotp 12 finish
+isotp 13 activate crc32c:u32
+isotp 81 hello major:u8 minor:u8 schema:u32 config:u32 format_major:u16 format_minor:u16 has_library:u8 library:u32 max_block:u16 channels:u8
+isotp 90 reply request:u8 result:u8 next:u32 section:u8 why:u8
+080+n control command:u8
+100+n joint_setpoint position:i16*2e-4rad velocity:i16*2e-3rad/s kp:u16*1e-2Nm/rad kd:u16*1e-3Nms/rad
+180+n feedback position:i16*2e-4rad velocity:i16*2e-3rad/s torque:i16*5e-3Nm status:u8 counter:u8
+200+n wheel_setpoint speed:i32*1e-4rad/s kd:u16*1e-3Nms/rad torque_limit:u16*5e-3Nm
+";
+
+/// CRC-32C of [`SCHEMA`]: two sides with different hashes do not mean the same by the same bytes.
+pub const SCHEMA_HASH: u32 = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(SCHEMA.as_bytes());
+
+/// Address of a controller on the link, 0 to 14, or of all of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Node(u8);
+
+impl Node {
+    /// All controllers.
+    pub const BROADCAST: Node = Node(0xF);
+
+    /// A controller's address; `None` above 14.
+    pub const fn new(number: u8) -> Option<Self> {
+        if number < 0xF { Some(Self(number)) } else { None }
+    }
+
+    /// The number, 0 to 14, 15 for all.
+    pub fn number(self) -> u8 {
+        self.0
+    }
+
+    /// Whether a message to `self` is for the controller `me`.
+    pub fn reaches(self, me: Node) -> bool {
+        self == me || self == Self::BROADCAST
+    }
+}
+
+/// Why a frame is not the message that it was taken for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum DecodeError {
+    /// The identifier belongs to another message.
+    #[error("another message")]
+    OtherMessage,
+    /// The length is not that of the message.
+    #[error("wrong length")]
+    BadLength,
+    /// The checksum does not fit: damaged on the way.
+    #[error("wrong checksum")]
+    BadCrc,
+    /// A field has a value that this version does not know.
+    #[error("unknown value")]
+    BadValue,
+}
+
+/// Class and message number, which with a node make an identifier.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Kind {
+    class: u8,
+    message: u8,
+}
+
+impl Kind {
+    const fn new(class: u8, message: u8) -> Self {
+        assert!(class < 8 && message < 16, "3 bits of class, 4 of message");
+        Self { class, message }
+    }
+
+    fn id(self, node: Node) -> u16 {
+        u16::from(self.class) << 8 | u16::from(node.0) << 4 | u16::from(self.message)
+    }
+
+    /// The node, when the frame is of this kind.
+    fn node(self, frame: &CanFrame) -> Result<Node, DecodeError> {
+        let id = frame.id();
+        let fits = id & 0x70F == u16::from(self.class) << 8 | u16::from(self.message);
+        fits.then_some(Node((id >> 4) as u8 & 0xF)).ok_or(DecodeError::OtherMessage)
+    }
+
+    /// Node and payload of a frame of this kind without checksum.
+    fn plain<const N: usize>(self, frame: &CanFrame) -> Result<(Node, [u8; N]), DecodeError> {
+        let node = self.node(frame)?;
+        let data = frame.data().try_into().map_err(|_| DecodeError::BadLength)?;
+        Ok((node, data))
+    }
+
+    /// The frame with `data`, whose first byte is replaced by the checksum.
+    fn seal<const N: usize>(self, node: Node, mut data: [u8; N]) -> CanFrame {
+        let id = self.id(node);
+        if let Some((crc, rest)) = data.split_first_mut() {
+            *crc = crc8_with_id(id, rest);
+        }
+        CanFrame::known(id, data)
+    }
+
+    /// Node and payload of a sealed frame.
+    fn unseal<const N: usize>(self, frame: &CanFrame) -> Result<(Node, [u8; N]), DecodeError> {
+        let (node, data) = self.plain::<N>(frame)?;
+        match data.split_first() {
+            Some((&crc, rest)) if crc == crc8_with_id(frame.id(), rest) => Ok((node, data)),
+            _ => Err(DecodeError::BadCrc),
+        }
+    }
+}
+
+/// An enumeration whose variants have fixed numbers on the wire.
+macro_rules! coded {
+    ($(#[$meta:meta])* $name:ident { $($(#[$doc:meta])* $variant:ident = $code:literal,)* }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[repr(u8)]
+        pub enum $name { $($(#[$doc])* $variant = $code,)* }
+
+        impl $name {
+            /// All values, in the order of their codes.
+            pub const ALL: &'static [Self] = &[$(Self::$variant,)*];
+
+            /// Number on the wire.
+            pub fn code(self) -> u8 {
+                self as u8
+            }
+
+            /// The value of a number on the wire; `None` for one that this version does not know.
+            pub fn from_code(code: u8) -> Option<Self> {
+                match code {
+                    $($code => Some(Self::$variant),)*
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+use coded;

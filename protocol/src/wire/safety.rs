@@ -1,0 +1,45 @@
+//! Class 0: the emergency stop.
+
+use super::{DecodeError, Kind, Node, State};
+use crate::can::CanFrame;
+
+const ESTOP: Kind = Kind::new(0, 0);
+const ESTOP_ACK: Kind = Kind::new(0, 1);
+
+/// Stop. The identifier alone says it: any payload is accepted, so that the simplest device on the
+/// bus can send it. Senders repeat it 5 times at 5 ms, then every 100 ms until acknowledged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Estop;
+
+impl Estop {
+    /// Without payload.
+    pub fn encode(self, to: Node) -> CanFrame {
+        CanFrame::known(ESTOP.id(to), [])
+    }
+
+    /// Whom it is for.
+    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+        Ok((ESTOP.node(frame)?, Estop))
+    }
+}
+
+/// The controller has stopped, and stays so until it is told otherwise in two steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EstopAck {
+    /// State after the stop.
+    pub state: State,
+}
+
+impl EstopAck {
+    /// `[crc8][state u8]`
+    pub fn encode(self, from: Node) -> CanFrame {
+        ESTOP_ACK.seal(from, [0, self.state.code()])
+    }
+
+    /// Sender and message.
+    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+        let (node, [_, state]) = ESTOP_ACK.unseal(frame)?;
+        let state = State::from_code(state).ok_or(DecodeError::BadValue)?;
+        Ok((node, Self { state }))
+    }
+}

@@ -1,0 +1,49 @@
+//! Class 4: what joints and wheels do. May be dropped; nothing depends on it.
+
+use super::{DecodeError, Kind, Node};
+use crate::actuator::{
+    ActuatorStatus, POSITION_STEP_RAD, SPEED_STEP_RAD_S, TORQUE_STEP_NM, measured, signed,
+};
+use crate::can::CanFrame;
+
+const JOINT: Kind = Kind::new(4, 0);
+
+/// Measurements of one channel; the channels take turns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointTelemetry {
+    /// Channel, as in the robot's configuration.
+    pub channel: u8,
+    /// Angle, rad; of a wheel within −π to π.
+    pub position_rad: f32,
+    /// Speed, rad/s.
+    pub velocity_rad_s: f32,
+    /// Torque, N·m.
+    pub torque_nm: f32,
+    /// State of the actuator.
+    pub status: ActuatorStatus,
+}
+
+impl JointTelemetry {
+    /// `[channel u8][position i16 0.2 mrad][velocity i16 2 mrad/s][torque i16 5 mN·m][status u8]`.
+    /// Values beyond their scale saturate.
+    pub fn encode(self, from: Node) -> CanFrame {
+        let [p0, p1] = measured(self.position_rad, POSITION_STEP_RAD).to_le_bytes();
+        let [v0, v1] = measured(self.velocity_rad_s, SPEED_STEP_RAD_S).to_le_bytes();
+        let [t0, t1] = measured(self.torque_nm, TORQUE_STEP_NM).to_le_bytes();
+        CanFrame::known(JOINT.id(from), [self.channel, p0, p1, v0, v1, t0, t1, self.status.0])
+    }
+
+    /// Sender and measurements.
+    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+        let (node, [channel, p0, p1, v0, v1, t0, t1, status]) = JOINT.plain(frame)?;
+        let bad = DecodeError::BadValue;
+        let telemetry = Self {
+            channel,
+            position_rad: signed(p0, p1, POSITION_STEP_RAD).ok_or(bad)?,
+            velocity_rad_s: signed(v0, v1, SPEED_STEP_RAD_S).ok_or(bad)?,
+            torque_nm: signed(t0, t1, TORQUE_STEP_NM).ok_or(bad)?,
+            status: ActuatorStatus(status),
+        };
+        Ok((node, telemetry))
+    }
+}
