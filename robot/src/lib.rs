@@ -8,6 +8,7 @@ mod controller;
 pub mod document;
 mod file;
 mod model;
+mod pose;
 mod rules;
 
 pub use controller::Channel;

@@ -39,6 +39,7 @@ pub struct Joint {
     /// Index of the link that the joint moves.
     pub child: usize,
     /// Pose of the joint frame in the parent link frame at angle 0.
+    #[serde(with = "crate::pose")]
     pub parent_from_joint: Isometry3<f64>,
     /// Unit axis in the joint frame.
     pub axis_in_joint: Vector3<f64>,
