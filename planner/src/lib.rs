@@ -12,11 +12,15 @@ mod optimise;
 mod penalty;
 pub mod plan;
 pub mod problem;
+pub mod report;
 pub mod rows;
+pub mod sample;
 pub mod solver;
 pub mod state;
 mod swing;
 pub mod terms;
+#[cfg(test)]
+mod test_plans;
 #[cfg(test)]
 mod test_robots;
 pub mod variables;

@@ -5,6 +5,7 @@
 
 use super::{FORMAT, Plan, VERSION};
 use miette::Diagnostic;
+use rollwalk_robot::InvalidRobot;
 use serde::Deserialize;
 use thiserror::Error;
 
@@ -25,6 +26,15 @@ pub enum PlanError {
         path: String,
         /// What is wrong.
         message: String,
+    },
+    /// The robot breaks the rules of robot files.
+    #[error("{file}: robot: {error}")]
+    #[diagnostic(help("the same rules as for robot files: `rollwalk robot check`"))]
+    Robot {
+        /// The file as the caller named it.
+        file: String,
+        /// The broken rules.
+        error: InvalidRobot,
     },
     /// A field has a value that no plan can have.
     #[error("{file}: {path} is {value}; expected {expected}")]
@@ -156,4 +166,127 @@ fn find_outside_strings(text: &str, wanted: impl Fn(char) -> bool) -> Option<usi
         }
     }
     None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_plans;
+
+    /// The plan with one piece of its JSON replaced.
+    fn tampered(from: &str, to: &str) -> PlanError {
+        let text = test_plans::start_stop().to_json();
+        assert!(text.contains(from), "the text to replace, {from}, is not there");
+        Plan::from_json("x.json", &text.replacen(from, to, 1)).expect_err("a bad plan was accepted")
+    }
+
+    #[test]
+    fn plans_survive_the_round_trip_to_the_last_bit_and_byte() {
+        for plan in [test_plans::start_stop(), test_plans::cruise(), test_plans::cruise_middle()] {
+            let text = plan.to_json();
+            let read = Plan::from_json("x.json", &text).expect("own output is valid");
+            assert_eq!(read, plan);
+            assert_eq!(read.to_json(), text);
+        }
+    }
+
+    #[test]
+    fn plain_arrays_stay_on_one_line_and_strings_are_left_alone() {
+        let mut plan = test_plans::start_stop();
+        plan.motion.name = "a \"b\" [1, 2] {c} \\".to_owned();
+        let text = plan.to_json();
+        assert!(text.contains("\"stance\": [\n      [true, true, true, true],\n"), "{text}");
+        let read = Plan::from_json("x.json", &text).expect("still JSON");
+        assert_eq!(read.motion.name, plan.motion.name);
+    }
+
+    #[test]
+    fn errors_name_file_field_value_and_what_would_be_right() {
+        let cases = [
+            (
+                "\"rollwalk-plan\"",
+                "\"urdf\"",
+                "x.json: format is \"urdf\"; expected \"rollwalk-plan\"",
+            ),
+            (
+                "\"version\": 1",
+                "\"version\": 7",
+                "x.json: version is 7; expected 1 or less: the plan is from a newer",
+            ),
+            ("\"version\": 1,", "", "x.json: version is missing; expected 1"),
+            ("\"samples\": [", "\"samples\": [ 5,", "samples[0]: invalid type: integer `5`"),
+            (
+                "base_orientation_wxyz\": [1.0, 0.0, 0.0, 0.0]",
+                "base_orientation_wxyz\": [1.0, 0.1, 0.0, 0.0]",
+                "samples[0].base_orientation_wxyz is of norm 1.00",
+            ),
+            (
+                "base_orientation_wxyz\": [1.0, 0.0, 0.0, 0.0]",
+                "base_orientation_wxyz\": [0.0, 1.0, 0.0, 0.0]",
+                "rad away from base_yaw_pitch_roll_rad; expected the same rotation",
+            ),
+            (
+                "\"joint_rad\": [0.3, ",
+                "\"joint_rad\": [",
+                "samples[0].joint_rad is 3 long; expected one per joint of the robot, 4",
+            ),
+            (
+                "\"time_s\": 0.05,",
+                "\"time_s\": 0.04,",
+                "samples[1].time_s is 0.04; expected 0.05, the index",
+            ),
+            (
+                "\"contact\": true",
+                "\"contact\": false",
+                "samples[0].end_effectors[0].contact is false; expected motion.stance[0][0], true",
+            ),
+            (
+                "\"duration_s\": 2.0",
+                "\"duration_s\": 0.0",
+                "motion.duration_s is 0; expected a positive time",
+            ),
+            (
+                "\"duration_s\": 2.0",
+                "\"duration_s\": 2.5",
+                "sample_interval_s is 0.05; expected 0.0625",
+            ),
+            (
+                "      [true, true, true, true],\n",
+                "",
+                "motion.stance is 40 rows long; expected one row per sample, 41",
+            ),
+            ("\"parent\": 0", "\"parent\": 9", "x.json: robot: robot `box` is not valid"),
+        ];
+        for (from, to, expected) in cases {
+            let message = tampered(from, to).to_string();
+            assert!(message.contains(expected), "{from} -> {to}:\n{message}\n{expected}");
+            assert!(message.starts_with("x.json"), "{message}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_json_is_located() {
+        let error = Plan::from_json("x.json", "{\n  \"format\": ,").expect_err("not JSON");
+        assert!(matches!(error, PlanError::Syntax { line: 2, column: 13, .. }), "{error}");
+        // A number too large for a float is not silently infinite.
+        assert!(
+            tampered("\"energy\": 0.0", "\"energy\": 1e999").to_string().contains("out of range")
+        );
+    }
+
+    #[test]
+    fn ends_must_agree_with_the_kind_of_motion() {
+        let mut rest = test_plans::start_stop();
+        rest.after.joint_rad[2] += 0.01;
+        let message = rest.validate("x.json").expect_err("moving at rest").to_string();
+        assert!(message.contains("after is 1.000e-2 (m or rad) away from it"), "{message}");
+        let mut periodic = test_plans::cruise();
+        periodic.end_placement.yaw_rad = 0.1;
+        let message =
+            periodic.validate("x.json").expect_err("a turn that after does not make").to_string();
+        assert!(
+            message.contains("expected the pose of the first sample moved by end_placement"),
+            "{message}"
+        );
+    }
 }

@@ -22,7 +22,7 @@ impl Plan {
         let at = Field { file, path: String::new() };
         at.of("format").holds(self.format == FORMAT, &self.format, FORMAT)?;
         at.of("version").holds(self.version == VERSION, self.version, VERSION)?;
-        self.validate_robot(&at)?;
+        self.robot.validate().map_err(|error| PlanError::Robot { file: file.to_owned(), error })?;
         self.validate_grid(&at)?;
         for (index, (sample, stance)) in self.samples.iter().zip(&self.motion.stance).enumerate() {
             let at = at.item("samples", index);
@@ -43,28 +43,6 @@ impl Plan {
         self.validate_sample(&self.before, &at.of("before"))?;
         self.validate_sample(&self.after, &at.of("after"))?;
         self.validate_ends(&at)
-    }
-
-    /// Indices of the robot lie inside their tables.
-    fn validate_robot(&self, at: &Field) -> Result<(), PlanError> {
-        let robot = &self.robot;
-        let at = at.of("robot");
-        let links = robot.links.len();
-        at.of("links").holds(links > 0, "empty", "at least the root link")?;
-        let range = format!("the index of a link, less than {links}");
-        for (k, joint) in robot.joints.iter().enumerate() {
-            let at = at.item("joints", k);
-            at.of("parent").holds(joint.parent < links, joint.parent, &range)?;
-            at.of("child").holds(joint.child < links, joint.child, &range)?;
-        }
-        for (j, end_effector) in robot.end_effectors.iter().enumerate() {
-            at.item("end_effectors", j).of("link").holds(
-                end_effector.link < links,
-                end_effector.link,
-                &range,
-            )?;
-        }
-        Ok(())
     }
 
     /// Sample count, footfall pattern, duration and spacing fit together.

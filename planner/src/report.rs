@@ -1,0 +1,276 @@
+//! How far a plan is from the physics that it claims, recomputed from the plan alone.
+//!
+//! The optimiser minimises rows with exact derivatives; this module writes the same equations down a
+//! second time, from the numbers of a [`Plan`] and the robot inside it, and evaluates them
+//!
+//! - **at the samples**: what was optimised must hold there, against the levels up to which plans
+//!   survive an independent simulator;
+//! - **between the samples**, on the motion as it is played: what servos follow is the resampled
+//!   motion, so its slip, its heights and its limits are the ones that matter in the end. Ground
+//!   forces are taken as linear between samples, which is a choice, not a prediction: residuals of
+//!   the dynamics in between have no level.
+
+mod grid;
+mod rows;
+mod table;
+
+use crate::plan::Plan;
+use crate::sample::resample;
+use serde::Serialize;
+
+/// Rate of motion libraries, Hz.
+const LIBRARY_RATE_HZ: f64 = 60.0;
+/// Fastest control rate, Hz.
+const CONTROL_RATE_HZ: f64 = 500.0;
+
+/// Every residual of a plan with its worst case.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// Name of the motion.
+    pub motion: String,
+    /// Name of the robot.
+    pub robot: String,
+    /// The residuals: at the samples first, then in between.
+    pub rows: Vec<Row>,
+}
+
+/// One residual over the whole motion.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// What is checked.
+    pub name: &'static str,
+    /// Where the equation stands, in the thesis or in words.
+    pub equation: &'static str,
+    /// On which times.
+    pub grid: Grid,
+    /// Worst residual, in `unit`. For limits: how far beyond, 0 when inside.
+    pub worst: f64,
+    /// Unit of `worst` and `level`.
+    pub unit: &'static str,
+    /// Residual up to which the plan is physically credible; `None` where there is no such claim.
+    pub level: Option<f64>,
+    /// Where the worst case is; `None` when the residual is 0 everywhere.
+    pub place: Option<Place>,
+}
+
+/// The times at which a residual is evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum Grid {
+    /// The samples of the plan.
+    #[serde(rename = "samples")]
+    Samples,
+    /// The plan resampled at the motion library's rate, 60 Hz.
+    #[serde(rename = "60_hz")]
+    Library60Hz,
+    /// The plan resampled at the fastest control rate, 500 Hz.
+    #[serde(rename = "500_hz")]
+    Control500Hz,
+}
+
+/// Where a residual is worst.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Place {
+    /// Sample, or frame of the resampled motion, from 0. Residuals of intervals: where they start.
+    pub sample: usize,
+    /// Time of it, s.
+    pub time_s: f64,
+    /// Name of the joint or end effector, if the residual belongs to one.
+    pub subject: Option<String>,
+}
+
+impl Report {
+    /// Recomputes every residual of a validated plan. Residuals that the plan gives no occasion for,
+    /// such as a swing force where no foot swings, have no row.
+    pub fn new(plan: &Plan) -> Self {
+        let mut rows = rows::at_samples(&grid::Timeline::new(plan));
+        for (grid, rate_hz) in
+            [(Grid::Library60Hz, LIBRARY_RATE_HZ), (Grid::Control500Hz, CONTROL_RATE_HZ)]
+        {
+            rows.extend(rows::between(&grid::Timeline::new(&resample(plan, rate_hz)), grid));
+        }
+        Self { motion: plan.motion.name.clone(), robot: plan.robot.name.clone(), rows }
+    }
+
+    /// The residual nearest to, or furthest beyond, its level.
+    pub fn worst(&self) -> Option<&Row> {
+        self.rows.iter().max_by(|a, b| a.part_of_level().total_cmp(&b.part_of_level()))
+    }
+
+    /// Whether every residual that has a level is within it.
+    pub fn is_credible(&self) -> bool {
+        self.rows.iter().all(|row| row.part_of_level() <= 1.0)
+    }
+
+    /// The row with this name on this grid.
+    pub fn row(&self, name: &str, grid: Grid) -> Option<&Row> {
+        self.rows.iter().find(|row| row.name == name && row.grid == grid)
+    }
+}
+
+impl Row {
+    /// Worst residual as a part of its level; 0 without a level.
+    pub fn part_of_level(&self) -> f64 {
+        self.level.map_or(0.0, |level| self.worst / level)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_plans;
+
+    /// The report of a plan after `change`.
+    fn changed(mut plan: Plan, change: impl FnOnce(&mut Plan)) -> Report {
+        change(&mut plan);
+        Report::new(&plan)
+    }
+
+    fn at_samples<'a>(report: &'a Report, name: &str) -> &'a Row {
+        report.row(name, Grid::Samples).unwrap_or_else(|| panic!("no row {name}"))
+    }
+
+    #[test]
+    fn plans_in_closed_form_have_no_residual_at_their_samples() {
+        for plan in [test_plans::start_stop(), test_plans::cruise(), test_plans::cruise_middle()] {
+            let report = Report::new(&plan);
+            for row in report.rows.iter().filter(|row| row.grid == Grid::Samples) {
+                // Rounding: positions of 1e-16 m over h² of 2.5e-3 s² times 3 kg, in N; and in mm/s.
+                assert!(row.worst < 1e-9, "{report}");
+            }
+            assert!(report.is_credible(), "{report}");
+        }
+    }
+
+    #[test]
+    fn between_samples_the_splines_stay_close_to_the_equations() {
+        let report = Report::new(&test_plans::cruise());
+        for grid in [Grid::Library60Hz, Grid::Control500Hz] {
+            // Spline error of leg sines of 0.2 rad at 5.2 rad/s with h = 0.05 s, times 0.2 m of leg:
+            // in height (5/384)·h⁴·0.2·5.2⁴·0.2 m = 2.4e-6 m; in speed (1/24)·h³ for the wheel's angle
+            // instead of (5/384)·h⁴: 3e-4 m/s.
+            assert!(report.row("height in stance", grid).expect("row").worst < 0.01, "{report}");
+            assert!(report.row("slip", grid).expect("row").worst < 1.0, "{report}");
+            // Linear forces against a smooth acceleration: h²/8 · |f''| = 0.003 · 3 kg · 1.5 · 27.
+            assert!(report.row("linear dynamics", grid).expect("row").worst < 0.4, "{report}");
+            assert_eq!(report.row("linear dynamics", grid).expect("row").level, None);
+        }
+    }
+
+    #[test]
+    fn every_disturbance_shows_with_its_size_place_and_name() {
+        let name = |row: &Row| row.place.as_ref().expect("a place").subject.clone();
+        let sample = |row: &Row| row.place.as_ref().expect("a place").sample;
+
+        let report =
+            changed(test_plans::cruise(), |p| p.samples[7].end_effectors[2].force_n[0] += 1.0);
+        let row = at_samples(&report, "linear dynamics");
+        assert!((row.worst - 1.0).abs() < 1e-9 && sample(row) == 7, "{report}");
+        // Along x, the force has the height and the lateral offset of the contact point as its lever.
+        let lever = test_plans::cruise().samples[7].com_m[2].hypot(0.15);
+        assert!((at_samples(&report, "angular dynamics").worst - lever).abs() < 1e-9, "{report}");
+        assert!(!report.is_credible());
+
+        let report =
+            changed(test_plans::cruise(), |p| p.samples[4].end_effectors[1].position_m[2] = -0.003);
+        let row = at_samples(&report, "height in stance");
+        assert!(
+            (row.worst - 3.0).abs() < 1e-9 && name(row).as_deref() == Some("fr-wheel"),
+            "{report}"
+        );
+        assert!((at_samples(&report, "contact point").worst - 3.0).abs() < 1e-9, "{report}");
+
+        let report = changed(test_plans::cruise(), |p| {
+            p.samples[3].end_effectors[0].wheel_speed_rad_s += 0.2
+        });
+        assert!((at_samples(&report, "slip").worst - 0.2 * 50.0).abs() < 1e-9, "{report}");
+        assert!(
+            (at_samples(&report, "motor against wheel").worst - 0.2 * 50.0).abs() < 1e-9,
+            "{report}"
+        );
+
+        let report = changed(test_plans::cruise(), |p| p.samples[9].com_m[1] += 0.002);
+        assert!((at_samples(&report, "centre of mass").worst - 2.0).abs() < 1e-9, "{report}");
+
+        let report =
+            changed(test_plans::cruise(), |p| p.samples[9].end_effectors[3].tilt_rad = 0.01);
+        // A chord of the unit circle: 2 sin(0.005).
+        assert!((at_samples(&report, "wheel axis").worst - 0.01).abs() < 1e-6, "{report}");
+
+        let report = changed(test_plans::cruise(), |p| p.samples[9].joint_rad[2] = 1.04);
+        let row = at_samples(&report, "joint limit");
+        assert!(
+            (row.worst - 0.04).abs() < 1e-9 && name(row).as_deref() == Some("rl-hip"),
+            "{report}"
+        );
+        assert!(at_samples(&report, "joint speed limit").worst > 5.0, "{report}");
+
+        let report =
+            changed(test_plans::cruise(), |p| p.robot.end_effectors[0].friction_coefficient = 0.0);
+        let f = test_plans::cruise()
+            .samples
+            .iter()
+            .map(|s| s.end_effectors[0].force_n[0].abs())
+            .fold(0.0, f64::max);
+        assert!((at_samples(&report, "friction cone").worst - f).abs() < 1e-9, "{report}");
+
+        let report = changed(test_plans::cruise(), |p| {
+            p.samples[6].end_effectors[0].contact = false;
+            p.samples[6].end_effectors[0].position_m[2] = -0.004;
+        });
+        let f = nalgebra::Vector3::from(test_plans::cruise().samples[6].end_effectors[0].force_n)
+            .norm();
+        assert!((at_samples(&report, "swing force").worst - f).abs() < 1e-9, "{report}");
+        assert!((at_samples(&report, "depth in swing").worst - 4.0).abs() < 1e-9, "{report}");
+
+        let report = changed(test_plans::cruise(), |p| p.robot.end_effectors[1].radius_m = 0.3);
+        // Wheels 0.3 m apart, radii 0.05 and 0.3, clearance 0.02.
+        assert!(
+            (at_samples(&report, "end-effector clearance").worst - 70.0).abs() < 1e-6,
+            "{report}"
+        );
+    }
+
+    #[test]
+    fn goals_are_measured_at_the_centre_of_mass() {
+        let report = changed(test_plans::start_stop(), |p| {
+            p.motion.goal.forward_m = Some(0.502);
+            p.motion.goal.turn_rad = Some(0.0);
+        });
+        assert!((at_samples(&report, "goal: forward").worst - 0.002).abs() < 1e-9, "{report}");
+        assert_eq!(at_samples(&report, "goal: turn").worst, 0.0);
+        assert_eq!(report.worst().map(|row| row.name), Some("goal: forward"));
+    }
+
+    #[test]
+    fn a_free_wheel_pushes_with_its_rolling_resistance_only() {
+        let passive = rollwalk_robot::Contact::PassiveWheel {
+            axis_in_link: nalgebra::Vector3::y(),
+            rolling_resistance: 0.02,
+        };
+        let report = changed(test_plans::cruise(), |p| {
+            p.robot.end_effectors[0].contact = passive;
+            for s in &mut p.samples {
+                let e = &mut s.end_effectors[0];
+                e.force_n[0] = -0.02 * e.force_n[2] * (e.wheel_speed_rad_s).signum();
+            }
+        });
+        // tanh(v/0.05) is 1 within 1e-5 from v = 0.3 m/s on; the cruise is never slower.
+        assert!(at_samples(&report, "free-wheel traction").worst < 1e-5, "{report}");
+    }
+
+    #[test]
+    fn the_table_is_aligned_and_the_json_is_complete() {
+        let report =
+            changed(test_plans::cruise(), |p| p.samples[7].end_effectors[2].force_n[0] += 1.0);
+        let table = report.to_string();
+        let unit_column =
+            |name: &str| table.lines().find(|l| l.contains(name)).and_then(|l| l.find(" mm"));
+        assert_eq!(unit_column("slip"), unit_column("centre of mass"), "{table}");
+        assert!(table.contains("!1.000") && table.contains("sample 7 (0.350 s)"), "{table}");
+        assert!(table.contains("residuals are beyond their level"), "{table}");
+        let json = serde_json::to_value(&report).expect("a report is JSON");
+        assert_eq!(json["rows"][0]["grid"], "samples");
+        assert_eq!(json["rows"][0]["place"]["sample"], 7);
+        assert_eq!(json["rows"].as_array().map(Vec::len), Some(report.rows.len()));
+    }
+}

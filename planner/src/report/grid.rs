@@ -1,0 +1,136 @@
+//! A plan with the state before and after it, and the kinematics of every state: what residuals see.
+
+use crate::model::{BASE_POSITION, BASE_YAW, JOINTS, Model, Pose, rotation};
+use crate::motion::Ends;
+use crate::plan::{Plan, Sample};
+use crate::state::ContactFrame;
+use nalgebra::{DVector, Vector3};
+use rollwalk_robot::Contact;
+
+/// One state of a timeline.
+pub struct State<'a> {
+    /// The numbers of the plan.
+    pub sample: &'a Sample,
+    /// Kinematics at its base pose and joint angles.
+    pub pose: Pose,
+    /// Contact frames from the plan's tilt and yaw.
+    pub frames: Vec<ContactFrame>,
+}
+
+/// States of a plan in order of time, one before and one after it included.
+pub struct Timeline<'a> {
+    /// The plan.
+    pub plan: &'a Plan,
+    /// Its robot.
+    pub model: Model,
+    /// `states[i + 1]` belongs to sample i.
+    states: Vec<State<'a>>,
+}
+
+/// Three neighbouring states around sample `index`.
+pub struct Window<'a> {
+    /// The sample in the middle.
+    pub index: usize,
+    /// The state before it.
+    pub before: &'a State<'a>,
+    /// Its state.
+    pub here: &'a State<'a>,
+    /// The state after it.
+    pub after: &'a State<'a>,
+}
+
+impl<'a> Timeline<'a> {
+    /// Evaluates the kinematics of a plan.
+    pub fn new(plan: &'a Plan) -> Self {
+        let model = Model::new(&plan.robot);
+        let all = std::iter::once(&plan.before).chain(&plan.samples).chain([&plan.after]);
+        let states = all.map(|sample| State::new(&model, sample)).collect();
+        Self { plan, model, states }
+    }
+
+    /// Every sample with its neighbours.
+    pub fn samples(&self) -> impl Iterator<Item = Window<'_>> {
+        self.states.windows(3).enumerate().map(|(index, w)| Window {
+            index,
+            before: &w[0],
+            here: &w[1],
+            after: &w[2],
+        })
+    }
+
+    /// Every sample that starts an interval of the motion: of a periodic one all, the last interval
+    /// leading to the next period; else all but the last.
+    pub fn intervals(&self) -> impl Iterator<Item = Window<'_>> {
+        let count = match self.plan.motion.ends {
+            Ends::Periodic => self.plan.samples.len(),
+            Ends::AtRest | Ends::Prescribed => self.plan.samples.len() - 1,
+        };
+        self.samples().take(count)
+    }
+
+    /// Sample spacing h, s.
+    pub fn spacing_s(&self) -> f64 {
+        self.plan.sample_interval_s
+    }
+
+    /// First state and the one that ends the motion: the first of the next period, or the last.
+    pub fn ends(&self) -> [&State<'a>; 2] {
+        let last = match self.plan.motion.ends {
+            Ends::Periodic => self.plan.samples.len() + 1,
+            Ends::AtRest | Ends::Prescribed => self.plan.samples.len(),
+        };
+        [&self.states[1], &self.states[last]]
+    }
+}
+
+impl<'a> State<'a> {
+    fn new(model: &Model, sample: &'a Sample) -> Self {
+        let mut q = DVector::zeros(model.dofs());
+        q.rows_mut(BASE_POSITION, 3).copy_from_slice(&sample.base_position_m);
+        q.rows_mut(BASE_YAW, 3).copy_from_slice(&sample.base_yaw_pitch_roll_rad);
+        q.rows_mut(JOINTS, sample.joint_rad.len()).copy_from_slice(&sample.joint_rad);
+        let frames = model
+            .robot()
+            .end_effectors
+            .iter()
+            .zip(&sample.end_effectors)
+            .map(|(e, s)| match e.contact {
+                Contact::PointFoot => ContactFrame::foot(e.radius_m),
+                _ => ContactFrame::wheel(e.radius_m, s.tilt_rad, s.yaw_rad),
+            })
+            .collect();
+        Self { sample, pose: model.pose(&q), frames }
+    }
+
+    /// Whether end effector `j` stands.
+    pub fn stands(&self, j: usize) -> bool {
+        self.sample.end_effectors[j].contact
+    }
+
+    /// Contact point e of end effector `j`, m.
+    pub fn contact(&self, j: usize) -> Vector3<f64> {
+        self.sample.end_effectors[j].position_m.into()
+    }
+
+    /// Ground force on end effector `j`, N.
+    pub fn force(&self, j: usize) -> Vector3<f64> {
+        self.sample.end_effectors[j].force_n.into()
+    }
+
+    /// Centre of mass of the plan, m.
+    pub fn com(&self) -> Vector3<f64> {
+        self.sample.com_m.into()
+    }
+
+    /// Angular velocity in world on the interval from here to `to`, rad/s.
+    pub fn body_velocity(&self, to: &Self, spacing_s: f64) -> Vector3<f64> {
+        rotation::log(&(to.pose.world_from_body * self.pose.world_from_body.transpose()))
+            / spacing_s
+    }
+
+    /// Angular velocity in world of the link that carries end effector `j`, rad/s.
+    pub fn link_velocity(&self, j: usize, to: &Self, spacing_s: f64) -> Vector3<f64> {
+        let (from, to) = (&self.pose.end_effectors[j], &to.pose.end_effectors[j]);
+        rotation::log(&(to.world_from_link * from.world_from_link.transpose())) / spacing_s
+    }
+}

@@ -1,0 +1,312 @@
+//! The residuals, each as an equation over neighbouring states.
+
+use super::grid::{State, Timeline, Window};
+use super::{Grid, Place, Row};
+use crate::state::{ContactFrame, rolling_direction};
+use crate::terms::level;
+use crate::variables::GRAVITY_M_S2;
+use nalgebra::Vector3;
+use rollwalk_robot::{Contact, EndEffector};
+
+const MM: f64 = 1000.0;
+
+/// Rolling velocity at which rolling resistance has nearly its full value, m/s: its smooth sign.
+const ROLLING_SIGN_WIDTH_M_S: f64 = 0.05;
+
+/// Clearance β between end effectors of different links, m (Eq. 2.10).
+const CLEARANCE_M: f64 = 0.02;
+
+/// All residuals that a plan must satisfy at its samples.
+pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
+    let mut found = dynamics(timeline, Grid::Samples);
+    found.extend([friction(timeline), rolling_force(timeline), swing_force(timeline)]);
+    found.extend(contact_motion(timeline, Grid::Samples));
+    found.extend([
+        clearance(timeline),
+        com(timeline),
+        contact_point(timeline),
+        wheel_axis(timeline),
+    ]);
+    found.push(motor_speed(timeline));
+    found.extend(limits(timeline, Grid::Samples));
+    let mut rows: Vec<Row> = found.into_iter().filter_map(Worst::row).collect();
+    rows.extend(goals(timeline));
+    rows
+}
+
+/// Residuals of the motion as it is played. What follows from the pose by construction is left out;
+/// only the limits of the motors have a level there.
+pub fn between(timeline: &Timeline, grid: Grid) -> Vec<Row> {
+    let physics = dynamics(timeline, grid).into_iter().chain(contact_motion(timeline, grid));
+    let mut rows: Vec<Row> = physics.filter_map(Worst::row).collect();
+    rows.iter_mut().for_each(|row| row.level = None);
+    rows.extend(limits(timeline, grid).into_iter().filter_map(Worst::row));
+    rows
+}
+
+/// Finds the worst case of one residual.
+struct Worst {
+    row: Row,
+    part: f64,
+}
+
+impl Worst {
+    fn of(name: &'static str, equation: &'static str, unit: &'static str, grid: Grid) -> Self {
+        let row = Row { name, equation, grid, worst: 0.0, unit, level: None, place: None };
+        Self { row, part: 0.0 }
+    }
+
+    /// Takes note of a residual with the level that applies to it.
+    fn see(&mut self, residual: f64, level: f64, at: &Window, subject: Option<&str>) {
+        self.row.level.get_or_insert(level);
+        let part = residual / level;
+        if part > self.part {
+            self.part = part;
+            self.row.worst = residual;
+            self.row.level = Some(level);
+            self.row.place = Some(Place {
+                sample: at.index,
+                time_s: at.here.sample.time_s,
+                subject: subject.map(str::to_owned),
+            });
+        }
+    }
+
+    /// The row, if there was anything to see.
+    fn row(self) -> Option<Row> {
+        self.row.level.is_some().then_some(self.row)
+    }
+}
+
+/// End effectors with their index.
+fn feet<'a>(timeline: &'a Timeline) -> impl Iterator<Item = (usize, &'a EndEffector)> {
+    timeline.plan.robot.end_effectors.iter().enumerate()
+}
+
+/// Newton–Euler for the centroidal frame.
+fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
+    let mut linear = Worst::of("linear dynamics", "Eq. 2.3", "N", grid);
+    let mut angular = Worst::of("angular dynamics", "Eq. 2.4", "N m", grid);
+    let h = timeline.spacing_s();
+    let mass = timeline.model.total_mass_kg();
+    for w in timeline.samples() {
+        let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
+        for (j, _) in feet(timeline) {
+            force += w.here.force(j);
+            moment += (w.here.contact(j) - w.here.com()).cross(&w.here.force(j));
+        }
+        let acceleration = (w.before.com() - w.here.com() * 2.0 + w.after.com()) / (h * h);
+        let gravity = Vector3::new(0.0, 0.0, -GRAVITY_M_S2);
+        linear.see((force + (gravity - acceleration) * mass).norm(), level::DYNAMICS_N, &w, None);
+
+        // Inertia in world axes; a rotation leaves its own axis alone, so that the interval's velocity
+        // may be used at either end.
+        let to_world = &w.here.pose.world_from_body;
+        let inertia = to_world * timeline.model.centroidal_inertia_kg_m2() * to_world.transpose();
+        let v_in = w.before.body_velocity(w.here, h);
+        let v_out = w.here.body_velocity(w.after, h);
+        let mean = (v_in + v_out) * 0.5;
+        let momentum_rate = inertia * (v_out - v_in) / h + mean.cross(&(inertia * mean));
+        angular.see((moment - momentum_rate).norm(), level::DYNAMICS_NM, &w, None);
+    }
+    vec![linear, angular]
+}
+
+fn friction(timeline: &Timeline) -> Worst {
+    let mut worst = Worst::of("friction cone", "Eq. 2.5", "N", Grid::Samples);
+    for w in timeline.samples() {
+        for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j)) {
+            let f = w.here.force(j);
+            let beyond = f.x.hypot(f.y) - foot.friction_coefficient * f.z.max(0.0);
+            worst.see(beyond.max(-f.z).max(0.0), level::FORCE_N, &w, Some(&foot.name));
+        }
+    }
+    worst
+}
+
+/// Free wheels push along their rolling direction with their rolling resistance only.
+fn rolling_force(timeline: &Timeline) -> Worst {
+    let mut worst = Worst::of("free-wheel traction", "Eq. 2.6", "N", Grid::Samples);
+    for w in timeline.samples() {
+        for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j)) {
+            let Contact::PassiveWheel { rolling_resistance, .. } = foot.contact else { continue };
+            let f = w.here.force(j);
+            let rolling_m_s = w.here.sample.end_effectors[j].wheel_speed_rad_s * foot.radius_m;
+            let resistance =
+                rolling_resistance * f.z * (rolling_m_s / ROLLING_SIGN_WIDTH_M_S).tanh();
+            let residual = f.dot(&w.here.frames[j].rolling) + resistance;
+            worst.see(residual.abs(), level::FORCE_N, &w, Some(&foot.name));
+        }
+    }
+    worst
+}
+
+fn swing_force(timeline: &Timeline) -> Worst {
+    let mut worst = Worst::of("swing force", "Eq. 2.7", "N", Grid::Samples);
+    for w in timeline.samples() {
+        for (j, foot) in feet(timeline).filter(|(j, _)| !w.here.stands(*j)) {
+            worst.see(w.here.force(j).norm(), level::FORCE_N, &w, Some(&foot.name));
+        }
+    }
+    worst
+}
+
+/// Slip on the ground and height above it. Slip: what the contact point moved beyond what the wheel
+/// rolled, with the rolling direction at the interval's middle; a foot rolls nothing.
+fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
+    let mut slip = Worst::of("slip", "Eq. 2.8, midpoint", "mm/s", grid);
+    let mut height = Worst::of("height in stance", "Eq. 2.9", "mm", grid);
+    let mut dip = Worst::of("depth in swing", "Eq. 2.9", "mm", grid);
+    let h = timeline.spacing_s();
+    for w in timeline.intervals() {
+        for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j) && w.after.stands(*j)) {
+            let moved = (w.after.contact(j) - w.here.contact(j)) / h;
+            let [here, after] = [w.here, w.after].map(|s| &s.sample.end_effectors[j]);
+            let rolled = match foot.contact {
+                Contact::PointFoot => Vector3::zeros(),
+                _ => {
+                    let direction = rolling_direction(0.5 * (here.yaw_rad + after.yaw_rad));
+                    direction * (here.wheel_speed_rad_s * foot.radius_m)
+                }
+            };
+            let slipped = (moved - rolled).xy().norm();
+            slip.see(slipped * MM, level::SLIP_M_S * MM, &w, Some(&foot.name));
+        }
+    }
+    for w in timeline.samples() {
+        for (j, foot) in feet(timeline) {
+            let z = w.here.contact(j).z;
+            let (row, off) =
+                if w.here.stands(j) { (&mut height, z.abs()) } else { (&mut dip, (-z).max(0.0)) };
+            row.see(off * MM, level::POSITION_M * MM, &w, Some(&foot.name));
+        }
+    }
+    vec![slip, height, dip]
+}
+
+fn clearance(timeline: &Timeline) -> Worst {
+    let mut worst = Worst::of("end-effector clearance", "Eq. 2.10", "mm", Grid::Samples);
+    for w in timeline.samples() {
+        for (j, a) in feet(timeline) {
+            for (k, b) in feet(timeline).skip(j + 1).filter(|(_, b)| a.link != b.link) {
+                let apart = (w.here.contact(j) - w.here.contact(k)).norm();
+                let missing = (a.radius_m + b.radius_m + CLEARANCE_M - apart).max(0.0);
+                worst.see(missing * MM, level::POSITION_M * MM, &w, Some(&a.name));
+            }
+        }
+    }
+    worst
+}
+
+fn com(timeline: &Timeline) -> Worst {
+    let mut worst = Worst::of("centre of mass", "Eq. 2.11", "mm", Grid::Samples);
+    for w in timeline.samples() {
+        worst.see((w.here.pose.com - w.here.com()).norm() * MM, level::POSITION_M * MM, &w, None);
+    }
+    worst
+}
+
+fn contact_point(timeline: &Timeline) -> Worst {
+    let mut worst = Worst::of("contact point", "Eq. 2.14", "mm", Grid::Samples);
+    for w in timeline.samples() {
+        for (j, foot) in feet(timeline) {
+            let reached = w.here.pose.end_effectors[j].center + w.here.frames[j].to_contact;
+            let off = (reached - w.here.contact(j)).norm();
+            worst.see(off * MM, level::POSITION_M * MM, &w, Some(&foot.name));
+        }
+    }
+    worst
+}
+
+fn wheel_axis(timeline: &Timeline) -> Worst {
+    let mut worst = Worst::of("wheel axis", "Eq. 2.13", "rad", Grid::Samples);
+    for w in timeline.samples() {
+        for (j, foot) in feet(timeline).filter(|(_, e)| e.contact != Contact::PointFoot) {
+            let off = (w.here.pose.end_effectors[j].axis - w.here.frames[j].axis).norm();
+            worst.see(off, level::AXIS_RAD, &w, Some(&foot.name));
+        }
+    }
+    worst
+}
+
+/// The commanded motor turns the wheel as the slip equation needs it: ω + α̇_yaw (v·a) − Ω·a, at the
+/// rim.
+fn motor_speed(timeline: &Timeline) -> Worst {
+    let mut worst = Worst::of("motor against wheel", "conventions", "mm/s", Grid::Samples);
+    let h = timeline.spacing_s();
+    for w in timeline.intervals() {
+        for (j, foot) in feet(timeline).filter(|(_, e)| e.contact.actuator().is_some()) {
+            let off =
+                w.here.sample.end_effectors[j].motor_speed_rad_s - needed_motor_speed(&w, j, h);
+            worst.see(off.abs() * foot.radius_m * MM, level::SLIP_M_S * MM, &w, Some(&foot.name));
+        }
+    }
+    worst
+}
+
+fn needed_motor_speed(w: &Window, j: usize, h: f64) -> f64 {
+    let [here, after] = [w.here, w.after].map(|s: &State| &s.sample.end_effectors[j]);
+    let middle =
+        |pick: fn(&crate::plan::EndEffectorSample) -> f64| 0.5 * (pick(here) + pick(after));
+    let axis = ContactFrame::wheel(1.0, middle(|e| e.tilt_rad), middle(|e| e.yaw_rad)).axis;
+    let yaw_rate = (after.yaw_rad - here.yaw_rad) / h;
+    here.wheel_speed_rad_s + yaw_rate * axis.z - w.here.link_velocity(j, w.after, h).dot(&axis)
+}
+
+/// How far angles and speeds are beyond what the motors can do.
+fn limits(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
+    let mut angle = Worst::of("joint limit", "sec. 2.4.1", "rad", grid);
+    let mut speed = Worst::of("joint speed limit", "sec. 2.4.1", "rad/s", grid);
+    let mut wheel = Worst::of("wheel speed limit", "sec. 2.4.1", "rad/s", grid);
+    let h = timeline.spacing_s();
+    for w in timeline.samples() {
+        for (joint, &q) in timeline.plan.robot.joints.iter().zip(&w.here.sample.joint_rad) {
+            let beyond = (q - joint.position_max_rad).max(joint.position_min_rad - q).max(0.0);
+            angle.see(beyond, level::JOINT_RAD, &w, Some(&joint.name));
+        }
+    }
+    for w in timeline.intervals() {
+        let angles = w.here.sample.joint_rad.iter().zip(&w.after.sample.joint_rad);
+        for (joint, (q, next)) in timeline.plan.robot.joints.iter().zip(angles) {
+            let limit = joint.actuator.speed_max_rad_s;
+            let beyond = (((next - q) / h).abs() - limit).max(0.0);
+            speed.see(beyond, level::SPEED_FRACTION * limit, &w, Some(&joint.name));
+        }
+        for (j, foot) in feet(timeline) {
+            let Some(motor) = foot.contact.actuator() else { continue };
+            let limit = motor.speed_max_rad_s;
+            let beyond = (w.here.sample.end_effectors[j].motor_speed_rad_s.abs() - limit).max(0.0);
+            wheel.see(beyond, level::SPEED_FRACTION * limit, &w, Some(&foot.name));
+        }
+    }
+    vec![angle, speed, wheel]
+}
+
+/// Displacement of the centre of mass along and across the starting heading, and turn of the body,
+/// against the goal of the motion.
+fn goals(timeline: &Timeline) -> Vec<Row> {
+    let goal = timeline.plan.motion.goal;
+    let [first, last] = timeline.ends();
+    let turn = last.sample.base_yaw_pitch_roll_rad[0] - first.sample.base_yaw_pitch_roll_rad[0];
+    let heading = rolling_direction(first.sample.base_yaw_pitch_roll_rad[0]);
+    let left = Vector3::z().cross(&heading);
+    let moved = last.com() - first.com();
+    [
+        ("goal: forward", goal.forward_m, moved.dot(&heading), "m"),
+        ("goal: left", goal.left_m, moved.dot(&left), "m"),
+        ("goal: turn", goal.turn_rad, turn, "rad"),
+    ]
+    .into_iter()
+    .filter_map(|(name, wanted, reached, unit)| {
+        Some(Row {
+            name,
+            equation: "sec. 2.4.1",
+            grid: Grid::Samples,
+            worst: (reached - wanted?).abs(),
+            unit,
+            level: Some(level::GOAL),
+            place: None,
+        })
+    })
+    .collect()
+}

@@ -1,0 +1,72 @@
+//! The report as an aligned text table.
+
+use super::{Grid, Report, Row};
+use std::fmt;
+
+const HEADER: [&str; 6] = ["residual", "equation", "worst", "level", "unit", "where"];
+
+impl fmt::Display for Grid {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Grid::Samples => "at the samples",
+            Grid::Library60Hz => "as played, 60 Hz",
+            Grid::Control500Hz => "as played, 500 Hz",
+        })
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} of {}", self.motion, self.robot)?;
+        let cells: Vec<[String; 6]> = self.rows.iter().map(cells).collect();
+        let mut width = HEADER.map(str::len);
+        for row in &cells {
+            for (width, cell) in width.iter_mut().zip(row) {
+                *width = (*width).max(cell.chars().count());
+            }
+        }
+        let line = |f: &mut fmt::Formatter<'_>, row: &[String; 6]| {
+            let [name, equation, worst, level, unit, place] = row;
+            let [a, b, c, d, e, _] = width;
+            writeln!(f, "  {name:a$}  {equation:b$}  {worst:>c$}  {level:>d$}  {unit:e$}  {place}")
+        };
+        line(f, &HEADER.map(str::to_owned))?;
+        let mut grid = None;
+        for (row, cells) in self.rows.iter().zip(&cells) {
+            if grid.replace(row.grid) != Some(row.grid) {
+                writeln!(f, "{}", row.grid)?;
+            }
+            line(f, cells)?;
+        }
+        match self.rows.iter().filter(|row| row.part_of_level() > 1.0).count() {
+            0 => writeln!(f, "every residual is within its level"),
+            count => writeln!(f, "{count} residuals are beyond their level (marked with !)"),
+        }
+    }
+}
+
+fn cells(row: &Row) -> [String; 6] {
+    let mark = if row.part_of_level() > 1.0 { "!" } else { "" };
+    let place = row.place.as_ref().map_or(String::new(), |place| {
+        let subject = place.subject.as_ref().map_or(String::new(), |name| format!(", {name}"));
+        format!("sample {} ({:.3} s){subject}", place.sample, place.time_s)
+    });
+    [
+        row.name.to_owned(),
+        row.equation.to_owned(),
+        format!("{mark}{}", number(row.worst)),
+        row.level.map_or("-".to_owned(), number),
+        row.unit.to_owned(),
+        place,
+    ]
+}
+
+/// Three significant digits, small numbers with an exponent.
+fn number(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".to_owned(),
+        small if small < 1e-3 => format!("{value:.2e}"),
+        middle if middle < 10.0 => format!("{value:.3}"),
+        _ => format!("{value:.1}"),
+    }
+}

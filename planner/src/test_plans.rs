@@ -1,0 +1,235 @@
+//! Plans written down in closed form, for tests of everything that comes after the optimiser.
+//!
+//! A box on four legs that swing in the pitch plane, a driven wheel at the end of each. All legs share
+//! one angle φ(t); the body moves along x and its height follows from wheels that stay on the ground.
+//! Forces and wheel speeds are those that make every residual of the discrete equations vanish.
+
+use crate::model::{BASE_POSITION, JOINTS, Model};
+use crate::motion::{Ends, Goal, Motion};
+use crate::plan::{
+    EndEffectorSample, FORMAT, Placement, Plan, Sample, SolveSummary, Status, VERSION,
+};
+use nalgebra::{DVector, Isometry3, Matrix3, Vector3};
+use rollwalk_robot::{Actuator, Contact, EndEffector, Joint, Link, Robot};
+use std::f64::consts::TAU;
+
+const LEG_M: f64 = 0.2;
+const RADIUS_M: f64 = 0.05;
+const GRAVITY_M_S2: f64 = 9.806_65;
+
+/// How the box moves: body x and leg angle φ as functions of time.
+pub struct Drive {
+    /// Kind of ends.
+    pub ends: Ends,
+    /// Duration, s.
+    pub duration_s: f64,
+    /// Samples.
+    pub samples: usize,
+    /// Body x, m.
+    pub x_m: fn(f64) -> f64,
+    /// Leg angle, rad.
+    pub leg_rad: fn(f64) -> f64,
+}
+
+/// Smooth step from 0 to 1 with two vanishing derivatives at both ends.
+fn smooth_step(u: f64) -> f64 {
+    let u = u.clamp(0.0, 1.0);
+    u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
+}
+
+/// Drives 0.5 m forward in 2 s and bows, from rest to rest.
+pub fn start_stop() -> Plan {
+    Drive {
+        ends: Ends::AtRest,
+        duration_s: 2.0,
+        samples: 41,
+        x_m: |t| 0.5 * smooth_step(t / 2.0),
+        leg_rad: |t| 0.3 + 0.3 * (smooth_step(t) - smooth_step(t - 1.0)),
+    }
+    .plan("start-stop")
+}
+
+/// Rolls on at 0.4 m/s with a sway, period 1.2 s.
+pub fn cruise() -> Plan {
+    Drive { ends: Ends::Periodic, duration_s: 1.2, samples: 24, x_m: cruise_x, leg_rad: cruise_leg }
+        .plan("cruise")
+}
+
+/// The second and third quarter of [`cruise`], with prescribed ends.
+pub fn cruise_middle() -> Plan {
+    Drive {
+        ends: Ends::Prescribed,
+        duration_s: 0.6,
+        samples: 13,
+        x_m: |t| cruise_x(t + 0.3),
+        leg_rad: |t| cruise_leg(t + 0.3),
+    }
+    .plan("cruise-middle")
+}
+
+fn cruise_x(t: f64) -> f64 {
+    0.4 * t + 0.02 * (TAU * t / 1.2).sin()
+}
+
+fn cruise_leg(t: f64) -> f64 {
+    0.4 + 0.2 * (TAU * t / 1.2 + 0.7).sin()
+}
+
+/// The box: hips at the corners of a 0.4 m × 0.3 m rectangle, wheels 0.2 m below.
+pub fn robot() -> Robot {
+    let actuator = |id: u8, kp: f64| Actuator {
+        model: "test".to_owned(),
+        speed_max_rad_s: if kp > 0.0 { 6.0 } else { 30.0 },
+        torque_max_nm: 3.0,
+        kp_nm_rad: kp,
+        kd_nm_s_rad: 0.5,
+        armature_kg_m2: 0.001,
+        bus: 0,
+        id,
+    };
+    let link = |name: &str, mass_kg: f64, com: [f64; 3], inertia: [f64; 3]| Link {
+        name: name.to_owned(),
+        mass_kg,
+        com_in_link_m: com.into(),
+        inertia_in_link_kg_m2: Matrix3::from_diagonal(&inertia.into()),
+    };
+    let mut robot = Robot {
+        name: "box".to_owned(),
+        links: vec![link("body", 2.0, [0.0; 3], [0.02, 0.03, 0.04])],
+        joints: Vec::new(),
+        end_effectors: Vec::new(),
+    };
+    let corners = [("fl", 0.2, 0.15), ("fr", 0.2, -0.15), ("rl", -0.2, 0.15), ("rr", -0.2, -0.15)];
+    for (k, (name, x, y)) in corners.into_iter().enumerate() {
+        robot.links.push(link(&format!("{name}-leg"), 0.2, [0.0, 0.0, -0.1], [7e-4, 7e-4, 1e-4]));
+        robot.joints.push(Joint {
+            name: format!("{name}-hip"),
+            parent: 0,
+            child: k + 1,
+            parent_from_joint: Isometry3::translation(x, y, 0.0),
+            axis_in_joint: Vector3::y(),
+            position_min_rad: -1.0,
+            position_max_rad: 1.0,
+            nominal_rad: 0.3,
+            actuator: actuator(k as u8 + 1, 20.0),
+        });
+        robot.end_effectors.push(EndEffector {
+            name: format!("{name}-wheel"),
+            link: k + 1,
+            center_in_link_m: Vector3::new(0.0, 0.0, -LEG_M),
+            radius_m: RADIUS_M,
+            friction_coefficient: 0.8,
+            contact: Contact::ActuatedWheel {
+                axis_in_link: Vector3::y(),
+                actuator: actuator(k as u8 + 11, 0.0),
+            },
+        });
+    }
+    robot
+}
+
+impl Drive {
+    /// The plan of this drive on [`robot`].
+    pub fn plan(&self, name: &str) -> Plan {
+        let robot = robot();
+        let model = Model::new(&robot);
+        let intervals = match self.ends {
+            Ends::Periodic => self.samples,
+            Ends::AtRest | Ends::Prescribed => self.samples - 1,
+        };
+        let h = self.duration_s / intervals as f64;
+        // Samples from one before to two after: forces need neighbours, speeds the next sample.
+        let grid: Vec<(f64, f64)> = (-2..=self.samples as i64 + 1)
+            .map(|i| {
+                let t = i as f64 * h;
+                let t = if self.ends == Ends::AtRest { t.clamp(0.0, self.duration_s) } else { t };
+                ((self.x_m)(t), (self.leg_rad)(t))
+            })
+            .collect();
+        let com: Vec<Vector3<f64>> =
+            grid.iter().map(|&(x, leg)| model.pose(&q(&model, x, leg)).com).collect();
+        let sample = |k: usize| {
+            let (x, leg) = grid[k];
+            let pose = model.pose(&q(&model, x, leg));
+            let acceleration = (com[k - 1] - com[k] * 2.0 + com[k + 1]) / (h * h);
+            let force = (acceleration + Vector3::z() * GRAVITY_M_S2) * model.total_mass_kg();
+            let contacts: Vec<_> =
+                pose.end_effectors.iter().map(|e| e.center - Vector3::z() * RADIUS_M).collect();
+            // Front and rear share the vertical force so that no pitching moment is left:
+            // Σ (z f_x − x f_z) about the centre of mass = 0.
+            let (front, rear) = (contacts[0].x - com[k].x, contacts[2].x - com[k].x);
+            let needed = -com[k].z * force.x;
+            let front_force = (needed - rear * force.z) / (front - rear);
+            // Wheel centres move by the body and by the swing of the leg.
+            let travel = |k: usize| grid[k].0 - LEG_M * grid[k].1.sin();
+            let wheel_speed_rad_s = (travel(k + 1) - travel(k)) / h / RADIUS_M;
+            let leg_speed = (grid[k + 1].1 - grid[k].1) / h;
+            let end_effectors = contacts
+                .iter()
+                .enumerate()
+                .map(|(j, contact)| EndEffectorSample {
+                    contact: true,
+                    position_m: (*contact).into(),
+                    force_n: [
+                        force.x / 4.0,
+                        0.0,
+                        if j < 2 { front_force / 2.0 } else { (force.z - front_force) / 2.0 },
+                    ],
+                    wheel_speed_rad_s,
+                    motor_speed_rad_s: wheel_speed_rad_s - leg_speed,
+                    tilt_rad: 0.0,
+                    yaw_rad: 0.0,
+                })
+                .collect();
+            Sample {
+                time_s: (k as f64 - 2.0) * h,
+                base_position_m: [x, 0.0, RADIUS_M + LEG_M * leg.cos()],
+                base_yaw_pitch_roll_rad: [0.0; 3],
+                base_orientation_wxyz: [1.0, 0.0, 0.0, 0.0],
+                joint_rad: vec![leg; 4],
+                com_m: com[k].into(),
+                end_effectors,
+            }
+        };
+        let last = self.samples - 1;
+        Plan {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            motion: Motion {
+                name: name.to_owned(),
+                duration_s: self.duration_s,
+                ends: self.ends,
+                stance: vec![vec![true; 4]; self.samples],
+                swing_height_m: 0.03,
+                goal: Goal::default(),
+            },
+            sample_interval_s: h,
+            samples: (0..self.samples).map(|i| sample(i + 2)).collect(),
+            before: sample(1),
+            after: sample(self.samples + 2),
+            end_placement: Placement {
+                offset_m: match self.ends {
+                    Ends::Periodic => [grid[self.samples + 2].0 - grid[2].0, 0.0],
+                    Ends::AtRest | Ends::Prescribed => [grid[last + 2].0 - grid[2].0, 0.0],
+                },
+                yaw_rad: 0.0,
+            },
+            solve: SolveSummary {
+                status: Status::Converged,
+                iterations: 0,
+                energy: 0.0,
+                worst_level: 0.0,
+                worst_constraint: String::new(),
+            },
+            robot,
+        }
+    }
+}
+
+fn q(model: &Model, x_m: f64, leg_rad: f64) -> DVector<f64> {
+    let mut q = DVector::zeros(model.dofs());
+    q[BASE_POSITION] = x_m;
+    q[BASE_POSITION + 2] = RADIUS_M + LEG_M * leg_rad.cos();
+    q.rows_mut(JOINTS, 4).fill(leg_rad);
+    q
+}
