@@ -1,2 +1,7 @@
-//! The `rollwalk` command line.
-fn main() {}
+//! The `rollwalk` binary; everything it does is in the library beside it.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    rollwalk::main()
+}

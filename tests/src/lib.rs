@@ -1,1 +1,105 @@
-//! Support for the end-to-end tests in `integration/`.
+//! Support for the end-to-end tests in `integration/`: a folder to work in and a command line to run
+//! there, as a user would.
+
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+/// A temporary folder in which commands run.
+pub struct Desk {
+    folder: TempDir,
+    binary: PathBuf,
+}
+
+/// How a command ended.
+pub struct Outcome {
+    /// The exit code; -1 when a signal ended it.
+    pub code: i32,
+    /// What it printed as results.
+    pub stdout: String,
+    /// What it said on the side.
+    pub stderr: String,
+}
+
+impl Desk {
+    /// An empty folder, where `binary` will run.
+    pub fn new(binary: &str) -> Self {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        Self { folder, binary: binary.into() }
+    }
+
+    /// The path of a file in the folder.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a file into the folder.
+    pub fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        fs::write(self.path(name), content).expect("file in the temporary folder");
+    }
+
+    /// The bytes of a file in the folder.
+    pub fn read(&self, name: &str) -> Vec<u8> {
+        fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    /// The command with `args`, not yet started.
+    pub fn command<S: AsRef<OsStr>>(&self, args: &[S]) -> Command {
+        let mut command = Command::new(&self.binary);
+        command.args(args).current_dir(self.folder.path());
+        // Reports wrap to the terminal's width; this one keeps every message on one line.
+        command.env("COLUMNS", "1000").env("NO_COLOR", "1");
+        command
+    }
+
+    /// Runs the command with `args` to its end.
+    pub fn run<S: AsRef<OsStr>>(&self, args: &[S]) -> Outcome {
+        self.command(args).output().expect("the command starts").into()
+    }
+}
+
+impl From<Output> for Outcome {
+    fn from(output: Output) -> Self {
+        Self {
+            code: output.status.code().unwrap_or(-1),
+            stdout: String::from_utf8(output.stdout).expect("results are UTF-8"),
+            stderr: String::from_utf8(output.stderr).expect("messages are UTF-8"),
+        }
+    }
+}
+
+impl Outcome {
+    /// Asserts success and returns the results.
+    #[track_caller]
+    pub fn succeeds(self) -> String {
+        assert_eq!(self.code, 0, "exit code; stdout:\n{}\nstderr:\n{}", self.stdout, self.stderr);
+        self.stdout
+    }
+
+    /// Asserts this exit code, no results, and that the message says all `words`.
+    #[track_caller]
+    pub fn fails(self, code: i32, words: &[&str]) {
+        assert_eq!(
+            self.code, code,
+            "exit code; stdout:\n{}\nstderr:\n{}",
+            self.stdout, self.stderr
+        );
+        assert_eq!(self.stdout, "", "a failing command prints no results");
+        // Reports break lines and frame them; the words in their order are what matters.
+        let flat = |text: &str| {
+            let plain = text.replace(['│', '╰', '─', '▶', '×'], " ");
+            plain.split_whitespace().collect::<Vec<_>>().join(" ")
+        };
+        let message = flat(&self.stderr);
+        for word in words {
+            assert!(message.contains(&flat(word)), "the message lacks {word:?}:\n{}", self.stderr);
+        }
+    }
+}
+
+/// The checkout's root, for the shipped robots and motions.
+pub fn checkout() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests lie in the checkout")
+}

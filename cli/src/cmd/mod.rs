@@ -1,0 +1,26 @@
+//! The subcommands, one file each.
+
+mod completions;
+mod robot;
+
+use crate::Exit;
+
+/// What to do.
+#[derive(clap::Subcommand)]
+pub enum Command {
+    Robot(robot::Args),
+    Completions(completions::Args),
+}
+
+impl Command {
+    /// Runs the subcommand; `root` is the whole command line, for the completion scripts.
+    ///
+    /// # Errors
+    /// Bad input and files that cannot be read or written, as reports for the terminal.
+    pub fn run(&self, root: &mut clap::Command) -> miette::Result<Exit> {
+        match self {
+            Command::Robot(args) => robot::run(args),
+            Command::Completions(args) => completions::run(args, root),
+        }
+    }
+}

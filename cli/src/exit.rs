@@ -1,0 +1,52 @@
+//! How a run ends, as scripts see it.
+
+use rollwalk_planner::plan::Status;
+use std::process::ExitCode;
+
+/// The exit codes, part of every help text.
+pub const HELP: &str = "\
+Exit codes:
+  0    done; a plan converged
+  1    bad input, or a file that cannot be read or written
+  2    wrong command line
+  3    the optimiser did not converge; the plan was written and says why
+  4    a measured error exceeds its stated bound
+  130  interrupted with Ctrl-C";
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// Done; a plan converged.
+    Ok,
+    /// Bad input, or a file that cannot be read or written.
+    BadInput,
+    /// The optimiser ended without meeting every constraint.
+    NotConverged,
+    /// A measured error exceeds its stated bound.
+    OutOfBounds,
+    /// Interrupted with Ctrl-C.
+    Interrupted,
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        // 2 is clap's for a wrong command line, 130 what shells report for an interrupt.
+        ExitCode::from(match exit {
+            Exit::Ok => 0,
+            Exit::BadInput => 1,
+            Exit::NotConverged => 3,
+            Exit::OutOfBounds => 4,
+            Exit::Interrupted => 130,
+        })
+    }
+}
+
+impl From<Status> for Exit {
+    fn from(status: Status) -> Self {
+        match status {
+            Status::Converged => Exit::Ok,
+            Status::Infeasible | Status::IterationLimit => Exit::NotConverged,
+            Status::Interrupted => Exit::Interrupted,
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! What holds for every subcommand: help, completions, exit codes, closed pipes.
+
+use crate::desk;
+use std::process::Stdio;
+
+#[test]
+fn help_teaches_by_example_and_documents_exit_codes() {
+    let desk = desk();
+    let help = desk.run(&["--help"]).succeeds();
+    for words in ["rollwalk demo", "Exit codes:", "130"] {
+        assert!(help.contains(words), "{words} in\n{help}");
+    }
+    for command in [
+        &["demo"][..],
+        &["plan"],
+        &["report"],
+        &["export"],
+        &["plot"],
+        &["robot", "check"],
+        &["library", "build"],
+        &["library", "inspect"],
+    ] {
+        let help = desk.run(&[command, &["--help"]].concat()).succeeds();
+        assert!(help.contains("Examples:"), "{command:?} has no examples:\n{help}");
+        assert!(help.contains("Exit codes:"), "{command:?} has no exit codes:\n{help}");
+    }
+}
+
+#[test]
+fn a_wrong_command_line_exits_with_2() {
+    let desk = desk();
+    for args in [&["paln"][..], &["plan"], &["demo", "--frob"], &["export", "x.json"]] {
+        let outcome = desk.run(args);
+        assert_eq!(outcome.code, 2, "{args:?}: {}", outcome.stderr);
+        assert!(outcome.stderr.contains("error:"), "{}", outcome.stderr);
+    }
+}
+
+#[test]
+fn completions_name_the_subcommands() {
+    for shell in ["bash", "zsh", "fish"] {
+        let script = desk().run(&["completions", shell]).succeeds();
+        assert!(script.contains("library") && script.contains("rollwalk"), "{shell}:\n{script}");
+    }
+}
+
+#[test]
+fn a_closed_pipe_is_no_error() {
+    let desk = desk();
+    let mut command = desk.command(&["completions", "bash"]);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{:?}: {stderr}", output.status);
+    assert_eq!(stderr, "");
+}
