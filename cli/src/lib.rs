@@ -8,38 +8,42 @@ mod cmd;
 mod exit;
 mod files;
 mod inputs;
-mod interrupt;
 mod output;
+mod shipped;
 
 pub use exit::Exit;
 
-use clap::{CommandFactory, Parser};
+use clap::{CommandFactory, FromArgMatches, Parser};
 use std::process::ExitCode;
 
 /// Make robots with legs and wheels move.
 #[derive(Parser)]
-#[command(name = "rollwalk", version, max_term_width = 100, after_help = exit::HELP)]
-#[command(after_long_help = concat_help())]
+#[command(name = "rollwalk", version, max_term_width = 100)]
+#[command(after_long_help = "\
+Where to begin:
+  rollwalk demo --out demo-out          everything, end to end, without hardware
+  rollwalk robot check my-robot.toml    is my robot file right?
+  rollwalk plan my-motion.toml -o my-motion.plan.json")]
 struct Cli {
     #[command(subcommand)]
     command: cmd::Command,
 }
 
-/// Long help ends with where to begin.
-fn concat_help() -> String {
-    format!(
-        "Where to begin:\n  \
-         rollwalk demo --out demo-out          everything, end to end, without hardware\n  \
-         rollwalk robot check my-robot.toml    is my robot file right?\n  \
-         rollwalk plan my-motion.toml -o my-motion.plan.json\n\n{}",
-        exit::HELP
-    )
+/// The command line; the long help of every subcommand ends with the exit codes.
+fn command_line() -> clap::Command {
+    fn with_exit_codes(command: clap::Command) -> clap::Command {
+        let examples = command.get_after_long_help().map(|text| format!("{text}\n\n"));
+        let help = examples.unwrap_or_default() + exit::HELP;
+        command.after_long_help(help).mut_subcommands(with_exit_codes)
+    }
+    with_exit_codes(Cli::command())
 }
 
 /// Parses the command line and runs it.
 pub fn main() -> ExitCode {
-    let outcome = Cli::parse().command.run(&mut Cli::command());
-    match outcome {
+    let cli = Cli::from_arg_matches(&command_line().get_matches());
+    let cli = cli.unwrap_or_else(|error| error.exit());
+    match cli.command.run(&mut command_line()) {
         Ok(exit) => exit.into(),
         // Whoever read our output has seen enough (`| head`): not an error.
         Err(report) if report.is::<output::PipeClosed>() => Exit::Ok.into(),
@@ -52,10 +56,8 @@ pub fn main() -> ExitCode {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     #[test]
     fn the_command_line_is_consistent() {
-        super::Cli::command().debug_assert();
+        super::command_line().debug_assert();
     }
 }

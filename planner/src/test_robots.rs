@@ -15,8 +15,8 @@ pub fn all() -> Vec<Robot> {
         ("swizzlebot.toml", include_str!("../../robots/swizzlebot.toml")),
         ("creature3.toml", include_str!("../../robots/creature3.toml")),
     ]
-        .map(|(name, text)| Robot::from_toml(name, text).expect("shipped robots are valid"))
-        .to_vec()
+    .map(|(name, text)| Robot::from_toml(name, text).expect("shipped robots are valid"))
+    .to_vec()
 }
 
 /// Uniform numbers in −1..1 from a linear congruential generator (Knuth's MMIX constants).

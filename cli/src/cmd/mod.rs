@@ -1,6 +1,8 @@
 //! The subcommands, one file each.
 
 mod completions;
+mod library;
+mod report;
 mod robot;
 
 use crate::Exit;
@@ -9,6 +11,8 @@ use crate::Exit;
 #[derive(clap::Subcommand)]
 pub enum Command {
     Robot(robot::Args),
+    Report(report::Args),
+    Library(library::Args),
     Completions(completions::Args),
 }
 
@@ -20,6 +24,8 @@ impl Command {
     pub fn run(&self, root: &mut clap::Command) -> miette::Result<Exit> {
         match self {
             Command::Robot(args) => robot::run(args),
+            Command::Report(args) => report::run(args),
+            Command::Library(args) => library::run(args),
             Command::Completions(args) => completions::run(args, root),
         }
     }

@@ -1,7 +1,8 @@
 //! `rollwalk robot check`: is a robot file right, and what does it describe?
 
+use crate::inputs::Source;
 use crate::output::Table;
-use crate::{Exit, inputs, output};
+use crate::{Exit, output};
 use rollwalk_robot::{Actuator, Contact, Robot};
 use serde::Serialize;
 use std::fmt::Write;
@@ -46,7 +47,7 @@ struct Report<'a> {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let Subcommand::Check(check) = &args.command;
-    let robot = inputs::robot(&check.robot)?;
+    let robot = Source::Disk.robot(&check.robot)?;
     if check.json {
         output::print_json(&Report { mass_kg: mass_kg(&robot), robot: &robot })?;
     } else {

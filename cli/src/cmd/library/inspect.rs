@@ -1,0 +1,195 @@
+//! `rollwalk library inspect`: validates a library as a controller does and shows what is in it.
+
+use crate::inputs::Source;
+use crate::output::Table;
+use crate::{Exit, files, output, shipped};
+use miette::{IntoDiagnostic, miette};
+use rollwalk_protocol::library::{EdgeId, Index, Library, NodeId, RATE_HZ, Reject, Why, validate};
+use rollwalk_robot::Robot;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Validate a motion library as a controller does and print motions, codes, transitions and sizes.
+///
+/// A library belongs to one robot: the limits, gains and addresses in its robot file. Without --robot
+/// the robots that ship with rollwalk are tried.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk library inspect demo-out/agilebot.rwl
+  rollwalk library inspect pup.rwl --robot pup.toml
+  rollwalk library inspect demo-out/agilebot.rwl --json | jq '.motions[].code'
+
+The format is described in docs/motion-library.md.")]
+pub struct Args {
+    /// Motion library.
+    #[arg(value_name = "LIB.rwl")]
+    library: PathBuf,
+    /// Robot file (TOML) of the robot that the library is for.
+    #[arg(long, value_name = "ROBOT.toml")]
+    robot: Option<PathBuf>,
+    /// Print as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Content {
+    robot: String,
+    bytes: u32,
+    /// CRC-32C of the body, by which a controller names the library.
+    id: String,
+    config_hash: String,
+    rate_hz: u16,
+    channels: usize,
+    safe: String,
+    motions: Vec<Motion>,
+    transitions: Vec<Transition>,
+}
+
+#[derive(Serialize)]
+struct Motion {
+    name: String,
+    code: Option<u8>,
+    frames: u16,
+    duration_s: f64,
+    looping: bool,
+    bytes: u32,
+}
+
+#[derive(Serialize)]
+struct Transition {
+    from: String,
+    exit_frame: u16,
+    to: String,
+    entry_frame: u16,
+    frames: u16,
+    duration_s: f64,
+    bytes: u32,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let hint = "make one with `rollwalk library build LIBRARY.toml -o LIB.rwl`";
+    let bytes = files::read(&args.library, "motion library", hint)?;
+    let (robot, index) = match &args.robot {
+        Some(path) => validated(&args.library, &bytes, Source::Disk.robot(path)?)?,
+        None => validated_for_a_shipped_robot(&args.library, &bytes)?,
+    };
+    let library = Library::open(&bytes, &index).ok_or_else(|| miette!("not the same library"))?;
+    let content = content(&robot, &library);
+    if args.json {
+        output::print_json(&content)?;
+    } else {
+        output::print(&describe(&content))?;
+    }
+    Ok(Exit::Ok)
+}
+
+fn check(bytes: &[u8], robot: &Robot) -> miette::Result<Result<Index, Reject>> {
+    Ok(validate(bytes, &robot.controller_config().into_diagnostic()?))
+}
+
+fn validated(path: &Path, bytes: &[u8], robot: Robot) -> miette::Result<(Robot, Index)> {
+    match check(bytes, &robot)? {
+        Ok(index) => Ok((robot, index)),
+        Err(reject) => Err(miette!("{}: {reject}", path.display())),
+    }
+}
+
+/// Tries one robot after the other while the library only says that it is for another one.
+fn validated_for_a_shipped_robot(path: &Path, bytes: &[u8]) -> miette::Result<(Robot, Index)> {
+    for file in shipped::robots() {
+        let robot = Source::Shipped.robot(file)?;
+        match check(bytes, &robot)? {
+            Err(Reject { why: Why::WrongRobot { .. }, .. }) => {}
+            Ok(index) => return Ok((robot, index)),
+            Err(reject) => return Err(miette!("{}: {reject}", path.display())),
+        }
+    }
+    Err(miette!(
+        help = "name its robot file: `rollwalk library inspect LIB.rwl --robot ROBOT.toml`",
+        "{}: built for none of the robots that ship with rollwalk",
+        path.display()
+    ))
+}
+
+fn content(robot: &Robot, library: &Library) -> Content {
+    let name = |node: NodeId| library.name(node).unwrap_or_default().to_owned();
+    let seconds = |frames: u16| f64::from(frames) / f64::from(RATE_HZ);
+    let motion = |node: NodeId| {
+        let clip = library.clip(node.clip())?;
+        Some(Motion {
+            name: name(node),
+            code: clip.code,
+            frames: clip.frames,
+            // A loop closes one frame after its last; a motion that ends stays at its last frame.
+            duration_s: seconds(if clip.looping { clip.frames } else { clip.frames - 1 }),
+            looping: clip.looping,
+            bytes: clip.bytes,
+        })
+    };
+    let transition = |edge: EdgeId| {
+        let edge = library.edge(edge)?;
+        let clip = library.clip(edge.clip)?;
+        Some(Transition {
+            from: name(edge.from),
+            exit_frame: edge.exit_frame,
+            to: name(edge.to),
+            entry_frame: edge.entry_frame,
+            frames: clip.frames,
+            duration_s: seconds(clip.frames - 1),
+            bytes: clip.bytes,
+        })
+    };
+    let index = library.index();
+    Content {
+        robot: robot.name.clone(),
+        bytes: index.len_bytes(),
+        id: format!("{:#010x}", index.id()),
+        config_hash: format!("{:#010x}", index.config_hash()),
+        rate_hz: RATE_HZ,
+        channels: library.channel_count(),
+        safe: name(library.safe_node()),
+        motions: library.nodes().filter_map(motion).collect(),
+        transitions: library.edges().filter_map(transition).collect(),
+    }
+}
+
+fn describe(content: &Content) -> String {
+    let mut motions = Table::new(["motion", "code", "frames", "s", "B", ""]);
+    for motion in &content.motions {
+        let safe = if motion.name == content.safe { "SAFE" } else { "" };
+        motions.row([
+            motion.name.clone(),
+            motion.code.map_or_else(String::new, |code| code.to_string()),
+            motion.frames.to_string(),
+            format!("{:.2}", motion.duration_s),
+            motion.bytes.to_string(),
+            if motion.looping { "loop".into() } else { safe.into() },
+        ]);
+    }
+    let mut transitions = Table::new(["transition", "leaves at", "enters at", "frames", "s", "B"]);
+    for transition in &content.transitions {
+        transitions.row([
+            format!("{} → {}", transition.from, transition.to),
+            transition.exit_frame.to_string(),
+            transition.entry_frame.to_string(),
+            transition.frames.to_string(),
+            format!("{:.2}", transition.duration_s),
+            transition.bytes.to_string(),
+        ]);
+    }
+    format!(
+        "motion library {} for {} (configuration {}): {} B, {} channels at {} Hz\n\n{}\n\n{}",
+        content.id,
+        content.robot,
+        content.config_hash,
+        content.bytes,
+        content.channels,
+        content.rate_hz,
+        motions.render(),
+        transitions.render(),
+    )
+}

@@ -1,0 +1,55 @@
+//! `rollwalk report`: how far a plan is from the physics that it claims.
+
+use crate::{Exit, inputs, output};
+use rollwalk_planner::plan::{Plan, SolveSummary};
+use rollwalk_planner::report::Report;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Recompute every residual of a plan and print the worst of each, with place and unit.
+///
+/// Nothing is taken from the optimiser: the equations are evaluated once more from the plan's own
+/// numbers, at its samples and between them, as servos will play it. Exit code 4 when a residual is
+/// beyond the level up to which plans are physically credible.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk report walk.plan.json
+  rollwalk report walk.plan.json --json | jq '.rows[] | select(.name == \"no slip\")'
+
+The file format is described in docs/plan-format.md.")]
+pub struct Args {
+    /// Plan (JSON).
+    #[arg(value_name = "PLAN.json")]
+    plan: PathBuf,
+    /// Print as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Document<'a> {
+    #[serde(flatten)]
+    report: &'a Report,
+    credible: bool,
+    solve: &'a SolveSummary,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let plan = inputs::plan(&args.plan)?;
+    let report = Report::new(&plan);
+    let credible = report.is_credible();
+    if args.json {
+        output::print_json(&Document { report: &report, credible, solve: &plan.solve })?;
+    } else {
+        output::print(&describe(&plan, &report))?;
+    }
+    Ok(if credible { Exit::Ok } else { Exit::OutOfBounds })
+}
+
+fn describe(plan: &Plan, report: &Report) -> String {
+    let SolveSummary { iterations, energy, .. } = &plan.solve;
+    format!("{report}energy {energy:.6} after {iterations} iterations")
+}

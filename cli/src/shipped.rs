@@ -1,0 +1,24 @@
+//! The robots and motions that ship with rollwalk, carried in the binary, so that `rollwalk demo`
+//! runs in any folder.
+
+use std::path::Path;
+
+/// Declares the files, by their path in the checkout.
+macro_rules! shipped {
+    ($($path:literal),* $(,)?) => {
+        const FILES: &[(&str, &str)] =
+            &[$(($path, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../", $path)))),*];
+    };
+}
+
+shipped!("robots/agilebot.toml", "robots/creature3.toml", "robots/swizzlebot.toml");
+
+/// The text of a shipped file.
+pub fn text(path: &Path) -> Option<&'static str> {
+    FILES.iter().find(|(shipped, _)| Path::new(shipped) == path).map(|(_, text)| *text)
+}
+
+/// The shipped robot files.
+pub fn robots() -> impl Iterator<Item = &'static Path> {
+    FILES.iter().map(|(path, _)| Path::new(path)).filter(|path| path.starts_with("robots"))
+}
