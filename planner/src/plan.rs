@@ -5,6 +5,7 @@ mod placement;
 mod validate;
 
 pub use json::PlanError;
+pub(crate) use json::join_plain_arrays;
 
 use crate::motion::Motion;
 use rollwalk_robot::Robot;

@@ -125,7 +125,7 @@ fn without_position(error: &serde_json::Error) -> String {
 }
 
 /// Puts every array that holds no array and no object on one line.
-fn join_plain_arrays(pretty: &str) -> String {
+pub(crate) fn join_plain_arrays(pretty: &str) -> String {
     let mut out = String::with_capacity(pretty.len());
     let mut rest = pretty;
     while let Some(open) = find_outside_strings(rest, |c| c == '[') {

@@ -1,0 +1,200 @@
+//! A motion as a table at any rate, for spreadsheets, notebooks and other programs.
+//!
+//! One table, two forms: CSV with a header line, or JSON with the same columns. All values are
+//! instantaneous, from the splines of [`crate::sample`]; columns carry their unit in their name and
+//! are listed in `docs/plan-format.md`.
+
+use crate::motion::Ends;
+use crate::plan::Plan;
+use crate::sample::PlanSpline;
+use rollwalk_robot::{Contact, Robot};
+use serde::Serialize;
+use thiserror::Error;
+
+/// Fastest rate of a table, Hz: a longer one is a mistyped number.
+const RATE_MAX_HZ: f64 = 10_000.0;
+
+/// A rate at which no table can be made.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("rate {rate_hz} Hz; expected a rate above 0 and up to {RATE_MAX_HZ} Hz")]
+pub struct RateError {
+    /// The rate asked for, Hz.
+    pub rate_hz: f64,
+}
+
+/// A motion sampled at a rate.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Table {
+    /// Always `rollwalk-export`.
+    pub format: &'static str,
+    /// Version of this format; 1 today.
+    pub version: u32,
+    /// Name of the robot.
+    pub robot: String,
+    /// Name of the motion.
+    pub motion: String,
+    /// Rows per second.
+    pub rate_hz: f64,
+    /// Duration, s; of a periodic motion, its period.
+    pub duration_s: f64,
+    /// Whether the row after the last one is the first one again.
+    pub periodic: bool,
+    /// Names of the columns, with units.
+    pub columns: Vec<String>,
+    /// One row for every multiple of 1/rate within the motion. Contact flags are 0 or 1.
+    pub rows: Vec<Vec<f64>>,
+}
+
+impl Table {
+    /// Samples a validated plan: a periodic motion without the moment at which it repeats, any other
+    /// from its first to its last moment.
+    ///
+    /// # Errors
+    /// A rate that is not positive, or beyond 10 kHz.
+    pub fn new(plan: &Plan, rate_hz: f64) -> Result<Self, RateError> {
+        if !(rate_hz > 0.0 && rate_hz <= RATE_MAX_HZ) {
+            return Err(RateError { rate_hz });
+        }
+        // Whole periods that rounding left a hair short still count.
+        let last = (plan.motion.duration_s * rate_hz + 1e-6).floor();
+        let periodic = plan.motion.ends == Ends::Periodic;
+        let repeats = periodic && last + 1e-3 > plan.motion.duration_s * rate_hz;
+        let count = if repeats { last as usize } else { last as usize + 1 };
+        let spline = PlanSpline::new(plan);
+        let time_s = |k: usize| (k as f64 / rate_hz).min(plan.motion.duration_s);
+        Ok(Self {
+            format: "rollwalk-export",
+            version: 1,
+            robot: plan.robot.name.clone(),
+            motion: plan.motion.name.clone(),
+            rate_hz,
+            duration_s: plan.motion.duration_s,
+            periodic,
+            columns: columns(&plan.robot),
+            rows: (0..count).map(|k| row(&spline, time_s(k))).collect(),
+        })
+    }
+
+    /// The table as comma-separated values with a header line.
+    pub fn to_csv(&self) -> String {
+        let mut text = self.columns.join(",");
+        text.push('\n');
+        for row in &self.rows {
+            let cells: Vec<String> = row.iter().map(f64::to_string).collect();
+            text.push_str(&cells.join(","));
+            text.push('\n');
+        }
+        text
+    }
+
+    /// The table as JSON, one row a line.
+    pub fn to_json(&self) -> String {
+        // Only maps with non-string keys can fail to become JSON; a table has no map.
+        let pretty = serde_json::to_string_pretty(self).unwrap_or_default();
+        crate::plan::join_plain_arrays(&pretty) + "\n"
+    }
+}
+
+/// Names of the columns; names of joints and end effectors come from the robot file.
+fn columns(robot: &Robot) -> Vec<String> {
+    let base = "time_s base_x_m base_y_m base_z_m base_yaw_rad base_pitch_rad base_roll_rad base_qw base_qx \
+                base_qy base_qz com_x_m com_y_m com_z_m";
+    let mut columns: Vec<String> = base.split_whitespace().map(str::to_owned).collect();
+    for joint in &robot.joints {
+        columns.extend(["rad", "rad_s"].map(|unit| format!("{}_{unit}", joint.name)));
+    }
+    for end_effector in &robot.end_effectors {
+        let foot = ["contact", "x_m", "y_m", "z_m", "fx_n", "fy_n", "fz_n"];
+        let wheel = ["tilt_rad", "yaw_rad", "wheel_rad_s", "motor_rad_s"];
+        let wheel = if end_effector.contact == Contact::PointFoot { &[][..] } else { &wheel[..] };
+        columns
+            .extend(foot.iter().chain(wheel).map(|what| format!("{}_{what}", end_effector.name)));
+    }
+    columns
+}
+
+fn row(spline: &PlanSpline, time_s: f64) -> Vec<f64> {
+    let sample = spline.sample(time_s);
+    let setpoints = spline.setpoints(time_s);
+    let mut row = vec![time_s];
+    row.extend(sample.base_position_m.iter().chain(&sample.base_yaw_pitch_roll_rad));
+    row.extend(sample.base_orientation_wxyz.iter().chain(&sample.com_m));
+    for joint in setpoints.joint_rad.iter().zip(&setpoints.joint_speed_rad_s) {
+        row.extend([joint.0, joint.1]);
+    }
+    for (end_effector, e) in spline.model().robot().end_effectors.iter().zip(&sample.end_effectors)
+    {
+        row.push(f64::from(u8::from(e.contact)));
+        row.extend(e.position_m.iter().chain(&e.force_n));
+        if end_effector.contact != Contact::PointFoot {
+            row.extend([e.tilt_rad, e.yaw_rad, e.wheel_speed_rad_s, e.motor_speed_rad_s]);
+        }
+    }
+    row
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_plans;
+
+    fn column(table: &Table, name: &str) -> Vec<f64> {
+        let index =
+            table.columns.iter().position(|c| c == name).unwrap_or_else(|| panic!("no {name}"));
+        table.rows.iter().map(|row| row[index]).collect()
+    }
+
+    #[test]
+    fn a_motion_at_rest_has_both_ends_and_a_periodic_one_ends_before_it_repeats() {
+        let rest = Table::new(&test_plans::start_stop(), 60.0).expect("a table");
+        assert_eq!(rest.rows.len(), 121);
+        assert_eq!(column(&rest, "time_s")[120], 2.0);
+        let periodic = Table::new(&test_plans::cruise(), 60.0).expect("a table");
+        assert_eq!(periodic.rows.len(), 72);
+        // 1.2 s at 7 Hz: 8.4 rows; the moment of repetition is not on the grid.
+        assert_eq!(Table::new(&test_plans::cruise(), 7.0).expect("a table").rows.len(), 9);
+    }
+
+    #[test]
+    fn columns_hold_what_their_names_say() {
+        let plan = test_plans::start_stop();
+        let table = Table::new(&plan, 20.0).expect("a table");
+        for (i, sample) in plan.samples.iter().enumerate() {
+            let at = |name: &str| column(&table, name)[i];
+            let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "sample {i}: {a} {b}");
+            near(at("base_z_m"), sample.base_position_m[2]);
+            near(at("com_x_m"), sample.com_m[0]);
+            near(at("rl-hip_rad"), sample.joint_rad[2]);
+            near(at("fr-wheel_fz_n"), sample.end_effectors[1].force_n[2]);
+            near(at("fr-wheel_x_m"), sample.end_effectors[1].position_m[0]);
+            near(at("fr-wheel_contact"), 1.0);
+        }
+        // Speeds are derivatives: the legs move 0.3 rad in the first second, whatever the way.
+        let mean = column(&table, "fl-hip_rad_s")[..20].iter().sum::<f64>() / 20.0;
+        assert!((mean - 0.3).abs() < 1e-3, "{mean}"); // rectangle rule on a bump that vanishes at its ends
+    }
+
+    #[test]
+    fn csv_and_json_say_the_same() {
+        let table = Table::new(&test_plans::cruise(), 60.0).expect("a table");
+        let csv = table.to_csv();
+        let mut lines = csv.lines();
+        assert_eq!(lines.next(), Some(table.columns.join(",").as_str()));
+        let json: serde_json::Value = serde_json::from_str(&table.to_json()).expect("JSON");
+        for (line, row) in lines.zip(json["rows"].as_array().expect("rows")) {
+            let cells: Vec<f64> = line.split(',').map(|c| c.parse().expect("a number")).collect();
+            let row: Vec<f64> =
+                row.as_array().expect("a row").iter().filter_map(|v| v.as_f64()).collect();
+            assert_eq!(cells, row);
+            assert_eq!(row.len(), table.columns.len());
+        }
+    }
+
+    #[test]
+    fn rates_that_make_no_table_are_refused() {
+        for rate_hz in [0.0, -60.0, f64::NAN, f64::INFINITY, 1e9] {
+            let error = Table::new(&test_plans::cruise(), rate_hz).expect_err("no table");
+            assert!(error.to_string().contains("above 0 and up to 10000 Hz"), "{error}");
+        }
+    }
+}
