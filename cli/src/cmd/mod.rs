@@ -1,6 +1,7 @@
 //! The subcommands, one file each.
 
 mod completions;
+mod export;
 mod library;
 mod report;
 mod robot;
@@ -12,6 +13,7 @@ use crate::Exit;
 pub enum Command {
     Robot(robot::Args),
     Report(report::Args),
+    Export(export::Args),
     Library(library::Args),
     Completions(completions::Args),
 }
@@ -25,6 +27,7 @@ impl Command {
         match self {
             Command::Robot(args) => robot::run(args),
             Command::Report(args) => report::run(args),
+            Command::Export(args) => export::run(args),
             Command::Library(args) => library::run(args),
             Command::Completions(args) => completions::run(args, root),
         }

@@ -1,0 +1,59 @@
+//! `rollwalk export`: a plan at any rate, as a table for other programs.
+
+use crate::{Exit, files, inputs, output};
+use clap::ValueEnum;
+use miette::IntoDiagnostic;
+use rollwalk_planner::export::Table;
+use std::path::PathBuf;
+
+/// Write a plan at any rate as CSV or JSON.
+///
+/// Values are instantaneous and come from the splines that the motion library is sampled from; every
+/// column carries its unit in its name.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk export walk.plan.json --rate 60 --format csv -o walk.csv
+  rollwalk export walk.plan.json --rate 500 --format json -o walk.500hz.json
+
+The columns are described in docs/plan-format.md.")]
+pub struct Args {
+    /// Plan (JSON).
+    #[arg(value_name = "PLAN.json")]
+    plan: PathBuf,
+    /// Rows per second.
+    #[arg(long, value_name = "HZ", default_value_t = 60.0)]
+    rate: f64,
+    /// Form of the table.
+    #[arg(long, value_enum, default_value_t = Format::Csv)]
+    format: Format,
+    /// Where to write the table.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Format {
+    /// Comma-separated values with a header line.
+    Csv,
+    /// One JSON object: names of the columns, then one array for each row.
+    Json,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let table = Table::new(&inputs::plan(&args.plan)?, args.rate).into_diagnostic()?;
+    let text = match args.format {
+        Format::Csv => table.to_csv(),
+        Format::Json => table.to_json(),
+    };
+    files::write(&args.output, text.as_bytes())?;
+    output::print(&format!(
+        "wrote {}: {} rows of {} columns at {} Hz",
+        args.output.display(),
+        table.rows.len(),
+        table.columns.len(),
+        table.rate_hz
+    ))?;
+    Ok(Exit::Ok)
+}
