@@ -1,19 +1,19 @@
 //! Starting points: standing, carried along the way to the goal.
 
-use crate::model::{BASE_POSITION, BASE_YAW};
+use crate::model::{BASE_POSITION, BASE_YAW, Model};
 use crate::plan::Placement;
 use crate::problem::{Problem, Unknowns};
 use crate::state::tilt_and_yaw;
+use crate::variables::Layout;
 use nalgebra::{DVector, Vector3};
 
 /// Sets the variables that follow from `q` by forward kinematics: contact points, wheel angles.
 /// Yaws stay near those already in `vars`.
-pub fn follow_kinematics(problem: &Problem, vars: &mut DVector<f64>) {
-    let layout = &problem.layout;
-    let pose = problem.model.pose(&vars.rows(0, layout.dofs).into_owned());
+pub fn follow_kinematics(model: &Model, layout: &Layout, vars: &mut DVector<f64>) {
+    let pose = model.pose(&vars.rows(0, layout.dofs).into_owned());
     for (j, ee) in layout.end_effectors.iter().enumerate() {
         let mount = &pose.end_effectors[j];
-        let radius = problem.model.robot().end_effectors[j].radius_m;
+        let radius = model.robot().end_effectors[j].radius_m;
         let mut contact = mount.center;
         match ee.wheel {
             Some(wheel) => {
@@ -33,7 +33,7 @@ pub fn standing(problem: &Problem) -> DVector<f64> {
     let layout = &problem.layout;
     let mut vars = DVector::zeros(layout.len);
     vars.rows_mut(0, layout.dofs).copy_from(problem.model.nominal_q());
-    follow_kinematics(problem, &mut vars);
+    follow_kinematics(&problem.model, layout, &mut vars);
     for ee in &layout.end_effectors {
         vars[ee.force + 2] = problem.force_scale_n();
     }
@@ -59,7 +59,7 @@ pub fn from_standing(problem: &Problem) -> Unknowns {
             for ee in problem.layout.end_effectors.iter().filter_map(|e| e.wheel) {
                 vars[ee.yaw] += u * turn;
             }
-            follow_kinematics(problem, &mut vars);
+            follow_kinematics(&problem.model, &problem.layout, &mut vars);
             for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
                 if let Some(wheel) = ee.wheel {
                     let radius = problem.model.robot().end_effectors[j].radius_m;

@@ -24,6 +24,8 @@ pub mod terms;
 mod test_plans;
 #[cfg(test)]
 mod test_robots;
+mod transition;
 pub mod variables;
 
 pub use optimise::{Options, optimise};
+pub use transition::{Moment, TransitionError, optimise_transition, support_moment};

@@ -34,11 +34,11 @@ pub fn optimise(
     let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
     let mut unknowns = guess::from_standing(&problem);
     let solve = solver::solve(&problem, &mut unknowns, &options.settings, progress);
-    plan(&problem, motion, &unknowns, solve)
+    write_plan(&problem, motion, &unknowns, solve)
 }
 
 /// Writes a solution down as a plan.
-fn plan(
+pub(crate) fn write_plan(
     problem: &Problem,
     motion: &Motion,
     unknowns: &Unknowns,

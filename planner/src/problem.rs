@@ -45,7 +45,7 @@ impl Default for Weights {
             force: 1e-3,
             posture: 1e-3,
             wheel_speed: 1e-6,
-            wheel_smoothness: 1e-3,
+            wheel_smoothness: 2e-2,
             least_normal_force: 0.1,
             friction_use: 0.8,
             clearance_m: 0.02,
@@ -72,6 +72,8 @@ pub struct Problem {
     pub height_m: Vec<Vec<f64>>,
     /// Whether the motion repeats: intervals then include the one across the seam.
     pub periodic: bool,
+    /// Whether the robot stands still before and after the motion.
+    pub at_rest: bool,
     /// Entries of the slots that are not optimised: `[slot][variable]`.
     pub frozen: Vec<Vec<bool>>,
     /// Whether the placement (D, ψ) is optimised.
@@ -126,6 +128,7 @@ impl Problem {
             timeline,
             stance,
             periodic,
+            at_rest: motion.ends == Ends::AtRest,
             frozen: vec![vec![false; layout.len]; samples],
             placement_free: periodic,
             goal: motion.goal,
@@ -176,6 +179,7 @@ impl Problem {
             timeline,
             stance,
             periodic: false,
+            at_rest: false,
             frozen,
             placement_free: true,
             goal: motion.goal,

@@ -30,7 +30,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { iterations: 300, target_level: 0.02, flat: 0.01 }
+        Self { iterations: 300, target_level: 0.02, flat: 1e-3 }
     }
 }
 

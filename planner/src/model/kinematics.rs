@@ -61,6 +61,16 @@ pub struct Pose {
     pub link_origins: Vec<Vector3<f64>>,
 }
 
+/// Frames of all links at one configuration, in world.
+struct LinkFrames {
+    /// World-from-link rotations.
+    rotations: Vec<Matrix3<f64>>,
+    /// Link origins, m.
+    origins: Vec<Vector3<f64>>,
+    /// Joint axes, in joint order.
+    axes: Vec<Vector3<f64>>,
+}
+
 impl Model {
     /// Prepares a robot for kinematics.
     pub fn new(robot: &Robot) -> Self {
@@ -148,7 +158,7 @@ impl Model {
         let base_origin = Vector3::new(q[0], q[1], q[2]);
         let ypr = Vector3::new(q[BASE_YAW], q[BASE_YAW + 1], q[BASE_YAW + 2]);
         let base_axes = rotation::yaw_pitch_roll_axes(&ypr);
-        let (rotations, origins, axes) = self.link_frames(q);
+        let LinkFrames { rotations, origins, axes } = self.link_frames(q);
 
         // Mass and first moment of everything that each joint carries, leaves first.
         let links = &self.robot.links;
@@ -204,11 +214,7 @@ impl Model {
         }
     }
 
-    /// World-from-link rotations, link origins and joint axes in world.
-    fn link_frames(
-        &self,
-        q: &DVector<f64>,
-    ) -> (Vec<Matrix3<f64>>, Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
+    fn link_frames(&self, q: &DVector<f64>) -> LinkFrames {
         let ypr = Vector3::new(q[BASE_YAW], q[BASE_YAW + 1], q[BASE_YAW + 2]);
         let mut rotations = vec![Matrix3::identity(); self.robot.links.len()];
         let mut origins = vec![Vector3::zeros(); self.robot.links.len()];
@@ -225,13 +231,13 @@ impl Model {
             rotations[joint.child] = world_from_joint * turn.into_inner();
             axes.push(world_from_joint * joint.axis_in_joint);
         }
-        (rotations, origins, axes)
+        LinkFrames { rotations, origins, axes }
     }
 
     /// Inertia of the whole robot about its centre of mass, in body axes, kg·m².
     fn inertia_about_com(&self, q: &DVector<f64>) -> Matrix3<f64> {
         let com = self.pose(q).com;
-        let (rotations, origins, _) = self.link_frames(q);
+        let LinkFrames { rotations, origins, .. } = self.link_frames(q);
         let mut inertia = Matrix3::zeros();
         for (l, link) in self.robot.links.iter().enumerate() {
             let arm = rotation::skew(&(origins[l] + rotations[l] * link.com_in_link_m - com));

@@ -14,7 +14,8 @@ pub struct Posture;
 /// Wheels that need not turn do not (rim speed, m/s).
 pub struct WheelEffort;
 
-/// Wheels change their speed gently (rim speed difference between intervals, m/s).
+/// Wheels change their speed gently (rim speed difference between intervals, m/s), also when they
+/// start and stop.
 pub struct WheelSmoothness;
 
 impl Term for EvenForce {
@@ -113,19 +114,26 @@ impl Term for WheelSmoothness {
         "m/s"
     }
     fn span(&self) -> Span {
-        Span::Intervals
+        Span::Samples
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         out.set(1.0, f64::INFINITY, Role::Cost { weight: problem.weights.wheel_smoothness });
+        // A motion at rest at its ends rolls neither before nor after.
+        let rolls = |t: usize| !problem.at_rest || (1..problem.samples).contains(&t);
         for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
             let Some(wheel) = ee.wheel else { continue };
             let radius = problem.model.robot().end_effectors[j].radius_m;
-            out.d(1, wheel.speed, -radius);
-            out.d(2, wheel.speed, radius);
-            let [_, here, after] = window.states.map(|s| s.vars[wheel.speed]);
-            out.row(None, (after - here) * radius);
+            let mut change = 0.0;
+            // The speed on the interval after the sample less the speed on the one before.
+            for (k, sign) in [(0, -1.0), (1, 1.0)] {
+                if rolls(window.at[k]) {
+                    out.d(k, wheel.speed, sign * radius);
+                    change += sign * radius * window.states[k].vars[wheel.speed];
+                }
+            }
+            out.row(None, change);
         }
     }
 }
