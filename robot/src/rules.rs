@@ -6,7 +6,9 @@
 
 use crate::model::{Actuator, Contact, EndEffector, Joint, Link, Robot};
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_protocol::actuator;
 use rollwalk_protocol::config::MAX_CHANNELS;
+use rollwalk_protocol::library::MAX_NAME;
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 use std::fmt;
@@ -60,14 +62,13 @@ impl fmt::Display for InvalidRobot {
 const LENGTH_MAX_M: f64 = 10.0;
 /// Heaviest link, kg.
 const MASS_MAX_KG: f64 = 1000.0;
-/// Fastest output of a geared motor, rad/s; larger numbers are usually rev/min.
-const SPEED_MAX_RAD_S: f64 = 100.0;
-/// Strongest output, N·m; larger numbers are usually N·mm.
-const TORQUE_MAX_NM: f64 = 1000.0;
+/// Fastest motor, rad/s; larger numbers are usually rev/min. This and the next follow from what
+/// frames to actuators can say.
+const SPEED_MAX_RAD_S: f64 = actuator::MAX_SPEED_RAD_S as f64;
+/// Strongest motor, N·m; larger numbers are usually N·mm.
+const TORQUE_MAX_NM: f64 = actuator::MAX_TORQUE_NM as f64;
 /// Actuator buses of one controller.
 const BUSES: u8 = 8;
-/// Highest address that a Dynamixel accepts (e-manual: 0 to 252); 0 is kept for the controller.
-const ID_MAX: u8 = 252;
 
 /// All rules that `robot` breaks, in the order of its items.
 pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
@@ -136,8 +137,8 @@ impl Check<'_> {
 
     fn name(&mut self, name: &str, taken: bool) {
         let fits = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-        if name.is_empty() || name.len() > 48 || !name.chars().all(fits) {
-            let help = "names have 1 to 48 letters, digits, `_` or `-`";
+        if name.is_empty() || name.len() > MAX_NAME || !name.chars().all(fits) {
+            let help = format!("names have 1 to {MAX_NAME} letters, digits, `_` or `-`");
             self.violated("name", format_args!("cannot be \"{name}\""), help);
         } else if taken {
             self.violated("name", "is used twice", "give every item of a kind its own name");
@@ -300,8 +301,8 @@ impl Check<'_> {
         }
     }
 
-    fn actuator(&mut self, actuator: &Actuator) {
-        if actuator.model.is_empty() {
+    fn actuator(&mut self, motor: &Actuator) {
+        if motor.model.is_empty() {
             self.violated("model", "is empty", "give the motor's model, such as \"XM430-W210-T\"");
         }
         let rpm = "; 1 rev/min is 0.10472 rad/s";
@@ -309,24 +310,38 @@ impl Check<'_> {
         let positive = Bound::Above(0.0);
         self.range(
             "speed_max_rad_s",
-            actuator.speed_max_rad_s,
+            motor.speed_max_rad_s,
             positive,
             SPEED_MAX_RAD_S,
             "rad/s",
             rpm,
         );
         let mm = "; N·mm need dividing by 1000";
-        self.range("torque_max_nm", actuator.torque_max_nm, positive, TORQUE_MAX_NM, "N·m", mm);
-        self.range("kp_nm_rad", actuator.kp_nm_rad, zero, 1e5, "N·m/rad", "");
-        self.range("kd_nm_s_rad", actuator.kd_nm_s_rad, zero, 1e4, "N·m·s/rad", "");
-        self.range("armature_kg_m2", actuator.armature_kg_m2, positive, 10.0, "kg·m²", "");
-        if actuator.bus >= BUSES {
+        self.range("torque_max_nm", motor.torque_max_nm, positive, TORQUE_MAX_NM, "N·m", mm);
+        self.range(
+            "kp_nm_rad",
+            motor.kp_nm_rad,
+            zero,
+            actuator::MAX_KP_NM_RAD.into(),
+            "N·m/rad",
+            "",
+        );
+        self.range(
+            "kd_nm_s_rad",
+            motor.kd_nm_s_rad,
+            zero,
+            actuator::MAX_KD_NM_S_RAD.into(),
+            "N·m·s/rad",
+            "",
+        );
+        self.range("armature_kg_m2", motor.armature_kg_m2, positive, 10.0, "kg·m²", "");
+        if motor.bus >= BUSES {
             let help = format!("a controller has buses 0 to {}", BUSES - 1);
-            self.violated("bus", format_args!("is {}", actuator.bus), help);
+            self.violated("bus", format_args!("is {}", motor.bus), help);
         }
-        if !(1..=ID_MAX).contains(&actuator.id) {
-            let help = format!("motor addresses are 1 to {ID_MAX}");
-            self.violated("id", format_args!("is {}", actuator.id), help);
+        if motor.id > actuator::MAX_ID {
+            let help = format!("motor addresses are 0 to {}", actuator::MAX_ID);
+            self.violated("id", format_args!("is {}", motor.id), help);
         }
     }
 

@@ -12,7 +12,7 @@ mod suggest;
 mod table;
 
 pub use suggest::{alternatives, closest};
-pub use table::Table;
+pub use table::{NamedString, Table};
 
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use std::cell::RefCell;
@@ -146,7 +146,8 @@ impl<'t> Document<'t> {
         Table::new(self, self.root.get_ref(), 0..0, "this file".to_owned())
     }
 
-    /// Notes a fault. The same words at the same place are noted once.
+    /// Notes a fault. The same advice at the same place is noted once: one line of a template may be
+    /// wrong for four limbs.
     pub fn fault(
         &self,
         span: Span,
@@ -159,7 +160,10 @@ impl<'t> Document<'t> {
         let (message, label, help) = (message.into(), label.into(), help.into());
         let fault = Fault { message, label, span, line, help };
         let mut faults = self.faults.borrow_mut();
-        if !faults.iter().any(|known| known.span == fault.span && known.label == fault.label) {
+        let same = |known: &Fault| {
+            known.span == fault.span && known.label == fault.label && known.help == fault.help
+        };
+        if !faults.iter().any(same) {
             faults.push(fault);
         }
     }

@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::{DeString, DeTable, DeValue};
 
 /// A table of a [`Document`], with the name under which faults speak of it.
 ///
@@ -18,6 +18,19 @@ pub struct Table<'d> {
     span: Span,
     what: String,
     asked: RefCell<Vec<&'static str>>,
+}
+
+/// An entry of [`Table::named_strings`].
+#[derive(Clone, Debug)]
+pub struct NamedString<'d> {
+    /// The key.
+    pub name: &'d str,
+    /// Where the key is.
+    pub name_span: Span,
+    /// The value.
+    pub text: &'d str,
+    /// Where the value is.
+    pub text_span: Span,
 }
 
 impl<'d> Table<'d> {
@@ -55,10 +68,15 @@ impl<'d> Table<'d> {
         self.table.get(key).map_or_else(|| self.span(), Spanned::span)
     }
 
-    /// The keys that are present, in alphabetical order, with the places of their values. Counts as
-    /// asking for all of them: for tables whose keys are names.
-    pub fn entries(&self) -> Vec<(&'d str, &'d Spanned<DeValue<'d>>)> {
-        self.table.iter().map(|(key, value)| (key.get_ref().as_ref(), value)).collect()
+    /// All keys with their values, for tables whose keys are names and whose values are strings.
+    /// Read such a table with this alone, without [`Table::done`].
+    pub fn named_strings(&self) -> Vec<NamedString<'d>> {
+        let read = |(key, value): (&'d Spanned<DeString<'d>>, &'d Spanned<DeValue<'d>>)| {
+            let name = key.get_ref().as_ref();
+            let text = self.typed(name, value, "a string in quotes", DeValue::as_str)?;
+            Some(NamedString { name, name_span: key.span(), text, text_span: value.span() })
+        };
+        self.table.iter().filter_map(read).collect()
     }
 
     /// Notes a fault at the value of `key`.
@@ -67,8 +85,8 @@ impl<'d> Table<'d> {
         self.document.fault(self.span_of(key), message, label.to_string(), help.to_string());
     }
 
-    /// Rejects keys that no getter asked for. `ignored` names keys that are read elsewhere.
-    pub fn done(self) {
+    /// Rejects keys that no getter asked for.
+    pub fn done(&self) {
         let asked = self.asked.borrow();
         for key in self.table.keys() {
             let name = key.get_ref().as_ref();

@@ -1,4 +1,9 @@
 //! What is asked of a motion: duration, footfall pattern, goals, ends.
+//!
+//! Motion files (`motions/*.toml`, docs/motion-files.md) are read by [`Motion::from_toml`].
+
+pub(crate) mod file;
+mod footfall;
 
 use serde::{Deserialize, Serialize};
 

@@ -1,0 +1,345 @@
+//! Library files: which motions make up a motion library, and how they are joined
+//! (docs/motion-files.md).
+//!
+//! A library file names its robot, its motion files with their command codes, the motion that is
+//! SAFE, and the transitions. A transition becomes a [`Motion`] with prescribed ends: it leaves a motion
+//! at its end (a periodic motion where its cycle closes) and enters the other at its beginning.
+
+use crate::motion::file::{Footfalls, name, steps};
+use crate::motion::{Ends, Goal, Motion};
+use rollwalk_protocol::library::{MAX_MOTIONS, MAX_TRANSITIONS};
+use rollwalk_robot::Robot;
+use rollwalk_robot::document::{Document, DocumentError, Span, Table, alternatives};
+
+/// A validated library file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LibraryFile {
+    /// Name of the library.
+    pub name: String,
+    /// Path of the robot file, relative to the library file.
+    pub robot: String,
+    /// The motions; [`LibraryFile::safe`] and transitions index them.
+    pub motions: Vec<LibraryMotion>,
+    /// Index of the motion that the robot returns to when in doubt.
+    pub safe: usize,
+    /// The transitions, at most one for each pair of motions.
+    pub transitions: Vec<LibraryTransition>,
+}
+
+/// A motion of a library.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LibraryMotion {
+    /// Name in the library, unique.
+    pub name: String,
+    /// Path of the motion file, relative to the library file.
+    pub file: String,
+    /// Command code, 1 to 255, unique.
+    pub code: u8,
+}
+
+/// A transition of a library.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LibraryTransition {
+    /// Index of the motion that it leaves.
+    pub from: usize,
+    /// Index of the motion that it enters.
+    pub to: usize,
+    /// What to plan: prescribed ends, no goal of its own.
+    pub motion: Motion,
+}
+
+impl LibraryFile {
+    /// Path of the robot file that a library file names, relative to the library file.
+    ///
+    /// Read this first, then that robot, then [`LibraryFile::from_toml`].
+    ///
+    /// # Errors
+    /// The text is not TOML, or names no robot.
+    pub fn robot_path_in_toml(file_name: &str, text: &str) -> Result<String, DocumentError> {
+        Motion::robot_path_in_toml(file_name, text)
+    }
+
+    /// Reads and validates a library file. `file_name` is for messages only.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the file: besides its fields, motions that cannot be reached
+    /// from SAFE or cannot return to it.
+    pub fn from_toml(file_name: &str, text: &str, robot: &Robot) -> Result<Self, DocumentError> {
+        let document = Document::parse(file_name, text)?;
+        let library = library(&document, robot);
+        document.finish(library)
+    }
+
+    /// Checks the motions themselves, read from the files that [`LibraryFile::motions`] names and in
+    /// that order, against the library file.
+    ///
+    /// # Errors
+    /// SAFE does not come to rest on all its feet, or a transition starts or ends with other feet on
+    /// the ground than the motion that it joins.
+    pub fn check_motions(
+        &self,
+        file_name: &str,
+        text: &str,
+        motions: &[Motion],
+    ) -> Result<(), DocumentError> {
+        let document = Document::parse(file_name, text)?;
+        let root = document.root();
+        if let Some(safe) = motions.get(self.safe) {
+            let stands = safe.stance.iter().flatten().all(|&stance| stance);
+            if safe.ends != Ends::AtRest || !stands {
+                let problem = format!("is \"{}\", which does not stand still", safe.name);
+                let help = "SAFE is a motion with ends = \"at_rest\" and all feet in stance";
+                root.fault("safe", problem, "not a safe pose", help);
+            }
+        }
+        for transition in &self.transitions {
+            let ends = [
+                (transition.from, "leaves", transition.motion.stance.first(), true),
+                (transition.to, "enters", transition.motion.stance.last(), false),
+            ];
+            for (index, does, flags, leaves) in ends {
+                let Some(motion) = motions.get(index) else { continue };
+                let joined = seam(motion, leaves);
+                if joined != flags {
+                    let name = &self.motions[index].name;
+                    let message = format!(
+                        "transition `{}`: other feet are down than where it {does} `{name}`",
+                        transition.motion.name
+                    );
+                    let help = "the first and last mark of its footfalls must agree with the motions \
+                                it joins";
+                    let span = self.transition_span(&root, transition);
+                    document.fault(span, message, "joined here", help);
+                }
+            }
+        }
+        document.finish(Some(()))
+    }
+
+    fn transition_span(&self, root: &Table<'_>, transition: &LibraryTransition) -> Span {
+        let names =
+            [transition.from, transition.to].map(|index| Some(self.motions[index].name.clone()));
+        let tables = root.tables("transition");
+        let written = tables.iter().find(|t| [t.string("from"), t.string("to")] == names);
+        written.map_or_else(|| root.span_of("via_safe"), Table::span)
+    }
+}
+
+/// Stance flags where a motion is left or entered.
+fn seam(motion: &Motion, leaves: bool) -> Option<&Vec<bool>> {
+    // The cycle of a periodic motion closes at its first sample.
+    if leaves && motion.ends != Ends::Periodic {
+        motion.stance.last()
+    } else {
+        motion.stance.first()
+    }
+}
+
+fn library(document: &Document<'_>, robot: &Robot) -> Option<LibraryFile> {
+    let root = document.root();
+    let name = name(&root);
+    let robot_path = root.string("robot");
+    let tables = root.tables("motion");
+    let (first_motion, count) = (tables.first().map_or(0..0, Table::span), tables.len());
+    let motions: Vec<_> = tables.into_iter().filter_map(motion).collect();
+    let sound = motions.len() == count;
+    check_motion_table(document, &root, &motions, count);
+    let names: Vec<_> = motions.iter().map(|item| item.motion.name.clone()).collect();
+
+    let safe_name = root.string("safe");
+    let safe =
+        safe_name.and_then(|safe| if sound { index(&root, "safe", &safe, &names) } else { None });
+    let tables = root.tables("transition");
+    let mut transitions = Vec::new();
+    for table in &tables {
+        let transition = transition(document, table, &names, sound, robot);
+        let Some(transition) = transition else { continue };
+        if transitions.iter().any(|known| joins(known, transition.from, transition.to)) {
+            let help = "join two motions once in each direction";
+            table.fault("from", "and `to` are joined a second time", "again", help);
+        }
+        transitions.push(transition);
+    }
+    let via = root.has("via_safe").then(|| root.table("via_safe")).flatten();
+    if let Some(table) = &via {
+        let template = planned(document, table, robot);
+        table.done();
+        if let (Some(template), Some(safe)) = (template, safe) {
+            add_via_safe(&mut transitions, &template, &names, safe);
+        }
+    }
+    root.done();
+    let safe = safe?;
+    if transitions.len() > MAX_TRANSITIONS {
+        let help = format!("a library holds at most {MAX_TRANSITIONS} transitions");
+        let message = format!("this library has {} transitions", transitions.len());
+        document.fault(first_motion, message, "too many", help);
+    }
+    if document.is_clean() {
+        check_graph(document, &motions, &transitions, safe);
+    }
+    let motions = motions.into_iter().map(|item| item.motion).collect();
+    Some(LibraryFile { name: name?, robot: robot_path?, motions, safe, transitions })
+}
+
+struct MotionItem {
+    motion: LibraryMotion,
+    name_span: Span,
+    code_span: Span,
+    span: Span,
+}
+
+fn motion(mut table: Table<'_>) -> Option<MotionItem> {
+    let name = name(&table);
+    if let Some(name) = &name {
+        table.call(format!("motion `{name}`"));
+    }
+    let file = table.string("file");
+    let code = table.integer("code", 1..=255);
+    table.done();
+    let motion = LibraryMotion { name: name?, file: file?, code: u8::try_from(code?).ok()? };
+    let (name_span, code_span) = (table.span_of("name"), table.span_of("code"));
+    Some(MotionItem { motion, name_span, code_span, span: table.span() })
+}
+
+fn check_motion_table(
+    document: &Document<'_>,
+    root: &Table<'_>,
+    motions: &[MotionItem],
+    count: usize,
+) {
+    if !(1..=MAX_MOTIONS).contains(&count) {
+        let help = format!("a library has 1 to {MAX_MOTIONS} [[motion]] tables");
+        root.fault("motion", format_args!("tables number {count}"), "here", help);
+    }
+    for (index, item) in motions.iter().enumerate() {
+        let LibraryMotion { name, code, .. } = &item.motion;
+        for earlier in &motions[..index] {
+            if earlier.motion.name == *name {
+                let message = format!("motion `{name}` is listed twice");
+                let help = "give every motion of a library its own name";
+                document.fault(item.name_span.clone(), message, "again", help);
+            }
+            if earlier.motion.code == *code {
+                let message = format!(
+                    "motion `{name}`: code {code} already selects `{}`",
+                    earlier.motion.name
+                );
+                let help = "give every motion its own code, 1 to 255";
+                document.fault(item.code_span.clone(), message, "taken", help);
+            }
+        }
+    }
+}
+
+fn index(table: &Table<'_>, key: &'static str, name: &str, names: &[String]) -> Option<usize> {
+    let found = names.iter().position(|known| known == name);
+    if found.is_none() {
+        let help = alternatives(name, names.iter().map(String::as_str));
+        table.fault(key, format_args!("names no motion \"{name}\""), "unknown motion", help);
+    }
+    found
+}
+
+fn joins(transition: &LibraryTransition, from: usize, to: usize) -> bool {
+    (transition.from, transition.to) == (from, to)
+}
+
+/// Reads one `[[transition]]`; ends are looked up only if all motions could be read (`sound`).
+fn transition(
+    document: &Document<'_>,
+    table: &Table<'_>,
+    names: &[String],
+    sound: bool,
+    robot: &Robot,
+) -> Option<LibraryTransition> {
+    let from = table.string("from");
+    let to = table.string("to");
+    let motion = planned(document, table, robot);
+    table.done();
+    if !sound {
+        return None;
+    }
+    let from = index(table, "from", &from?, names);
+    let to = index(table, "to", &to?, names);
+    let (from, to) = (from?, to?);
+    if from == to {
+        let help = "a transition joins two different motions; loops are motions with periodic ends";
+        table.fault("to", "is where it comes from", "the same motion", help);
+        return None;
+    }
+    Some(named(from, to, motion?, names))
+}
+
+fn named(from: usize, to: usize, motion: Motion, names: &[String]) -> LibraryTransition {
+    let name = format!("{} to {}", names[from], names[to]);
+    LibraryTransition { from, to, motion: Motion { name, ..motion } }
+}
+
+/// The motion of a transition; without `[footfalls]`, all feet stay down.
+fn planned(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<Motion> {
+    let footfalls = if table.has("footfalls") {
+        table.table("footfalls").map(Footfalls::Table)
+    } else {
+        Some(Footfalls::AllStance)
+    };
+    let (duration_s, stance, swing_height_m) = steps(document, table, robot, footfalls)?;
+    let goal = Goal::default();
+    let ends = Ends::Prescribed;
+    Some(Motion { name: String::new(), duration_s, ends, stance, swing_height_m, goal })
+}
+
+/// Joins SAFE with every other motion, both ways, where no transition is written.
+fn add_via_safe(
+    transitions: &mut Vec<LibraryTransition>,
+    template: &Motion,
+    names: &[String],
+    safe: usize,
+) {
+    for other in (0..names.len()).filter(|&other| other != safe) {
+        for (from, to) in [(safe, other), (other, safe)] {
+            if !transitions.iter().any(|known| joins(known, from, to)) {
+                transitions.push(named(from, to, template.clone(), names));
+            }
+        }
+    }
+}
+
+/// Rejects motions that are cut off from SAFE.
+fn check_graph(
+    document: &Document<'_>,
+    motions: &[MotionItem],
+    transitions: &[LibraryTransition],
+    safe: usize,
+) {
+    let edges: Vec<_> = transitions.iter().map(|t| (t.from, t.to)).collect();
+    let back: Vec<_> = edges.iter().map(|&(from, to)| (to, from)).collect();
+    let safe_name = &motions[safe].motion.name;
+    let (from_safe, to_safe) =
+        (reached(motions.len(), safe, &edges), reached(motions.len(), safe, &back));
+    for (index, item) in motions.iter().enumerate() {
+        let name = &item.motion.name;
+        let (problem, from, to) = match (from_safe[index], to_safe[index]) {
+            (true, true) => continue,
+            (false, _) => ("cannot be reached from", safe_name, name),
+            (true, false) => ("has no way back to", name, safe_name),
+        };
+        let message = format!("motion `{name}` {problem} the safe motion `{safe_name}`");
+        let help = format!(
+            "add a [[transition]] with from = \"{from}\" and to = \"{to}\", or [via_safe] for all"
+        );
+        document.fault(item.span.clone(), message, "cut off", help);
+    }
+}
+
+/// Which of `count` nodes can be reached from `start`.
+fn reached(count: usize, start: usize, edges: &[(usize, usize)]) -> Vec<bool> {
+    let mut seen = vec![false; count];
+    let mut open = vec![start];
+    while let Some(node) = open.pop() {
+        if !std::mem::replace(&mut seen[node], true) {
+            open.extend(edges.iter().filter(|edge| edge.0 == node).map(|edge| edge.1));
+        }
+    }
+    seen
+}

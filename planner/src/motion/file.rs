@@ -1,0 +1,251 @@
+//! Motion files: TOML text to a [`Motion`] for a given robot (docs/motion-files.md).
+
+use super::footfall;
+use super::{Ends, Goal, Motion};
+use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
+use rollwalk_robot::document::{Document, DocumentError, Table};
+use rollwalk_robot::{Contact, Robot};
+use std::f64::consts::TAU;
+
+/// Samples per second when a motion file does not say.
+const SAMPLES_PER_S: f64 = 15.0;
+/// Fewest samples of a motion when its file does not say, as in Table 2.1.
+const SAMPLES_DEFAULT_MIN: f64 = 12.0;
+/// Fewest samples of a swing that can lift a foot and put it down.
+const SWING_SAMPLES_MIN: usize = 3;
+
+impl Motion {
+    /// Path of the robot file that a motion file names, relative to the motion file.
+    ///
+    /// Read this first, then that robot, then [`Motion::from_toml`].
+    ///
+    /// # Errors
+    /// The text is not TOML, or names no robot.
+    pub fn robot_path_in_toml(file_name: &str, text: &str) -> Result<String, DocumentError> {
+        let document = Document::parse(file_name, text)?;
+        let path = document.root().string("robot");
+        document.finish(path)
+    }
+
+    /// Reads and validates a motion file. `file_name` is for messages only.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the file, each fault with its place and a help line.
+    pub fn from_toml(file_name: &str, text: &str, robot: &Robot) -> Result<Self, DocumentError> {
+        let document = Document::parse(file_name, text)?;
+        let motion = motion(&document, robot);
+        document.finish(motion)
+    }
+}
+
+fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
+    let mut root = document.root();
+    // The caller has read the robot that this names; here it is only a known key.
+    let named_robot = root.string("robot");
+    let name = name(&root);
+    if let Some(name) = &name {
+        root.call(format!("motion `{name}`"));
+    }
+    let ends = root.choice("ends", &["periodic", "at_rest"]).map(|choice| match choice {
+        0 => Ends::Periodic,
+        _ => Ends::AtRest,
+    });
+    let goal =
+        if root.has("goal") { root.table("goal").and_then(goal) } else { Some(Goal::default()) };
+    let footfalls = root.table("footfalls").map(Footfalls::Table);
+    let steps = steps(document, &root, robot, footfalls);
+    root.done();
+    let (duration_s, stance, swing_height_m) = steps?;
+    named_robot?;
+    let motion =
+        Motion { name: name?, duration_s, ends: ends?, stance, swing_height_m, goal: goal? };
+    if motion.ends == Ends::AtRest {
+        check_rest(&root, &motion);
+    }
+    check_goal(&root, &motion, robot);
+    Some(motion)
+}
+
+/// Reads a name that fits into a motion library.
+pub(crate) fn name(table: &Table<'_>) -> Option<String> {
+    let name = table.string("name")?;
+    if (1..=MAX_NAME).contains(&name.len()) {
+        return Some(name);
+    }
+    let help = format!("names have 1 to {MAX_NAME} bytes");
+    table.fault("name", format_args!("has {} bytes", name.len()), "too short or too long", help);
+    None
+}
+
+/// Where a motion's footfalls come from.
+pub(crate) enum Footfalls<'d> {
+    /// A table `[footfalls]`.
+    Table(Table<'d>),
+    /// Every end effector stays on the ground.
+    AllStance,
+}
+
+/// Reads what motions and transitions share: duration, stance flags, swing height.
+pub(crate) fn steps(
+    document: &Document<'_>,
+    table: &Table<'_>,
+    robot: &Robot,
+    footfalls: Option<Footfalls<'_>>,
+) -> Option<(f64, Vec<Vec<bool>>, f64)> {
+    let duration_s = duration(table);
+    let samples = if table.has("samples") {
+        table.integer("samples", 4..=480)
+    } else {
+        duration_s
+            .map(|duration| (duration * SAMPLES_PER_S).max(SAMPLES_DEFAULT_MIN).round() as u32)
+    };
+    let swing_height_m = if table.has("swing_height_m") {
+        table.number_in("swing_height_m", 0.0..=1.0, "m")
+    } else {
+        Some(0.0)
+    };
+    // Without a sample count, rows are still read for their faults.
+    let count = samples.map_or(1, |samples| samples as usize);
+    let stance = match footfalls? {
+        Footfalls::Table(rows) => footfall::stance(document, &rows, robot, count),
+        Footfalls::AllStance => Some(vec![vec![true; robot.end_effectors.len()]; count]),
+    };
+    samples?;
+    let (duration_s, stance, swing_height_m) = (duration_s?, stance?, swing_height_m?);
+    check_swings(table, &stance, swing_height_m, robot);
+    Some((duration_s, stance, swing_height_m))
+}
+
+/// Reads a duration that is a whole number of frames. Files may round it to four decimals; the value
+/// used is exact.
+fn duration(table: &Table<'_>) -> Option<f64> {
+    const KEY: &str = "duration_s";
+    let rate = f64::from(RATE_HZ);
+    let longest = f64::from(MAX_CLIP_FRAMES) / rate;
+    let given = table.number_in(KEY, 0.1..=longest, "s")?;
+    let frames = given * rate;
+    let nearest = frames.round() / rate;
+    // Half a unit of the fourth decimal, and a little for its own rounding.
+    if (given - nearest).abs() <= 0.6e-4 {
+        return Some(nearest);
+    }
+    let (below, above) = (frames.floor() / rate, frames.ceil() / rate);
+    let help = format!(
+        "motions are played at {RATE_HZ} Hz, so durations are multiples of 1/{RATE_HZ} s: \
+         {below:.4} or {above:.4}"
+    );
+    table.fault(KEY, format_args!("is {given} s"), "not a whole number of frames", help);
+    None
+}
+
+fn goal(table: Table<'_>) -> Option<Goal> {
+    let length = |key| {
+        let given = table.has(key).then(|| table.number_in(key, -20.0..=20.0, "m"));
+        given.map_or(Some(None), |value| value.map(Some))
+    };
+    let forward = length("forward_m");
+    let left = length("left_m");
+    let turn = if table.has("turn_rad") { turn(&table).map(Some) } else { Some(None) };
+    table.done();
+    Some(Goal { forward_m: forward?, left_m: left?, turn_rad: turn? })
+}
+
+fn turn(table: &Table<'_>) -> Option<f64> {
+    let angle = table.number("turn_rad")?;
+    if angle.abs() <= TAU {
+        return Some(angle);
+    }
+    let help =
+        format!("allowed is within ±2π; {angle} degrees would be {:.4} rad", angle.to_radians());
+    table.fault("turn_rad", format_args!("is {angle} rad"), "radians?", help);
+    None
+}
+
+/// Rejects patterns without stance and swings that no foot can follow.
+fn check_swings(table: &Table<'_>, stance: &[Vec<bool>], height_m: f64, robot: &Robot) {
+    let fault = |problem: String, label: &str, help: &str| {
+        table.fault("footfalls", problem, label, help);
+    };
+    if !stance.iter().flatten().any(|&stance| stance) {
+        let help = "some foot must touch the ground at some time: mark stance with #";
+        fault("have no stance at all".into(), "all in the air", help);
+        return;
+    }
+    if stance.iter().flatten().all(|&stance| stance) {
+        return;
+    }
+    if height_m <= 0.0 {
+        let help = "feet in swing need a height above 0, such as 0.03";
+        table.fault("swing_height_m", "is 0 while feet swing", "above 0 m", help);
+    }
+    for (index, foot) in robot.end_effectors.iter().enumerate() {
+        let column: Vec<_> = stance.iter().map(|flags| flags[index]).collect();
+        let Some(shortest) = shortest_swing(&column) else { continue };
+        if shortest < SWING_SAMPLES_MIN {
+            let problem =
+                format!("give `{}` a swing of {shortest} of {} samples", foot.name, column.len());
+            let needed = (column.len() * SWING_SAMPLES_MIN).div_ceil(shortest);
+            let help = format!(
+                "a swing needs {SWING_SAMPLES_MIN} samples, 5 are better: lengthen it, or set \
+                 samples to {needed} or more"
+            );
+            fault(problem, "too short to lift a foot", &help);
+        }
+    }
+}
+
+/// Rejects motions that would stand still on a foot in the air.
+fn check_rest(root: &Table<'_>, motion: &Motion) {
+    let ends = [motion.stance.first(), motion.stance.last()];
+    if !ends.into_iter().flatten().flatten().all(|&stance| stance) {
+        let help =
+            "a motion at rest starts and ends with # in every row; or set ends = \"periodic\"";
+        root.fault("footfalls", "have a foot in the air at an end", "not at rest", help);
+    }
+}
+
+/// Length of the shortest run of swing samples, runs over the seam counted whole; `None` if the foot
+/// never swings or never stands.
+fn shortest_swing(stance: &[bool]) -> Option<usize> {
+    let start = stance.iter().position(|&flag| flag)?;
+    // Starting at a stance sample, no run is cut in two.
+    let order: Vec<_> = stance.iter().cycle().skip(start).take(stance.len()).copied().collect();
+    order.split(|&flag| flag).map(<[bool]>::len).filter(|&run| run > 0).min()
+}
+
+/// Rejects goals that no plan can reach: standing feet do not travel, wheels have a top speed.
+fn check_goal(root: &Table<'_>, motion: &Motion, robot: &Robot) {
+    let Goal { forward_m, left_m, turn_rad } = motion.goal;
+    let distance_m = forward_m.unwrap_or(0.0).hypot(left_m.unwrap_or(0.0));
+    let moves = distance_m > 0.0 || turn_rad.is_some_and(|turn| turn != 0.0);
+    let steps = |index: usize| motion.stance.iter().any(|flags| !flags[index]);
+    for (index, foot) in robot.end_effectors.iter().enumerate() {
+        if steps(index) || !moves {
+            continue;
+        }
+        match &foot.contact {
+            Contact::PointFoot => {
+                let help =
+                    "a standing point foot stays where it is: give it a swing, or drop the goal";
+                let problem = format!("cannot be reached: `{}` never leaves the ground", foot.name);
+                root.fault("goal", problem, "moves a foot that stands", help);
+            }
+            Contact::ActuatedWheel { actuator, .. } => {
+                let speed_m_s = foot.radius_m * actuator.speed_max_rad_s;
+                let needed_s = distance_m / speed_m_s;
+                if motion.duration_s < needed_s {
+                    let problem = format!(
+                        "is {} s for {distance_m} m on the wheel of `{}`",
+                        motion.duration_s, foot.name
+                    );
+                    let help = format!(
+                        "at its {speed_m_s:.3} m/s (radius × speed limit) that takes {needed_s:.2} s, \
+                         and more with start and stop"
+                    );
+                    root.fault("duration_s", problem, "too short", help);
+                }
+            }
+            Contact::PassiveWheel { .. } => {}
+        }
+    }
+}

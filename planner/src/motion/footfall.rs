@@ -1,0 +1,162 @@
+//! Footfall patterns as people write them: everything in stance, a named gait, or rows of `#` and `.`.
+
+use rollwalk_robot::document::{Document, NamedString, Table, alternatives};
+use rollwalk_robot::{EndEffector, Robot};
+
+/// Feet of a named gait, in the order of the rows of [`GAITS`].
+const GAIT_FEET: [&str; 4] = ["front_left", "front_right", "rear_left", "rear_right"];
+
+/// Named gaits: the phase of the cycle at which the swing of each of [`GAIT_FEET`] is half over.
+/// `walk` is the lateral sequence (rear left, front left, rear right, front right), the slow gait in
+/// which the robot's weight shifts least while one foot is in the air.
+const GAITS: [(&str, [f64; 4]); 5] = [
+    ("walk", [0.375, 0.875, 0.125, 0.625]),
+    ("trot", [0.25, 0.75, 0.75, 0.25]),
+    ("pace", [0.25, 0.75, 0.25, 0.75]),
+    ("bound", [0.25, 0.25, 0.75, 0.75]),
+    ("pronk", [0.5, 0.5, 0.5, 0.5]),
+];
+
+/// Stance flags `[sample][end effector]` from the table `[footfalls]`.
+pub(super) fn stance(
+    document: &Document<'_>,
+    table: &Table<'_>,
+    robot: &Robot,
+    samples: usize,
+) -> Option<Vec<Vec<bool>>> {
+    if table.has("all") {
+        table.choice("all", &["stance"])?;
+        table.done();
+        return Some(vec![vec![true; robot.end_effectors.len()]; samples]);
+    }
+    if table.has("gait") {
+        gait(table, robot, samples)
+    } else {
+        rows(document, table, robot, samples)
+    }
+}
+
+fn gait(table: &Table<'_>, robot: &Robot, samples: usize) -> Option<Vec<Vec<bool>>> {
+    let gait = table.choice("gait", &GAITS.map(|(name, _)| name));
+    // Below 0.3 a foot is in the air most of the time; above 0.95 it hardly leaves the ground.
+    let duty = table.number_in("duty", 0.3..=0.95, "(share of the cycle that a foot is in stance)");
+    let feet = gait_columns(table, robot);
+    table.done();
+    let (_, centers) = GAITS.get(gait?)?;
+    let (swing, feet) = (1.0 - duty?, feet?);
+    let stance_at = |sample: usize| {
+        let phase = sample as f64 / samples as f64;
+        // Distance on the circle of phases; rounding must not decide whether a border is in.
+        let in_swing = |center: f64| {
+            let distance = (phase - center).rem_euclid(1.0);
+            distance.min(1.0 - distance) < swing / 2.0 - 1e-9
+        };
+        feet.iter().map(|&row| !in_swing(centers[row])).collect()
+    };
+    Some((0..samples).map(stance_at).collect())
+}
+
+/// For every end effector of the robot, its row in [`GAIT_FEET`].
+fn gait_columns(table: &Table<'_>, robot: &Robot) -> Option<Vec<usize>> {
+    let row_of = |foot: &EndEffector| GAIT_FEET.iter().position(|name| *name == foot.name);
+    let columns: Option<Vec<_>> = robot.end_effectors.iter().map(row_of).collect();
+    let columns = columns.filter(|columns| columns.len() == GAIT_FEET.len());
+    if columns.is_none() {
+        let problem = format!("does not know the feet of robot `{}`", robot.name);
+        let help = format!(
+            "named gaits are for robots with the end effectors {}; write one row of # and . for \
+             each of {}",
+            GAIT_FEET.join(", "),
+            listed(robot)
+        );
+        table.fault("gait", problem, "needs four named feet", help);
+    }
+    columns
+}
+
+/// One row of `#` (stance) and `.` (swing) per end effector, all equally long, stretched to the
+/// number of samples: sample i takes character ⌊i · length / samples⌋. Spaces and `|` are for the
+/// reader's eye.
+fn rows(
+    document: &Document<'_>,
+    table: &Table<'_>,
+    robot: &Robot,
+    samples: usize,
+) -> Option<Vec<Vec<bool>>> {
+    let mut patterns: Vec<Option<Vec<bool>>> = vec![None; robot.end_effectors.len()];
+    let mut first: Option<(String, usize)> = None;
+    let mut sound = true;
+    for row in in_text_order(table.named_strings()) {
+        let Some(index) = robot.end_effector_index(row.name) else {
+            let names = robot.end_effectors.iter().map(|foot| foot.name.as_str());
+            let message = format!("[footfalls]: robot `{}` has no `{}`", robot.name, row.name);
+            let help = format!(
+                "{}; or write `all = \"stance\"`, or `gait` with `duty`",
+                alternatives(row.name, names)
+            );
+            document.fault(row.name_span, message, "unknown end effector", help);
+            sound = false;
+            continue;
+        };
+        let Some(pattern) = pattern(document, &row) else {
+            sound = false;
+            continue;
+        };
+        match &first {
+            None => first = Some((row.name.to_owned(), pattern.len())),
+            Some((_, length)) if *length == pattern.len() => {}
+            Some((name, length)) => {
+                let found = pattern.len();
+                let message = format!("[footfalls]: row `{}` has another length", row.name);
+                let help = format!(
+                    "all rows show the same span of time: `{name}` has {length} characters, this \
+                     row has {found}"
+                );
+                document.fault(row.text_span, message, format!("{found} characters"), help);
+                sound = false;
+            }
+        }
+        patterns[index] = Some(pattern);
+    }
+    for (foot, pattern) in robot.end_effectors.iter().zip(&patterns) {
+        if sound && pattern.is_none() {
+            let message = format!("[footfalls]: `{}` is missing", foot.name);
+            let help =
+                format!("give one row of # (stance) and . (swing) for each of {}", listed(robot));
+            document.fault(table.span(), message, format!("needs `{}`", foot.name), help);
+        }
+    }
+    let patterns: Vec<_> = patterns.into_iter().collect::<Option<_>>()?;
+    let at = |sample: usize| {
+        let stretched = |row: &Vec<bool>| row.get(sample * row.len() / samples).copied();
+        patterns.iter().map(stretched).collect::<Option<Vec<_>>>()
+    };
+    sound.then(|| (0..samples).map(at).collect())?
+}
+
+fn pattern(document: &Document<'_>, row: &NamedString<'_>) -> Option<Vec<bool>> {
+    let marks = row.text.chars().filter(|mark| !matches!(mark, ' ' | '|'));
+    let flag = |mark| match mark {
+        '#' => Some(true),
+        '.' => Some(false),
+        _ => None,
+    };
+    let pattern: Option<Vec<_>> = marks.map(flag).collect();
+    let pattern = pattern.filter(|pattern| !pattern.is_empty());
+    if pattern.is_none() {
+        let message = format!("[footfalls]: row `{}` is not a footfall pattern", row.name);
+        let help = "write # for stance and . for swing, such as \"######....##\"";
+        document.fault(row.text_span.clone(), message, "# and . only", help);
+    }
+    pattern
+}
+
+fn in_text_order(mut rows: Vec<NamedString<'_>>) -> Vec<NamedString<'_>> {
+    rows.sort_by_key(|row| row.name_span.start);
+    rows
+}
+
+fn listed(robot: &Robot) -> String {
+    let names: Vec<_> = robot.end_effectors.iter().map(|foot| foot.name.as_str()).collect();
+    names.join(", ")
+}

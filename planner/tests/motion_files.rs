@@ -1,0 +1,333 @@
+//! Motion and library files: shipped ones mean what they say, broken ones say what is wrong where.
+
+use rollwalk_planner::library_file::LibraryFile;
+use rollwalk_planner::motion::{Ends, Motion};
+use rollwalk_robot::Robot;
+use rollwalk_robot::document::DocumentError;
+
+fn agilebot() -> Robot {
+    let text = include_str!("../../robots/agilebot.toml");
+    Robot::from_toml("robots/agilebot.toml", text).unwrap()
+}
+
+fn creature3() -> Robot {
+    let text = include_str!("../../robots/creature3.toml");
+    Robot::from_toml("robots/creature3.toml", text).unwrap()
+}
+
+const STAND: &str = include_str!("../../motions/stand.toml");
+const DRIVE: &str = include_str!("../../motions/drive_1m.toml");
+const TURN: &str = include_str!("../../motions/turn_in_place.toml");
+const WALK: &str = include_str!("../../motions/walk.toml");
+const LIBRARY: &str = include_str!("../../motions/agilebot_library.toml");
+
+fn motion(text: &str) -> Motion {
+    Motion::from_toml("m.toml", text, &agilebot()).unwrap()
+}
+
+/// `#` and `.` of one end effector, as people write it.
+fn row(motion: &Motion, foot: usize) -> String {
+    motion.stance.iter().map(|flags| if flags[foot] { '#' } else { '.' }).collect()
+}
+
+/// Asserts that `text` has exactly the given faults, as `line: message | help` fragments.
+fn assert_faults<T>(result: Result<T, DocumentError>, expected: &[(usize, &str, &str)]) {
+    let error = result.err().expect("the text is broken");
+    let found: Vec<_> =
+        error.faults().map(|f| (f.line, f.message.clone(), f.help.clone())).collect();
+    assert_eq!(found.len(), expected.len(), "{found:#?}");
+    for ((line, message, help), (want_line, want_message, want_help)) in found.iter().zip(expected)
+    {
+        assert_eq!(line, want_line, "{message} ({help})");
+        assert!(message.contains(want_message), "{message:?} lacks {want_message:?}");
+        assert!(help.contains(want_help), "{help:?} lacks {want_help:?}");
+    }
+}
+
+fn broken(from: &str, to: &str) -> Result<Motion, DocumentError> {
+    assert!(WALK.contains(from), "the file to break has changed: {from}");
+    Motion::from_toml("walk.toml", &WALK.replacen(from, to, 1), &agilebot())
+}
+
+/// Line of the shipped walk file that begins with `start`.
+fn line(start: &str) -> usize {
+    1 + WALK.lines().position(|line| line.starts_with(start)).unwrap()
+}
+
+#[test]
+fn shipped_motions_are_valid_and_name_the_robot() {
+    for text in [STAND, DRIVE, TURN, WALK, LIBRARY] {
+        assert_eq!(Motion::robot_path_in_toml("m.toml", text).unwrap(), "../robots/agilebot.toml");
+    }
+    let drive = motion(DRIVE);
+    assert_eq!(
+        (drive.name.as_str(), drive.ends, drive.stance.len()),
+        ("drive_1m", Ends::AtRest, 25)
+    );
+    assert_eq!(drive.goal.forward_m, Some(1.0));
+    let turn = motion(TURN);
+    assert_eq!(
+        (turn.ends, turn.goal.forward_m, turn.goal.turn_rad),
+        (Ends::Periodic, Some(0.0), Some(0.5))
+    );
+    let stand = motion(STAND);
+    assert!(stand.stance.iter().flatten().all(|&stance| stance));
+}
+
+#[test]
+fn the_mean_speed_of_the_drive_leaves_room_to_start_and_stop() {
+    let (drive, robot) = (motion(DRIVE), agilebot());
+    let wheel = &robot.end_effectors[0];
+    let top = wheel.radius_m * wheel.contact.actuator().unwrap().speed_max_rad_s;
+    let mean = drive.goal.forward_m.unwrap() / drive.duration_s;
+    // A trapezoid that speeds up and slows down in a fifth of the time each peaks at 1.25 × mean.
+    assert!(1.25 * mean < top, "mean {mean} m/s, top {top} m/s");
+}
+
+#[test]
+fn walking_has_three_feet_down_and_the_rows_of_its_comment() {
+    let walk = motion(WALK);
+    for flags in &walk.stance {
+        assert!(flags.iter().filter(|&&stance| stance).count() >= 3);
+    }
+    let robot = agilebot();
+    for (index, foot) in robot.end_effectors.iter().enumerate() {
+        let comment = WALK.lines().find(|line| line.starts_with(&format!("#   {} ", foot.name)));
+        let pattern = comment.unwrap().split('"').nth(1).unwrap();
+        assert_eq!(row(&walk, index), pattern, "{}", foot.name);
+        assert_eq!(row(&walk, index).matches('.').count(), 5, "{}", foot.name);
+    }
+}
+
+#[test]
+fn rows_may_be_written_by_hand_and_are_stretched_to_the_samples() {
+    let rows = "front_left = \"#### ....\"\nfront_right = \"....|####\"\n\
+                rear_left = \"....####\"\nrear_right = \"####....\"";
+    let walk = broken("gait = \"walk\"\nduty = 0.8", rows).unwrap();
+    assert_eq!(row(&walk, 0), "############............");
+    assert_eq!(row(&walk, 1), "............############");
+    let trot = broken("gait = \"walk\"\nduty = 0.8", "gait = \"trot\"\nduty = 0.5").unwrap();
+    assert_eq!(row(&trot, 0), row(&trot, 3));
+    assert_eq!(row(&trot, 1), row(&trot, 2));
+    // Swings are open intervals of phase, so that 11 of 24 samples are strictly inside half a cycle.
+    assert_eq!(row(&trot, 0).matches('.').count(), 11);
+}
+
+#[test]
+fn durations_are_whole_frames_and_may_be_rounded_to_four_decimals() {
+    let exact = broken("duration_s = 1.6", "duration_s = 1.2667").unwrap();
+    assert_eq!(exact.duration_s, 76.0 / 60.0);
+    let at = line("duration_s");
+    assert_faults(
+        broken("duration_s = 1.6", "duration_s = 1.59"),
+        &[(at, "motion `walk`: `duration_s` is 1.59 s", "1.5833 or 1.6000")],
+    );
+    assert_faults(broken("duration_s = 1.6", "duration_s = 96"), &[(at, "is 96", "0.1 to 60 s")]);
+}
+
+#[test]
+fn samples_follow_from_the_duration_when_not_given() {
+    assert_eq!(broken("samples = 24\n", "").unwrap().stance.len(), 24); // 15 a second
+    assert_eq!(motion(&STAND.replace("samples = 12\n", "")).stance.len(), 15);
+}
+
+#[test]
+fn every_kind_of_mistake_in_a_motion_file_is_named() {
+    let footfalls = line("[footfalls]");
+    let gait = line("gait");
+    let hand = |rows: &str| broken("gait = \"walk\"\nduty = 0.8", rows);
+
+    assert_faults(
+        broken("ends = \"periodic\"", "ends = periodic"),
+        &[(line("ends"), "not TOML", "quotes")],
+    );
+    assert_faults(
+        broken("ends = \"periodic\"", "ends = \"preiodic\""),
+        &[(line("ends"), "`ends` cannot be \"preiodic\"", "did you mean `periodic`?")],
+    );
+    assert_faults(broken("ends = \"periodic\"\n", ""), &[(1, "`ends` is missing", "give `ends`")]);
+    assert_faults(
+        broken("swing_height_m = 0.03", "swing_hight_m = 0.03"),
+        &[
+            (1, "`swing_height_m` is 0 while feet swing", "such as 0.03"),
+            (line("swing"), "unknown key `swing_hight_m`", "did you mean `swing_height_m`?"),
+        ],
+    );
+    assert_faults(
+        broken("turn_rad = 0.0", "turn_rad = 20"),
+        &[(line("turn_rad"), "`turn_rad` is 20 rad", "0.3491 rad")],
+    );
+    assert_faults(
+        broken("forward_m = 0.12", "forward_mm = 120"),
+        &[(line("forward_m"), "[goal]: unknown key `forward_mm`", "did you mean `forward_m`?")],
+    );
+    assert_faults(
+        broken("samples = 24", "samples = 2.5"),
+        &[(line("samples"), "must be a whole number from 4 to 480", "4 to 480")],
+    );
+    assert_faults(
+        broken("samples = 24", "samples = 8"),
+        &[(footfalls, "a swing of 1 of 8 samples", "samples to 24 or more")],
+    );
+    assert_faults(
+        broken("duty = 0.8", "duty = 80"),
+        &[(gait + 1, "`duty` is 80", "allowed is 0.3 to 0.95")],
+    );
+    assert_faults(
+        broken("gait = \"walk\"", "gait = \"wlak\""),
+        &[(gait, "`gait` cannot be \"wlak\"", "did you mean `walk`?")],
+    );
+    assert_faults(
+        hand("all = \"swing\""),
+        &[(gait, "`all` cannot be \"swing\"", "known are: `stance`")],
+    );
+    assert_faults(
+        hand("front_left = \"##..##\"\nfront_right = \"######\"\nrear_left = \"######\""),
+        &[(footfalls, "`rear_right` is missing", "one row of # (stance) and . (swing)")],
+    );
+    assert_faults(
+        hand(
+            "front_left = \"##..##\"\nfront_right = \"#####\"\nrear_left = \"######\"\nrear_right = \"######\"",
+        ),
+        &[(
+            gait + 1,
+            "row `front_right` has another length",
+            "`front_left` has 6 characters, this row has 5",
+        )],
+    );
+    assert_faults(
+        hand(
+            "front_left = \"##..##\"\nfront_lift = \"######\"\nrear_left = \"#-####\"\nrear_right = \"\"",
+        ),
+        &[
+            (gait + 1, "robot `agilebot` has no `front_lift`", "did you mean `front_left`?"),
+            (gait + 2, "row `rear_left` is not a footfall pattern", "# for stance and . for swing"),
+            (gait + 3, "row `rear_right` is not a footfall pattern", "# for stance"),
+        ],
+    );
+    let air = "front_left = \"..\"\nfront_right = \"..\"\nrear_left = \"..\"\nrear_right = \"..\"";
+    assert_faults(hand(air), &[(footfalls, "no stance at all", "mark stance with #")]);
+    // A leap with all feet in the air for a while is allowed.
+    hand(&air.replace("..", "##..##")).unwrap();
+    let rest = WALK.replace("periodic", "at_rest").replace("\"walk\"\n", "\"trot\"\n");
+    let rest = rest.replace("gait = \"trot\"\nduty = 0.8", &air.replace("..", "..##"));
+    assert_faults(
+        Motion::from_toml("m.toml", &rest, &agilebot()),
+        &[(footfalls, "a foot in the air at an end", "starts and ends with #")],
+    );
+}
+
+#[test]
+fn goals_out_of_reach_are_rejected_before_the_optimiser_tries() {
+    let short = DRIVE.replace("duration_s = 4.0", "duration_s = 2.5");
+    let duration = 1 + DRIVE.lines().position(|line| line.starts_with("duration_s")).unwrap();
+    assert_faults(
+        Motion::from_toml("m.toml", &short, &agilebot()),
+        &[(duration, "2.5 s for 1 m on the wheel of `front_left`", "takes 2.92 s")],
+    );
+    let error = Motion::from_toml("m.toml", DRIVE, &creature3()).unwrap_err();
+    let first = error.faults().next().unwrap();
+    assert!(first.message.contains("`front_left` never leaves the ground"), "{first}");
+}
+
+#[test]
+fn the_shipped_library_joins_stand_with_all_and_walk_with_turn() {
+    let library = LibraryFile::from_toml("l.toml", LIBRARY, &agilebot()).unwrap();
+    let names: Vec<_> = library.motions.iter().map(|motion| motion.name.as_str()).collect();
+    assert_eq!(names, ["stand", "drive_1m", "turn_in_place", "walk"]);
+    assert_eq!(library.safe, 0);
+    let mut joined: Vec<_> = library.transitions.iter().map(|t| (t.from, t.to)).collect();
+    joined.sort_unstable();
+    assert_eq!(joined, [(0, 1), (0, 2), (0, 3), (1, 0), (2, 0), (2, 3), (3, 0), (3, 2)]);
+    for transition in &library.transitions {
+        assert_eq!(transition.motion.ends, Ends::Prescribed);
+        assert_eq!(transition.motion.stance.len(), 13);
+    }
+    let motions = [STAND, DRIVE, TURN, WALK].map(motion);
+    library.check_motions("l.toml", LIBRARY, &motions).unwrap();
+    for (listed, text) in library.motions.iter().zip([STAND, DRIVE, TURN, WALK]) {
+        assert_eq!(motion(text).name, listed.name);
+    }
+}
+
+#[test]
+fn every_kind_of_mistake_in_a_library_file_is_named() {
+    let robot = agilebot();
+    let break_it = |from: &str, to: &str| {
+        assert!(LIBRARY.contains(from), "the file to break has changed: {from}");
+        LibraryFile::from_toml("l.toml", &LIBRARY.replacen(from, to, 1), &robot)
+    };
+    let line = |start: &str| 1 + LIBRARY.lines().position(|line| line == start).unwrap();
+    assert_faults(
+        break_it("safe = \"stand\"", "safe = \"stnad\""),
+        &[(line("safe = \"stand\""), "names no motion \"stnad\"", "did you mean `stand`?")],
+    );
+    assert_faults(
+        break_it("code = 4", "code = 2"),
+        &[(line("code = 4"), "code 2 already selects `drive_1m`", "its own code, 1 to 255")],
+    );
+    assert_faults(
+        break_it("code = 4", "code = 0"),
+        &[(line("code = 4"), "must be a whole number from 1 to 255", "1 to 255")],
+    );
+    assert_faults(
+        break_it("from = \"walk\"", "from = \"turn_in_place\""),
+        &[(line("from = \"walk\"") + 1, "`to` is where it comes from", "periodic ends")],
+    );
+    assert_faults(
+        break_it(
+            "from = \"turn_in_place\"\nto = \"walk\"",
+            "from = \"walk\"\nto = \"turn_in_place\"",
+        ),
+        &[(line("from = \"turn_in_place\""), "joined a second time", "once in each direction")],
+    );
+    assert_faults(
+        break_it("name = \"walk\"", "name = \"stand\""),
+        &[
+            (line("name = \"walk\""), "`stand` is listed twice", "its own name"),
+            (line("from = \"walk\""), "names no motion \"walk\"", "known are"),
+            (line("to = \"walk\""), "names no motion \"walk\"", "known are"),
+        ],
+    );
+    assert_faults(
+        break_it("[via_safe]\nduration_s = 1.2\nsamples = 13\n", ""),
+        &[
+            (
+                line("[[motion]]") + 5,
+                "`drive_1m` cannot be reached from the safe motion `stand`",
+                "to = \"drive_1m\"",
+            ),
+            (line("[[motion]]") + 10, "`turn_in_place` cannot be reached", "[via_safe]"),
+            (line("[[motion]]") + 15, "`walk` cannot be reached", "[via_safe]"),
+        ],
+    );
+    assert_faults(
+        break_it("duration_s = 1.2", "duration_s = 1.21"),
+        &[(line("[via_safe]") + 1, "is 1.21 s", "1.2000 or 1.2167")],
+    );
+}
+
+#[test]
+fn a_library_is_checked_against_its_motions() {
+    let robot = agilebot();
+    let library = LibraryFile::from_toml("l.toml", LIBRARY, &robot).unwrap();
+    let mut motions = [STAND, DRIVE, TURN, WALK].map(motion);
+    motions[0].ends = Ends::Periodic;
+    let line = |start: &str| 1 + LIBRARY.lines().position(|line| line == start).unwrap();
+    let safe = line("safe = \"stand\"");
+    assert_faults(
+        library.check_motions("l.toml", LIBRARY, &motions),
+        &[(safe, "does not stand still", "at_rest")],
+    );
+    motions[0].ends = Ends::AtRest;
+    motions[3].stance[0][2] = false;
+    let via = line("[via_safe]");
+    assert_faults(
+        library.check_motions("l.toml", LIBRARY, &motions),
+        &[
+            (via, "`stand to walk`: other feet are down than where it enters `walk`", "agree"),
+            (line("[[transition]]"), "`walk to turn_in_place`", "agree"),
+            (line("[[transition]]") + 6, "`turn_in_place to walk`", "agree"),
+        ],
+    );
+}
