@@ -14,3 +14,4 @@ pub mod candump;
 pub mod clock;
 pub mod load;
 pub mod plant;
+pub mod wheel;
