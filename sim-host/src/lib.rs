@@ -14,4 +14,4 @@ pub mod candump;
 pub mod clock;
 pub mod load;
 pub mod plant;
-pub mod wheel;
+pub mod servo;

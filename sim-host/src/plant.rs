@@ -1,13 +1,13 @@
 //! The physics of one motor: an inertia that a clamped torque turns.
 //!
 //! ```text
-//!   I q'' = clamp(kp (q* - q) + kd (v* - q') + tau*, ±tau_max) + tau_load
+//!   I q'' = clamp(kp (q* - q) + kd (v* - q'), ±tau_max) + tau_load
 //! ```
 //!
 //! `I` is the armature (rotor and gearbox at the output) and what hangs on the shaft. A motor at its
-//! top speed has no torque left to go faster, but a load can still push it. Not simulated: current
-//! loop and electrical time constant (an order faster than the control law), backlash, friction,
-//! quantised encoders, temperature.
+//! top speed has no torque left to go faster, but a load can still push it. A joint ends at its stops,
+//! without bouncing. Not simulated: current loop and electrical time constant (an order faster than
+//! the control law), backlash, friction, quantised encoders, temperature.
 //!
 //! Integration is by the implicit midpoint rule with a fixed step: second order, stable for any
 //! gains, and without numerical damping, so that overshoot is the law's own. Tested against the closed
@@ -15,7 +15,7 @@
 
 use rollwalk_robot::Actuator;
 
-/// What the motor is told to do: a PD law about a moving target.
+/// What the motor is told to do: a PD law about a moving target. The default is no torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PdLaw {
     /// q*, rad.
@@ -26,8 +26,8 @@ pub struct PdLaw {
     pub kp_nm_rad: f64,
     /// kd, N·m·s/rad.
     pub kd_nm_s_rad: f64,
-    /// tau*, N·m.
-    pub torque_nm: f64,
+    /// Largest torque, N·m, if that is less than what the motor has.
+    pub torque_limit_nm: f64,
 }
 
 /// One motor with its load.
@@ -36,6 +36,7 @@ pub struct Plant {
     armature_kg_m2: f64,
     torque_max_nm: f64,
     speed_max_rad_s: f64,
+    stops_rad: [f64; 2],
     /// Inertia of what hangs on the shaft, kg·m².
     pub load_inertia_kg_m2: f64,
     /// Torque of the load on the shaft, N·m: its weight, for example.
@@ -46,21 +47,30 @@ pub struct Plant {
     pub speed_rad_s: f64,
     /// Torque that the motor gave over the last step, N·m.
     pub torque_nm: f64,
+    /// Whether the law wanted more torque than there was.
+    pub torque_limited: bool,
 }
 
 impl Plant {
-    /// An actuator at rest at `position_rad`, without load.
+    /// An actuator at rest at `position_rad`, without load, that turns freely.
     pub fn new(actuator: &Actuator, position_rad: f64) -> Self {
         Self {
             armature_kg_m2: actuator.armature_kg_m2,
             torque_max_nm: actuator.torque_max_nm,
             speed_max_rad_s: actuator.speed_max_rad_s,
+            stops_rad: [f64::NEG_INFINITY, f64::INFINITY],
             load_inertia_kg_m2: 0.0,
             load_torque_nm: 0.0,
             position_rad,
             speed_rad_s: 0.0,
             torque_nm: 0.0,
+            torque_limited: false,
         }
+    }
+
+    /// The same with mechanical stops at two angles.
+    pub fn with_stops(self, min_rad: f64, max_rad: f64) -> Self {
+        Self { stops_rad: [min_rad, max_rad], ..self }
     }
 
     /// I, kg·m².
@@ -68,34 +78,39 @@ impl Plant {
         self.armature_kg_m2 + self.load_inertia_kg_m2
     }
 
-    /// Largest torque of the motor, N·m.
-    pub fn torque_max_nm(&self) -> f64 {
-        self.torque_max_nm
-    }
-
     /// Lets `dt_s` pass under `law`.
     pub fn step(&mut self, law: &PdLaw, dt_s: f64) {
         // With v the mean of old and new speed, the midpoint angle is q + v dt/2 and the rule reads
-        //   v = v0 + dt/(2I) (kp (q* - q - v dt/2) + kd (v* - v) + tau* + tau_load).
+        //   v = v0 + dt/(2I) (kp (q* - q - v dt/2) + kd (v* - v) + tau_load).
         let half = 0.5 * dt_s;
         let gain = half / self.inertia_kg_m2();
         let &PdLaw { kp_nm_rad: kp, kd_nm_s_rad: kd, .. } = law;
         let still = kp * (law.position_rad - self.position_rad)
             + kd * law.speed_rad_s
-            + law.torque_nm
             + self.load_torque_nm;
         let mean = (self.speed_rad_s + gain * still) / (1.0 + gain * (kd + half * kp));
         let wanted = still - self.load_torque_nm - (kd + half * kp) * mean;
-        self.torque_nm = self.available(wanted, gain);
+        self.torque_nm = self.available(wanted, law.torque_limit_nm, gain);
+        self.torque_limited = self.torque_nm != wanted;
         // Where nothing was clamped this is `mean` again.
         let mean = self.speed_rad_s + gain * (self.torque_nm + self.load_torque_nm);
         self.position_rad += dt_s * mean;
         self.speed_rad_s = 2.0 * mean - self.speed_rad_s;
+
+        let [min, max] = self.stops_rad;
+        if self.position_rad < min {
+            self.position_rad = min;
+            self.speed_rad_s = self.speed_rad_s.max(0.0);
+        } else if self.position_rad > max {
+            self.position_rad = max;
+            self.speed_rad_s = self.speed_rad_s.min(0.0);
+        }
     }
 
     /// The part of the wanted torque that the motor has, at the speed it would come to.
-    fn available(&self, wanted: f64, gain: f64) -> f64 {
-        let torque = wanted.clamp(-self.torque_max_nm, self.torque_max_nm);
+    fn available(&self, wanted: f64, limit_nm: f64, gain: f64) -> f64 {
+        let most = self.torque_max_nm.min(limit_nm);
+        let torque = wanted.clamp(-most, most);
         // The torque with which this step ends exactly at top speed, in the direction of `torque`.
         let top = self.speed_max_rad_s.copysign(torque);
         let to_top = (top - self.speed_rad_s) / (2.0 * gain) - self.load_torque_nm;
@@ -109,6 +124,13 @@ mod tests {
     use proptest::prelude::*;
 
     const DT_S: f64 = 0.5e-3;
+    const FREE: PdLaw = PdLaw {
+        position_rad: 0.0,
+        speed_rad_s: 0.0,
+        kp_nm_rad: 0.0,
+        kd_nm_s_rad: 0.0,
+        torque_limit_nm: f64::INFINITY,
+    };
 
     fn actuator() -> Actuator {
         Actuator {
@@ -143,7 +165,7 @@ mod tests {
     /// Worst distance to the closed form over half a second.
     fn worst_step_error(kd: f64, dt: f64) -> f64 {
         let mut plant = Plant { load_inertia_kg_m2: 0.012, ..Plant::new(&actuator(), 0.0) };
-        let law = PdLaw { position_rad: 1.0, kp_nm_rad: 25.0, kd_nm_s_rad: kd, ..PdLaw::default() };
+        let law = PdLaw { position_rad: 1.0, kp_nm_rad: 25.0, kd_nm_s_rad: kd, ..FREE };
         let steps = (0.5 / dt).round() as usize;
         (1..=steps).fold(0.0, |worst: f64, k| {
             plant.step(&law, dt);
@@ -169,7 +191,7 @@ mod tests {
     #[test]
     fn an_undamped_motor_neither_gains_nor_loses_energy() {
         let mut plant = Plant::new(&actuator(), 0.3);
-        let law = PdLaw { kp_nm_rad: 10.0, ..PdLaw::default() };
+        let law = PdLaw { kp_nm_rad: 10.0, ..FREE };
         let energy =
             |p: &Plant| 10.0 * p.position_rad.powi(2) + p.inertia_kg_m2() * p.speed_rad_s.powi(2);
         let before = energy(&plant);
@@ -183,7 +205,7 @@ mod tests {
     #[test]
     fn weight_sags_a_servo_by_torque_over_kp() {
         let mut plant = Plant { load_torque_nm: -0.5, ..Plant::new(&actuator(), 0.0) };
-        let law = PdLaw { kp_nm_rad: 20.0, kd_nm_s_rad: 0.5, ..PdLaw::default() };
+        let law = PdLaw { kp_nm_rad: 20.0, kd_nm_s_rad: 0.5, ..FREE };
         for _ in 0..4000 {
             plant.step(&law, DT_S);
         }
@@ -194,7 +216,7 @@ mod tests {
     #[test]
     fn a_clamped_motor_accelerates_at_torque_over_inertia() {
         let mut plant = Plant::new(&Actuator { torque_max_nm: 2.0, ..actuator() }, 0.0);
-        let law = PdLaw { position_rad: 100.0, kp_nm_rad: 50.0, ..PdLaw::default() };
+        let law = PdLaw { position_rad: 100.0, kp_nm_rad: 50.0, ..FREE };
         for _ in 0..100 {
             plant.step(&law, DT_S);
         }
@@ -206,7 +228,7 @@ mod tests {
     #[test]
     fn top_speed_stops_the_motor_but_not_a_stronger_load() {
         let limited = Actuator { torque_max_nm: 2.0, speed_max_rad_s: 8.0, ..actuator() };
-        let law = PdLaw { position_rad: 100.0, kp_nm_rad: 50.0, ..PdLaw::default() };
+        let law = PdLaw { position_rad: 100.0, kp_nm_rad: 50.0, ..FREE };
         let mut plant = Plant::new(&limited, 0.0);
         for _ in 0..200 {
             plant.step(&law, DT_S);
@@ -217,6 +239,32 @@ mod tests {
         plant.step(&law, DT_S);
         assert!(plant.speed_rad_s > 8.0);
         assert_eq!(plant.torque_nm, 0.0, "the motor does not brake for its speed limit");
+    }
+
+    #[test]
+    fn a_limit_below_the_motors_own_holds() {
+        let mut plant = Plant::new(&actuator(), 0.0);
+        let law = PdLaw { position_rad: 1.0, kp_nm_rad: 50.0, torque_limit_nm: 0.3, ..FREE };
+        plant.step(&law, DT_S);
+        assert_eq!(plant.torque_nm, 0.3);
+        plant.step(&PdLaw::default(), DT_S);
+        assert_eq!(plant.torque_nm, 0.0);
+    }
+
+    #[test]
+    fn a_joint_ends_at_its_stop_and_leaves_it_again() {
+        let mut plant = Plant::new(&actuator(), 0.0).with_stops(-0.2, 0.5);
+        let mut law = PdLaw { position_rad: 1.0, kp_nm_rad: 5.0, kd_nm_s_rad: 0.3, ..FREE };
+        for _ in 0..2000 {
+            plant.step(&law, DT_S);
+            assert!(plant.position_rad <= 0.5);
+        }
+        assert_eq!((plant.position_rad, plant.speed_rad_s), (0.5, 0.0));
+        law.position_rad = 0.1;
+        for _ in 0..2000 {
+            plant.step(&law, DT_S);
+        }
+        assert!((plant.position_rad - 0.1).abs() < 1e-9);
     }
 
     proptest! {
@@ -235,7 +283,7 @@ mod tests {
                 speed_rad_s: speed,
                 kp_nm_rad: kp,
                 kd_nm_s_rad: kd,
-                torque_nm: 0.0,
+                ..FREE
             };
             for _ in 0..500 {
                 plant.step(&law, DT_S);
