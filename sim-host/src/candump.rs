@@ -6,15 +6,44 @@
 
 use crate::clock::SimTime;
 use rollwalk_protocol::can::CanFrame;
-use std::fmt::{self, Write};
+use std::fmt;
+use std::io;
+use std::str::FromStr;
+
+/// A bus of the simulation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Interface {
+    /// `link0`: host and controller.
+    Link,
+    /// `act0`, `act1`, ...: controller and actuators.
+    Actuator(u8),
+}
+
+impl fmt::Display for Interface {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Link => write!(f, "link0"),
+            Self::Actuator(bus) => write!(f, "act{bus}"),
+        }
+    }
+}
+
+impl FromStr for Interface {
+    type Err = &'static str;
+    fn from_str(name: &str) -> Result<Self, Self::Err> {
+        let actuator = || name.strip_prefix("act")?.parse().ok().map(Self::Actuator);
+        if name == "link0" { Some(Self::Link) } else { actuator() }
+            .ok_or("an interface that is not link0, act0, act1, ...")
+    }
+}
 
 /// A frame on an interface at an instant; prints as a line of the log.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LogEntry {
     /// End of the frame. The log holds microseconds, rounded down.
     pub at: SimTime,
-    /// `link0`, `act0`, ...
-    pub interface: String,
+    /// The bus.
+    pub interface: Interface,
     /// The frame.
     pub frame: CanFrame,
 }
@@ -28,13 +57,9 @@ impl fmt::Display for LogEntry {
     }
 }
 
-/// The log of a simulation, as text.
-pub fn write(entries: &[LogEntry]) -> String {
-    let mut text = String::new();
-    for entry in entries {
-        writeln!(text, "{entry}").expect("writing to a string cannot fail");
-    }
-    text
+/// Writes a log, a line for each entry.
+pub fn write(entries: &[LogEntry], mut to: impl io::Write) -> io::Result<()> {
+    entries.iter().try_for_each(|entry| writeln!(to, "{entry}"))
 }
 
 /// A line that is not in candump's log format.
@@ -74,7 +99,7 @@ fn parse_line(text: &str) -> Result<LogEntry, &'static str> {
             s.checked_mul(1_000_000)?.checked_add(us)?.checked_mul(1_000).map(SimTime::from_ns)
         })
         .ok_or("no time")?;
-    let interface = fields.next().ok_or("no interface")?.to_owned();
+    let interface = fields.next().ok_or("no interface")?.parse()?;
     let (id, data) = fields.next().and_then(|field| field.split_once('#')).ok_or("no frame")?;
     if id.len() != 3 {
         return Err("an id that does not have 3 hexadecimal digits");
@@ -97,35 +122,42 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn text_of(entries: &[LogEntry]) -> String {
+        let mut bytes = Vec::new();
+        write(entries, &mut bytes).unwrap();
+        String::from_utf8(bytes).unwrap()
+    }
+
     #[test]
     fn prints_what_candump_prints() {
         let entry = LogEntry {
             at: SimTime::from_ns(1_700_000_000_123_456_999),
-            interface: "can0".into(),
+            interface: Interface::Actuator(0),
             frame: CanFrame::new(0x123, &[0xDE, 0xAD, 0xBE, 0xEF]).unwrap(),
         };
-        assert_eq!(entry.to_string(), "(1700000000.123456) can0 123#DEADBEEF");
+        assert_eq!(entry.to_string(), "(1700000000.123456) act0 123#DEADBEEF");
         let stop = LogEntry {
             at: SimTime::from_us(1234),
-            interface: "link0".into(),
+            interface: Interface::Link,
             frame: CanFrame::new(0x0F0, &[]).unwrap(),
         };
-        assert_eq!(write(&[stop]), "(0000000000.001234) link0 0F0#\n");
+        assert_eq!(text_of(&[stop]), "(0000000000.001234) link0 0F0#\n");
     }
 
     #[test]
     fn a_broken_line_is_named() {
         for (line, what) in [
-            ("(1.5) can0 123#00", "no time"),
+            ("(1.5) act0 123#00", "no time"),
             ("(1.000005)", "no interface"),
-            ("(1.000005) can0 123", "no frame"),
-            ("(1.000005) can0 12345678#00", "an id that does not have 3 hexadecimal digits"),
-            ("(1.000005) can0 123#0", "data that is not pairs of hexadecimal digits"),
-            ("(1.000005) can0 123#R", "data that is not pairs of hexadecimal digits"),
-            ("(1.000005) can0 800#", "an id above 7FF or more than 8 data bytes"),
-            ("(1.000005) can0 123#000000000000000000", "an id above 7FF or more than 8 data bytes"),
+            ("(1.000005) can7 123#00", "an interface that is not link0, act0, act1, ..."),
+            ("(1.000005) act0 123", "no frame"),
+            ("(1.000005) act0 12345678#00", "an id that does not have 3 hexadecimal digits"),
+            ("(1.000005) act0 123#0", "data that is not pairs of hexadecimal digits"),
+            ("(1.000005) act0 123#R", "data that is not pairs of hexadecimal digits"),
+            ("(1.000005) act0 800#", "an id above 7FF or more than 8 data bytes"),
+            ("(1.000005) act0 123#000000000000000000", "an id above 7FF or more than 8 data bytes"),
         ] {
-            let error = parse(&format!("(1.000005) can0 123#00\n\n{line}\n")).unwrap_err();
+            let error = parse(&format!("(1.000005) act0 123#00\n\n{line}\n")).unwrap_err();
             assert_eq!((error.line, error.what), (3, what));
             assert!(error.to_string().contains(line), "{error}");
         }
@@ -143,11 +175,11 @@ mod tests {
                 .into_iter()
                 .map(|(us, id, data, bus)| LogEntry {
                     at: SimTime::from_us(us),
-                    interface: format!("act{bus}"),
+                    interface: if bus == 3 { Interface::Link } else { Interface::Actuator(bus) },
                     frame: CanFrame::new(id, &data).unwrap(),
                 })
                 .collect();
-            prop_assert_eq!(parse(&write(&entries)).unwrap(), entries);
+            prop_assert_eq!(parse(&text_of(&entries)).unwrap(), entries);
         }
 
         #[test]

@@ -12,6 +12,7 @@ pub mod bit_timing;
 pub mod bus;
 pub mod candump;
 pub mod clock;
+pub mod link;
 pub mod load;
 pub mod plant;
 pub mod servo;

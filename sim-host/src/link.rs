@@ -1,0 +1,29 @@
+//! The host's end of the link bus: what a session needs, whatever carries the frames.
+
+use rollwalk_protocol::can::CanFrame;
+
+/// Why a frame did not go out, or none can come in.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LinkError {
+    /// The transmit queue is full; try again after a while.
+    #[error("the link's transmit queue is full")]
+    Busy,
+    /// The bus or its interface is gone.
+    #[error("the link is down: {0}")]
+    Down(String),
+}
+
+/// A CAN bus with the controller on it, seen from the host.
+///
+/// Waiting is part of the bus: a real one sleeps, the simulated one lets virtual time pass. So the
+/// same session runs on both.
+pub trait LinkBus {
+    /// Microseconds since some fixed instant; never goes back.
+    fn now_us(&self) -> u64;
+
+    /// Queues a frame.
+    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError>;
+
+    /// The next frame from the controller, or `None` if none comes until `deadline_us`.
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError>;
+}
