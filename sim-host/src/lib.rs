@@ -9,10 +9,14 @@
 //! Everything is deterministic: the same calls give the same bytes on every bus.
 
 pub mod bit_timing;
+pub mod body;
 pub mod bus;
 pub mod candump;
 pub mod clock;
 pub mod link;
 pub mod load;
 pub mod plant;
+pub mod record;
+pub mod rig;
 pub mod servo;
+pub mod store;

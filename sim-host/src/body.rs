@@ -1,0 +1,84 @@
+//! The robot's motors on its stand: servos in channel order, loaded with what hangs on them.
+
+use crate::clock::SimTime;
+use crate::load::joint_loads;
+use crate::plant::Plant;
+use crate::servo::Servo;
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::config::ChannelKind;
+use rollwalk_robot::{Channel, Robot};
+
+/// The motors of a robot whose body is held level and still.
+#[derive(Clone, Debug)]
+pub struct Body {
+    robot: Robot,
+    /// In channel order: joints, then driven wheels.
+    servos: Vec<Servo>,
+    addresses: Vec<(u8, u8)>,
+}
+
+impl Body {
+    /// A robot at rest in its nominal pose, torque off.
+    pub fn new(robot: &Robot) -> Self {
+        let servos = robot.channels().map(|channel| match channel {
+            Channel::Joint(joint) => {
+                let plant = Plant::new(&joint.actuator, joint.nominal_rad)
+                    .with_stops(joint.position_min_rad, joint.position_max_rad);
+                Servo::new(ChannelKind::JointPosition, &joint.actuator, plant)
+            }
+            // The wheel itself is part of its link in the robot file: only the rotor turns.
+            Channel::Wheel(_, actuator) => {
+                Servo::new(ChannelKind::WheelSpeed, actuator, Plant::new(actuator, 0.0))
+            }
+        });
+        let servos = servos.collect();
+        let addresses = robot.channels().map(|c| (c.actuator().bus, c.actuator().id)).collect();
+        let mut body = Self { robot: robot.clone(), servos, addresses };
+        body.update_loads();
+        body
+    }
+
+    /// Bus and address of each servo, in channel order.
+    pub fn addresses(&self) -> &[(u8, u8)] {
+        &self.addresses
+    }
+
+    /// The servos, in channel order.
+    pub fn servos(&self) -> &[Servo] {
+        &self.servos
+    }
+
+    /// What each channel measures truly: rad of a joint, rad/s of a wheel.
+    pub fn values(&self) -> Vec<f32> {
+        let joints = self.robot.joints.len();
+        let value = |(channel, servo): (usize, &Servo)| {
+            let Plant { position_rad, speed_rad_s, .. } = servo.plant;
+            (if channel < joints { position_rad } else { speed_rad_s }) as f32
+        };
+        self.servos.iter().enumerate().map(value).collect()
+    }
+
+    /// Recomputes inertia and weight on every joint from the present pose.
+    pub fn update_loads(&mut self) {
+        let joints: Vec<f64> = self.servos[..self.robot.joints.len()]
+            .iter()
+            .map(|servo| servo.plant.position_rad)
+            .collect();
+        for (servo, load) in self.servos.iter_mut().zip(joint_loads(&self.robot, &joints)) {
+            servo.plant.load_inertia_kg_m2 = load.inertia_kg_m2;
+            servo.plant.load_torque_nm = load.gravity_nm;
+        }
+    }
+
+    /// Lets `dt_s` pass up to `now`.
+    pub fn step(&mut self, now: SimTime, dt_s: f64) {
+        for servo in &mut self.servos {
+            servo.step(now, dt_s);
+        }
+    }
+
+    /// Hands a frame to the servo of `channel`; its answer, if it was meant.
+    pub fn on_frame(&mut self, channel: usize, now: SimTime, frame: &CanFrame) -> Option<CanFrame> {
+        self.servos[channel].on_frame(now, frame)
+    }
+}

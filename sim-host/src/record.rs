@@ -1,0 +1,123 @@
+//! What was commanded and what came of it, once per control period.
+//!
+//! The commanded values are decoded from the frames on the actuator buses, not taken from the
+//! firmware's memory: a lost, late or wrongly rounded setpoint shows.
+
+use crate::clock::SimTime;
+use rollwalk_firmware::player::Playing;
+use rollwalk_protocol::actuator::{JointSetpoint, WheelSetpoint};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::config::{ChannelKind, RobotConfig};
+use rollwalk_protocol::library::ClipId;
+use std::collections::BTreeMap;
+
+/// One control period in which a library was played.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TickRecord {
+    /// Start of the period: the instant that the setpoints are for, microseconds.
+    pub time_us: u64,
+    /// Clip that was played.
+    pub clip: ClipId,
+    /// Place in the clip, 60 Hz frames from its start.
+    pub phase_frames: f64,
+    /// Setpoints that were in force at the end of the period, in channel order: rad for a joint,
+    /// rad/s for a wheel. NaN for a channel that never had one.
+    pub commanded: Vec<f32>,
+    /// What the motors were at `time_us`, in the same units: true values, not feedback frames.
+    pub measured: Vec<f32>,
+    /// Setpoints that did not arrive within the period, so that an older one was in force.
+    pub missed: usize,
+}
+
+/// Follows the setpoints on the actuator buses and keeps a record of each period.
+#[derive(Clone, Debug)]
+pub struct Recorder {
+    addresses: BTreeMap<(u8, u8), usize>,
+    in_force: Vec<f32>,
+    fresh: Vec<bool>,
+    /// The period under way, without what was commanded.
+    under_way: Option<TickRecord>,
+    records: Vec<TickRecord>,
+}
+
+impl Recorder {
+    /// A recorder that knows which channel has which bus and address.
+    pub fn new(config: &RobotConfig) -> Self {
+        let channels = config.channels.iter().enumerate();
+        let addresses = channels.map(|(index, c)| ((c.bus, c.id), index)).collect();
+        let count = config.channels.len();
+        let (in_force, fresh) = (vec![f32::NAN; count], vec![false; count]);
+        Self { addresses, in_force, fresh, under_way: None, records: Vec::new() }
+    }
+
+    /// A frame of the controller has crossed actuator bus `bus`.
+    pub fn on_setpoint(&mut self, bus: u8, frame: &CanFrame) {
+        let value = JointSetpoint::decode(frame)
+            .map(|(id, setpoint)| (id, setpoint.position_rad))
+            .or_else(|| WheelSetpoint::decode(frame).map(|(id, s)| (id, s.speed_rad_s)));
+        if let Some((id, value)) = value
+            && let Some(&channel) = self.addresses.get(&(bus, id))
+        {
+            self.in_force[channel] = value;
+            self.fresh[channel] = true;
+        }
+    }
+
+    /// A period begins in which the controller plays.
+    pub fn begin_period(&mut self, at: SimTime, playing: Playing, measured: Vec<f32>) {
+        self.under_way = Some(TickRecord {
+            time_us: at.as_us(),
+            clip: playing.clip,
+            phase_frames: f64::from(playing.frame) + f64::from(playing.phase),
+            commanded: Vec::new(),
+            measured,
+            missed: 0,
+        });
+    }
+
+    /// The period is over.
+    pub fn end_period(&mut self) {
+        if let Some(mut record) = self.under_way.take() {
+            record.commanded.clone_from(&self.in_force);
+            record.missed = self.fresh.iter().filter(|&&fresh| !fresh).count();
+            self.records.push(record);
+        }
+        self.fresh.fill(false);
+    }
+
+    /// The periods so far, oldest first.
+    pub fn records(&self) -> &[TickRecord] {
+        &self.records
+    }
+}
+
+/// Worst difference between commanded and measured values over the periods of a clip.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TrackingError {
+    /// Of a joint, rad.
+    pub joint_rad: f64,
+    /// Of a wheel, rad/s.
+    pub wheel_rad_s: f64,
+}
+
+/// Worst tracking error of every clip in the records.
+pub fn tracking_errors(
+    config: &RobotConfig,
+    records: &[TickRecord],
+) -> BTreeMap<ClipId, TrackingError> {
+    let mut errors = BTreeMap::<ClipId, TrackingError>::new();
+    for record in records {
+        let worst = errors.entry(record.clip).or_default();
+        for (channel, (commanded, measured)) in
+            config.channels.iter().zip(record.commanded.iter().zip(&record.measured))
+        {
+            let error = f64::from((commanded - measured).abs());
+            let slot = match channel.kind {
+                ChannelKind::JointPosition => &mut worst.joint_rad,
+                ChannelKind::WheelSpeed => &mut worst.wheel_rad_s,
+            };
+            *slot = slot.max(error);
+        }
+    }
+    errors
+}

@@ -1,0 +1,262 @@
+//! The whole robot on the bench: firmware core, buses, servos and the host's interface, stepped in
+//! virtual time in one fixed order.
+//!
+//! ```text
+//!   host ── link0 ── controller ─┬─ act0 ── servos ...
+//!                                └─ act1 ── servos ...
+//! ```
+//!
+//! Time jumps from event to event. Events at the same instant happen in this order:
+//!
+//! 1. frames that end: link0, act0, act1, ...; a servo answers at the end of a frame meant for it
+//! 2. motors: a step of 1/[`MOTOR_RATE_HZ`]
+//! 3. control period: the record of the past one is closed, the controller's `tick` runs
+//!
+//! After every event the controller's transmit buffers are filled: one frame for each bus, taken from
+//! the controller when the one before has left, so that nothing stale waits in hardware.
+
+use crate::body::Body;
+use crate::bus::{BusStatistics, CanBus, DEFAULT_BITRATE, NodeId, TxPolicy};
+use crate::candump::{Interface, LogEntry};
+use crate::clock::{Periodic, SimTime};
+use crate::link::{LinkBus, LinkError};
+use crate::record::{Recorder, TickRecord};
+use crate::store::SimStore;
+use rollwalk_firmware::{Controller, Settings};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::config::RobotConfig;
+use rollwalk_robot::{InvalidRobot, Robot};
+use std::collections::VecDeque;
+
+/// Steps of the motors per second.
+pub const MOTOR_RATE_HZ: u32 = 4000;
+
+/// Frames that wait in the host's CAN interface at most; the default of Linux (`txqueuelen`).
+const HOST_QUEUE: usize = 10;
+
+/// A robot, its controller and its buses.
+pub struct Rig {
+    now: SimTime,
+    controller: Controller<SimStore>,
+    config: RobotConfig,
+    link: Wire,
+    host: NodeId,
+    host_inbox: VecDeque<CanFrame>,
+    actuator_buses: Vec<ActuatorBus>,
+    body: Body,
+    motor_step: Periodic,
+    control_period: Periodic,
+    recorder: Recorder,
+    log: Vec<LogEntry>,
+}
+
+/// A bus and the controller's place on it.
+struct Wire {
+    bus: CanBus,
+    controller: NodeId,
+}
+
+impl Wire {
+    fn new() -> Self {
+        let mut bus = CanBus::new(DEFAULT_BITRATE);
+        let controller = bus.add_node(TxPolicy::Queue { depth: 1 });
+        Self { bus, controller }
+    }
+
+    /// Fills the controller's transmit buffer if it is empty.
+    fn fill(&mut self, now: SimTime, next: impl FnOnce() -> Option<CanFrame>) {
+        if self.bus.pending(self.controller) == 0
+            && let Some(frame) = next()
+        {
+            self.bus.post(now, self.controller, frame).expect("the buffer is empty");
+        }
+    }
+}
+
+/// An actuator bus with node and channel of each servo on it.
+struct ActuatorBus {
+    wire: Wire,
+    servos: Vec<(NodeId, usize)>,
+}
+
+/// What happens next.
+enum Next {
+    Link,
+    Actuator(usize),
+    Motors,
+    Control,
+}
+
+impl Rig {
+    /// A robot that has just been switched on, in its nominal pose, without a library.
+    ///
+    /// # Errors
+    /// The robot breaks a rule of robot files.
+    pub fn new(robot: &Robot) -> Result<Self, InvalidRobot> {
+        let config = robot.controller_config()?;
+        let settings = Settings::default();
+        let mut link = Wire::new();
+        let host = link.bus.add_node(TxPolicy::Queue { depth: HOST_QUEUE });
+
+        let body = Body::new(robot);
+        let count = body.addresses().iter().map(|&(bus, _)| usize::from(bus) + 1).max();
+        let mut actuator_buses: Vec<_> = (0..count.unwrap_or(0))
+            .map(|_| ActuatorBus { wire: Wire::new(), servos: Vec::new() })
+            .collect();
+        for (channel, &(bus, _)) in body.addresses().iter().enumerate() {
+            let ActuatorBus { wire, servos } = &mut actuator_buses[usize::from(bus)];
+            servos.push((wire.bus.add_node(TxPolicy::Latest), channel));
+        }
+
+        Ok(Self {
+            now: SimTime::ZERO,
+            controller: Controller::new(config.clone(), SimStore::default(), settings),
+            recorder: Recorder::new(&config),
+            config,
+            link,
+            host,
+            host_inbox: VecDeque::new(),
+            actuator_buses,
+            body,
+            motor_step: Periodic::new(MOTOR_RATE_HZ),
+            control_period: Periodic::new(settings.control_hz.into()),
+            log: Vec::new(),
+        })
+    }
+
+    /// The present instant.
+    pub fn now(&self) -> SimTime {
+        self.now
+    }
+
+    /// The robot as its controller knows it.
+    pub fn config(&self) -> &RobotConfig {
+        &self.config
+    }
+
+    /// The motors.
+    pub fn body(&self) -> &Body {
+        &self.body
+    }
+
+    /// Every frame of every bus so far, in the order in which they ended.
+    pub fn log(&self) -> &[LogEntry] {
+        &self.log
+    }
+
+    /// What was commanded and measured in every control period in which the library was played.
+    pub fn records(&self) -> &[TickRecord] {
+        self.recorder.records()
+    }
+
+    /// Load and latencies of every bus since the start, link first.
+    pub fn bus_statistics(&self) -> Vec<(Interface, BusStatistics)> {
+        let link = (Interface::Link, self.link.bus.statistics().clone());
+        let actuators = self.actuator_buses.iter().enumerate().map(|(index, bus)| {
+            (Interface::Actuator(index as u8), bus.wire.bus.statistics().clone())
+        });
+        std::iter::once(link).chain(actuators).collect()
+    }
+
+    /// Lets time pass up to `until`, events at that very instant included.
+    pub fn run_until(&mut self, until: SimTime) {
+        while self.step(until) {}
+        self.now = self.now.max(until);
+    }
+
+    /// Handles the next event if it is due by `until`.
+    fn step(&mut self, until: SimTime) -> bool {
+        let (at, next) = self.next_event();
+        if at > until {
+            return false;
+        }
+        self.now = at;
+        match next {
+            Next::Link => self.end_link_frame(),
+            Next::Actuator(bus) => self.end_actuator_frame(bus),
+            Next::Motors => {
+                self.motor_step.advance();
+                self.body.step(at, 1.0 / f64::from(MOTOR_RATE_HZ));
+            }
+            Next::Control => {
+                self.control_period.advance();
+                self.body.update_loads();
+                self.recorder.end_period();
+                self.controller.tick(at.as_us());
+                if let Some(playing) = self.controller.playing() {
+                    self.recorder.begin_period(at, playing, self.body.values());
+                }
+            }
+        }
+        self.link.fill(at, || self.controller.poll_link(at.as_us()));
+        for (index, bus) in self.actuator_buses.iter_mut().enumerate() {
+            bus.wire.fill(at, || self.controller.poll_actuator(index as u8));
+        }
+        true
+    }
+
+    /// The earliest event; of those at the same instant the first in the documented order.
+    fn next_event(&self) -> (SimTime, Next) {
+        let link = self.link.bus.next_completion().map(|at| (at, Next::Link));
+        let actuators = self.actuator_buses.iter().enumerate().filter_map(|(index, bus)| {
+            Some((bus.wire.bus.next_completion()?, Next::Actuator(index)))
+        });
+        let motors = (self.motor_step.next(), Next::Motors);
+        let control = (self.control_period.next(), Next::Control);
+        let frames = link.into_iter().chain(actuators);
+        // `min_by_key` returns the first of several minima.
+        frames.chain([motors, control]).min_by_key(|&(at, _)| at).expect("control never ends")
+    }
+
+    fn end_link_frame(&mut self) {
+        let Some(delivery) = self.link.bus.next_delivery(self.now) else { return };
+        self.log.push(LogEntry {
+            at: delivery.at,
+            interface: Interface::Link,
+            frame: delivery.frame,
+        });
+        if delivery.from == self.host {
+            self.controller.on_link_frame(self.now.as_us(), &delivery.frame);
+        } else {
+            self.host_inbox.push_back(delivery.frame);
+        }
+    }
+
+    fn end_actuator_frame(&mut self, index: usize) {
+        let ActuatorBus { wire, servos } = &mut self.actuator_buses[index];
+        let Some(delivery) = wire.bus.next_delivery(self.now) else { return };
+        let (frame, number) = (&delivery.frame, index as u8);
+        let interface = Interface::Actuator(number);
+        self.log.push(LogEntry { at: delivery.at, interface, frame: *frame });
+        if delivery.from != wire.controller {
+            self.controller.on_actuator_frame(self.now.as_us(), number, frame);
+            return;
+        }
+        self.recorder.on_setpoint(number, frame);
+        for &(node, channel) in servos.iter() {
+            if let Some(answer) = self.body.on_frame(channel, self.now, frame) {
+                wire.bus.post(self.now, node, answer).expect("a `Latest` node always takes frames");
+            }
+        }
+    }
+}
+
+impl LinkBus for Rig {
+    fn now_us(&self) -> u64 {
+        self.now.as_us()
+    }
+
+    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+        self.link.bus.post(self.now, self.host, *frame).map_err(|_| LinkError::Busy)
+    }
+
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+        let deadline = SimTime::from_us(deadline_us);
+        while self.host_inbox.is_empty() && self.step(deadline) {}
+        let frame = self.host_inbox.pop_front();
+        if frame.is_none() {
+            self.now = self.now.max(deadline);
+        }
+        Ok(frame)
+    }
+}
