@@ -73,6 +73,12 @@ impl Actuators {
         self.list.iter().all(|a| a.feedback.is_some() && a.silent_ticks <= ticks)
     }
 
+    /// The actuator that has been silent longest, and for how many ticks.
+    pub fn most_silent(&self) -> Option<(usize, u16)> {
+        let ticks = self.list.iter().map(|a| a.silent_ticks);
+        ticks.enumerate().max_by_key(|&(_, ticks)| ticks)
+    }
+
     /// Some actuator reports a fault.
     pub fn any_faulty(&self) -> bool {
         self.list.iter().any(|a| a.feedback.is_some_and(|f| f.status.faulty()))

@@ -2,56 +2,37 @@
 
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::RobotConfig;
-use rollwalk_protocol::library::{Index, Library, Reject, validate};
+use rollwalk_protocol::library::{Library, Reject};
+use rollwalk_protocol::wire::{Fault, FaultBits};
 
+use crate::gate::Gate;
 use crate::limiter::Target;
+use crate::link::Link;
 use crate::motion::{Machine, Motion};
 use crate::player::Playing;
-use crate::safety::{Action, Event, EventSet, Faults, State, Torque, step};
+use crate::safety::{Action, Event, EventSet, State, Torque, step};
 use crate::settings::Settings;
 use crate::store::LibraryStore;
+use crate::transfer::Shelf;
 
 /// A robot's controller: frames and time in, frames out.
 ///
 /// Times are microseconds of the controller's monotonic clock, the same clock in every call.
 pub struct Controller<S> {
-    machine: Machine,
-    store: S,
-    library: Option<Index>,
+    pub(crate) machine: Machine,
+    pub(crate) shelf: Shelf<S>,
+    pub(crate) motion: Motion,
+    pub(crate) link: Link,
+    pub(crate) gate: Gate,
     state: State,
-    faults: Faults,
+    /// Faults since the last clear.
+    latched: FaultBits,
     events: EventSet,
-    motion: Motion,
     /// Since when it is in this state.
     since_us: u64,
     /// Since when SAFE is held in Returning.
     held_since_us: Option<u64>,
-    heartbeat_us: Option<u64>,
-    link: heapless::Deque<CanFrame, 8>,
-}
-
-/// Emergency stop for everybody: the id alone counts.
-const ESTOP_ID: u16 = 0x0F0;
-
-/// Why something that the host asked for is not done.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refusal {
-    /// Not in this state.
-    WrongState,
-    /// Torque is off: arm first.
-    NotArmed,
-    /// There is no valid library.
-    NoLibrary,
-    /// The library has no motion with this code.
-    UnknownCode,
-    /// The graph has no way there from here.
-    Unreachable,
-    /// The host's heartbeat is missing.
-    HostSilent,
-    /// An actuator is silent or reports a fault.
-    ActuatorsNotReady,
-    /// A joint was measured far outside its range.
-    PoseImplausible,
+    ticks_to_frame: u16,
 }
 
 impl<S: LibraryStore> Controller<S> {
@@ -61,29 +42,17 @@ impl<S: LibraryStore> Controller<S> {
         let machine = Machine { config, settings };
         Self {
             motion: Motion::new(&machine),
+            link: Link::new(settings.node),
             machine,
-            store,
-            library: None,
+            shelf: Shelf::new(store),
+            gate: Gate::default(),
             state: State::Boot,
-            faults: Faults::default(),
+            latched: FaultBits::default(),
             events: EventSet::default(),
             since_us: 0,
             held_since_us: None,
-            heartbeat_us: None,
-            link: heapless::Deque::new(),
+            ticks_to_frame: 0,
         }
-    }
-
-    /// Takes a frame of the link.
-    pub fn on_link_frame(&mut self, now_us: u64, frame: &CanFrame) {
-        if frame.id() == ESTOP_ID {
-            self.estop(now_us);
-        }
-    }
-
-    /// The next frame for the link, if there is one.
-    pub fn poll_link(&mut self, _now_us: u64) -> Option<CanFrame> {
-        self.link.pop_front()
     }
 
     /// Takes a frame of actuator bus `bus`.
@@ -105,9 +74,16 @@ impl<S: LibraryStore> Controller<S> {
         self.motion.watch(&self.machine, &mut self.events);
         self.watch_time(now_us);
         self.settle(now_us);
-        let library = open(&self.store, self.library.as_ref());
-        self.motion.drive(&self.machine, library, &mut self.events);
+        self.motion.drive(&self.machine, self.shelf.library(), &mut self.events);
         self.settle(now_us);
+
+        if self.ticks_to_frame == 0 {
+            self.ticks_to_frame = self.machine.settings.ticks_per_frame();
+            self.link.allow_telemetry();
+        }
+        self.ticks_to_frame -= 1;
+        let status = self.status(0);
+        self.link.observe(now_us, status);
     }
 
     /// The next frame for actuator bus `bus`, if there is one.
@@ -120,9 +96,17 @@ impl<S: LibraryStore> Controller<S> {
         self.state
     }
 
-    /// Faults since the last clear.
-    pub fn faults(&self) -> Faults {
-        self.faults
+    /// Faults since the last clear, and what is wrong with the library.
+    pub fn faults(&self) -> FaultBits {
+        let started = !matches!(self.state, State::Boot | State::SelfTest);
+        let mut faults = self.latched;
+        if started && self.shelf.library().is_none() {
+            faults = faults.with(Fault::NoLibrary);
+            if self.shelf.is_for_another_robot() {
+                faults = faults.with(Fault::ConfigMismatch);
+            }
+        }
+        faults
     }
 
     /// What is being played; `None` unless it plays.
@@ -142,44 +126,18 @@ impl<S: LibraryStore> Controller<S> {
 
     /// The library that it plays.
     pub fn library(&self) -> Option<Library<'_>> {
-        open(&self.store, self.library.as_ref())
+        self.shelf.library()
     }
 
-    /// Takes the bytes of the store for the library. Only the proof is kept here.
-    fn load(&mut self) -> Result<(), Reject> {
-        let loaded = validate(self.store.bytes(), &self.machine.config);
-        self.library = loaded.ok();
-        loaded.map(|_| ())
+    /// Why the library in the store was refused, if it was.
+    pub fn library_reject(&self) -> Option<Reject> {
+        self.shelf.reject()
     }
 
-    /// Whether the host may arm now.
-    fn may_arm(&self, now_us: u64) -> Result<(), Refusal> {
-        let refuse_unless = |good: bool, why| if good { Ok(()) } else { Err(why) };
-        refuse_unless(self.state == State::Disarmed, Refusal::WrongState)?;
-        refuse_unless(self.library().is_some(), Refusal::NoLibrary)?;
-        refuse_unless(!self.host_silent(now_us), Refusal::HostSilent)?;
-        refuse_unless(self.motion.actuators_ready(&self.machine), Refusal::ActuatorsNotReady)?;
-        refuse_unless(self.motion.pose_plausible(&self.machine), Refusal::PoseImplausible)
-    }
-
-    /// Plays the motion of a command code.
-    fn play(&mut self, now_us: u64, code: u8) -> Result<(), Refusal> {
-        if !self.state.accepts_motions() {
-            let armed = self.state.torque() == Torque::Driven;
-            return Err(if armed { Refusal::WrongState } else { Refusal::NotArmed });
-        }
-        let library = open(&self.store, self.library.as_ref()).ok_or(Refusal::NoLibrary)?;
-        let node = library.node_for_code(code).ok_or(Refusal::UnknownCode)?;
-        self.motion.set_goal(&library, node).map_err(|_| Refusal::Unreachable)?;
-        if !self.motion.rests_in_safe(&library) {
-            self.raise(now_us, Event::MotionStarted);
-        }
-        Ok(())
-    }
-
-    fn host_silent(&self, now_us: u64) -> bool {
+    /// Whether the host has been silent for too long.
+    pub(crate) fn host_silent(&self, now_us: u64) -> bool {
         let timeout = u64::from(self.machine.settings.heartbeat_timeout_us);
-        self.heartbeat_us.is_none_or(|at| now_us.saturating_sub(at) > timeout)
+        self.link.host_seen_us().is_none_or(|at| now_us.saturating_sub(at) > timeout)
     }
 
     fn watch_time(&mut self, now_us: u64) {
@@ -190,9 +148,9 @@ impl<S: LibraryStore> Controller<S> {
         let elapsed = |since: u64, limit: u32| now_us.saturating_sub(since) >= u64::from(limit);
         match self.state {
             State::Returning => {
-                // The operator who disarms waits for torque to go off; a lost host may come back
-                // into sight of people near the robot, who get a moment to notice.
-                let hold = if self.faults.is_empty() { 0 } else { settings.hold_us };
+                // An operator who disarms waits for it. When the host was lost nobody may know that
+                // the robot is about to sink: SAFE is held for a moment first.
+                let hold = if self.latched.is_empty() { 0 } else { settings.hold_us };
                 if self.held_since_us.is_some_and(|since| elapsed(since, hold)) {
                     self.events.insert(Event::HoldElapsed);
                 }
@@ -200,12 +158,13 @@ impl<S: LibraryStore> Controller<S> {
             State::Damped if elapsed(self.since_us, settings.damping_us) => {
                 self.events.insert(Event::DampingElapsed);
             }
-            State::TorqueOff if self.faults.is_empty() => self.events.insert(Event::FaultFree),
+            State::TorqueOff if self.latched.is_empty() => self.events.insert(Event::FaultFree),
             _ => {}
         }
     }
 
-    fn raise(&mut self, now_us: u64, event: Event) {
+    /// Something happened: handled before this returns.
+    pub(crate) fn raise(&mut self, now_us: u64, event: Event) {
         self.events.insert(event);
         self.settle(now_us);
     }
@@ -216,60 +175,63 @@ impl<S: LibraryStore> Controller<S> {
             let (next, action) = step(self.state, event);
             // An event that means nothing here is no fault: a silent host while torque is off.
             let matters = (next, action) != (self.state, Action::None);
-            if matters || self.state.torque() != Torque::Off {
-                self.faults.latch(event);
+            if (matters || self.state.torque() != Torque::Off)
+                && let Some(fault) = event.fault()
+            {
+                self.latched = self.latched.with(fault);
             }
             if next != self.state {
                 self.state = next;
                 self.since_us = now_us;
                 self.held_since_us = None;
+                // What was asked for in another state is not confirmed in this one.
+                self.gate.void();
             }
             self.act(now_us, event, action);
         }
     }
 
     fn act(&mut self, now_us: u64, event: Event, action: Action) {
-        let library = open(&self.store, self.library.as_ref());
-        match action {
-            Action::None => {}
+        let library = self.shelf.library();
+        let played = match action {
+            Action::None => Ok(()),
             Action::RunSelfTest => {
                 if event == Event::ClearConfirmed {
-                    self.faults = Faults::default();
+                    self.latched = FaultBits::default();
                 }
                 self.self_test();
+                Ok(())
             }
-            Action::AlignFromMeasured => self.motion.align(),
-            Action::HoldSafe => {
-                let held = library.map(|l| self.motion.hold_safe(&self.machine, &l));
-                if !matches!(held, Some(Ok(()))) {
-                    self.events.insert(Event::PlaybackFailed);
-                }
+            Action::AlignFromMeasured => {
+                self.motion.align();
+                Ok(())
             }
-            Action::RouteToSafe => {
-                let routed = library.map(|l| self.motion.set_goal(&l, l.safe_node()));
-                if !matches!(routed, Some(Ok(()))) {
-                    self.events.insert(Event::PlaybackFailed);
-                }
-            }
+            Action::HoldSafe => self.motion.hold_safe(&self.machine, library),
+            Action::RouteToSafe => self.motion.route_to_safe(library),
             Action::StartHold => {
                 self.held_since_us.get_or_insert(now_us);
+                Ok(())
             }
-            Action::Damp => self.motion.damp(&self.machine),
-            Action::CutTorque => self.motion.cut(),
+            Action::Damp => {
+                self.motion.damp(&self.machine);
+                Ok(())
+            }
+            Action::CutTorque => {
+                self.motion.cut();
+                Ok(())
+            }
+        };
+        if played.is_err() {
+            self.events.insert(Event::PlaybackFailed);
         }
     }
 
     fn self_test(&mut self) {
         let usable = self.machine.settings.check().is_ok() && self.machine.config.check().is_ok();
-        self.events.insert(if usable { Event::SelfTestPassed } else { Event::SelfTestFailed });
-        // A store without a valid library is no fault: it waits to be written.
-        if self.library().is_none() {
-            let _ = self.load();
+        if usable {
+            // A store without a valid library is no failure: it waits to be written.
+            self.shelf.load(&self.machine.config);
         }
+        self.events.insert(if usable { Event::SelfTestPassed } else { Event::SelfTestFailed });
     }
-}
-
-/// The library in the store, as long as the store holds what was validated.
-fn open<'a, S: LibraryStore>(store: &'a S, index: Option<&Index>) -> Option<Library<'a>> {
-    Library::open(store.bytes(), index?)
 }

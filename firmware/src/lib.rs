@@ -2,9 +2,12 @@
 //!
 //! ```text
 //! link frames ──> Controller ──> link frames
-//!                  │  safety: what may happen         (pure state machine)
-//!                  │  motion: what the actuators do   (align, player ─> limiter ─> actuators)
-//!                  └─ store:  where the library is
+//!                  │  messages: what was said, and the answer  (gate: once, in order, in time)
+//!                  │  link:     what is to be said, and when
+//!                  │  safety:   what may happen                (pure state machine)
+//!                  │  motion:   what the actuators do          (align or walk ─> player, then
+//!                  │                                            limiter ─> actuators' mailboxes)
+//!                  └─ transfer: the library, in its store
 //! ```
 //!
 //! Sans-IO: frames and the time go in, frames come out. No clock, no allocation, no `unsafe`, no
@@ -15,14 +18,18 @@
 pub mod actuators;
 pub mod align;
 mod controller;
+mod gate;
 pub mod hermite;
 pub mod limiter;
+mod link;
+mod messages;
 mod motion;
 pub mod player;
 pub mod safety;
 mod settings;
 pub mod store;
+mod transfer;
 pub mod walk;
 
-pub use controller::{Controller, Refusal};
+pub use controller::Controller;
 pub use settings::{Settings, SettingsError};

@@ -7,6 +7,7 @@
 use heapless::Vec;
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::library::{Library, NodeId, Unreadable};
+use rollwalk_protocol::wire::Fault;
 
 use crate::actuators::{Actuators, Hold};
 use crate::align::Ramp;
@@ -72,22 +73,64 @@ impl Motion {
         }
     }
 
-    /// Whether every actuator has lately told its pose, without a fault.
-    pub fn actuators_ready(&self, machine: &Machine) -> bool {
-        // While torque is off they are asked now and then only.
-        let query_ticks = machine.settings.control_hz / QUERY_HZ;
-        self.actuators.all_heard_within(query_ticks.saturating_mul(2).saturating_add(FRESH_TICKS))
-            && !self.actuators.any_faulty()
+    /// Feedback at most so many ticks old is there unless an actuator is silent.
+    fn patience_ticks(&self, machine: &Machine) -> u16 {
+        match self.stage {
+            // While torque is off they are asked now and then only.
+            Stage::Off => {
+                let query_ticks = machine.settings.control_hz / QUERY_HZ;
+                query_ticks.saturating_mul(2).saturating_add(FRESH_TICKS)
+            }
+            _ => machine.settings.silent_ticks,
+        }
     }
 
-    /// Whether every joint was measured in its range, or but little outside.
-    pub fn pose_plausible(&self, machine: &Machine) -> bool {
+    /// Whether every actuator has lately told its pose.
+    pub fn actuators_heard(&self, machine: &Machine) -> bool {
+        self.actuators.all_heard_within(self.patience_ticks(machine))
+    }
+
+    /// A joint that was measured far outside its range, or not at all.
+    pub fn implausible(&self, machine: &Machine) -> Option<usize> {
         let slack = machine.settings.out_of_range_rad;
-        machine.config.channels.iter().enumerate().all(|(i, channel)| {
+        machine.config.channels.iter().enumerate().position(|(i, channel)| {
             let measured = self.actuators.measured(&machine.config, i);
-            channel.kind == ChannelKind::WheelSpeed
-                || measured.is_some_and(|q| q >= channel.min - slack && q <= channel.max + slack)
+            let plausible =
+                measured.is_some_and(|q| q >= channel.min - slack && q <= channel.max + slack);
+            channel.kind == ChannelKind::JointPosition && !plausible
         })
+    }
+
+    /// The channel that a fault is about, and its value, as a fault report tells it.
+    pub fn details(&self, machine: &Machine, fault: Fault) -> Option<(u8, f32)> {
+        let mut channels = 0..machine.config.channels.len();
+        let (channel, value) = match fault {
+            Fault::ActuatorSilent => {
+                let (channel, ticks) = self.actuators.most_silent()?;
+                (channel, f32::from(ticks) * machine.settings.period_s())
+            }
+            Fault::ActuatorFault => {
+                let status = |i| self.actuators.feedback(i).map(|f| f.status);
+                let suspect = |&i: &usize| status(i).is_some_and(|s| s.faulty() || !s.enabled());
+                let channel = channels.find(suspect)?;
+                (channel, f32::from(status(channel)?.0))
+            }
+            Fault::OutOfLimits => {
+                let channel = self.implausible(machine)?;
+                (channel, self.actuators.measured(&machine.config, channel)?)
+            }
+            Fault::TrackingError => {
+                let error = |i: usize| {
+                    let last = self.limiter.last(i)?;
+                    Some((last - self.actuators.measured(&machine.config, i)?).abs())
+                };
+                let size = |i: usize| error(i).unwrap_or(0.0);
+                let worst = channels.max_by(|&a, &b| size(a).total_cmp(&size(b)))?;
+                (worst, error(worst)?)
+            }
+            _ => return None,
+        };
+        Some((u8::try_from(channel).ok()?, value))
     }
 
     /// Torque off at once.
@@ -109,17 +152,27 @@ impl Motion {
     pub fn hold_safe(
         &mut self,
         machine: &Machine,
-        library: &Library<'_>,
+        library: Option<Library<'_>>,
     ) -> Result<(), Unreadable> {
-        let player = Player::start(library, machine.settings.ticks_per_frame())?;
+        let library = library.ok_or(Unreadable)?;
+        let player = Player::start(&library, machine.settings.ticks_per_frame())?;
         self.stage = Stage::Playing(player);
         Ok(())
     }
 
-    /// Ask the player for a motion.
-    pub fn set_goal(&mut self, library: &Library<'_>, goal: NodeId) -> Result<(), GoalError> {
+    /// Send the player to SAFE.
+    pub fn route_to_safe(&mut self, library: Option<Library<'_>>) -> Result<(), Unreadable> {
+        let library = library.ok_or(Unreadable)?;
+        self.set_goal(&library, library.safe_node()).map(|_| ()).map_err(|_| Unreadable)
+    }
+
+    /// Ask the player for a motion. Frames until it starts.
+    pub fn set_goal(&mut self, library: &Library<'_>, goal: NodeId) -> Result<u16, GoalError> {
         match &mut self.stage {
-            Stage::Playing(player) => player.set_goal(library, goal),
+            Stage::Playing(player) => {
+                player.set_goal(library, goal)?;
+                Ok(player.frames_to_goal(library))
+            }
             _ => Err(GoalError::Unreachable),
         }
     }
@@ -149,7 +202,7 @@ impl Motion {
             Stage::Enabling { .. } => false,
             Stage::Ramping { .. } | Stage::Playing(_) | Stage::Damped => true,
         };
-        if !self.actuators.all_heard_within(machine.settings.silent_ticks) {
+        if !self.actuators_heard(machine) {
             events.insert(Event::FeedbackLost);
         }
         let dropped = torque_must_be_on && !self.actuators.all_enabled();

@@ -11,6 +11,9 @@ use crate::hermite;
 use crate::limiter::Target;
 use crate::walk::{GoalError, Walk};
 
+/// Frames that the walk is ahead of what is being played.
+const AHEAD: u16 = 2;
+
 /// What is being played.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Playing {
@@ -63,6 +66,14 @@ impl Player {
     /// Asks for a motion.
     pub fn set_goal(&mut self, library: &Library<'_>, goal: NodeId) -> Result<(), GoalError> {
         self.walk.set_goal(library, goal)
+    }
+
+    /// Frames until the motion that was asked for last starts; 0 when it plays.
+    pub fn frames_to_goal(&self, library: &Library<'_>) -> u16 {
+        match self.walk.frames_to_goal(library) {
+            0 => 0,
+            n => n.saturating_add(AHEAD),
+        }
     }
 
     /// One control period on.

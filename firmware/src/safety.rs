@@ -22,35 +22,35 @@
 //! - A fault never re-arms by itself: TorqueOff with a latched fault and EStopped wait for the
 //!   operator's two-step clear, which runs the self test again.
 
+use rollwalk_protocol::wire::{self, Fault};
+
 /// Where the controller stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[repr(u8)]
 pub enum State {
     /// Nothing has run yet.
-    Boot = 0,
+    Boot,
     /// Configuration and library are being examined.
-    SelfTest = 1,
+    SelfTest,
     /// No torque; a library may be written, arming is possible.
-    Disarmed = 2,
+    Disarmed,
     /// Torque is on; ramps from the measured pose to the SAFE pose.
-    Aligning = 3,
+    Aligning,
     /// Holds the SAFE node of the motion graph.
-    Ready = 4,
+    Ready,
     /// Plays motions of the graph.
-    Playing = 5,
+    Playing,
     /// Follows the graph to SAFE without accepting motions, then holds there for a moment.
-    Returning = 6,
+    Returning,
     /// Joints free but damped (kp 0), so that the robot sinks instead of falling.
-    Damped = 7,
+    Damped,
     /// No torque; waits for a clear when a fault is latched.
-    TorqueOff = 8,
+    TorqueOff,
     /// No torque; latched until the operator clears it.
-    EStopped = 9,
+    EStopped,
 }
 
 /// Everything that can change the state, most severe first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[repr(u8)]
 pub enum Event {
     /// Emergency stop, from the bus or from the board.
     EStop,
@@ -122,7 +122,7 @@ pub enum Torque {
     Driven,
 }
 
-/// All states, in the order of their codes.
+/// All states, in their order.
 pub const STATES: [State; 10] = [
     State::Boot,
     State::SelfTest,
@@ -173,6 +173,39 @@ impl State {
     /// Whether motion commands are accepted here.
     pub fn accepts_motions(self) -> bool {
         matches!(self, Self::Ready | Self::Playing)
+    }
+}
+
+impl From<State> for wire::State {
+    fn from(state: State) -> Self {
+        match state {
+            State::Boot => Self::Boot,
+            State::SelfTest => Self::SelfTest,
+            State::Disarmed => Self::Disarmed,
+            State::Aligning => Self::Aligning,
+            State::Ready => Self::Ready,
+            State::Playing => Self::Playing,
+            State::Returning => Self::Returning,
+            State::Damped => Self::Damped,
+            State::TorqueOff => Self::TorqueOff,
+            State::EStopped => Self::EStopped,
+        }
+    }
+}
+
+impl Event {
+    /// How this event is called on the link when it is a fault.
+    pub fn fault(self) -> Option<Fault> {
+        match self {
+            Self::EStop => Some(Fault::EStop),
+            Self::SelfTestFailed => Some(Fault::Internal),
+            Self::FeedbackLost => Some(Fault::ActuatorSilent),
+            Self::ActuatorFault => Some(Fault::ActuatorFault),
+            Self::PlaybackFailed => Some(Fault::LibraryUnreadable),
+            Self::AlignFailed => Some(Fault::TrackingError),
+            Self::HostLost => Some(Fault::HostLost),
+            _ => None,
+        }
     }
 }
 
@@ -230,40 +263,12 @@ impl EventSet {
     }
 }
 
-/// Faults that were met since the last clear: one bit for each [`Event`] that is a fault.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Faults(u8);
-
-impl Faults {
-    /// Remembers an event if it is a fault: whatever is at least as severe as a lost host.
-    pub fn latch(&mut self, event: Event) {
-        if event <= Event::HostLost {
-            self.0 |= 1 << event as u8;
-        }
-    }
-
-    /// Nothing has happened.
-    pub fn is_empty(self) -> bool {
-        self.0 == 0
-    }
-
-    /// Whether a fault has happened.
-    pub fn contains(self, event: Event) -> bool {
-        event <= Event::HostLost && self.0 & (1 << event as u8) != 0
-    }
-
-    /// Bit `i` is `EVENTS[i]`.
-    pub fn bits(self) -> u8 {
-        self.0
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn listed_in_order_of_their_codes() {
+    fn listed_in_their_order() {
         for (i, s) in STATES.iter().enumerate() {
             assert_eq!(*s as usize, i);
         }

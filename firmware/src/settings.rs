@@ -7,6 +7,8 @@ use crate::hermite::FRAME_HZ;
 pub struct Settings {
     /// Address on the link, 0 to 14.
     pub node: u8,
+    /// Serial number of the hardware, told when the host asks who is there.
+    pub uid: [u8; 6],
     /// Rate at which [`crate::Controller::tick`] is called, Hz: a multiple of 60, at most 960.
     pub control_hz: u16,
     /// The host is lost when no heartbeat came for so long, µs.
@@ -33,6 +35,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             node: 1,
+            uid: [0; 6],
             control_hz: 120,
             heartbeat_timeout_us: 250_000,
             silent_ticks: 12,

@@ -8,7 +8,9 @@
 //! - The first frame of a transition is the exit frame and its last frame is the entry frame, so
 //!   neither is played twice.
 
-use rollwalk_protocol::library::{ClipCursor, ClipId, Edge, Library, NodeId, Unreadable};
+use rollwalk_protocol::library::{
+    ClipCursor, ClipId, Edge, Library, MAX_MOTIONS, NodeId, Unreadable,
+};
 
 /// Where a walk stands.
 #[derive(Clone, Copy, Debug)]
@@ -68,6 +70,37 @@ impl Walk {
         library.next_hop(from, goal).ok_or(GoalError::Unreachable)?;
         self.goal = Some(goal);
         Ok(())
+    }
+
+    /// Frames until the goal is entered; 0 when there is none.
+    pub fn frames_to_goal(&self, library: &Library<'_>) -> u16 {
+        let Some(goal) = self.goal else { return 0 };
+        let frame = self.cursor.frame();
+        let frames = |clip| library.clip(clip).map_or(1, |clip| clip.frames);
+        let (mut node, mut at, mut sum) = match self.place {
+            Place::Motion(node) => (node, frame, 0),
+            Place::Transition(edge) => {
+                let left = frames(edge.clip).saturating_sub(frame.saturating_add(1));
+                if edge.to == goal {
+                    return left;
+                }
+                (edge.to, edge.entry_frame, left)
+            }
+        };
+        // Routes visit no node twice.
+        for _ in 0..MAX_MOTIONS {
+            let edge = library.next_hop(node, goal).and_then(|edge| library.edge(edge));
+            let Some(edge) = edge else { break };
+            // Round the loop once more when the exit frame has just been passed.
+            let round = if edge.exit_frame < at { frames(node.clip()) } else { 0 };
+            let wait = edge.exit_frame.saturating_add(round).saturating_sub(at);
+            sum = sum.saturating_add(wait).saturating_add(frames(edge.clip).saturating_sub(1));
+            (node, at) = (edge.to, edge.entry_frame);
+            if node == goal {
+                break;
+            }
+        }
+        sum
     }
 
     /// Whether a node is one that the walk does not leave by itself.

@@ -24,7 +24,12 @@ fn the_table_of_states_is_that_of_the_code() {
             Torque::Driven => "driven",
         };
         let motions = if s.accepts_motions() { "accepted" } else { "refused" };
-        write!(table, "\n| {} | {s:?} | {torque} | {motions} |", s as u8).unwrap();
+        write!(
+            table,
+            "\n| {} | {s:?} | {torque} | {motions} |",
+            rollwalk_protocol::wire::State::from(s).code()
+        )
+        .unwrap();
     }
     assert_eq!(block("states"), table, "the page should hold:\n{table}");
 }

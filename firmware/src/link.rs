@@ -1,0 +1,200 @@
+//! What is to be said on the link, and when.
+//!
+//! Answers wait here until the bus takes them, the most urgent first. All but the answers to
+//! commands are latest values or flags, and those are a few at most: whoever floods the controller
+//! with requests gets the latest answers, and nothing grows.
+
+use heapless::Deque;
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::isotp::{Event, Output, Timing};
+use rollwalk_protocol::wire::transport::{Endpoint, Response, frame_to_host};
+use rollwalk_protocol::wire::{
+    CommandAck, FaultBits, Heartbeat, HeartbeatReply, Node, STATUS_PERIOD_MS, Status,
+};
+
+/// Telemetry messages of each 60 Hz frame: 240 a second, 6 % of a 500 kbit/s bus.
+const TELEMETRY_PER_FRAME: u8 = 4;
+/// A fault that lasts is reported again after so long, µs.
+const REPORT_PERIOD_US: u64 = 1_000_000;
+/// Longest answer, bytes: HELLO has 24.
+const MAX_RESPONSE: usize = 32;
+/// A message takes a few calls to move through the transport; after so many something is wrong.
+const MAX_POLLS: usize = 4;
+
+/// Something to say that depends on how the controller is when it is said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Say {
+    EstopAck,
+    HeartbeatReply(HeartbeatReply),
+    FaultReport { bit: u8, counter: u8 },
+    Status { counter: u8 },
+    CommandAck(CommandAck),
+    Telemetry { channel: u8 },
+    Frame(CanFrame),
+    Discovered,
+}
+
+/// The controller's end of the link.
+pub(crate) struct Link {
+    /// Our address; `None` when the settings have no usable one.
+    pub node: Option<Node>,
+    endpoint: Endpoint,
+    estop_ack: bool,
+    heartbeat: Option<HeartbeatReply>,
+    last_heartbeat: Option<(u8, u64)>,
+    acks: Deque<CommandAck, 4>,
+    discovered: bool,
+    last_status: Option<(Status, u64)>,
+    status_due: bool,
+    status_counter: u8,
+    known_faults: FaultBits,
+    reports: FaultBits,
+    reported_us: u64,
+    report_counter: u8,
+    telemetry_left: u8,
+    telemetry_next: u8,
+}
+
+impl Link {
+    pub fn new(node: u8) -> Self {
+        Self {
+            node: Node::new(node),
+            endpoint: Endpoint::new(Timing::default()),
+            estop_ack: false,
+            heartbeat: None,
+            last_heartbeat: None,
+            acks: Deque::new(),
+            discovered: false,
+            last_status: None,
+            status_due: false,
+            status_counter: 0,
+            known_faults: FaultBits::default(),
+            reports: FaultBits::default(),
+            reported_us: 0,
+            report_counter: 0,
+            telemetry_left: 0,
+            telemetry_next: 0,
+        }
+    }
+
+    /// Whether a message to `to` is for us. With an unusable address we still hear what is for all.
+    pub fn is_for_us(&self, to: Node) -> bool {
+        to == Node::BROADCAST || self.node == Some(to)
+    }
+
+    pub fn acknowledge_estop(&mut self) {
+        self.estop_ack = true;
+    }
+
+    pub fn discover(&mut self) {
+        self.discovered = true;
+    }
+
+    /// Takes a heartbeat. A repeated one is answered but is no sign of life.
+    pub fn on_heartbeat(&mut self, now_us: u64, heartbeat: Heartbeat) {
+        if self.last_heartbeat.is_none_or(|(seq, _)| seq != heartbeat.seq) {
+            self.last_heartbeat = Some((heartbeat.seq, now_us));
+        }
+        let controller_ms = (now_us / 1000) as u32;
+        self.heartbeat = Some(HeartbeatReply { seq: heartbeat.seq, controller_ms });
+    }
+
+    /// When the host gave its last sign of life, µs.
+    pub fn host_seen_us(&self) -> Option<u64> {
+        self.last_heartbeat.map(|(_, at)| at)
+    }
+
+    pub fn acknowledge(&mut self, ack: CommandAck) {
+        if self.acks.is_full() {
+            self.acks.pop_front();
+        }
+        // Room was just made.
+        let _ = self.acks.push_back(ack);
+    }
+
+    /// Takes a frame of the transport; whether a request is now complete.
+    pub fn on_transport(&mut self, now_us: u64, data: &[u8]) -> bool {
+        self.endpoint.on_frame(data, now_us) == Event::Received
+    }
+
+    /// The last complete request.
+    pub fn request(&self) -> &[u8] {
+        self.endpoint.received()
+    }
+
+    /// Answers a request. A host that asks again before it took the answer gets the former one.
+    pub fn respond(&mut self, response: &Response) {
+        let mut bytes = [0; MAX_RESPONSE];
+        if let Some(message) = response.encode(&mut bytes) {
+            let _ = self.endpoint.send(message);
+        }
+    }
+
+    /// Once per 60 Hz frame: room for telemetry.
+    pub fn allow_telemetry(&mut self) {
+        self.telemetry_left = TELEMETRY_PER_FRAME;
+    }
+
+    /// Reports a fault although it is no news, because something was refused for it.
+    pub fn report(&mut self, faults: FaultBits) {
+        self.reports.0 |= faults.0;
+    }
+
+    /// Once per control period: is a status message due, or a fault report?
+    pub fn observe(&mut self, now_us: u64, status: Status) {
+        let period = u64::from(STATUS_PERIOD_MS) * 1000;
+        // The frame counts on all the time; that alone is no change.
+        let essence = |s: Status| (s.state, s.severity, s.faults, s.clip, s.library);
+        let due = self.last_status.is_none_or(|(last, at)| {
+            essence(last) != essence(status) || now_us.saturating_sub(at) >= period
+        });
+        if due {
+            self.last_status = Some((status, now_us));
+            self.status_due = true;
+        }
+        self.reports.0 |= status.faults.0 & !self.known_faults.0;
+        self.known_faults = status.faults;
+        if now_us.saturating_sub(self.reported_us) >= REPORT_PERIOD_US {
+            self.reported_us = now_us;
+            self.reports.0 |= status.faults.0;
+        }
+    }
+
+    /// What to say next, most urgent first.
+    pub fn next(&mut self, now_us: u64, channels: u8) -> Option<Say> {
+        let node = self.node?;
+        if core::mem::take(&mut self.estop_ack) {
+            return Some(Say::EstopAck);
+        }
+        if let Some(reply) = self.heartbeat.take() {
+            return Some(Say::HeartbeatReply(reply));
+        }
+        if core::mem::take(&mut self.status_due) {
+            self.status_counter = self.status_counter.wrapping_add(1);
+            return Some(Say::Status { counter: self.status_counter & 0xF });
+        }
+        if !self.reports.is_empty() {
+            let bit = self.reports.0.trailing_zeros() as u8;
+            self.reports.0 &= self.reports.0.wrapping_sub(1);
+            self.report_counter = self.report_counter.wrapping_add(1);
+            return Some(Say::FaultReport { bit, counter: self.report_counter });
+        }
+        if let Some(ack) = self.acks.pop_front() {
+            return Some(Say::CommandAck(ack));
+        }
+        if self.telemetry_left > 0 && channels > 0 {
+            self.telemetry_left -= 1;
+            let channel = self.telemetry_next % channels;
+            self.telemetry_next = channel.wrapping_add(1);
+            return Some(Say::Telemetry { channel });
+        }
+        for _ in 0..MAX_POLLS {
+            match self.endpoint.poll(now_us) {
+                Output::Send(pdu) => return Some(Say::Frame(frame_to_host(node, &pdu))),
+                Output::Failed(_) => {}
+                Output::Idle => break,
+            }
+        }
+        core::mem::take(&mut self.discovered).then_some(Say::Discovered)
+    }
+}

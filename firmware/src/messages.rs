@@ -1,0 +1,294 @@
+//! The controller's side of every message on the link: what comes in, and what is answered.
+
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::library::{FORMAT_MAJOR, FORMAT_MINOR, NodeId};
+use rollwalk_protocol::wire::transport::{Hello, MAX_BLOCK, Reply, TransferResult, TransportError};
+use rollwalk_protocol::wire::{
+    Action, Command, CommandAck, CommandResult, Discovered, EstopAck, Fault, FaultBits,
+    FaultReport, JointTelemetry, PROTOCOL_MAJOR, PROTOCOL_MINOR, Request, Response, SCHEMA_HASH,
+    Severity, Status, ToController,
+};
+
+use crate::controller::Controller;
+use crate::gate::{Permit, Verdict};
+use crate::link::Say;
+use crate::safety::{Event, State, Torque};
+use crate::store::LibraryStore;
+
+/// Playback speed as planned, in 64ths.
+const PLANNED_SPEED: i8 = 64;
+
+/// What an accepted command has to say besides "ok": the motion, and a nonce or a number of frames.
+type Done = (Option<NodeId>, u16);
+
+impl<S: LibraryStore> Controller<S> {
+    /// Takes a frame of the link. Frames of others and damaged ones are ignored.
+    pub fn on_link_frame(&mut self, now_us: u64, frame: &CanFrame) {
+        let Ok((to, message)) = ToController::decode(frame) else { return };
+        if !self.link.is_for_us(to) {
+            return;
+        }
+        match message {
+            ToController::Estop => {
+                self.raise(now_us, Event::EStop);
+                self.link.acknowledge_estop();
+            }
+            ToController::Heartbeat(heartbeat) => self.link.on_heartbeat(now_us, heartbeat),
+            ToController::Command(command) => self.on_command(now_us, command),
+            ToController::Transport => {
+                if self.link.on_transport(now_us, frame.data()) {
+                    self.on_request();
+                }
+            }
+            ToController::Discover => self.link.discover(),
+        }
+    }
+
+    /// The next frame for the link, if there is one.
+    pub fn poll_link(&mut self, now_us: u64) -> Option<CanFrame> {
+        let node = self.link.node?;
+        let channels = self.machine.config.channels.len() as u8;
+        // Of telemetry some has nothing to tell; of everything else the first is the one.
+        for _ in 0..=channels {
+            let frame = match self.link.next(now_us, channels)? {
+                Say::EstopAck => Some(EstopAck { state: self.state().into() }.encode(node)),
+                Say::HeartbeatReply(reply) => Some(reply.encode(node)),
+                Say::FaultReport { bit, counter } => {
+                    self.fault_report(now_us, bit, counter).map(|report| report.encode(node))
+                }
+                Say::Status { counter } => Some(self.status(counter).encode(node)),
+                Say::CommandAck(ack) => Some(ack.encode(node)),
+                Say::Telemetry { channel } => self.telemetry(channel).map(|t| t.encode(node)),
+                Say::Frame(frame) => Some(frame),
+                Say::Discovered => {
+                    let uid = self.machine.settings.uid;
+                    Some(Discovered { uid, protocol_major: PROTOCOL_MAJOR }.encode(node))
+                }
+            };
+            if frame.is_some() {
+                return frame;
+            }
+        }
+        None
+    }
+
+    fn on_command(&mut self, now_us: u64, command: Command) {
+        let outcome = match self.gate.judge(now_us, command) {
+            Verdict::Repeat(ack) => {
+                self.link.acknowledge(ack);
+                return;
+            }
+            Verdict::Refuse(result) => Err(result),
+            Verdict::Execute => self.execute(now_us, command.action),
+        };
+        let (result, (motion, value)) = match outcome {
+            Ok(done) => (CommandResult::Ok, done),
+            Err(result) => (result, (None, 0)),
+        };
+        let ack = CommandAck {
+            seq: command.seq,
+            kind: command.action.kind(),
+            result,
+            state: self.state().into(),
+            motion: motion.map(|node| node.0),
+            value,
+        };
+        self.gate.executed(command, ack);
+        self.link.acknowledge(ack);
+    }
+
+    fn execute(&mut self, now_us: u64, action: Action) -> Result<Done, CommandResult> {
+        const NOTHING_TO_SAY: Done = (None, 0);
+        match action {
+            Action::Play { code, speed_64ths } => self.play(now_us, code, speed_64ths),
+            Action::Return => {
+                let safe = self.shelf.library().map(|library| library.safe_node());
+                self.go(now_us, safe.ok_or(CommandResult::NoLibrary))
+            }
+            Action::Disarm => {
+                self.raise(now_us, Event::Disarm);
+                Ok(NOTHING_TO_SAY)
+            }
+            Action::ArmRequest => {
+                self.may_arm(now_us)?;
+                Ok((None, self.gate.draw(now_us, Permit::Arm)))
+            }
+            Action::ArmConfirm { nonce } => {
+                self.redeem(now_us, Permit::Arm, nonce)?;
+                self.may_arm(now_us)?;
+                self.raise(now_us, Event::ArmConfirmed);
+                Ok(NOTHING_TO_SAY)
+            }
+            Action::ClearRequest => {
+                self.may_clear()?;
+                Ok((None, self.gate.draw(now_us, Permit::Clear)))
+            }
+            Action::ClearConfirm { nonce } => {
+                self.may_clear()?;
+                self.redeem(now_us, Permit::Clear, nonce)?;
+                self.raise(now_us, Event::ClearConfirmed);
+                Ok(NOTHING_TO_SAY)
+            }
+            Action::Pause | Action::Resume | Action::Unknown { .. } => {
+                Err(CommandResult::UnknownKind)
+            }
+        }
+    }
+
+    fn redeem(&mut self, now_us: u64, permit: Permit, nonce: u16) -> Result<(), CommandResult> {
+        let good = self.gate.redeem(now_us, permit, nonce);
+        if good { Ok(()) } else { Err(CommandResult::WrongNonce) }
+    }
+
+    /// Whether torque may go on now. What stands in the way is also reported as a fault.
+    fn may_arm(&mut self, now_us: u64) -> Result<(), CommandResult> {
+        let obstacle = |fault| (CommandResult::FaultPresent, FaultBits::default().with(fault));
+        let (result, faults) = if self.state() != State::Disarmed {
+            (CommandResult::WrongState, FaultBits::default())
+        } else if self.shelf.library().is_none() {
+            let other = self.shelf.is_for_another_robot();
+            (
+                if other { CommandResult::ConfigMismatch } else { CommandResult::NoLibrary },
+                self.faults(),
+            )
+        } else if self.host_silent(now_us) {
+            obstacle(Fault::HostLost)
+        } else if self.motion.actuators.any_faulty() {
+            obstacle(Fault::ActuatorFault)
+        } else if !self.motion.actuators_heard(&self.machine) {
+            (CommandResult::PoseUnknown, FaultBits::default().with(Fault::ActuatorSilent))
+        } else if self.motion.implausible(&self.machine).is_some() {
+            (CommandResult::PoseUnknown, FaultBits::default().with(Fault::OutOfLimits))
+        } else {
+            return Ok(());
+        };
+        self.link.report(faults);
+        Err(result)
+    }
+
+    fn may_clear(&self) -> Result<(), CommandResult> {
+        let latched = matches!(self.state(), State::EStopped | State::TorqueOff);
+        if latched { Ok(()) } else { Err(CommandResult::WrongState) }
+    }
+
+    fn play(&mut self, now_us: u64, code: u8, speed_64ths: i8) -> Result<Done, CommandResult> {
+        if speed_64ths != PLANNED_SPEED {
+            return Err(CommandResult::BadSpeed);
+        }
+        let library = self.shelf.library();
+        let node = match library.map(|library| library.node_for_code(code)) {
+            None => Err(CommandResult::NoLibrary),
+            Some(None) => Err(CommandResult::UnknownCode),
+            Some(Some(node)) => Ok(node),
+        };
+        self.go(now_us, node)
+    }
+
+    /// Sends the player to a node, if it may be sent anywhere.
+    fn go(
+        &mut self,
+        now_us: u64,
+        node: Result<NodeId, CommandResult>,
+    ) -> Result<Done, CommandResult> {
+        if !self.state().accepts_motions() {
+            let armed = self.state().torque() == Torque::Driven;
+            return Err(if armed { CommandResult::WrongState } else { CommandResult::NotArmed });
+        }
+        let node = node?;
+        let library = self.shelf.library().ok_or(CommandResult::NoLibrary)?;
+        let frames =
+            self.motion.set_goal(&library, node).map_err(|_| CommandResult::Unreachable)?;
+        if !self.motion.rests_in_safe(&library) {
+            self.raise(now_us, Event::MotionStarted);
+        }
+        Ok((Some(node), frames))
+    }
+
+    fn on_request(&mut self) {
+        let config = &self.machine.config;
+        let may_write = self.state() == State::Disarmed;
+        let response = match Request::decode(self.link.request()) {
+            Ok(Request::Hello { .. }) => Response::Hello(Hello {
+                major: PROTOCOL_MAJOR,
+                minor: PROTOCOL_MINOR,
+                schema_hash: SCHEMA_HASH,
+                config_hash: config.hash(),
+                format_major: FORMAT_MAJOR,
+                format_minor: FORMAT_MINOR,
+                library: self.shelf.library().map(|library| library.index().id()),
+                max_block: MAX_BLOCK as u16,
+                channels: config.channels.len() as u8,
+            }),
+            Ok(request) => {
+                // Whoever was about to arm had another library in mind.
+                self.gate.void();
+                Response::Reply(self.shelf.handle(&request, may_write, config))
+            }
+            Err(error) => {
+                let kind = self.link.request().first().copied().unwrap_or(0);
+                Response::Reply(Reply::new(kind, unreadable(error), self.shelf.next()))
+            }
+        };
+        self.link.respond(&response);
+    }
+
+    /// How the controller is, as it is said on the link.
+    pub(crate) fn status(&self, counter: u8) -> Status {
+        let playing = self.playing();
+        let faults = self.faults();
+        Status {
+            state: self.state().into(),
+            severity: severity(self.state(), faults),
+            faults,
+            clip: playing.map(|p| p.clip.0),
+            frame: playing.map_or(0, |p| p.frame),
+            counter,
+            library: self.shelf.library().map_or(0, |library| library.index().id() as u8),
+        }
+    }
+
+    fn telemetry(&self, channel: u8) -> Option<JointTelemetry> {
+        let feedback = self.motion.actuators.feedback(usize::from(channel))?;
+        Some(JointTelemetry {
+            channel,
+            position_rad: feedback.position_rad,
+            velocity_rad_s: feedback.velocity_rad_s,
+            torque_nm: feedback.torque_nm,
+            status: feedback.status,
+        })
+    }
+
+    fn fault_report(&self, now_us: u64, bit: u8, counter: u8) -> Option<FaultReport> {
+        let fault = Fault::from_code(bit)?;
+        let about = self.motion.details(&self.machine, fault);
+        let (channel, value) = match fault {
+            Fault::HostLost => {
+                let since = self.link.host_seen_us().map(|at| now_us.saturating_sub(at));
+                (None, since.map_or(0.0, |us| us as f32 * 1e-6))
+            }
+            _ => about.map_or((None, 0.0), |(channel, value)| (Some(channel), value)),
+        };
+        Some(FaultReport { counter, fault, channel, value })
+    }
+}
+
+/// The strongest reaction that is under way, or else that something is worth knowing.
+fn severity(state: State, faults: FaultBits) -> Severity {
+    match state {
+        State::EStopped => Severity::EStop,
+        State::TorqueOff if !faults.is_empty() => Severity::TorqueOff,
+        State::Damped if !faults.is_empty() => Severity::Damp,
+        State::Returning if !faults.is_empty() => Severity::Return,
+        _ if !faults.is_empty() => Severity::Notice,
+        _ => Severity::None,
+    }
+}
+
+fn unreadable(error: TransportError) -> TransferResult {
+    match error {
+        TransportError::BadCrc => TransferResult::BadCrc,
+        TransportError::UnknownType(_) | TransportError::BadLength | TransportError::BadValue => {
+            TransferResult::UnknownRequest
+        }
+    }
+}

@@ -1,0 +1,317 @@
+//! The library and how it gets here: transfer in blocks, check, activation.
+//!
+//! The only place that writes the store. Whatever is about to be written, the proof that its bytes
+//! are a valid library is dropped first; it comes back by validating what the store reads back.
+
+use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::library::{Index, Library, Reject, Why, validate};
+use rollwalk_protocol::wire::transport::{Reply, Request, TransferResult};
+
+use crate::store::{LibraryStore, StoreError};
+
+/// A transfer: what was announced and how much of it is here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Transfer {
+    len: u32,
+    crc32c: u32,
+    next: u32,
+}
+
+/// The store, what is in it, and what is on its way.
+pub(crate) struct Shelf<S> {
+    store: S,
+    active: Option<Index>,
+    transfer: Option<Transfer>,
+    /// Checked, not yet in use.
+    finished: Option<Index>,
+    reject: Option<Reject>,
+}
+
+impl<S: LibraryStore> Shelf<S> {
+    pub fn new(store: S) -> Self {
+        Self { store, active: None, transfer: None, finished: None, reject: None }
+    }
+
+    /// The library in use.
+    pub fn library(&self) -> Option<Library<'_>> {
+        Library::open(self.store.bytes(), self.active.as_ref()?)
+    }
+
+    /// Why the store's content was refused last.
+    pub fn reject(&self) -> Option<Reject> {
+        self.reject
+    }
+
+    /// The library that was refused is one for another robot.
+    pub fn is_for_another_robot(&self) -> bool {
+        matches!(self.reject, Some(Reject { why: Why::WrongRobot { .. }, .. }))
+    }
+
+    /// After power-on: takes what the store holds into use if it is valid.
+    pub fn load(&mut self, config: &RobotConfig) {
+        if self.library().is_none() && !self.store.bytes().is_empty() {
+            self.active = self.check(config).ok();
+        }
+    }
+
+    fn check(&mut self, config: &RobotConfig) -> Result<Index, Reject> {
+        let checked = validate(self.store.bytes(), config);
+        self.reject = checked.err();
+        checked
+    }
+
+    /// First byte of the transfer that is not here yet.
+    pub fn next(&self) -> u32 {
+        self.transfer.map_or(0, |transfer| transfer.next)
+    }
+
+    /// Carries out a transfer request. `may_write` while torque is off and nobody is arming.
+    pub fn handle(
+        &mut self,
+        request: &Request<'_>,
+        may_write: bool,
+        config: &RobotConfig,
+    ) -> Reply {
+        let result = if may_write {
+            match *request {
+                Request::Hello { .. } => TransferResult::UnknownRequest,
+                Request::Begin { len, crc32c } => self.begin(len, crc32c),
+                Request::Block { offset, bytes } => self.block(offset, bytes),
+                Request::Finish => match self.finish(config) {
+                    Ok(result) => result,
+                    Err(reject) => return Reply::rejected(request.kind(), &reject),
+                },
+                Request::Activate { crc32c } => self.activate(crc32c),
+            }
+        } else {
+            TransferResult::WrongState
+        };
+        Reply::new(request.kind(), result, self.next())
+    }
+
+    fn begin(&mut self, len: u32, crc32c: u32) -> TransferResult {
+        if self.transfer.is_some_and(|t| (t.len, t.crc32c) == (len, crc32c)) {
+            // The same again: goes on where it was left.
+            return TransferResult::Ok;
+        }
+        let size = usize::try_from(len).unwrap_or(usize::MAX);
+        if size > self.store.capacity() {
+            return TransferResult::TooLong;
+        }
+        self.forget();
+        match self.store.erase(size) {
+            Ok(()) => {
+                self.transfer = Some(Transfer { len, crc32c, next: 0 });
+                TransferResult::Ok
+            }
+            Err(StoreError::OutOfRange) => TransferResult::TooLong,
+            Err(StoreError::Medium) => TransferResult::StoreFailed,
+        }
+    }
+
+    fn block(&mut self, offset: u32, bytes: &[u8]) -> TransferResult {
+        let Some(transfer) = self.transfer else { return TransferResult::NotBegun };
+        let len = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
+        let Some(end) = offset.checked_add(len).filter(|&end| end <= transfer.len) else {
+            return TransferResult::TooLong;
+        };
+        if offset > transfer.next {
+            return TransferResult::OutOfOrder;
+        }
+        if end <= transfer.next {
+            return TransferResult::Ok;
+        }
+        self.active = None;
+        self.finished = None;
+        let Ok(at) = usize::try_from(offset) else { return TransferResult::TooLong };
+        match self.store.write(at, bytes) {
+            Ok(()) => {
+                self.transfer = Some(Transfer { next: end, ..transfer });
+                TransferResult::Ok
+            }
+            Err(_) => {
+                self.forget();
+                TransferResult::StoreFailed
+            }
+        }
+    }
+
+    fn finish(&mut self, config: &RobotConfig) -> Result<TransferResult, Reject> {
+        let Some(transfer) = self.transfer else { return Ok(TransferResult::NotBegun) };
+        if transfer.next < transfer.len {
+            return Ok(TransferResult::Incomplete);
+        }
+        // Read back from the store: what counts is what is there, not what came over the bus.
+        if crc32c(self.store.bytes()) != transfer.crc32c {
+            self.forget();
+            return Ok(TransferResult::BadCrc);
+        }
+        match self.check(config) {
+            Ok(index) => {
+                self.finished = Some(index);
+                Ok(TransferResult::Ok)
+            }
+            Err(reject) => {
+                self.forget();
+                Err(reject)
+            }
+        }
+    }
+
+    fn activate(&mut self, crc32c: u32) -> TransferResult {
+        match (self.transfer, self.finished) {
+            (Some(transfer), Some(index)) if transfer.crc32c == crc32c => {
+                self.active = Some(index);
+                TransferResult::Ok
+            }
+            _ => TransferResult::NotFinished,
+        }
+    }
+
+    /// The store's content is not to be trusted from here on.
+    fn forget(&mut self) {
+        self.active = None;
+        self.finished = None;
+        self.transfer = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::RamStore;
+    use TransferResult as R;
+    use rollwalk_protocol::config::{Channel, ChannelKind};
+    use rollwalk_protocol::library::{LibrarySpec, MotionSpec, encode};
+
+    fn config() -> RobotConfig {
+        let joint = Channel {
+            kind: ChannelKind::JointPosition,
+            min: -1.0,
+            max: 1.0,
+            max_rate: 5.0,
+            max_torque_nm: 3.0,
+            kp_nm_rad: 20.0,
+            kd_nm_s_rad: 0.5,
+            bus: 0,
+            id: 1,
+        };
+        RobotConfig { channels: [joint].into_iter().collect() }
+    }
+
+    fn library(config: &RobotConfig) -> heapless::Vec<u8, 1024> {
+        let motions = [MotionSpec { name: "stand", code: 1, looping: true, frames: &[0.5, 0.5] }];
+        let spec = LibrarySpec { config, motions: &motions, transitions: &[], safe: 0 };
+        let mut bytes = [0; 1024];
+        let len = encode(&spec, &mut bytes).unwrap();
+        bytes[..len].iter().copied().collect()
+    }
+
+    fn send(shelf: &mut Shelf<RamStore<1024>>, request: Request<'_>) -> (R, u32) {
+        let reply = shelf.handle(&request, true, &config());
+        assert_eq!(reply.request, request.kind());
+        (reply.result, reply.next)
+    }
+
+    fn begin(bytes: &[u8]) -> Request<'static> {
+        Request::Begin { len: bytes.len() as u32, crc32c: crc32c(bytes) }
+    }
+
+    #[test]
+    fn arrives_in_blocks_and_is_used_only_after_activation() {
+        let bytes = library(&config());
+        let crc = crc32c(&bytes);
+        let mut shelf = Shelf::new(RamStore::<1024>::new());
+        assert_eq!(send(&mut shelf, Request::Finish), (R::NotBegun, 0));
+        assert_eq!(
+            send(&mut shelf, Request::Block { offset: 0, bytes: &bytes[..9] }),
+            (R::NotBegun, 0)
+        );
+        assert_eq!(send(&mut shelf, begin(&bytes)), (R::Ok, 0));
+        let n = bytes.len() as u32;
+        assert_eq!(
+            send(&mut shelf, Request::Block { offset: 0, bytes: &bytes[..100] }),
+            (R::Ok, 100)
+        );
+        // Repeated, too far, and not complete.
+        assert_eq!(
+            send(&mut shelf, Request::Block { offset: 0, bytes: &bytes[..100] }),
+            (R::Ok, 100)
+        );
+        assert_eq!(
+            send(&mut shelf, Request::Block { offset: 120, bytes: &bytes[120..] }),
+            (R::OutOfOrder, 100)
+        );
+        assert_eq!(send(&mut shelf, Request::Finish), (R::Incomplete, 100));
+        // The link was lost: the same Begin goes on.
+        assert_eq!(send(&mut shelf, begin(&bytes)), (R::Ok, 100));
+        assert_eq!(
+            send(&mut shelf, Request::Block { offset: 50, bytes: &bytes[50..] }),
+            (R::Ok, n)
+        );
+        assert_eq!(send(&mut shelf, Request::Activate { crc32c: crc }), (R::NotFinished, n));
+        assert_eq!(send(&mut shelf, Request::Finish), (R::Ok, n));
+        assert!(shelf.library().is_none());
+        assert_eq!(send(&mut shelf, Request::Activate { crc32c: !crc }), (R::NotFinished, n));
+        assert_eq!(send(&mut shelf, Request::Activate { crc32c: crc }), (R::Ok, n));
+        assert!(shelf.library().is_some());
+
+        // Another one: the old one is gone as soon as the store changes.
+        assert_eq!(send(&mut shelf, Request::Begin { len: 4000, crc32c: 1 }).0, R::TooLong);
+        assert!(shelf.library().is_some());
+        assert_eq!(send(&mut shelf, Request::Begin { len: 400, crc32c: 1 }), (R::Ok, 0));
+        assert!(shelf.library().is_none());
+    }
+
+    #[test]
+    fn what_arrives_damaged_or_for_another_robot_is_refused() {
+        let mut other = config();
+        other.channels[0].max_torque_nm = 2.0;
+        let bytes = library(&other);
+        let mut shelf = Shelf::new(RamStore::<1024>::new());
+        send(&mut shelf, begin(&bytes));
+        send(&mut shelf, Request::Block { offset: 0, bytes: &bytes });
+        assert_eq!(send(&mut shelf, Request::Finish).0, R::Rejected);
+        assert!(shelf.is_for_another_robot());
+
+        let bytes = library(&config());
+        send(&mut shelf, Request::Begin { len: bytes.len() as u32, crc32c: 7 });
+        send(&mut shelf, Request::Block { offset: 0, bytes: &bytes });
+        assert_eq!(send(&mut shelf, Request::Finish).0, R::BadCrc);
+        // Begins from the start, not where the damaged one ended.
+        assert_eq!(send(&mut shelf, begin(&bytes)), (R::Ok, 0));
+        assert!(shelf.library().is_none());
+    }
+
+    #[test]
+    fn nothing_is_written_while_that_is_not_allowed() {
+        let bytes = library(&config());
+        let mut shelf = Shelf::new(RamStore::<1024>::new());
+        for request in [
+            begin(&bytes),
+            Request::Block { offset: 0, bytes: &bytes },
+            Request::Finish,
+            Request::Activate { crc32c: 0 },
+        ] {
+            assert_eq!(shelf.handle(&request, false, &config()).result, R::WrongState);
+        }
+        assert_eq!(send(&mut shelf, Request::Finish).0, R::NotBegun);
+    }
+
+    #[test]
+    fn a_store_that_holds_a_library_is_used_after_power_on() {
+        let bytes = library(&config());
+        let mut store = RamStore::<1024>::new();
+        store.erase(bytes.len()).unwrap();
+        store.write(0, &bytes).unwrap();
+        let mut shelf = Shelf::new(store.clone());
+        shelf.load(&config());
+        assert!(shelf.library().is_some());
+
+        store.write(40, &[!bytes[40]]).unwrap();
+        let mut shelf = Shelf::new(store);
+        shelf.load(&config());
+        assert!(shelf.library().is_none() && shelf.reject().is_some());
+    }
+}
