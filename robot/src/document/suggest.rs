@@ -2,12 +2,12 @@
 
 /// The known name most like `given`, if one is near enough to be meant.
 pub fn closest<'a>(given: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let similarity = |name: &str| strsim::jaro_winkler(given, name);
+    let similarity = |name: &str| strsim::normalized_damerau_levenshtein(given, name);
     known
         .into_iter()
         .map(|name| (similarity(name), name))
-        // Below 0.8, names share little more than a letter or two.
-        .filter(|(score, _)| *score >= 0.8)
+        // One slip in three letters is still a slip; more is another word.
+        .filter(|(score, _)| *score >= 0.6)
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, name)| name)
 }
@@ -31,6 +31,7 @@ mod tests {
         let known = ["mass_kg", "radius_m", "friction_coefficient"];
         assert_eq!(closest("mas_kg", known), Some("mass_kg"));
         assert_eq!(closest("frictoin_coefficient", known), Some("friction_coefficient"));
+        assert_eq!(closest("amr", ["body", "arm"]), Some("arm"));
         assert_eq!(closest("colour", known), None);
         assert_eq!(alternatives("x", []), "known are: none");
     }

@@ -1,0 +1,56 @@
+//! What makes a robot valid: every rule, once, whatever the robot was read from.
+//!
+//! Robot files (spans known) and robots inside plan files (no spans) pass the same rules. A
+//! violation names its place and its field as robot files spell it; [`crate::file`] turns these
+//! into spans.
+
+mod check;
+
+pub(crate) use check::violations;
+
+use std::fmt;
+
+/// The item of a robot that a violation is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Place {
+    /// The robot as a whole.
+    Robot,
+    /// `links[i]`.
+    Link(usize),
+    /// `joints[i]`.
+    Joint(usize),
+    /// `end_effectors[i]`.
+    EndEffector(usize),
+}
+
+/// A rule that a robot breaks.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Violation {
+    /// The item.
+    pub place: Place,
+    /// The field, as robot files spell it.
+    pub field: &'static str,
+    /// What is wrong, naming the item.
+    pub message: String,
+    /// What would be right.
+    pub help: String,
+}
+
+/// A robot that breaks rules, without a file to point into.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub struct InvalidRobot {
+    /// Name of the robot.
+    pub name: String,
+    /// The broken rules; never empty.
+    pub violations: Vec<Violation>,
+}
+
+impl fmt::Display for InvalidRobot {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "robot `{}` is not valid", self.name)?;
+        for violation in &self.violations {
+            write!(f, "\n  {} ({})", violation.message, violation.help)?;
+        }
+        Ok(())
+    }
+}
