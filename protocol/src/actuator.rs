@@ -18,25 +18,25 @@ use crate::can::CanFrame;
 /// Largest address of an actuator.
 pub const MAX_ID: u8 = 0x7F;
 /// Positions are steps of 0.2 mrad: ±6.5534 rad, a little more than a turn.
-pub const POSITION_STEP_RAD: f32 = 2e-4;
+pub const POSITION_STEP_RAD: f32 = 1.0 / POSITION_STEPS;
 /// Largest position, rad.
 pub const MAX_POSITION_RAD: f32 = 6.5;
 /// Speeds in 16 bits are steps of 2 mrad/s: ±65.534 rad/s.
-pub const SPEED_STEP_RAD_S: f32 = 2e-3;
+pub const SPEED_STEP_RAD_S: f32 = 1.0 / SPEED_STEPS;
 /// Largest speed, rad/s.
 pub const MAX_SPEED_RAD_S: f32 = 65.0;
 /// Speed setpoints of wheels are 32-bit steps of 0.1 mrad/s.
-pub const WHEEL_SPEED_STEP_RAD_S: f32 = 1e-4;
+pub const WHEEL_SPEED_STEP_RAD_S: f32 = 1.0 / WHEEL_SPEED_STEPS;
 /// Torques are steps of 5 mN·m: ±163.8 N·m, or 0 to 327 N·m as a limit.
-pub const TORQUE_STEP_NM: f32 = 5e-3;
+pub const TORQUE_STEP_NM: f32 = 1.0 / TORQUE_STEPS;
 /// Largest torque, N·m.
 pub const MAX_TORQUE_NM: f32 = 160.0;
 /// Proportional gains are steps of 0.01 N·m/rad.
-pub const KP_STEP_NM_RAD: f32 = 0.01;
+pub const KP_STEP_NM_RAD: f32 = 1.0 / KP_STEPS;
 /// Largest proportional gain, N·m/rad.
 pub const MAX_KP_NM_RAD: f32 = 655.0;
 /// Damping gains are steps of 0.001 N·m·s/rad.
-pub const KD_STEP_NM_S_RAD: f32 = 1e-3;
+pub const KD_STEP_NM_S_RAD: f32 = 1.0 / KD_STEPS;
 /// Largest damping gain, N·m·s/rad.
 pub const MAX_KD_NM_S_RAD: f32 = 65.0;
 
@@ -45,37 +45,45 @@ const JOINT_SETPOINT: u16 = 0x100;
 const FEEDBACK: u16 = 0x180;
 const WHEEL_SETPOINT: u16 = 0x200;
 
-/// The nearest number of steps, or `None` when it is beyond ±`most` or no number.
-fn steps(value: f32, step: f32, most: i32) -> Option<i32> {
-    let exact = f64::from(value) / f64::from(step);
-    // Saturating casts; NaN becomes 0 and is refused by the comparison.
+// Steps of a unit. Whole numbers, so that `steps / STEPS` is the nearest f32 to the decimal value.
+pub(crate) const POSITION_STEPS: f32 = 5000.0;
+pub(crate) const SPEED_STEPS: f32 = 500.0;
+const WHEEL_SPEED_STEPS: f32 = 10_000.0;
+pub(crate) const TORQUE_STEPS: f32 = 200.0;
+const KP_STEPS: f32 = 100.0;
+const KD_STEPS: f32 = 1000.0;
+
+/// The nearest number of steps; `None` when it is beyond ±`most`, or no number.
+fn steps(value: f32, per_unit: f32, most: i32) -> Option<i32> {
+    let exact = value * per_unit;
+    // Saturating casts. A NaN becomes 0 and fails the comparison.
     let nearest = if exact < 0.0 { exact - 0.5 } else { exact + 0.5 } as i32;
-    (exact.abs() < f64::from(most) + 0.5 && nearest.abs() <= most).then_some(nearest)
+    (exact.abs() < most as f32 + 0.5 && nearest >= -most && nearest <= most).then_some(nearest)
 }
 
-fn i16_steps(value: f32, step: f32) -> Option<i16> {
-    steps(value, step, i32::from(i16::MAX)).map(|s| s as i16)
+fn i16_steps(value: f32, per_unit: f32) -> Option<i16> {
+    steps(value, per_unit, i32::from(i16::MAX)).map(|s| s as i16)
 }
 
-fn u16_steps(value: f32, step: f32) -> Option<u16> {
-    steps(value, step, i32::from(u16::MAX)).and_then(|s| u16::try_from(s).ok())
+fn u16_steps(value: f32, per_unit: f32) -> Option<u16> {
+    steps(value, per_unit, i32::from(u16::MAX)).and_then(|s| u16::try_from(s).ok())
 }
 
 /// Saturates instead: what an actuator measured has to be told in any case. NaN becomes 0.
-pub(crate) fn measured(value: f32, step: f32) -> i16 {
-    let most = f32::from(i16::MAX) * step;
-    let bounded = if value.is_nan() { 0.0 } else { value.clamp(-most, most) };
-    i16_steps(bounded, step).unwrap_or(if bounded > 0.0 { i16::MAX } else { -i16::MAX })
+pub(crate) fn measured(value: f32, per_unit: f32) -> i16 {
+    let most = f32::from(i16::MAX);
+    let exact = (value * per_unit).clamp(-most, most);
+    if exact < 0.0 { (exact - 0.5) as i16 } else { (exact + 0.5) as i16 }.max(-i16::MAX)
 }
 
 /// −32768 is not a value.
-pub(crate) fn signed(low: u8, high: u8, step: f32) -> Option<f32> {
+pub(crate) fn signed(low: u8, high: u8, per_unit: f32) -> Option<f32> {
     let raw = i16::from_le_bytes([low, high]);
-    (raw != i16::MIN).then(|| (f64::from(raw) * f64::from(step)) as f32)
+    (raw != i16::MIN).then(|| f32::from(raw) / per_unit)
 }
 
-fn unsigned(low: u8, high: u8, step: f32) -> f32 {
-    (f64::from(u16::from_le_bytes([low, high])) * f64::from(step)) as f32
+fn unsigned(low: u8, high: u8, per_unit: f32) -> f32 {
+    f32::from(u16::from_le_bytes([low, high])) / per_unit
 }
 
 fn address(base: u16, id: u8) -> Option<u16> {
@@ -107,10 +115,10 @@ impl JointSetpoint {
     /// `[position i16 0.2 mrad][velocity i16 2 mrad/s][kp u16 0.01 N·m/rad][kd u16 0.001 N·m·s/rad]`.
     /// `None` when a value is no number or beyond its scale, or `id` above [`MAX_ID`].
     pub fn encode(&self, id: u8) -> Option<CanFrame> {
-        let [p0, p1] = i16_steps(self.position_rad, POSITION_STEP_RAD)?.to_le_bytes();
-        let [v0, v1] = i16_steps(self.velocity_rad_s, SPEED_STEP_RAD_S)?.to_le_bytes();
-        let [kp0, kp1] = u16_steps(self.kp_nm_rad, KP_STEP_NM_RAD)?.to_le_bytes();
-        let [kd0, kd1] = u16_steps(self.kd_nm_s_rad, KD_STEP_NM_S_RAD)?.to_le_bytes();
+        let [p0, p1] = i16_steps(self.position_rad, POSITION_STEPS)?.to_le_bytes();
+        let [v0, v1] = i16_steps(self.velocity_rad_s, SPEED_STEPS)?.to_le_bytes();
+        let [kp0, kp1] = u16_steps(self.kp_nm_rad, KP_STEPS)?.to_le_bytes();
+        let [kd0, kd1] = u16_steps(self.kd_nm_s_rad, KD_STEPS)?.to_le_bytes();
         let id = address(JOINT_SETPOINT, id)?;
         Some(CanFrame::known(id, [p0, p1, v0, v1, kp0, kp1, kd0, kd1]))
     }
@@ -119,10 +127,10 @@ impl JointSetpoint {
     pub fn decode(frame: &CanFrame) -> Option<(u8, Self)> {
         let (id, [p0, p1, v0, v1, kp0, kp1, kd0, kd1]) = split(frame, JOINT_SETPOINT)?;
         let setpoint = Self {
-            position_rad: signed(p0, p1, POSITION_STEP_RAD)?,
-            velocity_rad_s: signed(v0, v1, SPEED_STEP_RAD_S)?,
-            kp_nm_rad: unsigned(kp0, kp1, KP_STEP_NM_RAD),
-            kd_nm_s_rad: unsigned(kd0, kd1, KD_STEP_NM_S_RAD),
+            position_rad: signed(p0, p1, POSITION_STEPS)?,
+            velocity_rad_s: signed(v0, v1, SPEED_STEPS)?,
+            kp_nm_rad: unsigned(kp0, kp1, KP_STEPS),
+            kd_nm_s_rad: unsigned(kd0, kd1, KD_STEPS),
         };
         Some((id, setpoint))
     }
@@ -143,10 +151,9 @@ impl WheelSetpoint {
     /// `[speed i32 0.1 mrad/s][kd u16 0.001 N·m·s/rad][torque limit u16 5 mN·m]`.
     /// `None` when a value is no number or beyond its scale, or `id` above [`MAX_ID`].
     pub fn encode(&self, id: u8) -> Option<CanFrame> {
-        let [s0, s1, s2, s3] =
-            steps(self.speed_rad_s, WHEEL_SPEED_STEP_RAD_S, i32::MAX)?.to_le_bytes();
-        let [kd0, kd1] = u16_steps(self.kd_nm_s_rad, KD_STEP_NM_S_RAD)?.to_le_bytes();
-        let [t0, t1] = u16_steps(self.torque_limit_nm, TORQUE_STEP_NM)?.to_le_bytes();
+        let [s0, s1, s2, s3] = steps(self.speed_rad_s, WHEEL_SPEED_STEPS, i32::MAX)?.to_le_bytes();
+        let [kd0, kd1] = u16_steps(self.kd_nm_s_rad, KD_STEPS)?.to_le_bytes();
+        let [t0, t1] = u16_steps(self.torque_limit_nm, TORQUE_STEPS)?.to_le_bytes();
         let id = address(WHEEL_SETPOINT, id)?;
         Some(CanFrame::known(id, [s0, s1, s2, s3, kd0, kd1, t0, t1]))
     }
@@ -159,9 +166,9 @@ impl WheelSetpoint {
             return None;
         }
         let setpoint = Self {
-            speed_rad_s: (f64::from(raw) * f64::from(WHEEL_SPEED_STEP_RAD_S)) as f32,
-            kd_nm_s_rad: unsigned(kd0, kd1, KD_STEP_NM_S_RAD),
-            torque_limit_nm: unsigned(t0, t1, TORQUE_STEP_NM),
+            speed_rad_s: raw as f32 / WHEEL_SPEED_STEPS,
+            kd_nm_s_rad: unsigned(kd0, kd1, KD_STEPS),
+            torque_limit_nm: unsigned(t0, t1, TORQUE_STEPS),
         };
         Some((id, setpoint))
     }
@@ -255,9 +262,9 @@ impl Feedback {
     /// `[position i16 0.2 mrad][velocity i16 2 mrad/s][torque i16 5 mN·m][status u8][counter u8]`.
     /// Measurements beyond their scale saturate. `None` when `id` is above [`MAX_ID`].
     pub fn encode(&self, id: u8) -> Option<CanFrame> {
-        let [p0, p1] = measured(self.position_rad, POSITION_STEP_RAD).to_le_bytes();
-        let [v0, v1] = measured(self.velocity_rad_s, SPEED_STEP_RAD_S).to_le_bytes();
-        let [t0, t1] = measured(self.torque_nm, TORQUE_STEP_NM).to_le_bytes();
+        let [p0, p1] = measured(self.position_rad, POSITION_STEPS).to_le_bytes();
+        let [v0, v1] = measured(self.velocity_rad_s, SPEED_STEPS).to_le_bytes();
+        let [t0, t1] = measured(self.torque_nm, TORQUE_STEPS).to_le_bytes();
         let data = [p0, p1, v0, v1, t0, t1, self.status.0, self.counter];
         Some(CanFrame::known(address(FEEDBACK, id)?, data))
     }
@@ -266,9 +273,9 @@ impl Feedback {
     pub fn decode(frame: &CanFrame) -> Option<(u8, Self)> {
         let (id, [p0, p1, v0, v1, t0, t1, status, counter]) = split(frame, FEEDBACK)?;
         let feedback = Self {
-            position_rad: signed(p0, p1, POSITION_STEP_RAD)?,
-            velocity_rad_s: signed(v0, v1, SPEED_STEP_RAD_S)?,
-            torque_nm: signed(t0, t1, TORQUE_STEP_NM)?,
+            position_rad: signed(p0, p1, POSITION_STEPS)?,
+            velocity_rad_s: signed(v0, v1, SPEED_STEPS)?,
+            torque_nm: signed(t0, t1, TORQUE_STEPS)?,
             status: ActuatorStatus(status),
             counter,
         };

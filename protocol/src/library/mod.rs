@@ -41,7 +41,9 @@ mod validate;
 mod view;
 
 pub use cursor::{Advance, ClipCursor, Unreadable};
-pub use encode::{ClipRef, EncodeError, LibrarySpec, MotionSpec, TransitionSpec, encode};
+pub use encode::{
+    ClipRef, EncodeError, JOIN_TOLERANCE_RAD, LibrarySpec, MotionSpec, TransitionSpec, encode,
+};
 pub use reject::{Reject, Section, Why};
 pub use validate::validate;
 pub use view::{ClipInfo, ClipKind, Edge, Index, Library};

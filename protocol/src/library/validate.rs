@@ -173,7 +173,7 @@ impl Walk<'_> {
             if frames < min || frames > MAX_CLIP_FRAMES {
                 return Err(fail(Why::ClipLength { clip, frames, min }));
             }
-            let end = self.frames(clip, frames, info.looping, transition, offset)?;
+            let end = self.frames(clip, info.looping, transition, offset)?;
             if offset.checked_add(record.len) != Some(end) {
                 return Err(broken);
             }
@@ -192,7 +192,6 @@ impl Walk<'_> {
     fn frames(
         &self,
         clip: ClipId,
-        frames: u16,
         looping: bool,
         transition: bool,
         offset: u32,
@@ -235,7 +234,6 @@ impl Walk<'_> {
                 _ => return Err(bad_block(at, frame)),
             }
         }
-        debug_assert_eq!(frame + 1, frames);
         if looping && let Some((channel, step)) = self.too_fast(&cursor, &first) {
             let max_step = self.value(channel, self.max_step(channel));
             let (step, channel) = (self.value(channel, step), channel as u8);

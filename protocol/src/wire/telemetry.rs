@@ -2,7 +2,7 @@
 
 use super::{DecodeError, Kind, Node};
 use crate::actuator::{
-    ActuatorStatus, POSITION_STEP_RAD, SPEED_STEP_RAD_S, TORQUE_STEP_NM, measured, signed,
+    ActuatorStatus, POSITION_STEPS, SPEED_STEPS, TORQUE_STEPS, measured, signed,
 };
 use crate::can::CanFrame;
 
@@ -27,9 +27,9 @@ impl JointTelemetry {
     /// `[channel u8][position i16 0.2 mrad][velocity i16 2 mrad/s][torque i16 5 mN·m][status u8]`.
     /// Values beyond their scale saturate.
     pub fn encode(self, from: Node) -> CanFrame {
-        let [p0, p1] = measured(self.position_rad, POSITION_STEP_RAD).to_le_bytes();
-        let [v0, v1] = measured(self.velocity_rad_s, SPEED_STEP_RAD_S).to_le_bytes();
-        let [t0, t1] = measured(self.torque_nm, TORQUE_STEP_NM).to_le_bytes();
+        let [p0, p1] = measured(self.position_rad, POSITION_STEPS).to_le_bytes();
+        let [v0, v1] = measured(self.velocity_rad_s, SPEED_STEPS).to_le_bytes();
+        let [t0, t1] = measured(self.torque_nm, TORQUE_STEPS).to_le_bytes();
         CanFrame::known(JOINT.id(from), [self.channel, p0, p1, v0, v1, t0, t1, self.status.0])
     }
 
@@ -39,9 +39,9 @@ impl JointTelemetry {
         let bad = DecodeError::BadValue;
         let telemetry = Self {
             channel,
-            position_rad: signed(p0, p1, POSITION_STEP_RAD).ok_or(bad)?,
-            velocity_rad_s: signed(v0, v1, SPEED_STEP_RAD_S).ok_or(bad)?,
-            torque_nm: signed(t0, t1, TORQUE_STEP_NM).ok_or(bad)?,
+            position_rad: signed(p0, p1, POSITION_STEPS).ok_or(bad)?,
+            velocity_rad_s: signed(v0, v1, SPEED_STEPS).ok_or(bad)?,
+            torque_nm: signed(t0, t1, TORQUE_STEPS).ok_or(bad)?,
             status: ActuatorStatus(status),
         };
         Ok((node, telemetry))

@@ -1,4 +1,16 @@
 //! Tests of the crate's boundaries, from outside.
 
+mod actuator_golden;
+mod config;
 mod fixture;
+mod isotp;
+mod library_encode;
+mod library_golden;
+mod library_hostile;
+mod library_reject;
 mod library_round_trip;
+mod library_size;
+mod reseal;
+mod transport_golden;
+mod wire_golden;
+mod wire_properties;

@@ -1,0 +1,133 @@
+//! The bytes of the Rollwalk servo profile. Do not change: servos and gateways speak it.
+
+use proptest::prelude::*;
+use rollwalk_protocol::actuator::*;
+use rollwalk_protocol::can::CanFrame;
+
+fn text(frame: Option<CanFrame>) -> String {
+    let frame = frame.expect("in range");
+    let data: String = frame.data().iter().map(|b| format!("{b:02x}")).collect();
+    format!("{:03x}#{data}", frame.id())
+}
+
+#[test]
+fn golden_bytes() {
+    assert_eq!(text(Control::Disable.encode(0)), "080#00");
+    assert_eq!(text(Control::Enable.encode(0x7F)), "0ff#01");
+    assert_eq!(text(Control::Query.encode(5)), "085#02");
+    let joint = JointSetpoint {
+        position_rad: -1.0,
+        velocity_rad_s: 2.0,
+        kp_nm_rad: 20.0,
+        kd_nm_s_rad: 0.5,
+    };
+    assert_eq!(text(joint.encode(5)), "105#78ece803d007f401");
+    assert_eq!(text(JointSetpoint::default().encode(5)), "105#0000000000000000");
+    let wheel = WheelSetpoint { speed_rad_s: -7.5, kd_nm_s_rad: 0.2, torque_limit_nm: 1.0 };
+    assert_eq!(text(wheel.encode(6)), "206#08dbfeffc800c800");
+    assert_eq!(text(WheelSetpoint::default().encode(6)), "206#0000000000000000");
+    let feedback = Feedback {
+        position_rad: 6.5,
+        velocity_rad_s: -0.002,
+        torque_nm: -3.0,
+        status: ActuatorStatus(ActuatorStatus::ENABLED | ActuatorStatus::TIMED_OUT),
+        counter: 0xFE,
+    };
+    assert_eq!(text(feedback.encode(7)), "187#f47effffa8fd09fe");
+    assert!(feedback.status.enabled() && feedback.status.faulty());
+}
+
+#[test]
+fn what_does_not_fit_is_not_sent() {
+    let good = JointSetpoint { position_rad: 6.5534, ..Default::default() };
+    assert!(good.encode(0).is_some());
+    assert!(good.encode(128).is_none());
+    let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, 1e9, -1e9];
+    for value in bad.into_iter().chain([6.554]) {
+        assert_eq!(JointSetpoint { position_rad: value, ..good }.encode(0), None, "{value}");
+    }
+    for value in bad.into_iter().chain([65.6]) {
+        assert_eq!(JointSetpoint { velocity_rad_s: value, ..good }.encode(0), None, "{value}");
+    }
+    for value in bad.into_iter().chain([655.4, -0.01]) {
+        assert_eq!(JointSetpoint { kp_nm_rad: value, ..good }.encode(0), None, "{value}");
+        assert_eq!(JointSetpoint { kd_nm_s_rad: value, ..good }.encode(0), None, "{value}");
+        let wheel = WheelSetpoint { torque_limit_nm: value, ..Default::default() };
+        assert_eq!(wheel.encode(0).is_none(), value != 655.4 || value / TORQUE_STEP_NM > 65535.5);
+    }
+    for value in bad {
+        let wheel = WheelSetpoint { speed_rad_s: value, ..Default::default() };
+        assert_eq!(wheel.encode(0), None, "{value}");
+    }
+}
+
+#[test]
+fn measurements_saturate() {
+    let wild = Feedback {
+        position_rad: 1e9,
+        velocity_rad_s: -1e9,
+        torque_nm: f32::NAN,
+        ..Default::default()
+    };
+    assert_eq!(text(wild.encode(1)), "181#ff7f018000000000");
+    let (_, seen) = Feedback::decode(&wild.encode(1).unwrap()).unwrap();
+    assert_eq!((seen.position_rad, seen.velocity_rad_s, seen.torque_nm), (6.5534, -65.534, 0.0));
+}
+
+#[test]
+fn the_value_that_is_none_is_refused() {
+    let frame = |id, data: &[u8]| CanFrame::new(id, data).unwrap();
+    assert_eq!(JointSetpoint::decode(&frame(0x101, &[0, 0x80, 0, 0, 0, 0, 0, 0])), None);
+    assert_eq!(JointSetpoint::decode(&frame(0x101, &[0, 0, 0, 0x80, 0, 0, 0, 0])), None);
+    assert_eq!(WheelSetpoint::decode(&frame(0x201, &[0, 0, 0, 0x80, 0, 0, 0, 0])), None);
+    assert_eq!(Feedback::decode(&frame(0x181, &[0, 0, 0, 0, 0, 0x80, 0, 0])), None);
+    assert_eq!(Control::decode(&frame(0x081, &[3])), None);
+    assert_eq!(Control::decode(&frame(0x081, &[])), None);
+    assert_eq!(Control::decode(&frame(0x181, &[0])), None);
+}
+
+proptest! {
+    #[test]
+    fn setpoints_return_within_half_a_step(
+        position_rad in -6.5f32..6.5,
+        velocity_rad_s in -65f32..65.0,
+        kp_nm_rad in 0f32..655.0,
+        kd_nm_s_rad in 0f32..65.0,
+        torque_limit_nm in 0f32..160.0,
+        id in 0u8..=127,
+    ) {
+        // Half a step and the rounding of f32.
+        let close = |a: f32, b: f32, step: f32| (a - b).abs() <= 0.5 * step + 1e-6 * b.abs();
+        let sent = JointSetpoint { position_rad, velocity_rad_s, kp_nm_rad, kd_nm_s_rad };
+        let (to, got) = JointSetpoint::decode(&sent.encode(id).unwrap()).unwrap();
+        prop_assert_eq!(to, id);
+        prop_assert!(close(got.position_rad, position_rad, POSITION_STEP_RAD));
+        prop_assert!(close(got.velocity_rad_s, velocity_rad_s, SPEED_STEP_RAD_S));
+        prop_assert!(close(got.kp_nm_rad, kp_nm_rad, KP_STEP_NM_RAD));
+        prop_assert!(close(got.kd_nm_s_rad, kd_nm_s_rad, KD_STEP_NM_S_RAD));
+        let sent = WheelSetpoint { speed_rad_s: velocity_rad_s, kd_nm_s_rad, torque_limit_nm };
+        let (to, got) = WheelSetpoint::decode(&sent.encode(id).unwrap()).unwrap();
+        prop_assert_eq!(to, id);
+        prop_assert!(close(got.speed_rad_s, velocity_rad_s, WHEEL_SPEED_STEP_RAD_S));
+        prop_assert!(close(got.torque_limit_nm, torque_limit_nm, TORQUE_STEP_NM));
+    }
+
+    /// What decodes encodes to the same bytes again: one meaning, one encoding.
+    #[test]
+    fn arbitrary_frames(id in 0u16..0x300, data in proptest::collection::vec(any::<u8>(), 0..=8)) {
+        let frame = CanFrame::new(id, &data).unwrap();
+        if let Some((to, m)) = JointSetpoint::decode(&frame) {
+            prop_assert_eq!(m.encode(to), Some(frame));
+        }
+        if let Some((to, m)) = WheelSetpoint::decode(&frame) {
+            // A speed beyond 2^24 steps is not exact in f32.
+            prop_assert!(m.speed_rad_s.abs() > 1000.0 || m.encode(to) == Some(frame));
+        }
+        if let Some((to, m)) = Feedback::decode(&frame) {
+            prop_assert_eq!(m.encode(to), Some(frame));
+        }
+        if let Some((to, m)) = Control::decode(&frame) {
+            prop_assert_eq!(m.encode(to), Some(frame));
+        }
+    }
+}

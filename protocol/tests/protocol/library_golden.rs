@@ -1,0 +1,87 @@
+//! The bytes of a library of format 1.0. Do not change: libraries like this one are stored in
+//! robots. If a test here fails, the code is wrong, or the format needs a new version.
+
+use crate::fixture::{encode_vec, robot};
+use rollwalk_protocol::library::{
+    ClipCursor, ClipId, Library, LibrarySpec, MotionSpec, NodeId, TransitionSpec, validate,
+};
+
+/// Do not change.
+const GOLDEN: &str = "\
+524f4c4c57414c4b010000005d0100000000000051ae8c3601000a000a000000
+666e21713c0002020200020008001000000000f600fa0006670001f600e00020
+010403000b002c00000001010000000000120000000040001200000045000000
+00020057000000130000000002006a00000013000000040001007d0000000001
+000008005cc87e366400000000000000013c000023005f3a9225640000020300
+0000034892c44e92c4034e92c44e92c4034e92c44e92c4034e92c44e0001043c
+000e000b778fb06a000002ffff0000a10008c0ff010202000009007dfa0dcd64
+00000000000002000302000009009237c68d640000000000000000050006000c
+00000000010000000001003f0000000600010004000000000001010700020004
+00000003010700080002000400000064000000090001000a000000057374616e
+64036e6f6452574c2d454e442e5d010000d1d1c4a300000000038755bf
+";
+
+fn golden() -> Vec<u8> {
+    let digits: Vec<u8> = GOLDEN.bytes().filter(u8::is_ascii_hexdigit).collect();
+    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
+    digits.chunks(2).map(byte).collect()
+}
+
+/// A joint that nods in steps of a few quanta while a wheel turns, and stops: 64 frames, two blocks.
+fn nod() -> Vec<f32> {
+    let mut quanta = 100;
+    let frame = |k: usize| {
+        let frame = [quanta as f32 / 1024.0, if k == 63 { 0.0 } else { 0.5 }];
+        quanta += [3, 2, 1, 0, -1, -2, -3, 0][k % 8];
+        frame
+    };
+    (0..64).flat_map(frame).collect()
+}
+
+fn spec_bytes() -> Vec<u8> {
+    let config = robot(1, 1);
+    let stand = [100.0 / 1024.0, 0.0];
+    let nod = nod();
+    let still = [stand, stand].concat();
+    let motions = [
+        MotionSpec { name: "stand", code: 7, looping: true, frames: &stand },
+        MotionSpec { name: "nod", code: 3, looping: false, frames: &nod },
+    ];
+    let to = [stand, [100.0 / 1024.0, 0.5]].concat();
+    let transitions = [
+        TransitionSpec { from: 0, exit_frame: 0, to: 1, entry_frame: 0, frames: &to },
+        TransitionSpec { from: 1, exit_frame: 63, to: 0, entry_frame: 0, frames: &still },
+    ];
+    encode_vec(&LibrarySpec {
+        config: &config,
+        motions: &motions,
+        transitions: &transitions,
+        safe: 0,
+    })
+}
+
+#[test]
+fn encodes_to_the_golden_bytes() {
+    let hex = |bytes: &[u8]| -> String {
+        let line = |line: &[u8]| line.iter().map(|b| format!("{b:02x}")).collect::<String>();
+        bytes.chunks(32).map(|l| line(l) + "\n").collect()
+    };
+    assert_eq!(hex(&spec_bytes()), hex(&golden()));
+}
+
+#[test]
+fn the_golden_bytes_still_play() {
+    let bytes = golden();
+    let config = robot(1, 1);
+    let index = validate(&bytes, &config).unwrap();
+    let library = Library::open(&bytes, &index).unwrap();
+    assert_eq!(library.name(NodeId(1)), Some("nod"));
+    assert_eq!(library.node_for_code(3), Some(NodeId(1)));
+    let mut cursor = ClipCursor::new(&library, ClipId(1), 0).unwrap();
+    for expected in nod().chunks(2) {
+        let mut frame = [0.0; 2];
+        cursor.frame_into(&library, &mut frame).unwrap();
+        assert_eq!(frame, expected, "multiples of a quantum return exactly");
+        cursor.advance(&library).unwrap();
+    }
+}

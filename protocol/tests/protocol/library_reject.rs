@@ -1,0 +1,326 @@
+//! Every reason to refuse a library, with the sentence that says so.
+
+use crate::fixture::{Fixture, robot};
+use crate::reseal::{HEADER, reseal, section};
+use rollwalk_protocol::library::{Library, Reject, Section, Why, validate};
+
+fn good() -> (Fixture, Vec<u8>) {
+    let fixture = Fixture::new();
+    let bytes = fixture.encode();
+    (fixture, bytes)
+}
+
+/// The refusal of the fixture's library after a change and with good checksums.
+fn refusal(change: impl FnOnce(&mut Vec<u8>)) -> Reject {
+    let (fixture, mut bytes) = good();
+    change(&mut bytes);
+    reseal(&mut bytes);
+    validate(&bytes, &fixture.config).expect_err("a change that must be refused")
+}
+
+/// The refusal after byte `at` of a section's payload became `value`.
+fn patched(tag: usize, at: usize, value: u8) -> Reject {
+    refusal(|bytes| {
+        let start = section(bytes, tag).start;
+        assert_ne!(bytes[start + at], value, "no change");
+        bytes[start + at] = value;
+    })
+}
+
+#[track_caller]
+fn expect(reject: Reject, section: Section, sentence: &str) {
+    assert_eq!(reject.section, section, "{reject}");
+    let text = reject.to_string();
+    assert!(text.contains(sentence), "{text:?} does not say {sentence:?}");
+}
+
+#[test]
+fn resealing_alone_changes_nothing() {
+    let (_, bytes) = good();
+    let mut copy = bytes.clone();
+    reseal(&mut copy);
+    assert_eq!(bytes, copy);
+}
+
+#[test]
+fn corrupted() {
+    let (fixture, bytes) = good();
+    for at in 0..bytes.len() {
+        for bit in 0..8 {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 1 << bit;
+            let reject = validate(&damaged, &fixture.config).unwrap_err();
+            let expected = at < 8 || matches!(reject.why, Why::Corrupted { .. });
+            assert!(expected, "byte {at} bit {bit}: {reject}");
+        }
+    }
+    let mut damaged = bytes.clone();
+    damaged[100] ^= 1;
+    let reject = validate(&damaged, &fixture.config).unwrap_err();
+    expect(reject, Section::Footer, "corrupted: CRC-32C is 0x");
+}
+
+#[test]
+fn truncated() {
+    let (fixture, bytes) = good();
+    for len in 0..bytes.len() {
+        let reject = validate(&bytes[..len], &fixture.config).unwrap_err();
+        expect(reject, Section::Header, "truncated: ");
+    }
+    let mut longer = bytes.clone();
+    longer.push(0);
+    expect(validate(&longer, &fixture.config).unwrap_err(), Section::Header, "follows the library");
+}
+
+#[test]
+fn not_a_library() {
+    let (fixture, _) = good();
+    let reject = validate(&[0x7F; 200], &fixture.config).unwrap_err();
+    expect(reject, Section::Header, "not a motion library");
+}
+
+#[test]
+fn future_major_version() {
+    let reject = refusal(|bytes| bytes[8] = 2);
+    assert_eq!(reject.why, Why::OtherMajor { found: 2 });
+    expect(reject, Section::Header, "format version 2, but this reader knows version 1");
+}
+
+#[test]
+fn future_minor_version_is_read() {
+    let (fixture, mut bytes) = good();
+    let old = validate(&bytes, &fixture.config).unwrap();
+    // A clip table whose records have two more bytes, and a section that we do not know.
+    let clips = section(&bytes, 3);
+    let wider: Vec<u8> =
+        bytes[clips.clone()].chunks(11).flat_map(|r| [r, &[0xEE, 0xEE]].concat()).collect();
+    let header = clips.start - 8;
+    bytes[header + 2] = 13;
+    bytes[header + 4..header + 8].copy_from_slice(&(wider.len() as u32).to_le_bytes());
+    bytes.splice(clips, wider);
+    let end = bytes.len() - 24;
+    bytes.splice(end..end, [10, 0, 1, 0, 3, 0, 0, 0, 1, 2, 3]);
+    reseal(&mut bytes);
+    let reject = validate(&bytes, &fixture.config).unwrap_err();
+    expect(reject, Section::Table, "section 10 is out of order, repeated, unknown");
+    bytes[10] = 1;
+    reseal(&mut bytes);
+    let new = validate(&bytes, &fixture.config).unwrap();
+    let before = good().1;
+    let (before, after) =
+        (Library::open(&before, &old).unwrap(), Library::open(&bytes, &new).unwrap());
+    for node in before.nodes() {
+        assert_eq!(before.clip(node.clip()), after.clip(node.clip()));
+    }
+}
+
+#[test]
+fn wrong_robot() {
+    let (fixture, bytes) = good();
+    let mut other = fixture.config.clone();
+    other.channels[0].kp_nm_rad += 1.0;
+    let reject = validate(&bytes, &other).unwrap_err();
+    expect(reject, Section::Manifest, "built for another robot");
+    assert_eq!(reject.why, Why::WrongRobot { library: fixture.config.hash(), robot: other.hash() });
+}
+
+#[test]
+fn unusable_configuration() {
+    let (_, bytes) = good();
+    let reject = validate(&bytes, &robot(0, 0)).unwrap_err();
+    expect(reject, Section::Manifest, "configuration is unusable");
+}
+
+#[test]
+fn broken_section_table() {
+    expect(refusal(|b| b[HEADER] = 2), Section::Table, "section 2 is out of order, repeated");
+    expect(refusal(|b| b[HEADER + 2] = 0), Section::Table, "section 1 is out of order");
+    expect(refusal(|b| b[HEADER + 7] = 0xFF), Section::Table, "reaches beyond the end");
+    let missing = refusal(|bytes| {
+        let names = section(bytes, 9);
+        bytes.drain(names.start - 8..names.end);
+    });
+    expect(missing, Section::Table, "section 9 is missing");
+}
+
+#[test]
+fn broken_manifest() {
+    expect(patched(1, 4, 50), Section::Manifest, "frame rate is 50 Hz, must be 60 Hz");
+    expect(patched(1, 6, 4), Section::Manifest, "channels: 4, must be 3 to 3");
+    expect(patched(1, 7, 33), Section::Manifest, "motions: 33, must be 1 to 32");
+    expect(patched(1, 7, 0), Section::Manifest, "motions: 0, must be 1 to 32");
+    expect(patched(1, 8, 97), Section::Manifest, "transitions: 97, must be 0 to 96");
+    expect(patched(1, 9, 3), Section::Manifest, "safe motion is number 3, there are 3 motions");
+    expect(patched(1, 7, 4), Section::Clips, "7 records, the manifest asks for 8");
+}
+
+#[test]
+fn channels_that_differ_from_the_robot() {
+    for at in 0..8 {
+        let sentence = "channel 1: kind, quantum or limits differ";
+        expect(patched(2, 8 + at, 0x5A), Section::Channels, sentence);
+    }
+}
+
+#[test]
+fn broken_clip_table() {
+    expect(patched(3, 0, 3), Section::Clips, "clip 0: broken clip record");
+    expect(patched(3, 3 * 11, 1), Section::Clips, "clip 3: broken clip record");
+    expect(patched(3, 11 + 3, 9), Section::Clips, "clip 1: broken clip record");
+    expect(patched(3, 11 + 7, 9), Section::Clips, "clip 1: broken clip record");
+    expect(patched(3, 1, 0), Section::Clips, "clip 0: 0 frames, must be 1 to 3600");
+    expect(patched(3, 11 + 2, 0x0F), Section::Clips, "clip 1: 3930 frames, must be 1 to 3600");
+    expect(patched(3, 3 * 11 + 1, 1), Section::Clips, "clip 3: 1 frames, must be 2 to 3600");
+    expect(patched(3, 11 + 1, 91), Section::Frames, "clip 1: frame 60 cannot be decoded");
+}
+
+/// Start of the block of a clip's frame 0.
+fn block(bytes: &[u8], clip: usize) -> usize {
+    let record = section(bytes, 3).start + clip * 11;
+    let offset = u32::from_le_bytes(bytes[record + 3..record + 7].try_into().unwrap());
+    section(bytes, 4).start + offset as usize
+}
+
+#[test]
+fn broken_blocks() {
+    for at in [0, 1, 2] {
+        let reject = refusal(|bytes| {
+            let start = block(bytes, 1);
+            bytes[start + at] ^= 1;
+        });
+        expect(reject, Section::Frames, "clip 1: frame 0 cannot be decoded, its block is broken");
+    }
+    // A block without good checksum under a good checksum of the file.
+    let (fixture, mut bytes) = good();
+    let start = block(&bytes, 1);
+    bytes[start + 6] ^= 1;
+    let body = bytes.len() - 24;
+    let crc = rollwalk_protocol::crc::crc32c(&bytes[..body]);
+    bytes[body + 12..body + 16].copy_from_slice(&crc.to_le_bytes());
+    let crc = rollwalk_protocol::crc::crc32c(&bytes[body..body + 20]);
+    bytes[body + 20..].copy_from_slice(&crc.to_le_bytes());
+    let reject = validate(&bytes, &fixture.config).unwrap_err();
+    expect(reject, Section::Frames, "clip 1: frame 0 cannot be decoded");
+}
+
+/// Moves a value of the keyframe of a clip's block, which moves the whole block.
+fn shifted(clip: usize, channel: usize, by: i16) -> Reject {
+    refusal(|bytes| {
+        let at = block(bytes, clip) + 10 + 2 * channel;
+        let value = i16::from_le_bytes(bytes[at..at + 2].try_into().unwrap()) + by;
+        bytes[at..at + 2].copy_from_slice(&value.to_le_bytes());
+    })
+}
+
+#[test]
+fn frames_out_of_limits() {
+    let reject = shifted(1, 0, 1100);
+    expect(reject, Section::Frames, "clip 1, frame 0, channel 0: 1.574");
+    expect(reject, Section::Frames, "is outside the limits -1.5 to 1.5");
+}
+
+#[test]
+fn frames_too_fast() {
+    // The first block of `trot` is moved, the second is not: a jump between frames 59 and 60.
+    let reject = shifted(1, 0, 200);
+    expect(reject, Section::Frames, "clip 1, frame 60, channel 0: changes at ");
+    expect(reject, Section::Frames, "limit is 6.0");
+}
+
+#[test]
+fn seam_jumps() {
+    // The second block of `trot` drifts away by 8 quanta a frame, which alone is not too fast.
+    let reject = refusal(|bytes| {
+        let first = block(bytes, 1);
+        let second = first + 10 + usize::from(bytes[first + 4]);
+        let at = second + 10 + 6;
+        let delta = i16::from_le_bytes(bytes[at..at + 2].try_into().unwrap()) + 8;
+        bytes[at..at + 2].copy_from_slice(&delta.to_le_bytes());
+    });
+    let Why::SeamJump { channel: 0, step, max_step, .. } = reject.why else { panic!("{reject}") };
+    assert!(step > max_step);
+    expect(reject, Section::Frames, "from its last frame to its first");
+}
+
+#[test]
+fn ends_with_a_turning_wheel() {
+    // `trot`, whose wheel turns, no longer loops.
+    let reject = patched(3, 11, 0);
+    expect(reject, Section::Frames, "clip 1 ends, but channel 2, a wheel, turns at");
+}
+
+#[test]
+fn edges_to_nowhere() {
+    let sentence = "transition 1: joins nodes or frames that do not exist";
+    expect(patched(5, 6, 3), Section::Edges, sentence);
+    expect(patched(5, 7, 3), Section::Edges, sentence);
+    expect(patched(5, 7, 1), Section::Edges, sentence);
+    expect(patched(5, 8, 90), Section::Edges, sentence);
+    expect(patched(5, 10, 1), Section::Edges, sentence);
+}
+
+#[test]
+fn edges_that_leave_before_the_end() {
+    let sentence = "leaves its source at frame 128, but a motion that ends is left at its last \
+                    frame, 129";
+    expect(patched(5, 20, 128), Section::Edges, sentence);
+}
+
+#[test]
+fn edges_whose_ends_do_not_meet() {
+    let reject = patched(5, 8, 71);
+    let sentence = "transition 1, channel 0: its first frame is 0.2";
+    expect(reject, Section::Edges, sentence);
+    let reject = patched(5, 4, 1);
+    expect(reject, Section::Edges, "transition 0, channel 0: its last frame is 0.5");
+}
+
+#[test]
+fn no_route_to_safe() {
+    let reject = patched(6, 2 * 3, 0xFF);
+    expect(reject, Section::Routes, "motion 2 has no route to the safe motion 0: add a transition");
+}
+
+#[test]
+fn wrong_routes() {
+    // From trot to drive there is one; the first step of another; an edge that does not exist.
+    for value in [0xFF, 0, 4] {
+        let sentence = "the route from motion 1 to motion 2 is wrong";
+        expect(patched(6, 3 + 2, value), Section::Routes, sentence);
+    }
+}
+
+#[test]
+fn broken_codes() {
+    expect(patched(7, 1, 3), Section::Codes, "command code 1 asks for motion 3, there are 3");
+    expect(patched(7, 2, 1), Section::Codes, "command code 1 is used twice");
+    expect(patched(7, 0, 11), Section::Codes, "command code 10 is used twice (or out of order)");
+    expect(patched(7, 3, 0), Section::Codes, "motion 0 has more than one command code");
+}
+
+#[test]
+fn unsafe_safe_motion() {
+    // trot as SAFE: everything reaches it, but it never rests.
+    let sentence = "does not come to rest in the safe pose";
+    expect(patched(1, 9, 1), Section::SafePose, sentence);
+    expect(patched(8, 2, 0x11), Section::SafePose, sentence);
+    expect(patched(8, 4, 1), Section::SafePose, "channel 2: the safe motion does not come to rest");
+}
+
+#[test]
+fn broken_names() {
+    expect(patched(9, 1, 0xFF), Section::Names, "the name of motion 0 is no text");
+    expect(patched(9, 0, 0), Section::Names, "the name of motion 0 is no text, empty");
+    expect(patched(9, 6, 100), Section::Names, "the name of motion 1 is no text");
+}
+
+#[test]
+fn codes_of_reasons_are_distinct() {
+    let rejects = [patched(9, 0, 0), patched(6, 6, 0xFF), patched(1, 4, 50), shifted(1, 0, 200)];
+    let mut codes: Vec<u8> = rejects.iter().map(|r| r.why.code()).collect();
+    assert_eq!(codes, [33, 26, 11, 20], "numbers on the wire: do not change");
+    codes.dedup();
+    assert_eq!(codes.len(), rejects.len());
+    let sections: Vec<u8> = rejects.iter().map(|r| r.section.code()).collect();
+    assert_eq!(sections, [9, 6, 1, 4], "numbers on the wire: do not change");
+}

@@ -1,0 +1,56 @@
+//! How many bytes a second of motion takes: a regression of the packing is caught from both sides.
+
+use crate::fixture::{encode_vec, frames, robot};
+use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::library::{
+    ClipId, Library, LibrarySpec, MotionSpec, TransitionSpec, validate,
+};
+use std::f32::consts::TAU;
+
+/// A gait of three harmonics, another phase for each channel, looping after 2 s.
+fn gait(config: &RobotConfig) -> Vec<f32> {
+    frames(120, |k| {
+        let phase = |i: usize, harmonic: f32| {
+            (TAU * harmonic * k as f32 / 120.0 + 0.7 * i as f32 * harmonic).sin()
+        };
+        let joint = |i| 0.35 * phase(i, 1.0) + 0.12 * phase(i, 2.0) + 0.04 * phase(i, 3.0);
+        let wheel = |i| 4.0 + 1.5 * phase(i, 1.0) + 0.5 * phase(i, 2.0);
+        let channels = config.channels.iter().enumerate();
+        channels.map(|(i, c)| if c.kp_nm_rad > 0.0 { joint(i) } else { wheel(i) }).collect()
+    })
+}
+
+fn bytes_per_second(joints: u8, wheels: u8) -> f32 {
+    let config = robot(joints, wheels);
+    let gait = gait(&config);
+    let stand = vec![0.0; config.channels.len()];
+    let frame = |k: usize| &gait[k * stand.len()..(k + 1) * stand.len()];
+    let into = crate::fixture::blend(60, &stand, frame(0));
+    let out = crate::fixture::blend(60, frame(0), &stand);
+    let edge =
+        |from, to, frames| TransitionSpec { from, exit_frame: 0, to, entry_frame: 0, frames };
+    let motions = [
+        MotionSpec { name: "stand", code: 0, looping: true, frames: &stand },
+        MotionSpec { name: "gait", code: 1, looping: true, frames: &gait },
+    ];
+    let transitions = [edge(0, 1, &into[..]), edge(1, 0, &out[..])];
+    let bytes = encode_vec(&LibrarySpec {
+        config: &config,
+        motions: &motions,
+        transitions: &transitions,
+        safe: 0,
+    });
+    let index = validate(&bytes, &config).unwrap();
+    let library = Library::open(&bytes, &index).unwrap();
+    library.clip(ClipId(1)).unwrap().bytes as f32 / 2.0
+}
+
+#[test]
+fn a_second_of_gait() {
+    // Measured when the format was fixed: see docs/motion-library.md. Raw f32: 240 a channel.
+    for (joints, wheels, measured) in [(16, 0, 418.5), (16, 4, 565.5), (12, 4, 462.0)] {
+        let rate = bytes_per_second(joints, wheels);
+        let near = measured * 0.97..measured * 1.03;
+        assert!(near.contains(&rate), "{joints} joints, {wheels} wheels: {rate} bytes a second");
+    }
+}

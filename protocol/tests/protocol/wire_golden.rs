@@ -1,0 +1,166 @@
+//! The bytes of every message of the link, protocol version 1. Do not change: the other side may
+//! be a robot that nobody updates. If a test here fails, the code is wrong, or the protocol needs a
+//! new version.
+
+use rollwalk_protocol::actuator::ActuatorStatus;
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::*;
+
+/// Identifier and payload as hexadecimal digits.
+fn text(frame: CanFrame) -> String {
+    let data: String = frame.data().iter().map(|b| format!("{b:02x}")).collect();
+    format!("{:03x}#{data}", frame.id())
+}
+
+fn node() -> Node {
+    Node::new(3).unwrap()
+}
+
+#[test]
+fn schema_is_pinned() {
+    assert_eq!(SCHEMA_HASH, 0xe25f_c7db);
+}
+
+#[test]
+fn estop() {
+    let frame = Estop.encode(Node::BROADCAST);
+    assert_eq!(text(frame), "0f0#");
+    assert_eq!(Estop::decode(&frame), Ok((Node::BROADCAST, Estop)));
+    let any_payload = CanFrame::new(0x030, &[1, 2, 3]).unwrap();
+    assert_eq!(Estop::decode(&any_payload), Ok((node(), Estop)));
+    let ack = EstopAck { state: State::EStopped };
+    assert_eq!(text(ack.encode(node())), "031#9e0a");
+    assert_eq!(EstopAck::decode(&ack.encode(node())), Ok((node(), ack)));
+}
+
+#[test]
+fn heartbeat() {
+    let m = Heartbeat { seq: 0x42, host_ms: 0x0403_0201 };
+    assert_eq!(text(m.encode(Node::BROADCAST)), "1f0#354201020304");
+    assert_eq!(Heartbeat::decode(&m.encode(node())), Ok((node(), m)));
+    let m = HeartbeatReply { seq: 0x42, controller_ms: 0x0807_0605 };
+    assert_eq!(text(m.encode(node())), "131#664205060708");
+    assert_eq!(HeartbeatReply::decode(&m.encode(node())), Ok((node(), m)));
+}
+
+#[test]
+fn command() {
+    let actions = [
+        (Action::Play { code: 20, speed_64ths: 64 }, "230#2305144000001027"),
+        (Action::Play { code: 255, speed_64ths: -1 }, "230#7b06ffff00001027"),
+        (Action::Pause, "230#8717000000001027"),
+        (Action::Resume, "230#3928000000001027"),
+        (Action::Return, "230#1739000000001027"),
+        (Action::Disarm, "230#7c4a000000001027"),
+        (Action::ArmRequest, "230#525b000000001027"),
+        (Action::ArmConfirm { nonce: 0xBEEF }, "230#8c6c0000efbe1027"),
+        (Action::ClearRequest, "230#af7d000000001027"),
+        (Action::ClearConfirm { nonce: 0x1234 }, "230#1a8e000034121027"),
+    ];
+    for (i, (action, golden)) in actions.into_iter().enumerate() {
+        let command = Command { seq: i as u8 + 5, action, valid_until_ms: 0x2710 };
+        let frame = command.encode(node());
+        assert_eq!(text(frame), golden, "{action:?}");
+        assert_eq!(Command::decode(&frame), Ok((node(), command)));
+    }
+}
+
+#[test]
+fn command_ack() {
+    let ack = CommandAck {
+        seq: 9,
+        kind: Action::ArmRequest.kind(),
+        result: CommandResult::Ok,
+        state: State::Disarmed,
+        motion: None,
+        value: 0xBEEF,
+    };
+    assert_eq!(text(ack.encode(node())), "332#6d590002ffefbe");
+    assert_eq!(CommandAck::decode(&ack.encode(node())), Ok((node(), ack)));
+    let ack = CommandAck { kind: 0, motion: Some(4), result: CommandResult::Unreachable, ..ack };
+    assert_eq!(text(ack.encode(node())), "332#3809040204efbe");
+    assert_eq!(CommandAck::decode(&ack.encode(node())), Ok((node(), ack)));
+}
+
+#[test]
+fn status() {
+    let faults = FaultBits::default().with(Fault::HostLost).with(Fault::Internal);
+    let status = Status {
+        state: State::Returning,
+        severity: Severity::Return,
+        faults,
+        clip: Some(17),
+        frame: 0xABC,
+        counter: 0xD,
+        library: 0x5A,
+    };
+    assert_eq!(text(status.encode(node())), "330#aa27048011bcda5a");
+    assert_eq!(Status::decode(&status.encode(node())), Ok((node(), status)));
+    let idle = Status { clip: None, frame: 0, faults: FaultBits(0), ..status };
+    assert_eq!(text(idle.encode(node())), "330#23270000ff00d05a");
+    assert_eq!(Status::decode(&idle.encode(node())), Ok((node(), idle)));
+}
+
+#[test]
+fn fault_report() {
+    let report =
+        FaultReport { counter: 2, fault: Fault::TrackingError, channel: Some(5), value: 0.125 };
+    assert_eq!(text(report.encode(node())), "331#da0205050000003e");
+    assert_eq!(FaultReport::decode(&report.encode(node())), Ok((node(), report)));
+}
+
+#[test]
+fn joint_telemetry() {
+    let m = JointTelemetry {
+        channel: 7,
+        position_rad: -1.0,
+        velocity_rad_s: 2.0,
+        torque_nm: 0.5,
+        status: ActuatorStatus(ActuatorStatus::ENABLED),
+    };
+    assert_eq!(text(m.encode(node())), "430#0778ece803640001");
+    assert_eq!(JointTelemetry::decode(&m.encode(node())), Ok((node(), m)));
+}
+
+#[test]
+fn discovery() {
+    assert_eq!(text(Discover.encode(Node::BROADCAST)), "7f0#");
+    let m = Discovered { uid: [1, 2, 3, 4, 5, 6], protocol_major: 1 };
+    assert_eq!(text(m.encode(node())), "731#01020304050601");
+    assert_eq!(Discovered::decode(&m.encode(node())), Ok((node(), m)));
+}
+
+/// Do not change: numbers on the wire.
+#[test]
+fn codes_are_pinned() {
+    let check = |all: Vec<(u8, String)>, expected: &str| {
+        let text: Vec<String> = all.iter().map(|(code, name)| format!("{code} {name}")).collect();
+        assert_eq!(text.join(", "), expected);
+    };
+    check(
+        State::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
+        "0 Boot, 1 SelfTest, 2 Disarmed, 3 Aligning, 4 Ready, 5 Playing, 6 Paused, 7 Returning, \
+         8 Damped, 9 TorqueOff, 10 EStopped",
+    );
+    check(
+        Severity::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
+        "0 None, 1 Notice, 2 Return, 3 Damp, 4 TorqueOff, 5 EStop",
+    );
+    check(
+        Fault::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
+        "0 NoLibrary, 1 ConfigMismatch, 2 HostLost, 3 ActuatorSilent, 4 ActuatorFault, \
+         5 TrackingError, 6 OutOfLimits, 7 SetpointLimited, 8 BadSetpoint, 9 BusNoAck, \
+         10 BusPassive, 11 BusOff, 12 EStop, 13 Overrun, 14 LibraryUnreadable, 15 Internal",
+    );
+    check(
+        CommandResult::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
+        "0 Ok, 1 UnknownCode, 2 WrongState, 3 Expired, 4 Unreachable, 5 NotArmed, 6 NoLibrary, \
+         7 WrongNonce, 8 ConfigMismatch, 9 PoseUnknown, 10 OutOfOrder, 11 UnknownKind, \
+         12 FaultPresent, 13 BadSpeed",
+    );
+    check(
+        transport::TransferResult::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
+        "0 Ok, 1 WrongState, 2 TooLong, 3 OutOfOrder, 4 BadCrc, 5 NotBegun, 6 Incomplete, \
+         7 Rejected, 8 NotFinished, 9 StoreFailed, 10 UnknownRequest",
+    );
+}

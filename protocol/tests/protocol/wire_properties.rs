@@ -1,0 +1,153 @@
+//! Any frame: decoded to a message that encodes to the same frame again, or refused. Never a panic.
+
+use proptest::prelude::*;
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::crc::crc8_with_id;
+use rollwalk_protocol::wire::*;
+
+fn encode_to(node: Node, message: ToController) -> Option<CanFrame> {
+    Some(match message {
+        ToController::Heartbeat(m) => m.encode(node),
+        ToController::Command(m) => m.encode(node),
+        ToController::Discover => Discover.encode(node),
+        // Any payload is one.
+        ToController::Estop | ToController::Transport => return None,
+    })
+}
+
+fn encode_from(node: Node, message: FromController) -> Option<CanFrame> {
+    Some(match message {
+        FromController::EstopAck(m) => m.encode(node),
+        FromController::HeartbeatReply(m) => m.encode(node),
+        FromController::Status(m) => m.encode(node),
+        FromController::FaultReport(m) => m.encode(node),
+        FromController::CommandAck(m) => m.encode(node),
+        FromController::JointTelemetry(m) => m.encode(node),
+        FromController::Discovered(m) => m.encode(node),
+        FromController::Transport => return None,
+    })
+}
+
+/// A frame of a known message more often than not, its checksum good half of the time.
+fn frame() -> impl Strategy<Value = CanFrame> {
+    let kinds = vec![0x000, 0x001, 0x100, 0x101, 0x200, 0x300, 0x301, 0x302, 0x400, 0x700, 0x701];
+    let kind = prop_oneof![proptest::sample::select(kinds), 0u16..0x800];
+    let data = proptest::collection::vec(any::<u8>(), 0..=8);
+    (kind, 0u16..16, data, any::<bool>()).prop_map(|(kind, node, mut data, seal)| {
+        let id = kind | node << 4;
+        if seal && let Some((crc, rest)) = data.split_first_mut() {
+            *crc = crc8_with_id(id, rest);
+        }
+        CanFrame::new(id, &data).unwrap()
+    })
+}
+
+/// Fields that a message does not use may have had any value.
+fn same_but_for_ignored_bits(again: CanFrame, frame: CanFrame) -> bool {
+    let unknown_command = frame.id() & 0x70F == 0x200 && frame.data()[1] >> 4 > 8;
+    let nan = frame.id() & 0x70F == 0x301;
+    unknown_command || nan || again == frame
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(5000))]
+
+    #[test]
+    fn any_frame(frame in frame()) {
+        if let Ok((node, message)) = ToController::decode(&frame)
+            && let Some(again) = encode_to(node, message)
+        {
+            prop_assert!(same_but_for_ignored_bits(again, frame), "{message:?}");
+        }
+        if let Ok((node, message)) = FromController::decode(&frame)
+            && let Some(again) = encode_from(node, message)
+        {
+            prop_assert!(same_but_for_ignored_bits(again, frame), "{message:?}");
+        }
+        // Nothing is both.
+        let other = Err(DecodeError::OtherMessage);
+        prop_assert!(
+            ToController::decode(&frame).map(|_| ()) == other
+                || FromController::decode(&frame).map(|_| ()) == other
+        );
+    }
+
+    /// A sealed frame with up to two damaged bits, or under another identifier, is refused.
+    #[test]
+    fn damage_is_noticed(
+        seq in any::<u8>(), host_ms in any::<u32>(), a in 0usize..48, b in 0usize..48,
+        id in 0u16..0x800,
+    ) {
+        let node = Node::new(1).unwrap();
+        let frame = Heartbeat { seq, host_ms }.encode(node);
+        let mut data: Vec<u8> = frame.data().to_vec();
+        data[a / 8] ^= 1 << (a % 8);
+        if a != b {
+            data[b / 8] ^= 1 << (b % 8);
+        }
+        let damaged = CanFrame::new(frame.id(), &data).unwrap();
+        prop_assert_eq!(Heartbeat::decode(&damaged), Err(DecodeError::BadCrc));
+        let elsewhere = CanFrame::new(id, frame.data()).unwrap();
+        if id & 0x70F == 0x100 && id != frame.id() {
+            prop_assert_eq!(Heartbeat::decode(&elsewhere), Err(DecodeError::BadCrc));
+        }
+    }
+}
+
+#[test]
+fn an_unknown_kind_of_command_can_be_answered() {
+    let node = Node::new(0).unwrap();
+    let command = Command { seq: 3, action: Action::Unknown { kind: 12 }, valid_until_ms: 0 };
+    assert_eq!(Command::decode(&command.encode(node)), Ok((node, command)));
+}
+
+#[test]
+fn unused_fields_must_be_zero() {
+    let id = 0x210;
+    let sealed = |rest: [u8; 7]| {
+        let mut data = [0; 8];
+        data[1..].copy_from_slice(&rest);
+        data[0] = crc8_with_id(id, &rest);
+        CanFrame::new(id, &data).unwrap()
+    };
+    for kind in 0..=8u8 {
+        for at in 1..5 {
+            let mut rest = [kind << 4, 0, 0, 0, 0, 0, 0];
+            assert!(Command::decode(&sealed(rest)).is_ok());
+            rest[at] = 1;
+            let used = match kind {
+                0 => at <= 2,
+                6 | 8 => at >= 3,
+                _ => false,
+            };
+            assert_eq!(Command::decode(&sealed(rest)).is_ok(), used, "kind {kind} byte {at}");
+        }
+    }
+}
+
+#[test]
+fn commands_expire_by_the_low_bits_of_the_clock() {
+    let command = |valid_until_ms| Command { seq: 0, action: Action::Pause, valid_until_ms };
+    assert!(!command(1000).expired(1_000_999));
+    assert!(command(1000).expired(1_001_000));
+    // Around the wrap at 65 536 ms.
+    assert!(!command(100).expired(65_500_000));
+    assert!(!command(100).expired(65_636_000));
+    assert!(command(100).expired(65_637_000));
+    assert!(command(65_500).expired(65_536_000));
+}
+
+#[test]
+fn fault_sets() {
+    let set = FaultBits::default().with(Fault::BusOff).with(Fault::NoLibrary);
+    assert!(set.contains(Fault::BusOff) && !set.contains(Fault::EStop) && !set.is_empty());
+    assert_eq!(set.iter().collect::<Vec<_>>(), [Fault::NoLibrary, Fault::BusOff]);
+    assert!(set.without(Fault::BusOff).without(Fault::NoLibrary).is_empty());
+}
+
+#[test]
+fn nodes() {
+    assert_eq!(Node::new(15), None);
+    let (a, b) = (Node::new(0).unwrap(), Node::new(14).unwrap());
+    assert!(a.reaches(a) && !a.reaches(b) && Node::BROADCAST.reaches(b));
+}
