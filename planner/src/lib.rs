@@ -13,6 +13,7 @@ mod normal;
 mod optimise;
 mod penalty;
 pub mod plan;
+pub mod plot;
 pub mod problem;
 pub mod report;
 pub mod rows;

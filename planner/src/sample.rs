@@ -191,6 +191,17 @@ impl PlanSpline {
         }
     }
 
+    /// Angle that every end effector's wheel has turned about its motor since the start of the motion,
+    /// rad; 0 without a wheel.
+    pub fn motor_angles_rad(&self, plan_time_s: f64) -> Vec<f64> {
+        let (time_s, periods) = self.within(plan_time_s);
+        let angle = |spline: &Spline| {
+            let period = spline.at(self.duration_s).value.re;
+            spline.at(time_s).value.re + periods as f64 * period
+        };
+        self.motor_angle.iter().map(angle).collect()
+    }
+
     /// Whether end effector `j` stands at part `u` of interval `i`.
     fn stands(&self, i: usize, u: f64, j: usize) -> bool {
         /// A time this close to a sample, as a part of the interval, is that sample's.

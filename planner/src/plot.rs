@@ -1,0 +1,128 @@
+//! Pictures of a plan as SVG: one figure with everything over time, and strips of the robot.
+//!
+//! The figure has three columns over one time axis: what the body does and which feet stand, the joint
+//! angles of every limb between their limits, the ground force of every foot inside its friction cone.
+//! Lines are the motion as it is played, dots the samples that were planned.
+
+mod axes;
+mod camera;
+mod panels;
+mod strip;
+
+pub use strip::strip;
+
+use crate::motion::Ends;
+use crate::plan::Plan;
+use axes::{Panel, Series};
+use svg::Document;
+use svg::node::element::{Group, Rectangle, Text};
+
+/// Colours that remain apart for colour-blind readers (Okabe and Ito), darkest first.
+const COLORS: [&str; 7] =
+    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#333333"];
+const INK: &str = "#1f2933";
+const FAINT: &str = "#7b8794";
+const FONT: &str = "Inter, 'Helvetica Neue', Helvetica, Arial, 'DejaVu Sans', sans-serif";
+
+const COLUMN_WIDTH: f64 = 470.0;
+const HEADER_HEIGHT: f64 = 64.0;
+const MARGIN: f64 = 20.0;
+/// Least height of a panel with its title and axis.
+const PANEL_HEIGHT: f64 = 150.0;
+
+/// The figure of a validated plan, as the text of an SVG file.
+pub fn figure(plan: &Plan) -> String {
+    let columns = panels::columns(plan);
+    let most = columns.iter().map(Vec::len).max().unwrap_or(0);
+    let body_height = PANEL_HEIGHT * most as f64;
+    let width = COLUMN_WIDTH * columns.len() as f64 + 2.0 * MARGIN;
+    let height = HEADER_HEIGHT + body_height + MARGIN;
+    let mut document = document(width, height).add(title(plan));
+    for (c, column) in columns.iter().enumerate() {
+        let panel_height = body_height / column.len().max(1) as f64;
+        for (r, panel) in column.iter().enumerate() {
+            let corner =
+                [MARGIN + c as f64 * COLUMN_WIDTH, HEADER_HEIGHT + r as f64 * panel_height];
+            let last = r + 1 == column.len();
+            document = document.add(panel.draw(corner, [COLUMN_WIDTH, panel_height], last));
+        }
+    }
+    format!("{document}\n")
+}
+
+/// An empty white page.
+fn document(width: f64, height: f64) -> Document {
+    Document::new()
+        .set("viewBox", (0.0, 0.0, width, height))
+        .set("width", width)
+        .set("height", height)
+        .set("font-family", FONT)
+        .set("font-size", 11)
+        .add(Rectangle::new().set("width", width).set("height", height).set("fill", "white"))
+}
+
+fn title(plan: &Plan) -> Group {
+    let kind = match plan.motion.ends {
+        Ends::Periodic => "periodic",
+        Ends::AtRest => "from rest to rest",
+        Ends::Prescribed => "between two motions",
+    };
+    let status = format!("{:?}", plan.solve.status).to_lowercase();
+    let facts = format!(
+        "{:.2} s, {kind} · {} samples · {status} after {} iterations · lines: as played, dots: as planned, dashed: limits (of joints: \
+         within {} rad)",
+        plan.motion.duration_s,
+        plan.samples.len(),
+        plan.solve.iterations,
+        panels::LIMIT_SHOWN_WITHIN_RAD,
+    );
+    let heading = format!("{} – {}", plan.robot.name, plan.motion.name);
+    let text = |content: String, y: f64| Text::new(content).set("x", MARGIN + 10.0).set("y", y);
+    Group::new()
+        .add(text(heading, 32.0).set("font-size", 20).set("font-weight", 600).set("fill", INK))
+        .add(text(facts, 52.0).set("font-size", 12).set("fill", FAINT))
+}
+
+/// A coordinate with two decimals: a hundredth of a pixel.
+fn px(value: f64) -> f64 {
+    (value * 100.0).round() / 100.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_plans;
+
+    #[test]
+    fn the_figure_shows_every_foot_joint_and_wheel() {
+        let plan = test_plans::cruise();
+        let svg = figure(&plan);
+        for end_effector in &plan.robot.end_effectors {
+            assert!(svg.contains(&end_effector.name), "{}", end_effector.name);
+        }
+        for label in [
+            "fl hip",
+            "footfalls",
+            "centre of mass (m)",
+            "height (m)",
+            "base orientation (rad)",
+            "wheel motors (rad/s)",
+            "rr-wheel joints (rad)",
+            "rr-wheel force (N)",
+            "time (s)",
+        ] {
+            assert!(svg.contains(label), "{label}");
+        }
+        assert!(!svg.contains("NaN") && !svg.contains("inf"));
+        assert_eq!(figure(&plan), svg, "the same plan gives the same picture");
+    }
+
+    #[test]
+    fn strips_stack_their_plans() {
+        let (one, two) = (test_plans::cruise(), test_plans::start_stop());
+        let svg = strip(&[&one, &two], 5);
+        assert!(svg.contains("cruise") && svg.contains("start-stop"));
+        assert!(svg.contains("0.00 s") && svg.contains("2.00 s"));
+        assert!(!svg.contains("NaN"));
+    }
+}

@@ -1,0 +1,274 @@
+//! What the panels of the figure show: three columns, from the motion as it is played and the samples
+//! as they were planned.
+
+use super::axes::Content;
+use super::{Panel, Series};
+use crate::model::JOINTS;
+use crate::motion::Ends;
+use crate::plan::{EndEffectorSample, Plan, Sample};
+use crate::sample::{PlanSpline, Setpoints, driven_wheels};
+
+/// Points of every line.
+const POINTS: usize = 240;
+
+/// Joint limits show when the motion comes this near to them, rad.
+pub const LIMIT_SHOWN_WITHIN_RAD: f64 = 0.6;
+
+/// A plan with its motion evaluated along the time axis.
+struct Played<'a> {
+    plan: &'a Plan,
+    spline: PlanSpline,
+    states: Vec<(f64, Sample, Setpoints)>,
+}
+
+/// The panels of the figure, column by column.
+pub fn columns(plan: &Plan) -> Vec<Vec<Panel>> {
+    let spline = PlanSpline::new(plan);
+    let duration_s = plan.motion.duration_s;
+    let states = (0..=POINTS)
+        .map(|k| {
+            let t = duration_s * k as f64 / POINTS as f64;
+            // The end of a periodic motion as seen from inside the period.
+            let t = t.min(duration_s * (1.0 - 1e-9));
+            (t, spline.sample(t), spline.setpoints(t))
+        })
+        .collect();
+    let played = Played { plan, spline, states };
+    let body = vec![
+        played.footfalls(),
+        played.horizontal(),
+        played.heights(),
+        played.orientation(),
+        played.wheels(),
+    ];
+    let body = body.into_iter().flatten().collect();
+    vec![body, played.joints(), played.forces()]
+        .into_iter()
+        .filter(|c: &Vec<Panel>| !c.is_empty())
+        .collect()
+}
+
+impl Played<'_> {
+    fn panel(&self, title: impl Into<String>, series: Vec<Series>) -> Panel {
+        self.limited(title, series, Vec::new(), Vec::new())
+    }
+
+    fn limited(
+        &self,
+        title: impl Into<String>,
+        series: Vec<Series>,
+        limits: Vec<(f64, usize)>,
+        include: Vec<f64>,
+    ) -> Panel {
+        let content = Content::Curves { series, limits, include };
+        Panel {
+            title: title.into(),
+            duration_s: self.plan.motion.duration_s,
+            shaded: Vec::new(),
+            content,
+        }
+    }
+
+    /// A curve of a quantity of the samples.
+    fn series(&self, name: &str, color: usize, of: impl Fn(&Sample) -> f64) -> Series {
+        let line = self.states.iter().map(|(t, sample, _)| [*t, of(sample)]).collect();
+        let dots = self.plan.samples.iter().map(|s| [s.time_s, of(s)]).collect();
+        Series { name: name.to_owned(), color, line, dots, dash: "" }
+    }
+
+    fn foot(
+        &self,
+        name: &str,
+        color: usize,
+        j: usize,
+        of: impl Fn(&EndEffectorSample) -> f64,
+    ) -> Series {
+        self.series(name, color, |s| of(&s.end_effectors[j]))
+    }
+
+    /// Spans of time in which end effector `j` stands: half an interval around every stance sample.
+    fn stances(&self, j: usize) -> Vec<[f64; 2]> {
+        let (h, end) = (self.plan.sample_interval_s, self.plan.motion.duration_s);
+        let mut spans: Vec<[f64; 2]> = Vec::new();
+        let mut centers: Vec<(f64, bool)> =
+            self.plan.samples.iter().map(|s| (s.time_s, s.end_effectors[j].contact)).collect();
+        if self.plan.motion.ends == Ends::Periodic {
+            centers.push((end, centers[0].1));
+        }
+        for (t, _) in centers.into_iter().filter(|(_, stands)| *stands) {
+            let (from, to) = ((t - 0.5 * h).max(0.0), (t + 0.5 * h).min(end));
+            match spans.last_mut() {
+                Some(last) if from - last[1] < 0.25 * h => last[1] = to,
+                _ => spans.push([from, to]),
+            }
+        }
+        spans
+    }
+
+    fn footfalls(&self) -> Option<Panel> {
+        let feet = self.plan.robot.end_effectors.iter().enumerate();
+        let rows: Vec<_> = feet.map(|(j, e)| (e.name.clone(), self.stances(j))).collect();
+        let mut panel = self.panel("footfalls", Vec::new());
+        panel.content = Content::Bars(rows);
+        (!self.plan.robot.end_effectors.is_empty()).then_some(panel)
+    }
+
+    fn horizontal(&self) -> Option<Panel> {
+        let axis = |name, color, c: usize| self.series(name, color, move |s| s.com_m[c]);
+        Some(self.panel("centre of mass (m)", vec![axis("x", 0, 0), axis("y", 1, 1)]))
+    }
+
+    fn heights(&self) -> Option<Panel> {
+        let com = self.series("centre of mass", 0, |s| s.com_m[2]);
+        let base = self.series("base", 1, |s| s.base_position_m[2]);
+        Some(self.panel("height (m)", vec![com, base]))
+    }
+
+    fn orientation(&self) -> Option<Panel> {
+        let names = ["yaw", "pitch", "roll"].into_iter().enumerate();
+        let series =
+            names.map(|(k, name)| self.series(name, k, move |s| s.base_yaw_pitch_roll_rad[k]));
+        let mut panel = self.panel("base orientation (rad)", series.collect());
+        // A quiet body should look quiet.
+        if let Content::Curves { include, .. } = &mut panel.content {
+            include.extend([-0.02, 0.02]);
+        }
+        Some(panel)
+    }
+
+    fn wheels(&self) -> Option<Panel> {
+        let robot = &self.plan.robot;
+        let names = distinct(driven_wheels(robot).map(|j| robot.end_effectors[j].name.as_str()));
+        let intervals = match self.plan.motion.ends {
+            Ends::Periodic => self.plan.samples.len(),
+            Ends::AtRest | Ends::Prescribed => self.plan.samples.len() - 1,
+        };
+        let series: Vec<Series> = driven_wheels(robot)
+            .enumerate()
+            .map(|(k, j)| Series {
+                name: names[k].clone(),
+                color: k,
+                line: self
+                    .states
+                    .iter()
+                    .map(|(t, _, set)| [*t, set.motor_speed_rad_s[k]])
+                    .collect(),
+                // Planned speeds belong to intervals: dots in their middle.
+                dots: self.plan.samples[..intervals]
+                    .iter()
+                    .map(|s| {
+                        let middle = s.time_s + 0.5 * self.plan.sample_interval_s;
+                        [middle, s.end_effectors[j].motor_speed_rad_s]
+                    })
+                    .collect(),
+                dash: "",
+            })
+            .collect();
+        let fastest = driven_wheels(robot)
+            .filter_map(|j| robot.end_effectors[j].contact.actuator())
+            .map(|motor| motor.speed_max_rad_s)
+            .fold(0.0, f64::max);
+        let limits = vec![(fastest, 6), (-fastest, 6)];
+        let some = !series.is_empty();
+        some.then(|| self.limited("wheel motors (rad/s)", series, limits, Vec::new()))
+    }
+
+    /// One panel for every limb, and one for joints that move no end effector.
+    fn joints(&self) -> Vec<Panel> {
+        let robot = &self.plan.robot;
+        let mut limbs: Vec<(String, Vec<usize>)> = Vec::new();
+        for (j, end_effector) in robot.end_effectors.iter().enumerate() {
+            let dofs = &self.spline.model().chain(j).dofs;
+            let joints: Vec<usize> =
+                dofs.iter().filter(|&&d| d >= JOINTS).map(|d| d - JOINTS).collect();
+            match limbs.iter_mut().find(|(_, known)| *known == joints) {
+                Some((name, _)) => *name = format!("{name}, {}", end_effector.name),
+                None if joints.is_empty() => {}
+                None => limbs.push((end_effector.name.clone(), joints)),
+            }
+        }
+        let free = |k: &usize| !limbs.iter().any(|(_, joints)| joints.contains(k));
+        let rest: Vec<usize> = (0..robot.joints.len()).filter(free).collect();
+        if !rest.is_empty() {
+            limbs.push(("others".to_owned(), rest));
+        }
+        limbs.iter().map(|(name, joints)| self.limb(name, joints)).collect()
+    }
+
+    fn limb(&self, name: &str, joints: &[usize]) -> Panel {
+        let robot = &self.plan.robot;
+        let names = distinct(joints.iter().map(|&k| robot.joints[k].name.as_str()));
+        let series: Vec<Series> = joints
+            .iter()
+            .enumerate()
+            .map(|(color, &k)| self.series(&names[color], color, |s| s.joint_rad[k]))
+            .collect();
+        // Limits far from the curve would flatten it.
+        let near = |limit: f64, curve: &Series| {
+            curve.line.iter().any(|[_, angle]| (angle - limit).abs() < LIMIT_SHOWN_WITHIN_RAD)
+        };
+        let limits = joints.iter().zip(&series).flat_map(|(&k, curve)| {
+            let joint = &robot.joints[k];
+            let both = [joint.position_min_rad, joint.position_max_rad].into_iter();
+            both.filter(|limit| near(*limit, curve)).map(|limit| (limit, curve.color))
+        });
+        let limits = limits.collect();
+        self.limited(format!("{name} joints (rad)"), series, limits, Vec::new())
+    }
+
+    /// One panel for every foot: its force against its friction cone, shaded while it stands.
+    fn forces(&self) -> Vec<Panel> {
+        let feet = self.plan.robot.end_effectors.iter().enumerate();
+        let highest = |e: &EndEffectorSample| e.force_n[2];
+        let all = self.plan.samples.iter().flat_map(|s| &s.end_effectors).map(highest);
+        // One scale for all feet: their shares of the weight are what one compares.
+        let include = vec![0.0, all.fold(0.0, f64::max)];
+        feet.map(|(j, e)| {
+            let tangential = |e: &EndEffectorSample| e.force_n[0].hypot(e.force_n[1]);
+            let mu = e.friction_coefficient;
+            let mut cone = self.foot("friction limit", 6, j, move |e| mu * e.force_n[2]);
+            cone.dots.clear();
+            cone.dash = "2 3";
+            let series = vec![
+                self.foot("normal", 0, j, |e| e.force_n[2]),
+                self.foot("tangential", 1, j, tangential),
+                cone,
+            ];
+            let title = format!("{} force (N)", e.name);
+            let mut panel = self.limited(title, series, Vec::new(), include.clone());
+            panel.shaded = self.stances(j);
+            panel
+        })
+        .collect()
+    }
+}
+
+/// Names without the words that all of them begin or end with: what tells them apart in a legend.
+fn distinct<'n>(names: impl Iterator<Item = &'n str>) -> Vec<String> {
+    let mut words: Vec<Vec<&str>> = names.map(|name| name.split(['_', '-']).collect()).collect();
+    let shared = |words: &[Vec<&str>], pick: fn(&Vec<&str>) -> Option<String>| {
+        let first = words.first().and_then(pick);
+        words.len() > 1 && words.iter().all(|w| w.len() > 1 && pick(w) == first)
+    };
+    while shared(&words, |w| w.first().map(|s| (*s).to_owned())) {
+        words = words.iter().map(|w| w[1..].to_vec()).collect();
+    }
+    while shared(&words, |w| w.last().map(|s| (*s).to_owned())) {
+        words = words.iter().map(|w| w[..w.len() - 1].to_vec()).collect();
+    }
+    words.iter().map(|w| w.join(" ")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::distinct;
+
+    #[test]
+    fn legends_leave_out_what_all_names_share() {
+        let of = |names: &[&str]| distinct(names.iter().copied());
+        assert_eq!(of(&["front_left_hip_roll", "front_left_knee"]), ["hip roll", "knee"]);
+        assert_eq!(of(&["fl-wheel", "rr-wheel"]), ["fl", "rr"]);
+        assert_eq!(of(&["fl-wheel"]), ["fl wheel"]);
+        assert_eq!(of(&["a_b", "a_b_c"]), ["b", "b c"]);
+    }
+}
