@@ -1,0 +1,268 @@
+//! The host's side of the link without bus or clock: frames and the time go in, frames come out.
+//!
+//! Keeps the heartbeat going, follows the controller's clock and state, numbers commands, repeats an
+//! emergency stop until it is acknowledged, and carries transport messages. What is to be done in
+//! which order is [`crate::session`]'s business.
+
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::isotp::{self, IsoTpError, Output, SendError, Timing};
+use rollwalk_protocol::wire::transport::{
+    Endpoint, MAX_MESSAGE, Request, Response, frame_to_controller,
+};
+use rollwalk_protocol::wire::{
+    Action, Command, CommandAck, Estop, EstopAck, FaultReport, FromController, HEARTBEAT_PERIOD_MS,
+    Heartbeat, JointTelemetry, Node, Status,
+};
+
+/// How long a command stays valid, ms: covers its repetitions, not the operator's next idea.
+const COMMAND_LIFE_MS: u16 = 500;
+/// An emergency stop goes out so often in quick succession, ...
+const ESTOP_BURST: u32 = 5;
+/// ... so far apart, µs, ...
+const ESTOP_BURST_PERIOD_US: u64 = 5_000;
+/// ... and then every so often until it is acknowledged, µs.
+const ESTOP_PERIOD_US: u64 = 100_000;
+/// While a transport message is on its way its timers are looked at so often, µs.
+const TRANSPORT_POLL_US: u64 = 1_000;
+
+/// What came from the controller.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Incoming {
+    /// How it is.
+    Status(Status),
+    /// A fault in detail.
+    Fault(FaultReport),
+    /// The answer to a command.
+    Ack(CommandAck),
+    /// It has stopped.
+    EstopAck(EstopAck),
+    /// It has answered a heartbeat: it is there and its clock is known.
+    Alive,
+    /// The answer to a transport request.
+    Response(Response),
+    /// A transport message failed in either direction.
+    TransportFailed(IsoTpError),
+    /// What a joint or wheel does.
+    Joint(JointTelemetry),
+}
+
+/// What the client wants to happen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outgoing {
+    /// Send this frame.
+    Frame(CanFrame),
+    /// Know that a transport message failed because time ran out.
+    TransportFailed(IsoTpError),
+}
+
+/// An emergency stop that is not acknowledged yet.
+#[derive(Clone, Copy, Debug)]
+struct Stopping {
+    sent: u32,
+    next_us: u64,
+}
+
+/// The host of one controller.
+#[derive(Clone, Debug)]
+pub struct Client {
+    node: Node,
+    transport: Endpoint,
+    heartbeat_seq: u8,
+    next_heartbeat_us: u64,
+    command_seq: u8,
+    command: Option<CanFrame>,
+    /// Host's time in µs and controller's time in ms when the last heartbeat was answered.
+    clocks: Option<(u64, u32)>,
+    stopping: Option<Stopping>,
+    status: Option<Status>,
+}
+
+impl Client {
+    /// A host that has not heard from its controller yet. The first heartbeat goes out at once.
+    pub fn new(node: Node) -> Self {
+        Self {
+            node,
+            transport: Endpoint::new(Timing::default()),
+            heartbeat_seq: 0,
+            next_heartbeat_us: 0,
+            command_seq: 0,
+            command: None,
+            clocks: None,
+            stopping: None,
+            status: None,
+        }
+    }
+
+    /// The controller's last status.
+    pub fn status(&self) -> Option<Status> {
+        self.status
+    }
+
+    /// Takes a frame of the link. Frames of other nodes and damaged ones mean nothing.
+    pub fn on_frame(&mut self, now_us: u64, frame: &CanFrame) -> Option<Incoming> {
+        let (node, message) = FromController::decode(frame).ok()?;
+        if node != self.node {
+            return None;
+        }
+        match message {
+            FromController::HeartbeatReply(reply) => {
+                let expected = self.heartbeat_seq.wrapping_sub(1);
+                (reply.seq == expected).then(|| {
+                    self.clocks = Some((now_us, reply.controller_ms));
+                    Incoming::Alive
+                })
+            }
+            FromController::Status(status) => {
+                self.status = Some(status);
+                Some(Incoming::Status(status))
+            }
+            FromController::EstopAck(ack) => {
+                self.stopping = None;
+                Some(Incoming::EstopAck(ack))
+            }
+            FromController::FaultReport(report) => Some(Incoming::Fault(report)),
+            FromController::CommandAck(ack) => Some(Incoming::Ack(ack)),
+            FromController::JointTelemetry(joint) => Some(Incoming::Joint(joint)),
+            FromController::Transport => match self.transport.on_frame(frame.data(), now_us) {
+                isotp::Event::None => None,
+                isotp::Event::Failed(error) => Some(Incoming::TransportFailed(error)),
+                // A message that cannot be read is not the answer that is waited for.
+                isotp::Event::Received => {
+                    Response::decode(self.transport.received()).ok().map(Incoming::Response)
+                }
+            },
+            FromController::Discovered(_) => None,
+        }
+    }
+
+    /// What to do now; call again until `None`.
+    pub fn poll(&mut self, now_us: u64) -> Option<Outgoing> {
+        if let Some(Stopping { sent, next_us }) = &mut self.stopping
+            && now_us >= *next_us
+        {
+            *sent += 1;
+            let burst = *sent < ESTOP_BURST;
+            *next_us = now_us + if burst { ESTOP_BURST_PERIOD_US } else { ESTOP_PERIOD_US };
+            return Some(Outgoing::Frame(Estop.encode(self.node)));
+        }
+        if now_us >= self.next_heartbeat_us {
+            let heartbeat = Heartbeat { seq: self.heartbeat_seq, host_ms: (now_us / 1000) as u32 };
+            self.heartbeat_seq = self.heartbeat_seq.wrapping_add(1);
+            self.next_heartbeat_us = now_us + u64::from(HEARTBEAT_PERIOD_MS) * 1000;
+            return Some(Outgoing::Frame(heartbeat.encode(self.node)));
+        }
+        if let Some(frame) = self.command.take() {
+            return Some(Outgoing::Frame(frame));
+        }
+        match self.transport.poll(now_us) {
+            Output::Idle => None,
+            Output::Send(pdu) => Some(Outgoing::Frame(frame_to_controller(self.node, &pdu))),
+            Output::Failed(error) => Some(Outgoing::TransportFailed(error)),
+        }
+    }
+
+    /// When [`poll`](Self::poll) has something to do next, at the latest.
+    pub fn next_poll_us(&self, now_us: u64) -> u64 {
+        let estop = self.stopping.map_or(u64::MAX, |stopping| stopping.next_us);
+        let transport =
+            if self.transport.is_sending() { now_us + TRANSPORT_POLL_US } else { u64::MAX };
+        self.next_heartbeat_us.min(estop).min(transport)
+    }
+
+    /// A new command, ready to be sent once or several times; `None` while the controller's clock is
+    /// not known, because without it a command cannot say how long it is valid.
+    pub fn command(&mut self, now_us: u64, action: Action) -> Option<Command> {
+        let (heard_us, controller_ms) = self.clocks?;
+        let now_ms = controller_ms.wrapping_add((now_us.saturating_sub(heard_us) / 1000) as u32);
+        self.command_seq = (self.command_seq + 1) & 0xF;
+        let valid_until_ms = (now_ms as u16).wrapping_add(COMMAND_LIFE_MS);
+        Some(Command { seq: self.command_seq, action, valid_until_ms })
+    }
+
+    /// Sends a command, for the first time or again: the controller executes it once.
+    pub fn send_command(&mut self, command: Command) {
+        self.command = Some(command.encode(self.node));
+    }
+
+    /// Sends a transport request.
+    pub fn request(&mut self, request: &Request<'_>) -> Result<(), SendError> {
+        let mut message = [0; MAX_MESSAGE];
+        let message = request.encode(&mut message).ok_or(SendError::BadLength)?;
+        self.transport.send(message)
+    }
+
+    /// Gives up whatever transport message is on its way.
+    pub fn reset_transport(&mut self) {
+        self.transport.reset();
+    }
+
+    /// Stops the robot: at once, and again and again until the controller says that it has.
+    pub fn estop(&mut self, now_us: u64) {
+        self.stopping = Some(Stopping { sent: 0, next_us: now_us });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_protocol::wire::{HeartbeatReply, State, ToController};
+
+    fn node() -> Node {
+        Node::new(1).unwrap()
+    }
+
+    fn frames(client: &mut Client, now_us: u64) -> Vec<ToController> {
+        std::iter::from_fn(|| client.poll(now_us))
+            .map(|out| match out {
+                Outgoing::Frame(frame) => ToController::decode(&frame).unwrap().1,
+                Outgoing::TransportFailed(error) => panic!("{error}"),
+            })
+            .collect()
+    }
+
+    #[test]
+    fn an_emergency_stop_is_repeated_until_acknowledged() {
+        let mut client = Client::new(node());
+        client.estop(0);
+        let mut at = Vec::new();
+        let mut now = 0;
+        while now < 250_000 {
+            let stops = frames(&mut client, now);
+            at.extend(stops.iter().filter(|&&f| f == ToController::Estop).map(|_| now));
+            now = client.next_poll_us(now);
+        }
+        assert_eq!(at, [0, 5_000, 10_000, 15_000, 20_000, 120_000, 220_000]);
+        let ack = EstopAck { state: State::EStopped };
+        assert_eq!(client.on_frame(now, &ack.encode(node())), Some(Incoming::EstopAck(ack)));
+        assert!(!frames(&mut client, now + 200_000).contains(&ToController::Estop));
+    }
+
+    #[test]
+    fn commands_say_how_long_they_are_valid_by_the_controllers_clock() {
+        let mut client = Client::new(node());
+        assert_eq!(client.command(0, Action::Return), None);
+        frames(&mut client, 0);
+        let reply = |seq| HeartbeatReply { seq, controller_ms: 65_400 }.encode(node());
+        // Of another heartbeat: the round trip is not known.
+        assert_eq!(client.on_frame(1000, &reply(9)), None);
+        assert_eq!(client.on_frame(1000, &reply(0)), Some(Incoming::Alive));
+        let command = client.command(11_000, Action::Return).unwrap();
+        // 65400 + 10 + 500, modulo 2^16.
+        assert_eq!(command.valid_until_ms, 374);
+        let next = client.command(11_000, Action::Return).unwrap();
+        assert_eq!(next.seq, (command.seq + 1) & 0xF);
+    }
+
+    #[test]
+    fn hears_its_own_controller_only() {
+        let mut client = Client::new(node());
+        let ack = EstopAck { state: State::EStopped };
+        let other = ack.encode(Node::new(2).unwrap());
+        assert_eq!(client.on_frame(0, &other), None);
+        let mut damaged = [0; 2];
+        damaged.copy_from_slice(ack.encode(node()).data());
+        damaged[0] ^= 1;
+        let damaged = CanFrame::new(ack.encode(node()).id(), &damaged).unwrap();
+        assert_eq!(client.on_frame(0, &damaged), None);
+    }
+}
