@@ -14,6 +14,7 @@ pub mod bus;
 pub mod candump;
 pub mod client;
 pub mod clock;
+pub mod fault;
 pub mod link;
 pub mod load;
 pub mod plant;

@@ -1,4 +1,31 @@
 //! The simulated robot end to end: a library flashed over the bus and played by code.
 
+mod playing;
+mod refusing;
 mod robot;
 mod standing;
+mod stopping;
+
+use rollwalk_protocol::wire::Node;
+use rollwalk_sim_host::link::LinkBus;
+use rollwalk_sim_host::rig::Rig;
+use rollwalk_sim_host::session::Session;
+
+/// A second in microseconds.
+const S: u64 = 1_000_000;
+
+fn rig() -> Rig {
+    Rig::new(&robot::robot()).unwrap()
+}
+
+fn connect<B: LinkBus>(bus: B) -> Session<B> {
+    Session::connect(bus, Node::new(1).unwrap()).unwrap()
+}
+
+/// With the library on board, torque on, standing in SAFE.
+fn armed() -> Session<Rig> {
+    let mut session = connect(rig());
+    session.flash(&robot::library(), |_| {}).unwrap();
+    session.arm().unwrap();
+    session
+}

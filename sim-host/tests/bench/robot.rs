@@ -135,7 +135,7 @@ pub fn library_for(config: &RobotConfig) -> Vec<u8> {
             frames,
         })
         .collect();
-    let still = [POSE; 2].concat();
+    let still = [POSE; 6].concat();
     let (swell_up, swell_down, spin_up, spin_down) =
         (swell(true), swell(false), spin(true), spin(false));
     let edge = |from, exit_frame, to, entry_frame, frames| TransitionSpec {

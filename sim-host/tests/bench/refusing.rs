@@ -1,0 +1,112 @@
+//! What the controller must not take, and what its operator reads then.
+
+use crate::robot::{self, SWING};
+use crate::{armed, connect, rig};
+use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::wire::{CommandResult, State};
+use rollwalk_sim_host::rig::Rig;
+use rollwalk_sim_host::session::{Session, SessionError};
+
+/// The sentence that flashing these bytes ends with; afterwards there must be nothing to play.
+fn refusal(bytes: &[u8]) -> String {
+    let mut session = connect(rig());
+    let error = session.flash(bytes, |_| {}).unwrap_err();
+    assert!(matches!(error, SessionError::LibraryRefused { .. }), "{error}");
+    let arming = session.arm().unwrap_err();
+    let expected = [CommandResult::NoLibrary, CommandResult::ConfigMismatch];
+    assert!(
+        matches!(arming, SessionError::Refused { result, .. } if expected.contains(&result)),
+        "{arming}"
+    );
+    error.to_string()
+}
+
+#[test]
+fn a_corrupted_library() {
+    let mut bytes = robot::library();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 0x10;
+    let sentence = refusal(&bytes);
+    assert!(sentence.contains("refused the library"), "{sentence}");
+    assert!(sentence.contains("corrupted"), "{sentence}");
+}
+
+#[test]
+fn a_truncated_library() {
+    let bytes = robot::library();
+    let sentence = refusal(&bytes[..bytes.len() - 100]);
+    assert!(sentence.contains("truncated"), "{sentence}");
+}
+
+#[test]
+fn a_library_of_a_future_version() {
+    let mut bytes = robot::library();
+    // Header: magic 8 bytes, major u16, minor u16, length, reserved, CRC-32C of these 20 bytes.
+    bytes[8] += 1;
+    let crc = crc32c(&bytes[..20]).to_le_bytes();
+    bytes[20..24].copy_from_slice(&crc);
+    let sentence = refusal(&bytes);
+    assert!(sentence.contains("another format version"), "{sentence}");
+    assert!(sentence.contains("same release"), "{sentence}");
+}
+
+#[test]
+fn a_library_for_another_robot() {
+    let mut config = robot::config();
+    config.channels[1].max = 1.4;
+    let sentence = refusal(&robot::library_for(&config));
+    assert!(sentence.contains("built for another robot"), "{sentence}");
+    assert!(sentence.contains("build it again"), "{sentence}");
+}
+
+#[test]
+fn something_that_is_no_library() {
+    let sentence = refusal(&[0x55; 300]);
+    assert!(sentence.contains("not a motion library"), "{sentence}");
+    assert!(refusal(&[]).contains("refused the library"));
+}
+
+fn refused(session: &mut Session<Rig>, code: u8) -> (CommandResult, String) {
+    let error = session.select(code).unwrap_err();
+    let sentence = error.to_string();
+    match error {
+        SessionError::Refused { result, .. } => (result, sentence),
+        _ => panic!("{sentence}"),
+    }
+}
+
+#[test]
+fn an_unknown_code_changes_nothing() {
+    let mut session = armed();
+    let (result, sentence) = refused(&mut session, 99);
+    assert_eq!(result, CommandResult::UnknownCode);
+    assert_eq!(
+        sentence,
+        "the controller refused to play this code: no motion of the active library has this code"
+    );
+    session.run_for(200_000).unwrap();
+    assert_eq!(session.status().unwrap().state, State::Ready);
+}
+
+#[test]
+fn a_motion_before_arming() {
+    let mut session = connect(rig());
+    session.flash(&robot::library(), |_| {}).unwrap();
+    let (result, sentence) = refused(&mut session, SWING);
+    assert_eq!(result, CommandResult::NotArmed);
+    assert!(sentence.ends_with("torque is off; arm first"), "{sentence}");
+}
+
+#[test]
+fn arming_without_a_library() {
+    let error = connect(rig()).arm().unwrap_err();
+    let sentence = error.to_string();
+    assert!(sentence.ends_with("it has no valid library; flash one first"), "{sentence}");
+}
+
+#[test]
+fn a_library_while_torque_is_on() {
+    let mut session = armed();
+    let error = session.flash(&robot::library(), |_| {}).unwrap_err();
+    assert!(error.to_string().ends_with("torque is on; disarm first"), "{error}");
+}

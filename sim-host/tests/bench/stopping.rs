@@ -1,0 +1,86 @@
+//! Emergency stop, a host that falls silent, a controller that is not there.
+
+use crate::robot::SWING;
+use crate::{S, armed, connect, rig};
+use rollwalk_protocol::wire::{Fault, Node, State};
+use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::link::LinkBus;
+use rollwalk_sim_host::session::{Session, SessionError};
+
+#[test]
+fn an_emergency_stop_takes_torque_off_and_stays_until_cleared() {
+    let mut session = armed();
+    session.select(SWING).unwrap();
+    session.run_for(2 * S).unwrap();
+    session.estop().unwrap();
+    let stopped = session.bus().now();
+    session.run_for(S).unwrap();
+    assert_eq!(session.status().unwrap().state, State::EStopped);
+    assert!(session.status().unwrap().faults.contains(Fault::EStop));
+    let played_later =
+        session.bus().records().iter().any(|record| record.time_us > stopped.as_us() + 10_000);
+    assert!(!played_later);
+
+    let error = session.arm().unwrap_err();
+    assert!(error.to_string().starts_with("the controller refused to arm:"), "{error}");
+    session.clear().unwrap();
+    session.arm().unwrap();
+}
+
+#[test]
+fn waiting_for_what_will_not_come_ends_with_the_reason() {
+    let mut session = armed();
+    session.estop().unwrap();
+    let error = session.wait_for_state(State::Ready, 5 * S).unwrap_err();
+    let sentence = error.to_string();
+    assert!(sentence.contains("state EStopped: emergency stop"), "{sentence}");
+    session.clear().unwrap();
+    let error = session.wait_for_state(State::Ready, S).unwrap_err();
+    let sentence = error.to_string();
+    assert!(sentence.starts_with("waited 1 s for state Ready"), "{sentence}");
+    assert!(sentence.contains("still in state Disarmed"), "{sentence}");
+}
+
+#[test]
+fn a_silent_host_lets_the_robot_return_to_safe_and_lie_down() {
+    let mut session = armed();
+    session.select(SWING).unwrap();
+    session.run_for(2 * S).unwrap();
+    let mut rig = session.into_bus();
+    rig.run_until(rig.now() + SimTime::from_ms(8_000));
+
+    let mut clips: Vec<u8> = rig.records().iter().map(|record| record.clip.0).collect();
+    clips.dedup();
+    assert_eq!(clips, [0, 4, 1, 5, 0], "by the transition, not straight");
+    let quiet_since = SimTime::from_us(rig.records().last().unwrap().time_us);
+    assert!(rig.now() - quiet_since > SimTime::from_ms(1_000), "no torque for a while");
+
+    let mut session = connect(rig);
+    session.run_for(200_000).unwrap();
+    let status = session.status().unwrap();
+    assert_eq!(status.state, State::TorqueOff);
+    assert!(status.faults.contains(Fault::HostLost));
+    session.clear().unwrap();
+    session.arm().unwrap();
+}
+
+#[test]
+fn a_controller_that_is_not_there_is_named() {
+    let error = Session::connect(rig(), Node::new(7).unwrap()).err().unwrap();
+    assert_eq!(error, SessionError::Silent { node: 7, what: "heartbeat" });
+    assert_eq!(
+        error.to_string(),
+        "controller 7 does not answer (heartbeat): is it powered, and on this bus?"
+    );
+}
+
+#[test]
+fn waiting_on_the_simulated_link_lets_exactly_that_time_pass() {
+    let mut rig = rig();
+    let mut frames = 0;
+    while rig.receive(S).unwrap().is_some() {
+        frames += 1;
+    }
+    assert_eq!(rig.now_us(), S);
+    assert!(frames > 0, "a controller reports its status unasked");
+}
