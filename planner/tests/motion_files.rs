@@ -68,7 +68,7 @@ fn shipped_motions_are_valid_and_name_the_robot() {
     let turn = motion(TURN);
     assert_eq!(
         (turn.ends, turn.goal.forward_m, turn.goal.turn_rad),
-        (Ends::Periodic, Some(0.0), Some(0.5))
+        (Ends::Periodic, Some(0.0), Some(0.8))
     );
     let stand = motion(STAND);
     assert!(stand.stance.iter().flatten().all(|&stance| stance));
