@@ -14,6 +14,7 @@ use rollwalk_protocol::wire::{
 
 /// Telemetry messages of each 60 Hz frame: 240 a second, 6 % of a 500 kbit/s bus.
 const TELEMETRY_PER_FRAME: u8 = 4;
+const STATUS_PERIOD_US: u64 = STATUS_PERIOD_MS as u64 * 1000;
 /// A fault that lasts is reported again after so long, µs.
 const REPORT_PERIOD_US: u64 = 1_000_000;
 /// Longest answer, bytes: HELLO has 24.
@@ -44,12 +45,13 @@ pub(crate) struct Link {
     last_heartbeat: Option<(u8, u64)>,
     acks: Deque<CommandAck, 4>,
     discovered: bool,
-    last_status: Option<(Status, u64)>,
+    last_status: Option<Status>,
+    status_us: u64,
     status_due: bool,
     status_counter: u8,
     known_faults: FaultBits,
     reports: FaultBits,
-    reported_us: u64,
+    report_us: u64,
     report_counter: u8,
     telemetry_left: u8,
     telemetry_next: u8,
@@ -66,11 +68,12 @@ impl Link {
             acks: Deque::new(),
             discovered: false,
             last_status: None,
+            status_us: 0,
             status_due: false,
             status_counter: 0,
             known_faults: FaultBits::default(),
             reports: FaultBits::default(),
-            reported_us: 0,
+            report_us: 0,
             report_counter: 0,
             telemetry_left: 0,
             telemetry_next: 0,
@@ -142,20 +145,14 @@ impl Link {
 
     /// Once per control period: is a status message due, or a fault report?
     pub fn observe(&mut self, now_us: u64, status: Status) {
-        let period = u64::from(STATUS_PERIOD_MS) * 1000;
         // The frame counts on all the time; that alone is no change.
         let essence = |s: Status| (s.state, s.severity, s.faults, s.clip, s.library);
-        let due = self.last_status.is_none_or(|(last, at)| {
-            essence(last) != essence(status) || now_us.saturating_sub(at) >= period
-        });
-        if due {
-            self.last_status = Some((status, now_us));
-            self.status_due = true;
-        }
+        let changed = self.last_status.map(essence) != Some(essence(status));
+        self.last_status = Some(status);
+        self.status_due |= changed | due(&mut self.status_us, now_us, STATUS_PERIOD_US);
         self.reports.0 |= status.faults.0 & !self.known_faults.0;
         self.known_faults = status.faults;
-        if now_us.saturating_sub(self.reported_us) >= REPORT_PERIOD_US {
-            self.reported_us = now_us;
+        if due(&mut self.report_us, now_us, REPORT_PERIOD_US) {
             self.reports.0 |= status.faults.0;
         }
     }
@@ -197,4 +194,15 @@ impl Link {
         }
         core::mem::take(&mut self.discovered).then_some(Say::Discovered)
     }
+}
+
+/// Whether it is time again for something periodic. Keeps the average rate whatever the rate at
+/// which it is asked, and makes up for nothing after a gap.
+fn due(at_us: &mut u64, now_us: u64, period_us: u64) -> bool {
+    let due = now_us >= *at_us;
+    if due {
+        let next = at_us.saturating_add(period_us);
+        *at_us = if next > now_us { next } else { now_us.saturating_add(period_us) };
+    }
+    due
 }

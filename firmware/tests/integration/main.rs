@@ -2,5 +2,9 @@
 //! protocol's encoder.
 
 mod documentation;
+mod hostile;
 mod playback;
+mod rig;
 mod robot;
+mod safety;
+mod transfer;

@@ -1,0 +1,220 @@
+//! Arbitrary sequences of commands, garbage, losses and time: nothing panics, no setpoint leaves
+//! the limits or comes while torque is off (the bench checks every frame), and the way home is
+//! never lost.
+
+use proptest::prelude::*;
+use rollwalk_firmware::safety::{State, Torque};
+use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::{Action, CommandResult, Request};
+
+use crate::rig::Rig;
+use crate::robot::*;
+
+#[derive(Clone, Debug)]
+enum Deed {
+    Run(u16),
+    Command(Action),
+    /// Both steps, whatever the answers.
+    Arm,
+    Clear,
+    Replay(u8),
+    Link(CanFrame),
+    Actuator(u8, CanFrame),
+    Transfer(Vec<u8>),
+    Begin(u32),
+    Flash,
+    Host(bool),
+    Buses(bool),
+    Power(usize, bool),
+    Status(usize, u8),
+    Estop,
+    Board,
+    TimeJump(i64),
+}
+
+fn frame() -> impl Strategy<Value = CanFrame> {
+    let any_id = 0u16..0x800;
+    // Mostly identifiers that mean something to the controller.
+    let known =
+        prop::sample::select(vec![0x010u16, 0x0F0, 0x110, 0x1F0, 0x210, 0x510, 0x710, 0x7F0]);
+    (prop_oneof![any_id, known], prop::collection::vec(any::<u8>(), 0..=8))
+        .prop_map(|(id, data)| CanFrame::new(id, &data).unwrap())
+}
+
+/// A lying actuator: any measurement, any status, in a frame that decodes.
+fn feedback() -> impl Strategy<Value = (u8, CanFrame)> {
+    let measured = (-7.0f32..7.0, -70.0f32..70.0, any::<u8>(), any::<u8>());
+    (0u8..3, 1u8..3, measured).prop_map(
+        |(bus, id, (position_rad, velocity_rad_s, status, counter))| {
+            let status = ActuatorStatus(status);
+            let feedback =
+                Feedback { position_rad, velocity_rad_s, torque_nm: 0.0, status, counter };
+            (bus, feedback.encode(id).unwrap())
+        },
+    )
+}
+
+fn action() -> impl Strategy<Value = Action> {
+    let code = prop_oneof![Just(CODE_STAND), Just(CODE_DRIVE), Just(CODE_WALK), any::<u8>()];
+    prop_oneof![
+        6 => code.prop_map(|code| Action::Play { code, speed_64ths: 64 }),
+        1 => any::<i8>().prop_map(|speed_64ths| Action::Play { code: CODE_WALK, speed_64ths }),
+        1 => Just(Action::Pause),
+        1 => Just(Action::Return),
+        1 => Just(Action::Disarm),
+        1 => any::<u16>().prop_map(|nonce| Action::ArmConfirm { nonce }),
+        1 => any::<u16>().prop_map(|nonce| Action::ClearConfirm { nonce }),
+        1 => (9u8..16).prop_map(|kind| Action::Unknown { kind }),
+    ]
+}
+
+/// Deeds of a world in which actuators tell the truth.
+fn honest() -> impl Strategy<Value = Deed> {
+    prop_oneof![
+        12 => (1u16..250).prop_map(Deed::Run),
+        6 => action().prop_map(Deed::Command),
+        5 => Just(Deed::Arm),
+        2 => Just(Deed::Clear),
+        2 => (0u8..8).prop_map(Deed::Replay),
+        2 => frame().prop_map(Deed::Link),
+        1 => prop::collection::vec(any::<u8>(), 1..40).prop_map(Deed::Transfer),
+        1 => any::<u32>().prop_map(Deed::Begin),
+        1 => Just(Deed::Flash),
+        1 => any::<bool>().prop_map(Deed::Host),
+        1 => any::<bool>().prop_map(Deed::Buses),
+        1 => (0usize..3, any::<bool>()).prop_map(|(i, on)| Deed::Power(i, on)),
+        1 => (0usize..3, any::<u8>()).prop_map(|(i, s)| Deed::Status(i, s & ActuatorStatus::FAULTS)),
+        1 => Just(Deed::Estop),
+        1 => Just(Deed::Board),
+    ]
+}
+
+fn dishonest() -> impl Strategy<Value = Deed> {
+    prop_oneof![
+        4 => honest(),
+        2 => feedback().prop_map(|(bus, frame)| Deed::Actuator(bus, frame)),
+        1 => (0u8..3, frame()).prop_map(|(bus, frame)| Deed::Actuator(bus, frame)),
+        1 => (-2_000_000i64..5_000_000).prop_map(Deed::TimeJump),
+    ]
+}
+
+fn act(rig: &mut Rig, deed: &Deed) {
+    match deed {
+        Deed::Run(ticks) => rig.run(u32::from(*ticks)),
+        Deed::Command(action) => {
+            rig.command(*action);
+        }
+        Deed::Arm => {
+            let request = rig.command(Action::ArmRequest);
+            rig.command(Action::ArmConfirm { nonce: request.value });
+        }
+        Deed::Clear => {
+            let request = rig.command(Action::ClearRequest);
+            rig.command(Action::ClearConfirm { nonce: request.value });
+        }
+        Deed::Replay(back) => rig.replay(usize::from(*back)),
+        Deed::Link(frame) => rig.send(frame),
+        Deed::Actuator(bus, frame) => rig.brain.on_actuator_frame(rig.now_us, *bus, frame),
+        Deed::Transfer(bytes) => rig.send_message(bytes),
+        Deed::Begin(len) => {
+            rig.try_request(&Request::Begin { len: *len, crc32c: 5 });
+        }
+        Deed::Flash => {
+            let bytes = library();
+            let crc32c = rollwalk_protocol::crc::crc32c(&bytes);
+            rig.try_request(&Request::Begin { len: bytes.len() as u32, crc32c });
+            for (i, block) in bytes.chunks(512).enumerate() {
+                rig.try_request(&Request::Block { offset: 512 * i as u32, bytes: block });
+            }
+            rig.try_request(&Request::Finish);
+            rig.try_request(&Request::Activate { crc32c });
+        }
+        Deed::Host(alive) => rig.host_alive = *alive,
+        Deed::Buses(up) => rig.buses_up = *up,
+        Deed::Power(i, on) => {
+            rig.servos[*i].powered = *on;
+            rig.servos[*i].enabled &= *on;
+        }
+        Deed::Status(i, status) => rig.servos[*i].status = *status,
+        Deed::Estop => {
+            rig.estop();
+            assert_eq!(rig.brain.state(), State::EStopped);
+        }
+        Deed::Board => {
+            rig.brain.estop(rig.now_us);
+            assert_eq!(rig.brain.state(), State::EStopped);
+        }
+        Deed::TimeJump(us) => rig.now_us = rig.now_us.saturating_add_signed(*us),
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 96, ..ProptestConfig::default() })]
+
+    /// From whatever the sequence led to: without a host the robot ends without torque; with one,
+    /// and sound actuators, it gets back to SAFE.
+    #[test]
+    fn the_way_home_is_never_lost(deeds in prop::collection::vec(honest(), 1..60)) {
+        let mut rig = Rig::new(Some(&library()));
+        for deed in &deeds {
+            act(&mut rig, deed);
+        }
+        rig.host_alive = false;
+        // Timeout, the longest way through the graph, hold, damping.
+        rig.run(40 + 700 + 130 + 200);
+        prop_assert_eq!(rig.brain.state().torque(), Torque::Off);
+
+        rig.host_alive = true;
+        rig.buses_up = true;
+        for servo in &mut rig.servos {
+            (servo.powered, servo.status) = (true, 0);
+        }
+        rig.run(60);
+        if rig.brain.state() != State::Disarmed {
+            rig.clear();
+            rig.run(60);
+        }
+        if rig.brain.library().is_none() {
+            act(&mut rig, &Deed::Flash);
+        }
+        rig.arm();
+        rig.run_until(State::Ready, 1500);
+        prop_assert_eq!(rig.play(CODE_WALK).result, CommandResult::Ok);
+        rig.run(300);
+        rig.command(Action::Return);
+        rig.run_until(State::Ready, 1000);
+    }
+
+    /// Even when actuators and clock lie, nothing panics, and what goes out is within the limits.
+    #[test]
+    fn lies_do_not_get_past_the_limits(deeds in prop::collection::vec(dishonest(), 1..120)) {
+        let mut rig = Rig::new(Some(&library()));
+        rig.trust_pose = false;
+        for deed in &deeds {
+            act(&mut rig, deed);
+        }
+        rig.estop();
+        prop_assert_eq!(rig.brain.state(), State::EStopped);
+    }
+}
+
+/// The sequences do get somewhere: of all states, each is met. Seeded, hence the same every time.
+#[test]
+fn the_sequences_reach_every_state() {
+    use proptest::strategy::ValueTree;
+    use proptest::test_runner::TestRunner;
+    let mut runner = TestRunner::deterministic();
+    let mut seen = std::collections::BTreeSet::new();
+    for _ in 0..200 {
+        let deeds = prop::collection::vec(honest(), 1..60).new_tree(&mut runner).unwrap().current();
+        let mut rig = Rig::new(Some(&library()));
+        for deed in &deeds {
+            act(&mut rig, deed);
+            seen.insert(rig.brain.state());
+        }
+    }
+    use State::*;
+    let expected = [Disarmed, Aligning, Ready, Playing, Returning, Damped, TorqueOff, EStopped];
+    assert!(expected.iter().all(|state| seen.contains(state)), "only {seen:?}");
+}

@@ -1,0 +1,107 @@
+//! The library over the link.
+
+use rollwalk_firmware::safety::State;
+use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::library::validate;
+use rollwalk_protocol::wire::transport::{MAX_BLOCK, TransferResult};
+use rollwalk_protocol::wire::{Action, CommandResult, Fault, Request, Response};
+
+use crate::rig::Rig;
+use crate::robot::*;
+
+fn result(response: Response) -> TransferResult {
+    match response {
+        Response::Reply(reply) => reply.result,
+        Response::Hello(hello) => panic!("{hello:?}"),
+    }
+}
+
+fn flash(rig: &mut Rig, bytes: &[u8]) -> TransferResult {
+    let crc = crc32c(bytes);
+    let begin = Request::Begin { len: bytes.len() as u32, crc32c: crc };
+    assert_eq!(result(rig.request(&begin)), TransferResult::Ok);
+    for (i, block) in bytes.chunks(MAX_BLOCK).enumerate() {
+        let block = Request::Block { offset: (i * MAX_BLOCK) as u32, bytes: block };
+        assert_eq!(result(rig.request(&block)), TransferResult::Ok);
+        rig.step();
+    }
+    match result(rig.request(&Request::Finish)) {
+        TransferResult::Ok => result(rig.request(&Request::Activate { crc32c: crc })),
+        refused => refused,
+    }
+}
+
+#[test]
+fn a_library_is_flashed_and_played() {
+    let mut rig = Rig::new(None);
+    rig.run(20);
+    assert!(rig.brain.faults().contains(Fault::NoLibrary));
+    let bytes = library();
+    assert!(bytes.len() > MAX_BLOCK, "several blocks");
+    assert_eq!(flash(&mut rig, &bytes), TransferResult::Ok);
+    rig.run(20);
+    assert!(rig.brain.faults().is_empty());
+
+    let Response::Hello(hello) = rig.request(&Request::Hello { major: 1, minor: 0 }) else {
+        panic!("no hello");
+    };
+    let index = validate(&bytes, &config()).unwrap();
+    assert_eq!(hello.library, Some(index.id()));
+    assert_eq!((hello.config_hash, hello.channels), (config().hash(), 3));
+
+    rig.arm();
+    rig.run_until(State::Ready, 1000);
+    rig.play(CODE_DRIVE);
+    rig.run(100);
+    assert_eq!(rig.brain.playing().unwrap().clip.0, DRIVE_CLIP);
+
+    // Not while torque is on, and the library that plays stays as it is.
+    let begin = Request::Begin { len: 100, crc32c: 1 };
+    assert_eq!(result(rig.request(&begin)), TransferResult::WrongState);
+    rig.run(100);
+    assert_eq!(rig.brain.state(), State::Playing);
+}
+
+#[test]
+fn damaged_truncated_future_and_foreign_libraries_are_refused() {
+    let good = library();
+    let mut corrupted = good.clone();
+    corrupted[200] ^= 4;
+    let truncated = good[..good.len() - 7].to_vec();
+    let mut future = good.clone();
+    future[8] = 2;
+    let crc = crc32c(&future[..20]);
+    future[20..24].copy_from_slice(&crc.to_le_bytes());
+    let mut other_robot = config();
+    other_robot.channels[0].max_torque_nm = 2.5;
+    let foreign = library_for(&other_robot);
+
+    let mut rig = Rig::new(Some(&good));
+    rig.run(20);
+    for bytes in [&corrupted, &truncated, &future, &foreign] {
+        assert_eq!(flash(&mut rig, bytes), TransferResult::Rejected);
+        rig.run(2);
+        assert!(rig.brain.library().is_none() && rig.brain.library_reject().is_some());
+        let refused = rig.command(Action::ArmRequest).result;
+        let expected = if bytes == &foreign {
+            CommandResult::ConfigMismatch
+        } else {
+            CommandResult::NoLibrary
+        };
+        assert_eq!(refused, expected);
+    }
+    assert!(rig.brain.faults().contains(Fault::ConfigMismatch));
+    assert_eq!(flash(&mut rig, &good), TransferResult::Ok);
+    rig.run(20);
+    rig.arm();
+}
+
+#[test]
+fn a_library_that_changes_voids_the_request_to_arm() {
+    let mut rig = Rig::booted();
+    let nonce = rig.command(Action::ArmRequest).value;
+    let begin = Request::Begin { len: 100, crc32c: 1 };
+    assert_eq!(result(rig.request(&begin)), TransferResult::Ok);
+    assert_eq!(rig.command(Action::ArmConfirm { nonce }).result, CommandResult::WrongNonce);
+    assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::NoLibrary);
+}
