@@ -632,3 +632,30 @@ fn motors_and_wheels_out_of_range() {
     assert_fault("bus = 0\nid = 2", "bus = 9\nid = 2", "bus = 9", "`bus` is 9", "buses 0 to 7");
     assert_fault("bus = 0\nid = 2", "bus = 0\nid = 200", "id = 200", "`id` is 200", "0 to 127");
 }
+
+proptest! {
+    /// Robots in plan files are hostile input too: any numbers and indices are judged, not tripped over.
+    #[test]
+    fn robots_with_any_numbers_are_judged_without_panic(
+        number in prop::num::f64::ANY,
+        index in any::<usize>(),
+        field in 0..9usize,
+    ) {
+        let mut robot = tiny();
+        match field {
+            0 => robot.links[1].mass_kg = number,
+            1 => robot.links[1].inertia_in_link_kg_m2[(1, 2)] = number,
+            2 => robot.joints[1].parent = index,
+            3 => robot.joints[1].child = index,
+            4 => robot.joints[0].axis_in_joint.x = number,
+            5 => robot.joints[0].position_max_rad = number,
+            6 => robot.joints[0].parent_from_joint.translation.z = number,
+            7 => robot.end_effectors[0].link = index,
+            _ => robot.end_effectors[0].radius_m = number,
+        }
+        if robot.validate().is_ok() {
+            // What passes can be used: the controller accepts its configuration.
+            prop_assert_eq!(robot.controller_config().unwrap().check(), Ok(()));
+        }
+    }
+}

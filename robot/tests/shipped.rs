@@ -134,6 +134,7 @@ fn robots_survive_json_bit_by_bit() {
         let read: Robot = serde_json::from_str(&json).unwrap();
         assert_eq!(read, robot);
         read.validate().unwrap();
+        read.controller_config().unwrap().check().unwrap();
     }
 }
 

@@ -11,7 +11,7 @@
 mod suggest;
 mod table;
 
-pub use suggest::{alternatives, closest};
+pub use suggest::alternatives;
 pub use table::{NamedString, Table};
 
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};

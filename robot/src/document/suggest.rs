@@ -1,7 +1,7 @@
 //! Words for "did you mean": the nearest of some known names, and their list.
 
 /// The known name most like `given`, if one is near enough to be meant.
-pub fn closest<'a>(given: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+fn closest<'a>(given: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let similarity = |name: &str| strsim::normalized_damerau_levenshtein(given, name);
     known
         .into_iter()

@@ -43,11 +43,6 @@ impl<'d> Table<'d> {
         Self { document, table, span, what, asked: RefCell::new(Vec::new()) }
     }
 
-    /// What faults call this table, such as "joint `knee`".
-    pub fn what(&self) -> &str {
-        &self.what
-    }
-
     /// Gives the table a better name once its own name has been read.
     pub fn call(&mut self, what: impl Into<String>) {
         self.what = what.into();
@@ -105,11 +100,6 @@ impl<'d> Table<'d> {
     pub fn string(&self, key: &'static str) -> Option<String> {
         let value = self.required(key, "a string in quotes")?;
         self.typed(key, value, "a string in quotes", |value| value.as_str().map(str::to_owned))
-    }
-
-    /// A string, or `None` without a fault if the key is absent.
-    pub fn optional_string(&self, key: &'static str) -> Option<String> {
-        self.has(key).then(|| self.string(key))?
     }
 
     /// A required string that must be one of `choices`; returns its index.
