@@ -37,14 +37,17 @@ mod quantise;
 mod records;
 mod reject;
 mod routes;
+mod source;
+mod spec;
 mod validate;
+mod validate_graph;
 mod view;
+mod writer;
 
 pub use cursor::{Advance, ClipCursor, Unreadable};
-pub use encode::{
-    ClipRef, EncodeError, JOIN_TOLERANCE_RAD, LibrarySpec, MotionSpec, TransitionSpec, encode,
-};
+pub use encode::encode;
 pub use reject::{Reject, Section, Why};
+pub use spec::{ClipRef, EncodeError, JOIN_TOLERANCE_RAD, LibrarySpec, MotionSpec, TransitionSpec};
 pub use validate::validate;
 pub use view::{ClipInfo, ClipKind, Edge, Index, Library};
 

@@ -10,8 +10,7 @@ use super::records::*;
 use super::reject::{Reject, Section, Why};
 use super::view::{ClipKind, Index, Library};
 use super::{
-    ClipId, MAX_CLIP_FRAMES, MAX_MOTIONS, MAX_NAME, MAX_TRANSITIONS, NO_EDGE, NodeId, RATE_HZ,
-    quantise,
+    BLOCK_FRAMES, ClipId, MAX_CLIP_FRAMES, MAX_MOTIONS, MAX_TRANSITIONS, RATE_HZ, quantise,
 };
 use crate::config::{MAX_CHANNELS, RobotConfig};
 
@@ -116,14 +115,15 @@ fn channels(
     Ok((records, exponents))
 }
 
-struct Walk<'a> {
-    library: Library<'a>,
+/// A library on its way to be validated.
+pub(super) struct Walk<'a> {
+    pub library: Library<'a>,
     sections: [Span; SECTIONS],
-    records: [ChannelRecord; MAX_CHANNELS],
+    pub records: [ChannelRecord; MAX_CHANNELS],
 }
 
 impl Walk<'_> {
-    fn fail(&self, section: Section, record: usize, why: Why) -> Reject {
+    pub fn fail(&self, section: Section, record: usize, why: Why) -> Reject {
         Reject { section, offset: span(&self.sections, section).record_offset(record), why }
     }
 
@@ -217,7 +217,7 @@ impl Walk<'_> {
                 let channel = channel as u8;
                 return Err(fail(at, Why::TooFast { clip, frame, channel, rate, max_rate }));
             }
-            let last_of_block = cursor.at_last_frame() || (frame + 1) % super::BLOCK_FRAMES == 0;
+            let last_of_block = cursor.at_last_frame() || (frame + 1) % BLOCK_FRAMES == 0;
             if last_of_block {
                 if !cursor.block_used_up(&self.library) {
                     return Err(bad_block(at, frame));
@@ -268,11 +268,11 @@ impl Walk<'_> {
         })
     }
 
-    fn max_step(&self, channel: usize) -> i32 {
+    pub fn max_step(&self, channel: usize) -> i32 {
         self.records.get(channel).map_or(0, |record| i32::from(record.max_step))
     }
 
-    fn value(&self, channel: usize, quanta: i32) -> f32 {
+    pub fn value(&self, channel: usize, quanta: i32) -> f32 {
         self.library.value(channel, quanta).unwrap_or(f32::NAN)
     }
 
@@ -281,162 +281,6 @@ impl Walk<'_> {
             if record.kind == 1 && quanta != 0 {
                 let speed = self.value(channel, i32::from(quanta));
                 return Err(Why::EndsInMotion { clip, channel: channel as u8, speed });
-            }
-        }
-        Ok(())
-    }
-
-    fn edges(&self) -> Result<(), Reject> {
-        for id in self.library.edges() {
-            let fail = |why| self.fail(Section::Edges, usize::from(id.0), why);
-            let bad = fail(Why::BadEdge { edge: id });
-            let edge = self.library.edge(id).ok_or(bad)?;
-            let motions = self.library.node_count();
-            if edge.from.0 >= motions || edge.to.0 >= motions || edge.from == edge.to {
-                return Err(bad);
-            }
-            let source = self.library.clip(edge.from.clip()).ok_or(bad)?;
-            let target = self.library.clip(edge.to.clip()).ok_or(bad)?;
-            let own = self.library.clip(edge.clip).ok_or(bad)?;
-            if edge.exit_frame >= source.frames || edge.entry_frame >= target.frames {
-                return Err(bad);
-            }
-            let (exit_frame, last) = (edge.exit_frame, source.frames - 1);
-            if !source.looping && exit_frame != last {
-                return Err(fail(Why::ExitBeforeEnd { edge: id, exit_frame, last }));
-            }
-            let ends = [
-                ("first frame", 0, edge.from.clip(), edge.exit_frame),
-                ("last frame", own.frames - 1, edge.to.clip(), edge.entry_frame),
-            ];
-            for (end, frame, joined, joined_frame) in ends {
-                let found = ClipCursor::new(&self.library, edge.clip, frame).map_err(|_| bad)?;
-                let expected =
-                    ClipCursor::new(&self.library, joined, joined_frame).map_err(|_| bad)?;
-                let pairs = found.quanta().zip(expected.quanta()).enumerate();
-                for (channel, (found, expected)) in pairs {
-                    if found != expected {
-                        return Err(fail(Why::EndMismatch {
-                            edge: id,
-                            end,
-                            channel: channel as u8,
-                            found: self.value(channel, i32::from(found)),
-                            expected: self.value(channel, i32::from(expected)),
-                        }));
-                    }
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Every route that the table has arrives; every route that exists is in the table; SAFE is
-    /// reached from everywhere.
-    fn routes(&self) -> Result<(), Reject> {
-        let cell = |from: NodeId, to: NodeId| {
-            usize::from(from.0) * usize::from(self.library.node_count()) + usize::from(to.0)
-        };
-        let safe = self.library.safe_node();
-        for node in self.library.nodes() {
-            if node != safe && self.library.next_hop(node, safe).is_none() {
-                let why = Why::NoRouteToSafe { node, safe };
-                return Err(self.fail(Section::Routes, cell(node, safe), why));
-            }
-        }
-        let known = |from, to| from == to || self.library.next_hop(from, to).is_some();
-        for from in self.library.nodes() {
-            for to in self.library.nodes() {
-                let bad = self.fail(Section::Routes, cell(from, to), Why::BadRoute { from, to });
-                let stored = self.library.payload(Section::Routes);
-                let stored = stored.and_then(|t| t.get(cell(from, to))).copied();
-                if stored != Some(NO_EDGE) && !self.arrives(from, to) {
-                    return Err(bad);
-                }
-            }
-        }
-        for edge in self.library.edges().filter_map(|id| self.library.edge(id)) {
-            for to in self.library.nodes() {
-                if known(edge.to, to) && self.library.next_hop(edge.from, to).is_none() {
-                    let (from, section) = (edge.from, Section::Routes);
-                    return Err(self.fail(section, cell(from, to), Why::BadRoute { from, to }));
-                }
-            }
-        }
-        Ok(())
-    }
-
-    fn arrives(&self, from: NodeId, to: NodeId) -> bool {
-        let mut at = from;
-        for _ in 0..=self.library.node_count() {
-            let hop = self.library.next_hop(at, to).and_then(|edge| self.library.edge(edge));
-            match hop {
-                Some(edge) if edge.from == at => at = edge.to,
-                _ => return false,
-            }
-            if at == to {
-                return true;
-            }
-        }
-        false
-    }
-
-    fn codes(&self) -> Result<(), Reject> {
-        let motions = self.library.node_count();
-        let mut seen = [false; MAX_MOTIONS];
-        let mut previous = None;
-        for i in 0..usize::from(motions) {
-            let fail = |why| self.fail(Section::Codes, i, why);
-            let record: CodeRecord = self
-                .library
-                .record(Section::Codes, i)
-                .ok_or_else(|| fail(Why::BadRecord { record: i as u32 }))?;
-            let CodeRecord { code, node } = record;
-            if node >= motions {
-                return Err(fail(Why::CodeWithoutMotion { code, node, motions }));
-            }
-            if previous.is_some_and(|previous| previous >= code) {
-                return Err(fail(Why::DuplicateCode { code }));
-            }
-            previous = Some(code);
-            if let Some(seen) = seen.get_mut(usize::from(node)) {
-                if *seen {
-                    return Err(fail(Why::MotionWithTwoCodes { node: NodeId(node) }));
-                }
-                *seen = true;
-            }
-        }
-        Ok(())
-    }
-
-    /// The safe pose is where the safe motion rests: its last frame, all its frames if it loops.
-    fn safe_pose(&self) -> Result<(), Reject> {
-        let fail = |channel| {
-            self.fail(Section::SafePose, channel, Why::SafeNotAtRest { channel: channel as u8 })
-        };
-        let clip = self.library.safe_node().clip();
-        let info = self.library.clip(clip).ok_or_else(|| fail(0))?;
-        let start = if info.looping { 0 } else { info.frames - 1 };
-        let mut cursor = ClipCursor::new(&self.library, clip, start).map_err(|_| fail(0))?;
-        let pose = self.library.payload(Section::SafePose).ok_or_else(|| fail(0))?;
-        loop {
-            for (channel, (quanta, record)) in cursor.quanta().zip(&self.records).enumerate() {
-                let posed = container::u16_at(pose, 2 * channel).map(|bits| bits as i16);
-                if posed != Some(quanta) || (record.kind == 1 && quanta != 0) {
-                    return Err(fail(channel));
-                }
-            }
-            if cursor.at_last_frame() {
-                return Ok(());
-            }
-            cursor.advance(&self.library).map_err(|_| fail(0))?;
-        }
-    }
-
-    fn names(&self) -> Result<(), Reject> {
-        for node in self.library.nodes() {
-            let named = |name: &str| !name.is_empty() && name.len() <= MAX_NAME;
-            if !self.library.name(node).is_some_and(named) {
-                return Err(self.fail(Section::Names, 0, Why::BadName { node }));
             }
         }
         Ok(())

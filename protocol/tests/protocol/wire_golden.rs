@@ -22,6 +22,12 @@ fn schema_is_pinned() {
 }
 
 #[test]
+fn the_format_page_has_the_schema() {
+    let page = include_str!("../../../docs/wire-format.md").replace("\r\n", "\n");
+    assert!(page.contains(&format!("```text\n{SCHEMA}```")), "docs/wire-format.md differs");
+}
+
+#[test]
 fn estop() {
     let frame = Estop.encode(Node::BROADCAST);
     assert_eq!(text(frame), "0f0#");

@@ -1,0 +1,186 @@
+//! What a library is made of, and what can be wrong with it.
+
+use super::reject::Reject;
+use super::{MAX_CLIP_FRAMES, MAX_NAME};
+use crate::config::{ConfigError, RobotConfig};
+use core::fmt;
+use thiserror::Error;
+
+/// How far a joint of a transition's first or last frame may be from the motion that it joins,
+/// rad. The encoder moves it onto the motion's frame, so that the library has no gap at all.
+pub const JOIN_TOLERANCE_RAD: f32 = 0.005;
+
+/// What goes into a library.
+#[derive(Clone, Copy, Debug)]
+pub struct LibrarySpec<'a> {
+    /// The robot that it is for.
+    pub config: &'a RobotConfig,
+    /// The motions: nodes of the graph, 1 to [`MAX_MOTIONS`](super::MAX_MOTIONS).
+    pub motions: &'a [MotionSpec<'a>],
+    /// The transitions: edges of the graph, up to [`MAX_TRANSITIONS`](super::MAX_TRANSITIONS).
+    pub transitions: &'a [TransitionSpec<'a>],
+    /// Number of the motion that is SAFE. It must come to rest: not loop, or hold still.
+    pub safe: usize,
+}
+
+/// A motion to put into a library.
+#[derive(Clone, Copy, Debug)]
+pub struct MotionSpec<'a> {
+    /// Name, 1 to [`MAX_NAME`] bytes.
+    pub name: &'a str,
+    /// Command code that selects it.
+    pub code: u8,
+    /// n frames that repeat: frame n−1 is followed by frame 0, do not give frame 0 twice.
+    /// Otherwise the motion stays at its last frame, where its wheels must (nearly) rest.
+    pub looping: bool,
+    /// Frames at 60 Hz one after the other, each with one value for every channel: joint angles in
+    /// rad, then wheel motor speeds in rad/s.
+    pub frames: &'a [f32],
+}
+
+/// A transition to put into a library.
+#[derive(Clone, Copy, Debug)]
+pub struct TransitionSpec<'a> {
+    /// Number of the motion that it leaves.
+    pub from: usize,
+    /// Frame of that motion that is the transition's first frame.
+    pub exit_frame: u16,
+    /// Number of the motion that it leads to.
+    pub to: usize,
+    /// Frame of that motion that is the transition's last frame.
+    pub entry_frame: u16,
+    /// Frames at 60 Hz, like those of a motion; two at least.
+    pub frames: &'a [f32],
+}
+
+/// A clip of a [`LibrarySpec`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ClipRef {
+    /// Number of a motion.
+    Motion(usize),
+    /// Number of a transition.
+    Transition(usize),
+}
+
+impl fmt::Display for ClipRef {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ClipRef::Motion(i) => write!(f, "motion {i}"),
+            ClipRef::Transition(i) => write!(f, "transition {i}"),
+        }
+    }
+}
+
+/// A specification that no library can be made of.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// The robot's configuration is unusable.
+    #[error("the robot's configuration is unusable: {0}")]
+    Config(#[from] ConfigError),
+    /// Too few or too many of something.
+    #[error("{what}: {found}, must be {min} to {max}")]
+    Count {
+        /// What is counted.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// Fewest.
+        min: usize,
+        /// Most.
+        max: usize,
+    },
+    /// The number of values is no multiple of the number of channels, or there are none or too
+    /// many.
+    #[error(
+        "{clip}: {values} values are not {min} to {MAX_CLIP_FRAMES} frames of {channels} channels"
+    )]
+    Shape {
+        /// The clip.
+        clip: ClipRef,
+        /// Values given.
+        values: usize,
+        /// Channels of the robot.
+        channels: usize,
+        /// Fewest frames of such a clip.
+        min: usize,
+    },
+    /// A name that is empty or too long.
+    #[error("motion {motion}: its name has {len} bytes, must have 1 to {MAX_NAME}")]
+    Name {
+        /// Number of the motion.
+        motion: usize,
+        /// Bytes of the name.
+        len: usize,
+    },
+    /// A value that is no number, or outside the channel's limits.
+    #[error(
+        "{clip}, frame {frame}, channel {channel}: {value} is outside the limits {min} to {max} \
+         (rad, or rad/s for a wheel)"
+    )]
+    OutOfLimits {
+        /// The clip.
+        clip: ClipRef,
+        /// The frame.
+        frame: usize,
+        /// The channel.
+        channel: usize,
+        /// The value.
+        value: f32,
+        /// Smallest value.
+        min: f32,
+        /// Largest value.
+        max: f32,
+    },
+    /// A transition names a motion or a frame that does not exist.
+    #[error(
+        "transition {transition}: joins motion {motion} at frame {frame}, which does not exist"
+    )]
+    NoSuchFrame {
+        /// Number of the transition.
+        transition: usize,
+        /// Number of the motion.
+        motion: usize,
+        /// The frame.
+        frame: u16,
+    },
+    /// An end that is too far from what it must meet: a transition's end from the frame that it
+    /// joins, or a wheel's speed at the end of a motion from 0.
+    #[error(
+        "{clip}, frame {frame}, channel {channel}: {value} must be within {tolerance} of \
+         {expected}, where it ends (rad, or rad/s for a wheel)"
+    )]
+    EndMismatch {
+        /// The clip.
+        clip: ClipRef,
+        /// The frame.
+        frame: usize,
+        /// The channel.
+        channel: usize,
+        /// The value.
+        value: f32,
+        /// What it must meet.
+        expected: f32,
+        /// How far it may be off.
+        tolerance: f32,
+    },
+    /// Two motions have the same code.
+    #[error("motions {first} and {second} have the same command code {code}")]
+    DuplicateCode {
+        /// Number of a motion.
+        first: usize,
+        /// Number of another.
+        second: usize,
+        /// Their code.
+        code: u8,
+    },
+    /// The buffer is too small.
+    #[error("the library does not fit into {room} bytes")]
+    Full {
+        /// Bytes of the buffer.
+        room: usize,
+    },
+    /// The library would be refused by the robot.
+    #[error("the robot would refuse this library: {0}")]
+    Rejected(#[from] Reject),
+}

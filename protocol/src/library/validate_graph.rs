@@ -1,0 +1,168 @@
+//! The second half of the walk: the motion graph, its codes, the safe pose, names.
+
+use super::container::u16_at;
+use super::cursor::ClipCursor;
+use super::records::CodeRecord;
+use super::reject::{Reject, Section, Why};
+use super::validate::Walk;
+use super::{MAX_MOTIONS, MAX_NAME, NO_EDGE, NodeId};
+
+impl Walk<'_> {
+    /// Transitions join motions that exist, at frames where they can be left and entered, without
+    /// any gap.
+    pub fn edges(&self) -> Result<(), Reject> {
+        for id in self.library.edges() {
+            let fail = |why| self.fail(Section::Edges, usize::from(id.0), why);
+            let bad = fail(Why::BadEdge { edge: id });
+            let edge = self.library.edge(id).ok_or(bad)?;
+            let motions = self.library.node_count();
+            if edge.from.0 >= motions || edge.to.0 >= motions || edge.from == edge.to {
+                return Err(bad);
+            }
+            let source = self.library.clip(edge.from.clip()).ok_or(bad)?;
+            let target = self.library.clip(edge.to.clip()).ok_or(bad)?;
+            let own = self.library.clip(edge.clip).ok_or(bad)?;
+            if edge.exit_frame >= source.frames || edge.entry_frame >= target.frames {
+                return Err(bad);
+            }
+            let (exit_frame, last) = (edge.exit_frame, source.frames - 1);
+            if !source.looping && exit_frame != last {
+                return Err(fail(Why::ExitBeforeEnd { edge: id, exit_frame, last }));
+            }
+            let ends = [
+                ("first frame", 0, edge.from.clip(), edge.exit_frame),
+                ("last frame", own.frames - 1, edge.to.clip(), edge.entry_frame),
+            ];
+            for (end, frame, joined, joined_frame) in ends {
+                let found = ClipCursor::new(&self.library, edge.clip, frame).map_err(|_| bad)?;
+                let expected =
+                    ClipCursor::new(&self.library, joined, joined_frame).map_err(|_| bad)?;
+                let pairs = found.quanta().zip(expected.quanta()).enumerate();
+                for (channel, (found, expected)) in pairs {
+                    if found != expected {
+                        return Err(fail(Why::EndMismatch {
+                            edge: id,
+                            end,
+                            channel: channel as u8,
+                            found: self.value(channel, i32::from(found)),
+                            expected: self.value(channel, i32::from(expected)),
+                        }));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Every route that the table has arrives; every route that exists is in the table; SAFE is
+    /// reached from everywhere.
+    pub fn routes(&self) -> Result<(), Reject> {
+        let cell = |from: NodeId, to: NodeId| {
+            usize::from(from.0) * usize::from(self.library.node_count()) + usize::from(to.0)
+        };
+        let safe = self.library.safe_node();
+        for node in self.library.nodes() {
+            if node != safe && self.library.next_hop(node, safe).is_none() {
+                let why = Why::NoRouteToSafe { node, safe };
+                return Err(self.fail(Section::Routes, cell(node, safe), why));
+            }
+        }
+        let known = |from, to| from == to || self.library.next_hop(from, to).is_some();
+        for from in self.library.nodes() {
+            for to in self.library.nodes() {
+                let bad = self.fail(Section::Routes, cell(from, to), Why::BadRoute { from, to });
+                let stored = self.library.payload(Section::Routes);
+                let stored = stored.and_then(|t| t.get(cell(from, to))).copied();
+                if stored != Some(NO_EDGE) && !self.arrives(from, to) {
+                    return Err(bad);
+                }
+            }
+        }
+        for edge in self.library.edges().filter_map(|id| self.library.edge(id)) {
+            for to in self.library.nodes() {
+                if known(edge.to, to) && self.library.next_hop(edge.from, to).is_none() {
+                    let (from, section) = (edge.from, Section::Routes);
+                    return Err(self.fail(section, cell(from, to), Why::BadRoute { from, to }));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn arrives(&self, from: NodeId, to: NodeId) -> bool {
+        let mut at = from;
+        for _ in 0..=self.library.node_count() {
+            let hop = self.library.next_hop(at, to).and_then(|edge| self.library.edge(edge));
+            match hop {
+                Some(edge) if edge.from == at => at = edge.to,
+                _ => return false,
+            }
+            if at == to {
+                return true;
+            }
+        }
+        false
+    }
+
+    pub fn codes(&self) -> Result<(), Reject> {
+        let motions = self.library.node_count();
+        let mut seen = [false; MAX_MOTIONS];
+        let mut previous = None;
+        for i in 0..usize::from(motions) {
+            let fail = |why| self.fail(Section::Codes, i, why);
+            let record: CodeRecord = self
+                .library
+                .record(Section::Codes, i)
+                .ok_or_else(|| fail(Why::BadRecord { record: i as u32 }))?;
+            let CodeRecord { code, node } = record;
+            if node >= motions {
+                return Err(fail(Why::CodeWithoutMotion { code, node, motions }));
+            }
+            if previous.is_some_and(|previous| previous >= code) {
+                return Err(fail(Why::DuplicateCode { code }));
+            }
+            previous = Some(code);
+            if let Some(seen) = seen.get_mut(usize::from(node)) {
+                if *seen {
+                    return Err(fail(Why::MotionWithTwoCodes { node: NodeId(node) }));
+                }
+                *seen = true;
+            }
+        }
+        Ok(())
+    }
+
+    /// The safe pose is where the safe motion rests: its last frame, all its frames if it loops.
+    pub fn safe_pose(&self) -> Result<(), Reject> {
+        let fail = |channel| {
+            self.fail(Section::SafePose, channel, Why::SafeNotAtRest { channel: channel as u8 })
+        };
+        let clip = self.library.safe_node().clip();
+        let info = self.library.clip(clip).ok_or_else(|| fail(0))?;
+        let start = if info.looping { 0 } else { info.frames - 1 };
+        let mut cursor = ClipCursor::new(&self.library, clip, start).map_err(|_| fail(0))?;
+        let pose = self.library.payload(Section::SafePose).ok_or_else(|| fail(0))?;
+        loop {
+            for (channel, (quanta, record)) in cursor.quanta().zip(&self.records).enumerate() {
+                let posed = u16_at(pose, 2 * channel).map(|bits| bits as i16);
+                if posed != Some(quanta) || (record.kind == 1 && quanta != 0) {
+                    return Err(fail(channel));
+                }
+            }
+            if cursor.at_last_frame() {
+                return Ok(());
+            }
+            cursor.advance(&self.library).map_err(|_| fail(0))?;
+        }
+    }
+
+    pub fn names(&self) -> Result<(), Reject> {
+        for node in self.library.nodes() {
+            let named = |name: &str| !name.is_empty() && name.len() <= MAX_NAME;
+            if !self.library.name(node).is_some_and(named) {
+                return Err(self.fail(Section::Names, 0, Why::BadName { node }));
+            }
+        }
+        Ok(())
+    }
+}
