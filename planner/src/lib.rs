@@ -6,6 +6,7 @@
 pub mod export;
 pub mod formulation;
 pub mod guess;
+pub mod library;
 pub mod library_file;
 pub mod model;
 pub mod motion;

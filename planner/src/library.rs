@@ -1,0 +1,398 @@
+//! Motion libraries from plans: resampled at 60 Hz, checked against the limits of every channel,
+//! encoded as `.rwl` bytes, decoded again and compared with the plans.
+//!
+//! Last station of the planner; what comes next is flashing. The byte format is
+//! [`rollwalk_protocol::library`]'s, which also validates the graph as a controller does.
+
+mod error;
+mod frames;
+
+pub use error::LibraryError;
+
+use crate::motion::Ends;
+use crate::plan::Plan;
+use crate::sample::{PlanSpline, Setpoints};
+use frames::{Channels, Clip};
+use rollwalk_protocol::config::{MAX_CHANNELS, RobotConfig};
+use rollwalk_protocol::library::{
+    self, ClipCursor, ClipId, EncodeError, Library, LibrarySpec, MotionSpec, RATE_HZ,
+    TransitionSpec,
+};
+use rollwalk_robot::Robot;
+use serde::Serialize;
+
+/// What goes into a library.
+#[derive(Clone, Debug)]
+pub struct LibraryContent<'a> {
+    /// The robot.
+    pub robot: &'a Robot,
+    /// The motions, nodes of the graph.
+    pub motions: Vec<LibraryMotion<'a>>,
+    /// The transitions, edges of the graph.
+    pub transitions: Vec<LibraryTransition<'a>>,
+    /// Index of the motion that is SAFE: it stands still and every motion leads back to it.
+    pub safe: usize,
+}
+
+/// A motion of a library.
+#[derive(Clone, Copy, Debug)]
+pub struct LibraryMotion<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Command code that selects it.
+    pub code: u8,
+    /// Its plan, periodic or at rest.
+    pub plan: &'a Plan,
+}
+
+/// A transition of a library.
+#[derive(Clone, Copy, Debug)]
+pub struct LibraryTransition<'a> {
+    /// Index of the motion that it leaves.
+    pub from: usize,
+    /// When it leaves, s since that motion's start; a moment of a 60 Hz frame.
+    pub exit_time_s: f64,
+    /// Index of the motion that it enters.
+    pub to: usize,
+    /// When it enters, s since that motion's start; a moment of a 60 Hz frame.
+    pub entry_time_s: f64,
+    /// Its plan, with the states at these moments as prescribed ends.
+    pub plan: &'a Plan,
+}
+
+/// A motion library and what became of every plan in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BuiltLibrary {
+    /// The `.rwl` file.
+    pub bytes: Vec<u8>,
+    /// Motions, then transitions.
+    pub clips: Vec<ClipStats>,
+}
+
+/// One clip of a library.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ClipStats {
+    /// Name of the motion, or of the transition's plan.
+    pub name: String,
+    /// Frames at 60 Hz.
+    pub frames: usize,
+    /// Bytes of the frames.
+    pub bytes: usize,
+    /// Worst difference of a decoded joint angle from the plan, rad: rounding, and at the ends of
+    /// transitions the step onto the motion that they join.
+    pub worst_joint_error_rad: f64,
+    /// Worst difference of a decoded wheel speed from the plan, rad/s.
+    pub worst_wheel_error_rad_s: f64,
+    /// How far values were beyond a limit and moved onto it, as a part of the credible level.
+    pub clamped: f64,
+}
+
+/// Setpoints of a plan at every 60 Hz frame: of a periodic motion one period without the moment at
+/// which it repeats, of any other both ends.
+///
+/// # Errors
+/// A duration that is no multiple of 1/60 s.
+pub fn frames(plan: &Plan) -> Result<Vec<Setpoints>, LibraryError> {
+    let last = frame_at(&plan.motion.name, "duration_s", plan.motion.duration_s)?;
+    let count = if plan.motion.ends == Ends::Periodic { last } else { last + 1 };
+    let spline = PlanSpline::new(plan);
+    Ok((0..count).map(|k| spline.setpoints(k as f64 / f64::from(RATE_HZ))).collect())
+}
+
+/// Builds a library.
+///
+/// Values beyond a limit by no more than a plan may be (a fifth of the credible level) are moved onto
+/// the limit.
+///
+/// # Errors
+/// Names the motion, channel, time and value that no library can hold.
+pub fn build(content: &LibraryContent) -> Result<BuiltLibrary, LibraryError> {
+    let config = content.robot.controller_config()?;
+    let channels = Channels { robot: content.robot, config: &config };
+    let plans = content.motions.iter().map(|m| (m.name, m.plan));
+    let transitions = content.transitions.iter().map(|t| (t.plan.motion.name.as_str(), t.plan));
+    let clips: Vec<Clip> = plans
+        .chain(transitions)
+        .map(|(name, plan)| channels.clip(name, plan))
+        .collect::<Result<_, _>>()?;
+    let (nodes, edges) = clips.split_at(content.motions.len());
+    let motions: Vec<MotionSpec> = content
+        .motions
+        .iter()
+        .zip(nodes)
+        .map(|(motion, clip)| MotionSpec {
+            name: motion.name,
+            code: motion.code,
+            looping: motion.plan.motion.ends == Ends::Periodic,
+            frames: &clip.values,
+        })
+        .collect();
+    let transitions: Vec<TransitionSpec> = content
+        .transitions
+        .iter()
+        .zip(edges)
+        .map(|(transition, clip)| {
+            Ok(TransitionSpec {
+                from: transition.from,
+                exit_frame: frame_of(
+                    content,
+                    transition.from,
+                    clip,
+                    "exit",
+                    transition.exit_time_s,
+                )?,
+                to: transition.to,
+                entry_frame: frame_of(
+                    content,
+                    transition.to,
+                    clip,
+                    "entry",
+                    transition.entry_time_s,
+                )?,
+                frames: &clip.values,
+            })
+        })
+        .collect::<Result<_, LibraryError>>()?;
+    let spec = LibrarySpec {
+        config: &config,
+        motions: &motions,
+        transitions: &transitions,
+        safe: content.safe,
+    };
+    let bytes = encoded(&spec, &clips).map_err(|error| LibraryError::Encode {
+        clips: clips.iter().map(|c| c.name.clone()).collect(),
+        error,
+    })?;
+    let stats = decoded_stats(&bytes, &config, &clips)?;
+    Ok(BuiltLibrary { bytes, clips: stats })
+}
+
+/// Frame of a motion at a time; a periodic motion repeats.
+fn frame_of(
+    content: &LibraryContent,
+    motion: usize,
+    clip: &Clip,
+    end: &'static str,
+    time_s: f64,
+) -> Result<u16, LibraryError> {
+    let plan = content.motions.get(motion).map(|m| m.plan);
+    let plan = plan.ok_or(LibraryError::NoSuchMotion { transition: clip.name.clone(), motion })?;
+    let frame = frame_at(&clip.name, end, time_s)?;
+    let period = frame_at(&plan.motion.name, "duration_s", plan.motion.duration_s)?;
+    let frame = if plan.motion.ends == Ends::Periodic { frame % period.max(1) } else { frame };
+    // A frame beyond every clip is the encoder's to refuse.
+    Ok(u16::try_from(frame).unwrap_or(u16::MAX))
+}
+
+/// The frame that a time falls on.
+fn frame_at(motion: &str, field: &'static str, time_s: f64) -> Result<usize, LibraryError> {
+    /// Part of a frame up to which a time counts as that frame's.
+    const ON_FRAME: f64 = 1e-6;
+    let frame = time_s * f64::from(RATE_HZ);
+    if !frame.is_finite() || frame < -ON_FRAME || (frame - frame.round()).abs() > ON_FRAME {
+        return Err(LibraryError::NotOnFrame { motion: motion.to_owned(), field, time_s });
+    }
+    Ok(frame.round() as usize)
+}
+
+/// Encodes into a buffer that grows until the library fits.
+fn encoded(spec: &LibrarySpec, clips: &[Clip]) -> Result<Vec<u8>, EncodeError> {
+    let values: usize = clips.iter().map(|c| c.values.len()).sum();
+    // Packed frames are smaller than two bytes a value; tables take a few kilobytes.
+    let mut room = 4096 + 2 * values;
+    loop {
+        let mut bytes = vec![0; room];
+        match library::encode(spec, &mut bytes) {
+            Ok(len) => {
+                bytes.truncate(len);
+                return Ok(bytes);
+            }
+            // No clip takes more than eight bytes a value.
+            Err(EncodeError::Full { .. }) if room < 65536 + 8 * values => room *= 2,
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+/// Reads the library back as a controller does and compares it with the plans.
+fn decoded_stats(
+    bytes: &[u8],
+    config: &RobotConfig,
+    clips: &[Clip],
+) -> Result<Vec<ClipStats>, LibraryError> {
+    let index = library::validate(bytes, config)?;
+    let library = Library::open(bytes, &index).ok_or(LibraryError::Unreadable)?;
+    (0u8..)
+        .zip(clips)
+        .map(|(id, clip)| {
+            let info = library.clip(ClipId(id)).ok_or(LibraryError::Unreadable)?;
+            let mut stats = ClipStats {
+                name: clip.name.clone(),
+                frames: usize::from(info.frames),
+                bytes: info.bytes as usize,
+                worst_joint_error_rad: 0.0,
+                worst_wheel_error_rad_s: 0.0,
+                clamped: clip.clamped,
+            };
+            let unreadable = |_| LibraryError::Unreadable;
+            let mut cursor = ClipCursor::new(&library, ClipId(id), 0).map_err(unreadable)?;
+            for setpoints in &clip.setpoints {
+                let mut frame = [0.0; MAX_CHANNELS];
+                cursor.frame_into(&library, &mut frame).map_err(unreadable)?;
+                let (joints, wheels) = frame.split_at(setpoints.joint_rad.len());
+                stats.worst_joint_error_rad =
+                    worst_error(stats.worst_joint_error_rad, joints, &setpoints.joint_rad);
+                stats.worst_wheel_error_rad_s = worst_error(
+                    stats.worst_wheel_error_rad_s,
+                    wheels,
+                    &setpoints.motor_speed_rad_s,
+                );
+                cursor.advance(&library).map_err(unreadable)?;
+            }
+            Ok(stats)
+        })
+        .collect()
+}
+
+fn worst_error(so_far: f64, decoded: &[f32], planned: &[f64]) -> f64 {
+    let errors = decoded.iter().zip(planned).map(|(d, p)| (f64::from(*d) - p).abs());
+    errors.fold(so_far, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_plans;
+    use rollwalk_protocol::library::NodeId;
+
+    /// A plan at rest in the pose in which `start_stop` starts and ends.
+    fn stand() -> Plan {
+        test_plans::Drive {
+            ends: Ends::AtRest,
+            duration_s: 0.5,
+            samples: 6,
+            x_m: |_| 0.0,
+            leg_rad: |_| 0.3,
+        }
+        .plan("stand")
+    }
+
+    fn motions<'a>(stand: &'a Plan, drive: &'a Plan) -> Vec<LibraryMotion<'a>> {
+        vec![
+            LibraryMotion { name: "stand", code: 1, plan: stand },
+            LibraryMotion { name: "drive", code: 7, plan: drive },
+        ]
+    }
+
+    /// Both motions rest in one pose, so that another stand leads from either to the other.
+    fn transitions<'a>(stand: &'a Plan, drive_end_s: f64) -> Vec<LibraryTransition<'a>> {
+        vec![
+            LibraryTransition { from: 0, exit_time_s: 0.5, to: 1, entry_time_s: 0.0, plan: stand },
+            LibraryTransition {
+                from: 1,
+                exit_time_s: drive_end_s,
+                to: 0,
+                entry_time_s: 0.0,
+                plan: stand,
+            },
+        ]
+    }
+
+    fn built(drive: &Plan) -> Result<BuiltLibrary, LibraryError> {
+        let stand = stand();
+        let transitions = transitions(&stand, drive.motion.duration_s);
+        let robot = test_plans::robot();
+        build(&LibraryContent {
+            robot: &robot,
+            motions: motions(&stand, drive),
+            transitions,
+            safe: 0,
+        })
+    }
+
+    #[test]
+    fn a_library_holds_its_plans_to_half_a_quantum() {
+        let drive = test_plans::start_stop();
+        let library = built(&drive).expect("a library");
+        assert_eq!(library.clips.iter().map(|c| c.frames).collect::<Vec<_>>(), [31, 121, 31, 31]);
+        for clip in &library.clips {
+            // Quanta of 2⁻¹⁰, rounded to the nearest, and the rounding of f32.
+            assert!(clip.worst_joint_error_rad < 0.5 / 1024.0 + 1e-6, "{clip:?}");
+            assert!(clip.worst_wheel_error_rad_s < 0.5 / 1024.0 + 1e-6, "{clip:?}");
+            assert_eq!(clip.clamped, 0.0);
+        }
+        let config = test_plans::robot().controller_config().expect("a valid robot");
+        let index = library::validate(&library.bytes, &config).expect("valid for its robot");
+        let read = Library::open(&library.bytes, &index).expect("the same bytes");
+        assert_eq!(read.node_for_code(7), Some(NodeId(1)));
+        assert_eq!(read.name(NodeId(1)), Some("drive"));
+        assert_eq!(built(&drive).expect("a library").bytes, library.bytes, "deterministic");
+    }
+
+    #[test]
+    fn values_beyond_limits_are_named_and_small_excesses_are_moved_onto_the_limit() {
+        let with_limit = |max_rad: f64| {
+            let mut robot = test_plans::robot();
+            robot.joints[1].position_max_rad = max_rad;
+            let (mut stand, mut drive) = (stand(), test_plans::start_stop());
+            stand.robot = robot.clone();
+            drive.robot = robot.clone();
+            let transitions = transitions(&stand, drive.motion.duration_s);
+            build(&LibraryContent {
+                robot: &robot,
+                motions: motions(&stand, &drive),
+                transitions,
+                safe: 0,
+            })
+        };
+        // The legs reach 0.6 rad after one second; the level of joints is 0.05 rad.
+        let message = with_limit(0.58).expect_err("beyond its limit").to_string();
+        assert!(message.starts_with("drive: fr-hip is at 0.59"), "{message}");
+        assert!(message.ends_with("limits are -1.000 to 0.580"), "{message}");
+        let library = with_limit(0.595).expect("moved onto the limit");
+        assert!((library.clips[1].clamped - 0.1).abs() < 1e-6, "{:?}", library.clips[1]);
+    }
+
+    #[test]
+    fn what_is_too_fast_off_the_frames_or_for_another_robot_is_named() {
+        let drive = |duration_s: f64, x_m: fn(f64) -> f64, leg_rad: fn(f64) -> f64| {
+            test_plans::Drive { ends: Ends::AtRest, duration_s, samples: 31, x_m, leg_rad }
+                .plan("drive")
+        };
+        let message = built(&drive(1.01, |_| 0.0, |_| 0.3)).expect_err("off the grid").to_string();
+        assert_eq!(message, "drive: duration_s is 1.01 s; expected a multiple of 1/60 s");
+
+        // Swings by 0.6 rad around the middle at up to 6.6 rad/s, the wheels staying where they are.
+        fn leg(t: f64) -> f64 {
+            0.3 + 0.3 * (22.0 * (t - 0.5)).tanh()
+        }
+        let quick = drive(1.0, |t| 0.2 * leg(t).sin(), leg);
+        let message = built(&quick).expect_err("too fast").to_string();
+        assert!(message.starts_with("drive: fl-hip changes by"), "{message}");
+        assert!(message.contains("its limit is 6.00"), "{message}");
+
+        let mut other = test_plans::start_stop();
+        other.robot.links[0].mass_kg = 3.0;
+        let message = built(&other).expect_err("another robot").to_string();
+        assert!(message.starts_with("drive is planned for another robot, `box`"), "{message}");
+    }
+
+    #[test]
+    fn what_the_encoder_refuses_is_told_with_the_names_of_clips() {
+        let (stand, drive) = (stand(), test_plans::start_stop());
+        let mut motions = motions(&stand, &drive);
+        motions[1].code = 1;
+        let transitions = transitions(&stand, drive.motion.duration_s);
+        let robot = test_plans::robot();
+        let content = LibraryContent { robot: &robot, motions, transitions, safe: 0 };
+        let message = build(&content).expect_err("one code twice").to_string();
+        assert!(
+            message.contains("same command code 1") && message.contains("stand, drive"),
+            "{message}"
+        );
+        let mut content = content;
+        content.transitions[0].to = 5;
+        let message = build(&content).expect_err("no such motion").to_string();
+        assert_eq!(message, "stand joins motion number 5, which does not exist");
+    }
+}

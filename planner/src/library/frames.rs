@@ -1,0 +1,142 @@
+//! Frames of a plan as a library stores them: one number a channel, within the channel's limits and
+//! no faster than it can go.
+
+use super::{LibraryError, frames};
+use crate::plan::Plan;
+use crate::sample::Setpoints;
+use crate::terms::level;
+use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
+use rollwalk_protocol::library::RATE_HZ;
+use rollwalk_robot::Robot;
+
+/// Part of the credible level by which a plan may be beyond a limit: what the optimiser asks of
+/// itself.
+const ACCEPTED_PART: f64 = 0.2;
+
+/// A robot's channels.
+pub struct Channels<'a> {
+    /// The robot, for names.
+    pub robot: &'a Robot,
+    /// Limits in channel order.
+    pub config: &'a RobotConfig,
+}
+
+/// A plan at 60 Hz.
+pub struct Clip {
+    /// Name for messages.
+    pub name: String,
+    /// What the plan says.
+    pub setpoints: Vec<Setpoints>,
+    /// What is stored: frame after frame, one value a channel, within limits.
+    pub values: Vec<f32>,
+    /// Worst move onto a limit, as a part of the credible level.
+    pub clamped: f64,
+}
+
+impl Channels<'_> {
+    /// Samples a plan and checks it against the limits.
+    pub fn clip(&self, name: &str, plan: &Plan) -> Result<Clip, LibraryError> {
+        if plan.robot != *self.robot {
+            return Err(LibraryError::OtherRobot {
+                motion: name.to_owned(),
+                found: plan.robot.name.clone(),
+                expected: self.robot.name.clone(),
+            });
+        }
+        let setpoints = frames(plan)?;
+        let mut values = Vec::with_capacity(setpoints.len() * self.config.channels.len());
+        let mut clamped: f64 = 0.0;
+        let mut previous: Option<Vec<f64>> = None;
+        for (frame, at) in setpoints.iter().enumerate() {
+            let planned: Vec<f64> =
+                at.joint_rad.iter().chain(&at.motor_speed_rad_s).copied().collect();
+            for (c, channel) in self.config.channels.iter().enumerate() {
+                let place = Place { name, frame, channel: c };
+                if let Some(before) = &previous {
+                    self.check_rate(&place, channel, planned[c] - before[c])?;
+                }
+                let (value, part) = self.within(&place, channel, planned[c])?;
+                clamped = clamped.max(part);
+                values.push(value);
+            }
+            previous = Some(planned);
+        }
+        Ok(Clip { name: name.to_owned(), setpoints, values, clamped })
+    }
+
+    /// The value on this side of the channel's limits, and how far it was beyond, as a part of the
+    /// credible level.
+    fn within(
+        &self,
+        place: &Place,
+        channel: &Channel,
+        value: f64,
+    ) -> Result<(f32, f64), LibraryError> {
+        let (min, max) = (f64::from(channel.min), f64::from(channel.max));
+        let level = match channel.kind {
+            ChannelKind::JointPosition => level::JOINT_RAD,
+            ChannelKind::WheelSpeed => level::SPEED_FRACTION * max,
+        };
+        let part = (value - max).max(min - value).max(0.0) / level;
+        // Written so that a NaN is refused.
+        if part <= ACCEPTED_PART && value.is_finite() {
+            return Ok(((value as f32).clamp(channel.min, channel.max), part));
+        }
+        Err(LibraryError::OutOfLimits {
+            motion: place.name.to_owned(),
+            channel: self.name(place.channel),
+            time_s: place.time_s(),
+            value,
+            min,
+            max,
+            unit: unit(channel),
+        })
+    }
+
+    /// A channel changes no faster than it can, give or take what rounding adds.
+    fn check_rate(
+        &self,
+        place: &Place,
+        channel: &Channel,
+        change: f64,
+    ) -> Result<(), LibraryError> {
+        /// Largest quantum of a joint or of a wheel of ordinary speed: 2⁻¹⁰.
+        const QUANTUM: f64 = 1.0 / 1024.0;
+        let limit = f64::from(channel.max_rate);
+        if change.abs() <= limit / f64::from(RATE_HZ) + QUANTUM {
+            return Ok(());
+        }
+        Err(LibraryError::TooFast {
+            motion: place.name.to_owned(),
+            channel: self.name(place.channel),
+            time_s: place.time_s(),
+            rate: change.abs() * f64::from(RATE_HZ),
+            limit,
+            unit: unit(channel),
+        })
+    }
+
+    fn name(&self, channel: usize) -> String {
+        self.robot.channels().nth(channel).map_or_else(String::new, |c| c.name().to_owned())
+    }
+}
+
+/// Where a value is, for messages.
+struct Place<'a> {
+    name: &'a str,
+    frame: usize,
+    channel: usize,
+}
+
+impl Place<'_> {
+    fn time_s(&self) -> f64 {
+        self.frame as f64 / f64::from(RATE_HZ)
+    }
+}
+
+fn unit(channel: &Channel) -> &'static str {
+    match channel.kind {
+        ChannelKind::JointPosition => "rad",
+        ChannelKind::WheelSpeed => "rad/s",
+    }
+}
