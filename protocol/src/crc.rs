@@ -27,3 +27,24 @@ pub fn crc8_with_id(id: u16, data: &[u8]) -> u8 {
     digest.update(data);
     digest.finalize()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Check values of the CRC catalogue, over the digits 1 to 9.
+    #[test]
+    fn published_check_values() {
+        assert_eq!(crc32c(b"123456789"), 0xE306_9283);
+        let id = u16::from_le_bytes(*b"12");
+        assert_eq!(crc8_with_id(id, b"3456789"), 0xDF);
+    }
+
+    #[test]
+    fn pieces_are_one() {
+        let mut digest = crc32c_digest();
+        digest.update(b"1234");
+        digest.update(b"56789");
+        assert_eq!(digest.finalize(), crc32c(b"123456789"));
+    }
+}

@@ -356,7 +356,7 @@ impl<const N: usize> Endpoint<N> {
             self.drop_reception();
             return Event::Failed(IsoTpError::Sequence);
         };
-        slot.copy_from_slice(bytes);
+        slot.iter_mut().zip(bytes).for_each(|(slot, byte)| *slot = *byte);
         self.rx_at = end;
         if end == len {
             self.receiving = Receiving::Idle;
