@@ -31,4 +31,4 @@ mod transition;
 pub mod variables;
 
 pub use optimise::{Options, optimise};
-pub use transition::{Moment, TransitionError, optimise_transition, support_moment};
+pub use transition::{TransitionError, optimise_transition};

@@ -99,7 +99,7 @@ impl LibraryFile {
             ];
             for (index, does, flags, leaves) in ends {
                 let Some(motion) = motions.get(index) else { continue };
-                let joined = seam(motion, leaves);
+                let joined = if leaves { motion.exit_stance() } else { motion.entry_stance() };
                 if joined != flags {
                     let name = &self.motions[index].name;
                     let message = format!(
@@ -122,16 +122,6 @@ impl LibraryFile {
         let tables = root.tables("transition");
         let written = tables.iter().find(|t| [t.string("from"), t.string("to")] == names);
         written.map_or_else(|| root.span_of("via_safe"), Table::span)
-    }
-}
-
-/// Stance flags where a motion is left or entered.
-fn seam(motion: &Motion, leaves: bool) -> Option<&Vec<bool>> {
-    // The cycle of a periodic motion closes at its first sample.
-    if leaves && motion.ends != Ends::Periodic {
-        motion.stance.last()
-    } else {
-        motion.stance.first()
     }
 }
 

@@ -33,10 +33,12 @@ pub struct Plan {
     /// The samples, T of them.
     pub samples: Vec<Sample>,
     /// State one interval before the first sample. At rest: equal to the first sample.
-    /// Periodic: the last sample, moved back by one period.
+    /// Periodic: the last sample, moved back by one period. Prescribed: where the first sample's
+    /// velocity comes from, one interval at it.
     pub before: Sample,
     /// State one interval after the last sample. At rest: equal to the last sample.
-    /// Periodic: the first sample, moved on by one period.
+    /// Periodic: the first sample, moved on by one period. Prescribed: where the last sample's
+    /// velocity leads in one interval.
     pub after: Sample,
     /// Where the end lies relative to the start.
     pub end_placement: Placement,

@@ -61,10 +61,18 @@ pub fn cruise_middle() -> Plan {
         ends: Ends::Prescribed,
         duration_s: 0.6,
         samples: 13,
-        x_m: |t| cruise_x(t + 0.3),
-        leg_rad: |t| cruise_leg(t + 0.3),
+        x_m: |t| straight_beyond(|t| cruise_x(t + 0.3), 0.6, t),
+        leg_rad: |t| straight_beyond(|t| cruise_leg(t + 0.3), 0.6, t),
     }
     .plan("cruise-middle")
+}
+
+/// `curve` from 0 to `end`, continued along its slope outside: what a plan with prescribed ends says of
+/// the states there.
+fn straight_beyond(curve: impl Fn(f64) -> f64, end: f64, t: f64) -> f64 {
+    let inside = t.clamp(0.0, end);
+    let slope = (curve(inside + 1e-6) - curve(inside - 1e-6)) / 2e-6;
+    curve(inside) + slope * (t - inside)
 }
 
 fn cruise_x(t: f64) -> f64 {

@@ -241,7 +241,7 @@ fn the_shipped_library_joins_stand_with_all_and_walk_with_turn() {
     assert_eq!(joined, [(0, 1), (0, 2), (0, 3), (1, 0), (2, 0), (2, 3), (3, 0), (3, 2)]);
     for transition in &library.transitions {
         assert_eq!(transition.motion.ends, Ends::Prescribed);
-        assert_eq!(transition.motion.stance.len(), 13);
+        assert_eq!(transition.motion.stance.len(), 25);
     }
     let motions = [STAND, DRIVE, TURN, WALK].map(motion);
     library.check_motions("l.toml", LIBRARY, &motions).unwrap();
@@ -290,7 +290,7 @@ fn every_kind_of_mistake_in_a_library_file_is_named() {
         ],
     );
     assert_faults(
-        break_it("[via_safe]\nduration_s = 1.2\nsamples = 13\n", ""),
+        break_it("[via_safe]\nduration_s = 1.2\nsamples = 25\n", ""),
         &[
             (
                 line("[[motion]]") + 5,

@@ -24,6 +24,24 @@ pub struct Motion {
     pub goal: Goal,
 }
 
+impl Motion {
+    /// Time at which a transition leaves the motion, s: its end, or the start of a cycle, where the
+    /// cycle closes.
+    pub fn exit_time_s(&self) -> f64 {
+        if self.ends == Ends::Periodic { 0.0 } else { self.duration_s }
+    }
+
+    /// Contact flags where a transition leaves the motion.
+    pub fn exit_stance(&self) -> Option<&Vec<bool>> {
+        if self.ends == Ends::Periodic { self.stance.first() } else { self.stance.last() }
+    }
+
+    /// Contact flags where a transition enters the motion: at its start.
+    pub fn entry_stance(&self) -> Option<&Vec<bool>> {
+        self.stance.first()
+    }
+}
+
 /// Boundary conditions (thesis sec. 2.4.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -79,10 +79,16 @@ impl Spline {
         Self { spacing, values: values.to_vec(), slopes }
     }
 
-    /// Value and derivatives `time` after the first knot; beyond the ends the outermost cubic goes on.
+    /// Value and derivatives `time` after the first knot; beyond the ends the slope there goes on.
     pub fn at(&self, time: f64) -> Jet {
         let h = self.spacing;
         let last_interval = self.values.len() - 2;
+        let inside = time.clamp(0.0, h * (last_interval + 1) as f64);
+        if inside != time {
+            let end = self.at(inside);
+            let value = end.value + end.rate * (time - inside);
+            return Jet { value, rate: end.rate, acceleration: Complex::default() };
+        }
         let i = ((time / h).floor().max(0.0) as usize).min(last_interval);
         let u = time / h - i as f64;
         let (v0, v1) = (self.values[i], self.values[i + 1]);
