@@ -28,7 +28,7 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
 /// Why a request of a library transfer failed, and what would help.
 pub fn transfer_refusal(reply: &Reply) -> String {
     let sentence = match reply.result {
-        TransferResult::Ok => "it was not refused",
+        TransferResult::Ok => "it answers, but does not take in what it is sent",
         TransferResult::WrongState => "torque is on; disarm first",
         TransferResult::TooLong => "the library is larger than its memory",
         TransferResult::OutOfOrder => "a part of the library is missing before this one",

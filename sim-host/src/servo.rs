@@ -192,7 +192,7 @@ mod tests {
         let mut now = from;
         while now < to {
             if let Some(frame) = frame
-                && (now - from).as_us() % 5000 == 0
+                && (now - from).as_us().is_multiple_of(5000)
             {
                 servo.on_frame(now, &frame).unwrap();
             }

@@ -1,0 +1,70 @@
+//! Why a session could not do what it was asked, in sentences for the operator.
+
+use crate::link::LinkError;
+use crate::refusal::{command_refusal, fault_names, transfer_refusal};
+use rollwalk_protocol::wire::transport::Reply;
+use rollwalk_protocol::wire::{CommandResult, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, Status};
+
+/// Why the robot did not do what it was asked.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SessionError {
+    /// The bus itself failed.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// No answer, even to repetitions.
+    #[error("controller {node} does not answer ({what}): is it powered, and on this bus?")]
+    Silent {
+        /// Its address.
+        node: u8,
+        /// What was asked.
+        what: &'static str,
+    },
+    /// Host and controller do not speak the same protocol.
+    #[error(
+        "controller {node} speaks protocol {major}.{minor} (schema {schema_hash:08x}), this host \
+         speaks {PROTOCOL_MAJOR}.{PROTOCOL_MINOR} (schema {SCHEMA_HASH:08x}): build host and \
+         firmware from the same release"
+    )]
+    ProtocolMismatch {
+        /// Its address.
+        node: u8,
+        /// Its major version.
+        major: u8,
+        /// Its minor version.
+        minor: u8,
+        /// Its schema hash.
+        schema_hash: u32,
+    },
+    /// A command was refused.
+    #[error("the controller refused to {what}: {}", command_refusal(*result))]
+    Refused {
+        /// What was asked.
+        what: &'static str,
+        /// Its answer.
+        result: CommandResult,
+    },
+    /// A library, or a step of its transfer, was refused.
+    #[error("the controller refused the library: {}", transfer_refusal(reply))]
+    LibraryRefused {
+        /// Its answer.
+        reply: Reply,
+    },
+    /// The robot went another way than the one that was waited for.
+    #[error("waited for {waited_for}, but the robot is in state {:?}: {}", status.state, fault_names(status.faults))]
+    WentElsewhere {
+        /// What was waited for.
+        waited_for: String,
+        /// How the robot is.
+        status: Status,
+    },
+    /// What was waited for did not happen in time.
+    #[error("waited {waited_s} s for {waited_for}, but the robot is still in state {:?}: {}", status.state, fault_names(status.faults))]
+    TookTooLong {
+        /// What was waited for.
+        waited_for: String,
+        /// How long, s.
+        waited_s: f64,
+        /// How the robot is.
+        status: Status,
+    },
+}

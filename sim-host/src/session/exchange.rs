@@ -1,0 +1,157 @@
+//! One question, one answer: frames move until it is there, lost ones are sent again.
+
+use super::error::SessionError;
+use crate::client::{Client, Incoming, Outgoing};
+use crate::link::{LinkBus, LinkError};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::transport::{Request, Response};
+use rollwalk_protocol::wire::{Action, CommandAck, CommandResult, Node, Status};
+
+/// Longest wait for the answer to a command before it is repeated, µs.
+const ACK_TIMEOUT_US: u64 = 60_000;
+/// A command is sent at most so often; it expires about then.
+const COMMAND_SENDS: u32 = 5;
+/// A session that does not know where its predecessor stopped counting needs at most so many
+/// numbers until one counts as new.
+const SEQUENCE_TRIES: u32 = 9;
+/// A transport request is sent at most so often.
+const REQUEST_SENDS: u32 = 5;
+/// A full transmit queue is tried again after so long, µs.
+const BUSY_RETRY_US: u64 = 500;
+
+/// A bus and the client that talks on it.
+pub(super) struct Exchange<B> {
+    pub bus: B,
+    client: Client,
+    node: Node,
+    /// A frame that found the transmit queue full.
+    unsent: Option<CanFrame>,
+}
+
+impl<B: LinkBus> Exchange<B> {
+    pub fn new(bus: B, node: Node) -> Self {
+        Self { bus, client: Client::new(node), node, unsent: None }
+    }
+
+    /// The controller's last status.
+    pub fn status(&self) -> Option<Status> {
+        self.client.status()
+    }
+
+    /// Starts an emergency stop, which goes on until it is acknowledged.
+    pub fn estop(&mut self) {
+        self.client.estop(self.bus.now_us());
+    }
+
+    /// Sends a command until it is answered; an answer other than `Ok` is an error.
+    pub fn command(
+        &mut self,
+        what: &'static str,
+        action: Action,
+    ) -> Result<CommandAck, SessionError> {
+        for _ in 0..SEQUENCE_TRIES {
+            let now_us = self.bus.now_us();
+            let command = self.client.command(now_us, action).ok_or(self.silent("heartbeat"))?;
+            let mut answer = None;
+            for _ in 0..COMMAND_SENDS {
+                self.client.send_command(command);
+                answer = self.pump(ACK_TIMEOUT_US, |incoming| match incoming {
+                    Incoming::Ack(ack) => {
+                        ((ack.seq, ack.kind) == (command.seq, command.action.kind())).then_some(ack)
+                    }
+                    _ => None,
+                })?;
+                if answer.is_some() {
+                    break;
+                }
+            }
+            let ack = answer.ok_or(self.silent(what))?;
+            match ack.result {
+                CommandResult::Ok => return Ok(ack),
+                CommandResult::OutOfOrder => {}
+                result => return Err(SessionError::Refused { what, result }),
+            }
+        }
+        Err(SessionError::Refused { what, result: CommandResult::OutOfOrder })
+    }
+
+    /// Sends a transport request until `wanted` takes an answer. All requests may be repeated.
+    pub fn respond<T>(
+        &mut self,
+        request: &Request<'_>,
+        timeout_us: u64,
+        mut wanted: impl FnMut(Response) -> Option<T>,
+    ) -> Result<T, SessionError> {
+        for _ in 0..REQUEST_SENDS {
+            self.client.reset_transport();
+            self.client.request(request).expect("requests fit, and nothing else is on its way");
+            let answer = self.pump(timeout_us, |incoming| match incoming {
+                Incoming::Response(response) => wanted(response).map(Some),
+                // Lost on the way there or back: no use in waiting any longer.
+                Incoming::TransportFailed(_) => Some(None),
+                _ => None,
+            })?;
+            if let Some(Some(answer)) = answer {
+                return Ok(answer);
+            }
+        }
+        Err(self.silent("transfer"))
+    }
+
+    /// The error of a controller that does not answer.
+    pub fn silent(&self, what: &'static str) -> SessionError {
+        SessionError::Silent { node: self.node.number(), what }
+    }
+
+    /// Lets time pass, frames go out and come in, for so long or until `wanted` takes something.
+    pub fn pump<T>(
+        &mut self,
+        timeout_us: u64,
+        mut wanted: impl FnMut(Incoming) -> Option<T>,
+    ) -> Result<Option<T>, SessionError> {
+        let deadline_us = self.bus.now_us().saturating_add(timeout_us);
+        loop {
+            let (failed, retry_us) = self.send_all()?;
+            if let Some(found) = failed.and_then(&mut wanted) {
+                return Ok(Some(found));
+            }
+            let now_us = self.bus.now_us();
+            if now_us >= deadline_us {
+                return Ok(None);
+            }
+            let wake_us = retry_us.unwrap_or(self.client.next_poll_us(now_us)).min(deadline_us);
+            if let Some(frame) = self.bus.receive(wake_us.max(now_us))?
+                && let Some(incoming) = self.client.on_frame(self.bus.now_us(), &frame)
+                && let Some(found) = wanted(incoming)
+            {
+                return Ok(Some(found));
+            }
+        }
+    }
+
+    /// Sends what the client has to send, up to a full queue or a failed message. Also says when to
+    /// try again if the queue is full.
+    fn send_all(&mut self) -> Result<(Option<Incoming>, Option<u64>), SessionError> {
+        let now_us = self.bus.now_us();
+        loop {
+            let frame = match self.unsent.take() {
+                Some(frame) => frame,
+                None => match self.client.poll(now_us) {
+                    Some(Outgoing::Frame(frame)) => frame,
+                    Some(Outgoing::TransportFailed(error)) => {
+                        return Ok((Some(Incoming::TransportFailed(error)), None));
+                    }
+                    None => return Ok((None, None)),
+                },
+            };
+            match self.bus.send(&frame) {
+                Ok(()) => {}
+                Err(LinkError::Busy) => {
+                    self.unsent = Some(frame);
+                    return Ok((None, Some(now_us + BUSY_RETRY_US)));
+                }
+                Err(error) => return Err(error.into()),
+            }
+        }
+    }
+}

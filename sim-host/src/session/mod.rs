@@ -1,0 +1,242 @@
+//! What a host does with a controller, step by step: connect, flash, arm, select motions, stop.
+//!
+//! Runs on any [`LinkBus`]. While it waits for an answer it keeps the heartbeat going; so does
+//! [`Session::run_for`], in which the robot just goes on. A robot whose session is neither waiting
+//! nor running hears no heartbeat, and returns to SAFE by itself.
+
+mod error;
+mod exchange;
+
+pub use error::SessionError;
+
+use crate::client::Incoming;
+use crate::link::LinkBus;
+use exchange::Exchange;
+use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::wire::transport::{
+    Hello, MAX_BLOCK, Reply, Request, Response, TransferResult,
+};
+use rollwalk_protocol::wire::{
+    Action, CommandAck, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State, Status,
+};
+
+/// Longest wait for a sign of life, µs.
+const CONNECT_TIMEOUT_US: u64 = 1_000_000;
+/// Longest wait for the answer to a block, µs.
+const BLOCK_TIMEOUT_US: u64 = 500_000;
+/// Longest wait for the answer to a request after which memory is erased or read, µs.
+const MEMORY_TIMEOUT_US: u64 = 5_000_000;
+/// Longest time to align, to return to SAFE, to let down gently, µs.
+const STATE_TIMEOUT_US: u64 = 30_000_000;
+/// Blocks that may have to be sent again in one transfer.
+const BLOCK_REPEATS: u32 = 20;
+
+/// How far a transfer is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// Bytes that the controller has.
+    pub done: usize,
+    /// Bytes of the library.
+    pub total: usize,
+}
+
+/// A host connected to one controller.
+pub struct Session<B> {
+    exchange: Exchange<B>,
+    hello: Hello,
+}
+
+impl<B: LinkBus> Session<B> {
+    /// Waits for the controller `node` on `bus` and asks who it is.
+    pub fn connect(bus: B, node: Node) -> Result<Self, SessionError> {
+        let mut exchange = Exchange::new(bus, node);
+        exchange
+            .pump(CONNECT_TIMEOUT_US, |incoming| (incoming == Incoming::Alive).then_some(()))?
+            .ok_or(exchange.silent("heartbeat"))?;
+        let hello = ask_hello(&mut exchange)?;
+        let Hello { major, minor, schema_hash, .. } = hello;
+        if (major, schema_hash) != (PROTOCOL_MAJOR, SCHEMA_HASH) {
+            let node = node.number();
+            return Err(SessionError::ProtocolMismatch { node, major, minor, schema_hash });
+        }
+        Ok(Self { exchange, hello })
+    }
+
+    /// Who the controller said it is, and which library it has.
+    pub fn hello(&self) -> &Hello {
+        &self.hello
+    }
+
+    /// The controller's last status.
+    pub fn status(&self) -> Option<Status> {
+        self.exchange.status()
+    }
+
+    /// The bus.
+    pub fn bus(&self) -> &B {
+        &self.exchange.bus
+    }
+
+    /// Ends the session.
+    pub fn into_bus(self) -> B {
+        self.exchange.bus
+    }
+
+    /// Transfers a library, has it checked and takes it into use. `progress` is called after every
+    /// block. The controller must be disarmed.
+    pub fn flash(
+        &mut self,
+        library: &[u8],
+        mut progress: impl FnMut(Progress),
+    ) -> Result<(), SessionError> {
+        let crc32c = crc32c(library);
+        let total = library.len();
+        let len = u32::try_from(total).unwrap_or(u32::MAX);
+        let begun = self.transfer(&Request::Begin { len, crc32c }, MEMORY_TIMEOUT_US)?;
+        let mut done = begun.next as usize;
+        let block_bytes = usize::from(self.hello.max_block).clamp(1, MAX_BLOCK);
+        let mut repeats_left = BLOCK_REPEATS;
+        while done < total {
+            progress(Progress { done, total });
+            let bytes = &library[done..total.min(done + block_bytes)];
+            let reply =
+                self.ask(&Request::Block { offset: done as u32, bytes }, BLOCK_TIMEOUT_US)?;
+            let may_go_on = matches!(
+                reply.result,
+                TransferResult::Ok | TransferResult::OutOfOrder | TransferResult::BadCrc
+            );
+            let next = reply.next as usize;
+            if next <= done {
+                repeats_left -= 1;
+            }
+            if !may_go_on || repeats_left == 0 {
+                return Err(SessionError::LibraryRefused { reply });
+            }
+            done = next;
+        }
+        progress(Progress { done, total });
+        self.transfer(&Request::Finish, MEMORY_TIMEOUT_US)?;
+        self.transfer(&Request::Activate { crc32c }, MEMORY_TIMEOUT_US)?;
+        self.hello = ask_hello(&mut self.exchange)?;
+        Ok(())
+    }
+
+    /// Turns torque on in two steps and waits until the robot stands in the SAFE pose.
+    pub fn arm(&mut self) -> Result<(), SessionError> {
+        let nonce = self.command("arm", Action::ArmRequest)?.value;
+        self.command("arm", Action::ArmConfirm { nonce })?;
+        self.wait_for_state(State::Ready, STATE_TIMEOUT_US)
+    }
+
+    /// Asks for a motion by its code, at the speed it was planned for.
+    pub fn select(&mut self, code: u8) -> Result<CommandAck, SessionError> {
+        self.command("play this code", Action::Play { code, speed_64ths: 64 })
+    }
+
+    /// Sends the robot to SAFE and waits until it is there.
+    pub fn return_to_safe(&mut self) -> Result<(), SessionError> {
+        self.command("return to the safe motion", Action::Return)?;
+        self.wait_for_state(State::Ready, STATE_TIMEOUT_US)
+    }
+
+    /// Turns torque off in an orderly way and waits until it is off.
+    pub fn disarm(&mut self) -> Result<(), SessionError> {
+        self.command("disarm", Action::Disarm)?;
+        self.wait_for_state(State::Disarmed, STATE_TIMEOUT_US)
+    }
+
+    /// Stops the robot and waits until the controller says that it has.
+    pub fn estop(&mut self) -> Result<(), SessionError> {
+        self.exchange.estop();
+        let stopped = self.exchange.pump(CONNECT_TIMEOUT_US, |incoming| {
+            matches!(incoming, Incoming::EstopAck(_)).then_some(())
+        })?;
+        stopped.ok_or(self.exchange.silent("emergency stop"))
+    }
+
+    /// Leaves a latched stop or fault in two steps and waits until the robot can be armed again.
+    pub fn clear(&mut self) -> Result<(), SessionError> {
+        let nonce = self.command("clear the stop", Action::ClearRequest)?.value;
+        self.command("clear the stop", Action::ClearConfirm { nonce })?;
+        self.wait_for_state(State::Disarmed, STATE_TIMEOUT_US)
+    }
+
+    /// Lets the robot go on for a while.
+    pub fn run_for(&mut self, duration_us: u64) -> Result<(), SessionError> {
+        self.exchange.pump(duration_us, |_| None::<()>).map(|_| ())
+    }
+
+    /// Waits until the controller reports a state. Ends early when the robot is on its way to where
+    /// it will not come from by itself.
+    pub fn wait_for_state(&mut self, state: State, timeout_us: u64) -> Result<(), SessionError> {
+        self.wait_until(&format!("state {state:?}"), timeout_us, |status| {
+            if status.state == state {
+                return Some(true);
+            }
+            let let_down = matches!(status.state, State::Damped | State::TorqueOff);
+            let going_down = matches!(state, State::Damped | State::TorqueOff | State::Disarmed);
+            // On the way to Disarmed both are passed, but a latched fault ends it in TorqueOff.
+            let stuck = status.state == State::TorqueOff && !status.faults.is_empty();
+            let elsewhere = status.state == State::EStopped || let_down && (!going_down || stuck);
+            elsewhere.then_some(false)
+        })
+    }
+
+    /// Waits for a status that `judge` calls the one that is waited for, `Some(true)`, or one from
+    /// which it will not come, `Some(false)`. `waited_for` completes "waited for ...".
+    pub fn wait_until(
+        &mut self,
+        waited_for: &str,
+        timeout_us: u64,
+        mut judge: impl FnMut(&Status) -> Option<bool>,
+    ) -> Result<(), SessionError> {
+        let verdict = self.exchange.pump(timeout_us, |incoming| match incoming {
+            Incoming::Status(status) => judge(&status).map(|good| (good, status)),
+            _ => None,
+        })?;
+        let waited_for = waited_for.to_owned();
+        match (verdict, self.exchange.status()) {
+            (Some((true, _)), _) => Ok(()),
+            (Some((false, status)), _) => Err(SessionError::WentElsewhere { waited_for, status }),
+            (None, Some(status)) => {
+                let waited_s = timeout_us as f64 * 1e-6;
+                Err(SessionError::TookTooLong { waited_for, waited_s, status })
+            }
+            (None, None) => Err(self.exchange.silent("status")),
+        }
+    }
+
+    /// Sends a command until it is answered; an answer other than `Ok` is an error. `what` completes
+    /// "the controller refused to ...".
+    pub fn command(
+        &mut self,
+        what: &'static str,
+        action: Action,
+    ) -> Result<CommandAck, SessionError> {
+        self.exchange.command(what, action)
+    }
+
+    /// A transfer request to which `Ok` is the only good answer.
+    fn transfer(&mut self, request: &Request<'_>, timeout_us: u64) -> Result<Reply, SessionError> {
+        let reply = self.ask(request, timeout_us)?;
+        match reply.result {
+            TransferResult::Ok => Ok(reply),
+            _ => Err(SessionError::LibraryRefused { reply }),
+        }
+    }
+
+    fn ask(&mut self, request: &Request<'_>, timeout_us: u64) -> Result<Reply, SessionError> {
+        self.exchange.respond(request, timeout_us, |response| match response {
+            Response::Reply(reply) if reply.request == request.kind() => Some(reply),
+            _ => None,
+        })
+    }
+}
+
+fn ask_hello<B: LinkBus>(exchange: &mut Exchange<B>) -> Result<Hello, SessionError> {
+    let request = Request::Hello { major: PROTOCOL_MAJOR, minor: PROTOCOL_MINOR };
+    exchange.respond(&request, BLOCK_TIMEOUT_US, |response| match response {
+        Response::Hello(hello) => Some(hello),
+        Response::Reply(_) => None,
+    })
+}
