@@ -1,5 +1,6 @@
 //! The simulated robot end to end: a library flashed over the bus and played by code.
 
+mod agilebot;
 mod playing;
 mod refusing;
 mod robot;
