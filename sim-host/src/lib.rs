@@ -1,14 +1,50 @@
 //! A robot without hardware: simulated CAN buses and virtual servos around the real firmware core, in
 //! virtual time; and the host's side of the link bus.
 //!
-//! What is simulated: the buses to the bit (arbitration, stuff bits, CRC, inter-frame space), the
-//! servos' protocol, watchdog, control law and limits, and for every joint the inertia and weight of
-//! what hangs on it. What is not: the ground, the motion of the body and the coupling between joints.
-//! The robot hangs on a stand, its body held level and still, its wheels in the air.
+//! | module | is |
+//! |---|---|
+//! | [`session`], [`client`], [`refusal`] | the host: what to do in which order, the protocol without clock or bus, sentences |
+//! | [`link`], [`fault`] | a link as the host sees it, and one that loses frames |
+//! | [`rig`], [`store`] | controller, buses and motors, stepped in one fixed order |
+//! | [`bus`], [`candump`], [`clock`] | a bus exact to the bit, its log, virtual time |
+//! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle |
+//! | [`record`] | what was commanded on the buses and what came of it |
+//!
+//! What is simulated: the buses to the bit (arbitration, stuff bits, CRC, intermission), the servos'
+//! protocol, watchdog, control law and limits, and for every joint the inertia and weight of what
+//! hangs on it. What is not: the ground, the motion of the body and the coupling between joints. The
+//! robot hangs on a stand, its body held level and still, its wheels in the air.
 //!
 //! Everything is deterministic: the same calls give the same bytes on every bus.
+//!
+//! ```
+//! use rollwalk_protocol::wire::Node;
+//! use rollwalk_sim_host::{candump, record, rig::Rig, session::Session};
+//!
+//! /// Flashes a library, plays the motion with code 2 for three seconds, and logs every bus.
+//! fn play(
+//!     robot: &rollwalk_robot::Robot,
+//!     library: &[u8],
+//!     log: std::fs::File,
+//! ) -> Result<(), Box<dyn std::error::Error>> {
+//!     let node = Node::new(1).ok_or("no such node")?;
+//!     let mut session = Session::connect(Rig::new(robot)?, node)?;
+//!     session.flash(library, |progress| eprintln!("{} of {} bytes", progress.done, progress.total))?;
+//!     session.arm()?;
+//!     session.select(2)?;
+//!     session.run_for(3_000_000)?;
+//!     session.return_to_safe()?;
+//!     session.disarm()?;
+//!
+//!     let rig = session.into_bus();
+//!     for (clip, worst) in record::tracking_errors(rig.config(), rig.records()) {
+//!         println!("clip {}: {:.1} mrad", clip.0, 1e3 * worst.joint_rad);
+//!     }
+//!     candump::write(rig.log(), std::io::BufWriter::new(log))?;
+//!     Ok(())
+//! }
+//! ```
 
-pub mod bit_timing;
 pub mod body;
 pub mod bus;
 pub mod candump;

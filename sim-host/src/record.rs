@@ -121,3 +121,76 @@ pub fn tracking_errors(
     }
     errors
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_protocol::config::Channel;
+
+    fn config() -> RobotConfig {
+        let channel = |kind, bus, id| Channel {
+            kind,
+            min: -1.0,
+            max: 1.0,
+            max_rate: 5.0,
+            max_torque_nm: 3.0,
+            kp_nm_rad: 20.0,
+            kd_nm_s_rad: 0.5,
+            bus,
+            id,
+        };
+        let joint = channel(ChannelKind::JointPosition, 0, 3);
+        let wheel = channel(ChannelKind::WheelSpeed, 1, 3);
+        RobotConfig { channels: [joint, wheel].into_iter().collect() }
+    }
+
+    fn joint_to(position_rad: f32) -> CanFrame {
+        JointSetpoint { position_rad, ..JointSetpoint::default() }.encode(3).unwrap()
+    }
+
+    fn wheel_to(speed_rad_s: f32) -> CanFrame {
+        WheelSetpoint { speed_rad_s, ..WheelSetpoint::default() }.encode(3).unwrap()
+    }
+
+    fn period(recorder: &mut Recorder, frame: u16, measured: [f32; 2], frames: &[(u8, CanFrame)]) {
+        let playing = Playing { clip: ClipId(4), frame, phase: 0.5 };
+        recorder.begin_period(SimTime::from_us(1000), playing, measured.to_vec());
+        for (bus, frame) in frames {
+            recorder.on_setpoint(*bus, frame);
+        }
+        recorder.end_period();
+    }
+
+    #[test]
+    fn a_setpoint_that_does_not_come_is_counted_and_the_older_one_stays_in_force() {
+        let mut recorder = Recorder::new(&config());
+        period(&mut recorder, 7, [0.0; 2], &[(0, joint_to(0.5)), (1, wheel_to(-0.25))]);
+        // The joint's address, but on the other bus: somebody else's.
+        period(&mut recorder, 8, [0.0; 2], &[(1, joint_to(0.75)), (1, wheel_to(0.5))]);
+        let [first, second] = recorder.records() else { panic!("two periods") };
+        assert_eq!((first.phase_frames, first.missed), (7.5, 0));
+        assert_eq!(first.commanded, [0.5, -0.25]);
+        assert_eq!((second.phase_frames, second.missed), (8.5, 1));
+        assert_eq!(second.commanded, [0.5, 0.5]);
+    }
+
+    #[test]
+    fn a_period_without_playback_leaves_no_record() {
+        let mut recorder = Recorder::new(&config());
+        recorder.on_setpoint(0, &joint_to(0.5));
+        recorder.end_period();
+        assert!(recorder.records().is_empty());
+    }
+
+    #[test]
+    fn the_worst_error_is_kept_for_joints_and_wheels_apart() {
+        let mut recorder = Recorder::new(&config());
+        let frames = [(0, joint_to(0.5)), (1, wheel_to(-0.25))];
+        for measured in [[0.5, -0.25], [0.375, -0.25], [0.5, -1.0], [0.5625, 0.0]] {
+            period(&mut recorder, 0, measured, &frames);
+        }
+        let errors = tracking_errors(&config(), recorder.records());
+        let worst = TrackingError { joint_rad: 0.125, wheel_rad_s: 0.75 };
+        assert_eq!(errors, BTreeMap::from([(ClipId(4), worst)]));
+    }
+}

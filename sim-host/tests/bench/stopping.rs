@@ -2,7 +2,8 @@
 
 use crate::robot::SWING;
 use crate::{S, armed, connect, rig};
-use rollwalk_protocol::wire::{Fault, Node, State};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::{Estop, EstopAck, Fault, Node, State};
 use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::link::LinkBus;
 use rollwalk_sim_host::session::{Session, SessionError};
@@ -25,6 +26,27 @@ fn an_emergency_stop_takes_torque_off_and_stays_until_cleared() {
     assert!(error.to_string().starts_with("the controller refused to arm:"), "{error}");
     session.clear().unwrap();
     session.arm().unwrap();
+}
+
+#[test]
+fn an_emergency_stop_overtakes_everything_that_waits_for_the_link() {
+    let mut rig = armed().into_bus();
+    let node = Node::new(1).unwrap();
+    // Somebody floods the link with the least urgent frames there are.
+    let flood = CanFrame::new(0x7FF, &[0; 8]).unwrap();
+    while rig.send(&flood).is_ok() {}
+    let posted = rig.now();
+    rig.run_until(posted + SimTime::from_us(200));
+    assert_eq!(rig.send(&Estop.encode(node)), Ok(()), "one of the flood has left");
+    let mut answer = None;
+    while answer.is_none() {
+        let frame = rig.receive(rig.now_us() + 10_000).unwrap().expect("an answer within 10 ms");
+        answer = EstopAck::decode(&frame).ok();
+    }
+    assert_eq!(answer.unwrap().1.state, State::EStopped);
+    // One frame of the flood under way at most, the stop, perhaps a status, the answer: four frames
+    // of at most 135 bits, and the 200 us waited above.
+    assert!(rig.now() - posted < SimTime::from_us(200 + 4 * 135), "{:?}", rig.now() - posted);
 }
 
 #[test]
