@@ -19,15 +19,18 @@ const MIN_DURATION_S: f32 = 0.25;
 pub struct Ramp {
     ends: Vec<(f32, f32), MAX_CHANNELS>,
     duration_s: f32,
-    elapsed_s: f32,
+    period_s: f32,
+    ticks: u32,
 }
 
 impl Ramp {
-    /// A ramp of `(from, to)` per channel whose joints stay below `speed_rad_s` and their own rate.
+    /// A ramp of `(from, to)` per channel whose joints stay below `speed_rad_s` and their own rate,
+    /// for a control period in seconds.
     pub fn new(
         config: &RobotConfig,
         ends: impl Iterator<Item = (f32, f32)>,
         speed_rad_s: f32,
+        period_s: f32,
     ) -> Self {
         let ends: Vec<_, MAX_CHANNELS> = ends.take(MAX_CHANNELS).collect();
         let needed = config.channels.iter().zip(&ends).map(|(channel, (from, to))| {
@@ -38,13 +41,13 @@ impl Ramp {
             };
             PEAK_SPEED * (to - from).abs() / rate
         });
-        Self { duration_s: needed.fold(MIN_DURATION_S, f32::max), ends, elapsed_s: 0.0 }
+        Self { duration_s: needed.fold(MIN_DURATION_S, f32::max), ends, period_s, ticks: 0 }
     }
 
     /// Targets at the present moment; the first are the measured pose at rest.
     pub fn target(&self, channel: usize) -> Option<Target> {
         let &(from, to) = self.ends.get(channel)?;
-        let u = (self.elapsed_s / self.duration_s).min(1.0);
+        let u = (self.elapsed_s() / self.duration_s).min(1.0);
         let blend = u * u * u * (10.0 + u * (6.0 * u - 15.0));
         let rate = 30.0 * u * u * (1.0 - u) * (1.0 - u) / self.duration_s;
         // At the end exactly the entry pose: `from + (to - from)` may round differently.
@@ -52,14 +55,19 @@ impl Ramp {
         Some(Target { value, slope: rate * (to - from) })
     }
 
-    /// Lets time pass.
-    pub fn advance(&mut self, period_s: f32) {
-        self.elapsed_s += period_s;
+    /// Lets a control period pass.
+    pub fn advance(&mut self) {
+        self.ticks = self.ticks.saturating_add(1);
     }
 
     /// Whether the targets have arrived.
     pub fn arrived(&self) -> bool {
-        self.elapsed_s >= self.duration_s
+        self.elapsed_s() >= self.duration_s
+    }
+
+    /// From the count, so that no rounding piles up.
+    fn elapsed_s(&self) -> f32 {
+        self.ticks as f32 * self.period_s
     }
 }
 
@@ -89,7 +97,7 @@ mod tests {
         #[test]
         fn is_gentle(from in prop::array::uniform2(-3.0f32..3.0), to in prop::array::uniform2(-3.0f32..3.0), speed in 0.2f32..8.0) {
             let period = 1.0 / 120.0;
-            let mut ramp = Ramp::new(&config(), from.into_iter().zip(to), speed);
+            let mut ramp = Ramp::new(&config(), from.into_iter().zip(to), speed, period);
             for i in 0..2 {
                 prop_assert_eq!(ramp.target(i), Some(Target { value: from[i], slope: 0.0 }));
             }
@@ -98,11 +106,12 @@ mod tests {
                 if ramp.arrived() {
                     break;
                 }
-                ramp.advance(period);
+                ramp.advance();
                 for i in 0..2 {
                     let t = ramp.target(i).unwrap();
-                    // 1e-4: rounding of values up to 3 divided by the period.
-                    let most = speed.min(5.0) + 1e-4;
+                    // Two values up to 3 and their blends, rounded to 2.4e-7 a few times each,
+                    // divided by the period.
+                    let most = speed.min(5.0) + 3e-4;
                     prop_assert!(t.slope.abs() <= most);
                     prop_assert!((t.value - last[i]).abs() / period <= most);
                     last[i] = t.value;
@@ -115,7 +124,7 @@ mod tests {
 
     #[test]
     fn a_robot_already_there_still_takes_a_moment() {
-        let ramp = Ramp::new(&config(), [(0.1, 0.1), (0.2, 0.2)].into_iter(), 1.0);
+        let ramp = Ramp::new(&config(), [(0.1, 0.1), (0.2, 0.2)].into_iter(), 1.0, 0.01);
         assert!(!ramp.arrived());
         assert_eq!(ramp.target(2), None);
     }

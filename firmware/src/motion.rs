@@ -25,6 +25,7 @@ const FRESH_TICKS: u16 = 2;
 const QUERY_HZ: u16 = 20;
 
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "no allocator to box with, and there is one stage")]
 enum Stage {
     Off,
     Enabling { ticks: u32 },
@@ -76,8 +77,9 @@ impl Motion {
     /// Feedback at most so many ticks old is there unless an actuator is silent.
     fn patience_ticks(&self, machine: &Machine) -> u16 {
         match self.stage {
-            // While torque is off they are asked now and then only.
-            Stage::Off => {
+            // While torque is off they are asked now and then only, and when enabling starts the
+            // last answer may be as old as that.
+            Stage::Off | Stage::Enabling { .. } => {
                 let query_ticks = machine.settings.control_hz / QUERY_HZ;
                 query_ticks.saturating_mul(2).saturating_add(FRESH_TICKS)
             }
@@ -144,7 +146,6 @@ impl Motion {
 
     /// Enable, then ramp from the measured pose to SAFE.
     pub fn align(&mut self) {
-        self.limiter.stop();
         self.stage = Stage::Enabling { ticks: 0 };
     }
 
@@ -255,7 +256,7 @@ impl Motion {
         }
         self.emit_targets(machine);
         if let Stage::Ramping { ramp, settling_ticks } = &mut self.stage {
-            ramp.advance(machine.settings.period_s());
+            ramp.advance();
             if ramp.arrived() {
                 *settling_ticks = settling_ticks.saturating_add(1);
                 let patience = machine.settings.ticks(machine.settings.align_patience_us);
@@ -279,7 +280,9 @@ impl Motion {
             self.limiter.start(i, from);
             ends.push((from, to)).map_err(|_| Unreadable)?;
         }
-        let ramp = Ramp::new(config, ends.into_iter(), machine.settings.align_speed_rad_s);
+        let settings = &machine.settings;
+        let (speed, period) = (settings.align_speed_rad_s, settings.period_s());
+        let ramp = Ramp::new(config, ends.into_iter(), speed, period);
         self.stage = Stage::Ramping { ramp, settling_ticks: 0 };
         Ok(())
     }

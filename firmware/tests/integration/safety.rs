@@ -47,6 +47,24 @@ fn arms_aligns_plays_and_comes_back() {
 }
 
 #[test]
+fn every_control_rate_plays_the_same_motion() {
+    for control_hz in [60, 240, 480, 960] {
+        let settings = Settings { control_hz, ..Settings::default() };
+        let mut rig = Rig::with(config(), settings, Some(&library()));
+        let seconds = |s: u32| s * u32::from(control_hz);
+        rig.run(seconds(1));
+        rig.arm();
+        rig.run_until(State::Ready, seconds(10));
+        let ack = rig.play(CODE_DRIVE);
+        // The frame at which the wheel is fastest, half way through.
+        let middle = u32::from(ack.value) + u32::from(DRIVE_FRAMES) / 2;
+        rig.run(middle * u32::from(control_hz) / 60);
+        assert!(rig.servos[2].value > 8.9, "{} at {control_hz} Hz", rig.servos[2].value);
+        rig.run_until(State::Ready, seconds(10));
+    }
+}
+
+#[test]
 fn no_enable_kick() {
     let mut rig = Rig::ready();
     rig.play(CODE_WALK);
@@ -479,7 +497,8 @@ fn status_comes_at_20_hz_and_on_change() {
 
 #[test]
 fn any_fault_shows_in_the_status_word() {
-    let faults: [(fn(&mut Rig), Fault); 3] = [
+    type Cause = fn(&mut Rig);
+    let faults: [(Cause, Fault); 3] = [
         (|rig| rig.servos[0].powered = false, Fault::ActuatorSilent),
         (|rig| rig.servos[0].status = ActuatorStatus::TIMED_OUT, Fault::ActuatorFault),
         (|rig| rig.host_alive = false, Fault::HostLost),
