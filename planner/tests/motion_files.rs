@@ -1,5 +1,6 @@
 //! Motion and library files: shipped ones mean what they say, broken ones say what is wrong where.
 
+use proptest::prelude::*;
 use rollwalk_planner::library_file::LibraryFile;
 use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_robot::Robot;
@@ -330,4 +331,27 @@ fn a_library_is_checked_against_its_motions() {
             (line("[[transition]]") + 6, "`turn_in_place to walk`", "agree"),
         ],
     );
+}
+
+proptest! {
+    /// Whatever bytes a file has, reading it ends with a value or with faults inside the text.
+    #[test]
+    fn damaged_files_never_panic(
+        file in prop::sample::select(vec![STAND, DRIVE, TURN, WALK, LIBRARY]),
+        at in 0.0..1.0,
+        cut in 0..40usize,
+        put in "[ -~\n#.é]{0,12}",
+    ) {
+        let at = (at * file.len() as f64) as usize;
+        let end = (at + cut).min(file.len());
+        let text = format!("{}{put}{}", &file[..at], &file[end..]);
+        let robot = agilebot();
+        let errors = [
+            Motion::from_toml("m.toml", &text, &robot).err(),
+            LibraryFile::from_toml("l.toml", &text, &robot).err(),
+        ];
+        for fault in errors.iter().flatten().flat_map(DocumentError::faults) {
+            prop_assert!(fault.span.end <= text.len());
+        }
+    }
 }
