@@ -197,11 +197,6 @@ impl CanBus {
         self.nodes[node.0].pending.len()
     }
 
-    /// Withdraws what `node` has pending: a controller that stops must leave nothing behind.
-    pub fn abort_pending(&mut self, node: NodeId) {
-        self.nodes[node.0].pending.clear();
-    }
-
     /// When the next frame completes if nobody posts anything before, or `None` if none waits.
     pub fn next_completion(&self) -> Option<SimTime> {
         self.in_flight.map(|flight| flight.end).or_else(|| self.winner().map(|winner| winner.end))

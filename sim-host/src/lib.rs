@@ -18,7 +18,6 @@
 //! Everything is deterministic: the same calls give the same bytes on every bus.
 //!
 //! ```
-//! use rollwalk_protocol::wire::Node;
 //! use rollwalk_sim_host::{candump, record, rig::Rig, session::Session};
 //!
 //! /// Flashes a library, plays the motion with code 2 for three seconds, and logs every bus.
@@ -27,8 +26,9 @@
 //!     library: &[u8],
 //!     log: std::fs::File,
 //! ) -> Result<(), Box<dyn std::error::Error>> {
-//!     let node = Node::new(1).ok_or("no such node")?;
-//!     let mut session = Session::connect(Rig::new(robot)?, node)?;
+//!     let rig = Rig::new(robot)?;
+//!     let node = rig.node();
+//!     let mut session = Session::connect(rig, node)?;
 //!     session.flash(library, |progress| eprintln!("{} of {} bytes", progress.done, progress.total))?;
 //!     session.arm()?;
 //!     session.select(2)?;

@@ -25,6 +25,7 @@ use crate::store::SimStore;
 use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::wire::Node;
 use rollwalk_robot::{InvalidRobot, Robot};
 use std::collections::VecDeque;
 
@@ -39,6 +40,7 @@ pub struct Rig {
     now: SimTime,
     controller: Controller<SimStore>,
     config: RobotConfig,
+    node: Node,
     link: Wire,
     host: NodeId,
     host_inbox: VecDeque<CanFrame>,
@@ -113,6 +115,7 @@ impl Rig {
             controller: Controller::new(config.clone(), SimStore::default(), settings),
             recorder: Recorder::new(&config),
             config,
+            node: Node::new(settings.node).expect("the default address is one"),
             link,
             host,
             host_inbox: VecDeque::new(),
@@ -132,6 +135,11 @@ impl Rig {
     /// The robot as its controller knows it.
     pub fn config(&self) -> &RobotConfig {
         &self.config
+    }
+
+    /// The controller's address on the link.
+    pub fn node(&self) -> Node {
+        self.node
     }
 
     /// The motors.
