@@ -5,9 +5,11 @@
 
 use crate::{files, shipped};
 use miette::Report;
+use rollwalk_planner::library_file::LibraryFile;
+use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Where input files come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,6 +18,16 @@ pub enum Source {
     Disk,
     /// The files inside the binary, by their path in the checkout.
     Shipped,
+}
+
+/// A library file with everything that it names.
+pub struct Library {
+    /// The robot of the library.
+    pub robot: Robot,
+    /// The library file itself.
+    pub file: LibraryFile,
+    /// Its motions, in its order.
+    pub motions: Vec<Motion>,
 }
 
 impl Source {
@@ -27,6 +39,45 @@ impl Source {
         let hint = "give the path of a robot file, such as robots/agilebot.toml";
         let text = self.text(path, "robot file (TOML)", hint)?;
         Robot::from_toml(&path.to_string_lossy(), &text).map_err(Report::new)
+    }
+
+    /// Reads and validates a motion file and the robot that it names.
+    ///
+    /// # Errors
+    /// A file is missing, or everything that is wrong in it.
+    pub fn motion(self, path: &Path) -> miette::Result<(Robot, Motion)> {
+        let text = self.motion_text(path)?;
+        let name = path.to_string_lossy();
+        let robot = Motion::robot_path_in_toml(&name, &text).map_err(Report::new)?;
+        let robot = self.robot(&beside(path, &robot))?;
+        let motion = Motion::from_toml(&name, &text, &robot).map_err(Report::new)?;
+        Ok((robot, motion))
+    }
+
+    /// Reads and validates a library file, its robot and its motions.
+    ///
+    /// # Errors
+    /// A file is missing, or everything that is wrong in it, or motions that do not fit together.
+    pub fn library(self, path: &Path) -> miette::Result<Library> {
+        let hint = "give the path of a library file; docs/motion-files.md describes them";
+        let text = self.text(path, "library file (TOML)", hint)?;
+        let name = path.to_string_lossy();
+        let robot = LibraryFile::robot_path_in_toml(&name, &text).map_err(Report::new)?;
+        let robot = self.robot(&beside(path, &robot))?;
+        let file = LibraryFile::from_toml(&name, &text, &robot).map_err(Report::new)?;
+        let motion = |file: &str| {
+            let path = beside(path, file);
+            Motion::from_toml(&path.to_string_lossy(), &self.motion_text(&path)?, &robot)
+                .map_err(Report::new)
+        };
+        let motions = file.motions.iter().map(|item| motion(&item.file));
+        let motions = motions.collect::<miette::Result<Vec<_>>>()?;
+        file.check_motions(&name, &text, &motions).map_err(Report::new)?;
+        Ok(Library { robot, file, motions })
+    }
+
+    fn motion_text(self, path: &Path) -> miette::Result<String> {
+        self.text(path, "motion file (TOML)", "docs/motion-files.md shows how to write one")
     }
 
     fn text(self, path: &Path, kind: &'static str, hint: &str) -> miette::Result<String> {
@@ -47,4 +98,38 @@ pub fn plan(path: &Path) -> miette::Result<Plan> {
     let hint = "make one with `rollwalk plan MOTION.toml -o PLAN.json`";
     let text = files::read_text(path, "plan (JSON)", hint)?;
     Plan::from_json(&path.to_string_lossy(), &text).map_err(Report::new)
+}
+
+/// The path of a file that `path` names relative to itself, without `x/..` detours.
+fn beside(path: &Path, named: &str) -> PathBuf {
+    let mut resolved = path.parent().unwrap_or(Path::new("")).to_owned();
+    for part in Path::new(named).components() {
+        let detour = part == std::path::Component::ParentDir
+            && resolved.file_name().is_some_and(|folder| folder != "..");
+        if detour {
+            resolved.pop();
+        } else {
+            resolved.push(part);
+        }
+    }
+    resolved
+}
+
+#[cfg(test)]
+mod tests {
+    use super::beside;
+    use std::path::Path;
+
+    #[test]
+    fn named_files_lie_relative_to_the_file_that_names_them() {
+        for (from, named, expected) in [
+            ("motions/demo.toml", "walk.toml", "motions/walk.toml"),
+            ("motions/demo.toml", "../robots/a.toml", "robots/a.toml"),
+            ("demo.toml", "../robots/a.toml", "../robots/a.toml"),
+            ("../motions/demo.toml", "../robots/a.toml", "../robots/a.toml"),
+            ("../../demo.toml", "../a.toml", "../../../a.toml"),
+        ] {
+            assert_eq!(beside(Path::new(from), named), Path::new(expected), "{from} {named}");
+        }
+    }
 }

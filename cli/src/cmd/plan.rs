@@ -1,0 +1,109 @@
+//! `rollwalk plan`: optimises a motion.
+
+use crate::progress::{Watch, words};
+use crate::{Exit, files, inputs, interrupt, output};
+use rollwalk_planner::{Options, optimise};
+use rollwalk_planner::plan::{Plan, Status};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Optimise a motion and write the plan.
+///
+/// The motion file names its robot. The plan is written whether or not every constraint could be met,
+/// so that it can be looked at; the exit code tells the two apart. After Ctrl-C nothing is written.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk plan motions/walk.toml -o walk.plan.json
+  rollwalk plan motions/walk.toml -o walk.plan.json -v      every iteration
+  rollwalk plan motions/walk.toml -o walk.plan.json --json | jq .iterations
+
+The format is described in docs/motion-files.md.")]
+pub struct Args {
+    /// Motion file (TOML).
+    #[arg(value_name = "MOTION.toml")]
+    motion: PathBuf,
+    /// Where to write the plan.
+    #[arg(short, long, value_name = "PLAN.json")]
+    output: PathBuf,
+    /// Print every iteration to stderr.
+    #[arg(short, long)]
+    verbose: bool,
+    /// Print the outcome as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Outcome<'a> {
+    motion: &'a str,
+    robot: &'a str,
+    status: Status,
+    iterations: usize,
+    time_s: f64,
+    energy: f64,
+    worst_level: f64,
+    worst_constraint: &'a str,
+    /// Null after an interrupt.
+    plan: Option<&'a PathBuf>,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let (robot, motion) = inputs::Source::Disk.motion(&args.motion)?;
+    interrupt::listen();
+    let watch = Watch::start(&motion.name, args.verbose);
+    let plan = optimise(&robot, &motion, &Options::default(), &mut |progress| watch.iteration(progress));
+    let time_s = watch.finish(&plan.solve).as_secs_f64();
+    let exit = Exit::from(plan.solve.status);
+    let written = (exit != Exit::Interrupted).then_some(&args.output);
+    if let Some(path) = written {
+        files::write(path, plan.to_json().as_bytes())?;
+    }
+    if args.json {
+        output::print_json(&outcome(&plan, time_s, written))?;
+    } else {
+        output::print(&describe(&plan, time_s, written))?;
+    }
+    Ok(exit)
+}
+
+fn outcome<'a>(plan: &'a Plan, time_s: f64, written: Option<&'a PathBuf>) -> Outcome<'a> {
+    Outcome {
+        motion: &plan.motion.name,
+        robot: &plan.robot.name,
+        status: plan.solve.status,
+        iterations: plan.solve.iterations,
+        time_s,
+        energy: plan.solve.energy,
+        worst_level: plan.solve.worst_level,
+        worst_constraint: &plan.solve.worst_constraint,
+        plan: written,
+    }
+}
+
+fn describe(plan: &Plan, time_s: f64, written: Option<&PathBuf>) -> String {
+    let solve = &plan.solve;
+    let first = &plan.samples[0].base_position_m;
+    let last = &plan.after.base_position_m;
+    format!(
+        "{} on {}: {} after {} iterations, {time_s:.2} s\n\
+         moves {:+.3} m in x and {:+.3} m in y, turns {:+.3} rad, in {:.2} s\n\
+         worst constraint: {}, at {:.3} of its credible level\n{}",
+        plan.motion.name,
+        plan.robot.name,
+        words(solve.status),
+        solve.iterations,
+        last[0] - first[0],
+        last[1] - first[1],
+        plan.after.base_yaw_pitch_roll_rad[0] - plan.samples[0].base_yaw_pitch_roll_rad[0],
+        plan.motion.duration_s,
+        solve.worst_constraint,
+        solve.worst_level,
+        match written {
+            Some(path) => format!("wrote {}", path.display()),
+            None => "nothing written".to_owned(),
+        }
+    )
+}

@@ -1,0 +1,23 @@
+//! Ctrl-C as a value that a solve can look at between two iterations.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+static REQUESTED: AtomicBool = AtomicBool::new(false);
+
+/// From here on the first Ctrl-C asks the running solve to end; a second one ends the process.
+pub fn listen() {
+    let handler = || {
+        if REQUESTED.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    };
+    // Refused only when a handler is already installed; then that one stays.
+    if let Err(error) = ctrlc::set_handler(handler) {
+        eprintln!("Ctrl-C will end the process at once: {error}");
+    }
+}
+
+/// Whether Ctrl-C was pressed since [`listen`].
+pub fn requested() -> bool {
+    REQUESTED.load(Ordering::Relaxed)
+}

@@ -1,0 +1,96 @@
+//! Plans everything that a library file asks for: its motions, then the transitions between them.
+
+use crate::inputs::Library;
+use crate::interrupt;
+use crate::progress::Watch;
+use miette::IntoDiagnostic;
+use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::transition::{Moment, optimise_transition, support_moment};
+use rollwalk_planner::{Options, optimise};
+use std::time::Duration;
+
+/// A plan and how long it took to find.
+pub struct Planned {
+    /// The plan.
+    pub plan: Plan,
+    /// Wall time of the solve.
+    pub took: Duration,
+}
+
+/// A transition between two motions of a library.
+pub struct PlannedTransition {
+    /// Index of the motion that it leaves.
+    pub from: usize,
+    /// When it leaves that motion, s since the motion's start.
+    pub exit_time_s: f64,
+    /// Index of the motion that it enters.
+    pub to: usize,
+    /// When it enters that motion, s since the motion's start.
+    pub entry_time_s: f64,
+    /// The plan.
+    pub planned: Planned,
+}
+
+/// The plans of a library, in its order.
+pub struct Plans {
+    /// Motions.
+    pub motions: Vec<Planned>,
+    /// Transitions.
+    pub transitions: Vec<PlannedTransition>,
+}
+
+impl Plans {
+    /// All plans with their times, motions first.
+    pub fn all(&self) -> impl Iterator<Item = &Planned> {
+        self.motions.iter().chain(self.transitions.iter().map(|transition| &transition.planned))
+    }
+
+    /// The plans that did not converge.
+    pub fn failed(&self) -> impl Iterator<Item = &Plan> {
+        self.all().map(|planned| &planned.plan).filter(|plan| plan.solve.status != Status::Converged)
+    }
+}
+
+/// Optimises every motion and every transition from scratch. `None` after Ctrl-C.
+///
+/// # Errors
+/// Motions that nothing can lead into or out of.
+pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans>> {
+    interrupt::listen();
+    let options = Options::default();
+    let mut motions = Vec::new();
+    for motion in &library.motions {
+        let watch = Watch::start(&motion.name, verbose);
+        let plan = optimise(&library.robot, motion, &options, &mut |p| watch.iteration(p));
+        let took = watch.finish(&plan.solve);
+        if interrupt::requested() {
+            return Ok(None);
+        }
+        motions.push(Planned { plan, took });
+    }
+    let mut transitions = Vec::new();
+    for wanted in &library.file.transitions {
+        let (from, to) = (&motions[wanted.from].plan, &motions[wanted.to].plan);
+        let exit_time_s = support_moment(from, true).into_diagnostic()?;
+        let entry_time_s = support_moment(to, false).into_diagnostic()?;
+        let watch = Watch::start(&wanted.motion.name, verbose);
+        let plan = optimise_transition(
+            &wanted.motion.name,
+            wanted.motion.duration_s,
+            Moment { plan: from, time_s: exit_time_s },
+            Moment { plan: to, time_s: entry_time_s },
+            wanted.motion.swing_height_m,
+            &options,
+            &mut |p| watch.iteration(p),
+        )
+        .into_diagnostic()?;
+        let took = watch.finish(&plan.solve);
+        if interrupt::requested() {
+            return Ok(None);
+        }
+        let planned = Planned { plan, took };
+        let (from, to) = (wanted.from, wanted.to);
+        transitions.push(PlannedTransition { from, exit_time_s, to, entry_time_s, planned });
+    }
+    Ok(Some(Plans { motions, transitions }))
+}

@@ -1,0 +1,71 @@
+//! How a solve goes, on stderr: a spinner on a terminal, one line at the end otherwise, and with `-v`
+//! a table of every iteration.
+
+use crate::interrupt;
+use indicatif::{ProgressBar, ProgressStyle};
+use rollwalk_planner::plan::{SolveSummary, Status};
+use rollwalk_planner::solver::Progress;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+/// One solve being watched.
+pub struct Watch {
+    name: String,
+    bar: ProgressBar,
+    table: bool,
+    start: Instant,
+}
+
+impl Watch {
+    /// Starts the clock of the solve called `name`; `table` asks for a line per iteration.
+    pub fn start(name: &str, table: bool) -> Self {
+        let bar = if table { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
+        bar.set_style(
+            ProgressStyle::with_template("{spinner} {prefix:<26} {msg}")
+                .unwrap_or_else(|_| ProgressStyle::default_spinner()),
+        );
+        bar.set_prefix(name.to_owned());
+        bar.enable_steady_tick(Duration::from_millis(100));
+        if table {
+            eprintln!("{name}\n{:>5} {:>13} {:>12}  worst constraint", "iter", "energy", "level");
+        }
+        Self { name: name.to_owned(), bar, table, start: Instant::now() }
+    }
+
+    /// Shows an iteration; breaks off when Ctrl-C was pressed.
+    pub fn iteration(&self, progress: &Progress) -> ControlFlow<()> {
+        let Progress { iteration, energy, worst_level, worst_constraint, .. } = progress;
+        if self.table {
+            eprintln!("{iteration:>5} {energy:>13.6e} {worst_level:>12.3e}  {worst_constraint}");
+        }
+        self.bar.set_message(format!(
+            "iteration {iteration:>3}, worst {worst_constraint} at {worst_level:.2} of its level"
+        ));
+        if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    /// Says how the solve ended; returns how long it took.
+    pub fn finish(self, summary: &SolveSummary) -> Duration {
+        let took = self.start.elapsed();
+        self.bar.finish_and_clear();
+        let mark = if summary.status == Status::Converged { '✓' } else { '✗' };
+        eprintln!(
+            "{mark} {:<26} {} in {} iterations, {:.2} s",
+            self.name,
+            words(summary.status),
+            summary.iterations,
+            took.as_secs_f64()
+        );
+        took
+    }
+}
+
+/// A status in words.
+pub fn words(status: Status) -> &'static str {
+    match status {
+        Status::Converged => "converged",
+        Status::Infeasible => "infeasible",
+        Status::IterationLimit => "iteration limit reached",
+        Status::Interrupted => "interrupted",
+    }
+}
