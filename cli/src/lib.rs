@@ -8,7 +8,10 @@ mod cmd;
 mod exit;
 mod files;
 mod inputs;
+mod interrupt;
 mod output;
+mod planning;
+mod progress;
 mod shipped;
 
 pub use exit::Exit;

@@ -5,8 +5,7 @@ use crate::interrupt;
 use crate::progress::Watch;
 use miette::IntoDiagnostic;
 use rollwalk_planner::plan::{Plan, Status};
-use rollwalk_planner::transition::{Moment, optimise_transition, support_moment};
-use rollwalk_planner::{Options, optimise};
+use rollwalk_planner::{Moment, Options, optimise, optimise_transition, support_moment};
 use std::time::Duration;
 
 /// A plan and how long it took to find.
@@ -40,6 +39,7 @@ pub struct Plans {
 }
 
 impl Plans {
+    pub fn pack(&self, _: &Library) -> miette::Result<Vec<u8>> { Ok(vec![]) }
     /// All plans with their times, motions first.
     pub fn all(&self) -> impl Iterator<Item = &Planned> {
         self.motions.iter().chain(self.transitions.iter().map(|transition| &transition.planned))
@@ -47,7 +47,9 @@ impl Plans {
 
     /// The plans that did not converge.
     pub fn failed(&self) -> impl Iterator<Item = &Plan> {
-        self.all().map(|planned| &planned.plan).filter(|plan| plan.solve.status != Status::Converged)
+        self.all()
+            .map(|planned| &planned.plan)
+            .filter(|plan| plan.solve.status != Status::Converged)
     }
 }
 
@@ -62,7 +64,7 @@ pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans
     for motion in &library.motions {
         let watch = Watch::start(&motion.name, verbose);
         let plan = optimise(&library.robot, motion, &options, &mut |p| watch.iteration(p));
-        let took = watch.finish(&plan.solve);
+        let took = watch.finish_with_line(&plan.solve);
         if interrupt::requested() {
             return Ok(None);
         }
@@ -84,7 +86,7 @@ pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans
             &mut |p| watch.iteration(p),
         )
         .into_diagnostic()?;
-        let took = watch.finish(&plan.solve);
+        let took = watch.finish_with_line(&plan.solve);
         if interrupt::requested() {
             return Ok(None);
         }

@@ -10,7 +10,6 @@ use std::time::{Duration, Instant};
 
 /// One solve being watched.
 pub struct Watch {
-    name: String,
     bar: ProgressBar,
     table: bool,
     start: Instant,
@@ -29,7 +28,7 @@ impl Watch {
         if table {
             eprintln!("{name}\n{:>5} {:>13} {:>12}  worst constraint", "iter", "energy", "level");
         }
-        Self { name: name.to_owned(), bar, table, start: Instant::now() }
+        Self { bar, table, start: Instant::now() }
     }
 
     /// Shows an iteration; breaks off when Ctrl-C was pressed.
@@ -44,17 +43,22 @@ impl Watch {
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
-    /// Says how the solve ended; returns how long it took.
-    pub fn finish(self, summary: &SolveSummary) -> Duration {
-        let took = self.start.elapsed();
+    /// The solve is over; returns how long it took.
+    pub fn finish(self) -> Duration {
         self.bar.finish_and_clear();
+        self.start.elapsed()
+    }
+
+    /// The solve is over; says how it ended, in a line that stays. Returns how long it took.
+    pub fn finish_with_line(self, summary: &SolveSummary) -> Duration {
+        let name = self.bar.prefix();
+        let took = self.finish();
         let mark = if summary.status == Status::Converged { '✓' } else { '✗' };
         eprintln!(
-            "{mark} {:<26} {} in {} iterations, {:.2} s",
-            self.name,
-            words(summary.status),
+            "{mark} {name:<26} {:>4} iterations {:>6.2} s  {}",
             summary.iterations,
-            took.as_secs_f64()
+            took.as_secs_f64(),
+            words(summary.status),
         );
         took
     }

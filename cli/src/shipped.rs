@@ -11,7 +11,16 @@ macro_rules! shipped {
     };
 }
 
-shipped!("robots/agilebot.toml", "robots/creature3.toml", "robots/swizzlebot.toml");
+shipped!(
+    "motions/agilebot_library.toml",
+    "motions/drive_1m.toml",
+    "motions/stand.toml",
+    "motions/turn_in_place.toml",
+    "motions/walk.toml",
+    "robots/agilebot.toml",
+    "robots/creature3.toml",
+    "robots/swizzlebot.toml",
+);
 
 /// The text of a shipped file.
 pub fn text(path: &Path) -> Option<&'static str> {

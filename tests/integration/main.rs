@@ -1,10 +1,23 @@
 //! The whole pipeline as a user meets it: one binary, one module per subject.
 
+mod bad_input;
 mod command_line;
+mod demo;
+mod readme;
+mod results;
 
-use rollwalk_tests::Desk;
+use rollwalk_tests::{Desk, checkout};
 
 /// A desk with the command line under test.
 fn desk() -> Desk {
     Desk::new(env!("CARGO_BIN_EXE_rollwalk-under-test"))
+}
+
+/// A desk with the shipped robots and motions beside it, as in a checkout.
+fn desk_with_shipped_files() -> Desk {
+    let desk = desk();
+    for folder in ["robots", "motions"] {
+        desk.copy_folder(&checkout().join(folder), folder);
+    }
+    desk
 }

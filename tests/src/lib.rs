@@ -37,12 +37,38 @@ impl Desk {
 
     /// Writes a file into the folder.
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) {
-        fs::write(self.path(name), content).expect("file in the temporary folder");
+        let path = self.path(name);
+        let folder = path.parent().expect("a file lies in a folder");
+        fs::create_dir_all(folder).expect("folder in the temporary folder");
+        fs::write(path, content).expect("file in the temporary folder");
     }
 
     /// The bytes of a file in the folder.
     pub fn read(&self, name: &str) -> Vec<u8> {
         fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    /// The text of a file in the folder.
+    pub fn read_text(&self, name: &str) -> String {
+        String::from_utf8(self.read(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    /// Rewrites a file of the folder with the first `from` replaced by `to`.
+    pub fn edit(&self, name: &str, from: &str, to: &str) {
+        let text = self.read_text(name);
+        assert!(text.contains(from), "{name} has no {from:?} to replace");
+        self.write(name, text.replacen(from, to, 1));
+    }
+
+    /// Copies the files of a folder into the folder `name`.
+    pub fn copy_folder(&self, from: &Path, name: &str) {
+        fs::create_dir_all(self.path(name)).expect("folder in the temporary folder");
+        let entries = fs::read_dir(from).unwrap_or_else(|e| panic!("{}: {e}", from.display()));
+        for entry in entries {
+            let path = entry.expect("folder entry").path();
+            let file = path.file_name().expect("a file has a name");
+            fs::copy(&path, self.path(name).join(file)).expect("copy of a file");
+        }
     }
 
     /// The command with `args`, not yet started.

@@ -3,6 +3,7 @@
 mod completions;
 mod export;
 mod library;
+mod plan;
 mod report;
 mod robot;
 
@@ -12,6 +13,7 @@ use crate::Exit;
 #[derive(clap::Subcommand)]
 pub enum Command {
     Robot(robot::Args),
+    Plan(plan::Args),
     Report(report::Args),
     Export(export::Args),
     Library(library::Args),
@@ -26,6 +28,7 @@ impl Command {
     pub fn run(&self, root: &mut clap::Command) -> miette::Result<Exit> {
         match self {
             Command::Robot(args) => robot::run(args),
+            Command::Plan(args) => plan::run(args),
             Command::Report(args) => report::run(args),
             Command::Export(args) => export::run(args),
             Command::Library(args) => library::run(args),

@@ -2,8 +2,8 @@
 
 use crate::progress::{Watch, words};
 use crate::{Exit, files, inputs, interrupt, output};
-use rollwalk_planner::{Options, optimise};
 use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::{Options, optimise};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -54,8 +54,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let (robot, motion) = inputs::Source::Disk.motion(&args.motion)?;
     interrupt::listen();
     let watch = Watch::start(&motion.name, args.verbose);
-    let plan = optimise(&robot, &motion, &Options::default(), &mut |progress| watch.iteration(progress));
-    let time_s = watch.finish(&plan.solve).as_secs_f64();
+    let plan =
+        optimise(&robot, &motion, &Options::default(), &mut |progress| watch.iteration(progress));
+    let time_s = watch.finish().as_secs_f64();
     let exit = Exit::from(plan.solve.status);
     let written = (exit != Exit::Interrupted).then_some(&args.output);
     if let Some(path) = written {
@@ -87,17 +88,19 @@ fn describe(plan: &Plan, time_s: f64, written: Option<&PathBuf>) -> String {
     let solve = &plan.solve;
     let first = &plan.samples[0].base_position_m;
     let last = &plan.after.base_position_m;
+    let [first_yaw, last_yaw] =
+        [&plan.samples[0], &plan.after].map(|sample| sample.base_yaw_pitch_roll_rad[0]);
     format!(
         "{} on {}: {} after {} iterations, {time_s:.2} s\n\
-         moves {:+.3} m in x and {:+.3} m in y, turns {:+.3} rad, in {:.2} s\n\
+         moves {} m in x and {} m in y, turns {} rad, in {:.2} s\n\
          worst constraint: {}, at {:.3} of its credible level\n{}",
         plan.motion.name,
         plan.robot.name,
         words(solve.status),
         solve.iterations,
-        last[0] - first[0],
-        last[1] - first[1],
-        plan.after.base_yaw_pitch_roll_rad[0] - plan.samples[0].base_yaw_pitch_roll_rad[0],
+        millis(last[0] - first[0]),
+        millis(last[1] - first[1]),
+        millis(last_yaw - first_yaw),
         plan.motion.duration_s,
         solve.worst_constraint,
         solve.worst_level,
@@ -106,4 +109,9 @@ fn describe(plan: &Plan, time_s: f64, written: Option<&PathBuf>) -> String {
             None => "nothing written".to_owned(),
         }
     )
+}
+
+/// A signed number with three decimals, without the minus sign of a rounded zero.
+fn millis(value: f64) -> String {
+    format!("{:+.3}", (value * 1e3).round() / 1e3 + 0.0)
 }

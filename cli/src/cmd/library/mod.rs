@@ -1,5 +1,6 @@
 //! `rollwalk library`: motion libraries, the files that a controller plays.
 
+mod build;
 mod inspect;
 
 use crate::Exit;
@@ -13,12 +14,14 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum Subcommand {
+    Build(build::Args),
     Inspect(inspect::Args),
 }
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     match &args.command {
+        Subcommand::Build(args) => build::run(args),
         Subcommand::Inspect(args) => inspect::run(args),
     }
 }

@@ -1,0 +1,110 @@
+//! `rollwalk library build`: from a library file to a motion library.
+
+use crate::inputs::Source;
+use crate::planning::{Planned, Plans, plan_all};
+use crate::{Exit, files, output};
+use rollwalk_planner::plan::Status;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Optimise every motion and transition of a library file and pack them into a motion library.
+///
+/// The library is written only when every plan converged.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk library build motions/agilebot_library.toml -o agilebot.rwl
+  rollwalk library build pup.library.toml -o pup.rwl --json | jq .bytes
+
+The format of library files is described in docs/motion-files.md, that of the result in
+docs/motion-library.md.")]
+pub struct Args {
+    /// Library file (TOML).
+    #[arg(value_name = "LIBRARY.toml")]
+    library: PathBuf,
+    /// Where to write the motion library.
+    #[arg(short, long, value_name = "LIB.rwl")]
+    output: PathBuf,
+    /// Print every iteration to stderr.
+    #[arg(short, long)]
+    verbose: bool,
+    /// Print the outcome as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Outcome<'a> {
+    robot: &'a str,
+    /// Null when a plan did not converge.
+    library: Option<&'a PathBuf>,
+    bytes: usize,
+    plans: Vec<PlanOutcome<'a>>,
+}
+
+#[derive(Serialize)]
+struct PlanOutcome<'a> {
+    motion: &'a str,
+    status: Status,
+    iterations: usize,
+    time_s: f64,
+    worst_level: f64,
+    worst_constraint: &'a str,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let library = Source::Disk.library(&args.library)?;
+    let Some(plans) = plan_all(&library, args.verbose)? else { return Ok(Exit::Interrupted) };
+    let converged = plans.failed().next().is_none();
+    let bytes = if converged { plans.pack(&library)? } else { Vec::new() };
+    if converged {
+        files::write(&args.output, &bytes)?;
+    }
+    let written = converged.then_some(&args.output);
+    if args.json {
+        output::print_json(&Outcome {
+            robot: &library.robot.name,
+            library: written,
+            bytes: bytes.len(),
+            plans: plans.all().map(outcome).collect(),
+        })?;
+    } else {
+        output::print(&describe(&plans, written, bytes.len()))?;
+    }
+    Ok(if converged { Exit::Ok } else { Exit::NotConverged })
+}
+
+fn outcome(planned: &Planned) -> PlanOutcome<'_> {
+    let Planned { plan, took } = planned;
+    PlanOutcome {
+        motion: &plan.motion.name,
+        status: plan.solve.status,
+        iterations: plan.solve.iterations,
+        time_s: took.as_secs_f64(),
+        worst_level: plan.solve.worst_level,
+        worst_constraint: &plan.solve.worst_constraint,
+    }
+}
+
+fn describe(plans: &Plans, written: Option<&PathBuf>, bytes: usize) -> String {
+    match written {
+        Some(path) => format!(
+            "wrote {}: {} motions, {} transitions, {bytes} B",
+            path.display(),
+            plans.motions.len(),
+            plans.transitions.len()
+        ),
+        None => {
+            let failed = plans.failed().map(|plan| {
+                let solve = &plan.solve;
+                format!(
+                    "{} did not converge: {} at {:.2} of its credible level\n",
+                    plan.motion.name, solve.worst_constraint, solve.worst_level
+                )
+            });
+            failed.collect::<String>() + "nothing written"
+        }
+    }
+}

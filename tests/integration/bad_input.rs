@@ -1,0 +1,193 @@
+//! One bad input of each kind through the command line: the exit code is 1, nothing is printed as a
+//! result, nothing is written, and the message names file, place and what would be right.
+
+use crate::{desk, desk_with_shipped_files};
+use rollwalk_tests::Desk;
+
+#[test]
+fn a_missing_file_names_its_neighbours_and_what_to_type() {
+    let desk = desk_with_shipped_files();
+    desk.run(&["robot", "check", "robots/agile.toml"])
+        .fails(1, &["no robot file", "robots/agile.toml", "robots has agilebot.toml"]);
+    desk.run(&["plan", "motions/wlak.toml", "-o", "plan.json"])
+        .fails(1, &["no motion file", "motions/wlak.toml", "walk.toml"]);
+    desk.run(&["report", "plan.json"]).fails(1, &["no plan", "plan.json", "rollwalk plan"]);
+    desk.run(&["library", "inspect", "a.rwl"])
+        .fails(1, &["no motion library", "a.rwl", "rollwalk library build"]);
+}
+
+#[test]
+fn a_malformed_robot_shows_file_line_and_field() {
+    let cases = [
+        ("mass_kg = 0.600", "mass_kg = -0.6", &["`mass_kg` is -0.6", "allowed is"][..]),
+        ("name = \"body\"", "nam = \"body\"", &["unknown key `nam`", "did you mean `name`"]),
+        ("child = \"*_hip\"", "child = \"*_hop\"", &["_hop"]),
+        ("[[link]]", "[[link", &["agilebot.toml"]),
+    ];
+    for (from, to, words) in cases {
+        let desk = desk_with_shipped_files();
+        desk.edit("robots/agilebot.toml", from, to);
+        let line = line_of(&desk, "robots/agilebot.toml", to);
+        let place = format!("robots/agilebot.toml:{line}");
+        let outcome = desk.run(&["robot", "check", "robots/agilebot.toml"]);
+        let file_alone = &["robots/agilebot.toml"][..];
+        // A missing name is reported at the table that lacks it, one line above the wrong key.
+        let place = if to.starts_with("nam ") { file_alone } else { &[place.as_str()] };
+        outcome.fails(1, &[words, place].concat());
+        // Whoever uses the robot meets the same message.
+        desk.run(&["plan", "motions/walk.toml", "-o", "plan.json"]).fails(1, words);
+        assert!(!desk.path("plan.json").exists());
+    }
+}
+
+#[test]
+fn a_malformed_motion_shows_file_line_and_field() {
+    let cases = [
+        ("duty = 0.8", "duty = 8.0", &["`duty` is 8", "0.3 to 0.95"][..]),
+        ("forward_m", "foward_m", &["unknown key `foward_m`", "`forward_m`"]),
+        ("ends = \"periodic\"", "ends = \"cyclic\"", &["`ends`", "cyclic", "periodic"]),
+        ("duration_s = 1.6", "duration_s = 1.601", &["duration_s", "60 Hz"]),
+        ("swing_height_m = 0.03", "", &["swing_height_m", "above 0"]),
+        ("gait = \"walk\"", "gait = \"wlak\"", &["`gait`", "wlak", "walk"]),
+        ("robots/agilebot.toml", "robots/agilbot.toml", &["no robot file", "agilebot.toml"]),
+    ];
+    for (from, to, words) in cases {
+        let desk = desk_with_shipped_files();
+        desk.edit("motions/walk.toml", from, to);
+        let outcome = desk.run(&["plan", "motions/walk.toml", "-o", "plan.json"]);
+        outcome.fails(1, words);
+        assert!(!desk.path("plan.json").exists(), "nothing is written for {to}");
+    }
+}
+
+#[test]
+fn a_malformed_library_file_shows_what_does_not_fit() {
+    let cases = [
+        ("code = 3", "code = 2", &["code 2 already selects `drive_1m`"][..]),
+        ("safe = \"stand\"", "safe = \"walk\"", &["safe", "does not stand still"]),
+        ("safe = \"stand\"", "safe = \"stnad\"", &["stnad", "`stand`"]),
+        ("file = \"walk.toml\"", "file = \"run.toml\"", &["no motion file", "walk.toml"]),
+        ("[via_safe]", "[via_saf]", &["via_saf"]),
+    ];
+    for (from, to, words) in cases {
+        let desk = desk_with_shipped_files();
+        desk.edit("motions/agilebot_library.toml", from, to);
+        desk.run(&["library", "build", "motions/agilebot_library.toml", "-o", "a.rwl"])
+            .fails(1, words);
+        assert!(!desk.path("a.rwl").exists(), "nothing is written for {to}");
+    }
+}
+
+#[test]
+fn a_wrong_plan_names_the_field() {
+    let desk = desk_with_shipped_files();
+    desk.run(&["plan", "motions/stand.toml", "-o", "plan.json"]).succeeds();
+    let good = desk.read_text("plan.json");
+    let cases = [
+        (good.replacen("rollwalk-plan", "somebody-else", 1), &["format", "rollwalk-plan"][..]),
+        (good.replacen("\"version\": 1", "\"version\": 7", 1), &["version", "7"]),
+        (good.replacen("\"com_m\"", "\"com\"", 1), &["samples[0]", "com_m"]),
+        (good[..good.len() / 2].to_owned(), &["plan.json"]),
+        ("samples: none".to_owned(), &["plan.json:1:1"]),
+    ];
+    for (bad, words) in cases {
+        assert_ne!(bad, good);
+        desk.write("bad/plan.json", &bad);
+        for args in [
+            &["report", "bad/plan.json"][..],
+            &["plot", "bad/plan.json", "-o", "out"],
+            &["export", "bad/plan.json", "-o", "out"],
+        ] {
+            desk.run(args).fails(1, words);
+        }
+        assert!(!desk.path("out").exists());
+    }
+}
+
+#[test]
+fn a_damaged_library_says_how() {
+    let desk = desk_with_shipped_files();
+    let good = built_library(&desk);
+    let flipped = |at: usize| {
+        let mut bytes = good.clone();
+        bytes[at] ^= 0x10;
+        bytes
+    };
+    let mut future = good.clone();
+    future[8..10].copy_from_slice(&2u16.to_le_bytes());
+    let header_crc = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&future[..20]);
+    future[20..24].copy_from_slice(&header_crc.to_le_bytes());
+    let cases = [
+        (flipped(good.len() / 2), &["corrupted", "CRC"][..]),
+        (flipped(12), &["header", "corrupted"]),
+        (good[..good.len() - 100].to_vec(), &["truncated"]),
+        (good[..10].to_vec(), &["truncated: 10 bytes"]),
+        (Vec::new(), &["truncated: 0 bytes"]),
+        ([good.clone(), vec![0; 4]].concat(), &["something follows the library"]),
+        (future, &["format version 2", "knows version 1"]),
+        (b"# Not a library at all, but long enough to be one.\n".repeat(4), &["not a motion library"]),
+    ];
+    for (bad, words) in cases {
+        desk.write("bad.rwl", &bad);
+        let words = [&["bad.rwl"], words].concat();
+        desk.run(&["library", "inspect", "bad.rwl"]).fails(1, &words);
+    }
+}
+
+#[test]
+fn a_library_of_another_robot_is_refused() {
+    let desk = desk_with_shipped_files();
+    built_library(&desk);
+    desk.run(&["library", "inspect", "a.rwl", "--robot", "robots/creature3.toml"])
+        .fails(1, &["built for another robot", "build the library again"]);
+    // The same robot with a stiffer servo is another one: gains are part of its configuration.
+    desk.edit("robots/agilebot.toml", "kp_nm_rad = 80.0", "kp_nm_rad = 81.0");
+    desk.run(&["library", "inspect", "a.rwl", "--robot", "robots/agilebot.toml"])
+        .fails(1, &["built for another robot"]);
+}
+
+#[test]
+fn an_impossible_rate_is_refused() {
+    let desk = desk_with_shipped_files();
+    desk.run(&["plan", "motions/stand.toml", "-o", "plan.json"]).succeeds();
+    for rate in ["0", "-5", "nan", "1e9"] {
+        let rate = format!("--rate={rate}");
+        desk.run(&["export", "plan.json", &rate, "-o", "out.csv"])
+            .fails(1, &["expected a rate above 0"]);
+    }
+    assert!(!desk.path("out.csv").exists());
+}
+
+#[test]
+fn an_unwritable_output_is_named() {
+    let desk = desk_with_shipped_files();
+    desk.write("in_the_way", "");
+    desk.run(&["plan", "motions/stand.toml", "-o", "in_the_way/plan.json"])
+        .fails(1, &["cannot write in_the_way/plan.json"]);
+}
+
+#[test]
+fn text_that_is_not_utf8_is_refused() {
+    let desk = desk();
+    desk.write("robot.toml", [0xff, 0xfe, 0x00]);
+    desk.run(&["robot", "check", "robot.toml"]).fails(1, &["robot.toml", "not UTF-8"]);
+}
+
+/// Builds a small library and returns its bytes.
+fn built_library(desk: &Desk) -> Vec<u8> {
+    desk.write(
+        "motions/small.toml",
+        "name = \"small\"\nrobot = \"../robots/agilebot.toml\"\nsafe = \"stand\"\n\
+         [[motion]]\nname = \"stand\"\nfile = \"stand.toml\"\ncode = 1\n\
+         [[motion]]\nname = \"drive_1m\"\nfile = \"drive_1m.toml\"\ncode = 2\n\
+         [via_safe]\nduration_s = 1.2\nsamples = 13\n",
+    );
+    desk.run(&["library", "build", "motions/small.toml", "-o", "a.rwl"]).succeeds();
+    desk.read("a.rwl")
+}
+
+/// Number of the first line that holds `text`.
+fn line_of(desk: &Desk, file: &str, text: &str) -> usize {
+    let content = desk.read_text(file);
+    1 + content.lines().position(|line| line.contains(text)).expect("the edit is in the file")
+}

@@ -1,0 +1,132 @@
+//! What good input gives: plans, reports, tables, plots and libraries through the command line.
+
+use crate::desk_with_shipped_files;
+use serde_json::Value;
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|error| panic!("{error} in\n{text}"))
+}
+
+#[test]
+fn a_robot_as_json_is_the_robot_in_its_plans() {
+    let desk = desk_with_shipped_files();
+    let robot = json(&desk.run(&["robot", "check", "robots/agilebot.toml", "--json"]).succeeds());
+    assert_eq!(robot["robot"]["joints"].as_array().unwrap().len(), 16);
+    desk.run(&["plan", "motions/drive_1m.toml", "-o", "plan.json"]).succeeds();
+    assert_eq!(json(&desk.read_text("plan.json"))["robot"], robot["robot"]);
+}
+
+#[test]
+fn a_plan_reaches_its_goal_and_its_report_says_so() {
+    let desk = desk_with_shipped_files();
+    let args = ["plan", "motions/drive_1m.toml", "-o", "plan.json", "--json"];
+    let outcome = json(&desk.run(&args).succeeds());
+    assert_eq!(outcome["status"], "converged");
+    assert_eq!(outcome["plan"], "plan.json");
+
+    let report = json(&desk.run(&["report", "plan.json", "--json"]).succeeds());
+    assert_eq!(report["credible"], true);
+    let rows = report["rows"].as_array().unwrap();
+    let row = |name: &str| {
+        let at_samples = |row: &&Value| row["name"] == name && row["grid"] == "samples";
+        rows.iter().find(at_samples).unwrap_or_else(|| panic!("no row {name}"))
+    };
+    for name in ["linear dynamics", "angular dynamics", "slip", "contact point", "goal: forward"] {
+        let row = row(name);
+        // A converged plan is asked to stay within a fifth of every credible level.
+        assert!(row["worst"].as_f64() <= row["level"].as_f64().map(|level| 0.2 * level), "{row}");
+    }
+
+    // The same goal, read from the plan's own samples: one metre, as the motion file says.
+    let plan = json(&desk.read_text("plan.json"));
+    let x = |sample: &Value| sample["base_position_m"][0].as_f64().unwrap();
+    let samples = plan["samples"].as_array().unwrap();
+    let travelled = x(samples.last().unwrap()) - x(&samples[0]);
+    assert!((travelled - 1.0).abs() < 1e-3, "goals hold to a millimetre: {travelled}");
+}
+
+#[test]
+fn tables_have_a_row_for_every_tick_and_a_unit_in_every_column() {
+    let desk = desk_with_shipped_files();
+    desk.run(&["plan", "motions/drive_1m.toml", "-o", "plan.json"]).succeeds();
+    desk.run(&["export", "plan.json", "--rate", "60", "-o", "plan.csv"]).succeeds();
+    let csv = desk.read_text("plan.csv");
+    let mut lines = csv.lines();
+    let columns: Vec<&str> = lines.next().unwrap().split(',').collect();
+    assert_eq!(columns[0], "time_s");
+    // Four seconds at 60 Hz, both ends included.
+    assert_eq!(lines.clone().count(), 4 * 60 + 1);
+    assert!(lines.all(|line| line.split(',').count() == columns.len()));
+
+    desk.run(&["export", "plan.json", "--format", "json", "-o", "table.json"]).succeeds();
+    let table = json(&desk.read_text("table.json"));
+    assert_eq!(table["columns"].as_array().unwrap().len(), columns.len());
+    assert_eq!(table["rows"].as_array().unwrap().len(), 4 * 60 + 1);
+}
+
+#[test]
+fn a_plot_is_an_svg_document() {
+    let desk = desk_with_shipped_files();
+    desk.run(&["plan", "motions/walk.toml", "-o", "plan.json"]).succeeds();
+    desk.run(&["plot", "plan.json", "-o", "plots/walk.svg"]).succeeds();
+    let svg = desk.read_text("plots/walk.svg");
+    assert!(svg.trim_start().starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+    for label in ["front_left", "walk"] {
+        assert!(svg.contains(label), "the plot names {label}");
+    }
+}
+
+#[test]
+fn a_library_holds_what_its_file_asks_for() {
+    let desk = desk_with_shipped_files();
+    let args = ["library", "build", "motions/agilebot_library.toml", "-o", "a.rwl", "--json"];
+    let built = json(&desk.run(&args).succeeds());
+    let bytes = desk.read("a.rwl").len();
+    assert_eq!(built["bytes"], bytes);
+
+    let content = json(&desk.run(&["library", "inspect", "a.rwl", "--json"]).succeeds());
+    assert_eq!(content["bytes"], bytes);
+    assert_eq!(content["robot"], "agilebot");
+    assert_eq!(content["safe"], "stand");
+    let codes: Vec<_> = content["motions"].as_array().unwrap().iter().map(|m| &m["code"]).collect();
+    assert_eq!(codes, [1, 2, 3, 4]);
+    let transitions = content["transitions"].as_array().unwrap();
+    // To and from SAFE for each of three motions, and walk to turn and back.
+    assert_eq!(transitions.len(), 8);
+}
+
+#[test]
+fn the_same_input_gives_the_same_library() {
+    let desk = desk_with_shipped_files();
+    for name in ["first.rwl", "second.rwl"] {
+        let args = ["library", "build", "motions/agilebot_library.toml", "-o", name];
+        desk.run(&args).succeeds();
+    }
+    assert_eq!(desk.read("first.rwl"), desk.read("second.rwl"));
+}
+
+#[test]
+fn an_interrupted_solve_writes_nothing_and_exits_with_130() {
+    // Solves take a tenth of a second here; this one is interrupted before it starts to count.
+    let desk = desk_with_shipped_files();
+    desk.edit("motions/turn_in_place.toml", "samples = 16", "samples = 400");
+    let mut child = desk
+        .command(&["plan", "motions/turn_in_place.toml", "-o", "plan.json", "-v"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The first iterations are on stderr once the handler is in place.
+    let mut stderr = std::io::BufReader::new(child.stderr.take().unwrap());
+    for _ in 0..3 {
+        let mut line = String::new();
+        std::io::BufRead::read_line(&mut stderr, &mut line).unwrap();
+    }
+    let interrupt = ["-INT", &child.id().to_string()].map(str::to_owned);
+    assert!(std::process::Command::new("kill").args(interrupt).status().unwrap().success());
+    let mut rest = String::new();
+    std::io::Read::read_to_string(&mut stderr, &mut rest).unwrap();
+    let status = child.wait().unwrap();
+    assert_eq!(status.code(), Some(130), "{rest}");
+    assert!(!desk.path("plan.json").exists());
+}
