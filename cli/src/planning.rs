@@ -39,7 +39,9 @@ pub struct Plans {
 }
 
 impl Plans {
-    pub fn pack(&self, _: &Library) -> miette::Result<Vec<u8>> { Ok(vec![]) }
+    pub fn pack(&self, _: &Library) -> miette::Result<Vec<u8>> {
+        Ok(vec![])
+    }
     /// All plans with their times, motions first.
     pub fn all(&self) -> impl Iterator<Item = &Planned> {
         self.motions.iter().chain(self.transitions.iter().map(|transition| &transition.planned))

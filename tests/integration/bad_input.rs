@@ -125,7 +125,10 @@ fn a_damaged_library_says_how() {
         (Vec::new(), &["truncated: 0 bytes"]),
         ([good.clone(), vec![0; 4]].concat(), &["something follows the library"]),
         (future, &["format version 2", "knows version 1"]),
-        (b"# Not a library at all, but long enough to be one.\n".repeat(4), &["not a motion library"]),
+        (
+            b"# Not a library at all, but long enough to be one.\n".repeat(4),
+            &["not a motion library"],
+        ),
     ];
     for (bad, words) in cases {
         desk.write("bad.rwl", &bad);

@@ -1,0 +1,124 @@
+//! `rollwalk demo`: the whole pipeline, from a robot file to a moving robot, without hardware.
+
+mod outcome;
+mod play;
+mod score;
+mod table;
+
+use crate::inputs::{Library, Source};
+use crate::output::{self};
+use crate::planning::{Plans, plan_all};
+use crate::{Exit, files, interrupt, shipped};
+use outcome::Outcome;
+use rollwalk_planner::plot;
+use rollwalk_sim_host::candump;
+use std::path::{Path, PathBuf};
+
+/// Plan, pack, flash and play a motion library on a simulated robot, and measure every stage.
+///
+/// Every motion and every transition is optimised from scratch, packed into a motion library and flashed
+/// over a simulated CAN bus to the controller's firmware. The robot is armed, each motion is selected by
+/// its command code, every transition of the motion graph is played, and the robot returns to SAFE and is
+/// disarmed. The table compares plans with physics, commands on the bus with plans, and motors with
+/// commands; nothing in it is written by hand. Exit code 4 when a measured error exceeds its bound.
+///
+/// The library is AgileBot's, carried in the binary, unless --library names another.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk demo --out demo-out
+  rollwalk demo --library pup.library.toml --out pup-out
+  rollwalk demo --json | jq '.clips[] | {name, iterations, slip_mm_s}'
+
+The folder then holds
+  plans/*.json       one plan for each motion and transition
+  plots/*.svg        one figure for each plan
+  ROBOT.rwl          the motion library
+  bus.log            every frame of every bus, as candump writes it")]
+pub struct Args {
+    /// Folder for plans, plots, library and bus log; made if missing, its files are replaced.
+    #[arg(long, value_name = "DIR", default_value = "demo-out")]
+    out: PathBuf,
+    /// Library file (TOML) to play instead of AgileBot's.
+    #[arg(long, value_name = "LIBRARY.toml")]
+    library: Option<PathBuf>,
+    /// Print every iteration to stderr.
+    #[arg(short, long)]
+    verbose: bool,
+    /// Print the measurements as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let library = match &args.library {
+        Some(path) => Source::Disk.library(path)?,
+        None => Source::Shipped.library(Path::new(shipped::DEMO_LIBRARY))?,
+    };
+    eprintln!(
+        "Planning {}: {} motions, {} transitions, each from scratch",
+        library.robot.name,
+        library.motions.len(),
+        library.file.transitions.len()
+    );
+    let Some(plans) = plan_all(&library, args.verbose)? else { return Ok(Exit::Interrupted) };
+    write_plans(&args.out, &plans)?;
+    if plans.failed().next().is_some() {
+        for plan in plans.failed() {
+            eprintln!(
+                "{} did not converge: {} at {:.2} of its credible level",
+                plan.motion.name, plan.solve.worst_constraint, plan.solve.worst_level
+            );
+        }
+        return Ok(Exit::NotConverged);
+    }
+
+    let packed = plans.pack(&library)?;
+    files::write(&library_path(&args.out, &library), &packed)?;
+
+    let played = play::play(&library, &packed)?;
+    files::write(&args.out.join("bus.log"), candump::write(played.rig.log()).as_bytes())?;
+    if interrupt::requested() {
+        return Ok(Exit::Interrupted);
+    }
+
+    let outcome = Outcome::new(&library, &plans, &packed, &played)?;
+    if args.json {
+        output::print_json(&outcome)?;
+    } else {
+        let text = table::render(&outcome);
+        output::print(&format!("{text}\nEverything is in {}", args.out.display()))?;
+    }
+    Ok(if outcome.holds() { Exit::Ok } else { Exit::OutOfBounds })
+}
+
+fn library_path(out: &Path, library: &Library) -> PathBuf {
+    out.join(format!("{}.rwl", file_name(&library.robot.name)))
+}
+
+fn write_plans(out: &Path, plans: &Plans) -> miette::Result<()> {
+    for planned in plans.all() {
+        let name = file_name(&planned.plan.motion.name);
+        let plan = planned.plan.to_json();
+        files::write(&out.join("plans").join(format!("{name}.json")), plan.as_bytes())?;
+        let figure = plot::figure(&planned.plan);
+        files::write(&out.join("plots").join(format!("{name}.svg")), figure.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// A name as it is safe in a path.
+fn file_name(name: &str) -> String {
+    let safe = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    name.chars().map(safe).collect::<String>().trim_start_matches('.').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn names_become_plain_file_names() {
+        assert_eq!(super::file_name("walk to turn_in_place"), "walk_to_turn_in_place");
+        assert_eq!(super::file_name("../../etc/passwd"), "_.._etc_passwd");
+    }
+}

@@ -1,0 +1,231 @@
+//! What the demo measured, and the bounds that it is held to.
+
+use super::play::Played;
+use super::score::{Score, scores};
+use crate::inputs::Library;
+use crate::planning::{Planned, Plans};
+use miette::IntoDiagnostic;
+use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::report::{Grid, Report};
+use rollwalk_protocol::library::{self, ClipId, validate};
+use serde::Serialize;
+
+/// Plan against command, joints: a transition's ends may be moved onto the motions that it joins by
+/// 5 mrad, quantisation adds half a step, and 60 Hz cubics follow the plan's spline closer than that.
+const COMMAND_JOINT_RAD: f64 = f64_from(library::JOIN_TOLERANCE_RAD);
+/// Plan against command, wheels: the same for speeds, 2 % of AgileBot's wheel speed limit.
+const COMMAND_WHEEL_RAD_S: f64 = 0.15;
+/// Command against motor, joints: the stiffness of the servos bends under the legs' weight and lags
+/// behind fast swings; the credible level of a joint angle in a plan.
+const TRACKING_JOINT_RAD: f64 = 0.05;
+/// Command against motor, wheels: half a radian per second, while they speed up.
+const TRACKING_WHEEL_RAD_S: f64 = 0.5;
+/// A bus above this load has no room left for repetitions.
+const BUS_LOAD: f64 = 0.7;
+
+const fn f64_from(value: f32) -> f64 {
+    value as f64
+}
+
+/// All measurements.
+#[derive(Serialize)]
+pub struct Outcome {
+    /// Name of the robot.
+    pub robot: String,
+    /// Motions, then transitions.
+    pub clips: Vec<Clip>,
+    /// Bytes of the motion library.
+    pub library_bytes: usize,
+    /// Time that the transfer of the library took on the simulated bus, s.
+    pub flash_s: f64,
+    /// Time from power-on to disarmed on the simulated robot's clock, s.
+    pub session_s: f64,
+    /// Motions in the order in which they were played.
+    pub tour: Vec<String>,
+    /// What must hold.
+    pub bounds: Vec<Bound>,
+}
+
+/// Measurements of a motion or transition.
+#[derive(Serialize)]
+pub struct Clip {
+    /// Its name.
+    pub name: String,
+    /// Command code; null for a transition.
+    pub code: Option<u8>,
+    /// How the solve ended.
+    pub status: Status,
+    /// Iterations of the optimiser.
+    pub iterations: usize,
+    /// Wall time of the solve, s.
+    pub solve_s: f64,
+    /// Worst residual of the linear dynamics at the samples, N.
+    pub dynamics_n: f64,
+    /// Worst residual of the angular dynamics at the samples, N·m.
+    pub dynamics_nm: f64,
+    /// Worst slip of a wheel or foot in stance at the samples, mm/s.
+    pub slip_mm_s: f64,
+    /// Bytes of its frames in the library.
+    pub bytes: u32,
+    /// Time that it was played, s.
+    pub played_s: f64,
+    /// Worst difference between plan and commanded setpoint of a joint, rad.
+    pub command_joint_rad: f64,
+    /// Worst difference between plan and commanded setpoint of a wheel, rad/s.
+    pub command_wheel_rad_s: f64,
+    /// Worst difference between commanded setpoint and joint, rad.
+    pub tracking_joint_rad: f64,
+    /// Worst difference between commanded setpoint and wheel, rad/s.
+    pub tracking_wheel_rad_s: f64,
+    /// Setpoints that came after the control period that they were for.
+    pub late_setpoints: usize,
+    /// Load of the fullest bus while it was played, 0 to 1.
+    pub bus_load: f64,
+}
+
+/// The worst of a quantity over all clips against what it may be.
+#[derive(Serialize)]
+pub struct Bound {
+    /// What.
+    pub name: &'static str,
+    /// Worst value.
+    pub worst: f64,
+    /// Largest value allowed.
+    pub bound: f64,
+    /// Unit of both.
+    pub unit: &'static str,
+    /// Whether it holds.
+    pub holds: bool,
+}
+
+impl Outcome {
+    /// Gathers the measurements of a demo.
+    ///
+    /// # Errors
+    /// The library that was played does not read back.
+    pub fn new(
+        library: &Library,
+        plans: &Plans,
+        packed: &[u8],
+        played: &Played,
+    ) -> miette::Result<Self> {
+        let rig = &played.rig;
+        let index = validate(packed, rig.config()).into_diagnostic()?;
+        let view = library::Library::open(packed, &index)
+            .ok_or_else(|| miette::miette!("the library does not open"))?;
+        let in_clip_order: Vec<&Plan> = plans.all().map(|planned| &planned.plan).collect();
+        let scores = scores(&in_clip_order, rig);
+        let mut clips = Vec::new();
+        let mut levels = Levels::default();
+        for (number, planned) in plans.all().enumerate() {
+            let id = ClipId(u8::try_from(number).into_diagnostic()?);
+            let facts = view.clip(id);
+            let score = scores.get(&id).cloned().unwrap_or_default();
+            let report = Report::new(&planned.plan);
+            levels.note(&report);
+            clips.push(Clip {
+                code: facts.and_then(|facts| facts.code),
+                bytes: facts.map_or(0, |facts| facts.bytes),
+                ..clip(planned, &report, &score)
+            });
+        }
+        Ok(Self {
+            robot: library.robot.name.clone(),
+            bounds: bounds(&clips, &levels),
+            clips,
+            library_bytes: packed.len(),
+            flash_s: played.flash_s,
+            session_s: played.session_s,
+            tour: played.tour.clone(),
+        })
+    }
+
+    /// Whether every plan converged, every clip was played and every bound holds.
+    pub fn holds(&self) -> bool {
+        self.bounds.iter().all(|bound| bound.holds)
+            && self
+                .clips
+                .iter()
+                .all(|clip| clip.status == Status::Converged && clip.played_s > 0.0)
+    }
+}
+
+fn clip(planned: &Planned, report: &Report, score: &Score) -> Clip {
+    let worst = |name| report.row(name, Grid::Samples).map_or(0.0, |row| row.worst);
+    Clip {
+        name: planned.plan.motion.name.clone(),
+        code: None,
+        status: planned.plan.solve.status,
+        iterations: planned.plan.solve.iterations,
+        solve_s: planned.took.as_secs_f64(),
+        dynamics_n: worst(LINEAR),
+        dynamics_nm: worst(ANGULAR),
+        slip_mm_s: worst(SLIP),
+        bytes: 0,
+        played_s: score.played_s,
+        command_joint_rad: score.command_joint_rad,
+        command_wheel_rad_s: score.command_wheel_rad_s,
+        tracking_joint_rad: score.tracking.joint_rad,
+        tracking_wheel_rad_s: score.tracking.wheel_rad_s,
+        late_setpoints: score.late_setpoints,
+        bus_load: score.bus_load,
+    }
+}
+
+const LINEAR: &str = "linear dynamics";
+const ANGULAR: &str = "angular dynamics";
+const SLIP: &str = "slip";
+
+/// Credible levels, taken from the reports, and the worst of all residuals over its level.
+#[derive(Default)]
+struct Levels {
+    linear: f64,
+    angular: f64,
+    slip: f64,
+    worst_part: f64,
+}
+
+impl Levels {
+    fn note(&mut self, report: &Report) {
+        let level = |name| report.row(name, Grid::Samples).and_then(|row| row.level);
+        self.linear = level(LINEAR).unwrap_or(self.linear);
+        self.angular = level(ANGULAR).unwrap_or(self.angular);
+        self.slip = level(SLIP).unwrap_or(self.slip);
+        let worst = report.worst().map_or(0.0, |row| row.part_of_level());
+        self.worst_part = self.worst_part.max(worst);
+    }
+}
+
+fn bounds(clips: &[Clip], levels: &Levels) -> Vec<Bound> {
+    let bound = |name, unit, bound: f64, value: fn(&Clip) -> f64| {
+        let worst = clips.iter().map(value).fold(0.0, f64::max);
+        Bound { name, worst, bound, unit, holds: worst <= bound }
+    };
+    let residuals = Bound {
+        name: "any residual of a plan, as a part of its credible level",
+        worst: levels.worst_part,
+        bound: 1.0,
+        unit: "",
+        holds: levels.worst_part <= 1.0,
+    };
+    vec![
+        bound("linear dynamics of the plans", "N", levels.linear, |clip| clip.dynamics_n),
+        bound("angular dynamics of the plans", "N·m", levels.angular, |clip| clip.dynamics_nm),
+        bound("slip of wheels and feet in the plans", "mm/s", levels.slip, |clip| clip.slip_mm_s),
+        residuals,
+        bound("plan against command, joints", "rad", COMMAND_JOINT_RAD, |c| c.command_joint_rad),
+        bound("plan against command, wheels", "rad/s", COMMAND_WHEEL_RAD_S, |clip| {
+            clip.command_wheel_rad_s
+        }),
+        bound("command against motor, joints", "rad", TRACKING_JOINT_RAD, |clip| {
+            clip.tracking_joint_rad
+        }),
+        bound("command against motor, wheels", "rad/s", TRACKING_WHEEL_RAD_S, |clip| {
+            clip.tracking_wheel_rad_s
+        }),
+        bound("setpoints later than their control period", "", 0.0, |clip| {
+            clip.late_setpoints as f64
+        }),
+        bound("load of the fullest bus", "", BUS_LOAD, |clip| clip.bus_load),
+    ]
+}

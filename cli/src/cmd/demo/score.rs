@@ -1,0 +1,87 @@
+//! What the demo measured while the library was played: for every clip, how far the commands on the
+//! buses were from the plan, how far the motors were from the commands, and how full the buses were.
+
+use rollwalk_planner::plan::Plan;
+use rollwalk_planner::sample::PlanSpline;
+use rollwalk_protocol::library::{ClipId, RATE_HZ};
+use rollwalk_sim_host::bit_timing::frame_bits;
+use rollwalk_sim_host::bus::DEFAULT_BITRATE;
+use rollwalk_sim_host::candump::{Interface, LogEntry};
+use rollwalk_sim_host::rig::Rig;
+use rollwalk_sim_host::record::{TickRecord, TrackingError, tracking_errors};
+use std::collections::BTreeMap;
+
+/// Measurements of one clip.
+#[derive(Clone, Debug, Default)]
+pub struct Score {
+    /// Time that the clip was played, s.
+    pub played_s: f64,
+    /// Worst difference between plan and commanded setpoint of a joint, rad.
+    pub command_joint_rad: f64,
+    /// Worst difference between plan and commanded setpoint of a wheel, rad/s.
+    pub command_wheel_rad_s: f64,
+    /// Worst difference between command and motor.
+    pub tracking: TrackingError,
+    /// Setpoints that came later than the period that they were for.
+    pub late_setpoints: usize,
+    /// Load of the fullest bus, 0 to 1.
+    pub bus_load: f64,
+}
+
+/// Scores every clip that was played; `plans` are those of the clips, in clip order.
+pub fn scores(plans: &[&Plan], rig: &Rig) -> BTreeMap<ClipId, Score> {
+    let (records, period_us) = (rig.records(), rig.control_period_us());
+    let splines: Vec<PlanSpline> = plans.iter().map(|plan| PlanSpline::new(plan)).collect();
+    let tracking = tracking_errors(rig.config(), records);
+    let mut scores = BTreeMap::<ClipId, Score>::new();
+    for record in records {
+        let Some(spline) = splines.get(usize::from(record.clip.0)) else { continue };
+        let score = scores.entry(record.clip).or_default();
+        score.played_s += period_us as f64 * 1e-6;
+        score.late_setpoints += record.missed;
+        let planned = spline.setpoints(record.phase_frames / f64::from(RATE_HZ));
+        let joints = planned.joint_rad.len();
+        for (channel, commanded) in record.commanded.iter().enumerate() {
+            let commanded = f64::from(*commanded);
+            let (worst, planned) = match channel.checked_sub(joints) {
+                None => (&mut score.command_joint_rad, planned.joint_rad[channel]),
+                Some(wheel) => (&mut score.command_wheel_rad_s, planned.motor_speed_rad_s[wheel]),
+            };
+            *worst = worst.max((commanded - planned).abs());
+        }
+    }
+    let loads = bus_loads(records, rig.log(), period_us);
+    for (clip, score) in &mut scores {
+        score.tracking = tracking.get(clip).copied().unwrap_or_default();
+        score.bus_load = loads.get(clip).copied().unwrap_or_default();
+    }
+    scores
+}
+
+/// Share of the time in which the fullest bus carried bits while a clip was played.
+fn bus_loads(
+    records: &[TickRecord],
+    log: &[LogEntry],
+    period_us: u64,
+) -> BTreeMap<ClipId, f64> {
+    let mut bits = BTreeMap::<(ClipId, Interface), u64>::new();
+    let mut periods = BTreeMap::<ClipId, u64>::new();
+    let mut frames = log.iter().peekable();
+    for record in records {
+        *periods.entry(record.clip).or_default() += 1;
+        let (start, end) = (record.time_us, record.time_us + period_us);
+        while frames.next_if(|entry| entry.at.as_us() < start).is_some() {}
+        while let Some(entry) = frames.next_if(|entry| entry.at.as_us() < end) {
+            *bits.entry((record.clip, entry.interface)).or_default() +=
+                u64::from(frame_bits(&entry.frame));
+        }
+    }
+    let mut loads = BTreeMap::<ClipId, f64>::new();
+    for ((clip, _), bits) in bits {
+        let seconds = (periods[&clip] * period_us) as f64 * 1e-6;
+        let load = bits as f64 / (f64::from(DEFAULT_BITRATE) * seconds);
+        let fullest = loads.entry(clip).or_default();
+        *fullest = fullest.max(load);
+    }
+    loads
+}

@@ -1,0 +1,67 @@
+//! The demo's measurements as text.
+
+use super::outcome::{Bound, Clip, Outcome};
+use crate::output::Table;
+
+/// The whole outcome.
+pub fn render(outcome: &Outcome) -> String {
+    let mut clips = Table::new([
+        "motion", "code", "iterations", "time", "dynamics", "", "slip", "size", "plan–command", "",
+        "command–motor", "", "bus load",
+    ]);
+    clips.row([
+        "", "", "", "s", "N", "N·m", "mm/s", "B", "mrad", "rad/s", "mrad", "rad/s", "%",
+    ].map(str::to_owned));
+    for clip in &outcome.clips {
+        clips.row(cells(clip));
+    }
+    let mut bounds = Table::new(["worst of all", "measured", "bound", "unit", ""]);
+    for Bound { name, worst, bound, unit, holds } in &outcome.bounds {
+        bounds.row([
+            (*name).to_owned(),
+            number(*worst),
+            number(*bound),
+            (*unit).to_owned(),
+            if *holds { "✓".into() } else { "✗ exceeded".into() },
+        ]);
+    }
+    format!(
+        "\n{}: {} motions and transitions in a library of {} B, flashed in {:.2} s, played in {:.1} s \
+         of the robot's time\n\n{}\n\n{}\n",
+        outcome.robot,
+        outcome.clips.len(),
+        outcome.library_bytes,
+        outcome.flash_s,
+        outcome.session_s,
+        clips.render(),
+        bounds.render(),
+    )
+}
+
+fn cells(clip: &Clip) -> [String; 13] {
+    [
+        clip.name.clone(),
+        clip.code.map_or_else(String::new, |code| code.to_string()),
+        clip.iterations.to_string(),
+        format!("{:.2}", clip.solve_s),
+        number(clip.dynamics_n),
+        number(clip.dynamics_nm),
+        number(clip.slip_mm_s),
+        clip.bytes.to_string(),
+        format!("{:.2}", 1e3 * clip.command_joint_rad),
+        format!("{:.3}", clip.command_wheel_rad_s),
+        format!("{:.1}", 1e3 * clip.tracking_joint_rad),
+        format!("{:.3}", clip.tracking_wheel_rad_s),
+        format!("{:.1}", 100.0 * clip.bus_load),
+    ]
+}
+
+/// Two significant digits, small numbers with an exponent.
+fn number(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".to_owned(),
+        small if small < 1e-3 => format!("{value:.1e}"),
+        below_one if below_one < 1.0 => format!("{value:.4}"),
+        _ => format!("{value:.2}"),
+    }
+}
