@@ -1,9 +1,11 @@
 //! The subcommands, one file each.
 
 mod completions;
+mod demo;
 mod export;
 mod library;
 mod plan;
+mod plot;
 mod report;
 mod robot;
 
@@ -12,9 +14,11 @@ use crate::Exit;
 /// What to do.
 #[derive(clap::Subcommand)]
 pub enum Command {
+    Demo(demo::Args),
     Robot(robot::Args),
     Plan(plan::Args),
     Report(report::Args),
+    Plot(plot::Args),
     Export(export::Args),
     Library(library::Args),
     Completions(completions::Args),
@@ -27,9 +31,11 @@ impl Command {
     /// Bad input and files that cannot be read or written, as reports for the terminal.
     pub fn run(&self, root: &mut clap::Command) -> miette::Result<Exit> {
         match self {
+            Command::Demo(args) => demo::run(args),
             Command::Robot(args) => robot::run(args),
             Command::Plan(args) => plan::run(args),
             Command::Report(args) => report::run(args),
+            Command::Plot(args) => plot::run(args),
             Command::Export(args) => export::run(args),
             Command::Library(args) => library::run(args),
             Command::Completions(args) => completions::run(args, root),

@@ -9,6 +9,7 @@ use crate::inputs::{Library, Source};
 use crate::output::{self};
 use crate::planning::{Plans, plan_all};
 use crate::{Exit, files, interrupt, shipped};
+use miette::IntoDiagnostic;
 use outcome::Outcome;
 use rollwalk_planner::plot;
 use rollwalk_sim_host::candump;
@@ -78,7 +79,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     files::write(&library_path(&args.out, &library), &packed)?;
 
     let played = play::play(&library, &packed)?;
-    files::write(&args.out.join("bus.log"), candump::write(played.rig.log()).as_bytes())?;
+    let mut log = Vec::new();
+    candump::write(played.rig.log(), &mut log).into_diagnostic()?;
+    files::write(&args.out.join("bus.log"), &log)?;
     if interrupt::requested() {
         return Ok(Exit::Interrupted);
     }

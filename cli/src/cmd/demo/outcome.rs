@@ -143,10 +143,7 @@ impl Outcome {
     /// Whether every plan converged, every clip was played and every bound holds.
     pub fn holds(&self) -> bool {
         self.bounds.iter().all(|bound| bound.holds)
-            && self
-                .clips
-                .iter()
-                .all(|clip| clip.status == Status::Converged && clip.played_s > 0.0)
+            && self.clips.iter().all(|clip| clip.status == Status::Converged && clip.played_s > 0.0)
     }
 }
 

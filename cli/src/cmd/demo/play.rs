@@ -5,8 +5,8 @@ use crate::inputs::Library;
 use crate::interrupt;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, miette};
-use rollwalk_protocol::wire::{Node, State};
 use rollwalk_planner::motion::Ends;
+use rollwalk_protocol::wire::{Node, State};
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_sim_host::session::Session;
 

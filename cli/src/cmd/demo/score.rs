@@ -1,14 +1,15 @@
 //! What the demo measured while the library was played: for every clip, how far the commands on the
 //! buses were from the plan, how far the motors were from the commands, and how full the buses were.
 
+use rollwalk_firmware::Settings;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::sample::PlanSpline;
 use rollwalk_protocol::library::{ClipId, RATE_HZ};
 use rollwalk_sim_host::bit_timing::frame_bits;
 use rollwalk_sim_host::bus::DEFAULT_BITRATE;
 use rollwalk_sim_host::candump::{Interface, LogEntry};
-use rollwalk_sim_host::rig::Rig;
 use rollwalk_sim_host::record::{TickRecord, TrackingError, tracking_errors};
+use rollwalk_sim_host::rig::Rig;
 use std::collections::BTreeMap;
 
 /// Measurements of one clip.
@@ -30,7 +31,8 @@ pub struct Score {
 
 /// Scores every clip that was played; `plans` are those of the clips, in clip order.
 pub fn scores(plans: &[&Plan], rig: &Rig) -> BTreeMap<ClipId, Score> {
-    let (records, period_us) = (rig.records(), rig.control_period_us());
+    let (records, period_us) =
+        (rig.records(), 1_000_000 / u64::from(Settings::default().control_hz));
     let splines: Vec<PlanSpline> = plans.iter().map(|plan| PlanSpline::new(plan)).collect();
     let tracking = tracking_errors(rig.config(), records);
     let mut scores = BTreeMap::<ClipId, Score>::new();
@@ -59,11 +61,7 @@ pub fn scores(plans: &[&Plan], rig: &Rig) -> BTreeMap<ClipId, Score> {
 }
 
 /// Share of the time in which the fullest bus carried bits while a clip was played.
-fn bus_loads(
-    records: &[TickRecord],
-    log: &[LogEntry],
-    period_us: u64,
-) -> BTreeMap<ClipId, f64> {
+fn bus_loads(records: &[TickRecord], log: &[LogEntry], period_us: u64) -> BTreeMap<ClipId, f64> {
     let mut bits = BTreeMap::<(ClipId, Interface), u64>::new();
     let mut periods = BTreeMap::<ClipId, u64>::new();
     let mut frames = log.iter().peekable();

@@ -6,12 +6,24 @@ use crate::output::Table;
 /// The whole outcome.
 pub fn render(outcome: &Outcome) -> String {
     let mut clips = Table::new([
-        "motion", "code", "iterations", "time", "dynamics", "", "slip", "size", "plan–command", "",
-        "command–motor", "", "bus load",
+        "motion",
+        "code",
+        "iterations",
+        "time",
+        "dynamics",
+        "",
+        "slip",
+        "size",
+        "plan–command",
+        "",
+        "command–motor",
+        "",
+        "bus load",
     ]);
-    clips.row([
-        "", "", "", "s", "N", "N·m", "mm/s", "B", "mrad", "rad/s", "mrad", "rad/s", "%",
-    ].map(str::to_owned));
+    clips.row(
+        ["", "", "", "s", "N", "N·m", "mm/s", "B", "mrad", "rad/s", "mrad", "rad/s", "%"]
+            .map(str::to_owned),
+    );
     for clip in &outcome.clips {
         clips.row(cells(clip));
     }
