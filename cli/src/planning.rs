@@ -4,6 +4,9 @@ use crate::inputs::Library;
 use crate::interrupt;
 use crate::progress::Watch;
 use miette::IntoDiagnostic;
+use rollwalk_planner::library::{
+    self, BuiltLibrary, LibraryContent, LibraryMotion, LibraryTransition,
+};
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::{Moment, Options, optimise, optimise_transition, support_moment};
 use std::time::Duration;
@@ -40,58 +43,34 @@ pub struct Plans {
 
 impl Plans {
     /// Packs the plans into a motion library.
-    pub fn pack(&self, library: &Library) -> miette::Result<Vec<u8>> {
-        use rollwalk_planner::motion::Ends;
-        use rollwalk_planner::sample::PlanSpline;
-        use rollwalk_protocol::library::*;
-        let config = library.robot.controller_config().into_diagnostic()?;
-        let frames = |plan: &Plan| {
-            let n = (plan.motion.duration_s * 60.0).round() as usize
-                + usize::from(plan.motion.ends != Ends::Periodic);
-            let spline = PlanSpline::new(plan);
-            let mut v: Vec<f32> = vec![];
-            for k in 0..n {
-                let s = spline.setpoints(k as f64 / 60.0);
-                v.extend(s.joint_rad.iter().chain(&s.motor_speed_rad_s).map(|x| *x as f32));
-            }
-            v
-        };
-        let mf: Vec<_> = self.motions.iter().map(|p| frames(&p.plan)).collect();
-        let tf: Vec<_> = self.transitions.iter().map(|p| frames(&p.planned.plan)).collect();
-        let motions: Vec<_> = self
-            .motions
-            .iter()
-            .zip(&mf)
-            .zip(&library.file.motions)
-            .map(|((p, frames), item)| MotionSpec {
-                name: &item.name,
-                code: item.code,
-                looping: p.plan.motion.ends == Ends::Periodic,
-                frames,
-            })
-            .collect();
-        let transitions: Vec<_> = self
-            .transitions
-            .iter()
-            .zip(&tf)
-            .map(|(t, frames)| TransitionSpec {
-                from: t.from,
-                exit_frame: (t.exit_time_s * 60.0).round() as u16,
-                to: t.to,
-                entry_frame: (t.entry_time_s * 60.0).round() as u16,
-                frames,
-            })
-            .collect();
-        let spec = LibrarySpec {
-            config: &config,
-            motions: &motions,
-            transitions: &transitions,
+    ///
+    /// # Errors
+    /// Names the motion, channel, time and value that no library can hold.
+    pub fn pack(&self, library: &Library) -> miette::Result<BuiltLibrary> {
+        let motions = library.file.motions.iter().zip(&self.motions);
+        let content = LibraryContent {
+            robot: &library.robot,
+            motions: motions
+                .map(|(item, planned)| LibraryMotion {
+                    name: &item.name,
+                    code: item.code,
+                    plan: &planned.plan,
+                })
+                .collect(),
+            transitions: self
+                .transitions
+                .iter()
+                .map(|transition| LibraryTransition {
+                    from: transition.from,
+                    exit_time_s: transition.exit_time_s,
+                    to: transition.to,
+                    entry_time_s: transition.entry_time_s,
+                    plan: &transition.planned.plan,
+                })
+                .collect(),
             safe: library.file.safe,
         };
-        let mut bytes = vec![0; 1 << 20];
-        let n = encode(&spec, &mut bytes).into_diagnostic()?;
-        bytes.truncate(n);
-        Ok(bytes)
+        library::build(&content).into_diagnostic()
     }
 
     /// All plans with their times, motions first.

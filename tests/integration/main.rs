@@ -2,7 +2,7 @@
 
 mod bad_input;
 mod command_line;
-//mod demo;
+mod demo;
 mod readme;
 mod results;
 

@@ -75,7 +75,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         return Ok(Exit::NotConverged);
     }
 
-    let packed = plans.pack(&library)?;
+    let packed = plans.pack(&library)?.bytes;
     files::write(&library_path(&args.out, &library), &packed)?;
 
     let played = play::play(&library, &packed)?;

@@ -7,25 +7,18 @@ use crate::planning::{Planned, Plans};
 use miette::IntoDiagnostic;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::report::{Grid, Report};
+use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::library::{self, ClipId, validate};
 use serde::Serialize;
 
-/// Plan against command, joints: a transition's ends may be moved onto the motions that it joins by
-/// 5 mrad, quantisation adds half a step, and 60 Hz cubics follow the plan's spline closer than that.
-const COMMAND_JOINT_RAD: f64 = f64_from(library::JOIN_TOLERANCE_RAD);
-/// Plan against command, wheels: the same for speeds, 2 % of AgileBot's wheel speed limit.
-const COMMAND_WHEEL_RAD_S: f64 = 0.15;
-/// Command against motor, joints: the stiffness of the servos bends under the legs' weight and lags
-/// behind fast swings; the credible level of a joint angle in a plan.
+/// Plan against command, joints: the ends of a transition may be moved by so much onto the motions
+/// that it joins; rounding and the controller's cubics stay below that.
+const COMMAND_JOINT_RAD: f64 = library::JOIN_TOLERANCE_RAD as f64;
+/// Command against motor, joints: the credible level of a joint angle in a plan. The servos' stiffness
+/// gives way under the legs' weight, and lags behind fast swings.
 const TRACKING_JOINT_RAD: f64 = 0.05;
-/// Command against motor, wheels: half a radian per second, while they speed up.
-const TRACKING_WHEEL_RAD_S: f64 = 0.5;
 /// A bus above this load has no room left for repetitions.
 const BUS_LOAD: f64 = 0.7;
-
-const fn f64_from(value: f32) -> f64 {
-    value as f64
-}
 
 /// All measurements.
 #[derive(Serialize)]
@@ -131,7 +124,7 @@ impl Outcome {
         }
         Ok(Self {
             robot: library.robot.name.clone(),
-            bounds: bounds(&clips, &levels),
+            bounds: bounds(&clips, &levels, wheel_step_rad_s(rig.config())),
             clips,
             library_bytes: packed.len(),
             flash_s: played.flash_s,
@@ -193,7 +186,16 @@ impl Levels {
     }
 }
 
-fn bounds(clips: &[Clip], levels: &Levels) -> Vec<Bound> {
+/// Plan against command and command against motor, wheels: the change that one 60 Hz frame allows,
+/// which is what grip and torque yield in that time. The ends of a transition may be moved by so much
+/// onto the motions that it joins, and the motor is no more than a frame late.
+fn wheel_step_rad_s(config: &RobotConfig) -> f64 {
+    let wheels = config.channels.iter().filter(|c| c.kind == ChannelKind::WheelSpeed);
+    let fastest = wheels.map(|wheel| f64::from(wheel.max_rate)).fold(0.0, f64::max);
+    fastest / f64::from(library::RATE_HZ)
+}
+
+fn bounds(clips: &[Clip], levels: &Levels, wheel_step_rad_s: f64) -> Vec<Bound> {
     let bound = |name, unit, bound: f64, value: fn(&Clip) -> f64| {
         let worst = clips.iter().map(value).fold(0.0, f64::max);
         Bound { name, worst, bound, unit, holds: worst <= bound }
@@ -211,13 +213,13 @@ fn bounds(clips: &[Clip], levels: &Levels) -> Vec<Bound> {
         bound("slip of wheels and feet in the plans", "mm/s", levels.slip, |clip| clip.slip_mm_s),
         residuals,
         bound("plan against command, joints", "rad", COMMAND_JOINT_RAD, |c| c.command_joint_rad),
-        bound("plan against command, wheels", "rad/s", COMMAND_WHEEL_RAD_S, |clip| {
+        bound("plan against command, wheels", "rad/s", wheel_step_rad_s, |clip| {
             clip.command_wheel_rad_s
         }),
         bound("command against motor, joints", "rad", TRACKING_JOINT_RAD, |clip| {
             clip.tracking_joint_rad
         }),
-        bound("command against motor, wheels", "rad/s", TRACKING_WHEEL_RAD_S, |clip| {
+        bound("command against motor, wheels", "rad/s", wheel_step_rad_s, |clip| {
             clip.tracking_wheel_rad_s
         }),
         bound("setpoints later than their control period", "", 0.0, |clip| {

@@ -58,7 +58,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let library = Source::Disk.library(&args.library)?;
     let Some(plans) = plan_all(&library, args.verbose)? else { return Ok(Exit::Interrupted) };
     let converged = plans.failed().next().is_none();
-    let bytes = if converged { plans.pack(&library)? } else { Vec::new() };
+    let bytes = if converged { plans.pack(&library)?.bytes } else { Vec::new() };
     if converged {
         files::write(&args.output, &bytes)?;
     }
