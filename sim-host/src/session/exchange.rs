@@ -83,19 +83,29 @@ impl<B: LinkBus> Exchange<B> {
         mut wanted: impl FnMut(Response) -> Option<T>,
     ) -> Result<T, SessionError> {
         for _ in 0..REQUEST_SENDS {
-            self.client.reset_transport();
-            self.client.request(request).expect("requests fit, and nothing else is on its way");
-            let answer = self.pump(timeout_us, |incoming| match incoming {
-                Incoming::Response(response) => wanted(response).map(Some),
-                // Lost on the way there or back: no use in waiting any longer.
-                Incoming::TransportFailed(_) => Some(None),
-                _ => None,
-            })?;
-            if let Some(Some(answer)) = answer {
+            if let Some(answer) = self.respond_once(request, timeout_us, &mut wanted)? {
                 return Ok(answer);
             }
         }
         Err(self.silent("transfer"))
+    }
+
+    /// Sends a transport request once; `None` when it or its answer got lost.
+    pub fn respond_once<T>(
+        &mut self,
+        request: &Request<'_>,
+        timeout_us: u64,
+        mut wanted: impl FnMut(Response) -> Option<T>,
+    ) -> Result<Option<T>, SessionError> {
+        self.client.reset_transport();
+        self.client.request(request).expect("requests fit, and nothing else is on its way");
+        let answer = self.pump(timeout_us, |incoming| match incoming {
+            Incoming::Response(response) => wanted(response).map(Some),
+            // No use in waiting any longer.
+            Incoming::TransportFailed(_) => Some(None),
+            _ => None,
+        })?;
+        Ok(answer.flatten())
     }
 
     /// The error of a controller that does not answer.

@@ -6,40 +6,25 @@
 
 mod error;
 mod exchange;
+mod flash;
 
 pub use error::SessionError;
+pub use flash::Progress;
 
 use crate::client::Incoming;
 use crate::link::LinkBus;
 use exchange::Exchange;
-use rollwalk_protocol::crc::crc32c;
-use rollwalk_protocol::wire::transport::{
-    Hello, MAX_BLOCK, Reply, Request, Response, TransferResult,
-};
+use rollwalk_protocol::wire::transport::{Hello, Request, Response};
 use rollwalk_protocol::wire::{
     Action, CommandAck, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State, Status,
 };
 
 /// Longest wait for a sign of life, µs.
 const CONNECT_TIMEOUT_US: u64 = 1_000_000;
-/// Longest wait for the answer to a block, µs.
-const BLOCK_TIMEOUT_US: u64 = 500_000;
-/// Longest wait for the answer to a request after which memory is erased or read, µs.
-const MEMORY_TIMEOUT_US: u64 = 5_000_000;
+/// Longest wait for the controller's name, µs.
+const HELLO_TIMEOUT_US: u64 = 500_000;
 /// Longest time to align, to return to SAFE, to let down gently, µs.
 const STATE_TIMEOUT_US: u64 = 30_000_000;
-/// Blocks that may have to be sent again in one transfer.
-const BLOCK_REPEATS: u32 = 20;
-
-/// How far a transfer is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Progress {
-    /// Bytes that the controller has.
-    pub done: usize,
-    /// Bytes of the library.
-    pub total: usize,
-}
-
 /// A host connected to one controller.
 pub struct Session<B> {
     exchange: Exchange<B>,
@@ -80,45 +65,6 @@ impl<B: LinkBus> Session<B> {
     /// Ends the session.
     pub fn into_bus(self) -> B {
         self.exchange.bus
-    }
-
-    /// Transfers a library, has it checked and takes it into use. `progress` is called after every
-    /// block. The controller must be disarmed.
-    pub fn flash(
-        &mut self,
-        library: &[u8],
-        mut progress: impl FnMut(Progress),
-    ) -> Result<(), SessionError> {
-        let crc32c = crc32c(library);
-        let total = library.len();
-        let len = u32::try_from(total).unwrap_or(u32::MAX);
-        let begun = self.transfer(&Request::Begin { len, crc32c }, MEMORY_TIMEOUT_US)?;
-        let mut done = begun.next as usize;
-        let block_bytes = usize::from(self.hello.max_block).clamp(1, MAX_BLOCK);
-        let mut repeats_left = BLOCK_REPEATS;
-        while done < total {
-            progress(Progress { done, total });
-            let bytes = &library[done..total.min(done + block_bytes)];
-            let reply =
-                self.ask(&Request::Block { offset: done as u32, bytes }, BLOCK_TIMEOUT_US)?;
-            let may_go_on = matches!(
-                reply.result,
-                TransferResult::Ok | TransferResult::OutOfOrder | TransferResult::BadCrc
-            );
-            let next = reply.next as usize;
-            if next <= done {
-                repeats_left -= 1;
-            }
-            if !may_go_on || repeats_left == 0 {
-                return Err(SessionError::LibraryRefused { reply });
-            }
-            done = next;
-        }
-        progress(Progress { done, total });
-        self.transfer(&Request::Finish, MEMORY_TIMEOUT_US)?;
-        self.transfer(&Request::Activate { crc32c }, MEMORY_TIMEOUT_US)?;
-        self.hello = ask_hello(&mut self.exchange)?;
-        Ok(())
     }
 
     /// Turns torque on in two steps and waits until the robot stands in the SAFE pose.
@@ -215,27 +161,11 @@ impl<B: LinkBus> Session<B> {
     ) -> Result<CommandAck, SessionError> {
         self.exchange.command(what, action)
     }
-
-    /// A transfer request to which `Ok` is the only good answer.
-    fn transfer(&mut self, request: &Request<'_>, timeout_us: u64) -> Result<Reply, SessionError> {
-        let reply = self.ask(request, timeout_us)?;
-        match reply.result {
-            TransferResult::Ok => Ok(reply),
-            _ => Err(SessionError::LibraryRefused { reply }),
-        }
-    }
-
-    fn ask(&mut self, request: &Request<'_>, timeout_us: u64) -> Result<Reply, SessionError> {
-        self.exchange.respond(request, timeout_us, |response| match response {
-            Response::Reply(reply) if reply.request == request.kind() => Some(reply),
-            _ => None,
-        })
-    }
 }
 
 fn ask_hello<B: LinkBus>(exchange: &mut Exchange<B>) -> Result<Hello, SessionError> {
     let request = Request::Hello { major: PROTOCOL_MAJOR, minor: PROTOCOL_MINOR };
-    exchange.respond(&request, BLOCK_TIMEOUT_US, |response| match response {
+    exchange.respond(&request, HELLO_TIMEOUT_US, |response| match response {
         Response::Hello(hello) => Some(hello),
         Response::Reply(_) => None,
     })

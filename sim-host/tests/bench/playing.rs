@@ -134,8 +134,8 @@ fn bus_load_is_what_the_frames_take() {
 
 #[test]
 fn a_link_that_loses_frames_delays_but_does_not_derail() {
-    for seed in 0..5 {
-        let mut session = connect(Lossy::new(rig(), 10, seed));
+    for seed in 0..10 {
+        let mut session = connect(Lossy::new(rig(), 30, seed));
         session.flash(&robot::library(), |_| {}).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         play_through(&mut session).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         assert!(session.bus().lost() > 0);

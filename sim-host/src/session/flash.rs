@@ -1,0 +1,108 @@
+//! The transfer of a motion library: announced, sent in blocks, checked, taken into use.
+//!
+//! A block that gets lost is sent again, in smaller pieces: a frame lost from a long message costs
+//! the whole message, so on a bad link short ones get further. What gets through makes the blocks grow
+//! again.
+
+use super::{Session, SessionError, ask_hello};
+use crate::link::LinkBus;
+use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::wire::transport::{MAX_BLOCK, Reply, Request, Response, TransferResult};
+
+/// Longest wait for the answer to a block, µs.
+const BLOCK_TIMEOUT_US: u64 = 250_000;
+/// Longest wait for the answer to a request after which memory is erased or read, µs.
+const MEMORY_TIMEOUT_US: u64 = 5_000_000;
+/// Blocks never get smaller than this, and grow by it, bytes.
+const SMALLEST_BLOCK: usize = 32;
+/// So often in a row a block may get lost.
+const LOST_BLOCKS: u32 = 16;
+
+/// How far a transfer is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// Bytes that the controller has.
+    pub done: usize,
+    /// Bytes of the library.
+    pub total: usize,
+}
+
+impl<B: LinkBus> Session<B> {
+    /// Transfers a library, has it checked and takes it into use. `progress` is called after every
+    /// block. The controller must be disarmed. A transfer that was broken off is taken up where it
+    /// stopped.
+    pub fn flash(
+        &mut self,
+        library: &[u8],
+        mut progress: impl FnMut(Progress),
+    ) -> Result<(), SessionError> {
+        let crc32c = crc32c(library);
+        let len = u32::try_from(library.len()).unwrap_or(u32::MAX);
+        let begun = self.transfer(&Request::Begin { len, crc32c }, MEMORY_TIMEOUT_US)?;
+        self.send_blocks(library, begun.next as usize, &mut progress)?;
+        self.transfer(&Request::Finish, MEMORY_TIMEOUT_US)?;
+        self.transfer(&Request::Activate { crc32c }, MEMORY_TIMEOUT_US)?;
+        self.hello = ask_hello(&mut self.exchange)?;
+        Ok(())
+    }
+
+    /// Sends what the controller does not have: everything from byte `done` on.
+    fn send_blocks(
+        &mut self,
+        library: &[u8],
+        mut done: usize,
+        progress: &mut impl FnMut(Progress),
+    ) -> Result<(), SessionError> {
+        let total = library.len();
+        let largest = usize::from(self.hello.max_block).clamp(1, MAX_BLOCK);
+        let smallest = SMALLEST_BLOCK.min(largest);
+        let mut size = largest;
+        let mut lost = 0;
+        while done < total {
+            progress(Progress { done, total });
+            let bytes = &library[done..total.min(done + size)];
+            let block = Request::Block { offset: done as u32, bytes };
+            let reply = self.exchange.respond_once(&block, BLOCK_TIMEOUT_US, reply_to(&block))?;
+            let next = match reply {
+                None => done,
+                Some(Reply {
+                    result: TransferResult::Ok | TransferResult::OutOfOrder | TransferResult::BadCrc,
+                    next,
+                    ..
+                }) => next as usize,
+                Some(reply) => return Err(SessionError::LibraryRefused { reply }),
+            };
+            if next > done {
+                lost = 0;
+                size = largest.min(size + SMALLEST_BLOCK);
+            } else {
+                lost += 1;
+                size = smallest.max(size / 2);
+            }
+            if lost == LOST_BLOCKS {
+                return Err(self.exchange.silent("transfer"));
+            }
+            done = next;
+        }
+        progress(Progress { done, total });
+        Ok(())
+    }
+
+    /// A transfer request to which `Ok` is the only good answer.
+    fn transfer(&mut self, request: &Request<'_>, timeout_us: u64) -> Result<Reply, SessionError> {
+        let reply = self.exchange.respond(request, timeout_us, reply_to(request))?;
+        match reply.result {
+            TransferResult::Ok => Ok(reply),
+            _ => Err(SessionError::LibraryRefused { reply }),
+        }
+    }
+}
+
+/// Picks the answer to a request.
+fn reply_to(request: &Request<'_>) -> impl FnMut(Response) -> Option<Reply> + use<> {
+    let kind = request.kind();
+    move |response| match response {
+        Response::Reply(reply) if reply.request == kind => Some(reply),
+        _ => None,
+    }
+}
