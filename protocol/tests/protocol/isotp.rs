@@ -105,6 +105,11 @@ fn refusals() {
     let too_long = Event::Failed(IsoTpError::TooLong);
     assert_eq!(small.on_frame(&[0x10, 11, 1, 1, 1, 1, 1, 1], 0), too_long);
     assert_eq!(next(&mut small, 0), "320000");
+    // It also ends a message that was on its way.
+    assert_eq!(small.on_frame(&[0x10, 10, 1, 1, 1, 1, 1, 1], 0), Event::None);
+    assert_eq!(small.on_frame(&[0x10, 11, 1, 1, 1, 1, 1, 1], 0), too_long);
+    assert_eq!(small.on_frame(&[0x21, 1, 1, 1, 1], 0), Event::None);
+    assert_eq!(small.received(), b"");
 }
 
 #[test]

@@ -78,6 +78,33 @@ fn errors_say_what_is_wrong() {
 }
 
 #[test]
+fn the_largest_step_is_the_rate_and_one_quantum() {
+    // 6 rad/s at 60 Hz are 102.4 quanta of 2^-10 rad; one more is granted to rounding.
+    let config = robot(1, 0);
+    let step = |quanta: f32| {
+        let frames = [0.0, quanta / 1024.0];
+        let spec = LibrarySpec {
+            config: &config,
+            motions: &[motion(&[0.0], true), MotionSpec { code: 2, ..motion(&frames, false) }],
+            transitions: &[
+                TransitionSpec { from: 0, exit_frame: 0, to: 1, entry_frame: 0, frames: &[0.0; 2] },
+                TransitionSpec {
+                    from: 1,
+                    exit_frame: 1,
+                    to: 0,
+                    entry_frame: 0,
+                    frames: &[quanta / 1024.0, 0.0],
+                },
+            ],
+            safe: 0,
+        };
+        encode(&spec, &mut [0; 999]).map(|_| ()).map_err(|error| error.to_string())
+    };
+    assert_eq!(step(103.0), Ok(()));
+    says(step(104.0).unwrap_err(), "clip 1, frame 1, channel 0: changes at 6.09375 per second");
+}
+
+#[test]
 fn a_buffer_that_is_too_small_is_no_problem() {
     let f = Fixture::new();
     let (motions, transitions) = (f.motions(), f.transitions());

@@ -203,6 +203,35 @@ fn broken_blocks() {
     expect(reject, Section::Frames, "clip 1: frame 0 cannot be decoded");
 }
 
+#[test]
+fn padding_must_be_zero_and_short() {
+    // `to_drive` has 12 bits after its keyframe: 4 bits of padding in its last byte.
+    let sentence = "clip 5: frame 1 cannot be decoded";
+    let last = |bytes: &[u8]| {
+        let start = block(bytes, 5);
+        start + 10 + usize::from(bytes[start + 4]) - 1
+    };
+    let reject = refusal(|bytes| {
+        let last = last(bytes);
+        bytes[last] |= 0x80;
+    });
+    expect(reject, Section::Frames, sentence);
+    let reject = refusal(|bytes| {
+        // One byte more, in the block, its clip, the clips after it and the section.
+        let (start, end, table) = (block(bytes, 5), last(bytes) + 1, section(bytes, 3).start);
+        let frames = section(bytes, 4).start;
+        bytes[start + 4] += 1;
+        bytes[table + 5 * 11 + 7] += 1;
+        let after = table + 6 * 11 + 3;
+        let offset = u16::from_le_bytes(bytes[after..after + 2].try_into().unwrap()) + 1;
+        bytes[after..after + 2].copy_from_slice(&offset.to_le_bytes());
+        let len = u16::from_le_bytes(bytes[frames - 4..frames - 2].try_into().unwrap()) + 1;
+        bytes[frames - 4..frames - 2].copy_from_slice(&len.to_le_bytes());
+        bytes.insert(end, 0);
+    });
+    expect(reject, Section::Frames, sentence);
+}
+
 /// Moves a value of the keyframe of a clip's block, which moves the whole block.
 fn shifted(clip: usize, channel: usize, by: i16) -> Reject {
     refusal(|bytes| {
