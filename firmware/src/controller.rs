@@ -129,6 +129,11 @@ impl<S: LibraryStore> Controller<S> {
         self.shelf.library()
     }
 
+    /// Frames of the link that arrived damaged.
+    pub fn damaged_link_frames(&self) -> u32 {
+        self.link.damaged_frames
+    }
+
     /// Why the library in the store was refused, if it was.
     pub fn library_reject(&self) -> Option<Reject> {
         self.shelf.reject()

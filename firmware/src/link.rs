@@ -39,6 +39,8 @@ pub(crate) enum Say {
 pub(crate) struct Link {
     /// Our address; `None` when the settings have no usable one.
     pub node: Option<Node>,
+    /// Frames whose identifier is one of ours but whose content is not.
+    pub damaged_frames: u32,
     endpoint: Endpoint,
     estop_ack: bool,
     heartbeat: Option<HeartbeatReply>,
@@ -61,6 +63,7 @@ impl Link {
     pub fn new(node: u8) -> Self {
         Self {
             node: Node::new(node),
+            damaged_frames: 0,
             endpoint: Endpoint::new(Timing::default()),
             estop_ack: false,
             heartbeat: None,

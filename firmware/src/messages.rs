@@ -4,9 +4,9 @@ use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::library::{FORMAT_MAJOR, FORMAT_MINOR, NodeId};
 use rollwalk_protocol::wire::transport::{Hello, MAX_BLOCK, Reply, TransferResult, TransportError};
 use rollwalk_protocol::wire::{
-    Action, Command, CommandAck, CommandResult, Discovered, EstopAck, Fault, FaultBits,
-    FaultReport, JointTelemetry, PROTOCOL_MAJOR, PROTOCOL_MINOR, Request, Response, SCHEMA_HASH,
-    Severity, Status, ToController,
+    Action, Command, CommandAck, CommandResult, DecodeError, Discovered, EstopAck, Fault,
+    FaultBits, FaultReport, JointTelemetry, PROTOCOL_MAJOR, PROTOCOL_MINOR, Request, Response,
+    SCHEMA_HASH, Severity, Status, ToController,
 };
 
 use crate::controller::Controller;
@@ -22,9 +22,16 @@ const PLANNED_SPEED: i8 = 64;
 type Done = (Option<NodeId>, u16);
 
 impl<S: LibraryStore> Controller<S> {
-    /// Takes a frame of the link. Frames of others and damaged ones are ignored.
+    /// Takes a frame of the link. Frames of others are ignored, damaged ones counted.
     pub fn on_link_frame(&mut self, now_us: u64, frame: &CanFrame) {
-        let Ok((to, message)) = ToController::decode(frame) else { return };
+        let (to, message) = match ToController::decode(frame) {
+            Ok(received) => received,
+            Err(DecodeError::OtherMessage) => return,
+            Err(DecodeError::BadLength | DecodeError::BadCrc | DecodeError::BadValue) => {
+                self.link.damaged_frames = self.link.damaged_frames.saturating_add(1);
+                return;
+            }
+        };
         if !self.link.is_for_us(to) {
             return;
         }

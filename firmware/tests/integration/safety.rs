@@ -221,6 +221,23 @@ fn a_repeated_heartbeat_is_no_sign_of_life() {
 }
 
 #[test]
+fn damaged_frames_are_counted_and_do_nothing() {
+    let mut rig = Rig::ready();
+    let good = rig.next_command(Action::Play { code: CODE_WALK, speed_64ths: 64 }).encode(me());
+    for bit in 0..64 {
+        let mut data = [0; 8];
+        data.copy_from_slice(good.data());
+        data[bit / 8] ^= 1 << (bit % 8);
+        rig.send(&CanFrame::new(good.id(), &data).unwrap());
+    }
+    assert_eq!(rig.brain.damaged_link_frames(), 64);
+    // Telemetry of another controller on the same bus is not damaged, only not ours.
+    rig.send(&CanFrame::new(0x450, &[1, 2, 3]).unwrap());
+    assert_eq!(rig.brain.damaged_link_frames(), 64);
+    assert_eq!(rig.brain.state(), State::Ready);
+}
+
+#[test]
 fn estop_stops_in_one_tick_from_every_state() {
     let reach: [(State, fn() -> Rig); 9] = [
         (State::Boot, || Rig::new(Some(&library()))),
