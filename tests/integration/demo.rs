@@ -107,14 +107,10 @@ fn without_a_library_the_robot_cannot_be_armed() {
 }
 
 #[test]
-fn the_controller_refuses_bad_libraries_and_keeps_the_good_one() {
+fn the_controller_refuses_bad_libraries_and_plays_none_of_them() {
     let desk = desk_with_shipped_files();
     let good = demo_library(&desk);
     let mut session = session("robots/agilebot.toml", &desk);
-    session.flash(&good, |_| {}).unwrap();
-    let active = session.hello().library;
-    assert!(active.is_some());
-
     let mut corrupted = good.clone();
     corrupted[good.len() / 2] ^= 0x10;
     let mut future = good.clone();
@@ -128,8 +124,12 @@ fn the_controller_refuses_bad_libraries_and_keeps_the_good_one() {
     ] {
         let error = session.flash(bad, |_| {}).unwrap_err();
         assert!(error.to_string().to_lowercase().contains(words), "{words}: {error}");
+        assert_eq!(session.hello().library, None);
+        let error = session.arm().unwrap_err();
+        assert!(error.to_string().contains("library"), "{error}");
     }
-    // What was flashed first is still what the robot plays.
+    // A good one puts things right.
+    session.flash(&good, |_| {}).unwrap();
     session.arm().unwrap();
     session.select(3).unwrap();
 }
