@@ -8,7 +8,7 @@ use rollwalk_planner::library::{
     self, BuiltLibrary, LibraryContent, LibraryMotion, LibraryTransition,
 };
 use rollwalk_planner::plan::{Plan, Status};
-use rollwalk_planner::{Moment, Options, optimise, optimise_transition, support_moment};
+use rollwalk_planner::{Options, optimise, optimise_transition};
 use std::time::Duration;
 
 /// A plan and how long it took to find.
@@ -23,12 +23,8 @@ pub struct Planned {
 pub struct PlannedTransition {
     /// Index of the motion that it leaves.
     pub from: usize,
-    /// When it leaves that motion, s since the motion's start.
-    pub exit_time_s: f64,
     /// Index of the motion that it enters.
     pub to: usize,
-    /// When it enters that motion, s since the motion's start.
-    pub entry_time_s: f64,
     /// The plan.
     pub planned: Planned,
 }
@@ -62,9 +58,9 @@ impl Plans {
                 .iter()
                 .map(|transition| LibraryTransition {
                     from: transition.from,
-                    exit_time_s: transition.exit_time_s,
+                    exit_time_s: library.motions[transition.from].exit_time_s(),
                     to: transition.to,
-                    entry_time_s: transition.entry_time_s,
+                    entry_time_s: 0.0,
                     plan: &transition.planned.plan,
                 })
                 .collect(),
@@ -106,26 +102,16 @@ pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans
     let mut transitions = Vec::new();
     for wanted in &library.file.transitions {
         let (from, to) = (&motions[wanted.from].plan, &motions[wanted.to].plan);
-        let exit_time_s = support_moment(from, true).into_diagnostic()?;
-        let entry_time_s = support_moment(to, false).into_diagnostic()?;
         let watch = Watch::start(&wanted.motion.name, verbose);
-        let plan = optimise_transition(
-            &wanted.motion.name,
-            wanted.motion.duration_s,
-            Moment { plan: from, time_s: exit_time_s },
-            Moment { plan: to, time_s: entry_time_s },
-            wanted.motion.swing_height_m,
-            &options,
-            &mut |p| watch.iteration(p),
-        )
-        .into_diagnostic()?;
+        let plan =
+            optimise_transition(&wanted.motion, from, to, &options, &mut |p| watch.iteration(p))
+                .into_diagnostic()?;
         let took = watch.finish_with_line(&plan.solve);
         if interrupt::requested() {
             return Ok(None);
         }
         let planned = Planned { plan, took };
-        let (from, to) = (wanted.from, wanted.to);
-        transitions.push(PlannedTransition { from, exit_time_s, to, entry_time_s, planned });
+        transitions.push(PlannedTransition { from: wanted.from, to: wanted.to, planned });
     }
     Ok(Some(Plans { motions, transitions }))
 }

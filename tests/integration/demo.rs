@@ -2,7 +2,7 @@
 //! SAFE, disarm; and what the bus says when something is asked that cannot be done.
 
 use crate::{desk, desk_with_shipped_files};
-use rollwalk_protocol::wire::{CommandResult, Node};
+use rollwalk_protocol::wire::CommandResult;
 use rollwalk_robot::Robot;
 use rollwalk_sim_host::candump;
 use rollwalk_sim_host::rig::Rig;
@@ -73,7 +73,8 @@ fn session(robot: &str, desk: &Desk) -> Session<Rig> {
     let text = desk.read_text(robot);
     let robot = Robot::from_toml(robot, &text).expect("a shipped robot");
     let rig = Rig::new(&robot).expect("a robot that can be simulated");
-    Session::connect(rig, Node::new(1).expect("an address")).expect("a controller")
+    let node = rig.node();
+    Session::connect(rig, node).expect("a controller")
 }
 
 fn demo_library(desk: &Desk) -> Vec<u8> {

@@ -4,14 +4,12 @@
 use crate::inputs::Library;
 use crate::interrupt;
 use indicatif::{ProgressBar, ProgressStyle};
-use miette::{IntoDiagnostic, miette};
+use miette::IntoDiagnostic;
 use rollwalk_planner::motion::Ends;
-use rollwalk_protocol::wire::{Node, State};
+use rollwalk_protocol::wire::State;
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_sim_host::session::Session;
 
-/// The controller's address on the link; the demo's robot is alone there.
-const CONTROLLER: u8 = 1;
 /// Longest wait for a motion to begin, beyond what is being played before it, µs.
 const SLACK_US: u64 = 5_000_000;
 
@@ -33,7 +31,7 @@ pub struct Played {
 /// The controller refused something, or the robot did not get where it was sent.
 pub fn play(library: &Library, packed: &[u8]) -> miette::Result<Played> {
     let rig = Rig::new(&library.robot).into_diagnostic()?;
-    let node = Node::new(CONTROLLER).ok_or_else(|| miette!("no such address: {CONTROLLER}"))?;
+    let node = rig.node();
     let mut session = Session::connect(rig, node).into_diagnostic()?;
 
     let before = session.bus().now();

@@ -5,7 +5,6 @@ use rollwalk_firmware::Settings;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::sample::PlanSpline;
 use rollwalk_protocol::library::{ClipId, RATE_HZ};
-use rollwalk_sim_host::bit_timing::frame_bits;
 use rollwalk_sim_host::bus::DEFAULT_BITRATE;
 use rollwalk_sim_host::candump::{Interface, LogEntry};
 use rollwalk_sim_host::record::{TickRecord, TrackingError, tracking_errors};
@@ -71,7 +70,7 @@ fn bus_loads(records: &[TickRecord], log: &[LogEntry], period_us: u64) -> BTreeM
         while frames.next_if(|entry| entry.at.as_us() < start).is_some() {}
         while let Some(entry) = frames.next_if(|entry| entry.at.as_us() < end) {
             *bits.entry((record.clip, entry.interface)).or_default() +=
-                u64::from(frame_bits(&entry.frame));
+                u64::from(entry.frame.exact_bits());
         }
     }
     let mut loads = BTreeMap::<ClipId, f64>::new();
