@@ -14,7 +14,10 @@ struct Loaded {
 
 impl Loaded {
     fn new() -> Self {
-        let bytes = library();
+        Self::from(library())
+    }
+
+    fn from(bytes: Vec<u8>) -> Self {
         let index = validate(&bytes, &config()).expect("the test library is valid");
         Self { bytes, index }
     }
@@ -145,6 +148,25 @@ fn the_latest_goal_counts() {
     walk.set_goal(&lib, node(&lib, CODE_STAND)).unwrap();
     assert!(walk.rests_in_safe(&lib));
     assert_eq!(walk.set_goal(&lib, NodeId(9)), Err(GoalError::Unreachable));
+}
+
+#[test]
+fn a_safe_motion_that_ends_is_played_to_its_end_and_held() {
+    let loaded = Loaded::from(library_that_settles());
+    let lib = loaded.open();
+    let mut walk = Walk::start(&lib).unwrap();
+    let last = SETTLE_FRAMES - 1;
+    assert_eq!(go(&mut walk, &lib, 2), [(STAND_CLIP, last), (STAND_CLIP, last)]);
+    assert!(walk.rests_in_safe(&lib));
+    walk.set_goal(&lib, node(&lib, CODE_DRIVE)).unwrap();
+    let away = 2 * (TRANSITION_FRAMES - 1) + DRIVE_FRAMES - 1;
+    assert_eq!(go(&mut walk, &lib, usize::from(away)).last(), Some(&(STAND_CLIP, 0)));
+    assert!(!walk.rests_in_safe(&lib), "on its way into the pose");
+    assert_eq!(go(&mut walk, &lib, usize::from(last)), run(STAND_CLIP, 1..=last));
+    assert!(walk.rests_in_safe(&lib));
+    // Asked for while it settles: that is where it goes already.
+    walk.set_goal(&lib, lib.safe_node()).unwrap();
+    assert_eq!(go(&mut walk, &lib, 1), [(STAND_CLIP, last)]);
 }
 
 /// A tour through every motion and transition, with the frames that the window stands at.

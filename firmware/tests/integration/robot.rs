@@ -53,8 +53,21 @@ pub fn config() -> RobotConfig {
     RobotConfig { channels: [joint(1), joint(2), wheel].into_iter().collect() }
 }
 
+/// SAFE as a loop that holds still.
 fn stand() -> Vec<f32> {
     [STAND, STAND].concat()
+}
+
+/// Frames of SAFE when it is a motion that settles into the pose.
+pub const SETTLE_FRAMES: u16 = 20;
+
+fn settle() -> Vec<f32> {
+    (0..SETTLE_FRAMES)
+        .flat_map(|i| {
+            let left = 1.0 - f32::from(i) / f32::from(SETTLE_FRAMES - 1);
+            [STAND[0] + 0.1 * left * left, STAND[1], 0.0]
+        })
+        .collect()
 }
 
 fn drive() -> Vec<f32> {
@@ -94,15 +107,27 @@ pub fn library() -> Vec<u8> {
 }
 
 pub fn library_for(config: &RobotConfig) -> Vec<u8> {
-    let (stand, drive, walk) = (stand(), drive(), walk());
+    build(config, &stand(), true)
+}
+
+/// A library whose SAFE is a motion that ends.
+pub fn library_that_settles() -> Vec<u8> {
+    build(&config(), &settle(), false)
+}
+
+fn build(config: &RobotConfig, stand: &[f32], looping: bool) -> Vec<u8> {
+    let (drive, walk) = (drive(), walk());
+    let entry = [stand[0], stand[1], stand[2]];
+    let last = (stand.len() / CHANNELS - 1) as u16;
     let motions = [
-        MotionSpec { name: "stand", code: CODE_STAND, looping: true, frames: &stand },
+        MotionSpec { name: "stand", code: CODE_STAND, looping, frames: stand },
         MotionSpec { name: "drive", code: CODE_DRIVE, looping: false, frames: &drive },
         MotionSpec { name: "walk", code: CODE_WALK, looping: true, frames: &walk },
     ];
     let still = transition(STAND, STAND);
+    let out_of_drive = transition(STAND, entry);
     let into_walk = transition(STAND, walk_at(f32::from(WALK_ENTRY)));
-    let out_of_walk = transition(walk_at(f32::from(WALK_EXIT)), STAND);
+    let out_of_walk = transition(walk_at(f32::from(WALK_EXIT)), entry);
     let edge = |from, exit_frame, to, entry_frame, frames| TransitionSpec {
         from,
         exit_frame,
@@ -111,9 +136,9 @@ pub fn library_for(config: &RobotConfig) -> Vec<u8> {
         frames,
     };
     let transitions = [
-        edge(0, 1, 1, 0, &still[..]),
-        edge(1, DRIVE_FRAMES - 1, 0, 0, &still[..]),
-        edge(0, 1, 2, WALK_ENTRY, &into_walk[..]),
+        edge(0, last, 1, 0, &still[..]),
+        edge(1, DRIVE_FRAMES - 1, 0, 0, &out_of_drive[..]),
+        edge(0, last, 2, WALK_ENTRY, &into_walk[..]),
         edge(2, WALK_EXIT, 0, 0, &out_of_walk[..]),
     ];
     let spec = LibrarySpec { config, motions: &motions, transitions: &transitions, safe: 0 };

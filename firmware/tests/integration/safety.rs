@@ -47,6 +47,19 @@ fn arms_aligns_plays_and_comes_back() {
 }
 
 #[test]
+fn a_safe_motion_that_ends_serves_as_well() {
+    let mut rig = Rig::new(Some(&library_that_settles()));
+    rig.run(20);
+    rig.arm();
+    rig.run_until(State::Ready, 1000);
+    rig.play(CODE_WALK);
+    rig.run(300);
+    rig.host_alive = false;
+    rig.run_until(State::Damped, 1000);
+    assert!((rig.servos[0].value - STAND[0]).abs() < 1e-3);
+}
+
+#[test]
 fn every_control_rate_plays_the_same_motion() {
     for control_hz in [60, 240, 480, 960] {
         let settings = Settings { control_hz, ..Settings::default() };
