@@ -79,6 +79,11 @@ impl Actuators {
         ticks.enumerate().max_by_key(|&(_, ticks)| ticks)
     }
 
+    /// Every actuator has confirmed that its torque is off since it was last told so.
+    pub fn all_known_off(&self) -> bool {
+        self.list.iter().all(|a| a.known_off)
+    }
+
     /// Some actuator reports a fault.
     pub fn any_faulty(&self) -> bool {
         self.list.iter().any(|a| a.feedback.is_some_and(|f| f.status.faulty()))

@@ -162,7 +162,10 @@ impl<S: LibraryStore> Controller<S> {
             obstacle(Fault::HostLost)
         } else if self.motion.actuators.any_faulty() {
             obstacle(Fault::ActuatorFault)
-        } else if !self.motion.actuators_heard(&self.machine) {
+        } else if !self.motion.actuators_heard(&self.machine)
+            // One that has missed "off" would go on from what it was told before.
+            || !self.motion.actuators.all_known_off()
+        {
             (CommandResult::PoseUnknown, FaultBits::default().with(Fault::ActuatorSilent))
         } else if self.motion.implausible(&self.machine).is_some() {
             (CommandResult::PoseUnknown, FaultBits::default().with(Fault::OutOfLimits))

@@ -30,6 +30,8 @@ pub struct Servo {
     pub powered: bool,
     pub status: u8,
     counter: u8,
+    /// Tick of the last setpoint.
+    set_at: u32,
     /// Setpoints since it was enabled last, with kp for a joint.
     pub setpoints: Vec<(f32, f32)>,
 }
@@ -43,6 +45,7 @@ impl Servo {
             powered: true,
             status: 0,
             counter: 0,
+            set_at: 0,
             setpoints: vec![],
         }
     }
@@ -62,19 +65,29 @@ impl Servo {
         feedback.encode(self.channel.id).unwrap()
     }
 
-    fn switch(&mut self, control: Control) {
+    fn switch(&mut self, control: Control, trust_pose: bool) {
         match control {
             Control::Disable => self.enabled = false,
-            Control::Enable if !self.enabled => {
+            Control::Enable => {
+                let fresh = !self.enabled || self.setpoints.is_empty();
+                assert!(fresh || !trust_pose, "enabled again without having been disabled");
                 self.enabled = true;
                 self.setpoints.clear();
             }
-            Control::Enable | Control::Query => {}
+            Control::Query => {}
         }
     }
 
     /// Takes a setpoint and checks it.
-    fn set(&mut self, value: f32, kp: f32, dt: f32, state: State, trust_pose: bool) {
+    fn set(
+        &mut self,
+        value: f32,
+        kp: f32,
+        tick: u32,
+        period_s: f32,
+        state: State,
+        trust_pose: bool,
+    ) {
         assert_ne!(state.torque(), Torque::Off, "a setpoint in {state:?}");
         assert!(value.is_finite());
         let c = self.channel;
@@ -86,7 +99,14 @@ impl Servo {
             // Measured values come in steps of 0.2 mrad or 2 mrad/s, setpoints go out in theirs.
             let last = self.setpoints.last().map_or(self.value, |s| s.0);
             let rounding = if self.setpoints.is_empty() { 2.5e-3 } else { 1.01 * step };
-            let allowed = if self.setpoints.is_empty() { 0.0 } else { c.max_rate * dt };
+            // A bus that took nothing for some ticks gets the present value: rate is over time.
+            // The first setpoint is the measured value; a brake may already begin.
+            let ticks = match (self.setpoints.is_empty(), state) {
+                (true, State::Damped) => 1,
+                (true, _) => 0,
+                (false, _) => tick - self.set_at,
+            };
+            let allowed = c.max_rate * period_s * ticks as f32;
             let free = self.setpoints.is_empty() && !trust_pose;
             assert!(
                 free || (value - last).abs() <= allowed + rounding,
@@ -97,6 +117,7 @@ impl Servo {
             let last = if free { value } else { last };
             let (low, high) = (c.min.min(last), c.max.max(last));
             assert!(value >= low - rounding && value <= high + rounding, "{value} out of range");
+            self.set_at = tick;
             self.setpoints.push((value, kp));
             if kp > 0.0 || c.kind == ChannelKind::WheelSpeed {
                 self.value = value;
@@ -122,6 +143,7 @@ pub struct Rig {
     pub trust_pose: bool,
     sent: Vec<CanFrame>,
     pub heard: Heard,
+    ticks: u32,
     heartbeat_seq: u8,
     heartbeat_us: u64,
     seq: u8,
@@ -155,6 +177,7 @@ impl Rig {
             trust_pose: true,
             sent: vec![],
             heard: vec![],
+            ticks: 0,
             heartbeat_seq: 0,
             heartbeat_us: 0,
             seq: 0,
@@ -206,7 +229,7 @@ impl Rig {
 
     pub fn next_command(&mut self, action: Action) -> Command {
         self.seq = (self.seq + 1) & 0xF;
-        let valid_until_ms = (self.now_us / 1000) as u16 + 500;
+        let valid_until_ms = ((self.now_us / 1000) as u16).wrapping_add(500);
         Command { seq: self.seq, action, valid_until_ms }
     }
 
@@ -327,6 +350,7 @@ impl Rig {
             self.send(&beat.encode(Node::BROADCAST));
         }
         self.brain.tick(self.now_us);
+        self.ticks += 1;
         if self.buses_up {
             self.carry();
         }
@@ -335,38 +359,38 @@ impl Rig {
 
     /// Takes all frames for the actuators off the controller, and brings the answers.
     pub fn carry(&mut self) {
-        let dt = 1.0 / f32::from(self.settings.control_hz);
         for bus in 0..3 {
             // Two frames per actuator at most: mailboxes, no queue.
             for n in 0.. {
                 let Some(frame) = self.brain.poll_actuator(bus) else { break };
                 assert!(n < 2 * self.servos.len(), "more frames than mailboxes");
-                self.deliver(bus, &frame, dt);
+                self.deliver(bus, &frame);
             }
         }
     }
 
-    fn deliver(&mut self, bus: u8, frame: &CanFrame, dt: f32) {
+    fn deliver(&mut self, bus: u8, frame: &CanFrame) {
+        let (tick, period) = (self.ticks, self.settings.period_s());
         let (state, trust) = (self.brain.state(), self.trust_pose);
         let (id, servo);
         if let Some((to, control)) = Control::decode(frame) {
             (id, servo) = (to, self.servo(bus, to));
             assert!(control != Control::Enable || state == State::Aligning, "enabled in {state:?}");
             if servo.powered {
-                servo.switch(control);
+                servo.switch(control, trust);
             }
         } else if let Some((to, s)) = JointSetpoint::decode(frame) {
             (id, servo) = (to, self.servo(bus, to));
             assert_eq!(servo.channel.kind, ChannelKind::JointPosition);
             if servo.powered {
-                servo.set(s.position_rad, s.kp_nm_rad, dt, state, trust);
+                servo.set(s.position_rad, s.kp_nm_rad, tick, period, state, trust);
             }
         } else if let Some((to, s)) = WheelSetpoint::decode(frame) {
             (id, servo) = (to, self.servo(bus, to));
             assert_eq!(servo.channel.kind, ChannelKind::WheelSpeed);
             assert!(s.torque_limit_nm <= servo.channel.max_torque_nm + 1e-3);
             if servo.powered {
-                servo.set(s.speed_rad_s, 0.0, dt, state, trust);
+                servo.set(s.speed_rad_s, 0.0, tick, period, state, trust);
             }
         } else {
             panic!("{frame:?} is none of the servo profile");

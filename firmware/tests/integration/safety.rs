@@ -432,6 +432,18 @@ fn return_goes_home_and_stays_ready() {
 }
 
 #[test]
+fn arming_waits_until_every_actuator_has_confirmed_that_it_is_off() {
+    let mut rig = Rig::ready();
+    rig.estop();
+    rig.clear();
+    assert_eq!(rig.brain.state(), State::Disarmed);
+    // "Off" is still on its way.
+    assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::PoseUnknown);
+    rig.run(1);
+    rig.arm();
+}
+
+#[test]
 fn refusals_have_reasons() {
     let mut rig = Rig::booted();
     assert_eq!(rig.play(CODE_DRIVE).result, CommandResult::NotArmed);
