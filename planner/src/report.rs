@@ -12,6 +12,8 @@
 
 mod grid;
 mod rows;
+#[cfg(test)]
+mod second_opinion;
 mod table;
 
 use crate::plan::Plan;

@@ -1,0 +1,350 @@
+#!/usr/bin/env python3
+"""Recompute the physics of a Rollwalk plan from its JSON alone.
+
+    python3 docs/check_plan.py [--json] PLAN.json [PLAN.json ...]
+
+Python's standard library only; no code is shared with the planner. What the fields mean, in which
+frames and units, is in docs/plan-format.md; the equation numbers are the thesis's. For every residual
+the table shows the worst case, the level up to which a plan is physically credible, and where it is.
+
+Exit code: 0 all residuals are within their levels, 1 one is not, 2 a file is no plan.
+"""
+
+import json
+import math
+import sys
+
+GRAVITY = 9.80665  # m/s^2
+ROLLING_SIGN_WIDTH = 0.05  # m/s, where rolling resistance has nearly its full value
+CLEARANCE = 0.02  # m between end effectors of different links
+
+# --- vectors are lists of three, matrices lists of three rows ---
+
+
+def add(a, b):
+    return [x + y for x, y in zip(a, b)]
+
+
+def sub(a, b):
+    return [x - y for x, y in zip(a, b)]
+
+
+def scale(a, s):
+    return [x * s for x in a]
+
+
+def dot(a, b):
+    return sum(x * y for x, y in zip(a, b))
+
+
+def cross(a, b):
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def norm(a):
+    return math.sqrt(dot(a, a))
+
+
+def apply(m, v):
+    return [dot(row, v) for row in m]
+
+
+def transpose(m):
+    return [list(column) for column in zip(*m)]
+
+
+def matmul(a, b):
+    return [[dot(row, column) for column in transpose(b)] for row in a]
+
+
+def from_quaternion(q):
+    """Rotation matrix of a unit quaternion [w, x, y, z]."""
+    w, x, y, z = q
+    return [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+
+
+def from_axis_angle(axis, angle):
+    half = 0.5 * angle
+    return from_quaternion([math.cos(half)] + scale(axis, math.sin(half)))
+
+
+def rotation_vector(r):
+    """Axis times angle of a small rotation."""
+    v = [r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]]
+    sine, cosine = 0.5 * norm(v), 0.5 * (r[0][0] + r[1][1] + r[2][2] - 1)
+    return scale(v, 0.5 * math.atan2(sine, cosine) / sine) if sine > 1e-12 else scale(v, 0.5)
+
+
+# --- the robot ---
+
+
+def link_poses(robot, position, rotation, angles):
+    """World-from-link (rotation, origin) of every link."""
+    poses = [None] * len(robot["links"])
+    poses[0] = (rotation, position)
+    for joint, angle in zip(robot["joints"], angles):
+        r, p = poses[joint["parent"]]
+        frame = joint["parent_from_joint"]
+        origin = add(p, apply(r, frame["position_m"]))
+        r = matmul(r, from_quaternion(frame["orientation_wxyz"]))
+        poses[joint["child"]] = (matmul(r, from_axis_angle(joint["axis_in_joint"], angle)), origin)
+    return poses
+
+
+def center_of_mass(robot, poses):
+    total, moment = 0.0, [0.0] * 3
+    for link, (r, p) in zip(robot["links"], poses):
+        total += link["mass_kg"]
+        moment = add(moment, scale(add(p, apply(r, link["com_in_link_m"])), link["mass_kg"]))
+    return scale(moment, 1 / total)
+
+
+def centroidal_inertia(robot):
+    """Inertia about the centre of mass at the nominal joint angles, in body axes (Eq. 2.4: I)."""
+    identity = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    poses = link_poses(robot, [0.0] * 3, identity, [j["nominal_rad"] for j in robot["joints"]])
+    com = center_of_mass(robot, poses)
+    inertia = [[0.0] * 3 for _ in range(3)]
+    for link, (r, p) in zip(robot["links"], poses):
+        flat = link["inertia_in_link_kg_m2"]
+        own = matmul(matmul(r, [flat[0:3], flat[3:6], flat[6:9]]), transpose(r))
+        arm = sub(add(p, apply(r, link["com_in_link_m"])), com)
+        for i in range(3):
+            for j in range(3):
+                steiner = (dot(arm, arm) if i == j else 0.0) - arm[i] * arm[j]
+                inertia[i][j] += own[i][j] + link["mass_kg"] * steiner
+    return inertia
+
+
+def wheel_frame(tilt, yaw, radius):
+    """Rolling direction, axis and centre-to-contact vector (Eq. 2.2); a x rolling * radius points down."""
+    rolling = [math.cos(yaw), math.sin(yaw), 0.0]
+    axis = [-math.sin(yaw) * math.cos(tilt), math.cos(yaw) * math.cos(tilt), math.sin(tilt)]
+    return rolling, axis, scale(cross(axis, rolling), radius)
+
+
+# --- the table ---
+
+
+class Table:
+    def __init__(self):
+        self.rows = {}
+
+    def see(self, name, residual, level, unit, sample=None, subject=""):
+        where = "" if sample is None else "sample %d %s" % (sample, subject)
+        known = self.rows.get(name)
+        # A residual that is not a number is worse than any.
+        if known is None or not residual / level <= known[0] / known[1]:
+            self.rows[name] = (residual, level, unit, where)
+
+    def good(self):
+        """Whether all residuals are within their levels; one that is not a number is not."""
+        return all(residual <= level for residual, level, _, _ in self.rows.values())
+
+    def show(self):
+        for name, (residual, level, unit, where) in self.rows.items():
+            mark = " " if residual <= level else "!"
+            print("  %-24s %s%10.3g  level %-8.3g %-6s %s" % (name, mark, residual, level, unit, where))
+
+    def as_json(self):
+        keys = ("worst", "level", "unit", "where")
+        return {name: dict(zip(keys, row)) for name, row in self.rows.items()}
+
+
+# --- the equations ---
+
+
+def check(plan):
+    robot, motion, h = plan["robot"], plan["motion"], plan["sample_interval_s"]
+    samples, feet = plan["samples"], robot["end_effectors"]
+    periodic = motion["ends"] == "periodic"
+    mass = sum(link["mass_kg"] for link in robot["links"])
+    inertia_in_body = centroidal_inertia(robot)
+    table = Table()
+
+    # Times on the grid: T intervals of a periodic motion, T - 1 of any other.
+    intervals = len(samples) if periodic else len(samples) - 1
+    table.see("duration", abs(intervals * h - motion["duration_s"]), 1e-6, "s")
+    for i, s in enumerate(samples):
+        table.see("time", abs(s["time_s"] - i * h), 1e-6, "s", i)
+
+    # The states outside belong to the motion as its ends say.
+    d, psi = plan["end_placement"]["offset_m"] + [0.0], plan["end_placement"]["yaw_rad"]
+    placed = from_axis_angle([0, 0, 1], psi)
+    if periodic:
+        pairs = [(plan["before"], samples[-1]), (samples[0], plan["after"])]
+    elif motion["ends"] == "at_rest":
+        pairs, d, placed = [(plan["before"], samples[0]), (samples[-1], plan["after"])], [0.0] * 3, None
+    else:
+        pairs = []
+    for a, b in pairs:
+        moved = a["com_m"] if placed is None else add(apply(placed, a["com_m"]), d)
+        table.see("ends", norm(sub(moved, b["com_m"])) * 1e3, 1e-3, "mm")
+
+    timeline = [plan["before"]] + samples + [plan["after"]]
+    rotations = [from_quaternion(s["base_orientation_wxyz"]) for s in timeline]
+    poses = [
+        link_poses(robot, s["base_position_m"], r, s["joint_rad"]) for s, r in zip(timeline, rotations)
+    ]
+
+    for i, s in enumerate(samples):
+        k = i + 1  # place in the timeline
+        before, after, r = timeline[k - 1], timeline[k + 1], rotations[k]
+
+        # Linear dynamics, Eq. 2.3: sum f + M g - M x'' = 0.
+        acceleration = scale(
+            add(sub(before["com_m"], scale(s["com_m"], 2)), after["com_m"]), 1 / (h * h)
+        )
+        force, moment = [0.0] * 3, [0.0] * 3
+        for e in s["end_effectors"]:
+            force = add(force, e["force_n"])
+            moment = add(moment, cross(sub(e["position_m"], s["com_m"]), e["force_n"]))
+        wrong = sub(force, scale(add(acceleration, [0, 0, GRAVITY]), mass))
+        table.see("linear dynamics", norm(wrong), 0.3, "N", i)
+
+        # Angular dynamics, Eq. 2.4, with world inertia R I R^T and angular velocities on intervals.
+        inertia = matmul(matmul(r, inertia_in_body), transpose(r))
+        v_in = scale(rotation_vector(matmul(r, transpose(rotations[k - 1]))), 1 / h)
+        v_out = scale(rotation_vector(matmul(rotations[k + 1], transpose(r))), 1 / h)
+        mean = scale(add(v_in, v_out), 0.5)
+        rate = add(apply(inertia, scale(sub(v_out, v_in), 1 / h)), cross(mean, apply(inertia, mean)))
+        table.see("angular dynamics", norm(sub(moment, rate)), 0.03, "N m", i)
+
+        # Centre of mass and orientation agree with the pose, Eq. 2.11 and 2.12.
+        off = norm(sub(center_of_mass(robot, poses[k]), s["com_m"]))
+        table.see("centre of mass", off * 1e3, 1, "mm", i)
+        yaw, pitch, roll = s["base_yaw_pitch_roll_rad"]
+        euler = matmul(
+            matmul(from_axis_angle([0, 0, 1], yaw), from_axis_angle([0, 1, 0], pitch)),
+            from_axis_angle([1, 0, 0], roll),
+        )
+        off = max(abs(a - b) for x, y in zip(euler, r) for a, b in zip(x, y))
+        table.see("base orientation", off, 1e-6, "-", i)
+
+        for joint, q in zip(robot["joints"], s["joint_rad"]):
+            beyond = max(q - joint["position_max_rad"], joint["position_min_rad"] - q, 0)
+            table.see("joint limit", beyond, 0.05, "rad", i, joint["name"])
+
+        for j, (foot, e) in enumerate(zip(feet, s["end_effectors"])):
+            name, f, radius = foot["name"], e["force_n"], foot["radius_m"]
+            stands, wheel = e["contact"], foot["contact"]["kind"] != "point_foot"
+            rolling, axis, to_contact = wheel_frame(e["tilt_rad"], e["yaw_rad"], radius)
+            if not wheel:
+                to_contact = [0, 0, -radius]
+            if stands != motion["stance"][i][j]:
+                table.see("contact flag", 1, 0.5, "-", i, name)
+
+            # Forces: friction cone, Eq. 2.5; free wheels, Eq. 2.6; none in swing, Eq. 2.7.
+            if stands:
+                beyond = math.hypot(f[0], f[1]) - foot["friction_coefficient"] * max(f[2], 0)
+                table.see("friction cone", max(beyond, -f[2], 0), 0.2, "N", i, name)
+                if foot["contact"]["kind"] == "passive_wheel":
+                    speed = e["wheel_speed_rad_s"] * radius
+                    sign = math.tanh(speed / ROLLING_SIGN_WIDTH)
+                    drag = foot["contact"]["rolling_resistance"] * f[2] * sign
+                    table.see("free-wheel traction", abs(dot(f, rolling) + drag), 0.2, "N", i, name)
+            else:
+                table.see("swing force", norm(f), 0.2, "N", i, name)
+
+            # Height, Eq. 2.9: on the ground in stance, not below it in swing.
+            z = e["position_m"][2]
+            if stands:
+                table.see("height in stance", abs(z) * 1e3, 1, "mm", i, name)
+            else:
+                table.see("depth in swing", max(-z, 0) * 1e3, 1, "mm", i, name)
+
+            # Clearance, Eq. 2.10.
+            for other, e2 in list(zip(feet, s["end_effectors"]))[j + 1:]:
+                if other["link"] != foot["link"]:
+                    apart = norm(sub(e["position_m"], e2["position_m"]))
+                    missing = max(radius + other["radius_m"] + CLEARANCE - apart, 0)
+                    table.see("end-effector clearance", missing * 1e3, 1, "mm", i, name)
+
+            # Wheel axis and contact point agree with the pose, Eq. 2.13 and 2.14.
+            link_r, link_p = poses[k][foot["link"]]
+            if wheel:
+                mounted = apply(link_r, foot["contact"]["axis_in_link"])
+                table.see("wheel axis", norm(sub(mounted, axis)), 0.00873, "rad", i, name)
+            reached = add(add(link_p, apply(link_r, foot["center_in_link_m"])), to_contact)
+            table.see("contact point", norm(sub(reached, e["position_m"])) * 1e3, 1, "mm", i, name)
+
+    # Intervals: speeds and slip.
+    for i in range(intervals):
+        k = i + 1
+        s, after = timeline[k], timeline[k + 1]
+        for joint, q, q_next in zip(robot["joints"], s["joint_rad"], after["joint_rad"]):
+            limit = joint["actuator"]["speed_max_rad_s"]
+            beyond = max(abs(q_next - q) / h - limit, 0)
+            table.see("joint speed limit", beyond, 0.1 * limit, "rad/s", i, joint["name"])
+        for foot, e, e2, j in zip(feet, s["end_effectors"], after["end_effectors"], range(len(feet))):
+            name, radius, kind = foot["name"], foot["radius_m"], foot["contact"]["kind"]
+            tilt, yaw = 0.5 * (e["tilt_rad"] + e2["tilt_rad"]), 0.5 * (e["yaw_rad"] + e2["yaw_rad"])
+            rolling, axis, _ = wheel_frame(tilt, yaw, radius)
+            speed = e["wheel_speed_rad_s"]
+
+            # No slip, Eq. 2.8 at the interval's middle: (e' - e) / h = omega r t, and 0 for a foot.
+            if e["contact"] and e2["contact"]:
+                slip = scale(sub(e2["position_m"], e["position_m"]), 1 / h)
+                if kind != "point_foot":
+                    slip = sub(slip, scale(rolling, speed * radius))
+                table.see("slip", math.hypot(slip[0], slip[1]) * 1e3, 5, "mm/s", i, name)
+
+            # The motor turns the wheel against the link: omega + yaw' (v.a) - Omega.a.
+            if kind == "actuated_wheel":
+                motor = e["motor_speed_rad_s"]
+                link_in, link_out = poses[k][foot["link"]][0], poses[k + 1][foot["link"]][0]
+                turn = scale(rotation_vector(matmul(link_out, transpose(link_in))), 1 / h)
+                needed = speed + (e2["yaw_rad"] - e["yaw_rad"]) / h * axis[2] - dot(turn, axis)
+                table.see("motor against wheel", abs(motor - needed) * radius * 1e3, 5, "mm/s", i, name)
+                limit = foot["contact"]["actuator"]["speed_max_rad_s"]
+                beyond = max(abs(motor) - limit, 0)
+                table.see("wheel speed limit", beyond, 0.1 * limit, "rad/s", i, name)
+
+    # Goals: displacement of the centre of mass along and across the starting heading, and turn.
+    first, last = timeline[1], timeline[1 + intervals]
+    yaw = first["base_yaw_pitch_roll_rad"][0]
+    moved = sub(last["com_m"], first["com_m"])
+    reached = {
+        "forward_m": moved[0] * math.cos(yaw) + moved[1] * math.sin(yaw),
+        "left_m": moved[1] * math.cos(yaw) - moved[0] * math.sin(yaw),
+        "turn_rad": last["base_yaw_pitch_roll_rad"][0] - yaw,
+    }
+    for name, value in reached.items():
+        goal = motion["goal"].get(name)
+        if goal is not None:
+            table.see("goal " + name, abs(value - goal), 1e-3, name.rsplit("_", 1)[1])
+    return table
+
+
+def main(arguments):
+    paths = [a for a in arguments if a != "--json"]
+    if not paths or paths[0] in ("-h", "--help"):
+        print(__doc__.strip())
+        return 0 if paths else 2
+    code = 0
+    for path in paths:
+        try:
+            with open(path, encoding="utf-8") as file:
+                plan = json.load(file)
+            if plan.get("format") != "rollwalk-plan" or plan.get("version") != 1:
+                raise ValueError("format and version are not rollwalk-plan 1")
+            table = check(plan)
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+            print("%s: not a usable plan: %s: %s" % (path, type(error).__name__, error), file=sys.stderr)
+            return 2
+        if "--json" in arguments:
+            print(json.dumps(table.as_json()))
+        else:
+            print("%s: %s of %s" % (path, plan["motion"]["name"], plan["robot"]["name"]))
+            table.show()
+        if not table.good():
+            code = 1
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

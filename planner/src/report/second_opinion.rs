@@ -1,0 +1,97 @@
+//! The report against `docs/check_plan.py`, which shares no code with it: another language, other
+//! kinematics, the same equations.
+
+use super::{Grid, Report};
+use crate::plan::{Plan, Sample};
+use crate::{motion::Motion, optimise, test_plans, test_robots};
+use rollwalk_robot::Robot;
+use serde_json::Value;
+use std::io::Write;
+use std::ops::ControlFlow;
+use std::process::{Command, Stdio};
+
+/// Exit code and table of the script.
+fn check_plan(plan: &Plan) -> (Option<i32>, Value) {
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/check_plan.py");
+    let mut child = Command::new("python3")
+        .args([script, "--json", "/dev/stdin"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("python3 runs docs/check_plan.py; on Debian: apt-get install -y python3");
+    child
+        .stdin
+        .take()
+        .expect("piped")
+        .write_all(plan.to_json().as_bytes())
+        .expect("the script reads");
+    let output = child.wait_with_output().expect("the script ends");
+    let table = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
+    (output.status.code(), table)
+}
+
+/// Moves every number of a plan a little, so that every residual is something.
+fn shaken(mut plan: Plan) -> Plan {
+    let mut random = test_robots::uniform(5);
+    let mut shake = |value: &mut f64, by: f64| *value += by * random();
+    let mut shake_sample = |s: &mut Sample| {
+        s.com_m.iter_mut().for_each(|v| shake(v, 1e-3));
+        s.joint_rad.iter_mut().for_each(|v| shake(v, 0.3));
+        for e in &mut s.end_effectors {
+            e.position_m.iter_mut().for_each(|v| shake(v, 1e-3));
+            e.force_n.iter_mut().for_each(|v| shake(v, 30.0));
+            shake(&mut e.tilt_rad, 0.1);
+            shake(&mut e.yaw_rad, 0.1);
+            shake(&mut e.wheel_speed_rad_s, 3.0);
+            shake(&mut e.motor_speed_rad_s, 30.0);
+        }
+    };
+    plan.samples.iter_mut().for_each(&mut shake_sample);
+    shake_sample(&mut plan.before);
+    shake_sample(&mut plan.after);
+    plan
+}
+
+fn planned(robot: &str, motion: &str) -> Plan {
+    let robot = Robot::from_toml("robot", robot).expect("a shipped robot");
+    let motion = Motion::from_toml("motion", motion, &robot).expect("a shipped motion");
+    optimise(&robot, &motion, &Default::default(), &mut |_| ControlFlow::Continue(()))
+}
+
+fn walk() -> Plan {
+    planned(
+        include_str!("../../../robots/agilebot.toml"),
+        include_str!("../../../motions/walk.toml"),
+    )
+}
+
+#[test]
+fn an_optimised_walk_passes_both_opinions() {
+    let plan = walk();
+    let report = Report::new(&plan);
+    assert!(report.is_credible(), "{report}");
+    let (code, table) = check_plan(&plan);
+    assert_eq!(code, Some(0), "{table:#}");
+}
+
+#[test]
+fn both_opinions_agree_on_the_size_of_every_residual() {
+    let plans = [walk(), test_plans::start_stop(), test_plans::cruise_middle()];
+    for plan in plans.map(shaken) {
+        let report = Report::new(&plan);
+        let (code, table) = check_plan(&plan);
+        assert_eq!(code, Some(1), "{table:#}");
+        let mut compared = 0;
+        for row in report.rows.iter().filter(|row| row.grid == Grid::Samples) {
+            let theirs = if row.name.starts_with("goal") { continue } else { &table[row.name] };
+            let worst = theirs["worst"]
+                .as_f64()
+                .unwrap_or_else(|| panic!("no row {}: {table:#}", row.name));
+            // Two ways of rounding the same formulas.
+            let error = (worst - row.worst).abs() / row.worst.max(1e-6);
+            assert!(error < 1e-9, "{}: {worst} {}", row.name, row.worst);
+            compared += 1;
+        }
+        assert!(compared >= 12, "{report}");
+    }
+}

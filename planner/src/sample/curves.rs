@@ -1,0 +1,67 @@
+//! Splines through quantities of a plan, with the end conditions of its motion.
+
+use super::spline::Spline;
+use crate::motion::Ends;
+use crate::plan::{Plan, Sample};
+use nalgebra::Complex;
+
+/// Makes the splines of a plan with the end conditions of its motion.
+pub struct Curves<'a> {
+    /// The plan.
+    pub plan: &'a Plan,
+}
+
+impl Curves<'_> {
+    /// The spline through a real quantity of the samples that grows by `shift` over a period.
+    pub fn scalar(&self, of: impl Fn(&Sample) -> f64, shift: f64) -> Spline {
+        self.spline(|s| of(s).into(), 1.0.into(), shift.into())
+    }
+
+    /// The spline through a quantity that continues as v(t + H) = `turn` · v(t) + `shift`.
+    pub fn spline(
+        &self,
+        of: impl Fn(&Sample) -> Complex<f64>,
+        turn: Complex<f64>,
+        shift: Complex<f64>,
+    ) -> Spline {
+        let values: Vec<_> = self.plan.samples.iter().map(&of).collect();
+        self.through(&values, of(&self.plan.before), of(&self.plan.after), turn, shift)
+    }
+
+    /// The spline through the angle that adds up from a speed that lives on intervals.
+    pub fn angle(&self, speed: impl Fn(&Sample) -> f64) -> Spline {
+        let plan = self.plan;
+        let h = plan.sample_interval_s;
+        let mut angle = 0.0;
+        let mut angles = Vec::with_capacity(plan.samples.len() + 1);
+        for sample in &plan.samples {
+            angles.push(Complex::from(angle));
+            angle += speed(sample) * h;
+        }
+        let before = Complex::from(-speed(&plan.before) * h);
+        // After the loop `angle` is that of the sample one interval after the last.
+        self.through(&angles, before, angle.into(), 1.0.into(), angle.into())
+    }
+
+    fn through(
+        &self,
+        values: &[Complex<f64>],
+        before: Complex<f64>,
+        after: Complex<f64>,
+        turn: Complex<f64>,
+        shift: Complex<f64>,
+    ) -> Spline {
+        let plan = self.plan;
+        let h = plan.sample_interval_s;
+        let zero = Complex::default();
+        match plan.motion.ends {
+            Ends::Periodic => Spline::periodic(h, values, turn, shift),
+            Ends::AtRest => Spline::clamped(h, values, zero, zero),
+            // The states outside lie along the velocities at the ends.
+            Ends::Prescribed => {
+                let (first, last) = (values[0], values[values.len() - 1]);
+                Spline::clamped(h, values, (first - before) / h, (after - last) / h)
+            }
+        }
+    }
+}

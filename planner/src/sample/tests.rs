@@ -1,0 +1,173 @@
+//! Splines and resampling against closed forms: see [`crate::test_plans`].
+
+use super::*;
+use crate::test_plans;
+
+fn plans() -> [Plan; 3] {
+    [test_plans::start_stop(), test_plans::cruise(), test_plans::cruise_middle()]
+}
+
+/// Largest difference of two samples over positions, angles, forces and wheel axes.
+fn distance(a: &Sample, b: &Sample) -> f64 {
+    let numbers = |s: &Sample| {
+        let mut all = [s.base_position_m, s.base_yaw_pitch_roll_rad, s.com_m].concat();
+        all.extend(s.base_orientation_wxyz.iter().chain(&s.joint_rad));
+        for e in &s.end_effectors {
+            all.extend(e.position_m.iter().chain(&e.force_n).chain([&e.tilt_rad, &e.yaw_rad]));
+        }
+        all
+    };
+    numbers(a).iter().zip(numbers(b)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn splines_pass_through_the_samples() {
+    for plan in plans() {
+        let spline = PlanSpline::new(&plan);
+        for sample in &plan.samples {
+            let error = distance(&spline.sample(sample.time_s), sample);
+            assert!(error < 1e-12, "{} at {}: {error}", plan.motion.name, sample.time_s); // rounding
+        }
+    }
+}
+
+#[test]
+fn resampling_keeps_a_plan_valid_and_its_wheel_travel_exact() {
+    for plan in plans() {
+        let fine = resample(&plan, 60.0);
+        fine.validate("resampled").expect("a resampled plan is a plan");
+        assert!((1.0 / fine.sample_interval_s - 60.0).abs() < 1e-9);
+        let travel = |plan: &Plan| -> f64 {
+            let count = match plan.motion.ends {
+                Ends::Periodic => plan.samples.len(),
+                _ => plan.samples.len() - 1,
+            };
+            let speeds = plan.samples[..count].iter().map(|s| s.end_effectors[1].motor_speed_rad_s);
+            speeds.sum::<f64>() * plan.sample_interval_s
+        };
+        let (planned, resampled) = (travel(&plan), travel(&fine));
+        assert!((planned - resampled).abs() < 1e-9, "{planned} {resampled}"); // rounding of a sum
+    }
+}
+
+#[test]
+fn wheel_travel_over_every_planned_interval_is_preserved() {
+    for plan in plans() {
+        let spline = PlanSpline::new(&plan);
+        let h = plan.sample_interval_s;
+        for sample in &plan.samples[..plan.samples.len() - 1] {
+            // Simpson's rule is exact for the piecewise quadratic speed.
+            let speed = |u: f64| spline.setpoints(sample.time_s + u * h).motor_speed_rad_s[0];
+            let mean = (speed(1e-12) + 4.0 * speed(0.5) + speed(1.0 - 1e-12)) / 6.0;
+            let error = mean - sample.end_effectors[0].motor_speed_rad_s;
+            assert!(error.abs() < 1e-9, "{} at {}: {error}", plan.motion.name, sample.time_s);
+        }
+    }
+}
+
+#[test]
+fn a_motion_at_rest_starts_and_ends_with_zero_speeds() {
+    let plan = test_plans::start_stop();
+    let spline = PlanSpline::new(&plan);
+    for time_s in [-1.0, 0.0, plan.motion.duration_s, 9.0] {
+        let setpoints = spline.setpoints(time_s);
+        let speeds = setpoints.joint_speed_rad_s.iter().chain(&setpoints.motor_speed_rad_s);
+        assert!(speeds.fold(0.0, |worst: f64, v| worst.max(v.abs())) < 1e-12, "{setpoints:?}");
+    }
+}
+
+#[test]
+fn a_periodic_motion_goes_on_across_its_seam() {
+    let plan = test_plans::cruise();
+    let spline = PlanSpline::new(&plan);
+    let period = plan.motion.duration_s;
+    for k in 0..20 {
+        let t = 0.071 * f64::from(k);
+        let (first, third) = (spline.sample(t), spline.sample(t + 2.0 * period));
+        let step = plan.end_placement.offset_m[0];
+        let error = third.base_position_m[0] - first.base_position_m[0] - 2.0 * step;
+        assert!(
+            error.abs() < 1e-12 && (third.com_m[0] - first.com_m[0] - 2.0 * step).abs() < 1e-12
+        );
+        assert_eq!(first.end_effectors[0].contact, third.end_effectors[0].contact);
+    }
+    let (left, right) = (spline.setpoints(period - 1e-9), spline.setpoints(period));
+    for (a, b) in left.joint_speed_rad_s.iter().zip(&right.joint_speed_rad_s) {
+        assert!((a - b).abs() < 1e-7, "{a} {b}"); // accelerations of 10 rad/s² for 1 ns
+    }
+}
+
+#[test]
+fn a_turning_motion_goes_round_a_circle() {
+    // The whole cruise bent onto a circle: samples turned in proportion to time.
+    let mut plan = test_plans::cruise();
+    let radius = 0.8;
+    let psi = 0.9;
+    let count = plan.samples.len() as f64;
+    let bend = |sample: &mut Sample, part: f64| {
+        let yaw = psi * part;
+        sample.base_position_m[0] = radius * yaw.sin();
+        sample.base_position_m[1] = radius * (1.0 - yaw.cos());
+        sample.base_yaw_pitch_roll_rad = [yaw, 0.0, 0.0];
+        sample.base_orientation_wxyz = quaternion_wxyz([yaw, 0.0, 0.0]);
+    };
+    for (i, sample) in plan.samples.iter_mut().enumerate() {
+        bend(sample, i as f64 / count);
+    }
+    bend(&mut plan.before, -1.0 / count);
+    bend(&mut plan.after, 1.0);
+    plan.end_placement =
+        Placement { offset_m: [radius * psi.sin(), radius * (1.0 - psi.cos())], yaw_rad: psi };
+    plan.validate("circle").expect("a plan");
+    let spline = PlanSpline::new(&plan);
+    for k in -50..200 {
+        let t = 0.03 * f64::from(k);
+        let sample = spline.sample(t);
+        let [x, y, _] = sample.base_position_m;
+        // Spline error on the circle: (5/384)·r·(ψ/24)⁴ = 2e-8 m.
+        assert!((x.hypot(y - radius) - radius).abs() < 1e-7, "{t}");
+        let yaw = psi * t / plan.motion.duration_s;
+        assert!((sample.base_yaw_pitch_roll_rad[0] - yaw).abs() < 1e-12, "{t}");
+        assert!((x - radius * yaw.sin()).abs() < 1e-6, "{t}");
+    }
+}
+
+#[test]
+fn a_prescribed_motion_takes_its_end_speeds_from_the_samples_around() {
+    // The same cruise, once whole and once cut out with prescribed ends.
+    let (whole, part) =
+        (PlanSpline::new(&test_plans::cruise()), PlanSpline::new(&test_plans::cruise_middle()));
+    for k in 0..=60 {
+        let t = 0.01 * f64::from(k);
+        let (a, b) = (whole.setpoints(t + 0.3), part.setpoints(t));
+        // Leg sine of 0.2 rad at 5.2 rad/s: a cubic's slope errs by about h³/24·0.2·5.2⁴ = 8e-4.
+        assert!((a.joint_rad[0] - b.joint_rad[0]).abs() < 2e-5, "{t}");
+        assert!((a.joint_speed_rad_s[0] - b.joint_speed_rad_s[0]).abs() < 2e-3, "{t}");
+        // The wheel's speed outside is the mean over an interval on which the leg, 4 wheel radii
+        // long, turns evenly at 0.8 rad/s: it errs by h/2·4·0.8²·sin(leg) = 3e-2.
+        assert!((a.motor_speed_rad_s[0] - b.motor_speed_rad_s[0]).abs() < 4e-2, "{t}");
+    }
+}
+
+#[test]
+fn force_and_contact_switch_between_stance_and_swing() {
+    let mut plan = test_plans::cruise();
+    for i in [5, 6, 7] {
+        plan.motion.stance[i][2] = false;
+        plan.samples[i].end_effectors[2].contact = false;
+        plan.samples[i].end_effectors[2].force_n = [0.0; 3];
+    }
+    let spline = PlanSpline::new(&plan);
+    let h = plan.sample_interval_s;
+    let at = |sample: f64| spline.sample(sample * h).end_effectors[2].clone();
+    assert!(
+        at(4.0).contact
+            && !at(4.5).contact
+            && !at(5.0).contact
+            && !at(7.9).contact
+            && at(8.0).contact
+    );
+    let half = 0.5 * plan.samples[4].end_effectors[2].force_n[2];
+    assert!((at(4.5).force_n[2] - half).abs() < 1e-9);
+    assert_eq!(at(6.3).force_n, [0.0; 3]);
+}
