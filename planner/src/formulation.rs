@@ -52,16 +52,19 @@ pub enum Span {
     Ends,
 }
 
+/// What a term is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct About {
+    /// Name, as shown in progress and outcome.
+    pub name: &'static str,
+    /// Which samples it looks at.
+    pub span: Span,
+}
+
 /// One family of residuals.
 pub trait Term: Sync {
-    /// Name, as shown in reports.
-    fn name(&self) -> &'static str;
-    /// Where it is written down.
-    fn source(&self) -> &'static str;
-    /// Unit of its residuals.
-    fn unit(&self) -> &'static str;
-    /// Which samples it looks at.
-    fn span(&self) -> Span;
+    /// What it is.
+    fn about(&self) -> About;
     /// Writes its rows for one window, with derivatives.
     fn write(&self, window: &Window, out: &mut RowWriter);
 }
@@ -111,7 +114,7 @@ pub fn evaluate(
 ) -> Rows {
     let mut out = RowWriter::new(problem, columns, unknowns, states, reuse);
     for (index, term) in TERMS.iter().enumerate() {
-        for at in windows(problem, term.span()) {
+        for at in windows(problem, term.about().span) {
             out.enter(index, at);
             term.write(&Window { problem, at, states: at.map(|t| &states[t]) }, &mut out);
         }

@@ -138,7 +138,7 @@ pub fn solve(
             energy,
             cost,
             worst_level: level,
-            worst_constraint: TERMS[rows.rows[row].term].name(),
+            worst_constraint: TERMS[rows.rows[row].term].about().name,
             damping,
             step: last_step,
         };
@@ -184,6 +184,6 @@ pub fn solve(
         iterations: iteration,
         energy,
         worst_level: level,
-        worst_constraint: TERMS[rows.rows[row].term].name().into(),
+        worst_constraint: TERMS[rows.rows[row].term].about().name.into(),
     }
 }

@@ -2,7 +2,7 @@
 //! rows a motion, m and rad; without them every plan could be moved about the plane.
 
 use super::level;
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::model::{BASE_POSITION, BASE_YAW};
 use crate::rows::{Role, RowWriter, Window};
 
@@ -10,17 +10,8 @@ use crate::rows::{Role, RowWriter, Window};
 pub struct Anchor;
 
 impl Term for Anchor {
-    fn name(&self) -> &'static str {
-        "anchor"
-    }
-    fn source(&self) -> &'static str {
-        "sec. 2.4.1, boundary"
-    }
-    fn unit(&self) -> &'static str {
-        "m, rad"
-    }
-    fn span(&self) -> Span {
-        Span::Ends
+    fn about(&self) -> About {
+        About { name: "anchor", span: Span::Ends }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

@@ -4,7 +4,7 @@
 //! Written with the distance instead of its square, so that the residual is a clearance in metres.
 
 use super::level;
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
@@ -14,17 +14,8 @@ pub struct Collision;
 const BAND_M: f64 = 0.002;
 
 impl Term for Collision {
-    fn name(&self) -> &'static str {
-        "end-effector clearance"
-    }
-    fn source(&self) -> &'static str {
-        "Eq. 2.10"
-    }
-    fn unit(&self) -> &'static str {
-        "m"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "end-effector clearance", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

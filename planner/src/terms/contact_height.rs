@@ -2,24 +2,15 @@
 //! an end effector and sample, m.
 
 use super::level;
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
 pub struct ContactHeight;
 
 impl Term for ContactHeight {
-    fn name(&self) -> &'static str {
-        "contact height"
-    }
-    fn source(&self) -> &'static str {
-        "Eq. 2.9"
-    }
-    fn unit(&self) -> &'static str {
-        "m"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "contact height", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

@@ -2,7 +2,7 @@
 //! effector and sample, m.
 
 use super::level;
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::d_yaw;
 
@@ -10,17 +10,8 @@ use crate::state::d_yaw;
 pub struct ContactPoint;
 
 impl Term for ContactPoint {
-    fn name(&self) -> &'static str {
-        "contact point"
-    }
-    fn source(&self) -> &'static str {
-        "Eq. 2.14"
-    }
-    fn unit(&self) -> &'static str {
-        "m"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "contact point", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

@@ -44,7 +44,7 @@ fn check(problem: &Problem, unknowns: &Unknowns, seen: &mut [usize]) {
             assert!(
                 error < TOLERANCE,
                 "{} of {} at sample {}, {:?}, column {column}: exact {} numeric {numeric}",
-                TERMS[row.term].name(),
+                TERMS[row.term].about().name,
                 problem.model.robot().name,
                 row.at,
                 row.subject,
@@ -81,6 +81,6 @@ fn every_term_matches_finite_differences_on_every_robot() {
     }
     // A term that wrote no row was not checked.
     for (term, rows) in TERMS.iter().zip(&seen) {
-        assert!(*rows > 0, "{} wrote no rows", term.name());
+        assert!(*rows > 0, "{} wrote no rows", term.about().name);
     }
 }

@@ -7,7 +7,7 @@
 //! the thesis's turned by Rᵀ.
 
 use super::level;
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::model::{BASE_YAW, rotation};
 use crate::rows::{Role, RowWriter, Window};
 use crate::state::State;
@@ -27,17 +27,8 @@ pub(super) fn body_turn(from: &State, to: &State) -> (Vector3<f64>, [Matrix3<f64
 }
 
 impl Term for DynamicsAngular {
-    fn name(&self) -> &'static str {
-        "angular dynamics"
-    }
-    fn source(&self) -> &'static str {
-        "Eq. 2.4"
-    }
-    fn unit(&self) -> &'static str {
-        "N m"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "angular dynamics", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

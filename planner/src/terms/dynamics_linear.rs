@@ -2,7 +2,7 @@
 //! of mass. Three rows a sample, N, in world.
 
 use super::level;
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::rows::{Role, RowWriter, Window};
 use crate::variables::GRAVITY_M_S2;
 use nalgebra::Vector3;
@@ -11,17 +11,8 @@ use nalgebra::Vector3;
 pub struct DynamicsLinear;
 
 impl Term for DynamicsLinear {
-    fn name(&self) -> &'static str {
-        "linear dynamics"
-    }
-    fn source(&self) -> &'static str {
-        "Eq. 2.3"
-    }
-    fn unit(&self) -> &'static str {
-        "N"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "linear dynamics", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

@@ -5,7 +5,7 @@
 //! Plans use a part of μ only and keep a least normal force: see [`crate::problem::Weights`].
 
 use super::level;
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
@@ -17,17 +17,8 @@ const BAND_N: f64 = 0.02;
 const TIP_N: f64 = 0.05;
 
 impl Term for Friction {
-    fn name(&self) -> &'static str {
-        "friction"
-    }
-    fn source(&self) -> &'static str {
-        "Eq. 2.5"
-    }
-    fn unit(&self) -> &'static str {
-        "N"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "friction", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

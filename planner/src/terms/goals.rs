@@ -5,7 +5,7 @@
 //! met exactly at no cost.
 
 use super::level;
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::model::BASE_YAW;
 use crate::rows::{Role, RowWriter, Window};
 
@@ -16,17 +16,8 @@ pub struct Displacement;
 pub struct Turn;
 
 impl Term for Displacement {
-    fn name(&self) -> &'static str {
-        "displacement goal"
-    }
-    fn source(&self) -> &'static str {
-        "sec. 2.4.1, objectives"
-    }
-    fn unit(&self) -> &'static str {
-        "m"
-    }
-    fn span(&self) -> Span {
-        Span::Ends
+    fn about(&self) -> About {
+        About { name: "displacement goal", span: Span::Ends }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
@@ -48,17 +39,8 @@ impl Term for Displacement {
 }
 
 impl Term for Turn {
-    fn name(&self) -> &'static str {
-        "turning goal"
-    }
-    fn source(&self) -> &'static str {
-        "sec. 2.4.1, objectives"
-    }
-    fn unit(&self) -> &'static str {
-        "rad"
-    }
-    fn span(&self) -> Span {
-        Span::Ends
+    fn about(&self) -> About {
+        About { name: "turning goal", span: Span::Ends }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

@@ -1,7 +1,7 @@
 //! Joint angles stay within their limits. Two inequality rows a joint and sample, rad.
 
 use super::level;
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::model::JOINTS;
 use crate::rows::{Role, RowWriter, Subject, Window};
 
@@ -12,17 +12,8 @@ pub struct JointLimit;
 const BAND_RAD: f64 = 0.05;
 
 impl Term for JointLimit {
-    fn name(&self) -> &'static str {
-        "joint limit"
-    }
-    fn source(&self) -> &'static str {
-        "sec. 2.4.1, hardware"
-    }
-    fn unit(&self) -> &'static str {
-        "rad"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "joint limit", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

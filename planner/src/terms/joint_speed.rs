@@ -1,7 +1,7 @@
 //! Joint speeds stay within their limits. Two inequality rows a joint and interval, rad/s.
 
 use super::level;
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::model::JOINTS;
 use crate::rows::{Role, RowWriter, Subject, Window};
 
@@ -12,17 +12,8 @@ pub struct JointSpeed;
 pub(super) const BAND_FRACTION: f64 = 0.1;
 
 impl Term for JointSpeed {
-    fn name(&self) -> &'static str {
-        "joint speed"
-    }
-    fn source(&self) -> &'static str {
-        "sec. 2.4.1, hardware"
-    }
-    fn unit(&self) -> &'static str {
-        "rad/s"
-    }
-    fn span(&self) -> Span {
-        Span::Intervals
+    fn about(&self) -> About {
+        About { name: "joint speed", span: Span::Intervals }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

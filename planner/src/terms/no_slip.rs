@@ -6,7 +6,7 @@
 //! slip by 1.5.
 
 use super::level;
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::{d_yaw, rolling_direction};
 
@@ -14,17 +14,8 @@ use crate::state::{d_yaw, rolling_direction};
 pub struct NoSlip;
 
 impl Term for NoSlip {
-    fn name(&self) -> &'static str {
-        "slip"
-    }
-    fn source(&self) -> &'static str {
-        "Eq. 2.8"
-    }
-    fn unit(&self) -> &'static str {
-        "m/s"
-    }
-    fn span(&self) -> Span {
-        Span::Intervals
+    fn about(&self) -> About {
+        About { name: "slip", span: Span::Intervals }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

@@ -1,6 +1,6 @@
 //! Regularisers: weak costs that choose among the plans that the constraints leave.
 
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::model::{BASE_POSITION, BASE_YAW, JOINTS};
 use crate::rows::{Role, RowWriter, Window};
 
@@ -19,17 +19,8 @@ pub struct WheelEffort;
 pub struct WheelSmoothness;
 
 impl Term for EvenForce {
-    fn name(&self) -> &'static str {
-        "even force"
-    }
-    fn source(&self) -> &'static str {
-        "regulariser"
-    }
-    fn unit(&self) -> &'static str {
-        "N"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "even force", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
@@ -52,17 +43,8 @@ impl Term for EvenForce {
 }
 
 impl Term for Posture {
-    fn name(&self) -> &'static str {
-        "posture"
-    }
-    fn source(&self) -> &'static str {
-        "regulariser"
-    }
-    fn unit(&self) -> &'static str {
-        "m, rad"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "posture", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
@@ -78,17 +60,8 @@ impl Term for Posture {
 }
 
 impl Term for WheelEffort {
-    fn name(&self) -> &'static str {
-        "wheel effort"
-    }
-    fn source(&self) -> &'static str {
-        "regulariser"
-    }
-    fn unit(&self) -> &'static str {
-        "m/s"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "wheel effort", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
@@ -104,17 +77,8 @@ impl Term for WheelEffort {
 }
 
 impl Term for WheelSmoothness {
-    fn name(&self) -> &'static str {
-        "wheel smoothness"
-    }
-    fn source(&self) -> &'static str {
-        "regulariser"
-    }
-    fn unit(&self) -> &'static str {
-        "m/s"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "wheel smoothness", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

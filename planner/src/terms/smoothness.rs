@@ -1,24 +1,15 @@
 //! Smooth motion (sec. 2.4.1, regularisers): second differences q₋ − 2q + q₊ of base and joints. One
 //! cost row a degree of freedom and sample, m or rad.
 
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::rows::{Role, RowWriter, Window};
 
 /// See the module.
 pub struct Smoothness;
 
 impl Term for Smoothness {
-    fn name(&self) -> &'static str {
-        "smoothness"
-    }
-    fn source(&self) -> &'static str {
-        "sec. 2.4.1, regularisers"
-    }
-    fn unit(&self) -> &'static str {
-        "m, rad"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "smoothness", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

@@ -1,24 +1,15 @@
 //! No force without contact (Eq. 2.7): f = 0 in swing. Three rows an end effector and sample, N.
 
 use super::level;
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
 pub struct SwingForce;
 
 impl Term for SwingForce {
-    fn name(&self) -> &'static str {
-        "swing force"
-    }
-    fn source(&self) -> &'static str {
-        "Eq. 2.7"
-    }
-    fn unit(&self) -> &'static str {
-        "N"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "swing force", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

@@ -5,7 +5,7 @@
 //! has to push.
 
 use super::level;
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::d_yaw;
 use rollwalk_robot::Contact;
@@ -17,17 +17,8 @@ pub struct Traction;
 const SIGN_WIDTH_M_S: f64 = 0.05;
 
 impl Term for Traction {
-    fn name(&self) -> &'static str {
-        "free-wheel traction"
-    }
-    fn source(&self) -> &'static str {
-        "Eq. 2.6"
-    }
-    fn unit(&self) -> &'static str {
-        "N"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "free-wheel traction", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

@@ -2,7 +2,7 @@
 //! wheel and sample; the length of the difference is an angle, rad.
 
 use super::level;
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::d_yaw;
 
@@ -10,17 +10,8 @@ use crate::state::d_yaw;
 pub struct WheelAxis;
 
 impl Term for WheelAxis {
-    fn name(&self) -> &'static str {
-        "wheel axis"
-    }
-    fn source(&self) -> &'static str {
-        "Eq. 2.13"
-    }
-    fn unit(&self) -> &'static str {
-        "rad"
-    }
-    fn span(&self) -> Span {
-        Span::Samples
+    fn about(&self) -> About {
+        About { name: "wheel axis", span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {

@@ -5,7 +5,7 @@
 //! ω + α̇_yaw (v·a) − Ω_link·a, with a at the middle of the interval.
 
 use super::{joint_speed::BAND_FRACTION, level};
-use crate::formulation::{Span, Term};
+use crate::formulation::{About, Span, Term};
 use crate::model::rotation;
 use crate::problem::Problem;
 use crate::rows::{Role, RowWriter, Subject, Window};
@@ -41,17 +41,8 @@ fn link_turn(j: usize, here: &State, after: &State) -> Vector3<f64> {
 }
 
 impl Term for WheelSpeed {
-    fn name(&self) -> &'static str {
-        "wheel motor speed"
-    }
-    fn source(&self) -> &'static str {
-        "sec. 2.4.1, hardware"
-    }
-    fn unit(&self) -> &'static str {
-        "rad/s"
-    }
-    fn span(&self) -> Span {
-        Span::Intervals
+    fn about(&self) -> About {
+        About { name: "wheel motor speed", span: Span::Intervals }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
