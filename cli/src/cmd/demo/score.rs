@@ -35,12 +35,15 @@ pub fn scores(plans: &[&Plan], rig: &Rig) -> BTreeMap<ClipId, Score> {
     let splines: Vec<PlanSpline> = plans.iter().map(|plan| PlanSpline::new(plan)).collect();
     let tracking = tracking_errors(rig.config(), records);
     let mut scores = BTreeMap::<ClipId, Score>::new();
-    for record in records {
-        let Some(spline) = splines.get(usize::from(record.clip.0)) else { continue };
+    for (index, record) in records.iter().enumerate() {
         let score = scores.entry(record.clip).or_default();
         score.played_s += period_us as f64 * 1e-6;
         score.late_setpoints += record.missed;
-        let planned = spline.setpoints(record.phase_frames / f64::from(RATE_HZ));
+
+        let (clip, phase_frames) = planned_place(&records[index..]);
+        let Some(spline) = splines.get(usize::from(clip.0)) else { continue };
+        let score = scores.entry(clip).or_default();
+        let planned = spline.setpoints(phase_frames / f64::from(RATE_HZ));
         let joints = planned.joint_rad.len();
         for (channel, commanded) in record.commanded.iter().enumerate() {
             let commanded = f64::from(*commanded);
@@ -57,6 +60,21 @@ pub fn scores(plans: &[&Plan], rig: &Rig) -> BTreeMap<ClipId, Score> {
         score.bus_load = loads.get(clip).copied().unwrap_or_default();
     }
     scores
+}
+
+/// Clip and place in it, in frames, that the first of these records plays. That is what the record
+/// says, but for one step: where a motion is left, its exit frame is the transition's first one, and
+/// the way from there to the transition's second frame is the transition's.
+fn planned_place(records: &[TickRecord]) -> (ClipId, f64) {
+    let here = &records[0];
+    let frame = here.phase_frames.floor();
+    let next = records.iter().find(|r| r.clip != here.clip || r.phase_frames.floor() != frame);
+    match next {
+        Some(next) if next.clip != here.clip && next.phase_frames.floor() == 1.0 => {
+            (next.clip, here.phase_frames - frame)
+        }
+        _ => (here.clip, here.phase_frames),
+    }
 }
 
 /// Share of the time in which the fullest bus carried bits while a clip was played.
@@ -81,4 +99,32 @@ fn bus_loads(records: &[TickRecord], log: &[LogEntry], period_us: u64) -> BTreeM
         *fullest = fullest.max(load);
     }
     loads
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(clip: u8, phase_frames: f64) -> TickRecord {
+        let (commanded, measured) = (Vec::new(), Vec::new());
+        let clip = ClipId(clip);
+        TickRecord { time_us: 0, clip, phase_frames, commanded, measured, missed: 0 }
+    }
+
+    #[test]
+    fn the_step_out_of_a_motion_is_the_transitions() {
+        let records = [record(2, 143.5), record(2, 0.0), record(2, 0.5), record(5, 1.0)];
+        assert_eq!(planned_place(&records[0..]), (ClipId(2), 143.5));
+        assert_eq!(planned_place(&records[1..]), (ClipId(5), 0.0));
+        assert_eq!(planned_place(&records[2..]), (ClipId(5), 0.5));
+        assert_eq!(planned_place(&records[3..]), (ClipId(5), 1.0));
+    }
+
+    #[test]
+    fn the_step_into_a_motion_is_the_transitions() {
+        let records = [record(8, 71.5), record(2, 0.0), record(2, 0.5), record(2, 1.0)];
+        assert_eq!(planned_place(&records[0..]), (ClipId(8), 71.5));
+        assert_eq!(planned_place(&records[1..]), (ClipId(2), 0.0));
+        assert_eq!(planned_place(&records[2..]), (ClipId(2), 0.5));
+    }
 }
