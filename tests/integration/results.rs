@@ -74,6 +74,10 @@ fn a_plot_is_an_svg_document() {
     for label in ["front_left", "walk"] {
         assert!(svg.contains(label), "the plot names {label}");
     }
+    desk.run(&["plot", "--strip", "plan.json", "plan.json", "-o", "strip.svg"]).succeeds();
+    assert!(desk.read_text("strip.svg").trim_end().ends_with("</svg>"));
+    desk.run(&["plot", "plan.json", "plan.json", "-o", "two.svg"])
+        .fails(1, &["2 plans do not fit", "--strip"]);
 }
 
 #[test]

@@ -5,10 +5,10 @@ mod play;
 mod score;
 mod table;
 
+use crate::cmd::plot::STRIP_MOMENTS;
 use crate::inputs::{Library, Source};
-use crate::output::{self};
 use crate::planning::{Plans, plan_all};
-use crate::{Exit, files, interrupt, shipped};
+use crate::{Exit, files, interrupt, output, shipped};
 use miette::IntoDiagnostic;
 use outcome::Outcome;
 use rollwalk_planner::plot;
@@ -33,7 +33,7 @@ Examples:
 
 The folder then holds
   plans/*.json       one plan for each motion and transition
-  plots/*.svg        one figure for each plan
+  plots/*.svg        one figure for each plan, and robot.svg, the robot in every motion
   ROBOT.rwl          the motion library
   bus.log            every frame of every bus, as candump writes it")]
 pub struct Args {
@@ -108,7 +108,9 @@ fn write_plans(out: &Path, plans: &Plans) -> miette::Result<()> {
         let figure = plot::figure(&planned.plan);
         files::write(&out.join("plots").join(format!("{name}.svg")), figure.as_bytes())?;
     }
-    Ok(())
+    let motions: Vec<_> = plans.motions.iter().map(|planned| &planned.plan).collect();
+    let strip = plot::strip(&motions, STRIP_MOMENTS);
+    files::write(&out.join("plots").join("robot.svg"), strip.as_bytes())
 }
 
 /// A name as it is safe in a path.
