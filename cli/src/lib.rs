@@ -1,7 +1,7 @@
 //! The `rollwalk` command line: joins planner, library, bus and simulated robot, and owns what those
 //! must not touch: files, the terminal, the clock and Ctrl-C.
 //!
-//! One file per subcommand in [`cmd`], each with its arguments and a `run`. Results go to stdout,
+//! One file per subcommand in `cli/src/cmd`, each with its arguments and a `run`. Results go to stdout,
 //! progress to stderr; how a run ends is an [`Exit`].
 
 mod cmd;
