@@ -46,6 +46,21 @@ fn a_plan_reaches_its_goal_and_its_report_says_so() {
 }
 
 #[test]
+fn a_plan_that_does_not_converge_exits_with_3_and_can_be_looked_at() {
+    let desk = desk_with_shipped_files();
+    // Eight metres in a cycle: within the file's rules, beyond the robot's legs and wheels.
+    desk.edit("motions/walk.toml", "forward_m = 0.12", "forward_m = 8.0");
+    let outcome = desk.run(&["plan", "motions/walk.toml", "-o", "plan.json", "--json"]);
+    assert_eq!(outcome.code, 3, "{}", outcome.stderr);
+    let outcome = json(&outcome.stdout);
+    assert_ne!(outcome["status"], "converged");
+    assert!(outcome["worst_level"].as_f64() > Some(0.2), "{outcome}");
+    let report = desk.run(&["report", "plan.json", "--json"]);
+    assert_eq!(report.code, 4, "a residual beyond its level");
+    assert_eq!(json(&report.stdout)["credible"], false);
+}
+
+#[test]
 fn tables_have_a_row_for_every_tick_and_a_unit_in_every_column() {
     let desk = desk_with_shipped_files();
     desk.run(&["plan", "motions/drive_1m.toml", "-o", "plan.json"]).succeeds();

@@ -6,24 +6,11 @@ use crate::output::Table;
 /// The whole outcome.
 pub fn render(outcome: &Outcome) -> String {
     let mut clips = Table::new([
-        "motion",
-        "code",
-        "iterations",
-        "time",
-        "dynamics",
-        "",
-        "slip",
-        "size",
-        "plan–command",
-        "",
-        "command–motor",
-        "",
-        "bus load",
+        "motion", "code", "iter", "time", "dynamics", "", "slip", "size", "command", "error",
+        "tracking", "error", "bus",
     ]);
-    clips.row(
-        ["", "", "", "s", "N", "N·m", "mm/s", "B", "mrad", "rad/s", "mrad", "rad/s", "%"]
-            .map(str::to_owned),
-    );
+    let units = ["", "", "", "s", "N", "N·m", "mm/s", "B", "mrad", "rad/s", "mrad", "rad/s", "%"];
+    clips.row(units.map(str::to_owned));
     for clip in &outcome.clips {
         clips.row(cells(clip));
     }
@@ -39,7 +26,7 @@ pub fn render(outcome: &Outcome) -> String {
     }
     format!(
         "\n{}: {} motions and transitions in a library of {} B, flashed in {:.2} s, played in {:.1} s \
-         of the robot's time\n\n{}\n\n{}\n",
+         of the robot's time\n\n{}\n\n{LEGEND}\n\n{}\n",
         outcome.robot,
         outcome.clips.len(),
         outcome.library_bytes,
@@ -49,6 +36,14 @@ pub fn render(outcome: &Outcome) -> String {
         bounds.render(),
     )
 }
+
+const LEGEND: &str = "\
+iter, time      optimiser iterations and wall time, from scratch
+dynamics, slip  worst residual of the equations of motion and of rolling, recomputed from the plan
+size            bytes of the clip in the library
+command error   plan against the setpoints on the bus: joints, wheels
+tracking error  setpoints on the bus against the motors: joints, wheels
+bus             load of the fullest bus while the clip was played";
 
 fn cells(clip: &Clip) -> [String; 13] {
     [
