@@ -43,7 +43,9 @@ pub enum Hold {
 impl Actuators {
     /// `channels` actuators, never heard of.
     pub fn new(channels: usize) -> Self {
-        let list = core::iter::repeat_n(Actuator::default(), channels.min(MAX_CHANNELS)).collect();
+        let mut list = Vec::new();
+        // A configuration has no more channels than fit.
+        let _ = list.resize_default(channels.min(MAX_CHANNELS));
         Self { list, next: 0 }
     }
 

@@ -28,11 +28,10 @@ impl Ramp {
     /// for a control period in seconds.
     pub fn new(
         config: &RobotConfig,
-        ends: impl Iterator<Item = (f32, f32)>,
+        ends: Vec<(f32, f32), MAX_CHANNELS>,
         speed_rad_s: f32,
         period_s: f32,
     ) -> Self {
-        let ends: Vec<_, MAX_CHANNELS> = ends.take(MAX_CHANNELS).collect();
         let needed = config.channels.iter().zip(&ends).map(|(channel, (from, to))| {
             // A wheel's value is a speed and its rate an acceleration: only that bounds it.
             let rate = match channel.kind {
@@ -97,7 +96,7 @@ mod tests {
         #[test]
         fn is_gentle(from in prop::array::uniform2(-3.0f32..3.0), to in prop::array::uniform2(-3.0f32..3.0), speed in 0.2f32..8.0) {
             let period = 1.0 / 120.0;
-            let mut ramp = Ramp::new(&config(), from.into_iter().zip(to), speed, period);
+            let mut ramp = Ramp::new(&config(), from.into_iter().zip(to).collect(), speed, period);
             for i in 0..2 {
                 prop_assert_eq!(ramp.target(i), Some(Target { value: from[i], slope: 0.0 }));
             }
@@ -124,7 +123,7 @@ mod tests {
 
     #[test]
     fn a_robot_already_there_still_takes_a_moment() {
-        let ramp = Ramp::new(&config(), [(0.1, 0.1), (0.2, 0.2)].into_iter(), 1.0, 0.01);
+        let ramp = Ramp::new(&config(), [(0.1, 0.1), (0.2, 0.2)].into_iter().collect(), 1.0, 0.01);
         assert!(!ramp.arrived());
         assert_eq!(ramp.target(2), None);
     }

@@ -8,7 +8,6 @@
 //! A joint that starts outside its range (a leg resting on its stop) is not thrown into it: it may
 //! stay or follow its target inwards, never further out.
 
-use heapless::Vec;
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
 
 /// What a channel shall do next, before the gains.
@@ -24,18 +23,18 @@ pub struct Target {
 #[derive(Clone, Debug)]
 pub struct Limiter {
     period_s: f32,
-    last: Vec<Option<f32>, MAX_CHANNELS>,
+    last: [Option<f32>; MAX_CHANNELS],
 }
 
 impl Limiter {
-    /// A limiter for `channels` channels at a control period in seconds; nothing started yet.
-    pub fn new(channels: usize, period_s: f32) -> Self {
-        Self { period_s, last: core::iter::repeat_n(None, channels.min(MAX_CHANNELS)).collect() }
+    /// A limiter for a control period in seconds; nothing started yet.
+    pub fn new(period_s: f32) -> Self {
+        Self { period_s, last: [None; MAX_CHANNELS] }
     }
 
     /// Forgets where the channels stand: nothing is emitted until they are started again.
     pub fn stop(&mut self) {
-        self.last.iter_mut().for_each(|last| *last = None);
+        self.last = [None; MAX_CHANNELS];
     }
 
     /// Tells that a channel stands at a measured value, rad or rad/s. Ignored when not finite.
@@ -148,7 +147,7 @@ mod tests {
             targets in prop::collection::vec((anything(), anything()), 1..200),
         ) {
             let (config, period) = (config(kind), 1.0 / 120.0);
-            let mut limiter = Limiter::new(1, period);
+            let mut limiter = Limiter::new(period);
             limiter.start(0, start);
             let mut last = start;
             for (value, slope) in targets {
@@ -179,7 +178,7 @@ mod tests {
         #[test]
         fn allowed_targets_pass(start in -0.9f32..1.9, step in -0.049f32..0.049, slope in -6.0f32..6.0) {
             let config = config(ChannelKind::JointPosition);
-            let mut limiter = Limiter::new(1, 1.0 / 120.0);
+            let mut limiter = Limiter::new(1.0 / 120.0);
             limiter.start(0, start);
             let target = Target { value: start + step, slope };
             prop_assert_eq!(limiter.apply(&config, 0, target), Some(target));
@@ -191,7 +190,7 @@ mod tests {
             let mut config = config(ChannelKind::JointPosition);
             let c = &mut config.channels[0];
             (c.min, c.max, c.max_rate) = (min, max, rate);
-            let mut limiter = Limiter::new(1, 1.0 / 120.0);
+            let mut limiter = Limiter::new(1.0 / 120.0);
             limiter.start(0, 0.5);
             let _ = limiter.apply(&config, 0, Target { value: v, slope: v });
         }
@@ -200,7 +199,7 @@ mod tests {
     #[test]
     fn says_nothing_before_it_knows_where_it_is() {
         let config = config(ChannelKind::JointPosition);
-        let mut limiter = Limiter::new(1, 1.0 / 120.0);
+        let mut limiter = Limiter::new(1.0 / 120.0);
         assert_eq!(limiter.apply(&config, 0, Target::default()), None);
         limiter.start(0, f32::NAN);
         assert_eq!(limiter.apply(&config, 0, Target::default()), None);
@@ -214,7 +213,7 @@ mod tests {
     #[test]
     fn nan_holds_the_last_value() {
         let config = config(ChannelKind::JointPosition);
-        let mut limiter = Limiter::new(1, 1.0 / 120.0);
+        let mut limiter = Limiter::new(1.0 / 120.0);
         limiter.start(0, 0.7);
         let nan = Target { value: f32::NAN, slope: f32::NAN };
         assert_eq!(limiter.apply(&config, 0, nan), Some(Target { value: 0.7, slope: 0.0 }));
@@ -223,7 +222,7 @@ mod tests {
     #[test]
     fn a_joint_on_its_stop_stays_or_follows_inwards() {
         let config = config(ChannelKind::JointPosition);
-        let mut limiter = Limiter::new(1, 0.01);
+        let mut limiter = Limiter::new(0.01);
         limiter.start(0, 2.5);
         let mut to = |value| limiter.apply(&config, 0, Target { value, slope: 0.0 }).unwrap().value;
         assert_eq!(to(2.5), 2.5);

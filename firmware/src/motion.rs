@@ -45,18 +45,17 @@ pub(crate) struct Motion {
     stage: Stage,
     limiter: Limiter,
     pub actuators: Actuators,
-    emitted: Vec<Option<Target>, MAX_CHANNELS>,
+    emitted: [Option<Target>; MAX_CHANNELS],
     ticks_to_query: u16,
 }
 
 impl Motion {
     pub fn new(machine: &Machine) -> Self {
-        let channels = machine.config.channels.len();
         Self {
             stage: Stage::Off,
-            limiter: Limiter::new(channels, machine.settings.period_s()),
-            actuators: Actuators::new(channels),
-            emitted: core::iter::repeat_n(None, channels).collect(),
+            limiter: Limiter::new(machine.settings.period_s()),
+            actuators: Actuators::new(machine.config.channels.len()),
+            emitted: [None; MAX_CHANNELS],
             ticks_to_query: 0,
         }
     }
@@ -139,7 +138,7 @@ impl Motion {
     pub fn cut(&mut self) {
         self.stage = Stage::Off;
         self.limiter.stop();
-        self.emitted.iter_mut().for_each(|target| *target = None);
+        self.emitted = [None; MAX_CHANNELS];
         self.actuators.disable_all();
         self.ticks_to_query = 0;
     }
@@ -282,7 +281,7 @@ impl Motion {
         }
         let settings = &machine.settings;
         let (speed, period) = (settings.align_speed_rad_s, settings.period_s());
-        let ramp = Ramp::new(config, ends.into_iter(), speed, period);
+        let ramp = Ramp::new(config, ends, speed, period);
         self.stage = Stage::Ramping { ramp, settling_ticks: 0 };
         Ok(())
     }
