@@ -38,7 +38,7 @@ impl<S: LibraryStore> Shelf<S> {
         Library::open(self.store.bytes(), self.active.as_ref()?)
     }
 
-    /// Why the store's content was refused last.
+    /// Why the store's content was refused.
     pub fn reject(&self) -> Option<Reject> {
         self.reject
     }
@@ -100,6 +100,7 @@ impl<S: LibraryStore> Shelf<S> {
             return TransferResult::TooLong;
         }
         self.forget();
+        self.reject = None;
         match self.store.erase(size) {
             Ok(()) => {
                 self.transfer = Some(Transfer { len, crc32c, next: 0 });

@@ -91,6 +91,11 @@ fn damaged_truncated_future_and_foreign_libraries_are_refused() {
         assert_eq!(refused, expected);
     }
     assert!(rig.brain.faults().contains(Fault::ConfigMismatch));
+    // What was refused is gone as soon as another one comes.
+    let begin = Request::Begin { len: good.len() as u32, crc32c: crc32c(&good) };
+    assert_eq!(result(rig.request(&begin)), TransferResult::Ok);
+    assert!(!rig.brain.faults().contains(Fault::ConfigMismatch));
+    assert_eq!(rig.brain.library_reject(), None);
     assert_eq!(flash(&mut rig, &good), TransferResult::Ok);
     rig.run(20);
     rig.arm();
