@@ -4,8 +4,8 @@ use rollwalk_firmware::safety::{State, Torque};
 use rollwalk_firmware::store::{LibraryStore, RamStore};
 use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::actuator::{
-    ActuatorStatus, Control, Feedback, JointSetpoint, POSITION_STEP_RAD, WHEEL_SPEED_STEP_RAD_S,
-    WheelSetpoint,
+    ActuatorStatus, Control, Feedback, JointSetpoint, POSITION_STEP_RAD, SPEED_STEP_RAD_S,
+    WHEEL_SPEED_STEP_RAD_S, WheelSetpoint,
 };
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
@@ -382,6 +382,8 @@ impl Rig {
         } else if let Some((to, s)) = JointSetpoint::decode(frame) {
             (id, servo) = (to, self.servo(bus, to));
             assert_eq!(servo.channel.kind, ChannelKind::JointPosition);
+            let rounding = 0.5 * SPEED_STEP_RAD_S;
+            assert!(s.velocity_rad_s.abs() <= servo.channel.max_rate + rounding, "{s:?}");
             if servo.powered {
                 servo.set(s.position_rad, s.kp_nm_rad, tick, period, state, trust);
             }
