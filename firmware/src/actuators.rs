@@ -17,7 +17,7 @@ struct Actuator {
     feedback: Option<Feedback>,
     /// Ticks since the last new feedback.
     silent_ticks: u16,
-    /// It has said that its torque is off since it was last told so.
+    /// It was told to take its torque off, and what it said last since then is that it is off.
     known_off: bool,
     control: Option<Control>,
     setpoint: Option<CanFrame>,
@@ -58,7 +58,8 @@ impl Actuators {
         // A repeated counter is a repeated frame: not a sign of life.
         if actuator.feedback.is_none_or(|last| last.counter != feedback.counter) {
             actuator.silent_ticks = 0;
-            actuator.known_off |= !feedback.status.enabled();
+            // It may have sent that before it was told, and say otherwise now.
+            actuator.known_off = !feedback.status.enabled();
             actuator.feedback = Some(feedback);
         }
     }
@@ -123,8 +124,7 @@ impl Actuators {
     /// pose when `query`.
     pub fn keep_disabled(&mut self, query: bool) {
         for actuator in &mut self.list {
-            let enabled = actuator.feedback.is_some_and(|f| f.status.enabled());
-            if enabled || !actuator.known_off {
+            if !actuator.known_off {
                 actuator.control = Some(Control::Disable);
             } else if query {
                 actuator.control = Some(Control::Query);

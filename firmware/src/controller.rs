@@ -185,12 +185,14 @@ impl<S: LibraryStore> Controller<S> {
             {
                 self.latched = self.latched.with(fault);
             }
+            if next != self.state || event == Event::EStop {
+                // What was asked for in another state, or before a stop, cannot be confirmed now.
+                self.gate.void();
+            }
             if next != self.state {
                 self.state = next;
                 self.since_us = now_us;
                 self.held_since_us = None;
-                // What was asked for in another state is not confirmed in this one.
-                self.gate.void();
             }
             self.act(now_us, event, action);
         }

@@ -199,8 +199,9 @@ impl Motion {
         self.actuators.age();
         let torque_must_be_on = match self.stage {
             Stage::Off => return,
-            Stage::Enabling { .. } => false,
-            Stage::Ramping { .. } | Stage::Playing(_) | Stage::Damped => true,
+            // Let down while they were being enabled, some were never on.
+            Stage::Enabling { .. } | Stage::Damped => false,
+            Stage::Ramping { .. } | Stage::Playing(_) => true,
         };
         if !self.actuators_heard(machine) {
             events.insert(Event::FeedbackLost);

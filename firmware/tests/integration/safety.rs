@@ -333,8 +333,10 @@ fn estop_is_cleared_in_two_steps_with_the_right_nonce() {
     assert_eq!(rig.command(right).result, CommandResult::WrongNonce, "one try for a nonce");
     let nonce = rig.command(Action::ClearRequest).value;
     rig.estop();
+    let confirm = Action::ClearConfirm { nonce };
+    assert_eq!(rig.command(confirm).result, CommandResult::WrongNonce, "stopped again meanwhile");
     assert_eq!(rig.brain.state(), State::EStopped);
-    assert_eq!(rig.command(Action::ClearConfirm { nonce }).result, CommandResult::Ok);
+    rig.clear();
     rig.run(1);
     assert_eq!(rig.brain.state(), State::Disarmed);
     assert!(rig.brain.faults().is_empty());
@@ -441,6 +443,30 @@ fn arming_waits_until_every_actuator_has_confirmed_that_it_is_off() {
     assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::PoseUnknown);
     rig.run(1);
     rig.arm();
+}
+
+/// "Off" that came before the actuator took it proves nothing about afterwards.
+#[test]
+fn an_actuator_that_is_on_after_all_is_not_armed() {
+    let mut rig = Rig::booted();
+    // It was told "enable" before the stop and takes it now: its answer to the stop came first.
+    rig.servos[0].enabled = true;
+    rig.carry();
+    let answer = rig.servos[0].feedback();
+    rig.brain.on_actuator_frame(rig.now_us, 0, &answer);
+    assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::PoseUnknown);
+    rig.run(2);
+    assert!(!rig.servos[0].enabled, "told again");
+    rig.arm();
+}
+
+#[test]
+fn a_change_of_mind_while_actuators_are_enabled_leaves_no_fault() {
+    let mut rig = Rig::booted();
+    rig.arm();
+    assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok);
+    rig.run_until(State::Disarmed, 300);
+    assert!(rig.brain.faults().is_empty());
 }
 
 #[test]
