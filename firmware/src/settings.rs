@@ -1,5 +1,7 @@
 //! What can be set about a controller besides the robot itself.
 
+use rollwalk_protocol::wire::HOST_TIMEOUT_MS;
+
 use crate::hermite::FRAME_HZ;
 
 /// Settings of a controller. The defaults are chosen for a robot of a few kilograms.
@@ -37,7 +39,7 @@ impl Default for Settings {
             node: 1,
             uid: [0; 6],
             control_hz: 120,
-            heartbeat_timeout_us: 250_000,
+            heartbeat_timeout_us: 1000 * HOST_TIMEOUT_MS,
             silent_ticks: 12,
             align_speed_rad_s: 1.0,
             align_tolerance_rad: 0.35,

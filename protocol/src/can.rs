@@ -1,8 +1,5 @@
 //! A CAN frame as a value: what every bus, simulated or real, carries; and its length in bits.
 
-/// Most bits between the start of a frame and the end of the space after it.
-pub const MAX_FRAME_BITS: u32 = worst_case_bits(8);
-
 /// A classic CAN 2.0A data frame with an 11-bit identifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct CanFrame {

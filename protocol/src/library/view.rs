@@ -4,7 +4,7 @@ use super::container::{FOOTER_LEN, SECTIONS, Span, u16_at, u32_at};
 use super::records::{CodeRecord, EdgeRecord, FLAG_LOOPING};
 use super::reject::Section;
 use super::{ClipId, EdgeId, NO_EDGE, NodeId, quantise, records};
-use crate::config::{ChannelKind, MAX_CHANNELS};
+use crate::config::MAX_CHANNELS;
 use serde::de::DeserializeOwned;
 
 /// Proof that some bytes are a valid library for a robot, and where its tables are.
@@ -127,11 +127,6 @@ impl<'a> Library<'a> {
         self.index.motions
     }
 
-    /// Edges of the graph: the transitions.
-    pub fn edge_count(&self) -> u8 {
-        self.index.transitions
-    }
-
     /// All motions.
     pub fn nodes(&self) -> impl Iterator<Item = NodeId> + use<> {
         (0..self.index.motions).map(NodeId)
@@ -212,15 +207,6 @@ impl<'a> Library<'a> {
     /// The size of a quantum of a channel: rad for a joint, rad/s for a wheel.
     pub fn quantum(&self, channel: usize) -> Option<f32> {
         self.value(channel, 1)
-    }
-
-    /// Joint or wheel.
-    pub fn channel_kind(&self, channel: usize) -> Option<ChannelKind> {
-        if channel >= self.channel_count() {
-            return None;
-        }
-        let record: records::ChannelRecord = self.record(Section::Channels, channel)?;
-        Some(if record.kind == 0 { ChannelKind::JointPosition } else { ChannelKind::WheelSpeed })
     }
 
     /// Name of a motion. `None` for a motion that does not exist.

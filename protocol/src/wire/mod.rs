@@ -99,11 +99,6 @@ impl Node {
     pub fn number(self) -> u8 {
         self.0
     }
-
-    /// Whether a message to `self` is for the controller `me`.
-    pub fn reaches(self, me: Node) -> bool {
-        self == me || self == Self::BROADCAST
-    }
 }
 
 /// Why a frame is not the message that it was taken for.

@@ -104,12 +104,6 @@ impl FaultBits {
         Self(self.0 | 1 << fault.code())
     }
 
-    /// The set without this fault.
-    #[must_use]
-    pub fn without(self, fault: Fault) -> Self {
-        Self(self.0 & !(1 << fault.code()))
-    }
-
     /// Whether the fault is in the set.
     pub fn contains(self, fault: Fault) -> bool {
         self.0 >> fault.code() & 1 != 0

@@ -142,12 +142,11 @@ fn fault_sets() {
     let set = FaultBits::default().with(Fault::BusOff).with(Fault::NoLibrary);
     assert!(set.contains(Fault::BusOff) && !set.contains(Fault::EStop) && !set.is_empty());
     assert_eq!(set.iter().collect::<Vec<_>>(), [Fault::NoLibrary, Fault::BusOff]);
-    assert!(set.without(Fault::BusOff).without(Fault::NoLibrary).is_empty());
 }
 
 #[test]
 fn nodes() {
     assert_eq!(Node::new(15), None);
-    let (a, b) = (Node::new(0).unwrap(), Node::new(14).unwrap());
-    assert!(a.reaches(a) && !a.reaches(b) && Node::BROADCAST.reaches(b));
+    assert_eq!(Node::new(14).map(Node::number), Some(14));
+    assert_eq!(Node::BROADCAST.number(), 15);
 }
