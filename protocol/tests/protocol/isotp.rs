@@ -112,6 +112,17 @@ fn refusals() {
     assert_eq!(small.received(), b"");
 }
 
+/// First frames of messages that a single frame carries, and short ones, are ignored: nobody is
+/// asked for the rest.
+#[test]
+fn first_frames_that_are_none() {
+    let mut b = end(0, 0);
+    for frame in [&b"\x10\x03abcdef"[..], b"\x10\x07abcdef", b"\x10\x20abcde", b"\x10"] {
+        assert_eq!(b.on_frame(frame, 0), Event::None);
+        assert_eq!(next(&mut b, 0), "-");
+    }
+}
+
 #[test]
 fn a_lost_repeated_or_swapped_frame_is_noticed() {
     for numbers in [&[2u8][..], &[1, 1], &[1, 3], &[0], &[2, 1]] {

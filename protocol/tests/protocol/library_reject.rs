@@ -2,7 +2,7 @@
 
 use crate::fixture::{Fixture, robot};
 use crate::reseal::{HEADER, reseal, section};
-use rollwalk_protocol::library::{Library, Reject, Section, Why, validate};
+use rollwalk_protocol::library::{Library, LibrarySpec, Reject, Section, Why, encode, validate};
 
 fn good() -> (Fixture, Vec<u8>) {
     let fixture = Fixture::new();
@@ -111,6 +111,25 @@ fn future_minor_version_is_read() {
         (Library::open(&before, &old).unwrap(), Library::open(&bytes, &new).unwrap());
     for node in before.nodes() {
         assert_eq!(before.clip(node.clip()), after.clip(node.clip()));
+    }
+}
+
+/// Tables that are plain arrays have no room for fields of later versions.
+#[test]
+fn routes_and_safe_pose_never_get_wider() {
+    for (tag, len) in [(6, 1), (8, 2)] {
+        let reject = refusal(|bytes| {
+            bytes[10] = 1;
+            let table = section(bytes, tag);
+            let wider: Vec<u8> =
+                bytes[table.clone()].chunks(len).flat_map(|r| [r, &[0]].concat()).collect();
+            let header = table.start - 8;
+            bytes[header + 2] += 1;
+            bytes[header + 4..header + 8].copy_from_slice(&(wider.len() as u32).to_le_bytes());
+            bytes.splice(table, wider);
+        });
+        assert!(matches!(reject.why, Why::WrongCount { .. }), "{reject}");
+        assert_eq!(usize::from(reject.section.code()), tag);
     }
 }
 
@@ -312,8 +331,9 @@ fn no_route_to_safe() {
 
 #[test]
 fn wrong_routes() {
-    // From trot to drive there is one; the first step of another; an edge that does not exist.
-    for value in [0xFF, 0, 4] {
+    // From trot to drive there is one; transitions that start elsewhere, one of them at the right end; one
+    // that does not exist.
+    for value in [0xFF, 0, 2, 4] {
         let sentence = "the route from motion 1 to motion 2 is wrong";
         expect(patched(6, 3 + 2, value), Section::Routes, sentence);
     }
@@ -334,6 +354,20 @@ fn unsafe_safe_motion() {
     expect(patched(1, 9, 1), Section::SafePose, sentence);
     expect(patched(8, 2, 0x11), Section::SafePose, sentence);
     expect(patched(8, 4, 1), Section::SafePose, "channel 2: the safe motion does not come to rest");
+}
+
+/// A loop that only passes through the safe pose, in its last frame.
+#[test]
+fn a_safe_loop_holds_still_in_all_frames() {
+    let mut fixture = Fixture::new();
+    let passing = [fixture.stand[0] + 0.003, fixture.stand[1], 0.0];
+    fixture.stand = [&passing[..], &fixture.stand].concat();
+    let (motions, transitions) = (fixture.motions(), fixture.transitions());
+    let config = &fixture.config;
+    let spec = LibrarySpec { config, motions: &motions, transitions: &transitions, safe: 0 };
+    let error = encode(&spec, &mut [0; 1 << 15]).unwrap_err().to_string();
+    let sentence = "channel 0: the safe motion does not come to rest in the safe pose";
+    assert!(error.contains(sentence), "{error}");
 }
 
 #[test]

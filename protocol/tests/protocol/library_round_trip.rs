@@ -122,7 +122,15 @@ fn other_bytes_do_not_open() {
     assert!(Library::open(&bytes[1..], &index).is_none());
     let mut other = Fixture::new();
     other.trot[30] += 0.01;
-    assert!(Library::open(&other.encode(), &index).is_none());
+    let other = other.encode();
+    assert!(Library::open(&other, &index).is_none());
+    // A cursor stays with its library.
+    let (clip, other_index) = (ClipId(1), validate(&other, &f.config).unwrap());
+    let other = Library::open(&other, &other_index).unwrap();
+    let mut cursor = ClipCursor::new(&Library::open(&bytes, &index).unwrap(), clip, 0).unwrap();
+    assert_eq!(cursor.advance(&other), Err(Unreadable));
+    assert_eq!(cursor.seek(&other, 0), Err(Unreadable));
+    assert_eq!(cursor.frame_into(&other, &mut [0.0; 3]), Err(Unreadable));
     // Written over in the middle, where opening does not look: the block's CRC notices.
     let mut damaged = bytes.clone();
     damaged[300] ^= 4;
