@@ -178,11 +178,7 @@ impl<S: LibraryStore> Controller<S> {
     fn settle(&mut self, now_us: u64) {
         while let Some(event) = self.events.pop() {
             let (next, action) = step(self.state, event);
-            // An event that means nothing here is no fault: a silent host while torque is off.
-            let matters = (next, action) != (self.state, Action::None);
-            if (matters || self.state.torque() != Torque::Off)
-                && let Some(fault) = event.fault()
-            {
+            if let Some(fault) = event.fault() {
                 self.latched = self.latched.with(fault);
             }
             if next != self.state || event == Event::EStop {
