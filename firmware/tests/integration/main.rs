@@ -1,10 +1,12 @@
 //! Tests of the firmware core through its public face, with a small robot and a library made by the
 //! protocol's encoder.
 
+mod arming;
 mod documentation;
 mod hostile;
+mod link;
 mod playback;
 mod rig;
 mod robot;
-mod safety;
+mod stopping;
 mod transfer;

@@ -270,6 +270,32 @@ fn wheels_are_interpolated_too_and_have_no_slope() {
 }
 
 proptest! {
+    /// Whatever is asked for and when, the motion starts in as many frames as was said.
+    #[test]
+    fn a_motion_starts_when_it_was_said_to(
+        requests in prop::collection::vec((prop_oneof![Just(CODE_STAND), Just(CODE_DRIVE), Just(CODE_WALK)], 0u16..200), 1..6),
+    ) {
+        let loaded = Loaded::new();
+        let lib = loaded.open();
+        let mut walk = Walk::start(&lib).unwrap();
+        for (code, wait) in requests {
+            let goal = node(&lib, code);
+            let on_the_spot = walk.at().0 == goal.clip();
+            walk.set_goal(&lib, goal).unwrap();
+            let frames = walk.frames_to_goal(&lib);
+            let mut left = on_the_spot && frames > 0;
+            let mut taken = 0;
+            while frames > 0 && (taken == 0 || left || walk.at().0 != goal.clip()) {
+                prop_assert!(taken < frames, "not there after {} frames", frames);
+                walk.advance(&lib).unwrap();
+                left &= walk.at().0 == goal.clip();
+                taken += 1;
+            }
+            prop_assert_eq!((walk.at().0, taken), (goal.clip(), frames));
+            go(&mut walk, &lib, usize::from(wait));
+        }
+    }
+
     /// Whatever is asked for and when: from everywhere SAFE is reached once it is asked for.
     #[test]
     fn safe_is_reached_from_everywhere(

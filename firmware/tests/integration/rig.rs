@@ -28,6 +28,8 @@ pub struct Servo {
     pub value: f32,
     pub enabled: bool,
     pub powered: bool,
+    /// Answers, but does not turn its torque on.
+    pub refuses: bool,
     pub status: u8,
     counter: u8,
     /// Tick of the last setpoint.
@@ -43,6 +45,7 @@ impl Servo {
             value,
             enabled: false,
             powered: true,
+            refuses: false,
             status: 0,
             counter: 0,
             set_at: 0,
@@ -71,7 +74,7 @@ impl Servo {
             Control::Enable => {
                 let fresh = !self.enabled || self.setpoints.is_empty();
                 assert!(fresh || !trust_pose, "enabled again without having been disabled");
-                self.enabled = true;
+                self.enabled = !self.refuses;
                 self.setpoints.clear();
             }
             Control::Query => {}
@@ -199,6 +202,11 @@ impl Rig {
         rig.arm();
         rig.run_until(State::Ready, 1000);
         rig
+    }
+
+    /// The clip that is being played.
+    pub fn clip(&self) -> u8 {
+        self.brain.playing().expect("it plays").clip.0
     }
 
     pub fn run(&mut self, ticks: u32) {

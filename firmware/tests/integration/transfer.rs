@@ -60,6 +60,10 @@ fn a_library_is_flashed_and_played() {
     assert_eq!(result(rig.request(&begin)), TransferResult::WrongState);
     rig.run(100);
     assert_eq!(rig.brain.state(), State::Playing);
+    // Nor while a stop is latched.
+    rig.estop();
+    assert_eq!(result(rig.request(&begin)), TransferResult::WrongState);
+    assert!(rig.brain.library().is_some());
 }
 
 #[test]

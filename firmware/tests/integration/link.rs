@@ -1,0 +1,140 @@
+//! What is said on the link: commands and their answers, status, fault reports.
+
+use rollwalk_firmware::safety::State;
+use rollwalk_protocol::actuator::ActuatorStatus;
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::{Action, CommandResult, Fault, FromController, Severity};
+
+use crate::rig::{Rig, me};
+use crate::robot::*;
+
+#[test]
+fn refusals_have_reasons() {
+    let mut rig = Rig::booted();
+    assert_eq!(rig.play(CODE_DRIVE).result, CommandResult::NotArmed);
+    assert_eq!(rig.command(Action::ClearRequest).result, CommandResult::WrongState);
+    assert_eq!(rig.command(Action::ArmConfirm { nonce: 1 }).result, CommandResult::WrongNonce);
+    rig.arm();
+    assert_eq!(rig.play(CODE_DRIVE).result, CommandResult::WrongState);
+    assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::WrongState);
+    rig.run_until(State::Ready, 1000);
+    assert_eq!(rig.play(99).result, CommandResult::UnknownCode);
+    let slow = Action::Play { code: CODE_WALK, speed_64ths: 32 };
+    assert_eq!(rig.command(slow).result, CommandResult::BadSpeed);
+    assert_eq!(rig.command(Action::Pause).result, CommandResult::UnknownKind);
+    assert_eq!(rig.brain.state(), State::Ready);
+
+    let mut rig = Rig::new(None);
+    rig.run(20);
+    assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::NoLibrary);
+    assert!(rig.brain.faults().contains(Fault::NoLibrary));
+}
+
+#[test]
+fn duplicate_command_not_executed_twice() {
+    let mut rig = Rig::ready();
+    let mut command = rig.next_command(Action::Play { code: CODE_DRIVE, speed_64ths: 64 });
+    command.valid_until_ms += 20_000;
+    let first = rig.repeat(command);
+    assert_eq!(first.result, CommandResult::Ok);
+    let mut drives = 0;
+    let mut last = STAND_CLIP;
+    for tick in 0..1200 {
+        if tick % 37 == 0 {
+            assert_eq!(rig.repeat(command), first, "the same answer again");
+        }
+        rig.step();
+        drives += u32::from(rig.clip() == DRIVE_CLIP && last != DRIVE_CLIP);
+        last = rig.clip();
+    }
+    assert_eq!(drives, 1);
+    assert_eq!(rig.brain.state(), State::Ready);
+}
+
+#[test]
+fn damaged_frames_are_counted_and_do_nothing() {
+    let mut rig = Rig::ready();
+    let good = rig.next_command(Action::Play { code: CODE_WALK, speed_64ths: 64 }).encode(me());
+    for bit in 0..64 {
+        let mut data = [0; 8];
+        data.copy_from_slice(good.data());
+        data[bit / 8] ^= 1 << (bit % 8);
+        rig.send(&CanFrame::new(good.id(), &data).unwrap());
+    }
+    assert_eq!(rig.brain.damaged_link_frames(), 64);
+    // Telemetry of another controller on the same bus is not damaged, only not ours.
+    rig.send(&CanFrame::new(0x450, &[1, 2, 3]).unwrap());
+    assert_eq!(rig.brain.damaged_link_frames(), 64);
+    assert_eq!(rig.brain.state(), State::Ready);
+}
+
+#[test]
+fn status_comes_at_20_hz_and_on_change() {
+    let mut rig = Rig::booted();
+    let from = rig.heard.len();
+    rig.run(120);
+    let second = rig.heard.split_off(from);
+    let count = |of: fn(&FromController) -> bool| second.iter().filter(|(_, m)| of(m)).count();
+    // 120 ticks of 8333 µs are a little less than a second.
+    let statuses = count(|m| matches!(m, FromController::Status(_)));
+    assert!((19..=20).contains(&statuses), "{statuses}");
+    let replies = count(|m| matches!(m, FromController::HeartbeatReply(_)));
+    assert!((19..=20).contains(&replies), "{replies}");
+    // Budget: four in each 60 Hz frame.
+    assert_eq!(count(|m| matches!(m, FromController::JointTelemetry(_))), 240);
+
+    rig.arm();
+    let before = rig.statuses().len();
+    rig.step();
+    let (at, status) = rig.statuses()[before];
+    assert_eq!((at, status.state), (rig.now_us, State::Aligning.into()));
+}
+
+#[test]
+fn any_fault_shows_in_the_status_word() {
+    type Cause = fn(&mut Rig);
+    let faults: [(Cause, Fault); 3] = [
+        (|rig| rig.servos[0].powered = false, Fault::ActuatorSilent),
+        (|rig| rig.servos[0].status = ActuatorStatus::TIMED_OUT, Fault::ActuatorFault),
+        (|rig| rig.host_alive = false, Fault::HostLost),
+    ];
+    for (cause, fault) in faults {
+        let mut rig = Rig::ready();
+        cause(&mut rig);
+        rig.run(50);
+        let status = rig.statuses().last().unwrap().1;
+        assert!(status.faults.contains(fault) && status.severity != Severity::None, "{status:?}");
+    }
+}
+
+#[test]
+fn a_fault_that_lasts_is_reported_every_second() {
+    let mut rig = Rig::ready();
+    rig.servos[0].status = ActuatorStatus::OVERHEATED;
+    let from = rig.heard.len();
+    rig.run(5 * 120);
+    let reports = rig.heard[from..].iter().filter(|(_, m)| match m {
+        FromController::FaultReport(r) => (r.fault, r.channel) == (Fault::ActuatorFault, Some(0)),
+        _ => false,
+    });
+    // When it appears, and five seconds long.
+    let count = reports.count();
+    assert!((5..=6).contains(&count), "{count}");
+}
+
+#[test]
+fn of_more_answers_than_there_is_room_for_the_latest_are_kept() {
+    let mut rig = Rig::ready();
+    let commands: Vec<_> = (0..6).map(|_| rig.next_command(Action::Return)).collect();
+    for command in &commands {
+        rig.brain.on_link_frame(rig.now_us, &command.encode(me()));
+    }
+    let from = rig.heard.len();
+    rig.step();
+    let acks = rig.heard[from..].iter().filter_map(|(_, m)| match m {
+        FromController::CommandAck(ack) => Some(ack.seq),
+        _ => None,
+    });
+    let latest: Vec<_> = commands[2..].iter().map(|command| command.seq).collect();
+    assert_eq!(acks.collect::<Vec<_>>(), latest);
+}

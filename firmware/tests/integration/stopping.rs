@@ -1,0 +1,324 @@
+//! Stopping, losing things, going home: each rule as a story on the bench.
+
+use rollwalk_firmware::safety::State;
+use rollwalk_protocol::actuator::{ActuatorStatus, Control, JointSetpoint, WheelSetpoint};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::{
+    Action, CommandResult, Estop, Fault, FromController, Heartbeat, Node, Severity,
+};
+
+use crate::rig::{Rig, me};
+use crate::robot::*;
+
+#[test]
+fn stale_command_after_power_return() {
+    let mut rig = Rig::ready();
+    let ack = rig.play(CODE_DRIVE);
+    rig.run(2 * u32::from(ack.value) + 60);
+    assert!(rig.servos[2].value > 3.0, "it drives");
+
+    // Motor power fails: nobody takes frames, nobody answers. Meanwhile everything goes on.
+    rig.buses_up = false;
+    rig.servos.iter_mut().for_each(|servo| servo.enabled = false);
+    let damped_after = rig.run_until(State::Damped, 100);
+    assert!(damped_after <= u32::from(rig.settings.silent_ticks) + 2);
+    rig.run(2);
+    // Power returns for a moment: one frame each, and it is damping.
+    for bus in [0, 1] {
+        let mut frames = vec![];
+        while let Some(frame) = rig.brain.poll_actuator(bus) {
+            frames.push(frame);
+        }
+        assert_eq!(frames.len(), if bus == 0 { 2 } else { 1 });
+        for frame in frames {
+            match (JointSetpoint::decode(&frame), WheelSetpoint::decode(&frame)) {
+                (Some((_, joint)), _) => assert_eq!(joint.kp_nm_rad, 0.0),
+                (_, Some((_, wheel))) => assert!(wheel.speed_rad_s < 9.0, "it brakes"),
+                _ => panic!("{frame:?}"),
+            }
+        }
+    }
+    rig.run_until(State::TorqueOff, 1000);
+    rig.run(500);
+    // Power returns for good: what comes is "off", once for each, and nothing that moves.
+    for bus in [0, 1] {
+        while let Some(frame) = rig.brain.poll_actuator(bus) {
+            assert_eq!(Control::decode(&frame).map(|(_, c)| c), Some(Control::Disable));
+        }
+    }
+    rig.buses_up = true;
+    rig.run(500);
+    assert_eq!(rig.brain.state(), State::TorqueOff);
+    assert!(rig.brain.faults().contains(Fault::ActuatorSilent));
+
+    // A motion command that was stuck somewhere meanwhile is answered, not executed.
+    rig.clear();
+    rig.run(20);
+    let stuck = rig.next_command(Action::Play { code: CODE_DRIVE, speed_64ths: 64 });
+    rig.arm();
+    rig.run_until(State::Ready, 1000);
+    let late = rig.next_command(Action::Play { code: CODE_DRIVE, speed_64ths: 64 });
+    rig.run(100);
+    assert_eq!(rig.repeat(late).result, CommandResult::Expired);
+    assert_eq!(rig.repeat(stuck).result, CommandResult::OutOfOrder);
+    assert_eq!(rig.brain.state(), State::Ready);
+}
+
+#[test]
+fn heartbeat_loss_returns_to_safe() {
+    let mut rig = Rig::ready();
+    lose_the_host(&mut rig);
+    // And again: nothing of the first time is left.
+    rig.clear();
+    rig.run(20);
+    rig.arm();
+    rig.run_until(State::Ready, 1000);
+    lose_the_host(&mut rig);
+}
+
+fn lose_the_host(rig: &mut Rig) {
+    rig.play(CODE_WALK);
+    rig.run(200);
+    assert_eq!(rig.clip(), WALK_CLIP);
+    rig.host_alive = false;
+    let after = rig.run_until(State::Returning, 100);
+    // 250 ms at 120 Hz, from a heartbeat that was up to 50 ms old.
+    assert!((24..=31).contains(&after), "{after}");
+    assert_eq!(rig.play(CODE_DRIVE).result, CommandResult::WrongState);
+
+    let mut clips = vec![];
+    let mut held = 0;
+    while rig.brain.state() == State::Returning {
+        if clips.last() != Some(&rig.clip()) {
+            clips.push(rig.clip());
+        }
+        held += u32::from(rig.clip() == STAND_CLIP);
+        rig.step();
+    }
+    assert_eq!(clips, [WALK_CLIP, WALK_TO_STAND, STAND_CLIP]);
+    assert!((held as i32 - 120).abs() <= 6, "held for a second, not {held} ticks");
+    assert_eq!(rig.brain.state(), State::Damped);
+    rig.step();
+    assert!(rig.servos[..2].iter().all(|s| s.setpoints.last().unwrap().1 == 0.0), "kp 0");
+    rig.run_until(State::TorqueOff, 300);
+
+    // The host is back: nothing happens by itself.
+    rig.host_alive = true;
+    rig.run(500);
+    assert_eq!(rig.brain.state(), State::TorqueOff);
+    assert!(rig.brain.faults().contains(Fault::HostLost));
+    assert!(rig.servos.iter().all(|s| !s.enabled));
+    assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::WrongState);
+}
+
+#[test]
+fn a_repeated_heartbeat_is_no_sign_of_life() {
+    let mut rig = Rig::ready();
+    rig.host_alive = false;
+    let stuck = Heartbeat { seq: 77, host_ms: 0 }.encode(me());
+    for _ in 0..40 {
+        rig.send(&stuck);
+        rig.step();
+    }
+    assert_eq!(rig.brain.state(), State::Returning);
+}
+
+#[test]
+fn estop_stops_in_one_tick_from_every_state() {
+    let reach: [(State, fn() -> Rig); 9] = [
+        (State::Boot, || Rig::new(Some(&library()))),
+        (State::Disarmed, Rig::booted),
+        (State::Aligning, || {
+            let mut rig = Rig::booted();
+            rig.arm();
+            rig.run(30);
+            rig
+        }),
+        (State::Ready, Rig::ready),
+        (State::Playing, || {
+            let mut rig = Rig::ready();
+            rig.play(CODE_WALK);
+            rig.run(99);
+            rig
+        }),
+        (State::Returning, || {
+            let mut rig = Rig::ready();
+            rig.play(CODE_WALK);
+            rig.run(99);
+            rig.command(Action::Disarm);
+            rig
+        }),
+        (State::Damped, || {
+            let mut rig = Rig::ready();
+            rig.servos[0].status = ActuatorStatus::OVERHEATED;
+            rig.run(3);
+            rig
+        }),
+        (State::TorqueOff, || {
+            let mut rig = Rig::ready();
+            rig.servos[0].status = ActuatorStatus::OVERHEATED;
+            rig.run(400);
+            rig
+        }),
+        (State::EStopped, || {
+            let mut rig = Rig::ready();
+            rig.estop();
+            rig
+        }),
+    ];
+    for (state, rig) in reach {
+        let mut rig = rig();
+        assert_eq!(rig.brain.state(), state);
+        rig.brain.tick(rig.now_us);
+        // The identifier alone stops; not that of another controller.
+        let other = Estop.encode(Node::new(5).unwrap());
+        rig.brain.on_link_frame(rig.now_us, &other);
+        if state != State::EStopped {
+            assert_ne!(rig.brain.state(), State::EStopped);
+        }
+        let id = Estop.encode(me()).id();
+        let heard = rig.heard.len();
+        rig.send(&CanFrame::new(id, &[1, 2, 3]).unwrap());
+        assert_eq!(rig.brain.state(), State::EStopped, "from {state:?}");
+        assert!(rig.heard[heard..].iter().any(|(_, m)| matches!(m, FromController::EstopAck(_))));
+        let frame = rig.brain.poll_actuator(0).expect("off, at once");
+        assert_eq!(Control::decode(&frame).map(|(_, c)| c), Some(Control::Disable));
+        for _ in 0..300 {
+            rig.step();
+        }
+        assert_eq!(rig.brain.state(), State::EStopped);
+        assert!(rig.servos.iter().all(|s| !s.enabled));
+        assert!((0..3).all(|c| rig.brain.setpoint(c).is_none()));
+        assert_eq!(rig.statuses().last().unwrap().1.severity, Severity::EStop);
+    }
+}
+
+#[test]
+fn estop_is_cleared_in_two_steps_with_the_right_nonce() {
+    let mut rig = Rig::ready();
+    rig.estop();
+    rig.run(5);
+    assert_eq!(rig.command(Action::ClearConfirm { nonce: 0 }).result, CommandResult::WrongNonce);
+    let nonce = rig.command(Action::ClearRequest).value;
+    let wrong = Action::ClearConfirm { nonce: nonce ^ 1 };
+    assert_eq!(rig.command(wrong).result, CommandResult::WrongNonce);
+    let right = Action::ClearConfirm { nonce };
+    assert_eq!(rig.command(right).result, CommandResult::WrongNonce, "one try for a nonce");
+    let nonce = rig.command(Action::ClearRequest).value;
+    rig.estop();
+    let confirm = Action::ClearConfirm { nonce };
+    assert_eq!(rig.command(confirm).result, CommandResult::WrongNonce, "stopped again meanwhile");
+    assert_eq!(rig.brain.state(), State::EStopped);
+    rig.clear();
+    rig.run(1);
+    assert_eq!(rig.brain.state(), State::Disarmed);
+    assert!(rig.brain.faults().is_empty());
+}
+
+#[test]
+fn a_silent_actuator_damps_all() {
+    let mut rig = Rig::ready();
+    rig.servos[1].powered = false;
+    let after = rig.run_until(State::Damped, 100);
+    assert_eq!(after, u32::from(rig.settings.silent_ticks) + 1);
+    assert_eq!(rig.statuses().last().unwrap().1.severity, Severity::Damp);
+    let report = rig.heard.iter().rev().find_map(|(_, m)| match m {
+        FromController::FaultReport(report) => Some(*report),
+        _ => None,
+    });
+    let report = report.expect("a report");
+    assert_eq!((report.fault, report.channel), (Fault::ActuatorSilent, Some(1)));
+    rig.step();
+    assert_eq!(rig.servos[0].setpoints.last().unwrap().1, 0.0);
+    rig.run_until(State::TorqueOff, 300);
+    rig.run(2);
+    assert!(!rig.servos[0].enabled && !rig.servos[2].enabled);
+}
+
+#[test]
+fn an_actuator_that_faults_or_drops_its_torque_damps_all() {
+    let mut rig = Rig::ready();
+    rig.servos[2].status = ActuatorStatus::BAD_VOLTAGE;
+    rig.run(2);
+    assert_eq!(rig.brain.state(), State::Damped);
+
+    let mut rig = Rig::ready();
+    rig.servos[0].enabled = false;
+    rig.run(2);
+    assert_eq!(rig.brain.state(), State::Damped);
+    assert!(rig.brain.faults().contains(Fault::ActuatorFault));
+}
+
+#[test]
+fn disarm_goes_home_first_and_leaves_no_fault() {
+    let mut rig = Rig::ready();
+    rig.play(CODE_WALK);
+    rig.run(100);
+    assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok);
+    assert_eq!(rig.brain.state(), State::Returning);
+    while rig.clip() != STAND_CLIP {
+        rig.step();
+    }
+    // The operator waits for it: nothing is held once the frames ahead are through.
+    assert!(rig.run_until(State::Damped, 1000) <= 8);
+    assert!((rig.servos[0].value - STAND[0]).abs() < 1e-3);
+    rig.run_until(State::Disarmed, 300);
+    assert!(rig.brain.faults().is_empty());
+    rig.run(20);
+    rig.arm();
+}
+
+#[test]
+fn return_goes_home_and_stays_ready() {
+    let mut rig = Rig::ready();
+    rig.play(CODE_WALK);
+    rig.run(200);
+    let ack = rig.command(Action::Return);
+    assert_eq!((ack.result, ack.motion), (CommandResult::Ok, Some(STAND_CLIP)));
+    rig.run_until(State::Ready, 1000);
+    assert_eq!(rig.command(Action::Return).result, CommandResult::Ok);
+    rig.run(100);
+    assert_eq!(rig.brain.state(), State::Ready);
+}
+
+#[test]
+fn feedback_that_repeats_itself_is_no_sign_of_life() {
+    let mut rig = Rig::ready();
+    rig.servos[1].powered = false;
+    let stuck = rig.servos[1].feedback();
+    for _ in 0..=rig.settings.silent_ticks + 1 {
+        rig.brain.on_actuator_frame(rig.now_us, 0, &stuck);
+        rig.step();
+    }
+    assert_eq!(rig.brain.state(), State::Damped);
+    assert!(rig.brain.faults().contains(Fault::ActuatorSilent));
+}
+
+#[test]
+fn wheels_brake_while_damped() {
+    let mut rig = Rig::ready();
+    let ack = rig.play(CODE_DRIVE);
+    rig.run(2 * u32::from(ack.value) + 80);
+    let speed = rig.servos[2].value;
+    assert!(speed > 5.0);
+    rig.servos[0].status = ActuatorStatus::OVERHEATED;
+    rig.run_until(State::Damped, 5);
+    // At its rate of 60 rad/s², 120 times a second.
+    rig.run((speed / 60.0 * 120.0) as u32 + 3);
+    assert_eq!(rig.brain.state(), State::Damped);
+    assert_eq!(rig.servos[2].value, 0.0);
+}
+
+#[test]
+fn a_slow_bus_serves_all_actuators_in_turn() {
+    let mut rig = Rig::ready();
+    rig.buses_up = false;
+    let mut served = vec![];
+    for _ in 0..6 {
+        rig.step();
+        // Room for one frame in each period.
+        let frame = rig.brain.poll_actuator(0).expect("there is always something to say");
+        served.push(JointSetpoint::decode(&frame).expect("a setpoint").0);
+    }
+    assert!(served.windows(2).all(|pair| pair[0] != pair[1]), "{served:?}");
+}
