@@ -23,11 +23,13 @@ pub struct Weights {
     /// Pull of ground forces towards an even share of the weight. Decides whether a plan survives
     /// soft servos: too low and it leans on internal forces that no servo reproduces.
     pub force: f64,
-    /// Pull of joints and body towards the nominal pose.
+    /// Pull of joints and body towards the nominal pose. Too low and the body drifts; too high and a
+    /// robot turns back and forth to keep its wheels pointing ahead.
     pub posture: f64,
     /// Pull of wheel speeds towards zero (rim speed, m/s), which fixes them in swing.
     pub wheel_speed: f64,
-    /// Pull of wheel speeds towards a constant (rim speed differences, m/s): wheels have inertia.
+    /// Pull of wheel speeds towards a constant (rim speed differences, m/s): wheels have inertia. Too
+    /// low and transitions ask 50 rad/s² of the wheels; too high and legs lean instead of wheels rolling.
     pub wheel_smoothness: f64,
     /// Least normal force of a foot in stance, as a fraction of its even share of the weight.
     pub least_normal_force: f64,
@@ -45,7 +47,7 @@ impl Default for Weights {
             force: 1e-3,
             posture: 1e-3,
             wheel_speed: 1e-6,
-            wheel_smoothness: 2e-2,
+            wheel_smoothness: 0.1,
             least_normal_force: 0.1,
             friction_use: 0.8,
             clearance_m: 0.02,

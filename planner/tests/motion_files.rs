@@ -96,7 +96,7 @@ fn walking_has_three_feet_down_and_the_rows_of_its_comment() {
         let comment = WALK.lines().find(|line| line.starts_with(&format!("#   {} ", foot.name)));
         let pattern = comment.unwrap().split('"').nth(1).unwrap();
         assert_eq!(row(&walk, index), pattern, "{}", foot.name);
-        assert_eq!(row(&walk, index).matches('.').count(), 5, "{}", foot.name);
+        assert_eq!(row(&walk, index).matches('.').count(), 7, "{}", foot.name);
     }
 }
 
@@ -105,13 +105,13 @@ fn rows_may_be_written_by_hand_and_are_stretched_to_the_samples() {
     let rows = "front_left = \"#### ....\"\nfront_right = \"....|####\"\n\
                 rear_left = \"....####\"\nrear_right = \"####....\"";
     let walk = broken("gait = \"walk\"\nduty = 0.8", rows).unwrap();
-    assert_eq!(row(&walk, 0), "############............");
-    assert_eq!(row(&walk, 1), "............############");
+    assert_eq!(row(&walk, 0), "################................");
+    assert_eq!(row(&walk, 1), "................################");
     let trot = broken("gait = \"walk\"\nduty = 0.8", "gait = \"trot\"\nduty = 0.5").unwrap();
     assert_eq!(row(&trot, 0), row(&trot, 3));
     assert_eq!(row(&trot, 1), row(&trot, 2));
-    // Swings are open intervals of phase, so that 11 of 24 samples are strictly inside half a cycle.
-    assert_eq!(row(&trot, 0).matches('.').count(), 11);
+    // Swings are open intervals of phase, so that 15 of 32 samples are strictly inside half a cycle.
+    assert_eq!(row(&trot, 0).matches('.').count(), 15);
 }
 
 #[test]
@@ -128,7 +128,7 @@ fn durations_are_whole_frames_and_may_be_rounded_to_four_decimals() {
 
 #[test]
 fn samples_follow_from_the_duration_when_not_given() {
-    assert_eq!(broken("samples = 24\n", "").unwrap().stance.len(), 24); // 15 a second
+    assert_eq!(broken("samples = 32\n", "").unwrap().stance.len(), 24); // 15 a second
     assert_eq!(motion(&STAND.replace("samples = 12\n", "")).stance.len(), 15);
 }
 
@@ -163,11 +163,11 @@ fn every_kind_of_mistake_in_a_motion_file_is_named() {
         &[(line("forward_m"), "[goal]: unknown key `forward_mm`", "did you mean `forward_m`?")],
     );
     assert_faults(
-        broken("samples = 24", "samples = 2.5"),
+        broken("samples = 32", "samples = 2.5"),
         &[(line("samples"), "must be a whole number from 4 to 480", "4 to 480")],
     );
     assert_faults(
-        broken("samples = 24", "samples = 8"),
+        broken("samples = 32", "samples = 8"),
         &[(footfalls, "a swing of 1 of 8 samples", "samples to 24 or more")],
     );
     assert_faults(
