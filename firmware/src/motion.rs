@@ -112,8 +112,12 @@ impl Motion {
             }
             Fault::ActuatorFault => {
                 let status = |i| self.actuators.feedback(i).map(|f| f.status);
-                let suspect = |&i: &usize| status(i).is_some_and(|s| s.faulty() || !s.enabled());
-                let channel = channels.find(suspect)?;
+                let faulty = |&i: &usize| status(i).is_some_and(|s| s.faulty());
+                // Once torque was taken off it says nothing that one is off.
+                let off = |&i: &usize| {
+                    !matches!(self.stage, Stage::Off) && status(i).is_some_and(|s| !s.enabled())
+                };
+                let channel = channels.clone().find(faulty).or_else(|| channels.find(off))?;
                 (channel, f32::from(status(channel)?.0))
             }
             Fault::OutOfLimits => {

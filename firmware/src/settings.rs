@@ -120,6 +120,7 @@ mod tests {
             (Settings { node: 15, ..good }, "node"),
             (Settings { control_hz: 100, ..good }, "control_hz"),
             (Settings { control_hz: 0, ..good }, "control_hz"),
+            (Settings { control_hz: 1020, ..good }, "control_hz"),
             (Settings { heartbeat_timeout_us: 0, ..good }, "heartbeat_timeout_us"),
             (Settings { silent_ticks: 1, ..good }, "silent_ticks"),
             (Settings { align_speed_rad_s: f32::NAN, ..good }, "align_speed_rad_s"),

@@ -7,7 +7,7 @@ use rollwalk_protocol::actuator::{
 };
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::library::ClipId;
-use rollwalk_protocol::wire::{Action, CommandResult, Fault, Heartbeat};
+use rollwalk_protocol::wire::{Action, CommandResult, Fault, FromController, Heartbeat};
 
 use crate::rig::{Rig, me};
 use crate::robot::*;
@@ -190,7 +190,7 @@ fn a_change_of_mind_while_actuators_are_enabled_leaves_no_fault() {
 
 #[test]
 fn a_robot_that_cannot_get_up_is_let_down() {
-    // A joint that stays where it is: more than the tolerance from SAFE.
+    // Joints that stay where they are, 0.65 and 0.7 rad from SAFE: more than the tolerance.
     let mut rig = Rig::booted();
     rig.arm();
     let mut strongest = 0.0f32;
@@ -225,6 +225,15 @@ fn a_robot_that_cannot_get_up_is_let_down() {
     }
     assert_eq!(rig.brain.state(), State::Damped);
     assert!(rig.brain.faults().contains(Fault::TrackingError));
+    rig.send(&Heartbeat { seq: 0, host_ms: 0 }.encode(me()));
+    let blamed = rig.heard.iter().rev().find_map(|(_, m)| match m {
+        FromController::FaultReport(r) if r.fault == Fault::TrackingError => Some(*r),
+        _ => None,
+    });
+    let blamed = blamed.expect("a report");
+    assert_eq!(blamed.channel, Some(1));
+    // A quantum of SAFE and a step of the measurement.
+    assert!((blamed.value - 0.7).abs() < 2e-3, "{blamed:?}");
     assert!(strongest > 2.9, "it does what it may: {strongest} N·m");
 }
 

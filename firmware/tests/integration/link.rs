@@ -3,7 +3,9 @@
 use rollwalk_firmware::safety::State;
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::wire::{Action, CommandResult, Fault, FromController, Severity};
+use rollwalk_protocol::wire::{
+    Action, CommandResult, Fault, FaultReport, FromController, Severity,
+};
 
 use crate::rig::{Rig, me};
 use crate::robot::*;
@@ -14,6 +16,8 @@ fn refusals_have_reasons() {
     assert_eq!(rig.play(CODE_DRIVE).result, CommandResult::NotArmed);
     assert_eq!(rig.command(Action::ClearRequest).result, CommandResult::WrongState);
     assert_eq!(rig.command(Action::ArmConfirm { nonce: 1 }).result, CommandResult::WrongNonce);
+    let clear = Action::ClearConfirm { nonce: 1 };
+    assert_eq!(rig.command(clear).result, CommandResult::WrongState);
     rig.arm();
     assert_eq!(rig.play(CODE_DRIVE).result, CommandResult::WrongState);
     assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::WrongState);
@@ -81,7 +85,10 @@ fn status_comes_at_20_hz_and_on_change() {
     let replies = count(|m| matches!(m, FromController::HeartbeatReply(_)));
     assert!((19..=20).contains(&replies), "{replies}");
     // Budget: four in each 60 Hz frame.
-    assert_eq!(count(|m| matches!(m, FromController::JointTelemetry(_))), 240);
+    for channel in 0..3 {
+        let of_it = |m: &FromController| matches!(m, FromController::JointTelemetry(t) if t.channel == channel);
+        assert_eq!(second.iter().filter(|(_, m)| of_it(m)).count(), 80);
+    }
 
     rig.arm();
     let before = rig.statuses().len();
@@ -105,6 +112,54 @@ fn any_fault_shows_in_the_status_word() {
         let status = rig.statuses().last().unwrap().1;
         assert!(status.faults.contains(fault) && status.severity != Severity::None, "{status:?}");
     }
+}
+
+/// The last fault report.
+fn report(rig: &Rig) -> FaultReport {
+    let report = rig.heard.iter().rev().find_map(|(_, m)| match m {
+        FromController::FaultReport(report) => Some(*report),
+        _ => None,
+    });
+    report.expect("a report")
+}
+
+#[test]
+fn a_refused_request_to_arm_is_followed_by_the_reason() {
+    type Cause = fn(&mut Rig);
+    let obstacles: [(Cause, Fault, Option<u8>, std::ops::Range<f32>); 4] = [
+        (|rig| rig.host_alive = false, Fault::HostLost, None, 0.4..0.6),
+        (|rig| rig.servos[2].powered = false, Fault::ActuatorSilent, Some(2), 0.4..0.6),
+        (
+            |rig| rig.servos[1].status = ActuatorStatus::HARDWARE,
+            Fault::ActuatorFault,
+            Some(1),
+            64.0..64.1,
+        ),
+        (|rig| rig.servos[0].value = 1.8, Fault::OutOfLimits, Some(0), 1.79..1.81),
+    ];
+    for (cause, fault, channel, value) in obstacles {
+        let mut rig = Rig::booted();
+        cause(&mut rig);
+        // Half a second.
+        rig.run(60);
+        assert!(rig.brain.faults().is_empty(), "none while torque is off");
+        assert_ne!(rig.command(Action::ArmRequest).result, CommandResult::Ok);
+        let report = report(&rig);
+        assert_eq!((report.fault, report.channel), (fault, channel));
+        assert!(value.contains(&report.value), "{report:?}");
+    }
+}
+
+/// Who comes back needs no clear.
+#[test]
+fn a_host_that_was_away_while_torque_was_off_may_arm() {
+    let mut rig = Rig::booted();
+    rig.host_alive = false;
+    rig.run(200);
+    rig.host_alive = true;
+    rig.run(20);
+    assert_eq!(rig.statuses().last().unwrap().1.severity, Severity::None);
+    rig.arm();
 }
 
 #[test]

@@ -86,6 +86,8 @@ fn lose_the_host(rig: &mut Rig) {
     assert!((24..=31).contains(&after), "{after}");
     assert_eq!(rig.play(CODE_DRIVE).result, CommandResult::WrongState);
 
+    assert_eq!(rig.statuses().last().unwrap().1.severity, Severity::Return);
+
     let mut clips = vec![];
     let mut held = 0;
     while rig.brain.state() == State::Returning {
@@ -243,10 +245,18 @@ fn an_actuator_that_faults_or_drops_its_torque_damps_all() {
     assert_eq!(rig.brain.state(), State::Damped);
 
     let mut rig = Rig::ready();
-    rig.servos[0].enabled = false;
+    rig.servos[1].enabled = false;
     rig.run(2);
     assert_eq!(rig.brain.state(), State::Damped);
     assert!(rig.brain.faults().contains(Fault::ActuatorFault));
+    // It is told which one; when all are off nobody knows any more.
+    rig.run(400);
+    let blamed = rig.heard.iter().filter_map(|(_, m)| match m {
+        FromController::FaultReport(r) if r.fault == Fault::ActuatorFault => Some(r.channel),
+        _ => None,
+    });
+    let blamed: Vec<_> = blamed.collect();
+    assert_eq!((blamed[0], blamed[blamed.len() - 1]), (Some(1), None));
 }
 
 #[test]
@@ -277,6 +287,7 @@ fn return_goes_home_and_stays_ready() {
     assert_eq!((ack.result, ack.motion), (CommandResult::Ok, Some(STAND_CLIP)));
     rig.run_until(State::Ready, 1000);
     assert_eq!(rig.command(Action::Return).result, CommandResult::Ok);
+    assert_eq!(rig.brain.state(), State::Ready, "it is there already");
     rig.run(100);
     assert_eq!(rig.brain.state(), State::Ready);
 }

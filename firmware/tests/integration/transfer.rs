@@ -48,6 +48,7 @@ fn a_library_is_flashed_and_played() {
     let index = validate(&bytes, &config()).unwrap();
     assert_eq!(hello.library, Some(index.id()));
     assert_eq!((hello.config_hash, hello.channels), (config().hash(), 3));
+    assert_eq!(rig.statuses().last().unwrap().1.library, index.id() as u8);
 
     rig.arm();
     rig.run_until(State::Ready, 1000);

@@ -80,6 +80,19 @@ fn not_a_library() {
 }
 
 #[test]
+fn a_footer_that_belongs_to_another_file() {
+    for at in [0, 8] {
+        let (fixture, mut bytes) = good();
+        let footer = bytes.len() - 24;
+        bytes[footer + at] ^= 1;
+        let crc = rollwalk_protocol::crc::crc32c(&bytes[footer..footer + 20]);
+        bytes[footer + 20..].copy_from_slice(&crc.to_le_bytes());
+        let reject = validate(&bytes, &fixture.config).unwrap_err();
+        expect(reject, Section::Footer, "not a motion library");
+    }
+}
+
+#[test]
 fn future_major_version() {
     let reject = refusal(|bytes| bytes[8] = 2);
     assert_eq!(reject.why, Why::OtherMajor { found: 2 });
