@@ -44,7 +44,7 @@ pub(crate) struct Link {
     endpoint: Endpoint,
     estop_ack: bool,
     heartbeat: Option<HeartbeatReply>,
-    last_heartbeat: Option<(u8, u64)>,
+    last_heartbeat: Option<(Heartbeat, u64)>,
     acks: Deque<CommandAck, 4>,
     discovered: bool,
     last_status: Option<Status>,
@@ -98,8 +98,8 @@ impl Link {
 
     /// Takes a heartbeat. A repeated one is answered but is no sign of life.
     pub fn on_heartbeat(&mut self, now_us: u64, heartbeat: Heartbeat) {
-        if self.last_heartbeat.is_none_or(|(seq, _)| seq != heartbeat.seq) {
-            self.last_heartbeat = Some((heartbeat.seq, now_us));
+        if self.last_heartbeat.is_none_or(|(last, _)| last != heartbeat) {
+            self.last_heartbeat = Some((heartbeat, now_us));
         }
         let controller_ms = (now_us / 1000) as u32;
         self.heartbeat = Some(HeartbeatReply { seq: heartbeat.seq, controller_ms });

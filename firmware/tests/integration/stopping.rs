@@ -125,6 +125,17 @@ fn a_repeated_heartbeat_is_no_sign_of_life() {
     assert_eq!(rig.brain.state(), State::Returning);
 }
 
+/// A host that starts again counts from 0, where the one before it may have been.
+#[test]
+fn a_host_that_starts_again_is_heard_at_once() {
+    let mut rig = Rig::booted();
+    rig.host_alive = false;
+    rig.send(&Heartbeat { seq: 0, host_ms: 1000 }.encode(me()));
+    rig.run(60);
+    rig.send(&Heartbeat { seq: 0, host_ms: 1500 }.encode(me()));
+    rig.arm();
+}
+
 #[test]
 fn estop_stops_in_one_tick_from_every_state() {
     let reach: [(State, fn() -> Rig); 9] = [
