@@ -100,6 +100,10 @@ fn refusals() {
     assert_eq!(a.send(&[0; 600]), Ok(()));
     a.reset();
     assert!(!a.is_sending());
+    // Nobody is asked for the rest of what was given up.
+    a.on_frame(b"\x10\x20abcdef", 0);
+    a.reset();
+    assert_eq!(next(&mut a, 0), "-");
 
     let mut small = Endpoint::<10>::new(Timing::default());
     let too_long = Event::Failed(IsoTpError::TooLong);
@@ -110,6 +114,20 @@ fn refusals() {
     assert_eq!(small.on_frame(&[0x10, 11, 1, 1, 1, 1, 1, 1], 0), too_long);
     assert_eq!(small.on_frame(&[0x21, 1, 1, 1, 1], 0), Event::None);
     assert_eq!(small.received(), b"");
+}
+
+/// The standard: a reserved separation time means the longest one, 127 ms.
+#[test]
+fn reserved_separation_times_are_the_longest() {
+    for code in [0x80, 0xF0, 0xFA, 0xFF] {
+        let mut a = end(0, 0);
+        a.send(&[1; 20]).unwrap();
+        next(&mut a, 0);
+        a.on_frame(&[0x30, 0, code], 0);
+        next(&mut a, 0);
+        assert_eq!(next(&mut a, 126_999), "-");
+        assert_ne!(next(&mut a, 127_000), "-");
+    }
 }
 
 /// First frames of messages that a single frame carries, and short ones, are ignored: nobody is

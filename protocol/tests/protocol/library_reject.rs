@@ -2,7 +2,9 @@
 
 use crate::fixture::{Fixture, robot};
 use crate::reseal::{HEADER, reseal, section};
-use rollwalk_protocol::library::{Library, LibrarySpec, Reject, Section, Why, encode, validate};
+use rollwalk_protocol::library::{
+    Library, LibrarySpec, MotionSpec, Reject, Section, Why, encode, validate,
+};
 
 fn good() -> (Fixture, Vec<u8>) {
     let fixture = Fixture::new();
@@ -383,11 +385,48 @@ fn a_safe_loop_holds_still_in_all_frames() {
     assert!(error.contains(sentence), "{error}");
 }
 
+/// A loop that rolls on for ever in the same pose.
+#[test]
+fn a_safe_loop_has_no_turning_wheel() {
+    let config = &robot(2, 1);
+    let roll = MotionSpec { name: "roll", code: 1, looping: true, frames: &[0.5, -1.0, 2.0] };
+    let spec = LibrarySpec { config, motions: &[roll], transitions: &[], safe: 0 };
+    let error = encode(&spec, &mut [0; 1 << 15]).unwrap_err().to_string();
+    let sentence = "channel 2: the safe motion does not come to rest in the safe pose";
+    assert!(error.contains(sentence), "{error}");
+}
+
+/// Puts bytes at the end of a section.
+fn appended(tag: usize, bytes: &[u8]) -> Reject {
+    refusal(|library| {
+        let table = section(library, tag);
+        let len = (table.len() + bytes.len()) as u32;
+        library[table.start - 4..table.start].copy_from_slice(&len.to_le_bytes());
+        library.splice(table.end..table.end, bytes.iter().copied());
+    })
+}
+
+#[test]
+fn nothing_follows_the_last_block() {
+    let reject = appended(4, &[0; 7]);
+    assert!(matches!(reject.why, Why::WrongCount { .. }), "{reject}");
+    assert_eq!(reject.section, Section::Frames);
+}
+
 #[test]
 fn broken_names() {
     expect(patched(9, 1, 0xFF), Section::Names, "the name of motion 0 is no text");
     expect(patched(9, 0, 0), Section::Names, "the name of motion 0 is no text, empty");
     expect(patched(9, 6, 100), Section::Names, "the name of motion 1 is no text");
+    // One byte longer than allowed.
+    let reject = refusal(|bytes| {
+        let names = section(bytes, 9);
+        let longer = [&[5][..], b"stand", &[33], &[b'x'; 33], &[5], b"drive"].concat();
+        let len = (longer.len() as u32).to_le_bytes();
+        bytes[names.start - 4..names.start].copy_from_slice(&len);
+        bytes.splice(names, longer);
+    });
+    expect(reject, Section::Names, "the name of motion 1 is no text");
 }
 
 #[test]
