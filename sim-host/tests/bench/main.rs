@@ -1,6 +1,7 @@
 //! The simulated robot end to end: a library flashed over the bus and played by code.
 
 mod agilebot;
+mod flashing;
 mod playing;
 mod refusing;
 mod robot;

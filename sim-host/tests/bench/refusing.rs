@@ -2,8 +2,10 @@
 
 use crate::robot::{self, SWING};
 use crate::{armed, connect, rig};
+use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::crc::crc32c;
-use rollwalk_protocol::wire::{CommandResult, State};
+use rollwalk_protocol::wire::{CommandResult, Node, State};
+use rollwalk_sim_host::link::{LinkBus, LinkError};
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_sim_host::session::{Session, SessionError};
 
@@ -64,6 +66,38 @@ fn something_that_is_no_library() {
     let sentence = refusal(&[0x55; 300]);
     assert!(sentence.contains("not a motion library"), "{sentence}");
     assert!(refusal(&[]).contains("refused the library"));
+}
+
+/// A link to a controller whose HELLO says that it speaks the next major version of the protocol.
+struct Newer(Rig);
+
+impl LinkBus for Newer {
+    fn now_us(&self) -> u64 {
+        self.0.now_us()
+    }
+
+    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+        self.0.send(frame)
+    }
+
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+        let frame = self.0.receive(deadline_us)?;
+        Ok(frame.map(|frame| match *frame.data() {
+            // First frame of a long message: its length in two bytes, HELLO's type, the version.
+            [0x10, low, 0x81, major, a, b, c, d] if frame.id() == 0x511 => {
+                let data = [0x10, low, 0x81, major + 1, a, b, c, d];
+                CanFrame::new(frame.id(), &data).expect("as long as before")
+            }
+            _ => frame,
+        }))
+    }
+}
+
+#[test]
+fn a_controller_that_speaks_another_protocol() {
+    let error = Session::connect(Newer(rig()), Node::new(1).unwrap()).err().unwrap();
+    assert!(matches!(error, SessionError::ProtocolMismatch { major: 2, .. }), "{error}");
+    assert!(error.to_string().contains("speaks protocol 2.0"), "{error}");
 }
 
 fn refused(session: &mut Session<Rig>, code: u8) -> (CommandResult, String) {

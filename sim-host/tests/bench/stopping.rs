@@ -84,6 +84,9 @@ fn a_silent_host_lets_the_robot_return_to_safe_and_lie_down() {
     let status = session.status().unwrap();
     assert_eq!(status.state, State::TorqueOff);
     assert!(status.faults.contains(Fault::HostLost));
+    // Torque is off, but it will not come to Disarmed by itself: no use in waiting.
+    let error = session.disarm().unwrap_err();
+    assert!(matches!(error, SessionError::WentElsewhere { .. }), "{error}");
     session.clear().unwrap();
     session.arm().unwrap();
 }
