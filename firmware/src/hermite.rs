@@ -5,8 +5,10 @@
 //! the curve is C1 everywhere, seams of loops and joints of clips included, and constant, linear
 //! and quadratic motions are reproduced exactly.
 
+use rollwalk_protocol::library::RATE_HZ;
+
 /// Frames per second of every motion library.
-pub const FRAME_HZ: f32 = 60.0;
+const FRAME_HZ: f32 = RATE_HZ as f32;
 
 /// Value and slope of a curve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

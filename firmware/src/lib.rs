@@ -15,11 +15,11 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-pub mod actuators;
-pub mod align;
+mod actuators;
+mod align;
 mod controller;
 mod gate;
-pub mod hermite;
+mod hermite;
 pub mod limiter;
 mod link;
 mod messages;

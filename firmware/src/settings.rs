@@ -1,8 +1,7 @@
 //! What can be set about a controller besides the robot itself.
 
+use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_protocol::wire::HOST_TIMEOUT_MS;
-
-use crate::hermite::FRAME_HZ;
 
 /// Settings of a controller. The defaults are chosen for a robot of a few kilograms.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,7 +67,8 @@ impl Settings {
         if self.node > 14 {
             return fail("node", "0 to 14");
         }
-        if self.control_hz == 0 || !self.control_hz.is_multiple_of(60) || self.control_hz > 960 {
+        if self.control_hz == 0 || !self.control_hz.is_multiple_of(RATE_HZ) || self.control_hz > 960
+        {
             return fail("control_hz", "a multiple of 60, from 60 to 960");
         }
         if self.heartbeat_timeout_us == 0 {
@@ -91,7 +91,7 @@ impl Settings {
 
     /// Control periods of a 60 Hz frame.
     pub fn ticks_per_frame(&self) -> u16 {
-        (self.control_hz / FRAME_HZ as u16).max(1)
+        (self.control_hz / RATE_HZ).max(1)
     }
 
     /// Control period, s.
