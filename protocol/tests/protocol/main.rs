@@ -10,6 +10,7 @@ mod library_hostile;
 mod library_reject;
 mod library_round_trip;
 mod library_size;
+mod reason_codes;
 mod reseal;
 mod transport_golden;
 mod wire_golden;
