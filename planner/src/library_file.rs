@@ -276,7 +276,9 @@ fn planned(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<
     let (duration_s, stance, swing_height_m) = steps(document, table, robot, footfalls)?;
     let goal = Goal::default();
     let ends = Ends::Prescribed;
-    Some(Motion { name: String::new(), duration_s, ends, stance, swing_height_m, goal })
+    let posture_rad = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
+    let name = String::new();
+    Some(Motion { name, duration_s, ends, stance, swing_height_m, goal, posture_rad })
 }
 
 /// Joins SAFE with every other motion, both ways, where no transition is written.

@@ -23,8 +23,8 @@ pub struct Weights {
     /// Pull of ground forces towards an even share of the weight. Decides whether a plan survives
     /// soft servos: too low and it leans on internal forces that no servo reproduces.
     pub force: f64,
-    /// Pull of joints and body towards the nominal pose. Too low and the body drifts; too high and a
-    /// robot turns back and forth to keep its wheels pointing ahead.
+    /// Pull of joints and body towards the motion's posture. Too low and the body drifts and feet gather
+    /// below it; too high and gaits scrub their feet.
     pub posture: f64,
     /// Pull of wheel speeds towards zero (rim speed, m/s), which fixes them in swing.
     pub wheel_speed: f64,
@@ -45,7 +45,7 @@ impl Default for Weights {
             penalty: 1000.0,
             smoothness: 0.1,
             force: 1e-3,
-            posture: 1e-3,
+            posture: 4e-3,
             wheel_speed: 1e-6,
             wheel_smoothness: 0.1,
             least_normal_force: 0.1,
@@ -82,6 +82,8 @@ pub struct Problem {
     pub placement_free: bool,
     /// Functional objectives.
     pub goal: Goal,
+    /// Standing configuration that the motion keeps near.
+    pub posture_q: DVector<f64>,
     /// Weights.
     pub weights: Weights,
 }
@@ -134,6 +136,7 @@ impl Problem {
             frozen: vec![vec![false; layout.len]; samples],
             placement_free: periodic,
             goal: motion.goal,
+            posture_q: model.standing_q(&motion.posture_rad),
             weights,
             model,
             layout,
@@ -185,6 +188,7 @@ impl Problem {
             frozen,
             placement_free: true,
             goal: motion.goal,
+            posture_q: model.standing_q(&motion.posture_rad),
             weights,
             model,
             layout,

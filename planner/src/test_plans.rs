@@ -210,6 +210,7 @@ impl Drive {
                 stance: vec![vec![true; 4]; self.samples],
                 swing_height_m: 0.03,
                 goal: Goal::default(),
+                posture_rad: vec![cruise_leg(0.0); 4],
             },
             sample_interval_s: h,
             samples: (0..self.samples).map(|i| sample(i + 2)).collect(),

@@ -115,6 +115,25 @@ fn rows_may_be_written_by_hand_and_are_stretched_to_the_samples() {
 }
 
 #[test]
+fn a_posture_takes_the_place_of_nominal_angles() {
+    let robot = agilebot();
+    let turn = motion(TURN);
+    let steer = robot.joints.iter().position(|joint| joint.name == "rear_left_steer").unwrap();
+    assert_eq!(turn.posture_rad[steer], 0.89);
+    assert_eq!(turn.posture_rad[0], robot.joints[0].nominal_rad);
+    let with = |line: &str| broken("[footfalls]", &format!("[posture]\n{line}\n[footfalls]"));
+    let at = line("[footfalls]") + 1; // below its header, which stands where the footfalls' stood
+    assert_faults(
+        with("rear_left_ster = 0.5"),
+        &[(at, "the robot has no joint `rear_left_ster`", "rear_left_steer")],
+    );
+    assert_faults(
+        with("rear_left_steer = 50.0"),
+        &[(at, "posture: `rear_left_steer` is 50 rad", "allowed is -1.6 to 1.6 rad")],
+    );
+}
+
+#[test]
 fn durations_are_whole_frames_and_may_be_rounded_to_four_decimals() {
     let exact = broken("duration_s = 1.6", "duration_s = 1.2667").unwrap();
     assert_eq!(exact.duration_s, 76.0 / 60.0);

@@ -96,18 +96,8 @@ impl Model {
             joints_to_link,
             chains,
         };
-        for (index, joint) in robot.joints.iter().enumerate() {
-            model.nominal_q[JOINTS + index] = joint.nominal_rad;
-        }
-        // Stand with the lowest end effector on the ground.
-        let pose = model.pose(&model.nominal_q);
-        let lowest = robot
-            .end_effectors
-            .iter()
-            .zip(&pose.end_effectors)
-            .map(|(ee, at)| at.center.z - drop_to_contact(at.axis, ee.radius_m))
-            .fold(f64::INFINITY, f64::min);
-        model.nominal_q[BASE_POSITION + 2] = -lowest;
+        let nominal_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
+        model.nominal_q = model.standing_q(&nominal_rad);
         model.centroidal_inertia_kg_m2 = model.inertia_about_com(&model.nominal_q);
         model
     }
@@ -137,6 +127,23 @@ impl Model {
     /// effector touching the ground.
     pub fn nominal_q(&self) -> &DVector<f64> {
         &self.nominal_q
+    }
+
+    /// The robot standing with these joint angles, rad: level body above the world origin, lowest end
+    /// effector touching the ground.
+    pub fn standing_q(&self, joint_rad: &[f64]) -> DVector<f64> {
+        let mut q = DVector::zeros(self.dofs());
+        q.rows_mut(JOINTS, joint_rad.len()).copy_from_slice(joint_rad);
+        let pose = self.pose(&q);
+        let lowest = self
+            .robot
+            .end_effectors
+            .iter()
+            .zip(&pose.end_effectors)
+            .map(|(ee, at)| at.center.z - drop_to_contact(at.axis, ee.radius_m))
+            .fold(f64::INFINITY, f64::min);
+        q[BASE_POSITION + 2] = -lowest;
+        q
     }
 
     /// Degrees of freedom that move end effector `index`.

@@ -3,7 +3,7 @@
 use super::footfall;
 use super::{Ends, Goal, Motion};
 use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
-use rollwalk_robot::document::{Document, DocumentError, Table};
+use rollwalk_robot::document::{Document, DocumentError, Table, alternatives};
 use rollwalk_robot::{Contact, Robot};
 use std::f64::consts::TAU;
 
@@ -52,13 +52,22 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
     });
     let goal =
         if root.has("goal") { root.table("goal").and_then(goal) } else { Some(Goal::default()) };
+    let posture = if root.has("posture") { root.table("posture") } else { None };
+    let posture_rad = posture_rad(document, posture.as_ref(), robot);
     let footfalls = root.table("footfalls").map(Footfalls::Table);
     let steps = steps(document, &root, robot, footfalls);
     root.done();
     let (duration_s, stance, swing_height_m) = steps?;
     named_robot?;
-    let motion =
-        Motion { name: name?, duration_s, ends: ends?, stance, swing_height_m, goal: goal? };
+    let motion = Motion {
+        name: name?,
+        duration_s,
+        ends: ends?,
+        stance,
+        swing_height_m,
+        goal: goal?,
+        posture_rad,
+    };
     if motion.ends == Ends::AtRest {
         check_rest(&root, &motion);
     }
@@ -136,6 +145,29 @@ fn duration(table: &Table<'_>) -> Option<f64> {
     );
     table.fault(KEY, format_args!("is {given} s"), "not a whole number of frames", help);
     None
+}
+
+/// Reads the joint angles that a motion keeps near: nominal ones but for the joints that a table names.
+fn posture_rad(document: &Document<'_>, table: Option<&Table<'_>>, robot: &Robot) -> Vec<f64> {
+    let mut posture_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
+    for entry in table.map(Table::named_numbers).unwrap_or_default() {
+        let names = robot.joints.iter().map(|joint| joint.name.as_str());
+        let Some(index) = names.clone().position(|name| name == entry.name) else {
+            let message = format!("posture: the robot has no joint `{}`", entry.name);
+            let help = alternatives(entry.name, names);
+            document.fault(entry.name_span, message, "no joint of this robot", help);
+            continue;
+        };
+        let joint = &robot.joints[index];
+        let allowed = joint.position_min_rad..=joint.position_max_rad;
+        if !allowed.contains(&entry.number) {
+            let message = format!("posture: `{}` is {} rad", entry.name, entry.number);
+            let help = format!("allowed is {} to {} rad", allowed.start(), allowed.end());
+            document.fault(entry.name_span, message, "beyond the joint's limits", help);
+        }
+        posture_rad[index] = entry.number;
+    }
+    posture_rad
 }
 
 fn goal(table: Table<'_>) -> Option<Goal> {

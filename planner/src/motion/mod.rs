@@ -22,6 +22,9 @@ pub struct Motion {
     pub swing_height_m: f64,
     /// Where to go.
     pub goal: Goal,
+    /// Joint angles that the motion keeps near, rad, in joint order: the robot's nominal ones where the
+    /// motion file names no others.
+    pub posture_rad: Vec<f64>,
 }
 
 impl Motion {

@@ -54,6 +54,12 @@ impl Plan {
             format!("{count} samples long"),
             format!("at least {MIN_SAMPLES} samples"),
         )?;
+        let (angles, joints) = (self.motion.posture_rad.len(), self.robot.joints.len());
+        at.of("motion.posture_rad").holds(
+            angles == joints && self.motion.posture_rad.iter().all(|angle| angle.is_finite()),
+            format!("{angles} angles"),
+            format!("{joints} finite angles, one for each joint"),
+        )?;
         let stance = &self.motion.stance;
         at.of("motion.stance").holds(
             stance.len() == count,

@@ -8,7 +8,7 @@ use crate::rows::{Role, RowWriter, Window};
 /// whether a plan survives soft servos.
 pub struct EvenForce;
 
-/// Joints near their nominal angles, body level and at its nominal height.
+/// Joints near the motion's posture, body level and at the height that goes with it.
 pub struct Posture;
 
 /// Wheels that need not turn do not (rim speed, m/s).
@@ -50,7 +50,7 @@ impl Term for Posture {
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         out.set(1.0, f64::INFINITY, Role::Cost { weight: problem.weights.posture });
-        let nominal = problem.model.nominal_q();
+        let nominal = &problem.posture_q;
         let level = [BASE_POSITION + 2, BASE_YAW + 1, BASE_YAW + 2];
         for dof in level.into_iter().chain(JOINTS..problem.layout.dofs) {
             out.d(1, dof, 1.0);

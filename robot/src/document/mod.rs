@@ -12,7 +12,7 @@ mod suggest;
 mod table;
 
 pub use suggest::alternatives;
-pub use table::{NamedString, Table};
+pub use table::{NamedNumber, NamedString, Table};
 
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use std::cell::RefCell;

@@ -20,6 +20,17 @@ pub struct Table<'d> {
     asked: RefCell<Vec<&'static str>>,
 }
 
+/// An entry of a table whose keys are names and whose values are numbers.
+#[derive(Clone, Debug)]
+pub struct NamedNumber<'d> {
+    /// The key.
+    pub name: &'d str,
+    /// Where the key is.
+    pub name_span: Span,
+    /// The value, finite.
+    pub number: f64,
+}
+
 /// An entry of [`Table::named_strings`].
 #[derive(Clone, Debug)]
 pub struct NamedString<'d> {
@@ -70,6 +81,17 @@ impl<'d> Table<'d> {
             let name = key.get_ref().as_ref();
             let text = self.typed(name, value, "a string in quotes", DeValue::as_str)?;
             Some(NamedString { name, name_span: key.span(), text, text_span: value.span() })
+        };
+        self.table.iter().filter_map(read).collect()
+    }
+
+    /// All keys with their values, for tables whose keys are names and whose values are numbers.
+    /// Read such a table with this alone, without [`Table::done`].
+    pub fn named_numbers(&self) -> Vec<NamedNumber<'d>> {
+        let read = |(key, value): (&'d Spanned<DeString<'d>>, &'d Spanned<DeValue<'d>>)| {
+            let name = key.get_ref().as_ref();
+            let given = self.typed(name, value, "a finite number", number)?;
+            Some(NamedNumber { name, name_span: key.span(), number: given })
         };
         self.table.iter().filter_map(read).collect()
     }
