@@ -204,6 +204,12 @@ impl Rig {
         rig
     }
 
+    /// Whether the joints are in the SAFE pose, which is whole quanta: to a step of a setpoint.
+    pub fn stands(&self) -> bool {
+        let joints = self.servos[..2].iter().zip(robot::STAND);
+        joints.into_iter().all(|(servo, safe)| (servo.value - safe).abs() <= POSITION_STEP_RAD)
+    }
+
     /// The clip that is being played.
     pub fn clip(&self) -> u8 {
         self.brain.playing().expect("it plays").clip.0
