@@ -49,10 +49,12 @@ fn walks_the_graph_from_motion_to_motion_and_back_to_safe() {
     // library. After a transition the motion itself, and everything by way of stand.
     assert_eq!(clips, [0, 4, 1, 5, 0, 6, 2, 7, 0, 8, 3, 9, 0]);
     let last = rig.records().last().unwrap();
+    // Half a quantum of the library, half a step of a setpoint: 0.6 mrad.
     assert!((last.commanded[0] - 0.3).abs() < 1e-3 && (last.commanded[1] + 0.6).abs() < 1e-3);
     assert_eq!(last.commanded[2], 0.0);
     let rolling = rig.records().iter().filter(|record| record.clip == ClipId(2));
     let fastest = rolling.map(|record| record.measured[2]).fold(0.0, f32::max);
+    // It comes from the ramp with a lag that dies away; nothing loads the wheel.
     assert!((fastest - ROLL_RAD_S).abs() < 0.02, "{fastest}");
 }
 
