@@ -32,7 +32,7 @@ pub fn follow_kinematics(model: &Model, layout: &Layout, vars: &mut DVector<f64>
 pub fn standing(problem: &Problem) -> DVector<f64> {
     let layout = &problem.layout;
     let mut vars = DVector::zeros(layout.len);
-    vars.rows_mut(0, layout.dofs).copy_from(&problem.posture_q);
+    vars.rows_mut(0, layout.dofs).copy_from(&problem.posture_q[0]);
     follow_kinematics(&problem.model, layout, &mut vars);
     for ee in &layout.end_effectors {
         vars[ee.force + 2] = problem.force_scale_n();

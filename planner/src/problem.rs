@@ -82,8 +82,8 @@ pub struct Problem {
     pub placement_free: bool,
     /// Functional objectives.
     pub goal: Goal,
-    /// Standing configuration that the motion keeps near.
-    pub posture_q: DVector<f64>,
+    /// Standing configurations that the samples keep near.
+    pub posture_q: Vec<DVector<f64>>,
     /// Weights.
     pub weights: Weights,
 }
@@ -106,6 +106,20 @@ pub struct PrescribedEnd {
     pub beyond: DVector<f64>,
     /// Contact flags at the end.
     pub stance: Vec<bool>,
+    /// Posture of the motion there, rad, in joint order.
+    pub posture_rad: Vec<f64>,
+}
+
+/// Standing configurations that lead evenly from one posture to another, without a jerk at the ends.
+fn blend(model: &Model, from_rad: &[f64], to_rad: &[f64], samples: usize) -> Vec<DVector<f64>> {
+    (0..samples)
+        .map(|i| {
+            let u = i as f64 / (samples - 1) as f64;
+            let share = u * u * (3.0 - 2.0 * u);
+            let angles = from_rad.iter().zip(to_rad).map(|(from, to)| from + share * (to - from));
+            model.standing_q(&angles.collect::<Vec<_>>())
+        })
+        .collect()
 }
 
 impl Problem {
@@ -136,7 +150,7 @@ impl Problem {
             frozen: vec![vec![false; layout.len]; samples],
             placement_free: periodic,
             goal: motion.goal,
-            posture_q: model.standing_q(&motion.posture_rad),
+            posture_q: vec![model.standing_q(&motion.posture_rad); samples],
             weights,
             model,
             layout,
@@ -188,7 +202,7 @@ impl Problem {
             frozen,
             placement_free: true,
             goal: motion.goal,
-            posture_q: model.standing_q(&motion.posture_rad),
+            posture_q: blend(&model, &start.posture_rad, &end.posture_rad, samples),
             weights,
             model,
             layout,

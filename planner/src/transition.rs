@@ -60,7 +60,8 @@ struct Moment<'a> {
 /// Optimises a transition that leaves `from` where it ends (a periodic motion: where its cycle closes)
 /// and enters `to` at its start.
 ///
-/// `motion` has prescribed ends; its goal, if any, is met on top of them. As with
+/// `motion` has prescribed ends; its goal, if any, is met on top of them. Its posture goes evenly from
+/// that of the one motion to that of the other, whatever its own. As with
 /// [`optimise`](crate::optimise) the outcome is in the plan's solve summary.
 ///
 /// # Errors
@@ -134,7 +135,8 @@ fn prescribed_end(model: &Model, moment: Moment, step_s: f64) -> PrescribedEnd {
         guess::follow_kinematics(model, &layout, &mut vars);
         vars
     };
-    PrescribedEnd { at: local(&here), beyond: local(&beyond), stance }
+    let posture_rad = moment.plan.motion.posture_rad.clone();
+    PrescribedEnd { at: local(&here), beyond: local(&beyond), stance, posture_rad }
 }
 
 /// The variables of a written sample.

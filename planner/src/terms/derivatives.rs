@@ -70,6 +70,7 @@ fn every_term_matches_finite_differences_on_every_robot() {
                     at: random[k].clone(),
                     beyond: random[k + 1].clone(),
                     stance: motion.stance[0].clone(),
+                    posture_rad: motion.posture_rad.clone(),
                 };
                 Problem::transition(model, &motion, &end(0), &end(2), Weights::default()).0
             } else {

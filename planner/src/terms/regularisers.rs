@@ -50,11 +50,12 @@ impl Term for Posture {
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         out.set(1.0, f64::INFINITY, Role::Cost { weight: problem.weights.posture });
-        let nominal = &problem.posture_q;
+        // The timeline has a sample before the motion.
+        let posture = &problem.posture_q[window.at[1] - 1];
         let level = [BASE_POSITION + 2, BASE_YAW + 1, BASE_YAW + 2];
         for dof in level.into_iter().chain(JOINTS..problem.layout.dofs) {
             out.d(1, dof, 1.0);
-            out.row(None, window.states[1].vars[dof] - nominal[dof]);
+            out.row(None, window.states[1].vars[dof] - posture[dof]);
         }
     }
 }
