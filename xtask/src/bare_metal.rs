@@ -3,6 +3,7 @@
 //! The rustup target is installed when missing. Where rustup cannot download it, Debian's own
 //! compiler, which ships with matching sources of `core`, builds the same crates.
 
+use crate::debian;
 use crate::shell::{self, cargo, command};
 use std::process::Command;
 
@@ -22,7 +23,12 @@ pub fn check() -> Result<(), String> {
         return shell::run(build.args(CRATES));
     }
     eprintln!("rustup cannot install {TARGET}; falling back to Debian's compiler");
-    debian_toolchain()?;
+    debian::need(&DEBIAN_PACKAGES).map_err(|install| {
+        format!(
+            "no compiler for {TARGET}. Run one of these, then try again:\n\n    \
+             rustup target add {TARGET}\n    {install}"
+        )
+    })?;
     let mut build = command(DEBIAN_CARGO, &["build", "--release", "--target", TARGET]);
     build.args(["-Z", "build-std=core"]).args(CRATES);
     // Debian's stable compiler needs leave to build `core`, and a folder of its own, because its
@@ -42,33 +48,6 @@ fn rustup_target() -> bool {
     };
     installed()
         || (shell::run(&mut command("rustup", &["target", "add", TARGET])).is_ok() && installed())
-}
-
-fn debian_toolchain() -> Result<(), String> {
-    let installed = || {
-        DEBIAN_PACKAGES.iter().all(|package| {
-            let query = ["-W", "-f=${Status}", package];
-            shell::output(&mut command("dpkg-query", &query))
-                .is_ok_and(|s| s.ends_with(" installed"))
-        })
-    };
-    if installed() {
-        return Ok(());
-    }
-    let mut install = vec!["install", "-y", "--no-install-recommends"];
-    install.extend(DEBIAN_PACKAGES);
-    let is_root = shell::output(&mut command("id", &["-u"])).is_ok_and(|id| id.trim() == "0");
-    if is_root && shell::run(&mut command("apt-get", &["update"])).is_ok() {
-        let mut apt = command("apt-get", &install);
-        if shell::run(apt.env("DEBIAN_FRONTEND", "noninteractive")).is_ok() && installed() {
-            return Ok(());
-        }
-    }
-    Err(format!(
-        "no compiler for {TARGET}. Run one of these, then try again:\n\n    \
-         rustup target add {TARGET}\n    sudo apt-get {}",
-        install.join(" ")
-    ))
 }
 
 /// Takes away what rustup's cargo leaves in the environment of the programs that it runs.

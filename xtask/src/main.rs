@@ -4,6 +4,7 @@
 //! house rules that no compiler checks, [`bare_metal`] builds the controller's crates for the Cortex-M4.
 
 mod bare_metal;
+mod debian;
 mod shell;
 mod steps;
 mod tidy;

@@ -1,6 +1,6 @@
 //! The steps of `cargo xtask test`, in the order in which they fail fastest.
 
-use crate::{bare_metal, shell, tidy};
+use crate::{bare_metal, debian, shell, tidy};
 use clap::ValueEnum;
 use std::time::Instant;
 
@@ -54,7 +54,10 @@ impl Step {
                 shell::run(command.env("RUSTDOCFLAGS", "-D warnings"))
             }
             Step::NoStd => bare_metal::check(),
-            Step::Test => shell::run(&mut shell::cargo(&["test", "--workspace", "--no-fail-fast"])),
+            Step::Test => {
+                need_python()?;
+                shell::run(&mut shell::cargo(&["test", "--workspace", "--no-fail-fast"]))
+            }
         }
     }
 }
@@ -86,6 +89,16 @@ pub fn run(only: Option<Step>) -> Result<(), String> {
         }
     }
     Ok(())
+}
+
+/// Python runs the independent check of plans, `docs/check_plan.py`, which the planner's tests call.
+fn need_python() -> Result<(), String> {
+    if shell::succeeds(&mut shell::command("python3", &["--version"])) {
+        return Ok(());
+    }
+    debian::need(&["python3"]).map_err(|install| {
+        format!("the tests need python3, any version from 3.9 on. On Debian:\n\n    {install}")
+    })
 }
 
 /// A component that rustup's minimal profile leaves out, installed when it is missing.
