@@ -99,7 +99,7 @@ pub struct EndEffectorSample {
 pub struct SolveSummary {
     /// Outcome.
     pub status: Status,
-    /// Accepted and rejected steps together.
+    /// Gauss-Newton iterations: one linearisation and at most one step each.
     pub iterations: usize,
     /// Final energy E(m).
     pub energy: f64,
