@@ -3,8 +3,8 @@
 
 use crate::interrupt;
 use indicatif::{ProgressBar, ProgressStyle};
+use rollwalk_planner::Progress;
 use rollwalk_planner::plan::{SolveSummary, Status};
-use rollwalk_planner::solver::Progress;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 

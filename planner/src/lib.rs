@@ -4,31 +4,33 @@
 //! A pure library: no clock, no file access, no threads, so that it also builds for the browser.
 
 pub mod export;
-pub mod formulation;
-pub mod guess;
+mod formulation;
+mod guess;
 pub mod library;
 pub mod library_file;
-pub mod model;
+mod model;
 pub mod motion;
 mod normal;
 mod optimise;
 mod penalty;
 pub mod plan;
 pub mod plot;
-pub mod problem;
+mod problem;
 pub mod report;
-pub mod rows;
+mod rows;
 pub mod sample;
-pub mod solver;
-pub mod state;
+mod solver;
+mod state;
 mod swing;
-pub mod terms;
+mod terms;
 #[cfg(test)]
 mod test_plans;
 #[cfg(test)]
 mod test_robots;
 mod transition;
-pub mod variables;
+mod variables;
 
 pub use optimise::{Options, optimise};
+pub use problem::Weights;
+pub use solver::{Progress, Settings};
 pub use transition::{TransitionError, optimise_transition};

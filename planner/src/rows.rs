@@ -78,10 +78,6 @@ pub enum Role {
 pub struct Row {
     /// Index of the term in the formulation.
     pub term: usize,
-    /// Timeline index of the sample that the row belongs to.
-    pub at: usize,
-    /// End effector or joint that the row belongs to.
-    pub subject: Option<Subject>,
     /// Residual over its scale.
     pub value: f64,
     /// Size of the residual that makes it 1, in the term's unit.
@@ -92,15 +88,6 @@ pub struct Row {
     pub role: Role,
     /// Range of its derivatives in [`Rows::columns`] and [`Rows::derivatives`].
     pub entries: std::ops::Range<usize>,
-}
-
-/// What a row is about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Subject {
-    /// End effector index.
-    EndEffector(usize),
-    /// Joint index.
-    Joint(usize),
 }
 
 /// All rows of a problem at one point.
@@ -219,7 +206,7 @@ impl<'a> RowWriter<'a> {
     }
 
     /// Ends the row: its residual in the term's unit.
-    pub fn row(&mut self, subject: Option<Subject>, residual: f64) {
+    pub fn row(&mut self, residual: f64) {
         let start = self.rows.columns.len();
         for k in 0..3 {
             if self.written[k].is_empty() {
@@ -248,8 +235,6 @@ impl<'a> RowWriter<'a> {
         }
         self.rows.rows.push(Row {
             term: self.term,
-            at: self.at[1],
-            subject,
             value: residual / self.scale,
             scale: self.scale,
             level: self.level,
@@ -295,3 +280,6 @@ impl<'a> RowWriter<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

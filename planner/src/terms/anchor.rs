@@ -18,7 +18,7 @@ impl Term for Anchor {
         out.set(1.0, level::POSITION_M, Role::Equality);
         for variable in [BASE_POSITION, BASE_POSITION + 1, BASE_YAW] {
             out.d(1, variable, 1.0);
-            out.row(None, window.states[1].vars[variable]);
+            out.row(window.states[1].vars[variable]);
         }
     }
 }

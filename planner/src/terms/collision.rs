@@ -5,7 +5,7 @@
 
 use super::level;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Subject, Window};
+use crate::rows::{Role, RowWriter, Window};
 
 /// See the module.
 pub struct Collision;
@@ -39,7 +39,7 @@ impl Term for Collision {
                 out.d_vector(1, p, &-direction);
                 out.d_vector(1, q, &direction);
                 let least = first.radius_m + second.radius_m + problem.weights.clearance_m;
-                out.row(Some(Subject::EndEffector(j)), least - distance);
+                out.row(least - distance);
             }
         }
     }

@@ -43,11 +43,9 @@ fn check(problem: &Problem, unknowns: &Unknowns, seen: &mut [usize]) {
             let error = (numeric - dense[index][column]).abs() / size;
             assert!(
                 error < TOLERANCE,
-                "{} of {} at sample {}, {:?}, column {column}: exact {} numeric {numeric}",
+                "{} of {}, row {index}, column {column}: exact {} numeric {numeric}",
                 TERMS[row.term].about().name,
                 problem.model.robot().name,
-                row.at,
-                row.subject,
                 dense[index][column],
             );
         }

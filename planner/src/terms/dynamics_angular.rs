@@ -84,7 +84,7 @@ impl Term for DynamicsAngular {
                 out.d_vector(1, ee.force, &d_force.row(c).transpose());
                 out.d_vector(1, ee.position, &d_point.row(c).transpose());
             }
-            out.row(None, residual[c]);
+            out.row(residual[c]);
         }
     }
 }

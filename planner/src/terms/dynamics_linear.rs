@@ -38,7 +38,7 @@ impl Term for DynamicsLinear {
             for ee in &problem.layout.end_effectors {
                 out.d(1, ee.force + c, 1.0);
             }
-            out.row(None, residual[c]);
+            out.row(residual[c]);
         }
     }
 }

@@ -33,7 +33,7 @@ impl Term for Displacement {
                     }
                 }
             }
-            out.row(None, last.pose.com[c] - first.pose.com[c] - wanted);
+            out.row(last.pose.com[c] - first.pose.com[c] - wanted);
         }
     }
 }
@@ -49,6 +49,6 @@ impl Term for Turn {
         out.d(1, BASE_YAW, -1.0);
         out.d(2, BASE_YAW, 1.0);
         let [_, first, last] = window.states;
-        out.row(None, last.vars[BASE_YAW] - first.vars[BASE_YAW] - wanted);
+        out.row(last.vars[BASE_YAW] - first.vars[BASE_YAW] - wanted);
     }
 }

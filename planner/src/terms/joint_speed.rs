@@ -3,7 +3,7 @@
 use super::level;
 use crate::formulation::{About, Span, Term};
 use crate::model::JOINTS;
-use crate::rows::{Role, RowWriter, Subject, Window};
+use crate::rows::{Role, RowWriter, Window};
 
 /// See the module.
 pub struct JointSpeed;
@@ -26,7 +26,7 @@ impl Term for JointSpeed {
             for sign in [1.0, -1.0] {
                 out.d(1, JOINTS + j, -sign / h);
                 out.d(2, JOINTS + j, sign / h);
-                out.row(Some(Subject::Joint(j)), sign * speed - limit);
+                out.row(sign * speed - limit);
             }
         }
     }

@@ -7,7 +7,7 @@
 
 use super::level;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Subject, Window};
+use crate::rows::{Role, RowWriter, Window};
 use crate::state::{d_yaw, rolling_direction};
 
 /// See the module.
@@ -44,7 +44,7 @@ impl Term for NoSlip {
                     out.d(1, wheel.yaw, d_mid_yaw);
                     out.d(2, wheel.yaw, d_mid_yaw);
                 }
-                out.row(Some(Subject::EndEffector(j)), slip);
+                out.row(slip);
             }
         }
     }

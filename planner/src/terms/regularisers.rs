@@ -36,7 +36,7 @@ impl Term for EvenForce {
             }
             for (c, target) in [0.0, 0.0, share].into_iter().enumerate() {
                 out.d(1, ee.force + c, 1.0);
-                out.row(None, window.states[1].vars[ee.force + c] - target);
+                out.row(window.states[1].vars[ee.force + c] - target);
             }
         }
     }
@@ -55,7 +55,7 @@ impl Term for Posture {
         let level = [BASE_POSITION + 2, BASE_YAW + 1, BASE_YAW + 2];
         for dof in level.into_iter().chain(JOINTS..problem.layout.dofs) {
             out.d(1, dof, 1.0);
-            out.row(None, window.states[1].vars[dof] - posture[dof]);
+            out.row(window.states[1].vars[dof] - posture[dof]);
         }
     }
 }
@@ -72,7 +72,7 @@ impl Term for WheelEffort {
             let Some(wheel) = ee.wheel else { continue };
             let radius = problem.model.robot().end_effectors[j].radius_m;
             out.d(1, wheel.speed, radius);
-            out.row(None, window.states[1].vars[wheel.speed] * radius);
+            out.row(window.states[1].vars[wheel.speed] * radius);
         }
     }
 }
@@ -98,7 +98,7 @@ impl Term for WheelSmoothness {
                     change += sign * radius * window.states[k].vars[wheel.speed];
                 }
             }
-            out.row(None, change);
+            out.row(change);
         }
     }
 }

@@ -20,7 +20,7 @@ impl Term for Smoothness {
             out.d(0, dof, 1.0);
             out.d(1, dof, -2.0);
             out.d(2, dof, 1.0);
-            out.row(None, before[dof] - 2.0 * here[dof] + after[dof]);
+            out.row(before[dof] - 2.0 * here[dof] + after[dof]);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::level;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Subject, Window};
+use crate::rows::{Role, RowWriter, Window};
 
 /// See the module.
 pub struct SwingForce;
@@ -20,7 +20,7 @@ impl Term for SwingForce {
             }
             for c in 0..3 {
                 out.d(1, ee.force + c, 1.0);
-                out.row(Some(Subject::EndEffector(j)), window.states[1].vars[ee.force + c]);
+                out.row(window.states[1].vars[ee.force + c]);
             }
         }
     }

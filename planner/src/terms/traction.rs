@@ -6,7 +6,7 @@
 
 use super::level;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Subject, Window};
+use crate::rows::{Role, RowWriter, Window};
 use crate::state::d_yaw;
 use rollwalk_robot::Contact;
 
@@ -41,7 +41,7 @@ impl Term for Traction {
             out.d(1, vars.force + 2, rolling_resistance * sign);
             out.d(1, wheel.speed, rolling_resistance * f.z * d_sign);
             out.d(1, wheel.yaw, f.dot(&d_yaw(&t)));
-            out.row(Some(Subject::EndEffector(j)), f.dot(&t) + rolling_resistance * f.z * sign);
+            out.row(f.dot(&t) + rolling_resistance * f.z * sign);
         }
     }
 }

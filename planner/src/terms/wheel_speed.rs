@@ -8,7 +8,7 @@ use super::{joint_speed::BAND_FRACTION, level};
 use crate::formulation::{About, Span, Term};
 use crate::model::rotation;
 use crate::problem::Problem;
-use crate::rows::{Role, RowWriter, Subject, Window};
+use crate::rows::{Role, RowWriter, Window};
 use crate::state::{ContactFrame, State, d_yaw};
 use crate::variables::WheelVars;
 use nalgebra::Vector3;
@@ -82,7 +82,7 @@ impl Term for WheelSpeed {
                         out.d(k, dof, sign * d.dot(rotation_axis));
                     }
                 }
-                out.row(Some(Subject::EndEffector(j)), sign * speed - limit);
+                out.row(sign * speed - limit);
             }
         }
     }

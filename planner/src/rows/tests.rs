@@ -1,0 +1,132 @@
+//! Columns and the way of derivatives into them.
+
+use super::*;
+use crate::model::{BASE_POSITION, BASE_YAW, JOINTS, Model};
+use crate::motion::Ends;
+use crate::problem::Weights;
+use crate::test_robots::{self, random_unknowns};
+
+fn problem(ends: Ends) -> Problem {
+    let robot = &test_robots::all()[0];
+    Problem::new(Model::new(robot), &test_robots::motion(robot, ends), Weights::default())
+}
+
+/// The row that `write` makes about the window `at`, as (column, derivative) pairs.
+fn row(
+    problem: &Problem,
+    at: [usize; 3],
+    write: impl FnOnce(&mut RowWriter),
+) -> (Row, Vec<(usize, f64)>) {
+    let columns = Columns::new(problem);
+    let unknowns = random_unknowns(&problem.model, problem.frozen.len(), 1);
+    let states = problem.states(&unknowns);
+    let mut out = RowWriter::new(problem, &columns, &unknowns, &states, Rows::default());
+    out.enter(7, at);
+    out.set(2.0, 0.5, Role::Equality);
+    write(&mut out);
+    out.row(6.0);
+    // Nothing of a row is left for the next one.
+    out.row(0.0);
+    let rows = out.finish();
+    assert_eq!(rows.rows.len(), 2);
+    assert!(rows.rows[1].entries.is_empty());
+    let entries = rows.columns.iter().copied().zip(rows.derivatives.iter().copied()).collect();
+    (rows.rows[0].clone(), entries)
+}
+
+#[test]
+fn every_free_entry_has_one_column_and_takes_its_own_step() {
+    let mut problem = problem(Ends::Periodic);
+    problem.frozen[1][BASE_YAW] = true;
+    problem.frozen[2].fill(true);
+    let columns = Columns::new(&problem);
+    let len = problem.layout.len;
+    assert_eq!(columns.count, (problem.samples - 1) * len - 1 + 3);
+    assert_eq!(columns.of_slot[1][BASE_YAW], None);
+    let placement = columns.placement.expect("free when periodic");
+    let mut seen: Vec<usize> =
+        columns.of_slot.iter().flatten().flatten().copied().chain(placement).collect();
+    seen.sort_unstable();
+    assert!(seen.iter().copied().eq(0..columns.count));
+
+    let before = random_unknowns(&problem.model, problem.samples, 1);
+    let mut after = before.clone();
+    let step: Vec<f64> = (0..columns.count).map(|column| (column + 1) as f64).collect();
+    columns.add_step(&problem, &mut after, &step);
+    for (slot, variables) in columns.of_slot.iter().enumerate() {
+        for (variable, column) in variables.iter().enumerate() {
+            let moved = column.map_or(0.0, |c| step[c] * problem.layout.scale[variable]);
+            assert_eq!(after.slots[slot][variable], before.slots[slot][variable] + moved);
+        }
+    }
+    let [x, y] = before.placement.offset_m;
+    assert_eq!(after.placement.offset_m, [x + step[placement[0]], y + step[placement[1]]]);
+    assert_eq!(after.placement.yaw_rad, before.placement.yaw_rad + step[placement[2]]);
+}
+
+#[test]
+fn derivatives_are_scaled_added_up_and_kept_when_zero() {
+    let problem = problem(Ends::AtRest);
+    let columns = Columns::new(&problem);
+    let force = problem.layout.end_effectors[0].force;
+    let (row, entries) = row(&problem, [1, 2, 3], |out| {
+        out.d(1, JOINTS, 3.0);
+        out.d(1, JOINTS, 2.0);
+        out.d(2, JOINTS, 0.0);
+        out.d(1, force, 1.0);
+    });
+    assert_eq!((row.term, row.value), (7, 3.0)); // 6 over the scale of 2
+    let column = |slot: usize, variable: usize| columns.of_slot[slot][variable].expect("free");
+    // Timeline sample 2 is slot 1.
+    assert_eq!(
+        entries,
+        [
+            (column(1, JOINTS), 2.5),
+            (column(1, force), 0.5 * problem.force_scale_n()),
+            (column(2, JOINTS), 0.0),
+        ]
+    );
+}
+
+#[test]
+fn samples_of_one_slot_meet_in_one_column() {
+    let problem = problem(Ends::AtRest);
+    let columns = Columns::new(&problem);
+    // At rest the sample before the first is the first: −2q + q₋ + q₊ has two of three in one column.
+    let (_, entries) = row(&problem, [0, 1, 2], |out| {
+        out.d(0, JOINTS, 1.0);
+        out.d(1, JOINTS, -2.0);
+        out.d(2, JOINTS, 1.0);
+    });
+    let column = |slot: usize| columns.of_slot[slot][JOINTS].expect("free");
+    assert_eq!(entries, [(column(0), -0.5), (column(1), 0.5)]);
+}
+
+#[test]
+fn frozen_entries_leave_no_trace() {
+    let mut problem = problem(Ends::AtRest);
+    problem.frozen[1][JOINTS] = true;
+    let columns = Columns::new(&problem);
+    let (row, entries) = row(&problem, [1, 2, 3], |out| {
+        out.d(1, JOINTS, 1.0);
+        out.d(1, JOINTS + 1, 1.0);
+    });
+    assert_eq!(entries, [(columns.of_slot[1][JOINTS + 1].expect("free"), 0.5)]);
+    assert_eq!(row.entries, 0..1);
+}
+
+#[test]
+fn a_placed_sample_has_the_columns_of_its_slot_and_of_the_placement() {
+    let problem = problem(Ends::Periodic);
+    let columns = Columns::new(&problem);
+    let last = problem.samples;
+    let (_, entries) = row(&problem, [last - 1, last, last + 1], |out| {
+        out.d(2, BASE_POSITION, 1.0);
+    });
+    let [dx, dy, turn] = columns.placement.expect("free when periodic");
+    let column = |variable: usize| columns.of_slot[0][variable].expect("free");
+    let names: Vec<usize> = entries.iter().map(|(column, _)| *column).collect();
+    // x of the placed point depends on x and y of the stored one.
+    assert_eq!(names, [dx, dy, turn, column(BASE_POSITION), column(BASE_POSITION + 1)]);
+    assert_eq!((entries[0].1, entries[1].1), (0.5, 0.0));
+}
