@@ -2,11 +2,11 @@
 
 use crate::penalty::one_sided_square;
 use crate::rows::{Role, Row, Rows};
+use faer::Side;
 use faer::linalg::solvers::Solve;
 use faer::prelude::*;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
-use faer::{Par, Side};
 
 /// The matrix JᵀWJ in a fixed sparse pattern (lower triangle, columns), with everything that is
 /// worked out once per problem: where each product of two derivatives of a row goes, and the symbolic
@@ -38,7 +38,8 @@ pub fn row_energy(row: &Row, shift: f64, penalty: f64) -> [f64; 3] {
 }
 
 impl NormalEquations {
-    /// Analyses the pattern of the rows. `columns` is the number of unknowns.
+    /// Analyses the pattern of the rows, which must stay the same from then on. `columns` is the
+    /// number of unknowns.
     pub fn new(rows: &Rows, columns: usize) -> Self {
         let mut below: Vec<Vec<usize>> = (0..columns).map(|c| vec![c]).collect();
         for row in &rows.rows {
@@ -61,7 +62,7 @@ impl NormalEquations {
             for (i, &a) in entries.iter().enumerate() {
                 for &b in &entries[..=i] {
                     let (column, line) = (a.min(b), a.max(b));
-                    let within = below[column].binary_search(&line).unwrap_or_default();
+                    let within = below[column].binary_search(&line).expect("collected above");
                     targets.push((starts[column] + within) as u32);
                 }
             }
@@ -69,8 +70,6 @@ impl NormalEquations {
         let diagonal = starts[..columns].to_vec();
         let values = vec![0.0; row_index.len()];
         let pattern = SymbolicSparseColMat::new_checked(columns, columns, starts, None, row_index);
-        // Small problems: threads cost more than they save, and one thread is deterministic.
-        faer::set_global_parallelism(Par::Seq);
         let symbolic = SymbolicLlt::try_new(pattern.as_ref(), Side::Lower)
             .expect("a pattern of a few thousand columns fits into memory");
         Self {
@@ -139,3 +138,6 @@ impl NormalEquations {
         0.5 * (damping * dd - gd)
     }
 }
+
+#[cfg(test)]
+mod tests;

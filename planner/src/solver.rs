@@ -187,3 +187,59 @@ pub fn solve(
         worst_constraint: TERMS[rows.rows[row].term].about().name.into(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Model;
+    use crate::motion::{Ends, Goal, Motion};
+    use crate::problem::Weights;
+    use crate::{guess, test_robots};
+
+    /// AgileBot rolls 0.1 m from rest to rest. The penalty is far too low to meet constraints alone.
+    fn solved(settings: &Settings) -> (SolveSummary, Vec<f64>) {
+        let robot = &test_robots::all()[0];
+        let motion = Motion {
+            duration_s: 1.0,
+            stance: vec![vec![true; robot.end_effectors.len()]; 8],
+            goal: Goal { forward_m: Some(0.1), ..Goal::default() },
+            ..test_robots::motion(robot, Ends::AtRest)
+        };
+        let weights = Weights { penalty: 10.0, ..Weights::default() };
+        let problem = Problem::new(Model::new(robot), &motion, weights);
+        let mut unknowns = guess::from_standing(&problem);
+        let mut energies = Vec::new();
+        let summary = solve(&problem, &mut unknowns, settings, &mut |progress| {
+            energies.push(progress.energy);
+            ControlFlow::Continue(())
+        });
+        (summary, energies)
+    }
+
+    #[test]
+    fn multipliers_meet_constraints_that_the_penalty_alone_does_not() {
+        let settings = Settings::default();
+        // Any level will do: the solve ends before the first shift of multipliers.
+        let (penalty, _) = solved(&Settings { target_level: f64::INFINITY, ..settings.clone() });
+        assert!(penalty.worst_level > 10.0 * settings.target_level, "{penalty:?}");
+        let (exact, _) = solved(&settings);
+        assert_eq!(exact.status, Status::Converged);
+        assert!(exact.worst_level <= settings.target_level, "{exact:?}");
+    }
+
+    #[test]
+    fn the_energy_never_rises_while_multipliers_stay() {
+        // Never flat: no shifts.
+        let (_, energies) = solved(&Settings { flat: 0.0, iterations: 20, ..Settings::default() });
+        assert_eq!(energies.len(), 20);
+        assert!(energies.windows(2).all(|pair| pair[1] <= pair[0]), "{energies:?}");
+        assert!(energies[4] < energies[0], "{energies:?}");
+    }
+
+    #[test]
+    fn the_iteration_limit_is_kept_and_told() {
+        let (summary, energies) = solved(&Settings { iterations: 1, ..Settings::default() });
+        assert_eq!((summary.status, summary.iterations), (Status::IterationLimit, 1));
+        assert_eq!(energies.len(), 1);
+    }
+}

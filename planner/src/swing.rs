@@ -70,4 +70,28 @@ mod tests {
             assert!((height - expected).abs() < 1e-15, "{column:?}");
         }
     }
+
+    /// Heights of one end effector along a motion whose ends stand for the samples beyond them.
+    fn at_rest(stance: [bool; 5]) -> Vec<f64> {
+        let stance: Vec<Vec<bool>> = stance.map(|down| vec![down]).to_vec();
+        let heights = heights(&timeline(&[0, 0, 1, 2, 3, 4, 4]), &stance, false, 0.03);
+        heights.iter().map(|h| h[0]).collect()
+    }
+
+    #[test]
+    fn a_swing_between_ends_at_rest_rises_to_the_swing_height_in_its_middle() {
+        let heights = at_rest([true, false, false, false, true]);
+        // sin²(π/4) is a half; rounding only.
+        for (height, expected) in heights.iter().zip([0.0, 0.0, 0.5, 1.0, 0.5, 0.0, 0.0]) {
+            assert!((height - 0.03 * expected).abs() < 1e-15, "{heights:?}");
+        }
+    }
+
+    #[test]
+    fn a_swing_that_reaches_an_end_holds_its_height_there() {
+        // At rest no foot comes down beyond the end, and none wraps round to the start.
+        let heights = at_rest([true, true, false, false, false]);
+        assert_eq!(heights, [0.0, 0.0, 0.0, 0.03, 0.03, 0.03, 0.03]);
+        assert_eq!(at_rest([false; 5]), [0.03; 7]);
+    }
 }

@@ -197,3 +197,6 @@ impl Lift {
         to_placement
     }
 }
+
+#[cfg(test)]
+mod tests;
