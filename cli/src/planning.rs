@@ -74,11 +74,18 @@ impl Plans {
         self.motions.iter().chain(self.transitions.iter().map(|transition| &transition.planned))
     }
 
-    /// The plans that did not converge.
-    pub fn failed(&self) -> impl Iterator<Item = &Plan> {
-        self.all()
-            .map(|planned| &planned.plan)
+    /// A line for each plan that did not converge: what it violates. Empty when all did.
+    pub fn failures(&self) -> Vec<String> {
+        let plans = self.all().map(|planned| &planned.plan);
+        plans
             .filter(|plan| plan.solve.status != Status::Converged)
+            .map(|plan| {
+                format!(
+                    "{} did not converge: {} at {:.2} of its credible level",
+                    plan.motion.name, plan.solve.worst_constraint, plan.solve.worst_level
+                )
+            })
+            .collect()
     }
 }
 

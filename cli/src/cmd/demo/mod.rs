@@ -65,13 +65,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     );
     let Some(plans) = plan_all(&library, args.verbose)? else { return Ok(Exit::Interrupted) };
     write_plans(&args.out, &plans)?;
-    if plans.failed().next().is_some() {
-        for plan in plans.failed() {
-            eprintln!(
-                "{} did not converge: {} at {:.2} of its credible level",
-                plan.motion.name, plan.solve.worst_constraint, plan.solve.worst_level
-            );
-        }
+    let failures = plans.failures();
+    if !failures.is_empty() {
+        eprintln!("{}", failures.join("\n"));
         return Ok(Exit::NotConverged);
     }
 

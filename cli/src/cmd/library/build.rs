@@ -57,7 +57,7 @@ struct PlanOutcome<'a> {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let library = Source::Disk.library(&args.library)?;
     let Some(plans) = plan_all(&library, args.verbose)? else { return Ok(Exit::Interrupted) };
-    let converged = plans.failed().next().is_none();
+    let converged = plans.failures().is_empty();
     let bytes = if converged { plans.pack(&library)?.bytes } else { Vec::new() };
     if converged {
         files::write(&args.output, &bytes)?;
@@ -97,14 +97,9 @@ fn describe(plans: &Plans, written: Option<&PathBuf>, bytes: usize) -> String {
             plans.transitions.len()
         ),
         None => {
-            let failed = plans.failed().map(|plan| {
-                let solve = &plan.solve;
-                format!(
-                    "{} did not converge: {} at {:.2} of its credible level\n",
-                    plan.motion.name, solve.worst_constraint, solve.worst_level
-                )
-            });
-            failed.collect::<String>() + "nothing written"
+            let mut lines = plans.failures();
+            lines.push("nothing written".to_owned());
+            lines.join("\n")
         }
     }
 }
