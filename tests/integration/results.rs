@@ -37,9 +37,9 @@ fn a_plan_reaches_its_goal_and_its_report_says_so() {
         assert!(row["worst"].as_f64() <= row["level"].as_f64().map(|level| 0.2 * level), "{row}");
     }
 
-    // The same goal, read from the plan's own samples: one metre, as the motion file says.
+    // The same goal, read from the plan's own samples: the centre of mass, one metre on.
     let plan = json(&desk.read_text("plan.json"));
-    let x = |sample: &Value| sample["base_position_m"][0].as_f64().unwrap();
+    let x = |sample: &Value| sample["com_m"][0].as_f64().unwrap();
     let samples = plan["samples"].as_array().unwrap();
     let travelled = x(samples.last().unwrap()) - x(&samples[0]);
     assert!((travelled - 1.0).abs() < 1e-3, "goals hold to a millimetre: {travelled}");
