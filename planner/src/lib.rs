@@ -32,5 +32,5 @@ mod variables;
 
 pub use optimise::{Options, optimise};
 pub use problem::Weights;
-pub use solver::{Progress, Settings};
+pub use solver::{ACCEPTED_LEVEL, Progress, Settings};
 pub use transition::{TransitionError, optimise_transition};

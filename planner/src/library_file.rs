@@ -74,7 +74,7 @@ impl LibraryFile {
     /// that order, against the library file.
     ///
     /// # Errors
-    /// SAFE does not come to rest on all its feet, or a transition starts or ends with other feet on
+    /// SAFE goes somewhere or does not come to rest on all its feet, or a transition starts or ends with other feet on
     /// the ground than the motion that it joins.
     pub fn check_motions(
         &self,
@@ -86,9 +86,12 @@ impl LibraryFile {
         let root = document.root();
         if let Some(safe) = motions.get(self.safe) {
             let stands = safe.stance.iter().flatten().all(|&stance| stance);
-            if safe.ends != Ends::AtRest || !stands {
+            let Goal { forward_m, left_m, turn_rad } = safe.goal;
+            let travels =
+                [forward_m, left_m, turn_rad].into_iter().flatten().any(|goal| goal != 0.0);
+            if safe.ends != Ends::AtRest || !stands || travels {
                 let problem = format!("is \"{}\", which does not stand still", safe.name);
-                let help = "SAFE is a motion with ends = \"at_rest\" and all feet in stance";
+                let help = "SAFE is a motion with ends = \"at_rest\", all feet in stance and no goal but 0";
                 root.fault("safe", problem, "not a safe pose", help);
             }
         }

@@ -169,7 +169,11 @@ fn every_kind_of_mistake_in_a_motion_file_is_named() {
     assert_faults(
         broken("swing_height_m = 0.03", "swing_hight_m = 0.03"),
         &[
-            (1, "`swing_height_m` is 0 while feet swing", "such as 0.03"),
+            (
+                1,
+                "`swing_height_m` is missing or 0 while feet swing",
+                "such as swing_height_m = 0.03",
+            ),
             (line("swing"), "unknown key `swing_hight_m`", "did you mean `swing_height_m`?"),
         ],
     );

@@ -207,8 +207,10 @@ fn check_swings(table: &Table<'_>, stance: &[Vec<bool>], height_m: f64, robot: &
         return;
     }
     if height_m <= 0.0 {
-        let help = "feet in swing need a height above 0, such as 0.03";
-        table.fault("swing_height_m", "is 0 while feet swing", "above 0 m", help);
+        let help = "feet in swing need a height above 0, such as swing_height_m = 0.03 before the \
+                    first [table]";
+        let problem = "is missing or 0 while feet swing";
+        table.fault("swing_height_m", problem, "feet swing", help);
     }
     for (index, foot) in robot.end_effectors.iter().enumerate() {
         let column: Vec<_> = stance.iter().map(|flags| flags[index]).collect();

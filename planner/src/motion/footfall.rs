@@ -24,6 +24,11 @@ pub(super) fn stance(
     robot: &Robot,
     samples: usize,
 ) -> Option<Vec<Vec<bool>>> {
+    if table.has("all") && table.has("gait") {
+        let help = "footfalls are `all`, or `gait` with `duty`, or a row for each foot: keep one";
+        table.fault("gait", "is given beside `all`", "one of the two", help);
+        return None;
+    }
     if table.has("all") {
         table.choice("all", &["stance"])?;
         table.done();

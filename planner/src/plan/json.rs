@@ -13,7 +13,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Eq, Error, Diagnostic)]
 pub enum PlanError {
     /// The text is not JSON, or a field is missing or of the wrong type.
-    #[error("{file}:{line}:{column}: {path}: {message}")]
+    #[error("{file}:{line}:{column}: {}{message}", field(path))]
     #[diagnostic(help("docs/plan-format.md lists every field; `rollwalk plan` writes such files"))]
     Syntax {
         /// The file as the caller named it.
@@ -51,6 +51,11 @@ pub enum PlanError {
     },
 }
 
+/// A field as the beginning of a message; nothing for the whole file.
+fn field(path: &str) -> String {
+    if path == "." { String::new() } else { format!("{path}: ") }
+}
+
 impl Plan {
     /// This plan as readable JSON, ending in a newline.
     pub fn to_json(&self) -> String {
@@ -71,7 +76,11 @@ impl Plan {
             line: error.line(),
             column: error.column(),
             path,
-            message: without_position(error),
+            message: if error.is_data() {
+                without_position(error)
+            } else {
+                format!("this is not JSON: {}", without_position(error))
+            },
         };
         // Format and version first: a plan of another version may differ in any other field.
         let header: Header =

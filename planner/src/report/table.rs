@@ -40,6 +40,7 @@ impl fmt::Display for Report {
         }
         match self.rows.iter().filter(|row| row.part_of_level() > 1.0).count() {
             0 => writeln!(f, "every residual is within its level"),
+            1 => writeln!(f, "1 residual is beyond its level (marked with !)"),
             count => writeln!(f, "{count} residuals are beyond their level (marked with !)"),
         }
     }

@@ -24,6 +24,9 @@ use toml::de::DeTable;
 /// Byte range in the text of a document.
 pub type Span = Range<usize>;
 
+/// Syntax faults that are told: a text that is not TOML at all has one on every line.
+const SYNTAX_FAULTS_MAX: usize = 3;
+
 /// One thing that is wrong in a document.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
@@ -127,12 +130,12 @@ impl<'t> Document<'t> {
     /// Parses the text.
     ///
     /// # Errors
-    /// All syntax faults, if there are any.
+    /// The first syntax faults, if there are any.
     pub fn parse(file_name: &str, text: &'t str) -> Result<Self, DocumentError> {
         let (root, errors) = DeTable::parse_recoverable(text);
         let faults = RefCell::new(Vec::new());
         let document = Self { file_name: file_name.to_owned(), text, root, faults };
-        for error in &errors {
+        for error in errors.iter().take(SYNTAX_FAULTS_MAX) {
             let span = error.span().unwrap_or(0..0);
             let message = format!("this is not TOML: {}", error.message());
             let help = "see https://toml.io for the syntax; strings need quotes, each key may be given once";
