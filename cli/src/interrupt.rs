@@ -1,5 +1,6 @@
 //! Ctrl-C as a value that a solve can look at between two iterations.
 
+use crate::output;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
@@ -13,7 +14,7 @@ pub fn listen() {
     };
     // Refused only when a handler is already installed; then that one stays.
     if let Err(error) = ctrlc::set_handler(handler) {
-        eprintln!("Ctrl-C will end the process at once: {error}");
+        output::say(format_args!("Ctrl-C will end the process at once: {error}"));
     }
 }
 

@@ -51,7 +51,7 @@ pub fn main() -> ExitCode {
         // Whoever read our output has seen enough (`| head`): not an error.
         Err(report) if report.is::<output::PipeClosed>() => Exit::Ok.into(),
         Err(report) => {
-            eprintln!("{report:?}");
+            output::say(format_args!("{report:?}"));
             Exit::BadInput.into()
         }
     }

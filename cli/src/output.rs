@@ -1,7 +1,8 @@
-//! Results on stdout: text or JSON, and quiet when the reader has gone.
+//! Results on stdout as text or JSON, what is said on the side on stderr; quiet when the reader has gone.
 
 use miette::Diagnostic;
 use serde::Serialize;
+use std::fmt::Display;
 use std::io::{self, Write};
 use thiserror::Error;
 
@@ -21,6 +22,13 @@ pub fn print(text: &str) -> miette::Result<()> {
         io::ErrorKind::BrokenPipe => PipeClosed.into(),
         _ => miette::miette!("cannot write to standard output: {error}"),
     })
+}
+
+/// Says something on the side, on stderr. Nobody may be listening there, which is no reason to end a run:
+/// `eprintln!` would panic.
+pub fn say(text: impl Display) {
+    // A failure to say so could only be said in the same place.
+    let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
 /// Prints a result as JSON.

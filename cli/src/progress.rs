@@ -1,7 +1,7 @@
 //! How a solve goes, on stderr: a spinner on a terminal, one line at the end otherwise, and with `-v`
 //! a table of every iteration.
 
-use crate::interrupt;
+use crate::{interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use rollwalk_planner::Progress;
 use rollwalk_planner::plan::{SolveSummary, Status};
@@ -26,7 +26,9 @@ impl Watch {
         bar.set_prefix(name.to_owned());
         bar.enable_steady_tick(Duration::from_millis(100));
         if table {
-            eprintln!("{name}\n{:>5} {:>13} {:>12}  worst constraint", "iter", "energy", "level");
+            let titles =
+                format!("{:>5} {:>13} {:>12}  worst constraint", "iter", "energy", "level");
+            output::say(format_args!("{name}\n{titles}"));
         }
         Self { bar, table, start: Instant::now() }
     }
@@ -35,7 +37,9 @@ impl Watch {
     pub fn iteration(&self, progress: &Progress) -> ControlFlow<()> {
         let Progress { iteration, energy, worst_level, worst_constraint, .. } = progress;
         if self.table {
-            eprintln!("{iteration:>5} {energy:>13.6e} {worst_level:>12.3e}  {worst_constraint}");
+            output::say(format_args!(
+                "{iteration:>5} {energy:>13.6e} {worst_level:>12.3e}  {worst_constraint}"
+            ));
         }
         self.bar.set_message(format!(
             "iteration {iteration:>3}, worst {worst_constraint} at {worst_level:.2} of its level"
@@ -54,12 +58,12 @@ impl Watch {
         let name = self.bar.prefix();
         let took = self.finish();
         let mark = if summary.status == Status::Converged { '✓' } else { '✗' };
-        eprintln!(
+        output::say(format_args!(
             "{mark} {name:<26} {:>4} iterations {:>6.2} s  {}",
             summary.iterations,
             took.as_secs_f64(),
             words(summary.status),
-        );
+        ));
         took
     }
 }

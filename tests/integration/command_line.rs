@@ -1,6 +1,6 @@
 //! What holds for every subcommand: help, completions, exit codes, closed pipes.
 
-use crate::desk;
+use crate::{desk, desk_with_shipped_files};
 use std::process::Stdio;
 
 #[test]
@@ -54,4 +54,19 @@ fn a_closed_pipe_is_no_error() {
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{:?}: {stderr}", output.status);
     assert_eq!(stderr, "");
+}
+
+#[test]
+fn nobody_has_to_listen_to_what_is_said_on_the_side() {
+    let desk = desk_with_shipped_files();
+    for (args, code) in [
+        (&["plan", "motions/none.toml", "-o", "plan.json"][..], 1),
+        (&["plan", "motions/stand.toml", "-o", "plan.json", "-v"], 0),
+    ] {
+        // The reading end is gone before the command starts.
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let status = desk.command(args).stdout(Stdio::null()).stderr(writer).status().unwrap();
+        assert_eq!(status.code(), Some(code), "{args:?}");
+    }
 }

@@ -2,7 +2,7 @@
 //! transition of the motion graph by command codes, back to SAFE, disarm.
 
 use crate::inputs::Library;
-use crate::interrupt;
+use crate::{interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::IntoDiagnostic;
 use rollwalk_planner::motion::Ends;
@@ -39,10 +39,10 @@ pub fn play(library: &Library, packed: &[u8]) -> miette::Result<Played> {
     session.flash(packed, |progress| bar.set_position(progress.done as u64)).into_diagnostic()?;
     bar.finish_and_clear();
     let flash_s = session.bus().now().as_s() - before.as_s();
-    eprintln!("✓ flashed {} B over the bus, verified and activated", packed.len());
+    output::say(format_args!("✓ flashed {} B over the bus, verified and activated", packed.len()));
 
     session.arm().into_diagnostic()?;
-    eprintln!("✓ armed");
+    output::say("✓ armed");
 
     let safe = library.file.safe;
     let mut here = safe;
@@ -63,10 +63,10 @@ pub fn play(library: &Library, packed: &[u8]) -> miette::Result<Played> {
         tour.push(safe);
     }
     let tour: Vec<String> = tour.into_iter().map(|node| name(library, node)).collect();
-    eprintln!("✓ played {}", tour.join(" → "));
+    output::say(format_args!("✓ played {}", tour.join(" → ")));
 
     session.disarm().into_diagnostic()?;
-    eprintln!("✓ disarmed");
+    output::say("✓ disarmed");
     let rig = session.into_bus();
     let session_s = rig.now().as_s();
     Ok(Played { rig, tour, flash_s, session_s })
