@@ -3,8 +3,9 @@
 //! Motion and library files name other files relative to themselves. They come from the disk or from
 //! the binary, which carries the shipped robots and motions so that the demo runs in any folder.
 
+use crate::kind::Kind;
 use crate::{files, shipped};
-use miette::Report;
+use miette::{Report, miette};
 use rollwalk_planner::library_file::LibraryFile;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Plan;
@@ -38,7 +39,7 @@ impl Source {
     pub fn robot(self, path: &Path) -> miette::Result<Robot> {
         let hint = "give the path of a robot file, such as robots/agilebot.toml";
         let text = self.text(path, "robot file (TOML)", hint)?;
-        Robot::from_toml(&path.to_string_lossy(), &text).map_err(Report::new)
+        Robot::from_toml(&path.to_string_lossy(), &text).map_err(Kind::Robot.explain(path, &text))
     }
 
     /// Reads and validates a motion file and the robot that it names.
@@ -48,9 +49,10 @@ impl Source {
     pub fn motion(self, path: &Path) -> miette::Result<(Robot, Motion)> {
         let text = self.motion_text(path)?;
         let name = path.to_string_lossy();
-        let robot = Motion::robot_path_in_toml(&name, &text).map_err(Report::new)?;
+        let explain = || Kind::Motion.explain(path, &text);
+        let robot = Motion::robot_path_in_toml(&name, &text).map_err(explain())?;
         let robot = self.robot(&beside(path, &robot))?;
-        let motion = Motion::from_toml(&name, &text, &robot).map_err(Report::new)?;
+        let motion = Motion::from_toml(&name, &text, &robot).map_err(explain())?;
         Ok((robot, motion))
     }
 
@@ -62,16 +64,29 @@ impl Source {
         let hint = "give the path of a library file; docs/motion-files.md describes them";
         let text = self.text(path, "library file (TOML)", hint)?;
         let name = path.to_string_lossy();
-        let robot = LibraryFile::robot_path_in_toml(&name, &text).map_err(Report::new)?;
+        let explain = || Kind::Library.explain(path, &text);
+        let robot = LibraryFile::robot_path_in_toml(&name, &text).map_err(explain())?;
         let robot = self.robot(&beside(path, &robot))?;
-        let file = LibraryFile::from_toml(&name, &text, &robot).map_err(Report::new)?;
-        let motion = |file: &str| {
-            let path = beside(path, file);
-            Motion::from_toml(&path.to_string_lossy(), &self.motion_text(&path)?, &robot)
-                .map_err(Report::new)
-        };
-        let motions = file.motions.iter().map(|item| motion(&item.file));
-        let motions = motions.collect::<miette::Result<Vec<_>>>()?;
+        let file = LibraryFile::from_toml(&name, &text, &robot).map_err(explain())?;
+        let mut motions = Vec::new();
+        for item in &file.motions {
+            let path = beside(path, &item.file);
+            let (other, mut motion) = self.motion(&path)?;
+            if other != robot {
+                return Err(miette!(
+                    help = "a library is for one robot: let `robot` name the same file in both",
+                    "{}: motion `{}` is for robot `{}` in {}, but the library is for `{}`",
+                    name,
+                    item.name,
+                    other.name,
+                    path.display(),
+                    robot.name
+                ));
+            }
+            // Plans, plots and progress speak of it as the library does.
+            motion.name.clone_from(&item.name);
+            motions.push(motion);
+        }
         file.check_motions(&name, &text, &motions).map_err(Report::new)?;
         Ok(Library { robot, file, motions })
     }
@@ -83,9 +98,9 @@ impl Source {
     fn text(self, path: &Path, kind: &'static str, hint: &str) -> miette::Result<String> {
         match self {
             Source::Disk => files::read_text(path, kind, hint),
-            Source::Shipped => shipped::text(path).map(str::to_owned).ok_or_else(|| {
-                miette::miette!("the binary carries no {kind} called {}", path.display())
-            }),
+            Source::Shipped => shipped::text(path)
+                .map(str::to_owned)
+                .ok_or_else(|| miette!("the binary carries no {kind} called {}", path.display())),
         }
     }
 }
@@ -97,7 +112,7 @@ impl Source {
 pub fn plan(path: &Path) -> miette::Result<Plan> {
     let hint = "make one with `rollwalk plan MOTION.toml -o PLAN.json`";
     let text = files::read_text(path, "plan (JSON)", hint)?;
-    Plan::from_json(&path.to_string_lossy(), &text).map_err(Report::new)
+    Plan::from_json(&path.to_string_lossy(), &text).map_err(Kind::Plan.explain(path, &text))
 }
 
 /// The path of a file that `path` names relative to itself, without `x/..` detours.

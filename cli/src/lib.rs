@@ -9,6 +9,7 @@ mod exit;
 mod files;
 mod inputs;
 mod interrupt;
+mod kind;
 mod output;
 mod planning;
 mod progress;

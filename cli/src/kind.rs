@@ -1,0 +1,69 @@
+//! What kind of file a text is: giving one kind where another belongs is an easy slip, and deserves
+//! better than a list of unknown keys.
+
+use miette::{Diagnostic, Report, miette};
+use std::path::Path;
+
+/// The kinds of text that commands read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A robot file.
+    Robot,
+    /// A motion file.
+    Motion,
+    /// A library file.
+    Library,
+    /// A plan.
+    Plan,
+}
+
+impl Kind {
+    /// What a text looks like by the words that only one kind has.
+    fn of(text: &str) -> Option<Self> {
+        if text.trim_start().starts_with('{') {
+            return text.contains("\"rollwalk-plan\"").then_some(Self::Plan);
+        }
+        let has = |header: &str| text.lines().any(|line| line.trim_start().starts_with(header));
+        let marks = [("[[link]]", Self::Robot), ("[[motion]]", Self::Library)];
+        let marks = marks.into_iter().chain([("[footfalls]", Self::Motion)]);
+        marks.into_iter().find(|(header, _)| has(header)).map(|(_, kind)| kind)
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Robot => "a robot file",
+            Self::Motion => "a motion file",
+            Self::Library => "a library file",
+            Self::Plan => "a plan",
+        }
+    }
+
+    fn use_for(self) -> &'static str {
+        match self {
+            Self::Robot => {
+                "`rollwalk robot check` reads it; motion and library files name it as `robot`"
+            }
+            Self::Motion => "`rollwalk plan` reads it; library files name it in [[motion]]",
+            Self::Library => "`rollwalk library build` and `rollwalk demo --library` read it",
+            Self::Plan => "`rollwalk report`, `plot` and `export` read it",
+        }
+    }
+
+    /// Turns the error of a reader of this kind into a report: that the file is of another kind, if it
+    /// looks so, else everything that is wrong in it.
+    pub fn explain<E>(self, path: &Path, text: &str) -> impl FnOnce(E) -> Report
+    where
+        E: Diagnostic + Send + Sync + 'static,
+    {
+        move |error| match Self::of(text) {
+            Some(found) if found != self => miette!(
+                help = found.use_for(),
+                "{} is {}, not {}",
+                path.display(),
+                found.name(),
+                self.name()
+            ),
+            _ => Report::new(error),
+        }
+    }
+}
