@@ -21,14 +21,14 @@ pub enum FileError {
         help: String,
     },
     /// The operating system refused.
-    #[error("cannot {action} {}: {source}", path.display())]
+    #[error("cannot {action} {}: {reason}", path.display())]
     Io {
         /// "read" or "write".
         action: &'static str,
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
-        source: io::Error,
+        /// What the operating system said. Not a `source`, which reports would print once more.
+        reason: io::Error,
     },
     /// The file is not text.
     #[error("{} is not a {kind}: it is not UTF-8 text", path.display())]
@@ -42,11 +42,11 @@ pub enum FileError {
 
 /// The bytes of a file of the named `kind`; `hint` says what to type when it is not there.
 pub fn read(path: &Path, kind: &'static str, hint: &str) -> miette::Result<Vec<u8>> {
-    fs::read(path).map_err(|source| {
+    fs::read(path).map_err(|reason| {
         let path = path.to_owned();
-        let error = match source.kind() {
+        let error = match reason.kind() {
             io::ErrorKind::NotFound => FileError::Missing { kind, help: help(&path, hint), path },
-            _ => FileError::Io { action: "read", path, source },
+            _ => FileError::Io { action: "read", path, reason },
         };
         error.into()
     })
@@ -60,7 +60,7 @@ pub fn read_text(path: &Path, kind: &'static str, hint: &str) -> miette::Result<
 
 /// What to type, after the files of the same kind that lie beside the missing one.
 fn help(path: &Path, hint: &str) -> String {
-    let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    let folder = folder(path);
     let mut beside: Vec<String> = fs::read_dir(folder)
         .into_iter()
         .flatten()
@@ -68,7 +68,11 @@ fn help(path: &Path, hint: &str) -> String {
         .filter(|found| found.extension() == path.extension() && found.is_file())
         .filter_map(|found| Some(found.file_name()?.to_str()?.to_owned()))
         .collect();
+    // The nearest name first: a slip in typing is the likeliest reason.
+    let given = path.file_name().unwrap_or_default().to_string_lossy();
+    let similarity = |name: &String| strsim::normalized_damerau_levenshtein(&given, name);
     beside.sort();
+    beside.sort_by(|a, b| similarity(b).total_cmp(&similarity(a)));
     beside.truncate(8);
     if !folder.exists() {
         format!("the folder {} does not exist either; {hint}", folder.display())
@@ -79,13 +83,36 @@ fn help(path: &Path, hint: &str) -> String {
     }
 }
 
+/// The folder that a file lies in.
+pub fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
+}
+
+/// Makes a folder if it is missing and makes sure that files can be written into it, so that a long
+/// run does not end with results that have nowhere to go.
+pub fn prepare(folder: &Path) -> miette::Result<()> {
+    let attempt = || {
+        fs::create_dir_all(folder)?;
+        temporary_in(folder).map(drop)
+    };
+    attempt().map_err(|reason| {
+        FileError::Io { action: "write into", path: folder.to_owned(), reason }.into()
+    })
+}
+
+/// A temporary file; its errors do not speak of its name, which nobody has heard of.
+fn temporary_in(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let made = tempfile::Builder::new().prefix(".rollwalk-").tempfile_in(folder);
+    made.map_err(|error| error.kind().into())
+}
+
 /// Writes a file whole or not at all: into a temporary file beside it, then renamed over it, so that
 /// an interrupted run leaves the earlier file as it was. Folders are made as needed.
 pub fn write(path: &Path, content: &[u8]) -> miette::Result<()> {
-    let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    let folder = folder(path);
     let attempt = || -> io::Result<()> {
         fs::create_dir_all(folder)?;
-        let mut temporary = tempfile::Builder::new().prefix(".rollwalk-").tempfile_in(folder)?;
+        let mut temporary = temporary_in(folder)?;
         temporary.write_all(content)?;
         temporary.as_file().sync_all()?;
         share_like_a_new_file(temporary.as_file())?;
@@ -93,7 +120,7 @@ pub fn write(path: &Path, content: &[u8]) -> miette::Result<()> {
         Ok(())
     };
     attempt()
-        .map_err(|source| FileError::Io { action: "write", path: path.to_owned(), source }.into())
+        .map_err(|reason| FileError::Io { action: "write", path: path.to_owned(), reason }.into())
 }
 
 /// Temporary files are private to their user; results are to be readable by all.

@@ -1,14 +1,14 @@
 //! Plans everything that a library file asks for: its motions, then the transitions between them.
 
 use crate::inputs::Library;
-use crate::interrupt;
 use crate::progress::Watch;
+use crate::{interrupt, output};
 use miette::IntoDiagnostic;
 use rollwalk_planner::library::{
     self, BuiltLibrary, LibraryContent, LibraryMotion, LibraryTransition,
 };
-use rollwalk_planner::plan::{Plan, Status};
-use rollwalk_planner::{Options, optimise, optimise_transition};
+use rollwalk_planner::plan::{Plan, SolveSummary, Status};
+use rollwalk_planner::{ACCEPTED_LEVEL, Options, optimise, optimise_transition};
 use std::time::Duration;
 
 /// A plan and how long it took to find.
@@ -33,7 +33,7 @@ pub struct PlannedTransition {
 pub struct Plans {
     /// Motions.
     pub motions: Vec<Planned>,
-    /// Transitions.
+    /// Transitions, without those of motions that did not converge.
     pub transitions: Vec<PlannedTransition>,
 }
 
@@ -79,17 +79,21 @@ impl Plans {
         let plans = self.all().map(|planned| &planned.plan);
         plans
             .filter(|plan| plan.solve.status != Status::Converged)
-            .map(|plan| {
-                format!(
-                    "{} did not converge: {} at {:.2} of its credible level",
-                    plan.motion.name, plan.solve.worst_constraint, plan.solve.worst_level
-                )
-            })
+            .map(|plan| format!("{} {}", plan.motion.name, shortfall(&plan.solve)))
             .collect()
     }
 }
 
-/// Optimises every motion and every transition from scratch. `None` after Ctrl-C.
+/// How far the worst constraint of a plan is from what a converged plan may have.
+pub fn shortfall(solve: &SolveSummary) -> String {
+    format!(
+        "did not converge: {} at {:.3} of its credible level, accepted is {ACCEPTED_LEVEL}",
+        solve.worst_constraint, solve.worst_level
+    )
+}
+
+/// Optimises every motion and every transition from scratch; transitions only between motions that
+/// converged, because others have no physical start or end. `None` after Ctrl-C.
 ///
 /// # Errors
 /// Motions that nothing can lead into or out of.
@@ -109,6 +113,12 @@ pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans
     let mut transitions = Vec::new();
     for wanted in &library.file.transitions {
         let (from, to) = (&motions[wanted.from].plan, &motions[wanted.to].plan);
+        let failed = [from, to].into_iter().find(|plan| plan.solve.status != Status::Converged);
+        if let Some(failed) = failed {
+            let (name, missing) = (&wanted.motion.name, &failed.motion.name);
+            output::say(format_args!("– {name:<26} left out: {missing} did not converge"));
+            continue;
+        }
         let watch = Watch::start(&wanted.motion.name, verbose);
         let plan =
             optimise_transition(&wanted.motion, from, to, &options, &mut |p| watch.iteration(p))

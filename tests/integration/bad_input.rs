@@ -10,10 +10,29 @@ fn a_missing_file_names_its_neighbours_and_what_to_type() {
     desk.run(&["robot", "check", "robots/agile.toml"])
         .fails(1, &["no robot file", "robots/agile.toml", "robots has agilebot.toml"]);
     desk.run(&["plan", "motions/wlak.toml", "-o", "plan.json"])
-        .fails(1, &["no motion file", "motions/wlak.toml", "walk.toml"]);
+        .fails(1, &["no motion file", "motions/wlak.toml", "motions has walk.toml"]);
     desk.run(&["report", "plan.json"]).fails(1, &["no plan", "plan.json", "rollwalk plan"]);
     desk.run(&["library", "inspect", "a.rwl"])
         .fails(1, &["no motion library", "a.rwl", "rollwalk library build"]);
+}
+
+#[test]
+fn a_file_of_another_kind_is_recognised() {
+    let desk = desk_with_shipped_files();
+    desk.run(&["plan", "motions/stand.toml", "-o", "plan.json"]).succeeds();
+    let (robot, motion) = ("robots/agilebot.toml", "motions/stand.toml");
+    let library = "motions/agilebot_library.toml";
+    for (args, words) in [
+        (&["plan", robot, "-o", "x"][..], [robot, "is a robot file, not a motion file"]),
+        (&["plan", library, "-o", "x"], [library, "is a library file, not a motion file"]),
+        (&["library", "build", motion, "-o", "x"], [motion, "is a motion file, not a library"]),
+        (&["robot", "check", motion], [motion, "is a motion file, not a robot file"]),
+        (&["robot", "check", "plan.json"], ["plan.json", "is a plan, not a robot file"]),
+        (&["report", robot], [robot, "is a robot file, not a plan"]),
+    ] {
+        desk.run(args).fails(1, &words);
+    }
+    assert!(!desk.path("x").exists());
 }
 
 #[test]
@@ -47,7 +66,8 @@ fn a_malformed_motion_shows_file_line_and_field() {
         ("forward_m", "foward_m", &["unknown key `foward_m`", "`forward_m`"]),
         ("ends = \"periodic\"", "ends = \"cyclic\"", &["`ends`", "cyclic", "periodic"]),
         ("duration_s = 1.6", "duration_s = 1.601", &["duration_s", "60 Hz"]),
-        ("swing_height_m = 0.03", "", &["swing_height_m", "above 0"]),
+        ("swing_height_m = 0.03", "", &["swing_height_m", "missing or 0", "above 0"]),
+        ("gait = ", "all = \"stance\"\ngait = ", &["`gait` is given beside `all`", "keep one"]),
         ("gait = \"walk\"", "gait = \"wlak\"", &["`gait`", "wlak", "walk"]),
         ("robots/agilebot.toml", "robots/agilbot.toml", &["no robot file", "agilebot.toml"]),
     ];
@@ -65,6 +85,8 @@ fn a_malformed_library_file_shows_what_does_not_fit() {
     let cases = [
         ("code = 3", "code = 2", &["code 2 already selects `drive_1m`"][..]),
         ("safe = \"stand\"", "safe = \"walk\"", &["safe", "does not stand still"]),
+        ("safe = \"stand\"", "safe = \"drive_1m\"", &["safe", "does not stand still"]),
+        ("robots/agilebot.toml", "robots/creature3.toml", &["`stand` is for robot `agilebot`"]),
         ("safe = \"stand\"", "safe = \"stnad\"", &["stnad", "`stand`"]),
         ("file = \"walk.toml\"", "file = \"run.toml\"", &["no motion file", "walk.toml"]),
         ("[via_safe]", "[via_saf]", &["via_saf"]),
@@ -88,7 +110,7 @@ fn a_wrong_plan_names_the_field() {
         (good.replacen("\"version\": 1", "\"version\": 7", 1), &["version", "7"]),
         (good.replacen("\"com_m\"", "\"com\"", 1), &["samples[0]", "com_m"]),
         (good[..good.len() / 2].to_owned(), &["plan.json"]),
-        ("samples: none".to_owned(), &["plan.json:1:1"]),
+        ("samples: none".to_owned(), &["plan.json:1:1: this is not JSON"]),
     ];
     for (bad, words) in cases {
         assert_ne!(bad, good);
@@ -166,7 +188,12 @@ fn an_unwritable_output_is_named() {
     let desk = desk_with_shipped_files();
     desk.write("in_the_way", "");
     desk.run(&["plan", "motions/stand.toml", "-o", "in_the_way/plan.json"])
-        .fails(1, &["cannot write in_the_way/plan.json"]);
+        .fails(1, &["cannot write into in_the_way"]);
+    desk.run(&["plan", "motions/stand.toml", "-o", "motions"]).fails(1, &["cannot write motions"]);
+    // Before a long run, not after it.
+    let outcome = desk.run(&["demo", "--out", "in_the_way"]);
+    assert!(!outcome.stderr.contains("Planning"), "{}", outcome.stderr);
+    outcome.fails(1, &["cannot write into in_the_way/plans"]);
 }
 
 #[test]

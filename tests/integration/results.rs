@@ -61,6 +61,30 @@ fn a_plan_that_does_not_converge_exits_with_3_and_can_be_looked_at() {
 }
 
 #[test]
+fn a_library_with_a_plan_that_does_not_converge_is_not_written_and_says_which() {
+    let desk = desk_with_shipped_files();
+    desk.edit("motions/walk.toml", "forward_m = 0.12", "forward_m = 8.0");
+    let file = "motions/agilebot_library.toml";
+    // Its name in the library, not in its own file, is what messages and file names use.
+    for name in ["name = \"walk\"", "from = \"walk\"", "to = \"walk\""] {
+        desk.edit(file, name, &name.replace("walk", "stride"));
+    }
+    let outcome = desk.run(&["library", "build", file, "-o", "a.rwl"]);
+    assert_eq!(outcome.code, 3, "{}", outcome.stderr);
+    for words in ["stride did not converge", "accepted is 0.2", "nothing written"] {
+        assert!(outcome.stdout.contains(words), "{words} in\n{}", outcome.stdout);
+    }
+    let left_out = "left out: stride did not converge";
+    assert_eq!(outcome.stderr.matches(left_out).count(), 4, "{}", outcome.stderr);
+    assert!(!desk.path("a.rwl").exists());
+
+    let outcome = desk.run(&["demo", "--library", file, "--out", "out"]);
+    assert_eq!(outcome.code, 3, "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("nothing flashed"), "{}", outcome.stderr);
+    assert!(desk.path("out/plans/stride.json").exists() && !desk.path("out/bus.log").exists());
+}
+
+#[test]
 fn tables_have_a_row_for_every_tick_and_a_unit_in_every_column() {
     let desk = desk_with_shipped_files();
     desk.run(&["plan", "motions/drive_1m.toml", "-o", "plan.json"]).succeeds();

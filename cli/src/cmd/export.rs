@@ -22,7 +22,7 @@ pub struct Args {
     #[arg(value_name = "PLAN.json")]
     plan: PathBuf,
     /// Rows per second.
-    #[arg(long, value_name = "HZ", default_value_t = 60.0)]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true, default_value_t = 60.0)]
     rate: f64,
     /// Form of the table.
     #[arg(long, value_enum, default_value_t = Format::Csv)]

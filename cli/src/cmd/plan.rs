@@ -1,5 +1,6 @@
 //! `rollwalk plan`: optimises a motion.
 
+use crate::planning::shortfall;
 use crate::progress::{Watch, words};
 use crate::{Exit, files, inputs, interrupt, output};
 use rollwalk_planner::plan::{Plan, Status};
@@ -52,6 +53,7 @@ struct Outcome<'a> {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let (robot, motion) = inputs::Source::Disk.motion(&args.motion)?;
+    files::prepare(files::folder(&args.output))?;
     interrupt::listen();
     let watch = Watch::start(&motion.name, args.verbose);
     let plan =
@@ -86,14 +88,14 @@ fn outcome<'a>(plan: &'a Plan, time_s: f64, written: Option<&'a PathBuf>) -> Out
 
 fn describe(plan: &Plan, time_s: f64, written: Option<&PathBuf>) -> String {
     let solve = &plan.solve;
-    let first = &plan.samples[0].base_position_m;
-    let last = &plan.after.base_position_m;
+    let first = &plan.samples[0].com_m;
+    let last = &plan.after.com_m;
     let [first_yaw, last_yaw] =
         [&plan.samples[0], &plan.after].map(|sample| sample.base_yaw_pitch_roll_rad[0]);
     format!(
         "{} on {}: {} after {} iterations, {time_s:.2} s\n\
-         moves {} m in x and {} m in y, turns {} rad, in {:.2} s\n\
-         worst constraint: {}, at {:.3} of its credible level\n{}",
+         the centre of mass moves {} m in x and {} m in y, turns {} rad, in {:.2} s\n\
+         {}\n{}",
         plan.motion.name,
         plan.robot.name,
         words(solve.status),
@@ -102,10 +104,20 @@ fn describe(plan: &Plan, time_s: f64, written: Option<&PathBuf>) -> String {
         millis(last[1] - first[1]),
         millis(last_yaw - first_yaw),
         plan.motion.duration_s,
-        solve.worst_constraint,
-        solve.worst_level,
+        match solve.status {
+            Status::Infeasible | Status::IterationLimit => shortfall(solve),
+            Status::Converged | Status::Interrupted => format!(
+                "worst constraint: {}, at {:.3} of its credible level",
+                solve.worst_constraint, solve.worst_level
+            ),
+        },
         match written {
-            Some(path) => format!("wrote {}", path.display()),
+            Some(path) if solve.status == Status::Converged => format!("wrote {}", path.display()),
+            Some(path) => format!(
+                "wrote {0}; `rollwalk report {0}` shows where it fails. A longer duration, a nearer \
+                 goal or more samples may help",
+                path.display()
+            ),
             None => "nothing written".to_owned(),
         }
     )

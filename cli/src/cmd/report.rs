@@ -1,5 +1,6 @@
 //! `rollwalk report`: how far a plan is from the physics that it claims.
 
+use crate::progress::words;
 use crate::{Exit, inputs, output};
 use rollwalk_planner::plan::{Plan, SolveSummary};
 use rollwalk_planner::report::Report;
@@ -15,7 +16,7 @@ use std::path::PathBuf;
 #[command(after_long_help = "\
 Examples:
   rollwalk report walk.plan.json
-  rollwalk report walk.plan.json --json | jq '.rows[] | select(.name == \"no slip\")'
+  rollwalk report walk.plan.json --json | jq '.rows[] | select(.name == \"slip\")'
 
 The file format is described in docs/plan-format.md.")]
 pub struct Args {
@@ -50,6 +51,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 }
 
 fn describe(plan: &Plan, report: &Report) -> String {
-    let SolveSummary { iterations, energy, .. } = &plan.solve;
-    format!("{report}energy {energy:.6} after {iterations} iterations")
+    let SolveSummary { status, iterations, energy, .. } = &plan.solve;
+    format!(
+        "{report}the optimiser: {} after {iterations} iterations, energy {energy:.6}",
+        words(*status)
+    )
 }

@@ -57,17 +57,22 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Some(path) => Source::Disk.library(path)?,
         None => Source::Shipped.library(Path::new(shipped::DEMO_LIBRARY))?,
     };
-    eprintln!(
+    for folder in ["plans", "plots"] {
+        files::prepare(&args.out.join(folder))?;
+    }
+    output::say(format_args!(
         "Planning {}: {} motions, {} transitions, each from scratch",
         library.robot.name,
         library.motions.len(),
         library.file.transitions.len()
-    );
+    ));
     let Some(plans) = plan_all(&library, args.verbose)? else { return Ok(Exit::Interrupted) };
     write_plans(&args.out, &plans)?;
     let failures = plans.failures();
     if !failures.is_empty() {
-        eprintln!("{}", failures.join("\n"));
+        let out = args.out.display();
+        output::say(format_args!("{}\nnothing flashed", failures.join("\n")));
+        output::say(format_args!("the plans and their plots are in {out}"));
         return Ok(Exit::NotConverged);
     }
 

@@ -56,6 +56,7 @@ struct PlanOutcome<'a> {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let library = Source::Disk.library(&args.library)?;
+    files::prepare(files::folder(&args.output))?;
     let Some(plans) = plan_all(&library, args.verbose)? else { return Ok(Exit::Interrupted) };
     let converged = plans.failures().is_empty();
     let bytes = if converged { plans.pack(&library)?.bytes } else { Vec::new() };
@@ -98,7 +99,11 @@ fn describe(plans: &Plans, written: Option<&PathBuf>, bytes: usize) -> String {
         ),
         None => {
             let mut lines = plans.failures();
-            lines.push("nothing written".to_owned());
+            lines.push(
+                "nothing written; `rollwalk plan` writes the plan of one motion whether it converges or \
+                 not, and `rollwalk report` shows where it fails"
+                    .to_owned(),
+            );
             lines.join("\n")
         }
     }
