@@ -35,6 +35,6 @@ fn the_tutorial_works_as_written() {
             other => panic!("a block of {other:?}"),
         }
     }
-    // Robot, two motions and library; check, plan, report, plot, build, inspect, demo.
-    assert_eq!((files, commands), (4, 7));
+    // Robot, three motions and library; check, plan, report, plot, plan, build, inspect, demo.
+    assert_eq!((files, commands), (5, 8));
 }
