@@ -127,6 +127,12 @@ def wheel_frame(tilt, yaw, radius):
     return rolling, axis, scale(cross(axis, rolling), radius)
 
 
+def reach(foot):
+    """Radius around the contact point that others keep clear of: a wheel's, or half a blade."""
+    blade = foot["contact"].get("blade_length_m")
+    return foot["radius_m"] if blade is None else 0.5 * blade
+
+
 # --- the table ---
 
 
@@ -242,11 +248,13 @@ def check(plan):
             if stands:
                 beyond = math.hypot(f[0], f[1]) - foot["friction_coefficient"] * max(f[2], 0)
                 table.see("friction cone", max(beyond, -f[2], 0), 0.2, "N", i, name)
-                if foot["contact"]["kind"] == "passive_wheel":
+                drag = foot["contact"].get("drag")
+                if drag is not None:
                     speed = e["wheel_speed_rad_s"] * radius
                     sign = math.tanh(speed / ROLLING_SIGN_WIDTH)
-                    drag = foot["contact"]["rolling_resistance"] * f[2] * sign
-                    table.see("free-wheel traction", abs(dot(f, rolling) + drag), 0.2, "N", i, name)
+                    slowing = drag["rolling_resistance"] * sign + drag["rolling_drag_s_m"] * speed
+                    pushed = dot(f, rolling) + f[2] * slowing
+                    table.see("free-wheel traction", abs(pushed), 0.2, "N", i, name)
             else:
                 table.see("swing force", norm(f), 0.2, "N", i, name)
 
@@ -261,7 +269,7 @@ def check(plan):
             for other, e2 in list(zip(feet, s["end_effectors"]))[j + 1:]:
                 if other["link"] != foot["link"]:
                     apart = norm(sub(e["position_m"], e2["position_m"]))
-                    missing = max(radius + other["radius_m"] + CLEARANCE - apart, 0)
+                    missing = max(reach(foot) + reach(other) + CLEARANCE - apart, 0)
                     table.see("end-effector clearance", missing * 1e3, 1, "mm", i, name)
 
             # Wheel axis and contact point agree with the pose, Eq. 2.13 and 2.14.
@@ -293,12 +301,15 @@ def check(plan):
                     slip = sub(slip, scale(rolling, speed * radius))
                 table.see("slip", math.hypot(slip[0], slip[1]) * 1e3, 5, "mm/s", i, name)
 
-            # The motor turns the wheel against the link: omega + yaw' (v.a) - Omega.a.
+            # The wheel turns against its link by omega + yaw' (v.a) - Omega.a. A motor turns it so; a
+            # welded or held wheel does not turn.
+            link_in, link_out = poses[k][foot["link"]][0], poses[k + 1][foot["link"]][0]
+            turn = scale(rotation_vector(matmul(link_out, transpose(link_in))), 1 / h)
+            needed = speed + (e2["yaw_rad"] - e["yaw_rad"]) / h * axis[2] - dot(turn, axis)
+            if kind == "welded_wheel" or motion["held_wheels"][j]:
+                table.see("held wheel", abs(needed) * radius * 1e3, 5, "mm/s", i, name)
             if kind == "actuated_wheel":
                 motor = e["motor_speed_rad_s"]
-                link_in, link_out = poses[k][foot["link"]][0], poses[k + 1][foot["link"]][0]
-                turn = scale(rotation_vector(matmul(link_out, transpose(link_in))), 1 / h)
-                needed = speed + (e2["yaw_rad"] - e["yaw_rad"]) / h * axis[2] - dot(turn, axis)
                 table.see("motor against wheel", abs(motor - needed) * radius * 1e3, 5, "mm/s", i, name)
                 limit = foot["contact"]["actuator"]["speed_max_rad_s"]
                 beyond = max(abs(motor) - limit, 0)
@@ -330,8 +341,8 @@ def main(arguments):
         try:
             with open(path, encoding="utf-8") as file:
                 plan = json.load(file)
-            if plan.get("format") != "rollwalk-plan" or plan.get("version") != 1:
-                raise ValueError("format and version are not rollwalk-plan 1")
+            if plan.get("format") != "rollwalk-plan" or plan.get("version") != 2:
+                raise ValueError("format and version are not rollwalk-plan 2")
             table = check(plan)
         except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
             print("%s: not a usable plan: %s: %s" % (path, type(error).__name__, error), file=sys.stderr)

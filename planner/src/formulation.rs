@@ -18,6 +18,7 @@
 //! | end effectors apart | 2.10 | [`Collision`] |
 //! | wheel axis | 2.13 | [`WheelAxis`] |
 //! | contact point | 2.14 | [`ContactPoint`] |
+//! | welded wheels, held wheels | in place of 2.15 | [`WheelHeld`] |
 //! | joint angle, joint speed, wheel speed limits | "physical hardware constraints" | [`JointLimit`], [`JointSpeed`], [`WheelSpeed`] |
 //! | anchor of the start, displacement, turn | "boundary conditions", "functional objectives" | [`Anchor`], [`Displacement`], [`Turn`] |
 //!
@@ -37,7 +38,7 @@ use crate::state::State;
 use crate::terms::{
     Anchor, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular, DynamicsLinear,
     EvenForce, Friction, JointLimit, JointSpeed, NoSlip, Posture, Smoothness, SwingForce, Traction,
-    Turn, WheelAxis, WheelEffort, WheelSmoothness, WheelSpeed,
+    Turn, WheelAxis, WheelEffort, WheelHeld, WheelSmoothness, WheelSpeed,
 };
 
 /// Which samples a term looks at.
@@ -81,6 +82,7 @@ pub static TERMS: &[&dyn Term] = &[
     &Collision,
     &WheelAxis,
     &ContactPoint,
+    &WheelHeld,
     &JointLimit,
     &JointSpeed,
     &WheelSpeed,

@@ -281,7 +281,8 @@ fn planned(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<
     let ends = Ends::Prescribed;
     let posture_rad = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
     let name = String::new();
-    Some(Motion { name, duration_s, ends, stance, swing_height_m, goal, posture_rad })
+    let held_wheels = vec![false; robot.end_effectors.len()];
+    Some(Motion { name, duration_s, ends, stance, swing_height_m, goal, posture_rad, held_wheels })
 }
 
 /// Joins SAFE with every other motion, both ways, where no transition is written.

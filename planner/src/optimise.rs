@@ -90,7 +90,9 @@ fn sample(problem: &Problem, t: usize, state: &State, after: Option<&State>) -> 
                 position_m: state.vector(ee.position).into(),
                 force_n: state.vector(ee.force).into(),
                 wheel_speed_rad_s: wheel(|w| w.speed),
+                // A held wheel's motor stands still, not nearly so.
                 motor_speed_rad_s: after
+                    .filter(|_| !problem.held[j])
                     .map_or(0.0, |after| motor_speed_rad_s(problem, j, state, after)),
                 tilt_rad: wheel(|w| w.tilt),
                 yaw_rad: wheel(|w| w.yaw),

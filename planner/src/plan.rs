@@ -15,14 +15,14 @@ use serde::{Deserialize, Serialize};
 pub const FORMAT: &str = "rollwalk-plan";
 
 /// Version of the plan format that this crate writes and reads.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// A planned motion with the robot and the goal it was planned for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// Always `rollwalk-plan`.
     pub format: String,
-    /// Version of this format; 1 today.
+    /// Version of this format: [`VERSION`].
     pub version: u32,
     /// The robot, resolved.
     pub robot: Robot,

@@ -247,13 +247,14 @@ mod tests {
     fn a_free_wheel_pushes_with_its_rolling_resistance_only() {
         let passive = rollwalk_robot::Contact::PassiveWheel {
             axis_in_link: nalgebra::Vector3::y(),
-            rolling_resistance: 0.02,
+            drag: rollwalk_robot::RollingDrag { rolling_resistance: 0.02, rolling_drag_s_m: 0.1 },
         };
         let report = changed(test_plans::cruise(), |p| {
             p.robot.end_effectors[0].contact = passive;
             for s in &mut p.samples {
                 let e = &mut s.end_effectors[0];
-                e.force_n[0] = -0.02 * e.force_n[2] * (e.wheel_speed_rad_s).signum();
+                let speed_m_s = e.wheel_speed_rad_s * 0.05;
+                e.force_n[0] = -e.force_n[2] * (0.02 * speed_m_s.signum() + 0.1 * speed_m_s);
             }
         });
         // tanh(v/0.05) is 1 within 1e-5 from v = 0.3 m/s on; the cruise is never slower.

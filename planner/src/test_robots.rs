@@ -5,18 +5,66 @@ use crate::motion::{Ends, Goal, Motion};
 use crate::plan::Placement;
 use crate::problem::Unknowns;
 use crate::variables::Layout;
-use nalgebra::DVector;
-use rollwalk_robot::Robot;
+use nalgebra::{DVector, Vector3};
+use rollwalk_robot::{Contact, EndEffector, Robot, RollingDrag};
 
-/// The shipped robots: driven wheels, free wheels, feet.
+/// The shipped robots (driven wheels, free wheels, feet) and what they could be turned into: AgileBot on
+/// welded wheels, SwizzleBot on two inline wheels a leg with drag, SwizzleBot on skates.
 pub fn all() -> Vec<Robot> {
-    [
+    let [agilebot, swizzlebot, creature3] = [
         ("agilebot.toml", include_str!("../../robots/agilebot.toml")),
         ("swizzlebot.toml", include_str!("../../robots/swizzlebot.toml")),
         ("creature3.toml", include_str!("../../robots/creature3.toml")),
     ]
-    .map(|(name, text)| Robot::from_toml(name, text).expect("shipped robots are valid"))
-    .to_vec()
+    .map(|(name, text)| Robot::from_toml(name, text).expect("shipped robots are valid"));
+    let made = [welded(&agilebot), inline(&swizzlebot), on_skates(&swizzlebot)];
+    made.iter().for_each(|robot| robot.validate().expect("made robots are valid"));
+    [agilebot, swizzlebot, creature3].into_iter().chain(made).collect()
+}
+
+/// A robot whose wheels are welded to their links.
+pub fn welded(robot: &Robot) -> Robot {
+    changed(robot, "welded", |ee, axis_in_link, _| {
+        vec![EndEffector { contact: Contact::WeldedWheel { axis_in_link }, ..ee }]
+    })
+}
+
+/// A robot whose free wheels are roller blades: a toe and a heel wheel in line, with drag.
+pub fn inline(robot: &Robot) -> Robot {
+    changed(robot, "inline", |ee, axis_in_link, drag| {
+        let drag = RollingDrag { rolling_drag_s_m: 0.05, ..drag };
+        let wheel = |part: &str, x: f64| EndEffector {
+            name: format!("{}_{part}", ee.name),
+            center_in_link_m: ee.center_in_link_m + Vector3::new(x, 0.0, 0.0),
+            contact: Contact::PassiveWheel { axis_in_link, drag },
+            ..ee.clone()
+        };
+        vec![wheel("toe", 0.04), wheel("heel", -0.04)]
+    })
+}
+
+/// A robot whose free wheels are blades with a curvature radius of 0.5 m.
+fn on_skates(robot: &Robot) -> Robot {
+    changed(robot, "skates", |ee, axis_in_link, drag| {
+        let radius_m = 0.5;
+        let center_in_link_m = ee.center_in_link_m + Vector3::z() * (radius_m - ee.radius_m);
+        let contact = Contact::Skate { axis_in_link, blade_length_m: 0.12, drag };
+        vec![EndEffector { radius_m, center_in_link_m, contact, ..ee }]
+    })
+}
+
+/// A robot with other end effectors: `change` gets each one, its axis and its drag.
+fn changed(
+    robot: &Robot,
+    how: &str,
+    change: impl Fn(EndEffector, Vector3<f64>, RollingDrag) -> Vec<EndEffector>,
+) -> Robot {
+    let no_drag = RollingDrag { rolling_resistance: 0.0, rolling_drag_s_m: 0.0 };
+    let ends = robot.end_effectors.iter().flat_map(|ee| {
+        let axis = ee.contact.wheel_axis_in_link().copied().unwrap_or_else(Vector3::y);
+        change(ee.clone(), axis, ee.contact.free_rolling().unwrap_or(no_drag))
+    });
+    Robot { name: format!("{}_{how}", robot.name), end_effectors: ends.collect(), ..robot.clone() }
 }
 
 /// Uniform numbers in −1..1 from a linear congruential generator (Knuth's MMIX constants).
@@ -64,5 +112,6 @@ pub fn motion(robot: &Robot, ends: Ends) -> Motion {
         swing_height_m: 0.03,
         goal: Goal { forward_m: Some(0.1), left_m: Some(0.02), turn_rad: Some(0.2) },
         posture_rad: robot.joints.iter().map(|joint| joint.nominal_rad).collect(),
+        held_wheels: vec![false; count],
     }
 }

@@ -1,6 +1,6 @@
 //! The robot as its controller sees it: channels in order, and the configuration derived from them.
 
-use crate::model::{Actuator, Contact, EndEffector, Joint, Robot};
+use crate::model::{Actuator, Contact, EndEffector, Joint, Robot, RollingDrag};
 use crate::rules::{self, InvalidRobot};
 use rollwalk_protocol::config::{self, ChannelKind, RobotConfig};
 
@@ -39,16 +39,41 @@ impl Contact {
     pub fn actuator(&self) -> Option<&Actuator> {
         match self {
             Contact::ActuatedWheel { actuator, .. } => Some(actuator),
-            Contact::PointFoot | Contact::PassiveWheel { .. } => None,
+            Contact::PointFoot
+            | Contact::WeldedWheel { .. }
+            | Contact::PassiveWheel { .. }
+            | Contact::Skate { .. } => None,
         }
     }
 
-    /// Unit axis of a wheel in the link frame; none for a foot.
+    /// Drag of a contact that rolls or glides freely (Eq. 2.6); none for feet, driven and welded wheels.
+    pub fn free_rolling(&self) -> Option<RollingDrag> {
+        match self {
+            Contact::PassiveWheel { drag, .. } | Contact::Skate { drag, .. } => Some(*drag),
+            Contact::PointFoot | Contact::WeldedWheel { .. } | Contact::ActuatedWheel { .. } => {
+                None
+            }
+        }
+    }
+
+    /// Unit axis of a wheel or blade in the link frame; none for a foot.
     pub fn wheel_axis_in_link(&self) -> Option<&nalgebra::Vector3<f64>> {
         match self {
             Contact::PointFoot => None,
-            Contact::ActuatedWheel { axis_in_link, .. }
-            | Contact::PassiveWheel { axis_in_link, .. } => Some(axis_in_link),
+            Contact::WeldedWheel { axis_in_link }
+            | Contact::ActuatedWheel { axis_in_link, .. }
+            | Contact::PassiveWheel { axis_in_link, .. }
+            | Contact::Skate { axis_in_link, .. } => Some(axis_in_link),
+        }
+    }
+}
+
+impl EndEffector {
+    /// Radius around the contact point that other end effectors keep clear of, m (Eq. 2.10: r).
+    pub fn clearance_radius_m(&self) -> f64 {
+        match self.contact {
+            Contact::Skate { blade_length_m, .. } => 0.5 * blade_length_m,
+            _ => self.radius_m,
         }
     }
 }

@@ -12,5 +12,5 @@ mod pose;
 mod rules;
 
 pub use controller::Channel;
-pub use model::{Actuator, Contact, EndEffector, Joint, Link, Robot};
+pub use model::{Actuator, Contact, EndEffector, Joint, Link, Robot, RollingDrag, TorqueSpeedLine};
 pub use rules::{InvalidRobot, Place, Violation};

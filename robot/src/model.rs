@@ -62,6 +62,8 @@ pub struct Actuator {
     pub speed_max_rad_s: f64,
     /// Torque limit at the output, N·m.
     pub torque_max_nm: f64,
+    /// How torque falls with speed; `None` where the data sheet does not say.
+    pub torque_speed: Option<TorqueSpeedLine>,
     /// Default proportional gain, N·m/rad (joints; 0 for wheels).
     pub kp_nm_rad: f64,
     /// Default damping gain, N·m·s/rad.
@@ -74,6 +76,16 @@ pub struct Actuator {
     pub id: u8,
 }
 
+/// The straight line of a DC motor at its supply voltage: while it drives its load,
+/// |torque| / stall torque + |speed| / no-load speed ≤ 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TorqueSpeedLine {
+    /// Torque at standstill, N·m.
+    pub stall_torque_nm: f64,
+    /// Speed without a load, rad/s.
+    pub no_load_speed_rad_s: f64,
+}
+
 /// A foot or wheel that may touch the ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EndEffector {
@@ -81,9 +93,10 @@ pub struct EndEffector {
     pub name: String,
     /// Index of the link that it is mounted on (Eq. 2.14: b).
     pub link: usize,
-    /// Wheel centre, or centre of the foot sphere, in the link frame, m (Eq. 2.14: l̂).
+    /// Wheel centre, centre of the foot sphere, or centre of curvature of a blade, in the link frame,
+    /// m (Eq. 2.14: l̂).
     pub center_in_link_m: Vector3<f64>,
-    /// Wheel or foot-sphere radius, m.
+    /// Radius of the wheel, of the foot sphere, or of a blade's curvature, m.
     pub radius_m: f64,
     /// Coulomb friction coefficient against the ground (Eq. 2.5: μ).
     pub friction_coefficient: f64,
@@ -97,6 +110,11 @@ pub struct EndEffector {
 pub enum Contact {
     /// A small sphere that does not slip.
     PointFoot,
+    /// A wheel that is fixed to its link: a foot that rolls only as the link turns (LegBot).
+    WeldedWheel {
+        /// Unit wheel axis in the link frame (â).
+        axis_in_link: Vector3<f64>,
+    },
     /// A wheel turned by a motor.
     ActuatedWheel {
         /// Unit wheel axis in the link frame (â).
@@ -108,7 +126,27 @@ pub enum Contact {
     PassiveWheel {
         /// Unit wheel axis in the link frame (â).
         axis_in_link: Vector3<f64>,
-        /// Rolling resistance coefficient c_rr.
-        rolling_resistance: f64,
+        /// What slows it down.
+        drag: RollingDrag,
     },
+    /// The blade of an ice skate: glides freely along itself, not across. To the physics it is a free
+    /// wheel whose radius is that of the blade's curvature.
+    Skate {
+        /// Unit vector across the blade in the link frame (â).
+        axis_in_link: Vector3<f64>,
+        /// Length of the blade, m: what other end effectors must keep clear of.
+        blade_length_m: f64,
+        /// What slows it down.
+        drag: RollingDrag,
+    },
+}
+
+/// Drag of a free wheel or blade along its rolling direction: f·t = −f_n (c_rr s(v) + c_v v) for a
+/// rolling velocity v and its sign s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RollingDrag {
+    /// The part that does not depend on speed, c_rr.
+    pub rolling_resistance: f64,
+    /// The part that grows with speed, c_v, s/m.
+    pub rolling_drag_s_m: f64,
 }

@@ -3,7 +3,7 @@
 
 use proptest::prelude::*;
 use rollwalk_protocol::config::MAX_CHANNELS;
-use rollwalk_robot::{Contact, Place, Robot};
+use rollwalk_robot::{Contact, Place, Robot, RollingDrag};
 
 /// A small robot to break: a body, one arm with a driven wheel, one limb with a foot.
 const ROBOT: &str = r#"name = "tiny"
@@ -561,8 +561,8 @@ fn robots_without_a_file_are_judged_by_the_same_rules() {
         (
             |r| {
                 let axis_in_link = nalgebra::Vector3::zeros();
-                r.end_effectors[1].contact =
-                    Contact::PassiveWheel { axis_in_link, rolling_resistance: 0.02 }
+                let drag = RollingDrag { rolling_resistance: 0.02, rolling_drag_s_m: 0.0 };
+                r.end_effectors[1].contact = Contact::PassiveWheel { axis_in_link, drag }
             },
             Place::EndEffector(1),
             "axis_in_link",

@@ -80,6 +80,7 @@ mod tests {
             model: "test".into(),
             speed_max_rad_s: 8.0,
             torque_max_nm: 3.0,
+            torque_speed: None,
             kp_nm_rad: 20.0,
             kd_nm_s_rad: 0.5,
             armature_kg_m2: 0.004,

@@ -137,6 +137,7 @@ mod tests {
             model: "test".into(),
             speed_max_rad_s: 1e9,
             torque_max_nm: 1e9,
+            torque_speed: None,
             kp_nm_rad: 0.0,
             kd_nm_s_rad: 0.0,
             armature_kg_m2: 0.004,

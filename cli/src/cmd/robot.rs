@@ -112,7 +112,9 @@ fn describe(robot: &Robot) -> String {
         let (kind, motor) = match &end.contact {
             Contact::PointFoot => ("foot", None),
             Contact::ActuatedWheel { actuator, .. } => ("driven wheel", Some(actuator)),
+            Contact::WeldedWheel { .. } => ("welded wheel", None),
             Contact::PassiveWheel { .. } => ("free wheel", None),
+            Contact::Skate { .. } => ("skate", None),
         };
         let of_motor = |show: &dyn Fn(&Actuator) -> String| motor.map_or("–".into(), show);
         contacts.row([

@@ -6,7 +6,7 @@
 
 use super::{BASE_POSITION, BASE_YAW, JOINTS, rotation};
 use nalgebra::{DVector, Matrix3, Vector3};
-use rollwalk_robot::{Contact, Robot};
+use rollwalk_robot::Robot;
 
 /// What kinematics needs of a robot, computed once.
 #[derive(Clone, Debug)]
@@ -153,11 +153,7 @@ impl Model {
 
     /// Wheel axis in the mounting link, `None` for a foot.
     pub fn wheel_axis_in_link(&self, index: usize) -> Option<Vector3<f64>> {
-        match &self.robot.end_effectors[index].contact {
-            Contact::PointFoot => None,
-            Contact::ActuatedWheel { axis_in_link, .. }
-            | Contact::PassiveWheel { axis_in_link, .. } => Some(*axis_in_link),
-        }
+        self.robot.end_effectors[index].contact.wheel_axis_in_link().copied()
     }
 
     /// Forward kinematics with derivatives at `q`.

@@ -1,6 +1,7 @@
 //! Motion files: TOML text to a [`Motion`] for a given robot (docs/motion-files.md).
 
 use super::footfall;
+use super::wheels;
 use super::{Ends, Goal, Motion};
 use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
 use rollwalk_robot::document::{Document, DocumentError, Table, alternatives};
@@ -54,6 +55,7 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
         if root.has("goal") { root.table("goal").and_then(goal) } else { Some(Goal::default()) };
     let posture = if root.has("posture") { root.table("posture") } else { None };
     let posture_rad = posture_rad(document, posture.as_ref(), robot);
+    let held_wheels = wheels::held(document, &root, robot);
     let footfalls = root.table("footfalls").map(Footfalls::Table);
     let steps = steps(document, &root, robot, footfalls);
     root.done();
@@ -67,6 +69,7 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
         swing_height_m,
         goal: goal?,
         posture_rad,
+        held_wheels: held_wheels?,
     };
     if motion.ends == Ends::AtRest {
         check_rest(&root, &motion);
@@ -258,6 +261,8 @@ fn check_goal(root: &Table<'_>, motion: &Motion, robot: &Robot) {
             continue;
         }
         match &foot.contact {
+            Contact::WeldedWheel { .. } => wheels::check_reach(root, motion, foot, distance_m),
+            _ if motion.held_wheels[index] => wheels::check_reach(root, motion, foot, distance_m),
             Contact::PointFoot => {
                 let help =
                     "a standing point foot stays where it is: give it a swing, or drop the goal";
@@ -279,7 +284,7 @@ fn check_goal(root: &Table<'_>, motion: &Motion, robot: &Robot) {
                     root.fault("duration_s", problem, "too short", help);
                 }
             }
-            Contact::PassiveWheel { .. } => {}
+            Contact::PassiveWheel { .. } | Contact::Skate { .. } => {}
         }
     }
 }

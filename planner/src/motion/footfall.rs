@@ -61,16 +61,22 @@ fn gait(table: &Table<'_>, robot: &Robot, samples: usize) -> Option<Vec<Vec<bool
     Some((0..samples).map(stance_at).collect())
 }
 
-/// For every end effector of the robot, its row in [`GAIT_FEET`].
+/// For every end effector of the robot, its row in [`GAIT_FEET`]. A limb with several end effectors moves
+/// them together: foot `front_left` is any of `front_left`, `front_left_toe`, `front_left_heel`.
 fn gait_columns(table: &Table<'_>, robot: &Robot) -> Option<Vec<usize>> {
-    let row_of = |foot: &EndEffector| GAIT_FEET.iter().position(|name| *name == foot.name);
+    let row_of = |foot: &EndEffector| {
+        GAIT_FEET.iter().position(|name| {
+            let rest = foot.name.strip_prefix(name);
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+        })
+    };
     let columns: Option<Vec<_>> = robot.end_effectors.iter().map(row_of).collect();
-    let columns = columns.filter(|columns| columns.len() == GAIT_FEET.len());
+    let columns = columns.filter(|found| (0..GAIT_FEET.len()).all(|row| found.contains(&row)));
     if columns.is_none() {
         let problem = format!("does not know the feet of robot `{}`", robot.name);
         let help = format!(
-            "named gaits are for robots with the end effectors {}; write one row of # and . for \
-             each of {}",
+            "named gaits are for robots with the end effectors {}, or several on a limb, such as \
+             front_left_toe and front_left_heel; write one row of # and . for each of {}",
             GAIT_FEET.join(", "),
             listed(robot)
         );

@@ -4,6 +4,7 @@
 
 pub(crate) mod file;
 mod footfall;
+mod wheels;
 
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +26,9 @@ pub struct Motion {
     /// Joint angles that the motion keeps near, rad, in joint order: the robot's nominal ones where the
     /// motion file names no others.
     pub posture_rad: Vec<f64>,
+    /// Which end effectors have a motor-driven wheel that the motion holds still, in robot order: such
+    /// a wheel is a foot that rolls only as its link turns (LegBot, thesis sec. 3.5.2).
+    pub held_wheels: Vec<bool>,
 }
 
 impl Motion {

@@ -218,11 +218,11 @@ mod tests {
                 "x.json: format is \"urdf\"; expected \"rollwalk-plan\"",
             ),
             (
-                "\"version\": 1",
+                "\"version\": 2",
                 "\"version\": 7",
-                "x.json: version is 7; expected 1 or less: the plan is from a newer",
+                "x.json: version is 7; expected 2 or less: the plan is from a newer",
             ),
-            ("\"version\": 1,", "", "x.json: version is missing; expected 1"),
+            ("\"version\": 2,", "", "x.json: version is missing; expected 2"),
             ("\"samples\": [", "\"samples\": [ 5,", "samples[0]: invalid type: integer `5`"),
             (
                 "base_orientation_wxyz\": [1.0, 0.0, 0.0, 0.0]",

@@ -60,6 +60,19 @@ impl Plan {
             format!("{angles} angles"),
             format!("{joints} finite angles, one for each joint"),
         )?;
+        let held = &self.motion.held_wheels;
+        at.of("motion.held_wheels").holds(
+            held.len() == feet,
+            format!("{} flags long", held.len()),
+            format!("one flag per end effector, {feet}"),
+        )?;
+        for (j, foot) in self.robot.end_effectors.iter().enumerate() {
+            at.item("motion.held_wheels", j).holds(
+                !held[j] || foot.contact.actuator().is_some(),
+                format!("true for `{}`", foot.name),
+                "false: it is no wheel with a motor",
+            )?;
+        }
         let stance = &self.motion.stance;
         at.of("motion.stance").holds(
             stance.len() == count,

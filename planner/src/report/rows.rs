@@ -27,7 +27,7 @@ pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
         contact_point(timeline),
         wheel_axis(timeline),
     ]);
-    found.push(motor_speed(timeline));
+    found.extend([motor_speed(timeline), held_wheel(timeline)]);
     found.extend(limits(timeline, Grid::Samples));
     let mut rows: Vec<Row> = found.into_iter().filter_map(Worst::row).collect();
     rows.extend(goals(timeline));
@@ -129,12 +129,13 @@ fn rolling_force(timeline: &Timeline) -> Worst {
     let mut worst = Worst::of("free-wheel traction", "Eq. 2.6", "N", Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j)) {
-            let Contact::PassiveWheel { rolling_resistance, .. } = foot.contact else { continue };
+            let Some(drag) = foot.contact.free_rolling() else { continue };
             let f = w.here.force(j);
             let rolling_m_s = w.here.sample.end_effectors[j].wheel_speed_rad_s * foot.radius_m;
-            let resistance =
-                rolling_resistance * f.z * (rolling_m_s / ROLLING_SIGN_WIDTH_M_S).tanh();
-            let residual = f.dot(&w.here.frames[j].rolling) + resistance;
+            let resistance = drag.rolling_resistance
+                * (rolling_m_s / ROLLING_SIGN_WIDTH_M_S).tanh()
+                + drag.rolling_drag_s_m * rolling_m_s;
+            let residual = f.dot(&w.here.frames[j].rolling) + resistance * f.z;
             worst.see(residual.abs(), level::FORCE_N, &w, Some(&foot.name));
         }
     }
@@ -190,7 +191,8 @@ fn clearance(timeline: &Timeline) -> Worst {
         for (j, a) in feet(timeline) {
             for (k, b) in feet(timeline).skip(j + 1).filter(|(_, b)| a.link != b.link) {
                 let apart = (w.here.contact(j) - w.here.contact(k)).norm();
-                let missing = (a.radius_m + b.radius_m + CLEARANCE_M - apart).max(0.0);
+                let least = a.clearance_radius_m() + b.clearance_radius_m() + CLEARANCE_M;
+                let missing = (least - apart).max(0.0);
                 worst.see(missing * MM, level::POSITION_M * MM, &w, Some(&a.name));
             }
         }
@@ -239,6 +241,22 @@ fn motor_speed(timeline: &Timeline) -> Worst {
             let off =
                 w.here.sample.end_effectors[j].motor_speed_rad_s - needed_motor_speed(&w, j, h);
             worst.see(off.abs() * foot.radius_m * MM, level::SLIP_M_S * MM, &w, Some(&foot.name));
+        }
+    }
+    worst
+}
+
+/// A wheel that is welded to its link, or held still, does not turn relative to it; at the rim.
+fn held_wheel(timeline: &Timeline) -> Worst {
+    let mut worst = Worst::of("held wheel", "Eq. 2.15, about the axis", "mm/s", Grid::Samples);
+    let h = timeline.spacing_s();
+    let held = &timeline.plan.motion.held_wheels;
+    for w in timeline.intervals() {
+        for (j, foot) in feet(timeline) {
+            if matches!(foot.contact, Contact::WeldedWheel { .. }) || held[j] {
+                let off = needed_motor_speed(&w, j, h).abs() * foot.radius_m;
+                worst.see(off * MM, level::SLIP_M_S * MM, &w, Some(&foot.name));
+            }
         }
     }
     worst

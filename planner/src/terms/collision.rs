@@ -38,7 +38,9 @@ impl Term for Collision {
                 let direction = between.try_normalize(1e-9).unwrap_or_else(nalgebra::Vector3::y);
                 out.d_vector(1, p, &-direction);
                 out.d_vector(1, q, &direction);
-                let least = first.radius_m + second.radius_m + problem.weights.clearance_m;
+                let least = first.clearance_radius_m()
+                    + second.clearance_radius_m()
+                    + problem.weights.clearance_m;
                 out.row(least - distance);
             }
         }

@@ -17,6 +17,7 @@ mod smoothness;
 mod swing_force;
 mod traction;
 mod wheel_axis;
+mod wheel_held;
 mod wheel_speed;
 
 pub use anchor::Anchor;
@@ -35,6 +36,7 @@ pub use smoothness::Smoothness;
 pub use swing_force::SwingForce;
 pub use traction::Traction;
 pub use wheel_axis::WheelAxis;
+pub use wheel_held::WheelHeld;
 pub use wheel_speed::{WheelSpeed, motor_speed_rad_s};
 
 #[cfg(test)]

@@ -11,11 +11,11 @@ pub struct EvenForce;
 /// Joints near the motion's posture, body level and at the height that goes with it.
 pub struct Posture;
 
-/// Wheels that need not turn do not (rim speed, m/s).
+/// Wheels that need not turn do not (rim speed, m/s). Held wheels follow from their links.
 pub struct WheelEffort;
 
 /// Wheels change their speed gently (rim speed difference between intervals, m/s), also when they
-/// start and stop.
+/// start and stop. Held wheels follow from their links.
 pub struct WheelSmoothness;
 
 impl Term for EvenForce {
@@ -69,7 +69,7 @@ impl Term for WheelEffort {
         let problem = window.problem;
         out.set(1.0, f64::INFINITY, Role::Cost { weight: problem.weights.wheel_speed });
         for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
-            let Some(wheel) = ee.wheel else { continue };
+            let Some(wheel) = ee.wheel.filter(|_| !problem.held[j]) else { continue };
             let radius = problem.model.robot().end_effectors[j].radius_m;
             out.d(1, wheel.speed, radius);
             out.row(window.states[1].vars[wheel.speed] * radius);
@@ -88,7 +88,7 @@ impl Term for WheelSmoothness {
         // A motion at rest at its ends rolls neither before nor after.
         let rolls = |t: usize| !problem.at_rest || (1..problem.samples).contains(&t);
         for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
-            let Some(wheel) = ee.wheel else { continue };
+            let Some(wheel) = ee.wheel.filter(|_| !problem.held[j]) else { continue };
             let radius = problem.model.robot().end_effectors[j].radius_m;
             let mut change = 0.0;
             // The speed on the interval after the sample less the speed on the one before.

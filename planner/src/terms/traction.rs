@@ -1,14 +1,13 @@
-//! Traction of free wheels (Eq. 2.6, with rolling resistance): f·t + c_rr f_n s(ω r) = 0 in stance,
-//! s(v) = tanh(v/v₀) the smooth sign of the rolling velocity. One row a wheel and sample, N.
+//! Traction of free wheels and blades (Eq. 2.6, with drag): f·t + f_n (c_rr s(v) + c_v v) = 0 in stance,
+//! v = ω r the rolling velocity and s(v) = tanh(v/v₀) its smooth sign. One row a wheel and sample, N.
 //!
 //! Without resistance the best plan of a robot on free wheels is to glide for ever; with it the robot
-//! has to push.
+//! has to push. Only the part that grows with speed bounds how fast it can go.
 
 use super::level;
 use crate::formulation::{About, Span, Term};
 use crate::rows::{Role, RowWriter, Window};
 use crate::state::d_yaw;
-use rollwalk_robot::Contact;
 
 /// See the module.
 pub struct Traction;
@@ -27,21 +26,25 @@ impl Term for Traction {
         let here = window.states[1];
         for (j, ee) in problem.model.robot().end_effectors.iter().enumerate() {
             let vars = problem.layout.end_effectors[j];
-            let (Contact::PassiveWheel { rolling_resistance, .. }, Some(wheel), true) =
-                (&ee.contact, vars.wheel, window.stance(1, j))
+            let (Some(drag), Some(wheel), true) =
+                (ee.contact.free_rolling(), vars.wheel, window.stance(1, j))
             else {
                 continue;
             };
             let f = here.vector(vars.force);
             let t = here.frames[j].rolling;
-            let sign = (here.vars[wheel.speed] * ee.radius_m / SIGN_WIDTH_M_S).tanh();
-            let d_sign = (1.0 - sign * sign) * ee.radius_m / SIGN_WIDTH_M_S;
+            let rolling_m_s = here.vars[wheel.speed] * ee.radius_m;
+            let sign = (rolling_m_s / SIGN_WIDTH_M_S).tanh();
+            let d_sign = (1.0 - sign * sign) / SIGN_WIDTH_M_S;
+            let per_normal_force =
+                drag.rolling_resistance * sign + drag.rolling_drag_s_m * rolling_m_s;
+            let d_rolling = drag.rolling_resistance * d_sign + drag.rolling_drag_s_m;
             out.d(1, vars.force, t.x);
             out.d(1, vars.force + 1, t.y);
-            out.d(1, vars.force + 2, rolling_resistance * sign);
-            out.d(1, wheel.speed, rolling_resistance * f.z * d_sign);
+            out.d(1, vars.force + 2, per_normal_force);
+            out.d(1, wheel.speed, f.z * d_rolling * ee.radius_m);
             out.d(1, wheel.yaw, f.dot(&d_yaw(&t)));
-            out.row(f.dot(&t) + rolling_resistance * f.z * sign);
+            out.row(f.dot(&t) + f.z * per_normal_force);
         }
     }
 }

@@ -178,6 +178,22 @@ impl<'d> Table<'d> {
         })
     }
 
+    /// Whether the value of a key is an array.
+    pub fn is_array(&self, key: &'static str) -> bool {
+        self.raw(key).is_some_and(|value| value.get_ref().is_array())
+    }
+
+    /// A required array of strings, each with its place.
+    pub fn strings(&self, key: &'static str) -> Option<Vec<(&'d str, Span)>> {
+        let expected = "an array of strings in quotes";
+        let value = self.required(key, expected)?;
+        self.typed(key, value, expected, |value| {
+            let read =
+                |item: &'d Spanned<DeValue<'d>>| Some((item.get_ref().as_str()?, item.span()));
+            value.as_array()?.iter().map(read).collect()
+        })
+    }
+
     /// A required table.
     pub fn table(&self, key: &'static str) -> Option<Table<'d>> {
         let value = self.required(key, "a table")?;

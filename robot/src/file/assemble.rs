@@ -176,9 +176,16 @@ impl Assembly<'_> {
                 let axis_in_link = group.axis(*axis);
                 actuator.map(|actuator| Contact::ActuatedWheel { axis_in_link, actuator })
             }
-            ContactItem::Passive { axis, rolling_resistance } => Some(Contact::PassiveWheel {
+            ContactItem::Welded { axis } => {
+                Some(Contact::WeldedWheel { axis_in_link: group.axis(*axis) })
+            }
+            ContactItem::Passive { axis, drag } => {
+                Some(Contact::PassiveWheel { axis_in_link: group.axis(*axis), drag: *drag })
+            }
+            ContactItem::Skate { axis, blade_length_m, drag } => Some(Contact::Skate {
                 axis_in_link: group.axis(*axis),
-                rolling_resistance: *rolling_resistance,
+                blade_length_m: *blade_length_m,
+                drag: *drag,
             }),
         };
         let (Some(link), Some(contact)) = (link, contact) else { return };
@@ -231,6 +238,7 @@ impl Assembly<'_> {
             model: item.model.clone(),
             speed_max_rad_s: item.speed_max_rad_s,
             torque_max_nm: item.torque_max_nm,
+            torque_speed: item.torque_speed,
             kp_nm_rad: item.kp_nm_rad,
             kd_nm_s_rad: item.kd_nm_s_rad,
             armature_kg_m2: item.armature_kg_m2,

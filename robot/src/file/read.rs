@@ -2,6 +2,7 @@
 
 use super::parts::{self, MassProperties};
 use crate::document::{Document, Span, Table};
+use crate::model::{RollingDrag, TorqueSpeedLine};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 
@@ -72,8 +73,10 @@ pub(super) struct EndEffectorItem {
 #[derive(Clone, Debug)]
 pub(super) enum ContactItem {
     Foot,
+    Welded { axis: Vector3<f64> },
     Driven { axis: Vector3<f64>, motor: MotorItem },
-    Passive { axis: Vector3<f64>, rolling_resistance: f64 },
+    Passive { axis: Vector3<f64>, drag: RollingDrag },
+    Skate { axis: Vector3<f64>, blade_length_m: f64, drag: RollingDrag },
 }
 
 /// A data sheet: the fields of a motor that do not depend on where it is mounted.
@@ -82,6 +85,7 @@ pub(super) struct ActuatorItem {
     pub model: String,
     pub speed_max_rad_s: f64,
     pub torque_max_nm: f64,
+    pub torque_speed: Option<TorqueSpeedLine>,
     pub kp_nm_rad: f64,
     pub kd_nm_s_rad: f64,
     pub armature_kg_m2: f64,
@@ -293,22 +297,9 @@ fn end_effector(mut table: Table<'_>, template: bool) -> Option<EndEffectorItem>
     let center = table.numbers::<3>("center_in_link_m");
     let radius = table.number("radius_m");
     let friction = table.number("friction_coefficient");
-    let kind = table.choice("contact", &["point_foot", "actuated_wheel", "passive_wheel"]);
-    let contact = match kind {
-        Some(0) => Some(ContactItem::Foot),
-        Some(1) => {
-            let axis = axis(&table, "axis_in_link");
-            let motor = motor(&table, template);
-            axis.zip(motor).map(|(axis, motor)| ContactItem::Driven { axis, motor })
-        }
-        Some(_) => {
-            let axis = axis(&table, "axis_in_link");
-            let resistance = table.number("rolling_resistance");
-            axis.zip(resistance)
-                .map(|(axis, rolling_resistance)| ContactItem::Passive { axis, rolling_resistance })
-        }
-        None => None,
-    };
+    let kinds = ["point_foot", "welded_wheel", "actuated_wheel", "passive_wheel", "skate"];
+    let kind = table.choice("contact", &kinds).map(|choice| kinds[choice]);
+    let contact = kind.and_then(|kind| contact(&table, kind, template));
     let spans = Spans::of(
         &table,
         &[
@@ -319,6 +310,8 @@ fn end_effector(mut table: Table<'_>, template: bool) -> Option<EndEffectorItem>
             "friction_coefficient",
             "axis_in_link",
             "rolling_resistance",
+            "rolling_drag_s_m",
+            "blade_length_m",
             "actuator",
             "bus",
             "id",
@@ -339,18 +332,84 @@ fn end_effector(mut table: Table<'_>, template: bool) -> Option<EndEffectorItem>
     })
 }
 
+/// Reads the keys that belong to a kind of contact.
+fn contact(table: &Table<'_>, kind: &str, template: bool) -> Option<ContactItem> {
+    if kind == "point_foot" {
+        return Some(ContactItem::Foot);
+    }
+    let axis = axis(table, "axis_in_link");
+    match kind {
+        "welded_wheel" => Some(ContactItem::Welded { axis: axis? }),
+        "actuated_wheel" => {
+            let motor = motor(table, template);
+            Some(ContactItem::Driven { axis: axis?, motor: motor? })
+        }
+        "passive_wheel" => {
+            let drag = drag(table);
+            Some(ContactItem::Passive { axis: axis?, drag: drag? })
+        }
+        _ => {
+            let blade_length_m = table.number("blade_length_m");
+            let drag = drag(table);
+            Some(ContactItem::Skate { axis: axis?, blade_length_m: blade_length_m?, drag: drag? })
+        }
+    }
+}
+
+fn drag(table: &Table<'_>) -> Option<RollingDrag> {
+    let rolling_resistance = table.number("rolling_resistance");
+    let key = "rolling_drag_s_m";
+    let rolling_drag_s_m = if table.has(key) { table.number(key) } else { Some(0.0) };
+    Some(RollingDrag {
+        rolling_resistance: rolling_resistance?,
+        rolling_drag_s_m: rolling_drag_s_m?,
+    })
+}
+
+/// Reads the torque-speed line of a data sheet: both of its ends or neither. `None` for a fault.
+fn torque_speed(table: &Table<'_>) -> Option<Option<TorqueSpeedLine>> {
+    let keys = ["stall_torque_nm", "no_load_speed_rad_s"];
+    match keys.map(|key| table.has(key)) {
+        [false, false] => Some(None),
+        [true, true] => {
+            let [stall, no_load] = keys.map(|key| table.number(key));
+            let (stall_torque_nm, no_load_speed_rad_s) = (stall?, no_load?);
+            Some(Some(TorqueSpeedLine { stall_torque_nm, no_load_speed_rad_s }))
+        }
+        [stall, _] => {
+            let (given, missing) = if stall { (keys[0], keys[1]) } else { (keys[1], keys[0]) };
+            let help =
+                format!("a torque-speed line has two ends: give `{missing}` too, or neither");
+            table.fault(given, format_args!("is given without `{missing}`"), "half a line", help);
+            // Both are known keys.
+            let _ = table.number(given);
+            None
+        }
+    }
+}
+
 fn actuator(table: Table<'_>) -> Option<ActuatorItem> {
-    let fields =
-        ["model", "speed_max_rad_s", "torque_max_nm", "kp_nm_rad", "kd_nm_s_rad", "armature_kg_m2"];
+    let fields = [
+        "model",
+        "speed_max_rad_s",
+        "torque_max_nm",
+        "kp_nm_rad",
+        "kd_nm_s_rad",
+        "armature_kg_m2",
+        "stall_torque_nm",
+        "no_load_speed_rad_s",
+    ];
     let model = table.string("model");
     let [speed, torque, kp, kd, armature] =
         [fields[1], fields[2], fields[3], fields[4], fields[5]].map(|field| table.number(field));
+    let torque_speed = torque_speed(&table);
     let spans = Spans::of(&table, &fields);
     table.done();
     Some(ActuatorItem {
         model: model?,
         speed_max_rad_s: speed?,
         torque_max_nm: torque?,
+        torque_speed: torque_speed?,
         kp_nm_rad: kp?,
         kd_nm_s_rad: kd?,
         armature_kg_m2: armature?,

@@ -1,7 +1,7 @@
 //! The walk over a robot that collects every broken rule.
 
 use super::{Place, Violation};
-use crate::model::{Actuator, Contact, EndEffector, Joint, Link, Robot};
+use crate::model::{Actuator, Contact, EndEffector, Joint, Link, Robot, RollingDrag};
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_protocol::actuator;
 use rollwalk_protocol::config::MAX_CHANNELS;
@@ -270,6 +270,14 @@ impl Check<'_> {
         );
         let mm = "; N·mm need dividing by 1000";
         self.range("torque_max_nm", motor.torque_max_nm, positive, TORQUE_MAX_NM, "N·m", mm);
+        if let Some(line) = &motor.torque_speed {
+            // The line bounds what the motor can do: limits beyond its ends are no limits.
+            let stall = Bound::AtLeast(motor.torque_max_nm);
+            self.range("stall_torque_nm", line.stall_torque_nm, stall, 1000.0, "N·m", "");
+            let free = Bound::AtLeast(motor.speed_max_rad_s);
+            let speed = line.no_load_speed_rad_s;
+            self.range("no_load_speed_rad_s", speed, free, 1000.0, "rad/s", "");
+        }
         self.range(
             "kp_nm_rad",
             motor.kp_nm_rad,
@@ -307,7 +315,9 @@ impl Check<'_> {
         }
         self.vector("center_in_link_m", &end_effector.center_in_link_m);
         let mm = "; millimetres need dividing by 1000";
-        self.range("radius_m", end_effector.radius_m, Bound::Above(0.0), 1.0, "m", mm);
+        let skate = matches!(end_effector.contact, Contact::Skate { .. });
+        let largest_m = if skate { LENGTH_MAX_M } else { 1.0 };
+        self.range("radius_m", end_effector.radius_m, Bound::Above(0.0), largest_m, "m", mm);
         let friction = end_effector.friction_coefficient;
         self.range("friction_coefficient", friction, Bound::Above(0.0), 2.0, "", "");
         match &end_effector.contact {
@@ -316,12 +326,23 @@ impl Check<'_> {
                 self.unit_axis("axis_in_link", axis_in_link);
                 self.actuator(actuator);
             }
-            Contact::PassiveWheel { axis_in_link, rolling_resistance } => {
+            Contact::WeldedWheel { axis_in_link } => self.unit_axis("axis_in_link", axis_in_link),
+            Contact::PassiveWheel { axis_in_link, drag } => {
                 self.unit_axis("axis_in_link", axis_in_link);
-                let zero = Bound::AtLeast(0.0);
-                self.range("rolling_resistance", *rolling_resistance, zero, 0.5, "", "");
+                self.drag(drag);
+            }
+            Contact::Skate { axis_in_link, blade_length_m, drag } => {
+                self.unit_axis("axis_in_link", axis_in_link);
+                self.range("blade_length_m", *blade_length_m, Bound::Above(0.0), 1.0, "m", mm);
+                self.drag(drag);
             }
         }
+    }
+
+    fn drag(&mut self, drag: &RollingDrag) {
+        let zero = Bound::AtLeast(0.0);
+        self.range("rolling_resistance", drag.rolling_resistance, zero, 0.5, "", "");
+        self.range("rolling_drag_s_m", drag.rolling_drag_s_m, zero, 1.0, "s/m", "");
     }
 
     fn addresses(&mut self) {

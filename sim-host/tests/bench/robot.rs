@@ -26,6 +26,7 @@ fn actuator(bus: u8, id: u8, kp_nm_rad: f64, kd_nm_s_rad: f64) -> Actuator {
         model: "test".into(),
         speed_max_rad_s: 6.0,
         torque_max_nm: 3.0,
+        torque_speed: None,
         kp_nm_rad,
         kd_nm_s_rad,
         armature_kg_m2: 0.005,
