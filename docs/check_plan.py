@@ -161,6 +161,52 @@ class Table:
         return {name: dict(zip(keys, row)) for name, row in self.rows.items()}
 
 
+# --- what motors hold ---
+
+
+def carried_links(robot, joint):
+    """Links beyond a joint."""
+    found = {joint["child"]}
+    for other in robot["joints"]:  # parents come before children
+        if other["parent"] in found:
+            found.add(other["child"])
+    return found
+
+
+def joint_torques(robot, sample, poses):
+    """Torque that holds ground forces and weight of all that is beyond each joint, limb at rest."""
+    torques = []
+    for joint in robot["joints"]:
+        frame = joint["parent_from_joint"]
+        turn = matmul(poses[joint["parent"]][0], from_quaternion(frame["orientation_wxyz"]))
+        axis, origin = apply(turn, joint["axis_in_joint"]), poses[joint["child"]][1]
+        beyond, moment = carried_links(robot, joint), [0.0] * 3
+        for index in beyond:
+            link, (r, p) = robot["links"][index], poses[index]
+            arm = sub(add(p, apply(r, link["com_in_link_m"])), origin)
+            moment = add(moment, cross(arm, [0.0, 0.0, -GRAVITY * link["mass_kg"]]))
+        for foot, e in zip(robot["end_effectors"], sample["end_effectors"]):
+            if foot["link"] in beyond:
+                moment = add(moment, cross(sub(e["position_m"], origin), e["force_n"]))
+        torques.append(-dot(axis, moment))
+    return torques
+
+
+def wheel_torque(foot, e):
+    """Torque about its axis that holds the ground force on a wheel: r f.t."""
+    rolling, _, _ = wheel_frame(e["tilt_rad"], e["yaw_rad"], foot["radius_m"])
+    return foot["radius_m"] * dot(e["force_n"], rolling)
+
+
+def beyond_line(motor, torque, speed):
+    """How far a torque at a speed is beyond a motor's torque-speed line; None without a line."""
+    line = motor["torque_speed"]
+    if line is None:
+        return None
+    used = torque / line["stall_torque_nm"] + speed / line["no_load_speed_rad_s"]
+    return max(abs(used) - 1, 0)
+
+
 # --- the equations ---
 
 
@@ -196,6 +242,8 @@ def check(plan):
     poses = [
         link_poses(robot, s["base_position_m"], r, s["joint_rad"]) for s, r in zip(timeline, rotations)
     ]
+
+    torques = [joint_torques(robot, s, p) for s, p in zip(timeline, poses)]
 
     for i, s in enumerate(samples):
         k = i + 1  # place in the timeline
@@ -235,6 +283,11 @@ def check(plan):
             beyond = max(q - joint["position_max_rad"], joint["position_min_rad"] - q, 0)
             table.see("joint limit", beyond, 0.05, "rad", i, joint["name"])
 
+        for joint, torque in zip(robot["joints"], torques[k]):
+            limit = joint["actuator"]["torque_max_nm"]
+            beyond = max(abs(torque) - limit, 0)
+            table.see("joint torque", beyond, 0.1 * limit, "N m", i, joint["name"])
+
         for j, (foot, e) in enumerate(zip(feet, s["end_effectors"])):
             name, f, radius = foot["name"], e["force_n"], foot["radius_m"]
             stands, wheel = e["contact"], foot["contact"]["kind"] != "point_foot"
@@ -257,6 +310,11 @@ def check(plan):
                     table.see("free-wheel traction", abs(pushed), 0.2, "N", i, name)
             else:
                 table.see("swing force", norm(f), 0.2, "N", i, name)
+
+            if foot["contact"]["kind"] == "actuated_wheel":
+                limit = foot["contact"]["actuator"]["torque_max_nm"]
+                beyond = max(abs(wheel_torque(foot, e)) - limit, 0)
+                table.see("wheel torque", beyond, 0.1 * limit, "N m", i, name)
 
             # Height, Eq. 2.9: on the ground in stance, not below it in swing.
             z = e["position_m"][2]
@@ -284,7 +342,11 @@ def check(plan):
     for i in range(intervals):
         k = i + 1
         s, after = timeline[k], timeline[k + 1]
-        for joint, q, q_next in zip(robot["joints"], s["joint_rad"], after["joint_rad"]):
+        held = [0.5 * (a + b) for a, b in zip(torques[k], torques[k + 1])]
+        for joint, q, q_next, torque in zip(robot["joints"], s["joint_rad"], after["joint_rad"], held):
+            beyond = beyond_line(joint["actuator"], torque, (q_next - q) / h)
+            if beyond is not None:
+                table.see("torque-speed line", beyond, 0.1, "-", i, joint["name"])
             limit = joint["actuator"]["speed_max_rad_s"]
             beyond = max(abs(q_next - q) / h - limit, 0)
             table.see("joint speed limit", beyond, 0.1 * limit, "rad/s", i, joint["name"])
@@ -314,6 +376,10 @@ def check(plan):
                 limit = foot["contact"]["actuator"]["speed_max_rad_s"]
                 beyond = max(abs(motor) - limit, 0)
                 table.see("wheel speed limit", beyond, 0.1 * limit, "rad/s", i, name)
+                torque = 0.5 * (wheel_torque(foot, e) + wheel_torque(foot, e2))
+                beyond = beyond_line(foot["contact"]["actuator"], torque, motor)
+                if beyond is not None and not motion["held_wheels"][j]:
+                    table.see("torque-speed line", beyond, 0.1, "-", i, name)
 
     # Goals: displacement of the centre of mass along and across the starting heading, and turn.
     first, last = timeline[1], timeline[1 + intervals]

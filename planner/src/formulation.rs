@@ -20,6 +20,8 @@
 //! | contact point | 2.14 | [`ContactPoint`] |
 //! | welded wheels, held wheels | in place of 2.15 | [`WheelHeld`] |
 //! | joint angle, joint speed, wheel speed limits | "physical hardware constraints" | [`JointLimit`], [`JointSpeed`], [`WheelSpeed`] |
+//! | motor torque limits from planned forces | quasi-static | [`JointTorque`], [`WheelTorque`] |
+//! | torque-speed lines of motors | quasi-static | [`TorqueSpeed`] |
 //! | anchor of the start, displacement, turn | "boundary conditions", "functional objectives" | [`Anchor`], [`Displacement`], [`Turn`] |
 //!
 //! Equations 2.11 and 2.12 (centre of mass, body orientation) hold by elimination; periodic, at-rest
@@ -37,8 +39,9 @@ use crate::rows::{Columns, RowWriter, Rows, Window};
 use crate::state::State;
 use crate::terms::{
     Anchor, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular, DynamicsLinear,
-    EvenForce, Friction, JointLimit, JointSpeed, NoSlip, Posture, Smoothness, SwingForce, Traction,
-    Turn, WheelAxis, WheelEffort, WheelHeld, WheelSmoothness, WheelSpeed,
+    EvenForce, Friction, JointLimit, JointSpeed, JointTorque, NoSlip, Posture, Smoothness,
+    SwingForce, TorqueSpeed, Traction, Turn, WheelAxis, WheelEffort, WheelHeld, WheelSmoothness,
+    WheelSpeed, WheelTorque,
 };
 
 /// Which samples a term looks at.
@@ -86,6 +89,9 @@ pub static TERMS: &[&dyn Term] = &[
     &JointLimit,
     &JointSpeed,
     &WheelSpeed,
+    &JointTorque,
+    &WheelTorque,
+    &TorqueSpeed,
     &Anchor,
     &Displacement,
     &Turn,

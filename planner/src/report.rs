@@ -11,6 +11,7 @@
 //!   the dynamics in between have no level.
 
 mod grid;
+mod motors;
 mod rows;
 #[cfg(test)]
 mod second_opinion;
@@ -259,6 +260,27 @@ mod tests {
         });
         // tanh(v/0.05) is 1 within 1e-5 from v = 0.3 m/s on; the cruise is never slower.
         assert!(at_samples(&report, "free-wheel traction").worst < 1e-5, "{report}");
+    }
+
+    #[test]
+    fn weak_motors_show_with_their_torque() {
+        let report = changed(test_plans::cruise(), |p| {
+            for joint in &mut p.robot.joints {
+                joint.actuator.torque_max_nm = 1e-6;
+            }
+            for s in &mut p.samples {
+                s.end_effectors[0].force_n = [0.0; 3];
+            }
+            // The heaviest load of all: 100 N up at the front right wheel, a leg's length behind the hip.
+            p.samples[5].end_effectors[1].force_n = [0.0, 0.0, 100.0];
+        });
+        let sample = &test_plans::cruise().samples[5];
+        let sin = sample.joint_rad[1].sin();
+        // Less the leg's own weight: 0.2 kg at half its length.
+        let expected = (100.0 - 0.2 * 9.806_65 / 2.0) * 0.2 * sin - 1e-6;
+        let row = at_samples(&report, "joint torque");
+        assert!((row.worst - expected).abs() < 1e-9, "{report}");
+        assert_eq!(row.place.as_ref().and_then(|p| p.subject.as_deref()), Some("fr-hip"));
     }
 
     #[test]

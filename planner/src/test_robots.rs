@@ -6,10 +6,10 @@ use crate::plan::Placement;
 use crate::problem::Unknowns;
 use crate::variables::Layout;
 use nalgebra::{DVector, Vector3};
-use rollwalk_robot::{Contact, EndEffector, Robot, RollingDrag};
+use rollwalk_robot::{Actuator, Contact, EndEffector, Robot, RollingDrag, TorqueSpeedLine};
 
 /// The shipped robots (driven wheels, free wheels, feet) and what they could be turned into: AgileBot on
-/// welded wheels, SwizzleBot on two inline wheels a leg with drag, SwizzleBot on skates.
+/// welded wheels, AgileBot with torque-speed lines, SwizzleBot on two inline wheels a leg with drag, SwizzleBot on skates.
 pub fn all() -> Vec<Robot> {
     let [agilebot, swizzlebot, creature3] = [
         ("agilebot.toml", include_str!("../../robots/agilebot.toml")),
@@ -17,7 +17,8 @@ pub fn all() -> Vec<Robot> {
         ("creature3.toml", include_str!("../../robots/creature3.toml")),
     ]
     .map(|(name, text)| Robot::from_toml(name, text).expect("shipped robots are valid"));
-    let made = [welded(&agilebot), inline(&swizzlebot), on_skates(&swizzlebot)];
+    let made =
+        [welded(&agilebot), with_lines(&agilebot), inline(&swizzlebot), on_skates(&swizzlebot)];
     made.iter().for_each(|robot| robot.validate().expect("made robots are valid"));
     [agilebot, swizzlebot, creature3].into_iter().chain(made).collect()
 }
@@ -27,6 +28,24 @@ pub fn welded(robot: &Robot) -> Robot {
     changed(robot, "welded", |ee, axis_in_link, _| {
         vec![EndEffector { contact: Contact::WeldedWheel { axis_in_link }, ..ee }]
     })
+}
+
+/// A robot whose motors have torque-speed lines from their limits on.
+fn with_lines(robot: &Robot) -> Robot {
+    let with_line = |motor: &mut Actuator| {
+        motor.torque_speed = Some(TorqueSpeedLine {
+            stall_torque_nm: 1.5 * motor.torque_max_nm,
+            no_load_speed_rad_s: 1.2 * motor.speed_max_rad_s,
+        });
+    };
+    let mut robot = Robot { name: format!("{}_lines", robot.name), ..robot.clone() };
+    robot.joints.iter_mut().for_each(|joint| with_line(&mut joint.actuator));
+    for end_effector in &mut robot.end_effectors {
+        if let Contact::ActuatedWheel { actuator, .. } = &mut end_effector.contact {
+            with_line(actuator);
+        }
+    }
+    robot
 }
 
 /// A robot whose free wheels are roller blades: a toe and a heel wheel in line, with drag.

@@ -378,3 +378,66 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn wheels_are_driven_unless_a_motion_holds_them() {
+    let held = |line: &str| broken("samples = 32\n", &format!("samples = 32\n{line}\n"));
+    assert_eq!(motion(WALK).held_wheels, [false; 4]);
+    assert_eq!(held("wheels = \"driven\"").unwrap().held_wheels, [false; 4]);
+    assert_eq!(held("wheels = \"held\"").unwrap().held_wheels, [true; 4]);
+    let one = held("wheels = [\"front_right\"]").unwrap();
+    assert_eq!(one.held_wheels, [false, true, false, false]);
+    let at = line("samples") + 1;
+    assert_faults(held("wheels = \"locked\""), &[(at, "cannot be \"locked\"", "held")]);
+    assert_faults(
+        held("wheels = [\"front_rihgt\"]"),
+        &[(at, "no driven wheel `front_rihgt`", "front_right")],
+    );
+    assert_faults(held("wheels = 1"), &[(at, "must be a string", "a string in quotes")]);
+    let none = Motion::from_toml(
+        "m.toml",
+        &STAND.replacen("ends =", "wheels = \"held\"\nends =", 1),
+        &creature3(),
+    );
+    assert!(none.unwrap_err().faults().any(|f| f.message.contains("drives none")));
+}
+
+#[test]
+fn held_wheels_that_never_swing_reach_as_far_as_their_links_pitch() {
+    let still = |goal: &str, ends: &str| {
+        let text = DRIVE
+            .replacen("ends = \"at_rest\"", &format!("ends = \"{ends}\"\nwheels = \"held\""), 1)
+            .replacen("forward_m = 1.0", goal, 1);
+        Motion::from_toml("m.toml", &text, &agilebot())
+    };
+    // Wheels of 0.05 m roll π · 0.05 m = 0.157 m within half a turn.
+    assert!(still("forward_m = 0.1", "at_rest").is_ok());
+    for (goal, ends) in [("forward_m = 0.2", "at_rest"), ("forward_m = 0.1", "periodic")] {
+        let error = still(goal, ends).unwrap_err();
+        assert!(error.faults().count() > 0);
+        assert!(error.faults().all(|f| f.message.contains("cannot be reached")), "{error}");
+    }
+}
+
+#[test]
+fn a_gait_moves_all_end_effectors_of_a_limb() {
+    let mut robot = agilebot();
+    let wheels = std::mem::take(&mut robot.end_effectors);
+    for part in ["toe", "heel"] {
+        let of_limb = wheels.iter().cloned().map(|mut wheel| {
+            wheel.name = format!("{}_{part}", wheel.name);
+            wheel
+        });
+        robot.end_effectors.extend(of_limb);
+    }
+    let trot = WALK.replacen("gait = \"walk\"", "gait = \"trot\"", 1);
+    let on_eight = Motion::from_toml("m.toml", &trot, &robot).unwrap();
+    let on_four = motion(&trot);
+    for foot in 0..4 {
+        assert_eq!(row(&on_eight, foot), row(&on_four, foot));
+        assert_eq!(row(&on_eight, foot + 4), row(&on_four, foot));
+    }
+    // A name that only begins alike is another foot.
+    robot.end_effectors[0].name = "front_leftmost".into();
+    assert!(Motion::from_toml("m.toml", &trot, &robot).is_err());
+}

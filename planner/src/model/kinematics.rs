@@ -18,6 +18,20 @@ pub struct Model {
     /// For each link the joints between it and the base, base first.
     joints_to_link: Vec<Vec<usize>>,
     chains: Vec<Chain>,
+    carried: Vec<Carried>,
+}
+
+/// What a joint carries and what carries it.
+#[derive(Clone, Debug)]
+pub struct Carried {
+    /// Mass of all links beyond the joint, kg.
+    pub mass_kg: f64,
+    /// Joints between the base and this one, base first, itself excluded.
+    pub above: Vec<usize>,
+    /// Joints beyond this one.
+    pub below: Vec<usize>,
+    /// End effectors beyond this one.
+    pub end_effectors: Vec<usize>,
 }
 
 /// The degrees of freedom that move an end effector: the six of the base, then the joints of its limb.
@@ -59,6 +73,10 @@ pub struct Pose {
     pub end_effectors: Vec<EndEffectorPose>,
     /// Origin of every link frame in world, m.
     pub link_origins: Vec<Vector3<f64>>,
+    /// Axis of every joint in world, in joint order.
+    pub joint_axes: Vec<Vector3<f64>>,
+    /// First moment Σ m x of every link with all that it carries, kg·m in world.
+    pub carried_moment: Vec<Vector3<f64>>,
 }
 
 /// Frames of all links at one configuration, in world.
@@ -88,6 +106,7 @@ impl Model {
                     .collect(),
             })
             .collect();
+        let carried = carried(robot, &joints_to_link);
         let mut model = Self {
             robot: robot.clone(),
             total_mass_kg: robot.links.iter().map(|l| l.mass_kg).sum(),
@@ -95,6 +114,7 @@ impl Model {
             nominal_q: DVector::zeros(JOINTS + robot.joints.len()),
             joints_to_link,
             chains,
+            carried,
         };
         let nominal_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
         model.nominal_q = model.standing_q(&nominal_rad);
@@ -151,6 +171,11 @@ impl Model {
         &self.chains[index]
     }
 
+    /// What joint `index` carries.
+    pub fn carried(&self, index: usize) -> &Carried {
+        &self.carried[index]
+    }
+
     /// Wheel axis in the mounting link, `None` for a foot.
     pub fn wheel_axis_in_link(&self, index: usize) -> Option<Vector3<f64>> {
         self.robot.end_effectors[index].contact.wheel_axis_in_link().copied()
@@ -165,12 +190,10 @@ impl Model {
 
         // Mass and first moment of everything that each joint carries, leaves first.
         let links = &self.robot.links;
-        let mut mass: Vec<f64> = links.iter().map(|l| l.mass_kg).collect();
         let mut moment: Vec<Vector3<f64>> = (0..links.len())
             .map(|l| (origins[l] + rotations[l] * links[l].com_in_link_m) * links[l].mass_kg)
             .collect();
         for joint in self.robot.joints.iter().rev() {
-            mass[joint.parent] += mass[joint.child];
             let carried = moment[joint.child];
             moment[joint.parent] += carried;
         }
@@ -179,7 +202,8 @@ impl Model {
         d_com.extend([Vector3::x(), Vector3::y(), Vector3::z()]);
         d_com.extend(base_axes.iter().map(|w| w.cross(&(com - base_origin))));
         for (j, joint) in self.robot.joints.iter().enumerate() {
-            let lever = moment[joint.child] - origins[joint.child] * mass[joint.child];
+            let mass_kg = self.carried[j].mass_kg;
+            let lever = moment[joint.child] - origins[joint.child] * mass_kg;
             d_com.push(axes[j].cross(&lever) / self.total_mass_kg);
         }
 
@@ -214,6 +238,8 @@ impl Model {
             d_com,
             end_effectors,
             link_origins: origins,
+            joint_axes: axes,
+            carried_moment: moment,
         }
     }
 
@@ -249,6 +275,31 @@ impl Model {
         }
         rotations[0].transpose() * inertia * rotations[0]
     }
+}
+
+/// What every joint carries.
+fn carried(robot: &Robot, joints_to_link: &[Vec<usize>]) -> Vec<Carried> {
+    let moves = |joint: usize, link: usize| joints_to_link[link].contains(&joint);
+    let joints = 0..robot.joints.len();
+    let of = |joint: usize| {
+        let path = &joints_to_link[robot.joints[joint].child];
+        let beyond = |link: &usize| moves(joint, *link);
+        Carried {
+            mass_kg: (0..robot.links.len())
+                .filter(beyond)
+                .map(|link| robot.links[link].mass_kg)
+                .sum(),
+            above: path[..path.len() - 1].to_vec(),
+            below: joints
+                .clone()
+                .filter(|&k| k != joint && moves(joint, robot.joints[k].child))
+                .collect(),
+            end_effectors: (0..robot.end_effectors.len())
+                .filter(|&e| moves(joint, robot.end_effectors[e].link))
+                .collect(),
+        }
+    };
+    joints.clone().map(of).collect()
 }
 
 /// Height of the wheel centre above its lowest point, m: r·sin of the axis's angle to the vertical;

@@ -1,7 +1,7 @@
 //! The residuals, each as an equation over neighbouring states.
 
 use super::grid::{State, Timeline, Window};
-use super::{Grid, Place, Row};
+use super::{Grid, Place, Row, motors};
 use crate::state::{ContactFrame, rolling_direction};
 use crate::terms::level;
 use crate::variables::GRAVITY_M_S2;
@@ -29,6 +29,7 @@ pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
     ]);
     found.extend([motor_speed(timeline), held_wheel(timeline)]);
     found.extend(limits(timeline, Grid::Samples));
+    found.extend(motors::torques(timeline));
     let mut rows: Vec<Row> = found.into_iter().filter_map(Worst::row).collect();
     rows.extend(goals(timeline));
     rows
@@ -45,19 +46,24 @@ pub fn between(timeline: &Timeline, grid: Grid) -> Vec<Row> {
 }
 
 /// Finds the worst case of one residual.
-struct Worst {
+pub(super) struct Worst {
     row: Row,
     part: f64,
 }
 
 impl Worst {
-    fn of(name: &'static str, equation: &'static str, unit: &'static str, grid: Grid) -> Self {
+    pub(super) fn of(
+        name: &'static str,
+        equation: &'static str,
+        unit: &'static str,
+        grid: Grid,
+    ) -> Self {
         let row = Row { name, equation, grid, worst: 0.0, unit, level: None, place: None };
         Self { row, part: 0.0 }
     }
 
     /// Takes note of a residual with the level that applies to it.
-    fn see(&mut self, residual: f64, level: f64, at: &Window, subject: Option<&str>) {
+    pub(super) fn see(&mut self, residual: f64, level: f64, at: &Window, subject: Option<&str>) {
         self.row.level.get_or_insert(level);
         let part = residual / level;
         if part > self.part {
@@ -79,7 +85,7 @@ impl Worst {
 }
 
 /// End effectors with their index.
-fn feet<'a>(timeline: &'a Timeline) -> impl Iterator<Item = (usize, &'a EndEffector)> {
+pub(super) fn feet<'a>(timeline: &'a Timeline) -> impl Iterator<Item = (usize, &'a EndEffector)> {
     timeline.plan.robot.end_effectors.iter().enumerate()
 }
 

@@ -4,7 +4,7 @@
 use super::{Grid, Report};
 use crate::plan::{Plan, Sample};
 use crate::{motion::Motion, optimise, test_plans, test_robots};
-use rollwalk_robot::Robot;
+use rollwalk_robot::{Actuator, Contact, Robot, RollingDrag, TorqueSpeedLine};
 use serde_json::Value;
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -65,6 +65,25 @@ fn walk() -> Plan {
     )
 }
 
+/// A plan on one wheel of every kind, with motors too weak for it.
+fn of_every_kind() -> Plan {
+    let mut plan = test_plans::cruise();
+    let line = TorqueSpeedLine { stall_torque_nm: 0.8, no_load_speed_rad_s: 7.0 };
+    let weak = |motor: &mut Actuator| {
+        (motor.torque_max_nm, motor.torque_speed) = (0.5, Some(line));
+    };
+    plan.robot.joints.iter_mut().for_each(|joint| weak(&mut joint.actuator));
+    let drag = RollingDrag { rolling_resistance: 0.02, rolling_drag_s_m: 0.1 };
+    let axis_in_link = nalgebra::Vector3::y();
+    let ends = &mut plan.robot.end_effectors;
+    ends[1].contact = Contact::WeldedWheel { axis_in_link };
+    ends[2].contact = Contact::Skate { axis_in_link, blade_length_m: 0.7, drag };
+    ends[3].contact = Contact::PassiveWheel { axis_in_link, drag };
+    let Contact::ActuatedWheel { actuator, .. } = &mut ends[0].contact else { unreachable!() };
+    weak(actuator);
+    plan
+}
+
 #[test]
 fn an_optimised_walk_passes_both_opinions() {
     let plan = walk();
@@ -76,7 +95,8 @@ fn an_optimised_walk_passes_both_opinions() {
 
 #[test]
 fn both_opinions_agree_on_the_size_of_every_residual() {
-    let plans = [walk(), test_plans::start_stop(), test_plans::cruise_middle()];
+    let plans = [walk(), test_plans::start_stop(), test_plans::cruise_middle(), of_every_kind()];
+    let mut names = std::collections::BTreeSet::new();
     for plan in plans.map(shaken) {
         let report = Report::new(&plan);
         let (code, table) = check_plan(&plan);
@@ -93,5 +113,9 @@ fn both_opinions_agree_on_the_size_of_every_residual() {
             compared += 1;
         }
         assert!(compared >= 12, "{report}");
+        names.extend(report.rows.iter().filter(|row| row.worst > 0.0).map(|row| row.name));
+    }
+    for name in ["held wheel", "joint torque", "wheel torque", "torque-speed line"] {
+        assert!(names.contains(name), "no plan has a residual of {name}: {names:?}");
     }
 }

@@ -11,14 +11,17 @@ mod friction;
 mod goals;
 mod joint_limit;
 mod joint_speed;
+mod joint_torque;
 mod no_slip;
 mod regularisers;
 mod smoothness;
 mod swing_force;
+mod torque_speed;
 mod traction;
 mod wheel_axis;
 mod wheel_held;
 mod wheel_speed;
+mod wheel_torque;
 
 pub use anchor::Anchor;
 pub use collision::Collision;
@@ -30,14 +33,17 @@ pub use friction::Friction;
 pub use goals::{Displacement, Turn};
 pub use joint_limit::JointLimit;
 pub use joint_speed::JointSpeed;
+pub use joint_torque::JointTorque;
 pub use no_slip::NoSlip;
 pub use regularisers::{EvenForce, Posture, WheelEffort, WheelSmoothness};
 pub use smoothness::Smoothness;
 pub use swing_force::SwingForce;
+pub use torque_speed::TorqueSpeed;
 pub use traction::Traction;
 pub use wheel_axis::WheelAxis;
 pub use wheel_held::WheelHeld;
 pub use wheel_speed::{WheelSpeed, motor_speed_rad_s};
+pub use wheel_torque::WheelTorque;
 
 #[cfg(test)]
 mod derivatives;
@@ -61,6 +67,8 @@ pub mod level {
     pub const JOINT_RAD: f64 = 0.05;
     /// Joint and wheel speeds, fraction of the limit.
     pub const SPEED_FRACTION: f64 = 0.1;
+    /// Motor torques, fraction of the limit; torque-speed lines, fraction of the line.
+    pub const TORQUE_FRACTION: f64 = 0.1;
     /// Displacement goals, m; turning goals, rad.
     pub const GOAL: f64 = 0.001;
 }
