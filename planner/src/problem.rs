@@ -10,7 +10,6 @@ use crate::state::State;
 use crate::swing;
 use crate::variables::{Layout, Lift, TimelineSample, force_scale_n};
 use nalgebra::DVector;
-use rollwalk_robot::{Contact, EndEffector};
 
 /// Penalties, weights and margins. The defaults are the ones that measured best; each field says what
 /// it does to the result.
@@ -125,13 +124,6 @@ fn blend(model: &Model, from_rad: &[f64], to_rad: &[f64], samples: usize) -> Vec
         .collect()
 }
 
-/// End effectors whose wheel does not turn relative to its link.
-fn held(model: &Model, motion: &Motion) -> Vec<bool> {
-    let welded = |ee: &EndEffector| matches!(ee.contact, Contact::WeldedWheel { .. });
-    let ends = model.robot().end_effectors.iter();
-    ends.zip(&motion.held_wheels).map(|(ee, &held)| held || welded(ee)).collect()
-}
-
 impl Problem {
     /// The problem of a motion goal with periodic or at-rest ends.
     pub fn new(model: Model, motion: &Motion, weights: Weights) -> Self {
@@ -159,7 +151,7 @@ impl Problem {
             at_rest: motion.ends == Ends::AtRest,
             frozen: vec![vec![false; layout.len]; samples],
             placement_free: periodic,
-            held: held(&model, motion),
+            held: motion.still_wheels(model.robot()),
             goal: motion.goal,
             posture_q: vec![model.standing_q(&motion.posture_rad); samples],
             weights,
@@ -212,7 +204,7 @@ impl Problem {
             at_rest: false,
             frozen,
             placement_free: true,
-            held: held(&model, motion),
+            held: motion.still_wheels(model.robot()),
             goal: motion.goal,
             posture_q: blend(&model, &start.posture_rad, &end.posture_rad, samples),
             weights,

@@ -19,7 +19,7 @@ mod tests;
 
 pub use resample::resample;
 
-use crate::model::{BASE_POSITION, BASE_YAW, JOINTS, Model, rotation};
+use crate::model::{BASE_POSITION, BASE_YAW, EndEffectorPose, JOINTS, Model, rotation};
 use crate::motion::Ends;
 use crate::plan::{EndEffectorSample, Placement, Plan, Sample};
 use crate::state::{ContactFrame, tilt_and_yaw};
@@ -43,6 +43,8 @@ pub struct PlanSpline {
     motor_angle: Vec<Spline>,
     /// Wheel spin about its axis since the start, for every end effector.
     wheel_angle: Vec<Spline>,
+    /// Wheels that do not turn relative to their link: their spin follows from the pose.
+    still: Vec<bool>,
     /// `stance[sample][end_effector]`, the end of the last interval included.
     stance: Vec<Vec<bool>>,
     /// Wheel axis yaw `[sample][end_effector]`: says which turn the yaw in between belongs to.
@@ -99,6 +101,7 @@ impl PlanSpline {
             pose,
             motor_angle: angle(&|e| e.motor_speed_rad_s),
             wheel_angle: angle(&|e| e.wheel_speed_rad_s),
+            still: plan.motion.still_wheels(&plan.robot),
             yaw_rad: plan
                 .samples
                 .iter()
@@ -151,6 +154,7 @@ impl PlanSpline {
         q.rows_mut(BASE_YAW, 3).copy_from_slice(&ypr);
         q.rows_mut(JOINTS, joint_rad.len()).copy_from_slice(&joint_rad);
         let pose = self.model.pose(&q);
+        let rates: Vec<f64> = self.pose.iter().map(|spline| spline.at(time_s).rate.re).collect();
 
         let position = time_s / self.spacing_s;
         let i = (position.floor().max(0.0) as usize).min(self.force_n.len() - 2);
@@ -176,7 +180,11 @@ impl PlanSpline {
                     contact: self.stands(i, u, j),
                     position_m: (mount.center + frame.to_contact).into(),
                     force_n: placement.vector(force.into()),
-                    wheel_speed_rad_s: self.wheel_angle[j].at(time_s).rate.re,
+                    wheel_speed_rad_s: if self.still[j] {
+                        self.spin_with_link(j, mount, &rates)
+                    } else {
+                        self.wheel_angle[j].at(time_s).rate.re
+                    },
                     motor_speed_rad_s: self.motor_angle[j].at(time_s).rate.re,
                     tilt_rad,
                     yaw_rad,
@@ -212,11 +220,32 @@ impl PlanSpline {
         (u > 1.0 - ON_SAMPLE || self.stance[i][j]) && (u < ON_SAMPLE || self.stance[i + 1][j])
     }
 
+    /// Spin ω of a wheel that is fixed to its link, rad/s: what the link turns about the axis beyond the
+    /// yaw of the axis itself, Ω·a − α̇_yaw (v·a). `rates` are those of the splines of the pose.
+    fn spin_with_link(&self, j: usize, mount: &EndEffectorPose, rates: &[f64]) -> f64 {
+        // Position does not turn a link; of the base, the splines of the pose hold height and attitude.
+        let dofs = self.model.chain(j).dofs.iter().zip(&mount.d_rotation).skip(3);
+        let turn: Vector3<f64> = dofs.map(|(&dof, axis)| axis * rates[dof - BASE_YAW + 1]).sum();
+        let axis = mount.axis;
+        let d_axis = turn.cross(&axis);
+        let yaw_rate =
+            (axis.x * d_axis.y - axis.y * d_axis.x) / (axis.x * axis.x + axis.y * axis.y);
+        turn.dot(&axis) - yaw_rate * axis.z
+    }
+
     /// Mean wheel and motor speed of end effector `j` between two times inside the motion, rad/s.
     fn mean_speeds(&self, j: usize, from_s: f64, to_s: f64) -> (f64, f64) {
         let mean = |angle: &Spline| {
             (angle.at(to_s).value.re - angle.at(from_s).value.re) / (to_s - from_s)
         };
+        if self.still[j] {
+            // Simpson's rule: the mean of the spin that follows from the pose.
+            let spin = |time_s: f64| {
+                self.state(time_s, &Placement::default()).end_effectors[j].wheel_speed_rad_s
+            };
+            let wheel = (spin(from_s) + 4.0 * spin(0.5 * (from_s + to_s)) + spin(to_s)) / 6.0;
+            return (wheel, 0.0);
+        }
         (mean(&self.wheel_angle[j]), mean(&self.motor_angle[j]))
     }
 

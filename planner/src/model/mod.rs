@@ -7,7 +7,7 @@
 mod kinematics;
 pub mod rotation;
 
-pub use kinematics::{Model, Pose};
+pub use kinematics::{EndEffectorPose, Model, Pose};
 
 /// Index of the first base position coordinate in `q`: x, y, z in metres.
 pub const BASE_POSITION: usize = 0;

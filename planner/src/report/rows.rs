@@ -256,10 +256,10 @@ fn motor_speed(timeline: &Timeline) -> Worst {
 fn held_wheel(timeline: &Timeline) -> Worst {
     let mut worst = Worst::of("held wheel", "Eq. 2.15, about the axis", "mm/s", Grid::Samples);
     let h = timeline.spacing_s();
-    let held = &timeline.plan.motion.held_wheels;
+    let still = timeline.plan.motion.still_wheels(&timeline.plan.robot);
     for w in timeline.intervals() {
         for (j, foot) in feet(timeline) {
-            if matches!(foot.contact, Contact::WeldedWheel { .. }) || held[j] {
+            if still[j] {
                 let off = needed_motor_speed(&w, j, h).abs() * foot.radius_m;
                 worst.see(off * MM, level::SLIP_M_S * MM, &w, Some(&foot.name));
             }

@@ -171,3 +171,44 @@ fn force_and_contact_switch_between_stance_and_swing() {
     assert!((at(4.5).force_n[2] - half).abs() < 1e-9);
     assert_eq!(at(6.3).force_n, [0.0; 3]);
 }
+
+#[test]
+fn welded_wheels_spin_with_their_links() {
+    let mut plan = test_plans::cruise();
+    let axis_in_link = Vector3::y();
+    plan.robot.end_effectors[1].contact = Contact::WeldedWheel { axis_in_link };
+    let spline = PlanSpline::new(&plan);
+    for k in 0..50 {
+        // The box neither tilts nor yaws: the wheel turns as its leg does. Rounding only.
+        let time_s = 0.0237 * f64::from(k);
+        let spin = spline.sample(time_s).end_effectors[1].wheel_speed_rad_s;
+        let leg = spline.setpoints(time_s).joint_speed_rad_s[1];
+        assert!((spin - leg).abs() < 1e-12, "{time_s}: {spin} {leg}");
+    }
+    // New intervals lie within old ones, where Simpson's rule is exact for the spline's rate.
+    let fine = resample(&plan, 60.0);
+    for pair in fine.samples.windows(2) {
+        let turned = (pair[1].joint_rad[1] - pair[0].joint_rad[1]) / fine.sample_interval_s;
+        let end_effector = &pair[0].end_effectors[1];
+        assert!((end_effector.wheel_speed_rad_s - turned).abs() < 1e-9);
+        assert_eq!(end_effector.motor_speed_rad_s, 0.0);
+    }
+}
+
+#[test]
+fn the_spin_of_a_welded_wheel_leaves_out_the_yaw_of_its_axis() {
+    let mut plan = test_plans::cruise();
+    plan.robot.end_effectors[1].contact =
+        Contact::WeldedWheel { axis_in_link: Vector3::new(0.0, 0.8, 0.6) };
+    let spline = PlanSpline::new(&plan);
+    for k in 0..20 {
+        let time_s = 0.0537 * f64::from(k);
+        // Ry(φ) (0, 0.8, 0.6): heading and height of the axis, and how they move with the leg.
+        let (sin, cos) = spline.sample(time_s).joint_rad[1].sin_cos();
+        let leg = spline.setpoints(time_s).joint_speed_rad_s[1];
+        let yaw_rate = -0.6 * cos * leg * 0.8 / ((0.6 * sin).powi(2) + 0.64);
+        let expected = 0.8 * leg - yaw_rate * 0.6 * cos;
+        let spin = spline.sample(time_s).end_effectors[1].wheel_speed_rad_s;
+        assert!((spin - expected).abs() < 1e-12, "{time_s}: {spin} {expected}"); // rounding only
+    }
+}
