@@ -357,11 +357,14 @@ def check(plan):
             speed = e["wheel_speed_rad_s"]
 
             # No slip, Eq. 2.8 at the interval's middle: (e' - e) / h = omega r t, and 0 for a foot.
-            if e["contact"] and e2["contact"]:
+            # Free wheels and blades leave the ground and come down along their direction, too.
+            landing = "drag" in foot["contact"] and e["contact"] != e2["contact"]
+            if e["contact"] and e2["contact"] or landing:
                 slip = scale(sub(e2["position_m"], e["position_m"]), 1 / h)
                 if kind != "point_foot":
                     slip = sub(slip, scale(rolling, speed * radius))
-                table.see("slip", math.hypot(slip[0], slip[1]) * 1e3, 5, "mm/s", i, name)
+                kind_of_slip = "landing slip" if landing else "slip"
+                table.see(kind_of_slip, math.hypot(slip[0], slip[1]) * 1e3, 5, "mm/s", i, name)
 
             # The wheel turns against its link by omega + yaw' (v.a) - Omega.a. A motor turns it so; a
             # welded or held wheel does not turn.

@@ -162,11 +162,18 @@ fn swing_force(timeline: &Timeline) -> Worst {
 /// rolled, with the rolling direction at the interval's middle; a foot rolls nothing.
 fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let mut slip = Worst::of("slip", "Eq. 2.8, midpoint", "mm/s", grid);
+    let mut landing = Worst::of("landing slip", "Eq. 2.8, midpoint", "mm/s", grid);
     let mut height = Worst::of("height in stance", "Eq. 2.9", "mm", grid);
     let mut dip = Worst::of("depth in swing", "Eq. 2.9", "mm", grid);
     let h = timeline.spacing_s();
     for w in timeline.intervals() {
-        for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j) && w.after.stands(*j)) {
+        for (j, foot) in feet(timeline) {
+            let row = match (w.here.stands(j), w.after.stands(j), foot.contact.free_rolling()) {
+                (true, true, _) => &mut slip,
+                // What glides leaves the ground and comes down along its direction.
+                (true, false, Some(_)) | (false, true, Some(_)) => &mut landing,
+                _ => continue,
+            };
             let moved = (w.after.contact(j) - w.here.contact(j)) / h;
             let [here, after] = [w.here, w.after].map(|s| &s.sample.end_effectors[j]);
             let rolled = match foot.contact {
@@ -177,7 +184,7 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
                 }
             };
             let slipped = (moved - rolled).xy().norm();
-            slip.see(slipped * MM, level::SLIP_M_S * MM, &w, Some(&foot.name));
+            row.see(slipped * MM, level::SLIP_M_S * MM, &w, Some(&foot.name));
         }
     }
     for w in timeline.samples() {
@@ -188,7 +195,7 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
             row.see(off * MM, level::POSITION_M * MM, &w, Some(&foot.name));
         }
     }
-    vec![slip, height, dip]
+    vec![slip, landing, height, dip]
 }
 
 fn clearance(timeline: &Timeline) -> Worst {
