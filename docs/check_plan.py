@@ -335,6 +335,15 @@ def check(plan):
             if wheel:
                 mounted = apply(link_r, foot["contact"]["axis_in_link"])
                 table.see("wheel axis", norm(sub(mounted, axis)), 0.00873, "rad", i, name)
+            blade = foot["contact"].get("blade_length_m")
+            if blade is not None and stands:
+                # The middle of the blade is opposite to the link's z, square to the axis across it.
+                across = foot["contact"]["axis_in_link"]
+                down = sub(scale(across, across[2]), [0.0, 0.0, 1.0])
+                middle = apply(link_r, scale(down, radius / norm(down)))
+                most = radius * math.sin(min(0.5 * blade / radius, 0.5 * math.pi))
+                beyond = max(abs(dot(middle, rolling)) - most, 0)
+                table.see("contact on the blade", beyond * 1e3, 1, "mm", i, name)
             reached = add(add(link_p, apply(link_r, foot["center_in_link_m"])), to_contact)
             table.see("contact point", norm(sub(reached, e["position_m"])) * 1e3, 1, "mm", i, name)
 

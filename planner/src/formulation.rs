@@ -18,6 +18,7 @@
 //! | end effectors apart | 2.10 | [`Collision`] |
 //! | wheel axis | 2.13 | [`WheelAxis`] |
 //! | contact point | 2.14 | [`ContactPoint`] |
+//! | contact between the ends of a blade | | [`BladeContact`] |
 //! | welded wheels, held wheels | in place of 2.15 | [`WheelHeld`] |
 //! | joint angle, joint speed, wheel speed limits | "physical hardware constraints" | [`JointLimit`], [`JointSpeed`], [`WheelSpeed`] |
 //! | motor torque limits from planned forces | quasi-static | [`JointTorque`], [`WheelTorque`] |
@@ -38,10 +39,10 @@ use crate::problem::{Problem, Unknowns};
 use crate::rows::{Columns, RowWriter, Rows, Window};
 use crate::state::State;
 use crate::terms::{
-    Anchor, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular, DynamicsLinear,
-    EvenForce, Friction, JointLimit, JointSpeed, JointTorque, NoSlip, Posture, Smoothness,
-    SwingForce, TorqueSpeed, Traction, Turn, WheelAxis, WheelEffort, WheelHeld, WheelSmoothness,
-    WheelSpeed, WheelTorque,
+    Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
+    DynamicsLinear, EvenForce, Friction, JointLimit, JointSpeed, JointTorque, NoSlip, Posture,
+    Smoothness, SwingForce, TorqueSpeed, Traction, Turn, WheelAxis, WheelEffort, WheelHeld,
+    WheelSmoothness, WheelSpeed, WheelTorque,
 };
 
 /// Which samples a term looks at.
@@ -85,6 +86,7 @@ pub static TERMS: &[&dyn Term] = &[
     &Collision,
     &WheelAxis,
     &ContactPoint,
+    &BladeContact,
     &WheelHeld,
     &JointLimit,
     &JointSpeed,

@@ -2,7 +2,9 @@
 
 use crate::model::{Actuator, Contact, EndEffector, Joint, Robot, RollingDrag};
 use crate::rules::{self, InvalidRobot};
+use nalgebra::Vector3;
 use rollwalk_protocol::config::{self, ChannelKind, RobotConfig};
+use std::f64::consts::FRAC_PI_2;
 
 /// Standard gravity, m/s².
 const GRAVITY_M_S2: f64 = 9.806_65;
@@ -57,7 +59,7 @@ impl Contact {
     }
 
     /// Unit axis of a wheel or blade in the link frame; none for a foot.
-    pub fn wheel_axis_in_link(&self) -> Option<&nalgebra::Vector3<f64>> {
+    pub fn wheel_axis_in_link(&self) -> Option<&Vector3<f64>> {
         match self {
             Contact::PointFoot => None,
             Contact::WeldedWheel { axis_in_link }
@@ -68,7 +70,30 @@ impl Contact {
     }
 }
 
+/// Where the blade of a skate is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Blade {
+    /// Unit vector from the centre of curvature to the blade's middle, in the link frame: opposite to
+    /// the link's z axis, square to the axis across the blade.
+    pub middle_in_link: Vector3<f64>,
+    /// How far the contact may be from the middle along the blade, R sin(L / 2R), m.
+    pub reach_m: f64,
+}
+
 impl EndEffector {
+    /// The blade of a skate; none for others.
+    pub fn blade(&self) -> Option<Blade> {
+        let Contact::Skate { axis_in_link, blade_length_m, .. } = &self.contact else {
+            return None;
+        };
+        let down = axis_in_link * axis_in_link.z - Vector3::z();
+        let half_angle = (0.5 * blade_length_m / self.radius_m).min(FRAC_PI_2);
+        Some(Blade {
+            middle_in_link: down.try_normalize(1e-6)?,
+            reach_m: self.radius_m * half_angle.sin(),
+        })
+    }
+
     /// Radius around the contact point that other end effectors keep clear of, m (Eq. 2.10: r).
     pub fn clearance_radius_m(&self) -> f64 {
         match self.contact {

@@ -11,6 +11,6 @@ mod model;
 mod pose;
 mod rules;
 
-pub use controller::Channel;
+pub use controller::{Blade, Channel};
 pub use model::{Actuator, Contact, EndEffector, Joint, Link, Robot, RollingDrag, TorqueSpeedLine};
 pub use rules::{InvalidRobot, Place, Violation};

@@ -716,3 +716,19 @@ fn a_torque_speed_line_has_two_ends_beyond_the_limits() {
     let slow = fault("stall_torque_nm = 3.0\nno_load_speed_rad_s = 4.0");
     assert!(slow[0].1.contains("`no_load_speed_rad_s` is 4 rad/s"), "{slow:?}");
 }
+
+#[test]
+fn the_middle_of_a_blade_is_below_its_link() {
+    let skate = |axis: &str| {
+        let lines = "contact = \"skate\"\nrolling_resistance = 0.02\nblade_length_m = 0.01";
+        let text = format!("{lines}\naxis_in_link = {axis}");
+        Robot::from_toml("tiny.toml", &ROBOT.replacen("contact = \"point_foot\"", &text, 1))
+    };
+    let blade = skate("[0.0, 0.8, 0.6]").unwrap().end_effectors[1].blade().unwrap();
+    // Square to the axis; a radius of 0.01 m and half a blade of 0.005 m: 0.5 rad.
+    assert!((blade.middle_in_link - nalgebra::Vector3::new(0.0, 0.6, -0.8)).norm() < 1e-12);
+    assert!((blade.reach_m - 0.01 * 0.5f64.sin()).abs() < 1e-15);
+    assert_eq!(tiny().end_effectors[0].blade(), None);
+    let error = skate("[0.0, 0.1, 1.0]").unwrap_err();
+    assert!(error.faults().any(|f| f.help.contains("no vertical of the link")), "{error}");
+}

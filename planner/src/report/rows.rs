@@ -25,6 +25,7 @@ pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
         clearance(timeline),
         com(timeline),
         contact_point(timeline),
+        blade_contact(timeline),
         wheel_axis(timeline),
     ]);
     found.extend([motor_speed(timeline), held_wheel(timeline)]);
@@ -228,6 +229,22 @@ fn contact_point(timeline: &Timeline) -> Worst {
             let reached = w.here.pose.end_effectors[j].center + w.here.frames[j].to_contact;
             let off = (reached - w.here.contact(j)).norm();
             worst.see(off * MM, level::POSITION_M * MM, &w, Some(&foot.name));
+        }
+    }
+    worst
+}
+
+/// The contact of a skate lies between the ends of its blade: the angle from the blade's middle to the
+/// contact, seen along the blade, against half the blade.
+fn blade_contact(timeline: &Timeline) -> Worst {
+    let mut worst = Worst::of("contact on the blade", "sec. 3.5.2", "mm", Grid::Samples);
+    for w in timeline.samples() {
+        for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j)) {
+            let Some(blade) = foot.blade() else { continue };
+            let middle = w.here.pose.end_effectors[j].world_from_link * blade.middle_in_link;
+            let along = (middle * foot.radius_m).dot(&w.here.frames[j].rolling).abs();
+            let beyond = (along - blade.reach_m).max(0.0);
+            worst.see(beyond * MM, level::POSITION_M * MM, &w, Some(&foot.name));
         }
     }
     worst

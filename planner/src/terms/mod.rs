@@ -2,6 +2,7 @@
 //! credible level. [`crate::formulation`] lists them; `derivatives` below checks them all.
 
 mod anchor;
+mod blade_contact;
 mod collision;
 mod contact_height;
 mod contact_point;
@@ -24,6 +25,7 @@ mod wheel_speed;
 mod wheel_torque;
 
 pub use anchor::Anchor;
+pub use blade_contact::BladeContact;
 pub use collision::Collision;
 pub use contact_height::ContactHeight;
 pub use contact_point::ContactPoint;

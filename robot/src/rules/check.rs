@@ -333,6 +333,11 @@ impl Check<'_> {
             }
             Contact::Skate { axis_in_link, blade_length_m, drag } => {
                 self.unit_axis("axis_in_link", axis_in_link);
+                if axis_in_link.z.abs() > 0.95 {
+                    let help =
+                        "a blade is below its link: the axis across it is no vertical of the link";
+                    self.violated("axis_in_link", format_args!("is {}", show(axis_in_link)), help);
+                }
                 self.range("blade_length_m", *blade_length_m, Bound::Above(0.0), 1.0, "m", mm);
                 self.drag(drag);
             }
