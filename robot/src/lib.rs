@@ -10,6 +10,7 @@ mod file;
 mod model;
 mod pose;
 mod rules;
+pub mod urdf;
 
 pub use controller::{Blade, Channel};
 pub use model::{Actuator, Contact, EndEffector, Joint, Link, Robot, RollingDrag, TorqueSpeedLine};

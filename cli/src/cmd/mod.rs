@@ -3,6 +3,7 @@
 mod completions;
 mod demo;
 mod export;
+mod import;
 mod library;
 mod plan;
 mod plot;

@@ -1,5 +1,7 @@
-//! `rollwalk robot check`: is a robot file right, and what does it describe?
+//! `rollwalk robot check`: is a robot file right, and what does it describe? And the other commands
+//! about robot files.
 
+use super::import;
 use crate::inputs::Source;
 use crate::output::Table;
 use crate::{Exit, output};
@@ -18,6 +20,7 @@ pub struct Args {
 #[derive(clap::Subcommand)]
 enum Subcommand {
     Check(Check),
+    Import(import::Args),
 }
 
 /// Validate a robot file and print its tree, masses, limits and wheels.
@@ -46,7 +49,13 @@ struct Report<'a> {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    let Subcommand::Check(check) = &args.command;
+    match &args.command {
+        Subcommand::Check(args) => check(args),
+        Subcommand::Import(args) => import::run(args),
+    }
+}
+
+fn check(check: &Check) -> miette::Result<Exit> {
     let robot = Source::Disk.robot(&check.robot)?;
     if check.json {
         output::print_json(&Report { mass_kg: mass_kg(&robot), robot: &robot })?;
@@ -60,7 +69,8 @@ fn mass_kg(robot: &Robot) -> f64 {
     robot.links.iter().map(|link| link.mass_kg).sum()
 }
 
-fn describe(robot: &Robot) -> String {
+/// The robot for people: tree, joints, end effectors.
+pub(super) fn describe(robot: &Robot) -> String {
     let wheels = robot.end_effectors.iter().filter(|e| e.contact != Contact::PointFoot).count();
     let mut text = format!(
         "{}: {:.3} kg, {} links, {} joints, {} wheels, {} feet\n\n",

@@ -42,6 +42,25 @@ pub struct Fault {
     pub help: String,
 }
 
+impl Fault {
+    /// A fault at `span` of `text`.
+    pub(crate) fn new(
+        text: &str,
+        span: Span,
+        message: impl Into<String>,
+        label: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Self {
+        let line = line_at(text, span.start);
+        Self { message: message.into(), label: label.into(), span, line, help: help.into() }
+    }
+}
+
+/// Line of a byte of a text, counted from 1.
+pub(crate) fn line_at(text: &str, byte: usize) -> usize {
+    1 + text.as_bytes().iter().take(byte).filter(|&&b| b == b'\n').count()
+}
+
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.message)
@@ -71,6 +90,15 @@ pub struct DocumentError {
 }
 
 impl DocumentError {
+    /// The error of these faults in file order; none without faults.
+    pub(crate) fn of(file_name: &str, text: &str, mut faults: Vec<Fault>) -> Option<Self> {
+        faults.sort_by_key(|fault| fault.span.start);
+        let mut faults = faults.into_iter();
+        let first = Box::new(faults.next()?);
+        let source = NamedSource::new(file_name, text.to_owned());
+        Some(Self { source, first, rest: faults.collect() })
+    }
+
     /// Name of the file, as the caller gave it.
     pub fn file_name(&self) -> &str {
         self.source.name()
@@ -158,10 +186,7 @@ impl<'t> Document<'t> {
         label: impl Into<String>,
         help: impl Into<String>,
     ) {
-        let line =
-            1 + self.text.as_bytes().iter().take(span.start).filter(|&&b| b == b'\n').count();
-        let (message, label, help) = (message.into(), label.into(), help.into());
-        let fault = Fault { message, label, span, line, help };
+        let fault = Fault::new(self.text, span, message, label, help);
         let mut faults = self.faults.borrow_mut();
         let same = |known: &Fault| {
             known.span == fault.span && known.label == fault.label && known.help == fault.help
@@ -181,23 +206,22 @@ impl<'t> Document<'t> {
     /// # Errors
     /// All noted faults in file order.
     pub fn finish<T>(self, value: Option<T>) -> Result<T, DocumentError> {
-        let mut faults = self.faults.into_inner();
-        faults.sort_by_key(|fault| fault.span.start);
-        let mut faults = faults.into_iter();
-        match (faults.next(), value) {
-            (None, Some(value)) => Ok(value),
-            (first, _) => Err(DocumentError {
-                source: NamedSource::new(self.file_name, self.text.to_owned()),
-                // A reader that gives up without a fault is a bug there; say so instead of panicking.
-                first: Box::new(first.unwrap_or_else(|| Fault {
-                    message: "the file was rejected without a reason".to_owned(),
-                    label: "somewhere in here".to_owned(),
-                    span: 0..0,
-                    line: 1,
-                    help: "please report this file as a bug".to_owned(),
-                })),
-                rest: faults.collect(),
-            }),
+        let faults = self.faults.into_inner();
+        if let (true, Some(value)) = (faults.is_empty(), value) {
+            return Ok(value);
         }
+        let faults = DocumentError::of(&self.file_name, self.text, faults);
+        // A reader that gives up without a fault is a bug there; say so instead of panicking.
+        Err(faults.unwrap_or_else(|| DocumentError {
+            source: NamedSource::new(self.file_name, self.text.to_owned()),
+            first: Box::new(Fault::new(
+                self.text,
+                0..0,
+                "the file was rejected without a reason",
+                "somewhere in here",
+                "please report this file as a bug",
+            )),
+            rest: Vec::new(),
+        }))
     }
 }

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Mass, centre of mass and inertia about it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct MassProperties {
+pub(crate) struct MassProperties {
     pub mass_kg: f64,
     pub com_m: Vector3<f64>,
     pub inertia_kg_m2: Matrix3<f64>,
@@ -13,7 +13,7 @@ pub(super) struct MassProperties {
 
 /// Sums parts: masses add, the centre of mass is their mean, inertias add after moving to it
 /// (parallel axes: I + m (|d|² 1 − d dᵀ)).
-pub(super) fn sum(parts: &[MassProperties]) -> MassProperties {
+pub(crate) fn sum(parts: &[MassProperties]) -> MassProperties {
     let mass_kg: f64 = parts.iter().map(|part| part.mass_kg).sum();
     let moment: Vector3<f64> = parts.iter().map(|part| part.com_m * part.mass_kg).sum();
     let com_m = moment / mass_kg;

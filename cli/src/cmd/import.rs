@@ -1,0 +1,150 @@
+//! `rollwalk robot import`: a URDF and a side file to a robot file.
+
+use super::robot::describe;
+use crate::output::Table;
+use crate::{Exit, files, output};
+use miette::{Report, miette};
+use rollwalk_robot::urdf::{self, Survey, Text};
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Turn a URDF into a robot file, with a side file for what a URDF lacks.
+///
+/// Without a side file it shows what is in the URDF: joints, what looks like feet and wheels, a standing
+/// pose. `--template` writes that as a first side file, to be checked and completed.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk robot import a1.urdf                                      what is in it?
+  rollwalk robot import a1.urdf --template a1.side.toml              a side file to fill in
+  rollwalk robot import a1.urdf --with a1.side.toml -o robots/a1.toml
+
+Side files are described in docs/urdf-import.md, robot files in docs/robot-files.md.")]
+pub struct Args {
+    /// The URDF (XML, xacro expanded).
+    #[arg(value_name = "ROBOT.urdf")]
+    urdf: PathBuf,
+    /// The side file.
+    #[arg(long, value_name = "SIDE.toml", requires = "output", conflicts_with = "template")]
+    with: Option<PathBuf>,
+    /// Where to write the robot file.
+    #[arg(short, long, value_name = "ROBOT.toml", requires = "with")]
+    output: Option<PathBuf>,
+    /// Write a first side file here, which must not exist yet.
+    #[arg(long, value_name = "SIDE.toml")]
+    template: Option<PathBuf>,
+    /// Print what was found or made as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `--json` prints after an import.
+#[derive(Serialize)]
+struct Made<'a> {
+    robot: &'a Path,
+    mass_kg: f64,
+    warnings: &'a [String],
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let urdf = files::read_text(&args.urdf, "URDF file (XML)", "give the path of a URDF file")?;
+    let urdf_name = args.urdf.to_string_lossy();
+    let urdf = Text { name: &urdf_name, text: &urdf };
+    match (&args.with, &args.output) {
+        (Some(side), Some(robot)) => import(urdf, side, robot, args.json),
+        _ => look(urdf, args),
+    }
+}
+
+fn import(urdf: Text<'_>, side: &Path, output: &Path, json: bool) -> miette::Result<Exit> {
+    let hint = "make one with `rollwalk robot import ROBOT.urdf --template SIDE.toml`";
+    let text = files::read_text(side, "side file (TOML)", hint)?;
+    let side = Text { name: &side.to_string_lossy(), text: &text };
+    let imported = urdf::import(urdf, side).map_err(Report::new)?;
+    files::write(output, imported.toml.as_bytes())?;
+    say_warnings(&imported.warnings);
+    if json {
+        let mass_kg = imported.robot.total_mass_kg();
+        output::print_json(&Made { robot: output, mass_kg, warnings: &imported.warnings })?;
+    } else {
+        let robot = describe(&imported.robot);
+        output::print(&format!("{robot}\n\nwrote {}", output.display()))?;
+    }
+    Ok(Exit::Ok)
+}
+
+fn look(urdf: Text<'_>, args: &Args) -> miette::Result<Exit> {
+    let survey = urdf::survey(urdf).map_err(Report::new)?;
+    if let Some(path) = &args.template {
+        // Somebody may have filled it in.
+        if path.exists() {
+            return Err(miette!(
+                help = "give another name, or remove the file if nobody needs it",
+                "{} exists already",
+                path.display()
+            ));
+        }
+        files::write(path, survey.template.as_bytes())?;
+    }
+    say_warnings(&survey.warnings);
+    if args.json {
+        output::print_json(&survey)?;
+        return Ok(Exit::Ok);
+    }
+    let urdf = args.urdf.display();
+    let next = match &args.template {
+        Some(side) => format!(
+            "wrote {side}: check it, then\n  rollwalk robot import {urdf} --with {side} -o {}",
+            Path::new("robots")
+                .join(args.urdf.with_extension("toml").file_name().unwrap_or_default())
+                .display(),
+            side = side.display()
+        ),
+        None => format!("next: rollwalk robot import {urdf} --template SIDE.toml"),
+    };
+    output::print(&format!("{}\n\n{next}", show(&survey)))?;
+    Ok(Exit::Ok)
+}
+
+fn say_warnings(warnings: &[String]) {
+    for warning in warnings {
+        output::say(format_args!("warning: {warning}"));
+    }
+}
+
+fn show(survey: &Survey) -> String {
+    let mut text = format!(
+        "{}: {:.3} kg, {} links, {} joints that are not fixed, root `{}`\n\n",
+        survey.name,
+        survey.mass_kg,
+        survey.links.len(),
+        survey.joints.len(),
+        survey.root,
+    );
+    let mut joints = Table::new(["joint", "type", "min", "max", "proposal"]);
+    for joint in &survey.joints {
+        let [min, max] =
+            joint.limits.map(|limit| limit.map_or("–".into(), |l| format!("{l:.3}")));
+        joints.row([joint.name.clone(), joint.kind.clone(), min, max, joint.proposal.clone()]);
+    }
+    let _ = writeln!(text, "{}\n", joints.render());
+    let mut ends = Table::new(["end effector", "link", "kind", "radius m", "standing at m"]);
+    for end in &survey.end_effectors {
+        let [x, y, z] = end.center_m;
+        let guess = if end.measured { "" } else { "?" };
+        ends.row([
+            end.name.clone(),
+            end.link.clone(),
+            end.contact.clone(),
+            format!("{:.4}{guess}", end.radius_m),
+            format!("{x:.3} {y:.3} {z:.3}"),
+        ]);
+    }
+    let _ = writeln!(text, "{}", ends.render());
+    if let Some(height) = survey.standing_height_m {
+        let _ = write!(text, "\nstanding height of `{}`: {height:.3} m", survey.root);
+    }
+    text
+}

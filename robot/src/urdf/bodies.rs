@@ -1,0 +1,228 @@
+//! The tree with everything rigid merged: fixed joints, locked joints and wheels become part of the
+//! body that carries them. Masses add with parallel axes and rotation; frames are those of the body's
+//! first link, the root's turned so that x is forward and z up.
+
+use super::notes::Notes;
+use super::tree::{Graph, Tree};
+use super::xml::{Kind, Urdf};
+use crate::file::parts::{MassProperties, sum};
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use std::collections::{HashMap, HashSet};
+
+/// Mass of a body for which the URDF gives none, as a share of the robot's.
+const EMPTY_MASS_SHARE: f64 = 1e-6;
+/// Radius of gyration given to a body that has none in some direction, m.
+const GYRATION_MIN_M: f64 = 1e-3;
+/// Radius of gyration below which a body counts as having none, m.
+const GYRATION_NONE_M: f64 = 1e-4;
+
+/// Everything that moves as one.
+#[derive(Debug)]
+pub(super) struct Body {
+    /// URDF links of the body; the first one names it and gives its frame.
+    pub links: Vec<usize>,
+    pub mass: MassProperties,
+}
+
+/// A joint between two bodies.
+#[derive(Debug)]
+pub(super) struct Moving {
+    /// The URDF joint.
+    pub joint: usize,
+    pub parent: usize,
+    pub child: usize,
+    /// Pose of the joint frame, and of the child's, in the parent's at angle 0.
+    pub parent_from_joint: Isometry3<f64>,
+}
+
+/// The robot as rigid bodies.
+#[derive(Debug)]
+pub(super) struct Bodies {
+    pub bodies: Vec<Body>,
+    /// Parents first; joint `i` carries body `i + 1`.
+    pub moving: Vec<Moving>,
+    /// Body of every URDF link and pose of the link in it; none for links that are left out.
+    pub places: Vec<Option<(usize, Isometry3<f64>)>>,
+}
+
+/// What is rigid beside fixed joints, and how the root stands.
+#[derive(Debug, Default)]
+pub(super) struct Rigid {
+    /// Locked joints with their angle, or distance in m.
+    pub locked: HashMap<usize, f64>,
+    /// Joints whose child is a wheel.
+    pub wheels: HashSet<usize>,
+    /// From root link axes to x forward, y left, z up.
+    pub body_from_root: UnitQuaternion<f64>,
+}
+
+/// Merges what is rigid.
+pub(super) fn merge(
+    urdf: &Urdf,
+    graph: &Graph,
+    tree: &Tree,
+    rigid: &Rigid,
+    notes: &mut Notes<'_>,
+) -> Bodies {
+    let mut places = vec![None; urdf.links.len()];
+    let root_pose = Isometry3::from_parts(Translation3::identity(), rigid.body_from_root);
+    places[tree.root] = Some((0, root_pose));
+    let mut members = vec![vec![tree.root]];
+    let mut moving = Vec::new();
+    for &index in &tree.order {
+        let joint = &urdf.joints[index];
+        let (parent, child) = graph.ends[index];
+        let Some((body, body_from_parent)) = places[parent] else { continue };
+        let body_from_joint = body_from_parent * joint.parent_from_joint;
+        let position = match joint.kind {
+            Kind::Fixed => Some(0.0),
+            _ if rigid.wheels.contains(&index) => Some(0.0),
+            _ => rigid.locked.get(&index).copied(),
+        };
+        if let Some(position) = position {
+            let motion = motion(joint.kind, &joint.axis, position);
+            places[child] = Some((body, body_from_joint * motion));
+            members[body].push(child);
+        } else {
+            let parent_from_joint = body_from_joint;
+            let new = members.len();
+            moving.push(Moving { joint: index, parent: body, child: new, parent_from_joint });
+            places[child] = Some((new, Isometry3::identity()));
+            members.push(vec![child]);
+        }
+    }
+    let bodies = masses(urdf, members, &places, notes);
+    Bodies { bodies, moving, places }
+}
+
+/// How a joint at `position` moves its child.
+pub(super) fn motion(kind: Kind, axis: &Vector3<f64>, position: f64) -> Isometry3<f64> {
+    match kind {
+        Kind::Revolute | Kind::Continuous => {
+            Isometry3::from_parts(Translation3::identity(), UnitQuaternion::new(axis * position))
+        }
+        Kind::Prismatic => Isometry3::from(axis * position),
+        // The others are locked in their zero position only.
+        Kind::Fixed | Kind::Planar | Kind::Floating => Isometry3::identity(),
+    }
+}
+
+fn masses(
+    urdf: &Urdf,
+    members: Vec<Vec<usize>>,
+    places: &[Option<(usize, Isometry3<f64>)>],
+    notes: &mut Notes<'_>,
+) -> Vec<Body> {
+    let parts_of = |links: &[usize]| -> Vec<MassProperties> {
+        let part = |&link: &usize| Some(placed(urdf.links[link].mass?, &places[link]?.1));
+        links.iter().filter_map(part).collect()
+    };
+    let parts: Vec<_> = members.iter().map(|links| parts_of(links)).collect();
+    let total_kg: f64 = parts.iter().flatten().map(|part| part.mass_kg).sum();
+    if total_kg <= 0.0 {
+        let span = urdf.links[members[0][0]].span.clone();
+        let help = "give links an <inertial> with <mass> in kg and <inertia> in kg·m²";
+        notes.fault(span, "no link of the robot has a mass", "the root", help);
+    }
+    let bodies = members.into_iter().zip(parts).map(|(links, parts)| {
+        let first = &urdf.links[links[0]];
+        let mass = if parts.is_empty() {
+            let mass_kg = EMPTY_MASS_SHARE * total_kg;
+            let what = if links.len() > 1 { "and what is fixed to it have" } else { "has" };
+            notes.warn(
+                &first.span,
+                format_args!("link `{}` {what} no mass: taken as {mass_kg:.1e} kg; give it an <inertial> if it is real", first.name),
+            );
+            let inertia_kg_m2 = Matrix3::from_diagonal_element(mass_kg * 1e-4);
+            MassProperties { mass_kg, com_m: Vector3::zeros(), inertia_kg_m2 }
+        } else {
+            let sum = sum(&parts);
+            let (inertia_kg_m2, repair) = physical(sum.mass_kg, &sum.inertia_kg_m2);
+            if let Some(repair) = repair {
+                let names: Vec<_> = links.iter().map(|&link| format!("`{}`", urdf.links[link].name)).collect();
+                let plural = if names.len() > 1 { "links" } else { "link" };
+                notes.warn(&first.span, format_args!("{plural} {}: {repair}", names.join(" + ")));
+            }
+            MassProperties { inertia_kg_m2, ..sum }
+        };
+        Body { links, mass }
+    });
+    bodies.collect()
+}
+
+/// Mass properties moved into another frame.
+fn placed(mass: MassProperties, pose: &Isometry3<f64>) -> MassProperties {
+    let turn = Rotation3::from(pose.rotation);
+    MassProperties {
+        mass_kg: mass.mass_kg,
+        com_m: pose.rotation * mass.com_m + pose.translation.vector,
+        inertia_kg_m2: turn.matrix() * mass.inertia_kg_m2 * turn.matrix().transpose(),
+    }
+}
+
+/// The nearest inertia that a rigid body can have, and what was changed.
+///
+/// Moments of (nearly) 0 are raised to m·(1 mm)². A moment above the sum of the others gives a third of
+/// the excess to each of them: the smallest change of the tensor that keeps its axes.
+fn physical(mass_kg: f64, inertia: &Matrix3<f64>) -> (Matrix3<f64>, Option<String>) {
+    let symmetric = (inertia + inertia.transpose()) * 0.5;
+    let eigen = symmetric.symmetric_eigen();
+    let mut moments = eigen.eigenvalues;
+    let written = moments;
+    let mut reasons = Vec::new();
+    for moment in moments.iter_mut() {
+        if *moment < mass_kg * GYRATION_NONE_M.powi(2) {
+            *moment = mass_kg * GYRATION_MIN_M.powi(2);
+            reasons.push("are not all above 0");
+        }
+    }
+    let large = moments.imax();
+    let excess = 2.0 * moments[large] - moments.sum();
+    // Rounding of rotations and of decimals in files is no mistake of the author, but must go.
+    if excess > 0.0 {
+        moments.add_scalar_mut(excess / 3.0);
+        moments[large] -= 2.0 * excess / 3.0;
+        if excess > 1e-6 * moments[large] {
+            reasons.push("break the triangle inequality");
+        }
+    }
+    if moments == written {
+        return (symmetric, None);
+    }
+    let axes = eigen.eigenvectors;
+    let repaired = axes * Matrix3::from_diagonal(&moments) * axes.transpose();
+    reasons.dedup();
+    let show = |moments: Vector3<f64>| {
+        let mut sorted: Vec<f64> = moments.iter().copied().collect();
+        sorted.sort_by(f64::total_cmp);
+        format!("{:.3e}, {:.3e}, {:.3e}", sorted[0], sorted[1], sorted[2])
+    };
+    let message = (!reasons.is_empty()).then(|| {
+        format!(
+            "principal moments of inertia {} kg·m² {}: taken as {}",
+            show(written),
+            reasons.join(" and "),
+            show(moments)
+        )
+    });
+    ((repaired + repaired.transpose()) * 0.5, message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn impossible_inertias_are_changed_as_little_as_possible() {
+        // The projection onto x + y ≥ z: a third of the excess 0.3 to each.
+        let (repaired, reason) =
+            physical(1.0, &Matrix3::from_diagonal(&Vector3::new(0.1, 0.1, 0.5)));
+        assert!((repaired.diagonal() - Vector3::new(0.2, 0.2, 0.4)).amax() < 1e-15);
+        assert!(reason.unwrap().contains("1.000e-1, 1.000e-1, 5.000e-1"));
+        let (point, reason) = physical(2.0, &Matrix3::zeros());
+        assert!((point.diagonal() - Vector3::repeat(2e-6)).amax() < 1e-20);
+        assert!(reason.unwrap().contains("above 0"));
+        let sound = Matrix3::new(2e-3, 1e-4, 0.0, 1e-4, 3e-3, 0.0, 0.0, 0.0, 4e-3);
+        assert_eq!(physical(1.0, &sound), (sound, None));
+    }
+}

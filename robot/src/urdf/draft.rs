@@ -1,0 +1,94 @@
+//! The robot file before it is text: what stands in it, and which line of URDF or side file is to blame
+//! for each item.
+
+use crate::document::Span;
+use crate::file::parts::MassProperties;
+use nalgebra::{Isometry3, Vector3};
+
+use super::side::NUMBERS;
+
+/// The place that an item comes from.
+#[derive(Clone, Debug)]
+pub(super) enum Origin {
+    Urdf(Span),
+    Side(Span),
+}
+
+/// A robot file.
+#[derive(Debug)]
+pub(super) struct Draft {
+    pub name: String,
+    pub sheets: Vec<DraftSheet>,
+    pub links: Vec<DraftLink>,
+    pub joints: Vec<DraftJoint>,
+    pub end_effectors: Vec<DraftEnd>,
+}
+
+/// An `[actuator.NAME]`.
+#[derive(Debug)]
+pub(super) struct DraftSheet {
+    pub name: String,
+    pub sheet: Sheet,
+    /// The table of the side file that it comes from.
+    pub side: Span,
+}
+
+/// The data sheet of an actuator; numbers in the order of [`NUMBERS`].
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Sheet {
+    pub model: String,
+    pub numbers: [Option<f64>; NUMBERS.len()],
+}
+
+/// A motor: index of its sheet and its address.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Motor {
+    pub sheet: usize,
+    pub bus: u32,
+    pub id: u32,
+}
+
+/// A `[[link]]`.
+#[derive(Debug)]
+pub(super) struct DraftLink {
+    pub name: String,
+    /// Names of the URDF links in it.
+    pub from: Vec<String>,
+    pub mass: MassProperties,
+    pub origin: Origin,
+}
+
+/// A `[[joint]]`.
+#[derive(Debug)]
+pub(super) struct DraftJoint {
+    pub name: String,
+    pub from: String,
+    pub parent: usize,
+    pub child: usize,
+    pub parent_from_joint: Isometry3<f64>,
+    pub axis: Vector3<f64>,
+    pub min_rad: f64,
+    pub max_rad: f64,
+    pub nominal_rad: f64,
+    pub motor: Motor,
+    /// Where the URDF has it.
+    pub urdf: Span,
+    /// Where the side file speaks of it.
+    pub side: Option<Span>,
+}
+
+/// An `[[end_effector]]`.
+#[derive(Debug)]
+pub(super) struct DraftEnd {
+    pub name: String,
+    pub from: String,
+    pub link: usize,
+    pub center_m: Vector3<f64>,
+    pub radius_m: f64,
+    pub friction: f64,
+    pub contact: &'static str,
+    pub axis: Option<Vector3<f64>>,
+    pub numbers: Vec<(&'static str, f64)>,
+    pub motor: Option<Motor>,
+    pub origin: Origin,
+}

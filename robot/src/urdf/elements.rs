@@ -1,0 +1,262 @@
+//! Reading one XML element: attributes to numbers, `<origin>`, `<inertial>`, shapes, `<link>`, `<joint>`.
+
+use super::notes::Notes;
+use super::xml::{Joint, Kind, Limit, Link, Shape, Solid};
+use crate::document::{Span, alternatives};
+use crate::file::parts::MassProperties;
+use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3};
+use roxmltree::Node;
+
+const EXPAND: &str =
+    "macros must be expanded first: `xacro robot.urdf.xacro > robot.urdf` (ROS package xacro)";
+
+/// Element readers that note what is wrong.
+pub(super) struct Reader<'n, 't> {
+    pub notes: &'n mut Notes<'t>,
+}
+
+/// The start tag of an element.
+fn tag(node: Node<'_, '_>) -> Span {
+    let range = node.range();
+    let text = &node.document().input_text()[range.clone()];
+    let end = text.find('>').map_or(text.len(), |at| at + 1);
+    range.start..range.start + end
+}
+
+/// `link `x`` for the element of a link or joint, the tag for others.
+fn called(node: Node<'_, '_>) -> String {
+    let tag = node.tag_name().name();
+    let owner = node.ancestors().find(|up| matches!(up.tag_name().name(), "link" | "joint"));
+    match owner {
+        Some(owner) => {
+            let name = owner.attribute("name").unwrap_or("?");
+            let kind = owner.tag_name().name();
+            if owner == node {
+                format!("{kind} `{name}`")
+            } else {
+                format!("{kind} `{name}`: <{tag}>")
+            }
+        }
+        None => format!("<{tag}>"),
+    }
+}
+
+fn child<'a, 'i>(node: Node<'a, 'i>, tag: &str) -> Option<Node<'a, 'i>> {
+    node.children().find(|child| child.is_element() && child.tag_name().name() == tag)
+}
+
+impl Reader<'_, '_> {
+    pub fn fault(
+        &mut self,
+        node: Node<'_, '_>,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) {
+        self.notes.fault(tag(node), message, "here", help);
+    }
+
+    pub fn xacro(&mut self, node: Node<'_, '_>) {
+        self.fault(node, "the file has xacro macros in it", EXPAND);
+    }
+
+    fn required<'a>(&mut self, node: Node<'a, '_>, attribute: &str) -> Option<&'a str> {
+        let value = node.attribute(attribute);
+        if value.is_none() {
+            let help = format!("write {attribute}=\"…\" into the tag");
+            self.fault(node, format!("{}: `{attribute}` is missing", called(node)), help);
+        }
+        value
+    }
+
+    /// `N` numbers of an attribute, if it is there; faults if they are not that.
+    fn numbers<const N: usize>(&mut self, node: Node<'_, '_>, name: &str) -> Option<[f64; N]> {
+        let attribute = node.attribute_node(name)?;
+        let written = attribute.value();
+        let parsed: Option<Vec<f64>> = written
+            .split_whitespace()
+            .map(|word| word.parse().ok().filter(|number: &f64| number.is_finite()))
+            .collect();
+        let numbers = parsed.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
+        if numbers.is_none() {
+            let wanted = if N == 1 { "one number".to_owned() } else { format!("{N} numbers") };
+            let help = if written.contains("${") || written.contains("$(") {
+                EXPAND.to_owned()
+            } else if written.contains(',') {
+                format!("{wanted} with a decimal point, separated by blanks: no commas")
+            } else {
+                format!("{wanted}, finite, separated by blanks")
+            };
+            let shown: String = written.chars().take(60).collect();
+            let message = format!("{}: `{name}` is \"{shown}\"", called(node));
+            self.notes.fault(attribute.range_value(), message, format!("not {wanted}"), help);
+        }
+        numbers
+    }
+
+    fn number(&mut self, node: Node<'_, '_>, name: &str) -> Option<f64> {
+        self.numbers::<1>(node, name).map(|[number]| number)
+    }
+
+    /// The pose of `<origin>`; the identity without one.
+    fn origin(&mut self, node: Node<'_, '_>) -> Isometry3<f64> {
+        let Some(origin) = child(node, "origin") else { return Isometry3::identity() };
+        let xyz = self.numbers::<3>(origin, "xyz").unwrap_or_default();
+        let rotation = if origin.has_attribute("quat_xyzw") {
+            let [x, y, z, w] =
+                self.numbers::<4>(origin, "quat_xyzw").unwrap_or([0.0, 0.0, 0.0, 1.0]);
+            let unit = Unit::try_new(Quaternion::new(w, x, y, z), 1e-6);
+            if unit.is_none() {
+                let message = format!("{}: `quat_xyzw` is zero", called(origin));
+                self.fault(
+                    origin,
+                    message,
+                    "a rotation is a quaternion of length 1: \"0 0 0 1\" is none",
+                );
+            }
+            unit.unwrap_or_default()
+        } else {
+            let [roll, pitch, yaw] = self.numbers::<3>(origin, "rpy").unwrap_or_default();
+            UnitQuaternion::from_euler_angles(roll, pitch, yaw)
+        };
+        Isometry3::from_parts(Translation3::from(Vector3::from(xyz)), rotation)
+    }
+
+    pub fn link(&mut self, node: Node<'_, '_>) -> Option<Link> {
+        let name = self.required(node, "name")?.to_owned();
+        let mass = child(node, "inertial").and_then(|inertial| self.inertial(inertial));
+        let mut shapes = Vec::new();
+        for kind in ["collision", "visual"] {
+            for holder in node.children().filter(|child| child.tag_name().name() == kind) {
+                shapes.extend(self.shape(holder));
+            }
+        }
+        Some(Link { name, span: tag(node), mass, shapes })
+    }
+
+    fn inertial(&mut self, node: Node<'_, '_>) -> Option<MassProperties> {
+        let Some(mass) = child(node, "mass") else {
+            self.fault(
+                node,
+                format!("{} has no <mass>", called(node)),
+                "write <mass value=\"…\"/>, in kg",
+            );
+            return None;
+        };
+        self.required(mass, "value")?;
+        let mass_kg = self.number(mass, "value")?;
+        if mass_kg < 0.0 {
+            let message = format!("{}: `value` is {mass_kg} kg", called(mass));
+            self.fault(mass, message, "a mass is 0 or above");
+            return None;
+        }
+        let link_from_inertial = self.origin(node);
+        let mut tensor = Matrix3::zeros();
+        if let Some(inertia) = child(node, "inertia") {
+            let names = [
+                ("ixx", 0, 0),
+                ("ixy", 0, 1),
+                ("ixz", 0, 2),
+                ("iyy", 1, 1),
+                ("iyz", 1, 2),
+                ("izz", 2, 2),
+            ];
+            for (name, row, column) in names {
+                // What is not written is 0, as for other readers; the physics is judged later.
+                let value = self.number(inertia, name).unwrap_or(0.0);
+                tensor[(row, column)] = value;
+                tensor[(column, row)] = value;
+            }
+        }
+        let turn = link_from_inertial.rotation.to_rotation_matrix();
+        let inertia_kg_m2 = turn.matrix() * tensor * turn.matrix().transpose();
+        let com_m = link_from_inertial.translation.vector;
+        (mass_kg > 0.0).then_some(MassProperties { mass_kg, com_m, inertia_kg_m2 })
+    }
+
+    fn shape(&mut self, node: Node<'_, '_>) -> Option<Shape> {
+        let geometry = child(node, "geometry")?;
+        let radius = |reader: &mut Self, solid| reader.number(solid, "radius").filter(|r| *r > 0.0);
+        let solid = if let Some(sphere) = child(geometry, "sphere") {
+            Solid::Sphere { radius_m: radius(self, sphere)? }
+        } else {
+            Solid::Cylinder { radius_m: radius(self, child(geometry, "cylinder")?)? }
+        };
+        Some(Shape { link_from_shape: self.origin(node), solid })
+    }
+
+    pub fn joint(&mut self, node: Node<'_, '_>) -> Option<Joint> {
+        let name = self.required(node, "name")?.to_owned();
+        let kinds = [
+            ("revolute", Kind::Revolute),
+            ("continuous", Kind::Continuous),
+            ("fixed", Kind::Fixed),
+            ("prismatic", Kind::Prismatic),
+            ("planar", Kind::Planar),
+            ("floating", Kind::Floating),
+        ];
+        let written = self.required(node, "type")?;
+        let Some((_, kind)) = kinds.into_iter().find(|(word, _)| *word == written) else {
+            let help = alternatives(written, kinds.iter().map(|(word, _)| *word));
+            self.fault(node, format!("joint `{name}`: `type` is \"{written}\""), help);
+            return None;
+        };
+        let [parent, child_link] = ["parent", "child"].map(|end| {
+            let Some(element) = child(node, end) else {
+                let help = format!("write <{end} link=\"…\"/> into the joint");
+                self.fault(node, format!("joint `{name}` has no <{end}>"), help);
+                return None;
+            };
+            self.required(element, "link").map(str::to_owned)
+        });
+        let axis = self.axis(node, &name, kind);
+        let mimics = child(node, "mimic").map(|m| m.attribute("joint").unwrap_or("?").to_owned());
+        let mut limit = Limit::default();
+        if let Some(element) = child(node, "limit") {
+            limit.lower = self.number(element, "lower");
+            limit.upper = self.number(element, "upper");
+            limit.velocity = self.number(element, "velocity");
+            limit.effort = self.number(element, "effort");
+        }
+        let parent_from_joint = self.origin(node);
+        let (parent, child, axis) = (parent?, child_link?, axis?);
+        Some(Joint {
+            name,
+            span: tag(node),
+            kind,
+            parent,
+            child,
+            parent_from_joint,
+            axis,
+            mimics,
+            limit,
+        })
+    }
+
+    fn axis(&mut self, node: Node<'_, '_>, name: &str, kind: Kind) -> Option<Unit<Vector3<f64>>> {
+        let element = child(node, "axis").filter(|axis| axis.has_attribute("xyz"));
+        let Some(element) = element else {
+            if matches!(kind, Kind::Revolute | Kind::Continuous | Kind::Prismatic) {
+                self.notes.warn(
+                    &tag(node),
+                    format!("joint `{name}` has no <axis>: it is [1, 0, 0], as URDF says"),
+                );
+            }
+            return Some(Vector3::x_axis());
+        };
+        let axis = Vector3::from(self.numbers::<3>(element, "xyz")?);
+        if let Some(unit) = Unit::try_new(axis, 1e-6) {
+            return Some(unit);
+        }
+        // Exporters write zeros for joints that have no axis.
+        if !matches!(kind, Kind::Revolute | Kind::Continuous | Kind::Prismatic) {
+            return Some(Vector3::x_axis());
+        }
+        let message = format!("joint `{name}`: the axis has no direction");
+        self.fault(
+            element,
+            message,
+            "an axis is a direction such as \"0 1 0\"; its length does not matter",
+        );
+        None
+    }
+}

@@ -1,0 +1,149 @@
+//! A draft to the text of a robot file, and from places in that text back to what they come from.
+
+use super::draft::{Draft, DraftSheet, Motor, Origin};
+use super::side::NUMBERS;
+use std::fmt::Write;
+use std::ops::Range;
+
+/// The text, and which item of the sources each part of it comes from.
+#[derive(Debug)]
+pub(super) struct Emitted {
+    pub text: String,
+    pub origins: Vec<(Range<usize>, Origin)>,
+}
+
+/// Writes the robot file. `sources` are the names of URDF and side file.
+pub(super) fn emit(draft: &Draft, sources: [&str; 2]) -> Emitted {
+    let mut out = Emitted { text: String::new(), origins: Vec::new() };
+    let [urdf, side] = sources.map(comment);
+    out.line(format_args!("# Imported from {urdf} with {side} by `rollwalk robot import`."));
+    out.line("# Links and joints: from the URDF, what is rigid merged. Limits, torques and speeds: from the URDF");
+    out.line("# unless the side file says otherwise. Gains, armature, nominal pose, end effectors: side file or");
+    out.line("# defaults. Format: docs/robot-files.md; defaults: docs/urdf-import.md.");
+    out.line(format_args!("\nname = {}", quoted(&draft.name)));
+    for DraftSheet { name, sheet, side } in &draft.sheets {
+        let start = out.text.len();
+        out.line(format_args!("\n[actuator.{name}]\nmodel = {}", quoted(&sheet.model)));
+        for (key, number) in NUMBERS.iter().zip(sheet.numbers) {
+            if let Some(number) = number {
+                out.line(format_args!("{key} = {}", show(number)));
+            }
+        }
+        out.came_from(start, &Origin::Side(side.clone()));
+    }
+    for link in &draft.links {
+        let start = out.text.len();
+        let from: Vec<_> = link.from.iter().map(|name| comment(name)).collect();
+        out.line(format_args!("\n# from urdf: {}", from.join(" + ")));
+        out.line(format_args!("[[link]]\nname = {}", quoted(&link.name)));
+        let i = link.mass.inertia_kg_m2;
+        let inertia = [i.m11, i.m22, i.m33, i.m12, i.m13, i.m23];
+        out.line(format_args!("mass_kg = {}", show(link.mass.mass_kg)));
+        out.line(format_args!("com_in_link_m = {}", array(link.mass.com_m.as_slice())));
+        out.line(format_args!("inertia_in_link_kg_m2 = {}", array(&inertia)));
+        out.came_from(start, &link.origin);
+    }
+    for joint in &draft.joints {
+        let start = out.text.len();
+        out.line(format_args!("\n# from urdf: joint {}", comment(&joint.from)));
+        out.line(format_args!("[[joint]]\nname = {}", quoted(&joint.name)));
+        out.line(format_args!("parent = {}", quoted(&draft.links[joint.parent].name)));
+        out.line(format_args!("child = {}", quoted(&draft.links[joint.child].name)));
+        let pose = joint.parent_from_joint;
+        out.line(format_args!(
+            "origin_in_parent_m = {}",
+            array(pose.translation.vector.as_slice())
+        ));
+        let (roll, pitch, yaw) = pose.rotation.euler_angles();
+        let rpy = [roll, pitch, yaw].map(|angle| if angle.abs() < 1e-12 { 0.0 } else { angle });
+        if rpy != [0.0; 3] {
+            out.line(format_args!("origin_rpy_rad = {}", array(&rpy)));
+        }
+        out.line(format_args!("axis_in_joint = {}", array(joint.axis.as_slice())));
+        out.came_from(start, &Origin::Urdf(joint.urdf.clone()));
+        let start = out.text.len();
+        out.line(format_args!("position_min_rad = {}", show(joint.min_rad)));
+        out.line(format_args!("position_max_rad = {}", show(joint.max_rad)));
+        out.line(format_args!("nominal_rad = {}", show(joint.nominal_rad)));
+        out.motor(draft, joint.motor);
+        let side = joint.side.clone().map(Origin::Side);
+        out.came_from(start, &side.unwrap_or(Origin::Urdf(joint.urdf.clone())));
+    }
+    for end in &draft.end_effectors {
+        let start = out.text.len();
+        out.line(format_args!("\n# from urdf: {}", comment(&end.from)));
+        out.line(format_args!("[[end_effector]]\nname = {}", quoted(&end.name)));
+        out.line(format_args!("link = {}", quoted(&draft.links[end.link].name)));
+        out.line(format_args!("center_in_link_m = {}", array(end.center_m.as_slice())));
+        out.line(format_args!("radius_m = {}", show(end.radius_m)));
+        out.line(format_args!("friction_coefficient = {}", show(end.friction)));
+        out.line(format_args!("contact = \"{}\"", end.contact));
+        if let Some(axis) = end.axis {
+            out.line(format_args!("axis_in_link = {}", array(axis.as_slice())));
+        }
+        for (key, number) in &end.numbers {
+            out.line(format_args!("{key} = {}", show(*number)));
+        }
+        if let Some(motor) = end.motor {
+            out.motor(draft, motor);
+        }
+        out.came_from(start, &end.origin);
+    }
+    out
+}
+
+impl Emitted {
+    fn line(&mut self, line: impl std::fmt::Display) {
+        let _ = writeln!(self.text, "{line}");
+    }
+
+    fn motor(&mut self, draft: &Draft, motor: Motor) {
+        let Motor { sheet, bus, id } = motor;
+        self.line(format_args!(
+            "actuator = {}\nbus = {bus}\nid = {id}",
+            quoted(&draft.sheets[sheet].name)
+        ));
+    }
+
+    fn came_from(&mut self, start: usize, origin: &Origin) {
+        self.origins.push((start..self.text.len(), origin.clone()));
+    }
+}
+
+/// A string of TOML.
+pub(super) fn quoted(text: &str) -> String {
+    let mut quoted = String::from('"');
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => quoted.extend(['\\', c]),
+            c if c.is_control() => {
+                let _ = write!(quoted, "\\u{:04X}", u32::from(c));
+            }
+            c => quoted.push(c),
+        }
+    }
+    quoted.push('"');
+    quoted
+}
+
+/// Text that may stand in a comment: without what ends it.
+pub(super) fn comment(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
+
+/// A number with twelve digits, which hide the rounding of rotations.
+pub(super) fn show(number: f64) -> String {
+    let rounded: f64 = format!("{number:.11e}").parse().unwrap_or(number);
+    // No minus in front of 0.
+    format!("{:?}", rounded + 0.0)
+}
+
+/// An array whose rounding next to 0 is 0.
+pub(super) fn array(numbers: &[f64]) -> String {
+    let largest = numbers.iter().fold(0.0_f64, |largest, number| largest.max(number.abs()));
+    let shown: Vec<_> = numbers
+        .iter()
+        .map(|number| if number.abs() < 1e-13 * largest { "0.0".to_owned() } else { show(*number) })
+        .collect();
+    format!("[{}]", shown.join(", "))
+}

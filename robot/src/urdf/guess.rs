@@ -1,0 +1,169 @@
+//! What a URDF looks like it means: which joints to lock, which continuous leaves are wheels, which
+//! leaf links are feet. Guesses go into the template of the side file, for a person to judge.
+
+use super::bodies::{Bodies, Rigid, merge};
+use super::notes::Notes;
+use super::stance::Tip;
+use super::tree::{Graph, Tree};
+use super::xml::{Joint, Kind, Link, Solid, Urdf};
+use nalgebra::{Isometry3, Point3, Vector3};
+
+/// Parts of names of links that stand on the ground.
+const FEET: [&str; 8] = ["foot", "feet", "toe", "sole", "hoof", "paw", "tip", "contact"];
+/// Radius of a foot whose URDF has no sphere, m.
+const FOOT_RADIUS_M: f64 = 0.02;
+/// Radius of a wheel whose URDF has neither cylinder nor sphere, m.
+const WHEEL_RADIUS_M: f64 = 0.05;
+
+/// A guessed foot or wheel.
+#[derive(Debug)]
+pub(super) struct End {
+    /// The wheel's joint; none for a foot.
+    pub axle: Option<usize>,
+    /// The URDF link: foot or wheel.
+    pub link: usize,
+    /// Centre in that link.
+    pub center_in_link_m: Vector3<f64>,
+    pub radius_m: f64,
+    /// Whether the URDF tells the radius.
+    pub measured: bool,
+    pub passive: bool,
+    pub tip: Tip,
+}
+
+/// Joints that cannot stay as they are, with their locked position.
+pub(super) fn locks(urdf: &Urdf, tree: &Tree) -> Vec<(usize, f64)> {
+    let locked = |&index: &usize| {
+        let joint = &urdf.joints[index];
+        let limit = joint.limit;
+        let stuck =
+            joint.kind == Kind::Revolute && limit.lower.is_some() && limit.lower == limit.upper;
+        let foreign = matches!(joint.kind, Kind::Prismatic | Kind::Planar | Kind::Floating);
+        let drives = joint.mimics.is_some() && joint.kind != Kind::Fixed;
+        let position = match (joint.kind, limit.lower, limit.upper) {
+            (Kind::Planar | Kind::Floating, _, _) => 0.0,
+            (_, Some(lower), Some(upper)) if lower <= upper => 0.0_f64.clamp(lower, upper),
+            _ => 0.0,
+        };
+        (stuck || foreign || drives).then_some((index, position))
+    };
+    tree.order.iter().filter_map(locked).collect()
+}
+
+/// Axles of what looks like wheels: continuous leaves about a horizontal axis that are called so, have a
+/// round shape about the axis, or have their centre of mass on it.
+pub(super) fn axles(urdf: &Urdf, graph: &Graph, tree: &Tree, rigid: &Rigid) -> Vec<usize> {
+    // Warnings belong to the import itself.
+    let bodies = merge(urdf, graph, tree, rigid, &mut Notes::new("", ""));
+    let leaf = |body: usize| !bodies.moving.iter().any(|moving| moving.parent == body);
+    let mut straight = vec![Isometry3::identity(); bodies.bodies.len()];
+    let mut axles = Vec::new();
+    for moving in &bodies.moving {
+        straight[moving.child] = straight[moving.parent] * moving.parent_from_joint;
+        let joint = &urdf.joints[moving.joint];
+        let axis = straight[moving.child].rotation * joint.axis.into_inner();
+        if joint.kind != Kind::Continuous || !leaf(moving.child) || axis.z.abs() > 0.5 {
+            continue;
+        }
+        let body = &bodies.bodies[moving.child];
+        let links = || body.links.iter().map(|&link| &urdf.links[link]);
+        let called = links().any(|link| has(&link.name, &["wheel", "tire", "tyre"]))
+            || has(&joint.name, &["wheel"]);
+        let round = links().next().is_some_and(|link| roundness(link, joint).is_some());
+        let centred = body.mass.com_m.cross(&joint.axis).norm() < 0.005
+            && links().any(|link| link.mass.is_some());
+        let footed = links().any(|link| has(&link.name, &FEET));
+        if called || !footed && (round || centred) {
+            axles.push(moving.joint);
+        }
+    }
+    axles
+}
+
+fn has(name: &str, words: &[&str]) -> bool {
+    let name = name.to_ascii_lowercase();
+    words.iter().any(|word| name.contains(word))
+}
+
+/// Radius of a shape about a wheel's axis, and its centre.
+fn roundness(wheel: &Link, axle: &Joint) -> Option<(f64, Vector3<f64>)> {
+    wheel.shapes.iter().find_map(|shape| {
+        let center = shape.link_from_shape.translation.vector;
+        let radius_m = match shape.solid {
+            Solid::Sphere { radius_m } => radius_m,
+            Solid::Cylinder { radius_m } => {
+                let along = shape.link_from_shape.rotation * Vector3::z();
+                (along.dot(&axle.axis).abs() > 0.95).then_some(radius_m)?
+            }
+        };
+        (center.cross(&axle.axis).norm() < 0.2 * radius_m).then_some((radius_m, center))
+    })
+}
+
+/// Feet and wheels, in the order of limbs.
+pub(super) fn ends(urdf: &Urdf, graph: &Graph, bodies: &Bodies, axles: &[usize]) -> Vec<End> {
+    let mut ends = Vec::new();
+    let named = urdf
+        .links
+        .iter()
+        .enumerate()
+        .any(|(index, link)| bodies.places[index].is_some() && has(&link.name, &FEET));
+    for (index, body) in bodies.bodies.iter().enumerate() {
+        let wheels = axles.iter().filter(|&&axle| body.links.contains(&graph.ends[axle].1));
+        let before = ends.len();
+        ends.extend(wheels.filter_map(|&axle| wheel(urdf, graph, bodies, axle)));
+        let leaf = index > 0 && !bodies.moving.iter().any(|moving| moving.parent == index);
+        if ends.len() > before || !leaf {
+            continue;
+        }
+        let links = || body.links.iter().copied();
+        let sphere = |link: &usize| {
+            urdf.links[*link].shapes.iter().any(|shape| matches!(shape.solid, Solid::Sphere { .. }))
+        };
+        let called = |link: &usize| has(&urdf.links[*link].name, &FEET);
+        let link = if named {
+            links().find(|link| called(link) && sphere(link)).or_else(|| links().find(called))
+        } else if axles.is_empty() {
+            // The end of the leg: the last link fixed to it, a sphere if there is one.
+            links().find(sphere).or_else(|| links().next_back())
+        } else {
+            None
+        };
+        ends.extend(link.and_then(|link| foot(urdf, bodies, link)));
+    }
+    ends
+}
+
+fn wheel(urdf: &Urdf, graph: &Graph, bodies: &Bodies, axle: usize) -> Option<End> {
+    let link = graph.ends[axle].1;
+    let joint = &urdf.joints[axle];
+    let round = roundness(&urdf.links[link], joint);
+    let (radius_m, center) = round.unwrap_or((WHEEL_RADIUS_M, Vector3::zeros()));
+    let words = ["caster", "passive", "free"];
+    let passive = has(&joint.name, &words) || has(&urdf.links[link].name, &words);
+    end(bodies, link, Some(axle), center, radius_m, round.is_some(), passive)
+}
+
+fn foot(urdf: &Urdf, bodies: &Bodies, link: usize) -> Option<End> {
+    let sphere = urdf.links[link].shapes.iter().find_map(|shape| match shape.solid {
+        Solid::Sphere { radius_m } => Some((radius_m, shape.link_from_shape.translation.vector)),
+        Solid::Cylinder { .. } => None,
+    });
+    let (radius_m, center) = sphere.unwrap_or((FOOT_RADIUS_M, Vector3::zeros()));
+    end(bodies, link, None, center, radius_m, sphere.is_some(), false)
+}
+
+fn end(
+    bodies: &Bodies,
+    link: usize,
+    axle: Option<usize>,
+    center_in_link_m: Vector3<f64>,
+    radius_m: f64,
+    measured: bool,
+    passive: bool,
+) -> Option<End> {
+    let (body, body_from_link) = bodies.places[link]?;
+    let center_m = (body_from_link * Point3::from(center_in_link_m)).coords;
+    let tip = Tip { body, center_m, radius_m };
+    Some(End { axle, link, center_in_link_m, radius_m, measured, passive, tip })
+}

@@ -1,0 +1,45 @@
+//! What reading a URDF file found: faults, which end the import, and warnings, which do not.
+
+use crate::document::{DocumentError, Fault, Span, line_at};
+use std::fmt::Display;
+
+/// Faults told at most: a file that is wrong throughout has thousands.
+const FAULTS_MAX: usize = 20;
+
+/// Faults and warnings about one URDF text.
+#[derive(Debug)]
+pub(super) struct Notes<'t> {
+    pub file_name: &'t str,
+    pub text: &'t str,
+    pub faults: Vec<Fault>,
+    pub warnings: Vec<String>,
+}
+
+impl<'t> Notes<'t> {
+    pub fn new(file_name: &'t str, text: &'t str) -> Self {
+        Self { file_name, text, faults: Vec::new(), warnings: Vec::new() }
+    }
+
+    pub fn fault(
+        &mut self,
+        span: Span,
+        message: impl Into<String>,
+        label: impl Into<String>,
+        help: impl Into<String>,
+    ) {
+        if self.faults.len() < FAULTS_MAX {
+            self.faults.push(Fault::new(self.text, span, message, label, help));
+        }
+    }
+
+    pub fn warn(&mut self, span: &Span, message: impl Display) {
+        let line = line_at(self.text, span.start);
+        self.warnings.push(format!("{}:{line}: {message}", self.file_name));
+    }
+
+    /// The faults so far as an error.
+    pub fn check(&mut self) -> Result<(), DocumentError> {
+        let faults = std::mem::take(&mut self.faults);
+        DocumentError::of(self.file_name, self.text, faults).map_or(Ok(()), Err)
+    }
+}

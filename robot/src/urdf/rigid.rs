@@ -1,0 +1,111 @@
+//! Which joints do not move: those that the side file locks and the axles of its wheels. Joints of kinds
+//! that robot files do not have must be among them.
+
+use super::bodies::Rigid;
+use super::convert::key;
+use super::notes::Notes;
+use super::side::Side;
+use super::tree::{Graph, Tree};
+use super::xml::{Kind, Urdf};
+use crate::document::{Document, alternatives};
+use std::collections::{HashMap, HashSet};
+
+/// Looks up what the side file says of joints; notes what is wrong.
+pub(super) fn rigid(
+    urdf: &Urdf,
+    graph: &Graph,
+    tree: &Tree,
+    side: &Side,
+    document: &Document<'_>,
+    notes: &mut Notes<'_>,
+) -> Option<Rigid> {
+    let named: HashMap<_, _> =
+        tree.order.iter().map(|&joint| (urdf.joints[joint].name.as_str(), joint)).collect();
+    let mut names: Vec<&str> =
+        tree.order.iter().map(|&joint| urdf.joints[joint].name.as_str()).collect();
+    names.truncate(60);
+    let mut rigid = Rigid { body_from_root: side.body_from_root, ..Rigid::default() };
+    for lock in &side.locks {
+        let fault = |problem: String, help: String| {
+            let message = format!("[lock]: joint `{}` {problem}", lock.joint);
+            document.fault(lock.span.clone(), message, "here", help);
+        };
+        let Some(&index) = named.get(lock.joint.as_str()) else {
+            fault("does not exist".into(), alternatives(&lock.joint, names.iter().copied()));
+            continue;
+        };
+        let joint = &urdf.joints[index];
+        match joint.kind {
+            Kind::Fixed => fault("is fixed already".into(), "remove it here".into()),
+            Kind::Planar | Kind::Floating if lock.position != 0.0 => {
+                fault(
+                    format!("cannot be locked at {}", lock.position),
+                    "planar and floating joints are locked at 0".into(),
+                );
+            }
+            _ => {
+                rigid.locked.insert(index, lock.position);
+            }
+        }
+    }
+    for end in &side.end_effectors {
+        let Some((name, span)) = &end.wheel_joint else { continue };
+        let problem = match named.get(name.as_str()) {
+            None => Some(("does not exist", alternatives(name, names.iter().copied()))),
+            Some(index) if !matches!(urdf.joints[*index].kind, Kind::Continuous | Kind::Revolute) => {
+                Some(("does not turn", "a wheel's joint is continuous; for one on a fixed joint give `link` and `axis_in_link`".into()))
+            }
+            Some(index) if rigid.locked.contains_key(index) => {
+                Some(("is locked as well", "remove it here or under [lock]".into()))
+            }
+            Some(index) if !rigid.wheels.insert(*index) => {
+                Some(("is that of another end effector", "every wheel has its own joint".into()))
+            }
+            Some(_) => None,
+        };
+        if let Some((problem, help)) = problem {
+            let message = format!("end effector `{}`: wheel joint `{name}` {problem}", end.name);
+            document.fault(span.clone(), message, problem, help);
+        }
+    }
+    if !document.is_clean() {
+        return None;
+    }
+    let mut on_wheel = HashSet::new();
+    for &index in &tree.order {
+        let joint = &urdf.joints[index];
+        let (parent, child) = graph.ends[index];
+        if rigid.wheels.contains(&index) || on_wheel.contains(&parent) {
+            on_wheel.insert(child);
+        }
+        let locked = joint.kind == Kind::Fixed || rigid.locked.contains_key(&index);
+        if locked {
+            continue;
+        }
+        let name = key(&joint.name);
+        if on_wheel.contains(&parent) {
+            let message = format!("joint `{}` moves something on a wheel", joint.name);
+            let help =
+                format!("a wheel is rigid: lock the joint in the side file, [lock] {name} = 0.0");
+            notes.fault(joint.span.clone(), message, "behind a wheel", help);
+        } else if rigid.wheels.contains(&index) {
+            // An axle may be of any make.
+        } else if let Some(other) = &joint.mimics {
+            let message = format!("joint `{}` follows joint `{other}` (<mimic>)", joint.name);
+            let help = format!(
+                "joints of a robot file each have a motor of their own: lock it in the side file, \
+                 [lock] {name} = 0.0, or remove <mimic> to give it one"
+            );
+            notes.fault(joint.span.clone(), message, "no motor of its own", help);
+        } else if !matches!(joint.kind, Kind::Revolute | Kind::Continuous) {
+            let kind = format!("{:?}", joint.kind).to_ascii_lowercase();
+            let message = format!("joint `{}` is {kind}", joint.name);
+            let help = format!(
+                "joints of a robot file turn about an axis: lock it in the side file, [lock] {name} = 0.0, \
+                 or name a link behind it as `root`"
+            );
+            notes.fault(joint.span.clone(), message, "cannot be imported", help);
+        }
+    }
+    notes.faults.is_empty().then_some(rigid)
+}

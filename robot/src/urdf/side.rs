@@ -1,0 +1,227 @@
+//! The side file: what a URDF does not say. Format: `docs/urdf-import.md`.
+
+use crate::document::{Document, Span, Table, alternatives};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use std::collections::BTreeMap;
+
+/// Everything in a side file; names are those of the URDF.
+#[derive(Debug)]
+pub(super) struct Side {
+    pub name: Option<String>,
+    pub root: Option<(String, Span)>,
+    pub body_from_root: UnitQuaternion<f64>,
+    pub locks: Vec<Lock>,
+    pub actuators: Vec<ActuatorSide>,
+    pub joints: Vec<JointSide>,
+    pub end_effectors: Vec<EndEffectorSide>,
+}
+
+/// An entry of `[lock]`.
+#[derive(Debug)]
+pub(super) struct Lock {
+    pub joint: String,
+    pub span: Span,
+    /// rad, or m.
+    pub position: f64,
+}
+
+/// `[actuator.NAME]`: what is not given comes from the URDF or from a default.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ActuatorSide {
+    pub name: String,
+    pub span: Span,
+    pub model: Option<String>,
+    /// In the order of [`NUMBERS`].
+    pub numbers: [Option<f64>; NUMBERS.len()],
+}
+
+/// The numbers of an actuator, as robot files spell them; the last two are optional there too.
+pub(super) const NUMBERS: [&str; 7] = [
+    "speed_max_rad_s",
+    "torque_max_nm",
+    "kp_nm_rad",
+    "kd_nm_s_rad",
+    "armature_kg_m2",
+    "stall_torque_nm",
+    "no_load_speed_rad_s",
+];
+
+/// A motor: the actuator's name and its address, where given.
+#[derive(Clone, Debug, Default)]
+pub(super) struct MotorSide {
+    pub actuator: Option<(String, Span)>,
+    pub address: Option<(u32, u32)>,
+}
+
+/// `[joint.NAME]`.
+#[derive(Debug)]
+pub(super) struct JointSide {
+    pub joint: String,
+    pub span: Span,
+    pub min_rad: Option<f64>,
+    pub max_rad: Option<f64>,
+    pub nominal_rad: Option<f64>,
+    pub motor: MotorSide,
+}
+
+/// `[[end_effector]]`.
+#[derive(Debug)]
+pub(super) struct EndEffectorSide {
+    pub name: String,
+    pub span: Span,
+    pub contact: &'static str,
+    pub link: Option<(String, Span)>,
+    pub wheel_joint: Option<(String, Span)>,
+    pub center_m: Option<[f64; 3]>,
+    pub radius_m: f64,
+    pub friction: f64,
+    pub axis: Option<Vector3<f64>>,
+    /// The numbers of its kind of contact, as robot files spell them.
+    pub numbers: Vec<(&'static str, f64)>,
+    pub motor: MotorSide,
+}
+
+/// Kinds of contact that robot files know.
+const CONTACTS: [&str; 5] =
+    ["point_foot", "welded_wheel", "actuated_wheel", "passive_wheel", "skate"];
+
+/// Reads all tables; `None` if any of them has a fault.
+pub(super) fn read(document: &Document<'_>) -> Option<Side> {
+    let root = document.root();
+    let name = root.has("name").then(|| root.string("name"));
+    let base = root.has("root").then(|| (root.string("root"), root.span_of("root")));
+    let body_from_root = axes(&root);
+    let locks = root.has("lock").then(|| root.table("lock")).flatten();
+    let locks = locks.map_or_else(Vec::new, |table| {
+        let entries = table.named_numbers().into_iter();
+        entries
+            .map(|e| Lock { joint: e.name.to_owned(), span: e.name_span, position: e.number })
+            .collect()
+    });
+    let actuators: Vec<_> = root
+        .named_tables("actuator")
+        .into_iter()
+        .map(|(name, table)| actuator(name, &table))
+        .collect();
+    let joints: Vec<_> =
+        root.named_tables("joint").into_iter().map(|(name, table)| joint(name, &table)).collect();
+    let known: BTreeMap<_, _> = actuators.iter().map(|a| (a.name.as_str(), ())).collect();
+    let end_effectors: Vec<_> =
+        root.tables("end_effector").into_iter().filter_map(end_effector).collect();
+    root.done();
+    let motors = joints.iter().map(|j| &j.motor).chain(end_effectors.iter().map(|e| &e.motor));
+    for (name, span) in motors.filter_map(|motor| motor.actuator.clone()) {
+        if !known.contains_key(name.as_str()) {
+            let help = alternatives(&name, known.keys().copied());
+            document.fault(
+                span,
+                format!("there is no actuator `{name}`"),
+                "unknown actuator",
+                help,
+            );
+        }
+    }
+    if !document.is_clean() {
+        return None;
+    }
+    let root = base.and_then(|(name, span)| Some((name?, span)));
+    Some(Side {
+        name: name.flatten(),
+        root,
+        body_from_root: body_from_root?,
+        locks,
+        actuators,
+        joints,
+        end_effectors,
+    })
+}
+
+fn number(table: &Table<'_>, key: &'static str) -> Option<f64> {
+    table.has(key).then(|| table.number(key)).flatten()
+}
+
+/// The turn from root axes to x forward, z up, from `forward` and `up`.
+fn axes(root: &Table<'_>) -> Option<UnitQuaternion<f64>> {
+    const WORDS: [&str; 6] = ["+x", "-x", "+y", "-y", "+z", "-z"];
+    let direction = |key, default| {
+        let index = if root.has(key) { root.choice(key, &WORDS)? } else { default };
+        let mut axis = Vector3::zeros();
+        axis[index / 2] = if index % 2 == 0 { 1.0 } else { -1.0 };
+        Some(axis)
+    };
+    let (forward, up) = (direction("forward", 0), direction("up", 4));
+    let (forward, up) = (forward?, up?);
+    if forward.dot(&up) != 0.0 {
+        root.fault(
+            "forward",
+            "is along `up`",
+            "not across",
+            "forward and up are different axes of the root link",
+        );
+        return None;
+    }
+    let rows = [forward, up.cross(&forward), up].map(|axis| axis.transpose());
+    let turn = Rotation3::from_matrix_unchecked(Matrix3::from_rows(&rows));
+    Some(UnitQuaternion::from_rotation_matrix(&turn))
+}
+
+fn actuator(name: &str, table: &Table<'_>) -> ActuatorSide {
+    let model = table.has("model").then(|| table.string("model")).flatten();
+    let numbers = NUMBERS.map(|key| number(table, key));
+    table.done();
+    ActuatorSide { name: name.to_owned(), span: table.span(), model, numbers }
+}
+
+fn motor(table: &Table<'_>) -> MotorSide {
+    let actuator = table.has("actuator").then(|| table.string("actuator")).flatten();
+    let actuator = actuator.map(|name| (name, table.span_of("actuator")));
+    let address = (table.has("bus") | table.has("id"))
+        .then(|| table.integer("bus", 0..=7).zip(table.integer("id", 0..=127)))
+        .flatten();
+    MotorSide { actuator, address }
+}
+
+fn joint(name: &str, table: &Table<'_>) -> JointSide {
+    let [min_rad, max_rad, nominal_rad] =
+        ["position_min_rad", "position_max_rad", "nominal_rad"].map(|key| number(table, key));
+    let motor = motor(table);
+    table.done();
+    JointSide { joint: name.to_owned(), span: table.span(), min_rad, max_rad, nominal_rad, motor }
+}
+
+fn end_effector(mut table: Table<'_>) -> Option<EndEffectorSide> {
+    let name = table.string("name")?;
+    table.call(format!("end effector `{name}`"));
+    let contact = CONTACTS[table.choice("contact", &CONTACTS)?];
+    let wheel = contact != "point_foot";
+    let wheel_joint = wheel && table.has("wheel_joint");
+    let named = |key| table.string(key).map(|name| (name, table.span_of(key)));
+    let (link, wheel_joint) =
+        if wheel_joint { (None, named("wheel_joint")) } else { (named("link"), None) };
+    let center = table.has("center_in_link_m").then(|| table.numbers("center_in_link_m"));
+    let radius = table.number("radius_m");
+    let friction = table.number("friction_coefficient");
+    let axis = (wheel && link.is_some()).then(|| table.numbers("axis_in_link").map(Vector3::from));
+    let numbers: &[&str] = match contact {
+        "passive_wheel" => &["rolling_resistance", "rolling_drag_s_m"],
+        "skate" => &["blade_length_m", "rolling_resistance", "rolling_drag_s_m"],
+        _ => &[],
+    };
+    // What robot files require of these, they say themselves.
+    let numbers = numbers.iter().filter_map(|key| Some((*key, number(&table, key)?))).collect();
+    let motor = if contact == "actuated_wheel" { motor(&table) } else { MotorSide::default() };
+    table.done();
+    Some(EndEffectorSide {
+        name,
+        span: table.span(),
+        contact,
+        link,
+        wheel_joint,
+        center_m: center.flatten(),
+        radius_m: radius?,
+        friction: friction?,
+        axis: axis.flatten(),
+        numbers,
+        motor,
+    })
+}

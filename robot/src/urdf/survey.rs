@@ -1,0 +1,198 @@
+//! What is in a URDF, and a first side file for it.
+
+use super::bodies::{Rigid, merge};
+use super::convert::TURN_RAD;
+use super::guess::{self, End};
+use super::notes::Notes;
+use super::stance::{self, Stance, Turn};
+use super::xml::{Joint, Kind};
+use super::{Text, template, tree, xml};
+use crate::document::DocumentError;
+use serde::Serialize;
+
+/// What was found in a URDF.
+#[derive(Clone, Debug, Serialize)]
+pub struct Survey {
+    /// Name of the robot.
+    pub name: String,
+    /// The link taken as the body.
+    pub root: String,
+    /// Mass of everything that hangs on it, kg.
+    pub mass_kg: f64,
+    /// Its links, parents first.
+    pub links: Vec<String>,
+    /// Its joints but the fixed ones, parents first.
+    pub joints: Vec<SurveyJoint>,
+    /// What looks like feet and wheels.
+    pub end_effectors: Vec<SurveyEnd>,
+    /// Height of the body's origin above the ground in the proposed standing pose, m; none without feet.
+    pub standing_height_m: Option<f64>,
+    /// What deserves a look.
+    pub warnings: Vec<String>,
+    /// The proposed side file.
+    #[serde(skip)]
+    pub template: String,
+}
+
+/// A joint of a [`Survey`].
+#[derive(Clone, Debug, Serialize)]
+pub struct SurveyJoint {
+    /// Name in the URDF.
+    pub name: String,
+    /// Type in the URDF.
+    pub kind: String,
+    /// Limits, rad or m, as written.
+    pub limits: [Option<f64>; 2],
+    /// What the proposed side file makes of it.
+    pub proposal: String,
+}
+
+/// A foot or wheel of a [`Survey`].
+#[derive(Clone, Debug, Serialize)]
+pub struct SurveyEnd {
+    /// Proposed name.
+    pub name: String,
+    /// The link in the URDF.
+    pub link: String,
+    /// Proposed kind of contact.
+    pub contact: String,
+    /// Radius, m.
+    pub radius_m: f64,
+    /// Whether the URDF tells the radius.
+    pub measured: bool,
+    /// Centre in the frame of the root, in the proposed standing pose, m.
+    pub center_m: [f64; 3],
+}
+
+/// Looks at a URDF and proposes a side file.
+///
+/// # Errors
+/// Everything that is wrong with the URDF.
+pub fn survey(urdf: Text<'_>) -> Result<Survey, DocumentError> {
+    xml::check_size(urdf.name, urdf.text)?;
+    let text = xml::declare_prefixes(urdf.text);
+    let mut notes = Notes::new(urdf.name, &text);
+    let read = xml::read(&mut notes)?;
+    let graph = tree::graph(&read, &mut notes);
+    notes.check()?;
+    let Some(graph) = graph else { unreachable!("a graph without faults") };
+    let explicit = (graph.roots.len() > 1).then(|| graph.likely_root(&read));
+    let Some(tree) = tree::choose(&read, &graph, explicit, &mut notes) else {
+        unreachable!("one root is given")
+    };
+    let mut rigid =
+        Rigid { locked: guess::locks(&read, &tree).into_iter().collect(), ..Rigid::default() };
+    let axles = guess::axles(&read, &graph, &tree, &rigid);
+    rigid.wheels = axles.iter().copied().collect();
+    // What is behind an axle turns with the wheel.
+    let bodies = merge(&read, &graph, &tree, &rigid, &mut notes);
+    notes.check()?;
+    let ends = guess::ends(&read, &graph, &bodies, &axles);
+    let moving: Vec<_> = bodies.moving.iter().map(|moving| &read.joints[moving.joint]).collect();
+    let turns: Vec<_> = moving.iter().map(|joint| turn(joint)).collect();
+    let tips: Vec<_> = ends.iter().map(|end| end.tip).collect();
+    let stance = stance::stance(&bodies, &turns, &tips);
+    for &missed in &stance.missed {
+        let link = &read.links[ends[missed].link];
+        notes.warn(&link.span, format_args!("link `{}`: no pose found that puts it below its hip: set `nominal_rad` of its joints", link.name));
+    }
+    let names = end_names(&stance, &ends, &read);
+    let joints = tree.order.iter().map(|&index| (index, &read.joints[index]));
+    let joints = joints.filter(|(_, joint)| joint.kind != Kind::Fixed).map(|(index, joint)| {
+        let position = moving.iter().position(|moving| moving.name == joint.name);
+        let proposal = match (position, rigid.locked.get(&index)) {
+            (Some(position), _) => format!("nominal {:.3} rad", stance.angles_rad[position]),
+            (None, Some(at)) => format!("locked at {at}"),
+            (None, None) => "axle of a wheel".to_owned(),
+        };
+        let kind = format!("{:?}", joint.kind).to_ascii_lowercase();
+        SurveyJoint {
+            name: joint.name.clone(),
+            kind,
+            limits: [joint.limit.lower, joint.limit.upper],
+            proposal,
+        }
+    });
+    let joints: Vec<_> = joints.collect();
+    let end_effectors: Vec<_> = ends
+        .iter()
+        .zip(&names)
+        .zip(&stance.tips_m)
+        .map(|((end, name), center)| SurveyEnd {
+            name: name.clone(),
+            link: read.links[end.link].name.clone(),
+            contact: contact(end).to_owned(),
+            radius_m: end.radius_m,
+            measured: end.measured,
+            center_m: (*center).into(),
+        })
+        .collect();
+    if end_effectors.is_empty() {
+        notes.warn(&(0..0), "nothing looks like a foot or a wheel: give [[end_effector]] tables");
+    }
+    let lowest = stance.tips_m.iter().zip(&ends).map(|(tip, end)| tip.z - end.radius_m);
+    let standing_height_m = lowest.reduce(f64::min).map(|lowest| -lowest);
+    let places = bodies.places.iter().enumerate().filter(|(_, place)| place.is_some());
+    let template = template::template(&template::Content {
+        file_name: urdf.name,
+        urdf: &read,
+        root: explicit,
+        moving: &moving,
+        stance: &stance,
+        locks: guess::locks(&read, &tree),
+        ends: ends.iter().zip(&names).collect(),
+    });
+    Ok(Survey {
+        name: read.name.clone(),
+        root: read.links[tree.root].name.clone(),
+        mass_kg: bodies.bodies.iter().map(|body| body.mass.mass_kg).sum(),
+        links: places.map(|(index, _)| read.links[index].name.clone()).collect(),
+        joints,
+        end_effectors,
+        standing_height_m,
+        warnings: notes.warnings,
+        template,
+    })
+}
+
+/// Kind of contact of a guessed end effector.
+pub(super) fn contact(end: &End) -> &'static str {
+    match (end.axle, end.passive) {
+        (None, _) => "point_foot",
+        (Some(_), false) => "actuated_wheel",
+        (Some(_), true) => "passive_wheel",
+    }
+}
+
+fn turn(joint: &Joint) -> Turn {
+    let limits = (joint.kind != Kind::Continuous).then_some(joint.limit);
+    let (lower, upper) = match limits.map(|limit| (limit.lower, limit.upper)) {
+        None | Some((None, None)) => (-TURN_RAD, TURN_RAD),
+        Some((lower, upper)) => (lower.unwrap_or(0.0), upper.unwrap_or(0.0)),
+    };
+    let [min_rad, max_rad] =
+        [lower.min(upper), lower.max(upper)].map(|l| l.clamp(-TURN_RAD, TURN_RAD));
+    Turn { axis: joint.axis, min_rad, max_rad }
+}
+
+/// `front_left` and so on for four ends in four corners, which named gaits need; else the links' names.
+fn end_names(stance: &Stance, ends: &[End], urdf: &xml::Urdf) -> Vec<String> {
+    let count = stance.tips_m.len() as f64;
+    let middle_m = stance.tips_m.iter().map(|tip| tip.x).sum::<f64>() / count;
+    let corner = |tip: &nalgebra::Vector3<f64>| {
+        let end = if tip.x > middle_m { "front" } else { "rear" };
+        let side = if tip.y > 0.0 { "left" } else { "right" };
+        format!("{end}_{side}")
+    };
+    let corners: Vec<_> = stance.tips_m.iter().map(corner).collect();
+    let mut distinct = corners.clone();
+    distinct.sort();
+    distinct.dedup();
+    if distinct.len() == 4 && corners.len() == 4 {
+        return corners;
+    }
+    let mut names = super::names::Names::default();
+    ends.iter()
+        .map(|end| names.unique(&super::names::allowed(&urdf.links[end.link].name)))
+        .collect()
+}

@@ -1,0 +1,198 @@
+//! URDF text to links and joints, each with its place in the text. Nothing is resolved yet: names are
+//! names. Tags that say nothing about mass, geometry or joints (gazebo, transmission, material, sensor)
+//! are passed over, as are meshes.
+
+use super::elements::Reader;
+use super::notes::Notes;
+use crate::document::{DocumentError, Fault, Span};
+use crate::file::parts::MassProperties;
+use nalgebra::{Isometry3, Unit, Vector3};
+use roxmltree::{Document, Error, Node, ParsingOptions};
+
+/// Largest text, bytes: meshes lie in files of their own, so that real ones stay far below.
+const TEXT_MAX: usize = 16 << 20;
+/// Most nodes of the XML tree.
+const NODES_MAX: u32 = 1 << 20;
+/// Namespace of prefixes that the file uses without declaring them.
+const UNDECLARED: &str = "urn:undeclared";
+
+/// A URDF file as it is written.
+#[derive(Debug, Default)]
+pub(super) struct Urdf {
+    pub name: String,
+    pub links: Vec<Link>,
+    pub joints: Vec<Joint>,
+}
+
+/// A `<link>`.
+#[derive(Debug)]
+pub(super) struct Link {
+    pub name: String,
+    pub span: Span,
+    /// Mass, centre of mass and inertia in link axes; none without `<inertial>` or with mass 0.
+    pub mass: Option<MassProperties>,
+    /// Simple solids of collision and visual geometry, collision first.
+    pub shapes: Vec<Shape>,
+}
+
+/// A solid of a link, centred at `link_from_shape`.
+#[derive(Clone, Debug)]
+pub(super) struct Shape {
+    pub link_from_shape: Isometry3<f64>,
+    pub solid: Solid,
+}
+
+/// The solids that tell a radius.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Solid {
+    Sphere {
+        radius_m: f64,
+    },
+    /// Along z of the shape.
+    Cylinder {
+        radius_m: f64,
+    },
+}
+
+/// The types of `<joint>`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Revolute,
+    Continuous,
+    Fixed,
+    Prismatic,
+    Planar,
+    Floating,
+}
+
+/// A `<joint>`.
+#[derive(Debug)]
+pub(super) struct Joint {
+    pub name: String,
+    pub span: Span,
+    pub kind: Kind,
+    pub parent: String,
+    pub child: String,
+    pub parent_from_joint: Isometry3<f64>,
+    pub axis: Unit<Vector3<f64>>,
+    /// The joint that this one follows.
+    pub mimics: Option<String>,
+    pub limit: Limit,
+}
+
+/// A `<limit>`; what is not written is none.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Limit {
+    pub lower: Option<f64>,
+    pub upper: Option<f64>,
+    pub velocity: Option<f64>,
+    pub effort: Option<f64>,
+}
+
+/// Declares the prefixes that a file uses without declaring them, as other URDF readers do silently.
+/// Lines stay what they were.
+pub(super) fn declare_prefixes(text: &str) -> String {
+    let mut text = text.to_owned();
+    // Each round declares one prefix; files have a handful.
+    for _ in 0..16 {
+        let Err(Error::UnknownNamespace(prefix, _)) = parse(&text).map(drop) else { break };
+        let Some(at) = text.find("<robot") else { break };
+        text.insert_str(at + "<robot".len(), &format!(" xmlns:{prefix}=\"{UNDECLARED}\""));
+    }
+    text
+}
+
+fn parse(text: &str) -> Result<Document<'_>, Error> {
+    Document::parse_with_options(
+        text,
+        ParsingOptions { nodes_limit: NODES_MAX, ..Default::default() },
+    )
+}
+
+/// Refuses what is too large to be a robot before anything walks over it.
+pub(super) fn check_size(file_name: &str, text: &str) -> Result<(), DocumentError> {
+    if text.len() <= TEXT_MAX {
+        return Ok(());
+    }
+    let message = format!("the file has {} bytes", text.len());
+    let help = format!("a URDF file has at most {TEXT_MAX}; meshes belong in files of their own");
+    let fault = Fault::new(text, 0..0, message, "too large", help);
+    // The text itself would be printed as the place of the fault.
+    Err(DocumentError::of(file_name, "", vec![fault]).expect("one fault"))
+}
+
+/// Reads the text of `notes`.
+pub(super) fn read(notes: &mut Notes<'_>) -> Result<Urdf, DocumentError> {
+    let text = notes.text;
+    let document = match parse(text) {
+        Ok(document) => document,
+        Err(error) => {
+            syntax_fault(notes, &error);
+            notes.check()?;
+            return Ok(Urdf::default());
+        }
+    };
+    let root = document.root_element();
+    let mut reader = Reader { notes };
+    if root.tag_name().name() != "robot" {
+        let name = root.tag_name().name();
+        let help = match name {
+            "sdf" | "world" | "model" => "this is SDF: export the robot as URDF",
+            "mujoco" => "this is MJCF: export the robot as URDF",
+            _ => "a URDF file has one root element, <robot name=\"…\">",
+        };
+        reader.fault(root, format!("the root element is <{name}>, not <robot>"), help);
+    } else if let Some(macros) = root.descendants().find(|node| is_xacro(*node)) {
+        reader.xacro(macros);
+    }
+    reader.notes.check()?;
+    let mut urdf =
+        Urdf { name: root.attribute("name").unwrap_or("robot").to_owned(), ..Urdf::default() };
+    for node in root.children().filter(|node| node.tag_name().namespace().is_none()) {
+        match node.tag_name().name() {
+            "link" => urdf.links.extend(reader.link(node)),
+            "joint" => urdf.joints.extend(reader.joint(node)),
+            _ => {}
+        }
+    }
+    reader.notes.check()?;
+    if urdf.links.is_empty() {
+        reader.fault(root, "the robot has no <link>", "give at least one link with an <inertial>");
+    }
+    reader.notes.check()?;
+    Ok(urdf)
+}
+
+/// Whether an element is a macro or its call. A declared but unused prefix is harmless: expanded files
+/// keep it.
+fn is_xacro(node: Node<'_, '_>) -> bool {
+    let prefix = node.is_element() && {
+        let written = &node.document().input_text()[node.range()];
+        written.starts_with("<xacro:")
+    };
+    prefix || node.tag_name().namespace().is_some_and(|uri| uri.ends_with("/xacro"))
+}
+
+fn syntax_fault(notes: &mut Notes<'_>, error: &Error) {
+    let position = error.pos();
+    let mut lines = notes.text.split_inclusive('\n');
+    let before: usize = lines.by_ref().take(position.row as usize - 1).map(str::len).sum();
+    let line = lines.next().unwrap_or_default();
+    let column = line.char_indices().nth(position.col as usize - 1).map_or(0, |(at, _)| at);
+    let at = (before + column).min(notes.text.len());
+    let (message, help) = match error {
+        Error::DtdDetected => (
+            "the file has a document type declaration (<!DOCTYPE …>)".to_owned(),
+            "URDF needs none: remove it, and write its entities out".to_owned(),
+        ),
+        Error::NodesLimitReached => (
+            format!("the file has more than {NODES_MAX} XML nodes"),
+            "a robot has a few thousand: is this the right file?".to_owned(),
+        ),
+        _ => (
+            format!("this is not XML: {error}"),
+            "a URDF file is XML that begins with <robot name=\"…\">".to_owned(),
+        ),
+    };
+    notes.fault(at..at, message, "here", help);
+}

@@ -1,0 +1,165 @@
+//! Every class of mistake gets an error that names file, place and value and says what would be right.
+
+use super::{SIDE, URDF, edited, imported};
+
+#[track_caller]
+fn refused(urdf: &str, side: &str, words: &[&str]) {
+    let error = imported(urdf, side).expect_err("a mistake");
+    let told: Vec<_> = error.faults().map(|fault| format!("{fault} ({})", fault.help)).collect();
+    let told = format!("{}: {}", error.file_name(), told.join("\n"));
+    for word in words {
+        assert!(told.contains(word), "{word:?} is missing in\n{told}");
+    }
+}
+
+#[track_caller]
+fn urdf(from: &str, to: &str, words: &[&str]) {
+    refused(&edited(URDF, from, to), SIDE, &[words, &["rover.urdf"]].concat());
+}
+
+#[track_caller]
+fn side(from: &str, to: &str, words: &[&str]) {
+    refused(URDF, &edited(SIDE, from, to), &[words, &["rover.side.toml"]].concat());
+}
+
+#[test]
+fn numbers_that_are_none() {
+    urdf("xyz=\"-0.2 0.1 -0.1\"", "xyz=\"-0,2 0,1 -0,1\"", &["`left_arm`", "-0,2", "no commas"]);
+    urdf("xyz=\"-0.2 0.1 -0.1\"", "xyz=\"-0.2 0.1\"", &["`left_arm`", "-0.2 0.1", "3 numbers"]);
+    urdf("mass value=\"5.0\"", "mass value=\"5kg\"", &["`trunk`", "5kg", "one number"]);
+    urdf("mass value=\"5.0\"", "mass value=\"nan\"", &["`trunk`", "finite"]);
+    urdf("mass value=\"5.0\"", "mass value=\"-5\"", &["`trunk`", "-5 kg", "0 or above"]);
+    urdf("mass value=\"5.0\"", "mass value=\"5000\"", &["`base_link`", "5000.75 kg", "grams"]);
+    urdf("mass value=\"5.0\"", "mass value=\"${m}\"", &["`trunk`", "xacro robot.urdf.xacro"]);
+    urdf("<mass value=\"5.0\"/>", "", &["`trunk`", "no <mass>"]);
+    urdf("axis xyz=\"0 2 0\"", "axis xyz=\"0 0 0\"", &["`left_knee`", "no direction"]);
+    urdf("origin xyz=\"0 0.01 -0.2\"", "origin xyz=\"0 10 -200\"", &["`left_knee`", "millimetres"]);
+}
+
+#[test]
+fn what_is_no_urdf() {
+    refused("", SIDE, &["not XML"]);
+    refused("<robot name=\"r\"><link name=\"a\">", SIDE, &["not XML"]);
+    refused("<sdf version=\"1.9\"/>", SIDE, &["<sdf>", "SDF"]);
+    refused("<mujoco/>", SIDE, &["MJCF"]);
+    refused("<robot name=\"r\"/>", SIDE, &["no <link>"]);
+    refused("name = \"agilebot\"", SIDE, &["not XML", "<robot"]);
+    urdf(
+        "<link name=\"base_link\"/>",
+        "<link name=\"base_link\"/><xacro:leg side=\"left\"/>",
+        &["xacro robot.urdf.xacro > robot.urdf"],
+    );
+}
+
+#[test]
+fn trees_that_are_none() {
+    urdf(
+        "<link name=\"base_link\"/>",
+        "<link name=\"base_link\"/><link name=\"head\"/>",
+        &["`head`", "twice"],
+    );
+    urdf("<joint name=\"left_knee\"", "<joint name=\"left_hip\"", &["joint `left_hip`", "twice"]);
+    urdf(
+        "<parent link=\"left_thigh\"/>",
+        "<parent link=\"left_thing\"/>",
+        &["`left_thing`", "did you mean `left_thigh`"],
+    );
+    urdf("<child link=\"left_shank\"/>", "", &["`left_knee`", "no <child>"]);
+    urdf(
+        "<child link=\"right_thigh\"/>",
+        "<child link=\"left_thigh\"/>",
+        &["two joints", "`left_hip` and `right_hip`", "cut the loop"],
+    );
+    urdf(
+        "<link name=\"base_link\"/>",
+        "<link name=\"base_link\"/><link name=\"spare\"/>",
+        &["2 roots", "`base_link`, `spare`", "`root`"],
+    );
+    // A loop beside the tree, and a file that is one loop.
+    urdf(
+        "<link name=\"base_link\"/>",
+        "<link name=\"base_link\"/><link name=\"a\"/><link name=\"b\"/>
+         <joint name=\"ab\" type=\"fixed\"><parent link=\"a\"/><child link=\"b\"/></joint>
+         <joint name=\"ba\" type=\"fixed\"><parent link=\"b\"/><child link=\"a\"/></joint>",
+        &["`a`", "loop"],
+    );
+    let ring = "<robot name=\"r\"><link name=\"a\"/><joint name=\"j\" type=\"fixed\"><parent link=\"a\"/><child link=\"a\"/></joint></robot>";
+    refused(ring, SIDE, &["`a`", "loop"]);
+    urdf("<link name=\"head\">", "<link>", &["link", "`name` is missing"]);
+    urdf("type=\"prismatic\"", "type=\"slider\"", &["`mast`", "slider", "prismatic"]);
+}
+
+#[test]
+fn joints_that_robot_files_do_not_have() {
+    let unlocked = edited(SIDE, "mast = 0.15", "");
+    refused(URDF, &unlocked, &["rover.urdf", "`mast` is prismatic", "[lock] mast = 0.0"]);
+    let behind = edited(SIDE, "wheel_joint = \"left_axle\"", "wheel_joint = \"left_arm\"");
+    refused(URDF, &behind, &["rover.urdf", "`left_axle` moves something on a wheel"]);
+}
+
+#[test]
+fn joints_that_cannot_move_or_follow() {
+    let unlocked = edited(SIDE, "nod = 0.3", "");
+    refused(URDF, &unlocked, &["rover.urdf", "`nod` follows joint `left_arm`", "[lock] nod = 0.0"]);
+    for kind in ["planar", "floating"] {
+        let other = edited(URDF, "type=\"prismatic\"", &format!("type=\"{kind}\""));
+        refused(&other, SIDE, &["`mast` cannot be locked at 0.15"]);
+        let unlocked = edited(SIDE, "mast = 0.15", "");
+        refused(&other, &unlocked, &["`mast` is", kind, "[lock] mast = 0.0"]);
+    }
+    urdf(
+        "lower=\"-1\" upper=\"2\"",
+        "lower=\"0\" upper=\"0\"",
+        &["`left_hip` cannot move", "[lock] left_hip = 0.0"],
+    );
+}
+
+#[test]
+fn side_files_that_do_not_fit() {
+    side(
+        "link = \"left_foot\"",
+        "link = \"left_feet\"",
+        &["front_left", "`left_feet`", "did you mean `left_foot`"],
+    );
+    side("mast = 0.15", "mats = 0.15", &["`mats` does not exist", "did you mean `mast`"]);
+    side("mast = 0.15", "mast = 0.15\nbase_to_trunk = 0.0", &["`base_to_trunk` is fixed already"]);
+    side("left_arm = {", "left_am = {", &["`left_am` does not exist", "did you mean `left_arm`"]);
+    side("left_arm = {", "left_axle = {", &["`left_axle` is the axle of a wheel"]);
+    side("nod = 0.3", "nod = 0.3\nleft_arm = 0.0", &["`left_arm` is locked"]);
+    side(
+        "wheel_joint = \"left_axle\"",
+        "wheel_joint = \"left_ankle\"",
+        &["`left_ankle` does not turn"],
+    );
+    side("wheel_joint = \"left_axle\"", "wheel_joint = \"right_axle\"", &["another end effector"]);
+    side(
+        "wheel_joint = \"left_axle\"",
+        "link = \"left_arm_link\"",
+        &["rear_left", "`axis_in_link` is missing"],
+    );
+    side("actuator = \"drive\"", "actuator = \"drvie\"", &["`drvie`", "did you mean `drive`"]);
+    side(
+        "nominal_rad = 0.7",
+        "nominal_rad = 40.0",
+        &["`left_hip`", "`nominal_rad` is 40", "degrees"],
+    );
+    side("nominal_rad = 0.7", "nominal_rad = -1.5", &["`left_hip`", "within the limits"]);
+    side("bus = 3, id = 9", "bus = 9, id = 9", &["`bus` must be a whole number from 0 to 7"]);
+    side("bus = 3, id = 9", "bus = 3", &["`id` is missing"]);
+    side("armature_kg_m2 = 0.01", "armature_kg_m2 = 0.0", &["`armature_kg_m2` is 0"]);
+    side("rolling_resistance = 0.02", "", &["`rolling_resistance` is missing"]);
+    side("nod = 0.3", "nod = 0.3\n[locks]", &["unknown key `locks`", "did you mean `lock`"]);
+    refused(URDF, &format!("forward = \"+z\"\n{SIDE}"), &["`forward` is along `up`"]);
+    refused(URDF, &format!("forward = \"x\"\n{SIDE}"), &["cannot be \"x\"", "`+x`"]);
+    refused(
+        URDF,
+        &format!("root = \"trunc\"\n{SIDE}"),
+        &["no link `trunc`", "did you mean `trunk`"],
+    );
+    let feetless = SIDE.split("[[end_effector]]").next().unwrap();
+    refused(
+        URDF,
+        &edited(feetless, "mast = 0.15", "mast = 0.15\nleft_axle = 0.0"),
+        &["at least one foot or wheel"],
+    );
+}

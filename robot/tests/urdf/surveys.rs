@@ -1,0 +1,95 @@
+//! The survey finds feet and wheels, and its side file imports as it is.
+
+use super::{URDF, edited};
+use rollwalk_robot::urdf::{Survey, Text, import, survey};
+
+#[track_caller]
+fn surveyed(urdf: &str) -> Survey {
+    survey(Text { name: "rover.urdf", text: urdf }).unwrap()
+}
+
+#[test]
+fn the_template_imports_and_stands() {
+    let found = surveyed(URDF);
+    let ends: Vec<_> = found
+        .end_effectors
+        .iter()
+        .map(|end| (&*end.name, &*end.link, &*end.contact, end.radius_m, end.measured))
+        .collect();
+    assert_eq!(
+        ends,
+        [
+            ("rear_right", "right_wheel", "actuated_wheel", 0.07, true),
+            ("rear_left", "left_wheel", "actuated_wheel", 0.07, true),
+            ("front_left", "left_foot", "point_foot", 0.025, true),
+            ("front_right", "right_foot", "point_foot", 0.025, true),
+        ]
+    );
+    let text = Text { name: "rover.urdf", text: URDF };
+    let robot = import(text, Text { name: "template", text: &found.template }).unwrap().robot;
+    assert_eq!(robot.joints.len(), 5);
+    assert!(found.template.contains("[lock]\nmast = 0.0\nnod = 0.0"), "{}", found.template);
+    // Hips 0.2 ahead; both legs, of 0.4 m and of mirrored axes, stand equally deep and knees bend back.
+    let [left, right] = [&found.end_effectors[2].center_m, &found.end_effectors[3].center_m];
+    assert!((left[0] - 0.2).abs() < 0.006 && (right[0] - 0.2).abs() < 0.006, "{left:?} {right:?}");
+    assert!((left[2] - right[2]).abs() < 0.006, "{left:?} {right:?}");
+    let nominal =
+        |name: &str| robot.joints.iter().find(|joint| joint.name == name).unwrap().nominal_rad;
+    assert!(nominal("left_hip") > 0.3 && nominal("left_knee") < -0.6);
+    assert!(nominal("right_hip") < -0.3 && nominal("right_knee") > 0.6);
+}
+
+#[test]
+fn limits_choose_the_side_of_the_knee() {
+    let urdf = edited(URDF, "lower=\"-2.5\" upper=\"-0.3\"", "lower=\"0.3\" upper=\"2.5\"");
+    let template = surveyed(&urdf).template;
+    let knee = template.lines().find(|line| line.starts_with("left_knee")).unwrap();
+    assert!(!knee.contains('-'), "{knee}");
+}
+
+#[test]
+fn wheels_are_known_by_name_shape_or_balance() {
+    let plain = URDF.replace("_wheel\"", "_disc\"");
+    let bare = plain.replace(
+        "<geometry><cylinder radius=\"0.07\" length=\"0.03\"/></geometry>",
+        "<geometry><mesh filename=\"w.dae\"/></geometry>",
+    );
+    for (urdf, measured) in [(&plain, true), (&bare, false)] {
+        let found = surveyed(urdf);
+        let wheels: Vec<_> =
+            found.end_effectors.iter().filter(|end| end.contact == "actuated_wheel").collect();
+        assert_eq!(wheels.len(), 2);
+        assert!(wheels.iter().all(|wheel| wheel.measured == measured));
+    }
+    // A continuous joint whose child hangs beside the axis is a leg.
+    let leg = edited(
+        URDF,
+        "name=\"right_knee\" type=\"revolute\"",
+        "name=\"right_knee\" type=\"continuous\"",
+    );
+    assert_eq!(
+        surveyed(&leg).end_effectors.iter().filter(|end| end.contact == "point_foot").count(),
+        2
+    );
+}
+
+#[test]
+fn several_roots_are_settled_in_the_template() {
+    let urdf = edited(
+        URDF,
+        "<link name=\"base_link\"/>",
+        "<link name=\"spare\"/><link name=\"base_link\"/>",
+    );
+    let found = surveyed(&urdf);
+    assert!(found.template.contains("root = \"base_link\""), "{}", found.template);
+    import(Text { name: "u", text: &urdf }, Text { name: "t", text: &found.template }).unwrap();
+}
+
+#[test]
+fn robots_without_feet_are_told_so() {
+    let found = surveyed(
+        "<robot name=\"box\"><link name=\"b\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\"/></inertial></link></robot>",
+    );
+    assert!(found.warnings.iter().any(|warning| warning.contains("nothing looks like a foot")));
+    assert_eq!(found.standing_height_m, None);
+}

@@ -1,0 +1,99 @@
+//! A URDF becomes a robot that plans: look at it, write a side file, import, check, plan.
+
+use crate::desk;
+use std::fmt::Write;
+
+/// A small quadruped: four legs of hip roll, hip pitch and knee.
+fn quadruped() -> String {
+    let inertial = |mass: f64, z: f64, i: f64| {
+        format!(
+            "<inertial><origin xyz=\"0 0 {z}\"/><mass value=\"{mass}\"/>\
+             <inertia ixx=\"{i}\" ixy=\"0\" ixz=\"0\" iyy=\"{i}\" iyz=\"0\" izz=\"{i}\"/></inertial>"
+        )
+    };
+    let mut urdf = format!(
+        "<robot name=\"quad\">\n<link name=\"trunk\">{}</link>\n",
+        inertial(4.0, 0.0, 0.05)
+    );
+    for (leg, x, y) in [("LF", 0.2, 0.1), ("RF", 0.2, -0.1), ("LH", -0.2, 0.1), ("RH", -0.2, -0.1)]
+    {
+        let joints = [
+            ("HAA", "trunk".to_owned(), format!("{x} {y} 0"), "1 0 0", "-0.8", "0.8"),
+            ("HFE", format!("{leg}_hip"), "0 0 0".to_owned(), "0 1 0", "-1", "3"),
+            ("KFE", format!("{leg}_thigh"), "0 0 -0.2".to_owned(), "0 1 0", "-2.6", "-0.5"),
+        ];
+        for ((joint, parent, at, axis, min, max), child) in
+            joints.iter().zip(["hip", "thigh", "shank"])
+        {
+            let _ = writeln!(
+                urdf,
+                "<link name=\"{leg}_{child}\">{}</link>\n<joint name=\"{leg}_{joint}\" type=\"revolute\">\
+                 <parent link=\"{parent}\"/><child link=\"{leg}_{child}\"/><origin xyz=\"{at}\"/><axis xyz=\"{axis}\"/>\
+                 <limit lower=\"{min}\" upper=\"{max}\" velocity=\"15\" effort=\"20\"/></joint>",
+                inertial(0.3, -0.05, 0.001)
+            );
+        }
+        let _ = writeln!(
+            urdf,
+            "<link name=\"{leg}_foot\"><collision><geometry><sphere radius=\"0.02\"/></geometry></collision></link>\n\
+             <joint name=\"{leg}_ankle\" type=\"fixed\"><parent link=\"{leg}_shank\"/><child link=\"{leg}_foot\"/>\
+             <origin xyz=\"0 0 -0.2\"/></joint>"
+        );
+    }
+    urdf + "</robot>\n"
+}
+
+#[test]
+fn a_urdf_becomes_a_robot_that_trots() {
+    let desk = desk();
+    desk.write("quad.urdf", quadruped());
+    let shown = desk.run(&["robot", "import", "quad.urdf"]).succeeds();
+    assert!(
+        shown.contains("front_left") && shown.contains("standing height of `trunk`: 0.340 m"),
+        "{shown}"
+    );
+    desk.run(&["robot", "import", "quad.urdf", "--template", "side.toml"]).succeeds();
+    let side = desk.read("side.toml");
+    // What somebody may have filled in stays.
+    desk.run(&["robot", "import", "quad.urdf", "--template", "side.toml"])
+        .fails(1, &["side.toml exists already", "another name"]);
+    assert_eq!(desk.read("side.toml"), side);
+    let made = desk.run(&[
+        "robot",
+        "import",
+        "quad.urdf",
+        "--with",
+        "side.toml",
+        "-o",
+        "robots/quad.toml",
+        "--json",
+    ]);
+    let made = made.succeeds();
+    assert!(made.contains("robots/quad.toml") && made.contains("\"warnings\": []"), "{made}");
+    desk.run(&["robot", "check", "robots/quad.toml"]).succeeds();
+    desk.write(
+        "trot.toml",
+        "name = \"trot\"\nrobot = \"robots/quad.toml\"\nduration_s = 0.6\nends = \"periodic\"\nswing_height_m = 0.04\n\
+         [goal]\nforward_m = 0.15\nleft_m = 0.0\nturn_rad = 0.0\n[footfalls]\ngait = \"trot\"\nduty = 0.6\n",
+    );
+    // Exit code 0 is that of a plan that converged.
+    desk.run(&["plan", "trot.toml", "-o", "trot.json"]).succeeds();
+}
+
+#[test]
+fn a_bad_urdf_or_side_file_writes_nothing() {
+    let desk = desk();
+    desk.write("quad.urdf", quadruped());
+    desk.run(&["robot", "import", "quad.urdf", "--template", "side.toml"]).succeeds();
+    let import = ["robot", "import", "quad.urdf", "--with", "side.toml", "-o", "quad.toml"];
+    desk.edit("side.toml", "LF_foot", "LF_feet");
+    desk.run(&import).fails(1, &["side.toml:", "`LF_feet`", "did you mean `LF_foot`"]);
+    desk.edit("side.toml", "LF_feet", "LF_foot");
+    desk.edit("quad.urdf", "mass value=\"4\"", "mass value=\"4,0\"");
+    desk.run(&import).fails(1, &["quad.urdf:2", "link `trunk`", "\"4,0\"", "no commas"]);
+    desk.write("quad.urdf", b"<robot name=\"\xff\"/>");
+    desk.run(&import).fails(1, &["quad.urdf", "not UTF-8"]);
+    desk.run(&["robot", "import", "qaud.urdf"]).fails(1, &["no URDF file", "quad.urdf"]);
+    desk.run(&["robot", "import", "quad.urdf", "--with", "side.toml"]).fails(2, &["--output"]);
+    assert!(!desk.path("quad.toml").exists());
+}
