@@ -12,7 +12,8 @@ use crate::variables::{Layout, Lift, TimelineSample, force_scale_n};
 use nalgebra::DVector;
 
 /// Penalties, weights and margins. The defaults are the ones that measured best; each field says what
-/// it does to the result.
+/// it does to the result. Weights of costs are per sample at a spacing of 0.05 s and follow the spacing
+/// ([`Problem::per_time`]), so that more samples refine a plan and do not make another of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Weights {
     /// Penalty of every constraint. Multipliers make constraints exact; the penalty sets how hard the
@@ -20,9 +21,13 @@ pub struct Weights {
     pub penalty: f64,
     /// Smoothness of q (thesis: 0.1): second differences, rad and m.
     pub smoothness: f64,
-    /// Pull of ground forces towards an even share of the weight. Decides whether a plan survives
-    /// soft servos: too low and it leans on internal forces that no servo reproduces.
+    /// Pull of the ground forces of feet and driven wheels towards an even share of the weight. Decides
+    /// whether a plan survives soft servos: too low and it leans on internal forces that no servo
+    /// reproduces; too high and the steps of a walk, which must shift the weight, transfer worse.
     pub force: f64,
+    /// The same for free wheels, which turn lateral forces into thrust: too low and they swizzle with
+    /// small strokes and large forces, which soft servos swallow.
+    pub free_wheel_force: f64,
     /// Pull of joints and body towards the motion's posture. Too low and the body drifts and feet gather
     /// below it; too high and gaits scrub their feet.
     pub posture: f64,
@@ -44,7 +49,8 @@ impl Default for Weights {
         Self {
             penalty: 1000.0,
             smoothness: 0.1,
-            force: 1e-3,
+            force: 3e-4,
+            free_wheel_force: 1e-2,
             posture: 4e-3,
             wheel_speed: 1e-6,
             wheel_smoothness: 0.1,
@@ -54,6 +60,9 @@ impl Default for Weights {
         }
     }
 }
+
+/// Sample spacing at which a cost's weight is the factor before its squares, s.
+const WEIGHT_INTERVAL_S: f64 = 0.05;
 
 /// An optimisation problem.
 #[derive(Clone, Debug)]
@@ -218,6 +227,14 @@ impl Problem {
     /// Ground force that one foot carries when all stand, Mg/n, N.
     pub fn force_scale_n(&self) -> f64 {
         force_scale_n(&self.model)
+    }
+
+    /// Factor that makes the cost of differences of some order (0: values, 1: speeds, 2: accelerations)
+    /// one of the motion rather than of its samples: Σ w (Δᵏq)² stands for ∫ w' (dᵏq/dtᵏ)² dt whatever
+    /// the sample spacing h, with Δᵏq = hᵏ dᵏq/dtᵏ. It is 1 at the spacing that the weights were
+    /// measured at.
+    pub fn per_time(&self, order: i32) -> f64 {
+        (self.interval_s / WEIGHT_INTERVAL_S).powi(1 - 2 * order)
     }
 
     /// Timeline index of the sample at which the motion's displacement is measured.

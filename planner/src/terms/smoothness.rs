@@ -13,7 +13,7 @@ impl Term for Smoothness {
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
-        let weight = window.problem.weights.smoothness;
+        let weight = window.problem.weights.smoothness * window.problem.per_time(2);
         out.set(1.0, f64::INFINITY, Role::Cost { weight });
         let [before, here, after] = window.states.map(|s| &s.vars);
         for dof in 0..window.problem.layout.dofs {
