@@ -1,7 +1,7 @@
 //! URDF import: a URDF and a side file, which says what URDF lacks, become the text of a robot file.
 //!
-//! Text in, text and warnings out. Six steps: [`xml`] reads the URDF, [`tree`] makes a tree of it, [`side`]
-//! reads the side file, [`bodies`] merges what is rigid, [`convert`] drafts the robot file and [`emit`]
+//! Text in, text and warnings out. Six steps: `xml` reads the URDF, `tree` makes a tree of it, `side`
+//! reads the side file, `bodies` merges what is rigid, `convert` drafts the robot file and `emit`
 //! writes it. The result passes every rule of robot files before anyone sees it. [`survey`] tells
 //! what a URDF has in it and writes a first side file. Described in `docs/urdf-import.md`.
 

@@ -32,7 +32,7 @@ pub(super) struct Motors<'s> {
     weight_n: f64,
     pub sheets: Vec<DraftSheet>,
     names: Names,
-    /// Highest number in use on each bus, and all addresses in use.
+    /// Addresses in use.
     taken: HashSet<(u32, u32)>,
     /// Warnings and the joints that they are about, in order of appearance.
     remarks: Vec<(String, Vec<(Span, String)>)>,

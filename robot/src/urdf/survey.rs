@@ -84,7 +84,6 @@ pub fn survey(urdf: Text<'_>) -> Result<Survey, DocumentError> {
         Rigid { locked: guess::locks(&read, &tree).into_iter().collect(), ..Rigid::default() };
     let axles = guess::axles(&read, &graph, &tree, &rigid);
     rigid.wheels = axles.iter().copied().collect();
-    // What is behind an axle turns with the wheel.
     let bodies = merge(&read, &graph, &tree, &rigid, &mut notes);
     notes.check()?;
     let ends = guess::ends(&read, &graph, &bodies, &axles);
@@ -131,7 +130,7 @@ pub fn survey(urdf: Text<'_>) -> Result<Survey, DocumentError> {
         notes.warn(&(0..0), "nothing looks like a foot or a wheel: give [[end_effector]] tables");
     }
     let lowest = stance.tips_m.iter().zip(&ends).map(|(tip, end)| tip.z - end.radius_m);
-    let standing_height_m = lowest.reduce(f64::min).map(|lowest| -lowest);
+    let standing_height_m = lowest.reduce(f64::min).map(|lowest| 0.0 - lowest);
     let places = bodies.places.iter().enumerate().filter(|(_, place)| place.is_some());
     let template = template::template(&template::Content {
         file_name: urdf.name,
