@@ -7,7 +7,7 @@ use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::report::{Grid, Report};
 use rollwalk_planner::sample::PlanSpline;
 use rollwalk_planner::{Options, TransitionError, optimise, optimise_transition};
-use rollwalk_robot::Robot;
+use rollwalk_robot::{Contact, Robot, RollingDrag};
 use std::ops::ControlFlow;
 use std::sync::LazyLock;
 
@@ -25,11 +25,12 @@ static PLANS: LazyLock<Vec<Plan>> =
     LazyLock::new(|| MOTIONS.iter().map(|text| plan(&motion(text))).collect());
 
 const DRIVE: &str = include_str!("../../motions/drive_1m.toml");
+const WALK_MOTION: &str = include_str!("../../motions/walk.toml");
 const MOTIONS: [&str; 4] = [
     include_str!("../../motions/stand.toml"),
     DRIVE,
     include_str!("../../motions/turn_in_place.toml"),
-    include_str!("../../motions/walk.toml"),
+    WALK_MOTION,
 ];
 
 fn motion(text: &str) -> Motion {
@@ -135,4 +136,78 @@ fn motions_that_do_not_fit_together_are_refused() {
     let refused = optimise_transition(&wanted.motion, &PLANS[0], &other, &options, continue_);
     let message = refused.unwrap_err().to_string();
     assert!(message.contains("`agilebot`") && message.contains("`another`"), "{message}");
+}
+
+#[test]
+fn held_wheels_walk_and_their_motors_are_told_to_stand_still() {
+    let held = WALK_MOTION.replacen("samples = 32\n", "samples = 32\nwheels = \"held\"\n", 1);
+    let plan = plan(&motion(&held));
+    assert_eq!(plan.solve.status, Status::Converged);
+    let report = Report::new(&plan);
+    assert!(report.is_credible(), "{report}");
+    assert!(report.row("held wheel", Grid::Samples).unwrap().worst < 1.0, "{report}"); // mm/s
+    let spline = PlanSpline::new(&plan);
+    for k in 0..50 {
+        let setpoints = spline.setpoints(plan.motion.duration_s * f64::from(k) / 50.0);
+        assert_eq!(setpoints.motor_speed_rad_s, [0.0; 4]);
+    }
+}
+
+#[test]
+fn a_robot_with_weak_knees_stands_on_straighter_legs() {
+    let mut weak = ROBOT.clone();
+    let knees: Vec<usize> =
+        (0..weak.joints.len()).filter(|&j| weak.joints[j].name.ends_with("_knee")).collect();
+    assert_eq!(knees.len(), 4);
+    for &knee in &knees {
+        weak.joints[knee].actuator.torque_max_nm = 0.3;
+    }
+    let continue_ = &mut |_: &_| ControlFlow::Continue(());
+    let stand = motion(MOTIONS[0]);
+    let strong = optimise(&ROBOT, &stand, &Options::default(), continue_);
+    // The posture of strong legs is too much for the weak ones.
+    let asked = Plan { robot: weak.clone(), ..strong.clone() };
+    let torque = Report::new(&asked).row("joint torque", Grid::Samples).unwrap().clone();
+    assert!(torque.part_of_level() > 1.0, "{torque:?}");
+    let plan = optimise(&weak, &stand, &Options::default(), continue_);
+    assert_eq!(plan.solve.status, Status::Converged);
+    let report = Report::new(&plan);
+    assert!(report.is_credible(), "{report}");
+    assert!(report.row("joint torque", Grid::Samples).unwrap().part_of_level() <= 0.2);
+    for &knee in &knees {
+        let [bent, straighter] = [&strong, &plan].map(|p| p.samples[0].joint_rad[knee].abs());
+        assert!(straighter < bent - 0.05, "{straighter} {bent}");
+    }
+}
+
+/// AgileBot on blades in place of its wheels, skating with one diagonal pair of legs at a time.
+#[test]
+fn skates_push_off_along_their_blades() {
+    let mut robot = ROBOT.clone();
+    robot.name = "skater".into();
+    for skate in &mut robot.end_effectors {
+        let axis_in_link = *skate.contact.wheel_axis_in_link().unwrap();
+        let drag = RollingDrag { rolling_resistance: 0.01, rolling_drag_s_m: 0.02 };
+        skate.contact = Contact::Skate { axis_in_link, blade_length_m: 0.1, drag };
+        skate.center_in_link_m.z += 0.3 - skate.radius_m;
+        skate.radius_m = 0.3;
+    }
+    robot.validate().unwrap();
+    let text = WALK_MOTION
+        .replacen("duration_s = 1.6", "duration_s = 2.4", 1)
+        .replacen("samples = 32", "samples = 24", 1)
+        .replacen("forward_m = 0.12", "forward_m = 0.6", 1)
+        .replacen("gait = \"walk\"\nduty = 0.8", "gait = \"trot\"\nduty = 0.75", 1);
+    let skating = Motion::from_toml("skate.toml", &text, &robot).unwrap();
+    let continue_ = &mut |_: &_| ControlFlow::Continue(());
+    let plan = optimise(&robot, &skating, &Options::default(), continue_);
+    assert_eq!(plan.solve.status, Status::Converged);
+    let report = Report::new(&plan);
+    assert!(report.is_credible(), "{report}");
+    for name in ["landing slip", "contact on the blade", "free-wheel traction"] {
+        assert!(report.row(name, Grid::Samples).is_some(), "{report}");
+    }
+    // Drag of at least 1 % of the weight along the way has to be pushed against: feet toe out.
+    let toe_out = plan.samples.iter().flat_map(|s| &s.end_effectors).map(|e| e.yaw_rad.abs());
+    assert!(toe_out.fold(0.0, f64::max) > 0.1);
 }
