@@ -13,6 +13,7 @@ mod kind;
 mod output;
 mod planning;
 mod progress;
+mod race;
 mod shipped;
 
 pub use exit::Exit;

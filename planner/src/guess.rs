@@ -40,12 +40,21 @@ pub fn standing(problem: &Problem) -> DVector<f64> {
     vars
 }
 
+/// Where the goal lies; what it leaves free stays.
+pub fn goal_placement(problem: &Problem) -> Placement {
+    let goal = &problem.goal;
+    Placement {
+        offset_m: [goal.forward_m.unwrap_or(0.0), goal.left_m.unwrap_or(0.0)],
+        yaw_rad: goal.turn_rad.unwrap_or(0.0),
+    }
+}
+
 /// Standing all the way, moved and turned evenly towards the goal.
 pub fn from_standing(problem: &Problem) -> Unknowns {
     let stand = standing(problem);
-    let goal = &problem.goal;
-    let way = Vector3::new(goal.forward_m.unwrap_or(0.0), goal.left_m.unwrap_or(0.0), 0.0);
-    let turn = goal.turn_rad.unwrap_or(0.0);
+    let placement = goal_placement(problem);
+    let way = Vector3::new(placement.offset_m[0], placement.offset_m[1], 0.0);
+    let turn = placement.yaw_rad;
     let intervals = (problem.last() - 1) as f64;
     let duration_s = intervals * problem.interval_s;
     let slots = (0..problem.samples)
@@ -71,7 +80,6 @@ pub fn from_standing(problem: &Problem) -> Unknowns {
             vars
         })
         .collect();
-    let placement = Placement { offset_m: [way.x, way.y], yaw_rad: turn };
     Unknowns { slots, placement }
 }
 

@@ -1,11 +1,11 @@
 //! From a motion goal, or from two motions to be joined, to a plan.
 
-use crate::guess;
 use crate::model::Model;
 use crate::motion::Motion;
 use crate::plan::{EndEffectorSample, Plan, Sample};
 use crate::problem::{Problem, Unknowns, Weights};
-use crate::solver::{self, Progress, Settings};
+use crate::solver::{self, Begin, Multipliers, Progress, Settings};
+use crate::start::{self, Start};
 use crate::state::State;
 use crate::terms::motor_speed_rad_s;
 use nalgebra::{Rotation3, UnitQuaternion};
@@ -19,22 +19,50 @@ pub struct Options {
     pub weights: Weights,
     /// When the solver stops.
     pub settings: Settings,
+    /// Where it starts.
+    pub start: Start,
+    /// Seed of everything random in the start.
+    pub seed: u64,
 }
 
-/// Optimises a motion with periodic or at-rest ends, from standing.
+/// A plan with what the solver knows beyond it, from which [`replan`](crate::replan) starts best.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solution {
+    /// The plan.
+    pub plan: Plan,
+    /// The multipliers of its constraints.
+    pub multipliers: Multipliers,
+}
+
+/// Optimises a motion with periodic or at-rest ends.
 ///
-/// The outcome is in the plan's [`solve`](Plan::solve) summary; a plan that did not converge is
-/// returned too, so that it can be looked at. `progress` may stop the solve.
+/// With [`Start::Auto`] it starts from the first of [`start::candidates`]. The outcome is in the plan's
+/// [`solve`](Plan::solve) summary; a plan that did not converge is returned too, so that it can be
+/// looked at. `progress` may stop the solve.
 pub fn optimise(
     robot: &Robot,
     motion: &Motion,
     options: &Options,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Plan {
+    optimise_solution(robot, motion, options, progress).plan
+}
+
+/// [`optimise`], with the multipliers.
+pub fn optimise_solution(
+    robot: &Robot,
+    motion: &Motion,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Solution {
     let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
-    let mut unknowns = guess::from_standing(&problem);
-    let solve = solver::solve(&problem, &mut unknowns, &options.settings, progress);
-    write_plan(&problem, motion, &unknowns, solve)
+    // There is always a first candidate.
+    let first = start::candidates(robot, motion, options).swap_remove(0);
+    let (mut unknowns, started) = start::initial(&problem, first.start, first.seed);
+    let (mut solve, multipliers) =
+        solver::solve_from(&problem, &mut unknowns, Begin::Cold, &options.settings, progress);
+    solve.start = started;
+    Solution { plan: write_plan(&problem, motion, &unknowns, solve), multipliers }
 }
 
 /// Writes a solution down as a plan.

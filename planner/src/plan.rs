@@ -8,6 +8,7 @@ pub use json::PlanError;
 pub(crate) use json::join_plain_arrays;
 
 use crate::motion::Motion;
+use crate::start::Started;
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
 
@@ -107,6 +108,8 @@ pub struct SolveSummary {
     pub worst_level: f64,
     /// Name of the constraint with the worst residual.
     pub worst_constraint: String,
+    /// Where the solve started.
+    pub start: Started,
 }
 
 /// Outcome of a solve: a value, not an error.

@@ -6,11 +6,16 @@
 //! makes constraints exact with a modest penalty, where the thesis's penalty of 10 000 alone makes a
 //! narrow curved valley.
 
+mod multipliers;
+
+pub use multipliers::Multipliers;
+
 use crate::formulation::{self, TERMS};
 use crate::normal::{NormalEquations, row_energy};
 use crate::plan::{SolveSummary, Status};
 use crate::problem::{Problem, Unknowns};
-use crate::rows::{Columns, Role, Rows};
+use crate::rows::{Columns, Role, Row, Rows};
+use crate::start::Started;
 use std::ops::ControlFlow;
 
 /// Part of its credible level that the worst constraint may reach in a converged plan.
@@ -55,7 +60,7 @@ pub struct Progress {
 
 /// The worst constraint row: its index and its residual over its credible level.
 fn worst(rows: &Rows) -> (usize, f64) {
-    let level = |row: &crate::rows::Row| match row.role {
+    let level = |row: &Row| match row.role {
         Role::Equality => row.value.abs() * row.scale / row.level,
         Role::Inequality { .. } => row.value.max(0.0) * row.scale / row.level,
         Role::Cost { .. } => 0.0,
@@ -65,6 +70,29 @@ fn worst(rows: &Rows) -> (usize, f64) {
         .enumerate()
         .map(|(index, row)| (index, level(row)))
         .fold((0, 0.0), |worst, this| if this.1 > worst.1 { this } else { worst })
+}
+
+/// What is known at the start of a solve besides the values of the unknowns.
+#[derive(Clone, Copy, Debug)]
+pub enum Begin<'a> {
+    /// Nothing: multipliers begin at zero, steps damped.
+    Cold,
+    /// The start is near an optimum, perhaps one with known multipliers. If they do not fit the
+    /// problem's rows they are estimated, as they are without.
+    Near(Option<&'a Multipliers>),
+}
+
+/// Damping of the first step, in scaled variables: near an optimum the weakest costs should not feel it.
+const DAMPING_COLD: f64 = 1e-3;
+const DAMPING_NEAR: f64 = 1e-7;
+
+/// The shift that replaces `shift` when the row's residual is `value`.
+fn first_order_shift(row: &Row, value: f64, shift: f64) -> f64 {
+    match row.role {
+        Role::Equality => value + shift,
+        Role::Inequality { .. } => row_energy(&Row { value, ..row.clone() }, shift, 1.0)[1] / 2.0,
+        Role::Cost { .. } => 0.0,
+    }
 }
 
 /// Minimises E(m) from a starting point, in place.
@@ -77,15 +105,34 @@ pub fn solve(
     settings: &Settings,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> SolveSummary {
+    solve_from(problem, unknowns, Begin::Cold, settings, progress).0
+}
+
+/// [`solve`] with what else is known at the start; returns the multipliers as well.
+pub fn solve_from(
+    problem: &Problem,
+    unknowns: &mut Unknowns,
+    begin: Begin,
+    settings: &Settings,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> (SolveSummary, Multipliers) {
     let columns = Columns::new(problem);
     let penalty = problem.weights.penalty;
     let states = problem.states(unknowns);
     let mut rows = formulation::evaluate(problem, &columns, unknowns, &states, Rows::default());
     let mut trial_rows = Rows::default();
     let mut normal = NormalEquations::new(&rows, columns.count);
-    let mut shifts = vec![0.0; rows.rows.len()];
+    let (mut damping, mut shifts) = match begin {
+        Begin::Cold => (DAMPING_COLD, vec![0.0; rows.rows.len()]),
+        Begin::Near(known) => {
+            let carried = known.and_then(|multipliers| multipliers.carried(&rows, penalty));
+            let shifts = carried.unwrap_or_else(|| {
+                multipliers::estimate(&rows, &mut normal, penalty, DAMPING_NEAR)
+            });
+            (DAMPING_NEAR, shifts)
+        }
+    };
     let mut energy = NormalEquations::energy(&rows, &shifts, penalty);
-    let mut damping = 1e-3;
     let mut status = Status::IterationLimit;
     let mut iteration = 0;
     let mut last_step = 0.0;
@@ -166,11 +213,7 @@ pub fn solve(
                 }
             }
             for (row, shift) in rows.rows.iter().zip(&mut shifts) {
-                match row.role {
-                    Role::Equality => *shift += row.value,
-                    Role::Inequality { .. } => *shift = row_energy(row, *shift, 1.0)[1] / 2.0,
-                    Role::Cost { .. } => {}
-                }
+                *shift = first_order_shift(row, row.value, *shift);
             }
             energy = NormalEquations::energy(&rows, &shifts, penalty);
         }
@@ -179,13 +222,16 @@ pub fn solve(
     if status == Status::IterationLimit && level <= ACCEPTED_LEVEL {
         status = Status::Converged;
     }
-    SolveSummary {
+    let summary = SolveSummary {
         status,
         iterations: iteration,
         energy,
         worst_level: level,
         worst_constraint: TERMS[rows.rows[row].term].about().name.into(),
-    }
+        // Callers that start otherwise say so.
+        start: Started::default(),
+    };
+    (summary, Multipliers::of(&rows, shifts, penalty))
 }
 
 #[cfg(test)]

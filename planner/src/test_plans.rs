@@ -231,6 +231,7 @@ impl Drive {
                 energy: 0.0,
                 worst_level: 0.0,
                 worst_constraint: String::new(),
+                start: Default::default(),
             },
             robot,
         }

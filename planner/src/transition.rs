@@ -12,6 +12,7 @@ use crate::plan::{Placement, Plan, Sample};
 use crate::problem::{PrescribedEnd, Problem, Unknowns};
 use crate::sample::PlanSpline;
 use crate::solver::{self, Progress};
+use crate::start::{StartKind, Started};
 use crate::variables::{Layout, Lift};
 use nalgebra::DVector;
 use std::ops::ControlFlow;
@@ -102,7 +103,8 @@ pub fn optimise_transition(
     let (problem, fixed) =
         Problem::transition(model, motion, &start, &end, options.weights.clone());
     let mut unknowns = initial(&problem, fixed);
-    let solve = solver::solve(&problem, &mut unknowns, &options.settings, progress);
+    let mut solve = solver::solve(&problem, &mut unknowns, &options.settings, progress);
+    solve.start = Started { kind: StartKind::Joined, seed: 0 };
     Ok(write_plan(&problem, motion, &unknowns, solve))
 }
 
@@ -140,7 +142,7 @@ fn prescribed_end(model: &Model, moment: Moment, step_s: f64) -> PrescribedEnd {
 }
 
 /// The variables of a written sample.
-fn variables(layout: &Layout, sample: &Sample) -> DVector<f64> {
+pub(crate) fn variables(layout: &Layout, sample: &Sample) -> DVector<f64> {
     let mut vars = DVector::zeros(layout.len);
     for c in 0..3 {
         vars[BASE_POSITION + c] = sample.base_position_m[c];

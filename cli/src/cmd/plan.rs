@@ -2,9 +2,11 @@
 
 use crate::planning::shortfall;
 use crate::progress::{Watch, words};
-use crate::{Exit, files, inputs, interrupt, output};
+use crate::{Exit, files, inputs, interrupt, output, race};
+use miette::IntoDiagnostic;
 use rollwalk_planner::plan::{Plan, Status};
-use rollwalk_planner::{Options, optimise};
+use rollwalk_planner::start::{Start, StartKind, Started};
+use rollwalk_planner::{Options, replan};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -18,6 +20,8 @@ Examples:
   rollwalk plan motions/walk.toml -o walk.plan.json
   rollwalk plan motions/walk.toml -o walk.plan.json -v      every iteration
   rollwalk plan motions/walk.toml -o walk.plan.json --json | jq .iterations
+  rollwalk plan motions/walk.toml -o walk.plan.json --seed 3
+  rollwalk plan faster.toml -o faster.plan.json --from walk.plan.json
 
 The format is described in docs/motion-files.md.")]
 pub struct Args {
@@ -27,12 +31,43 @@ pub struct Args {
     /// Where to write the plan.
     #[arg(short, long, value_name = "PLAN.json")]
     output: PathBuf,
+    /// Where to start.
+    #[arg(long, value_enum, default_value_t)]
+    start: Choice,
+    /// Seed of everything random in the start; the same seed gives the same plan.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Start from this plan of a similar motion, such as the same one before an edit.
+    #[arg(long, value_name = "PLAN.json", conflicts_with_all = ["start", "seed"])]
+    from: Option<PathBuf>,
     /// Print every iteration to stderr.
     #[arg(short, long)]
     verbose: bool,
     /// Print the outcome as JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// Where a solve can start.
+#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
+enum Choice {
+    /// What suits the motion, several starts at once if there are cores for them
+    #[default]
+    Auto,
+    /// Standing, carried along the way to the goal
+    Standing,
+    /// Standing with a smooth random swing of every joint
+    Sinusoid,
+}
+
+impl From<Choice> for Start {
+    fn from(choice: Choice) -> Self {
+        match choice {
+            Choice::Auto => Self::Auto,
+            Choice::Standing => Self::Standing,
+            Choice::Sinusoid => Self::Sinusoid,
+        }
+    }
 }
 
 /// What `--json` prints.
@@ -46,6 +81,7 @@ struct Outcome<'a> {
     energy: f64,
     worst_level: f64,
     worst_constraint: &'a str,
+    start: Started,
     /// Null after an interrupt.
     plan: Option<&'a PathBuf>,
 }
@@ -53,11 +89,18 @@ struct Outcome<'a> {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let (robot, motion) = inputs::Source::Disk.motion(&args.motion)?;
+    let previous = args.from.as_deref().map(inputs::plan).transpose()?;
     files::prepare(files::folder(&args.output))?;
     interrupt::listen();
+    let options = Options { start: args.start.into(), seed: args.seed, ..Options::default() };
     let watch = Watch::start(&motion.name, args.verbose);
-    let plan =
-        optimise(&robot, &motion, &Options::default(), &mut |progress| watch.iteration(progress));
+    let plan = match previous {
+        Some(previous) => {
+            let progress = &mut |progress: &_| watch.iteration(progress);
+            replan(&previous, &robot, &motion, &options, progress).into_diagnostic()?
+        }
+        None => race::optimise_any(&robot, &motion, &options, &|state| watch.iteration(state)),
+    };
     let time_s = watch.finish().as_secs_f64();
     let exit = Exit::from(plan.solve.status);
     let written = (exit != Exit::Interrupted).then_some(&args.output);
@@ -82,6 +125,7 @@ fn outcome<'a>(plan: &'a Plan, time_s: f64, written: Option<&'a PathBuf>) -> Out
         energy: plan.solve.energy,
         worst_level: plan.solve.worst_level,
         worst_constraint: &plan.solve.worst_constraint,
+        start: plan.solve.start,
         plan: written,
     }
 }
@@ -93,13 +137,14 @@ fn describe(plan: &Plan, time_s: f64, written: Option<&PathBuf>) -> String {
     let [first_yaw, last_yaw] =
         [&plan.samples[0], &plan.after].map(|sample| sample.base_yaw_pitch_roll_rad[0]);
     format!(
-        "{} on {}: {} after {} iterations, {time_s:.2} s\n\
+        "{} on {}: {} after {} iterations from {}, {time_s:.2} s\n\
          the centre of mass moves {} m in x and {} m in y, turns {} rad, in {:.2} s\n\
          {}\n{}",
         plan.motion.name,
         plan.robot.name,
         words(solve.status),
         solve.iterations,
+        beginning(solve.start),
         millis(last[0] - first[0]),
         millis(last[1] - first[1]),
         millis(last_yaw - first_yaw),
@@ -121,6 +166,17 @@ fn describe(plan: &Plan, time_s: f64, written: Option<&PathBuf>) -> String {
             None => "nothing written".to_owned(),
         }
     )
+}
+
+/// Where a solve started, in words.
+fn beginning(start: Started) -> String {
+    let kind = match start.kind {
+        StartKind::Standing => "standing",
+        StartKind::Sinusoid => "a random swing",
+        StartKind::Neighbour => return "the given plan".to_owned(),
+        StartKind::Joined => return "the motions it joins".to_owned(),
+    };
+    format!("{kind}, seed {}", start.seed)
 }
 
 /// A signed number with three decimals, without the minus sign of a rounded zero.

@@ -1,0 +1,144 @@
+//! Where a solve starts: the first values of all unknowns, as a value that a caller can choose.
+//!
+//! The optimiser finds a minimum near its start, and for some motions the obvious start is a bad one.
+//! Straight standing is a saddle for robots that stand on free wheels: thrust is second order in steer
+//! times stroke, so every method stops there without moving. A small smooth random swing of every joint
+//! frees them, and would only hurt motions from rest to rest. [`candidates`] knows which to try first.
+//!
+//! Everything random comes from a seed in the [`Options`]: the same seed gives the same plan.
+
+mod neighbour;
+
+pub(crate) use neighbour::neighbour;
+
+use crate::guess;
+use crate::model::JOINTS;
+use crate::motion::Motion;
+use crate::optimise::Options;
+use crate::problem::{Problem, Unknowns};
+use crate::state::rolling_direction;
+use fastrand::Rng;
+use rollwalk_robot::Robot;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
+
+/// A way to start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Start {
+    /// The first of [`candidates`].
+    #[default]
+    Auto,
+    /// Standing, carried along the way to the goal. With a seed other than 0 joints swing a little, so
+    /// that different seeds are different starts.
+    Standing,
+    /// The same with a smooth random swing of every joint.
+    Sinusoid,
+}
+
+/// Where a plan's solve started, as the plan remembers it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StartKind {
+    /// [`Start::Standing`].
+    #[default]
+    Standing,
+    /// [`Start::Sinusoid`].
+    Sinusoid,
+    /// Another plan: [`replan`](crate::replan).
+    Neighbour,
+    /// The two motions that a transition joins.
+    Joined,
+}
+
+/// Where a solve started.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Started {
+    /// How.
+    pub kind: StartKind,
+    /// With which seed; 0 where nothing is random.
+    pub seed: u64,
+}
+
+/// Amplitude of the swing that frees a robot on free wheels, rad.
+const SWING_RAD: f64 = 0.1;
+/// Amplitude of the swing that tells the seeds of a standing start apart, rad.
+const NUDGE_RAD: f64 = 0.02;
+/// About how long a swing takes in motions that do not repeat, s.
+const SWING_S: f64 = 1.2;
+/// How far apart the seeds of a motion's candidates are, so that those of small seeds stay different.
+const SEED_STRIDE: u64 = 1000;
+
+/// The starts to try for a motion, the one that nearly always serves first.
+///
+/// Without a choice in `options` these are: on free wheels two random swings, then standing; otherwise
+/// standing, then a random swing. A chosen start is the only candidate.
+pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Options> {
+    let swing = |i: u64| (Start::Sinusoid, options.seed.wrapping_add(i * SEED_STRIDE));
+    let starts = match options.start {
+        Start::Auto if stands_on_free_wheels(robot, motion) => {
+            vec![swing(0), swing(1), (Start::Standing, options.seed)]
+        }
+        Start::Auto => vec![(Start::Standing, options.seed), swing(0)],
+        chosen => vec![(chosen, options.seed)],
+    };
+    starts.into_iter().map(|(start, seed)| Options { start, seed, ..options.clone() }).collect()
+}
+
+/// Whether some end effector that touches the ground rolls freely.
+fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
+    let free = |j: usize| {
+        let held = motion.held_wheels.get(j).copied().unwrap_or(false);
+        robot.end_effectors[j].contact.free_rolling().is_some() && !held
+    };
+    (0..robot.end_effectors.len()).any(|j| free(j) && motion.stance.iter().any(|stance| stance[j]))
+}
+
+/// The start that `options` ask for; `Auto` has been resolved by [`candidates`].
+pub(crate) fn initial(problem: &Problem, start: Start, seed: u64) -> (Unknowns, Started) {
+    let mut unknowns = guess::from_standing(problem);
+    let (kind, amplitude_rad) = match start {
+        Start::Sinusoid => (StartKind::Sinusoid, SWING_RAD),
+        Start::Auto | Start::Standing if seed == 0 => (StartKind::Standing, 0.0),
+        Start::Auto | Start::Standing => (StartKind::Standing, NUDGE_RAD),
+    };
+    if amplitude_rad > 0.0 {
+        swing_joints(problem, &mut unknowns, amplitude_rad, seed);
+    }
+    (unknowns, Started { kind, seed })
+}
+
+/// Adds a sinusoid of random phase to every joint, and lets contact points and wheels follow.
+fn swing_joints(problem: &Problem, unknowns: &mut Unknowns, amplitude_rad: f64, seed: u64) {
+    let mut random = Rng::with_seed(seed);
+    let joints = problem.model.robot().joints.len();
+    let phases: Vec<f64> = (0..joints).map(|_| TAU * random.f64()).collect();
+    let intervals = (problem.last() - 1) as f64;
+    let cycles = if problem.periodic {
+        1.0
+    } else {
+        (intervals * problem.interval_s / SWING_S).round().max(1.0)
+    };
+    for (i, slot) in unknowns.slots.iter_mut().enumerate() {
+        let angle = TAU * cycles * i as f64 / intervals;
+        for (j, phase) in phases.iter().enumerate() {
+            slot[JOINTS + j] += amplitude_rad * (angle + phase).sin();
+        }
+        guess::follow_kinematics(&problem.model, &problem.layout, slot);
+    }
+    roll_along(problem, unknowns);
+}
+
+/// Sets wheel speeds to what the contact points' ways along the rolling directions ask.
+fn roll_along(problem: &Problem, unknowns: &mut Unknowns) {
+    let states = problem.states(unknowns);
+    for (i, slot) in unknowns.slots.iter_mut().enumerate() {
+        let (here, after) = (&states[i + 1], &states[i + 2]);
+        for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
+            let Some(wheel) = ee.wheel else { continue };
+            let way = after.vector(ee.position) - here.vector(ee.position);
+            let rolling = rolling_direction(0.5 * (here.vars[wheel.yaw] + after.vars[wheel.yaw]));
+            let radius = problem.model.robot().end_effectors[j].radius_m;
+            slot[wheel.speed] = way.dot(&rolling) / problem.interval_s / radius;
+        }
+    }
+}

@@ -1,0 +1,60 @@
+//! Starting from another plan: its motion played at the new problem's samples.
+//!
+//! The motions may differ in duration, sample count, footfalls and goal. Time is stretched from one
+//! duration to the other and the start moved to where the anchor wants it. If the robot was edited contact
+//! points and wheel angles follow from the pose again; where the footfalls disagree the weight is shared anew.
+
+use crate::guess;
+use crate::plan::{Placement, Plan, Sample};
+use crate::problem::{Problem, Unknowns};
+use crate::sample::resample;
+use crate::transition::variables;
+use crate::variables::Lift;
+use nalgebra::DVector;
+
+/// The unknowns of `problem` as near to `previous` as they can be.
+///
+/// Both motions have the same kind of ends, both robots as many joints and end effectors of the same
+/// kinds.
+pub fn neighbour(problem: &Problem, previous: &Plan) -> Unknowns {
+    let duration_s = previous.motion.duration_s;
+    let intervals = (problem.last() - 1) as f64;
+    let resampled = (previous.samples.len() != problem.samples)
+        .then(|| resample(previous, intervals / duration_s).samples);
+    let samples: &[Sample] = resampled.as_ref().unwrap_or(&previous.samples);
+    let origin = Placement {
+        offset_m: [samples[0].base_position_m[0], samples[0].base_position_m[1]],
+        yaw_rad: samples[0].base_yaw_pitch_roll_rad[0],
+    };
+    let stretch = duration_s / (intervals * problem.interval_s);
+    let edited = previous.robot != *problem.model.robot();
+    let slot = |(i, sample): (usize, &Sample)| {
+        let placed = variables(&problem.layout, sample);
+        let mut vars = Lift::PlacedBack.apply(&problem.layout, &placed, &origin);
+        for wheel in problem.layout.end_effectors.iter().filter_map(|ee| ee.wheel) {
+            vars[wheel.speed] *= stretch;
+        }
+        if edited {
+            guess::follow_kinematics(&problem.model, &problem.layout, &mut vars);
+        }
+        let stood = sample.end_effectors.iter().map(|ee| ee.contact);
+        if !stood.eq(problem.stance[i + 1].iter().copied()) {
+            guess::share_weight(problem, i + 1, &mut vars);
+        }
+        vars
+    };
+    let slots: Vec<DVector<f64>> = samples.iter().enumerate().map(slot).collect();
+    let placement = if problem.placement_free {
+        seen_from(&origin, &previous.end_placement)
+    } else {
+        guess::goal_placement(problem)
+    };
+    Unknowns { slots, placement }
+}
+
+/// A placement as it acts on points given in the frame `origin`.
+fn seen_from(origin: &Placement, placement: &Placement) -> Placement {
+    let [x, y] = origin.offset_m;
+    let [x, y, _] = origin.inverse().point(placement.point([x, y, 0.0]));
+    Placement { offset_m: [x, y], yaw_rad: placement.yaw_rad }
+}
