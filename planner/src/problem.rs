@@ -13,7 +13,7 @@ use nalgebra::DVector;
 
 /// Penalties, weights and margins. The defaults are the ones that measured best; each field says what
 /// it does to the result. Weights of costs are per sample at a spacing of 0.05 s and follow the spacing
-/// ([`Problem::per_time`]), so that more samples refine a plan and do not make another of it.
+/// (`Problem::per_time`), so that more samples refine a plan and do not make another of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Weights {
     /// Penalty of every constraint. Multipliers make constraints exact; the penalty sets how hard the
