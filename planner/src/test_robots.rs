@@ -23,6 +23,25 @@ pub fn all() -> Vec<Robot> {
     [agilebot, swizzlebot, creature3].into_iter().chain(made).collect()
 }
 
+/// The shipped robots that [`all`] leaves out.
+pub fn others() -> Vec<Robot> {
+    [
+        ("anymal_wheels.toml", include_str!("../../robots/anymal_wheels.toml")),
+        ("brainbot.toml", include_str!("../../robots/brainbot.toml")),
+        ("car.toml", include_str!("../../robots/car.toml")),
+        ("car_tilted.toml", include_str!("../../robots/car_tilted.toml")),
+        ("dinobot.toml", include_str!("../../robots/dinobot.toml")),
+        ("legbot.toml", include_str!("../../robots/legbot.toml")),
+        ("skatebot.toml", include_str!("../../robots/skatebot.toml")),
+        ("skaterbot.toml", include_str!("../../robots/skaterbot.toml")),
+        ("swizzlebot2.toml", include_str!("../../robots/swizzlebot2.toml")),
+        ("swizzlebot4.toml", include_str!("../../robots/swizzlebot4.toml")),
+        ("swizzlebot5.toml", include_str!("../../robots/swizzlebot5.toml")),
+    ]
+    .map(|(name, text)| Robot::from_toml(name, text).expect("shipped robots are valid"))
+    .into()
+}
+
 /// A robot whose wheels are welded to their links.
 pub fn welded(robot: &Robot) -> Robot {
     changed(robot, "welded", |ee, axis_in_link, _| {
