@@ -45,7 +45,7 @@ impl From<Status> for Exit {
     fn from(status: Status) -> Self {
         match status {
             Status::Converged => Exit::Ok,
-            Status::Infeasible | Status::IterationLimit => Exit::NotConverged,
+            Status::Infeasible | Status::Stalled | Status::IterationLimit => Exit::NotConverged,
             Status::Interrupted => Exit::Interrupted,
         }
     }

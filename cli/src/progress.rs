@@ -26,8 +26,10 @@ impl Watch {
         bar.set_prefix(name.to_owned());
         bar.enable_steady_tick(Duration::from_millis(100));
         if table {
-            let titles =
-                format!("{:>5} {:>13} {:>12}  worst constraint", "iter", "energy", "level");
+            let titles = format!(
+                "{:>5} {:>13} {:>13} {:>10} {:>9} {:>9}  worst constraint",
+                "iter", "energy", "cost", "level", "damping", "step"
+            );
             output::say(format_args!("{name}\n{titles}"));
         }
         Self { bar, table, start: Instant::now() }
@@ -35,10 +37,12 @@ impl Watch {
 
     /// Shows an iteration; breaks off when Ctrl-C was pressed.
     pub fn iteration(&self, progress: &Progress) -> ControlFlow<()> {
-        let Progress { iteration, energy, worst_level, worst_constraint, .. } = progress;
+        let Progress { iteration, energy, cost, worst_level, worst_constraint, damping, step } =
+            progress;
         if self.table {
             output::say(format_args!(
-                "{iteration:>5} {energy:>13.6e} {worst_level:>12.3e}  {worst_constraint}"
+                "{iteration:>5} {energy:>13.6e} {cost:>13.6e} {worst_level:>10.3e} {damping:>9.1e} \
+                 {step:>9.2e}  {worst_constraint}"
             ));
         }
         self.bar.set_message(format!(
@@ -73,6 +77,7 @@ pub fn words(status: Status) -> &'static str {
     match status {
         Status::Converged => "converged",
         Status::Infeasible => "infeasible",
+        Status::Stalled => "stalled",
         Status::IterationLimit => "iteration limit reached",
         Status::Interrupted => "interrupted",
     }

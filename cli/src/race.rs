@@ -81,7 +81,7 @@ impl Race {
             Status::Converged | Status::Interrupted => {
                 self.winner.fetch_min(index, Ordering::SeqCst);
             }
-            Status::Infeasible | Status::IterationLimit => {
+            Status::Infeasible | Status::Stalled | Status::IterationLimit => {
                 self.leader.fetch_max(index + 1, Ordering::SeqCst);
             }
         }

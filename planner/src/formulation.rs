@@ -104,13 +104,12 @@ pub static TERMS: &[&dyn Term] = &[
     &WheelSmoothness,
 ];
 
-/// Windows of a span, as timeline indices.
-fn windows(problem: &Problem, span: Span) -> Vec<[usize; 3]> {
-    let last_interval = problem.last() - 1;
+/// Whether a term with this span looks at the window whose middle is timeline sample `t`.
+fn covers(problem: &Problem, span: Span, t: usize) -> bool {
     match span {
-        Span::Samples => (1..=problem.samples).map(|t| [t - 1, t, t + 1]).collect(),
-        Span::Intervals => (1..=last_interval).map(|t| [t - 1, t, t + 1]).collect(),
-        Span::Ends => vec![[0, 1, problem.last()]],
+        Span::Samples => t <= problem.samples,
+        Span::Intervals => t < problem.last(),
+        Span::Ends => false,
     }
 }
 
@@ -123,10 +122,21 @@ pub fn evaluate(
     reuse: Rows,
 ) -> Rows {
     let mut out = RowWriter::new(problem, columns, unknowns, states, reuse);
+    let mut write = |index: usize, at: [usize; 3]| {
+        out.enter(index, at);
+        TERMS[index].write(&Window { problem, at, states: at.map(|t| &states[t]) }, &mut out);
+    };
+    // Window by window: what the rows of one window touch of the normal equations stays in cache.
+    for t in 1..states.len() - 1 {
+        for (index, term) in TERMS.iter().enumerate() {
+            if covers(problem, term.about().span, t) {
+                write(index, [t - 1, t, t + 1]);
+            }
+        }
+    }
     for (index, term) in TERMS.iter().enumerate() {
-        for at in windows(problem, term.about().span) {
-            out.enter(index, at);
-            term.write(&Window { problem, at, states: at.map(|t| &states[t]) }, &mut out);
+        if term.about().span == Span::Ends {
+            write(index, [0, 1, problem.last()]);
         }
     }
     out.finish()

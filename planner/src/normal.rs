@@ -3,9 +3,11 @@
 use crate::penalty::one_sided_square;
 use crate::rows::{Role, Row, Rows};
 use faer::Side;
-use faer::linalg::solvers::Solve;
+use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::prelude::*;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 
 /// The matrix JᵀWJ in a fixed sparse pattern (lower triangle, columns), with everything that is
@@ -13,9 +15,12 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 /// factorisation.
 pub struct NormalEquations {
     pattern: SymbolicSparseColMat<usize>,
-    symbolic: SymbolicLlt<usize>,
+    symbolic: SymbolicCholesky<usize>,
     values: Vec<f64>,
     damped: Vec<f64>,
+    /// Values of the factor and scratch memory: every factorisation takes the same.
+    factor: Vec<f64>,
+    scratch: MemBuffer,
     diagonal: Vec<usize>,
     /// For each row, in order, the position of each product of two of its entries.
     targets: Vec<u32>,
@@ -41,38 +46,22 @@ impl NormalEquations {
     /// Analyses the pattern of the rows, which must stay the same from then on. `columns` is the
     /// number of unknowns.
     pub fn new(rows: &Rows, columns: usize) -> Self {
-        let mut below: Vec<Vec<usize>> = (0..columns).map(|c| vec![c]).collect();
-        for row in &rows.rows {
-            let entries = &rows.columns[row.entries.clone()];
-            for &a in entries {
-                below[a].extend(entries.iter().filter(|&&b| b > a));
-            }
-        }
-        let mut starts = vec![0];
-        let mut row_index = Vec::new();
-        for column in &mut below {
-            column.sort_unstable();
-            column.dedup();
-            row_index.extend_from_slice(column);
-            starts.push(row_index.len());
-        }
-        let mut targets = Vec::new();
-        for row in &rows.rows {
-            let entries = &rows.columns[row.entries.clone()];
-            for (i, &a) in entries.iter().enumerate() {
-                for &b in &entries[..=i] {
-                    let (column, line) = (a.min(b), a.max(b));
-                    let within = below[column].binary_search(&line).expect("collected above");
-                    targets.push((starts[column] + within) as u32);
-                }
-            }
-        }
+        let (starts, row_index, targets) = products(rows, columns);
         let diagonal = starts[..columns].to_vec();
         let values = vec![0.0; row_index.len()];
         let pattern = SymbolicSparseColMat::new_checked(columns, columns, starts, None, row_index);
-        let symbolic = SymbolicLlt::try_new(pattern.as_ref(), Side::Lower)
-            .expect("a pattern of a few thousand columns fits into memory");
+        let symbolic = factorize_symbolic_cholesky(
+            pattern.as_ref(),
+            Side::Lower,
+            SymmetricOrdering::Amd,
+            CholeskySymbolicParams::default(),
+        )
+        .expect("a pattern of a few thousand columns fits into memory");
+        let factorise = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
+        let solve = symbolic.solve_in_place_scratch::<f64>(1, Par::Seq);
         Self {
+            factor: vec![0.0; symbolic.len_val()],
+            scratch: MemBuffer::new(factorise.or(solve)),
             pattern,
             symbolic,
             damped: values.clone(),
@@ -120,9 +109,22 @@ impl NormalEquations {
             self.damped[at] += damping;
         }
         let matrix = SparseColMatRef::new(self.pattern.as_ref(), &self.damped);
-        let factor = Llt::try_new_with_symbolic(self.symbolic.clone(), matrix, Side::Lower).ok()?;
+        let stack = MemStack::new(&mut self.scratch);
+        let factor = self
+            .symbolic
+            .factorize_numeric_llt(
+                &mut self.factor,
+                matrix,
+                Side::Lower,
+                Default::default(),
+                Par::Seq,
+                stack,
+                Default::default(),
+            )
+            .ok()?;
         let mut step = Mat::from_fn(self.gradient.len(), 1, |i, _| -self.gradient[i]);
-        factor.solve_in_place(step.as_mut());
+        let stack = MemStack::new(&mut self.scratch);
+        factor.solve_in_place_with_conj(faer::Conj::No, step.as_mut(), Par::Seq, stack);
         let step: Vec<f64> = step.col(0).iter().copied().collect();
         step.iter().all(|x| x.is_finite()).then_some(step)
     }
@@ -137,6 +139,59 @@ impl NormalEquations {
         }
         0.5 * (damping * dd - gd)
     }
+}
+
+/// The lower triangle of JᵀJ by columns (starts and row indices), and for each row of J, in order, the
+/// place in it of each product of two of the row's entries.
+fn products(rows: &Rows, columns: usize) -> (Vec<usize>, Vec<usize>, Vec<u32>) {
+    // The rows that each column is in, and as which of their entries.
+    let mut users: Vec<Vec<(u32, u32)>> = vec![Vec::new(); columns];
+    let mut first_target = Vec::with_capacity(rows.rows.len());
+    let mut count = 0;
+    for (index, row) in rows.rows.iter().enumerate() {
+        let entries = &rows.columns[row.entries.clone()];
+        for (entry, &column) in entries.iter().enumerate() {
+            users[column].push((index as u32, entry as u32));
+        }
+        first_target.push(count);
+        count += entries.len() * (entries.len() + 1) / 2;
+    }
+    let mut targets = vec![0; count];
+    let mut starts = vec![0];
+    let mut row_index = Vec::new();
+    // Which column last took each line, and where it put it.
+    let mut taken_by = vec![usize::MAX; columns];
+    let mut place = vec![0; columns];
+    for (column, users) in users.iter().enumerate() {
+        let start = row_index.len();
+        // Every column has its diagonal, which damping adds to.
+        taken_by[column] = column;
+        row_index.push(column);
+        for &(row, _) in users {
+            for &line in &rows.columns[rows.rows[row as usize].entries.clone()] {
+                if line > column && taken_by[line] != column {
+                    taken_by[line] = column;
+                    row_index.push(line);
+                }
+            }
+        }
+        row_index[start..].sort_unstable();
+        for (at, &line) in row_index.iter().enumerate().skip(start) {
+            place[line] = at as u32;
+        }
+        for &(row, entry) in users {
+            let entries = &rows.columns[rows.rows[row as usize].entries.clone()];
+            let entry = entry as usize;
+            for (other, &line) in entries.iter().enumerate() {
+                if line >= column {
+                    let (low, high) = (entry.min(other), entry.max(other));
+                    targets[first_target[row as usize] + high * (high + 1) / 2 + low] = place[line];
+                }
+            }
+        }
+        starts.push(row_index.len());
+    }
+    (starts, row_index, targets)
 }
 
 #[cfg(test)]

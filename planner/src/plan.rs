@@ -120,6 +120,9 @@ pub enum Status {
     Converged,
     /// The iterations stopped improving with a constraint violated.
     Infeasible,
+    /// No step lowers the energy any more, with a constraint violated: numbers, not the motion, are in
+    /// the way.
+    Stalled,
     /// The iteration limit came first.
     IterationLimit,
     /// Stopped by the caller.

@@ -130,10 +130,11 @@ pub struct RowWriter<'a> {
     scale: f64,
     level: f64,
     role: Role,
-    /// Derivatives of the row under construction: a dense gradient for each sample of the window, and
-    /// the entries of it that were written.
+    /// Derivatives of the row under construction: a dense gradient for each sample of the window, the
+    /// entries of it that were written, and for each entry whether it was.
     gradients: [Vec<f64>; 3],
     written: [Vec<usize>; 3],
+    is_written: [Vec<bool>; 3],
     /// Dense scratch over all columns, with the position of each column in the row, if it has one.
     position: Vec<u32>,
 }
@@ -167,6 +168,7 @@ impl<'a> RowWriter<'a> {
             role: Role::Equality,
             gradients: [gradient.clone(), gradient.clone(), gradient],
             written: Default::default(),
+            is_written: std::array::from_fn(|_| vec![false; problem.layout.len]),
             position: vec![NO_POSITION; columns.count],
         }
     }
@@ -193,7 +195,7 @@ impl<'a> RowWriter<'a> {
     pub fn d(&mut self, k: usize, variable: usize, derivative: f64) {
         // A zero may become another number at the next point: it keeps its place in the pattern.
         self.gradients[k][variable] += derivative;
-        if !self.written[k].contains(&variable) {
+        if !std::mem::replace(&mut self.is_written[k][variable], true) {
             self.written[k].push(variable);
         }
     }
@@ -215,6 +217,9 @@ impl<'a> RowWriter<'a> {
             let sample = self.problem.timeline[self.at[k]];
             let mut written = std::mem::take(&mut self.written[k]);
             let mut gradient = std::mem::take(&mut self.gradients[k]);
+            for &variable in &written {
+                self.is_written[k][variable] = false;
+            }
             if sample.lift != Lift::Identity {
                 self.pull_back(start, sample.lift, self.at[k], &mut written, &mut gradient);
             }

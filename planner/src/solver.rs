@@ -28,14 +28,18 @@ pub struct Settings {
     pub iterations: usize,
     /// Worst constraint, as a fraction of its credible level, at which a plan is good enough.
     pub target_level: f64,
-    /// Relative energy decrease of a step below which multipliers are shifted, or, when constraints
-    /// hold, the solve ends.
+    /// Relative energy decrease of a step below which multipliers are shifted.
+    pub nearly_flat: f64,
+    /// Relative energy decrease of a step below which, when constraints hold, the solve ends.
     pub flat: f64,
 }
 
+/// Damping beyond which steps are too short to matter.
+const DAMPING_LIMIT: f64 = 1e12;
+
 impl Default for Settings {
     fn default() -> Self {
-        Self { iterations: 300, target_level: 0.02, flat: 1e-3 }
+        Self { iterations: 300, target_level: 0.05, nearly_flat: 0.1, flat: 1e-3 }
     }
 }
 
@@ -137,14 +141,16 @@ pub fn solve_from(
     let mut iteration = 0;
     let mut last_step = 0.0;
     let mut best_level = f64::INFINITY;
-    let mut stalled = 0;
+    let mut no_better = 0;
+    let mut without_step = 0;
 
     while iteration < settings.iterations {
         iteration += 1;
         normal.assemble(&rows, &shifts, penalty);
         let mut decrease = 0.0;
+        let mut rejected = false;
         // Damp until the step lowers the energy about as promised.
-        while damping < 1e12 {
+        while damping < DAMPING_LIMIT {
             let Some(step) = normal.step(damping) else {
                 damping *= 10.0;
                 continue;
@@ -161,7 +167,8 @@ pub fn solve_from(
                 *unknowns = trial;
                 std::mem::swap(&mut rows, &mut trial_rows);
                 energy = trial_energy;
-                if ratio > 0.7 {
+                // Damping that was just too low is not tried again at once.
+                if ratio > 0.7 && !rejected {
                     damping = (damping * 0.2).max(1e-9);
                 } else if ratio < 0.25 {
                     damping *= 3.0;
@@ -171,6 +178,7 @@ pub fn solve_from(
             if energy - trial_energy > -1e-13 * energy {
                 break; // As low as rounding lets it get.
             }
+            rejected = true;
             damping = (damping * 6.0).max(1e-7);
         }
         let (row, level) = worst(&rows);
@@ -193,17 +201,29 @@ pub fn solve_from(
             status = Status::Interrupted;
             break;
         }
-        if decrease < settings.flat {
-            if level <= settings.target_level {
-                status = Status::Converged;
+        if damping >= DAMPING_LIMIT {
+            // New multipliers may open a way, which damping that high would not take.
+            damping = DAMPING_COLD;
+            without_step += 1;
+            if without_step >= 3 {
+                let good = level <= ACCEPTED_LEVEL;
+                status = if good { Status::Converged } else { Status::Stalled };
                 break;
             }
+        } else {
+            without_step = 0;
+        }
+        if decrease < settings.flat && level <= settings.target_level {
+            status = Status::Converged;
+            break;
+        }
+        if decrease < settings.nearly_flat && level > settings.target_level {
             if level < 0.9 * best_level {
                 best_level = level;
-                stalled = 0;
+                no_better = 0;
             } else {
-                stalled += 1;
-                if stalled >= 25 {
+                no_better += 1;
+                if no_better >= 25 {
                     status = if level <= ACCEPTED_LEVEL {
                         Status::Converged
                     } else {
@@ -276,7 +296,9 @@ mod tests {
     #[test]
     fn the_energy_never_rises_while_multipliers_stay() {
         // Never flat: no shifts.
-        let (_, energies) = solved(&Settings { flat: 0.0, iterations: 20, ..Settings::default() });
+        let settings =
+            Settings { flat: 0.0, nearly_flat: 0.0, iterations: 20, ..Settings::default() };
+        let (_, energies) = solved(&settings);
         assert_eq!(energies.len(), 20);
         assert!(energies.windows(2).all(|pair| pair[1] <= pair[0]), "{energies:?}");
         assert!(energies[4] < energies[0], "{energies:?}");

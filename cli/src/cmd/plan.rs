@@ -150,7 +150,7 @@ fn describe(plan: &Plan, time_s: f64, written: Option<&PathBuf>) -> String {
         millis(last_yaw - first_yaw),
         plan.motion.duration_s,
         match solve.status {
-            Status::Infeasible | Status::IterationLimit => shortfall(solve),
+            Status::Infeasible | Status::Stalled | Status::IterationLimit => shortfall(solve),
             Status::Converged | Status::Interrupted => format!(
                 "worst constraint: {}, at {:.3} of its credible level",
                 solve.worst_constraint, solve.worst_level
