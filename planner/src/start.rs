@@ -70,8 +70,8 @@ const SEED_STRIDE: u64 = 1000;
 
 /// The starts to try for a motion, the one that nearly always serves first.
 ///
-/// Without a choice in `options` these are: on free wheels two random swings, then standing; otherwise
-/// standing, then a random swing. A chosen start is the only candidate.
+/// Without a choice in `options` these are: on free wheels that can be steered two random swings, then
+/// standing; otherwise standing, then a random swing. A chosen start is the only candidate.
 pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Options> {
     let swing = |i: u64| (Start::Sinusoid, options.seed.wrapping_add(i * SEED_STRIDE));
     let starts = match options.start {
@@ -84,11 +84,17 @@ pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Opti
     starts.into_iter().map(|(start, seed)| Options { start, seed, ..options.clone() }).collect()
 }
 
-/// Whether some end effector that touches the ground rolls freely.
+/// Whether some end effector that touches the ground rolls freely and can be steered there. Blades
+/// cannot: two wheels of one link that both stand forbid a turn, so a swing of their joints starts far
+/// from anything possible, and strokes come about from standing.
 fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
+    let shares_link = |j: usize| {
+        let link = robot.end_effectors[j].link;
+        robot.end_effectors.iter().filter(|other| other.link == link).count() > 1
+    };
     let free = |j: usize| {
         let held = motion.held_wheels.get(j).copied().unwrap_or(false);
-        robot.end_effectors[j].contact.free_rolling().is_some() && !held
+        robot.end_effectors[j].contact.free_rolling().is_some() && !held && !shares_link(j)
     };
     (0..robot.end_effectors.len()).any(|j| free(j) && motion.stance.iter().any(|stance| stance[j]))
 }

@@ -26,6 +26,7 @@ pub fn all() -> Vec<Robot> {
 /// The shipped robots that [`all`] leaves out.
 pub fn others() -> Vec<Robot> {
     [
+        ("agilebot_sprint.toml", include_str!("../../robots/agilebot_sprint.toml")),
         ("anymal_wheels.toml", include_str!("../../robots/anymal_wheels.toml")),
         ("brainbot.toml", include_str!("../../robots/brainbot.toml")),
         ("car.toml", include_str!("../../robots/car.toml")),

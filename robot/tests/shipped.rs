@@ -65,6 +65,7 @@ fn all() -> Vec<(Robot, [usize; 3], std::ops::Range<f64>)> {
     // Servos alone are 2.304 kg in AgileBot, 1.974 kg in SwizzleBot and 0.198 kg in Creature3.
     shipped! {
         "agilebot": [16, 4, 20], 4.0..5.0;
+        "agilebot_sprint": [16, 4, 20], 4.0..5.0;
         "anymal_wheels": [12, 4, 16], 35.0..38.0;
         "brainbot": [9, 3, 9], 2.0..3.0;
         "car": [0, 4, 4], 1.5..2.0;
