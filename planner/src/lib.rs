@@ -35,5 +35,5 @@ mod variables;
 pub use optimise::{Options, Solution, optimise, optimise_solution};
 pub use problem::Weights;
 pub use replan::{ReplanError, replan};
-pub use solver::{ACCEPTED_LEVEL, Progress, Settings};
+pub use solver::{ACCEPTED_LEVEL, Method, Progress, Settings};
 pub use transition::{TransitionError, optimise_transition};

@@ -102,6 +102,15 @@ impl NormalEquations {
         }
     }
 
+    /// Adds to the entries of a column, on and below the diagonal, those of a dense vector.
+    pub fn add_to_column(&mut self, column: usize, dense: &[f64]) {
+        let range = self.pattern.col_range(column);
+        let lines = &self.pattern.row_idx()[range.clone()];
+        for (value, &line) in self.values[range].iter_mut().zip(lines) {
+            *value += dense[line];
+        }
+    }
+
     /// Solves (H + λ·1) step = −gradient; `None` if the matrix is not positive definite.
     pub fn step(&mut self, damping: f64) -> Option<Vec<f64>> {
         self.damped.copy_from_slice(&self.values);

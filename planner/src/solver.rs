@@ -6,7 +6,9 @@
 //! makes constraints exact with a modest penalty, where the thesis's penalty of 10 000 alone makes a
 //! narrow curved valley.
 
+mod curvature;
 mod multipliers;
+mod penalty;
 
 pub use multipliers::Multipliers;
 
@@ -21,9 +23,26 @@ use std::ops::ControlFlow;
 /// Part of its credible level that the worst constraint may reach in a converged plan.
 pub const ACCEPTED_LEVEL: f64 = 0.2;
 
+/// How the energy is minimised.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Gauss-Newton on every row, with multipliers.
+    #[default]
+    GaussNewton,
+    /// The thesis's penalty and Newton's method without the second derivatives of the consistency
+    /// constraints 2.13 and 2.14 with respect to q: its Filtered Hessian.
+    NewtonFiltered,
+    /// The thesis's penalty and Newton's method with the true Hessian, regularised where indefinite.
+    NewtonTrue,
+    /// The thesis's penalty and L-BFGS.
+    Lbfgs,
+}
+
 /// When to stop and how to step. The defaults suit every shipped motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
+    /// How the energy is minimised. The fields below other than `iterations` are for Gauss-Newton.
+    pub method: Method,
     /// Most iterations.
     pub iterations: usize,
     /// Worst constraint, as a fraction of its credible level, at which a plan is good enough.
@@ -39,7 +58,13 @@ const DAMPING_LIMIT: f64 = 1e12;
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { iterations: 300, target_level: 0.05, nearly_flat: 0.1, flat: 1e-3 }
+        Self {
+            method: Method::default(),
+            iterations: 300,
+            target_level: 0.05,
+            nearly_flat: 0.1,
+            flat: 1e-3,
+        }
     }
 }
 
@@ -120,6 +145,11 @@ pub fn solve_from(
     settings: &Settings,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> (SolveSummary, Multipliers) {
+    if settings.method != Method::GaussNewton {
+        let (summary, rows) = penalty::solve(problem, unknowns, settings, progress);
+        let none = vec![0.0; rows.rows.len()];
+        return (summary, Multipliers::of(&rows, none, penalty::PENALTY));
+    }
     let columns = Columns::new(problem);
     let penalty = problem.weights.penalty;
     let states = problem.states(unknowns);
@@ -309,5 +339,45 @@ mod tests {
         let (summary, energies) = solved(&Settings { iterations: 1, ..Settings::default() });
         assert_eq!((summary.status, summary.iterations), (Status::IterationLimit, 1));
         assert_eq!(energies.len(), 1);
+    }
+
+    #[test]
+    fn methods_agree_on_the_optimum() {
+        let robot = &test_robots::all()[0];
+        let motion = Motion {
+            duration_s: 1.0,
+            stance: vec![vec![true; robot.end_effectors.len()]; 5],
+            goal: Goal { forward_m: Some(0.1), ..Goal::default() },
+            ..test_robots::motion(robot, Ends::AtRest)
+        };
+        let problem = Problem::new(Model::new(robot), &motion, Weights::default());
+        let solved = |method| {
+            let mut unknowns = guess::from_standing(&problem);
+            let settings = Settings { method, iterations: 60, ..Settings::default() };
+            let summary =
+                solve(&problem, &mut unknowns, &settings, &mut |_| ControlFlow::Continue(()));
+            (summary, unknowns)
+        };
+        let (filtered, at_filtered) = solved(Method::NewtonFiltered);
+        let (exact, at_exact) = solved(Method::NewtonTrue);
+        let relative = (filtered.energy - exact.energy).abs() / exact.energy;
+        assert!(relative < 1e-6, "{filtered:?} {exact:?}"); // both end flat to 1e-8 a step
+        let (_, at_multipliers) = solved(Method::GaussNewton);
+        let scale = &problem.layout.scale;
+        // The same energy ends at the same point. The penalty gives way to costs a little where
+        // multipliers do not; nothing but a weak cost holds wheel speeds after the last interval.
+        for (a, b, tolerance) in
+            [(&at_filtered, &at_exact, 1e-6), (&at_multipliers, &at_exact, 1e-3)]
+        {
+            for (slot, (a, b)) in a.slots.iter().zip(&b.slots).enumerate() {
+                let mut apart = (a - b).component_div(scale);
+                if slot + 1 == problem.samples {
+                    for wheel in problem.layout.end_effectors.iter().filter_map(|ee| ee.wheel) {
+                        apart[wheel.speed] = 0.0;
+                    }
+                }
+                assert!(apart.amax() < tolerance, "slot {slot}: {}", apart.amax());
+            }
+        }
     }
 }

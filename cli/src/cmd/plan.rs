@@ -6,7 +6,7 @@ use crate::{Exit, files, inputs, interrupt, output, race};
 use miette::IntoDiagnostic;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::start::{Start, StartKind, Started};
-use rollwalk_planner::{Options, replan};
+use rollwalk_planner::{Method, Options, replan};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -40,6 +40,9 @@ pub struct Args {
     /// Start from this plan of a similar motion, such as the same one before an edit.
     #[arg(long, value_name = "PLAN.json", conflicts_with_all = ["start", "seed"])]
     from: Option<PathBuf>,
+    /// How to minimise; the others are the thesis's, for comparison, and much slower.
+    #[arg(long, value_enum, default_value_t)]
+    method: MethodChoice,
     /// Print every iteration to stderr.
     #[arg(short, long)]
     verbose: bool,
@@ -70,6 +73,31 @@ impl From<Choice> for Start {
     }
 }
 
+/// How a solve can go.
+#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
+enum MethodChoice {
+    /// Gauss-Newton with multipliers
+    #[default]
+    GaussNewton,
+    /// Newton with a penalty of 10000, without the second derivatives of consistency constraints
+    NewtonFiltered,
+    /// Newton with a penalty of 10000 and the true Hessian
+    NewtonTrue,
+    /// L-BFGS with a penalty of 10000
+    Lbfgs,
+}
+
+impl From<MethodChoice> for Method {
+    fn from(choice: MethodChoice) -> Self {
+        match choice {
+            MethodChoice::GaussNewton => Self::GaussNewton,
+            MethodChoice::NewtonFiltered => Self::NewtonFiltered,
+            MethodChoice::NewtonTrue => Self::NewtonTrue,
+            MethodChoice::Lbfgs => Self::Lbfgs,
+        }
+    }
+}
+
 /// What `--json` prints.
 #[derive(Serialize)]
 struct Outcome<'a> {
@@ -92,7 +120,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let previous = args.from.as_deref().map(inputs::plan).transpose()?;
     files::prepare(files::folder(&args.output))?;
     interrupt::listen();
-    let options = Options { start: args.start.into(), seed: args.seed, ..Options::default() };
+    let mut options = Options { start: args.start.into(), seed: args.seed, ..Options::default() };
+    options.settings.method = args.method.into();
     let watch = Watch::start(&motion.name, args.verbose);
     let plan = match previous {
         Some(previous) => {

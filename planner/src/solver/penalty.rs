@@ -1,0 +1,173 @@
+//! The thesis's methods, for comparison: a penalty on every constraint instead of multipliers, minimised
+//! by Newton's method (sec. 2.4.2, 2.4.3) or L-BFGS with a backtracking line search.
+//!
+//! Constraints weigh 10 000, functional objectives 50. The centre of mass is eliminated, so that Eq. 2.11
+//! has no second derivatives to filter. A Hessian that is not positive definite is regularised
+//! dynamically: the damping grows until it is. L-BFGS is our own two-loop recursion: it shares line
+//! search, stop tests and interruption with Newton's method, and reads no clock.
+
+use super::curvature::Curvature;
+use super::{ACCEPTED_LEVEL, Method, Progress, Settings, TERMS, worst};
+use crate::formulation::{self, Term};
+use crate::normal::{NormalEquations, row_energy};
+use crate::plan::{SolveSummary, Status};
+use crate::problem::{Problem, Unknowns};
+use crate::rows::{Columns, Role, Rows};
+use crate::start::Started;
+use crate::terms::{Displacement, Turn};
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+
+/// Penalty of every constraint.
+pub const PENALTY: f64 = 10_000.0;
+/// Weight of displacement and turning.
+const OBJECTIVE: f64 = 50.0;
+/// Relative decrease of the energy below which an iteration counts as flat, and how many end the solve.
+const FLAT: f64 = 1e-8;
+const FLAT_ITERATIONS: usize = 3;
+/// Pairs of steps and gradient changes that L-BFGS keeps.
+const MEMORY: usize = 10;
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Rows in which functional objectives are costs.
+fn evaluate(problem: &Problem, columns: &Columns, unknowns: &Unknowns, reuse: Rows) -> Rows {
+    let states = problem.states(unknowns);
+    let mut rows = formulation::evaluate(problem, columns, unknowns, &states, reuse);
+    let objectives = [Displacement.about().name, Turn.about().name];
+    for row in &mut rows.rows {
+        if objectives.contains(&TERMS[row.term].about().name) {
+            row.role = Role::Cost { weight: OBJECTIVE };
+        }
+    }
+    rows
+}
+
+/// The L-BFGS direction: minus the gradient through the two-loop recursion over (step, change) pairs.
+fn quasi_newton(gradient: &[f64], pairs: &VecDeque<(Vec<f64>, Vec<f64>)>) -> Vec<f64> {
+    let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();
+    let add = |scale: f64, to: &mut Vec<f64>, v: &[f64]| {
+        to.iter_mut().zip(v).for_each(|(to, v)| *to += scale * v);
+    };
+    let mut shares = Vec::new();
+    for (s, y) in pairs.iter().rev() {
+        let share = dot(s, &direction) / dot(s, y);
+        add(-share, &mut direction, y);
+        shares.push(share);
+    }
+    let size = match pairs.back() {
+        Some((s, y)) => dot(s, y) / dot(y, y),
+        None => 1.0 / dot(gradient, gradient).sqrt().max(f64::MIN_POSITIVE),
+    };
+    direction.iter_mut().for_each(|d| *d *= size);
+    for ((s, y), share) in pairs.iter().zip(shares.iter().rev()) {
+        let correction = share - dot(y, &direction) / dot(s, y);
+        add(correction, &mut direction, s);
+    }
+    direction
+}
+
+/// Minimises the penalty energy in place; returns the last rows as well.
+pub fn solve(
+    problem: &Problem,
+    unknowns: &mut Unknowns,
+    settings: &Settings,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> (SolveSummary, Rows) {
+    let columns = Columns::new(problem);
+    let mut rows = evaluate(problem, &columns, unknowns, Rows::default());
+    let mut trial_rows = Rows::default();
+    let none = vec![0.0; rows.rows.len()];
+    let mut normal = NormalEquations::new(&rows, columns.count);
+    let curvature = Curvature::new(problem, &columns, &rows);
+    let mut energy = NormalEquations::energy(&rows, &none, PENALTY);
+    let mut pairs: VecDeque<(Vec<f64>, Vec<f64>)> = VecDeque::new();
+    let (mut damping, mut flat, mut iteration) = (1e-6, 0, 0);
+    let mut status = Status::IterationLimit;
+    normal.assemble(&rows, &none, PENALTY);
+    while iteration < settings.iterations {
+        iteration += 1;
+        let direction = if settings.method == Method::Lbfgs {
+            Some(quasi_newton(&normal.gradient, &pairs))
+        } else {
+            let filtered = settings.method == Method::NewtonFiltered;
+            curvature.add(problem, &columns, unknowns, &rows, PENALTY, filtered, &mut normal);
+            damping = f64::max(damping * 0.01, 1e-9);
+            let mut direction = normal.step(damping);
+            while direction.is_none() && damping < 1e12 {
+                damping *= 10.0;
+                direction = normal.step(damping);
+            }
+            direction
+        };
+        let gradient = normal.gradient.clone();
+        let (mut decrease, mut length) = (0.0, 0.0);
+        if let Some(direction) = direction {
+            let slope = dot(&gradient, &direction);
+            let mut share = 1.0;
+            while slope < 0.0 && share > 1e-10 {
+                let step: Vec<f64> = direction.iter().map(|d| share * d).collect();
+                let mut trial = unknowns.clone();
+                columns.add_step(problem, &mut trial, &step);
+                trial_rows = evaluate(problem, &columns, &trial, trial_rows);
+                let trial_energy = NormalEquations::energy(&trial_rows, &none, PENALTY);
+                if trial_energy <= energy + 1e-4 * share * slope {
+                    decrease = (energy - trial_energy) / energy.max(f64::MIN_POSITIVE);
+                    length = dot(&step, &step).sqrt();
+                    *unknowns = trial;
+                    std::mem::swap(&mut rows, &mut trial_rows);
+                    energy = trial_energy;
+                    normal.assemble(&rows, &none, PENALTY);
+                    let change: Vec<f64> =
+                        normal.gradient.iter().zip(&gradient).map(|(a, b)| a - b).collect();
+                    if dot(&step, &change) > 0.0 {
+                        pairs.push_back((step, change));
+                        pairs.drain(..pairs.len().saturating_sub(MEMORY));
+                    }
+                    break;
+                }
+                share *= 0.5;
+            }
+        }
+        if length == 0.0 {
+            normal.assemble(&rows, &none, PENALTY);
+            pairs.clear();
+        }
+        let (row, level) = worst(&rows);
+        let is_cost = |row: &&crate::rows::Row| matches!(row.role, Role::Cost { .. });
+        let report = Progress {
+            iteration,
+            energy,
+            cost: rows.rows.iter().filter(is_cost).map(|r| row_energy(r, 0.0, PENALTY)[0]).sum(),
+            worst_level: level,
+            worst_constraint: TERMS[rows.rows[row].term].about().name,
+            damping: if settings.method == Method::Lbfgs { 0.0 } else { damping },
+            step: length,
+        };
+        if progress(&report).is_break() {
+            status = Status::Interrupted;
+            break;
+        }
+        flat = if decrease < FLAT { flat + 1 } else { 0 };
+        if flat >= FLAT_ITERATIONS {
+            status = match (level <= ACCEPTED_LEVEL, length > 0.0) {
+                (true, _) => Status::Converged,
+                (false, true) => Status::Infeasible,
+                (false, false) => Status::Stalled,
+            };
+            break;
+        }
+    }
+    let (row, level) = worst(&rows);
+    let summary = SolveSummary {
+        status,
+        iterations: iteration,
+        energy,
+        worst_level: level,
+        worst_constraint: TERMS[rows.rows[row].term].about().name.into(),
+        start: Started::default(),
+    };
+    (summary, rows)
+}
