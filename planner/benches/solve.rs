@@ -1,0 +1,95 @@
+//! CPU time of whole solves from standing: the shipped motions, and walking with 12 to 240 samples, for
+//! which the time per sample tells whether cost is linear in samples.
+//!
+//! CPU time instead of wall time, so that a busy machine changes little. `cargo bench -p
+//! rollwalk-planner` compares with the run before.
+
+use cpu_time::ProcessTime;
+use criterion::measurement::{Measurement, ValueFormatter, WallTime};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use rollwalk_planner::motion::Motion;
+use rollwalk_planner::{Options, optimise};
+use rollwalk_robot::Robot;
+use std::hint::black_box;
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+/// CPU time of the process, in the words of criterion's wall time.
+struct CpuTime(WallTime);
+
+impl Measurement for CpuTime {
+    type Intermediate = ProcessTime;
+    type Value = Duration;
+
+    fn start(&self) -> ProcessTime {
+        ProcessTime::now()
+    }
+    fn end(&self, start: ProcessTime) -> Duration {
+        start.elapsed()
+    }
+    fn add(&self, a: &Duration, b: &Duration) -> Duration {
+        *a + *b
+    }
+    fn zero(&self) -> Duration {
+        Duration::ZERO
+    }
+    fn to_f64(&self, value: &Duration) -> f64 {
+        self.0.to_f64(value)
+    }
+    fn formatter(&self) -> &dyn ValueFormatter {
+        self.0.formatter()
+    }
+}
+
+fn agilebot() -> Robot {
+    let text = include_str!("../../robots/agilebot.toml");
+    Robot::from_toml("agilebot.toml", text).expect("shipped robots are valid")
+}
+
+fn motion(name: &str, text: &str, robot: &Robot) -> Motion {
+    Motion::from_toml(name, text, robot).expect("shipped motions are valid")
+}
+
+fn run(robot: &Robot, motion: &Motion, iterations: usize) {
+    let mut options = Options::default();
+    options.settings.iterations = iterations;
+    black_box(optimise(robot, motion, &options, &mut |_| ControlFlow::Continue(())));
+}
+
+fn shipped_motions(c: &mut Criterion<CpuTime>) {
+    let robot = agilebot();
+    let mut group = c.benchmark_group("solve");
+    group.sample_size(10);
+    for (name, text) in [
+        ("walk", include_str!("../../motions/walk.toml")),
+        ("drive_1m", include_str!("../../motions/drive_1m.toml")),
+        ("turn_in_place", include_str!("../../motions/turn_in_place.toml")),
+    ] {
+        let motion = motion(name, text, &robot);
+        group.bench_function(name, |b| b.iter(|| run(&robot, &motion, 300)));
+    }
+    group.finish();
+}
+
+fn samples(c: &mut Criterion<CpuTime>) {
+    let robot = agilebot();
+    let drive = motion("drive_1m", include_str!("../../motions/drive_1m.toml"), &robot);
+    let mut group = c.benchmark_group("ten iterations of rolling");
+    group.sample_size(10);
+    for samples in [12, 24, 48, 120, 240] {
+        let stance = vec![vec![true; robot.end_effectors.len()]; samples];
+        let motion = Motion { stance, ..drive.clone() };
+        group.throughput(Throughput::Elements(samples as u64));
+        group.bench_function(BenchmarkId::from_parameter(samples), |b| {
+            b.iter(|| run(&robot, &motion, 10));
+        });
+    }
+    group.finish();
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default().with_measurement(CpuTime(WallTime));
+    targets = shipped_motions, samples
+}
+criterion_main!(benches);
