@@ -50,7 +50,7 @@ impl Default for Weights {
             penalty: 1000.0,
             smoothness: 0.1,
             force: 3e-4,
-            free_wheel_force: 1e-2,
+            free_wheel_force: 3e-2,
             posture: 4e-3,
             wheel_speed: 1e-6,
             wheel_smoothness: 0.1,
