@@ -1,5 +1,6 @@
 //! The subcommands, one file each.
 
+mod bench;
 mod completions;
 mod demo;
 mod export;
@@ -22,6 +23,7 @@ pub enum Command {
     Plot(plot::Args),
     Export(export::Args),
     Library(library::Args),
+    Bench(bench::Args),
     Completions(completions::Args),
 }
 
@@ -39,6 +41,7 @@ impl Command {
             Command::Plot(args) => plot::run(args),
             Command::Export(args) => export::run(args),
             Command::Library(args) => library::run(args),
+            Command::Bench(args) => bench::run(args),
             Command::Completions(args) => completions::run(args, root),
         }
     }

@@ -1,0 +1,104 @@
+//! Line charts of benchmarks as SVG.
+
+use miette::miette;
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
+use plotters::prelude::*;
+use std::path::Path;
+
+/// A curve: name and points.
+pub type Curve = (String, Vec<(f64, f64)>);
+
+/// What a chart says around its curves.
+pub struct Labels<'a> {
+    /// Title.
+    pub title: &'a str,
+    /// Horizontal axis with unit.
+    pub x: &'a str,
+    /// Vertical axis with unit.
+    pub y: &'a str,
+}
+
+const COLORS: [RGBColor; 6] = [
+    RGBColor(31, 119, 180),
+    RGBColor(214, 39, 40),
+    RGBColor(44, 160, 44),
+    RGBColor(148, 103, 189),
+    RGBColor(255, 127, 14),
+    RGBColor(90, 90, 90),
+];
+
+/// Draws curves of positive values with a logarithmic vertical axis, and a logarithmic horizontal one
+/// if `log_x`.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn draw(path: &Path, labels: &Labels, log_x: bool, curves: &[Curve]) -> miette::Result<()> {
+    let points = || curves.iter().flat_map(|(_, points)| points).filter(|p| p.1 > 0.0);
+    let range = |pick: fn(&(f64, f64)) -> f64| {
+        points()
+            .map(pick)
+            .fold((f64::INFINITY, 0.0f64), |(low, high), value| (low.min(value), high.max(value)))
+    };
+    let ((x0, x1), (y0, y1)) = (range(|p| p.0), range(|p| p.1));
+    let root = SVGBackend::new(path, (760, 460)).into_drawing_area();
+    let failed = |error: String| miette!("cannot write {}: {error}", path.display());
+    root.fill(&WHITE).map_err(|error| failed(error.to_string()))?;
+    let vertical = (0.7 * y0..1.4 * y1).log_scale();
+    let drawn = if log_x {
+        plot(&root, labels, (0.85 * x0..1.18 * x1).log_scale(), vertical, curves)
+    } else {
+        plot(&root, labels, 0.0..1.02 * x1, vertical, curves)
+    };
+    drawn.map_err(failed)?;
+    root.present().map_err(|error| failed(error.to_string()))
+}
+
+fn plot<X, Y, CX, CY>(
+    root: &DrawingArea<SVGBackend, Shift>,
+    labels: &Labels,
+    x: CX,
+    y: CY,
+    curves: &[Curve],
+) -> Result<(), String>
+where
+    X: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    CX: AsRangedCoord<CoordDescType = X, Value = f64>,
+    CY: AsRangedCoord<CoordDescType = Y, Value = f64>,
+{
+    let text = |error: DrawingAreaErrorKind<_>| format!("{error:?}");
+    let mut chart = ChartBuilder::on(root)
+        .caption(labels.title, ("sans-serif", 16))
+        .margin(12)
+        .x_label_area_size(40)
+        .y_label_area_size(64)
+        .build_cartesian_2d(x, y)
+        .map_err(text)?;
+    chart
+        .configure_mesh()
+        .x_desc(labels.x)
+        .y_desc(labels.y)
+        .y_label_formatter(&|value| format!("{value:.0e}"))
+        .light_line_style(WHITE)
+        .draw()
+        .map_err(text)?;
+    for ((name, points), color) in curves.iter().zip(COLORS.iter().cycle()) {
+        let shown = || points.iter().copied().filter(|p| p.1 > 0.0);
+        chart
+            .draw_series(LineSeries::new(shown(), color.stroke_width(2)))
+            .map_err(text)?
+            .label(name)
+            .legend(|(x, y)| PathElement::new([(x, y), (x + 16, y)], color.stroke_width(2)));
+        if points.len() <= 40 {
+            let dots = shown().map(|point| Circle::new(point, 3, color.filled()));
+            chart.draw_series(dots).map_err(text)?;
+        }
+    }
+    chart
+        .configure_series_labels()
+        .border_style(BLACK.mix(0.3))
+        .background_style(WHITE.mix(0.9))
+        .draw()
+        .map_err(text)
+}

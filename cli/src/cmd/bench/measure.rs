@@ -1,0 +1,118 @@
+//! Solves on one thread, measured in its CPU time.
+
+use crate::interrupt;
+use cpu_time::ThreadTime;
+use rollwalk_planner::motion::{Ends, Goal, Motion};
+use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::{Options, Progress, ReplanError, Solution, optimise_solution, start};
+use rollwalk_robot::Robot;
+use std::ops::ControlFlow;
+
+/// A solve with what it cost.
+pub struct Run {
+    /// What came out.
+    pub solution: Solution,
+    /// Iterations of all starts that were tried.
+    pub iterations: usize,
+    /// CPU time of all of them, s.
+    pub cpu_s: f64,
+}
+
+impl Run {
+    /// Whether the plan meets its constraints.
+    pub fn solved(&self) -> bool {
+        self.plan().solve.status == Status::Converged
+    }
+
+    /// The plan.
+    pub fn plan(&self) -> &Plan {
+        &self.solution.plan
+    }
+}
+
+/// Ends a solve after Ctrl-C.
+pub fn watch(_: &Progress) -> ControlFlow<()> {
+    if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}
+
+/// Plans from nothing: the candidate starts one after the other until one converges.
+pub fn cold(robot: &Robot, motion: &Motion, options: &Options) -> Run {
+    let clock = ThreadTime::now();
+    let mut iterations = 0;
+    let mut last = None;
+    for candidate in start::candidates(robot, motion, options) {
+        let solution = optimise_solution(robot, motion, &candidate, &mut watch);
+        iterations += solution.plan.solve.iterations;
+        let done = matches!(solution.plan.solve.status, Status::Converged | Status::Interrupted);
+        last = Some(solution);
+        if done {
+            break;
+        }
+    }
+    let solution = last.expect("there is always a candidate");
+    Run { solution, iterations, cpu_s: clock.elapsed().as_secs_f64() }
+}
+
+/// Plans an edited motion from a solution.
+///
+/// # Errors
+/// As [`Solution::replan`].
+pub fn again(
+    solution: &Solution,
+    robot: &Robot,
+    motion: &Motion,
+    options: &Options,
+) -> Result<Run, ReplanError> {
+    let clock = ThreadTime::now();
+    let solution = solution.replan(robot, motion, options, &mut watch)?;
+    let iterations = solution.plan.solve.iterations;
+    Ok(Run { solution, iterations, cpu_s: clock.elapsed().as_secs_f64() })
+}
+
+/// The motion with its goal times `factor`.
+pub fn goal_times(motion: &Motion, factor: f64) -> Motion {
+    let times = |goal: Option<f64>| goal.map(|goal| factor * goal);
+    let Goal { forward_m, left_m, turn_rad } = motion.goal;
+    let goal =
+        Goal { forward_m: times(forward_m), left_m: times(left_m), turn_rad: times(turn_rad) };
+    Motion { goal, ..motion.clone() }
+}
+
+/// How far the plan's displacement and turn are from its goal, as a part of the goal; of goals that
+/// are not 0.
+pub fn goal_error(plan: &Plan) -> f64 {
+    let first = &plan.samples[0];
+    let last = match plan.motion.ends {
+        Ends::Periodic => &plan.after,
+        Ends::AtRest | Ends::Prescribed => &plan.samples[plan.samples.len() - 1],
+    };
+    let yaw = first.base_yaw_pitch_roll_rad[0];
+    let (s, c) = yaw.sin_cos();
+    let [x, y] = [0, 1].map(|axis| last.com_m[axis] - first.com_m[axis]);
+    let reached = [c * x + s * y, c * y - s * x, last.base_yaw_pitch_roll_rad[0] - yaw];
+    let Goal { forward_m, left_m, turn_rad } = plan.motion.goal;
+    let asked = [forward_m, left_m, turn_rad];
+    let errors = asked.into_iter().zip(reached).filter_map(|(asked, reached)| {
+        asked.filter(|asked| *asked != 0.0).map(|asked| ((reached - asked) / asked).abs())
+    });
+    errors.fold(0.0, f64::max)
+}
+
+/// The median; of an even number of values the upper one of the middle two. 0 of none.
+pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::median;
+
+    #[test]
+    fn the_median_is_in_the_middle() {
+        assert_eq!(median([3.0, 1.0, 2.0]), 2.0);
+        assert_eq!(median([4.0, 1.0, 2.0, 3.0]), 3.0);
+        assert_eq!(median([]), 0.0);
+    }
+}

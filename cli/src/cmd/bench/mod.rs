@@ -1,0 +1,61 @@
+//! `rollwalk bench`: the thesis's tables and figures on this machine, measured in CPU time.
+
+mod chart;
+mod figure_2_3;
+mod measure;
+mod samples;
+mod table_2_1;
+mod table_3_2;
+mod table_3_3;
+
+use crate::{Exit, files, interrupt};
+use std::path::PathBuf;
+
+/// Re-run the thesis's tables and figures.
+///
+/// Every solve runs on one thread and is measured in CPU time of that thread. Results go to stdout and,
+/// as Markdown, JSON and SVG, to the output folder. What each shows: docs/benchmarks.md.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk bench table-2-1 --out bench
+  rollwalk bench table-2-1 --seeds 3 --only skatebot_skating --out bench
+  rollwalk bench samples --out bench")]
+pub struct Args {
+    #[command(subcommand)]
+    which: Which,
+    /// Folder to write to; made if it is missing.
+    #[arg(long, value_name = "DIR", global = true, default_value = "bench-out")]
+    out: PathBuf,
+}
+
+#[derive(clap::Subcommand)]
+enum Which {
+    /// Table 2.1: thirteen motions, several seeds each, cold and planned again after an edit.
+    #[command(name = "table-2-1")]
+    Table21(table_2_1::Args),
+    /// Cost against the number of samples, 12 to 240.
+    Samples,
+    /// Figure 2.3: Hessians, L-BFGS and Gauss-Newton with multipliers.
+    #[command(name = "figure-2-3")]
+    Figure23(figure_2_3::Args),
+    /// Table 3.2: SwizzleBots with two to five motors a leg.
+    #[command(name = "table-3-2")]
+    Table32,
+    /// Table 3.3: top speeds of walking, rolling, swizzling and skating.
+    #[command(name = "table-3-3")]
+    Table33,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    files::prepare(&args.out)?;
+    interrupt::listen();
+    match &args.which {
+        Which::Table21(which) => table_2_1::run(which, &args.out),
+        Which::Samples => samples::run(&args.out),
+        Which::Figure23(which) => figure_2_3::run(which, &args.out),
+        Which::Table32 => table_3_2::run(&args.out),
+        Which::Table33 => table_3_3::run(&args.out),
+    }
+}

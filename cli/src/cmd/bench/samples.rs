@@ -1,0 +1,77 @@
+//! Cost against the number of samples: the same drive, sampled 12 to 240 times.
+
+use super::chart::{self, Labels};
+use super::measure;
+use crate::inputs::Source;
+use crate::output::{self, Table};
+use crate::{Exit, files, interrupt};
+use rollwalk_planner::Options;
+use std::path::Path;
+
+const MOTION: &str = "motions/walk.toml";
+const SAMPLES: [usize; 7] = [12, 24, 48, 72, 96, 120, 240];
+/// Samples in one stride: longer motions repeat it.
+const STRIDE: usize = 12;
+
+/// Runs the benchmark.
+pub fn run(out: &Path) -> miette::Result<Exit> {
+    let (robot, stride) = Source::Shipped.motion(Path::new(MOTION))?;
+    let mut table = Table::new(["samples", "iterations", "CPU ms", "ms/iteration", "µs/sample"]);
+    let (mut whole, mut single) = (Vec::new(), Vec::new());
+    for samples in SAMPLES {
+        let strides = (samples / STRIDE) as f64;
+        let mut motion = measure::goal_times(&stride, strides);
+        // Every other character of the pattern, stride after stride.
+        let pattern = &stride.stance;
+        motion.stance =
+            (0..samples).map(|i| pattern[(i % STRIDE) * pattern.len() / STRIDE].clone()).collect();
+        motion.duration_s = stride.duration_s * strides;
+        let run = measure::cold(&robot, &motion, &Options::default());
+        if interrupt::requested() {
+            return Ok(Exit::Interrupted);
+        }
+        output::say(format_args!("{samples} samples: {:?}", run.plan().solve.status));
+        let per_iteration = 1e3 * run.cpu_s / run.iterations as f64;
+        table.row([
+            samples.to_string(),
+            run.iterations.to_string(),
+            format!("{:.1}", 1e3 * run.cpu_s),
+            format!("{per_iteration:.2}"),
+            format!("{:.0}", 1e3 * per_iteration / samples as f64),
+        ]);
+        whole.push((samples as f64, 1e3 * run.cpu_s));
+        single.push((samples as f64, per_iteration));
+    }
+    let slope = exponent(&single);
+    let text = format!(
+        "Walking, one stride of {STRIDE} samples after the other.\n\n{}\n\nCPU time of an iteration grows as \
+         samples^{slope:.2}.",
+        table.render()
+    );
+    let labels = Labels { title: "Cost against samples", x: "samples", y: "CPU time, ms" };
+    let curves = [("whole solve".to_owned(), whole), ("one iteration".to_owned(), single)];
+    chart::draw(&out.join("samples.svg"), &labels, true, &curves)?;
+    files::write(&out.join("samples.md"), format!("```\n{text}\n```\n").as_bytes())?;
+    output::print(&text)?;
+    Ok(Exit::Ok)
+}
+
+/// Slope of the least-squares line through the logarithms.
+fn exponent(points: &[(f64, f64)]) -> f64 {
+    let logs: Vec<_> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
+    let count = logs.len() as f64;
+    let mean_x = logs.iter().map(|p| p.0).sum::<f64>() / count;
+    let mean_y = logs.iter().map(|p| p.1).sum::<f64>() / count;
+    let covariance: f64 = logs.iter().map(|p| (p.0 - mean_x) * (p.1 - mean_y)).sum();
+    let variance: f64 = logs.iter().map(|p| (p.0 - mean_x).powi(2)).sum();
+    covariance / variance
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_exponent_of_a_power_is_found() {
+        let points: Vec<_> = (1..9).map(|i| (f64::from(i), 3.0 * f64::from(i).powf(1.2))).collect();
+        assert!((super::exponent(&points) - 1.2).abs() < 1e-12); // rounding only
+    }
+}

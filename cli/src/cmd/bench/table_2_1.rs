@@ -1,0 +1,223 @@
+//! Table 2.1 of the thesis: thirteen motions of six robots.
+
+use super::measure::{self, Run, median};
+use crate::inputs::Source;
+use crate::output::{self, Table};
+use crate::{Exit, files, interrupt};
+use rollwalk_planner::{ACCEPTED_LEVEL, Options};
+use serde::Serialize;
+use std::path::Path;
+
+/// Re-plans follow a goal that is this much of the first one.
+const EDIT: f64 = 0.9;
+/// Largest error of a goal, as a part of it.
+const GOAL_ERROR: f64 = 1e-3;
+/// CPU time per second of motion, cold and planned again: what must hold and what we aim at, s.
+const MUST: [f64; 2] = [0.100, 0.020];
+const AIM: [f64; 2] = [0.040, 0.010];
+
+/// The rows: motion file and the thesis's time, s; it gives none for choreographed motions.
+const ROWS: &[(&str, Option<f64>)] = &[
+    ("motions/table_2_1/swizzlebot_forward.toml", Some(4.5)),
+    ("motions/table_2_1/swizzlebot_turn.toml", Some(3.4)),
+    ("motions/table_2_1/creature3_walk.toml", Some(1.3)),
+    ("motions/table_2_1/creature3_fast_walk.toml", Some(2.5)),
+    ("motions/table_2_1/creature3_turn.toml", Some(1.5)),
+    ("motions/table_2_1/brainbot_forward.toml", Some(5.7)),
+    ("motions/table_2_1/brainbot_turn.toml", Some(5.9)),
+    ("motions/table_2_1/agilebot_start_stop.toml", Some(5.2)),
+    ("motions/table_2_1/agilebot_turn.toml", Some(1.1)),
+    ("motions/table_2_1/skatebot_skating.toml", Some(11.3)),
+    ("motions/table_2_1/dinobot_skating.toml", Some(11.0)),
+];
+
+/// What to run.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Starts of each motion.
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    seeds: u64,
+    /// Only the motions whose names contain this.
+    #[arg(long, value_name = "NAME")]
+    only: Option<String>,
+}
+
+/// One row, measured.
+#[derive(Serialize)]
+struct Row {
+    motion: String,
+    samples: usize,
+    horizon_s: f64,
+    thesis_s: Option<f64>,
+    seeds: usize,
+    solved: usize,
+    iterations_median: f64,
+    iterations_max: usize,
+    cold_cpu_s_median: f64,
+    cold_cpu_s_max: f64,
+    replan_solved: usize,
+    replan_iterations_median: f64,
+    replan_cpu_s_median: f64,
+    worst_level: f64,
+    goal_error: f64,
+}
+
+/// Runs the benchmark.
+pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
+    let mut rows = Vec::new();
+    for (file, thesis_s) in ROWS {
+        let wanted = args.only.as_ref().is_none_or(|only| file.contains(only.as_str()));
+        if !wanted || interrupt::requested() {
+            continue;
+        }
+        output::say(format_args!("{file}: {} seeds", args.seeds));
+        rows.push(row(Path::new(file), *thesis_s, args.seeds)?);
+    }
+    if rows.is_empty() {
+        return Err(match &args.only {
+            Some(only) if !interrupt::requested() => miette::miette!(
+                help = "names are those of the files in motions/table_2_1",
+                "no row of Table 2.1 is called `{only}`"
+            ),
+            _ => miette::miette!("interrupted before the first row was done"),
+        });
+    }
+    let (verdicts, passed) = verdicts(&rows);
+    let text = format!("{}\n\n{verdicts}", table(&rows));
+    files::write(&out.join("table-2-1.md"), format!("```\n{text}\n```\n").as_bytes())?;
+    let json = serde_json::to_string_pretty(&rows).expect("numbers and names become JSON");
+    files::write(&out.join("table-2-1.json"), json.as_bytes())?;
+    output::print(&text)?;
+    Ok(match (interrupt::requested(), passed) {
+        (true, _) => Exit::Interrupted,
+        (false, true) => Exit::Ok,
+        (false, false) => Exit::OutOfBounds,
+    })
+}
+
+fn row(file: &Path, thesis_s: Option<f64>, seeds: u64) -> miette::Result<Row> {
+    let (robot, motion) = Source::Shipped.motion(file)?;
+    let edited = measure::goal_times(&motion, EDIT);
+    let mut cold: Vec<Run> = Vec::new();
+    let mut again: Vec<Run> = Vec::new();
+    for seed in 0..seeds {
+        if interrupt::requested() {
+            break;
+        }
+        let options = Options { seed, ..Options::default() };
+        let run = measure::cold(&robot, &motion, &options);
+        let replanned = measure::again(&run.solution, &robot, &edited, &options);
+        again.push(replanned.map_err(|error| miette::miette!("{error}"))?);
+        cold.push(run);
+    }
+    let all = || cold.iter().chain(&again);
+    Ok(Row {
+        motion: motion.name.clone(),
+        samples: motion.stance.len(),
+        horizon_s: motion.duration_s,
+        thesis_s,
+        seeds: cold.len(),
+        solved: cold.iter().filter(|run| run.solved()).count(),
+        iterations_median: median(cold.iter().map(|run| run.iterations as f64)),
+        iterations_max: cold.iter().map(|run| run.iterations).max().unwrap_or(0),
+        cold_cpu_s_median: median(cold.iter().map(|run| run.cpu_s)),
+        cold_cpu_s_max: cold.iter().map(|run| run.cpu_s).fold(0.0, f64::max),
+        replan_solved: again.iter().filter(|run| run.solved()).count(),
+        replan_iterations_median: median(again.iter().map(|run| run.iterations as f64)),
+        replan_cpu_s_median: median(again.iter().map(|run| run.cpu_s)),
+        worst_level: all().map(|run| run.plan().solve.worst_level).fold(0.0, f64::max),
+        goal_error: all().map(|run| measure::goal_error(run.plan())).fold(0.0, f64::max),
+    })
+}
+
+fn table(rows: &[Row]) -> String {
+    let mut table = Table::new([
+        "motion", "T", "horizon", "thesis", "solved", "iter", "max", "cold", "max", "again",
+        "iter", "cpu", "cold/s", "again/s", "level", "goal err",
+    ]);
+    for row in rows {
+        let ms = |seconds: f64| format!("{:.1}", 1e3 * seconds);
+        table.row([
+            row.motion.clone(),
+            row.samples.to_string(),
+            format!("{:.1} s", row.horizon_s),
+            row.thesis_s.map_or("-".into(), |s| format!("{s:.1} s")),
+            format!("{}/{}", row.solved, row.seeds),
+            format!("{:.0}", row.iterations_median),
+            row.iterations_max.to_string(),
+            ms(row.cold_cpu_s_median),
+            ms(row.cold_cpu_s_max),
+            format!("{}/{}", row.replan_solved, row.seeds),
+            format!("{:.0}", row.replan_iterations_median),
+            ms(row.replan_cpu_s_median),
+            ms(row.cold_cpu_s_median / row.horizon_s),
+            ms(row.replan_cpu_s_median / row.horizon_s),
+            format!("{:.3}", row.worst_level),
+            format!("{:.1e}", row.goal_error),
+        ]);
+    }
+    format!(
+        "{}\n\niter, max: iterations, median and worst seed. cold, max, cpu: CPU time, ms. again: planned \
+         again with\n{EDIT} of the goal, from the cold plan. /s: ms of CPU time per second of motion. level: \
+         worst residual as a\npart of its credible level. goal err: part of the goal.",
+        table.render()
+    )
+}
+
+/// What was to be shown, and whether all of it that must hold does.
+fn verdicts(rows: &[Row]) -> (String, bool) {
+    let every = |holds: fn(&Row) -> bool| rows.iter().all(holds);
+    let per_second = [
+        median(rows.iter().map(|row| row.cold_cpu_s_median / row.horizon_s)),
+        median(rows.iter().map(|row| row.replan_cpu_s_median / row.horizon_s)),
+    ];
+    let mut lines = Vec::new();
+    let mut passed = true;
+    let mut check = |text: String, holds: bool| {
+        passed &= holds;
+        lines.push(format!("{} {text}", if holds { "yes" } else { "NO " }));
+    };
+    check(
+        "every seed of every row is solved, cold and again".into(),
+        every(|row| row.solved == row.seeds && row.replan_solved == row.seeds),
+    );
+    check(
+        "every solve is faster than its own horizon".into(),
+        every(|row| row.cold_cpu_s_max < row.horizon_s),
+    );
+    check(
+        format!("residuals are at most {ACCEPTED_LEVEL} of their levels"),
+        every(|row| row.worst_level <= ACCEPTED_LEVEL),
+    );
+    check(
+        format!("goals are met to {:.1} %", 1e2 * GOAL_ERROR),
+        every(|row| row.goal_error <= GOAL_ERROR),
+    );
+    for (k, what) in ["cold", "again"].into_iter().enumerate() {
+        check(
+            format!(
+                "{what}: median {:.1} ms per second of motion, at most {:.0} (aim {:.0}: {})",
+                1e3 * per_second[k],
+                1e3 * MUST[k],
+                1e3 * AIM[k],
+                if per_second[k] <= AIM[k] { "reached" } else { "missed" }
+            ),
+            per_second[k] <= MUST[k],
+        );
+    }
+    (lines.join("\n"), passed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ROWS;
+    use crate::inputs::Source;
+    use std::path::Path;
+
+    #[test]
+    fn the_binary_carries_every_row() {
+        for (file, _) in ROWS {
+            Source::Shipped.motion(Path::new(file)).unwrap();
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! Table 3.2 of the thesis: SwizzleBots with two to five motors a leg at 0.3 m/s.
+
+use super::measure;
+use crate::inputs::Source;
+use crate::output::{self, Table};
+use crate::{Exit, files, interrupt};
+use rollwalk_planner::Options;
+use rollwalk_planner::plan::Plan;
+use std::path::Path;
+
+/// Motion file, motors a leg, and the thesis's mean joint speed, rad/s, and acceleration, rad/s².
+const ROWS: [(&str, usize, [f64; 2]); 4] = [
+    ("motions/swizzlebot2_forward.toml", 2, [4.87, 4408.22]),
+    ("motions/swizzlebot3_forward.toml", 3, [3.26, 2572.32]),
+    ("motions/swizzlebot4_forward.toml", 4, [3.07, 1870.08]),
+    ("motions/swizzlebot5_forward.toml", 5, [0.68, 23.93]),
+];
+/// Starts of each motion; the one of least energy counts, since strokes have several minima.
+const SEEDS: u64 = 5;
+
+/// Runs the benchmark.
+pub fn run(out: &Path) -> miette::Result<Exit> {
+    let mut table = Table::new([
+        "motors a leg",
+        "speed m/s",
+        "joint speed",
+        "thesis",
+        "joint accel.",
+        "thesis",
+        "solved",
+    ]);
+    let mut solved_all = true;
+    for (file, motors, [thesis_speed, thesis_acceleration]) in ROWS {
+        let (robot, motion) = Source::Shipped.motion(Path::new(file))?;
+        let runs: Vec<_> = (0..SEEDS)
+            .map(|seed| measure::cold(&robot, &motion, &Options { seed, ..Options::default() }))
+            .collect();
+        if interrupt::requested() {
+            return Ok(Exit::Interrupted);
+        }
+        let solved: Vec<_> = runs.iter().filter(|run| run.solved()).collect();
+        let energy = |plan: &Plan| plan.solve.energy;
+        let best = solved.iter().min_by(|a, b| energy(a.plan()).total_cmp(&energy(b.plan())));
+        let [speed, acceleration, forward] = best.map_or([f64::NAN; 3], |run| means(run.plan()));
+        solved_all &= solved.len() == runs.len();
+        table.row([
+            motors.to_string(),
+            format!("{forward:.3}"),
+            format!("{speed:.2}"),
+            format!("{thesis_speed:.2}"),
+            format!("{acceleration:.1}"),
+            format!("{thesis_acceleration:.1}"),
+            format!("{}/{}", solved.len(), runs.len()),
+        ]);
+    }
+    let text = format!(
+        "{}\n\njoint speed, rad/s: mean over joints and samples of |Δq|/h; joint acceleration, rad/s²: of \
+         |Δ²q|/h².\nThe plan of least energy of {SEEDS} starts.",
+        table.render()
+    );
+    files::write(&out.join("table-3-2.md"), format!("```\n{text}\n```\n").as_bytes())?;
+    output::print(&text)?;
+    Ok(if solved_all { Exit::Ok } else { Exit::NotConverged })
+}
+
+/// Mean joint speed and acceleration over a cycle, and the speed of the centre of mass, m/s.
+fn means(plan: &Plan) -> [f64; 3] {
+    let h = plan.sample_interval_s;
+    let samples: Vec<_> =
+        std::iter::once(&plan.before).chain(&plan.samples).chain([&plan.after]).collect();
+    let (mut speed, mut acceleration, mut count) = (0.0, 0.0, 0.0);
+    for window in samples.windows(3) {
+        let [before, here, after] = [0, 1, 2].map(|k| &window[k].joint_rad);
+        for ((before, here), after) in before.iter().zip(here).zip(after) {
+            speed += (after - here).abs() / h;
+            acceleration += (before - 2.0 * here + after).abs() / (h * h);
+            count += 1.0;
+        }
+    }
+    let forward = (plan.after.com_m[0] - plan.samples[0].com_m[0]) / plan.motion.duration_s;
+    [speed / count, acceleration / count, forward]
+}

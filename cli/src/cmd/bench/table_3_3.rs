@@ -1,0 +1,91 @@
+//! Table 3.3 of the thesis: top speeds, found by asking for more and more.
+
+use super::measure;
+use crate::inputs::Source;
+use crate::output::{self, Table};
+use crate::{Exit, files, interrupt};
+use rollwalk_planner::Options;
+use rollwalk_planner::motion::Motion;
+use rollwalk_robot::Robot;
+use std::path::Path;
+
+/// Motion file, name and measured speed in the thesis, m/s.
+const ROWS: [(&str, &str, f64); 5] = [
+    ("motions/walk_held.toml", "AgileBot walking", 0.1483),
+    ("motions/roll.toml", "AgileBot rolling", 0.3380),
+    ("motions/walk_and_roll.toml", "AgileBot walking & rolling", 0.4762),
+    ("motions/table_2_1/swizzlebot_forward.toml", "SwizzleBot", 0.6897),
+    ("motions/skate.toml", "SkaterBot", 0.9677),
+];
+/// First step of the distance, as a factor, and the finest.
+const STEP: f64 = 1.25;
+const FINEST: f64 = 1.02;
+/// Seeds to try from nothing where planning again from the last speed fails.
+const SEEDS: u64 = 2;
+
+/// Runs the benchmark.
+pub fn run(out: &Path) -> miette::Result<Exit> {
+    let mut table = Table::new(["motion", "top speed m/s", "thesis m/s", "stopped by"]);
+    for (file, name, thesis) in ROWS {
+        let (robot, motion) = Source::Shipped.motion(Path::new(file))?;
+        output::say(name);
+        let (speed, stopped) = top_speed(&robot, &motion);
+        if interrupt::requested() {
+            return Ok(Exit::Interrupted);
+        }
+        table.row([name.into(), format!("{speed:.3}"), format!("{thesis:.3}"), stopped]);
+    }
+    let text = format!(
+        "{}\n\nThe fastest periodic plan with the given footfalls and period that meets every constraint: \
+         joint and wheel\nspeed limits, torque limits and torque-speed lines of the servos, friction, \
+         rolling resistance that grows\nwith speed on free wheels. Within {:.0} %; a local search, so a \
+         lower bound.",
+        table.render(),
+        1e2 * (FINEST - 1.0)
+    );
+    files::write(&out.join("table-3-3.md"), format!("```\n{text}\n```\n").as_bytes())?;
+    output::print(&text)?;
+    Ok(Exit::Ok)
+}
+
+/// Top speed, m/s, and the worst constraint of the first distance that failed.
+fn top_speed(robot: &Robot, motion: &Motion) -> (f64, String) {
+    let speed = |factor: f64| {
+        let distance_m = motion.goal.forward_m.unwrap_or(0.0);
+        factor * distance_m / motion.duration_s
+    };
+    let first = measure::cold(robot, motion, &Options::default());
+    if !first.solved() {
+        return (0.0, first.plan().solve.worst_constraint.clone());
+    }
+    let (mut best, mut factor, mut step) = (first.solution, 1.0, STEP);
+    let mut stopped = "-".to_owned();
+    while step > FINEST && !interrupt::requested() {
+        let faster = measure::goal_times(motion, factor * step);
+        let again = measure::again(&best, robot, &faster, &Options::default()).ok();
+        let runs =
+            again.into_iter().chain((0..SEEDS).map(|seed| {
+                measure::cold(robot, &faster, &Options { seed, ..Options::default() })
+            }));
+        let mut failed = None;
+        let mut solved = None;
+        for run in runs {
+            if run.solved() {
+                solved = Some(run.solution);
+                break;
+            }
+            failed.get_or_insert(run.plan().solve.worst_constraint.clone());
+        }
+        match solved {
+            Some(solution) => {
+                best = solution;
+                factor *= step;
+            }
+            None => {
+                stopped = failed.unwrap_or(stopped);
+                step = step.sqrt();
+            }
+        }
+    }
+    (speed(factor), stopped)
+}
