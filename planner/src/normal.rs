@@ -5,6 +5,7 @@ use crate::rows::{Role, Row, Rows};
 use faer::Side;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::prelude::*;
+use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
 };
@@ -54,7 +55,11 @@ impl NormalEquations {
             pattern.as_ref(),
             Side::Lower,
             SymmetricOrdering::Amd,
-            CholeskySymbolicParams::default(),
+            CholeskySymbolicParams {
+                // The blocks of a sample are dense: even for small robots twice as fast.
+                supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+                ..CholeskySymbolicParams::default()
+            },
         )
         .expect("a pattern of a few thousand columns fits into memory");
         let factorise = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());

@@ -71,14 +71,18 @@ const SEED_STRIDE: u64 = 1000;
 /// The starts to try for a motion, the one that nearly always serves first.
 ///
 /// Without a choice in `options` these are: on free wheels that can be steered two random swings, then
-/// standing; otherwise standing, then a random swing. A chosen start is the only candidate.
+/// standing; otherwise standing, with nudges if that fails, and last a random
+/// swing. A chosen start is the only candidate.
 pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Options> {
-    let swing = |i: u64| (Start::Sinusoid, options.seed.wrapping_add(i * SEED_STRIDE));
+    let seed = |i: u64| options.seed.wrapping_add(i * SEED_STRIDE);
+    let swing = |i| (Start::Sinusoid, seed(i));
+    let nudge = |i| (Start::Standing, seed(i));
     let starts = match options.start {
         Start::Auto if stands_on_free_wheels(robot, motion) => {
             vec![swing(0), swing(1), (Start::Standing, options.seed)]
         }
-        Start::Auto => vec![(Start::Standing, options.seed), swing(0)],
+        Start::Auto if options.seed == 0 => vec![nudge(0), nudge(1), nudge(2), swing(0)],
+        Start::Auto => vec![nudge(0), (Start::Standing, 0), nudge(1), swing(0)],
         chosen => vec![(chosen, options.seed)],
     };
     starts.into_iter().map(|(start, seed)| Options { start, seed, ..options.clone() }).collect()
