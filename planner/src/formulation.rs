@@ -126,16 +126,20 @@ pub fn evaluate(
         out.enter(index, at);
         TERMS[index].write(&Window { problem, at, states: at.map(|t| &states[t]) }, &mut out);
     };
+    let active: Vec<bool> = TERMS
+        .iter()
+        .map(|term| problem.only.is_none_or(|only| only.contains(&term.about().name)))
+        .collect();
     // Window by window: what the rows of one window touch of the normal equations stays in cache.
     for t in 1..states.len() - 1 {
         for (index, term) in TERMS.iter().enumerate() {
-            if covers(problem, term.about().span, t) {
+            if active[index] && covers(problem, term.about().span, t) {
                 write(index, [t - 1, t, t + 1]);
             }
         }
     }
     for (index, term) in TERMS.iter().enumerate() {
-        if term.about().span == Span::Ends {
+        if active[index] && term.about().span == Span::Ends {
             write(index, [0, 1, problem.last()]);
         }
     }

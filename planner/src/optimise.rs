@@ -2,7 +2,7 @@
 
 use crate::model::Model;
 use crate::motion::Motion;
-use crate::plan::{EndEffectorSample, Plan, Sample};
+use crate::plan::{EndEffectorSample, Plan, Sample, Status};
 use crate::problem::{Problem, Unknowns, Weights};
 use crate::solver::{self, Begin, Multipliers, Progress, Settings};
 use crate::start::{self, Start};
@@ -58,10 +58,21 @@ pub fn optimise_solution(
     let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
     // There is always a first candidate.
     let first = start::candidates(robot, motion, options).swap_remove(0);
-    let (mut unknowns, started) = start::initial(&problem, first.start, first.seed);
+    let start::Beginning { mut unknowns, started, iterations: before, stopped } =
+        start::initial(&problem, first.start, first.seed, progress);
+    let mut counted = |state: &Progress| {
+        progress(&Progress { iteration: before + state.iteration, ..state.clone() })
+    };
+    // After an interrupt the solve only writes down where things stand.
+    let iterations = if stopped { 0 } else { options.settings.iterations };
+    let settings = Settings { iterations, ..options.settings.clone() };
     let (mut solve, multipliers) =
-        solver::solve_from(&problem, &mut unknowns, Begin::Cold, &options.settings, progress);
+        solver::solve_from(&problem, &mut unknowns, Begin::Cold, &settings, &mut counted);
+    if stopped {
+        solve.status = Status::Interrupted;
+    }
     solve.start = started;
+    solve.iterations += before;
     Solution { plan: write_plan(&problem, motion, &unknowns, solve), multipliers }
 }
 

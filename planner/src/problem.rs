@@ -9,7 +9,7 @@ use crate::plan::Placement;
 use crate::state::State;
 use crate::swing;
 use crate::variables::{Layout, Lift, TimelineSample, force_scale_n};
-use nalgebra::DVector;
+use nalgebra::{DVector, Vector3};
 
 /// Penalties, weights and margins. The defaults are the ones that measured best; each field says what
 /// it does to the result. Weights of costs are per sample at a spacing of 0.05 s and follow the spacing
@@ -97,6 +97,10 @@ pub struct Problem {
     pub posture_q: Vec<DVector<f64>>,
     /// Weights.
     pub weights: Weights,
+    /// Names of the terms that count; `None`: all.
+    pub only: Option<&'static [&'static str]>,
+    /// Forces that feet in swing still carry, `[timeline sample][end effector]`, N; empty: none.
+    pub swing_force_n: Vec<Vec<Vector3<f64>>>,
 }
 
 /// The unknowns: slots and placement.
@@ -164,6 +168,8 @@ impl Problem {
             goal: motion.goal,
             posture_q: vec![model.standing_q(&motion.posture_rad); samples],
             weights,
+            only: None,
+            swing_force_n: Vec::new(),
             model,
             layout,
         }
@@ -217,6 +223,8 @@ impl Problem {
             goal: motion.goal,
             posture_q: blend(&model, &start.posture_rad, &end.posture_rad, samples),
             weights,
+            only: None,
+            swing_force_n: Vec::new(),
             model,
             layout,
         };

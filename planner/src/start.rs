@@ -8,19 +8,23 @@
 //! Everything random comes from a seed in the [`Options`]: the same seed gives the same plan.
 
 mod neighbour;
+mod warm;
 
 pub(crate) use neighbour::neighbour;
+pub use warm::WarmStart;
 
 use crate::guess;
 use crate::model::JOINTS;
 use crate::motion::Motion;
 use crate::optimise::Options;
 use crate::problem::{Problem, Unknowns};
+use crate::solver::Progress;
 use crate::state::rolling_direction;
 use fastrand::Rng;
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
+use std::ops::ControlFlow;
 
 /// A way to start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -33,6 +37,8 @@ pub enum Start {
     Standing,
     /// The same with a smooth random swing of every joint.
     Sinusoid,
+    /// The thesis's warm start (sec. 3.3): stands, sways, then steps in place, without anything random.
+    Warm(WarmStart),
 }
 
 /// Where a plan's solve started, as the plan remembers it.
@@ -44,6 +50,8 @@ pub enum StartKind {
     Standing,
     /// [`Start::Sinusoid`].
     Sinusoid,
+    /// [`Start::Warm`].
+    Warm,
     /// Another plan: [`replan`](crate::replan).
     Neighbour,
     /// The two motions that a transition joins.
@@ -71,8 +79,8 @@ const SEED_STRIDE: u64 = 1000;
 /// The starts to try for a motion, the one that nearly always serves first.
 ///
 /// Without a choice in `options` these are: on free wheels that can be steered two random swings, then
-/// standing; otherwise standing, with nudges if that fails, and last a random
-/// swing. A chosen start is the only candidate.
+/// standing; otherwise standing, with nudges if that fails, and last the warm
+/// start for motions that step, which a flying trot needs, or a random swing. A chosen start is the only candidate.
 pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Options> {
     let seed = |i: u64| options.seed.wrapping_add(i * SEED_STRIDE);
     let swing = |i| (Start::Sinusoid, seed(i));
@@ -81,8 +89,12 @@ pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Opti
         Start::Auto if stands_on_free_wheels(robot, motion) => {
             vec![swing(0), swing(1), (Start::Standing, options.seed)]
         }
-        Start::Auto if options.seed == 0 => vec![nudge(0), nudge(1), nudge(2), swing(0)],
-        Start::Auto => vec![nudge(0), (Start::Standing, 0), nudge(1), swing(0)],
+        Start::Auto => {
+            let second = if options.seed == 0 { nudge(1) } else { (Start::Standing, 0) };
+            let steps = motion.stance.iter().flatten().any(|stance| !stance);
+            let last = if steps { (Start::Warm(WarmStart::default()), 0) } else { swing(0) };
+            vec![nudge(0), second, nudge(2), last]
+        }
         chosen => vec![(chosen, options.seed)],
     };
     starts.into_iter().map(|(start, seed)| Options { start, seed, ..options.clone() }).collect()
@@ -103,18 +115,40 @@ fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
     (0..robot.end_effectors.len()).any(|j| free(j) && motion.stance.iter().any(|stance| stance[j]))
 }
 
+/// A start, worked out.
+pub(crate) struct Beginning {
+    /// The first values of the unknowns.
+    pub unknowns: Unknowns,
+    /// What it was.
+    pub started: Started,
+    /// Iterations that it took.
+    pub iterations: usize,
+    /// Whether it was interrupted.
+    pub stopped: bool,
+}
+
 /// The start that `options` ask for; `Auto` has been resolved by [`candidates`].
-pub(crate) fn initial(problem: &Problem, start: Start, seed: u64) -> (Unknowns, Started) {
-    let mut unknowns = guess::from_standing(problem);
+pub(crate) fn initial(
+    problem: &Problem,
+    start: Start,
+    seed: u64,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Beginning {
     let (kind, amplitude_rad) = match start {
+        Start::Warm(how) => {
+            let (unknowns, iterations, stopped) = warm::warm(problem, how, progress);
+            let started = Started { kind: StartKind::Warm, seed: 0 };
+            return Beginning { unknowns, started, iterations, stopped };
+        }
         Start::Sinusoid => (StartKind::Sinusoid, SWING_RAD),
         Start::Auto | Start::Standing if seed == 0 => (StartKind::Standing, 0.0),
         Start::Auto | Start::Standing => (StartKind::Standing, NUDGE_RAD),
     };
+    let mut unknowns = guess::from_standing(problem);
     if amplitude_rad > 0.0 {
         swing_joints(problem, &mut unknowns, amplitude_rad, seed);
     }
-    (unknowns, Started { kind, seed })
+    Beginning { unknowns, started: Started { kind, seed }, iterations: 0, stopped: false }
 }
 
 /// Adds a sinusoid of random phase to every joint, and lets contact points and wheels follow.

@@ -2,7 +2,7 @@
 
 use rollwalk_planner::motion::{Goal, Motion};
 use rollwalk_planner::plan::{Plan, Status};
-use rollwalk_planner::start::{Start, StartKind, candidates};
+use rollwalk_planner::start::{Start, StartKind, WarmStart, candidates};
 use rollwalk_planner::{
     ACCEPTED_LEVEL, Options, Progress, ReplanError, optimise, optimise_solution, replan,
 };
@@ -157,4 +157,43 @@ fn plans_that_cannot_be_played_are_refused() {
     let refused = replan(&drive, &other, &walk, &Options::default(), &mut go).unwrap_err();
     let message = refused.to_string();
     assert!(message.contains("`agilebot`") && message.contains("`swizzlebot`"), "{message}");
+}
+
+/// With all feet in the air between the pairs, standing ends in a bad minimum.
+#[test]
+fn the_warm_start_finds_a_flying_trot_that_standing_does_not() {
+    let robot = agilebot();
+    let wanted = motion(&robot, include_str!("../../motions/flying_trot.toml"));
+    let from = |start| {
+        let options = Options { start, ..Options::default() };
+        let mut seen = 0;
+        let plan = optimise(&robot, &wanted, &options, &mut |progress| {
+            assert_eq!(progress.iteration, seen + 1, "iterations are counted through all steps");
+            seen = progress.iteration;
+            ControlFlow::Continue(())
+        });
+        assert_eq!(plan.solve.iterations, seen);
+        plan
+    };
+    let warm = from(Start::Warm(WarmStart::default()));
+    assert_eq!(warm.solve.status, Status::Converged);
+    assert_eq!(warm.solve.start.kind, StartKind::Warm);
+    assert!(warm.solve.worst_level <= ACCEPTED_LEVEL);
+    assert_ne!(from(Start::Standing).solve.status, Status::Converged);
+    let last = candidates(&robot, &wanted, &Options::default()).pop().map(|last| last.start);
+    assert_eq!(last, Some(Start::Warm(WarmStart::default())));
+}
+
+#[test]
+fn the_warm_start_can_be_interrupted() {
+    let robot = agilebot();
+    let wanted = motion(&robot, WALK);
+    let options = Options { start: Start::Warm(WarmStart::default()), ..Options::default() };
+    let mut iterations = 0;
+    let plan = optimise(&robot, &wanted, &options, &mut |_| {
+        iterations += 1;
+        if iterations >= 20 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert_eq!(plan.solve.status, Status::Interrupted);
+    assert_eq!(iterations, 20, "the steps after an interrupt do not run");
 }

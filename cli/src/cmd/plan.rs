@@ -5,7 +5,7 @@ use crate::progress::{Watch, words};
 use crate::{Exit, files, inputs, interrupt, output, race};
 use miette::IntoDiagnostic;
 use rollwalk_planner::plan::{Plan, Status};
-use rollwalk_planner::start::{Start, StartKind, Started};
+use rollwalk_planner::start::{Start, StartKind, Started, WarmStart};
 use rollwalk_planner::{Method, Options, replan};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -61,6 +61,8 @@ enum Choice {
     Standing,
     /// Standing with a smooth random swing of every joint
     Sinusoid,
+    /// The thesis's warm start: stand, sway, step in place
+    Warm,
 }
 
 impl From<Choice> for Start {
@@ -69,6 +71,7 @@ impl From<Choice> for Start {
             Choice::Auto => Self::Auto,
             Choice::Standing => Self::Standing,
             Choice::Sinusoid => Self::Sinusoid,
+            Choice::Warm => Self::Warm(WarmStart::default()),
         }
     }
 }
@@ -202,6 +205,7 @@ fn beginning(start: Started) -> String {
     let kind = match start.kind {
         StartKind::Standing => "standing",
         StartKind::Sinusoid => "a random swing",
+        StartKind::Warm => "the warm start",
         StartKind::Neighbour => return "the given plan".to_owned(),
         StartKind::Joined => return "the motions it joins".to_owned(),
     };

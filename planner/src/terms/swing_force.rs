@@ -18,9 +18,12 @@ impl Term for SwingForce {
             if window.stance(1, j) {
                 continue;
             }
+            // Other than zero while the warm start unloads the feet.
+            let kept = window.problem.swing_force_n.get(window.at[1]).map(|forces| forces[j]);
+            let wanted = kept.unwrap_or_default();
             for c in 0..3 {
                 out.d(1, ee.force + c, 1.0);
-                out.row(window.states[1].vars[ee.force + c]);
+                out.row(window.states[1].vars[ee.force + c] - wanted[c]);
             }
         }
     }

@@ -2,6 +2,7 @@
 
 mod chart;
 mod figure_2_3;
+mod figure_3_2;
 mod measure;
 mod samples;
 mod table_2_1;
@@ -39,6 +40,9 @@ enum Which {
     /// Figure 2.3: Hessians, L-BFGS and Gauss-Newton with multipliers.
     #[command(name = "figure-2-3")]
     Figure23(figure_2_3::Args),
+    /// Figure 3.2: the thesis's warm start against none.
+    #[command(name = "figure-3-2")]
+    Figure32,
     /// Table 3.2: SwizzleBots with two to five motors a leg.
     #[command(name = "table-3-2")]
     Table32,
@@ -55,6 +59,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Which::Table21(which) => table_2_1::run(which, &args.out),
         Which::Samples => samples::run(&args.out),
         Which::Figure23(which) => figure_2_3::run(which, &args.out),
+        Which::Figure32 => figure_3_2::run(&args.out),
         Which::Table32 => table_3_2::run(&args.out),
         Which::Table33 => table_3_3::run(&args.out),
     }
