@@ -207,6 +207,66 @@ def beyond_line(motor, torque, speed):
     return max(abs(used) - 1, 0)
 
 
+# --- choreography ---
+
+
+def place(subject, state):
+    """Position of what a target or a height is about."""
+    if subject == "com":
+        return state["com_m"]
+    if subject == "body":
+        return state["base_position_m"]
+    return state["end_effectors"][subject["end_effector"]]["position_m"]
+
+
+def check_choreography(table, plan, timeline):
+    """Targets and heights, seen from where the first sample stands."""
+    motion, samples, h = plan["motion"], plan["samples"], plan["sample_interval_s"]
+    periodic = motion["ends"] == "periodic"
+    x, y = samples[0]["base_position_m"][:2]
+    yaw = samples[0]["base_yaw_pitch_roll_rad"][0]
+    to_start = from_axis_angle([0, 0, 1], -yaw)
+    names = [foot["name"] for foot in plan["robot"]["end_effectors"]]
+
+    def name_of(subject):
+        return subject if isinstance(subject, str) else names[subject["end_effector"]]
+
+    for target in motion["targets"]:
+        # Lagrange's parabola through the nearest sample and its neighbours in the motion.
+        first, last = (0, len(samples) - 1) if periodic else (1, len(samples) - 2)
+        i = min(max(math.floor(target["at_s"] / h + 0.5), first), last)
+        u = target["at_s"] / h - i
+        at = [u * (u - 1) / 2, (1 - u) * (1 + u), u * (u + 1) / 2]
+        rate = [(2 * u - 1) / (2 * h), -2 * u / h, (2 * u + 1) / (2 * h)]
+        three = timeline[i : i + 3]
+        seen = [apply(to_start, sub(place(target["of"], s), [x, y, 0.0])) for s in three]
+        for c, direction in enumerate(["forward", "left", "up"]):
+            who = "%s %s at %.3f s" % (name_of(target["of"]), direction, target["at_s"])
+            wanted = target["position_m"][c]
+            if wanted is not None:
+                off = sum(w * p[c] for w, p in zip(at, seen)) - wanted
+                table.see("target position", abs(off) * 1e3, 1, "mm", i, who)
+            wanted = target["velocity_m_s"][c]
+            if wanted is not None:
+                off = sum(w * p[c] for w, p in zip(rate, seen)) - wanted
+                table.see("target velocity", abs(off) * 1e3, 5, "mm/s", i, who)
+        if target["heading_rad"] is not None:
+            turned = sum(w * (s["base_yaw_pitch_roll_rad"][0] - yaw) for w, s in zip(at, three))
+            who = "%s at %.3f s" % (name_of(target["of"]), target["at_s"])
+            table.see("target heading", abs(turned - target["heading_rad"]), 1e-3, "rad", i, who)
+
+    for limit in motion["heights"]:
+        # The samples of the span and the two that enclose it; the end of a period is its start.
+        span = range(math.floor(limit["from_s"] / h + 1e-6), math.ceil(limit["to_s"] / h - 1e-6) + 1)
+        for i, s in enumerate(samples):
+            if i in span or periodic and i + len(samples) in span:
+                z = place(limit["of"], s)[2]
+                over = z - limit["below_m"] if limit["below_m"] is not None else 0
+                under = limit["above_m"] - z if limit["above_m"] is not None else 0
+                off = max(over, under, 0) * 1e3
+                table.see("height limit", off, 1, "mm", i, name_of(limit["of"]))
+
+
 # --- the equations ---
 
 
@@ -406,6 +466,7 @@ def check(plan):
         goal = motion["goal"].get(name)
         if goal is not None:
             table.see("goal " + name, abs(value - goal), 1e-3, name.rsplit("_", 1)[1])
+    check_choreography(table, plan, timeline)
     return table
 
 

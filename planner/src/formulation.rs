@@ -24,6 +24,8 @@
 //! | motor torque limits from planned forces | quasi-static | [`JointTorque`], [`WheelTorque`] |
 //! | torque-speed lines of motors | quasi-static | [`TorqueSpeed`] |
 //! | anchor of the start, displacement, turn | "boundary conditions", "functional objectives" | [`Anchor`], [`Displacement`], [`Turn`] |
+//! | targets at chosen times | "functional objectives" | [`TargetPosition`], [`TargetVelocity`], [`TargetHeading`] |
+//! | heights to keep between | sec. 3.5.2 | [`HeightBound`] |
 //!
 //! Equations 2.11 and 2.12 (centre of mass, body orientation) hold by elimination; periodic, at-rest
 //! and prescribed ends by construction of the timeline ([`crate::variables`]).
@@ -40,9 +42,9 @@ use crate::rows::{Columns, RowWriter, Rows, Window};
 use crate::state::State;
 use crate::terms::{
     Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
-    DynamicsLinear, EvenForce, Friction, JointLimit, JointSpeed, JointTorque, NoSlip, Posture,
-    Smoothness, SwingForce, TorqueSpeed, Traction, Turn, WheelAxis, WheelEffort, WheelHeld,
-    WheelSmoothness, WheelSpeed, WheelTorque,
+    DynamicsLinear, EvenForce, Friction, HeightBound, JointLimit, JointSpeed, JointTorque, NoSlip,
+    Posture, Smoothness, SwingForce, TargetHeading, TargetPosition, TargetVelocity, TorqueSpeed,
+    Traction, Turn, WheelAxis, WheelEffort, WheelHeld, WheelSmoothness, WheelSpeed, WheelTorque,
 };
 
 /// Which samples a term looks at.
@@ -97,6 +99,10 @@ pub static TERMS: &[&dyn Term] = &[
     &Anchor,
     &Displacement,
     &Turn,
+    &TargetPosition,
+    &TargetVelocity,
+    &TargetHeading,
+    &HeightBound,
     &Smoothness,
     &EvenForce,
     &Posture,

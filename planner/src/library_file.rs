@@ -282,7 +282,19 @@ fn planned(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<
     let posture_rad = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
     let name = String::new();
     let held_wheels = vec![false; robot.end_effectors.len()];
-    Some(Motion { name, duration_s, ends, stance, swing_height_m, goal, posture_rad, held_wheels })
+    let (targets, heights) = (Vec::new(), Vec::new());
+    Some(Motion {
+        name,
+        duration_s,
+        ends,
+        stance,
+        swing_height_m,
+        goal,
+        posture_rad,
+        held_wheels,
+        targets,
+        heights,
+    })
 }
 
 /// Joins SAFE with every other motion, both ways, where no transition is written.

@@ -4,7 +4,7 @@
 //! ([`Problem::transition`]); what it minimises is in [`crate::formulation`].
 
 use crate::model::Model;
-use crate::motion::{Ends, Goal, Motion};
+use crate::motion::{Ends, Goal, HeightLimit, Moment, Motion, Target};
 use crate::plan::Placement;
 use crate::state::State;
 use crate::swing;
@@ -93,6 +93,10 @@ pub struct Problem {
     pub held: Vec<bool>,
     /// Functional objectives.
     pub goal: Goal,
+    /// Where something is to be at chosen times.
+    pub targets: Vec<PlacedTarget>,
+    /// Heights to keep between: `[timeline sample][limit]`.
+    pub heights: Vec<Vec<HeightLimit>>,
     /// Standing configurations that the samples keep near.
     pub posture_q: Vec<DVector<f64>>,
     /// Weights.
@@ -110,6 +114,35 @@ pub struct Unknowns {
     pub slots: Vec<DVector<f64>>,
     /// D and ψ.
     pub placement: Placement,
+}
+
+/// A target on the timeline.
+#[derive(Clone, Debug)]
+pub struct PlacedTarget {
+    /// What is asked.
+    pub target: Target,
+    /// Timeline index of the sample in the middle of its window.
+    pub middle: usize,
+    /// How the three samples of the window make up the moment.
+    pub moment: Moment,
+}
+
+/// The targets of a motion on its timeline.
+fn placed_targets(motion: &Motion) -> Vec<PlacedTarget> {
+    let place = |target: &Target| {
+        let moment = Moment::of(motion, target.at_s);
+        PlacedTarget { target: target.clone(), middle: moment.sample + 1, moment }
+    };
+    motion.targets.iter().map(place).collect()
+}
+
+/// The height limits that hold at each sample of the timeline. Its ends are copies of other samples.
+fn placed_heights(motion: &Motion) -> Vec<Vec<HeightLimit>> {
+    let at = |sample: usize| {
+        motion.heights.iter().filter(|limit| limit.holds_at(motion, sample)).cloned().collect()
+    };
+    let inner = (0..motion.stance.len()).map(at);
+    std::iter::once(Vec::new()).chain(inner).chain([Vec::new()]).collect()
 }
 
 /// A state at which a transition starts or ends, with its neighbour outside the transition.
@@ -157,7 +190,7 @@ impl Problem {
         Self {
             interval_s: motion.duration_s / intervals as f64,
             samples,
-            height_m: swing::heights(&timeline, &motion.stance, periodic, motion.swing_height_m),
+            height_m: swing::heights(&timeline, &motion.stance, motion),
             timeline,
             stance,
             periodic,
@@ -166,6 +199,8 @@ impl Problem {
             placement_free: periodic,
             held: motion.still_wheels(model.robot()),
             goal: motion.goal,
+            targets: placed_targets(motion),
+            heights: placed_heights(motion),
             posture_q: vec![model.standing_q(&motion.posture_rad); samples],
             weights,
             only: None,
@@ -212,7 +247,7 @@ impl Problem {
         let problem = Self {
             interval_s: motion.duration_s / (samples - 1) as f64,
             samples,
-            height_m: swing::heights(&timeline, &slot_stance, false, motion.swing_height_m),
+            height_m: swing::heights(&timeline, &slot_stance, motion),
             timeline,
             stance,
             periodic: false,
@@ -221,6 +256,8 @@ impl Problem {
             placement_free: true,
             held: motion.still_wheels(model.robot()),
             goal: motion.goal,
+            targets: placed_targets(motion),
+            heights: placed_heights(motion),
             posture_q: blend(&model, &start.posture_rad, &end.posture_rad, samples),
             weights,
             only: None,

@@ -10,6 +10,7 @@
 //!   forces are taken as linear between samples, which is a choice, not a prediction: residuals of
 //!   the dynamics in between have no level.
 
+mod choreography;
 mod grid;
 mod motors;
 mod rows;

@@ -79,8 +79,8 @@ const SEED_STRIDE: u64 = 1000;
 /// The starts to try for a motion, the one that nearly always serves first.
 ///
 /// Without a choice in `options` these are: on free wheels that can be steered two random swings, then
-/// standing; otherwise standing, with nudges if that fails, and last the warm
-/// start for motions that step, which a flying trot needs, or a random swing. A chosen start is the only candidate.
+/// standing; otherwise standing, with nudges if that fails, then a random
+/// swing, and last, for motions that step, the warm start, which a flying trot needs. A chosen start is the only candidate.
 pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Options> {
     let seed = |i: u64| options.seed.wrapping_add(i * SEED_STRIDE);
     let swing = |i| (Start::Sinusoid, seed(i));
@@ -92,8 +92,8 @@ pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Opti
         Start::Auto => {
             let second = if options.seed == 0 { nudge(1) } else { (Start::Standing, 0) };
             let steps = motion.stance.iter().flatten().any(|stance| !stance);
-            let last = if steps { (Start::Warm(WarmStart::default()), 0) } else { swing(0) };
-            vec![nudge(0), second, nudge(2), last]
+            let warm = steps.then_some((Start::Warm(WarmStart::default()), 0));
+            [nudge(0), second, nudge(2), swing(0)].into_iter().chain(warm).collect()
         }
         chosen => vec![(chosen, options.seed)],
     };

@@ -213,6 +213,8 @@ impl Drive {
                 goal: Goal::default(),
                 posture_rad: vec![cruise_leg(0.0); 4],
                 held_wheels: vec![false; 4],
+                targets: Vec::new(),
+                heights: Vec::new(),
             },
             sample_interval_s: h,
             samples: (0..self.samples).map(|i| sample(i + 2)).collect(),

@@ -1,7 +1,7 @@
 //! Robots and random points for tests.
 
 use crate::model::Model;
-use crate::motion::{Ends, Goal, Motion};
+use crate::motion::{Ends, Goal, HeightLimit, Motion, Subject, Target};
 use crate::plan::Placement;
 use crate::problem::Unknowns;
 use crate::variables::Layout;
@@ -152,5 +152,37 @@ pub fn motion(robot: &Robot, ends: Ends) -> Motion {
         goal: Goal { forward_m: Some(0.1), left_m: Some(0.02), turn_rad: Some(0.2) },
         posture_rad: robot.joints.iter().map(|joint| joint.nominal_rad).collect(),
         held_wheels: vec![false; count],
+        targets: Vec::new(),
+        heights: Vec::new(),
     }
+}
+
+/// Targets of every kind for a motion of [`motion`]: at a sample, between samples, in the half intervals at both ends.
+pub fn targets() -> Vec<Target> {
+    let target = |of, at_s, heading_rad| Target {
+        of,
+        at_s,
+        position_m: [Some(0.1), Some(-0.02), Some(0.2)],
+        velocity_m_s: [Some(0.3), Some(0.1), Some(-0.1)],
+        heading_rad,
+    };
+    vec![
+        target(Subject::Com, 0.01, None),
+        target(Subject::Body, 0.23, Some(0.1)),
+        Target {
+            position_m: [Some(0.1), None, None],
+            ..target(Subject::EndEffector(0), 0.31, None)
+        },
+        target(Subject::Com, 0.49, None),
+    ]
+}
+
+/// Height limits of every kind for it, some of them beyond what the robots do.
+pub fn heights() -> Vec<HeightLimit> {
+    let limit = |of, above_m, below_m| HeightLimit { of, from_s: 0.1, to_s: 0.3, above_m, below_m };
+    vec![
+        limit(Subject::Com, Some(0.1), Some(0.12)),
+        limit(Subject::Body, Some(0.4), None),
+        limit(Subject::EndEffector(0), None, Some(0.3)),
+    ]
 }

@@ -1,8 +1,7 @@
 //! Motion files: TOML text to a [`Motion`] for a given robot (docs/motion-files.md).
 
-use super::footfall;
-use super::wheels;
 use super::{Ends, Goal, Motion};
+use super::{choreography_check, choreography_file, footfall, wheels};
 use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
 use rollwalk_robot::document::{Document, DocumentError, Table, alternatives};
 use rollwalk_robot::{Contact, Robot};
@@ -58,6 +57,12 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
     let held_wheels = wheels::held(document, &root, robot);
     let footfalls = root.table("footfalls").map(Footfalls::Table);
     let steps = steps(document, &root, robot, footfalls);
+    let duration_s = steps.as_ref().map(|(duration_s, ..)| *duration_s);
+    let (target_tables, height_tables) = (root.tables("target"), root.tables("height"));
+    let target = |table| choreography_file::target(document, table, robot, duration_s);
+    let targets: Vec<_> = target_tables.iter().map(target).collect();
+    let height = |table| choreography_file::height(document, table, robot, duration_s);
+    let heights: Vec<_> = height_tables.iter().map(height).collect();
     root.done();
     let (duration_s, stance, swing_height_m) = steps?;
     named_robot?;
@@ -70,11 +75,14 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
         goal: goal?,
         posture_rad,
         held_wheels: held_wheels?,
+        targets: targets.into_iter().collect::<Option<_>>()?,
+        heights: heights.into_iter().collect::<Option<_>>()?,
     };
     if motion.ends == Ends::AtRest {
         check_rest(&root, &motion);
     }
     check_goal(&root, &motion, robot);
+    choreography_check::check(&motion, robot, &target_tables, &height_tables);
     Some(motion)
 }
 

@@ -1,5 +1,7 @@
-//! Footfall patterns as people write them: everything in stance, a named gait, or rows of `#` and `.`.
+//! Footfall patterns as people write them: everything in stance, a named gait, phases (`phases`), or rows
+//! of `#` and `.`.
 
+use super::phases;
 use rollwalk_robot::document::{Document, NamedString, Table, alternatives};
 use rollwalk_robot::{EndEffector, Robot};
 
@@ -24,9 +26,12 @@ pub(super) fn stance(
     robot: &Robot,
     samples: usize,
 ) -> Option<Vec<Vec<bool>>> {
-    if table.has("all") && table.has("gait") {
-        let help = "footfalls are `all`, or `gait` with `duty`, or a row for each foot: keep one";
-        table.fault("gait", "is given beside `all`", "one of the two", help);
+    let ways: Vec<_> =
+        ["all", "gait", phases::KEY].into_iter().filter(|way| table.has(way)).collect();
+    if let [one, other, ..] = ways[..] {
+        let help = "footfalls are `all`, or `gait` with `duty`, or `phases` with `duty`, or a row for each \
+                    foot: keep one";
+        table.fault(other, format!("is given beside `{one}`"), "one of the two", help);
         return None;
     }
     if table.has("all") {
@@ -36,6 +41,8 @@ pub(super) fn stance(
     }
     if table.has("gait") {
         gait(table, robot, samples)
+    } else if table.has(phases::KEY) {
+        phases::stance(document, table, robot, samples)
     } else {
         rows(document, table, robot, samples)
     }
@@ -43,22 +50,42 @@ pub(super) fn stance(
 
 fn gait(table: &Table<'_>, robot: &Robot, samples: usize) -> Option<Vec<Vec<bool>>> {
     let gait = table.choice("gait", &GAITS.map(|(name, _)| name));
-    // Below 0.3 a foot is in the air most of the time; above 0.95 it hardly leaves the ground.
-    let duty = table.number_in("duty", 0.3..=0.95, "(share of the cycle that a foot is in stance)");
+    let duty = duty(table);
     let feet = gait_columns(table, robot);
     table.done();
     let (_, centers) = GAITS.get(gait?)?;
     let (swing, feet) = (1.0 - duty?, feet?);
+    let swings: Vec<_> =
+        feet.iter().map(|&row| Swing { center: centers[row], share: swing }).collect();
+    Some(cycle(&swings, samples))
+}
+
+/// Reads `duty`.
+pub(super) fn duty(table: &Table<'_>) -> Option<f64> {
+    // Below 0.3 a foot is in the air most of the time; above 0.95 it hardly leaves the ground.
+    table.number_in("duty", 0.3..=0.95, "(share of the cycle that a foot is in stance)")
+}
+
+/// The swing of a foot in a cycle.
+pub(super) struct Swing {
+    /// Phase at which it is half over.
+    pub center: f64,
+    /// Share of the cycle that it takes.
+    pub share: f64,
+}
+
+/// Stance flags `[sample][end effector]` of one cycle.
+pub(super) fn cycle(swings: &[Swing], samples: usize) -> Vec<Vec<bool>> {
     let stance_at = |sample: usize| {
         let phase = sample as f64 / samples as f64;
         // Distance on the circle of phases; rounding must not decide whether a border is in.
-        let in_swing = |center: f64| {
-            let distance = (phase - center).rem_euclid(1.0);
-            distance.min(1.0 - distance) < swing / 2.0 - 1e-9
+        let stands = |swing: &Swing| {
+            let distance = (phase - swing.center).rem_euclid(1.0);
+            distance.min(1.0 - distance) >= swing.share / 2.0 - 1e-9
         };
-        feet.iter().map(|&row| !in_swing(centers[row])).collect()
+        swings.iter().map(stands).collect()
     };
-    Some((0..samples).map(stance_at).collect())
+    (0..samples).map(stance_at).collect()
 }
 
 /// For every end effector of the robot, its row in [`GAIT_FEET`]. A limb with several end effectors moves
@@ -102,7 +129,7 @@ fn rows(
             let names = robot.end_effectors.iter().map(|foot| foot.name.as_str());
             let message = format!("[footfalls]: robot `{}` has no `{}`", robot.name, row.name);
             let help = format!(
-                "{}; or write `all = \"stance\"`, or `gait` with `duty`",
+                "{}; or write `all = \"stance\"`, or `gait` or `[footfalls.phases]` with `duty`",
                 alternatives(row.name, names)
             );
             document.fault(row.name_span, message, "unknown end effector", help);
@@ -167,7 +194,8 @@ fn in_text_order(mut rows: Vec<NamedString<'_>>) -> Vec<NamedString<'_>> {
     rows
 }
 
-fn listed(robot: &Robot) -> String {
+/// The names of a robot's end effectors.
+pub(super) fn listed(robot: &Robot) -> String {
     let names: Vec<_> = robot.end_effectors.iter().map(|foot| foot.name.as_str()).collect();
     names.join(", ")
 }

@@ -2,9 +2,15 @@
 //!
 //! Motion files (`motions/*.toml`, docs/motion-files.md) are read by [`Motion::from_toml`].
 
+mod choreography;
+mod choreography_check;
+mod choreography_file;
 pub(crate) mod file;
 mod footfall;
+mod phases;
 mod wheels;
+
+pub use choreography::{HeightLimit, Moment, Subject, Target};
 
 use serde::{Deserialize, Serialize};
 
@@ -29,9 +35,20 @@ pub struct Motion {
     /// Which end effectors have a motor-driven wheel that the motion holds still, in robot order: such
     /// a wheel is a foot that rolls only as its link turns (LegBot, thesis sec. 3.5.2).
     pub held_wheels: Vec<bool>,
+    /// Where the robot is to be at chosen times.
+    pub targets: Vec<Target>,
+    /// Between which heights it is to stay.
+    pub heights: Vec<HeightLimit>,
 }
 
 impl Motion {
+    /// Sample spacing h, s.
+    pub fn interval_s(&self) -> f64 {
+        let samples = self.stance.len();
+        let intervals = if self.ends == Ends::Periodic { samples } else { samples - 1 };
+        self.duration_s / intervals as f64
+    }
+
     /// Time at which a transition leaves the motion, s: its end, or the start of a cycle, where the
     /// cycle closes.
     pub fn exit_time_s(&self) -> f64 {

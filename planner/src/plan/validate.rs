@@ -2,7 +2,7 @@
 //! times on the grid, ends that agree with the kind of motion.
 
 use super::{EndEffectorSample, FORMAT, Placement, Plan, PlanError, Sample, VERSION};
-use crate::motion::Ends;
+use crate::motion::{Ends, Subject};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
 use std::fmt::Display;
 
@@ -73,6 +73,7 @@ impl Plan {
                 "false: it is no wheel with a motor",
             )?;
         }
+        self.validate_choreography(at)?;
         let stance = &self.motion.stance;
         at.of("motion.stance").holds(
             stance.len() == count,
@@ -99,6 +100,39 @@ impl Plan {
             duration_s / intervals as f64,
             &expected,
         )
+    }
+
+    /// Targets and heights name what there is, at times of the motion.
+    fn validate_choreography(&self, at: &Field) -> Result<(), PlanError> {
+        let feet = self.robot.end_effectors.len();
+        let duration_s = self.motion.duration_s;
+        let known = |at: &Field, of: Subject| {
+            let index = if let Subject::EndEffector(j) = of { j } else { 0 };
+            let expected = format!("com, body, or an end effector below {feet}");
+            at.of("of").holds(index < feet, format!("end effector {index}"), expected)
+        };
+        let in_motion = |at: &Field, time_s: f64| {
+            let ok = (0.0..=duration_s + AGREEMENT).contains(&time_s);
+            at.holds(ok, time_s, format!("a time from 0 to motion.duration_s, {duration_s}"))
+        };
+        for (index, target) in self.motion.targets.iter().enumerate() {
+            let at = at.item("motion.targets", index);
+            known(&at, target.of)?;
+            in_motion(&at.of("at_s"), target.at_s)?;
+            let numbers = target.position_m.iter().chain(&target.velocity_m_s);
+            let numbers: Vec<f64> =
+                numbers.chain([&target.heading_rad]).flatten().copied().collect();
+            at.finite(&numbers)?;
+        }
+        for (index, limit) in self.motion.heights.iter().enumerate() {
+            let at = at.item("motion.heights", index);
+            known(&at, limit.of)?;
+            in_motion(&at.of("from_s"), limit.from_s)?;
+            in_motion(&at.of("to_s"), limit.to_s)?;
+            let numbers: Vec<f64> = [limit.above_m, limit.below_m].into_iter().flatten().collect();
+            at.finite(&numbers)?;
+        }
+        Ok(())
     }
 
     /// Shapes, finite numbers and rotations of one sample.

@@ -1,7 +1,7 @@
 //! The residuals, each as an equation over neighbouring states.
 
 use super::grid::{State, Timeline, Window};
-use super::{Grid, Place, Row, motors};
+use super::{Grid, Place, Row, choreography, motors};
 use crate::state::{ContactFrame, rolling_direction};
 use crate::terms::level;
 use crate::variables::GRAVITY_M_S2;
@@ -31,6 +31,7 @@ pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
     found.extend([motor_speed(timeline), held_wheel(timeline)]);
     found.extend(limits(timeline, Grid::Samples));
     found.extend(motors::torques(timeline));
+    found.extend(choreography::residuals(timeline, Grid::Samples));
     let mut rows: Vec<Row> = found.into_iter().filter_map(Worst::row).collect();
     rows.extend(goals(timeline));
     rows
@@ -39,8 +40,10 @@ pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
 /// Residuals of the motion as it is played. What follows from the pose by construction is left out;
 /// only the limits of the motors have a level there.
 pub fn between(timeline: &Timeline, grid: Grid) -> Vec<Row> {
-    let physics = dynamics(timeline, grid).into_iter().chain(contact_motion(timeline, grid));
-    let mut rows: Vec<Row> = physics.filter_map(Worst::row).collect();
+    let mut found = dynamics(timeline, grid);
+    found.extend(contact_motion(timeline, grid));
+    found.extend(choreography::residuals(timeline, grid));
+    let mut rows: Vec<Row> = found.into_iter().filter_map(Worst::row).collect();
     rows.iter_mut().for_each(|row| row.level = None);
     rows.extend(limits(timeline, grid).into_iter().filter_map(Worst::row));
     rows

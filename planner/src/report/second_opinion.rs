@@ -85,6 +85,9 @@ fn of_every_kind() -> Plan {
     }
     let Contact::ActuatedWheel { actuator, .. } = &mut ends[0].contact else { unreachable!() };
     weak(actuator);
+    // Choreography on and between samples, with the half intervals at the ends.
+    plan.motion.targets = test_robots::targets();
+    plan.motion.heights = test_robots::heights();
     plan
 }
 
@@ -126,6 +129,10 @@ fn both_opinions_agree_on_the_size_of_every_residual() {
         "joint torque",
         "wheel torque",
         "torque-speed line",
+        "target position",
+        "target velocity",
+        "target heading",
+        "height limit",
     ] {
         assert!(names.contains(name), "no plan has a residual of {name}: {names:?}");
     }

@@ -60,6 +60,8 @@ fn check_robot(robot: &Robot, ends: Ends, seed: u64, seen: &mut [usize]) {
     // Every other driven wheel is held still.
     let driven = |j: usize| robot.end_effectors[j].contact.actuator().is_some();
     motion.held_wheels = (0..robot.end_effectors.len()).map(|j| j % 2 == 1 && driven(j)).collect();
+    motion.targets = test_robots::targets();
+    motion.heights = test_robots::heights();
     let problem = if ends == Ends::Prescribed {
         let random = random_unknowns(&model, 4, 77).slots;
         let end = |k: usize| crate::problem::PrescribedEnd {

@@ -10,6 +10,7 @@ mod dynamics_angular;
 mod dynamics_linear;
 mod friction;
 mod goals;
+mod height_limit;
 mod joint_limit;
 mod joint_speed;
 mod joint_torque;
@@ -17,6 +18,7 @@ mod no_slip;
 mod regularisers;
 mod smoothness;
 mod swing_force;
+mod target;
 mod torque_speed;
 mod traction;
 mod wheel_axis;
@@ -33,6 +35,7 @@ pub use dynamics_angular::DynamicsAngular;
 pub use dynamics_linear::DynamicsLinear;
 pub use friction::Friction;
 pub use goals::{Displacement, Turn};
+pub use height_limit::HeightBound;
 pub use joint_limit::JointLimit;
 pub use joint_speed::JointSpeed;
 pub use joint_torque::JointTorque;
@@ -40,6 +43,7 @@ pub use no_slip::NoSlip;
 pub use regularisers::{EvenForce, Posture, WheelEffort, WheelSmoothness};
 pub use smoothness::Smoothness;
 pub use swing_force::SwingForce;
+pub use target::{TargetHeading, TargetPosition, TargetVelocity};
 pub use torque_speed::TorqueSpeed;
 pub use traction::Traction;
 pub use wheel_axis::WheelAxis;
@@ -61,6 +65,8 @@ pub mod level {
     pub const SLIP_M_S: f64 = 0.005;
     /// Positions, m.
     pub const POSITION_M: f64 = 0.001;
+    /// Velocities of targets, m/s.
+    pub const TARGET_SPEED_M_S: f64 = 0.005;
     /// Wheel axis direction, rad.
     pub const AXIS_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
     /// Friction, swing and traction forces, N.

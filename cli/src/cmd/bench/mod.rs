@@ -32,7 +32,7 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum Which {
-    /// Table 2.1: thirteen motions, several seeds each, cold and planned again after an edit.
+    /// Table 2.1: its motions, several seeds each, cold and planned again after an edit.
     #[command(name = "table-2-1")]
     Table21(table_2_1::Args),
     /// Cost against the number of samples, 12 to 240.

@@ -1,0 +1,394 @@
+//! What no plan can do of a motion's targets and heights, found when the file is read: contradictions
+//! among them, with the footfalls and with the ends of the motion, and places beyond the reach of limbs.
+//!
+//! Every bound here is on the safe side: what it rejects is impossible, what it lets pass may be so too.
+
+use super::{Ends, HeightLimit, Moment, Motion, Subject, Target};
+use crate::swing;
+use rollwalk_robot::document::Table;
+use rollwalk_robot::{Contact, Robot};
+use std::f64::consts::TAU;
+
+/// Greatest height of a swing, m, as for `swing_height_m`.
+const SWING_HIGHEST_M: f64 = 1.0;
+/// Times closer than this are the same, s.
+const SAME_TIME_S: f64 = 1e-6;
+
+/// Checks a motion whose targets and heights stand in these tables, in the same order.
+pub(super) fn check(motion: &Motion, robot: &Robot, targets: &[Table<'_>], heights: &[Table<'_>]) {
+    for (index, (target, table)) in motion.targets.iter().zip(targets).enumerate() {
+        check_target(table, motion, robot, index, target);
+    }
+    for (index, (limit, table)) in motion.heights.iter().zip(heights).enumerate() {
+        check_span(table, motion, robot, index, limit);
+    }
+}
+
+/// Checks one target; `false` after the first fault, from which others would follow.
+fn check_target(
+    table: &Table<'_>,
+    motion: &Motion,
+    robot: &Robot,
+    index: usize,
+    target: &Target,
+) -> bool {
+    check_ends(table, motion, target)
+        && check_asked_once(table, &motion.targets[..index], target)
+        && check_swing(table, motion, robot, target, index)
+        && check_reach(table, motion, robot, target)
+        && check_within(table, motion, target)
+        && check_way(table, motion, robot, index)
+}
+
+/// Start and rest leave no choice.
+fn check_ends(table: &Table<'_>, motion: &Motion, target: &Target) -> bool {
+    let at_start = target.at_s < SAME_TIME_S;
+    let at_end = motion.duration_s - target.at_s < SAME_TIME_S;
+    if motion.ends == Ends::AtRest && (at_start || at_end) {
+        for (key, wanted) in
+            ["speed_forward_m_s", "speed_left_m_s", "speed_up_m_s"].iter().zip(target.velocity_m_s)
+        {
+            if wanted.is_some() {
+                let help = "a motion at rest stands still at both ends: choose a time inside it";
+                table.fault(key, "is given at an end", "at rest", help);
+                return false;
+            }
+        }
+    }
+    if target.of == Subject::Body && at_start {
+        let [forward_m, left_m, _] = target.position_m;
+        let own =
+            [("forward_m", forward_m), ("left_m", left_m), ("heading_rad", target.heading_rad)];
+        for (key, wanted) in own {
+            if let Some(wanted) = wanted.filter(|&wanted| wanted != 0.0) {
+                let help = "targets are seen from where the body starts: there it is 0";
+                table.fault(key, format!("is {wanted} at time 0"), "the start", help);
+                return false;
+            }
+        }
+    }
+    true
+}
+
+/// No component of one subject is asked for twice at one time.
+fn check_asked_once(table: &Table<'_>, earlier: &[Target], target: &Target) -> bool {
+    let components = |t: &Target| {
+        t.position_m
+            .iter()
+            .chain(&t.velocity_m_s)
+            .chain([&t.heading_rad])
+            .copied()
+            .collect::<Vec<_>>()
+    };
+    let twice = earlier.iter().any(|other| {
+        let both = components(other).into_iter().zip(components(target));
+        other.of == target.of
+            && (other.at_s - target.at_s).abs() < SAME_TIME_S
+            && both.into_iter().any(|(a, b)| a.is_some() && b.is_some())
+    });
+    if twice {
+        let help = "keep one of the two, or choose another time";
+        table.fault(
+            "at_s",
+            format!("is {}, as in a target above", target.at_s),
+            "asked twice",
+            help,
+        );
+    }
+    !twice
+}
+
+/// The height of an end effector needs a swing, and every swing has one height; a foot that stands
+/// does not move.
+fn check_swing(
+    table: &Table<'_>,
+    motion: &Motion,
+    robot: &Robot,
+    target: &Target,
+    index: usize,
+) -> bool {
+    let Subject::EndEffector(j) = target.of else { return true };
+    let foot = &robot.end_effectors[j];
+    let moment = Moment::of(motion, target.at_s);
+    let stands = motion.stance[moment.nearest(motion)][j];
+    if let Some(wanted_m) = target.position_m[2] {
+        if stands && wanted_m == 0.0 {
+            return true;
+        }
+        let fault = |problem: String, label: &str, help: String| {
+            table.fault("up_m", problem, label, help);
+            false
+        };
+        if stands {
+            return fault(
+                format!("is {wanted_m} m while `{}` stands", foot.name),
+                "on the ground at this time",
+                format!("a foot is up only in its swing: {}", swings(motion, j)),
+            );
+        }
+        if wanted_m == 0.0 {
+            return fault(
+                format!("is 0 while `{}` swings", foot.name),
+                "in the air at this time",
+                "leave it out, or give the height that the swing goes through".to_owned(),
+            );
+        }
+        let plain = Motion { targets: Vec::new(), ..motion.clone() };
+        let peak_m = motion.swing_height_m * wanted_m / swing::height_at(&plain, j, moment);
+        // Also where the profile is not above 0: right after lift-off.
+        if !(0.0..=SWING_HIGHEST_M).contains(&peak_m) {
+            return fault(
+                format!("is {wanted_m} m too near to an end of the swing of `{}`", foot.name),
+                "would rise too high",
+                format!(
+                    "the swing through it would be higher than {SWING_HIGHEST_M} m in its middle; {}",
+                    swings(motion, j)
+                ),
+            );
+        }
+        let upto = Motion { targets: motion.targets[..=index].to_vec(), ..motion.clone() };
+        let reached = |t: &Target| match (t.of, t.position_m[2]) {
+            (Subject::EndEffector(k), Some(up_m)) if k == j => {
+                (swing::height_at(&upto, j, Moment::of(motion, t.at_s)) - up_m).abs() < 1e-6
+            }
+            _ => true,
+        };
+        if !upto.targets.iter().all(reached) {
+            return fault(
+                format!("is {wanted_m} m in a swing that a target above shapes"),
+                "another height",
+                "a swing has one height: keep one `up_m` for each swing".to_owned(),
+            );
+        }
+    }
+    let still = foot.contact == Contact::PointFoot && stands_throughout(motion, j, moment);
+    let moving = target.velocity_m_s.into_iter().flatten().any(|speed| speed != 0.0);
+    if still && moving {
+        let help = format!("a standing point foot stays where it is: {}", swings(motion, j));
+        table.fault("of", format!("is `{}`, which is to move", foot.name), "stands", help);
+        return false;
+    }
+    true
+}
+
+/// Whether an end effector stands in all samples that a moment is made of.
+fn stands_throughout(motion: &Motion, j: usize, moment: Moment) -> bool {
+    let count = motion.stance.len();
+    (0..3).all(|k| motion.stance[(moment.sample + k + count - 1) % count][j])
+}
+
+/// When an end effector swings, in words.
+fn swings(motion: &Motion, j: usize) -> String {
+    let name_time = |sample: usize| format!("{:.2}", sample as f64 * motion.interval_s());
+    let mut spans = Vec::new();
+    let mut start = None;
+    for (sample, flags) in motion.stance.iter().enumerate() {
+        match (flags[j], start) {
+            (false, None) => start = Some(sample),
+            (true, Some(from)) => {
+                spans.push(format!("{} to {} s", name_time(from), name_time(sample - 1)));
+                start = None;
+            }
+            _ => {}
+        }
+    }
+    if let Some(from) = start {
+        spans.push(format!("{} to {} s", name_time(from), name_time(motion.stance.len() - 1)));
+    }
+    if spans.is_empty() {
+        "it never swings in this motion".to_owned()
+    } else {
+        format!("it swings from {}", spans.join(", "))
+    }
+}
+
+/// Greatest distance of a contact point from the body's origin, m: the limb stretched out.
+fn limb_m(robot: &Robot, j: usize) -> f64 {
+    let foot = &robot.end_effectors[j];
+    path_m(robot, foot.link) + foot.center_in_link_m.norm() + foot.radius_m
+}
+
+/// Greatest distance of a link's frame from the body's origin, m.
+fn path_m(robot: &Robot, link: usize) -> f64 {
+    let joint = robot.joints.iter().find(|joint| joint.child == link);
+    joint.map_or(0.0, |joint| {
+        joint.parent_from_joint.translation.vector.norm() + path_m(robot, joint.parent)
+    })
+}
+
+/// Greatest distance of the centre of mass from the body's origin, m.
+fn com_m(robot: &Robot) -> f64 {
+    let mass: f64 = robot.links.iter().map(|link| link.mass_kg).sum();
+    let moment = |(index, link): (usize, &rollwalk_robot::Link)| {
+        link.mass_kg * (path_m(robot, index) + link.com_in_link_m.norm())
+    };
+    robot.links.iter().enumerate().map(moment).sum::<f64>() / mass
+}
+
+/// How far a subject can be from a contact point, m.
+fn reach_m(robot: &Robot, of: Subject, j: usize) -> f64 {
+    limb_m(robot, j) + if of == Subject::Com { com_m(robot) } else { 0.0 }
+}
+
+/// The greatest height of a subject at a sample, m, with the foot that sets it.
+fn highest<'r>(
+    motion: &Motion,
+    robot: &'r Robot,
+    of: Subject,
+    sample: usize,
+) -> Option<(f64, &'r str)> {
+    let standing =
+        robot.end_effectors.iter().enumerate().filter(|(j, _)| motion.stance[sample][*j]);
+    standing
+        .map(|(j, foot)| (reach_m(robot, of, j), foot.name.as_str()))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+}
+
+fn too_high(
+    table: &Table<'_>,
+    key: &str,
+    wanted_m: f64,
+    at_s: f64,
+    (highest_m, foot): (f64, &str),
+) {
+    let help = format!(
+        "`{foot}` stands at {at_s:.2} s, and its limb is {highest_m:.3} m long at most: ask for less"
+    );
+    table.fault(key, format!("is {wanted_m} m"), "beyond reach", help);
+}
+
+/// Heights of body and centre of mass are within reach of the feet that stand.
+fn check_reach(table: &Table<'_>, motion: &Motion, robot: &Robot, target: &Target) -> bool {
+    let (Some(up_m), false) = (target.position_m[2], matches!(target.of, Subject::EndEffector(_)))
+    else {
+        return true;
+    };
+    let moment = Moment::of(motion, target.at_s);
+    // Between samples, heights are within reach of a foot that stands on both sides.
+    let on_sample = moment.fraction.fract() == 0.0;
+    let highest = highest(motion, robot, target.of, moment.nearest(motion));
+    if let Some(highest) = highest.filter(|highest| on_sample && up_m > highest.0) {
+        too_high(table, "up_m", up_m, target.at_s, highest);
+        return false;
+    }
+    true
+}
+
+/// A target lies between the heights that are asked for at its time.
+fn check_within(table: &Table<'_>, motion: &Motion, target: &Target) -> bool {
+    let Some(up_m) = target.position_m[2] else { return true };
+    for limit in motion.heights.iter().filter(|limit| limit.of == target.of) {
+        let above = limit.below_m.filter(|&below_m| up_m > below_m);
+        let below = limit.above_m.filter(|&above_m| up_m < above_m);
+        let inside = (limit.from_s..=limit.to_s).contains(&target.at_s);
+        if let (true, Some(bound)) = (inside, above.or(below)) {
+            let side = if above.is_some() { "below" } else { "above" };
+            let help = format!(
+                "a [[height]] keeps it {side} {bound} m from {} to {} s",
+                limit.from_s, limit.to_s
+            );
+            table.fault("up_m", format!("is {up_m} m"), "not between the heights", help);
+            return false;
+        }
+    }
+    true
+}
+
+/// Body and centre of mass get no further from the place before than standing feet let them: the start,
+/// or the target before.
+fn check_way(table: &Table<'_>, motion: &Motion, robot: &Robot, index: usize) -> bool {
+    let target = &motion.targets[index];
+    if matches!(target.of, Subject::EndEffector(_)) {
+        return true;
+    }
+    let start = Target {
+        of: target.of,
+        at_s: 0.0,
+        position_m: [Some(0.0), Some(0.0), None],
+        velocity_m_s: [None; 3],
+        heading_rad: None,
+    };
+    // The centre of mass starts somewhere near the body.
+    let slack_m = if target.of == Subject::Com { com_m(robot) } else { 0.0 };
+    let others = motion.targets.iter().filter(|other| other.of == target.of);
+    let befores = others.map(|other| (other, 0.0)).chain([(&start, slack_m)]);
+    let before = befores
+        .filter(|(other, _)| other.at_s < target.at_s)
+        .max_by(|a, b| a.0.at_s.total_cmp(&b.0.at_s));
+    let Some((before, slack_m)) = before else { return true };
+    let apart = |c: usize| Some(target.position_m[c]? - before.position_m[c]?);
+    let distance_m = apart(0).unwrap_or(0.0).hypot(apart(1).unwrap_or(0.0));
+    let time_s = target.at_s - before.at_s;
+    for (j, foot) in robot.end_effectors.iter().enumerate() {
+        if motion.stance.iter().any(|flags| !flags[j]) {
+            continue;
+        }
+        // The foot may be ahead first and behind then; a wheel rolls a turn more as its link pitches.
+        let sway_m = 2.0 * reach_m(robot, target.of, j) + slack_m;
+        let rolls_m = match &foot.contact {
+            Contact::PointFoot => 0.0,
+            Contact::WeldedWheel { .. } => TAU * foot.radius_m,
+            Contact::ActuatedWheel { .. } if motion.held_wheels[j] => TAU * foot.radius_m,
+            Contact::ActuatedWheel { actuator, .. } => {
+                foot.radius_m * (TAU + actuator.speed_max_rad_s * time_s)
+            }
+            Contact::PassiveWheel { .. } | Contact::Skate { .. } => continue,
+        };
+        if distance_m > sway_m + rolls_m {
+            let help = format!(
+                "{distance_m:.2} m in {time_s:.2} s; with `{}` on the ground all the time it is {:.2} m at \
+                 most: give it a swing, more time, or a nearer target",
+                foot.name,
+                sway_m + rolls_m
+            );
+            table.fault("at_s", format!("is {} s", target.at_s), "too far to get there", help);
+            return false;
+        }
+    }
+    true
+}
+
+/// Heights that overlap leave room, and standing feet reach them.
+fn check_span(
+    table: &Table<'_>,
+    motion: &Motion,
+    robot: &Robot,
+    index: usize,
+    limit: &HeightLimit,
+) {
+    let held: Vec<usize> =
+        (0..motion.stance.len()).filter(|&sample| limit.holds_at(motion, sample)).collect();
+    for other in motion.heights[..index].iter().filter(|other| other.of == limit.of) {
+        if !held.iter().any(|&sample| other.holds_at(motion, sample)) {
+            continue;
+        }
+        let contradicts = [
+            ("below_m", limit.below_m, other.above_m, -1.0),
+            ("above_m", limit.above_m, other.below_m, 1.0),
+        ];
+        for (key, own_m, other_m, sign) in contradicts {
+            if let (Some(own_m), Some(other_m)) = (own_m, other_m)
+                && sign * (own_m - other_m) > 0.0
+            {
+                let side = if sign > 0.0 { "below" } else { "above" };
+                let help = format!(
+                    "a [[height]] above keeps it {side} {other_m} m from {} to {} s; both hold at the samples \
+                     that enclose their spans",
+                    other.from_s, other.to_s
+                );
+                table.fault(key, format!("is {own_m} m"), "contradicts another height", help);
+                return;
+            }
+        }
+    }
+    if let Some(above_m) = limit.above_m {
+        for &sample in &held {
+            if let Some(highest) =
+                highest(motion, robot, limit.of, sample).filter(|highest| above_m > highest.0)
+            {
+                let at_s = sample as f64 * motion.interval_s();
+                return too_high(table, "above_m", above_m, at_s, highest);
+            }
+        }
+    }
+}

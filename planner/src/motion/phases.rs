@@ -1,0 +1,82 @@
+//! Footfalls as phases: for every end effector the share of the cycle at which it touches down, and the
+//! share that it then stays. For robots with any number of feet.
+
+use super::footfall::{self, Swing};
+use rollwalk_robot::Robot;
+use rollwalk_robot::document::{Document, Table, alternatives};
+
+/// The table with the phases.
+pub(super) const KEY: &str = "phases";
+/// The table with duty factors that differ from `duty`.
+const DUTIES: &str = "duties";
+
+/// Stance flags from `duty`, `[footfalls.phases]` and, where feet differ, `[footfalls.duties]`.
+pub(super) fn stance(
+    document: &Document<'_>,
+    table: &Table<'_>,
+    robot: &Robot,
+    samples: usize,
+) -> Option<Vec<Vec<bool>>> {
+    let phases = table.table(KEY).map(|phases| per_foot(document, &phases, robot, 0.0..=1.0, KEY));
+    let duties = if table.has(DUTIES) {
+        let duties = table.table(DUTIES);
+        // 1 is a foot that never swings.
+        duties.and_then(|duties| per_foot(document, &duties, robot, 0.3..=1.0, DUTIES))
+    } else {
+        Some(vec![None; robot.end_effectors.len()])
+    };
+    let all_differ = duties.as_ref().is_some_and(|duties| duties.iter().all(Option::is_some));
+    let common = if all_differ && !table.has("duty") { Some(1.0) } else { footfall::duty(table) };
+    table.done();
+    let (phases, duties, common) = (phases??, duties?, common?);
+    let mut swings = Vec::with_capacity(phases.len());
+    for ((foot, phase), duty) in robot.end_effectors.iter().zip(phases).zip(duties) {
+        let Some(phase) = phase else {
+            let message = format!("[footfalls.{KEY}]: `{}` is missing", foot.name);
+            let help = format!(
+                "give the share of the cycle at which it touches down, 0 to 1, for each of {}",
+                footfall::listed(robot)
+            );
+            document.fault(table.span_of(KEY), message, format!("needs `{}`", foot.name), help);
+            continue;
+        };
+        let share = 1.0 - duty.unwrap_or(common);
+        // A swing ends where its foot touches down.
+        swings.push(Swing { center: phase - 0.5 * share, share });
+    }
+    (swings.len() == robot.end_effectors.len()).then(|| footfall::cycle(&swings, samples))
+}
+
+/// One number for each end effector that a table names.
+fn per_foot(
+    document: &Document<'_>,
+    table: &Table<'_>,
+    robot: &Robot,
+    range: std::ops::RangeInclusive<f64>,
+    key: &str,
+) -> Option<Vec<Option<f64>>> {
+    let mut numbers = vec![None; robot.end_effectors.len()];
+    let mut sound = true;
+    for entry in table.named_numbers() {
+        let name = entry.name;
+        let (message, label, help) = match robot.end_effector_index(name) {
+            Some(index) if range.contains(&entry.number) => {
+                numbers[index] = Some(entry.number);
+                continue;
+            }
+            Some(_) => (
+                format!("[footfalls.{key}]: `{name}` is {}", entry.number),
+                "out of range",
+                format!("allowed is {} to {}, a share of the cycle", range.start(), range.end()),
+            ),
+            None => (
+                format!("[footfalls.{key}]: robot `{}` has no `{name}`", robot.name),
+                "unknown end effector",
+                alternatives(name, robot.end_effectors.iter().map(|foot| foot.name.as_str())),
+            ),
+        };
+        document.fault(entry.name_span, message, label, help);
+        sound = false;
+    }
+    sound.then_some(numbers)
+}

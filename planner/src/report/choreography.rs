@@ -1,0 +1,107 @@
+//! Targets and heights of a motion's choreography, from the numbers of a plan: seen from where its first
+//! sample stands, at their times.
+
+use super::Grid;
+use super::grid::{State, Timeline, Window};
+use super::rows::Worst;
+use crate::motion::{Ends, Subject};
+use crate::terms::level;
+use nalgebra::{Rotation3, Vector3};
+
+const MM: f64 = 1000.0;
+
+/// How far targets are missed and heights exceeded.
+pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
+    let mut found = targets(timeline, grid);
+    found.push(heights(timeline, grid));
+    found
+}
+
+/// Position of a subject, m in world.
+fn position(state: &State, of: Subject) -> Vector3<f64> {
+    match of {
+        Subject::Com => state.com(),
+        Subject::Body => state.sample.base_position_m.into(),
+        Subject::EndEffector(j) => state.contact(j),
+    }
+}
+
+/// The parabola through three values one unit apart, at `u` from the middle one: value and slope.
+fn parabola<V>([before, here, after]: [V; 3], u: f64) -> (V, V)
+where
+    V: Copy
+        + std::ops::Add<Output = V>
+        + std::ops::Sub<Output = V>
+        + std::ops::Mul<f64, Output = V>,
+{
+    let (slope, bend) = ((after - before) * 0.5, (after - here) - (here - before));
+    (here + slope * u + bend * (0.5 * u * u), slope + bend * u)
+}
+
+fn targets(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
+    let mut places = Worst::of("target position", "sec. 2.4.1", "mm", grid);
+    let mut velocities = Worst::of("target velocity", "sec. 2.4.1", "mm/s", grid);
+    let mut headings = Worst::of("target heading", "sec. 2.4.1", "rad", grid);
+    let plan = timeline.plan;
+    let windows: Vec<Window> = timeline.samples().collect();
+    let start = windows[0].here.sample;
+    let start_yaw = start.base_yaw_pitch_roll_rad[0];
+    let to_start = Rotation3::from_axis_angle(&Vector3::z_axis(), -start_yaw);
+    let origin = Vector3::new(start.base_position_m[0], start.base_position_m[1], 0.0);
+    // What does not repeat has no neighbours outside.
+    let inner = match plan.motion.ends {
+        Ends::Periodic => 0..=windows.len() - 1,
+        Ends::AtRest | Ends::Prescribed => 1..=windows.len() - 2,
+    };
+    let h = timeline.spacing_s();
+    for target in &plan.motion.targets {
+        let nearest = (target.at_s / h).round() as usize;
+        let w = &windows[nearest.clamp(*inner.start(), *inner.end())];
+        let u = target.at_s / h - w.index as f64;
+        let around = [w.before, w.here, w.after];
+        let seen = around.map(|s| to_start * (position(s, target.of) - origin));
+        let (place, per_interval) = parabola(seen, u);
+        let velocity = per_interval / h;
+        let name = target.of.name(&plan.robot);
+        for (c, direction) in ["forward", "left", "up"].into_iter().enumerate() {
+            let subject = format!("{name} {direction} at {:.3} s", target.at_s);
+            if let Some(wanted) = target.position_m[c] {
+                let off = (place[c] - wanted).abs() * MM;
+                places.see(off, level::POSITION_M * MM, w, Some(&subject));
+            }
+            if let Some(wanted) = target.velocity_m_s[c] {
+                let off = (velocity[c] - wanted).abs() * MM;
+                velocities.see(off, level::TARGET_SPEED_M_S * MM, w, Some(&subject));
+            }
+        }
+        if let Some(wanted) = target.heading_rad {
+            let yaws = around.map(|s| s.sample.base_yaw_pitch_roll_rad[0] - start_yaw);
+            let off = (parabola(yaws, u).0 - wanted).abs();
+            headings.see(off, level::GOAL, w, Some(&format!("{name} at {:.3} s", target.at_s)));
+        }
+    }
+    vec![places, velocities, headings]
+}
+
+/// How far heights are beyond their bounds within their spans. At the samples of a plan the two samples
+/// that enclose a span count too.
+fn heights(timeline: &Timeline, grid: Grid) -> Worst {
+    let mut worst = Worst::of("height limit", "sec. 3.5.2", "mm", grid);
+    let plan = timeline.plan;
+    for limit in &plan.motion.heights {
+        for w in timeline.samples() {
+            let within = match grid {
+                Grid::Samples => limit.holds_at(&plan.motion, w.index),
+                _ => (limit.from_s..=limit.to_s).contains(&w.here.sample.time_s),
+            };
+            if within {
+                let z = position(w.here, limit.of).z;
+                let over = limit.below_m.map_or(0.0, |below_m| z - below_m);
+                let under = limit.above_m.map_or(0.0, |above_m| above_m - z);
+                let beyond = over.max(under).max(0.0) * MM;
+                worst.see(beyond, level::POSITION_M * MM, &w, Some(limit.of.name(&plan.robot)));
+            }
+        }
+    }
+    worst
+}
