@@ -205,6 +205,38 @@ fn the_duck_stays_under_the_bar_as_it_is_played() {
 }
 
 #[test]
+fn targets_between_samples_hold_in_the_motion_as_played() {
+    let tables = "[[target]]\nof = \"com\"\nat_s = 1.93\nleft_m = 0.03\nspeed_forward_m_s = 0.3\n\
+                  [[target]]\nof = \"body\"\nat_s = 2.61\nheading_rad = 0.1\n\
+                  [[target]]\nof = \"rear_left\"\nat_s = 2.26\nforward_m = 0.4";
+    let finer = DRIVE.replace("samples = 25", "samples = 49");
+    let plan = plan(&with(&finer, tables).unwrap());
+    let spline = PlanSpline::new(&plan);
+    let at = |at_s: f64| spline.sample(at_s);
+    // The parabola is off by h³/16 and h²/6 times the third derivative, and the spline, which bends
+    // elsewhere, about as much: twice that, from the third differences of the plan around the time.
+    let third = |at_s: f64, of: fn(&Sample) -> f64| {
+        let near = |s: &&Sample| (s.time_s - at_s).abs() < 3.0 * plan.sample_interval_s;
+        let values: Vec<f64> = plan.samples.iter().filter(near).map(of).collect();
+        let difference = |w: &[f64]| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs();
+        values.windows(4).map(difference).fold(0.0, f64::max)
+    };
+    let within = |off: f64, bound: f64, least: f64| {
+        assert!(bound < least, "the bound says nothing: {bound}");
+        // And a fifth of the level, to which plans converge.
+        assert!(off.abs() < bound + 2e-4, "{off}");
+    };
+    within(at(1.93).com_m[1] - 0.03, third(1.93, |s| s.com_m[1]) / 8.0, 1e-3);
+    let speed = (at(1.931).com_m[0] - at(1.929).com_m[0]) / 0.002;
+    within(speed - 0.3, third(1.93, |s| s.com_m[0]) / plan.sample_interval_s / 3.0, 0.02);
+    let yaw = |s: &Sample| s.base_yaw_pitch_roll_rad[0];
+    within(yaw(&at(2.61)) - 0.1, third(2.61, yaw) / 8.0, 0.01);
+    // A wheel on the ground, its contact point.
+    let rear_left = |s: &Sample| s.end_effectors[2].position_m[0];
+    within(rear_left(&at(2.26)) - 0.4, third(2.26, rear_left) / 8.0, 1e-3);
+}
+
+#[test]
 fn a_foot_rises_to_the_height_of_its_target_and_the_others_do_not() {
     let tables = "[[target]]\nof = \"front_left\"\nat_s = 0.62\nup_m = 0.06";
     let plan = plan(&with(WALK, tables).unwrap());

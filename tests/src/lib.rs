@@ -60,14 +60,18 @@ impl Desk {
         self.write(name, text.replacen(from, to, 1));
     }
 
-    /// Copies the files of a folder into the folder `name`.
+    /// Copies a folder, with the folders in it, into the folder `name`.
     pub fn copy_folder(&self, from: &Path, name: &str) {
         fs::create_dir_all(self.path(name)).expect("folder in the temporary folder");
         let entries = fs::read_dir(from).unwrap_or_else(|e| panic!("{}: {e}", from.display()));
         for entry in entries {
             let path = entry.expect("folder entry").path();
-            let file = path.file_name().expect("a file has a name");
-            fs::copy(&path, self.path(name).join(file)).expect("copy of a file");
+            let file = path.file_name().expect("a file has a name").to_string_lossy().into_owned();
+            if path.is_dir() {
+                self.copy_folder(&path, &format!("{name}/{file}"));
+            } else {
+                fs::copy(&path, self.path(name).join(file)).expect("copy of a file");
+            }
         }
     }
 
