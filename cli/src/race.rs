@@ -10,7 +10,7 @@ use rollwalk_planner::{Options, Progress, optimise, start};
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 
 /// Optimises a motion from its candidate starts. `progress` sees the iterations of the first one that
@@ -22,45 +22,62 @@ pub fn optimise_any(
     progress: &(dyn Fn(&Progress) -> ControlFlow<()> + Sync),
 ) -> Plan {
     let candidates = start::candidates(robot, motion, options);
+    let cores = thread::available_parallelism().map_or(1, usize::from);
+    first_that_converges(candidates.len(), cores, progress, &|index, watched| {
+        let plan = optimise(robot, motion, &candidates[index], watched);
+        (plan.solve.status, plan)
+    })
+}
+
+/// What a solve calls after every iteration.
+type Watched<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
+
+/// Runs solves 0 to `count` on up to `workers` threads and returns what the first that converges, or is
+/// interrupted, brings; that of the first if none does.
+fn first_that_converges<T: Send>(
+    count: usize,
+    workers: usize,
+    progress: &(dyn Fn(&Progress) -> ControlFlow<()> + Sync),
+    solve: &(dyn Fn(usize, &mut Watched) -> (Status, T) + Sync),
+) -> T {
     let race = Race {
         next: AtomicUsize::new(0),
         winner: AtomicUsize::new(usize::MAX),
-        leader: AtomicUsize::new(0),
+        failed: (0..count).map(|_| AtomicBool::new(false)).collect(),
     };
-    let plans: Mutex<Vec<Option<Plan>>> = Mutex::new(vec![None; candidates.len()]);
+    let results: Mutex<Vec<Option<T>>> = Mutex::new((0..count).map(|_| None).collect());
     let run = || {
         loop {
             let index = race.next.fetch_add(1, Ordering::SeqCst);
-            let Some(candidate) = candidates.get(index) else { return };
-            if race.winner.load(Ordering::SeqCst) < index {
+            if index >= count || race.is_decided_before(index) {
                 return;
             }
-            let mut watched = |state: &Progress| {
-                let watched = race.leader.load(Ordering::SeqCst) == index;
-                if race.winner.load(Ordering::SeqCst) < index {
-                    return ControlFlow::Break(());
+            let (status, result) = solve(index, &mut |state| {
+                if race.is_decided_before(index) {
+                    ControlFlow::Break(())
+                } else if race.leads(index) {
+                    progress(state)
+                } else {
+                    ControlFlow::Continue(())
                 }
-                if watched { progress(state) } else { ControlFlow::Continue(()) }
-            };
-            let plan = optimise(robot, motion, candidate, &mut watched);
-            race.finished(index, plan.solve.status);
-            if let Ok(mut plans) = plans.lock() {
-                plans[index] = Some(plan);
+            });
+            race.finished(index, status);
+            if let Ok(mut results) = results.lock() {
+                results[index] = Some(result);
             }
         }
     };
-    let workers = thread::available_parallelism().map_or(1, usize::from).min(candidates.len());
     thread::scope(|scope| {
-        for _ in 1..workers {
+        for _ in 1..workers.min(count) {
             scope.spawn(run);
         }
         run();
     });
     let winner = race.winner.into_inner();
-    let mut plans = plans.into_inner().unwrap_or_default();
-    let chosen = if winner < plans.len() { winner } else { 0 };
-    // Candidate 0 is always begun, and a winner has a plan.
-    plans.swap_remove(chosen).expect("every candidate that counts has run")
+    let mut results = results.into_inner().unwrap_or_default();
+    let chosen = if winner < results.len() { winner } else { 0 };
+    // Candidate 0 is always begun, and a winner has a result.
+    results.swap_remove(chosen).expect("every candidate that counts has run")
 }
 
 /// What the threads of a race share.
@@ -69,11 +86,22 @@ struct Race {
     next: AtomicUsize,
     /// First candidate that has decided the race: none after it counts.
     winner: AtomicUsize,
-    /// First candidate that has not failed, as far as is known.
-    leader: AtomicUsize,
+    /// Which candidates have failed.
+    failed: Vec<AtomicBool>,
 }
 
 impl Race {
+    /// Whether a candidate before `index` has decided the race.
+    fn is_decided_before(&self, index: usize) -> bool {
+        self.winner.load(Ordering::SeqCst) < index
+    }
+
+    /// Whether `index` is the first that can still win: exactly one running candidate does, so that
+    /// somebody always hears of an interrupt.
+    fn leads(&self, index: usize) -> bool {
+        self.failed[..index].iter().all(|failed| failed.load(Ordering::SeqCst))
+    }
+
     /// Candidate `index` has ended. An interrupt ends the race like a victory.
     fn finished(&self, index: usize, status: Status) {
         match status {
@@ -82,8 +110,11 @@ impl Race {
                 self.winner.fetch_min(index, Ordering::SeqCst);
             }
             Status::Infeasible | Status::Stalled | Status::IterationLimit => {
-                self.leader.fetch_max(index + 1, Ordering::SeqCst);
+                self.failed[index].store(true, Ordering::SeqCst);
             }
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -5,6 +5,7 @@ mod command_line;
 mod demo;
 mod readme;
 mod results;
+mod solver_options;
 mod urdf;
 
 use rollwalk_tests::{Desk, checkout};
