@@ -1,6 +1,7 @@
 //! The whole pipeline as a user meets it: one binary, one module per subject.
 
 mod bad_input;
+mod bench;
 mod command_line;
 mod demo;
 mod readme;

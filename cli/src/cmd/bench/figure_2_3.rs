@@ -1,6 +1,7 @@
 //! Figure 2.3 of the thesis: how fast its Newton methods, L-BFGS and ours converge.
 
 use super::chart::{self, Curve, Labels};
+use super::only::Only;
 use crate::inputs::Source;
 use crate::output::{self, Table};
 use crate::{Exit, files, interrupt};
@@ -26,12 +27,14 @@ pub struct Args {
     /// Most iterations of the Newton methods; L-BFGS gets ten times as many.
     #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
+    #[command(flatten)]
+    only: Only,
 }
 
 /// Runs the benchmark.
 pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
     let mut text = String::new();
-    for file in MOTIONS {
+    for file in args.only.choose(&MOTIONS, |file| file)? {
         let (robot, motion) = Source::Shipped.motion(Path::new(file))?;
         let mut table = Table::new([
             "method",

@@ -1,6 +1,7 @@
 //! Figure 3.2 of the thesis: its warm start against none, on walking, trotting and harder gaits.
 
 use super::chart::{self, Curve, Labels};
+use super::only::Only;
 use crate::inputs::Source;
 use crate::output::{self, Table};
 use crate::{Exit, files, interrupt};
@@ -20,9 +21,9 @@ const STARTS: [(&str, Start); 3] = [
 ];
 
 /// Runs the benchmark.
-pub fn run(out: &Path) -> miette::Result<Exit> {
+pub fn run(only: &Only, out: &Path) -> miette::Result<Exit> {
     let mut table = Table::new(["gait", "start", "status", "iterations", "CPU ms"]);
-    for gait in GAITS {
+    for gait in only.choose(&GAITS, |gait| gait)? {
         let (robot, motion) = Source::Shipped.motion(Path::new(&format!("motions/{gait}.toml")))?;
         output::say(&motion.name);
         let mut curves: Vec<Curve> = Vec::new();

@@ -4,6 +4,7 @@ mod chart;
 mod figure_2_3;
 mod figure_3_2;
 mod measure;
+mod only;
 mod samples;
 mod table_2_1;
 mod table_3_2;
@@ -15,13 +16,14 @@ use std::path::PathBuf;
 /// Re-run the thesis's tables and figures.
 ///
 /// Every solve runs on one thread and is measured in CPU time of that thread. Results go to stdout and,
-/// as Markdown, JSON and SVG, to the output folder. What each shows: docs/benchmarks.md.
+/// as Markdown and SVG, Table 2.1 also as JSON, to the output folder. What each shows: docs/benchmarks.md.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
   rollwalk bench table-2-1 --out bench
   rollwalk bench table-2-1 --seeds 3 --only skatebot_skating --out bench
-  rollwalk bench samples --out bench")]
+  rollwalk bench samples --out bench
+  rollwalk bench figure-3-2 --only trot --out bench")]
 pub struct Args {
     #[command(subcommand)]
     which: Which,
@@ -36,19 +38,19 @@ enum Which {
     #[command(name = "table-2-1")]
     Table21(table_2_1::Args),
     /// Cost against the number of samples, 12 to 240.
-    Samples,
+    Samples(samples::Args),
     /// Figure 2.3: Hessians, L-BFGS and Gauss-Newton with multipliers.
     #[command(name = "figure-2-3")]
     Figure23(figure_2_3::Args),
     /// Figure 3.2: the thesis's warm start against none.
     #[command(name = "figure-3-2")]
-    Figure32,
+    Figure32(only::Only),
     /// Table 3.2: SwizzleBots with two to five motors a leg.
     #[command(name = "table-3-2")]
-    Table32,
+    Table32(table_3_2::Args),
     /// Table 3.3: top speeds of walking, rolling, swizzling and skating.
     #[command(name = "table-3-3")]
-    Table33,
+    Table33(table_3_3::Args),
 }
 
 /// Runs the subcommand.
@@ -57,10 +59,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     interrupt::listen();
     match &args.which {
         Which::Table21(which) => table_2_1::run(which, &args.out),
-        Which::Samples => samples::run(&args.out),
+        Which::Samples(which) => samples::run(which, &args.out),
         Which::Figure23(which) => figure_2_3::run(which, &args.out),
-        Which::Figure32 => figure_3_2::run(&args.out),
-        Which::Table32 => table_3_2::run(&args.out),
-        Which::Table33 => table_3_3::run(&args.out),
+        Which::Figure32(only) => figure_3_2::run(only, &args.out),
+        Which::Table32(which) => table_3_2::run(which, &args.out),
+        Which::Table33(which) => table_3_3::run(which, &args.out),
     }
 }

@@ -13,12 +13,28 @@ const SAMPLES: [usize; 7] = [12, 24, 48, 72, 96, 120, 240];
 /// Samples in one stride: longer motions repeat it.
 const STRIDE: usize = 12;
 
+/// What to run.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Numbers of samples, multiples of 12.
+    #[arg(long, value_name = "N,...", value_delimiter = ',', default_values_t = SAMPLES)]
+    #[arg(value_parser = whole_strides)]
+    samples: Vec<usize>,
+}
+
+fn whole_strides(text: &str) -> Result<usize, String> {
+    match text.trim().parse() {
+        Ok(samples) if samples > 0 && samples % STRIDE == 0 => Ok(samples),
+        _ => Err(format!("a walk of whole strides has a multiple of {STRIDE} samples")),
+    }
+}
+
 /// Runs the benchmark.
-pub fn run(out: &Path) -> miette::Result<Exit> {
+pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
     let (robot, stride) = Source::Shipped.motion(Path::new(MOTION))?;
     let mut table = Table::new(["samples", "iterations", "CPU ms", "ms/iteration", "µs/sample"]);
     let (mut whole, mut single) = (Vec::new(), Vec::new());
-    for samples in SAMPLES {
+    for &samples in &args.samples {
         let strides = (samples / STRIDE) as f64;
         let mut motion = measure::goal_times(&stride, strides);
         // Every other character of the pattern, stride after stride.
@@ -43,9 +59,11 @@ pub fn run(out: &Path) -> miette::Result<Exit> {
         single.push((samples as f64, per_iteration));
     }
     let slope = exponent(&single);
+    let growth = slope
+        .map(|slope| format!("\n\nCPU time of an iteration grows as samples^{slope:.2}."))
+        .unwrap_or_default();
     let text = format!(
-        "Walking, one stride of {STRIDE} samples after the other.\n\n{}\n\nCPU time of an iteration grows as \
-         samples^{slope:.2}.",
+        "Walking, one stride of {STRIDE} samples after the other.\n\n{}{growth}",
         table.render()
     );
     let labels = Labels { title: "Cost against samples", x: "samples", y: "CPU time, ms" };
@@ -56,15 +74,15 @@ pub fn run(out: &Path) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
-/// Slope of the least-squares line through the logarithms.
-fn exponent(points: &[(f64, f64)]) -> f64 {
+/// Slope of the least-squares line through the logarithms; of at least two different numbers.
+fn exponent(points: &[(f64, f64)]) -> Option<f64> {
     let logs: Vec<_> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
     let count = logs.len() as f64;
     let mean_x = logs.iter().map(|p| p.0).sum::<f64>() / count;
     let mean_y = logs.iter().map(|p| p.1).sum::<f64>() / count;
     let covariance: f64 = logs.iter().map(|p| (p.0 - mean_x) * (p.1 - mean_y)).sum();
     let variance: f64 = logs.iter().map(|p| (p.0 - mean_x).powi(2)).sum();
-    covariance / variance
+    (variance > 0.0).then_some(covariance / variance)
 }
 
 #[cfg(test)]
@@ -72,6 +90,7 @@ mod tests {
     #[test]
     fn the_exponent_of_a_power_is_found() {
         let points: Vec<_> = (1..9).map(|i| (f64::from(i), 3.0 * f64::from(i).powf(1.2))).collect();
-        assert!((super::exponent(&points) - 1.2).abs() < 1e-12); // rounding only
+        assert!((super::exponent(&points).unwrap() - 1.2).abs() < 1e-12); // rounding only
+        assert_eq!(super::exponent(&points[..1]), None);
     }
 }

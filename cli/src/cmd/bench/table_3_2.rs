@@ -1,6 +1,7 @@
 //! Table 3.2 of the thesis: SwizzleBots with two to five motors a leg at 0.3 m/s.
 
 use super::measure;
+use super::only::Only;
 use crate::inputs::Source;
 use crate::output::{self, Table};
 use crate::{Exit, files, interrupt};
@@ -15,11 +16,19 @@ const ROWS: [(&str, usize, [f64; 2]); 4] = [
     ("motions/swizzlebot4_forward.toml", 4, [3.07, 1870.08]),
     ("motions/swizzlebot5_forward.toml", 5, [0.68, 23.93]),
 ];
-/// Starts of each motion; the one of least energy counts, since strokes have several minima.
-const SEEDS: u64 = 5;
+
+/// What to run.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Starts of each motion; the one of least energy counts, since strokes have several minima.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    seeds: u64,
+    #[command(flatten)]
+    only: Only,
+}
 
 /// Runs the benchmark.
-pub fn run(out: &Path) -> miette::Result<Exit> {
+pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
     let mut table = Table::new([
         "motors a leg",
         "speed m/s",
@@ -30,9 +39,11 @@ pub fn run(out: &Path) -> miette::Result<Exit> {
         "solved",
     ]);
     let mut solved_all = true;
-    for (file, motors, [thesis_speed, thesis_acceleration]) in ROWS {
+    for &(file, motors, [thesis_speed, thesis_acceleration]) in
+        args.only.choose(&ROWS, |row| row.0)?
+    {
         let (robot, motion) = Source::Shipped.motion(Path::new(file))?;
-        let runs: Vec<_> = (0..SEEDS)
+        let runs: Vec<_> = (0..args.seeds)
             .map(|seed| measure::cold(&robot, &motion, &Options { seed, ..Options::default() }))
             .collect();
         if interrupt::requested() {
@@ -55,8 +66,9 @@ pub fn run(out: &Path) -> miette::Result<Exit> {
     }
     let text = format!(
         "{}\n\njoint speed, rad/s: mean over joints and samples of |Δq|/h; joint acceleration, rad/s²: of \
-         |Δ²q|/h².\nThe plan of least energy of {SEEDS} starts.",
-        table.render()
+         |Δ²q|/h².\nThe plan of least energy of {} starts.",
+        table.render(),
+        args.seeds
     );
     files::write(&out.join("table-3-2.md"), format!("```\n{text}\n```\n").as_bytes())?;
     output::print(&text)?;

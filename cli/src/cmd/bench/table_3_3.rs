@@ -1,6 +1,7 @@
 //! Table 3.3 of the thesis: top speeds, found by asking for more and more.
 
 use super::measure::{self, Run};
+use super::only::Only;
 use crate::inputs::Source;
 use crate::output::{self, Table};
 use crate::{Exit, files, interrupt};
@@ -33,15 +34,25 @@ const FINEST: f64 = 1.02;
 /// Seeds to try from nothing where planning again from the last speed fails.
 const SEEDS: u64 = 2;
 
+/// What to run.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Most speeds to try for each motion; few give a quick lower bound.
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    steps: usize,
+    #[command(flatten)]
+    only: Only,
+}
+
 /// Runs the benchmark.
-pub fn run(out: &Path) -> miette::Result<Exit> {
+pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
     let mut table = Table::new(["motion", "top speed m/s", "thesis m/s", "stopped by"]);
-    for (file, name, thesis) in ROWS {
+    for &(file, name, thesis) in args.only.choose(&ROWS, |row| row.0)? {
         let (mut robot, motion) = Source::Shipped.motion(Path::new(file))?;
         robot.end_effectors.iter_mut().for_each(drag_that_grows);
         let motion = refined(motion);
         output::say(name);
-        let (speed, stopped) = top_speed(&robot, &motion);
+        let (speed, stopped) = top_speed(&robot, &motion, args.steps);
         if interrupt::requested() {
             return Ok(Exit::Interrupted);
         }
@@ -81,7 +92,7 @@ fn drag_that_grows(end_effector: &mut EndEffector) {
 }
 
 /// Top speed, m/s, and the worst constraint of the first distance that failed.
-fn top_speed(robot: &Robot, motion: &Motion) -> (f64, String) {
+fn top_speed(robot: &Robot, motion: &Motion, steps: usize) -> (f64, String) {
     let speed = |factor: f64| {
         let distance_m = motion.goal.forward_m.unwrap_or(0.0);
         factor * distance_m / motion.duration_s
@@ -92,7 +103,10 @@ fn top_speed(robot: &Robot, motion: &Motion) -> (f64, String) {
     }
     let (mut best, mut factor, mut step) = (first.solution, 1.0, STEP);
     let mut stopped = "-".to_owned();
-    while step > FINEST && speed(factor) < ENOUGH_M_S && !interrupt::requested() {
+    for _ in 0..steps {
+        if step <= FINEST || speed(factor) >= ENOUGH_M_S || interrupt::requested() {
+            break;
+        }
         let faster = measure::goal_times(motion, factor * step);
         let again = measure::again(&best, robot, &faster, &Options::default()).ok();
         let runs =

@@ -1,0 +1,69 @@
+//! Choosing rows of a benchmark by name.
+
+use miette::miette;
+use std::path::Path;
+
+/// Which rows to run.
+#[derive(clap::Args)]
+pub struct Only {
+    /// Only the row of this name, or else those whose names contain it.
+    #[arg(long, value_name = "NAME")]
+    only: Option<String>,
+}
+
+impl Only {
+    /// The rows to run; `file` tells the motion file of a row, whose name is the row's.
+    ///
+    /// # Errors
+    /// No row has such a name; tells which there are.
+    pub fn choose<'a, T>(&self, rows: &'a [T], file: fn(&T) -> &str) -> miette::Result<Vec<&'a T>> {
+        let Some(only) = &self.only else { return Ok(rows.iter().collect()) };
+        let with = |fits: &dyn Fn(&str) -> bool| -> Vec<&'a T> {
+            rows.iter().filter(|row| fits(name(file(row)))).collect()
+        };
+        let mut chosen = with(&|name| name == only);
+        if chosen.is_empty() {
+            chosen = with(&|name| name.contains(only.as_str()));
+        }
+        if chosen.is_empty() {
+            let names: Vec<_> = rows.iter().map(|row| name(file(row))).collect();
+            return Err(miette!(
+                help = format!("there are {}", names.join(", ")),
+                "no row is called `{only}`"
+            ));
+        }
+        Ok(chosen)
+    }
+}
+
+/// The name of a motion file's row.
+fn name(file: &str) -> &str {
+    Path::new(file).file_stem().and_then(|stem| stem.to_str()).unwrap_or(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Only;
+
+    const FILES: [&str; 3] =
+        ["motions/roll.toml", "motions/x/walk_and_roll.toml", "motions/walk.toml"];
+
+    fn choose(only: Option<&str>) -> miette::Result<Vec<&'static &'static str>> {
+        Only { only: only.map(str::to_owned) }.choose(&FILES, |file| file)
+    }
+
+    #[test]
+    fn a_whole_name_goes_before_a_part_of_one() {
+        assert_eq!(choose(None).unwrap().len(), 3);
+        assert_eq!(choose(Some("roll")).unwrap(), [&FILES[0]]);
+        assert_eq!(choose(Some("wal")).unwrap(), [&FILES[1], &FILES[2]]);
+    }
+
+    #[test]
+    fn a_wrong_name_is_told_the_right_ones() {
+        // Folders are no part of a name.
+        let error = choose(Some("motions")).unwrap_err();
+        assert!(error.to_string().contains("`motions`"), "{error}");
+        assert_eq!(error.help().unwrap().to_string(), "there are roll, walk_and_roll, walk");
+    }
+}

@@ -1,0 +1,144 @@
+//! `rollwalk bench` on the smallest piece of each table and figure.
+
+use crate::desk;
+use rollwalk_tests::{Desk, Outcome};
+use serde_json::Value;
+
+/// Runs a benchmark into the folder `out`.
+fn bench(desk: &Desk, args: &[&str]) -> Outcome {
+    desk.run(&[&["bench"][..], args, &["--out", "out"]].concat())
+}
+
+/// The cells of the row that begins with `name`, below these column titles.
+#[track_caller]
+fn row<'a>(text: &'a str, titles: &[&str], name: &str) -> Vec<&'a str> {
+    let cells = |line: &'a str| line.split("  ").map(str::trim).filter(|cell| !cell.is_empty());
+    let mut lines = text.lines();
+    let has_titles = lines.any(|line| cells(line).eq(titles.iter().copied()));
+    assert!(has_titles, "no line has the titles {titles:?}:\n{text}");
+    let row = lines.find(|line| line.starts_with(name));
+    let row: Vec<&str> = cells(row.unwrap_or_else(|| panic!("no row {name}:\n{text}"))).collect();
+    assert_eq!(row.len(), titles.len(), "{row:?}");
+    row
+}
+
+/// Asserts that the Markdown file says what stdout did, and that these plots are whole.
+#[track_caller]
+fn assert_written(desk: &Desk, stdout: &str, markdown: &str, plots: &[&str]) {
+    assert_eq!(desk.read_text(markdown), format!("```\n{}\n```\n", stdout.trim_end()));
+    for plot in plots {
+        let svg = desk.read_text(plot);
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"), "{plot}");
+        assert!(svg.contains("<polyline") || svg.contains("<circle"), "{plot} has curves");
+    }
+}
+
+#[test]
+fn table_2_1_counts_what_it_solves() {
+    let desk = desk();
+    let outcome = bench(&desk, &["table-2-1", "--only", "agilebot_turn", "--seeds", "2"]);
+    // On a slow machine CPU time may miss its target, which exits with 4.
+    assert!([0, 4].contains(&outcome.code), "{}", outcome.stderr);
+    let text = outcome.stdout;
+    let titles = [
+        "motion", "T", "horizon", "thesis", "solved", "iter", "max", "cold", "max", "again",
+        "iter", "cpu", "cold/s", "again/s", "level", "goal err",
+    ];
+    let row = row(&text, &titles, "agilebot_turn");
+    assert_eq!([row[4], row[9]], ["2/2", "2/2"]);
+    assert!(text.contains("yes every seed of every row is solved"), "{text}");
+    assert_written(&desk, &text, "out/table-2-1.md", &[]);
+    let rows: Value = serde_json::from_slice(&desk.read("out/table-2-1.json")).unwrap();
+    let rows = rows.as_array().unwrap();
+    assert_eq!(rows.len(), 1, "the whole name, not swizzlebot_turn");
+    assert_eq!((&rows[0]["solved"], &rows[0]["samples"]), (&2.into(), &row[1].parse().unwrap()));
+    assert!(rows[0]["worst_level"].as_f64() <= Some(0.2) && rows[0]["cold_cpu_s_max"].is_f64());
+}
+
+#[test]
+fn samples_has_a_row_for_each_number() {
+    let desk = desk();
+    let text = bench(&desk, &["samples", "--samples", "12,24"]).succeeds();
+    let titles = ["samples", "iterations", "CPU ms", "ms/iteration", "µs/sample"];
+    for samples in ["12", "24"] {
+        row(&text, &titles, samples);
+    }
+    assert!(text.contains("grows as samples^"), "{text}");
+    assert_written(&desk, &text, "out/samples.md", &["out/samples.svg"]);
+    // One number has no growth.
+    let text = bench(&desk, &["samples", "--samples", "12"]).succeeds();
+    assert!(!text.contains("grows"), "{text}");
+    bench(&desk, &["samples", "--samples", "12,13"]).fails(2, &["'13'", "multiple of 12"]);
+}
+
+#[test]
+fn figure_2_3_has_every_method() {
+    let desk = desk();
+    let text = bench(&desk, &["figure-2-3", "--only", "creature3_walk", "--iterations", "3"]);
+    let text = text.succeeds();
+    let titles =
+        ["method", "iterations", "CPU s", "credible after", "at CPU s", "final level", "status"];
+    let methods =
+        [("Gauss-Newton", "3"), ("Newton, Filtered", "3"), ("Newton, true", "3"), ("L-BFGS", "30")];
+    for (method, iterations) in methods {
+        let row = row(&text, &titles, method);
+        assert_eq!((row[1], row[6]), (iterations, "IterationLimit"));
+    }
+    let plots =
+        ["iterations", "time"].map(|what| format!("out/figure-2-3-creature3_walk-{what}.svg"));
+    assert_written(&desk, &text, "out/figure-2-3.md", &plots.each_ref().map(String::as_str));
+    let first = desk.read_text(&plots[0]);
+    assert!(first.contains("L-BFGS") && first.contains("iteration"), "the plot has a legend");
+}
+
+#[test]
+fn figure_3_2_compares_starts() {
+    let desk = desk();
+    let text = bench(&desk, &["figure-3-2", "--only", "trot"]).succeeds();
+    let titles = ["gait", "start", "status", "iterations", "CPU ms"];
+    assert_eq!(row(&text, &titles, "trot")[1..3], ["standing", "Converged"]);
+    for start in ["warm start", "warm start, literal"] {
+        assert!(text.contains(start), "{text}");
+    }
+    assert_written(&desk, &text, "out/figure-3-2.md", &["out/figure-3-2-trot.svg"]);
+    assert!(!text.contains("flying_trot"), "the whole name, not a part of another");
+}
+
+#[test]
+fn table_3_2_sets_its_means_beside_the_thesis() {
+    let desk = desk();
+    let text = bench(&desk, &["table-3-2", "--only", "swizzlebot5", "--seeds", "1"]).succeeds();
+    let titles =
+        ["motors a leg", "speed m/s", "joint speed", "thesis", "joint accel.", "thesis", "solved"];
+    let row = row(&text, &titles, "5");
+    assert_eq!([row[1], row[3], row[5], row[6]], ["0.300", "0.68", "23.9", "1/1"]);
+    assert!(row[2].parse::<f64>().unwrap() > 0.0 && text.contains("of 1 starts"), "{text}");
+    assert_written(&desk, &text, "out/table-3-2.md", &[]);
+}
+
+#[test]
+fn table_3_3_finds_a_speed_that_holds() {
+    let desk = desk();
+    let text = bench(&desk, &["table-3-3", "--only", "roll", "--steps", "1"]).succeeds();
+    let titles = ["motion", "top speed m/s", "thesis m/s", "stopped by"];
+    let row = row(&text, &titles, "AgileBot rolling");
+    // The shipped motion, or one step of a quarter beyond it; the wheels' servos end at 0.34 m/s.
+    let speed: f64 = row[1].parse().unwrap();
+    assert!((0.2..0.34).contains(&speed) && row[2] == "0.338", "{row:?}");
+    assert_written(&desk, &text, "out/table-3-3.md", &[]);
+}
+
+#[test]
+fn a_wrong_row_is_told_the_right_ones() {
+    let desk = desk();
+    for (name, first) in [
+        ("table-2-1", "swizzlebot_forward"),
+        ("figure-2-3", "swizzlebot_forward"),
+        ("figure-3-2", "trot"),
+        ("table-3-2", "swizzlebot2_forward"),
+        ("table-3-3", "walk_held"),
+    ] {
+        let there_are = format!("there are {first}");
+        bench(&desk, &[name, "--only", "wlak"]).fails(1, &["`wlak`", &there_are]);
+    }
+}
