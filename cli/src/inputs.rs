@@ -10,6 +10,7 @@ use rollwalk_planner::library_file::LibraryFile;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Where input files come from.
@@ -19,6 +20,57 @@ pub enum Source {
     Disk,
     /// The files inside the binary, by their path in the checkout.
     Shipped,
+}
+
+/// The text of a file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TextFile {
+    /// How messages name the file.
+    pub path: String,
+    /// What it says; problem files have a string for each line, so that people can read them.
+    #[serde(rename = "lines", with = "lines")]
+    pub text: String,
+}
+
+/// Texts as lists of lines.
+mod lines {
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(text: &str, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(text.split('\n'))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+        Ok(Vec::<String>::deserialize(deserializer)?.join("\n"))
+    }
+}
+
+/// The texts of a motion file and the robot file that it names.
+pub struct MotionTexts {
+    /// The motion file.
+    pub motion: TextFile,
+    /// The robot file.
+    pub robot: TextFile,
+}
+
+impl MotionTexts {
+    /// Reads and validates both.
+    ///
+    /// # Errors
+    /// Everything that is wrong in one of them.
+    pub fn parse(&self) -> miette::Result<(Robot, Motion)> {
+        let robot = robot(&self.robot)?;
+        let TextFile { path, text } = &self.motion;
+        let explain = Kind::Motion.explain(Path::new(path), text);
+        let motion = Motion::from_toml(path, text, &robot).map_err(explain)?;
+        Ok((robot, motion))
+    }
+}
+
+/// Reads and validates the text of a robot file.
+fn robot(TextFile { path, text }: &TextFile) -> miette::Result<Robot> {
+    Robot::from_toml(path, text).map_err(Kind::Robot.explain(Path::new(path), text))
 }
 
 /// A library file with everything that it names.
@@ -37,9 +89,12 @@ impl Source {
     /// # Errors
     /// The file is missing, or everything that is wrong in it.
     pub fn robot(self, path: &Path) -> miette::Result<Robot> {
+        robot(&self.robot_text(path)?)
+    }
+
+    fn robot_text(self, path: &Path) -> miette::Result<TextFile> {
         let hint = "give the path of a robot file, such as robots/agilebot.toml";
-        let text = self.text(path, "robot file (TOML)", hint)?;
-        Robot::from_toml(&path.to_string_lossy(), &text).map_err(Kind::Robot.explain(path, &text))
+        self.text(path, "robot file (TOML)", hint)
     }
 
     /// Reads and validates a motion file and the robot that it names.
@@ -47,13 +102,27 @@ impl Source {
     /// # Errors
     /// A file is missing, or everything that is wrong in it.
     pub fn motion(self, path: &Path) -> miette::Result<(Robot, Motion)> {
-        let text = self.motion_text(path)?;
-        let name = path.to_string_lossy();
-        let explain = || Kind::Motion.explain(path, &text);
-        let robot = Motion::robot_path_in_toml(&name, &text).map_err(explain())?;
-        let robot = self.robot(&beside(path, &robot))?;
-        let motion = Motion::from_toml(&name, &text, &robot).map_err(explain())?;
-        Ok((robot, motion))
+        self.beside_motion(self.motion_text(path)?)?.parse()
+    }
+
+    /// The text of a motion file.
+    ///
+    /// # Errors
+    /// The file is missing or is no text.
+    pub fn motion_text(self, path: &Path) -> miette::Result<TextFile> {
+        self.text(path, "motion file (TOML)", "docs/motion-files.md shows how to write one")
+    }
+
+    /// A motion file's text with that of the robot file that it names.
+    ///
+    /// # Errors
+    /// The motion file names no robot file, or that is missing.
+    pub fn beside_motion(self, motion: TextFile) -> miette::Result<MotionTexts> {
+        let TextFile { path, text } = &motion;
+        let explain = Kind::Motion.explain(Path::new(path), text);
+        let robot = Motion::robot_path_in_toml(path, text).map_err(explain)?;
+        let robot = self.robot_text(&beside(Path::new(path), &robot))?;
+        Ok(MotionTexts { motion, robot })
     }
 
     /// Reads and validates a library file, its robot and its motions.
@@ -62,8 +131,7 @@ impl Source {
     /// A file is missing, or everything that is wrong in it, or motions that do not fit together.
     pub fn library(self, path: &Path) -> miette::Result<Library> {
         let hint = "give the path of a library file; docs/motion-files.md describes them";
-        let text = self.text(path, "library file (TOML)", hint)?;
-        let name = path.to_string_lossy();
+        let TextFile { path: name, text } = self.text(path, "library file (TOML)", hint)?;
         let explain = || Kind::Library.explain(path, &text);
         let robot = LibraryFile::robot_path_in_toml(&name, &text).map_err(explain())?;
         let robot = self.robot(&beside(path, &robot))?;
@@ -91,17 +159,14 @@ impl Source {
         Ok(Library { robot, file, motions })
     }
 
-    fn motion_text(self, path: &Path) -> miette::Result<String> {
-        self.text(path, "motion file (TOML)", "docs/motion-files.md shows how to write one")
-    }
-
-    fn text(self, path: &Path, kind: &'static str, hint: &str) -> miette::Result<String> {
-        match self {
+    fn text(self, path: &Path, kind: &'static str, hint: &str) -> miette::Result<TextFile> {
+        let text = match self {
             Source::Disk => files::read_text(path, kind, hint),
             Source::Shipped => shipped::text(path)
                 .map(str::to_owned)
                 .ok_or_else(|| miette!("the binary carries no {kind} called {}", path.display())),
-        }
+        };
+        Ok(TextFile { path: path.to_string_lossy().into_owned(), text: text? })
     }
 }
 
@@ -110,9 +175,17 @@ impl Source {
 /// # Errors
 /// The file is missing or is not a plan that this version reads.
 pub fn plan(path: &Path) -> miette::Result<Plan> {
+    let TextFile { path: name, text } = plan_text(path)?;
+    Plan::from_json(&name, &text).map_err(Kind::Plan.explain(path, &text))
+}
+
+/// The text of a plan.
+///
+/// # Errors
+/// The file is missing or is no text.
+pub fn plan_text(path: &Path) -> miette::Result<TextFile> {
     let hint = "make one with `rollwalk plan MOTION.toml -o PLAN.json`";
-    let text = files::read_text(path, "plan (JSON)", hint)?;
-    Plan::from_json(&path.to_string_lossy(), &text).map_err(Kind::Plan.explain(path, &text))
+    Source::Disk.text(path, "plan (JSON)", hint)
 }
 
 /// The path of a file that `path` names relative to itself, without `x/..` detours.

@@ -1,7 +1,9 @@
 //! What kind of file a text is: giving one kind where another belongs is an easy slip, and deserves
 //! better than a list of unknown keys.
 
+use crate::problem;
 use miette::{Diagnostic, Report, miette};
+use rollwalk_planner::plan;
 use std::path::Path;
 
 /// The kinds of text that commands read.
@@ -15,18 +17,28 @@ pub enum Kind {
     Library,
     /// A plan.
     Plan,
+    /// A problem file.
+    Problem,
 }
 
 impl Kind {
     /// What a text looks like by the words that only one kind has.
     fn of(text: &str) -> Option<Self> {
         if text.trim_start().starts_with('{') {
-            return text.contains("\"rollwalk-plan\"").then_some(Self::Plan);
+            // A problem may carry a plan; the quotes of that are escaped.
+            let has = |format: &str| text.contains(&format!("\"{format}\""));
+            let marks = [(problem::FORMAT, Self::Problem), (plan::FORMAT, Self::Plan)];
+            return marks.into_iter().find(|(format, _)| has(format)).map(|(_, kind)| kind);
         }
         let has = |header: &str| text.lines().any(|line| line.trim_start().starts_with(header));
         let marks = [("[[link]]", Self::Robot), ("[[motion]]", Self::Library)];
         let marks = marks.into_iter().chain([("[footfalls]", Self::Motion)]);
         marks.into_iter().find(|(header, _)| has(header)).map(|(_, kind)| kind)
+    }
+
+    /// Whether a text that can be a motion or a problem is meant to be a problem.
+    pub fn is_problem(text: &str) -> bool {
+        text.trim_start().starts_with('{') && Self::of(text) != Some(Self::Plan)
     }
 
     fn name(self) -> &'static str {
@@ -35,6 +47,7 @@ impl Kind {
             Self::Motion => "a motion file",
             Self::Library => "a library file",
             Self::Plan => "a plan",
+            Self::Problem => "a problem file",
         }
     }
 
@@ -46,6 +59,7 @@ impl Kind {
             Self::Motion => "`rollwalk plan` reads it; library files name it in [[motion]]",
             Self::Library => "`rollwalk library build` and `rollwalk demo --library` read it",
             Self::Plan => "`rollwalk report`, `plot` and `export` read it",
+            Self::Problem => "`rollwalk plan` solves it again",
         }
     }
 

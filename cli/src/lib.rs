@@ -4,6 +4,7 @@
 //! One file per subcommand in `cli/src/cmd`, each with its arguments and a `run`. Results go to stdout,
 //! progress to stderr; how a run ends is an [`Exit`].
 
+mod choices;
 mod cmd;
 mod exit;
 mod files;
@@ -12,6 +13,7 @@ mod interrupt;
 mod kind;
 mod output;
 mod planning;
+mod problem;
 mod progress;
 mod race;
 mod shipped;

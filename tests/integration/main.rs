@@ -4,6 +4,7 @@ mod bad_input;
 mod bench;
 mod command_line;
 mod demo;
+mod problem_files;
 mod readme;
 mod results;
 mod solver_options;

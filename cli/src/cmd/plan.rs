@@ -1,14 +1,19 @@
 //! `rollwalk plan`: optimises a motion.
 
+use crate::choices::{self, Choices, MethodChoice, StartChoice};
+use crate::inputs::Source;
+use crate::kind::Kind;
 use crate::planning::shortfall;
+use crate::problem::{Parsed, Problem};
 use crate::progress::{Watch, words};
 use crate::{Exit, files, inputs, interrupt, output, race};
-use miette::IntoDiagnostic;
+use miette::{IntoDiagnostic, miette};
 use rollwalk_planner::plan::{Plan, Status};
-use rollwalk_planner::start::{Start, StartKind, Started, WarmStart};
-use rollwalk_planner::{Method, Options, replan};
+use rollwalk_planner::start::{StartKind, Started};
+use rollwalk_planner::{Options, replan};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
 
 /// Optimise a motion and write the plan.
 ///
@@ -22,83 +27,42 @@ Examples:
   rollwalk plan motions/walk.toml -o walk.plan.json --json | jq .iterations
   rollwalk plan motions/walk.toml -o walk.plan.json --seed 3
   rollwalk plan faster.toml -o faster.plan.json --from walk.plan.json
+  rollwalk plan odd.toml -o odd.plan.json --dump odd.problem.json
+  rollwalk plan odd.problem.json -o odd.plan.json           the same once more
 
 The format is described in docs/motion-files.md.")]
 pub struct Args {
-    /// Motion file (TOML).
+    /// Motion file (TOML), or a problem file of `--dump` (JSON) to solve once more as it was.
     #[arg(value_name = "MOTION.toml")]
     motion: PathBuf,
     /// Where to write the plan.
     #[arg(short, long, value_name = "PLAN.json")]
     output: PathBuf,
     /// Where to start.
-    #[arg(long, value_enum, default_value_t)]
-    start: Choice,
-    /// Seed of everything random in the start; the same seed gives the same plan.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
+    #[arg(long, value_enum)]
+    start: Option<StartChoice>,
+    /// Seed of everything random in the start; the same seed gives the same plan [default: 0].
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
     /// Start from this plan of a similar motion, such as the same one before an edit.
     #[arg(long, value_name = "PLAN.json", conflicts_with_all = ["start", "seed"])]
     from: Option<PathBuf>,
     /// How to minimise; the others are the thesis's, for comparison, and much slower.
-    #[arg(long, value_enum, default_value_t)]
-    method: MethodChoice,
+    #[arg(long, value_enum)]
+    method: Option<MethodChoice>,
+    /// Most iterations of each start [default: 300].
+    #[arg(long, value_name = "N")]
+    iterations: Option<NonZeroU32>,
+    /// First write all that this solve needs into one file, for a bug report: the texts of motion, robot
+    /// and neighbouring plan, and the options.
+    #[arg(long, value_name = "PROBLEM.json")]
+    dump: Option<PathBuf>,
     /// Print every iteration to stderr.
     #[arg(short, long)]
     verbose: bool,
     /// Print the outcome as JSON.
     #[arg(long)]
     json: bool,
-}
-
-/// Where a solve can start.
-#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
-enum Choice {
-    /// What suits the motion, several starts at once if there are cores for them
-    #[default]
-    Auto,
-    /// Standing, carried along the way to the goal
-    Standing,
-    /// Standing with a smooth random swing of every joint
-    Sinusoid,
-    /// The thesis's warm start: stand, sway, step in place
-    Warm,
-}
-
-impl From<Choice> for Start {
-    fn from(choice: Choice) -> Self {
-        match choice {
-            Choice::Auto => Self::Auto,
-            Choice::Standing => Self::Standing,
-            Choice::Sinusoid => Self::Sinusoid,
-            Choice::Warm => Self::Warm(WarmStart::default()),
-        }
-    }
-}
-
-/// How a solve can go.
-#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
-enum MethodChoice {
-    /// Gauss-Newton with multipliers
-    #[default]
-    GaussNewton,
-    /// Newton with a penalty of 10000, without the second derivatives of consistency constraints
-    NewtonFiltered,
-    /// Newton with a penalty of 10000 and the true Hessian
-    NewtonTrue,
-    /// L-BFGS with a penalty of 10000
-    Lbfgs,
-}
-
-impl From<MethodChoice> for Method {
-    fn from(choice: MethodChoice) -> Self {
-        match choice {
-            MethodChoice::GaussNewton => Self::GaussNewton,
-            MethodChoice::NewtonFiltered => Self::NewtonFiltered,
-            MethodChoice::NewtonTrue => Self::NewtonTrue,
-            MethodChoice::Lbfgs => Self::Lbfgs,
-        }
-    }
 }
 
 /// What `--json` prints.
@@ -119,14 +83,16 @@ struct Outcome<'a> {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    let (robot, motion) = inputs::Source::Disk.motion(&args.motion)?;
-    let previous = args.from.as_deref().map(inputs::plan).transpose()?;
+    let (problem, origin) = problem(args)?;
+    let Parsed { robot, motion, from } = problem.parse(origin)?;
     files::prepare(files::folder(&args.output))?;
+    if let Some(path) = &args.dump {
+        files::write(path, problem.to_json().as_bytes())?;
+    }
     interrupt::listen();
-    let mut options = Options { start: args.start.into(), seed: args.seed, ..Options::default() };
-    options.settings.method = args.method.into();
+    let options = Options::from(problem.options);
     let watch = Watch::start(&motion.name, args.verbose);
-    let plan = match previous {
+    let plan = match from {
         Some(previous) => {
             let progress = &mut |progress: &_| watch.iteration(progress);
             replan(&previous, &robot, &motion, &options, progress).into_diagnostic()?
@@ -144,7 +110,56 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     } else {
         output::print(&describe(&plan, time_s, written))?;
     }
+    if matches!(plan.solve.status, Status::Stalled | Status::IterationLimit) {
+        output::say(match &args.dump {
+            Some(path) => format!(
+                "if the motion should be possible, report it: {} has all that the solve needs",
+                path.display()
+            ),
+            None => "if the motion should be possible, report it with the file that `--dump \
+                     PROBLEM.json` writes"
+                .to_owned(),
+        });
+    }
     Ok(exit)
+}
+
+/// The problem to solve, and the file that carries it if it comes from one.
+fn problem(args: &Args) -> miette::Result<(Problem, Option<&Path>)> {
+    if args.dump.as_ref() == Some(&args.output) {
+        return Err(miette!("plan and problem would both be written to {}", args.output.display()));
+    }
+    let file = Source::Disk.motion_text(&args.motion)?;
+    if Kind::is_problem(&file.text) {
+        let given = [
+            ("--start", args.start.is_some()),
+            ("--seed", args.seed.is_some()),
+            ("--from", args.from.is_some()),
+            ("--method", args.method.is_some()),
+            ("--iterations", args.iterations.is_some()),
+        ];
+        if let Some((option, _)) = given.into_iter().find(|(_, given)| *given) {
+            return Err(miette!(
+                help = "leave it out, or change `options` in a copy of the file",
+                "{} brings its own options: it does not go with {option}",
+                file.path
+            ));
+        }
+        let problem = Problem::from_json(&file.path, &file.text)?;
+        if let Some(other) = problem.other_program() {
+            output::say(format_args!("written by {other}, which may plan differently"));
+        }
+        return Ok((problem, Some(&args.motion)));
+    }
+    let texts = Source::Disk.beside_motion(file)?;
+    let from = args.from.as_deref().map(inputs::plan_text).transpose()?;
+    let options = Choices {
+        start: args.start.unwrap_or_default(),
+        seed: args.seed.unwrap_or_default(),
+        method: args.method.unwrap_or_default(),
+        iterations: args.iterations.unwrap_or_else(choices::default_iterations),
+    };
+    Ok((Problem::new(texts, from, options), None))
 }
 
 fn outcome<'a>(plan: &'a Plan, time_s: f64, written: Option<&'a PathBuf>) -> Outcome<'a> {

@@ -1,0 +1,174 @@
+//! Problem files: everything that a solve needs, in one file, for bug reports (docs/problem-files.md).
+//!
+//! They carry the texts of the files that were read, not what was understood of them, so that replaying
+//! one goes through the same readers and gives the same plan to the byte.
+
+use crate::choices::Choices;
+use crate::inputs::{MotionTexts, TextFile};
+use crate::kind::Kind;
+use miette::Diagnostic;
+use rollwalk_planner::motion::Motion;
+use rollwalk_planner::plan::Plan;
+use rollwalk_robot::Robot;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use thiserror::Error;
+
+/// What `format` says.
+pub const FORMAT: &str = "rollwalk-problem";
+/// Version of the format that this program writes and reads.
+const VERSION: u32 = 1;
+/// This program.
+const PROGRAM: &str = concat!("rollwalk ", env!("CARGO_PKG_VERSION"));
+
+/// A problem file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Problem {
+    format: String,
+    version: u32,
+    /// Program that wrote the file.
+    program: String,
+    /// How to solve.
+    pub options: Choices,
+    motion: TextFile,
+    robot: TextFile,
+    /// The plan to start from.
+    from: Option<TextFile>,
+}
+
+/// Why a problem file cannot be used.
+#[derive(Debug, Error, Diagnostic)]
+pub enum ProblemError {
+    /// The text is not JSON, or a field is missing, unknown or of the wrong type.
+    #[error("{file}:{line}:{column}: {}{message}", if path == "." { String::new() } else { format!("{path}: ") })]
+    #[diagnostic(help(
+        "docs/problem-files.md lists every field; `rollwalk plan --dump` writes such files"
+    ))]
+    Syntax {
+        /// The file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// JSON path of the field; `.` is the whole file.
+        path: String,
+        /// What is wrong.
+        message: String,
+    },
+    /// Another format or version.
+    #[error("{file}: {path} is {value}; expected {expected}")]
+    #[diagnostic(help(
+        "docs/problem-files.md lists every field; `rollwalk plan --dump` writes such files"
+    ))]
+    Value {
+        /// The file.
+        file: String,
+        /// The field.
+        path: &'static str,
+        /// The value found.
+        value: String,
+        /// What would be right.
+        expected: String,
+    },
+}
+
+/// The two fields that every version of the format has.
+#[derive(Deserialize)]
+struct Header {
+    #[serde(default)]
+    format: serde_json::Value,
+    #[serde(default)]
+    version: serde_json::Value,
+}
+
+/// A problem, read and validated.
+pub struct Parsed {
+    /// The robot.
+    pub robot: Robot,
+    /// The motion.
+    pub motion: Motion,
+    /// The plan to start from.
+    pub from: Option<Plan>,
+}
+
+impl Problem {
+    /// The problem of these files.
+    pub fn new(texts: MotionTexts, from: Option<TextFile>, options: Choices) -> Self {
+        let MotionTexts { motion, robot } = texts;
+        let (format, program) = (FORMAT.to_owned(), PROGRAM.to_owned());
+        Self { format, version: VERSION, program, options, motion, robot, from }
+    }
+
+    /// Reads a problem file; `file` is how errors name it.
+    ///
+    /// # Errors
+    /// [`ProblemError`] names file, place, value and what would be right.
+    pub fn from_json(file: &str, text: &str) -> Result<Self, ProblemError> {
+        let syntax = |path: String, error: &serde_json::Error| {
+            let message = error.to_string();
+            let message = message.rsplit_once(" at line ").map_or(&*message, |(head, _)| head);
+            let not = if error.is_data() { "" } else { "this is not whole JSON: " };
+            let (line, column) = (error.line(), error.column());
+            let message = format!("{not}{message}");
+            ProblemError::Syntax { file: file.to_owned(), line, column, path, message }
+        };
+        // Format and version first: a problem of another version may differ in any other field.
+        let header: Header =
+            serde_json::from_str(text).map_err(|error| syntax(".".to_owned(), &error))?;
+        let fault = |path, value: &serde_json::Value, expected: String| {
+            let value = if value.is_null() { "missing".to_owned() } else { value.to_string() };
+            Err(ProblemError::Value { file: file.to_owned(), path, value, expected })
+        };
+        if header.format != FORMAT {
+            return fault("format", &header.format, format!("\"{FORMAT}\""));
+        }
+        if header.version.as_u64().is_some_and(|version| version > u64::from(VERSION)) {
+            let newer = "the problem is from a newer rollwalk, update this one";
+            return fault("version", &header.version, format!("{VERSION} or less: {newer}"));
+        }
+        if header.version != VERSION {
+            return fault("version", &header.version, VERSION.to_string());
+        }
+        let mut deserializer = serde_json::Deserializer::from_str(text);
+        serde_path_to_error::deserialize(&mut deserializer)
+            .map_err(|error| syntax(error.path().to_string(), error.inner()))
+    }
+
+    /// The program that wrote the file, if it is not this one and plans may differ.
+    pub fn other_program(&self) -> Option<&str> {
+        (self.program != PROGRAM).then_some(&*self.program)
+    }
+
+    /// As readable JSON, by this program.
+    pub fn to_json(&self) -> String {
+        let own = Self { program: PROGRAM.to_owned(), ..self.clone() };
+        // Only maps with non-string keys can fail to become JSON; a problem has no map.
+        serde_json::to_string_pretty(&own).unwrap_or_default() + "\n"
+    }
+
+    /// Reads the texts. `origin` is the problem file that carries them, if they do not come from files
+    /// of their own.
+    ///
+    /// # Errors
+    /// Everything that is wrong in one of them.
+    pub fn parse(&self, origin: Option<&Path>) -> miette::Result<Parsed> {
+        let named = |file: &TextFile| match origin {
+            Some(origin) => {
+                let path = format!("{}: {}", origin.display(), file.path);
+                TextFile { path, text: file.text.clone() }
+            }
+            None => file.clone(),
+        };
+        let texts = MotionTexts { motion: named(&self.motion), robot: named(&self.robot) };
+        let (robot, motion) = texts.parse()?;
+        let plan = |file: &TextFile| {
+            let TextFile { path, text } = named(file);
+            let explain = Kind::Plan.explain(Path::new(&path), &text);
+            Plan::from_json(&path, &text).map_err(explain)
+        };
+        let from = self.from.as_ref().map(plan).transpose()?;
+        Ok(Parsed { robot, motion, from })
+    }
+}
