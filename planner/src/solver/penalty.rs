@@ -1,27 +1,31 @@
 //! The thesis's methods, for comparison: a penalty on every constraint instead of multipliers, minimised
 //! by Newton's method (sec. 2.4.2, 2.4.3) or L-BFGS with a backtracking line search.
 //!
-//! Constraints weigh 10 000, functional objectives 50. The centre of mass is eliminated, so that Eq. 2.11
+//! Constraints weigh 10 000, functional and choreography objectives 50; those are constraints all the same
+//! when it comes to whether a plan does what was asked. The centre of mass is eliminated, so that Eq. 2.11
 //! has no second derivatives to filter. A Hessian that is not positive definite is regularised
 //! dynamically: the damping grows until it is. L-BFGS is our own two-loop recursion: it shares line
 //! search, stop tests and interruption with Newton's method, and reads no clock.
 
 use super::curvature::Curvature;
-use super::{ACCEPTED_LEVEL, Method, Progress, Settings, TERMS, worst};
+use super::{ACCEPTED_LEVEL, Method, Progress, Settings, TERMS};
 use crate::formulation::{self, Term};
 use crate::normal::{NormalEquations, row_energy};
 use crate::plan::{SolveSummary, Status};
 use crate::problem::{Problem, Unknowns};
-use crate::rows::{Columns, Role, Rows};
+use crate::rows::{Columns, Role, Row, Rows};
 use crate::start::Started;
-use crate::terms::{Displacement, Turn};
+use crate::terms::{Displacement, TargetHeading, TargetPosition, TargetVelocity, Turn};
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
 /// Penalty of every constraint.
 pub const PENALTY: f64 = 10_000.0;
-/// Weight of displacement and turning.
+/// Weight of what the thesis calls functional objectives, and of its choreography objectives.
 const OBJECTIVE: f64 = 50.0;
+/// What has that weight. Bounds on heights are inequalities and weigh like those.
+static OBJECTIVES: [&dyn Term; 5] =
+    [&Displacement, &Turn, &TargetPosition, &TargetVelocity, &TargetHeading];
 /// Relative decrease of the energy below which an iteration counts as flat, and how many end the solve.
 const FLAT: f64 = 1e-8;
 const FLAT_ITERATIONS: usize = 3;
@@ -36,13 +40,23 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 fn evaluate(problem: &Problem, columns: &Columns, unknowns: &Unknowns, reuse: Rows) -> Rows {
     let states = problem.states(unknowns);
     let mut rows = formulation::evaluate(problem, columns, unknowns, &states, reuse);
-    let objectives = [Displacement.about().name, Turn.about().name];
-    for row in &mut rows.rows {
-        if objectives.contains(&TERMS[row.term].about().name) {
-            row.role = Role::Cost { weight: OBJECTIVE };
-        }
+    for row in rows.rows.iter_mut().filter(|row| is_objective(row)) {
+        row.role = Role::Cost { weight: OBJECTIVE };
     }
     rows
+}
+
+fn is_objective(row: &Row) -> bool {
+    let name = TERMS[row.term].about().name;
+    OBJECTIVES.iter().any(|objective| objective.about().name == name)
+}
+
+/// The worst of constraints and objectives: its row and its residual over its credible level.
+fn worst(rows: &Rows) -> (usize, f64) {
+    let objectives = rows.rows.iter().enumerate().filter(|(_, row)| is_objective(row));
+    objectives
+        .map(|(index, row)| (index, row.value.abs() * row.scale / row.level))
+        .fold(super::worst(rows), |worst, this| if this.1 > worst.1 { this } else { worst })
 }
 
 /// The L-BFGS direction: minus the gradient through the two-loop recursion over (step, change) pairs.
@@ -136,7 +150,7 @@ pub fn solve(
             pairs.clear();
         }
         let (row, level) = worst(&rows);
-        let is_cost = |row: &&crate::rows::Row| matches!(row.role, Role::Cost { .. });
+        let is_cost = |row: &&Row| matches!(row.role, Role::Cost { .. });
         let report = Progress {
             iteration,
             energy,
@@ -170,4 +184,60 @@ pub fn solve(
         start: Started::default(),
     };
     (summary, rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Model;
+    use crate::motion::Ends;
+    use crate::problem::Weights;
+    use crate::test_robots;
+
+    #[test]
+    fn every_constraint_has_a_penalty_and_decides_whether_a_plan_holds() {
+        let mut seen = vec![false; TERMS.len()];
+        for robot in test_robots::all() {
+            let mut motion = test_robots::motion(&robot, Ends::AtRest);
+            motion.targets = test_robots::targets();
+            motion.heights = test_robots::heights();
+            let driven = robot.end_effectors.iter().map(|ee| ee.contact.actuator().is_some());
+            motion.held_wheels =
+                driven.enumerate().map(|(j, driven)| j % 2 == 1 && driven).collect();
+            let model = Model::new(&robot);
+            let problem = Problem::new(model, &motion, Weights::default());
+            let unknowns = test_robots::random_unknowns(&problem.model, problem.frozen.len(), 3);
+            let columns = Columns::new(&problem);
+            let states = problem.states(&unknowns);
+            let plain =
+                formulation::evaluate(&problem, &columns, &unknowns, &states, Rows::default());
+            let mut rows = evaluate(&problem, &columns, &unknowns, Rows::default());
+            for index in 0..rows.rows.len() {
+                let term = rows.rows[index].term;
+                if std::mem::replace(&mut seen[term], true) {
+                    continue;
+                }
+                let name = TERMS[term].about().name;
+                // Far in the forbidden, ψ is a square and a constant that is nothing beside it.
+                let found = rows.rows[index].value;
+                rows.rows[index].value = 1e9;
+                let weight = row_energy(&rows.rows[index], 0.0, PENALTY)[0] / 1e18;
+                let judged = worst(&rows).0 == index;
+                rows.rows[index].value = found;
+                let asked = ["goal", "target"].iter().any(|word| name.contains(word));
+                match plain.rows[index].role {
+                    Role::Cost { weight: cost } => {
+                        assert!((weight - cost).abs() < 1e-9 * cost && !judged, "{name}")
+                    }
+                    _ if asked => {
+                        assert!((weight - 50.0).abs() < 1e-6 && judged, "{name}: {weight}")
+                    }
+                    _ => assert!((weight - 1e4).abs() < 1e-2 && judged, "{name}: {weight}"),
+                }
+            }
+        }
+        for (term, seen) in TERMS.iter().zip(seen) {
+            assert!(seen, "{} wrote no rows", term.about().name);
+        }
+    }
 }
