@@ -22,15 +22,19 @@ fn row<'a>(text: &'a str, titles: &[&str], name: &str) -> Vec<&'a str> {
     row
 }
 
-/// Asserts that the Markdown file says what stdout did, and that these plots are whole.
+/// Asserts that the Markdown file says what stdout did and that these plots are whole; returns the rows of
+/// the JSON file.
 #[track_caller]
-fn assert_written(desk: &Desk, stdout: &str, markdown: &str, plots: &[&str]) {
-    assert_eq!(desk.read_text(markdown), format!("```\n{}\n```\n", stdout.trim_end()));
+fn written(desk: &Desk, stdout: &str, name: &str, plots: &[&str]) -> Vec<Value> {
+    let markdown = desk.read_text(&format!("out/{name}.md"));
+    assert_eq!(markdown, format!("```\n{}\n```\n", stdout.trim_end()));
     for plot in plots {
         let svg = desk.read_text(plot);
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"), "{plot}");
         assert!(svg.contains("<polyline") || svg.contains("<circle"), "{plot} has curves");
     }
+    let json = desk.read_text(&format!("out/{name}.json"));
+    serde_json::from_str(&json).unwrap_or_else(|error| panic!("{error} in {json}"))
 }
 
 #[test]
@@ -47,9 +51,7 @@ fn table_2_1_counts_what_it_solves() {
     let row = row(&text, &titles, "agilebot_turn");
     assert_eq!([row[4], row[9]], ["2/2", "2/2"]);
     assert!(text.contains("yes every seed of every row is solved"), "{text}");
-    assert_written(&desk, &text, "out/table-2-1.md", &[]);
-    let rows: Value = serde_json::from_slice(&desk.read("out/table-2-1.json")).unwrap();
-    let rows = rows.as_array().unwrap();
+    let rows = written(&desk, &text, "table-2-1", &[]);
     assert_eq!(rows.len(), 1, "the whole name, not swizzlebot_turn");
     assert_eq!((&rows[0]["solved"], &rows[0]["samples"]), (&2.into(), &row[1].parse().unwrap()));
     assert!(rows[0]["worst_level"].as_f64() <= Some(0.2) && rows[0]["cold_cpu_s_max"].is_f64());
@@ -64,7 +66,10 @@ fn samples_has_a_row_for_each_number() {
         row(&text, &titles, samples);
     }
     assert!(text.contains("grows as samples^"), "{text}");
-    assert_written(&desk, &text, "out/samples.md", &["out/samples.svg"]);
+    let rows = written(&desk, &text, "samples", &["out/samples.svg"]);
+    let samples: Vec<_> = rows.iter().map(|row| &row["samples"]).collect();
+    assert_eq!(samples, [12, 24]);
+    assert!(rows.iter().all(|row| row["solved"] == true && row["cpu_s"].as_f64() > Some(0.0)));
     // One number has no growth.
     let text = bench(&desk, &["samples", "--samples", "12"]).succeeds();
     assert!(!text.contains("grows"), "{text}");
@@ -86,7 +91,9 @@ fn figure_2_3_has_every_method() {
     }
     let plots =
         ["iterations", "time"].map(|what| format!("out/figure-2-3-creature3_walk-{what}.svg"));
-    assert_written(&desk, &text, "out/figure-2-3.md", &plots.each_ref().map(String::as_str));
+    let rows = written(&desk, &text, "figure-2-3", &plots.each_ref().map(String::as_str));
+    assert_eq!(rows.len(), methods.len());
+    assert_eq!(rows[3]["solve"]["iterations"], 30);
     let first = desk.read_text(&plots[0]);
     assert!(first.contains("L-BFGS") && first.contains("iteration"), "the plot has a legend");
 }
@@ -100,7 +107,9 @@ fn figure_3_2_compares_starts() {
     for start in ["warm start", "warm start, literal"] {
         assert!(text.contains(start), "{text}");
     }
-    assert_written(&desk, &text, "out/figure-3-2.md", &["out/figure-3-2-trot.svg"]);
+    let rows = written(&desk, &text, "figure-3-2", &["out/figure-3-2-trot.svg"]);
+    let kinds: Vec<_> = rows.iter().map(|row| &row["solve"]["start"]["kind"]).collect();
+    assert_eq!(kinds, ["standing", "warm", "warm"]);
     assert!(!text.contains("flying_trot"), "the whole name, not a part of another");
 }
 
@@ -113,7 +122,8 @@ fn table_3_2_sets_its_means_beside_the_thesis() {
     let row = row(&text, &titles, "5");
     assert_eq!([row[1], row[3], row[5], row[6]], ["0.300", "0.68", "23.9", "1/1"]);
     assert!(row[2].parse::<f64>().unwrap() > 0.0 && text.contains("of 1 starts"), "{text}");
-    assert_written(&desk, &text, "out/table-3-2.md", &[]);
+    let rows = written(&desk, &text, "table-3-2", &[]);
+    assert_eq!((&rows[0]["motors_a_leg"], &rows[0]["solved"]), (&5.into(), &1.into()));
 }
 
 #[test]
@@ -125,7 +135,9 @@ fn table_3_3_finds_a_speed_that_holds() {
     // The shipped motion, or one step of a quarter beyond it; the wheels' servos end at 0.34 m/s.
     let speed: f64 = row[1].parse().unwrap();
     assert!((0.2..0.34).contains(&speed) && row[2] == "0.338", "{row:?}");
-    assert_written(&desk, &text, "out/table-3-3.md", &[]);
+    let rows = written(&desk, &text, "table-3-3", &[]);
+    assert_eq!((rows.len(), &rows[0]["thesis_m_s"]), (1, &0.338.into()));
+    assert!((rows[0]["top_speed_m_s"].as_f64().unwrap() - speed).abs() < 1e-3);
 }
 
 #[test]

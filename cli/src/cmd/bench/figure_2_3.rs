@@ -2,11 +2,14 @@
 
 use super::chart::{self, Curve, Labels};
 use super::only::Only;
+use super::publish;
 use crate::inputs::Source;
 use crate::output::{self, Table};
-use crate::{Exit, files, interrupt};
+use crate::{Exit, interrupt};
 use cpu_time::ThreadTime;
+use rollwalk_planner::plan::SolveSummary;
 use rollwalk_planner::{Method, Options, optimise};
+use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -31,9 +34,21 @@ pub struct Args {
     only: Only,
 }
 
+/// One method on one motion, measured.
+#[derive(Serialize)]
+struct Row {
+    motion: String,
+    method: &'static str,
+    cpu_s: f64,
+    /// Iteration and CPU time, s, after which every constraint was credible.
+    credible_after: Option<(usize, f64)>,
+    solve: SolveSummary,
+}
+
 /// Runs the benchmark.
 pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
     let mut text = String::new();
+    let mut rows = Vec::new();
     for file in args.only.choose(&MOTIONS, |file| file)? {
         let (robot, motion) = Source::Shipped.motion(Path::new(file))?;
         let mut table = Table::new([
@@ -77,6 +92,13 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
                 format!("{:.1e}", plan.solve.worst_level),
                 format!("{:?}", plan.solve.status),
             ]);
+            rows.push(Row {
+                motion: motion.name.clone(),
+                method: name,
+                cpu_s: clock.elapsed().as_secs_f64(),
+                credible_after: credible.map(|state| (state.0 as usize, state.1)),
+                solve: plan.solve,
+            });
             by_iteration.push((name.into(), states.iter().map(|s| (s.0, s.2)).collect()));
             by_time.push((name.into(), states.iter().map(|s| (s.1.max(1e-4), s.2)).collect()));
         }
@@ -98,7 +120,6 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
              level up to which a plan is\nphysically credible. Second derivatives come from differences of \
              exact gradients, which makes a Newton\niteration dearer than the thesis's closed forms: \
              compare iterations, not CPU time, between the two.";
-    files::write(&out.join("figure-2-3.md"), format!("```\n{text}\n```\n").as_bytes())?;
-    output::print(&text)?;
+    publish(out, "figure-2-3", &text, &rows)?;
     Ok(Exit::Ok)
 }

@@ -10,13 +10,14 @@ mod table_2_1;
 mod table_3_2;
 mod table_3_3;
 
-use crate::{Exit, files, interrupt};
-use std::path::PathBuf;
+use crate::{Exit, files, interrupt, output};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
 
 /// Re-run the thesis's tables and figures.
 ///
 /// Every solve runs on one thread and is measured in CPU time of that thread. Results go to stdout and,
-/// as Markdown and SVG, Table 2.1 also as JSON, to the output folder. What each shows: docs/benchmarks.md.
+/// as Markdown, JSON and SVG, to the output folder. What each shows: docs/benchmarks.md.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -65,4 +66,13 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Which::Table32(which) => table_3_2::run(which, &args.out),
         Which::Table33(which) => table_3_3::run(which, &args.out),
     }
+}
+
+/// Prints what a benchmark found and writes it to the output folder as `name.md` and, number by number,
+/// as `name.json`.
+fn publish(out: &Path, name: &str, text: &str, rows: &impl Serialize) -> miette::Result<()> {
+    let json = serde_json::to_string_pretty(rows).expect("numbers and names become JSON");
+    files::write(&out.join(format!("{name}.md")), format!("```\n{text}\n```\n").as_bytes())?;
+    files::write(&out.join(format!("{name}.json")), json.as_bytes())?;
+    output::print(text)
 }

@@ -1,11 +1,12 @@
 //! Cost against the number of samples: the same drive, sampled 12 to 240 times.
 
 use super::chart::{self, Labels};
-use super::measure;
+use super::{measure, publish};
 use crate::inputs::Source;
 use crate::output::{self, Table};
-use crate::{Exit, files, interrupt};
+use crate::{Exit, interrupt};
 use rollwalk_planner::Options;
+use serde::Serialize;
 use std::path::Path;
 
 const MOTION: &str = "motions/walk.toml";
@@ -29,10 +30,20 @@ fn whole_strides(text: &str) -> Result<usize, String> {
     }
 }
 
+/// One number of samples, measured.
+#[derive(Serialize)]
+struct Row {
+    samples: usize,
+    solved: bool,
+    iterations: usize,
+    cpu_s: f64,
+}
+
 /// Runs the benchmark.
 pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
     let (robot, stride) = Source::Shipped.motion(Path::new(MOTION))?;
     let mut table = Table::new(["samples", "iterations", "CPU ms", "ms/iteration", "µs/sample"]);
+    let mut rows = Vec::new();
     let (mut whole, mut single) = (Vec::new(), Vec::new());
     for &samples in &args.samples {
         let strides = (samples / STRIDE) as f64;
@@ -55,6 +66,8 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
             format!("{per_iteration:.2}"),
             format!("{:.0}", 1e3 * per_iteration / samples as f64),
         ]);
+        let (solved, iterations, cpu_s) = (run.solved(), run.iterations, run.cpu_s);
+        rows.push(Row { samples, solved, iterations, cpu_s });
         whole.push((samples as f64, 1e3 * run.cpu_s));
         single.push((samples as f64, per_iteration));
     }
@@ -69,8 +82,7 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
     let labels = Labels { title: "Cost against samples", x: "samples", y: "CPU time, ms" };
     let curves = [("whole solve".to_owned(), whole), ("one iteration".to_owned(), single)];
     chart::draw(&out.join("samples.svg"), &labels, true, &curves)?;
-    files::write(&out.join("samples.md"), format!("```\n{text}\n```\n").as_bytes())?;
-    output::print(&text)?;
+    publish(out, "samples", &text, &rows)?;
     Ok(Exit::Ok)
 }
 

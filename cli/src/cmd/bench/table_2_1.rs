@@ -2,9 +2,10 @@
 
 use super::measure::{self, Run, median};
 use super::only::Only;
+use super::publish;
 use crate::inputs::Source;
 use crate::output::{self, Table};
-use crate::{Exit, files, interrupt};
+use crate::{Exit, interrupt};
 use rollwalk_planner::{ACCEPTED_LEVEL, Options};
 use serde::Serialize;
 use std::path::Path;
@@ -78,10 +79,7 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
     }
     let (verdicts, passed) = verdicts(&rows);
     let text = format!("{}\n\n{verdicts}", table(&rows));
-    files::write(&out.join("table-2-1.md"), format!("```\n{text}\n```\n").as_bytes())?;
-    let json = serde_json::to_string_pretty(&rows).expect("numbers and names become JSON");
-    files::write(&out.join("table-2-1.json"), json.as_bytes())?;
-    output::print(&text)?;
+    publish(out, "table-2-1", &text, &rows)?;
     Ok(match (interrupt::requested(), passed) {
         (true, _) => Exit::Interrupted,
         (false, true) => Exit::Ok,

@@ -2,11 +2,13 @@
 
 use super::measure;
 use super::only::Only;
+use super::publish;
 use crate::inputs::Source;
-use crate::output::{self, Table};
-use crate::{Exit, files, interrupt};
+use crate::output::Table;
+use crate::{Exit, interrupt};
 use rollwalk_planner::Options;
 use rollwalk_planner::plan::Plan;
+use serde::Serialize;
 use std::path::Path;
 
 /// Motion file, motors a leg, and the thesis's mean joint speed, rad/s, and acceleration, rad/s².
@@ -27,6 +29,19 @@ pub struct Args {
     only: Only,
 }
 
+/// One robot, measured. Means are null if no seed is solved.
+#[derive(Serialize)]
+struct Row {
+    motors_a_leg: usize,
+    speed_m_s: f64,
+    joint_speed_rad_s: f64,
+    thesis_joint_speed_rad_s: f64,
+    joint_acceleration_rad_s2: f64,
+    thesis_joint_acceleration_rad_s2: f64,
+    seeds: usize,
+    solved: usize,
+}
+
 /// Runs the benchmark.
 pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
     let mut table = Table::new([
@@ -39,6 +54,7 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
         "solved",
     ]);
     let mut solved_all = true;
+    let mut rows = Vec::new();
     for &(file, motors, [thesis_speed, thesis_acceleration]) in
         args.only.choose(&ROWS, |row| row.0)?
     {
@@ -54,6 +70,16 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
         let best = solved.iter().min_by(|a, b| energy(a.plan()).total_cmp(&energy(b.plan())));
         let [speed, acceleration, forward] = best.map_or([f64::NAN; 3], |run| means(run.plan()));
         solved_all &= solved.len() == runs.len();
+        rows.push(Row {
+            motors_a_leg: motors,
+            speed_m_s: forward,
+            joint_speed_rad_s: speed,
+            thesis_joint_speed_rad_s: thesis_speed,
+            joint_acceleration_rad_s2: acceleration,
+            thesis_joint_acceleration_rad_s2: thesis_acceleration,
+            seeds: runs.len(),
+            solved: solved.len(),
+        });
         table.row([
             motors.to_string(),
             format!("{forward:.3}"),
@@ -70,8 +96,7 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
         table.render(),
         args.seeds
     );
-    files::write(&out.join("table-3-2.md"), format!("```\n{text}\n```\n").as_bytes())?;
-    output::print(&text)?;
+    publish(out, "table-3-2", &text, &rows)?;
     Ok(if solved_all { Exit::Ok } else { Exit::NotConverged })
 }
 

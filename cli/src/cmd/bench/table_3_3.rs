@@ -2,13 +2,15 @@
 
 use super::measure::{self, Run};
 use super::only::Only;
+use super::publish;
 use crate::inputs::Source;
 use crate::output::{self, Table};
-use crate::{Exit, files, interrupt};
+use crate::{Exit, interrupt};
 use rollwalk_planner::Options;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::report::{Grid, Report};
 use rollwalk_robot::{Contact, EndEffector, Robot};
+use serde::Serialize;
 use std::path::Path;
 
 /// Motion file, name and measured speed in the thesis, m/s.
@@ -44,9 +46,19 @@ pub struct Args {
     only: Only,
 }
 
+/// One motion, measured.
+#[derive(Serialize)]
+struct Row {
+    motion: &'static str,
+    top_speed_m_s: f64,
+    thesis_m_s: f64,
+    stopped_by: String,
+}
+
 /// Runs the benchmark.
 pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
     let mut table = Table::new(["motion", "top speed m/s", "thesis m/s", "stopped by"]);
+    let mut rows = Vec::new();
     for &(file, name, thesis) in args.only.choose(&ROWS, |row| row.0)? {
         let (mut robot, motion) = Source::Shipped.motion(Path::new(file))?;
         robot.end_effectors.iter_mut().for_each(drag_that_grows);
@@ -56,6 +68,12 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
         if interrupt::requested() {
             return Ok(Exit::Interrupted);
         }
+        rows.push(Row {
+            motion: name,
+            top_speed_m_s: speed,
+            thesis_m_s: thesis,
+            stopped_by: stopped.clone(),
+        });
         table.row([name.into(), format!("{speed:.3}"), format!("{thesis:.3}"), stopped]);
     }
     let text = format!(
@@ -66,8 +84,7 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
         table.render(),
         1e2 * (FINEST - 1.0)
     );
-    files::write(&out.join("table-3-3.md"), format!("```\n{text}\n```\n").as_bytes())?;
-    output::print(&text)?;
+    publish(out, "table-3-3", &text, &rows)?;
     Ok(Exit::Ok)
 }
 
