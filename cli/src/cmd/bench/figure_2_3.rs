@@ -115,11 +115,11 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
             chart::draw(&path, &labels, true, curves)?;
         }
     }
-    text += "The methods of the thesis minimise its penalty energy (weight 10000), ours the same \
-             constraints with\nmultipliers, so the common measure is the worst constraint as a part of the \
-             level up to which a plan is\nphysically credible. Second derivatives come from differences of \
-             exact gradients, which makes a Newton\niteration dearer than the thesis's closed forms: \
-             compare iterations, not CPU time, between the two.";
+    text += "The methods of the thesis minimise its penalty energy (weight 10000, goals 50), ours the same\n\
+             constraints with multipliers, so the common measure is the worst constraint or goal as a part \
+             of the\nlevel up to which a plan is physically credible. Second derivatives come from \
+             differences of exact\ngradients, which makes a Newton iteration dearer than the thesis's closed \
+             forms: compare iterations, not\nCPU time, between the two.";
     publish(out, "figure-2-3", &text, &rows)?;
     Ok(Exit::Ok)
 }
