@@ -1,11 +1,11 @@
 //! Several starts of one motion at once, on as many cores as there are.
 //!
-//! The winner is the first in the candidates' order that converges, whatever the threads' timing, so that
-//! the same motion and seed always give the same plan. Later candidates stop as soon as an earlier one
-//! has converged, and on one core they are not even begun.
+//! The winner is the first in the candidates' order that converges or shows that the request is
+//! impossible, whatever the threads' timing, so that the same motion and seed always give the same plan.
+//! Later candidates stop as soon as an earlier one has won, and on one core they are not even begun.
 
 use rollwalk_planner::motion::Motion;
-use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::plan::Plan;
 use rollwalk_planner::{Options, Progress, optimise, start};
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 
 /// Optimises a motion from its candidate starts. `progress` sees the iterations of the first one that
-/// can still win, and may stop them all. If none converges the plan is that of the first.
+/// can still win, and may stop them all. If none decides the plan is that of the first.
 pub fn optimise_any(
     robot: &Robot,
     motion: &Motion,
@@ -23,22 +23,22 @@ pub fn optimise_any(
 ) -> Plan {
     let candidates = start::candidates(robot, motion, options);
     let cores = thread::available_parallelism().map_or(1, usize::from);
-    first_that_converges(candidates.len(), cores, progress, &|index, watched| {
+    first_that_decides(candidates.len(), cores, progress, &|index, watched| {
         let plan = optimise(robot, motion, &candidates[index], watched);
-        (plan.solve.status, plan)
+        (plan.solve.decides(), plan)
     })
 }
 
 /// What a solve calls after every iteration.
 type Watched<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
 
-/// Runs solves 0 to `count` on up to `workers` threads and returns what the first that converges, or is
-/// interrupted, brings; that of the first if none does.
-fn first_that_converges<T: Send>(
+/// Runs solves 0 to `count` on up to `workers` threads and returns what the first that decides the race
+/// brings; that of the first if none does. A solve says whether it decides, as an interrupted one does.
+fn first_that_decides<T: Send>(
     count: usize,
     workers: usize,
     progress: &(dyn Fn(&Progress) -> ControlFlow<()> + Sync),
-    solve: &(dyn Fn(usize, &mut Watched) -> (Status, T) + Sync),
+    solve: &(dyn Fn(usize, &mut Watched) -> (bool, T) + Sync),
 ) -> T {
     let race = Race {
         next: AtomicUsize::new(0),
@@ -52,7 +52,7 @@ fn first_that_converges<T: Send>(
             if index >= count || race.is_decided_before(index) {
                 return;
             }
-            let (status, result) = solve(index, &mut |state| {
+            let (decides, result) = solve(index, &mut |state| {
                 if race.is_decided_before(index) {
                     ControlFlow::Break(())
                 } else if race.leads(index) {
@@ -61,7 +61,7 @@ fn first_that_converges<T: Send>(
                     ControlFlow::Continue(())
                 }
             });
-            race.finished(index, status);
+            race.finished(index, decides);
             if let Ok(mut results) = results.lock() {
                 results[index] = Some(result);
             }
@@ -102,16 +102,13 @@ impl Race {
         self.failed[..index].iter().all(|failed| failed.load(Ordering::SeqCst))
     }
 
-    /// Candidate `index` has ended. An interrupt ends the race like a victory.
-    fn finished(&self, index: usize, status: Status) {
-        match status {
+    /// Candidate `index` has ended.
+    fn finished(&self, index: usize, decides: bool) {
+        if decides {
             // A loser that was stopped is behind the winner already.
-            Status::Converged | Status::Interrupted => {
-                self.winner.fetch_min(index, Ordering::SeqCst);
-            }
-            Status::Infeasible | Status::Stalled | Status::IterationLimit => {
-                self.failed[index].store(true, Ordering::SeqCst);
-            }
+            self.winner.fetch_min(index, Ordering::SeqCst);
+        } else {
+            self.failed[index].store(true, Ordering::SeqCst);
         }
     }
 }

@@ -3,6 +3,7 @@
 //! Data flow: robot + [`motion::Motion`] → optimise → [`plan::Plan`] → sampled at 60 Hz → motion library.
 //! A pure library: no clock, no file access, no threads, so that it also builds for the browser.
 
+pub mod blame;
 pub mod export;
 mod formulation;
 mod guess;

@@ -7,6 +7,7 @@ mod validate;
 pub use json::PlanError;
 pub(crate) use json::join_plain_arrays;
 
+use crate::blame::Blame;
 use crate::motion::Motion;
 use crate::start::Started;
 use rollwalk_robot::Robot;
@@ -110,6 +111,20 @@ pub struct SolveSummary {
     pub worst_constraint: String,
     /// Where the solve started.
     pub start: Started,
+    /// Who is to blame when constraints could not be met.
+    pub blame: Option<Blame>,
+}
+
+impl SolveSummary {
+    /// Whether trying another start is not worth while: this one converged, showed that the request is
+    /// impossible, or was interrupted.
+    pub fn decides(&self) -> bool {
+        match self.status {
+            Status::Converged | Status::Interrupted => true,
+            Status::Infeasible => self.blame.as_ref().is_some_and(|blame| blame.verdict.is_final()),
+            Status::Stalled | Status::IterationLimit => false,
+        }
+    }
 }
 
 /// Outcome of a solve: a value, not an error.
@@ -118,10 +133,11 @@ pub struct SolveSummary {
 pub enum Status {
     /// All constraints hold within 0.2 of their credible levels.
     Converged,
-    /// The iterations stopped improving with a constraint violated.
+    /// The iterations stopped improving with a constraint violated, or proved that the constraints
+    /// contradict each other: see [`SolveSummary::blame`].
     Infeasible,
-    /// No step lowers the energy any more, with a constraint violated: numbers, not the motion, are in
-    /// the way.
+    /// No step lowers the energy any more, with a constraint violated, or the constraints can be met
+    /// close by: numbers, not the motion, are in the way.
     Stalled,
     /// The iteration limit came first.
     IterationLimit,

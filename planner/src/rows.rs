@@ -5,6 +5,7 @@
 //! column, so that terms stay free of bookkeeping. The pattern of a problem never changes: every call
 //! writes the same rows with the same columns.
 
+use crate::motion;
 use crate::plan::Placement;
 use crate::problem::{Problem, Unknowns};
 use crate::state::State;
@@ -73,11 +74,48 @@ pub enum Role {
     },
 }
 
+/// Which part of the robot a residual is about: an index into the robot's list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Subject {
+    /// All of it.
+    Whole,
+    /// An end effector.
+    EndEffector(usize),
+    /// A joint.
+    Joint(usize),
+}
+
+impl From<motion::Subject> for Subject {
+    fn from(subject: motion::Subject) -> Self {
+        match subject {
+            motion::Subject::Com | motion::Subject::Body => Self::Whole,
+            motion::Subject::EndEffector(j) => Self::EndEffector(j),
+        }
+    }
+}
+
+/// A number of the motion or robot file that a residual compares with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Given {
+    /// Name of its field.
+    pub field: &'static str,
+    /// The number.
+    pub value: f64,
+    /// Derivative of the residual with respect to it, 1 or −1.
+    pub slope: f64,
+}
+
 /// One residual.
 #[derive(Clone, Debug)]
 pub struct Row {
     /// Index of the term in the formulation.
     pub term: usize,
+    /// Timeline index of the middle of the window it was written for.
+    pub at: usize,
+    /// Which part of the robot it is about.
+    pub subject: Subject,
+    /// The number that it compares with, where there is one.
+    pub given: Option<Given>,
     /// Residual over its scale.
     pub value: f64,
     /// Size of the residual that makes it 1, in the term's unit.
@@ -130,6 +168,7 @@ pub struct RowWriter<'a> {
     scale: f64,
     level: f64,
     role: Role,
+    given: Option<Given>,
     /// Derivatives of the row under construction: a dense gradient for each sample of the window, the
     /// entries of it that were written, and for each entry whether it was.
     gradients: [Vec<f64>; 3],
@@ -166,6 +205,7 @@ impl<'a> RowWriter<'a> {
             scale: 1.0,
             level: 1.0,
             role: Role::Equality,
+            given: None,
             gradients: [gradient.clone(), gradient.clone(), gradient],
             written: Default::default(),
             is_written: std::array::from_fn(|_| vec![false; problem.layout.len]),
@@ -207,8 +247,18 @@ impl<'a> RowWriter<'a> {
         }
     }
 
-    /// Ends the row: its residual in the term's unit.
+    /// Says what the next row compares with.
+    pub fn given(&mut self, field: &'static str, value: f64, slope: f64) {
+        self.given = Some(Given { field, value, slope });
+    }
+
+    /// Ends a row about the whole robot: its residual in the term's unit.
     pub fn row(&mut self, residual: f64) {
+        self.row_of(Subject::Whole, residual);
+    }
+
+    /// Ends a row about a part of the robot.
+    pub fn row_of(&mut self, subject: Subject, residual: f64) {
         let start = self.rows.columns.len();
         for k in 0..3 {
             if self.written[k].is_empty() {
@@ -240,6 +290,9 @@ impl<'a> RowWriter<'a> {
         }
         self.rows.rows.push(Row {
             term: self.term,
+            at: self.at[1],
+            subject,
+            given: self.given.take(),
             value: residual / self.scale,
             scale: self.scale,
             level: self.level,

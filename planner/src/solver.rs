@@ -9,9 +9,13 @@
 mod curvature;
 mod multipliers;
 mod penalty;
+mod settings;
 
 pub use multipliers::Multipliers;
+pub use settings::{Method, Settings};
 
+use crate::blame::look::{self, Schedule};
+use crate::blame::{self, Verdict};
 use crate::formulation::{self, TERMS};
 use crate::normal::{NormalEquations, row_energy};
 use crate::plan::{SolveSummary, Status};
@@ -23,50 +27,8 @@ use std::ops::ControlFlow;
 /// Part of its credible level that the worst constraint may reach in a converged plan.
 pub const ACCEPTED_LEVEL: f64 = 0.2;
 
-/// How the energy is minimised.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Method {
-    /// Gauss-Newton on every row, with multipliers.
-    #[default]
-    GaussNewton,
-    /// The thesis's penalty and Newton's method without the second derivatives of the consistency
-    /// constraints 2.13 and 2.14 with respect to q: its Filtered Hessian.
-    NewtonFiltered,
-    /// The thesis's penalty and Newton's method with the true Hessian, regularised where indefinite.
-    NewtonTrue,
-    /// The thesis's penalty and L-BFGS.
-    Lbfgs,
-}
-
-/// When to stop and how to step. The defaults suit every shipped motion.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
-    /// How the energy is minimised. The fields below other than `iterations` are for Gauss-Newton.
-    pub method: Method,
-    /// Most iterations.
-    pub iterations: usize,
-    /// Worst constraint, as a fraction of its credible level, at which a plan is good enough.
-    pub target_level: f64,
-    /// Relative energy decrease of a step below which multipliers are shifted.
-    pub nearly_flat: f64,
-    /// Relative energy decrease of a step below which, when constraints hold, the solve ends.
-    pub flat: f64,
-}
-
 /// Damping beyond which steps are too short to matter.
 const DAMPING_LIMIT: f64 = 1e12;
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            method: Method::default(),
-            iterations: 300,
-            target_level: 0.05,
-            nearly_flat: 0.1,
-            flat: 1e-3,
-        }
-    }
-}
 
 /// Where a solve stands; passed to the caller after every iteration.
 #[derive(Clone, Debug)]
@@ -88,7 +50,7 @@ pub struct Progress {
 }
 
 /// The worst constraint row: its index and its residual over its credible level.
-fn worst(rows: &Rows) -> (usize, f64) {
+pub(crate) fn worst(rows: &Rows) -> (usize, f64) {
     let level = |row: &Row| match row.role {
         Role::Equality => row.value.abs() * row.scale / row.level,
         Role::Inequality { .. } => row.value.max(0.0) * row.scale / row.level,
@@ -99,6 +61,28 @@ fn worst(rows: &Rows) -> (usize, f64) {
         .enumerate()
         .map(|(index, row)| (index, level(row)))
         .fold((0, 0.0), |worst, this| if this.1 > worst.1 { this } else { worst })
+}
+
+/// Where a solve stands after a step.
+fn standing(
+    rows: &Rows,
+    iteration: usize,
+    energy: f64,
+    penalty: f64,
+    damping: f64,
+    step: f64,
+) -> Progress {
+    let (row, worst_level) = worst(rows);
+    let costs = rows.rows.iter().filter(|row| matches!(row.role, Role::Cost { .. }));
+    Progress {
+        iteration,
+        energy,
+        cost: costs.map(|row| row_energy(row, 0.0, penalty)[0]).sum(),
+        worst_level,
+        worst_constraint: TERMS[rows.rows[row].term].about().name,
+        damping,
+        step,
+    }
 }
 
 /// What is known at the start of a solve besides the values of the unknowns.
@@ -121,6 +105,19 @@ fn first_order_shift(row: &Row, value: f64, shift: f64) -> f64 {
         Role::Equality => value + shift,
         Role::Inequality { .. } => row_energy(&Row { value, ..row.clone() }, shift, 1.0)[1] / 2.0,
         Role::Cost { .. } => 0.0,
+    }
+}
+
+/// Counts the steps of a look as iterations, and shows them.
+fn counted<'a>(
+    iteration: &'a mut usize,
+    penalty: f64,
+    progress: &'a mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> impl FnMut(&look::Step<'_>) -> ControlFlow<()> {
+    move |step| {
+        *iteration += 1;
+        let (damping, length) = (step.damping, step.length);
+        progress(&standing(step.rows, *iteration, step.energy, penalty, damping, length))
     }
 }
 
@@ -172,6 +169,8 @@ pub fn solve_from(
     let mut last_step = 0.0;
     let mut best_level = f64::INFINITY;
     let mut no_better = 0;
+    let mut looks = Schedule::default();
+    let mut found = None;
     let mut without_step = 0;
 
     while iteration < settings.iterations {
@@ -211,22 +210,8 @@ pub fn solve_from(
             rejected = true;
             damping = (damping * 6.0).max(1e-7);
         }
-        let (row, level) = worst(&rows);
-        let cost: f64 = rows
-            .rows
-            .iter()
-            .filter(|r| matches!(r.role, Role::Cost { .. }))
-            .map(|r| row_energy(r, 0.0, penalty)[0])
-            .sum();
-        let report = Progress {
-            iteration,
-            energy,
-            cost,
-            worst_level: level,
-            worst_constraint: TERMS[rows.rows[row].term].about().name,
-            damping,
-            step: last_step,
-        };
+        let (_, level) = worst(&rows);
+        let report = standing(&rows, iteration, energy, penalty, damping, last_step);
         if progress(&report).is_break() {
             status = Status::Interrupted;
             break;
@@ -246,6 +231,20 @@ pub fn solve_from(
         if decrease < settings.flat && level <= settings.target_level {
             status = Status::Converged;
             break;
+        }
+        if let Some(far_level) = looks.due(iteration, level) {
+            let mut step = counted(&mut iteration, penalty, progress);
+            let found_here =
+                look::look(problem, &columns, &mut normal, unknowns, far_level, &mut step);
+            let Some(nearest) = found_here else {
+                status = Status::Interrupted;
+                break;
+            };
+            if nearest.verdict.is_some() {
+                status = Status::Infeasible;
+                found = Some(nearest);
+                break;
+            }
         }
         if decrease < settings.nearly_flat && level > settings.target_level {
             if level < 0.9 * best_level {
@@ -268,6 +267,28 @@ pub fn solve_from(
             energy = NormalEquations::energy(&rows, &shifts, penalty);
         }
     }
+    if status == Status::Infeasible && found.is_none() {
+        let mut step = counted(&mut iteration, penalty, progress);
+        let far_level = looks.far_level();
+        found = look::look(problem, &columns, &mut normal, unknowns, far_level, &mut step);
+        if found.is_none() {
+            status = Status::Interrupted;
+        }
+    }
+    let mut blame = None;
+    if let Some(nearest) = found {
+        if worst(&nearest.rows).1 <= ACCEPTED_LEVEL {
+            // The constraints can be met close by: the solve, not the request, is at fault.
+            status = Status::Stalled;
+        } else {
+            blame =
+                blame::attribute(problem, &nearest.rows, nearest.verdict.unwrap_or(Verdict::Stuck));
+            // The plan shows the contradiction as small as it gets.
+            *unknowns = nearest.unknowns;
+            rows = nearest.rows;
+            energy = NormalEquations::energy(&rows, &shifts, penalty);
+        }
+    }
     let (row, level) = worst(&rows);
     if status == Status::IterationLimit && level <= ACCEPTED_LEVEL {
         status = Status::Converged;
@@ -280,6 +301,7 @@ pub fn solve_from(
         worst_constraint: TERMS[rows.rows[row].term].about().name.into(),
         // Callers that start otherwise say so.
         start: Started::default(),
+        blame,
     };
     (summary, Multipliers::of(&rows, shifts, penalty))
 }

@@ -234,6 +234,7 @@ impl Drive {
                 worst_level: 0.0,
                 worst_constraint: String::new(),
                 start: Default::default(),
+                blame: None,
             },
             robot,
         }

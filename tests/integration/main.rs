@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod bench;
+mod blame;
 mod command_line;
 mod demo;
 mod problem_files;

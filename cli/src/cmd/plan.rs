@@ -8,6 +8,7 @@ use crate::problem::{Parsed, Problem};
 use crate::progress::{Watch, words};
 use crate::{Exit, files, inputs, interrupt, output, race};
 use miette::{IntoDiagnostic, miette};
+use rollwalk_planner::blame::Blame;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::start::{StartKind, Started};
 use rollwalk_planner::{Options, replan};
@@ -77,6 +78,8 @@ struct Outcome<'a> {
     worst_level: f64,
     worst_constraint: &'a str,
     start: Started,
+    /// Null where nothing is to blame.
+    blame: Option<&'a Blame>,
     /// Null after an interrupt.
     plan: Option<&'a PathBuf>,
 }
@@ -173,6 +176,7 @@ fn outcome<'a>(plan: &'a Plan, time_s: f64, written: Option<&'a PathBuf>) -> Out
         worst_level: plan.solve.worst_level,
         worst_constraint: &plan.solve.worst_constraint,
         start: plan.solve.start,
+        blame: plan.solve.blame.as_ref(),
         plan: written,
     }
 }
@@ -197,7 +201,10 @@ fn describe(plan: &Plan, time_s: f64, written: Option<&PathBuf>) -> String {
         millis(last_yaw - first_yaw),
         plan.motion.duration_s,
         match solve.status {
-            Status::Infeasible | Status::Stalled | Status::IterationLimit => shortfall(solve),
+            Status::Infeasible | Status::Stalled | Status::IterationLimit => {
+                let blame = solve.blame.as_ref().map(|blame| format!("\n{blame}"));
+                shortfall(solve) + &blame.unwrap_or_default()
+            }
             Status::Converged | Status::Interrupted => format!(
                 "worst constraint: {}, at {:.3} of its credible level",
                 solve.worst_constraint, solve.worst_level
@@ -206,9 +213,13 @@ fn describe(plan: &Plan, time_s: f64, written: Option<&PathBuf>) -> String {
         match written {
             Some(path) if solve.status == Status::Converged => format!("wrote {}", path.display()),
             Some(path) => format!(
-                "wrote {0}; `rollwalk report {0}` shows where it fails. A longer duration, a nearer \
-                 goal or more samples may help",
-                path.display()
+                "wrote {0}; `rollwalk report {0}` shows where it fails{1}",
+                path.display(),
+                if solve.blame.is_some() {
+                    ""
+                } else {
+                    ". A longer duration, a nearer goal or more samples may help"
+                }
             ),
             None => "nothing written".to_owned(),
         }

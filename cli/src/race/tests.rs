@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::inputs::Source;
+use rollwalk_planner::plan::Status;
 use std::path::Path;
 use std::sync::mpsc;
 
@@ -20,27 +21,26 @@ fn go_on(_: &Progress) -> ControlFlow<()> {
 }
 
 /// Iterates until somebody stops it.
-fn until_stopped(watched: &mut Watched) -> Status {
+fn until_stopped(watched: &mut Watched) -> bool {
     while watched(&STATE).is_continue() {
         thread::yield_now();
     }
-    Status::Interrupted
+    true
 }
 
 #[test]
 fn the_first_in_order_wins_with_any_number_of_threads() {
-    use Status::{Converged, Infeasible, IterationLimit, Stalled};
-    for (statuses, winner) in [
-        (&[Converged, Converged, Converged][..], 0),
-        (&[Infeasible, Converged, Converged], 1),
-        (&[Stalled, IterationLimit, Infeasible, Converged], 3),
-        (&[Stalled, IterationLimit, Infeasible], 0),
-        (&[Converged], 0),
+    for (decides, winner) in [
+        (&[true, true, true][..], 0),
+        (&[false, true, true], 1),
+        (&[false, false, false, true], 3),
+        (&[false, false, false], 0),
+        (&[true], 0),
     ] {
         for workers in 1..6 {
-            let solve = |index: usize, _: &mut Watched| (statuses[index], index);
-            let won = first_that_converges(statuses.len(), workers, &go_on, &solve);
-            assert_eq!(won, winner, "{statuses:?} on {workers} threads");
+            let solve = |index: usize, _: &mut Watched| (decides[index], index);
+            let won = first_that_decides(decides.len(), workers, &go_on, &solve);
+            assert_eq!(won, winner, "{decides:?} on {workers} threads");
         }
     }
 }
@@ -49,13 +49,13 @@ fn the_first_in_order_wins_with_any_number_of_threads() {
 fn one_that_converges_late_still_wins_over_the_next() {
     let (second_is_done, wait) = mpsc::channel();
     let wait = Mutex::new(wait);
-    let won = first_that_converges(2, 2, &go_on, &|index, _| {
+    let won = first_that_decides(2, 2, &go_on, &|index, _| {
         if index == 0 {
             wait.lock().unwrap().recv().unwrap();
         } else {
             second_is_done.send(()).unwrap();
         }
-        (Status::Converged, index)
+        (true, index)
     });
     assert_eq!(won, 0);
 }
@@ -64,10 +64,10 @@ fn one_that_converges_late_still_wins_over_the_next() {
 fn those_behind_the_winner_are_stopped() {
     let (second_has_begun, wait) = mpsc::channel();
     let wait = Mutex::new(wait);
-    let won = first_that_converges(2, 2, &go_on, &|index, watched| {
+    let won = first_that_decides(2, 2, &go_on, &|index, watched| {
         if index == 0 {
             wait.lock().unwrap().recv().unwrap();
-            return (Status::Converged, index);
+            return (true, index);
         }
         second_has_begun.send(()).unwrap();
         (until_stopped(watched), index)
@@ -78,9 +78,9 @@ fn those_behind_the_winner_are_stopped() {
 #[test]
 fn on_one_thread_none_is_begun_after_the_winner() {
     let begun = AtomicUsize::new(0);
-    first_that_converges(3, 1, &go_on, &|index, _| {
+    first_that_decides(3, 1, &go_on, &|index, _| {
         begun.fetch_add(1, Ordering::SeqCst);
-        (if index == 1 { Status::Converged } else { Status::Stalled }, ())
+        (index == 1, ())
     });
     assert_eq!(begun.into_inner(), 2);
 }
@@ -94,15 +94,14 @@ fn an_interrupt_ends_the_race_even_when_those_behind_have_failed() {
             let wait = workers > 1 && later_have_failed.load(Ordering::SeqCst) < 2;
             if wait { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
-        let status = first_that_converges(3, workers, &interrupt, &|index, watched| {
+        let first = first_that_decides(3, workers, &interrupt, &|index, watched| {
             if index == 0 {
-                let status = until_stopped(watched);
-                return (status, status);
+                return (until_stopped(watched), index);
             }
             later_have_failed.fetch_add(1, Ordering::SeqCst);
-            (Status::Infeasible, Status::Infeasible)
+            (false, index)
         });
-        assert_eq!(status, Status::Interrupted, "on {workers} threads");
+        assert_eq!(first, 0, "on {workers} threads");
     }
 }
 
@@ -112,9 +111,9 @@ fn a_plan_is_the_same_however_many_threads_race() {
     let candidates = start::candidates(&robot, &motion, &Options::default());
     assert!(candidates.len() > 2, "the motion has several starts");
     let plan = |workers| {
-        first_that_converges(candidates.len(), workers, &go_on, &|index, watched| {
+        first_that_decides(candidates.len(), workers, &go_on, &|index, watched| {
             let plan = optimise(&robot, &motion, &candidates[index], watched);
-            (plan.solve.status, plan)
+            (plan.solve.decides(), plan)
         })
     };
     let one = plan(1);

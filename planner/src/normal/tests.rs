@@ -27,6 +27,9 @@ fn random_rows(seed: u64) -> (Rows, Vec<f64>) {
         }
         rows.rows.push(Row {
             term: 0,
+            at: 1,
+            subject: crate::rows::Subject::Whole,
+            given: None,
             value: random(),
             scale: 1.0,
             level: 1.0,

@@ -182,6 +182,8 @@ pub fn solve(
         worst_level: level,
         worst_constraint: TERMS[rows.rows[row].term].about().name.into(),
         start: Started::default(),
+        // Where penalties and costs balance, residuals do not say who contradicts whom.
+        blame: None,
     };
     (summary, rows)
 }

@@ -7,7 +7,7 @@
 
 use super::level;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::d_yaw;
 
 /// See the module.
@@ -40,7 +40,7 @@ impl Term for BladeContact {
             for (&dof, turn) in problem.model.chain(j).dofs.iter().zip(&mount.d_rotation).skip(3) {
                 out.d(1, dof, factor * rolling.dot(&turn.cross(&middle)));
             }
-            out.row(along_m.abs() - blade.reach_m);
+            out.row_of(Subject::EndEffector(j), along_m.abs() - blade.reach_m);
         }
     }
 }

@@ -5,7 +5,7 @@
 
 use super::level;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
 pub struct Collision;
@@ -41,7 +41,7 @@ impl Term for Collision {
                 let least = first.clearance_radius_m()
                     + second.clearance_radius_m()
                     + problem.weights.clearance_m;
-                out.row(least - distance);
+                out.row_of(Subject::EndEffector(j), least - distance);
             }
         }
     }

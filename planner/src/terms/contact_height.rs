@@ -3,7 +3,7 @@
 
 use super::level;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
 pub struct ContactHeight;
@@ -19,7 +19,7 @@ impl Term for ContactHeight {
             let z = ee.position + 2;
             out.d(1, z, 1.0);
             let height = window.problem.height_m[window.at[1]][j];
-            out.row(window.states[1].vars[z] - height);
+            out.row_of(Subject::EndEffector(j), window.states[1].vars[z] - height);
         }
     }
 }

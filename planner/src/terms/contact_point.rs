@@ -3,7 +3,7 @@
 
 use super::level;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::d_yaw;
 
 /// See the module.
@@ -33,7 +33,7 @@ impl Term for ContactPoint {
                     out.d(1, wheel.yaw, d_yaw(&frame.to_contact)[c]);
                 }
                 out.d(1, ee.position + c, -1.0);
-                out.row(residual[c]);
+                out.row_of(Subject::EndEffector(j), residual[c]);
             }
         }
     }

@@ -6,7 +6,7 @@
 
 use super::level;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
 pub struct Friction;
@@ -31,7 +31,7 @@ impl Term for Friction {
             }
             let f = window.states[1].vector(ee.force);
             out.d(1, ee.force + 2, -1.0);
-            out.row(problem.weights.least_normal_force * scale - f.z);
+            out.row_of(Subject::EndEffector(j), problem.weights.least_normal_force * scale - f.z);
 
             let mu = problem.model.robot().end_effectors[j].friction_coefficient
                 * problem.weights.friction_use;
@@ -39,7 +39,7 @@ impl Term for Friction {
             out.d(1, ee.force, f.x / tangential);
             out.d(1, ee.force + 1, f.y / tangential);
             out.d(1, ee.force + 2, -mu);
-            out.row(tangential - mu * f.z);
+            out.row_of(Subject::EndEffector(j), tangential - mu * f.z);
         }
     }
 }

@@ -24,7 +24,8 @@ impl Term for Displacement {
         out.set(1.0, level::GOAL, Role::Equality);
         let [_, first, last] = window.states;
         let goal = &window.problem.goal;
-        for (c, wanted) in [goal.forward_m, goal.left_m].into_iter().enumerate() {
+        let goals = [("forward_m", goal.forward_m), ("left_m", goal.left_m)];
+        for (c, (field, wanted)) in goals.into_iter().enumerate() {
             let Some(wanted) = wanted else { continue };
             for (k, state, sign) in [(1, first, -1.0), (2, last, 1.0)] {
                 for (dof, column) in state.pose.d_com.iter().enumerate() {
@@ -33,6 +34,7 @@ impl Term for Displacement {
                     }
                 }
             }
+            out.given(field, wanted, -1.0);
             out.row(last.pose.com[c] - first.pose.com[c] - wanted);
         }
     }
@@ -49,6 +51,7 @@ impl Term for Turn {
         out.d(1, BASE_YAW, -1.0);
         out.d(2, BASE_YAW, 1.0);
         let [_, first, last] = window.states;
+        out.given("turn_rad", wanted, -1.0);
         out.row(last.vars[BASE_YAW] - first.vars[BASE_YAW] - wanted);
     }
 }

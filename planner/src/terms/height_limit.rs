@@ -22,7 +22,9 @@ impl Term for HeightBound {
         out.set(1.0, level::POSITION_M, Role::Inequality { band: BAND_M });
         let state = window.states[1];
         for limit in &window.problem.heights[window.at[1]] {
-            for (bound, sign) in [(limit.below_m, 1.0), (limit.above_m, -1.0)] {
+            for (field, bound, sign) in
+                [("below_m", limit.below_m, 1.0), ("above_m", limit.above_m, -1.0)]
+            {
                 let Some(bound) = bound else { continue };
                 let height = match limit.of {
                     Subject::Com => {
@@ -41,7 +43,8 @@ impl Term for HeightBound {
                         state.vars[z]
                     }
                 };
-                out.row(sign * (height - bound));
+                out.given(field, bound, -sign);
+                out.row_of(limit.of.into(), sign * (height - bound));
             }
         }
     }

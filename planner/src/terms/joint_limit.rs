@@ -3,7 +3,7 @@
 use super::level;
 use crate::formulation::{About, Span, Term};
 use crate::model::JOINTS;
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
 pub struct JointLimit;
@@ -21,9 +21,9 @@ impl Term for JointLimit {
         for (j, joint) in window.problem.model.robot().joints.iter().enumerate() {
             let angle = window.states[1].vars[JOINTS + j];
             out.d(1, JOINTS + j, 1.0);
-            out.row(angle - joint.position_max_rad);
+            out.row_of(Subject::Joint(j), angle - joint.position_max_rad);
             out.d(1, JOINTS + j, -1.0);
-            out.row(joint.position_min_rad - angle);
+            out.row_of(Subject::Joint(j), joint.position_min_rad - angle);
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::level;
 use crate::formulation::{About, Span, Term};
 use crate::model::JOINTS;
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
 pub struct JointSpeed;
@@ -26,7 +26,8 @@ impl Term for JointSpeed {
             for sign in [1.0, -1.0] {
                 out.d(1, JOINTS + j, -sign / h);
                 out.d(2, JOINTS + j, sign / h);
-                out.row(sign * speed - limit);
+                out.given("speed_max_rad_s", limit, -1.0);
+                out.row_of(Subject::Joint(j), sign * speed - limit);
             }
         }
     }

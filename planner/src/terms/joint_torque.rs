@@ -14,7 +14,7 @@
 use super::level;
 use crate::formulation::{About, Span, Term};
 use crate::model::{BASE_POSITION, BASE_YAW, JOINTS};
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::variables::GRAVITY_M_S2;
 use nalgebra::Vector3;
 
@@ -123,7 +123,8 @@ impl Term for JointTorque {
             out.set(limit, level::TORQUE_FRACTION * limit, role);
             let torque = Torque::new(window, 1, j);
             torque.differentiate(torque.value_nm.signum(), out);
-            out.row(torque.value_nm.abs() - limit);
+            out.given("torque_max_nm", limit, -1.0);
+            out.row_of(Subject::Joint(j), torque.value_nm.abs() - limit);
         }
     }
 }

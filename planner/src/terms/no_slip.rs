@@ -10,7 +10,7 @@
 
 use super::level;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::{d_yaw, rolling_direction};
 
 /// See the module.
@@ -50,7 +50,7 @@ impl Term for NoSlip {
                     out.d(1, wheel.yaw, d_mid_yaw);
                     out.d(2, wheel.yaw, d_mid_yaw);
                 }
-                out.row(slip);
+                out.row_of(Subject::EndEffector(j), slip);
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::level;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
 pub struct SwingForce;
@@ -23,7 +23,8 @@ impl Term for SwingForce {
             let wanted = kept.unwrap_or_default();
             for c in 0..3 {
                 out.d(1, ee.force + c, 1.0);
-                out.row(window.states[1].vars[ee.force + c] - wanted[c]);
+                let residual = window.states[1].vars[ee.force + c] - wanted[c];
+                out.row_of(Subject::EndEffector(j), residual);
             }
         }
     }

@@ -20,6 +20,10 @@ pub struct TargetVelocity;
 /// Headings at chosen times.
 pub struct TargetHeading;
 
+/// Fields of a target, by coordinate.
+const POSITION: [&str; 3] = ["forward_m", "left_m", "up_m"];
+const VELOCITY: [&str; 3] = ["speed_forward_m_s", "speed_left_m_s", "speed_up_m_s"];
+
 /// The targets whose window this is.
 fn here<'a>(window: &Window<'a>) -> impl Iterator<Item = &'a PlacedTarget> {
     let middle = window.at[1];
@@ -31,7 +35,7 @@ fn write(
     window: &Window,
     out: &mut RowWriter,
     of: Subject,
-    c: usize,
+    (c, field): (usize, &'static str),
     weights: [f64; 3],
     wanted: f64,
 ) {
@@ -54,7 +58,8 @@ fn write(
         out.d(k, variable, weight);
         sum += weight * state.vars[variable];
     }
-    out.row(sum - wanted);
+    out.given(field, wanted, -1.0);
+    out.row_of(of.into(), sum - wanted);
 }
 
 impl Term for TargetPosition {
@@ -68,7 +73,8 @@ impl Term for TargetPosition {
             for (c, wanted) in target.position_m.into_iter().enumerate() {
                 let by_profile = c == 2 && matches!(target.of, Subject::EndEffector(_));
                 if let Some(wanted) = wanted.filter(|_| !by_profile) {
-                    write(window, out, target.of, c, moment.position_weights(), wanted);
+                    let weights = moment.position_weights();
+                    write(window, out, target.of, (c, POSITION[c]), weights, wanted);
                 }
             }
         }
@@ -86,7 +92,8 @@ impl Term for TargetVelocity {
         for PlacedTarget { target, moment, .. } in here(window) {
             for (c, wanted) in target.velocity_m_s.into_iter().enumerate() {
                 if let Some(wanted) = wanted {
-                    write(window, out, target.of, c, moment.velocity_weights(interval_s), wanted);
+                    let weights = moment.velocity_weights(interval_s);
+                    write(window, out, target.of, (c, VELOCITY[c]), weights, wanted);
                 }
             }
         }
@@ -109,7 +116,8 @@ impl Term for TargetHeading {
                     yaw += weight * window.states[k].vars[BASE_YAW];
                 }
             }
-            out.row(yaw - wanted);
+            out.given("heading_rad", wanted, -1.0);
+            out.row_of(target.of.into(), yaw - wanted);
         }
     }
 }

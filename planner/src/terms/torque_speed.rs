@@ -10,7 +10,7 @@ use super::wheel_speed::MotorSpeed;
 use super::{level, wheel_torque};
 use crate::formulation::{About, Span, Term};
 use crate::model::JOINTS;
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
 pub struct TorqueSpeed;
@@ -39,7 +39,7 @@ impl Term for TorqueSpeed {
             let d_angle = sign / line.no_load_speed_rad_s / h;
             out.d(1, JOINTS + j, -d_angle);
             out.d(2, JOINTS + j, d_angle);
-            out.row(used.abs() - 1.0);
+            out.row_of(Subject::Joint(j), used.abs() - 1.0);
         }
         for (j, ee) in robot.end_effectors.iter().enumerate() {
             // A wheel that is held still has its torque limit alone.
@@ -56,7 +56,7 @@ impl Term for TorqueSpeed {
                 wheel_torque::differentiate(window, k, j, factor, out);
             }
             speed.differentiate(sign / line.no_load_speed_rad_s, out);
-            out.row(used.abs() - 1.0);
+            out.row_of(Subject::EndEffector(j), used.abs() - 1.0);
         }
     }
 }

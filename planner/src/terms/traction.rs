@@ -6,7 +6,7 @@
 
 use super::level;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::d_yaw;
 
 /// See the module.
@@ -44,7 +44,7 @@ impl Term for Traction {
             out.d(1, vars.force + 2, per_normal_force);
             out.d(1, wheel.speed, f.z * d_rolling * ee.radius_m);
             out.d(1, wheel.yaw, f.dot(&d_yaw(&t)));
-            out.row(f.dot(&t) + f.z * per_normal_force);
+            out.row_of(Subject::EndEffector(j), f.dot(&t) + f.z * per_normal_force);
         }
     }
 }

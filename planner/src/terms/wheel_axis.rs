@@ -3,7 +3,7 @@
 
 use super::level;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::d_yaw;
 
 /// See the module.
@@ -27,7 +27,7 @@ impl Term for WheelAxis {
                 }
                 out.d(1, wheel.tilt, -frame.d_axis_tilt[c]);
                 out.d(1, wheel.yaw, -d_yaw(&frame.axis)[c]);
-                out.row(mount.axis[c] - frame.axis[c]);
+                out.row_of(Subject::EndEffector(j), mount.axis[c] - frame.axis[c]);
             }
         }
     }

@@ -9,7 +9,7 @@
 use super::level;
 use super::wheel_speed::MotorSpeed;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
 pub struct WheelHeld;
@@ -26,7 +26,7 @@ impl Term for WheelHeld {
             let Some(motor) = MotorSpeed::new(window, j) else { continue };
             let radius_m = problem.model.robot().end_effectors[j].radius_m;
             motor.differentiate(radius_m, out);
-            out.row(radius_m * motor.speed_rad_s);
+            out.row_of(Subject::EndEffector(j), radius_m * motor.speed_rad_s);
         }
     }
 }

@@ -9,7 +9,7 @@ use super::{joint_speed::BAND_FRACTION, level};
 use crate::formulation::{About, Span, Term};
 use crate::model::rotation;
 use crate::problem::Problem;
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::{ContactFrame, State, d_yaw};
 use crate::variables::WheelVars;
 use nalgebra::Vector3;
@@ -120,7 +120,8 @@ impl Term for WheelSpeed {
             out.set(limit, level::SPEED_FRACTION * limit, Role::Inequality { band: BAND_FRACTION });
             for sign in [1.0, -1.0] {
                 motor.differentiate(sign, out);
-                out.row(sign * motor.speed_rad_s - limit);
+                out.given("speed_max_rad_s", limit, -1.0);
+                out.row_of(Subject::EndEffector(j), sign * motor.speed_rad_s - limit);
             }
         }
     }

@@ -4,7 +4,7 @@
 use super::joint_torque::BAND_FRACTION;
 use super::level;
 use crate::formulation::{About, Span, Term};
-use crate::rows::{Role, RowWriter, Window};
+use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::d_yaw;
 
 /// See the module.
@@ -48,7 +48,8 @@ impl Term for WheelTorque {
             out.set(limit, level::TORQUE_FRACTION * limit, role);
             let torque = torque_nm(window, 1, j);
             differentiate(window, 1, j, torque.signum(), out);
-            out.row(torque.abs() - limit);
+            out.given("torque_max_nm", limit, -1.0);
+            out.row_of(Subject::EndEffector(j), torque.abs() - limit);
         }
     }
 }

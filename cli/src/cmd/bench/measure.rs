@@ -35,7 +35,7 @@ pub fn watch(_: &Progress) -> ControlFlow<()> {
     if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 
-/// Plans from nothing: the candidate starts one after the other until one converges.
+/// Plans from nothing: the candidate starts one after the other until one decides.
 pub fn cold(robot: &Robot, motion: &Motion, options: &Options) -> Run {
     let clock = ThreadTime::now();
     let mut iterations = 0;
@@ -43,7 +43,7 @@ pub fn cold(robot: &Robot, motion: &Motion, options: &Options) -> Run {
     for candidate in start::candidates(robot, motion, options) {
         let solution = optimise_solution(robot, motion, &candidate, &mut watch);
         iterations += solution.plan.solve.iterations;
-        let done = matches!(solution.plan.solve.status, Status::Converged | Status::Interrupted);
+        let done = solution.plan.solve.decides();
         last = Some(solution);
         if done {
             break;

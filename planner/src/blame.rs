@@ -1,0 +1,134 @@
+//! Why a request cannot be met: which constraints contradict each other, where, by how much, and what to
+//! change.
+//!
+//! `look` goes to the point where the violation is least and tells whether a solve should go on,
+//! `attribute` reads from the residuals at that point who pulls against whom, and `families` holds all
+//! words.
+
+mod attribute;
+mod families;
+pub(crate) mod look;
+
+pub(crate) use attribute::attribute;
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Why a request cannot be met.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Blame {
+    /// What speaks against the request.
+    pub verdict: Verdict,
+    /// The constraints that pull against each other: what the motion asks for first, the easiest to give
+    /// way before the others, then what stands against it, the hardest pulling first.
+    pub culprits: Vec<Culprit>,
+}
+
+/// What speaks against a request, the strongest first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The constraints, linearised at the nearest point, contradict each other: no small change meets them.
+    Contradiction,
+    /// Even without any regard for costs the constraints stay far beyond their credible levels.
+    FarOff,
+    /// The solve has stopped getting anywhere; another start may do better.
+    Stuck,
+}
+
+impl Verdict {
+    /// Whether trying other starts is not worth while.
+    pub fn is_final(self) -> bool {
+        match self {
+            Self::Contradiction | Self::FarOff => true,
+            Self::Stuck => false,
+        }
+    }
+}
+
+/// What a constraint is to the user.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Part {
+    /// Something that the motion asks for.
+    Request,
+    /// A limit of motors, joints or the ground.
+    Limit,
+    /// How the robot is built and moves.
+    Build,
+}
+
+/// A constraint that is to blame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Culprit {
+    /// Name of the constraint, as in the report of progress.
+    pub constraint: String,
+    /// What it is to the user.
+    pub part: Part,
+    /// End effector, joint or direction that it is about; `null` for the whole robot.
+    pub subject: Option<String>,
+    /// When it pulls, first and last time, s.
+    pub time_s: [f64; 2],
+    /// Its largest residual at the nearest point.
+    pub worst: f64,
+    /// Unit of `worst`, `given` and `would_do`.
+    pub unit: String,
+    /// Its part of the violation at the nearest point, 0 to 1.
+    pub share: f64,
+    /// Field of the motion or robot file that says how much, where it is one number.
+    pub field: Option<String>,
+    /// That number.
+    pub given: Option<f64>,
+    /// The number that would do, all else as it is: estimated to first order from how the violation changes
+    /// with it. `null` where no estimate makes sense.
+    pub would_do: Option<f64>,
+    /// What to change.
+    pub advice: String,
+}
+
+impl fmt::Display for Culprit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.constraint)?;
+        if let Some(subject) = &self.subject {
+            write!(f, " of {subject}")?;
+        }
+        let [from, to] = self.time_s;
+        if to > from {
+            write!(f, ", {from:.2} to {to:.2} s")?;
+        } else {
+            write!(f, ", at {from:.2} s")?;
+        }
+        write!(f, ": off by {:.3} {}", self.worst, self.unit)?;
+        if let (Some(field), Some(given)) = (&self.field, self.given) {
+            write!(f, "; {field} is {given:.3}")?;
+        }
+        if let Some(would_do) = self.would_do {
+            write!(f, ", about {would_do:.3} would do")?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Blame {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{}",
+            match self.verdict {
+                Verdict::Contradiction => "these constraints contradict each other:",
+                Verdict::FarOff =>
+                    "far off, whatever it costs; these constraints pull against each other:",
+                Verdict::Stuck => "where it got stuck, these constraints pull against each other:",
+            }
+        )?;
+        for culprit in &self.culprits {
+            writeln!(f, "  {culprit}")?;
+        }
+        let Some(first) = self.culprits.first() else { return Ok(()) };
+        write!(f, "what would help: {}", first.advice)?;
+        match self.culprits.iter().find(|other| other.part != first.part) {
+            Some(other) if other.advice != first.advice => write!(f, "; or {}", other.advice),
+            _ => Ok(()),
+        }
+    }
+}

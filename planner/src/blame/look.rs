@@ -1,0 +1,186 @@
+//! The point where constraints that contradict each other are violated least, and whether it is worth
+//! going on.
+//!
+//! The solver's energy without its multipliers and all but without its costs is Σ r² over the violated
+//! constraints. In a feasible problem that goes to zero in a few steps. Where it is stationary above zero
+//! no small change meets all constraints, and what is left of each residual is its share in the
+//! contradiction. So a solve that is still far off after a few iterations takes a look: some steps on the
+//! constraints alone tell impossible requests from slow ones long before multipliers would.
+
+use super::Verdict;
+use crate::formulation;
+use crate::normal::NormalEquations;
+use crate::problem::{Problem, Unknowns};
+use crate::rows::{Columns, Rows};
+use crate::solver::{ACCEPTED_LEVEL, worst};
+use std::ops::ControlFlow;
+
+/// Weight of the constraints against the costs, relative to a solve: enough that costs move residuals by
+/// less than a part in a thousand.
+const EMPHASIS: f64 = 1e3;
+/// Most steps of one look.
+const STEPS: usize = 8;
+/// Relative decrease of Σ r² over the last [`FLAT_STEPS`] steps below which it counts as stationary.
+const FLAT: f64 = 0.05;
+const FLAT_STEPS: usize = 3;
+/// Ratio by which Σ r² falls within [`FALLING_STEPS`] steps on the way to something possible. Measured on
+/// all shipped motions: 10 to 1000 where the solve succeeds, 1.2 to 3.5 for impossible ones.
+const FALLING: f64 = 4.0;
+const FALLING_STEPS: usize = 4;
+/// Energies at the beginning that do not count: multipliers keep a solve away from the point with the least
+/// violation, which the first steps go back to.
+const SETTLING: usize = 2;
+/// Worst constraint, as a multiple of its credible level, that counts as far off at the first look. No
+/// shipped motion is there. Later looks ask for [`PATIENCE`] times more each, as multipliers may have led a
+/// slow solve away by then.
+const FAR_LEVEL: f64 = 30.0;
+/// Worst constraint for which a second look is worth its while.
+const DOUBTFUL_LEVEL: f64 = 1.0;
+/// Iterations after which a solve takes its first look, and how many times more until the next one.
+const FIRST: usize = 6;
+const PATIENCE: usize = 3;
+
+/// Most dampings tried for a step.
+const TRIALS: usize = 8;
+/// Damping, relative to the constraints' weight, of a step that is as good as undamped: it may go as far as
+/// a radian, a metre or a robot's weight in each unknown.
+const UNDAMPED: f64 = 1e-6;
+/// Part of the violation that the linearised constraints must promise to cure, or else they contradict each
+/// other. Slow but feasible solves promise 0.4 or more, contradictions 0.002 to 0.07.
+const CURABLE: f64 = 0.1;
+
+/// When a solve takes a look.
+#[derive(Debug)]
+pub struct Schedule {
+    next: usize,
+    far_level: f64,
+}
+
+impl Default for Schedule {
+    fn default() -> Self {
+        Self { next: FIRST, far_level: FAR_LEVEL }
+    }
+}
+
+impl Schedule {
+    /// Whether to look now, with the worst constraint at `level`: the level that counts as far off then.
+    /// Looks become rarer, so that slow solves do not pay much for them.
+    pub fn due(&mut self, iteration: usize, level: f64) -> Option<f64> {
+        if iteration < self.next {
+            return None;
+        }
+        let far_level = self.far_level;
+        let doubtful = if self.next == FIRST { far_level } else { DOUBTFUL_LEVEL };
+        self.next = PATIENCE * iteration;
+        self.far_level *= PATIENCE as f64;
+        (level > doubtful).then_some(far_level)
+    }
+
+    /// The level that counts as far off when a solve has ended.
+    pub fn far_level(&self) -> f64 {
+        self.far_level
+    }
+}
+
+/// What a look found.
+#[derive(Debug)]
+pub struct Nearest {
+    /// The unknowns where the violation is least, as far as the look came.
+    pub unknowns: Unknowns,
+    /// The rows there.
+    pub rows: Rows,
+    /// What speaks against the request; `None` as long as nothing does.
+    pub verdict: Option<Verdict>,
+}
+
+/// A step of a look, for the caller to see.
+pub struct Step<'a> {
+    /// The rows after it.
+    pub rows: &'a Rows,
+    /// The energy that it lowers, at the weight of a solve.
+    pub energy: f64,
+    /// Its damping.
+    pub damping: f64,
+    /// Its length, scaled variables.
+    pub length: f64,
+}
+
+/// Lowers the violation from a point, with Levenberg-Marquardt steps. A worst constraint beyond `far_level`
+/// then counts as far off. `watch` sees every step and may stop the look, which then finds nothing.
+pub fn look(
+    problem: &Problem,
+    columns: &Columns,
+    normal: &mut NormalEquations,
+    from: &Unknowns,
+    far_level: f64,
+    watch: &mut dyn FnMut(&Step<'_>) -> ControlFlow<()>,
+) -> Option<Nearest> {
+    let penalty = EMPHASIS * problem.weights.penalty;
+    let evaluate = |unknowns: &Unknowns, reuse: Rows| {
+        formulation::evaluate(problem, columns, unknowns, &problem.states(unknowns), reuse)
+    };
+    let mut unknowns = from.clone();
+    let mut rows = evaluate(&unknowns, Rows::default());
+    let mut trial_rows = Rows::default();
+    let shifts = vec![0.0; rows.rows.len()];
+    let mut energy = NormalEquations::energy(&rows, &shifts, penalty);
+    let mut damping = 1e-2 * penalty;
+    let mut energies = vec![energy];
+    let (mut flat, mut falling) = (false, false);
+    for _ in 1..=STEPS {
+        normal.assemble(&rows, &shifts, penalty);
+        let mut length = 0.0;
+        for _ in 0..TRIALS {
+            let Some(step) = normal.step(damping) else {
+                damping *= 10.0;
+                continue;
+            };
+            let mut trial = unknowns.clone();
+            columns.add_step(problem, &mut trial, &step);
+            trial_rows = evaluate(&trial, trial_rows);
+            let lower = NormalEquations::energy(&trial_rows, &shifts, penalty);
+            let ratio = (energy - lower) / normal.promised_decrease(&step, damping);
+            if ratio > 1e-3 {
+                damping *= if ratio > 0.7 {
+                    0.2
+                } else if ratio < 0.25 {
+                    3.0
+                } else {
+                    1.0
+                };
+                length = step.iter().map(|d| d * d).sum::<f64>().sqrt();
+                unknowns = trial;
+                std::mem::swap(&mut rows, &mut trial_rows);
+                energy = lower;
+                break;
+            }
+            damping *= 6.0;
+        }
+        energies.push(energy);
+        let step = Step { rows: &rows, energy: energy / EMPHASIS, damping, length };
+        if watch(&step).is_break() {
+            return None;
+        }
+        let before = |steps: usize| energies.iter().skip(SETTLING).nth_back(steps).copied();
+        flat = before(FLAT_STEPS).is_some_and(|before| energy > (1.0 - FLAT) * before);
+        falling = before(FALLING_STEPS).is_some_and(|before| FALLING * energy < before);
+        if flat || falling || worst(&rows).1 <= ACCEPTED_LEVEL {
+            break;
+        }
+    }
+    let (_, level) = worst(&rows);
+    let verdict = if falling || level <= ACCEPTED_LEVEL {
+        None
+    } else {
+        normal.assemble(&rows, &shifts, penalty);
+        let damping = UNDAMPED * penalty;
+        let promised = normal.step(damping).map(|step| normal.promised_decrease(&step, damping));
+        match promised {
+            Some(promised) if promised < CURABLE * energy => Some(Verdict::Contradiction),
+            _ if level > far_level => Some(Verdict::FarOff),
+            _ if flat => Some(Verdict::Stuck),
+            _ => None,
+        }
+    };
+    Some(Nearest { unknowns, rows, verdict })
+}

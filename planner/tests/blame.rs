@@ -1,0 +1,218 @@
+//! Requests that cannot be met: whom the planner blames, where, and how long it takes to say so.
+
+use rollwalk_planner::blame::{Blame, Part, Verdict};
+use rollwalk_planner::motion::{Goal, HeightLimit, Motion, Subject};
+use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::{Options, optimise};
+use rollwalk_robot::Robot;
+use std::ops::ControlFlow;
+
+fn robot(text: &str) -> Robot {
+    Robot::from_toml("robot.toml", text).unwrap()
+}
+
+fn plan(robot: &Robot, motion: &Motion) -> Plan {
+    optimise(robot, motion, &Options::default(), &mut |_| ControlFlow::Continue(()))
+}
+
+/// The blame of a request that no other start would help, found within twice the iterations of a feasible
+/// sibling.
+fn impossible(impossible: &Plan, feasible: &Plan) -> Blame {
+    assert_eq!(feasible.solve.status, Status::Converged);
+    assert_eq!(feasible.solve.blame, None);
+    assert_eq!(impossible.solve.status, Status::Infeasible);
+    assert!(impossible.solve.decides(), "{:?}", impossible.solve.blame);
+    let [impossible_, feasible_] = [impossible, feasible].map(|plan| plan.solve.iterations);
+    assert!(impossible_ <= 2 * feasible_, "{impossible_} against {feasible_}");
+    impossible.solve.blame.clone().unwrap()
+}
+
+/// A car with wheels that do not steer, from rest to rest.
+fn car(goal: Goal) -> (Robot, Motion) {
+    let car = robot(include_str!("../../robots/car.toml"));
+    let text = include_str!("../../motions/car_drive.toml");
+    let motion = Motion::from_toml("car_drive.toml", text, &car).unwrap();
+    (car, Motion { goal, ..motion })
+}
+
+const FORWARD: Goal = Goal { forward_m: Some(0.5), left_m: Some(0.0), turn_rad: Some(0.0) };
+
+#[test]
+fn a_car_cannot_go_sideways() {
+    let (robot, sideways) = car(Goal { left_m: Some(0.3), ..FORWARD });
+    let feasible = plan(&robot, &car(FORWARD).1);
+    let blame = impossible(&plan(&robot, &sideways), &feasible);
+    assert_eq!(blame.verdict, Verdict::Contradiction);
+    let goal = &blame.culprits[0];
+    let named = (goal.constraint.as_str(), goal.field.as_deref(), goal.part);
+    assert_eq!(named, ("displacement goal", Some("left_m"), Part::Request), "{blame}");
+    assert_eq!((goal.given, goal.unit.as_str()), (Some(0.3), "m"));
+    // It leans a little way to the left, but hardly gets there.
+    assert!(goal.would_do.unwrap() < 0.1, "{blame}");
+    let against = &blame.culprits[1];
+    assert_eq!(
+        (against.constraint.as_str(), against.part),
+        ("contact point", Part::Build),
+        "{blame}"
+    );
+    assert!(robot.end_effectors.iter().any(|ee| Some(&ee.name) == against.subject.as_ref()));
+}
+
+#[test]
+fn a_car_without_steering_cannot_turn_on_its_way() {
+    let (robot, turning) = car(Goal { turn_rad: Some(0.5), ..FORWARD });
+    let feasible = plan(&robot, &car(FORWARD).1);
+    let blame = impossible(&plan(&robot, &turning), &feasible);
+    let goal = &blame.culprits[0];
+    assert_eq!((goal.constraint.as_str(), goal.given), ("turning goal", Some(0.5)), "{blame}");
+    assert!(goal.would_do.unwrap() < 0.1, "{blame}");
+    assert_eq!(goal.time_s, [0.0, 2.0]);
+}
+
+#[test]
+fn heights_that_exclude_each_other_are_named_with_their_times() {
+    let (robot, feasible) = car(FORWARD);
+    let limit = |below_m, above_m| HeightLimit {
+        of: Subject::Body,
+        below_m,
+        above_m,
+        from_s: 0.5,
+        to_s: 1.5,
+    };
+    let height_m = plan(&robot, &feasible).samples[0].base_position_m[2];
+    let between = vec![limit(Some(height_m + 0.01), None), limit(None, Some(height_m - 0.01))];
+    let feasible = Motion { heights: between, ..feasible };
+    let crossed = vec![limit(Some(height_m - 0.1), None), limit(None, Some(height_m + 0.1))];
+    let crossed = Motion { heights: crossed, ..feasible.clone() };
+    let blame = impossible(&plan(&robot, &crossed), &plan(&robot, &feasible));
+    let first = &blame.culprits[0];
+    assert_eq!((first.constraint.as_str(), first.unit.as_str()), ("height limit", "m"), "{blame}");
+    // Half the gap of 0.2 m on either side, at the samples around 0.5 to 1.5 s.
+    assert!((first.worst - 0.1).abs() < 0.01, "{blame}");
+    let [from, to] = first.time_s;
+    assert!((0.4..0.6).contains(&from) && (1.4..1.6).contains(&to), "{blame}");
+    // Each could go where the other is.
+    let [one, other] = &blame.culprits[..] else { panic!("{blame}") };
+    assert!((one.would_do.unwrap() - other.given.unwrap()).abs() < 0.01, "{blame}");
+    assert!((other.would_do.unwrap() - one.given.unwrap()).abs() < 0.01, "{blame}");
+}
+
+fn walk(change: impl Fn(&mut Motion)) -> (Robot, Motion) {
+    let robot = robot(include_str!("../../robots/agilebot.toml"));
+    let text = include_str!("../../motions/walk.toml");
+    let mut motion = Motion::from_toml("walk.toml", text, &robot).unwrap();
+    change(&mut motion);
+    (robot, motion)
+}
+
+/// A walk that is possible, but asks about as much as it can.
+fn long_walk() -> Plan {
+    let (robot, motion) = walk(|motion| motion.goal.forward_m = Some(0.9));
+    plan(&robot, &motion)
+}
+
+#[test]
+fn a_walk_too_far_blames_the_distance_and_the_legs() {
+    let (robot, motion) = walk(|motion| motion.goal.forward_m = Some(1.5));
+    let blame = impossible(&plan(&robot, &motion), &long_walk());
+    let goal = &blame.culprits[0];
+    let named = (goal.constraint.as_str(), goal.field.as_deref());
+    assert_eq!(named, ("displacement goal", Some("forward_m")), "{blame}");
+    // Nearer, but not for nothing: 1.1 m can be walked in this time.
+    let would_do = goal.would_do.unwrap();
+    assert!(would_do > 0.9 && would_do < 1.3, "{blame}");
+    assert!(blame.culprits.iter().any(|c| c.constraint == "contact point"), "{blame}");
+}
+
+#[test]
+fn feet_that_cannot_be_lifted_so_high_blame_the_height() {
+    let (robot, motion) = walk(|motion| motion.swing_height_m = 0.5);
+    let blame = impossible(&plan(&robot, &motion), &long_walk());
+    let height = &blame.culprits[0];
+    let named = (height.constraint.as_str(), height.field.as_deref());
+    assert_eq!(named, ("contact height", Some("swing_height_m")), "{blame}");
+    assert!((height.given.unwrap() - 0.5).abs() < 1e-9, "{blame}");
+    // 0.25 m can be done.
+    let would_do = height.would_do.unwrap();
+    assert!(would_do > 0.15 && would_do < 0.4, "{blame}");
+    assert!(robot.end_effectors.iter().any(|ee| Some(&ee.name) == height.subject.as_ref()));
+    assert!(height.advice.contains("swing_height_m"));
+}
+
+#[test]
+fn a_second_in_the_air_blames_the_footfalls() {
+    let (robot, motion) =
+        walk(|motion| motion.stance.iter_mut().skip(10).take(20).for_each(|feet| feet.fill(false)));
+    let blame = impossible(&plan(&robot, &motion), &long_walk());
+    let first = &blame.culprits[0];
+    assert!(["swing force", "linear dynamics"].contains(&first.constraint.as_str()), "{blame}");
+    // The flight lasts from sample 10 to sample 29.
+    let [from, to] = first.time_s;
+    assert!(from >= 0.4 && to <= 1.55 && to - from > 0.5, "{blame}");
+    assert!(first.advice.contains("footfalls"));
+}
+
+#[test]
+fn a_second_on_one_foot_blames_the_balance() {
+    let (robot, motion) = walk(|motion| {
+        let one_foot = motion.stance.iter_mut().skip(6).take(20);
+        one_foot.for_each(|feet| feet[1..].fill(false));
+    });
+    let blame = impossible(&plan(&robot, &motion), &long_walk());
+    let first = &blame.culprits[0];
+    assert_eq!(first.constraint, "angular dynamics", "{blame}");
+    let [from, to] = first.time_s;
+    assert!(from >= 0.2 && to <= 1.35, "{blame}");
+    assert!(first.advice.contains("footfalls"));
+}
+
+#[test]
+fn servos_too_weak_to_stand_blame_the_torque() {
+    let (mut robot, motion) = walk(|_| ());
+    for joint in &mut robot.joints {
+        joint.actuator.torque_max_nm = 0.15;
+        joint.actuator.torque_speed = None;
+    }
+    let blame = impossible(&plan(&robot, &motion), &long_walk());
+    let first = &blame.culprits[0];
+    let named = (first.constraint.as_str(), first.field.as_deref(), first.part);
+    assert_eq!(named, ("joint torque", Some("torque_max_nm"), Part::Limit), "{blame}");
+    assert!(robot.joints.iter().any(|joint| Some(&joint.name) == first.subject.as_ref()));
+    assert!(first.would_do.unwrap() > 0.15, "{blame}");
+}
+
+#[test]
+fn targets_that_exclude_each_other_are_both_named() {
+    let robot = robot(include_str!("../../robots/agilebot.toml"));
+    let text = include_str!("../../motions/drive_1m.toml");
+    let twice = "
+[[target]]
+of = \"body\"
+at_s = 2.0
+forward_m = 0.5
+[[target]]
+of = \"body\"
+at_s = 2.16
+forward_m = 1.5
+";
+    let motion = |text: &str| Motion::from_toml("drive_1m.toml", text, &robot).unwrap();
+    let feasible = plan(&robot, &motion(text));
+    let blame = impossible(&plan(&robot, &motion(&format!("{text}{twice}"))), &feasible);
+    let places = blame.culprits.iter().filter(|c| c.constraint == "target position");
+    let mut given: Vec<f64> = places.map(|c| c.given.unwrap()).collect();
+    given.sort_by(f64::total_cmp);
+    assert_eq!(given, [0.5, 1.5], "{blame}");
+}
+
+#[test]
+fn the_blame_is_in_the_plan_and_survives_it() {
+    let (robot, sideways) = car(Goal { left_m: Some(0.3), ..FORWARD });
+    let plan = plan(&robot, &sideways);
+    let read = Plan::from_json("plan.json", &plan.to_json()).unwrap();
+    assert!(read.solve.blame.is_some());
+    assert_eq!(read.solve.blame, plan.solve.blame);
+    let text = plan.solve.blame.unwrap().to_string();
+    for expected in ["contradict", "displacement goal", "left_m is 0.300", "would help"] {
+        assert!(text.contains(expected), "{expected}: {text}");
+    }
+}
