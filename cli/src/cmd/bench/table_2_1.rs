@@ -1,4 +1,4 @@
-//! Table 2.1 of the thesis: the motions of six robots (all but the side-step, which has no file yet).
+//! Table 2.1 of the thesis: the motions of six robots.
 
 use super::measure::{self, Run, median};
 use super::only::Only;
@@ -30,6 +30,7 @@ const ROWS: &[(&str, Option<f64>)] = &[
     ("motions/table_2_1/agilebot_start_stop.toml", Some(5.2)),
     ("motions/table_2_1/agilebot_turn.toml", Some(1.1)),
     ("motions/slalom.toml", None),
+    ("motions/table_2_1/agilebot_side_step_and_roll.toml", None),
     ("motions/table_2_1/skatebot_skating.toml", Some(11.3)),
     ("motions/table_2_1/dinobot_skating.toml", Some(11.0)),
 ];

@@ -1,0 +1,24 @@
+//! Every shipped library file: all its motions and transitions converge, and the library opens again.
+
+use crate::desk_with_shipped_files;
+use serde_json::Value;
+
+#[test]
+fn every_shipped_library_builds_and_opens() {
+    let desk = desk_with_shipped_files();
+    let folder = std::fs::read_dir(desk.path("motions")).unwrap();
+    let mut files: Vec<String> = folder
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name.ends_with("_library.toml"))
+        .collect();
+    files.sort();
+    assert!(files.len() >= 5, "{files:?}");
+    for file in files {
+        let file = format!("motions/{file}");
+        desk.run(&["library", "build", &file, "-o", "a.rwl", "--json"]).succeeds();
+        let told = desk.run(&["library", "inspect", "a.rwl", "--json"]).succeeds();
+        let told: Value = serde_json::from_str(&told).unwrap();
+        let motions = desk.read_text(&file).matches("[[motion]]").count();
+        assert_eq!(told["motions"].as_array().unwrap().len(), motions, "{file}");
+    }
+}
