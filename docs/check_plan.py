@@ -360,7 +360,7 @@ def check(plan):
             # Forces: friction cone, Eq. 2.5; free wheels, Eq. 2.6; none in swing, Eq. 2.7.
             if stands:
                 beyond = math.hypot(f[0], f[1]) - foot["friction_coefficient"] * max(f[2], 0)
-                table.see("friction cone", max(beyond, -f[2], 0), 0.2, "N", i, name)
+                table.see("friction", max(beyond, -f[2], 0), 0.2, "N", i, name)
                 drag = foot["contact"].get("drag")
                 if drag is not None:
                     speed = e["wheel_speed_rad_s"] * radius
@@ -379,7 +379,7 @@ def check(plan):
             # Height, Eq. 2.9: on the ground in stance, not below it in swing.
             z = e["position_m"][2]
             if stands:
-                table.see("height in stance", abs(z) * 1e3, 1, "mm", i, name)
+                table.see("contact height", abs(z) * 1e3, 1, "mm", i, name)
             else:
                 table.see("depth in swing", max(-z, 0) * 1e3, 1, "mm", i, name)
 
@@ -418,7 +418,7 @@ def check(plan):
                 table.see("torque-speed line", beyond, 0.1, "-", i, joint["name"])
             limit = joint["actuator"]["speed_max_rad_s"]
             beyond = max(abs(q_next - q) / h - limit, 0)
-            table.see("joint speed limit", beyond, 0.1 * limit, "rad/s", i, joint["name"])
+            table.see("joint speed", beyond, 0.1 * limit, "rad/s", i, joint["name"])
         for foot, e, e2, j in zip(feet, s["end_effectors"], after["end_effectors"], range(len(feet))):
             name, radius, kind = foot["name"], foot["radius_m"], foot["contact"]["kind"]
             tilt, yaw = 0.5 * (e["tilt_rad"] + e2["tilt_rad"]), 0.5 * (e["yaw_rad"] + e2["yaw_rad"])
@@ -447,7 +447,7 @@ def check(plan):
                 table.see("motor against wheel", abs(motor - needed) * radius * 1e3, 5, "mm/s", i, name)
                 limit = foot["contact"]["actuator"]["speed_max_rad_s"]
                 beyond = max(abs(motor) - limit, 0)
-                table.see("wheel speed limit", beyond, 0.1 * limit, "rad/s", i, name)
+                table.see("wheel motor speed", beyond, 0.1 * limit, "rad/s", i, name)
                 torque = 0.5 * (wheel_torque(foot, e) + wheel_torque(foot, e2))
                 beyond = beyond_line(foot["contact"]["actuator"], torque, motor)
                 if beyond is not None and not motion["held_wheels"][j]:
@@ -465,7 +465,9 @@ def check(plan):
     for name, value in reached.items():
         goal = motion["goal"].get(name)
         if goal is not None:
-            table.see("goal " + name, abs(value - goal), 1e-3, name.rsplit("_", 1)[1])
+            kind = "turning goal" if name == "turn_rad" else "displacement goal"
+            subject, unit = name.rsplit("_", 1)
+            table.see(kind, abs(value - goal), 1e-3, unit, intervals, subject)
     check_choreography(table, plan, timeline)
     return table
 

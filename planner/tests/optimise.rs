@@ -119,7 +119,7 @@ fn a_motion_beyond_the_wheels_speed_is_infeasible_and_says_what_is_violated() {
     assert_eq!(plan.solve.worst_constraint, "displacement goal");
     let report = Report::new(&plan);
     assert!(!report.is_credible());
-    assert!(report.row("goal: forward", Grid::Samples).is_some());
+    assert!(report.row("displacement goal", Grid::Samples).is_some());
 }
 
 #[test]

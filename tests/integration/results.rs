@@ -31,7 +31,9 @@ fn a_plan_reaches_its_goal_and_its_report_says_so() {
         let at_samples = |row: &&Value| row["name"] == name && row["grid"] == "samples";
         rows.iter().find(at_samples).unwrap_or_else(|| panic!("no row {name}"))
     };
-    for name in ["linear dynamics", "angular dynamics", "slip", "contact point", "goal: forward"] {
+    for name in
+        ["linear dynamics", "angular dynamics", "slip", "contact point", "displacement goal"]
+    {
         let row = row(name);
         // A converged plan is asked to stay within a fifth of every credible level.
         assert!(row["worst"].as_f64() <= row["level"].as_f64().map(|level| 0.2 * level), "{row}");

@@ -123,7 +123,7 @@ fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
 }
 
 fn friction(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of("friction cone", "Eq. 2.5", "N", Grid::Samples);
+    let mut worst = Worst::of("friction", "Eq. 2.5", "N", Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j)) {
             let f = w.here.force(j);
@@ -167,7 +167,7 @@ fn swing_force(timeline: &Timeline) -> Worst {
 fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let mut slip = Worst::of("slip", "Eq. 2.8, midpoint", "mm/s", grid);
     let mut landing = Worst::of("landing slip", "Eq. 2.8, midpoint", "mm/s", grid);
-    let mut height = Worst::of("height in stance", "Eq. 2.9", "mm", grid);
+    let mut height = Worst::of("contact height", "Eq. 2.9", "mm", grid);
     let mut dip = Worst::of("depth in swing", "Eq. 2.9", "mm", grid);
     let h = timeline.spacing_s();
     for w in timeline.intervals() {
@@ -307,8 +307,8 @@ fn needed_motor_speed(w: &Window, j: usize, h: f64) -> f64 {
 /// How far angles and speeds are beyond what the motors can do.
 fn limits(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let mut angle = Worst::of("joint limit", "sec. 2.4.1", "rad", grid);
-    let mut speed = Worst::of("joint speed limit", "sec. 2.4.1", "rad/s", grid);
-    let mut wheel = Worst::of("wheel speed limit", "sec. 2.4.1", "rad/s", grid);
+    let mut speed = Worst::of("joint speed", "sec. 2.4.1", "rad/s", grid);
+    let mut wheel = Worst::of("wheel motor speed", "sec. 2.4.1", "rad/s", grid);
     let h = timeline.spacing_s();
     for w in timeline.samples() {
         for (joint, &q) in timeline.plan.robot.joints.iter().zip(&w.here.sample.joint_rad) {
@@ -342,22 +342,31 @@ fn goals(timeline: &Timeline) -> Vec<Row> {
     let heading = rolling_direction(first.sample.base_yaw_pitch_roll_rad[0]);
     let left = Vector3::z().cross(&heading);
     let moved = last.com() - first.com();
-    [
-        ("goal: forward", goal.forward_m, moved.dot(&heading), "m"),
-        ("goal: left", goal.left_m, moved.dot(&left), "m"),
-        ("goal: turn", goal.turn_rad, turn, "rad"),
-    ]
-    .into_iter()
-    .filter_map(|(name, wanted, reached, unit)| {
-        Some(Row {
-            name,
-            equation: "sec. 2.4.1",
-            grid: Grid::Samples,
-            worst: (reached - wanted?).abs(),
-            unit,
-            level: Some(level::GOAL),
-            place: None,
+    let displacement =
+        [("forward", goal.forward_m, moved.dot(&heading)), ("left", goal.left_m, moved.dot(&left))];
+    let off = |(subject, wanted, reached): (_, Option<f64>, f64)| {
+        Some((Some(subject), (reached - wanted?).abs()))
+    };
+    let worst = displacement.into_iter().filter_map(off).max_by(|a, b| a.1.total_cmp(&b.1));
+    let turn = goal.turn_rad.map(|wanted| (None, (turn - wanted).abs()));
+    [("displacement goal", "m", worst), ("turning goal", "rad", turn)]
+        .into_iter()
+        .filter_map(|(name, unit, worst)| {
+            let (subject, worst): (Option<&str>, f64) = worst?;
+            let place = Place {
+                sample: timeline.plan.samples.len(),
+                time_s: last.sample.time_s,
+                subject: subject.map(str::to_owned),
+            };
+            Some(Row {
+                name,
+                equation: "sec. 2.4.1",
+                grid: Grid::Samples,
+                worst,
+                unit,
+                level: Some(level::GOAL),
+                place: (worst > 0.0).then_some(place),
+            })
         })
-    })
-    .collect()
+        .collect()
 }
