@@ -2,13 +2,13 @@
 
 use crate::inputs::Library;
 use crate::progress::Watch;
-use crate::{interrupt, output};
+use crate::{interrupt, output, race};
 use miette::IntoDiagnostic;
 use rollwalk_planner::library::{
     self, BuiltLibrary, LibraryContent, LibraryMotion, LibraryTransition,
 };
 use rollwalk_planner::plan::{Plan, SolveSummary, Status};
-use rollwalk_planner::{ACCEPTED_LEVEL, Options, optimise, optimise_transition};
+use rollwalk_planner::{ACCEPTED_LEVEL, Options, optimise_transition};
 use std::time::Duration;
 
 /// A plan and how long it took to find.
@@ -74,12 +74,20 @@ impl Plans {
         self.motions.iter().chain(self.transitions.iter().map(|transition| &transition.planned))
     }
 
-    /// A line for each plan that did not converge: what it violates. Empty when all did.
+    /// What each plan that did not converge violates, and who is to blame. Empty when all did.
     pub fn failures(&self) -> Vec<String> {
         let plans = self.all().map(|planned| &planned.plan);
         plans
             .filter(|plan| plan.solve.status != Status::Converged)
-            .map(|plan| format!("{} {}", plan.motion.name, shortfall(&plan.solve)))
+            .map(|plan| {
+                let blame = plan.solve.blame.as_ref().map(|blame| format!("\n{blame}"));
+                format!(
+                    "{} {}{}",
+                    plan.motion.name,
+                    shortfall(&plan.solve),
+                    blame.unwrap_or_default()
+                )
+            })
             .collect()
     }
 }
@@ -92,7 +100,7 @@ pub fn shortfall(solve: &SolveSummary) -> String {
     )
 }
 
-/// Optimises every motion and every transition from scratch; transitions only between motions that
+/// Optimises every motion, from its candidate starts, and every transition; transitions only between motions that
 /// converged, because others have no physical start or end. `None` after Ctrl-C.
 ///
 /// # Errors
@@ -103,7 +111,7 @@ pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans
     let mut motions = Vec::new();
     for motion in &library.motions {
         let watch = Watch::start(&motion.name, verbose);
-        let plan = optimise(&library.robot, motion, &options, &mut |p| watch.iteration(p));
+        let plan = race::optimise_any(&library.robot, motion, &options, &|p| watch.iteration(p));
         let took = watch.finish_with_line(&plan.solve);
         if interrupt::requested() {
             return Ok(None);
