@@ -8,12 +8,12 @@ mod axes;
 mod camera;
 mod panels;
 mod strip;
+mod wanted;
 
 pub use strip::strip;
 
 use crate::motion::Ends;
 use crate::plan::Plan;
-use axes::{Panel, Series};
 use svg::Document;
 use svg::node::element::{Group, Rectangle, Text};
 
@@ -68,13 +68,15 @@ fn title(plan: &Plan) -> Group {
         Ends::Prescribed => "between two motions",
     };
     let status = format!("{:?}", plan.solve.status).to_lowercase();
+    let motion = &plan.motion;
+    let asks = !motion.targets.is_empty() || !motion.heights.is_empty();
     let facts = format!(
-        "{:.2} s, {kind} · {} samples · {status} after {} iterations · lines: as played, dots: as planned, dashed: limits (of joints: \
-         within {} rad)",
-        plan.motion.duration_s,
+        "{:.2} s, {kind} · {} samples · {status} after {} iterations · lines: as played · dots: as planned · \
+         dashed: limits that are near{}",
+        motion.duration_s,
         plan.samples.len(),
         plan.solve.iterations,
-        panels::LIMIT_SHOWN_WITHIN_RAD,
+        if asks { " · crosses and bars: targets and heights" } else { "" },
     );
     let heading = format!("{} – {}", plan.robot.name, plan.motion.name);
     let text = |content: String, y: f64| Text::new(content).set("x", MARGIN + 10.0).set("y", y);
@@ -115,6 +117,26 @@ mod tests {
         }
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
         assert_eq!(figure(&plan), svg, "the same plan gives the same picture");
+    }
+
+    #[test]
+    fn targets_and_heights_are_marked() {
+        let asked = |plan: &Plan| figure(plan).matches("stroke-opacity=\"0.45\"").count();
+        let mut plan = test_plans::start_stop();
+        assert_eq!(asked(&plan), 0);
+        assert!(!figure(&plan).contains("crosses and bars"));
+        plan.motion.targets = crate::test_robots::targets();
+        plan.motion.heights = crate::test_robots::heights();
+        let bounds = plan.motion.heights.iter().flat_map(|limit| [limit.above_m, limit.below_m]);
+        assert_eq!(asked(&plan), bounds.flatten().count());
+        let svg = figure(&plan);
+        assert!(svg.contains("crosses and bars") && !svg.contains("NaN"));
+        let foot = plan.motion.targets.iter().find_map(|target| match target.of {
+            crate::motion::Subject::EndEffector(j) => Some(j),
+            _ => None,
+        });
+        let foot = &plan.robot.end_effectors[foot.expect("a foot has a target")].name;
+        assert!(svg.contains(&format!("{foot} (m)")), "feet with targets have a panel");
     }
 
     #[test]

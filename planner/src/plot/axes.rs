@@ -31,6 +31,19 @@ pub struct Series {
     pub dash: &'static str,
 }
 
+/// A value that is asked for at a time, or over a span of time.
+#[derive(Clone, Copy)]
+pub struct Mark {
+    /// Start of the span, s.
+    pub from_s: f64,
+    /// End of the span, s; the start again for a time.
+    pub to_s: f64,
+    /// The value.
+    pub value: f64,
+    /// Index into [`COLORS`].
+    pub color: usize,
+}
+
 /// What a panel shows over its time axis.
 pub enum Content {
     /// Curves over a value axis.
@@ -41,6 +54,8 @@ pub enum Content {
         limits: Vec<(f64, usize)>,
         /// Values that the axis must reach.
         include: Vec<f64>,
+        /// What is asked for.
+        marks: Vec<Mark>,
     },
     /// One bar row for each name, filled over spans of time.
     Bars(Vec<(String, Vec<[f64; 2]>)>),
@@ -83,9 +98,10 @@ impl Panel {
     /// Draws the panel into a rectangle; `time_axis` puts numbers below it.
     pub fn draw(&self, [x, y]: [f64; 2], [width, height]: [f64; 2], time_axis: bool) -> Group {
         let range = match &self.content {
-            Content::Curves { series, limits, include } => {
+            Content::Curves { series, limits, include, marks } => {
                 let lines = series.iter().flat_map(|s| s.line.iter().chain(&s.dots)).map(|p| p[1]);
-                padded_range(lines.chain(limits.iter().map(|l| l.0)).chain(include.iter().copied()))
+                let asked = marks.iter().map(|mark| mark.value).chain(include.iter().copied());
+                padded_range(lines.chain(limits.iter().map(|l| l.0)).chain(asked))
             }
             Content::Bars(_) => [0.0, 1.0],
         };
@@ -120,7 +136,7 @@ impl Panel {
                 .set("font-size", 12),
         );
         match &self.content {
-            Content::Curves { series, limits, .. } => {
+            Content::Curves { series, limits, marks, .. } => {
                 group = value_grid(group, &area);
                 for &(value, color) in limits {
                     let line = horizontal(&area, value).set("stroke", COLORS[color % COLORS.len()]);
@@ -128,6 +144,7 @@ impl Panel {
                         group.add(line.set("stroke-dasharray", "6 3").set("stroke-opacity", 0.55));
                 }
                 group = series.iter().fold(group, |group, s| curve(group, &area, s));
+                group = marks.iter().fold(group, |group, mark| mark_in(group, &area, mark));
                 legend(group, &area, series, y + 15.0 + legend_line)
             }
             Content::Bars(rows) => bars(group, &area, rows),
@@ -201,6 +218,25 @@ fn curve(mut group: Group, area: &Area, series: &Series) -> Group {
         group = group.add(dot.set("r", 1.9).set("fill", color));
     }
     group
+}
+
+fn mark_in(group: Group, area: &Area, mark: &Mark) -> Group {
+    let (from, to, y) = (area.x_of(mark.from_s), area.x_of(mark.to_s), area.y_of(mark.value));
+    let color = COLORS[mark.color % COLORS.len()];
+    let path = if to > from {
+        Path::new()
+            .set("d", format!("M{from} {y}H{to}"))
+            .set("stroke-width", 5)
+            .set("stroke-opacity", 0.45)
+    } else {
+        // A cross.
+        let arm = 5.0;
+        let [left, right, top, bottom] = [from - arm, from + arm, y - arm, y + arm].map(px);
+        Path::new()
+            .set("d", format!("M{left} {top}L{right} {bottom}M{left} {bottom}L{right} {top}"))
+            .set("stroke-width", 2)
+    };
+    group.add(path.set("stroke", color).set("fill", "none"))
 }
 
 /// Names with a piece of their line, from the right edge leftwards.

@@ -1,10 +1,10 @@
 //! What the panels of the figure show: three columns, from the motion as it is played and the samples
 //! as they were planned.
 
-use super::axes::Content;
-use super::{Panel, Series};
+use super::axes::Series;
+pub(super) use super::axes::{Content, Panel};
 use crate::model::JOINTS;
-use crate::motion::Ends;
+use crate::motion::{Ends, Subject};
 use crate::plan::{EndEffectorSample, Plan, Sample};
 use crate::sample::{PlanSpline, Setpoints, driven_wheels};
 
@@ -12,11 +12,11 @@ use crate::sample::{PlanSpline, Setpoints, driven_wheels};
 const POINTS: usize = 240;
 
 /// Joint limits show when the motion comes this near to them, rad.
-pub const LIMIT_SHOWN_WITHIN_RAD: f64 = 0.6;
+const LIMIT_SHOWN_WITHIN_RAD: f64 = 0.6;
 
 /// A plan with its motion evaluated along the time axis.
-struct Played<'a> {
-    plan: &'a Plan,
+pub(super) struct Played<'a> {
+    pub(super) plan: &'a Plan,
     spline: PlanSpline,
     states: Vec<(f64, Sample, Setpoints)>,
 }
@@ -41,7 +41,7 @@ pub fn columns(plan: &Plan) -> Vec<Vec<Panel>> {
         played.orientation(),
         played.wheels(),
     ];
-    let body = body.into_iter().flatten().collect();
+    let body = body.into_iter().flatten().chain(played.ways()).collect();
     vec![body, played.joints(), played.forces()]
         .into_iter()
         .filter(|c: &Vec<Panel>| !c.is_empty())
@@ -49,7 +49,7 @@ pub fn columns(plan: &Plan) -> Vec<Vec<Panel>> {
 }
 
 impl Played<'_> {
-    fn panel(&self, title: impl Into<String>, series: Vec<Series>) -> Panel {
+    pub(super) fn panel(&self, title: impl Into<String>, series: Vec<Series>) -> Panel {
         self.limited(title, series, Vec::new(), Vec::new())
     }
 
@@ -60,7 +60,7 @@ impl Played<'_> {
         limits: Vec<(f64, usize)>,
         include: Vec<f64>,
     ) -> Panel {
-        let content = Content::Curves { series, limits, include };
+        let content = Content::Curves { series, limits, include, marks: Vec::new() };
         Panel {
             title: title.into(),
             duration_s: self.plan.motion.duration_s,
@@ -70,7 +70,7 @@ impl Played<'_> {
     }
 
     /// A curve of a quantity of the samples.
-    fn series(&self, name: &str, color: usize, of: impl Fn(&Sample) -> f64) -> Series {
+    pub(super) fn series(&self, name: &str, color: usize, of: impl Fn(&Sample) -> f64) -> Series {
         let line = self.states.iter().map(|(t, sample, _)| [*t, of(sample)]).collect();
         let dots = self.plan.samples.iter().map(|s| [s.time_s, of(s)]).collect();
         Series { name: name.to_owned(), color, line, dots, dash: "" }
@@ -115,20 +115,24 @@ impl Played<'_> {
 
     fn horizontal(&self) -> Option<Panel> {
         let axis = |name, color, c: usize| self.series(name, color, move |s| s.com_m[c]);
-        Some(self.panel("centre of mass (m)", vec![axis("x", 0, 0), axis("y", 1, 1)]))
+        let asked = [self.places(Subject::Com, 0, 0), self.places(Subject::Com, 1, 1)].concat();
+        let series = vec![axis("x", 0, 0), axis("y", 1, 1)];
+        Some(self.marked("centre of mass (m)", series, asked))
     }
 
     fn heights(&self) -> Option<Panel> {
         let com = self.series("centre of mass", 0, |s| s.com_m[2]);
         let base = self.series("base", 1, |s| s.base_position_m[2]);
-        Some(self.panel("height (m)", vec![com, base]))
+        let asked = [self.places(Subject::Com, 2, 0), self.places(Subject::Body, 2, 1)].concat();
+        Some(self.marked("height (m)", vec![com, base], asked))
     }
 
     fn orientation(&self) -> Option<Panel> {
         let names = ["yaw", "pitch", "roll"].into_iter().enumerate();
         let series =
             names.map(|(k, name)| self.series(name, k, move |s| s.base_yaw_pitch_roll_rad[k]));
-        let mut panel = self.panel("base orientation (rad)", series.collect());
+        let series = series.collect();
+        let mut panel = self.marked("base orientation (rad)", series, self.headings(0));
         // A quiet body should look quiet.
         if let Content::Curves { include, .. } = &mut panel.content {
             include.extend([-0.02, 0.02]);

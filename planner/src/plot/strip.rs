@@ -49,7 +49,10 @@ fn row(mut document: Document, plan: &Plan, phases: usize, top: f64) -> Document
         let middle = 0.5 * sample.base_position_m[2];
         let camera = Camera { target_m: Vector3::new(x, y, middle), origin: center, px_per_m };
         document = document.add(figure.ground(&camera)).add(figure.draw(&camera, &sample, &spin));
-        let caption = format!("{t:.2} s");
+        // The camera follows the robot: how far it has come stands below.
+        let [x_start, y_start, _] = spline.sample(0.0).base_position_m;
+        let way = [x - x_start, y - y_start].map(|way| (way * 100.0).round() / 100.0 + 0.0);
+        let caption = format!("{t:.2} s · x {:.2} m, y {:.2} m", way[0], way[1]);
         let caption = Text::new(caption).set("x", px(center[0])).set("y", px(top + row_baseline()));
         document = document.add(caption.set("text-anchor", "middle").set("fill", FAINT));
     }

@@ -1,0 +1,77 @@
+//! What a motion's targets and heights ask for, as marks in the panels: a cross at a time, a bar over a span.
+
+use super::axes::{Mark, Series};
+use super::panels::{Content, Panel, Played};
+use crate::motion::Subject;
+
+impl Played<'_> {
+    /// Marks of the positions that are asked of a subject along one axis.
+    pub(super) fn places(&self, of: Subject, axis: usize, color: usize) -> Vec<Mark> {
+        let asked = self.plan.motion.targets.iter().filter(|target| target.of == of);
+        let mut marks: Vec<Mark> = asked
+            .filter_map(|target| {
+                let value = target.position_m[axis]?;
+                Some(Mark { from_s: target.at_s, to_s: target.at_s, value, color })
+            })
+            .collect();
+        let limits = self.plan.motion.heights.iter().filter(|limit| axis == 2 && limit.of == of);
+        for limit in limits {
+            for value in [limit.above_m, limit.below_m].into_iter().flatten() {
+                marks.push(Mark { from_s: limit.from_s, to_s: limit.to_s, value, color });
+            }
+        }
+        marks
+    }
+
+    /// Marks of the headings that are asked of the body.
+    pub(super) fn headings(&self, color: usize) -> Vec<Mark> {
+        let asked = self.plan.motion.targets.iter();
+        asked
+            .filter_map(|target| {
+                let value = target.heading_rad?;
+                Some(Mark { from_s: target.at_s, to_s: target.at_s, value, color })
+            })
+            .collect()
+    }
+
+    /// A panel for every subject but the centre of mass that is asked to be somewhere, with its way there.
+    pub(super) fn ways(&self) -> Vec<Panel> {
+        let feet = self.plan.robot.end_effectors.iter().enumerate();
+        let feet = feet.map(|(j, foot)| (Subject::EndEffector(j), foot.name.as_str()));
+        std::iter::once((Subject::Body, "base"))
+            .chain(feet)
+            .filter_map(|(of, name)| {
+                // Heights of the base have their panel already.
+                let axes = if of == Subject::Body { 0..2 } else { 0..3 };
+                let marks: Vec<Vec<Mark>> =
+                    axes.clone().map(|axis| self.places(of, axis, axis)).collect();
+                let asked = |axis: &usize| !marks[*axis].is_empty();
+                let series: Vec<Series> = axes
+                    .filter(asked)
+                    .map(|axis| {
+                        self.series(["x", "y", "z"][axis], axis, move |sample| match of {
+                            Subject::EndEffector(j) => sample.end_effectors[j].position_m[axis],
+                            Subject::Body | Subject::Com => sample.base_position_m[axis],
+                        })
+                    })
+                    .collect();
+                let some = !series.is_empty();
+                some.then(|| self.marked(format!("{name} (m)"), series, marks.concat()))
+            })
+            .collect()
+    }
+
+    /// A panel with marks.
+    pub(super) fn marked(
+        &self,
+        title: impl Into<String>,
+        series: Vec<Series>,
+        asked: Vec<Mark>,
+    ) -> Panel {
+        let mut panel = self.panel(title, series);
+        if let Content::Curves { marks, .. } = &mut panel.content {
+            *marks = asked;
+        }
+        panel
+    }
+}

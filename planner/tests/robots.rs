@@ -1,0 +1,82 @@
+//! Every shipped robot plans a motion: it converges, and the report finds every residual within its level.
+
+use rollwalk_planner::motion::Motion;
+use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::report::Report;
+use rollwalk_planner::start::candidates;
+use rollwalk_planner::{Options, optimise};
+use rollwalk_robot::Robot;
+use std::collections::BTreeSet;
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// The car of thesis sec. 2.5.1 whose front wheels, tilted, no longer roll in parallel.
+const CANNOT_DRIVE: &str = "car_tilted";
+
+/// All other robot files, with a motion file of each.
+const MOTIONS: [(&str, &str); 14] = [
+    ("agilebot", "slalom"),
+    ("agilebot_sprint", "table_2_1/agilebot_start_stop"),
+    ("anymal_wheels", "anymal_duck"),
+    ("brainbot", "table_2_1/brainbot_turn"),
+    ("car", "car_drive"),
+    ("creature3", "table_2_1/creature3_walk"),
+    ("dinobot", "table_2_1/dinobot_skating"),
+    ("legbot", "legbot_walk"),
+    ("skatebot", "table_2_1/skatebot_skating"),
+    ("skaterbot", "skaterbot_stand"),
+    ("swizzlebot", "swizzlebot_turn"),
+    ("swizzlebot2", "swizzlebot2_forward"),
+    ("swizzlebot4", "swizzlebot4_forward"),
+    ("swizzlebot5", "swizzlebot5_forward"),
+];
+
+fn text(folder: &str, name: &str) -> String {
+    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
+    fs::read_to_string(root.join(folder).join(format!("{name}.toml"))).unwrap()
+}
+
+/// The first plan that decides, of a motion's candidate starts.
+fn plan(robot_name: &str, motion_name: &str) -> Plan {
+    let robot = Robot::from_toml(robot_name, &text("robots", robot_name)).unwrap();
+    let motion = Motion::from_toml(motion_name, &text("motions", motion_name), &robot).unwrap();
+    let starts = candidates(&robot, &motion, &Options::default());
+    let mut plans = starts
+        .iter()
+        .map(|start| optimise(&robot, &motion, start, &mut |_| ControlFlow::Continue(())));
+    let first = plans.next().unwrap();
+    if first.solve.decides() { first } else { plans.find(|p| p.solve.decides()).unwrap_or(first) }
+}
+
+#[test]
+fn every_robot_plans_a_credible_motion() {
+    for (robot_name, motion_name) in MOTIONS {
+        let plan = plan(robot_name, motion_name);
+        assert_eq!(plan.solve.status, Status::Converged, "{motion_name} on {robot_name}");
+        let report = Report::new(&plan);
+        assert!(report.is_credible(), "{motion_name} on {robot_name}\n{report}");
+    }
+}
+
+#[test]
+fn tilting_the_wheels_of_the_car_stops_it() {
+    let plan = plan(CANNOT_DRIVE, "car_drive");
+    assert_eq!(plan.solve.status, Status::Infeasible);
+    let blame = plan.solve.blame.unwrap();
+    let of_wheels =
+        |subject: &String| plan.robot.end_effectors.iter().any(|ee| ee.name == *subject);
+    assert!(blame.culprits[0].subject.as_ref().is_some_and(of_wheels), "{blame}");
+}
+
+#[test]
+fn no_robot_file_is_left_out() {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../robots"));
+    let shipped: BTreeSet<String> = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path().file_stem().unwrap().to_str().unwrap().to_owned())
+        .collect();
+    let planned = MOTIONS.iter().map(|(robot, _)| *robot).chain([CANNOT_DRIVE]);
+    let planned: BTreeSet<String> = planned.map(str::to_owned).collect();
+    assert_eq!(planned, shipped);
+}
