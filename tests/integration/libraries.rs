@@ -1,4 +1,5 @@
-//! Every shipped library file: all its motions and transitions converge, and the library opens again.
+//! Every shipped library file: all its motions and transitions converge, the library opens again, and the
+//! simulated robot plays it within the bounds of the demo.
 
 use crate::desk_with_shipped_files;
 use serde_json::Value;
@@ -20,5 +21,14 @@ fn every_shipped_library_builds_and_opens() {
         let told: Value = serde_json::from_str(&told).unwrap();
         let motions = desk.read_text(&file).matches("[[motion]]").count();
         assert_eq!(told["motions"].as_array().unwrap().len(), motions, "{file}");
+    }
+}
+
+#[test]
+fn libraries_of_other_robots_play_within_the_bounds() {
+    let desk = desk_with_shipped_files();
+    for robot in ["swizzlebot", "skaterbot", "anymal"] {
+        let library = format!("motions/{robot}_library.toml");
+        desk.run(&["demo", "--library", &library, "--out", robot, "--json"]).succeeds();
     }
 }
