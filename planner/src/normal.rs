@@ -7,7 +7,8 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::prelude::*;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering,
+    factorize_symbolic_cholesky,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 
@@ -124,8 +125,7 @@ impl NormalEquations {
         }
         let matrix = SparseColMatRef::new(self.pattern.as_ref(), &self.damped);
         let stack = MemStack::new(&mut self.scratch);
-        let factor = self
-            .symbolic
+        self.symbolic
             .factorize_numeric_llt(
                 &mut self.factor,
                 matrix,
@@ -136,11 +136,47 @@ impl NormalEquations {
                 Default::default(),
             )
             .ok()?;
-        let mut step = Mat::from_fn(self.gradient.len(), 1, |i, _| -self.gradient[i]);
+        let gradient = std::mem::take(&mut self.gradient);
+        let step = self.solve_factored(&gradient);
+        self.gradient = gradient;
+        step
+    }
+
+    /// Solves with the matrix of the last [`step`](Self::step) for −`gradient`.
+    fn solve_factored(&mut self, gradient: &[f64]) -> Option<Vec<f64>> {
+        let factor = LltRef::new(&self.symbolic, &self.factor);
+        let mut step = Mat::from_fn(gradient.len(), 1, |i, _| -gradient[i]);
         let stack = MemStack::new(&mut self.scratch);
         factor.solve_in_place_with_conj(faer::Conj::No, step.as_mut(), Par::Seq, stack);
         let step: Vec<f64> = step.col(0).iter().copied().collect();
         step.iter().all(|x| x.is_finite()).then_some(step)
+    }
+
+    /// What to add to `step`, the last one, because rows are curved: with `there` the rows at its end, the
+    /// step that undoes what their values differ from the linearised ones of `here`.
+    ///
+    /// Along a curved constraint a straight step leaves it by the square of its length, and a high penalty
+    /// then allows only short steps (the Maratos effect). Costs a solve with the factor at hand.
+    pub fn bend(
+        &mut self,
+        here: &Rows,
+        there: &Rows,
+        shifts: &[f64],
+        penalty: f64,
+        step: &[f64],
+    ) -> Option<Vec<f64>> {
+        let mut gradient = vec![0.0; self.gradient.len()];
+        for ((row, end), &shift) in here.rows.iter().zip(&there.rows).zip(shifts) {
+            let [_, _, curvature] = row_energy(row, shift, penalty);
+            if curvature == 0.0 {
+                continue;
+            }
+            let entries = row.entries.clone().map(|k| (here.columns[k], here.derivatives[k]));
+            let change: f64 = entries.clone().map(|(column, d)| d * step[column]).sum();
+            let pull = curvature * (end.value - row.value - change);
+            entries.for_each(|(column, d)| gradient[column] += pull * d);
+        }
+        self.solve_factored(&gradient)
     }
 
     /// Energy decrease that the quadratic model with this damping promises for a step.

@@ -1,15 +1,16 @@
 //! Gauss-Newton with multipliers: the default solver.
 //!
-//! Every row is squared and Gauss-Newton steps with Levenberg-Marquardt damping lower the energy of
-//! [`crate::formulation`]; whenever the energy is nearly as low as it gets for the present
-//! multipliers, they are shifted: s ← s + r for equalities, s ← ψ′(r + s)/2 for inequalities. That
-//! makes constraints exact with a modest penalty, where the thesis's penalty of 10 000 alone makes a
-//! narrow curved valley.
+//! Every row is squared and Gauss-Newton steps with Levenberg-Marquardt damping, bent along curved
+//! constraints, lower the energy of [`crate::formulation`]; whenever it is nearly as low as it gets for
+//! the present multipliers, they are shifted: s ← s + r for equalities, s ← ψ′(r + s)/2 for
+//! inequalities. That makes constraints exact with a modest penalty, where the thesis's penalty of
+//! 10 000 alone makes a narrow curved valley.
 
 mod curvature;
 mod multipliers;
 mod penalty;
 mod settings;
+mod trial;
 
 pub use multipliers::Multipliers;
 pub use settings::{Method, Settings};
@@ -23,12 +24,14 @@ use crate::problem::{Problem, Unknowns};
 use crate::rows::{Columns, Role, Row, Rows};
 use crate::start::Started;
 use std::ops::ControlFlow;
+use trial::Trials;
 
 /// Part of its credible level that the worst constraint may reach in a converged plan.
 pub const ACCEPTED_LEVEL: f64 = 0.2;
 
-/// Damping beyond which steps are too short to matter.
+/// Damping beyond which steps are too short to matter, and below which it hardly changes a step.
 const DAMPING_LIMIT: f64 = 1e12;
+const DAMPING_FELT: f64 = 1e-4;
 
 /// Where a solve stands; passed to the caller after every iteration.
 #[derive(Clone, Debug)]
@@ -99,15 +102,6 @@ pub enum Begin<'a> {
 const DAMPING_COLD: f64 = 1e-3;
 const DAMPING_NEAR: f64 = 1e-7;
 
-/// The shift that replaces `shift` when the row's residual is `value`.
-fn first_order_shift(row: &Row, value: f64, shift: f64) -> f64 {
-    match row.role {
-        Role::Equality => value + shift,
-        Role::Inequality { .. } => row_energy(&Row { value, ..row.clone() }, shift, 1.0)[1] / 2.0,
-        Role::Cost { .. } => 0.0,
-    }
-}
-
 /// Counts the steps of a look as iterations, and shows them.
 fn counted<'a>(
     iteration: &'a mut usize,
@@ -151,7 +145,7 @@ pub fn solve_from(
     let penalty = problem.weights.penalty;
     let states = problem.states(unknowns);
     let mut rows = formulation::evaluate(problem, &columns, unknowns, &states, Rows::default());
-    let mut trial_rows = Rows::default();
+    let mut trials = Trials { problem, columns: &columns, penalty, spare: Vec::new() };
     let mut normal = NormalEquations::new(&rows, columns.count);
     let (mut damping, mut shifts) = match begin {
         Begin::Cold => (DAMPING_COLD, vec![0.0; rows.rows.len()]),
@@ -180,22 +174,17 @@ pub fn solve_from(
         let mut rejected = false;
         // Damp until the step lowers the energy about as promised.
         while damping < DAMPING_LIMIT {
-            let Some(step) = normal.step(damping) else {
+            let taken = trials.take(&mut normal, unknowns, (&rows, energy), &shifts, damping);
+            let Some((trial, ratio)) = taken else {
                 damping *= 10.0;
                 continue;
             };
-            let mut trial = unknowns.clone();
-            columns.add_step(problem, &mut trial, &step);
-            let states = problem.states(&trial);
-            trial_rows = formulation::evaluate(problem, &columns, &trial, &states, trial_rows);
-            let trial_energy = NormalEquations::energy(&trial_rows, &shifts, penalty);
-            let ratio = (energy - trial_energy) / normal.promised_decrease(&step, damping);
             if ratio > 1e-3 {
-                decrease = (energy - trial_energy) / energy.max(f64::MIN_POSITIVE);
-                last_step = step.iter().map(|d| d * d).sum::<f64>().sqrt();
-                *unknowns = trial;
-                std::mem::swap(&mut rows, &mut trial_rows);
-                energy = trial_energy;
+                decrease = (energy - trial.energy) / energy.max(f64::MIN_POSITIVE);
+                last_step = trial.step.iter().map(|d| d * d).sum::<f64>().sqrt();
+                *unknowns = trial.unknowns;
+                energy = trial.energy;
+                trials.spare.push(std::mem::replace(&mut rows, trial.rows));
                 // Damping that was just too low is not tried again at once.
                 if ratio > 0.7 && !rejected {
                     damping = (damping * 0.2).max(1e-9);
@@ -204,11 +193,12 @@ pub fn solve_from(
                 }
                 break;
             }
-            if energy - trial_energy > -1e-13 * energy {
+            trials.spare.push(trial.rows);
+            if energy - trial.energy > -1e-13 * energy {
                 break; // As low as rounding lets it get.
             }
             rejected = true;
-            damping = (damping * 6.0).max(1e-7);
+            damping = (damping * 6.0).max(DAMPING_FELT);
         }
         let (_, level) = worst(&rows);
         let report = standing(&rows, iteration, energy, penalty, damping, last_step);
@@ -262,7 +252,7 @@ pub fn solve_from(
                 }
             }
             for (row, shift) in rows.rows.iter().zip(&mut shifts) {
-                *shift = first_order_shift(row, row.value, *shift);
+                *shift = multipliers::first_order_shift(row, row.value, *shift);
             }
             energy = NormalEquations::energy(&rows, &shifts, penalty);
         }

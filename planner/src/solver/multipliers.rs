@@ -1,8 +1,7 @@
 //! Multipliers of a solve: carried from a neighbouring one, or estimated where there are none.
 
-use super::first_order_shift;
-use crate::normal::NormalEquations;
-use crate::rows::Rows;
+use crate::normal::{NormalEquations, row_energy};
+use crate::rows::{Role, Row, Rows};
 
 /// The multipliers of a solution, as shifts of its rows (see [`crate::formulation`]).
 #[derive(Clone, Debug, PartialEq)]
@@ -30,6 +29,15 @@ impl Multipliers {
     }
 }
 
+/// The shift that replaces `shift` when the row's residual is `value`.
+pub(super) fn first_order_shift(row: &Row, value: f64, shift: f64) -> f64 {
+    match row.role {
+        Role::Equality => value + shift,
+        Role::Inequality { .. } => row_energy(&Row { value, ..row.clone() }, shift, 1.0)[1] / 2.0,
+        Role::Cost { .. } => 0.0,
+    }
+}
+
 /// Shifts that a Gauss-Newton step from here would lead to: the linearised rows at its end, as the method of
 /// multipliers takes them. Near an optimum that is all but exact, so that a plan without multipliers need
 /// not first move away from its constraints to find them.
@@ -42,7 +50,7 @@ pub(super) fn estimate(
     let none = vec![0.0; rows.rows.len()];
     normal.assemble(rows, &none, penalty);
     let Some(step) = normal.step(damping) else { return none };
-    let entries = |row: &crate::rows::Row| row.entries.clone();
+    let entries = |row: &Row| row.entries.clone();
     rows.rows
         .iter()
         .map(|row| {
