@@ -16,6 +16,8 @@ pub enum StartChoice {
     Standing,
     /// Standing with a smooth random swing of every joint
     Sinusoid,
+    /// The plan of the same motion with half the samples
+    Coarse,
     /// The thesis's warm start: stand, sway, step in place
     Warm,
 }
@@ -26,6 +28,7 @@ impl From<StartChoice> for Start {
             StartChoice::Auto => Self::Auto,
             StartChoice::Standing => Self::Standing,
             StartChoice::Sinusoid => Self::Sinusoid,
+            StartChoice::Coarse => Self::Coarse,
             StartChoice::Warm => Self::Warm(WarmStart::default()),
         }
     }

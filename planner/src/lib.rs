@@ -4,6 +4,7 @@
 //! A pure library: no clock, no file access, no threads, so that it also builds for the browser.
 
 pub mod blame;
+mod coarse;
 pub mod export;
 mod formulation;
 mod guess;

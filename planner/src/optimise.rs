@@ -1,5 +1,6 @@
 //! From a motion goal, or from two motions to be joined, to a plan.
 
+use crate::coarse;
 use crate::model::Model;
 use crate::motion::Motion;
 use crate::plan::{EndEffectorSample, Plan, Sample, Status};
@@ -55,9 +56,15 @@ pub fn optimise_solution(
     options: &Options,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Solution {
-    let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
     // There is always a first candidate.
-    let first = start::candidates(robot, motion, options).swap_remove(0);
+    let mut first = start::candidates(robot, motion, options).swap_remove(0);
+    if first.start == Start::Coarse {
+        if let Some(halved) = coarse::halved(motion) {
+            return coarse::from_coarse(robot, motion, &halved, &first, progress);
+        }
+        first.start = start::without_halving(robot, motion);
+    }
+    let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
     let start::Beginning { mut unknowns, started, iterations: before, stopped } =
         start::initial(&problem, first.start, first.seed, progress);
     let mut counted = |state: &Progress| {

@@ -84,7 +84,7 @@ impl Solution {
     }
 }
 
-fn from(
+pub(crate) fn from(
     previous: &Plan,
     multipliers: Option<&Multipliers>,
     robot: &Robot,

@@ -13,6 +13,7 @@ mod warm;
 pub(crate) use neighbour::neighbour;
 pub use warm::WarmStart;
 
+use crate::coarse;
 use crate::guess;
 use crate::model::JOINTS;
 use crate::motion::Motion;
@@ -37,6 +38,9 @@ pub enum Start {
     Standing,
     /// The same with a smooth random swing of every joint.
     Sinusoid,
+    /// The plan of the same motion with half the samples, and so on until samples are few; there a swing or
+    /// standing, whichever suits.
+    Coarse,
     /// The thesis's warm start (sec. 3.3): stands, sways, then steps in place, without anything random.
     Warm(WarmStart),
 }
@@ -50,6 +54,8 @@ pub enum StartKind {
     Standing,
     /// [`Start::Sinusoid`].
     Sinusoid,
+    /// [`Start::Coarse`].
+    Coarse,
     /// [`Start::Warm`].
     Warm,
     /// Another plan: [`replan`](crate::replan).
@@ -79,13 +85,15 @@ const SEED_STRIDE: u64 = 1000;
 /// The starts to try for a motion, the one that nearly always serves first.
 ///
 /// Without a choice in `options` these are: on free wheels that can be steered two random swings, then
-/// standing; otherwise standing, with nudges if that fails, then a random
-/// swing, and last, for motions that step, the warm start, which a flying trot needs. A chosen start is the only candidate.
+/// standing; otherwise standing, with nudges if that fails, then a random swing, and last, for motions that
+/// step, the warm start, which a flying trot needs. Where samples are many their half comes first on free wheels
+/// and skates, whose strokes are hardly found otherwise, and second for all others. A chosen start is the
+/// only candidate.
 pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Options> {
     let seed = |i: u64| options.seed.wrapping_add(i * SEED_STRIDE);
     let swing = |i| (Start::Sinusoid, seed(i));
     let nudge = |i| (Start::Standing, seed(i));
-    let starts = match options.start {
+    let mut starts = match options.start {
         Start::Auto if stands_on_free_wheels(robot, motion) => {
             vec![swing(0), swing(1), (Start::Standing, options.seed)]
         }
@@ -97,7 +105,17 @@ pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Opti
         }
         chosen => vec![(chosen, options.seed)],
     };
+    if options.start == Start::Auto && coarse::halved(motion).is_some() {
+        let at =
+            usize::from(!(0..robot.end_effectors.len()).any(|j| rolls_freely(robot, motion, j)));
+        starts.insert(at, (Start::Coarse, options.seed));
+    }
     starts.into_iter().map(|(start, seed)| Options { start, seed, ..options.clone() }).collect()
+}
+
+/// The start of a motion that samples are not halved for.
+pub(crate) fn without_halving(robot: &Robot, motion: &Motion) -> Start {
+    if stands_on_free_wheels(robot, motion) { Start::Sinusoid } else { Start::Standing }
 }
 
 /// Whether some end effector that touches the ground rolls freely and can be steered there. Blades
@@ -108,11 +126,14 @@ fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
         let link = robot.end_effectors[j].link;
         robot.end_effectors.iter().filter(|other| other.link == link).count() > 1
     };
-    let free = |j: usize| {
-        let held = motion.held_wheels.get(j).copied().unwrap_or(false);
-        robot.end_effectors[j].contact.free_rolling().is_some() && !held && !shares_link(j)
-    };
-    (0..robot.end_effectors.len()).any(|j| free(j) && motion.stance.iter().any(|stance| stance[j]))
+    (0..robot.end_effectors.len()).any(|j| rolls_freely(robot, motion, j) && !shares_link(j))
+}
+
+/// Whether an end effector touches the ground at times and rolls freely there.
+fn rolls_freely(robot: &Robot, motion: &Motion, j: usize) -> bool {
+    let held = motion.held_wheels.get(j).copied().unwrap_or(false);
+    let free = robot.end_effectors[j].contact.free_rolling().is_some() && !held;
+    free && motion.stance.iter().any(|stance| stance[j])
 }
 
 /// A start, worked out.
@@ -141,8 +162,8 @@ pub(crate) fn initial(
             return Beginning { unknowns, started, iterations, stopped };
         }
         Start::Sinusoid => (StartKind::Sinusoid, SWING_RAD),
-        Start::Auto | Start::Standing if seed == 0 => (StartKind::Standing, 0.0),
-        Start::Auto | Start::Standing => (StartKind::Standing, NUDGE_RAD),
+        Start::Auto | Start::Standing | Start::Coarse if seed == 0 => (StartKind::Standing, 0.0),
+        Start::Auto | Start::Standing | Start::Coarse => (StartKind::Standing, NUDGE_RAD),
     };
     let mut unknowns = guess::from_standing(problem);
     if amplitude_rad > 0.0 {

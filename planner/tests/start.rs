@@ -63,10 +63,47 @@ fn robots_on_free_wheels_start_swinging_and_others_standing() {
     };
     assert_eq!(first(&swizzlebot(), FORWARD), Start::Sinusoid);
     assert_eq!(first(&agilebot(), WALK), Start::Standing);
+    // In many samples strokes are found in few first; walks start standing all the same.
+    let many = |robot: &Robot, text: &str| {
+        let text =
+            text.replace("samples = 12", "samples = 48").replace("samples = 32", "samples = 64");
+        candidates(robot, &motion(robot, &text), &Options::default())
+    };
+    assert_eq!(many(&swizzlebot(), FORWARD)[0].start, Start::Coarse);
+    let walk = many(&agilebot(), WALK);
+    assert_eq!((walk[0].start, walk[1].start), (Start::Standing, Start::Coarse));
     // A chosen start is the only one.
     let chosen = Options { start: Start::Standing, seed: 4, ..Options::default() };
     let robot = swizzlebot();
     assert_eq!(candidates(&robot, &motion(&robot, FORWARD), &chosen), [chosen]);
+}
+
+#[test]
+fn many_samples_start_from_half_as_many() {
+    let robot = agilebot();
+    let wanted = motion(&robot, &WALK.replace("samples = 32", "samples = 100"));
+    let options = Options { start: Start::Coarse, seed: 3, ..Options::default() };
+    let mut steps = Vec::new();
+    let plan = optimise(&robot, &wanted, &options, &mut |progress| {
+        steps.push(progress.iteration);
+        ControlFlow::Continue(())
+    });
+    assert_eq!(plan.solve.status, Status::Converged);
+    assert_eq!(plan.samples.len(), 100);
+    assert_eq!((plan.solve.start.kind, plan.solve.start.seed), (StartKind::Coarse, 3));
+    // Iterations of all levels count, one after the other.
+    assert_eq!(steps, (1..=plan.solve.iterations).collect::<Vec<_>>());
+    // From few samples it is the start that suits.
+    let few = optimise(&robot, &motion(&robot, WALK), &options, &mut go);
+    assert_eq!(few.solve.start.kind, StartKind::Standing);
+
+    let mut left = 9;
+    let stopped = optimise(&robot, &wanted, &options, &mut |_| {
+        left -= 1;
+        if left == 0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert_eq!(stopped.solve.status, Status::Interrupted);
+    assert_eq!(stopped.samples.len(), 100, "an interrupted plan is one of the motion asked for");
 }
 
 #[test]

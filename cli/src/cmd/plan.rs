@@ -232,6 +232,7 @@ fn beginning(start: Started) -> String {
         StartKind::Standing => "standing",
         StartKind::Sinusoid => "a random swing",
         StartKind::Warm => "the warm start",
+        StartKind::Coarse => "its plan with fewer samples",
         StartKind::Neighbour => return "the given plan".to_owned(),
         StartKind::Joined => return "the motions it joins".to_owned(),
     };
