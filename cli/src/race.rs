@@ -1,11 +1,11 @@
 //! Several starts of one motion at once, on as many cores as there are.
 //!
-//! The winner is the first in the candidates' order that converges or shows that the request is
-//! impossible, whatever the threads' timing, so that the same motion and seed always give the same plan.
-//! Later candidates stop as soon as an earlier one has won, and on one core they are not even begun.
+//! The winner is the first in the candidates' order that converges, whatever the threads' timing, so that the
+//! same motion and seed always give the same plan. Later candidates stop as soon as an earlier one has won,
+//! and on one core they are not even begun. A request that looks impossible from the first two is given up.
 
 use rollwalk_planner::motion::Motion;
-use rollwalk_planner::plan::Plan;
+use rollwalk_planner::plan::{Ending, Plan};
 use rollwalk_planner::{Options, Progress, optimise, start};
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
@@ -25,7 +25,7 @@ pub fn optimise_any(
     let cores = thread::available_parallelism().map_or(1, usize::from);
     first_that_decides(candidates.len(), cores, progress, &|index, watched| {
         let plan = optimise(robot, motion, &candidates[index], watched);
-        (plan.solve.decides(), plan)
+        (plan.solve.ending(), plan)
     })
 }
 
@@ -33,17 +33,18 @@ pub fn optimise_any(
 type Watched<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
 
 /// Runs solves 0 to `count` on up to `workers` threads and returns what the first that decides the race
-/// brings; that of the first if none does. A solve says whether it decides, as an interrupted one does.
+/// brings; that of the first if none does.
 fn first_that_decides<T: Send>(
     count: usize,
     workers: usize,
     progress: &(dyn Fn(&Progress) -> ControlFlow<()> + Sync),
-    solve: &(dyn Fn(usize, &mut Watched) -> (bool, T) + Sync),
+    solve: &(dyn Fn(usize, &mut Watched) -> (Ending, T) + Sync),
 ) -> T {
     let race = Race {
         next: AtomicUsize::new(0),
         winner: AtomicUsize::new(usize::MAX),
         failed: (0..count).map(|_| AtomicBool::new(false)).collect(),
+        hopeless: AtomicUsize::new(0),
     };
     let results: Mutex<Vec<Option<T>>> = Mutex::new((0..count).map(|_| None).collect());
     let run = || {
@@ -52,7 +53,7 @@ fn first_that_decides<T: Send>(
             if index >= count || race.is_decided_before(index) {
                 return;
             }
-            let (decides, result) = solve(index, &mut |state| {
+            let (ending, result) = solve(index, &mut |state| {
                 if race.is_decided_before(index) {
                     ControlFlow::Break(())
                 } else if race.leads(index) {
@@ -61,7 +62,7 @@ fn first_that_decides<T: Send>(
                     ControlFlow::Continue(())
                 }
             });
-            race.finished(index, decides);
+            race.finished(index, ending);
             if let Ok(mut results) = results.lock() {
                 results[index] = Some(result);
             }
@@ -75,10 +76,14 @@ fn first_that_decides<T: Send>(
     });
     let winner = race.winner.into_inner();
     let mut results = results.into_inner().unwrap_or_default();
-    let chosen = if winner < results.len() { winner } else { 0 };
+    let given_up = race.hopeless.into_inner() == HOPELESS;
+    let chosen = if winner < results.len() && !given_up { winner } else { 0 };
     // Candidate 0 is always begun, and a winner has a result.
     results.swap_remove(chosen).expect("every candidate that counts has run")
 }
+
+/// Candidates from which a request must look impossible before it is given up.
+pub const HOPELESS: usize = 2;
 
 /// What the threads of a race share.
 struct Race {
@@ -88,6 +93,8 @@ struct Race {
     winner: AtomicUsize,
     /// Which candidates have failed.
     failed: Vec<AtomicBool>,
+    /// How many of the first [`HOPELESS`] candidates have found the request impossible.
+    hopeless: AtomicUsize,
 }
 
 impl Race {
@@ -103,12 +110,21 @@ impl Race {
     }
 
     /// Candidate `index` has ended.
-    fn finished(&self, index: usize, decides: bool) {
-        if decides {
-            // A loser that was stopped is behind the winner already.
-            self.winner.fetch_min(index, Ordering::SeqCst);
-        } else {
-            self.failed[index].store(true, Ordering::SeqCst);
+    fn finished(&self, index: usize, ending: Ending) {
+        let is_hopeless = ending == Ending::Hopeless && index < HOPELESS;
+        let all_hopeless =
+            is_hopeless && self.hopeless.fetch_add(1, Ordering::SeqCst) + 1 == HOPELESS;
+        // A loser that was stopped is behind the winner already.
+        let winner = match ending {
+            Ending::Decided => Some(index),
+            Ending::Hopeless if all_hopeless => Some(HOPELESS - 1),
+            Ending::Hopeless | Ending::Failed => None,
+        };
+        match winner {
+            Some(winner) => {
+                self.winner.fetch_min(winner, Ordering::SeqCst);
+            }
+            None => self.failed[index].store(true, Ordering::SeqCst),
         }
     }
 }

@@ -24,7 +24,7 @@ pub struct Blame {
     pub culprits: Vec<Culprit>,
 }
 
-/// What speaks against a request, the strongest first.
+/// What speaks against a request, the strongest first. None is a proof: another start may know a way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -32,13 +32,13 @@ pub enum Verdict {
     Contradiction,
     /// Even without any regard for costs the constraints stay far beyond their credible levels.
     FarOff,
-    /// The solve has stopped getting anywhere; another start may do better.
+    /// The solve has stopped getting anywhere.
     Stuck,
 }
 
 impl Verdict {
-    /// Whether trying other starts is not worth while.
-    pub fn is_final(self) -> bool {
+    /// Whether a second start that ends like this is enough to give up.
+    pub fn is_grave(self) -> bool {
         match self {
             Self::Contradiction | Self::FarOff => true,
             Self::Stuck => false,
@@ -117,7 +117,7 @@ impl fmt::Display for Blame {
             match self.verdict {
                 Verdict::Contradiction => "these constraints contradict each other:",
                 Verdict::FarOff =>
-                    "far off, whatever it costs; these constraints pull against each other:",
+                    "no way found, far off whatever it costs; these constraints pull against each other:",
                 Verdict::Stuck => "where it got stuck, these constraints pull against each other:",
             }
         )?;

@@ -116,15 +116,27 @@ pub struct SolveSummary {
 }
 
 impl SolveSummary {
-    /// Whether trying another start is not worth while: this one converged, showed that the request is
-    /// impossible, or was interrupted.
-    pub fn decides(&self) -> bool {
+    /// What the outcome means for other starts.
+    pub fn ending(&self) -> Ending {
+        let grave = self.blame.as_ref().is_some_and(|blame| blame.verdict.is_grave());
         match self.status {
-            Status::Converged | Status::Interrupted => true,
-            Status::Infeasible => self.blame.as_ref().is_some_and(|blame| blame.verdict.is_final()),
-            Status::Stalled | Status::IterationLimit => false,
+            Status::Converged | Status::Interrupted => Ending::Decided,
+            Status::Infeasible if grave => Ending::Hopeless,
+            Status::Infeasible | Status::Stalled | Status::IterationLimit => Ending::Failed,
         }
     }
+}
+
+/// What the outcome of one start means for the others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// It converged or was interrupted: no other start is needed.
+    Decided,
+    /// The request looks impossible from there. If it does from the first two starts, others are not worth
+    /// while.
+    Hopeless,
+    /// It led nowhere; another start may.
+    Failed,
 }
 
 /// Outcome of a solve: a value, not an error.

@@ -33,8 +33,8 @@ pub enum ReplanError {
     },
     /// The motions have other ends.
     #[error(
-        "the plan of `{planned}` has {planned_ends:?} ends, `{wanted}` has {wanted_ends:?} ones; plan from \
-         scratch, or from a plan whose ends are alike, Periodic or AtRest"
+        "the plan of `{planned}` has ends = \"{planned_ends}\", `{wanted}` has \"{wanted_ends}\"; plan from scratch, or from \
+         a plan with the same, `periodic` or `at_rest`"
     )]
     OtherEnds {
         /// Motion of the plan.

@@ -101,7 +101,7 @@ pub struct Given {
     pub field: &'static str,
     /// The number.
     pub value: f64,
-    /// Derivative of the residual with respect to it, 1 or −1.
+    /// Derivative of the residual with respect to it.
     pub slope: f64,
 }
 

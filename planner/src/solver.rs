@@ -15,7 +15,7 @@ mod trial;
 pub use multipliers::Multipliers;
 pub use settings::{Method, Settings};
 
-use crate::blame::look::{self, Schedule};
+use crate::blame::look::{self, Look, Schedule};
 use crate::blame::{self, Verdict};
 use crate::formulation::{self, TERMS};
 use crate::normal::{NormalEquations, row_energy};
@@ -29,6 +29,8 @@ use trial::Trials;
 /// Part of its credible level that the worst constraint may reach in a converged plan.
 pub const ACCEPTED_LEVEL: f64 = 0.2;
 
+/// Flat steps without a better worst constraint after which a solve has come as far as it can.
+const MOST_NO_BETTER: usize = 25;
 /// Damping beyond which steps are too short to matter, and below which it hardly changes a step.
 const DAMPING_LIMIT: f64 = 1e12;
 const DAMPING_FELT: f64 = 1e-4;
@@ -164,7 +166,8 @@ pub fn solve_from(
     let mut best_level = f64::INFINITY;
     let mut no_better = 0;
     let mut looks = Schedule::default();
-    let mut found = None;
+    let mut blame = None;
+    let mut restarted = false;
     let mut without_step = 0;
 
     while iteration < settings.iterations {
@@ -222,60 +225,50 @@ pub fn solve_from(
             status = Status::Converged;
             break;
         }
-        if let Some(far_level) = looks.due(iteration, level) {
+        let shifting = decrease < settings.nearly_flat && level > settings.target_level;
+        if shifting {
+            no_better = if level < 0.9 * best_level { 0 } else { no_better + 1 };
+            best_level = if no_better == 0 { level } else { best_level };
+        }
+        let exhausted = no_better >= MOST_NO_BETTER;
+        if exhausted && level <= ACCEPTED_LEVEL {
+            status = Status::Converged;
+            break;
+        }
+        let due = looks.due(iteration, level);
+        if due.is_some() || exhausted {
+            let left = settings.iterations - iteration;
+            let far_level = due.unwrap_or_else(|| looks.far_level());
             let mut step = counted(&mut iteration, penalty, progress);
-            let found_here =
-                look::look(problem, &columns, &mut normal, unknowns, far_level, &mut step);
-            let Some(nearest) = found_here else {
+            let look = Look { problem, columns: &columns, most_steps: left, far_level };
+            let Some(nearest) = look.from(&mut normal, unknowns, &mut step) else {
                 status = Status::Interrupted;
                 break;
             };
-            if nearest.verdict.is_some() {
-                status = Status::Infeasible;
-                found = Some(nearest);
+            if let Some(verdict) = nearest.verdict.or(exhausted.then_some(Verdict::Stuck)) {
+                if nearest.verdict.is_none() && !restarted {
+                    // Constraints can be met close by, or nearly: from there the solve goes on, once.
+                    restarted = true;
+                    *unknowns = nearest.unknowns;
+                    rows = nearest.rows;
+                    shifts.fill(0.0);
+                    energy = NormalEquations::energy(&rows, &shifts, penalty);
+                    (damping, no_better, best_level) = (DAMPING_COLD, 0, f64::INFINITY);
+                    continue;
+                }
+                blame = blame::attribute(problem, &nearest.rows, verdict);
+                status = if blame.is_some() { Status::Infeasible } else { Status::Stalled };
+                // The plan shows the contradiction as small as it gets.
+                *unknowns = nearest.unknowns;
+                rows = nearest.rows;
+                energy = NormalEquations::energy(&rows, &shifts, penalty);
                 break;
             }
         }
-        if decrease < settings.nearly_flat && level > settings.target_level {
-            if level < 0.9 * best_level {
-                best_level = level;
-                no_better = 0;
-            } else {
-                no_better += 1;
-                if no_better >= 25 {
-                    status = if level <= ACCEPTED_LEVEL {
-                        Status::Converged
-                    } else {
-                        Status::Infeasible
-                    };
-                    break;
-                }
-            }
+        if shifting {
             for (row, shift) in rows.rows.iter().zip(&mut shifts) {
                 *shift = multipliers::first_order_shift(row, row.value, *shift);
             }
-            energy = NormalEquations::energy(&rows, &shifts, penalty);
-        }
-    }
-    if status == Status::Infeasible && found.is_none() {
-        let mut step = counted(&mut iteration, penalty, progress);
-        let far_level = looks.far_level();
-        found = look::look(problem, &columns, &mut normal, unknowns, far_level, &mut step);
-        if found.is_none() {
-            status = Status::Interrupted;
-        }
-    }
-    let mut blame = None;
-    if let Some(nearest) = found {
-        if worst(&nearest.rows).1 <= ACCEPTED_LEVEL {
-            // The constraints can be met close by: the solve, not the request, is at fault.
-            status = Status::Stalled;
-        } else {
-            blame =
-                blame::attribute(problem, &nearest.rows, nearest.verdict.unwrap_or(Verdict::Stuck));
-            // The plan shows the contradiction as small as it gets.
-            *unknowns = nearest.unknowns;
-            rows = nearest.rows;
             energy = NormalEquations::energy(&rows, &shifts, penalty);
         }
     }

@@ -21,26 +21,32 @@ fn go_on(_: &Progress) -> ControlFlow<()> {
 }
 
 /// Iterates until somebody stops it.
-fn until_stopped(watched: &mut Watched) -> bool {
+fn until_stopped(watched: &mut Watched) -> Ending {
     while watched(&STATE).is_continue() {
         thread::yield_now();
     }
-    true
+    Ending::Decided
 }
 
 #[test]
 fn the_first_in_order_wins_with_any_number_of_threads() {
-    for (decides, winner) in [
-        (&[true, true, true][..], 0),
-        (&[false, true, true], 1),
-        (&[false, false, false, true], 3),
-        (&[false, false, false], 0),
-        (&[true], 0),
+    use Ending::{Decided, Failed, Hopeless};
+    for (endings, winner) in [
+        (&[Decided, Decided, Decided][..], 0),
+        (&[Failed, Decided, Decided], 1),
+        (&[Failed, Failed, Hopeless, Decided], 3),
+        (&[Failed, Failed, Failed], 0),
+        (&[Decided], 0),
+        // One start that sees no way is not enough, two are, whatever comes after them: the first tells why.
+        (&[Hopeless, Decided, Decided], 1),
+        (&[Hopeless, Failed, Decided], 2),
+        (&[Hopeless, Hopeless, Decided], 0),
+        (&[Hopeless], 0),
     ] {
         for workers in 1..6 {
-            let solve = |index: usize, _: &mut Watched| (decides[index], index);
-            let won = first_that_decides(decides.len(), workers, &go_on, &solve);
-            assert_eq!(won, winner, "{decides:?} on {workers} threads");
+            let solve = |index: usize, _: &mut Watched| (endings[index], index);
+            let won = first_that_decides(endings.len(), workers, &go_on, &solve);
+            assert_eq!(won, winner, "{endings:?} on {workers} threads");
         }
     }
 }
@@ -55,7 +61,7 @@ fn one_that_converges_late_still_wins_over_the_next() {
         } else {
             second_is_done.send(()).unwrap();
         }
-        (true, index)
+        (Ending::Decided, index)
     });
     assert_eq!(won, 0);
 }
@@ -67,7 +73,7 @@ fn those_behind_the_winner_are_stopped() {
     let won = first_that_decides(2, 2, &go_on, &|index, watched| {
         if index == 0 {
             wait.lock().unwrap().recv().unwrap();
-            return (true, index);
+            return (Ending::Decided, index);
         }
         second_has_begun.send(()).unwrap();
         (until_stopped(watched), index)
@@ -80,7 +86,7 @@ fn on_one_thread_none_is_begun_after_the_winner() {
     let begun = AtomicUsize::new(0);
     first_that_decides(3, 1, &go_on, &|index, _| {
         begun.fetch_add(1, Ordering::SeqCst);
-        (index == 1, ())
+        (if index == 1 { Ending::Decided } else { Ending::Failed }, ())
     });
     assert_eq!(begun.into_inner(), 2);
 }
@@ -99,7 +105,7 @@ fn an_interrupt_ends_the_race_even_when_those_behind_have_failed() {
                 return (until_stopped(watched), index);
             }
             later_have_failed.fetch_add(1, Ordering::SeqCst);
-            (false, index)
+            (Ending::Failed, index)
         });
         assert_eq!(first, 0, "on {workers} threads");
     }
@@ -113,7 +119,7 @@ fn a_plan_is_the_same_however_many_threads_race() {
     let plan = |workers| {
         first_that_decides(candidates.len(), workers, &go_on, &|index, watched| {
             let plan = optimise(&robot, &motion, &candidates[index], watched);
-            (plan.solve.decides(), plan)
+            (plan.solve.ending(), plan)
         })
     };
     let one = plan(1);

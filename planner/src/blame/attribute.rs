@@ -3,12 +3,14 @@
 //! At that point the pulls of all violated rows cancel, Jᵀy = 0 with y their residuals: rows at rest there
 //! take no part in the contradiction, and the derivative of the violation E = Σ y² with respect to a
 //! number p that rows compare with, of the motion or the robot file, is 2 Σ y ∂r/∂p. E grows with the
-//! square of the distance to what can be met, so that p − 2E/(dE/dp) could be met, all else as it is. The
-//! request that has to give way least, relative to its size, is named first.
+//! square of the distance to what can be met, so that p − 2E/(dE/dp) could be met, all else as it is: to
+//! first order, and roughly where the look has not come to rest yet. The request that has to give way
+//! least, relative to its size, is named first.
 
 use super::families::{self, Family};
 use super::{Blame, Culprit, Part, Verdict};
 use crate::formulation::TERMS;
+use crate::motion;
 use crate::normal::row_energy;
 use crate::problem::Problem;
 use crate::rows::{Given, Role, Row, Rows, Subject};
@@ -23,15 +25,17 @@ const LEAST_SHARE: f64 = 0.05;
 const LEAST_OF_FOOTFALLS: f64 = 0.3;
 /// Constraints that are violated where footfalls cannot be.
 const FOOTFALLS: [&str; 3] = ["angular dynamics", "linear dynamics", "swing force"];
+/// Change of a goal beyond which it is not the goal's fault.
+const HOPELESS_CHANGE: f64 = 1.5;
+/// Rank of what has no estimate, behind all that has.
+const LAST_RANK: f64 = 1e3;
 /// Part of a group's strongest pull that counts as pulling, for the times.
 const PULLING: f64 = 0.1;
-/// Factors of a goal or swing height within which an estimate is believed: less, and not where even nothing
-/// at all would not help.
-const LESS: Range<f64> = -0.1..1.0;
-/// The same for limits of the robot file: beyond that it is not the motors.
+/// Lengths and angles are compared with this at least: a number of 0 can give way as well.
+const COMPARED_WITH: f64 = 0.1;
+/// Factors of a limit of the robot file within which an estimate is believed: beyond that it is not the
+/// motors.
 const STRONGER: Range<f64> = 1.0..4.0;
-/// The same for places and heights, which can give way either way.
-const ELSEWHERE: Range<f64> = f64::NEG_INFINITY..f64::INFINITY;
 
 /// Rows of one family, about one part of the robot, that compare with one number.
 struct Group {
@@ -41,8 +45,16 @@ struct Group {
     pulls: Vec<(f64, usize, f64)>,
     /// The number.
     given: Option<(&'static str, f64)>,
-    /// Σ y ∂r/∂p over the rows, with p the relative change of the number.
+    /// Σ y ∂r/∂p over the rows, with p the number, or for limits its relative change.
     slope: f64,
+}
+
+/// A number that would do.
+#[derive(Clone, Copy)]
+struct Estimate {
+    value: f64,
+    /// How far it is from the number that is given, relative to that.
+    change: f64,
 }
 
 impl Group {
@@ -50,24 +62,38 @@ impl Group {
         self.pulls.iter().map(|(y, ..)| y * y).sum()
     }
 
-    /// Factors of its number within which an estimate is believed.
-    fn believed(&self) -> Range<f64> {
-        match (self.family.part, self.family.name) {
-            (Part::Limit | Part::Build, _) => STRONGER,
-            (_, "displacement goal" | "turning goal" | "contact height") => LESS,
-            (Part::Request, _) => ELSEWHERE,
-        }
+    fn is_goal(&self) -> bool {
+        matches!(self.family.name, "displacement goal" | "turning goal")
     }
 
-    /// What number would do, and its relative distance.
-    fn would_do(&self, violation: f64) -> Option<(f64, f64)> {
-        let (_, value) = self.given?;
-        let factor = 1.0 - violation / self.slope;
-        let believed = self.believed();
-        let sensible = factor.is_finite() && believed.contains(&factor);
-        // Nothing at all is as far as a goal can give way.
-        let least = if believed == LESS { 0.0 } else { f64::NEG_INFINITY };
-        sensible.then(|| (factor.max(least) * value, (factor - 1.0).abs()))
+    fn is_swing(&self) -> bool {
+        self.family.name == "contact height"
+    }
+
+    /// How far the number that would do is from the one that is given, relative to that.
+    fn change(&self, violation: f64) -> f64 {
+        let step = -violation / self.slope;
+        let given = self.given.map_or(0.0, |(_, value)| value);
+        let limit = self.family.part != Part::Request;
+        (if limit { step } else { step / given.abs().max(COMPARED_WITH) }).abs()
+    }
+
+    /// What number would do, where an estimate can be believed.
+    fn estimate(&self, violation: f64) -> Option<Estimate> {
+        let (_, given) = self.given?;
+        let step = -violation / self.slope;
+        let limit = self.family.part != Part::Request;
+        let value = if limit { given * (1.0 + step) } else { given + step };
+        let believed = if limit {
+            STRONGER.contains(&(1.0 + step))
+        } else if self.is_goal() || self.is_swing() {
+            // Less of the same, and not where even nothing at all would not help.
+            value * given > 0.0 && value.abs() < given.abs()
+        } else {
+            // Places and heights give way either way.
+            value.is_finite()
+        };
+        believed.then(|| Estimate { value, change: self.change(violation) })
     }
 }
 
@@ -82,22 +108,32 @@ fn pull(row: &Row) -> f64 {
     }
 }
 
-/// Height that the motion asks of a foot's swings, which the row's own height is a part of; `None` for a
-/// foot that stands, which is at height 0 by nature.
+/// What the motion file says of the height of the swing that a row of a foot is in, of itself or by a target;
+/// the row's own height is a part of it. `None` for a foot that stands, which is at height 0 by nature.
 fn swing_height(problem: &Problem, row: &Row) -> Option<Given> {
     let Subject::EndEffector(j) = row.subject else { return None };
+    let swings = |at: &usize| !problem.stance[*at][j];
+    if !swings(&row.at) {
+        return None;
+    }
+    let first = (0..=row.at).rev().take_while(swings).last()?;
+    let swing = first..first + (first..problem.stance.len()).take_while(swings).count();
+    let of_target = problem.targets.iter().find_map(|placed| {
+        let of = placed.target.of == motion::Subject::EndEffector(j);
+        placed.target.position_m[2].filter(|_| of && swing.contains(&placed.middle))
+    });
     let height_m = problem.height_m[row.at][j];
-    let value = problem.height_m.iter().map(|heights| heights[j]).fold(0.0, f64::max);
-    (height_m > 0.0).then(|| Given { field: "swing_height_m", value, slope: -height_m / value })
+    let highest = swing.map(|at| problem.height_m[at][j]).fold(0.0, f64::max);
+    let (field, value) = of_target.map_or(("swing_height_m", highest), |up_m| ("up_m", up_m));
+    (height_m > 0.0).then(|| Given { field, value, slope: -height_m / value })
 }
 
 fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
     let robot = problem.model.robot();
     let mut groups: BTreeMap<Key, Group> = BTreeMap::new();
     for row in &rows.rows {
-        // Where the motion starts is nobody's fault.
         let name = TERMS[row.term].about().name;
-        let Some(family) = families::of(name).filter(|_| name != "anchor") else { continue };
+        let Some(family) = families::of(name) else { continue };
         let y = pull(row);
         if y == 0.0 {
             continue;
@@ -117,7 +153,8 @@ fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
             slope: 0.0,
         });
         group.pulls.push((y, row.at, y.abs() * row.scale));
-        group.slope += given.map_or(0.0, |given| y * given.slope * given.value / row.scale);
+        let per = |given: Given| if family.part == Part::Request { 1.0 } else { given.value };
+        group.slope += given.map_or(0.0, |given| y * given.slope * per(given) / row.scale);
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
     share_numbers(&mut groups);
@@ -126,16 +163,21 @@ fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
 
 /// One number of the motion file is the height of all swings, and motors are exchanged together.
 fn share_numbers(groups: &mut [Group]) {
-    let mut slopes: BTreeMap<(&str, &str), f64> = BTreeMap::new();
+    let shares = |group: &Group| group.family.part == Part::Limit || group.is_swing();
+    let key = |group: &Group| {
+        let (field, value) = group.given?;
+        let swing = group.is_swing().then_some(value.to_bits());
+        shares(group).then_some((group.family.name, field, swing))
+    };
+    let mut slopes = BTreeMap::new();
     for group in groups.iter() {
-        if let Some((field, _)) = group.given {
-            *slopes.entry((group.family.name, field)).or_default() += group.slope;
+        if let Some(key) = key(group) {
+            *slopes.entry(key).or_insert(0.0) += group.slope;
         }
     }
     for group in groups {
-        let shared = group.family.part == Part::Limit || group.family.name == "contact height";
-        if let Some((field, _)) = group.given.filter(|_| shared) {
-            group.slope = slopes[&(group.family.name, field)];
+        if let Some(key) = key(group) {
+            group.slope = slopes[&key];
         }
     }
 }
@@ -154,29 +196,40 @@ pub fn attribute(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Bla
     }
     let footfalls: f64 = FOOTFALLS.iter().filter_map(|name| of_families.get(name)).sum();
     // Each with how far behind it comes: by the estimated change, else after those by share.
-    let [mut requests, mut limits, mut builds] = [const { Vec::new() }; 3];
+    let [mut requests, mut limits, mut builds, mut goals] = [const { Vec::new() }; 4];
     for group in &groups {
-        let would_do = group.would_do(violation);
+        let estimate = group.estimate(violation);
         let family_share = of_families[group.family.name] / violation;
         let pulls = family_share * violation >= LEAST_SHARE * largest
             && (!FOOTFALLS.contains(&group.family.name)
                 || footfalls >= LEAST_OF_FOOTFALLS * largest);
-        let rank = match would_do {
-            Some((_, change)) => change,
-            None if pulls => f64::from(u8::MAX) - family_share,
+        let (asks, number) = (group.family.part == Part::Request, group.given.is_some());
+        let wanted = group.given.is_some_and(|(_, value)| value != 0.0);
+        let rank = match estimate {
+            Some(estimate) => estimate.change,
+            // Even nothing of it would not quite do.
+            None if group.is_goal() && wanted && group.change(violation) < HOPELESS_CHANGE => 1.0,
+            None if pulls && !(asks && number) => LAST_RANK - family_share,
+            None if group.is_goal() && wanted => LAST_RANK,
             None => continue,
         };
-        // Feet that stand, and goals that give way to nothing, do not ask for anything.
-        let stands = group.family.name == "contact height" && group.given.is_none();
         let side = match group.family.part {
-            Part::Request if stands => &mut builds,
-            Part::Request if would_do.is_none() && group.given.is_some() => continue,
-            Part::Request if !pulls && group.believed() == ELSEWHERE => continue,
+            // Where the motion starts is nobody's fault.
+            _ if group.family.name == "anchor" => continue,
+            // A goal may be met at the price of everything else.
+            Part::Request if group.is_goal() && rank == LAST_RANK => &mut goals,
+            // Feet that stand do not ask for anything.
+            Part::Request if group.is_swing() && !number => &mut builds,
+            Part::Request if !(pulls || group.is_goal() || group.is_swing()) => continue,
             Part::Request => &mut requests,
             Part::Limit => &mut limits,
             Part::Build => &mut builds,
         };
-        side.push((rank, -group.square(), group, would_do));
+        side.push((rank, -group.square(), group, estimate));
+    }
+    // Goals without an estimate are named where nothing else is.
+    if requests.is_empty() && !limits.iter().any(|(change, ..)| *change < 1.0) {
+        requests = goals;
     }
     for side in [&mut requests, &mut limits, &mut builds] {
         side.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -201,7 +254,7 @@ pub fn attribute(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Bla
     let culprits = sides
         .into_iter()
         .flatten()
-        .map(|(.., group, would_do)| culprit(problem, group, violation, would_do))
+        .map(|(.., group, estimate)| culprit(problem, group, violation, estimate))
         .collect();
     Some(Blame { verdict, culprits })
 }
@@ -210,8 +263,9 @@ fn culprit(
     problem: &Problem,
     group: &Group,
     violation: f64,
-    would_do: Option<(f64, f64)>,
+    estimate: Option<Estimate>,
 ) -> Culprit {
+    let steps = problem.stance.iter().flatten().any(|stands| !stands);
     let strongest = group.pulls.iter().map(|(y, ..)| y.abs()).fold(0.0, f64::max);
     let time_s = |at: usize| at.saturating_sub(1) as f64 * problem.interval_s;
     let pulling: Vec<f64> = group
@@ -222,7 +276,6 @@ fn culprit(
         .collect();
     // Goals are about the whole motion.
     let whole = [0.0, problem.interval_s * (problem.last() - 1) as f64];
-    let of_ends = matches!(group.family.name, "displacement goal" | "turning goal");
     let range = [
         pulling.iter().copied().fold(f64::INFINITY, f64::min),
         pulling.iter().copied().fold(0.0, f64::max),
@@ -231,13 +284,13 @@ fn culprit(
         constraint: group.family.name.to_owned(),
         part: group.family.part,
         subject: group.subject.clone(),
-        time_s: if of_ends { whole } else { range },
+        time_s: if group.is_goal() { whole } else { range },
         worst: group.pulls.iter().map(|&(.., residual)| residual).fold(0.0, f64::max),
         unit: group.family.unit.to_owned(),
         share: group.square() / violation,
         field: group.given.map(|(field, _)| field.to_owned()),
         given: group.given.map(|(_, value)| value),
-        would_do: would_do.map(|(value, _)| value),
-        advice: group.family.advice.to_owned(),
+        would_do: estimate.map(|estimate| estimate.value),
+        advice: group.family.advice(steps).to_owned(),
     }
 }

@@ -13,16 +13,28 @@ pub struct Family {
     /// What it is to the user.
     pub part: Part,
     /// What to change.
-    pub advice: &'static str,
+    advice: &'static str,
 }
 
+impl Family {
+    /// What to change in a motion that steps, or does not.
+    pub fn advice(&self, steps: bool) -> &'static str {
+        if self.advice == REACH && !steps { REACH_STANDING } else { self.advice }
+    }
+}
+
+/// What helps where legs do not reach.
+const REACH: &str = "a motion within the legs' reach: shorter strides, lower swings";
+/// The same for a motion in which no foot leaves the ground.
+const REACH_STANDING: &str =
+    "a motion within the legs' reach, feet that step, or wheels that can be steered";
 const LONGER: &str = "a longer duration or a nearer goal";
 
 /// Every constraint of the formulation.
 #[rustfmt::skip]
 pub const FAMILIES: &[Family] = &[
     family("displacement goal", "m", Part::Request, LONGER),
-    family("turning goal", "rad", Part::Request, "a longer duration, a smaller turn, or a turn by steps"),
+    family("turning goal", "rad", Part::Request, "a smaller turn, a longer duration, feet that step, or joints that steer the wheels"),
     family("contact height", "m", Part::Request, "a lower swing_height_m or a longer swing"),
     family("target position", "m", Part::Request, "a target nearer to the rest of the motion, or at another time"),
     family("target velocity", "m/s", Part::Request, "a slower target, or one at another time"),
@@ -43,7 +55,7 @@ pub const FAMILIES: &[Family] = &[
     family("slip", "m/s", Part::Build, "a goal along the rolling directions, or steps"),
     family("wheel axis", "rad", Part::Build, "a motion that the joints can steer the wheel along"),
     family("held wheel", "m/s", Part::Build, "a nearer goal, steps, or wheels that turn"),
-    family("contact point", "m", Part::Build, "a motion within the legs' reach: shorter strides, lower swings"),
+    family("contact point", "m", Part::Build, REACH),
     family("contact on the blade", "m", Part::Build, "smaller pitch of the skates"),
     family("anchor", "m", Part::Build, "nothing: it only says where the motion starts"),
 ];

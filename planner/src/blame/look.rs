@@ -105,82 +105,96 @@ pub struct Step<'a> {
     pub length: f64,
 }
 
-/// Lowers the violation from a point, with Levenberg-Marquardt steps. A worst constraint beyond `far_level`
-/// then counts as far off. `watch` sees every step and may stop the look, which then finds nothing.
-pub fn look(
-    problem: &Problem,
-    columns: &Columns,
-    normal: &mut NormalEquations,
-    from: &Unknowns,
-    far_level: f64,
-    watch: &mut dyn FnMut(&Step<'_>) -> ControlFlow<()>,
-) -> Option<Nearest> {
-    let penalty = EMPHASIS * problem.weights.penalty;
-    let evaluate = |unknowns: &Unknowns, reuse: Rows| {
-        formulation::evaluate(problem, columns, unknowns, &problem.states(unknowns), reuse)
-    };
-    let mut unknowns = from.clone();
-    let mut rows = evaluate(&unknowns, Rows::default());
-    let mut trial_rows = Rows::default();
-    let shifts = vec![0.0; rows.rows.len()];
-    let mut energy = NormalEquations::energy(&rows, &shifts, penalty);
-    let mut damping = 1e-2 * penalty;
-    let mut energies = vec![energy];
-    let (mut flat, mut falling) = (false, false);
-    for _ in 1..=STEPS {
-        normal.assemble(&rows, &shifts, penalty);
-        let mut length = 0.0;
-        for _ in 0..TRIALS {
-            let Some(step) = normal.step(damping) else {
-                damping *= 10.0;
-                continue;
-            };
-            let mut trial = unknowns.clone();
-            columns.add_step(problem, &mut trial, &step);
-            trial_rows = evaluate(&trial, trial_rows);
-            let lower = NormalEquations::energy(&trial_rows, &shifts, penalty);
-            let ratio = (energy - lower) / normal.promised_decrease(&step, damping);
-            if ratio > 1e-3 {
-                damping *= if ratio > 0.7 {
-                    0.2
-                } else if ratio < 0.25 {
-                    3.0
-                } else {
-                    1.0
+/// A look to be taken.
+pub struct Look<'a> {
+    /// At which problem.
+    pub problem: &'a Problem,
+    /// Its columns.
+    pub columns: &'a Columns,
+    /// Iterations that the solve has left.
+    pub most_steps: usize,
+    /// Worst constraint that counts as far off then.
+    pub far_level: f64,
+}
+
+impl Look<'_> {
+    /// Lowers the violation from a point, with Levenberg-Marquardt steps. `watch` sees every step and may
+    /// stop the look, which then finds nothing.
+    pub fn from(
+        &self,
+        normal: &mut NormalEquations,
+        from: &Unknowns,
+        watch: &mut dyn FnMut(&Step<'_>) -> ControlFlow<()>,
+    ) -> Option<Nearest> {
+        let Self { problem, columns, most_steps, far_level } = *self;
+        let penalty = EMPHASIS * problem.weights.penalty;
+        let evaluate = |unknowns: &Unknowns, reuse: Rows| {
+            formulation::evaluate(problem, columns, unknowns, &problem.states(unknowns), reuse)
+        };
+        let mut unknowns = from.clone();
+        let mut rows = evaluate(&unknowns, Rows::default());
+        let mut trial_rows = Rows::default();
+        let shifts = vec![0.0; rows.rows.len()];
+        let mut energy = NormalEquations::energy(&rows, &shifts, penalty);
+        let mut damping = 1e-2 * penalty;
+        let mut energies = vec![energy];
+        let (mut flat, mut falling) = (false, false);
+        for _ in 0..STEPS.min(most_steps) {
+            normal.assemble(&rows, &shifts, penalty);
+            let mut length = 0.0;
+            for _ in 0..TRIALS {
+                let Some(step) = normal.step(damping) else {
+                    damping *= 10.0;
+                    continue;
                 };
-                length = step.iter().map(|d| d * d).sum::<f64>().sqrt();
-                unknowns = trial;
-                std::mem::swap(&mut rows, &mut trial_rows);
-                energy = lower;
+                let mut trial = unknowns.clone();
+                columns.add_step(problem, &mut trial, &step);
+                trial_rows = evaluate(&trial, trial_rows);
+                let lower = NormalEquations::energy(&trial_rows, &shifts, penalty);
+                let ratio = (energy - lower) / normal.promised_decrease(&step, damping);
+                if ratio > 1e-3 {
+                    damping *= if ratio > 0.7 {
+                        0.2
+                    } else if ratio < 0.25 {
+                        3.0
+                    } else {
+                        1.0
+                    };
+                    length = step.iter().map(|d| d * d).sum::<f64>().sqrt();
+                    unknowns = trial;
+                    std::mem::swap(&mut rows, &mut trial_rows);
+                    energy = lower;
+                    break;
+                }
+                damping *= 6.0;
+            }
+            energies.push(energy);
+            let step = Step { rows: &rows, energy: energy / EMPHASIS, damping, length };
+            if watch(&step).is_break() {
+                return None;
+            }
+            let before = |steps: usize| energies.iter().skip(SETTLING).nth_back(steps).copied();
+            flat = before(FLAT_STEPS).is_some_and(|before| energy > (1.0 - FLAT) * before);
+            falling = before(FALLING_STEPS).is_some_and(|before| FALLING * energy < before);
+            if flat || falling || worst(&rows).1 <= ACCEPTED_LEVEL {
                 break;
             }
-            damping *= 6.0;
         }
-        energies.push(energy);
-        let step = Step { rows: &rows, energy: energy / EMPHASIS, damping, length };
-        if watch(&step).is_break() {
-            return None;
-        }
-        let before = |steps: usize| energies.iter().skip(SETTLING).nth_back(steps).copied();
-        flat = before(FLAT_STEPS).is_some_and(|before| energy > (1.0 - FLAT) * before);
-        falling = before(FALLING_STEPS).is_some_and(|before| FALLING * energy < before);
-        if flat || falling || worst(&rows).1 <= ACCEPTED_LEVEL {
-            break;
-        }
+        let (_, level) = worst(&rows);
+        let verdict = if falling || level <= ACCEPTED_LEVEL {
+            None
+        } else {
+            normal.assemble(&rows, &shifts, penalty);
+            let damping = UNDAMPED * penalty;
+            let promised =
+                normal.step(damping).map(|step| normal.promised_decrease(&step, damping));
+            match promised {
+                Some(promised) if promised < CURABLE * energy => Some(Verdict::Contradiction),
+                _ if level > far_level => Some(Verdict::FarOff),
+                _ if flat => Some(Verdict::Stuck),
+                _ => None,
+            }
+        };
+        Some(Nearest { unknowns, rows, verdict })
     }
-    let (_, level) = worst(&rows);
-    let verdict = if falling || level <= ACCEPTED_LEVEL {
-        None
-    } else {
-        normal.assemble(&rows, &shifts, penalty);
-        let damping = UNDAMPED * penalty;
-        let promised = normal.step(damping).map(|step| normal.promised_decrease(&step, damping));
-        match promised {
-            Some(promised) if promised < CURABLE * energy => Some(Verdict::Contradiction),
-            _ if level > far_level => Some(Verdict::FarOff),
-            _ if flat => Some(Verdict::Stuck),
-            _ => None,
-        }
-    };
-    Some(Nearest { unknowns, rows, verdict })
 }

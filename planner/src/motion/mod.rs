@@ -13,6 +13,7 @@ mod wheels;
 pub use choreography::{HeightLimit, Moment, Subject, Target};
 
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// A motion goal, resolved against a robot: everything the optimiser needs besides the robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,6 +77,17 @@ pub enum Ends {
     AtRest,
     /// Both ends are states of other motions (transitions of a motion graph).
     Prescribed,
+}
+
+impl fmt::Display for Ends {
+    /// As motion files say it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Periodic => "periodic",
+            Self::AtRest => "at_rest",
+            Self::Prescribed => "prescribed",
+        })
+    }
 }
 
 /// Functional objectives. `None` leaves the optimiser free.

@@ -1,7 +1,8 @@
 //! What a plan must be before anything computes with it: right counts, finite numbers, unit quaternions,
 //! times on the grid, ends that agree with the kind of motion.
 
-use super::{EndEffectorSample, FORMAT, Placement, Plan, PlanError, Sample, VERSION};
+use super::{EndEffectorSample, FORMAT, Placement, Plan, PlanError, Sample, Status, VERSION};
+use crate::formulation::TERMS;
 use crate::motion::{Ends, Subject};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
 use std::fmt::Display;
@@ -40,6 +41,7 @@ impl Plan {
                 )?;
             }
         }
+        self.validate_blame(&at.of("solve"))?;
         self.validate_sample(&self.before, &at.of("before"))?;
         self.validate_sample(&self.after, &at.of("after"))?;
         self.validate_ends(&at)
@@ -100,6 +102,34 @@ impl Plan {
             duration_s / intervals as f64,
             &expected,
         )
+    }
+
+    /// Who is to blame is a constraint by its name, in numbers and words that can be printed.
+    fn validate_blame(&self, at: &Field) -> Result<(), PlanError> {
+        let Some(blame) = &self.solve.blame else { return Ok(()) };
+        let infeasible = self.solve.status == Status::Infeasible;
+        at.of("blame").holds(infeasible, "given", "null unless status is infeasible")?;
+        for (index, culprit) in blame.culprits.iter().enumerate() {
+            let at = at.item("blame.culprits", index);
+            let known = TERMS.iter().any(|term| term.about().name == culprit.constraint);
+            let name = culprit.constraint.escape_debug();
+            at.of("constraint").holds(known, name, "the name of a constraint")?;
+            let [from_s, to_s] = culprit.time_s;
+            let numbers = [culprit.worst, from_s, to_s, to_s - from_s, culprit.share];
+            let given = [culprit.given.unwrap_or(0.0), culprit.would_do.unwrap_or(0.0)];
+            let sound = numbers.iter().all(|number| number.is_finite() && *number >= 0.0)
+                && given.iter().all(|number| number.is_finite());
+            at.holds(
+                sound,
+                "out of range",
+                "finite numbers, none of them negative, in order of time",
+            )?;
+            let words = [Some(&culprit.advice), Some(&culprit.unit)];
+            let words = words.into_iter().chain([culprit.subject.as_ref(), culprit.field.as_ref()]);
+            let plain = !words.flatten().any(|text| text.contains(char::is_control));
+            at.holds(plain, "text with control characters", "plain text")?;
+        }
+        Ok(())
     }
 
     /// Targets and heights name what there is, at times of the motion.

@@ -39,7 +39,10 @@ impl fmt::Display for Report {
             line(f, cells)?;
         }
         match self.rows.iter().filter(|row| row.part_of_level() > 1.0).count() {
-            0 => writeln!(f, "every residual is within its level"),
+            0 => writeln!(
+                f,
+                "every residual that has a level is within it; docs/plan-format.md says why others have none"
+            ),
             1 => writeln!(f, "1 residual is beyond its level (marked with !)"),
             count => writeln!(f, "{count} residuals are beyond their level (marked with !)"),
         }

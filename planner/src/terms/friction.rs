@@ -33,12 +33,14 @@ impl Term for Friction {
             out.d(1, ee.force + 2, -1.0);
             out.row_of(Subject::EndEffector(j), problem.weights.least_normal_force * scale - f.z);
 
-            let mu = problem.model.robot().end_effectors[j].friction_coefficient
-                * problem.weights.friction_use;
+            let coefficient = problem.model.robot().end_effectors[j].friction_coefficient;
+            let mu = coefficient * problem.weights.friction_use;
             let tangential = f.x.hypot(f.y).hypot(TIP_N);
             out.d(1, ee.force, f.x / tangential);
             out.d(1, ee.force + 1, f.y / tangential);
             out.d(1, ee.force + 2, -mu);
+            let slope = -problem.weights.friction_use * f.z;
+            out.given("friction_coefficient", coefficient, slope);
             out.row_of(Subject::EndEffector(j), tangential - mu * f.z);
         }
     }

@@ -1,9 +1,10 @@
 //! Solves on one thread, measured in its CPU time.
 
 use crate::interrupt;
+use crate::race::HOPELESS;
 use cpu_time::ThreadTime;
 use rollwalk_planner::motion::{Ends, Goal, Motion};
-use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::plan::{Ending, Plan, Status};
 use rollwalk_planner::{Options, Progress, ReplanError, Solution, optimise_solution, start};
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
@@ -40,10 +41,13 @@ pub fn cold(robot: &Robot, motion: &Motion, options: &Options) -> Run {
     let clock = ThreadTime::now();
     let mut iterations = 0;
     let mut last = None;
-    for candidate in start::candidates(robot, motion, options) {
+    let mut hopeless = 0;
+    for (index, candidate) in start::candidates(robot, motion, options).into_iter().enumerate() {
         let solution = optimise_solution(robot, motion, &candidate, &mut watch);
         iterations += solution.plan.solve.iterations;
-        let done = solution.plan.solve.decides();
+        let ending = solution.plan.solve.ending();
+        hopeless += usize::from(ending == Ending::Hopeless && index < HOPELESS);
+        let done = ending == Ending::Decided || hopeless == HOPELESS;
         last = Some(solution);
         if done {
             break;
