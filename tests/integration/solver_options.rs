@@ -66,7 +66,7 @@ fn a_plan_that_cannot_be_the_start_is_refused() {
     plan(&desk, "motions/stand.toml", "stand.json", &[]);
     for (motion, from, words) in [
         ("motions/skate.toml", "stand.json", &["`stand`", "`agilebot`", "`skaterbot`"][..]),
-        ("motions/walk.toml", "stand.json", &["`stand`", "AtRest", "`walk`", "Periodic"]),
+        ("motions/walk.toml", "stand.json", &["`stand`", "\"at_rest\"", "`walk`", "\"periodic\""]),
         ("motions/stand.toml", "robots/agilebot.toml", &["is a robot file, not a plan"]),
         ("motions/stand.toml", "stnad.json", &["no plan", "stnad.json", "stand.json"]),
     ] {

@@ -25,6 +25,8 @@ const LEAST_SHARE: f64 = 0.05;
 const LEAST_OF_FOOTFALLS: f64 = 0.3;
 /// Constraints that are violated where footfalls cannot be.
 const FOOTFALLS: [&str; 3] = ["angular dynamics", "linear dynamics", "swing force"];
+/// Relative change of motors that may well be what is missing.
+const LIKELY_CHANGE: f64 = 2.0;
 /// Change of a goal beyond which it is not the goal's fault.
 const HOPELESS_CHANGE: f64 = 1.5;
 /// Rank of what has no estimate, behind all that has.
@@ -227,8 +229,8 @@ pub fn attribute(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Bla
         };
         side.push((rank, -group.square(), group, estimate));
     }
-    // Goals without an estimate are named where nothing else is.
-    if requests.is_empty() && !limits.iter().any(|(change, ..)| *change < 1.0) {
+    // Goals without an estimate are named where nothing else is likely.
+    if requests.is_empty() && !limits.iter().any(|(change, ..)| *change < LIKELY_CHANGE) {
         requests = goals;
     }
     for side in [&mut requests, &mut limits, &mut builds] {
