@@ -49,6 +49,56 @@ impl CanFrame {
     }
 }
 
+/// A classic CAN 2.0B data frame with a 29-bit identifier.
+///
+/// A type of its own: what listens to 11-bit identifiers cannot take one of these by mistake.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ExtendedFrame {
+    id: u32,
+    len: u8,
+    data: [u8; 8],
+}
+
+impl ExtendedFrame {
+    /// A frame, or `None` when `id` needs more than 29 bits or `data` is longer than 8 bytes.
+    pub fn new(id: u32, data: &[u8]) -> Option<Self> {
+        let mut bytes = [0; 8];
+        bytes.get_mut(..data.len())?.copy_from_slice(data);
+        (id < 1 << 29).then_some(Self { id, len: data.len() as u8, data: bytes })
+    }
+
+    /// A frame of this crate's own making: the id's excess bits are dropped.
+    pub(crate) fn known(id: u32, data: [u8; 8]) -> Self {
+        Self { id: id & 0x1FFF_FFFF, len: 8, data }
+    }
+
+    /// The 29-bit identifier; lower is more urgent.
+    pub fn id(&self) -> u32 {
+        self.id
+    }
+
+    /// The payload, 0 to 8 bytes.
+    pub fn data(&self) -> &[u8] {
+        self.data.get(..usize::from(self.len)).unwrap_or(&self.data)
+    }
+
+    /// Bits on the wire from the start of frame to the end of the three bits of space after it,
+    /// stuff bits included.
+    pub fn exact_bits(&self) -> u32 {
+        // Start of frame and 11 bits of the identifier; SRR and IDE (both 1); its other 18 bits;
+        // RTR and two reserved bits (all 0), length; data; CRC-15.
+        let mut bits = Stuffed::default();
+        bits.push(self.id >> 18, 12);
+        bits.push(0b11, 2);
+        bits.push(self.id, 18);
+        bits.push(u32::from(self.len), 7);
+        self.data().iter().for_each(|&byte| bits.push(u32::from(byte), 8));
+        let crc = bits.crc;
+        bits.push(u32::from(crc), 15);
+        bits.count + UNSTUFFED_BITS
+    }
+}
+
 /// CRC delimiter, ACK slot and delimiter, end of frame (7), space between frames (3).
 const UNSTUFFED_BITS: u32 = 13;
 
@@ -58,6 +108,13 @@ const UNSTUFFED_BITS: u32 = 13;
 pub const fn worst_case_bits(len: u8) -> u32 {
     let data = 8 * if len > 8 { 8 } else { len as u32 };
     let stuffed = 34 + data;
+    stuffed + (stuffed - 1) / 4 + UNSTUFFED_BITS
+}
+
+/// As [`worst_case_bits`], of a frame with a 29-bit identifier.
+pub const fn worst_case_bits_extended(len: u8) -> u32 {
+    let data = 8 * if len > 8 { 8 } else { len as u32 };
+    let stuffed = 54 + data;
     stuffed + (stuffed - 1) / 4 + UNSTUFFED_BITS
 }
 
@@ -108,12 +165,27 @@ mod tests {
             assert_eq!(worst_case_bits(n), 55 + 10 * u32::from(n));
         }
         assert_eq!(worst_case_bits(200), 135);
+        // ... and (80 + 10 n) for 29-bit identifiers.
+        for n in 0..=8u8 {
+            assert_eq!(worst_case_bits_extended(n), 80 + 10 * u32::from(n));
+        }
+        assert_eq!(worst_case_bits_extended(200), 160);
+    }
+
+    #[test]
+    fn identifiers_and_payloads_that_do_not_fit_are_no_frames() {
+        assert!(CanFrame::new(0x7FF, &[0; 8]).is_some());
+        assert!(CanFrame::new(0x800, &[]).is_none());
+        assert!(ExtendedFrame::new(0x1FFF_FFFF, &[0; 8]).is_some());
+        assert!(ExtendedFrame::new(0x2000_0000, &[]).is_none());
+        assert!(ExtendedFrame::new(0, &[0; 9]).is_none());
     }
 
     /// Second algorithm: builds the bit string, divides polynomials on it, then stuffs it.
-    fn reference_bits(frame: &CanFrame) -> u32 {
-        let mut text = std::format!("0{:011b}000{:04b}", frame.id(), frame.data().len());
-        for byte in frame.data() {
+    /// `header` is everything from the start of frame up to the length.
+    fn reference_bits(header: std::string::String, data: &[u8]) -> u32 {
+        let mut text = header + &std::format!("{:04b}", data.len());
+        for byte in data {
             text += &std::format!("{byte:08b}");
         }
         let mut rest: std::vec::Vec<u8> = text.bytes().map(|b| b - b'0').collect();
@@ -145,9 +217,19 @@ mod tests {
         fn bits_agree_with_the_bit_string(id in 0u16..0x800, data in proptest::collection::vec(prop_oneof![any::<u8>(), Just(0), Just(255)], 0..=8)) {
             let frame = CanFrame::new(id, &data).unwrap();
             let bits = frame.exact_bits();
-            prop_assert_eq!(bits, reference_bits(&frame));
+            prop_assert_eq!(bits, reference_bits(std::format!("0{id:011b}000"), &data));
             prop_assert!(bits <= worst_case_bits(data.len() as u8));
             prop_assert!(bits >= 47 + 8 * data.len() as u32);
+        }
+
+        #[test]
+        fn bits_of_extended_frames_agree_too(id in prop_oneof![0u32..1 << 29, Just(0), Just(0x1FFF_FFFF)], data in proptest::collection::vec(prop_oneof![any::<u8>(), Just(0), Just(255)], 0..=8)) {
+            let frame = ExtendedFrame::new(id, &data).unwrap();
+            let bits = frame.exact_bits();
+            let header = std::format!("0{:011b}11{:018b}000", id >> 18, id & 0x3FFFF);
+            prop_assert_eq!(bits, reference_bits(header, &data));
+            prop_assert!(bits <= worst_case_bits_extended(data.len() as u8));
+            prop_assert!(bits >= 67 + 8 * data.len() as u32);
         }
     }
 }

@@ -6,6 +6,7 @@
 //! | [`library`] | the motion library (`.rwl`): encoder, validator, read view, frame decoder | `docs/motion-library.md` |
 //! | [`wire`] | messages between host and controller, and the transport of long ones | `docs/wire-format.md` |
 //! | [`actuator`] | messages between controller and servos or wheel drives | `docs/wire-format.md` |
+//! | [`actuators`] | the protocols of servos and wheel drives, this and those of other makers | `docs/actuators.md` |
 //! | [`can`] | a CAN frame as a value, and how many bits it takes | |
 //! | [`crc`] | the two checksums that all of it uses | |
 //!
@@ -18,6 +19,7 @@
 extern crate std;
 
 pub mod actuator;
+pub mod actuators;
 pub mod can;
 pub mod config;
 pub mod crc;

@@ -1,0 +1,304 @@
+//! Dynamixel servos of the X series, Protocol 2.0, on a half-duplex serial line.
+//!
+//! Documents: e-Manual pages `dxl/protocol2`, `dxl/crc`, and those of the servos ([`table`]). Commands
+//! of one kind for many servos go out as one sync write, questions as one sync read, which the
+//! servos answer one after the other.
+
+use core::f32::consts::TAU;
+
+use heapless::Vec;
+
+use super::fixed::nearest;
+use super::traffic::serial_bits;
+use super::{
+    ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Order, Packet, Refusal,
+    Told, Traffic, Watchdog, without, without_torque,
+};
+use crate::config::MAX_CHANNELS;
+
+pub mod packet;
+pub mod table;
+
+use packet::{BROADCAST, MAX_ID, Message, SYNC_READ, SYNC_WRITE};
+use table::{CENTRE, CURRENT_STEP_A, Model, STEPS_PER_TURN, VELOCITY_STEP_RAD_S};
+
+/// Servos of one model on a line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dynamixels {
+    /// Their model.
+    pub model: Model,
+    /// Bus watchdog while torque is on: 1 to 127 times 20 ms; 0 is none.
+    pub watchdog_20ms: u8,
+    /// What the servos wait before they answer ("Return Delay Time"), µs. 500 from the factory.
+    pub return_delay_us: u32,
+}
+
+/// Bytes of the sync write that is longest: gains.
+const MAX_WRITE: usize = 4 + MAX_CHANNELS * 7;
+/// Current, velocity and position.
+const PRESENT_BYTES: u16 = 10;
+
+/// One address range of many servos, written at once.
+#[derive(Clone, Debug)]
+pub struct SyncWrite {
+    parameters: Vec<u8, MAX_WRITE>,
+    bytes: u16,
+}
+
+impl SyncWrite {
+    /// Nothing to write yet: `bytes` from `address` on.
+    pub fn new(address: u16, bytes: u16) -> Self {
+        let mut parameters = Vec::new();
+        let _ = parameters.extend_from_slice(&address.to_le_bytes());
+        let _ = parameters.extend_from_slice(&bytes.to_le_bytes());
+        Self { parameters, bytes }
+    }
+
+    /// Data for a servo; `false`, and nothing done, when it has another length than announced, there
+    /// is no room, or no such address.
+    #[must_use]
+    pub fn push(&mut self, id: u8, data: &[u8]) -> bool {
+        let room = self.parameters.capacity() - self.parameters.len() > data.len();
+        let fits = id <= MAX_ID && data.len() == usize::from(self.bytes) && room;
+        fits && self.parameters.push(id).is_ok() && self.parameters.extend_from_slice(data).is_ok()
+    }
+
+    /// The packet; `None` when there is nothing to write.
+    pub fn packet(&self) -> Option<Packet> {
+        let any = self.parameters.len() > 4;
+        any.then(|| packet::packet(BROADCAST, SYNC_WRITE, &self.parameters)).flatten()
+    }
+}
+
+/// Reads the same `bytes` from `address` on of many servos; they answer in this order. `None` for
+/// more than fit, or none.
+pub fn sync_read(address: u16, bytes: u16, ids: &[u8]) -> Option<Packet> {
+    let mut parameters = Vec::<u8, MAX_WRITE>::new();
+    parameters.extend_from_slice(&address.to_le_bytes()).ok()?;
+    parameters.extend_from_slice(&bytes.to_le_bytes()).ok()?;
+    parameters.extend_from_slice(ids).ok()?;
+    (!ids.is_empty()).then(|| packet::packet(BROADCAST, SYNC_READ, &parameters)).flatten()
+}
+
+/// Gains of the position controller, in the servo's units: D, I, P from
+/// [`table::POSITION_D_GAIN`] on. `None` above [`table::MAX_GAIN`].
+pub fn position_gains(p: u16, i: u16, d: u16) -> Option<[u8; 6]> {
+    let [[d0, d1], [i0, i1], [p0, p1]] = [d, i, p].map(u16::to_le_bytes);
+    let fits = [p, i, d].iter().all(|&gain| gain <= table::MAX_GAIN);
+    fits.then_some([d0, d1, i0, i1, p0, p1])
+}
+
+/// PWM, as a share of the supply voltage from −1 to 1, for [`table::GOAL_PWM`].
+pub fn goal_pwm(share: f32) -> Option<[u8; 2]> {
+    nearest(share / table::PWM_STEP, -table::MAX_PWM, table::MAX_PWM)
+        .map(|steps| (steps as i16).to_le_bytes())
+}
+
+impl Dynamixels {
+    /// For [`table::GOAL_POSITION`]: 256 turns either way at most, of which the position mode takes
+    /// the one around 0 rad.
+    pub fn goal_position(&self, position_rad: f32) -> Option<[u8; 4]> {
+        let steps = position_rad * STEPS_PER_TURN / TAU + CENTRE as f32;
+        nearest(steps, -1_048_575, 1_048_575).map(i32::to_le_bytes)
+    }
+
+    /// For [`table::GOAL_VELOCITY`].
+    pub fn goal_velocity(&self, speed_rad_s: f32) -> Option<[u8; 4]> {
+        let most = self.model.max_velocity;
+        nearest(speed_rad_s / VELOCITY_STEP_RAD_S, -most, most).map(i32::to_le_bytes)
+    }
+
+    /// For [`table::GOAL_CURRENT`].
+    pub fn goal_current(&self, torque_nm: f32) -> Option<[u8; 2]> {
+        let (step, most) = (self.model.torque_nm_a * CURRENT_STEP_A, self.model.max_current);
+        nearest(torque_nm / step, -most, most).map(|steps| (steps as i16).to_le_bytes())
+    }
+
+    /// What an order writes.
+    fn writes(&self, order: &Order) -> Result<Writes, Refusal> {
+        super::address(order.id, MAX_ID)?;
+        let position = |rad| self.goal_position(rad).ok_or(Refusal::OutOfRange("position"));
+        let velocity = |rad_s| self.goal_velocity(rad_s).ok_or(Refusal::OutOfRange("speed"));
+        let enable = |address, goal| {
+            // A watchdog that has expired has to be cleared before goals can be written. The goal is
+            // there before torque is.
+            Vec::from_array([
+                Write::byte(table::BUS_WATCHDOG, 0),
+                Write { address, bytes: 4, data: goal },
+                Write::byte(table::TORQUE_ENABLE, 1),
+                Write::byte(table::BUS_WATCHDOG, self.watchdog_20ms.min(127)),
+            ])
+        };
+        let one = |address, bytes, data| {
+            let mut writes = Vec::new();
+            let _ = writes.push(Write { address, bytes, data });
+            writes
+        };
+        Ok(match order.command {
+            Command::Disable => one(table::TORQUE_ENABLE, 1, [0; 4]),
+            Command::ClearFaults => one(table::BUS_WATCHDOG, 1, [0; 4]),
+            Command::EnableJoint { measured_rad } => {
+                enable(table::GOAL_POSITION, position(measured_rad)?)
+            }
+            Command::EnableWheel => enable(table::GOAL_VELOCITY, [0; 4]),
+            Command::Query => Vec::new(),
+            Command::Gains(_) => return Err(Refusal::Unsupported("gains")),
+            Command::Limits { speed_rad_s, torque_nm } => {
+                let positive = |x: f32| x > 0.0;
+                let speed = velocity(speed_rad_s)?;
+                // 0 steps would be no limit.
+                if !positive(speed_rad_s) || speed == [0; 4] {
+                    return Err(Refusal::OutOfRange("speed"));
+                }
+                let torque = self.goal_current(torque_nm).filter(|_| positive(torque_nm));
+                let [t0, t1] = torque.ok_or(Refusal::OutOfRange("torque"))?;
+                let mut writes = one(table::GOAL_CURRENT, 2, [t0, t1, 0, 0]);
+                let _ =
+                    writes.push(Write { address: table::PROFILE_VELOCITY, bytes: 4, data: speed });
+                writes
+            }
+            Command::Joint(joint) => {
+                without(joint.gains, "gains")?;
+                without_torque(joint.torque_nm)?;
+                one(table::GOAL_POSITION, 4, position(joint.position_rad)?)
+            }
+            Command::Wheel(wheel) => {
+                without(wheel.kd_nm_s_rad, "kd")?;
+                without(wheel.torque_limit_nm, "torque limit in setpoints")?;
+                without_torque(wheel.torque_nm)?;
+                one(table::GOAL_VELOCITY, 4, velocity(wheel.speed_rad_s)?)
+            }
+        })
+    }
+}
+
+/// A value for one address range: the first `bytes` of `data`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Write {
+    address: u16,
+    bytes: u16,
+    data: [u8; 4],
+}
+
+/// What an order writes, one after the other.
+type Writes = Vec<Write, 4>;
+
+impl Write {
+    fn byte(address: u16, byte: u8) -> Self {
+        Self { address, bytes: 1, data: [byte, 0, 0, 0] }
+    }
+}
+
+/// Faults of an answer's error byte.
+fn faults_of(alert: bool, error: u8) -> Faults {
+    let alert = if alert { Faults::OTHER.0 } else { 0 };
+    Faults(alert | if error != 0 { Faults::REFUSED.0 } else { 0 })
+}
+
+impl ActuatorProtocol for Dynamixels {
+    type Sent = Packet;
+    /// From a [`packet::Deframer`].
+    type Received = Message;
+
+    fn capabilities(&self) -> Capabilities {
+        Capabilities {
+            joints: true,
+            wheels: true,
+            gains: Told::Never,
+            limits: Told::Stored,
+            joint_speed: false,
+            torque: false,
+            exact_zero_speed: true,
+            answers: Answers::OnQuery,
+            measures_position: true,
+            measures_torque: true,
+            pose_while_disabled: true,
+            watchdog: Watchdog::Latches,
+            max_id: MAX_ID,
+        }
+    }
+
+    fn emit(&self, order: &Order, send: &mut dyn FnMut(Packet)) -> Result<(), Refusal> {
+        self.encode(core::slice::from_ref(order), send).map_err(|(_, refusal)| refusal)
+    }
+
+    /// One sync write for each address range, torque switches before setpoints, and at last one sync
+    /// read: what every servo is told is in one packet, so they begin together.
+    fn encode(
+        &self,
+        orders: &[Order],
+        send: &mut dyn FnMut(Packet),
+    ) -> Result<(), (usize, Refusal)> {
+        for (i, order) in orders.iter().enumerate() {
+            self.writes(order).map_err(|refusal| (i, refusal))?;
+        }
+        for orders in orders.chunks(MAX_CHANNELS) {
+            let mut all = Vec::<(u8, Writes), MAX_CHANNELS>::new();
+            for order in orders {
+                // Checked above, and chunks are as large as there is room.
+                let _ = all.push((order.id, self.writes(order).unwrap_or_default()));
+            }
+            for step in 0..4 {
+                for (address, bytes) in RANGES {
+                    let mut sync = SyncWrite::new(address, bytes);
+                    for (id, writes) in &all {
+                        if let Some(write) = writes.get(step).filter(|w| w.address == address)
+                            && let Some(data) = write.data.get(..usize::from(bytes))
+                        {
+                            let _ = sync.push(*id, data);
+                        }
+                    }
+                    sync.packet().into_iter().for_each(&mut *send);
+                }
+            }
+            let mut ids = Vec::<u8, MAX_CHANNELS>::new();
+            for order in orders.iter().filter(|order| order.command == Command::Query) {
+                let _ = ids.push(order.id);
+            }
+            let read = sync_read(table::PRESENT_CURRENT, PRESENT_BYTES, &ids);
+            read.into_iter().for_each(&mut *send);
+        }
+        Ok(())
+    }
+
+    /// Of an answer to a query, what was measured; of any other answer, its faults.
+    fn decode(&self, received: &Message) -> Option<(u8, Feedback)> {
+        let status = received.status()?;
+        let faults = Some(faults_of(status.alert, status.error));
+        let mut feedback = Feedback { faults, ..Feedback::default() };
+        if let &[c0, c1, v0, v1, v2, v3, p0, p1, p2, p3] = status.data {
+            let current_a = f32::from(i16::from_le_bytes([c0, c1])) * CURRENT_STEP_A;
+            let velocity = i32::from_le_bytes([v0, v1, v2, v3]);
+            let position = i32::from_le_bytes([p0, p1, p2, p3]).wrapping_sub(CENTRE);
+            feedback.torque_nm = Some(current_a * self.model.torque_nm_a);
+            feedback.speed_rad_s = Some(velocity as f32 * VELOCITY_STEP_RAD_S);
+            feedback.position_rad = Some(position as f32 * (TAU / STEPS_PER_TURN));
+        }
+        Some((status.id, feedback))
+    }
+
+    /// A sync write of goals, a sync read, and an answer of each servo, every one with as much
+    /// stuffing as there can be.
+    fn traffic(&self, actuators: u32) -> Traffic {
+        let stuffed = |bytes: u32| bytes + bytes / 3;
+        let packet = |parameters: u32| 10 + stuffed(parameters);
+        let n = actuators.min(MAX_ID as u32 + 1);
+        let answer = packet(1 + u32::from(PRESENT_BYTES));
+        let bytes = packet(4 + 5 * n) + packet(4 + n) + n * answer;
+        Traffic {
+            bits_per_period: serial_bits(bytes),
+            waiting_us_per_period: n.saturating_mul(self.return_delay_us),
+            bits_per_s: 0,
+        }
+    }
+}
+
+/// What [`Dynamixels::encode`] writes, the urgent first.
+const RANGES: [(u16, u16); 6] = [
+    (table::TORQUE_ENABLE, 1),
+    (table::BUS_WATCHDOG, 1),
+    (table::GOAL_CURRENT, 2),
+    (table::PROFILE_VELOCITY, 4),
+    (table::GOAL_POSITION, 4),
+    (table::GOAL_VELOCITY, 4),
+];

@@ -1,0 +1,244 @@
+//! Hobby servos behind a Pololu Maestro.
+//!
+//! Document: "Pololu Maestro Servo Controller User's Guide", sections 5.c to 5.e. Command bytes have
+//! their highest bit set, data bytes do not: a number is 14 bits, low 7 first. A target is the length
+//! of a pulse in quarters of a microsecond; 0 stops the pulses, which is all the torque-off there is.
+//!
+//! Nothing is measured: a servo that is switched on goes to its first target as fast as it can.
+
+use super::fixed::nearest;
+use super::traffic::serial_bits;
+use super::{
+    ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Order, Packet, Refusal,
+    Told, Traffic, Watchdog, without, without_torque,
+};
+
+/// A servo's pulses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pulse {
+    /// Length at 0 rad, µs.
+    pub centre_us: f32,
+    /// Change of length with angle, µs/rad; negative when the servo turns the other way.
+    pub us_per_rad: f32,
+    /// Shortest and longest pulse, µs.
+    pub limits_us: (f32, f32),
+}
+
+impl Default for Pulse {
+    /// 1 to 2 ms for 90°, as most servos have it. The Maestro itself clips to its settings.
+    fn default() -> Self {
+        let us_per_rad = 1000.0 / core::f32::consts::FRAC_PI_2;
+        Self { centre_us: 1500.0, us_per_rad, limits_us: (992.0, 2000.0) }
+    }
+}
+
+/// One Maestro on a line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Maestro {
+    /// Device number for the Pololu protocol, which can share a line; `None`: the compact protocol.
+    pub device: Option<u8>,
+    /// A CRC-7 after every command, as "Enable CRC" in its settings.
+    pub crc: bool,
+    /// It knows "Set Multiple Targets": all but the Micro Maestro do.
+    pub set_multiple: bool,
+    /// Pulses of its servos.
+    pub pulse: Pulse,
+}
+
+/// Largest channel of the largest Maestro.
+pub const MAX_CHANNEL: u8 = 23;
+/// What [`Maestro::decode`](ActuatorProtocol::decode) has as address: the errors are the board's.
+pub const BOARD: u8 = 0xFF;
+
+const SET_TARGET: u8 = 0x84;
+const SET_SPEED: u8 = 0x87;
+const SET_ACCELERATION: u8 = 0x89;
+const SET_MULTIPLE: u8 = 0x9F;
+const GET_ERRORS: u8 = 0xA1;
+const GO_HOME: u8 = 0xA2;
+
+/// Error bits of a Maestro: 0 to 4 are commands that arrived damaged or are none, 5 is the serial
+/// timeout, 6 to 8 are of its script.
+const ERRORS: [(u32, Faults); 2] = [(0x1F, Faults::REFUSED), (1 << 5, Faults::TIMED_OUT)];
+
+/// CRC-7 with the polynomial x⁷ + x³ + 1, least significant bit first.
+pub fn crc7(bytes: &[u8]) -> u8 {
+    bytes.iter().fold(0, |crc, byte| {
+        (0..8)
+            .fold(crc ^ byte, |crc: u8, _| if crc & 1 != 0 { (crc ^ 0x91) >> 1 } else { crc >> 1 })
+    })
+}
+
+/// A 14-bit number.
+fn two(value: u16) -> [u8; 2] {
+    [(value & 0x7F) as u8, (value >> 7 & 0x7F) as u8]
+}
+
+impl Maestro {
+    /// A command with its data. What does not fit is left out; the longest here is 51 bytes.
+    fn command(&self, command: u8, data: &[u8]) -> Packet {
+        let mut packet = Packet::new();
+        let _ = match self.device {
+            Some(device) => packet.extend_from_slice(&[0xAA, device & 0x7F, command & 0x7F]),
+            None => packet.extend_from_slice(&[command]),
+        };
+        let _ = packet.extend_from_slice(data);
+        if self.crc {
+            let crc = crc7(&packet);
+            let _ = packet.push(crc);
+        }
+        packet
+    }
+
+    /// Target of a channel, quarters of a microsecond; 0 stops its pulses.
+    pub fn set_target(&self, channel: u8, quarters_us: u16) -> Packet {
+        let [low, high] = two(quarters_us);
+        self.command(SET_TARGET, &[channel & 0x7F, low, high])
+    }
+
+    /// Targets of channels that follow each other, 24 at most.
+    pub fn set_targets(&self, first: u8, quarters_us: &[u16]) -> Packet {
+        let mut data = heapless::Vec::<u8, 50>::new();
+        let count = quarters_us.len().min(24);
+        let _ = data.extend_from_slice(&[count as u8, first & 0x7F]);
+        for target in quarters_us.iter().take(24) {
+            let _ = data.extend_from_slice(&two(*target));
+        }
+        self.command(SET_MULTIPLE, &data)
+    }
+
+    /// Limit of a channel's speed, in 0.25 µs per 10 ms; 0 is none.
+    pub fn set_speed(&self, channel: u8, speed: u16) -> Packet {
+        let [low, high] = two(speed);
+        self.command(SET_SPEED, &[channel & 0x7F, low, high])
+    }
+
+    /// Limit of a channel's acceleration, 0 to 255, in 0.25 µs per 10 ms per 80 ms; 0 is none.
+    pub fn set_acceleration(&self, channel: u8, acceleration: u8) -> Packet {
+        let [low, high] = two(u16::from(acceleration));
+        self.command(SET_ACCELERATION, &[channel & 0x7F, low, high])
+    }
+
+    /// Asks for the error bits, and clears them: two bytes come back.
+    pub fn get_errors(&self) -> Packet {
+        self.command(GET_ERRORS, &[])
+    }
+
+    /// All servos to the positions that the settings have for this, which may be "off".
+    pub fn go_home(&self) -> Packet {
+        self.command(GO_HOME, &[])
+    }
+
+    /// The target of an angle.
+    pub fn target(&self, position_rad: f32) -> Result<u16, Refusal> {
+        let us = self.pulse.centre_us + position_rad * self.pulse.us_per_rad;
+        let (least, most) = self.pulse.limits_us;
+        let target = nearest(us * 4.0, 1, 0x3FFF).filter(|_| us >= least && us <= most);
+        target.map(|target| target as u16).ok_or(Refusal::OutOfRange("position"))
+    }
+}
+
+impl ActuatorProtocol for Maestro {
+    type Sent = Packet;
+    /// The answer to [`Maestro::get_errors`].
+    type Received = [u8; 2];
+
+    fn capabilities(&self) -> Capabilities {
+        Capabilities {
+            joints: true,
+            wheels: false,
+            gains: Told::Never,
+            limits: Told::Never,
+            joint_speed: false,
+            torque: false,
+            exact_zero_speed: false,
+            answers: Answers::OnQuery,
+            measures_position: false,
+            measures_torque: false,
+            pose_while_disabled: false,
+            watchdog: Watchdog::GoesHome,
+            max_id: MAX_CHANNEL,
+        }
+    }
+
+    fn emit(&self, order: &Order, send: &mut dyn FnMut(Packet)) -> Result<(), Refusal> {
+        let channel = order.id;
+        super::address(channel, MAX_CHANNEL)?;
+        let packet = match order.command {
+            Command::Disable => self.set_target(channel, 0),
+            Command::EnableJoint { measured_rad } => {
+                self.set_target(channel, self.target(measured_rad)?)
+            }
+            Command::Joint(joint) => {
+                without(joint.gains, "gains")?;
+                without_torque(joint.torque_nm)?;
+                self.set_target(channel, self.target(joint.position_rad)?)
+            }
+            Command::Query | Command::ClearFaults => self.get_errors(),
+            Command::EnableWheel | Command::Wheel(_) => {
+                return Err(Refusal::Unsupported("wheel speed"));
+            }
+            Command::Gains(_) => return Err(Refusal::Unsupported("gains")),
+            Command::Limits { .. } => return Err(Refusal::Unsupported("limits")),
+        };
+        send(packet);
+        Ok(())
+    }
+
+    /// Setpoints of channels that follow each other, in this order, share a command.
+    fn encode(
+        &self,
+        orders: &[Order],
+        send: &mut dyn FnMut(Packet),
+    ) -> Result<(), (usize, Refusal)> {
+        for (i, order) in orders.iter().enumerate() {
+            self.emit(order, &mut |_| {}).map_err(|refusal| (i, refusal))?;
+        }
+        let mut targets = heapless::Vec::<u16, 24>::new();
+        let mut first = 0;
+        for (i, order) in orders.iter().enumerate() {
+            let next = usize::from(order.id) == usize::from(first) + targets.len();
+            let continues = next && matches!(order.command, Command::Joint(_));
+            if !targets.is_empty() && !continues {
+                send(self.set_targets(first, &targets));
+                targets.clear();
+            }
+            let Command::Joint(joint) = order.command else {
+                self.emit(order, send).map_err(|refusal| (i, refusal))?;
+                continue;
+            };
+            if !self.set_multiple {
+                send(
+                    self.set_target(order.id, self.target(joint.position_rad).map_err(|r| (i, r))?),
+                );
+                continue;
+            }
+            if targets.is_empty() {
+                first = order.id;
+            }
+            // At most as many as there are channels: addresses above are refused.
+            let _ = targets.push(self.target(joint.position_rad).map_err(|r| (i, r))?);
+        }
+        if !targets.is_empty() {
+            send(self.set_targets(first, &targets));
+        }
+        Ok(())
+    }
+
+    fn decode(&self, received: &[u8; 2]) -> Option<(u8, Feedback)> {
+        let faults = Faults::translate(u32::from(u16::from_le_bytes(*received)), &ERRORS);
+        Some((BOARD, Feedback { faults: Some(faults), ..Feedback::default() }))
+    }
+
+    /// Targets, and one question for errors with its answer.
+    fn traffic(&self, actuators: u32) -> Traffic {
+        let around = if self.device.is_some() { 3 } else { 1 } + u32::from(self.crc);
+        let targets = if self.set_multiple {
+            actuators.saturating_mul(2).saturating_add(2 + around)
+        } else {
+            actuators.saturating_mul(3 + around)
+        };
+        let bytes = targets.saturating_add(around + 2);
+        Traffic { bits_per_period: serial_bits(bytes), ..Traffic::default() }
+    }
+}

@@ -1,0 +1,291 @@
+//! The frames of MIT's mini cheetah drive, which T-Motor's AK series speaks in its MIT mode.
+//!
+//! Documents: bgkatz/motorcontrol (`CAN_com`), CubeMars "AK Series Actuator Driver Manual V1.0.8",
+//! section 5.3. A setpoint is 64 bits, most significant first: position 16, speed 12, kp 12, kd 12,
+//! torque 12. The answer is the drive's number 8, position 16, speed 12, torque 12, and from AK
+//! drives temperature 8, error 8. Eight bytes of which seven are `FF` are commands.
+//!
+//! Ranges belong to the model, and the wrong ones mean the wrong torque. Zero speed and zero torque
+//! lie between two codes; a wheel's torque makes up for the rounding of its speed, see
+//! [`Mit::emit`](ActuatorProtocol::emit).
+
+use super::fixed::{Signed, Unsigned};
+use super::{
+    ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Gains, JointSetpoint,
+    Order, Refusal, Told, Traffic, Watchdog, WheelSetpoint, without,
+};
+use crate::can::{CanFrame, worst_case_bits};
+
+/// Ranges of a drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Model {
+    /// Name of the model.
+    pub name: &'static str,
+    /// Largest speed, rad/s.
+    pub max_speed_rad_s: f32,
+    /// Largest torque, N·m.
+    pub max_torque_nm: f32,
+}
+
+/// Largest position of every model, rad.
+pub const MAX_POSITION_RAD: f32 = 12.5;
+/// Largest kp of every model, N·m/rad.
+pub const MAX_KP_NM_RAD: f32 = 500.0;
+/// Largest kd of every model, N·m·s/rad.
+pub const MAX_KD_NM_S_RAD: f32 = 5.0;
+
+const fn model(name: &'static str, max_speed_rad_s: f32, max_torque_nm: f32) -> Model {
+    Model { name, max_speed_rad_s, max_torque_nm }
+}
+
+/// The models. AK drives as in the table of the manual's section 5.3; the mini cheetah as in its
+/// published firmware, where torque depends on how it was built: compare yours.
+pub const MODELS: [Model; 7] = [
+    model("AK10-9", 50.0, 65.0),
+    model("AK60-6", 50.0, 15.0),
+    model("AK70-10", 50.0, 25.0),
+    model("AK80-6", 76.0, 12.0),
+    model("AK80-9", 50.0, 18.0),
+    model("AK80-64", 8.0, 144.0),
+    model("mini-cheetah", 65.0, 18.0),
+];
+
+/// Where a drive's answers come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AnswerId {
+    /// All from this identifier: the mini cheetah's `CAN_MASTER`.
+    Master(u16),
+    /// Each from the drive's own.
+    Own,
+}
+
+/// Drives of one model on a bus.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mit {
+    /// Their model.
+    pub model: Model,
+    /// Where their answers come from.
+    pub answers_from: AnswerId,
+}
+
+/// The commands, as the last byte after seven `FF`.
+const ENTER: u8 = 0xFC;
+const EXIT: u8 = 0xFD;
+const ZERO: u8 = 0xFE;
+
+const POSITION: Signed = Signed { max: MAX_POSITION_RAD, bits: 16 };
+const KP: Unsigned = Unsigned { max: MAX_KP_NM_RAD, bits: 12 };
+const KD: Unsigned = Unsigned { max: MAX_KD_NM_S_RAD, bits: 12 };
+
+fn special(id: u8, last: u8) -> CanFrame {
+    CanFrame::known(u16::from(id), [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last])
+}
+
+/// Codes of a setpoint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Codes {
+    /// 16 bits.
+    pub position: u16,
+    /// 12 bits.
+    pub speed: u16,
+    /// 12 bits.
+    pub kp: u16,
+    /// 12 bits.
+    pub kd: u16,
+    /// 12 bits.
+    pub torque: u16,
+}
+
+impl Codes {
+    /// The frame. Never one of the commands: the setpoints with the same bytes, everything at its
+    /// largest, are sent with a little less torque.
+    pub fn frame(self, id: u8) -> CanFrame {
+        let Codes { position, speed, kp, kd, torque } = self;
+        let [p1, p0] = position.to_be_bytes();
+        let low4 = |x: u16| (x & 0xF) as u8;
+        let high4 = |x: u16| ((x >> 8) & 0xF) as u8;
+        let torque_low = torque as u8;
+        let head = [
+            p1,
+            p0,
+            (speed >> 4) as u8,
+            low4(speed) << 4 | high4(kp),
+            kp as u8,
+            (kd >> 4) as u8,
+            low4(kd) << 4 | high4(torque),
+        ];
+        let command = head == [0xFF; 7] && (ENTER..=ZERO).contains(&torque_low);
+        let last = if command { ENTER - 1 } else { torque_low };
+        let [b0, b1, b2, b3, b4, b5, b6] = head;
+        CanFrame::known(u16::from(id), [b0, b1, b2, b3, b4, b5, b6, last])
+    }
+
+    /// The codes of a setpoint; `None` for commands and other frames. What a drive would read.
+    pub fn of(frame: &CanFrame) -> Option<Codes> {
+        let data: [u8; 8] = frame.data().try_into().ok()?;
+        let bits = u64::from_be_bytes(data);
+        if matches!(data, [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, ENTER..=ZERO]) {
+            return None;
+        }
+        let field = |shift: u32, width: u32| (bits >> shift & ((1 << width) - 1)) as u16;
+        Some(Codes {
+            position: field(48, 16),
+            speed: field(36, 12),
+            kp: field(24, 12),
+            kd: field(12, 12),
+            torque: field(0, 12),
+        })
+    }
+}
+
+impl Mit {
+    fn speed(&self) -> Signed {
+        Signed { max: self.model.max_speed_rad_s, bits: 12 }
+    }
+
+    fn torque(&self) -> Signed {
+        Signed { max: self.model.max_torque_nm, bits: 12 }
+    }
+
+    /// The codes of a joint's setpoint.
+    pub fn joint(&self, setpoint: &JointSetpoint) -> Result<Codes, Refusal> {
+        let gains = setpoint.gains.ok_or(Refusal::Missing("gains"))?;
+        let beyond = Refusal::OutOfRange;
+        Ok(Codes {
+            position: POSITION.encode(setpoint.position_rad).ok_or(beyond("position"))?,
+            speed: self.speed().encode(setpoint.speed_rad_s).ok_or(beyond("speed"))?,
+            kp: KP.encode(gains.kp_nm_rad).ok_or(beyond("kp"))?,
+            kd: KD.encode(gains.kd_nm_s_rad).ok_or(beyond("kd"))?,
+            torque: self.torque().encode(setpoint.torque_nm).ok_or(beyond("torque"))?,
+        })
+    }
+
+    /// The codes of a wheel's setpoint: kp is 0, and the torque is what makes the whole,
+    /// kd (ω* − ω) + τ, right to half a step of torque, although ω* is not. Told to stand still, a
+    /// wheel creeps by at most half a step of torque divided by kd.
+    pub fn wheel(&self, setpoint: &WheelSetpoint) -> Result<Codes, Refusal> {
+        without(setpoint.torque_limit_nm, "torque limit")?;
+        let kd = setpoint.kd_nm_s_rad.ok_or(Refusal::Missing("kd"))?;
+        let gains = Some(Gains { kp_nm_rad: 0.0, kd_nm_s_rad: kd });
+        let (speed_rad_s, torque_nm) = (setpoint.speed_rad_s, setpoint.torque_nm);
+        let codes =
+            self.joint(&JointSetpoint { position_rad: 0.0, speed_rad_s, torque_nm, gains })?;
+        let rounding_nm = KD.decode(codes.kd) * (speed_rad_s - self.speed().decode(codes.speed));
+        let most = self.model.max_torque_nm;
+        let torque = self.torque().encode((torque_nm + rounding_nm).clamp(-most, most));
+        Ok(Codes { torque: torque.ok_or(Refusal::OutOfRange("torque"))?, ..codes })
+    }
+
+    /// Where an actuator gives no torque, but for half a step of its scale.
+    fn limp(&self, position_rad: f32) -> Result<Codes, Refusal> {
+        let gains = Some(Gains { kp_nm_rad: 0.0, kd_nm_s_rad: 0.0 });
+        self.joint(&JointSetpoint { position_rad, speed_rad_s: 0.0, torque_nm: 0.0, gains })
+    }
+
+    /// Makes the present position 0. Never while torque is on: the setpoint that it holds stays, and
+    /// the joint moves there.
+    pub fn zero_here(id: u8) -> CanFrame {
+        special(id, ZERO)
+    }
+}
+
+/// Error codes of AK drives, from the manual; others are [`Faults::OTHER`].
+fn faults_of(error: u8) -> Faults {
+    match error {
+        0 => Faults::NONE,
+        1 => Faults::OVERHEATED,
+        2 => Faults::OVERCURRENT,
+        3 | 4 => Faults::BAD_VOLTAGE,
+        5 => Faults::SENSOR,
+        _ => Faults::OTHER,
+    }
+}
+
+impl ActuatorProtocol for Mit {
+    type Sent = CanFrame;
+    type Received = CanFrame;
+
+    fn capabilities(&self) -> Capabilities {
+        Capabilities {
+            joints: true,
+            wheels: true,
+            gains: Told::EachTime,
+            limits: Told::Never,
+            joint_speed: true,
+            torque: true,
+            exact_zero_speed: false,
+            answers: Answers::Always,
+            measures_position: true,
+            measures_torque: true,
+            // Exit is answered, also when it changes nothing.
+            pose_while_disabled: true,
+            watchdog: Watchdog::Resumes,
+            max_id: 0x7F,
+        }
+    }
+
+    /// Enabling sends a limp setpoint before and after: a drive remembers the last setpoint, and
+    /// would follow it.
+    fn emit(&self, order: &Order, send: &mut dyn FnMut(CanFrame)) -> Result<(), Refusal> {
+        let id = order.id;
+        super::address(id, 0x7F)?;
+        let enable = |position_rad: f32| Ok(self.limp(position_rad)?.frame(id));
+        let limp = match order.command {
+            Command::Disable => {
+                send(special(id, EXIT));
+                return Ok(());
+            }
+            // Every frame is answered, and every frame does something.
+            Command::Query => return Err(Refusal::Unsupported("query")),
+            Command::ClearFaults => return Err(Refusal::Unsupported("clear faults")),
+            Command::Gains(_) => return Err(Refusal::Unsupported("gains outside setpoints")),
+            Command::Limits { .. } => return Err(Refusal::Unsupported("limits")),
+            Command::Joint(setpoint) => {
+                send(self.joint(&setpoint)?.frame(id));
+                return Ok(());
+            }
+            Command::Wheel(setpoint) => {
+                send(self.wheel(&setpoint)?.frame(id));
+                return Ok(());
+            }
+            Command::EnableJoint { measured_rad } => enable(measured_rad)?,
+            Command::EnableWheel => enable(0.0)?,
+        };
+        send(limp);
+        send(special(id, ENTER));
+        send(limp);
+        Ok(())
+    }
+
+    fn decode(&self, received: &CanFrame) -> Option<(u8, Feedback)> {
+        let [id, p1, p0, v, v_t, t, rest @ ..] = received.data() else { return None };
+        let from = match self.answers_from {
+            AnswerId::Master(master) => master,
+            AnswerId::Own => u16::from(*id),
+        };
+        if received.id() != from {
+            return None;
+        }
+        let speed = u16::from(*v) << 4 | u16::from(v_t >> 4);
+        let torque = u16::from(v_t & 0xF) << 8 | u16::from(*t);
+        // Six bytes are all of it; a seventh alone is the mini cheetah's supply voltage.
+        let (temperature_c, faults) = match rest {
+            [temperature, error] => (Some(f32::from(*temperature)), Some(faults_of(*error))),
+            _ => (None, None),
+        };
+        let feedback = Feedback {
+            position_rad: Some(POSITION.decode(u16::from_be_bytes([*p1, *p0]))),
+            speed_rad_s: Some(self.speed().decode(speed)),
+            torque_nm: Some(self.torque().decode(torque)),
+            temperature_c,
+            enabled: None,
+            faults,
+        };
+        Some((*id, feedback))
+    }
+
+    fn traffic(&self, actuators: u32) -> Traffic {
+        let bits_per_period = actuators.saturating_mul(2 * worst_case_bits(8));
+        Traffic { bits_per_period, ..Traffic::default() }
+    }
+}

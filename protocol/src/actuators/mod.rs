@@ -1,0 +1,321 @@
+//! What makes servos and wheel drives of several makers move, behind one trait. Their documents and
+//! ours: `docs/actuators.md`.
+//!
+//! | module | speaks to | over |
+//! |---|---|---|
+//! | [`rollwalk`] | servos of the Rollwalk profile, [`crate::actuator`] | CAN, 11-bit identifiers |
+//! | [`mit`] | mini cheetah drives and T-Motor's AK series | CAN, 11-bit identifiers |
+//! | [`odrive`] | ODrive CANSimple, firmware 0.5 and 0.6 | CAN, 11-bit identifiers |
+//! | [`cybergear`] | Xiaomi CyberGear | CAN, 29-bit identifiers |
+//! | [`dynamixel`] | Dynamixel X, Protocol 2.0 | a half-duplex serial line |
+//! | [`maestro`] | hobby servos behind a Pololu Maestro | a serial line |
+//! | [`traffic`] | how much of a bus that takes | |
+//!
+//! Two rules hold for all. What an actuator cannot be told is refused, never dropped or clipped: a
+//! damped hold that arrives as a stiff one breaks gears. And enabling takes the measured pose, which
+//! is what the actuator is told before its torque comes on.
+
+use heapless::Vec;
+use thiserror::Error;
+
+pub mod cybergear;
+pub mod dynamixel;
+mod fixed;
+pub mod maestro;
+pub mod mit;
+pub mod odrive;
+pub mod rollwalk;
+pub mod traffic;
+
+pub use traffic::Traffic;
+
+/// Longest packet on a serial line, bytes: gains for 24 servos in one sync write, with stuffing.
+pub const MAX_PACKET: usize = 256;
+/// A packet for a serial line.
+pub type Packet = Vec<u8, MAX_PACKET>;
+
+/// A command for one actuator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Order {
+    /// Its address on the bus.
+    pub id: u8,
+    /// What it shall do.
+    pub command: Command,
+}
+
+/// What an actuator can be told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Command {
+    /// Torque off.
+    Disable,
+    /// Torque on, and hold a joint where it was measured.
+    EnableJoint {
+        /// Where it is now, rad.
+        measured_rad: f32,
+    },
+    /// Torque on, and hold a wheel still.
+    EnableWheel,
+    /// Tell what you measure, and change nothing.
+    Query,
+    /// Forget faults. Never turns torque on.
+    ClearFaults,
+    /// Gains, where they are kept by the actuator ([`Told::Stored`]).
+    Gains(Gains),
+    /// Limits, where they are kept by the actuator ([`Told::Stored`]).
+    Limits {
+        /// Largest speed, rad/s.
+        speed_rad_s: f32,
+        /// Largest torque, N·m.
+        torque_nm: f32,
+    },
+    /// Go there.
+    Joint(JointSetpoint),
+    /// Turn so fast.
+    Wheel(WheelSetpoint),
+}
+
+/// Gains of torque = kp (q* − q) + kd (q̇* − q̇).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gains {
+    /// N·m/rad.
+    pub kp_nm_rad: f32,
+    /// N·m·s/rad.
+    pub kd_nm_s_rad: f32,
+}
+
+/// What a joint shall do: torque = kp (q* − q) + kd (q̇* − q̇) + τ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointSetpoint {
+    /// q*, rad.
+    pub position_rad: f32,
+    /// q̇*, rad/s: the slope of the positions. Protocols without a place for it leave it out.
+    pub speed_rad_s: f32,
+    /// τ, N·m. Not 0 only where [`Capabilities::torque`] says so.
+    pub torque_nm: f32,
+    /// kp and kd; there exactly where gains are [`Told::EachTime`].
+    pub gains: Option<Gains>,
+}
+
+/// What a wheel shall do: torque = kd (ω* − ω) + τ, within a limit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WheelSetpoint {
+    /// ω*, rad/s.
+    pub speed_rad_s: f32,
+    /// τ, N·m. Not 0 only where [`Capabilities::torque`] says so.
+    pub torque_nm: f32,
+    /// kd, N·m·s/rad; there exactly where gains are [`Told::EachTime`].
+    pub kd_nm_s_rad: Option<f32>,
+    /// Torque limit, N·m; there exactly where limits are [`Told::EachTime`].
+    pub torque_limit_nm: Option<f32>,
+}
+
+/// Why an order cannot be put into frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum Refusal {
+    /// The protocol has no such address.
+    #[error("address is beyond the largest of this protocol")]
+    Address,
+    /// Nothing in the protocol does that.
+    #[error("{0} cannot be told to this actuator")]
+    Unsupported(&'static str),
+    /// The protocol needs it in every such command.
+    #[error("{0} is missing")]
+    Missing(&'static str),
+    /// No number, or beyond its scale.
+    #[error("{0} is beyond its scale")]
+    OutOfRange(&'static str),
+}
+
+/// What an actuator has told of itself. A frame of most protocols tells a part of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Feedback {
+    /// Angle, rad.
+    pub position_rad: Option<f32>,
+    /// Speed, rad/s.
+    pub speed_rad_s: Option<f32>,
+    /// Torque, N·m.
+    pub torque_nm: Option<f32>,
+    /// Temperature of the motor, °C.
+    pub temperature_c: Option<f32>,
+    /// Torque is on.
+    pub enabled: Option<bool>,
+    /// What is wrong.
+    pub faults: Option<Faults>,
+}
+
+impl Feedback {
+    /// Takes over whatever `newer` tells.
+    pub fn merge(&mut self, newer: &Feedback) {
+        self.position_rad = newer.position_rad.or(self.position_rad);
+        self.speed_rad_s = newer.speed_rad_s.or(self.speed_rad_s);
+        self.torque_nm = newer.torque_nm.or(self.torque_nm);
+        self.temperature_c = newer.temperature_c.or(self.temperature_c);
+        self.enabled = newer.enabled.or(self.enabled);
+        self.faults = newer.faults.or(self.faults);
+    }
+}
+
+/// What is wrong with an actuator, as bits. Any fault of its own sets at least one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Faults(pub u8);
+
+impl Faults {
+    /// Nothing is wrong.
+    pub const NONE: Faults = Faults(0);
+    /// No command came for too long.
+    pub const TIMED_OUT: Faults = Faults(1 << 0);
+    /// Too hot.
+    pub const OVERHEATED: Faults = Faults(1 << 1);
+    /// Supply voltage out of range.
+    pub const BAD_VOLTAGE: Faults = Faults(1 << 2);
+    /// Too much current, or overload.
+    pub const OVERCURRENT: Faults = Faults(1 << 3);
+    /// Position sensor.
+    pub const SENSOR: Faults = Faults(1 << 4);
+    /// Stopped by an emergency stop of its own protocol.
+    pub const ESTOPPED: Faults = Faults(1 << 5);
+    /// It did not do what it was told.
+    pub const REFUSED: Faults = Faults(1 << 6);
+    /// Anything else.
+    pub const OTHER: Faults = Faults(1 << 7);
+
+    /// Nothing is wrong.
+    pub fn none(self) -> bool {
+        self.0 == 0
+    }
+
+    /// All of `other` are there.
+    pub fn contains(self, other: Faults) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// Translates an actuator's bits: the faults of every row whose bits meet `bits`, and
+    /// [`Faults::OTHER`] for bits in no row.
+    fn translate(bits: u32, table: &[(u32, Faults)]) -> Faults {
+        let known = table.iter().filter(|(mask, _)| bits & mask != 0);
+        let sum = known.fold(0, |sum, (_, fault)| sum | fault.0);
+        let listed = table.iter().fold(0, |all, (mask, _)| all | mask);
+        Faults(sum | if bits & !listed != 0 { Faults::OTHER.0 } else { 0 })
+    }
+}
+
+/// How a quantity gets to an actuator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Told {
+    /// In every setpoint.
+    EachTime,
+    /// In a command of its own, once.
+    Stored,
+    /// Not in the units of this crate, or not at all.
+    Never,
+}
+
+/// When an actuator tells what it measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answers {
+    /// After every command.
+    Always,
+    /// On a timer of its own.
+    Cyclic,
+    /// After [`Command::Query`] only.
+    OnQuery,
+    /// Never.
+    Never,
+}
+
+/// What an actuator's own watchdog does when commands stay away.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Watchdog {
+    /// Stops, and stays stopped until it is told otherwise.
+    Latches,
+    /// Lets go; the next setpoint moves it again. The controller has to do the latching.
+    Resumes,
+    /// Goes to a position that was set beforehand.
+    GoesHome,
+    /// Its documents do not tell.
+    Unknown,
+}
+
+/// What a protocol can do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Capabilities {
+    /// Joints can be commanded.
+    pub joints: bool,
+    /// Wheels can be commanded.
+    pub wheels: bool,
+    /// How gains get there.
+    pub gains: Told,
+    /// How speed and torque limits get there; in setpoints only the torque limit of wheels.
+    pub limits: Told,
+    /// The speed of a joint's setpoint has an effect.
+    pub joint_speed: bool,
+    /// Feed-forward torque is possible.
+    pub torque: bool,
+    /// A wheel told 0 rad/s stands still. Where not, it creeps, by less than a step of its scale.
+    pub exact_zero_speed: bool,
+    /// When it answers.
+    pub answers: Answers,
+    /// It measures its position. Where not, enabling may jump: the pose can only be assumed.
+    pub measures_position: bool,
+    /// It measures or estimates its torque.
+    pub measures_torque: bool,
+    /// The pose can be read while torque is off: by [`Command::Query`], by [`Command::Disable`]
+    /// again where that is answered, or because it comes on a timer.
+    pub pose_while_disabled: bool,
+    /// What its watchdog does. None but the Rollwalk profile's is on from the factory.
+    pub watchdog: Watchdog,
+    /// Largest address.
+    pub max_id: u8,
+}
+
+/// A protocol, with what has to be known of the actuators on one bus.
+pub trait ActuatorProtocol {
+    /// What is sent: a CAN frame, or a packet for a serial line.
+    type Sent;
+    /// What comes back.
+    type Received;
+
+    /// What it can do.
+    fn capabilities(&self) -> Capabilities;
+
+    /// Hands `send` the frames of one order, in the order in which they have to go out. Refused: it
+    /// was handed none.
+    fn emit(&self, order: &Order, send: &mut dyn FnMut(Self::Sent)) -> Result<(), Refusal>;
+
+    /// The same for many orders, at most one for each actuator. Refused, with the number of the
+    /// order: `send` was handed nothing.
+    fn encode(
+        &self,
+        orders: &[Order],
+        send: &mut dyn FnMut(Self::Sent),
+    ) -> Result<(), (usize, Refusal)> {
+        for (i, order) in orders.iter().enumerate() {
+            self.emit(order, &mut |_| {}).map_err(|refusal| (i, refusal))?;
+        }
+        for (i, order) in orders.iter().enumerate() {
+            self.emit(order, send).map_err(|refusal| (i, refusal))?;
+        }
+        Ok(())
+    }
+
+    /// Address, and what that actuator tells; `None` for anything else.
+    fn decode(&self, received: &Self::Received) -> Option<(u8, Feedback)>;
+
+    /// The most that setpoints for so many actuators and their answers take of the bus.
+    fn traffic(&self, actuators: u32) -> Traffic;
+}
+
+/// Refuses addresses above `most`.
+fn address(id: u8, most: u8) -> Result<(), Refusal> {
+    if id <= most { Ok(()) } else { Err(Refusal::Address) }
+}
+
+/// Refuses to leave out what the protocol has no place for.
+fn without<T>(value: Option<T>, name: &'static str) -> Result<(), Refusal> {
+    if value.is_none() { Ok(()) } else { Err(Refusal::Unsupported(name)) }
+}
+
+/// As [`without`], for a torque.
+fn without_torque(torque_nm: f32) -> Result<(), Refusal> {
+    if torque_nm == 0.0 { Ok(()) } else { Err(Refusal::Unsupported("torque")) }
+}

@@ -1,0 +1,102 @@
+//! The Rollwalk servo profile behind the trait. Frames, units and golden bytes: [`crate::actuator`].
+
+use super::{
+    ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Order, Refusal, Told,
+    Traffic, Watchdog, without_torque,
+};
+use crate::actuator::{self, ActuatorStatus, Control};
+use crate::can::{CanFrame, worst_case_bits};
+
+/// Servos and wheel drives of the Rollwalk profile.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RollwalkServos;
+
+/// Faults of [`ActuatorStatus`].
+const FAULTS: [(u32, Faults); 4] = [
+    (ActuatorStatus::TIMED_OUT as u32, Faults::TIMED_OUT),
+    (ActuatorStatus::OVERHEATED as u32, Faults::OVERHEATED),
+    (ActuatorStatus::BAD_VOLTAGE as u32, Faults::BAD_VOLTAGE),
+    (ActuatorStatus::HARDWARE as u32, Faults::OTHER),
+];
+
+fn frame(id: u8, command: &Command) -> Result<CanFrame, Refusal> {
+    let control = |control: Control| control.encode(id).ok_or(Refusal::Address);
+    match *command {
+        // Disabling clears a timeout. Enabling forgets earlier setpoints, so it needs no pose.
+        Command::Disable | Command::ClearFaults => control(Control::Disable),
+        Command::EnableJoint { .. } | Command::EnableWheel => control(Control::Enable),
+        Command::Query => control(Control::Query),
+        Command::Gains(_) => Err(Refusal::Unsupported("gains outside setpoints")),
+        Command::Limits { .. } => Err(Refusal::Unsupported("limits outside setpoints")),
+        Command::Joint(joint) => {
+            without_torque(joint.torque_nm)?;
+            let gains = joint.gains.ok_or(Refusal::Missing("gains"))?;
+            let setpoint = actuator::JointSetpoint {
+                position_rad: joint.position_rad,
+                velocity_rad_s: joint.speed_rad_s,
+                kp_nm_rad: gains.kp_nm_rad,
+                kd_nm_s_rad: gains.kd_nm_s_rad,
+            };
+            setpoint.encode(id).ok_or(Refusal::OutOfRange("setpoint"))
+        }
+        Command::Wheel(wheel) => {
+            without_torque(wheel.torque_nm)?;
+            let setpoint = actuator::WheelSetpoint {
+                speed_rad_s: wheel.speed_rad_s,
+                kd_nm_s_rad: wheel.kd_nm_s_rad.ok_or(Refusal::Missing("kd"))?,
+                torque_limit_nm: wheel.torque_limit_nm.ok_or(Refusal::Missing("torque limit"))?,
+            };
+            setpoint.encode(id).ok_or(Refusal::OutOfRange("setpoint"))
+        }
+    }
+}
+
+impl ActuatorProtocol for RollwalkServos {
+    type Sent = CanFrame;
+    type Received = CanFrame;
+
+    fn capabilities(&self) -> Capabilities {
+        Capabilities {
+            joints: true,
+            wheels: true,
+            gains: Told::EachTime,
+            limits: Told::EachTime,
+            joint_speed: true,
+            torque: false,
+            exact_zero_speed: true,
+            answers: Answers::Always,
+            measures_position: true,
+            measures_torque: true,
+            pose_while_disabled: true,
+            watchdog: Watchdog::Latches,
+            max_id: actuator::MAX_ID,
+        }
+    }
+
+    fn emit(&self, order: &Order, send: &mut dyn FnMut(CanFrame)) -> Result<(), Refusal> {
+        super::address(order.id, actuator::MAX_ID)?;
+        send(frame(order.id, &order.command)?);
+        Ok(())
+    }
+
+    fn decode(&self, received: &CanFrame) -> Option<(u8, Feedback)> {
+        let (id, told) = actuator::Feedback::decode(received)?;
+        let feedback = Feedback {
+            position_rad: Some(told.position_rad),
+            speed_rad_s: Some(told.velocity_rad_s),
+            torque_nm: Some(told.torque_nm),
+            temperature_c: None,
+            enabled: Some(told.status.enabled()),
+            faults: Some(Faults::translate(
+                u32::from(told.status.0 & ActuatorStatus::FAULTS),
+                &FAULTS,
+            )),
+        };
+        Some((id, feedback))
+    }
+
+    fn traffic(&self, actuators: u32) -> Traffic {
+        let bits_per_period = actuators.saturating_mul(2 * worst_case_bits(8));
+        Traffic { bits_per_period, ..Traffic::default() }
+    }
+}

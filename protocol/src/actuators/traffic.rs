@@ -1,0 +1,50 @@
+//! How much of a bus a protocol takes: the most that setpoints and answers can be, stuffing and
+//! waiting included. A configuration whose load is beyond [`MAX_LOAD`] is not run.
+
+use thiserror::Error;
+
+/// Largest share of a bus that setpoints and answers may take. The rest is for torque switches,
+/// repeats after errors, and for being wrong.
+pub const MAX_LOAD: f32 = 0.7;
+
+/// What goes over a bus, at worst.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Bits of each control period.
+    pub bits_per_period: u32,
+    /// Time of each control period in which the line waits for servos to begin their answers, µs.
+    pub waiting_us_per_period: u32,
+    /// Bits per second of messages that come on a timer of their own.
+    pub bits_per_s: u32,
+}
+
+/// More than a bus can take.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("load of the bus would be {percent:.0} %, at most 70 % is right")]
+pub struct Overload {
+    /// The load, %.
+    pub percent: f32,
+}
+
+impl Traffic {
+    /// Share of a bus of `bit_rate` bits per second, at so many control periods per second. 1 is
+    /// all of it.
+    pub fn load(&self, control_hz: f32, bit_rate: f32) -> f32 {
+        let period_s =
+            self.bits_per_period as f32 / bit_rate + self.waiting_us_per_period as f32 * 1e-6;
+        period_s * control_hz + self.bits_per_s as f32 / bit_rate
+    }
+
+    /// Refuses what takes more than [`MAX_LOAD`] of the bus, or rates that are none.
+    pub fn check(&self, control_hz: f32, bit_rate: f32) -> Result<(), Overload> {
+        let load = self.load(control_hz, bit_rate);
+        // A NaN and a negative rate fail this.
+        let fits = control_hz > 0.0 && bit_rate > 0.0 && load <= MAX_LOAD;
+        if fits { Ok(()) } else { Err(Overload { percent: 100.0 * load }) }
+    }
+}
+
+/// Bits of bytes on a serial line: start bit, 8 bits, stop bit.
+pub(super) fn serial_bits(bytes: u32) -> u32 {
+    bytes.saturating_mul(10)
+}
