@@ -55,9 +55,10 @@ impl Unsigned {
 /// The nearest integer; `None` when it is not within `min` to `max`, or `value` is NaN.
 pub(super) fn nearest(value: f32, min: i32, max: i32) -> Option<i32> {
     let rounded = if value < 0.0 { value - 0.5 } else { value + 0.5 };
-    // The cast saturates, so the comparison is made before it.
-    let within = rounded > min as f32 - 1.0 && rounded < max as f32 + 1.0;
-    within.then_some((rounded as i32).clamp(min, max))
+    // The cast saturates, and makes 0 of a NaN.
+    let integer = rounded as i32;
+    let cast = rounded.abs() < i32::MAX as f32;
+    (cast && integer >= min && integer <= max).then_some(integer)
 }
 
 #[cfg(test)]
@@ -85,6 +86,7 @@ mod tests {
         }
         assert_eq!((nearest(2.5, -3, 3), nearest(-2.5, -3, 3)), (Some(3), Some(-3)));
         assert_eq!((nearest(3.6, -3, 3), nearest(f32::NAN, -3, 3)), (None, None));
+        assert_eq!((nearest(0.4, 1, 9), nearest(0.5, 1, 9)), (None, Some(1)));
         assert_eq!(nearest(-1e30, i32::MIN + 1, i32::MAX), None);
     }
 

@@ -1,6 +1,12 @@
 //! Tests of the crate's boundaries, from outside.
 
 mod actuator_golden;
+mod actuators_all;
+mod actuators_cybergear;
+mod actuators_dynamixel;
+mod actuators_maestro;
+mod actuators_mit;
+mod actuators_odrive;
 mod config;
 mod fixture;
 mod isotp;

@@ -124,19 +124,19 @@ impl Dynamixels {
             // there before torque is.
             Vec::from_array([
                 Write::byte(table::BUS_WATCHDOG, 0),
-                Write { address, bytes: 4, data: goal },
+                Write { address, data: goal },
                 Write::byte(table::TORQUE_ENABLE, 1),
                 Write::byte(table::BUS_WATCHDOG, self.watchdog_20ms.min(127)),
             ])
         };
-        let one = |address, bytes, data| {
+        let one = |address, data| {
             let mut writes = Vec::new();
-            let _ = writes.push(Write { address, bytes, data });
+            let _ = writes.push(Write { address, data });
             writes
         };
         Ok(match order.command {
-            Command::Disable => one(table::TORQUE_ENABLE, 1, [0; 4]),
-            Command::ClearFaults => one(table::BUS_WATCHDOG, 1, [0; 4]),
+            Command::Disable => one(table::TORQUE_ENABLE, [0; 4]),
+            Command::ClearFaults => one(table::BUS_WATCHDOG, [0; 4]),
             Command::EnableJoint { measured_rad } => {
                 enable(table::GOAL_POSITION, position(measured_rad)?)
             }
@@ -152,31 +152,29 @@ impl Dynamixels {
                 }
                 let torque = self.goal_current(torque_nm).filter(|_| positive(torque_nm));
                 let [t0, t1] = torque.ok_or(Refusal::OutOfRange("torque"))?;
-                let mut writes = one(table::GOAL_CURRENT, 2, [t0, t1, 0, 0]);
-                let _ =
-                    writes.push(Write { address: table::PROFILE_VELOCITY, bytes: 4, data: speed });
+                let mut writes = one(table::GOAL_CURRENT, [t0, t1, 0, 0]);
+                let _ = writes.push(Write { address: table::PROFILE_VELOCITY, data: speed });
                 writes
             }
             Command::Joint(joint) => {
                 without(joint.gains, "gains")?;
                 without_torque(joint.torque_nm)?;
-                one(table::GOAL_POSITION, 4, position(joint.position_rad)?)
+                one(table::GOAL_POSITION, position(joint.position_rad)?)
             }
             Command::Wheel(wheel) => {
                 without(wheel.kd_nm_s_rad, "kd")?;
                 without(wheel.torque_limit_nm, "torque limit in setpoints")?;
                 without_torque(wheel.torque_nm)?;
-                one(table::GOAL_VELOCITY, 4, velocity(wheel.speed_rad_s)?)
+                one(table::GOAL_VELOCITY, velocity(wheel.speed_rad_s)?)
             }
         })
     }
 }
 
-/// A value for one address range: the first `bytes` of `data`.
+/// A value for an address of [`RANGES`], which has how many of the bytes count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Write {
     address: u16,
-    bytes: u16,
     data: [u8; 4],
 }
 
@@ -185,7 +183,7 @@ type Writes = Vec<Write, 4>;
 
 impl Write {
     fn byte(address: u16, byte: u8) -> Self {
-        Self { address, bytes: 1, data: [byte, 0, 0, 0] }
+        Self { address, data: [byte, 0, 0, 0] }
     }
 }
 

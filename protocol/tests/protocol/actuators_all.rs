@@ -1,0 +1,367 @@
+//! What holds for every actuator protocol, and what the tests of each one share.
+
+use proptest::prelude::*;
+use rollwalk_protocol::actuators::cybergear::{CyberGear, TABLE_MAX_RAD};
+use rollwalk_protocol::actuators::dynamixel::Dynamixels;
+use rollwalk_protocol::actuators::dynamixel::table::XM540_W150;
+use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
+use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
+use rollwalk_protocol::actuators::odrive::{Odrive, Version};
+use rollwalk_protocol::actuators::rollwalk::RollwalkServos;
+use rollwalk_protocol::actuators::traffic::MAX_LOAD;
+use rollwalk_protocol::actuators::{
+    ActuatorProtocol, Answers, Command, Faults, Feedback, Gains, JointSetpoint, Order, Packet,
+    Refusal, Told, WheelSetpoint,
+};
+use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
+
+fn hex(data: &[u8]) -> String {
+    data.iter().map(|b| format!("{b:02x}")).collect()
+}
+
+pub fn can_text(frame: &CanFrame) -> String {
+    format!("{:03x}#{}", frame.id(), hex(frame.data()))
+}
+
+pub fn extended_text(frame: &ExtendedFrame) -> String {
+    format!("{:08x}#{}", frame.id(), hex(frame.data()))
+}
+
+/// What one command sends; nothing when it is refused.
+pub fn sent<P: ActuatorProtocol>(
+    protocol: &P,
+    id: u8,
+    command: Command,
+) -> Result<Vec<P::Sent>, Refusal> {
+    let mut frames = Vec::new();
+    let result = protocol.emit(&Order { id, command }, &mut |frame| frames.push(frame));
+    assert!(result.is_ok() || frames.is_empty(), "refused, and sent all the same: {command:?}");
+    result.map(|()| frames)
+}
+
+pub fn joint(p: f32, v: f32, t: f32, gains: Option<(f32, f32)>) -> JointSetpoint {
+    let gains = gains.map(|(kp_nm_rad, kd_nm_s_rad)| Gains { kp_nm_rad, kd_nm_s_rad });
+    JointSetpoint { position_rad: p, speed_rad_s: v, torque_nm: t, gains }
+}
+
+pub fn wheel(speed_rad_s: f32, kd: Option<f32>, limit: Option<f32>) -> WheelSetpoint {
+    WheelSetpoint { speed_rad_s, torque_nm: 0.0, kd_nm_s_rad: kd, torque_limit_nm: limit }
+}
+
+const MIT: Mit = Mit { model: MODELS[4], answers_from: AnswerId::Master(0) };
+const ODRIVE: Odrive =
+    Odrive { version: Version::V06, reduction: 9.0, torque_constant_nm_a: 0.05, estimates_hz: 100 };
+const CYBERGEAR: CyberGear = CyberGear { host: 0xFD, max_position_rad: TABLE_MAX_RAD };
+const DYNAMIXEL: Dynamixels =
+    Dynamixels { model: XM540_W150, watchdog_20ms: 5, return_delay_us: 20 };
+const MAESTRO: Maestro = Maestro {
+    device: None,
+    crc: true,
+    set_multiple: true,
+    pulse: Pulse { centre_us: 1500.0, us_per_rad: 600.0, limits_us: (500.0, 2500.0) },
+};
+
+/// Does `$check(protocol, name, bits of what is sent)` with every protocol.
+macro_rules! with_all {
+    ($check:ident) => {{
+        let serial = |packet: &Packet| 10 * packet.len() as u32;
+        $check(&RollwalkServos, "rollwalk", CanFrame::exact_bits);
+        $check(&MIT, "mit", CanFrame::exact_bits);
+        $check(&ODRIVE, "odrive 0.6", CanFrame::exact_bits);
+        $check(&Odrive { version: Version::V05, ..ODRIVE }, "odrive 0.5", CanFrame::exact_bits);
+        $check(&CYBERGEAR, "cybergear", ExtendedFrame::exact_bits);
+        $check(&DYNAMIXEL, "dynamixel", serial);
+        $check(&MAESTRO, "maestro", serial);
+    }};
+}
+
+/// A setpoint that the protocol takes, as its capabilities say.
+fn usable<P: ActuatorProtocol>(protocol: &P, rad: f32) -> JointSetpoint {
+    let each_time = protocol.capabilities().gains == Told::EachTime;
+    joint(rad, 0.1, 0.0, each_time.then_some((20.0, 0.5)))
+}
+
+fn usable_wheel<P: ActuatorProtocol>(protocol: &P) -> WheelSetpoint {
+    let can = protocol.capabilities();
+    let kd = (can.gains == Told::EachTime).then_some(0.5);
+    wheel(1.0, kd, (can.limits == Told::EachTime).then_some(2.0))
+}
+
+/// Capabilities are what the commands do.
+#[test]
+fn capabilities_are_true() {
+    fn check<P: ActuatorProtocol<Sent: PartialEq>>(
+        protocol: &P,
+        name: &str,
+        _: fn(&P::Sent) -> u32,
+    ) {
+        let can = protocol.capabilities();
+        let does = |command| sent(protocol, 1, command).is_ok();
+        let good = usable(protocol, 0.2);
+        assert_eq!(does(Command::Joint(good)), can.joints, "{name}");
+        assert_eq!(does(Command::EnableJoint { measured_rad: 0.2 }), can.joints, "{name}");
+        assert_eq!(does(Command::Wheel(usable_wheel(protocol))), can.wheels, "{name}");
+        assert_eq!(does(Command::EnableWheel), can.wheels, "{name}");
+        let gains = Gains { kp_nm_rad: 20.0, kd_nm_s_rad: 0.5 };
+        assert_eq!(does(Command::Gains(gains)), can.gains == Told::Stored, "{name}");
+        let limits = Command::Limits { speed_rad_s: 2.0, torque_nm: 2.0 };
+        // The Rollwalk profile has the limit in the wheel's setpoint.
+        assert_eq!(does(limits), can.limits == Told::Stored, "{name}");
+        let other = match good.gains {
+            Some(_) => JointSetpoint { gains: None, ..good },
+            None => JointSetpoint { gains: Some(gains), ..good },
+        };
+        assert!(!does(Command::Joint(other)), "{name}");
+        let torque = JointSetpoint { torque_nm: 0.5, ..good };
+        assert_eq!(does(Command::Joint(torque)), can.torque, "{name}");
+        let still = JointSetpoint { speed_rad_s: 0.0, ..good };
+        let frames = |command| sent(protocol, 1, command).unwrap();
+        let differs = frames(Command::Joint(still)) != frames(Command::Joint(good));
+        assert_eq!(differs, can.joint_speed, "{name}");
+        if can.answers == Answers::OnQuery {
+            assert!(does(Command::Query), "{name}");
+        }
+        assert!(does(Command::Disable), "{name}");
+        assert!(sent(protocol, can.max_id, Command::Disable).is_ok(), "{name}");
+        assert_eq!(sent(protocol, can.max_id + 1, Command::Disable).err(), Some(Refusal::Address));
+    }
+    with_all!(check);
+}
+
+/// Enabling tells the measured pose before torque comes on, or the actuator forgets (Rollwalk).
+#[test]
+fn enabling_tells_the_measured_pose_before_torque() {
+    fn check<P: ActuatorProtocol<Sent: PartialEq>>(
+        protocol: &P,
+        name: &str,
+        _: fn(&P::Sent) -> u32,
+    ) {
+        let frames =
+            |measured_rad| sent(protocol, 1, Command::EnableJoint { measured_rad }).unwrap();
+        let (here, there) = (frames(0.3), frames(-0.4));
+        if name == "rollwalk" {
+            assert!(here == there);
+            return;
+        }
+        let pose = here.iter().zip(&there).position(|(a, b)| a != b).unwrap();
+        // What switches torque on does not depend on the pose. With a Maestro, pulses are torque.
+        let last_switch = here.iter().zip(&there).rposition(|(a, b)| a == b);
+        assert!(name == "maestro" || Some(pose) < last_switch, "{name}");
+    }
+    with_all!(check);
+}
+
+/// No number, no frame: in no field of any command of any protocol.
+#[test]
+fn no_nan_and_no_infinity_is_sent() {
+    fn check<P: ActuatorProtocol>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
+        let can = protocol.capabilities();
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            let good = usable(protocol, 0.2);
+            let mut commands = vec![
+                Command::Joint(JointSetpoint { position_rad: bad, ..good }),
+                Command::Joint(JointSetpoint { torque_nm: bad, ..good }),
+                Command::Wheel(WheelSetpoint { speed_rad_s: bad, ..usable_wheel(protocol) }),
+                Command::Wheel(WheelSetpoint { torque_nm: bad, ..usable_wheel(protocol) }),
+                Command::Limits { speed_rad_s: bad, torque_nm: 1.0 },
+                Command::Limits { speed_rad_s: 1.0, torque_nm: bad },
+                Command::Gains(Gains { kp_nm_rad: bad, kd_nm_s_rad: 1.0 }),
+                Command::Gains(Gains { kp_nm_rad: 1.0, kd_nm_s_rad: bad }),
+            ];
+            if can.joint_speed {
+                commands.push(Command::Joint(JointSetpoint { speed_rad_s: bad, ..good }));
+            }
+            if name != "rollwalk" {
+                commands.push(Command::EnableJoint { measured_rad: bad });
+            }
+            if can.gains == Told::EachTime {
+                for gains in [(bad, 1.0), (1.0, bad)] {
+                    commands.push(Command::Joint(joint(0.0, 0.0, 0.0, Some(gains))));
+                }
+                let kd_nm_s_rad = Some(bad);
+                commands
+                    .push(Command::Wheel(WheelSetpoint { kd_nm_s_rad, ..usable_wheel(protocol) }));
+            }
+            for command in commands {
+                assert!(sent(protocol, 1, command).is_err(), "{name}: {command:?}");
+            }
+        }
+    }
+    with_all!(check);
+}
+
+/// Checked before anything is sent: one order that cannot be, and no actuator is told anything.
+#[test]
+fn one_bad_order_stops_all() {
+    fn check<P: ActuatorProtocol>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
+        let go = |id, rad| Order { id, command: Command::Joint(usable(protocol, rad)) };
+        let mut count = 0;
+        let orders = [go(1, 0.1), go(2, 0.2), go(3, f32::NAN)];
+        let refused = protocol.encode(&orders, &mut |_| count += 1);
+        assert_eq!((refused.map_err(|(i, _)| i), count), (Err(2), 0), "{name}");
+        protocol.encode(&orders[..2], &mut |_| count += 1).unwrap();
+        assert!(count > 0, "{name}");
+    }
+    with_all!(check);
+}
+
+/// What one control period sends, for random setpoints, is within what was reckoned for it.
+#[test]
+fn traffic_is_the_worst_case() {
+    fn check<P: ActuatorProtocol>(protocol: &P, name: &str, bits: fn(&P::Sent) -> u32) {
+        let mut largest = 0.0f32;
+        for n in [1u8, 6, 16] {
+            for seed in 0..500u32 {
+                let angle = |id: u8| {
+                    let mixed = (seed * 24 + u32::from(id)).wrapping_mul(2_654_435_761) >> 8;
+                    (mixed as f32 / (1 << 24) as f32 - 0.5) * 2.0
+                };
+                let go = |id| Order { id, command: Command::Joint(usable(protocol, angle(id))) };
+                let orders: Vec<Order> = (1..=n).map(go).collect();
+                let mut sum = 0;
+                protocol.encode(&orders, &mut |frame| sum += bits(&frame)).unwrap();
+                let worst = protocol.traffic(u32::from(n)).bits_per_period;
+                assert!(sum <= worst, "{name} {n}: {sum} > {worst}");
+                largest = largest.max(sum as f32 / worst as f32);
+            }
+        }
+        // Answers are up to three quarters of it (Dynamixel). Less than that is too careful.
+        assert!(largest > 0.2, "{name} {largest}");
+    }
+    with_all!(check);
+}
+
+/// 16 actuators on 1 Mbit/s: 135 bits for an 11-bit frame of 8 bytes, 160 for a 29-bit one. A
+/// Dynamixel line of 3 Mbit/s has 10 bits a byte.
+#[test]
+fn loads_of_sixteen_actuators() {
+    let near = |load: f32, expected: f32| assert!((load - expected).abs() < 5e-4, "{load}");
+    near(MIT.traffic(16).load(200.0, 1e6), 16.0 * 270.0 * 200e-6);
+    near(CYBERGEAR.traffic(16).load(100.0, 1e6), 16.0 * 320.0 * 100e-6);
+    near(RollwalkServos.traffic(16).load(60.0, 1e6), 0.2592);
+    // Setpoints at the control rate; two messages at 100 Hz, heartbeats at 10 Hz.
+    near(ODRIVE.traffic(16).load(60.0, 1e6), 16.0 * 135.0 * (60.0 + 210.0) * 1e-6);
+    // 10 + 84 + 28, 10 + 20 + 6, and 16 times 10 + 11 + 3 bytes; 16 times 20 µs.
+    let period_s = (122.0 + 36.0 + 16.0 * 24.0) * 10.0 / 3e6 + 16.0 * 20e-6;
+    near(DYNAMIXEL.traffic(16).load(60.0, 3e6), 60.0 * period_s);
+    // 2 + 32 + 2 bytes with its CRC, 2 to ask for errors, 2 that come back.
+    near(MAESTRO.traffic(16).load(50.0, 115_200.0), 50.0 * 400.0 / 115_200.0);
+    assert!(MIT.traffic(16).check(160.0, 1e6).is_ok());
+    let refused = MIT.traffic(16).check(170.0, 1e6).unwrap_err();
+    assert!(refused.percent > 100.0 * MAX_LOAD && refused.to_string().contains("73 %"));
+    for (hz, rate) in [(f32::NAN, 1e6), (100.0, 0.0), (0.0, 1e6), (100.0, -1e6)] {
+        assert!(MIT.traffic(1).check(hz, rate).is_err(), "{hz} {rate}");
+    }
+    assert!(MIT.traffic(u32::MAX).check(1.0, 1e6).is_err());
+}
+
+/// The profile behind the trait sends the bytes that `docs/wire-format.md` has.
+#[test]
+fn rollwalk_profile_behind_the_trait() {
+    let text = |command| can_text(&sent(&RollwalkServos, 5, command).unwrap()[0]);
+    assert_eq!(text(Command::Disable), "085#00");
+    assert_eq!(text(Command::EnableJoint { measured_rad: 0.0 }), "085#01");
+    assert_eq!(text(Command::Query), "085#02");
+    let go = joint(-1.0, 2.0, 0.0, Some((20.0, 0.5)));
+    assert_eq!(text(Command::Joint(go)), "105#78ece803d007f401");
+    let roll = wheel(-7.5, Some(0.2), Some(1.0));
+    assert_eq!(text(Command::Wheel(roll)), "205#08dbfeffc800c800");
+    let feedback = CanFrame::new(0x185, &[0x88, 0x13, 0, 0, 0xC8, 0, 0x11, 7]).unwrap();
+    let expected = Feedback {
+        position_rad: Some(1.0),
+        speed_rad_s: Some(0.0),
+        torque_nm: Some(1.0),
+        temperature_c: None,
+        enabled: Some(true),
+        faults: Some(Faults::OVERHEATED),
+    };
+    assert_eq!(RollwalkServos.decode(&feedback), Some((5, expected)));
+}
+
+#[test]
+fn newer_feedback_takes_over_what_it_tells() {
+    let mut all =
+        Feedback { position_rad: Some(1.0), faults: Some(Faults::SENSOR), ..Feedback::default() };
+    all.merge(&Feedback {
+        speed_rad_s: Some(2.0),
+        faults: Some(Faults::NONE),
+        ..Feedback::default()
+    });
+    let expected = Feedback {
+        position_rad: Some(1.0),
+        speed_rad_s: Some(2.0),
+        faults: Some(Faults::NONE),
+        ..Feedback::default()
+    };
+    assert_eq!(all, expected);
+}
+
+fn any_command() -> impl Strategy<Value = Command> {
+    let value = || prop_oneof![any::<f32>(), -20.0f32..20.0, any::<u32>().prop_map(f32::from_bits)];
+    let gains = (value(), value());
+    let setpoint = (value(), value(), value(), proptest::option::of(gains))
+        .prop_map(|(p, v, t, gains)| Command::Joint(joint(p, v, t, gains)));
+    let roll = (value(), value(), proptest::option::of(value()), proptest::option::of(value()))
+        .prop_map(|(v, t, kd, limit)| {
+            Command::Wheel(WheelSetpoint { torque_nm: t, ..wheel(v, kd, limit) })
+        });
+    prop_oneof![
+        setpoint,
+        roll,
+        value().prop_map(|measured_rad| Command::EnableJoint { measured_rad }),
+        (value(), value())
+            .prop_map(|(speed_rad_s, torque_nm)| Command::Limits { speed_rad_s, torque_nm }),
+        (value(), value())
+            .prop_map(|(kp_nm_rad, kd_nm_s_rad)| Command::Gains(Gains { kp_nm_rad, kd_nm_s_rad })),
+        Just(Command::Disable),
+        Just(Command::EnableWheel),
+        Just(Command::Query),
+        Just(Command::ClearFaults),
+    ]
+}
+
+/// Every number in it is one.
+fn finite(told: Option<(u8, Feedback)>) -> bool {
+    told.is_none_or(|(_, f)| {
+        let all = [f.position_rad, f.speed_rad_s, f.torque_nm, f.temperature_c];
+        all.into_iter().flatten().all(f32::is_finite)
+    })
+}
+
+proptest! {
+    /// Any command for any address: frames or a refusal.
+    #[test]
+    fn any_command_does(command in any_command(), id: u8) {
+        fn check<P: ActuatorProtocol>(protocol: &P, order: Order) {
+            if let Ok(frames) = sent(protocol, order.id, order.command) {
+                assert!(order.id <= protocol.capabilities().max_id && frames.len() <= 4);
+            }
+        }
+        let order = Order { id, command };
+        check(&RollwalkServos, order);
+        check(&MIT, order);
+        check(&ODRIVE, order);
+        check(&CYBERGEAR, order);
+        check(&DYNAMIXEL, order);
+        check(&MAESTRO, order);
+    }
+
+    /// Any frame: feedback or none.
+    #[test]
+    fn any_frame_does(id in 0u32..1 << 29, data in proptest::collection::vec(prop_oneof![any::<u8>(), Just(0xFF), Just(0x7F)], 0..=8)) {
+        let frame = CanFrame::new(id as u16 & 0x7FF, &data).unwrap();
+        let master = CanFrame::new(0, &data).unwrap();
+        for frame in [frame, master] {
+            prop_assert!(finite(RollwalkServos.decode(&frame)) && finite(MIT.decode(&frame)));
+            let old = Odrive { version: Version::V05, ..ODRIVE };
+            for drive in [ODRIVE, old] {
+                // Huge floats that the gearing makes larger.
+                let told = drive.decode(&frame);
+                prop_assert!(told.is_none_or(|(_, f)| ![f.position_rad, f.speed_rad_s, f.torque_nm].into_iter().flatten().any(f32::is_nan)));
+            }
+        }
+        let extended = ExtendedFrame::new(id, &data).unwrap();
+        prop_assert!(finite(CYBERGEAR.decode(&extended)));
+        let _ = CYBERGEAR.parameter(&extended);
+    }
+}

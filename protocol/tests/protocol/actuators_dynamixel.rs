@@ -1,0 +1,300 @@
+//! Dynamixel Protocol 2.0 against the e-Manual: `dxl/protocol2` (all its examples that concern what is
+//! spoken here), `x/xm430-w210`, `x/xm540-w150`.
+
+use crate::actuators_all::{joint, sent, wheel};
+use proptest::prelude::*;
+use rollwalk_protocol::actuators::dynamixel::packet::{
+    self, BROADCAST, Deframer, HEADER, Message, READ, REBOOT, STATUS, WRITE, packet,
+};
+use rollwalk_protocol::actuators::dynamixel::table::{self, XM430_W210, XM540_W150};
+use rollwalk_protocol::actuators::dynamixel::{
+    Dynamixels, SyncWrite, goal_pwm, position_gains, sync_read,
+};
+use rollwalk_protocol::actuators::{ActuatorProtocol, Command, Faults, MAX_PACKET, Order, Refusal};
+use std::f32::consts::{FRAC_PI_2, PI};
+
+const SERVOS: Dynamixels = Dynamixels { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 500 };
+
+fn bytes(hex: &str) -> Vec<u8> {
+    hex.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
+}
+
+fn framed(stream: &[u8]) -> Vec<Message> {
+    let mut deframer = Deframer::default();
+    let mut found = Vec::new();
+    for &byte in stream {
+        deframer.push(byte);
+        while let Some(message) = deframer.take() {
+            found.push(message);
+        }
+    }
+    while let Some(message) = deframer.take_after_silence() {
+        found.push(message);
+    }
+    found
+}
+
+fn status(hex: &str) -> Message {
+    framed(&bytes(hex)).pop().unwrap()
+}
+
+/// Example packets of the page: Ping (0x01), Read, Write, Reboot, Sync Read, Sync Write.
+#[test]
+fn instructions_of_the_manual() {
+    let ping = packet(1, 1, &[]).unwrap();
+    assert_eq!(ping[..], bytes("FF FF FD 00 01 03 00 01 19 4E"));
+    let ping = packet(BROADCAST, 1, &[]).unwrap();
+    assert_eq!(ping[..], bytes("FF FF FD 00 FE 03 00 01 31 42"));
+    let read = packet(1, READ, &[0x84, 0, 4, 0]).unwrap();
+    assert_eq!(read[..], bytes("FF FF FD 00 01 07 00 02 84 00 04 00 1D 15"));
+    let write = packet(1, WRITE, &[0x74, 0, 0, 2, 0, 0]).unwrap();
+    assert_eq!(write[..], bytes("FF FF FD 00 01 09 00 03 74 00 00 02 00 00 CA 89"));
+    assert_eq!(packet(1, REBOOT, &[]).unwrap()[..], bytes("FF FF FD 00 01 03 00 08 2F 4E"));
+    let read = sync_read(table::PRESENT_POSITION, 4, &[1, 2]).unwrap();
+    assert_eq!(read[..], bytes("FF FF FD 00 FE 09 00 82 84 00 04 00 01 02 CE FA"));
+    let mut write = SyncWrite::new(table::GOAL_POSITION, 4);
+    assert!(write.push(1, &150i32.to_le_bytes()) && write.push(2, &170i32.to_le_bytes()));
+    let expected = "FF FF FD 00 FE 11 00 83 74 00 04 00 01 96 00 00 00 02 AA 00 00 00 82 87";
+    assert_eq!(write.packet().unwrap()[..], bytes(expected));
+}
+
+/// The page's answers to Ping, Read, Write and Sync Read.
+#[test]
+fn answers_of_the_manual() {
+    for (hex, id, data) in [
+        ("FF FF FD 00 01 07 00 55 00 06 04 26 65 5D", 1, &[0x06, 0x04, 0x26][..]),
+        ("FF FF FD 00 02 07 00 55 00 06 04 26 6F 6D", 2, &[0x06, 0x04, 0x26][..]),
+        ("FF FF FD 00 01 08 00 55 00 A6 00 00 00 8C C0", 1, &[0xA6, 0, 0, 0][..]),
+        ("FF FF FD 00 02 08 00 55 00 1F 08 00 00 BA BE", 2, &[0x1F, 8, 0, 0][..]),
+        ("FF FF FD 00 01 04 00 55 00 A1 0C", 1, &[][..]),
+    ] {
+        let message = status(hex);
+        let told = message.status().unwrap();
+        assert_eq!((told.id, told.alert, told.error, told.data), (id, false, 0, data), "{hex}");
+        assert_eq!(SERVOS.decode(&message).unwrap().1.faults, Some(Faults::NONE));
+    }
+    // Our own ping, heard on a half-duplex line.
+    let echo = status("FF FF FD 00 01 03 00 01 19 4E");
+    assert_eq!((echo.status(), SERVOS.decode(&echo)), (None, None));
+}
+
+/// "0xFF 0xFF 0xFD" in the parameters gets an 0xFD more, and the length counts it.
+#[test]
+fn stuffing() {
+    let stuffed = packet(1, WRITE, &[0xFF, 0xFF, 0xFD, 0, 0xFF, 0xFF, 0xFF, 0xFD]).unwrap();
+    assert_eq!(stuffed[4..stuffed.len() - 2], bytes("01 0D 00 03 FF FF FD FD 00 FF FF FF FD FD"));
+    let message = framed(&stuffed).pop().unwrap();
+    assert_eq!(message.parameters[..], bytes("FF FF FD 00 FF FF FF FD"));
+}
+
+/// Bit 7 of the error byte is the alert, the rest why the instruction was not carried out.
+#[test]
+fn error_byte() {
+    let answer = |error: u8| framed(&packet(3, STATUS, &[error]).unwrap()).pop().unwrap();
+    let faults = |error| SERVOS.decode(&answer(error)).unwrap().1.faults.unwrap();
+    // 4, "Data Range Error", is what writing a goal gets after the bus watchdog has expired.
+    assert_eq!(faults(4), Faults::REFUSED);
+    assert_eq!(faults(0x80), Faults::OTHER);
+    assert!(faults(0x87).contains(Faults::REFUSED) && faults(0x87).contains(Faults::OTHER));
+    assert_eq!(answer(0x84).status().unwrap().error, 4);
+    let nothing = framed(&packet(3, STATUS, &[]).unwrap()).pop().unwrap();
+    assert_eq!(nothing.status(), None);
+}
+
+/// Control tables of the two servos: addresses, model numbers, limits.
+#[test]
+fn control_table() {
+    assert_eq!((XM430_W210.number, XM540_W150.number), (1030, 1130));
+    assert_eq!((XM430_W210.max_current, XM540_W150.max_current), (1193, 2047));
+    let addresses = [
+        (table::OPERATING_MODE, 11),
+        (table::TORQUE_ENABLE, 64),
+        (table::HARDWARE_ERROR, 70),
+        (table::POSITION_D_GAIN, 80),
+        (table::BUS_WATCHDOG, 98),
+        (table::GOAL_PWM, 100),
+        (table::GOAL_CURRENT, 102),
+        (table::GOAL_VELOCITY, 104),
+        (table::PROFILE_VELOCITY, 112),
+        (table::GOAL_POSITION, 116),
+        (table::PRESENT_CURRENT, 126),
+        (table::PRESENT_VELOCITY, 128),
+        (table::PRESENT_POSITION, 132),
+        (table::PRESENT_TEMPERATURE, 146),
+    ];
+    assert!(addresses.iter().all(|(ours, theirs)| ours == theirs));
+}
+
+#[test]
+fn units() {
+    let position = |rad| SERVOS.goal_position(rad).map(i32::from_le_bytes);
+    assert_eq!(
+        (position(0.0), position(FRAC_PI_2), position(-PI)),
+        (Some(2048), Some(3072), Some(0))
+    );
+    assert_eq!((position(f32::NAN), position(1e9)), (None, None));
+    // "If '50' is written ...": 50 steps of 0.229 rev/min are 11.45 rev/min.
+    let velocity = |rpm: f32| SERVOS.goal_velocity(rpm * PI / 30.0).map(i32::from_le_bytes);
+    assert_eq!((velocity(11.45), velocity(-11.45), velocity(0.0)), (Some(50), Some(-50), Some(0)));
+    // 330 steps are 75.57 rev/min.
+    assert_eq!((velocity(75.6), velocity(75.8)), (Some(330), None));
+    let current = |nm| SERVOS.goal_current(nm).map(i16::from_le_bytes);
+    // 1 A is 371.7 steps of 2.69 mA.
+    assert_eq!(current(XM430_W210.torque_nm_a), Some(372));
+    assert_eq!(current(100.0), None);
+    assert_eq!(goal_pwm(0.5), Some(442i16.to_le_bytes()));
+    assert_eq!((goal_pwm(1.0), goal_pwm(1.01)), (Some(885i16.to_le_bytes()), None));
+    assert_eq!(position_gains(800, 1, 2), Some([2, 0, 1, 0, 0x20, 3]));
+    assert_eq!(position_gains(16_384, 0, 0), None);
+}
+
+fn written(orders: &[Order]) -> Vec<(u16, Vec<u8>)> {
+    let mut writes = Vec::new();
+    SERVOS
+        .encode(orders, &mut |packet| {
+            let message = framed(&packet).pop().unwrap();
+            assert_eq!(message.id, BROADCAST);
+            let (address, rest) = message.parameters.split_at(2);
+            writes.push((u16::from_le_bytes([address[0], address[1]]), rest[2..].to_vec()));
+        })
+        .unwrap();
+    writes
+}
+
+/// The goal is the measured pose before torque comes on, and an expired watchdog is cleared before
+/// goals are written: while it reads −1 they cannot be.
+#[test]
+fn enabling_writes_in_order() {
+    let enable = |id, measured_rad| Order { id, command: Command::EnableJoint { measured_rad } };
+    let orders = [enable(1, 0.0), Order { id: 2, command: Command::EnableWheel }];
+    assert_eq!(
+        written(&orders),
+        [
+            (98, vec![1, 0, 2, 0]),
+            (116, vec![1, 0, 8, 0, 0]),
+            (104, vec![2, 0, 0, 0, 0]),
+            (64, vec![1, 1, 2, 1]),
+            (98, vec![1, 5, 2, 5]),
+        ]
+    );
+}
+
+#[test]
+fn one_packet_for_all_servos() {
+    let go = |id| Order { id, command: Command::Joint(joint(0.0, 0.0, 0.0, None)) };
+    let mut orders: Vec<Order> = (0..16).map(go).collect();
+    let mut packets = Vec::new();
+    SERVOS.encode(&orders, &mut |packet| packets.push(packet)).unwrap();
+    // 14 + N (1 + L).
+    assert_eq!((packets.len(), packets[0].len()), (1, 14 + 16 * 5));
+    orders = (0..60).map(go).collect();
+    packets.clear();
+    SERVOS.encode(&orders, &mut |packet| packets.push(packet)).unwrap();
+    assert_eq!(packets.len(), 3);
+    let query = |id| Order { id, command: Command::Query };
+    let mixed = [go(1), query(2), Order { id: 3, command: Command::Disable }, query(4)];
+    assert_eq!(written(&mixed), [(64, vec![3, 0]), (116, vec![1, 0, 8, 0, 0]), (126, vec![2, 4])]);
+    let limits = Command::Limits { speed_rad_s: 1.0, torque_nm: 1.0 };
+    let addresses: Vec<u16> =
+        written(&[Order { id: 1, command: limits }]).iter().map(|write| write.0).collect();
+    assert_eq!(addresses, [102, 112]);
+    assert!(matches!(sent(&SERVOS, 253, Command::Disable), Err(Refusal::Address)));
+    let damped = joint(0.0, 0.0, 0.0, Some((0.0, 1.0)));
+    assert_eq!(sent(&SERVOS, 1, Command::Joint(damped)), Err(Refusal::Unsupported("gains")));
+    let limited = wheel(1.0, None, Some(1.0));
+    assert!(sent(&SERVOS, 1, Command::Wheel(limited)).is_err());
+}
+
+#[test]
+fn measurements() {
+    let mut data = vec![0];
+    data.extend((-100i16).to_le_bytes());
+    data.extend(50i32.to_le_bytes());
+    data.extend(1024i32.to_le_bytes());
+    let answer = framed(&packet(9, STATUS, &data).unwrap()).pop().unwrap();
+    let (id, told) = SERVOS.decode(&answer).unwrap();
+    let near = |told: Option<f32>, meant: f32| (told.unwrap() - meant).abs() < 1e-5;
+    assert_eq!(id, 9);
+    assert!(near(told.position_rad, -FRAC_PI_2) && near(told.speed_rad_s, 11.45 * PI / 30.0));
+    assert!(near(told.torque_nm, -0.269 * 3.0 / 2.3));
+}
+
+fn parameters() -> impl Strategy<Value = Vec<u8>> {
+    let byte = prop_oneof![3 => Just(0xFF), 2 => Just(0xFD), 1 => Just(0), 1 => any::<u8>()];
+    proptest::collection::vec(byte, 0..180)
+}
+
+fn garbage() -> impl Strategy<Value = Vec<u8>> {
+    let piece = prop_oneof![
+        proptest::collection::vec(any::<u8>(), 0..20),
+        Just(HEADER.to_vec()),
+        (any::<u8>(), any::<u16>())
+            .prop_map(|(id, length)| { [&HEADER[..], &[id], &length.to_le_bytes()].concat() }),
+        parameters().prop_flat_map(|p| {
+            let whole = packet(1, WRITE, &p).unwrap().to_vec();
+            (0..whole.len()).prop_map(move |cut| whole[..cut].to_vec())
+        }),
+    ];
+    proptest::collection::vec(piece, 0..4).prop_map(|pieces| pieces.concat())
+}
+
+proptest! {
+    #[test]
+    fn packets_come_back(id in 0u8..=252, instruction: u8, parameters in parameters()) {
+        let whole = packet(id, instruction, &parameters).unwrap();
+        // No header but the first.
+        prop_assert!(!whole[4..whole.len() - 2].windows(4).any(|four| four == HEADER));
+        let found = framed(&whole);
+        prop_assert_eq!(found.len(), 1);
+        prop_assert_eq!((found[0].id, found[0].instruction), (id, instruction));
+        prop_assert_eq!(&found[0].parameters[..], &parameters[..]);
+    }
+
+    /// Whatever stands between them, cut packets and false headers with any length among it, no packet
+    /// is lost.
+    #[test]
+    fn packets_survive_garbage(pieces in proptest::collection::vec((garbage(), 0u8..=252, parameters()), 1..4)) {
+        let mut stream = Vec::new();
+        for (garbage, id, parameters) in &pieces {
+            stream.extend(garbage);
+            stream.extend(packet(*id, STATUS, parameters).unwrap());
+        }
+        let mut found = framed(&stream).into_iter();
+        for (_, id, parameters) in &pieces {
+            prop_assert!(found.any(|m| m.id == *id && m.instruction == STATUS && m.parameters == parameters[..]));
+        }
+    }
+
+    /// One wrong bit anywhere, and there is no packet.
+    #[test]
+    fn a_wrong_bit_is_noticed(id in 0u8..=252, parameters in proptest::collection::vec(any::<u8>(), 0..30), at: prop::sample::Index) {
+        let mut whole = packet(id, STATUS, &parameters).unwrap();
+        let bit = at.index(whole.len() * 8);
+        whole[bit / 8] ^= 1 << (bit % 8);
+        let ours = framed(&whole).into_iter().filter(|m| m.instruction == STATUS && m.id == id && m.parameters == parameters[..]);
+        prop_assert_eq!(ours.count(), 0);
+    }
+
+    #[test]
+    fn any_bytes_do(stream in proptest::collection::vec(prop_oneof![Just(0xFF), Just(0xFD), Just(0), any::<u8>()], 0..2 * MAX_PACKET), taken: bool) {
+        let mut deframer = Deframer::default();
+        for byte in stream {
+            deframer.push(byte);
+            if taken && let Some(message) = deframer.take() {
+                let _ = SERVOS.decode(&message);
+            }
+        }
+        while deframer.take_after_silence().is_some() {}
+    }
+
+    /// Second algorithm: bit by bit, as the polynomial is defined.
+    #[test]
+    fn crc16_is_the_remainder(data in proptest::collection::vec(any::<u8>(), 0..40)) {
+        let bitwise = data.iter().fold(0u16, |crc, &byte| {
+            (0..8).fold(crc ^ u16::from(byte) << 8, |crc, _| {
+                if crc & 0x8000 != 0 { crc << 1 ^ 0x8005 } else { crc << 1 }
+            })
+        });
+        prop_assert_eq!(packet::crc16(&data), bitwise);
+    }
+}
