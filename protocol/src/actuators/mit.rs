@@ -172,7 +172,8 @@ impl Mit {
             self.joint(&JointSetpoint { position_rad: 0.0, speed_rad_s, torque_nm, gains })?;
         let rounding_nm = KD.decode(codes.kd) * (speed_rad_s - self.speed().decode(codes.speed));
         let most = self.model.max_torque_nm;
-        let torque = self.torque().encode((torque_nm + rounding_nm).clamp(-most, most));
+        // Not `clamp`, which panics for a model whose range is none.
+        let torque = self.torque().encode((torque_nm + rounding_nm).max(-most).min(most));
         Ok(Codes { torque: torque.ok_or(Refusal::OutOfRange("torque"))?, ..codes })
     }
 

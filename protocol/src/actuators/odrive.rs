@@ -200,11 +200,16 @@ impl Odrive {
     }
 }
 
+/// What was measured, if it is a number.
+fn finite(value: f32) -> Option<f32> {
+    value.is_finite().then_some(value)
+}
+
 /// Two floats; `None` unless both are numbers.
 fn two_floats(data: [u8; 8]) -> Option<(f32, f32)> {
     let [a, b, c, d, e, f, g, h] = data;
     let (low, high) = (f32::from_le_bytes([a, b, c, d]), f32::from_le_bytes([e, f, g, h]));
-    (low.is_finite() && high.is_finite()).then_some((low, high))
+    finite(low).zip(finite(high))
 }
 
 impl ActuatorProtocol for Odrive {
@@ -277,19 +282,19 @@ impl ActuatorProtocol for Odrive {
             (ENCODER_ESTIMATES, _) => {
                 let (turns, turns_s) = two_floats(data)?;
                 Feedback {
-                    position_rad: Some(turns * TAU / self.reduction),
-                    speed_rad_s: Some(turns_s * TAU / self.reduction),
+                    position_rad: Some(finite(turns * TAU / self.reduction)?),
+                    speed_rad_s: Some(finite(turns_s * TAU / self.reduction)?),
                     ..nothing
                 }
             }
             (GET_IQ, _) => {
                 let (_, measured_a) = two_floats(data)?;
-                let torque_nm = measured_a * self.torque_constant_nm_a * self.reduction;
+                let torque_nm = finite(measured_a * self.torque_constant_nm_a * self.reduction)?;
                 Feedback { torque_nm: Some(torque_nm), ..nothing }
             }
             (GET_TORQUES_06, Version::V06) => {
                 let (_, estimate_nm) = two_floats(data)?;
-                Feedback { torque_nm: Some(estimate_nm * self.reduction), ..nothing }
+                Feedback { torque_nm: Some(finite(estimate_nm * self.reduction)?), ..nothing }
             }
             (GET_TEMPERATURE_06, Version::V06) => {
                 let (_, motor_c) = two_floats(data)?;

@@ -65,7 +65,8 @@ pub fn packet(id: u8, instruction: u8, parameters: &[u8]) -> Option<Packet> {
         (before_last, last) = (last, byte);
     }
     let length = (packet.len() - BEFORE + 2) as u16;
-    packet.get_mut(5..BEFORE)?.copy_from_slice(&length.to_le_bytes());
+    let [_, _, _, _, _, low, high, ..] = packet.as_mut_slice() else { return None };
+    [*low, *high] = length.to_le_bytes();
     let crc = crc16(&packet);
     packet.extend_from_slice(&crc.to_le_bytes()).ok()?;
     Some(packet)
