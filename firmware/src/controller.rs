@@ -12,7 +12,7 @@ use crate::motion::{Machine, Motion};
 use crate::player::Playing;
 use crate::safety::{Action, Event, EventSet, State, Torque, step};
 use crate::settings::Settings;
-use crate::store::LibraryStore;
+use crate::store::{LibraryStore, StoreError};
 use crate::transfer::Shelf;
 
 /// A robot's controller: frames and time in, frames out.
@@ -76,6 +76,7 @@ impl<S: LibraryStore> Controller<S> {
         self.settle(now_us);
         self.motion.drive(&self.machine, self.shelf.library(), &mut self.events);
         self.settle(now_us);
+        self.shelf.settle(self.state);
 
         if self.ticks_to_frame == 0 {
             self.ticks_to_frame = self.machine.settings.ticks_per_frame();
@@ -129,6 +130,20 @@ impl<S: LibraryStore> Controller<S> {
         self.shelf.library()
     }
 
+    /// Whether the library is on trial: if no motion of it is played to its end within a few boots, the
+    /// one before it is taken into use again.
+    pub fn library_on_trial(&self) -> bool {
+        self.shelf.on_trial()
+    }
+
+    /// Ends a library's trial before it has played; only while disarmed.
+    pub fn confirm_library(&mut self) -> Result<(), StoreError> {
+        if self.state != State::Disarmed {
+            return Err(StoreError::NotSealed);
+        }
+        self.shelf.confirm()
+    }
+
     /// Frames of the link that arrived damaged.
     pub fn damaged_link_frames(&self) -> u32 {
         self.link.damaged_frames
@@ -178,6 +193,7 @@ impl<S: LibraryStore> Controller<S> {
     fn settle(&mut self, now_us: u64) {
         while let Some(event) = self.events.pop() {
             let (next, action) = step(self.state, event);
+            self.shelf.observe(event);
             if let Some(fault) = event.fault() {
                 self.latched = self.latched.with(fault);
             }

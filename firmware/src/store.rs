@@ -1,22 +1,78 @@
 //! Where the motion library lives: a memory that the transfer service writes and the player reads.
 //!
-//! The controller writes only while disarmed, and forgets its index of the library before the
-//! first write: bytes that are played are bytes that were validated as they stand.
+//! The controller writes only while disarmed. Bytes that are played are bytes that were validated as
+//! they stand: whoever overwrites the library in use makes the controller forget it first.
+//!
+//! [`FlashStore`] keeps two libraries in NOR flash, safe against power cuts; [`RamStore`] one in RAM.
+//! With the feature `ed25519`, `Signed` around either of them takes only signed libraries.
 
-/// Memory for one motion library.
+mod flash;
+mod log;
+mod ram;
+mod record;
+#[cfg(feature = "ed25519")]
+mod signed;
+mod slots;
+
+pub use flash::FlashStore;
+pub use ram::RamStore;
+#[cfg(feature = "ed25519")]
+pub use signed::{SIGNATURE_LEN, Signed};
+pub use slots::{GeometryError, MappedFlash};
+
+/// Memory for the motion library.
+///
+/// ```text
+/// begin ─> write … ─> seal ─> (validate received) ─> activate ─> (it plays) ─> confirm
+///   └──────────┴────────┴──────────> abandon
+/// ```
 pub trait LibraryStore {
     /// Largest library, bytes.
     fn capacity(&self) -> usize;
 
-    /// Prepares for a library of `len` bytes; the former one is lost.
-    fn erase(&mut self, len: usize) -> Result<(), StoreError>;
+    /// Makes room for a library of `len` bytes with that CRC-32C, and says how many of its first
+    /// bytes are here already, from a transfer that broke off.
+    fn begin(&mut self, len: usize, crc32c: u32) -> Result<usize, StoreError>;
 
-    /// Writes `data` at `offset` of the library that [`Self::erase`] made room for. Writing the
-    /// same bytes to the same place again must be harmless.
+    /// Writes `data` at `offset` of the library on its way: no further than the bytes that are here
+    /// already, and what is here is not written again.
     fn write(&mut self, offset: usize, data: &[u8]) -> Result<(), StoreError>;
+
+    /// All is written: checks what the memory holds now, and opens it to [`Self::received`].
+    fn seal(&mut self) -> Result<(), StoreError>;
+
+    /// The library that was sealed last; empty when there is none.
+    fn received(&self) -> &[u8];
+
+    /// Takes the sealed library into use, on trial if the store knows such a thing.
+    fn activate(&mut self) -> Result<(), StoreError>;
+
+    /// Drops the library on its way: it is not what it was said to be.
+    fn abandon(&mut self);
 
     /// The library as it would be played; empty when there is none.
     fn bytes(&self) -> &[u8];
+
+    /// Whether [`Self::bytes`] outlast a transfer, until [`Self::activate`].
+    fn keeps_library(&self) -> bool {
+        false
+    }
+
+    /// Whether the library in use is one on trial, which gives way to the one before unless it is
+    /// confirmed in time.
+    fn on_trial(&self) -> bool {
+        false
+    }
+
+    /// The library in use has proved itself and stays.
+    fn confirm(&mut self) -> Result<(), StoreError> {
+        Ok(())
+    }
+
+    /// The library in use was refused: takes the one before it into use, if there is one.
+    fn roll_back(&mut self) -> bool {
+        false
+    }
 }
 
 /// Why a store refused.
@@ -26,70 +82,10 @@ pub enum StoreError {
     OutOfRange,
     /// The memory itself failed.
     Medium,
-}
-
-/// A library in RAM, `N` bytes.
-#[derive(Clone, Debug)]
-pub struct RamStore<const N: usize> {
-    memory: [u8; N],
-    len: usize,
-}
-
-impl<const N: usize> RamStore<N> {
-    /// An empty store.
-    pub const fn new() -> Self {
-        Self { memory: [0; N], len: 0 }
-    }
-}
-
-impl<const N: usize> Default for RamStore<N> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl<const N: usize> LibraryStore for RamStore<N> {
-    fn capacity(&self) -> usize {
-        N
-    }
-
-    fn erase(&mut self, len: usize) -> Result<(), StoreError> {
-        self.len = 0;
-        self.memory.get_mut(..len).ok_or(StoreError::OutOfRange)?.fill(0xFF);
-        self.len = len;
-        Ok(())
-    }
-
-    fn write(&mut self, offset: usize, data: &[u8]) -> Result<(), StoreError> {
-        self.memory
-            .get_mut(..self.len)
-            .and_then(|library| library.get_mut(offset..offset.checked_add(data.len())?))
-            .map(|place| place.copy_from_slice(data))
-            .ok_or(StoreError::OutOfRange)
-    }
-
-    fn bytes(&self) -> &[u8] {
-        self.memory.get(..self.len).unwrap_or_default()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn writes_stay_inside_the_library() {
-        let mut store = RamStore::<8>::new();
-        assert!(store.bytes().is_empty());
-        assert_eq!(store.write(0, &[1]), Err(StoreError::OutOfRange));
-        assert_eq!(store.erase(9), Err(StoreError::OutOfRange));
-        assert_eq!(store.erase(6), Ok(()));
-        assert_eq!(store.write(4, &[1, 2]), Ok(()));
-        assert_eq!(store.write(4, &[1, 2]), Ok(()));
-        assert_eq!(store.write(5, &[1, 2]), Err(StoreError::OutOfRange));
-        assert_eq!(store.write(usize::MAX, &[1, 2]), Err(StoreError::OutOfRange));
-        assert_eq!(store.bytes(), [0xFF, 0xFF, 0xFF, 0xFF, 1, 2]);
-        assert_eq!(store.erase(2), Ok(()));
-        assert_eq!(store.bytes(), [0xFF, 0xFF]);
-    }
+    /// What the memory holds is not what was announced.
+    Damaged,
+    /// Its signature is missing, or not one of the owner's.
+    Unsigned,
+    /// Nothing was sealed that could be used.
+    NotSealed,
 }

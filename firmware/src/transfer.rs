@@ -1,13 +1,15 @@
 //! The library and how it gets here: transfer in blocks, check, activation.
 //!
-//! The only place that writes the store. Whatever is about to be written, the proof that its bytes
-//! are a valid library is dropped first; it comes back by validating what the store reads back.
+//! The only place that writes the store. Before a library changes, the proof that its bytes are valid
+//! is dropped; it comes back by validating what the store reads back. A store that keeps the library in
+//! use while the next one arrives goes on offering it, and takes the next one on trial: it is confirmed
+//! once a motion of it was played and SAFE was reached again.
 
 use rollwalk_protocol::config::RobotConfig;
-use rollwalk_protocol::crc::crc32c;
 use rollwalk_protocol::library::{Index, Library, Reject, Why, validate};
 use rollwalk_protocol::wire::transport::{Reply, Request, TransferResult};
 
+use crate::safety::{Event, State};
 use crate::store::{LibraryStore, StoreError};
 
 /// A transfer: what was announced and how much of it is here.
@@ -18,6 +20,14 @@ struct Transfer {
     next: u32,
 }
 
+/// How far the library in use has proved itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Proof {
+    None,
+    Playing,
+    Played,
+}
+
 /// The store, what is in it, and what is on its way.
 pub(crate) struct Shelf<S> {
     store: S,
@@ -26,11 +36,13 @@ pub(crate) struct Shelf<S> {
     /// Checked, not yet in use.
     finished: Option<Index>,
     reject: Option<Reject>,
+    proof: Proof,
 }
 
 impl<S: LibraryStore> Shelf<S> {
     pub fn new(store: S) -> Self {
-        Self { store, active: None, transfer: None, finished: None, reject: None }
+        let proof = Proof::None;
+        Self { store, active: None, transfer: None, finished: None, reject: None, proof }
     }
 
     /// The library in use.
@@ -48,17 +60,52 @@ impl<S: LibraryStore> Shelf<S> {
         matches!(self.reject, Some(Reject { why: Why::WrongRobot { .. }, .. }))
     }
 
-    /// After power-on: takes what the store holds into use if it is valid.
+    /// After power-on: takes what the store holds into use if it is valid. A library on trial that is
+    /// not gives way to the one before.
     pub fn load(&mut self, config: &RobotConfig) {
-        if self.library().is_none() && !self.store.bytes().is_empty() {
-            self.active = self.check(config).ok();
+        while self.active.is_none() && !self.store.bytes().is_empty() {
+            let checked = validate(self.store.bytes(), config);
+            self.reject = checked.err();
+            self.active = checked.ok();
+            if self.active.is_none() && !self.store.roll_back() {
+                break;
+            }
         }
     }
 
-    fn check(&mut self, config: &RobotConfig) -> Result<Index, Reject> {
-        let checked = validate(self.store.bytes(), config);
-        self.reject = checked.err();
-        checked
+    /// Takes note of what happens while the library is played.
+    pub fn observe(&mut self, event: Event) {
+        self.proof = match (event, self.proof) {
+            (Event::MotionStarted, Proof::None) => Proof::Playing,
+            (Event::SafeReached, Proof::Playing) => Proof::Played,
+            (event, Proof::Playing) if event.fault().is_some() => Proof::None,
+            (_, proof) => proof,
+        };
+    }
+
+    /// Once per control period: confirms a library on trial that has proved itself, as soon as the
+    /// store may be written.
+    pub fn settle(&mut self, state: State) {
+        if state == State::Disarmed && self.proof == Proof::Played {
+            // If the memory fails it stays on trial, and the next motion tries again.
+            let _ = self.confirm();
+        }
+    }
+
+    /// The library in use stays.
+    pub fn confirm(&mut self) -> Result<(), StoreError> {
+        self.proof = Proof::None;
+        if self.store.on_trial() {
+            self.store.confirm()?;
+            self.transfer = None;
+            self.finished = None;
+        }
+        Ok(())
+    }
+
+    /// Whether the library in use is on trial.
+    pub fn on_trial(&self) -> bool {
+        self.store.on_trial()
     }
 
     /// First byte of the transfer that is not here yet.
@@ -76,7 +123,7 @@ impl<S: LibraryStore> Shelf<S> {
         let result = if may_write {
             match *request {
                 Request::Hello { .. } => TransferResult::UnknownRequest,
-                Request::Begin { len, crc32c } => self.begin(len, crc32c),
+                Request::Begin { len, crc32c } => self.begin(len, crc32c, config),
                 Request::Block { offset, bytes } => self.block(offset, bytes),
                 Request::Finish => match self.finish(config) {
                     Ok(result) => result,
@@ -90,7 +137,7 @@ impl<S: LibraryStore> Shelf<S> {
         Reply::new(request.kind(), result, self.next())
     }
 
-    fn begin(&mut self, len: u32, crc32c: u32) -> TransferResult {
+    fn begin(&mut self, len: u32, crc32c: u32, config: &RobotConfig) -> TransferResult {
         if self.transfer.is_some_and(|t| (t.len, t.crc32c) == (len, crc32c)) {
             // The same again: goes on where it was left.
             return TransferResult::Ok;
@@ -99,15 +146,23 @@ impl<S: LibraryStore> Shelf<S> {
         if size > self.store.capacity() {
             return TransferResult::TooLong;
         }
-        self.forget();
+        self.transfer = None;
+        self.finished = None;
+        self.active = None;
         self.reject = None;
-        match self.store.erase(size) {
-            Ok(()) => {
-                self.transfer = Some(Transfer { len, crc32c, next: 0 });
+        self.proof = Proof::None;
+        let begun = self.store.begin(size, crc32c);
+        if self.store.keeps_library() {
+            // The same as before, or the one before it when that was on trial.
+            self.load(config);
+        }
+        match begun {
+            Ok(next) => {
+                let next = u32::try_from(next).unwrap_or(0).min(len);
+                self.transfer = Some(Transfer { len, crc32c, next });
                 TransferResult::Ok
             }
-            Err(StoreError::OutOfRange) => TransferResult::TooLong,
-            Err(StoreError::Medium) => TransferResult::StoreFailed,
+            Err(error) => result(error),
         }
     }
 
@@ -123,17 +178,18 @@ impl<S: LibraryStore> Shelf<S> {
         if end <= transfer.next {
             return TransferResult::Ok;
         }
-        self.active = None;
         self.finished = None;
+        self.leave_library();
         let Ok(at) = usize::try_from(offset) else { return TransferResult::TooLong };
         match self.store.write(at, bytes) {
             Ok(()) => {
                 self.transfer = Some(Transfer { next: end, ..transfer });
                 TransferResult::Ok
             }
-            Err(_) => {
-                self.forget();
-                TransferResult::StoreFailed
+            Err(error) => {
+                // What was written before can be gone on from, after another Begin.
+                self.transfer = None;
+                result(error)
             }
         }
     }
@@ -144,37 +200,63 @@ impl<S: LibraryStore> Shelf<S> {
             return Ok(TransferResult::Incomplete);
         }
         // Read back from the store: what counts is what is there, not what came over the bus.
-        if crc32c(self.store.bytes()) != transfer.crc32c {
+        if let Err(error) = self.store.seal() {
             self.forget();
-            return Ok(TransferResult::BadCrc);
+            return Ok(result(error));
         }
-        match self.check(config) {
+        match validate(self.store.received(), config) {
             Ok(index) => {
                 self.finished = Some(index);
                 Ok(TransferResult::Ok)
             }
             Err(reject) => {
                 self.forget();
+                self.reject = self.active.is_none().then_some(reject);
                 Err(reject)
             }
         }
     }
 
     fn activate(&mut self, crc32c: u32) -> TransferResult {
-        match (self.transfer, self.finished) {
-            (Some(transfer), Some(index)) if transfer.crc32c == crc32c => {
+        let (Some(transfer), Some(index)) = (self.transfer, self.finished) else {
+            return TransferResult::NotFinished;
+        };
+        if transfer.crc32c != crc32c {
+            return TransferResult::NotFinished;
+        }
+        match self.store.activate() {
+            Ok(()) => {
                 self.active = Some(index);
+                self.reject = None;
                 TransferResult::Ok
             }
-            _ => TransferResult::NotFinished,
+            Err(error) => result(error),
         }
     }
 
-    /// The store's content is not to be trusted from here on.
+    /// The library on its way is not what it should be.
     fn forget(&mut self) {
-        self.active = None;
         self.finished = None;
         self.transfer = None;
+        self.leave_library();
+        self.store.abandon();
+    }
+
+    /// The store's only place for a library changes.
+    fn leave_library(&mut self) {
+        if !self.store.keeps_library() {
+            self.active = None;
+        }
+    }
+}
+
+fn result(error: StoreError) -> TransferResult {
+    match error {
+        StoreError::OutOfRange => TransferResult::TooLong,
+        StoreError::Medium => TransferResult::StoreFailed,
+        StoreError::Damaged => TransferResult::BadCrc,
+        StoreError::Unsigned => TransferResult::Rejected,
+        StoreError::NotSealed => TransferResult::NotFinished,
     }
 }
 
@@ -184,6 +266,7 @@ mod tests {
     use crate::store::RamStore;
     use TransferResult as R;
     use rollwalk_protocol::config::{Channel, ChannelKind};
+    use rollwalk_protocol::crc::crc32c;
     use rollwalk_protocol::library::{LibrarySpec, MotionSpec, encode};
 
     fn config() -> RobotConfig {
@@ -303,15 +386,13 @@ mod tests {
     #[test]
     fn a_store_that_holds_a_library_is_used_after_power_on() {
         let bytes = library(&config());
-        let mut store = RamStore::<1024>::new();
-        store.erase(bytes.len()).unwrap();
-        store.write(0, &bytes).unwrap();
-        let mut shelf = Shelf::new(store.clone());
+        let mut shelf = Shelf::new(RamStore::<1024>::holding(&bytes).unwrap());
         shelf.load(&config());
         assert!(shelf.library().is_some());
 
-        store.write(40, &[!bytes[40]]).unwrap();
-        let mut shelf = Shelf::new(store);
+        let mut damaged = bytes.clone();
+        damaged[40] ^= 1;
+        let mut shelf = Shelf::new(RamStore::<1024>::holding(&damaged).unwrap());
         shelf.load(&config());
         assert!(shelf.library().is_none() && shelf.reject().is_some());
     }

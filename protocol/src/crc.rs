@@ -14,7 +14,7 @@ pub fn crc32c(bytes: &[u8]) -> u32 {
 }
 
 /// CRC-32C of several pieces, as if they were one.
-pub(crate) fn crc32c_digest() -> Digest<'static, u32> {
+pub fn crc32c_digest() -> Digest<'static, u32> {
     CRC_32C.digest()
 }
 

@@ -1,7 +1,7 @@
 //! A controller on a bench: ideal servos, a host, and a monitor that looks at every frame.
 
 use rollwalk_firmware::safety::{State, Torque};
-use rollwalk_firmware::store::{LibraryStore, RamStore};
+use rollwalk_firmware::store::RamStore;
 use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::actuator::{
     ActuatorStatus, Control, Feedback, JointSetpoint, POSITION_STEP_RAD, SPEED_STEP_RAD_S,
@@ -164,11 +164,7 @@ impl Rig {
     }
 
     pub fn with(config: RobotConfig, settings: Settings, library: Option<&[u8]>) -> Self {
-        let mut store = RamStore::new();
-        if let Some(bytes) = library {
-            store.erase(bytes.len()).unwrap();
-            store.write(0, bytes).unwrap();
-        }
+        let store = library.map(|bytes| RamStore::holding(bytes).unwrap()).unwrap_or_default();
         let start = [0.9, -1.2, 0.0];
         Self {
             servos: config.channels.iter().zip(start).map(|(c, v)| Servo::new(*c, v)).collect(),

@@ -1,0 +1,283 @@
+//! Two libraries in NOR flash: one in use, one on its way or on trial.
+//!
+//! `docs/library-store.md` tells layout, states and what survives what. Every change of mind is one
+//! record of the [log](super::log), written after the bytes that it speaks of; the slot of the
+//! confirmed library is never written. A call erases and writes little: a block of a transfer erases
+//! a unit when it gets there, not all of them at the beginning.
+
+use super::log::Log;
+use super::record::{Candidate, Footer, Image, RECORD_LEN, State};
+use super::slots::{self, GeometryError, MappedFlash};
+use super::{LibraryStore, StoreError};
+
+/// A transfer that goes on: where, and the bytes that do not fill a word yet.
+#[derive(Clone, Copy, Debug)]
+struct Upload {
+    /// Bytes in flash, a multiple of the word unless all are.
+    written: usize,
+    word: [u8; RECORD_LEN],
+    in_word: usize,
+}
+
+/// A store in NOR flash, with two slots.
+#[derive(Debug)]
+pub struct FlashStore<F> {
+    flash: F,
+    log: Log,
+    state: State,
+    /// In use; read and found intact.
+    active: Option<Image>,
+    upload: Option<Upload>,
+    /// The candidate was read as a whole and found intact.
+    sealed: bool,
+    trial_boots: u8,
+}
+
+impl<F: MappedFlash> FlashStore<F> {
+    /// Finds out after a reset what there is, and counts this boot if a library is on trial.
+    ///
+    /// All of `flash` belongs to the store. A library on trial that is not confirmed within
+    /// `trial_boots` boots gives way to the one before.
+    pub fn mount(mut flash: F, trial_boots: u8) -> Result<Self, GeometryError> {
+        slots::check(&flash)?;
+        let (mut log, state) = Log::open(&mut flash);
+        let state = state.unwrap_or_else(|| {
+            let (confirmed, generation) = slots::newest_by_footers(&mut flash);
+            log.generation = generation;
+            State { confirmed, candidate: Candidate::None }
+        });
+        let mut store =
+            Self { flash, log, state, active: None, upload: None, sealed: false, trial_boots };
+        store.choose();
+        Ok(store)
+    }
+
+    /// The flash, as it is.
+    pub fn into_flash(self) -> F {
+        self.flash
+    }
+
+    /// Takes a library into use after a reset.
+    fn choose(&mut self) {
+        if let Candidate::Trial { len, crc32c, boots_left } = self.state.candidate {
+            let image = self.state.candidate_image().filter(|&i| self.is_intact(i));
+            if let Some(image) = image {
+                // Nothing to go back to: then there is nothing to count.
+                if self.intact_confirmed().is_none() {
+                    self.active = Some(image);
+                    return;
+                }
+                // Counted before it is used: whatever it does, it does it so many times.
+                if let Some(boots_left) = boots_left.checked_sub(1) {
+                    let candidate = Candidate::Trial { len, crc32c, boots_left };
+                    if self.save(State { candidate, ..self.state }).is_ok() {
+                        self.active = Some(image);
+                        return;
+                    }
+                }
+            }
+            self.drop_candidate();
+        }
+        self.use_confirmed();
+    }
+
+    fn is_intact(&mut self, image: Image) -> bool {
+        slots::is_intact(&mut self.flash, image)
+    }
+
+    fn intact_confirmed(&mut self) -> Option<Image> {
+        self.state.confirmed.filter(|&image| self.is_intact(image))
+    }
+
+    fn use_confirmed(&mut self) {
+        self.active = self.intact_confirmed();
+        if self.active.is_none()
+            && let (Some(image), _) = slots::newest_by_footers(&mut self.flash)
+        {
+            // The confirmed one has rotted; the one before is still there.
+            self.active = Some(image);
+            self.state = State { confirmed: Some(image), candidate: Candidate::None };
+        }
+    }
+
+    /// Makes `state` the one that counts, in flash and here.
+    fn save(&mut self, state: State) -> Result<(), StoreError> {
+        self.log.append(&mut self.flash, &state)?;
+        self.state = state;
+        Ok(())
+    }
+
+    /// Drops the candidate, here even if the flash does not take it.
+    fn drop_candidate(&mut self) {
+        let state = State { candidate: Candidate::None, ..self.state };
+        let _ = self.save(state);
+        self.state = state;
+        self.upload = None;
+        self.sealed = false;
+    }
+
+    /// Takes bytes of the library that follow those which are here.
+    fn append(&mut self, upload: &mut Upload, data: &[u8], len: usize) -> Result<(), StoreError> {
+        for &byte in data {
+            if let Some(place) = upload.word.get_mut(upload.in_word) {
+                *place = byte;
+            }
+            upload.in_word = upload.in_word.saturating_add(1);
+            if upload.in_word >= RECORD_LEN {
+                self.flush(upload, len)?;
+            }
+        }
+        if upload.in_word > 0 && upload.written.saturating_add(upload.in_word) >= len {
+            self.flush(upload, len)?;
+        }
+        Ok(())
+    }
+
+    /// Writes a word; erases the unit that it opens, and makes a note of the one that it fills.
+    fn flush(&mut self, upload: &mut Upload, len: usize) -> Result<(), StoreError> {
+        let start = slots::start(&self.flash, self.state.candidate_slot());
+        let at = start.saturating_add(upload.written);
+        if upload.written.is_multiple_of(F::ERASE_SIZE) {
+            slots::erase_unit(&mut self.flash, at).ok_or(StoreError::Medium)?;
+        }
+        slots::program(&mut self.flash, at, &upload.word).ok_or(StoreError::Medium)?;
+        upload.written = upload.written.saturating_add(upload.in_word).min(len);
+        upload.word = [0xFF; RECORD_LEN];
+        upload.in_word = 0;
+        if upload.written >= len || upload.written.is_multiple_of(F::ERASE_SIZE) {
+            self.note(upload.written)?;
+        }
+        Ok(())
+    }
+
+    /// After a reset the transfer may go on from here.
+    fn note(&mut self, written: usize) -> Result<(), StoreError> {
+        let Candidate::Receiving { len, crc32c, .. } = self.state.candidate else {
+            return Err(StoreError::OutOfRange);
+        };
+        let have = u32::try_from(written).unwrap_or(u32::MAX).min(len);
+        self.save(State { candidate: Candidate::Receiving { len, crc32c, have }, ..self.state })
+    }
+}
+
+impl<F: MappedFlash> LibraryStore for FlashStore<F> {
+    fn capacity(&self) -> usize {
+        slots::capacity(&self.flash)
+    }
+
+    fn begin(&mut self, len: usize, crc32c: u32) -> Result<usize, StoreError> {
+        let announced = u32::try_from(len).map_err(|_| StoreError::OutOfRange)?;
+        if len > self.capacity() {
+            return Err(StoreError::OutOfRange);
+        }
+        self.upload = None;
+        self.sealed = false;
+        let have = match self.state.candidate {
+            Candidate::Receiving { len: l, crc32c: c, have } if (l, c) == (announced, crc32c) => {
+                usize::try_from(have).unwrap_or(0)
+            }
+            _ => 0,
+        };
+        // Only whole erase units can be gone on from: what follows them is erased first.
+        let resumes = have == len || have.is_multiple_of(F::ERASE_SIZE);
+        let written = if resumes { have } else { 0 };
+        if written == 0 {
+            let candidate = Candidate::Receiving { len: announced, crc32c, have: 0 };
+            self.save(State { candidate, ..self.state })?;
+            // A library on trial is no more, but the confirmed one is.
+            self.active = self.intact_confirmed();
+            slots::erase_footers(&mut self.flash, self.state.candidate_slot())
+                .ok_or(StoreError::Medium)?;
+        }
+        self.upload = Some(Upload { written, word: [0xFF; RECORD_LEN], in_word: 0 });
+        Ok(written)
+    }
+
+    fn write(&mut self, offset: usize, data: &[u8]) -> Result<(), StoreError> {
+        let Candidate::Receiving { len, .. } = self.state.candidate else {
+            return Err(StoreError::OutOfRange);
+        };
+        let mut upload = self.upload.ok_or(StoreError::OutOfRange)?;
+        let len = usize::try_from(len).unwrap_or(0);
+        let here = upload.written.saturating_add(upload.in_word);
+        let end = offset.checked_add(data.len()).ok_or(StoreError::OutOfRange)?;
+        if offset > here || end > len {
+            return Err(StoreError::OutOfRange);
+        }
+        let new = data.get(here.saturating_sub(offset)..).unwrap_or_default();
+        // After a failure only another begin goes on, from the last unit that was complete.
+        self.upload = None;
+        self.sealed = false;
+        self.append(&mut upload, new, len)?;
+        self.upload = Some(upload);
+        Ok(())
+    }
+
+    fn seal(&mut self) -> Result<(), StoreError> {
+        if self.sealed {
+            return Ok(());
+        }
+        let image = self.state.candidate_image().filter(|_| self.upload.is_some());
+        self.sealed = self.is_intact(image.ok_or(StoreError::NotSealed)?);
+        if self.sealed { Ok(()) } else { Err(StoreError::Damaged) }
+    }
+
+    fn received(&self) -> &[u8] {
+        let image = self.state.candidate_image().filter(|_| self.sealed);
+        image.map_or(&[], |image| slots::bytes_of(&self.flash, image))
+    }
+
+    fn activate(&mut self) -> Result<(), StoreError> {
+        let image = self.state.candidate_image().filter(|_| self.sealed);
+        let image = image.ok_or(StoreError::NotSealed)?;
+        if let Candidate::Receiving { len, crc32c, .. } = self.state.candidate {
+            let candidate = Candidate::Trial { len, crc32c, boots_left: self.trial_boots };
+            self.save(State { candidate, ..self.state })?;
+        }
+        self.active = Some(image);
+        Ok(())
+    }
+
+    fn abandon(&mut self) {
+        if let Candidate::Receiving { .. } = self.state.candidate {
+            self.drop_candidate();
+        }
+    }
+
+    fn bytes(&self) -> &[u8] {
+        self.active.map_or(&[], |image| slots::bytes_of(&self.flash, image))
+    }
+
+    fn keeps_library(&self) -> bool {
+        true
+    }
+
+    fn on_trial(&self) -> bool {
+        matches!(self.state.candidate, Candidate::Trial { .. })
+    }
+
+    fn confirm(&mut self) -> Result<(), StoreError> {
+        if !self.on_trial() {
+            return Ok(());
+        }
+        let image = self.state.candidate_image().filter(|&image| Some(image) == self.active);
+        let confirmed = image.ok_or(StoreError::NotSealed)?;
+        let Image { slot, len, crc32c } = confirmed;
+        let generation = self.log.generation.saturating_add(1);
+        slots::write_footer(&mut self.flash, slot, Footer { generation, len, crc32c });
+        self.save(State { confirmed: Some(confirmed), candidate: Candidate::None })?;
+        self.upload = None;
+        self.sealed = false;
+        Ok(())
+    }
+
+    fn roll_back(&mut self) -> bool {
+        if !self.on_trial() {
+            return false;
+        }
+        let Some(confirmed) = self.intact_confirmed() else { return false };
+        self.drop_candidate();
+        self.active = Some(confirmed);
+        true
+    }
+}

@@ -1,0 +1,213 @@
+//! What the store knows, in 32 bytes: the record of the [log](super::log), and the slot's footer.
+//!
+//! A record holds the whole state, so that the newest one alone decides and writing one is the
+//! commit. 32 bytes are the largest write unit in use (the flash word of an STM32H7).
+
+use rollwalk_protocol::crc::crc32c;
+
+/// Bytes of a record and of a footer.
+pub(super) const RECORD_LEN: usize = 32;
+
+const MAGIC: u8 = 0xA7;
+const FOOTER_MAGIC: [u8; 8] = *b"RW-SLOT1";
+
+/// One of the two places for a library.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Slot {
+    A,
+    B,
+}
+
+impl Slot {
+    pub const ALL: [Slot; 2] = [Slot::A, Slot::B];
+
+    pub fn other(self) -> Slot {
+        match self {
+            Slot::A => Slot::B,
+            Slot::B => Slot::A,
+        }
+    }
+}
+
+/// Bytes in a slot, and how to tell that they are the ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Image {
+    pub slot: Slot,
+    pub len: u32,
+    pub crc32c: u32,
+}
+
+/// What is in the slot that the confirmed library is not in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Candidate {
+    /// Nothing that matters.
+    None,
+    /// A library on its way; its first `have` bytes are here.
+    Receiving { len: u32, crc32c: u32, have: u32 },
+    /// In use on trial; gives way to the confirmed one after so many more boots.
+    Trial { len: u32, crc32c: u32, boots_left: u8 },
+}
+
+/// All that must survive a reset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct State {
+    pub confirmed: Option<Image>,
+    pub candidate: Candidate,
+}
+
+impl State {
+    /// Where a candidate is: never in the slot of the confirmed library.
+    pub fn candidate_slot(&self) -> Slot {
+        self.confirmed.map_or(Slot::A, |image| image.slot.other())
+    }
+
+    /// The candidate, once all of it is here.
+    pub fn candidate_image(&self) -> Option<Image> {
+        let slot = self.candidate_slot();
+        match self.candidate {
+            Candidate::Receiving { len, crc32c, have } if have == len => {
+                Some(Image { slot, len, crc32c })
+            }
+            Candidate::Trial { len, crc32c, .. } => Some(Image { slot, len, crc32c }),
+            _ => None,
+        }
+    }
+
+    /// The record with generation `generation`.
+    pub fn encode(&self, generation: u32) -> [u8; RECORD_LEN] {
+        let slot = match self.confirmed {
+            None => 0,
+            Some(Image { slot: Slot::A, .. }) => 1,
+            Some(Image { slot: Slot::B, .. }) => 2,
+        };
+        let confirmed = self.confirmed.map_or((0, 0), |image| (image.len, image.crc32c));
+        let (kind, boots_left, len, crc, have) = match self.candidate {
+            Candidate::None => (0, 0, 0, 0, 0),
+            Candidate::Receiving { len, crc32c, have } => (1, 0, len, crc32c, have),
+            Candidate::Trial { len, crc32c, boots_left } => (2, boots_left, len, crc32c, len),
+        };
+        let head = u32::from_le_bytes([MAGIC, slot | kind << 4, boots_left, 0]);
+        sealed([generation, head, confirmed.0, confirmed.1, len, crc, have])
+    }
+
+    /// Generation and state of a record; `None` when it is none.
+    pub fn decode(bytes: &[u8; RECORD_LEN]) -> Option<(u32, State)> {
+        let [generation, head, confirmed_len, confirmed_crc, len, crc32c, have] = opened(bytes)?;
+        let [MAGIC, kinds, boots_left, 0] = head.to_le_bytes() else { return None };
+        let confirmed = |slot| Some(Image { slot, len: confirmed_len, crc32c: confirmed_crc });
+        let confirmed = match kinds & 0xF {
+            0 => None,
+            1 => confirmed(Slot::A),
+            2 => confirmed(Slot::B),
+            _ => return None,
+        };
+        let candidate = match kinds >> 4 {
+            0 => Candidate::None,
+            1 if have <= len => Candidate::Receiving { len, crc32c, have },
+            2 => Candidate::Trial { len, crc32c, boots_left },
+            _ => return None,
+        };
+        Some((generation, State { confirmed, candidate }))
+    }
+}
+
+/// The end of a slot whose library was confirmed: what is left to go by when the log is lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Footer {
+    /// Of the record that confirmed it: the higher, the newer.
+    pub generation: u32,
+    pub len: u32,
+    pub crc32c: u32,
+}
+
+impl Footer {
+    pub fn encode(&self) -> [u8; RECORD_LEN] {
+        let [a, b, c, d, e, f, g, h] = FOOTER_MAGIC;
+        let magic = [u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h])];
+        sealed([magic[0], magic[1], self.generation, self.len, self.crc32c, 0, 0])
+    }
+
+    pub fn decode(bytes: &[u8; RECORD_LEN]) -> Option<Footer> {
+        let [_, _, generation, len, crc32c, 0, 0] = opened(bytes)? else { return None };
+        bytes.starts_with(&FOOTER_MAGIC).then_some(Footer { generation, len, crc32c })
+    }
+}
+
+/// Whether nothing was written here since the last erase.
+pub(super) fn is_blank(bytes: &[u8]) -> bool {
+    bytes.iter().all(|&byte| byte == 0xFF)
+}
+
+/// Seven words and their CRC.
+fn sealed(words: [u32; 7]) -> [u8; RECORD_LEN] {
+    let mut bytes = [0; RECORD_LEN];
+    for (place, word) in bytes.chunks_exact_mut(4).zip(words) {
+        place.copy_from_slice(&word.to_le_bytes());
+    }
+    if let Some((body, crc)) = bytes.split_last_chunk_mut::<4>() {
+        *crc = crc32c(body).to_le_bytes();
+    }
+    bytes
+}
+
+/// The words whose CRC fits.
+fn opened(bytes: &[u8; RECORD_LEN]) -> Option<[u32; 7]> {
+    let (body, crc) = bytes.split_last_chunk::<4>()?;
+    let mut words = [0; 7];
+    for (word, place) in words.iter_mut().zip(body.as_chunks::<4>().0) {
+        *word = u32::from_le_bytes(*place);
+    }
+    (crc32c(body).to_le_bytes() == *crc).then_some(words)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn golden_bytes() {
+        let state = State {
+            confirmed: Some(Image { slot: Slot::B, len: 0x1234, crc32c: 0xDEAD_BEEF }),
+            candidate: Candidate::Trial { len: 0x5678, crc32c: 0x0102_0304, boots_left: 3 },
+        };
+        let bytes = state.encode(9);
+        assert_eq!(
+            bytes[..28],
+            [
+                9, 0, 0, 0, 0xA7, 0x22, 3, 0, 0x34, 0x12, 0, 0, 0xEF, 0xBE, 0xAD, 0xDE, 0x78, 0x56,
+                0, 0, 4, 3, 2, 1, 0x78, 0x56, 0, 0
+            ]
+        );
+        assert_eq!(bytes[28..], crc32c(&bytes[..28]).to_le_bytes());
+        assert_eq!(State::decode(&bytes), Some((9, state)));
+
+        let footer = Footer { generation: 7, len: 0x1234, crc32c: 0xDEAD_BEEF };
+        let bytes = footer.encode();
+        assert_eq!(bytes[..16], *b"RW-SLOT1\x07\0\0\0\x34\x12\0\0");
+        assert_eq!(Footer::decode(&bytes), Some(footer));
+        assert_eq!(State::decode(&bytes), None);
+    }
+
+    #[test]
+    fn states_survive_and_no_single_flipped_bit_does() {
+        let image = |slot| Image { slot, len: 300, crc32c: 5 };
+        for confirmed in [None, Some(image(Slot::A)), Some(image(Slot::B))] {
+            for candidate in [
+                Candidate::None,
+                Candidate::Receiving { len: 400, crc32c: 6, have: 256 },
+                Candidate::Trial { len: 400, crc32c: 6, boots_left: 0 },
+            ] {
+                let state = State { confirmed, candidate };
+                let bytes = state.encode(u32::MAX);
+                assert_eq!(State::decode(&bytes), Some((u32::MAX, state)));
+                for bit in 0..8 * RECORD_LEN {
+                    let mut damaged = bytes;
+                    damaged[bit / 8] ^= 1 << (bit % 8);
+                    assert_eq!(State::decode(&damaged), None);
+                }
+            }
+        }
+        assert_eq!(State::decode(&[0; RECORD_LEN]), None);
+        assert_eq!(State::decode(&[0xFF; RECORD_LEN]), None);
+    }
+}

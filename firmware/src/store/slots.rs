@@ -1,0 +1,162 @@
+//! The flash as the store sees it: a log, two slots, and a footer at the end of each slot.
+//!
+//! Whatever is read to decide something is read by the driver, which answers with an error where a
+//! word cannot be read. The mapped view is for bytes that were read like that before: on a part with
+//! ECC a load from a broken word raises a fault.
+
+use embedded_storage::nor_flash::NorFlash;
+use rollwalk_protocol::crc::crc32c_digest;
+
+use super::log::LOG_UNITS;
+use super::record::{Footer, Image, RECORD_LEN, Slot, is_blank};
+
+/// Places for a footer in each slot: one may be spoilt by a power cut.
+const FOOTERS: usize = 2;
+/// Bytes that are read at once.
+const CHUNK: usize = 256;
+
+/// NOR flash that can also be read like memory.
+pub trait MappedFlash: NorFlash {
+    /// All of it, from offset 0 to the capacity.
+    fn mapped(&self) -> &[u8];
+}
+
+/// Why a flash cannot hold the store.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GeometryError {
+    /// Read and write sizes must divide 32 bytes.
+    WordSize,
+    /// The erase size must be a multiple of 32 bytes.
+    EraseSize,
+    /// It must have four erase units at least, at most 4 GiB, and be mapped as a whole.
+    Capacity,
+}
+
+/// Whether the store can work with this flash.
+pub(super) fn check<F: MappedFlash>(flash: &F) -> Result<(), GeometryError> {
+    let divides = |size| size > 0 && RECORD_LEN.is_multiple_of(size);
+    if !divides(F::WRITE_SIZE) || !divides(F::READ_SIZE) {
+        return Err(GeometryError::WordSize);
+    }
+    if F::ERASE_SIZE == 0 || !F::ERASE_SIZE.is_multiple_of(RECORD_LEN) {
+        return Err(GeometryError::EraseSize);
+    }
+    let capacity = flash.capacity();
+    if slot_len(flash) == 0 || u32::try_from(capacity).is_err() || flash.mapped().len() < capacity {
+        return Err(GeometryError::Capacity);
+    }
+    Ok(())
+}
+
+/// Bytes of a slot, whole erase units.
+pub(super) fn slot_len<F: NorFlash>(flash: &F) -> usize {
+    let units = flash.capacity().checked_div(F::ERASE_SIZE).unwrap_or(0);
+    (units.saturating_sub(LOG_UNITS) / 2).saturating_mul(F::ERASE_SIZE)
+}
+
+/// Largest library.
+pub(super) fn capacity<F: NorFlash>(flash: &F) -> usize {
+    slot_len(flash).saturating_sub(FOOTERS * RECORD_LEN)
+}
+
+/// First byte of a slot.
+pub(super) fn start<F: NorFlash>(flash: &F, slot: Slot) -> usize {
+    let log = F::ERASE_SIZE.saturating_mul(LOG_UNITS);
+    match slot {
+        Slot::A => log,
+        Slot::B => log.saturating_add(slot_len(flash)),
+    }
+}
+
+/// Erases the unit at `offset`.
+pub(super) fn erase_unit<F: NorFlash>(flash: &mut F, offset: usize) -> Option<()> {
+    let end = offset.checked_add(F::ERASE_SIZE)?;
+    flash.erase(u32::try_from(offset).ok()?, u32::try_from(end).ok()?).ok()
+}
+
+/// Erases the end of a slot: its footers, and with them its last chance to be played.
+pub(super) fn erase_footers<F: NorFlash>(flash: &mut F, slot: Slot) -> Option<()> {
+    let end = start(flash, slot).checked_add(slot_len(flash))?;
+    erase_unit(flash, end.checked_sub(F::ERASE_SIZE)?)
+}
+
+/// Writes 32 bytes.
+pub(super) fn program<F: NorFlash>(flash: &mut F, at: usize, bytes: &[u8; 32]) -> Option<()> {
+    flash.write(u32::try_from(at).ok()?, bytes).ok()
+}
+
+/// Whether all of an image can be read and is what it should be.
+pub(super) fn is_intact<F: NorFlash>(flash: &mut F, image: Image) -> bool {
+    let Ok(len) = usize::try_from(image.len) else { return false };
+    if len > capacity(flash) {
+        return false;
+    }
+    let start = start(flash, image.slot);
+    let mut digest = crc32c_digest();
+    let mut chunk = [0; CHUNK];
+    for at in (0..len).step_by(CHUNK) {
+        let wanted = len.saturating_sub(at).min(CHUNK);
+        // Whole words are read; the footers behind are room enough for that.
+        let Some(read) = chunk.get_mut(..wanted.next_multiple_of(RECORD_LEN)) else { return false };
+        let Ok(offset) = u32::try_from(start.saturating_add(at)) else { return false };
+        if flash.read(offset, read).is_err() {
+            return false;
+        }
+        digest.update(read.get(..wanted).unwrap_or_default());
+    }
+    digest.finalize() == image.crc32c
+}
+
+/// The bytes of an image that [`is_intact`].
+pub(super) fn bytes_of<F: MappedFlash>(flash: &F, image: Image) -> &[u8] {
+    let start = start(flash, image.slot);
+    usize::try_from(image.len)
+        .ok()
+        .and_then(|len| flash.mapped().get(start..start.checked_add(len)?))
+        .unwrap_or_default()
+}
+
+/// The newest confirmed image by the footers alone, and the highest generation among them.
+pub(super) fn newest_by_footers<F: NorFlash>(flash: &mut F) -> (Option<Image>, u32) {
+    let mut newest = None;
+    let mut highest = 0;
+    for slot in Slot::ALL {
+        for i in 0..FOOTERS {
+            let footer = footer_at(flash, slot, i)
+                .and_then(|at| read(flash, at))
+                .and_then(|bytes| Footer::decode(&bytes));
+            let Some(Footer { generation, len, crc32c }) = footer else { continue };
+            let image = Image { slot, len, crc32c };
+            highest = generation.max(highest);
+            if newest.is_none_or(|(_, so_far)| generation > so_far) && is_intact(flash, image) {
+                newest = Some((image, generation));
+            }
+        }
+    }
+    (newest.map(|(image, _)| image), highest)
+}
+
+/// Writes a footer where there is room. Without one the log alone knows the image.
+pub(super) fn write_footer<F: NorFlash>(flash: &mut F, slot: Slot, footer: Footer) {
+    for i in 0..FOOTERS {
+        let Some(at) = footer_at(flash, slot, i) else { return };
+        if !read(flash, at).is_some_and(|bytes| is_blank(&bytes)) {
+            continue;
+        }
+        let bytes = footer.encode();
+        if program(flash, at, &bytes).is_some() && read(flash, at) == Some(bytes) {
+            return;
+        }
+    }
+}
+
+fn footer_at<F: NorFlash>(flash: &F, slot: Slot, i: usize) -> Option<usize> {
+    let end = start(flash, slot).checked_add(slot_len(flash))?;
+    end.checked_sub(RECORD_LEN.checked_mul(i.checked_add(1)?)?)
+}
+
+fn read<F: NorFlash>(flash: &mut F, at: usize) -> Option<[u8; RECORD_LEN]> {
+    let mut bytes = [0; RECORD_LEN];
+    flash.read(u32::try_from(at).ok()?, &mut bytes).ok()?;
+    Some(bytes)
+}
