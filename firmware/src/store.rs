@@ -13,6 +13,8 @@ mod record;
 #[cfg(feature = "ed25519")]
 mod signed;
 mod slots;
+#[cfg(test)]
+pub(crate) mod tests;
 
 pub use flash::FlashStore;
 pub use ram::RamStore;

@@ -263,7 +263,7 @@ fn result(error: StoreError) -> TransferResult {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::RamStore;
+    use crate::store::{FlashStore, RamStore};
     use TransferResult as R;
     use rollwalk_protocol::config::{Channel, ChannelKind};
     use rollwalk_protocol::crc::crc32c;
@@ -395,5 +395,67 @@ mod tests {
         let mut shelf = Shelf::new(RamStore::<1024>::holding(&damaged).unwrap());
         shelf.load(&config());
         assert!(shelf.library().is_none() && shelf.reject().is_some());
+    }
+
+    type Flash = crate::store::tests::nor::Nor<8, 64>;
+
+    fn reset(shelf: Shelf<FlashStore<Flash>>) -> Shelf<FlashStore<Flash>> {
+        let store = FlashStore::mount(shelf.store.into_flash(), 2).unwrap();
+        let mut shelf = Shelf::new(store);
+        shelf.load(&config());
+        shelf
+    }
+
+    fn ask(shelf: &mut Shelf<FlashStore<Flash>>, request: Request<'_>) -> (R, u32) {
+        let reply = shelf.handle(&request, true, &config());
+        (reply.result, reply.next)
+    }
+
+    #[test]
+    fn resumes_after_a_reset_and_rolls_back_what_never_played() {
+        let first = library(&config());
+        let (len, crc) = (first.len() as u32, crc32c(&first));
+        assert!(len > 100);
+        let mut shelf = Shelf::new(FlashStore::mount(Flash::blank(12), 2).unwrap());
+        assert_eq!(ask(&mut shelf, begin(&first)), (R::Ok, 0));
+        let some = Request::Block { offset: 0, bytes: &first[..70] };
+        assert_eq!(ask(&mut shelf, some), (R::Ok, 70));
+        let mut shelf = reset(shelf);
+        assert!(shelf.library().is_none());
+        assert_eq!(ask(&mut shelf, Request::Finish), (R::NotBegun, 0));
+        assert_eq!(ask(&mut shelf, begin(&first)), (R::Ok, 64));
+        let rest = Request::Block { offset: 64, bytes: &first[64..] };
+        assert_eq!(ask(&mut shelf, rest), (R::Ok, len));
+        assert_eq!(ask(&mut shelf, Request::Finish), (R::Ok, len));
+        assert_eq!(ask(&mut shelf, Request::Activate { crc32c: crc }), (R::Ok, len));
+        assert_eq!(ask(&mut shelf, Request::Activate { crc32c: crc }), (R::Ok, len));
+        shelf.observe(Event::MotionStarted);
+        shelf.observe(Event::SafeReached);
+        shelf.settle(State::Ready);
+        assert!(shelf.on_trial());
+        shelf.settle(State::Disarmed);
+        assert!(!shelf.on_trial());
+
+        // One for another robot is refused and the first goes on, now and after a reset.
+        let mut other = config();
+        other.channels[0].max_torque_nm = 2.0;
+        let second = library(&other);
+        assert_eq!(ask(&mut shelf, begin(&second)), (R::Ok, 0));
+        assert_eq!(ask(&mut shelf, Request::Block { offset: 0, bytes: &second }).0, R::Ok);
+        assert_eq!(ask(&mut shelf, Request::Finish).0, R::Rejected);
+        assert!(shelf.library().is_some() && shelf.reject().is_none());
+
+        // On trial when the robot becomes another one: refused at the next start, rolled back.
+        let mut shelf = reset(shelf);
+        assert_eq!(ask(&mut shelf, begin(&second)), (R::Ok, 0));
+        assert_eq!(ask(&mut shelf, Request::Block { offset: 0, bytes: &second }).0, R::Ok);
+        let finish = shelf.handle(&Request::Finish, true, &other);
+        assert_eq!(finish.result, R::Ok);
+        assert_eq!(ask(&mut shelf, Request::Activate { crc32c: crc32c(&second) }).0, R::Ok);
+        assert!(shelf.on_trial());
+        let shelf = reset(shelf);
+        assert!(!shelf.on_trial() && shelf.reject().is_none());
+        assert_eq!(shelf.library().unwrap().index().len_bytes(), len);
+        assert_eq!(shelf.store.bytes(), first);
     }
 }

@@ -22,11 +22,11 @@ struct Upload {
 /// A store in NOR flash, with two slots.
 #[derive(Debug)]
 pub struct FlashStore<F> {
-    flash: F,
-    log: Log,
-    state: State,
+    pub(super) flash: F,
+    pub(super) log: Log,
+    pub(super) state: State,
     /// In use; read and found intact.
-    active: Option<Image>,
+    pub(super) active: Option<Image>,
     upload: Option<Upload>,
     /// The candidate was read as a whole and found intact.
     sealed: bool,

@@ -88,6 +88,12 @@ impl Log {
         }
         Err(StoreError::Medium)
     }
+
+    /// A bug for the tests to find.
+    #[cfg(test)]
+    pub fn point_at_the_wrong_home(&mut self) {
+        self.home = 1 - self.home;
+    }
 }
 
 fn start<F: NorFlash>(unit: usize, at: usize) -> u32 {

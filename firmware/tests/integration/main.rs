@@ -3,6 +3,7 @@
 
 mod arming;
 mod documentation;
+mod flash;
 mod hostile;
 mod link;
 mod playback;

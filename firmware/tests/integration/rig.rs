@@ -1,7 +1,7 @@
 //! A controller on a bench: ideal servos, a host, and a monitor that looks at every frame.
 
 use rollwalk_firmware::safety::{State, Torque};
-use rollwalk_firmware::store::RamStore;
+use rollwalk_firmware::store::FlashStore;
 use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::actuator::{
     ActuatorStatus, Control, Feedback, JointSetpoint, POSITION_STEP_RAD, SPEED_STEP_RAD_S,
@@ -16,9 +16,10 @@ use rollwalk_protocol::wire::{
     Heartbeat, Node, Request, Response, Status,
 };
 
+use crate::flash::{self, Flash};
 use crate::robot;
 
-pub type Brain = Controller<RamStore<16384>>;
+pub type Brain = Controller<FlashStore<Flash>>;
 
 /// A servo that is where it was sent at once.
 #[derive(Clone, Debug)]
@@ -164,11 +165,10 @@ impl Rig {
     }
 
     pub fn with(config: RobotConfig, settings: Settings, library: Option<&[u8]>) -> Self {
-        let store = library.map(|bytes| RamStore::holding(bytes).unwrap()).unwrap_or_default();
         let start = [0.9, -1.2, 0.0];
         Self {
             servos: config.channels.iter().zip(start).map(|(c, v)| Servo::new(*c, v)).collect(),
-            brain: Controller::new(config, store, settings),
+            brain: Controller::new(config, flash::store(library), settings),
             now_us: 1_000_000,
             settings,
             buses_up: true,

@@ -9,14 +9,14 @@ use rollwalk_protocol::wire::{Action, CommandResult, Fault, Request, Response};
 use crate::rig::Rig;
 use crate::robot::*;
 
-fn result(response: Response) -> TransferResult {
+pub fn result(response: Response) -> TransferResult {
     match response {
         Response::Reply(reply) => reply.result,
         Response::Hello(hello) => panic!("{hello:?}"),
     }
 }
 
-fn flash(rig: &mut Rig, bytes: &[u8]) -> TransferResult {
+pub fn flash(rig: &mut Rig, bytes: &[u8]) -> TransferResult {
     let crc = crc32c(bytes);
     let begin = Request::Begin { len: bytes.len() as u32, crc32c: crc };
     assert_eq!(result(rig.request(&begin)), TransferResult::Ok);
@@ -81,8 +81,9 @@ fn damaged_truncated_future_and_foreign_libraries_are_refused() {
     other_robot.channels[0].max_torque_nm = 2.5;
     let foreign = library_for(&other_robot);
 
-    let mut rig = Rig::new(Some(&good));
+    let mut rig = Rig::new(None);
     rig.run(20);
+    let mut with_library = Rig::booted();
     for bytes in [&corrupted, &truncated, &future, &foreign] {
         assert_eq!(flash(&mut rig, bytes), TransferResult::Rejected);
         rig.run(2);
@@ -94,6 +95,9 @@ fn damaged_truncated_future_and_foreign_libraries_are_refused() {
             CommandResult::NoLibrary
         };
         assert_eq!(refused, expected);
+        // Where there is a library already, it goes on.
+        assert_eq!(flash(&mut with_library, bytes), TransferResult::Rejected);
+        assert!(with_library.brain.library().is_some() && with_library.brain.faults().is_empty());
     }
     assert!(rig.brain.faults().contains(Fault::ConfigMismatch));
     // What was refused is gone as soon as another one comes.
@@ -107,11 +111,12 @@ fn damaged_truncated_future_and_foreign_libraries_are_refused() {
 }
 
 #[test]
-fn a_library_that_changes_voids_the_request_to_arm() {
+fn a_transfer_voids_the_request_to_arm() {
     let mut rig = Rig::booted();
     let nonce = rig.command(Action::ArmRequest).value;
     let begin = Request::Begin { len: 100, crc32c: 1 };
     assert_eq!(result(rig.request(&begin)), TransferResult::Ok);
     assert_eq!(rig.command(Action::ArmConfirm { nonce }).result, CommandResult::WrongNonce);
-    assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::NoLibrary);
+    // The library in use is still there, and may be armed for.
+    assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::Ok);
 }

@@ -1,0 +1,228 @@
+//! What the store does when nothing fails, and when the flash rots.
+
+use super::nor::Nor;
+use super::*;
+
+type Flash = Nor<8, 256>;
+
+fn reboot(store: FlashStore<Flash>) -> FlashStore<Flash> {
+    FlashStore::mount(store.into_flash(), TRIAL_BOOTS).unwrap()
+}
+
+#[test]
+fn a_new_library_plays_on_trial_and_stays_when_confirmed() {
+    let (a, b) = (library(1, 90), library(2, 100));
+    let store = FlashStore::mount(Flash::blank(10), TRIAL_BOOTS).unwrap();
+    assert!(store.bytes().is_empty());
+    let mut store = reboot(holding(store.into_flash(), &a));
+    assert_eq!((store.bytes(), store.on_trial()), (&a[..], false));
+    send(&mut store, &b).unwrap();
+    // Until it is activated the old one goes on.
+    assert_eq!(store.bytes(), a);
+    store.activate().unwrap();
+    assert_eq!((store.bytes(), store.on_trial()), (&b[..], true));
+    let mut store = reboot(store);
+    assert_eq!((store.bytes(), store.on_trial()), (&b[..], true));
+    store.confirm().unwrap();
+    for _ in 0..5 {
+        store = reboot(store);
+        assert_eq!((store.bytes(), store.on_trial()), (&b[..], false));
+    }
+    assert_eq!(store.into_flash().overwrites, 0);
+}
+
+#[test]
+fn a_trial_that_is_not_confirmed_rolls_back_by_itself() {
+    let (a, b) = (library(1, 90), library(2, 90));
+    let mut store = holding(Flash::blank(10), &a);
+    send(&mut store, &b).unwrap();
+    store.activate().unwrap();
+    for _ in 0..TRIAL_BOOTS {
+        store = reboot(store);
+        assert_eq!(store.bytes(), b);
+    }
+    for _ in 0..3 {
+        store = reboot(store);
+        assert_eq!((store.bytes(), store.on_trial()), (&a[..], false));
+    }
+    // At once when it is refused.
+    send(&mut store, &b).unwrap();
+    store.activate().unwrap();
+    let mut store = reboot(store);
+    assert!(store.roll_back());
+    assert_eq!(store.bytes(), a);
+    assert!(!store.roll_back());
+    assert_eq!(reboot(store).bytes(), a);
+}
+
+#[test]
+fn the_first_library_is_not_rolled_back_to_nothing() {
+    let a = library(1, 90);
+    let mut store = FlashStore::mount(Flash::blank(10), TRIAL_BOOTS).unwrap();
+    send(&mut store, &a).unwrap();
+    store.activate().unwrap();
+    for _ in 0..3 * TRIAL_BOOTS {
+        store = reboot(store);
+        assert_eq!((store.bytes(), store.on_trial()), (&a[..], true));
+    }
+    store.confirm().unwrap();
+    assert!(!reboot(store).on_trial());
+}
+
+#[test]
+fn a_transfer_goes_on_after_a_reset() {
+    let (a, b) = (library(1, 90), library(2, 400));
+    assert!(b.len() > 520);
+    let mut store = holding(Flash::blank(12), &a);
+    assert_eq!(store.begin(b.len(), crc32c(&b)), Ok(0));
+    store.write(0, &b[..300]).unwrap();
+    assert_eq!(store.write(301, &b[301..302]), Err(StoreError::OutOfRange));
+    // Blocks that are here already, wholly or in part.
+    store.write(0, &b[..300]).unwrap();
+    store.write(290, &b[290..520]).unwrap();
+    let mut store = reboot(store);
+    assert_eq!(store.bytes(), a);
+    assert_eq!(store.seal(), Err(StoreError::NotSealed));
+    assert_eq!(store.begin(b.len(), crc32c(&b)), Ok(512));
+    store.write(512, &b[512..]).unwrap();
+    let mut store = reboot(store);
+    assert_eq!(store.begin(b.len(), crc32c(&b)), Ok(b.len()));
+    store.seal().unwrap();
+    assert_eq!(store.received(), b);
+    store.activate().unwrap();
+    assert_eq!(store.bytes(), b);
+    // Another one starts from its beginning.
+    let c = library(3, 90);
+    assert_eq!(store.begin(c.len(), crc32c(&c)), Ok(0));
+    assert_eq!((store.bytes(), store.on_trial()), (&a[..], false));
+    assert_eq!(store.into_flash().overwrites, 0);
+}
+
+#[test]
+fn what_is_not_what_was_announced_starts_again() {
+    let (a, b) = (library(1, 90), library(2, 90));
+    let mut store = holding(Flash::blank(10), &a);
+    store.begin(b.len(), crc32c(&b)).unwrap();
+    let mut other = b.clone();
+    other[9] ^= 1;
+    store.write(0, &other).unwrap();
+    assert_eq!(
+        (store.seal(), store.activate()),
+        (Err(StoreError::Damaged), Err(StoreError::NotSealed))
+    );
+    assert!(store.received().is_empty());
+    store.abandon();
+    assert_eq!(store.begin(b.len(), crc32c(&b)), Ok(0));
+    assert_eq!(store.bytes(), a);
+}
+
+/// The control loop waits for at most so much: a unit or two, whatever the size of the library.
+#[test]
+fn a_call_erases_little() {
+    let b = library(2, 1200);
+    let mut store = holding(Flash::blank(20), &library(1, 90));
+    let erases = |store: &FlashStore<Flash>, so_far: &mut usize| {
+        let now = store.flash.erases;
+        now - core::mem::replace(so_far, now)
+    };
+    let mut so_far = store.flash.erases;
+    store.begin(b.len(), crc32c(&b)).unwrap();
+    assert!(erases(&store, &mut so_far) <= 2);
+    for (i, block) in b.chunks(256).enumerate() {
+        store.write(256 * i, block).unwrap();
+        // The unit itself, and one of the log when that turns.
+        assert!(erases(&store, &mut so_far) <= 2);
+    }
+    store.seal().unwrap();
+    store.activate().unwrap();
+    store.confirm().unwrap();
+    assert!(erases(&store, &mut so_far) <= 1);
+}
+
+#[test]
+fn footers_stand_in_for_a_lost_log() {
+    let (a, b) = (library(1, 90), library(2, 100));
+    let lose_log = |store: FlashStore<Flash>| {
+        let mut flash = store.into_flash();
+        flash.cells()[..512].fill(0);
+        FlashStore::mount(flash, TRIAL_BOOTS).unwrap()
+    };
+    let mut store = lose_log(holding(Flash::blank(10), &a));
+    assert_eq!(store.bytes(), a);
+    send(&mut store, &b).unwrap();
+    store.activate().unwrap();
+    // On trial only: the confirmed one counts.
+    let mut store = lose_log(store);
+    assert_eq!(store.bytes(), a);
+    send(&mut store, &b).unwrap();
+    store.activate().unwrap();
+    store.confirm().unwrap();
+    let mut store = lose_log(store);
+    assert_eq!(store.bytes(), b);
+    send(&mut store, &a).unwrap();
+    store.activate().unwrap();
+    store.confirm().unwrap();
+    assert_eq!(lose_log(store).bytes(), a);
+}
+
+#[test]
+fn a_rotten_library_gives_way_to_the_other_one() {
+    let (a, b) = (library(1, 90), library(2, 100));
+    let mut store = holding(Flash::blank(10), &a);
+    send(&mut store, &b).unwrap();
+    store.activate().unwrap();
+    let slot_b = 512 + slots::slot_len(&store.flash);
+
+    // On trial.
+    let rot = |store: &FlashStore<Flash>, at: usize, unreadable: bool| {
+        let mut flash = store.flash.clone();
+        if unreadable {
+            flash.make_unreadable(at)
+        } else {
+            flash.cells()[at] ^= 4
+        }
+        FlashStore::mount(flash, TRIAL_BOOTS).unwrap()
+    };
+    for unreadable in [false, true] {
+        assert_eq!(rot(&store, slot_b + 40, unreadable).bytes(), a);
+        assert_eq!(rot(&store, 512 + 40, unreadable).bytes(), b);
+    }
+    // Confirmed.
+    store.confirm().unwrap();
+    for unreadable in [false, true] {
+        let mut rotten = rot(&store, slot_b + 40, unreadable);
+        assert_eq!(rotten.bytes(), a);
+        send(&mut rotten, &b).unwrap();
+        rotten.activate().unwrap();
+        assert_eq!(reboot(rotten).bytes(), b);
+    }
+}
+
+#[test]
+fn unusable_flash_is_refused() {
+    assert_eq!(FlashStore::mount(Nor::<8, 256>::blank(3), 3).err(), Some(GeometryError::Capacity));
+    assert_eq!(FlashStore::mount(Nor::<64, 256>::blank(8), 3).err(), Some(GeometryError::WordSize));
+    assert_eq!(FlashStore::mount(Nor::<8, 80>::blank(8), 3).err(), Some(GeometryError::EraseSize));
+    let mut store = FlashStore::mount(Flash::blank(4), 3).unwrap();
+    assert_eq!(store.capacity(), 256 - 64);
+    assert_eq!(store.begin(store.capacity() + 1, 0), Err(StoreError::OutOfRange));
+    let full: Vec<u8> = (0..192).map(|i| i as u8).collect();
+    let store = holding(Flash::blank(4), &full);
+    assert_eq!(reboot(store).bytes(), full);
+}
+
+/// Writes that fail now and then, without a cut: the transfer goes on after another begin.
+#[test]
+fn a_flash_with_bad_days_still_gets_there() {
+    let (a, b) = (library(1, 90), library(2, 400));
+    let mut store = holding(Flash::blank(12), &a);
+    store.flash.failing = Some(16);
+    let mut failures = 0;
+    while send(&mut store, &b).and_then(|()| store.activate()).is_err() {
+        assert_eq!(store.bytes(), a);
+        failures += 1;
+        assert!(failures < 1000);
+    }
+    assert!(failures > 0);
+    assert_eq!(store.bytes(), b);
+}

@@ -1,0 +1,299 @@
+//! NOR flash that loses power: bits only fall until they are erased, words are written once, and a
+//! cut comes at any byte of any write or erase and leaves what cuts leave.
+
+use super::std::vec;
+use super::std::vec::Vec;
+
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+
+use crate::store::MappedFlash;
+
+/// What a cut leaves where it hit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Torn {
+    /// The bytes before it are done, the others untouched.
+    Short,
+    /// Some bits of the word fell, or of the unit rose.
+    SomeBits,
+    /// The word, or all of a unit that was being erased, is anything.
+    Garbage,
+    /// Like that, and reading it is an error, as with ECC.
+    Unreadable,
+    /// The word reads as if it had been written; after the next power cycle it cannot be read.
+    Fading,
+}
+
+pub const ALL_TORN: [Torn; 5] =
+    [Torn::Short, Torn::SomeBits, Torn::Garbage, Torn::Unreadable, Torn::Fading];
+
+/// Flash with words of `W` bytes and erase units of `E`.
+#[derive(Clone)]
+pub struct Nor<const W: usize, const E: usize> {
+    cells: Vec<u8>,
+    unreadable: Vec<bool>,
+    fading: Vec<bool>,
+    torn: Torn,
+    random: u64,
+    powered: bool,
+    /// Bytes of writing and erasing until the cut.
+    fuel: Option<usize>,
+    /// Bytes written and erased since [`Self::arm`].
+    pub used: usize,
+    pub erases: usize,
+    pub writes: usize,
+    /// Cuts that came, in writes and in erases.
+    pub cut_writes: usize,
+    pub cut_erases: usize,
+    /// Words that were written twice without an erase in between.
+    pub overwrites: usize,
+    /// Writes that fail without a cut, one in so many.
+    pub failing: Option<u64>,
+}
+
+impl<const W: usize, const E: usize> Nor<W, E> {
+    pub fn blank(units: usize) -> Self {
+        Self::with(vec![0xFF; units * E])
+    }
+
+    pub fn with(cells: Vec<u8>) -> Self {
+        let words = cells.len() / W;
+        Self {
+            cells,
+            unreadable: vec![false; words],
+            fading: vec![false; words],
+            torn: Torn::Short,
+            random: 1,
+            powered: true,
+            fuel: None,
+            used: 0,
+            erases: 0,
+            writes: 0,
+            cut_writes: 0,
+            cut_erases: 0,
+            overwrites: 0,
+            failing: None,
+        }
+    }
+
+    /// The power fails after so many bytes.
+    pub fn arm(&mut self, torn: Torn, fuel: Option<usize>) {
+        self.torn = torn;
+        self.fuel = fuel;
+        self.used = 0;
+        let seed = fuel.map_or(1, |fuel| fuel as u64 + 1);
+        self.random = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    }
+
+    pub fn has_power(&self) -> bool {
+        self.powered
+    }
+
+    /// Power is back, for good until armed again.
+    pub fn power_on(&mut self) {
+        self.powered = true;
+        self.fuel = None;
+    }
+
+    /// The words that fade do so now.
+    pub fn fade(&mut self) {
+        for word in 0..self.fading.len() {
+            if core::mem::take(&mut self.fading[word]) {
+                self.spoil(word, true);
+            }
+        }
+    }
+
+    pub fn cells(&mut self) -> &mut [u8] {
+        &mut self.cells
+    }
+
+    pub fn make_unreadable(&mut self, at: usize) {
+        self.spoil(at / W, true);
+    }
+
+    fn random(&mut self) -> u8 {
+        self.random ^= self.random << 13;
+        self.random ^= self.random >> 7;
+        self.random ^= self.random << 17;
+        (self.random >> 24) as u8
+    }
+
+    fn spoil(&mut self, word: usize, unreadable: bool) {
+        for at in word * W..(word + 1) * W {
+            self.cells[at] = self.random();
+        }
+        self.unreadable[word] = unreadable;
+    }
+
+    /// How many of `len` bytes are done before the cut; `None` when it does not come.
+    fn burn(&mut self, len: usize) -> Option<usize> {
+        let Some(fuel) = &mut self.fuel else {
+            self.used += len;
+            return None;
+        };
+        if *fuel >= len {
+            *fuel -= len;
+            self.used += len;
+            return None;
+        }
+        let done = *fuel;
+        *fuel = 0;
+        self.powered = false;
+        Some(done)
+    }
+}
+
+impl<const W: usize, const E: usize> ErrorType for Nor<W, E> {
+    type Error = NorFlashErrorKind;
+}
+
+impl<const W: usize, const E: usize> ReadNorFlash for Nor<W, E> {
+    const READ_SIZE: usize = W;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        embedded_storage::nor_flash::check_read(self, offset, bytes.len())?;
+        let range = offset as usize..offset as usize + bytes.len();
+        if !self.powered || self.unreadable[range.start / W..range.end / W].contains(&true) {
+            bytes.fill(0xA5);
+            return Err(NorFlashErrorKind::Other);
+        }
+        bytes.copy_from_slice(&self.cells[range]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        self.cells.len()
+    }
+}
+
+impl<const W: usize, const E: usize> NorFlash for Nor<W, E> {
+    const WRITE_SIZE: usize = W;
+    const ERASE_SIZE: usize = E;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        embedded_storage::nor_flash::check_erase(self, from, to)?;
+        let (from, to) = (from as usize, to as usize);
+        if !self.powered {
+            return Err(NorFlashErrorKind::Other);
+        }
+        self.erases += (to - from) / E;
+        let cut = self.burn(to - from);
+        let done = cut.unwrap_or(to - from);
+        self.cells[from..from + done].fill(0xFF);
+        // The word of the cut is not done.
+        self.unreadable[from / W..(from + done) / W].fill(false);
+        self.fading[from / W..(from + done) / W].fill(false);
+        if cut.is_none() {
+            return Ok(());
+        }
+        self.cut_erases += 1;
+        let hit = (from + done) / W;
+        match self.torn {
+            Torn::Short | Torn::Fading => {}
+            Torn::SomeBits => {
+                for at in from + done..to {
+                    let risen = self.random();
+                    self.cells[at] |= risen;
+                }
+            }
+            Torn::Garbage => (from / W..to / W).for_each(|word| self.spoil(word, false)),
+            Torn::Unreadable => (hit..to / W).for_each(|word| self.spoil(word, true)),
+        }
+        Err(NorFlashErrorKind::Other)
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        embedded_storage::nor_flash::check_write(self, offset, bytes.len())?;
+        let offset = offset as usize;
+        if !self.powered {
+            return Err(NorFlashErrorKind::Other);
+        }
+        self.writes += 1;
+        for word in (offset / W)..(offset + bytes.len()) / W {
+            let blank = self.cells[word * W..(word + 1) * W].iter().all(|&byte| byte == 0xFF);
+            self.overwrites += usize::from(!blank || self.unreadable[word]);
+        }
+        let fails = self.failing.is_some_and(|rate| u64::from(self.random()) % rate == 0);
+        let cut = self.burn(bytes.len());
+        let done = if fails { bytes.len() / 2 } else { cut.unwrap_or(bytes.len()) };
+        for (i, byte) in bytes.iter().enumerate().take(done) {
+            self.cells[offset + i] &= byte;
+        }
+        if cut.is_none() {
+            return if fails { Err(NorFlashErrorKind::Other) } else { Ok(()) };
+        }
+        self.cut_writes += 1;
+        let hit = (offset + done) / W;
+        match self.torn {
+            Torn::Short => {}
+            Torn::SomeBits => {
+                for at in offset + done..(hit + 1) * W {
+                    let kept = self.random();
+                    self.cells[at] &= bytes[at - offset] | kept;
+                }
+            }
+            Torn::Garbage => self.spoil(hit, false),
+            Torn::Unreadable => self.spoil(hit, true),
+            Torn::Fading => {
+                for at in offset + done..(hit + 1) * W {
+                    self.cells[at] &= bytes[at - offset];
+                }
+                self.fading[hit] = true;
+            }
+        }
+        Err(NorFlashErrorKind::Other)
+    }
+}
+
+impl<const W: usize, const E: usize> MappedFlash for Nor<W, E> {
+    fn mapped(&self) -> &[u8] {
+        &self.cells
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_fall_and_rise_only_by_erasing() {
+        let mut nor = Nor::<4, 256>::blank(2);
+        nor.write(4, &[0xF0, 1, 2, 3]).unwrap();
+        nor.write(4, &[0x0F; 4]).unwrap();
+        assert_eq!((&nor.mapped()[4..8], nor.overwrites), (&[0, 1, 2, 3][..], 1));
+        assert_eq!(nor.write(2, &[0; 4]), Err(NorFlashErrorKind::NotAligned));
+        nor.erase(0, 256).unwrap();
+        assert!(nor.mapped().iter().all(|&byte| byte == 0xFF));
+    }
+
+    #[test]
+    fn a_cut_stops_everything_and_leaves_what_it_should() {
+        for torn in ALL_TORN {
+            let mut nor = Nor::<4, 256>::blank(2);
+            nor.arm(torn, Some(9));
+            nor.write(0, &[1; 8]).unwrap();
+            assert!(nor.write(8, &[1; 8]).is_err());
+            assert!(nor.erase(0, 256).is_err() && nor.read(0, &mut [0; 4]).is_err());
+            assert_eq!((nor.cut_writes, nor.cut_erases), (1, 0));
+            nor.power_on();
+            assert_eq!(nor.mapped()[..8], [1; 8]);
+            assert_eq!(nor.mapped()[12..16], [0xFF; 4]);
+            let mut word = [0; 4];
+            assert_eq!(nor.read(8, &mut word).is_err(), torn == Torn::Unreadable);
+            assert_eq!(word == [1, 0xFF, 0xFF, 0xFF], torn == Torn::Short);
+            assert_eq!(word == [1; 4], torn == Torn::Fading);
+            nor.fade();
+            assert_eq!(
+                nor.read(8, &mut word).is_err(),
+                matches!(torn, Torn::Unreadable | Torn::Fading)
+            );
+
+            nor.arm(torn, Some(100));
+            assert!(nor.erase(0, 256).is_err());
+            assert_eq!((nor.cut_writes, nor.cut_erases), (1, 1));
+            nor.power_on();
+            nor.erase(0, 256).unwrap();
+            assert_eq!(nor.read(8, &mut word), Ok(()));
+        }
+    }
+}

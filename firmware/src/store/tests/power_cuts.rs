@@ -1,0 +1,345 @@
+//! The power fails at every byte of every write and erase of a library's life, and once more while
+//! the store recovers. After each cut exactly the old or the new library plays.
+//!
+//! The harness proves itself: every cut must have come, in writes as in erases, and stores with
+//! planted bugs must be found out.
+
+use super::nor::{ALL_TORN, Nor, Torn};
+use super::std::string::String;
+use super::std::{format, println};
+use super::*;
+use crate::store::log::{LOG_UNITS, Log};
+use crate::store::record::{Candidate, Image, State};
+use crate::store::slots;
+
+/// A store that does one thing wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Bug {
+    None,
+    /// The record that says "confirmed" is written before the data, and believed after a reset.
+    RecordBeforeData,
+    /// The new library goes where the confirmed one is.
+    SlotInUse,
+    /// A unit is noted as written before it is.
+    NoteBeforeData,
+    /// When the log turns, the unit with the newest record is erased.
+    EraseNewestRecord,
+}
+
+/// What the host was told before the power failed.
+#[derive(Clone, Copy, Default)]
+struct Told {
+    activating: bool,
+    activated: bool,
+    confirmed: bool,
+}
+
+/// How many cuts came, and how often the store was tried.
+#[derive(Default, Debug)]
+struct Report {
+    cuts: usize,
+    cut_writes: usize,
+    cut_erases: usize,
+    second_cuts: usize,
+}
+
+struct Bench<const W: usize, const E: usize> {
+    old: Vec<u8>,
+    new: Vec<u8>,
+    torn: Torn,
+    bug: Bug,
+}
+
+impl<const W: usize, const E: usize> Bench<W, E> {
+    fn mount(&self, flash: Nor<W, E>) -> FlashStore<Nor<W, E>> {
+        let mut store = FlashStore::mount(flash, TRIAL_BOOTS).unwrap();
+        if self.bug == Bug::RecordBeforeData
+            && let (_, Some(State { confirmed: Some(image), .. })) = Log::open(&mut store.flash)
+        {
+            store.active = Some(image);
+        }
+        store
+    }
+
+    /// Sends the new library, activates it, resets, confirms it. Ends where the power does.
+    fn live(&self, flash: Nor<W, E>, told: &mut Told) -> Result<Nor<W, E>, Nor<W, E>> {
+        let mut store = self.mount(flash);
+        if store.bytes() != self.new {
+            if self.send(&mut store).is_err() {
+                return Err(store.into_flash());
+            }
+            told.activating = true;
+            self.spoil_log(&mut store);
+            if self.bug != Bug::RecordBeforeData && store.activate().is_err() {
+                return Err(store.into_flash());
+            }
+            told.activated = true;
+            store = self.mount(store.into_flash());
+        }
+        if store.on_trial() {
+            self.spoil_log(&mut store);
+            if store.confirm().is_err() {
+                return Err(store.into_flash());
+            }
+            told.confirmed = true;
+        }
+        let flash = store.into_flash();
+        if flash.has_power() { Ok(flash) } else { Err(flash) }
+    }
+
+    fn spoil_log(&self, store: &mut FlashStore<Nor<W, E>>) {
+        if self.bug == Bug::EraseNewestRecord {
+            store.log.point_at_the_wrong_home();
+        }
+    }
+
+    fn send(&self, store: &mut FlashStore<Nor<W, E>>) -> Result<(), StoreError> {
+        let (len, crc32c) = (self.new.len(), crc32c(&self.new));
+        match self.bug {
+            Bug::None | Bug::EraseNewestRecord => {}
+            Bug::RecordBeforeData => return self.send_after_record(store),
+            Bug::SlotInUse => store.state.confirmed = None,
+            Bug::NoteBeforeData => {
+                if store.begin(len, crc32c)? < E {
+                    let have = E as u32;
+                    let candidate = Candidate::Receiving { len: len as u32, crc32c, have };
+                    let noted = State { candidate, ..store.state };
+                    store.log.append(&mut store.flash, &noted)?;
+                }
+            }
+        }
+        self.spoil_log(store);
+        send(store, &self.new)
+    }
+
+    fn send_after_record(&self, store: &mut FlashStore<Nor<W, E>>) -> Result<(), StoreError> {
+        let (len, crc32c) = (self.new.len(), crc32c(&self.new));
+        store.begin(len, crc32c)?;
+        let slot = store.state.candidate_slot();
+        let image = Image { slot, len: len as u32, crc32c };
+        store.state = State { confirmed: Some(image), candidate: Candidate::None };
+        store.log.append(&mut store.flash, &store.state)?;
+        let at = slots::start(&store.flash, slot);
+        for (i, bytes) in self.new.chunks(32).enumerate() {
+            let mut word = [0xFF; 32];
+            word[..bytes.len()].copy_from_slice(bytes);
+            let erased = if i * 32 % E == 0 {
+                slots::erase_unit(&mut store.flash, at + i * 32)
+            } else {
+                Some(())
+            };
+            erased
+                .and_then(|()| slots::program(&mut store.flash, at + i * 32, &word))
+                .ok_or(StoreError::Medium)?;
+        }
+        Ok(())
+    }
+
+    /// Checks what plays after a reset.
+    fn judge(&self, flash: &Nor<W, E>, told: Told) -> Result<(), String> {
+        let store = self.mount(flash.clone());
+        let playing = store.bytes();
+        let name = match playing {
+            _ if playing == self.old => "old",
+            _ if playing == self.new => "new",
+            [] => return Err("none plays".into()),
+            _ => return Err("what plays is neither".into()),
+        };
+        if !told.activating && name != "old" {
+            return Err("the new one plays before it was activated".into());
+        }
+        if told.activated && name != "new" {
+            return Err("the new one was activated and does not play".into());
+        }
+        if told.confirmed && store.on_trial() {
+            return Err("confirmed and yet on trial".into());
+        }
+        let overwrites = store.into_flash().overwrites;
+        if overwrites > 0 {
+            return Err(format!("{overwrites} words were written twice"));
+        }
+        Ok(())
+    }
+
+    /// Cuts at every byte, and for each of these again at every `second_step`th while recovering.
+    fn run(&self, start: &Nor<W, E>, second_step: usize) -> Result<Report, String> {
+        let mut report = Report::default();
+        let mut whole = start.clone();
+        whole.arm(self.torn, None);
+        let Ok(whole) = self.live(whole, &mut Told::default()) else {
+            return Err("fails without a cut".into());
+        };
+        for fuel in 0..whole.used {
+            let mut flash = start.clone();
+            flash.arm(self.torn, Some(fuel));
+            let mut told = Told::default();
+            let Err(mut flash) = self.live(flash, &mut told) else {
+                return Err(format!("no cut at {fuel} of {}", whole.used));
+            };
+            assert!(!flash.has_power(), "{:?}: an error without a cut", self.torn);
+            report.cuts += 1;
+            report.cut_writes += flash.cut_writes;
+            report.cut_erases += flash.cut_erases;
+            flash.power_on();
+            let at = |what| move |why| format!("{what} at {fuel}: {why}");
+            self.judge(&flash, told).map_err(at("cut"))?;
+            self.recover(&flash, told, fuel, second_step, &mut report).map_err(at("cut"))?;
+            flash.fade();
+            self.judge(&flash, told).map_err(at("cut that faded"))?;
+        }
+        Ok(report)
+    }
+
+    /// Goes on after a cut, to the end; and with a second cut on the way.
+    fn recover(
+        &self,
+        flash: &Nor<W, E>,
+        told: Told,
+        fuel: usize,
+        step: usize,
+        report: &mut Report,
+    ) -> Result<(), String> {
+        let mut whole = flash.clone();
+        whole.arm(self.torn, None);
+        let mut told_whole = told;
+        let Ok(whole) = self.live(whole, &mut told_whole) else {
+            return Err("does not recover".into());
+        };
+        let told_whole = Told { activating: true, activated: true, ..told_whole };
+        self.judge(&whole, told_whole)?;
+        if step == 0 {
+            return Ok(());
+        }
+        for second in (fuel % step..whole.used).step_by(step) {
+            let mut flash = flash.clone();
+            flash.arm(self.torn, Some(second));
+            let mut told = told;
+            let Err(mut flash) = self.live(flash, &mut told) else {
+                return Err(format!("no second cut at {second} of {}", whole.used));
+            };
+            report.second_cuts += 1;
+            flash.fade();
+            flash.power_on();
+            let at = |why| format!("second cut at {second}: {why}");
+            self.judge(&flash, told).map_err(at)?;
+            let Ok(flash) = self.live(flash, &mut told) else {
+                return Err(at("does not recover".into()));
+            };
+            self.judge(&flash, Told { activating: true, activated: true, ..told }).map_err(at)?;
+        }
+        Ok(())
+    }
+}
+
+/// A flash with the old library, whose log is `turn` records further than it needs to be.
+fn start<const W: usize, const E: usize>(old: &[u8], new: &[u8], turn: usize) -> Nor<W, E> {
+    let slot_units = (old.len().max(new.len()) + 64).div_ceil(E);
+    let mut store = holding(Nor::blank(LOG_UNITS + 2 * slot_units), old);
+    for _ in 0..turn {
+        store.log.append(&mut store.flash, &store.state).unwrap();
+    }
+    store.into_flash()
+}
+
+fn torture<const W: usize, const E: usize>(frames: usize, turns: usize, second_step: usize) {
+    let (old, new) = (library(1, frames), library(2, frames));
+    for torn in ALL_TORN {
+        let bench = Bench { old: old.clone(), new: new.clone(), torn, bug: Bug::None };
+        for turn in 0..turns {
+            let report = bench.run(&start::<W, E>(&old, &new, turn), second_step);
+            let report = report.unwrap_or_else(|why| panic!("{W} {E} {torn:?} {turn}: {why}"));
+            // The injector fired, once for each byte, in both kinds of operation.
+            assert_eq!(report.cuts, report.cut_writes + report.cut_erases);
+            assert!(report.cut_writes > new.len() && report.cut_erases >= 2 * E, "{report:?}");
+            assert!(second_step == 0 || report.second_cuts > report.cuts, "{report:?}");
+            println!("{W} {E} {torn:?} {turn}: {report:?}");
+        }
+    }
+}
+
+#[test]
+fn words_of_1_byte() {
+    torture::<1, 256>(150, 2, 0);
+}
+
+#[test]
+fn words_of_4_bytes() {
+    torture::<4, 256>(150, 2, 0);
+}
+
+#[test]
+fn words_of_8_bytes_and_every_turn_of_the_log() {
+    torture::<8, 256>(150, 8, 0);
+}
+
+#[test]
+fn words_of_16_bytes() {
+    torture::<16, 512>(300, 2, 0);
+}
+
+#[test]
+fn words_of_32_bytes() {
+    torture::<32, 1024>(900, 1, 0);
+}
+
+#[test]
+fn large_units() {
+    torture::<8, 4096>(150, 1, 0);
+}
+
+#[test]
+fn a_second_cut_during_recovery() {
+    torture::<8, 256>(60, 1, 13);
+}
+
+#[test]
+fn planted_bugs_are_found() {
+    for bug in [Bug::RecordBeforeData, Bug::SlotInUse, Bug::NoteBeforeData, Bug::EraseNewestRecord]
+    {
+        let (old, new) = (library(1, 150), library(2, 150));
+        let found = (0..8).find_map(|turn| {
+            let bench = Bench { old: old.clone(), new: new.clone(), torn: Torn::Garbage, bug };
+            bench.run(&start::<8, 256>(&old, &new, turn), 0).err()
+        });
+        println!("{bug:?}: {found:?}");
+        let found = found.unwrap_or_else(|| panic!("{bug:?} was not found"));
+        // By a cut, not because the store would not work at all.
+        assert!(found.starts_with("cut at"), "{bug:?}: {found}");
+    }
+}
+
+/// Bytes that a boot may write and erase: a record, and a unit of the log when that turns.
+const BOOT: usize = 32 + 256;
+
+#[test]
+fn cuts_while_booting_on_trial_only_cost_boots() {
+    let (a, b) = (library(1, 60), library(2, 60));
+    for torn in ALL_TORN {
+        for turn in 0..8 {
+            let mut store = holding(start::<8, 256>(&a, &b, turn), &a);
+            send(&mut store, &b).unwrap();
+            store.activate().unwrap();
+            let flash = store.into_flash();
+            let mut cuts = 0;
+            for fuel in 0..BOOT {
+                let mut flash = flash.clone();
+                let mut rolled_back = 0;
+                for boot in 0..4 * usize::from(TRIAL_BOOTS) {
+                    flash.arm(torn, (boot % 2 == 0).then_some(fuel));
+                    let store = FlashStore::mount(flash, TRIAL_BOOTS).unwrap();
+                    flash = store.flash.clone();
+                    if flash.has_power() {
+                        assert!(store.bytes() == a || store.bytes() == b, "{torn:?} {turn} {fuel}");
+                        rolled_back += usize::from(store.bytes() == a);
+                    }
+                    flash.fade();
+                    flash.power_on();
+                }
+                cuts += flash.cut_writes + flash.cut_erases;
+                assert!(rolled_back > 0, "{torn:?} {turn} {fuel}: never rolled back");
+                assert_eq!(flash.overwrites, 0);
+            }
+            assert!(cuts >= 32, "{torn:?} {turn}: {cuts}");
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! Any content of the flash: no panic, and never a library that is not one.
+
+use super::nor::Nor;
+use super::*;
+use proptest::prelude::*;
+
+type Flash = Nor<4, 256>;
+const UNITS: usize = 8;
+
+/// Mounts it, plays it, and goes through a transfer.
+fn survive(cells: Vec<u8>, unreadable: &[u16]) {
+    let mut flash = Flash::with(cells);
+    for &at in unreadable {
+        flash.make_unreadable(usize::from(at) % (UNITS * 256));
+    }
+    let mut store = FlashStore::mount(flash, TRIAL_BOOTS).unwrap();
+    let image = store.active;
+    assert_eq!(image.is_some(), !store.bytes().is_empty() || image.is_some_and(|i| i.len == 0));
+    if let Some(image) = image {
+        assert_eq!(crc32c(store.bytes()), image.crc32c);
+    }
+    let _ = validate(store.bytes(), &config());
+    let new = library(9, 60);
+    send(&mut store, &new).unwrap();
+    store.activate().unwrap();
+    let mut store = FlashStore::mount(store.into_flash(), TRIAL_BOOTS).unwrap();
+    assert_eq!(store.bytes(), new);
+    store.confirm().unwrap();
+    assert_eq!(FlashStore::mount(store.into_flash(), TRIAL_BOOTS).unwrap().bytes(), new);
+}
+
+/// Records, footers and noise, so that what is checked last is reached too.
+fn piece() -> impl Strategy<Value = [u8; 32]> {
+    use crate::store::record::{Candidate, Footer, Image, Slot, State};
+    let number = || prop_oneof![0..700u32, any::<u32>()];
+    let image = (any::<bool>(), number(), any::<u32>()).prop_map(|(b, len, crc32c)| Image {
+        slot: if b { Slot::B } else { Slot::A },
+        len,
+        crc32c,
+    });
+    let candidate = prop_oneof![
+        Just(Candidate::None),
+        (number(), any::<u32>(), 0..700u32).prop_map(|(len, crc32c, have)| {
+            Candidate::Receiving { len, crc32c, have: have.min(len) }
+        }),
+        (number(), any::<u32>(), any::<u8>())
+            .prop_map(|(len, crc32c, boots_left)| { Candidate::Trial { len, crc32c, boots_left } }),
+    ];
+    prop_oneof![
+        any::<[u8; 32]>(),
+        Just([0xFF; 32]),
+        (number(), proptest::option::of(image), candidate).prop_map(
+            |(generation, confirmed, c)| { State { confirmed, candidate: c }.encode(generation) }
+        ),
+        (number(), number(), any::<u32>()).prop_map(|(generation, len, crc32c)| Footer {
+            generation,
+            len,
+            crc32c
+        }
+        .encode()),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn random_bytes(cells in proptest::collection::vec(any::<u8>(), UNITS * 256),
+                    unreadable in proptest::collection::vec(any::<u16>(), 0..5)) {
+        survive(cells, &unreadable);
+    }
+
+    #[test]
+    fn random_records(pieces in proptest::collection::vec(piece(), UNITS * 8),
+                      unreadable in proptest::collection::vec(any::<u16>(), 0..5)) {
+        survive(pieces.concat(), &unreadable);
+    }
+
+    /// Whatever is overwritten in a good store: what plays is one of its two libraries, or nothing.
+    #[test]
+    fn damaged_store(damage in proptest::collection::vec((0..UNITS * 256, any::<u8>()), 1..40),
+                     unreadable in proptest::collection::vec(any::<u16>(), 0..3)) {
+        let (a, b) = (library(1, 60), library(2, 60));
+        let mut store = holding(Flash::blank(UNITS), &a);
+        send(&mut store, &b).unwrap();
+        store.activate().unwrap();
+        let mut flash = store.into_flash();
+        for (at, byte) in damage {
+            flash.cells()[at] = byte;
+        }
+        for at in unreadable {
+            flash.make_unreadable(usize::from(at) % (UNITS * 256));
+        }
+        let store = FlashStore::mount(flash, TRIAL_BOOTS).unwrap();
+        prop_assert!(store.bytes().is_empty() || store.bytes() == a || store.bytes() == b);
+    }
+}

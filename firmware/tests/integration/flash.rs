@@ -1,0 +1,143 @@
+//! Flash that does what it should, in units and words of an STM32G4; and the life of a library in it.
+//! (How it fails is the business of the tests of the store itself.)
+
+use embedded_storage::nor_flash::{
+    ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
+};
+use rollwalk_firmware::safety::State;
+use rollwalk_firmware::store::{FlashStore, LibraryStore, MappedFlash};
+use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::wire::transport::{MAX_BLOCK, TransferResult};
+use rollwalk_protocol::wire::{Action, Request};
+
+use crate::rig::Rig;
+use crate::robot::*;
+use crate::transfer::{flash, result};
+
+const TRIAL_BOOTS: u8 = 3;
+
+pub struct Flash(Vec<u8>);
+
+impl ErrorType for Flash {
+    type Error = NorFlashErrorKind;
+}
+
+impl ReadNorFlash for Flash {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        check_read(self, offset, bytes.len())?;
+        bytes.copy_from_slice(&self.0[offset as usize..][..bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        self.0.len()
+    }
+}
+
+impl NorFlash for Flash {
+    const WRITE_SIZE: usize = 8;
+    const ERASE_SIZE: usize = 2048;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        check_erase(self, from, to)?;
+        self.0[from as usize..to as usize].fill(0xFF);
+        Ok(())
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        check_write(self, offset, bytes.len())?;
+        let place = &mut self.0[offset as usize..][..bytes.len()];
+        place.iter_mut().zip(bytes).for_each(|(cell, byte)| *cell &= byte);
+        Ok(())
+    }
+}
+
+impl MappedFlash for Flash {
+    fn mapped(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+/// A store of which everything is blank, or one that holds a confirmed library.
+pub fn store(library: Option<&[u8]>) -> FlashStore<Flash> {
+    let mut store = FlashStore::mount(Flash(vec![0xFF; 18 * 2048]), TRIAL_BOOTS).unwrap();
+    if let Some(bytes) = library {
+        store.begin(bytes.len(), crc32c(bytes)).unwrap();
+        store.write(0, bytes).unwrap();
+        store.seal().unwrap();
+        store.activate().unwrap();
+        store.confirm().unwrap();
+    }
+    store
+}
+
+fn play_and_return(rig: &mut Rig) {
+    rig.arm();
+    rig.run_until(State::Ready, 1000);
+    let ack = rig.play(CODE_DRIVE);
+    rig.run(2 * u32::from(ack.value) + 60);
+    assert_eq!(rig.brain.state(), State::Playing);
+}
+
+#[test]
+fn a_library_that_has_played_is_confirmed_once_disarmed() {
+    let mut rig = Rig::booted();
+    assert!(!rig.brain.library_on_trial());
+    assert_eq!(flash(&mut rig, &library_that_settles()), TransferResult::Ok);
+    assert!(rig.brain.library_on_trial());
+
+    // Armed and disarmed again: nothing was played.
+    rig.arm();
+    rig.run_until(State::Ready, 1000);
+    rig.command(Action::Disarm);
+    rig.run_until(State::Disarmed, 2000);
+    rig.run(10);
+    assert!(rig.brain.library_on_trial());
+
+    // Played, but it ended in a fault.
+    play_and_return(&mut rig);
+    rig.servos[0].powered = false;
+    rig.run_until(State::TorqueOff, 2000);
+    rig.servos[0].powered = true;
+    rig.run(20);
+    rig.clear();
+    rig.run_until(State::Disarmed, 2000);
+    rig.run(50);
+    assert!(rig.brain.library_on_trial());
+
+    play_and_return(&mut rig);
+    rig.command(Action::Return);
+    rig.run_until(State::Ready, 2000);
+    assert!(rig.brain.library_on_trial(), "nothing is written while torque is on");
+    assert_eq!(rig.brain.confirm_library(), Err(rollwalk_firmware::store::StoreError::NotSealed));
+    rig.command(Action::Disarm);
+    rig.run_until(State::Disarmed, 2000);
+    rig.run(2);
+    assert!(!rig.brain.library_on_trial());
+}
+
+#[test]
+fn the_library_in_use_outlasts_a_transfer() {
+    let mut rig = Rig::booted();
+    let active = rig.brain.library().unwrap().index().id();
+    let next = library_that_settles();
+    let begin = Request::Begin { len: next.len() as u32, crc32c: crc32c(&next) };
+    assert_eq!(result(rig.request(&begin)), TransferResult::Ok);
+    let block = Request::Block { offset: 0, bytes: &next[..MAX_BLOCK] };
+    assert_eq!(result(rig.request(&block)), TransferResult::Ok);
+    // Another call that goes nowhere: too long.
+    let long = Request::Begin { len: 1 << 20, crc32c: 1 };
+    assert_eq!(result(rig.request(&long)), TransferResult::TooLong);
+    assert_eq!(rig.brain.library().unwrap().index().id(), active);
+    play_and_return(&mut rig);
+    rig.command(Action::Disarm);
+    rig.run_until(State::Disarmed, 2000);
+
+    assert_eq!(flash(&mut rig, &next), TransferResult::Ok);
+    assert_ne!(rig.brain.library().unwrap().index().id(), active);
+    // On trial; a transfer that begins drops it, and the confirmed one is back.
+    assert_eq!(result(rig.request(&Request::Begin { len: 99, crc32c: 1 })), TransferResult::Ok);
+    assert_eq!(rig.brain.library().unwrap().index().id(), active);
+}
