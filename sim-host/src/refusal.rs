@@ -67,6 +67,7 @@ fn section_name(code: u8) -> &'static str {
 /// What is wrong with a library, by [`rollwalk_protocol::library::Why::code`].
 fn why_sentence(code: u8) -> String {
     let known = match code {
+        0 => "the library is not signed by the owner of this controller's key",
         1 => "this is not a motion library",
         2 => "the library is truncated",
         3 => "something follows the end of the library",

@@ -4,6 +4,9 @@ use crate::{bare_metal, debian, shell, tidy};
 use clap::ValueEnum;
 use std::time::Instant;
 
+/// What is off by default and must pass all the same.
+const FEATURES: [&str; 2] = ["--features", "rollwalk-firmware/ed25519"];
+
 /// One step of the check. The names are what `--only` takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Step {
@@ -46,17 +49,18 @@ impl Step {
             Step::Tidy => tidy::check(&shell::workspace_root()),
             Step::Clippy => {
                 need_component("clippy")?;
-                let args = ["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"];
-                shell::run(&mut shell::cargo(&args))
+                let mut command = shell::cargo(&["clippy", "--workspace", "--all-targets"]);
+                shell::run(command.args(FEATURES).args(["--", "-D", "warnings"]))
             }
             Step::Doc => {
                 let mut command = shell::cargo(&["doc", "--no-deps", "--workspace"]);
-                shell::run(command.env("RUSTDOCFLAGS", "-D warnings"))
+                shell::run(command.args(FEATURES).env("RUSTDOCFLAGS", "-D warnings"))
             }
             Step::NoStd => bare_metal::check(),
             Step::Test => {
                 need_python()?;
-                shell::run(&mut shell::cargo(&["test", "--workspace", "--no-fail-fast"]))
+                let mut command = shell::cargo(&["test", "--workspace", "--no-fail-fast"]);
+                shell::run(command.args(FEATURES))
             }
         }
     }

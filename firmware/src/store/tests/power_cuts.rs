@@ -62,6 +62,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     }
 
     /// Sends the new library, activates it, resets, confirms it. Ends where the power does.
+    #[expect(clippy::result_large_err, reason = "the flash comes back either way")]
     fn live(&self, flash: Nor<W, E>, told: &mut Told) -> Result<Nor<W, E>, Nor<W, E>> {
         let mut store = self.mount(flash);
         if store.bytes() != self.new {
