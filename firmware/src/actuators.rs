@@ -140,9 +140,9 @@ impl Actuators {
         }
     }
 
-    /// Puts a target, already limited, into the mailbox of an actuator.
-    pub fn command(&mut self, config: &RobotConfig, channel: usize, target: Target, hold: Hold) {
-        let Some(limits) = config.channels.get(channel) else { return };
+    /// Puts a target, already limited, into the mailbox of an actuator. `limits` is its channel with
+    /// the gains and limits of this moment, which need not be those of the configuration.
+    pub fn command(&mut self, limits: &Channel, channel: usize, target: Target, hold: Hold) {
         let Some(actuator) = self.list.get_mut(channel) else { return };
         let Some(feedback) = actuator.feedback else { return };
         actuator.control = None;

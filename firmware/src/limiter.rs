@@ -8,7 +8,7 @@
 //! A joint that starts outside its range (a leg resting on its stop) is not thrown into it: it may
 //! stay or follow its target inwards, never further out.
 
-use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
+use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS};
 
 /// What a channel shall do next, before the gains.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -51,14 +51,9 @@ impl Limiter {
         self.last.get(channel).copied().flatten()
     }
 
-    /// The target brought within the limits, or `None` for a channel that was not started.
-    pub fn apply(
-        &mut self,
-        config: &RobotConfig,
-        channel: usize,
-        target: Target,
-    ) -> Option<Target> {
-        let limits = config.channels.get(channel)?;
+    /// The target brought within the channel's `limits`, or `None` for a channel that was not
+    /// started.
+    pub fn apply(&mut self, limits: &Channel, channel: usize, target: Target) -> Option<Target> {
         let last = self.last.get_mut(channel)?.as_mut()?;
         let out = limited(limits, *last, target, self.period_s);
         *last = out.value;
@@ -106,6 +101,7 @@ pub fn gains_within_torque(
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use rollwalk_protocol::config::RobotConfig;
 
     fn channel(kind: ChannelKind) -> Channel {
         Channel {
@@ -151,7 +147,7 @@ mod tests {
             limiter.start(0, start);
             let mut last = start;
             for (value, slope) in targets {
-                let out = limiter.apply(&config, 0, Target { value, slope }).unwrap();
+                let out = limiter.apply(&config.channels[0], 0, Target { value, slope }).unwrap();
                 let (low, high) = (last.min(-1.0), last.max(2.0));
                 prop_assert!(out.value >= low && out.value <= high, "{out:?} after {last}");
                 // One rounding of `last + step` beyond the step itself.
@@ -181,7 +177,7 @@ mod tests {
             let mut limiter = Limiter::new(1.0 / 120.0);
             limiter.start(0, start);
             let target = Target { value: start + step, slope };
-            prop_assert_eq!(limiter.apply(&config, 0, target), Some(target));
+            prop_assert_eq!(limiter.apply(&config.channels[0], 0, target), Some(target));
         }
 
         /// Limits that make no sense do not panic, and still bound the step from where we are.
@@ -192,7 +188,7 @@ mod tests {
             (c.min, c.max, c.max_rate) = (min, max, rate);
             let mut limiter = Limiter::new(1.0 / 120.0);
             limiter.start(0, 0.5);
-            let _ = limiter.apply(&config, 0, Target { value: v, slope: v });
+            let _ = limiter.apply(&config.channels[0], 0, Target { value: v, slope: v });
         }
     }
 
@@ -200,14 +196,14 @@ mod tests {
     fn says_nothing_before_it_knows_where_it_is() {
         let config = config(ChannelKind::JointPosition);
         let mut limiter = Limiter::new(1.0 / 120.0);
-        assert_eq!(limiter.apply(&config, 0, Target::default()), None);
+        assert_eq!(limiter.apply(&config.channels[0], 0, Target::default()), None);
         limiter.start(0, f32::NAN);
-        assert_eq!(limiter.apply(&config, 0, Target::default()), None);
+        assert_eq!(limiter.apply(&config.channels[0], 0, Target::default()), None);
         limiter.start(0, 0.1);
-        assert!(limiter.apply(&config, 0, Target::default()).is_some());
+        assert!(limiter.apply(&config.channels[0], 0, Target::default()).is_some());
         limiter.stop();
-        assert_eq!(limiter.apply(&config, 0, Target::default()), None);
-        assert_eq!(limiter.apply(&config, 1, Target::default()), None);
+        assert_eq!(limiter.apply(&config.channels[0], 0, Target::default()), None);
+        assert_eq!(limiter.apply(&config.channels[0], 1, Target::default()), None);
     }
 
     #[test]
@@ -216,7 +212,10 @@ mod tests {
         let mut limiter = Limiter::new(1.0 / 120.0);
         limiter.start(0, 0.7);
         let nan = Target { value: f32::NAN, slope: f32::NAN };
-        assert_eq!(limiter.apply(&config, 0, nan), Some(Target { value: 0.7, slope: 0.0 }));
+        assert_eq!(
+            limiter.apply(&config.channels[0], 0, nan),
+            Some(Target { value: 0.7, slope: 0.0 })
+        );
     }
 
     #[test]
@@ -224,7 +223,9 @@ mod tests {
         let config = config(ChannelKind::JointPosition);
         let mut limiter = Limiter::new(0.01);
         limiter.start(0, 2.5);
-        let mut to = |value| limiter.apply(&config, 0, Target { value, slope: 0.0 }).unwrap().value;
+        let mut to = |value| {
+            limiter.apply(&config.channels[0], 0, Target { value, slope: 0.0 }).unwrap().value
+        };
         assert_eq!(to(2.5), 2.5);
         assert_eq!(to(5.0), 2.5);
         assert_eq!(to(2.45), 2.45);

@@ -318,9 +318,10 @@ impl Motion {
     }
 
     fn emit(&mut self, machine: &Machine, channel: usize, target: Target, hold: Hold) {
-        let limited = self.limiter.apply(&machine.config, channel, target);
+        let Some(limits) = machine.config.channels.get(channel) else { return };
+        let limited = self.limiter.apply(limits, channel, target);
         if let (Some(target), Some(slot)) = (limited, self.emitted.get_mut(channel)) {
-            self.actuators.command(&machine.config, channel, target, hold);
+            self.actuators.command(limits, channel, target, hold);
             *slot = Some(target);
         }
     }
