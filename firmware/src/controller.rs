@@ -1,10 +1,12 @@
 //! The controller: joins state machine, motion, library and link, and knows what time it is.
 
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::actuators::Packet;
+use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::{Library, Reject};
 use rollwalk_protocol::wire::{Fault, FaultBits};
 
+use crate::actuators::bus::Buses;
 use crate::gate::Gate;
 use crate::limiter::Target;
 use crate::link::Link;
@@ -39,7 +41,12 @@ impl<S: LibraryStore> Controller<S> {
     /// A controller that has not started: the first [`tick`](Self::tick) examines configuration and
     /// library. Unusable ones do not fail here; they show as a fault and cannot be armed.
     pub fn new(config: RobotConfig, store: S, settings: Settings) -> Self {
-        let machine = Machine { config, settings };
+        Self::with_buses(config, Buses::new(), store, settings)
+    }
+
+    /// The same, told what the actuators of its buses speak.
+    pub fn with_buses(config: RobotConfig, buses: Buses, store: S, settings: Settings) -> Self {
+        let machine = Machine { config, buses, settings };
         Self {
             motion: Motion::new(&machine),
             link: Link::new(settings.node),
@@ -58,6 +65,16 @@ impl<S: LibraryStore> Controller<S> {
     /// Takes a frame of actuator bus `bus`.
     pub fn on_actuator_frame(&mut self, _now_us: u64, bus: u8, frame: &CanFrame) {
         self.motion.actuators.receive(&self.machine.config, bus, frame);
+    }
+
+    /// The same of a bus whose frames have 29-bit identifiers.
+    pub fn on_extended_frame(&mut self, _now_us: u64, bus: u8, frame: &ExtendedFrame) {
+        self.motion.actuators.receive_extended(&self.machine.config, bus, frame);
+    }
+
+    /// Takes bytes of serial line `bus`, in any portions.
+    pub fn on_serial(&mut self, _now_us: u64, bus: u8, bytes: &[u8]) {
+        self.motion.actuators.receive_serial(&self.machine.config, bus, bytes);
     }
 
     /// Emergency stop by the board itself: torque is off when this returns.
@@ -90,6 +107,17 @@ impl<S: LibraryStore> Controller<S> {
     /// The next frame for actuator bus `bus`, if there is one.
     pub fn poll_actuator(&mut self, bus: u8) -> Option<CanFrame> {
         self.motion.actuators.poll(&self.machine.config, bus)
+    }
+
+    /// The same for a bus whose frames have 29-bit identifiers.
+    pub fn poll_extended(&mut self, bus: u8) -> Option<ExtendedFrame> {
+        self.motion.actuators.poll_extended(&self.machine.config, bus)
+    }
+
+    /// The next packet for serial line `bus`. To be asked again once the packet has been sent; `None`
+    /// also while servos may be answering.
+    pub fn poll_serial(&mut self, bus: u8) -> Option<Packet> {
+        self.motion.actuators.poll_serial(&self.machine.config, bus)
     }
 
     /// Where the controller stands.

@@ -31,5 +31,6 @@ pub mod store;
 mod transfer;
 pub mod walk;
 
+pub use actuators::bus::{self, Bus, Buses};
 pub use controller::Controller;
 pub use settings::{Settings, SettingsError};

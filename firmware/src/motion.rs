@@ -9,17 +9,14 @@ use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::library::{Library, NodeId, Unreadable};
 use rollwalk_protocol::wire::Fault;
 
-use crate::actuators::{Actuators, Hold};
+use crate::actuators::bus::Buses;
+use crate::actuators::{Actuators, FRESH_TICKS, Hold};
 use crate::align::Ramp;
 use crate::limiter::{Limiter, Target};
 use crate::player::{Player, Playing};
 use crate::safety::{Event, EventSet};
 use crate::settings::Settings;
 use crate::walk::GoalError;
-
-/// Feedback at most so many ticks old counts as fresh: asked for in one tick, it is there in the
-/// next, or in the one after when the bus is busy.
-const FRESH_TICKS: u16 = 2;
 
 /// In torque-off states each actuator is asked for its pose so often, Hz.
 const QUERY_HZ: u16 = 20;
@@ -37,6 +34,7 @@ enum Stage {
 /// Robot and settings: what does not change while the controller runs.
 pub(crate) struct Machine {
     pub config: RobotConfig,
+    pub buses: Buses,
     pub settings: Settings,
 }
 
@@ -54,7 +52,7 @@ impl Motion {
         Self {
             stage: Stage::Off,
             limiter: Limiter::new(machine.settings.period_s()),
-            actuators: Actuators::new(machine.config.channels.len()),
+            actuators: Actuators::new(&machine.config, &machine.buses),
             emitted: [None; MAX_CHANNELS],
             ticks_to_query: 0,
         }
@@ -224,7 +222,10 @@ impl Motion {
         events: &mut EventSet,
     ) {
         match self.stage {
-            Stage::Off => self.stay_off(machine),
+            Stage::Off => {
+                self.assume_safe(library);
+                self.stay_off(machine);
+            }
             Stage::Damped => self.emit_damping(machine),
             _ => {
                 let done = library.ok_or(Unreadable).and_then(|l| self.follow(machine, &l, events));
@@ -323,6 +324,16 @@ impl Motion {
         if let (Some(target), Some(slot)) = (limited, self.emitted.get_mut(channel)) {
             self.actuators.command(limits, channel, target, hold);
             *slot = Some(target);
+        }
+    }
+
+    /// Actuators that do not know where they are: taken to be in SAFE.
+    fn assume_safe(&mut self, library: Option<Library<'_>>) {
+        let mut safe = [0.0; MAX_CHANNELS];
+        if self.actuators.pose_is_assumed()
+            && library.and_then(|library| library.safe_pose_into(&mut safe)).is_some()
+        {
+            self.actuators.assume(&safe);
         }
     }
 

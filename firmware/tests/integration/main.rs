@@ -3,11 +3,14 @@
 
 mod arming;
 mod documentation;
+mod drives;
 mod flash;
 mod hostile;
 mod link;
 mod playback;
+mod protocols;
 mod rig;
 mod robot;
+mod serial;
 mod stopping;
 mod transfer;

@@ -16,6 +16,7 @@ use rollwalk_protocol::wire::{
     Heartbeat, Node, Request, Response, Status,
 };
 
+use crate::drives::Drives;
 use crate::flash::{self, Flash};
 use crate::robot;
 
@@ -138,6 +139,8 @@ pub struct Rig {
     pub brain: Brain,
     pub now_us: u64,
     pub servos: Vec<Servo>,
+    /// Drives that speak something else than the Rollwalk profile: in place of those servos.
+    pub drives: Drives,
     pub settings: Settings,
     /// Whether frames for the actuators are taken off the controller.
     pub buses_up: bool,
@@ -168,6 +171,7 @@ impl Rig {
         let start = [0.9, -1.2, 0.0];
         Self {
             servos: config.channels.iter().zip(start).map(|(c, v)| Servo::new(*c, v)).collect(),
+            drives: Drives::default(),
             brain: Controller::new(config, flash::store(library), settings),
             now_us: 1_000_000,
             settings,
@@ -369,6 +373,7 @@ impl Rig {
 
     /// Takes all frames for the actuators off the controller, and brings the answers.
     pub fn carry(&mut self) {
+        self.drives.carry(&mut self.brain, self.now_us);
         for bus in 0..3 {
             // Two frames per actuator at most: mailboxes, no queue.
             for n in 0.. {

@@ -110,13 +110,27 @@ pub fn library_for(config: &RobotConfig) -> Vec<u8> {
     build(config, &stand(), true)
 }
 
+/// A library for slow actuators: half the wheel's speed.
+pub fn calm_library(config: &RobotConfig) -> Vec<u8> {
+    build_at(config, &stand(), true, 0.5)
+}
+
 /// A library whose SAFE is a motion that ends.
 pub fn library_that_settles() -> Vec<u8> {
     build(&config(), &settle(), false)
 }
 
 fn build(config: &RobotConfig, stand: &[f32], looping: bool) -> Vec<u8> {
-    let (drive, walk) = (drive(), walk());
+    build_at(config, stand, looping, 1.0)
+}
+
+/// With the wheel `speed` times as fast.
+fn build_at(config: &RobotConfig, stand: &[f32], looping: bool, speed: f32) -> Vec<u8> {
+    let slower = |mut frames: Vec<f32>| {
+        frames.chunks_mut(CHANNELS).for_each(|frame| frame[2] *= speed);
+        frames
+    };
+    let (drive, walk) = (slower(drive()), slower(walk()));
     let entry = [stand[0], stand[1], stand[2]];
     let last = (stand.len() / CHANNELS - 1) as u16;
     let motions = [
@@ -126,8 +140,8 @@ fn build(config: &RobotConfig, stand: &[f32], looping: bool) -> Vec<u8> {
     ];
     let still = transition(STAND, STAND);
     let out_of_drive = transition(STAND, entry);
-    let into_walk = transition(STAND, walk_at(f32::from(WALK_ENTRY)));
-    let out_of_walk = transition(walk_at(f32::from(WALK_EXIT)), entry);
+    let into_walk = slower(transition(STAND, walk_at(f32::from(WALK_ENTRY))));
+    let out_of_walk = slower(transition(walk_at(f32::from(WALK_EXIT)), entry));
     let edge = |from, exit_frame, to, entry_frame, frames| TransitionSpec {
         from,
         exit_frame,

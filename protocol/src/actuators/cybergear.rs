@@ -166,6 +166,8 @@ impl ActuatorProtocol for CyberGear {
             answers: Answers::Always,
             measures_position: true,
             measures_torque: true,
+            query: false,
+            tells_enabled: true,
             // Stop is answered, also when it changes nothing.
             pose_while_disabled: true,
             watchdog: Watchdog::Unknown,

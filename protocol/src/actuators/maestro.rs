@@ -155,6 +155,8 @@ impl ActuatorProtocol for Maestro {
             answers: Answers::OnQuery,
             measures_position: false,
             measures_torque: false,
+            query: true,
+            tells_enabled: false,
             pose_while_disabled: false,
             watchdog: Watchdog::GoesHome,
             max_id: MAX_CHANNEL,

@@ -218,6 +218,8 @@ impl ActuatorProtocol for Mit {
             answers: Answers::Always,
             measures_position: true,
             measures_torque: true,
+            query: false,
+            tells_enabled: false,
             // Exit is answered, also when it changes nothing.
             pose_while_disabled: true,
             watchdog: Watchdog::Resumes,

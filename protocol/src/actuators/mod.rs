@@ -259,6 +259,11 @@ pub struct Capabilities {
     pub measures_position: bool,
     /// It measures or estimates its torque.
     pub measures_torque: bool,
+    /// [`Command::Query`] can be told. Where not, and it answers every command, what changes nothing
+    /// has to be told instead.
+    pub query: bool,
+    /// It tells whether its torque is on. Where not, what it was told last has to stand for it.
+    pub tells_enabled: bool,
     /// The pose can be read while torque is off: by [`Command::Query`], by [`Command::Disable`]
     /// again where that is answered, or because it comes on a timer.
     pub pose_while_disabled: bool,

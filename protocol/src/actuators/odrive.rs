@@ -228,6 +228,8 @@ impl ActuatorProtocol for Odrive {
             answers: Answers::Cyclic,
             measures_position: true,
             measures_torque: true,
+            query: false,
+            tells_enabled: true,
             pose_while_disabled: true,
             watchdog: Watchdog::Latches,
             max_id: MAX_NODE,

@@ -67,6 +67,8 @@ impl ActuatorProtocol for RollwalkServos {
             answers: Answers::Always,
             measures_position: true,
             measures_torque: true,
+            query: true,
+            tells_enabled: true,
             pose_while_disabled: true,
             watchdog: Watchdog::Latches,
             max_id: actuator::MAX_ID,

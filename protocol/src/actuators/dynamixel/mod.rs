@@ -210,6 +210,8 @@ impl ActuatorProtocol for Dynamixels {
             answers: Answers::OnQuery,
             measures_position: true,
             measures_torque: true,
+            query: true,
+            tells_enabled: false,
             pose_while_disabled: true,
             watchdog: Watchdog::Latches,
             max_id: MAX_ID,

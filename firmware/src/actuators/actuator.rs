@@ -1,0 +1,140 @@
+//! One actuator: what it told, put together from its frames, and what it is to be told.
+
+use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
+use rollwalk_protocol::actuators::{self, Command, Faults, Gains};
+
+use super::orders::Todo;
+
+/// Which torque switch it was told last.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Switched {
+    #[default]
+    Never,
+    Off,
+    On,
+}
+
+/// An actuator.
+#[derive(Clone, Debug, Default)]
+pub struct Actuator {
+    told: Feedback,
+    has_told_pose: bool,
+    has_told_state: bool,
+    /// Faults in this control period add up: a later frame without them does not take them back.
+    faults_are_new: bool,
+    /// Ticks since it last told its pose anew.
+    pub silent_ticks: u16,
+    /// It was told to take its torque off, and what it said last since then is that it is off.
+    pub known_off: bool,
+    switched: Switched,
+    switched_ticks: u16,
+    /// The gains that it keeps, where they are not those of the configuration.
+    pub gains: Option<Gains>,
+    pub todo: Todo,
+    pub setpoint: Option<Command>,
+}
+
+impl Actuator {
+    /// Everything that it told last; `None` before its pose and state are known.
+    pub fn feedback(&self) -> Option<Feedback> {
+        (self.has_told_pose && self.has_told_state).then_some(self.told)
+    }
+
+    /// It said that its torque is on.
+    pub fn enabled(&self) -> bool {
+        self.feedback().is_some_and(|f| f.status.enabled())
+    }
+
+    /// It reports a fault, whether or not its pose is known.
+    pub fn faulty(&self) -> bool {
+        self.told.status.faulty()
+    }
+
+    /// A feedback of the Rollwalk profile, which tells everything and counts. A repeated counter is a
+    /// repeated frame: not a sign of life.
+    pub fn hear_counted(&mut self, feedback: Feedback) {
+        if self.feedback().is_none_or(|last| last.counter != feedback.counter) {
+            self.silent_ticks = 0;
+            // It may have sent that before it was told, and say otherwise now.
+            self.known_off = !feedback.status.enabled();
+            self.told = feedback;
+            (self.has_told_pose, self.has_told_state) = (true, true);
+        }
+    }
+
+    /// A frame of another protocol, which tells a part, and does not count: that it has come is what
+    /// makes it new. A sign of life is the pose only.
+    pub fn hear(&mut self, news: &actuators::Feedback, tells_enabled: bool) {
+        let told = &mut self.told;
+        if let Some(position_rad) = news.position_rad {
+            told.position_rad = position_rad;
+            told.counter = told.counter.wrapping_add(1);
+            self.has_told_pose = true;
+            self.silent_ticks = 0;
+        }
+        told.velocity_rad_s = news.speed_rad_s.unwrap_or(told.velocity_rad_s);
+        told.torque_nm = news.torque_nm.unwrap_or(told.torque_nm);
+        if let Some(faults) = news.faults {
+            let before = if self.faults_are_new { told.status.0 } else { 0 };
+            let enabled = told.status.0 & ActuatorStatus::ENABLED;
+            told.status.0 = enabled | before & ActuatorStatus::FAULTS | status_of(faults);
+            self.faults_are_new = true;
+        }
+        // Of one that does not tell, an answer since it was told stands for it.
+        let (enabled, off) = match self.switched {
+            _ if tells_enabled => (news.enabled, news.enabled.map(|on| !on)),
+            switched => (Some(switched == Switched::On), Some(switched == Switched::Off)),
+        };
+        if let (Some(enabled), Some(off)) = (enabled, off) {
+            let bit = if enabled { ActuatorStatus::ENABLED } else { 0 };
+            told.status.0 = told.status.0 & !ActuatorStatus::ENABLED | bit;
+            self.has_told_state = true;
+            self.known_off = off;
+        }
+    }
+
+    /// An answer of what stands between it and the bus, which knows no pose.
+    pub fn hear_of(&mut self, news: &actuators::Feedback) {
+        self.silent_ticks = 0;
+        self.hear(news, false);
+    }
+
+    /// Where it is, as nobody can measure it.
+    pub fn assume(&mut self, position_rad: f32) {
+        self.told.position_rad = position_rad;
+        self.has_told_pose = true;
+    }
+
+    /// All of "off" has left.
+    pub fn switched_off(&mut self) {
+        self.switched = Switched::Off;
+    }
+
+    /// All of "on" has left.
+    pub fn switched_on(&mut self) {
+        (self.switched, self.switched_ticks) = (Switched::On, 0);
+    }
+
+    /// It was told to enable less than so many ticks ago, and may not have been able to say so.
+    pub fn waits_for_enable(&self, patience_ticks: u16) -> bool {
+        self.switched == Switched::On && self.switched_ticks < patience_ticks
+    }
+
+    /// A control period has passed.
+    pub fn age(&mut self) {
+        self.silent_ticks = self.silent_ticks.saturating_add(1);
+        self.switched_ticks = self.switched_ticks.saturating_add(1);
+        self.faults_are_new = false;
+    }
+}
+
+/// What is wrong, in the bits of a status.
+fn status_of(faults: Faults) -> u8 {
+    let bit = |fault, bit| if faults.contains(fault) { bit } else { 0 };
+    let named = Faults(Faults::TIMED_OUT.0 | Faults::OVERHEATED.0 | Faults::BAD_VOLTAGE.0);
+    let others = if faults.0 & !named.0 != 0 { ActuatorStatus::HARDWARE } else { 0 };
+    bit(Faults::TIMED_OUT, ActuatorStatus::TIMED_OUT)
+        | bit(Faults::OVERHEATED, ActuatorStatus::OVERHEATED)
+        | bit(Faults::BAD_VOLTAGE, ActuatorStatus::BAD_VOLTAGE)
+        | others
+}

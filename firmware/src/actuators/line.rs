@@ -1,0 +1,253 @@
+//! One bus: whose turn it is, and all frames of an order in a row.
+//!
+//! Orders that take several frames are not kept as frames: an order is encoded again for each, and
+//! the frame whose turn it is goes out. Setpoints on CAN are one frame, so they are encoded once.
+
+use heapless::Vec;
+use rollwalk_protocol::actuators::dynamixel::packet::Deframer;
+use rollwalk_protocol::actuators::{ActuatorProtocol, Answers, Capabilities, Order, Told};
+use rollwalk_protocol::config::RobotConfig;
+
+use super::actuator::Actuator;
+use super::bus::{Bus, Pose, Protocol};
+use super::orders::{self, Errand};
+use super::{Actuators, FRESH_TICKS};
+
+/// Of drives that tell their state on a timer only: how long they have, once told to enable, until
+/// they are told again, ticks. ODrive's heartbeat comes every 100 ms.
+const ENABLE_PATIENCE_TICKS: u16 = 24;
+
+/// What an order is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum About {
+    Errand(Errand),
+    Setpoint,
+}
+
+/// An order of which some frames have left.
+#[derive(Clone, Copy, Debug)]
+pub struct Begun {
+    pub about: About,
+    /// The actuators that are told, as bits.
+    pub channels: u32,
+    /// Frames that have left.
+    pub left: u8,
+}
+
+/// A bus and where the controller stands on it.
+#[derive(Clone, Debug)]
+pub struct Line {
+    pub bus: Bus,
+    pub can: Capabilities,
+    /// The channels on this bus, as bits.
+    members: u32,
+    /// Where the next search for a setpoint begins, so that a slow bus serves all in turn.
+    next: usize,
+    pub begun: Option<Begun>,
+    /// A frame was taken in this control period.
+    moved: bool,
+    /// A question is being answered until the period is over: nobody else may talk on a serial line.
+    pub listening: bool,
+    /// What comes in on a serial line.
+    pub deframer: Deframer,
+    /// The first half of a Maestro's answer.
+    pub half: Option<u8>,
+}
+
+impl Default for Line {
+    fn default() -> Self {
+        Self::new(Bus::default(), &RobotConfig { channels: Vec::new() }, 0)
+    }
+}
+
+impl Line {
+    /// Bus `number` of a robot.
+    pub fn new(bus: Bus, config: &RobotConfig, number: usize) -> Self {
+        let bits = config.channels.iter().enumerate();
+        let members = bits.filter(|(_, c)| usize::from(c.bus) == number);
+        Self {
+            bus,
+            can: bus.protocol.capabilities(),
+            members: members.fold(0, |bits, (i, _)| bits | bit(i)),
+            next: 0,
+            begun: None,
+            moved: false,
+            listening: false,
+            deframer: Deframer::default(),
+            half: None,
+        }
+    }
+
+    /// Whether a channel is on it.
+    pub fn has(&self, channel: usize) -> bool {
+        self.members & bit(channel) != 0
+    }
+
+    /// The channel of an address.
+    pub fn channel_of(&self, config: &RobotConfig, id: u8) -> Option<usize> {
+        channels(self.members).find(|&i| config.channels.get(i).is_some_and(|c| c.id == id))
+    }
+
+    pub fn members(&self) -> u32 {
+        self.members
+    }
+
+    /// Poses are what the controller has been told to assume.
+    pub fn pose_is_assumed(&self) -> bool {
+        !self.can.measures_position && self.bus.pose == Pose::AssumedSafe
+    }
+
+    /// Actuators can be asked without changing anything.
+    pub fn asks(&self) -> bool {
+        matches!(self.can.answers, Answers::Always | Answers::OnQuery)
+    }
+
+    /// How long an actuator that was told to enable has to say that it is.
+    pub fn enable_patience_ticks(&self) -> u16 {
+        if self.can.answers == Answers::Cyclic { ENABLE_PATIENCE_TICKS } else { 0 }
+    }
+
+    /// Drops what was begun.
+    pub fn interrupt(&mut self) {
+        self.begun = None;
+        self.listening = false;
+    }
+
+    /// Drops what was begun to be told to a channel.
+    pub fn give_up(&mut self, channel: usize) {
+        self.begun = self.begun.filter(|begun| begun.channels & bit(channel) == 0);
+    }
+
+    /// A control period has passed. An order that has stuck halfway begins again: its pose is old.
+    pub fn age(&mut self) {
+        if !self.moved {
+            self.begun = None;
+        }
+        (self.moved, self.listening) = (false, false);
+    }
+
+    /// What to go on with or to begin: of an order that is not single, all its actuators.
+    fn due(&self, list: &[Actuator]) -> Option<Begun> {
+        if self.begun.is_some() {
+            return self.begun;
+        }
+        let single = |about, channel| Some(Begun { about, channels: bit(channel), left: 0 });
+        for channel in channels(self.members) {
+            if let Some(errand) = list.get(channel).and_then(|a| a.todo.first()) {
+                return single(About::Errand(errand), channel);
+            }
+        }
+        let waits = |&channel: &usize| list.get(channel).is_some_and(|a| a.setpoint.is_some());
+        let first = u32::MAX.checked_shl(self.next as u32).unwrap_or(0);
+        let mut turns = channels(self.members & first).chain(channels(self.members & !first));
+        single(About::Setpoint, turns.find(waits)?)
+    }
+
+    /// One more frame of an order of so many has left, or there is none: then it is over.
+    pub fn left(&mut self, list: &mut [Actuator], begun: Begun, frames: u8) {
+        self.moved = true;
+        let left = begun.left.saturating_add(1);
+        if left < frames {
+            self.begun = Some(Begun { left, ..begun });
+            return;
+        }
+        self.begun = None;
+        for channel in channels(begun.channels) {
+            let Some(actuator) = list.get_mut(channel) else { continue };
+            match begun.about {
+                About::Setpoint => {
+                    actuator.setpoint = None;
+                    self.next = channel + 1;
+                }
+                About::Errand(errand) => {
+                    actuator.todo = actuator.todo.without(errand);
+                    match errand {
+                        Errand::Disable if frames > 0 => actuator.switched_off(),
+                        Errand::Enable if frames > 0 => actuator.switched_on(),
+                        _ => {}
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The bit of a channel.
+pub fn bit(channel: usize) -> u32 {
+    1u32.checked_shl(channel as u32).unwrap_or(0)
+}
+
+/// The channels of bits, in order.
+pub fn channels(mut bits: u32) -> impl Iterator<Item = usize> {
+    core::iter::from_fn(move || {
+        let first = (bits != 0).then_some(bits.trailing_zeros() as usize);
+        bits &= bits.wrapping_sub(1);
+        first
+    })
+}
+
+/// Frame `n` of an order, and how many there are. None when it cannot be told.
+pub fn nth<P: ActuatorProtocol>(protocol: &P, order: &Order, n: u8) -> (Option<P::Sent>, u8) {
+    let (mut frame, mut count) = (None, 0u8);
+    let told = protocol.emit(order, &mut |sent| {
+        if count == n {
+            frame = Some(sent);
+        }
+        count = count.saturating_add(1);
+    });
+    if told.is_ok() { (frame, count) } else { (None, 0) }
+}
+
+impl Actuators {
+    /// The next frame for a bus, as `encode` has frame `n` of an order, and how many there are; it
+    /// answers `None` for a bus that carries no such frames.
+    pub(super) fn next_frame<F>(
+        &mut self,
+        config: &RobotConfig,
+        bus: u8,
+        encode: impl Fn(&Protocol, &Order, u8) -> Option<(Option<F>, u8)>,
+    ) -> Option<F> {
+        // Every turn ends an order, if it does not return.
+        loop {
+            let line = self.lines.get_mut(usize::from(bus))?;
+            let begun = line.due(&self.list)?;
+            let channel = begun.channels.trailing_zeros() as usize;
+            let order = order(&self.list, config, &line.can, begun.about, channel);
+            let (frame, frames) = match order {
+                Some(order) => encode(&line.bus.protocol, &order, begun.left)?,
+                None => (None, 0),
+            };
+            line.left(&mut self.list, begun, frames);
+            if frame.is_some() {
+                return frame;
+            }
+        }
+    }
+}
+
+/// The order for a channel.
+pub fn order(
+    list: &[Actuator],
+    config: &RobotConfig,
+    can: &Capabilities,
+    about: About,
+    channel: usize,
+) -> Option<Order> {
+    let (actuator, limits) = (list.get(channel)?, config.channels.get(channel)?);
+    let command = match about {
+        About::Setpoint => actuator.setpoint?,
+        // Only torque-on needs to know the pose, and where it holds something at once, the pose of
+        // this moment. Dropped otherwise: it will be told again.
+        About::Errand(Errand::Enable) => {
+            let limp = can.gains == Told::EachTime;
+            let fresh = |_: &_| limp || actuator.silent_ticks <= FRESH_TICKS;
+            let feedback = actuator.feedback().filter(fresh)?;
+            orders::command(Errand::Enable, limits, can, actuator.gains, &feedback)
+        }
+        About::Errand(errand) => {
+            let feedback = actuator.feedback().unwrap_or_default();
+            orders::command(errand, limits, can, actuator.gains, &feedback)
+        }
+    };
+    Some(Order { id: limits.id, command })
+}

@@ -1,0 +1,274 @@
+//! The actuators as the controller sees them: what each measured last, and what each shall be told
+//! next.
+//!
+//! | module | is |
+//! |---|---|
+//! | [`bus`] | what the actuators of a bus speak |
+//! | [`orders`] | what an actuator is told, as commands that its protocol can carry |
+//! | [`actuator`] | one actuator: what it told, what it is to be told |
+//! | [`line`] | one bus: whose turn it is, and the frames of an order in a row |
+//!
+//! Towards the bus every actuator has one place for each errand and one for a setpoint, and what is
+//! newer replaces what is there. Nothing queues, and bytes are made when the bus takes them: when a bus
+//! that took no frames for a while takes them again (motor power came back), it gets what is meant
+//! now.
+
+use heapless::Vec;
+use rollwalk_protocol::actuator::Feedback;
+use rollwalk_protocol::actuators::{self, ActuatorProtocol, Answers, Told};
+use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
+use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
+
+use crate::limiter::Target;
+
+mod actuator;
+pub mod bus;
+mod line;
+mod orders;
+mod serial;
+
+use actuator::Actuator;
+use bus::{Buses, MAX_BUSES, Protocol};
+use line::Line;
+pub use orders::Hold;
+use orders::{Errand, Todo};
+
+/// Feedback at most so many ticks old counts as fresh: asked for in one tick, it is there in the
+/// next, or in the one after when the bus is busy.
+pub const FRESH_TICKS: u16 = 2;
+
+/// All actuators, by channel.
+#[derive(Clone, Debug)]
+pub struct Actuators {
+    list: Vec<Actuator, MAX_CHANNELS>,
+    lines: [Line; MAX_BUSES],
+}
+
+impl Actuators {
+    /// The actuators of a robot, never heard of.
+    pub fn new(config: &RobotConfig, buses: &Buses) -> Self {
+        let mut list = Vec::new();
+        // A configuration has no more channels than fit.
+        let _ = list.resize_default(config.channels.len());
+        let mut lines: [Line; MAX_BUSES] = Default::default();
+        for (number, line) in lines.iter_mut().enumerate() {
+            let bus = buses.get(number).copied().unwrap_or_default();
+            *line = Line::new(bus, config, number);
+        }
+        Self { list, lines }
+    }
+
+    fn line(&self, bus: u8) -> Option<&Line> {
+        self.lines.get(usize::from(bus))
+    }
+
+    /// Takes a frame of an actuator bus; frames that are no feedback of ours are ignored.
+    pub fn receive(&mut self, config: &RobotConfig, bus: u8, frame: &CanFrame) {
+        let Some(line) = self.line(bus) else { return };
+        let told = match &line.bus.protocol {
+            Protocol::Rollwalk => {
+                if let Some((id, feedback)) = Feedback::decode(frame)
+                    && let Some(channel) = line.channel_of(config, id)
+                    && let Some(actuator) = self.list.get_mut(channel)
+                {
+                    actuator.hear_counted(feedback);
+                }
+                return;
+            }
+            Protocol::Mit(p) => p.decode(frame),
+            Protocol::Odrive(p) => p.decode(frame),
+            Protocol::CyberGear(_) | Protocol::Dynamixel(_) | Protocol::Maestro(_) => return,
+        };
+        self.hear(config, bus, told);
+    }
+
+    /// The same, of a bus with 29-bit identifiers.
+    pub fn receive_extended(&mut self, config: &RobotConfig, bus: u8, frame: &ExtendedFrame) {
+        if let Some(Protocol::CyberGear(p)) = self.line(bus).map(|line| line.bus.protocol) {
+            self.hear(config, bus, p.decode(frame));
+        }
+    }
+
+    fn hear(&mut self, config: &RobotConfig, bus: u8, told: Option<(u8, actuators::Feedback)>) {
+        if let Some((id, news)) = told
+            && let Some(line) = self.line(bus)
+            && let Some(channel) = line.channel_of(config, id)
+        {
+            let tells_enabled = line.can.tells_enabled;
+            if let Some(actuator) = self.list.get_mut(channel) {
+                actuator.hear(&news, tells_enabled);
+            }
+        }
+    }
+
+    /// A control period has passed.
+    pub fn age(&mut self) {
+        self.list.iter_mut().for_each(Actuator::age);
+        self.lines.iter_mut().for_each(Line::age);
+    }
+
+    /// Every actuator has been heard within so many ticks.
+    pub fn all_heard_within(&self, ticks: u16) -> bool {
+        self.list.iter().all(|a| a.feedback().is_some() && a.silent_ticks <= ticks)
+    }
+
+    /// The actuator that has been silent longest, and for how many ticks.
+    pub fn most_silent(&self) -> Option<(usize, u16)> {
+        let ticks = self.list.iter().map(|a| a.silent_ticks);
+        ticks.enumerate().max_by_key(|&(_, ticks)| ticks)
+    }
+
+    /// Every actuator has confirmed that its torque is off since it was last told so.
+    pub fn all_known_off(&self) -> bool {
+        self.list.iter().all(|a| a.known_off)
+    }
+
+    /// Some actuator reports a fault.
+    pub fn any_faulty(&self) -> bool {
+        self.list.iter().any(Actuator::faulty)
+    }
+
+    /// Every actuator said in its last feedback that its torque is on.
+    pub fn all_enabled(&self) -> bool {
+        self.list.iter().all(Actuator::enabled)
+    }
+
+    /// Last feedback of an actuator.
+    pub fn feedback(&self, channel: usize) -> Option<Feedback> {
+        self.list.get(channel)?.feedback()
+    }
+
+    /// What the actuator measured of its channel's value: rad of a joint, rad/s of a wheel.
+    pub fn measured(&self, config: &RobotConfig, channel: usize) -> Option<f32> {
+        let feedback = self.feedback(channel)?;
+        Some(match config.channels.get(channel)?.kind {
+            ChannelKind::JointPosition => feedback.position_rad,
+            ChannelKind::WheelSpeed => feedback.velocity_rad_s,
+        })
+    }
+
+    /// Some actuator's pose is not measured, but assumed to be the one of SAFE.
+    pub fn pose_is_assumed(&self) -> bool {
+        self.lines.iter().any(Line::pose_is_assumed)
+    }
+
+    /// Where those stand that do not measure it, while their torque is off.
+    pub fn assume(&mut self, pose: &[f32]) {
+        for line in self.lines.iter().filter(|line| line.pose_is_assumed()) {
+            for (channel, actuator) in self.list.iter_mut().enumerate() {
+                if line.has(channel)
+                    && let Some(&value) = pose.get(channel)
+                {
+                    actuator.assume(value);
+                }
+            }
+        }
+    }
+
+    /// Torque off, now: drops everything else and keeps telling until each actuator has confirmed.
+    pub fn disable_all(&mut self) {
+        self.lines.iter_mut().for_each(Line::interrupt);
+        for actuator in &mut self.list {
+            actuator.setpoint = None;
+            actuator.known_off = false;
+            actuator.todo = Todo::of(Errand::Disable);
+        }
+    }
+
+    /// While torque is off: tells those again that have not confirmed; when `query`, asks the others
+    /// for their pose, and clears faults of drives that keep them.
+    pub fn keep_disabled(&mut self, query: bool) {
+        for line in &self.lines {
+            let on_query = line.can.answers == Answers::OnQuery;
+            let clears = line.bus.protocol != Protocol::Rollwalk;
+            for actuator in members(&mut self.list, line) {
+                actuator.todo = if !actuator.known_off {
+                    Todo::of(Errand::Disable).and_if(on_query, Errand::Query)
+                } else if !query {
+                    // A query that has not got through yet is still meant.
+                    actuator.todo
+                } else if clears && actuator.faulty() {
+                    Todo::of(Errand::ClearFaults).and_if(on_query, Errand::Query)
+                } else {
+                    // What does not tell that it is off is told again. Asking an ODrive would feed
+                    // its watchdog.
+                    Todo::NOTHING
+                        .and_if(!line.can.tells_enabled, Errand::Disable)
+                        .and_if(line.asks(), Errand::Query)
+                };
+            }
+        }
+    }
+
+    /// Tells those to enable that are not, and asks the others for their pose.
+    pub fn keep_enabling(&mut self) {
+        for line in &self.lines {
+            let on_query = line.can.answers == Answers::OnQuery;
+            let stored_gains = line.can.gains == Told::Stored;
+            let stored_limits = line.can.limits == Told::Stored;
+            let patience = line.enable_patience_ticks();
+            for actuator in members(&mut self.list, line) {
+                actuator.gains = None;
+                if actuator.enabled() {
+                    actuator.todo = Todo::NOTHING.and_if(line.asks(), Errand::Query);
+                } else if actuator.waits_for_enable(patience) {
+                    actuator.todo = actuator.todo.and_if(on_query, Errand::Query);
+                } else if !actuator.todo.has(Errand::Enable) {
+                    actuator.todo = Todo::of(Errand::Enable)
+                        .and_if(stored_gains, Errand::Gains)
+                        .and_if(stored_limits, Errand::Limits)
+                        .and_if(on_query, Errand::Query);
+                }
+            }
+        }
+    }
+
+    /// Puts a target, already limited, into the mailbox of an actuator. `limits` is its channel with
+    /// the gains and limits of this moment, which need not be those of the configuration.
+    pub fn command(&mut self, limits: &Channel, channel: usize, target: Target, hold: Hold) {
+        let Some(line) = self.lines.get_mut(usize::from(limits.bus)) else { return };
+        let Some(actuator) = self.list.get_mut(channel) else { return };
+        let Some(feedback) = actuator.feedback() else { return };
+        let on_query = line.can.answers == Answers::OnQuery;
+        let setpoint = orders::setpoint(limits, &line.can, target, hold, &feedback);
+        line.give_up(channel);
+        // What cannot be damped is let go, and told so until it confirms.
+        let off = setpoint.is_none() && !(actuator.known_off && line.can.tells_enabled);
+        let mut todo = actuator.todo.without_switches();
+        todo = todo.and_if(off, Errand::Disable).and_if(on_query, Errand::Query);
+        if line.can.gains == Told::Stored {
+            let gains = Some(orders::gains(limits, hold));
+            todo = todo.and_if(actuator.gains != gains, Errand::Gains);
+            actuator.gains = gains;
+        }
+        actuator.todo = todo;
+        actuator.setpoint = setpoint;
+        if line.pose_is_assumed() && setpoint.is_some() {
+            actuator.assume(target.value);
+        }
+    }
+
+    /// The next frame for a bus: torque switches first.
+    pub fn poll(&mut self, config: &RobotConfig, bus: u8) -> Option<CanFrame> {
+        use rollwalk_protocol::actuators::rollwalk::RollwalkServos;
+        self.next_frame(config, bus, |protocol, order, n| match protocol {
+            Protocol::Rollwalk => Some(line::nth(&RollwalkServos, order, n)),
+            Protocol::Mit(p) => Some(line::nth(p, order, n)),
+            Protocol::Odrive(p) => Some(line::nth(p, order, n)),
+            Protocol::CyberGear(_) | Protocol::Dynamixel(_) | Protocol::Maestro(_) => None,
+        })
+    }
+
+    /// The next frame for a bus with 29-bit identifiers.
+    pub fn poll_extended(&mut self, config: &RobotConfig, bus: u8) -> Option<ExtendedFrame> {
+        self.next_frame(config, bus, |protocol, order, n| match protocol {
+            Protocol::CyberGear(p) => Some(line::nth(p, order, n)),
+            _ => None,
+        })
+    }
+}
+
+/// The actuators of a bus.
+fn members<'a>(list: &'a mut [Actuator], line: &'a Line) -> impl Iterator<Item = &'a mut Actuator> {
+    list.iter_mut().enumerate().filter(|(i, _)| line.has(*i)).map(|(_, actuator)| actuator)
+}

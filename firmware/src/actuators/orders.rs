@@ -1,0 +1,191 @@
+//! What an actuator is told: from a channel's limits and target to a command that its protocol can
+//! carry.
+
+use rollwalk_protocol::actuator::Feedback;
+use rollwalk_protocol::actuators::{
+    Capabilities, Command, Gains, JointSetpoint, Told, WheelSetpoint,
+};
+use rollwalk_protocol::config::{Channel, ChannelKind};
+
+use crate::limiter::{Target, gains_within_torque};
+
+/// How an actuator holds its target.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Hold {
+    /// With the channel's gains.
+    #[default]
+    Driven,
+    /// A joint by damping alone, a wheel by braking.
+    Damped,
+}
+
+/// Something to be told besides setpoints, as a bit of [`Todo`]. The urgent first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Errand {
+    Disable = 1 << 0,
+    ClearFaults = 1 << 1,
+    Limits = 1 << 2,
+    Gains = 1 << 3,
+    Enable = 1 << 4,
+    Query = 1 << 5,
+}
+
+/// What an actuator is to be told, each at most once: a place for each, and no queue.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Todo(u8);
+
+impl Todo {
+    pub const NOTHING: Self = Self(0);
+
+    pub fn of(errand: Errand) -> Self {
+        Self(errand as u8)
+    }
+
+    pub fn and(self, errand: Errand) -> Self {
+        Self(self.0 | errand as u8)
+    }
+
+    pub fn and_if(self, condition: bool, errand: Errand) -> Self {
+        if condition { self.and(errand) } else { self }
+    }
+
+    pub fn without(self, errand: Errand) -> Self {
+        Self(self.0 & !(errand as u8))
+    }
+
+    pub fn has(self, errand: Errand) -> bool {
+        self.0 & errand as u8 != 0
+    }
+
+    /// Drops what torque and pose have to do with, for a setpoint says all of that.
+    pub fn without_switches(self) -> Self {
+        self.without(Errand::Disable).without(Errand::Enable).without(Errand::Query)
+    }
+
+    /// The most urgent.
+    pub fn first(self) -> Option<Errand> {
+        Some(match self.0.trailing_zeros() {
+            0 => Errand::Disable,
+            1 => Errand::ClearFaults,
+            2 => Errand::Limits,
+            3 => Errand::Gains,
+            4 => Errand::Enable,
+            5 => Errand::Query,
+            _ => return None,
+        })
+    }
+}
+
+/// The command of an errand. `kept` are the gains that the actuator shall keep; without, those of
+/// its channel.
+pub fn command(
+    errand: Errand,
+    limits: &Channel,
+    can: &Capabilities,
+    kept: Option<Gains>,
+    feedback: &Feedback,
+) -> Command {
+    match errand {
+        Errand::Disable => Command::Disable,
+        Errand::ClearFaults => Command::ClearFaults,
+        Errand::Limits => {
+            Command::Limits { speed_rad_s: fastest(limits), torque_nm: limits.max_torque_nm }
+        }
+        Errand::Gains => Command::Gains(kept.unwrap_or_else(|| gains(limits, Hold::Driven))),
+        Errand::Enable => match limits.kind {
+            ChannelKind::JointPosition => {
+                Command::EnableJoint { measured_rad: feedback.position_rad }
+            }
+            ChannelKind::WheelSpeed => Command::EnableWheel,
+        },
+        Errand::Query if can.query => Command::Query,
+        // It answers whatever it is told: what changes nothing.
+        Errand::Query if feedback.status.enabled() => limp(limits, feedback),
+        Errand::Query => Command::Disable,
+    }
+}
+
+/// The gains of a channel.
+pub fn gains(limits: &Channel, hold: Hold) -> Gains {
+    let kp_nm_rad = if hold == Hold::Driven { limits.kp_nm_rad } else { 0.0 };
+    Gains { kp_nm_rad, kd_nm_s_rad: limits.kd_nm_s_rad }
+}
+
+/// The largest speed of a channel, rad/s.
+fn fastest(limits: &Channel) -> f32 {
+    match limits.kind {
+        ChannelKind::JointPosition => limits.max_rate,
+        ChannelKind::WheelSpeed => limits.max.max(-limits.min),
+    }
+}
+
+/// No torque, where gains go with every setpoint.
+fn limp(limits: &Channel, feedback: &Feedback) -> Command {
+    match limits.kind {
+        ChannelKind::JointPosition => Command::Joint(JointSetpoint {
+            position_rad: feedback.position_rad,
+            speed_rad_s: 0.0,
+            torque_nm: 0.0,
+            gains: Some(Gains { kp_nm_rad: 0.0, kd_nm_s_rad: 0.0 }),
+        }),
+        ChannelKind::WheelSpeed => Command::Wheel(WheelSetpoint {
+            speed_rad_s: 0.0,
+            torque_nm: 0.0,
+            kd_nm_s_rad: Some(0.0),
+            torque_limit_nm: None,
+        }),
+    }
+}
+
+/// The command of a target. `None` for a joint that shall be damped and cannot be: it has to be
+/// disabled.
+pub fn setpoint(
+    limits: &Channel,
+    can: &Capabilities,
+    target: Target,
+    hold: Hold,
+    feedback: &Feedback,
+) -> Option<Command> {
+    let Gains { kp_nm_rad: kp, kd_nm_s_rad: kd } = gains(limits, hold);
+    let speed_error = |target: f32| target - feedback.velocity_rad_s;
+    Some(match limits.kind {
+        ChannelKind::JointPosition => {
+            let gains = match can.gains {
+                Told::EachTime => {
+                    let (kp_nm_rad, kd_nm_s_rad) = gains_within_torque(
+                        (kp, kd),
+                        target.value - feedback.position_rad,
+                        speed_error(target.slope),
+                        limits.max_torque_nm,
+                    );
+                    Some(Gains { kp_nm_rad, kd_nm_s_rad })
+                }
+                Told::Stored => None,
+                Told::Never if hold == Hold::Damped => return None,
+                Told::Never => None,
+            };
+            Command::Joint(JointSetpoint {
+                position_rad: target.value,
+                speed_rad_s: target.slope,
+                torque_nm: 0.0,
+                gains,
+            })
+        }
+        ChannelKind::WheelSpeed => {
+            let (kd, torque_limit_nm) = match can.limits {
+                Told::EachTime => (kd, Some(limits.max_torque_nm)),
+                // Without a limit of its own, or with one that may be wrong.
+                Told::Stored | Told::Never => {
+                    let error = speed_error(target.value);
+                    (gains_within_torque((0.0, kd), 0.0, error, limits.max_torque_nm).1, None)
+                }
+            };
+            Command::Wheel(WheelSetpoint {
+                speed_rad_s: target.value,
+                torque_nm: 0.0,
+                kd_nm_s_rad: (can.gains == Told::EachTime).then_some(kd),
+                torque_limit_nm,
+            })
+        }
+    })
+}

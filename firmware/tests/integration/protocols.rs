@@ -1,0 +1,404 @@
+//! The controller with drives of every protocol: arm, align, play, stop.
+
+use rollwalk_firmware::bus::{Bus, Buses, Pose, Protocol};
+use rollwalk_firmware::safety::State;
+use rollwalk_firmware::{Controller, Settings};
+use rollwalk_protocol::actuators::cybergear::{CyberGear, TABLE_MAX_RAD};
+use rollwalk_protocol::actuators::dynamixel::{Dynamixels, table};
+use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
+use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
+use rollwalk_protocol::actuators::odrive::{Odrive, Version};
+use rollwalk_protocol::config::{ChannelKind, RobotConfig};
+use rollwalk_protocol::wire::{CommandResult, Fault};
+
+use crate::drives::{Drive, Electronics, Sent, cybergear_feedback};
+use crate::flash;
+use crate::rig::Rig;
+use crate::robot::{self, CODE_DRIVE, CODE_WALK, STAND};
+
+fn mit(model: usize, answers_from: AnswerId) -> Protocol {
+    Protocol::Mit(Mit { model: MODELS[model], answers_from })
+}
+
+fn odrive(version: Version) -> Protocol {
+    let reduction = -9.0;
+    Protocol::Odrive(Odrive { version, reduction, torque_constant_nm_a: 0.05, estimates_hz: 120 })
+}
+
+fn cybergear() -> Protocol {
+    Protocol::CyberGear(CyberGear { host: 0xFD, max_position_rad: TABLE_MAX_RAD })
+}
+
+fn dynamixel() -> Protocol {
+    let model = table::XM540_W150;
+    Protocol::Dynamixel(Dynamixels { model, watchdog_20ms: 5, return_delay_us: 0 })
+}
+
+fn maestro() -> Protocol {
+    let pulse = Pulse::default();
+    Protocol::Maestro(Maestro { device: None, crc: false, set_multiple: true, pulse })
+}
+
+/// Those that drive joints and wheels.
+fn protocols() -> Vec<Protocol> {
+    vec![
+        mit(6, AnswerId::Master(0)),
+        mit(4, AnswerId::Own),
+        odrive(Version::V05),
+        odrive(Version::V06),
+        cybergear(),
+        dynamixel(),
+    ]
+}
+
+/// A robot whose buses both speak `protocol`.
+fn bench(protocol: Protocol) -> Rig {
+    let mut config = robot::config();
+    if matches!(protocol, Protocol::Dynamixel(_)) {
+        // XM540-W150: 230 steps of 0.229 rev/min.
+        config.channels.iter_mut().for_each(|c| c.max_rate = c.max_rate.min(5.0));
+        (config.channels[2].min, config.channels[2].max) = (-5.0, 5.0);
+        config.channels[2].max_rate = 60.0;
+    }
+    bench_of(config, [protocol; 2], Pose::Measured)
+}
+
+fn bench_of(config: RobotConfig, protocols: [Protocol; 2], pose: Pose) -> Rig {
+    let library = robot::library_for(&robot::config());
+    let library = if config == robot::config() { library } else { robot::calm_library(&config) };
+    let settings = Settings::default();
+    let mut rig = Rig::with(config.clone(), settings, None);
+    let buses: Buses =
+        protocols.iter().map(|&protocol| Bus { protocol, pose, ..Bus::default() }).collect();
+    let store = flash::store(Some(&library));
+    rig.brain = Controller::with_buses(config.clone(), buses, store, settings);
+    let start = [0.9, -1.2, 0.0];
+    let driven = config.channels.iter().zip(start);
+    let driven = driven.filter(|(c, _)| protocols[usize::from(c.bus)] != Protocol::Rollwalk);
+    rig.drives.list =
+        driven.map(|(c, v)| Drive::new(&protocols[usize::from(c.bus)], *c, v)).collect();
+    rig.run(40);
+    rig
+}
+
+/// Has it armed and aligned.
+fn ready(protocol: Protocol) -> Rig {
+    let mut rig = bench(protocol);
+    assert_eq!(rig.brain.state(), State::Disarmed, "{protocol:?}");
+    rig.arm();
+    rig.run_until(State::Ready, 2000);
+    rig
+}
+
+fn playing(protocol: Protocol) -> Rig {
+    let mut rig = ready(protocol);
+    rig.play(CODE_WALK);
+    rig.run(150);
+    assert_eq!(rig.brain.state(), State::Playing, "{protocol:?}");
+    rig
+}
+
+/// No drive went farther at once than its channel allows in a tick, and its protocol's step.
+fn assert_no_kick(rig: &Rig, what: &Protocol) {
+    for drive in &rig.drives.list {
+        let c = &drive.motor.channel;
+        let allowed = c.max_rate * rig.settings.period_s() + 0.04;
+        let step = drive.motor.largest_step;
+        assert!(step <= allowed, "{what:?}: {:?} {} went {step} at once", c.kind, c.id);
+    }
+}
+
+#[test]
+fn every_protocol_arms_aligns_plays_and_comes_back() {
+    for protocol in protocols() {
+        let mut rig = ready(protocol);
+        for (drive, safe) in rig.drives.list.iter().zip(STAND) {
+            let error = (drive.motor.value - safe).abs();
+            assert!(error < 0.02, "{protocol:?}: {} for {safe}", drive.motor.value);
+        }
+        let before: Vec<_> = rig.drives.list.iter().map(|d| d.motor.setpoints).collect();
+        assert_eq!(rig.play(CODE_DRIVE).result, CommandResult::Ok);
+        rig.run(5);
+        rig.run_until(State::Ready, 2000);
+        for (drive, before) in rig.drives.list.iter().zip(before) {
+            // One setpoint each tick, no more.
+            let setpoints = drive.motor.setpoints - before;
+            assert!((200..2000).contains(&setpoints), "{protocol:?}: {setpoints}");
+        }
+        assert!(rig.brain.faults().is_empty(), "{protocol:?}");
+        assert_no_kick(&rig, &protocol);
+    }
+}
+
+#[test]
+fn no_protocol_kicks_when_it_is_enabled_again() {
+    for protocol in protocols() {
+        let mut rig = playing(protocol);
+        rig.estop();
+        rig.run(40);
+        assert!(rig.drives.list.iter().all(|d| !d.motor.enabled), "{protocol:?}");
+        rig.clear();
+        // Somebody moves the legs; the drives remember their last setpoint.
+        (rig.drives.list[0].motor.value, rig.drives.list[1].motor.value) = (-0.7, 0.6);
+        rig.drives.list[2].motor.value = 0.0;
+        rig.run(40);
+        rig.drives.list[0].motor.value = -0.71;
+        rig.arm();
+        rig.run_until(State::Ready, 2000);
+        assert_no_kick(&rig, &protocol);
+    }
+}
+
+#[test]
+fn estop_is_the_next_frame_for_every_drive() {
+    for protocol in protocols() {
+        let mut rig = playing(protocol);
+        rig.drives.clear_logs();
+        rig.brain.estop(rig.now_us);
+        rig.drives.carry(&mut rig.brain, rig.now_us);
+        for drive in &rig.drives.list {
+            assert!(!drive.motor.enabled, "{protocol:?}");
+            assert_eq!(drive.motor.log.first(), Some(&Sent::Disable), "{protocol:?}");
+            assert!(drive.motor.log.iter().all(|s| s.is_harmless()), "{protocol:?}");
+        }
+        rig.drives.clear_logs();
+        rig.run(200);
+        for drive in &rig.drives.list {
+            assert!(drive.motor.log.iter().all(|s| s.is_harmless()), "{:?}", drive.motor.log);
+        }
+    }
+}
+
+#[test]
+fn what_waited_for_a_dead_bus_is_off() {
+    for protocol in protocols() {
+        let mut rig = playing(protocol);
+        rig.drives.clear_logs();
+        rig.buses_up = false;
+        rig.run_until(State::Damped, 100);
+        rig.run_until(State::TorqueOff, 1000);
+        rig.run(500);
+        rig.drives.list.iter_mut().for_each(|d| d.motor.value += 0.5);
+        rig.buses_up = true;
+        rig.run(100);
+        for drive in &rig.drives.list {
+            assert!(!drive.motor.enabled, "{protocol:?}");
+            assert_eq!(drive.motor.log.first(), Some(&Sent::Disable), "{protocol:?}");
+            assert!(drive.motor.log.iter().all(|s| s.is_harmless()), "{protocol:?}");
+        }
+    }
+}
+
+/// The order that enables is begun, and the bus takes nothing for a while: it begins again, with the
+/// pose of that moment.
+#[test]
+fn an_order_that_stuck_halfway_begins_again() {
+    for protocol in protocols() {
+        for taken in 1..8 {
+            let mut rig = bench(protocol);
+            rig.arm();
+            rig.buses_up = false;
+            rig.run(1);
+            rig.drives.clear_logs();
+            for _ in 0..taken {
+                rig.drives.pass(&mut rig.brain, rig.now_us, 0);
+            }
+            // It is moved while it has not been enabled.
+            rig.run(3);
+            for drive in rig.drives.list.iter_mut().filter(|d| !d.motor.enabled) {
+                drive.motor.value += if drive.motor.is_wheel() { 0.0 } else { 0.3 };
+            }
+            rig.buses_up = true;
+            rig.run(1);
+            rig.run_until(State::Ready, 2000);
+            assert_no_kick(&rig, &protocol);
+        }
+    }
+}
+
+/// A stop in the middle of an order that enables: what is left of the order does not follow.
+#[test]
+fn a_stop_goes_before_the_rest_of_an_order() {
+    for protocol in protocols() {
+        for taken in 0..8 {
+            let mut rig = bench(protocol);
+            rig.arm();
+            rig.buses_up = false;
+            rig.run(1);
+            for _ in 0..taken {
+                rig.drives.pass(&mut rig.brain, rig.now_us, 0);
+            }
+            rig.brain.estop(rig.now_us);
+            rig.drives.clear_logs();
+            while rig.drives.pass(&mut rig.brain, rig.now_us, 0) {}
+            for drive in &rig.drives.list[..2] {
+                assert_eq!(drive.motor.log.first(), Some(&Sent::Disable), "{protocol:?}, {taken}");
+                assert!(drive.motor.log.iter().all(|s| s.is_harmless()), "{protocol:?}, {taken}");
+                assert!(!drive.motor.enabled, "{protocol:?}");
+            }
+        }
+    }
+}
+
+/// The frames of an order that enables are in a row: nothing for that drive comes between.
+#[test]
+fn an_order_that_enables_is_whole() {
+    for protocol in protocols() {
+        let mut rig = bench(protocol);
+        rig.drives.clear_logs();
+        rig.arm();
+        rig.run(2);
+        for drive in &rig.drives.list {
+            let log = &drive.motor.log;
+            let enable = log.iter().position(|&s| s == Sent::Enable).expect("it is enabled");
+            let first = log[..enable].iter().rposition(|s| s.is_harmless()).map_or(0, |n| n + 1);
+            let limp = |sent: &Sent| matches!(sent, Sent::Setpoint { kp, kd, .. } if *kp == 0.0 && *kd == 0.0);
+            match (protocol, &log[first..]) {
+                (Protocol::Mit(_), [a, Sent::Enable, b, ..]) => assert!(limp(a) && limp(b)),
+                (
+                    Protocol::CyberGear(_),
+                    [Sent::Limits, Sent::Limits, Sent::Mode, a, Sent::Enable, b, ..],
+                ) => assert!(limp(a) && limp(b)),
+                (
+                    Protocol::Odrive(_),
+                    [
+                        Sent::Limits,
+                        Sent::Gains { kd, .. },
+                        Sent::Mode,
+                        Sent::Setpoint { .. },
+                        Sent::Enable,
+                        ..,
+                    ],
+                ) => assert!((kd - drive.motor.channel.kd_nm_s_rad).abs() < 1e-4),
+                (
+                    Protocol::Dynamixel(_),
+                    [Sent::Limits, Sent::Limits, Sent::Setpoint { .. }, Sent::Enable, ..],
+                ) => {}
+                (_, log) => panic!("{protocol:?}: {log:?}"),
+            }
+        }
+    }
+}
+
+/// Let down, joints are damped where the protocol can tell it, and let go where not. Wheels brake.
+#[test]
+fn a_silent_drive_damps_the_others_as_far_as_they_can() {
+    for protocol in protocols() {
+        let mut rig = playing(protocol);
+        rig.drives.list[1].powered = false;
+        rig.run_until(State::Damped, 100);
+        rig.drives.clear_logs();
+        rig.run(100);
+        assert_eq!(rig.brain.state(), State::Damped);
+        assert!(rig.brain.faults().contains(Fault::ActuatorSilent));
+        let (joint, wheel) = (&rig.drives.list[0].motor, &rig.drives.list[2].motor);
+        if let Protocol::Dynamixel(_) = protocol {
+            assert!(!joint.enabled);
+            assert!(joint.log.iter().all(|s| s.is_harmless()));
+        } else {
+            let damped =
+                |s: &&Sent| matches!(s, Sent::Setpoint { kp, kd, .. } if *kp == 0.0 && *kd > 0.3);
+            let count = joint.log.iter().filter(damped).count();
+            assert!(joint.enabled && count >= 98, "{protocol:?}: {count}");
+        }
+        assert!(wheel.enabled && wheel.value.abs() < 0.02, "{protocol:?}: {}", wheel.value);
+        rig.run_until(State::TorqueOff, 1000);
+        rig.run(2);
+        assert!(!rig.drives.list[0].motor.enabled && !rig.drives.list[2].motor.enabled);
+    }
+}
+
+#[test]
+fn a_drive_that_reports_a_fault_damps_all() {
+    for protocol in [mit(4, AnswerId::Own), odrive(Version::V05), odrive(Version::V06), cybergear()]
+    {
+        let mut rig = playing(protocol);
+        match &mut rig.drives.list[0].electronics {
+            Electronics::Mit { error, .. } => *error = 1,
+            Electronics::Odrive(axis) => (axis.error, axis.closed_loop) = (0x40, false),
+            Electronics::CyberGear { faults, .. } => *faults = 1 << 2,
+            _ => unreachable!(),
+        }
+        rig.run_until(State::Damped, 20);
+        assert!(rig.brain.faults().contains(Fault::ActuatorFault), "{protocol:?}");
+    }
+}
+
+/// A fault frame between two feedbacks that know nothing of it.
+#[test]
+fn a_fault_that_is_told_once_is_heard() {
+    let mut rig = playing(cybergear());
+    let id = u32::from(rig.drives.list[0].motor.channel.id);
+    let fault = rollwalk_protocol::can::ExtendedFrame::new(
+        21 << 24 | id << 8 | 0xFD,
+        &[0, 1, 0, 0, 0, 0, 0, 0],
+    );
+    rig.brain.on_extended_frame(rig.now_us, 0, &fault.unwrap());
+    let after = cybergear_feedback(&rig.drives.list[0].motor, 0xFD, TABLE_MAX_RAD, 0);
+    rig.brain.on_extended_frame(rig.now_us, 0, &after);
+    rig.run(1);
+    assert_eq!(rig.brain.state(), State::Damped);
+}
+
+/// What a drive keeps has to be cleared before torque can come on again, and is while it is off.
+#[test]
+fn faults_that_drives_keep_are_cleared_while_torque_is_off() {
+    let mut rig = playing(odrive(Version::V06));
+    if let Electronics::Odrive(axis) = &mut rig.drives.list[0].electronics {
+        (axis.error, axis.closed_loop) = (0x0100_0000, false);
+    }
+    rig.run_until(State::TorqueOff, 1000);
+    rig.run(60);
+    assert!(rig.drives.list[0].motor.log.contains(&Sent::ClearFaults));
+    rig.clear();
+    rig.run(60);
+    rig.arm();
+    rig.run_until(State::Ready, 2000);
+}
+
+/// Heartbeats tell nothing of the pose, and go on when the encoder has gone.
+#[test]
+fn only_a_pose_is_a_sign_of_life() {
+    let mut rig = playing(odrive(Version::V06));
+    let id = u16::from(rig.drives.list[0].motor.channel.id) << 5;
+    rig.drives.list[0].powered = false;
+    for _ in 0..100 {
+        let alive =
+            rollwalk_protocol::can::CanFrame::new(id | 1, &[0, 0, 0, 0, 8, 0, 0, 0]).unwrap();
+        rig.brain.on_actuator_frame(rig.now_us, 0, &alive);
+        rig.step();
+    }
+    assert!(rig.brain.faults().contains(Fault::ActuatorSilent));
+}
+
+/// A Maestro cannot tell where its servos are.
+#[test]
+fn a_pose_that_nobody_measures_has_to_be_assumed() {
+    let config = robot::config();
+    let mixed = [maestro(), Protocol::Rollwalk];
+    let mut rig = bench_of(config.clone(), mixed, Pose::Measured);
+    let refused = rig.command(rollwalk_protocol::wire::Action::ArmRequest);
+    assert_eq!(refused.result, CommandResult::PoseUnknown);
+
+    let mut rig = bench_of(config, mixed, Pose::AssumedSafe);
+    // As the operator has put them.
+    for (drive, safe) in rig.drives.list.iter_mut().zip(STAND) {
+        drive.motor.value = safe;
+    }
+    rig.arm();
+    rig.run_until(State::Ready, 2000);
+    assert_eq!(rig.play(CODE_DRIVE).result, CommandResult::Ok);
+    rig.run(5);
+    rig.run_until(State::Ready, 2000);
+    assert_no_kick(&rig, &maestro());
+    assert!(rig.drives.list.iter().all(|d| d.motor.setpoints > 200));
+    // The board falls silent: no signal is left, and servos that cannot be damped are let go.
+    rig.drives.list[0].motor.log.clear();
+    rig.estop();
+    rig.run(1);
+    assert_eq!(rig.drives.list[0].motor.log.first(), Some(&Sent::Disable));
+    assert!(rig.drives.list.iter().all(|d| !d.motor.enabled));
+    let joints =
+        robot::config().channels.iter().filter(|c| c.kind == ChannelKind::JointPosition).count();
+    assert_eq!(rig.drives.list.len(), joints);
+}
