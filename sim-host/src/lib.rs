@@ -6,6 +6,7 @@
 //! | [`session`], [`client`], [`refusal`] | the host: what to do in which order, the protocol without clock or bus, sentences |
 //! | [`link`], [`fault`] | a link as the host sees it, and one that loses frames |
 //! | [`rig`], [`store`] | controller, buses and motors, stepped in one fixed order |
+//! | [`core`], [`remote`] | the controller: firmware in this process, or a board over a serial line |
 //! | [`bus`], [`candump`], [`clock`] | a bus exact to the bit, its log, virtual time |
 //! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle |
 //! | [`record`] | what was commanded on the buses and what came of it |
@@ -50,12 +51,14 @@ pub mod bus;
 pub mod candump;
 pub mod client;
 pub mod clock;
+pub mod core;
 pub mod fault;
 pub mod link;
 pub mod load;
 pub mod plant;
 pub mod record;
 pub mod refusal;
+pub mod remote;
 pub mod rig;
 pub mod servo;
 pub mod session;

@@ -12,19 +12,25 @@
 //! 2. motors: a step of 1/[`MOTOR_RATE_HZ`]
 //! 3. control period: the record of the past one is closed, the controller's `tick` runs
 //!
-//! After every event the controller's transmit buffers are filled: one frame for each bus, taken from
-//! the controller when the one before has left, so that nothing stale waits in hardware.
+//! After every event that the controller notices, its transmit buffers are filled: one frame for each
+//! bus, taken from the controller when the one before has left, so that nothing stale waits in hardware.
+//!
+//! The controller itself is a [`Core`]: the firmware within this process, or a board elsewhere
+//! ([`crate::remote`]) to which time and frames are carried.
 
 use crate::body::Body;
 use crate::bus::{BusStatistics, CanBus, DEFAULT_BITRATE, NodeId, TxPolicy};
 use crate::candump::{Interface, LogEntry};
 use crate::clock::{Periodic, SimTime};
+use crate::core::{Core, Local};
 use crate::link::{LinkBus, LinkError};
 use crate::record::{Recorder, TickRecord};
-use crate::store::SimStore;
-use rollwalk_firmware::{Controller, Settings};
+use rollwalk_firmware::Settings;
+use rollwalk_firmware::player::Playing;
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::library::ClipId;
+use rollwalk_protocol::tunnel::{Buses, Input, Step};
 use rollwalk_protocol::wire::Node;
 use rollwalk_robot::{InvalidRobot, Robot};
 use std::collections::VecDeque;
@@ -36,9 +42,11 @@ pub const MOTOR_RATE_HZ: u32 = 4000;
 const HOST_QUEUE: usize = 10;
 
 /// A robot, its controller and its buses.
-pub struct Rig {
+pub struct Rig<C = Local> {
     now: SimTime,
-    controller: Controller<SimStore>,
+    controller: C,
+    /// Why the controller is out of reach, from then on.
+    lost: Option<LinkError>,
     config: RobotConfig,
     node: Node,
     link: Wire,
@@ -65,11 +73,14 @@ impl Wire {
         Self { bus, controller }
     }
 
-    /// Fills the controller's transmit buffer if it is empty.
-    fn fill(&mut self, now: SimTime, next: impl FnOnce() -> Option<CanFrame>) {
-        if self.bus.pending(self.controller) == 0
-            && let Some(frame) = next()
-        {
+    /// Whether the controller's transmit buffer is empty.
+    fn is_free(&self) -> bool {
+        self.bus.pending(self.controller) == 0
+    }
+
+    /// Fills the controller's transmit buffer, which is empty.
+    fn fill(&mut self, now: SimTime, frame: Option<CanFrame>) {
+        if let Some(frame) = frame {
             self.bus.post(now, self.controller, frame).expect("the buffer is empty");
         }
     }
@@ -95,6 +106,18 @@ impl Rig {
     /// # Errors
     /// The robot breaks a rule of robot files.
     pub fn new(robot: &Robot) -> Result<Self, InvalidRobot> {
+        let local = Local::new(robot.controller_config()?, Settings::default());
+        Self::with_core(robot, local)
+    }
+}
+
+impl<C: Core> Rig<C> {
+    /// The same with a controller elsewhere, which has just been switched on and has the default
+    /// settings.
+    ///
+    /// # Errors
+    /// The robot breaks a rule of robot files.
+    pub fn with_core(robot: &Robot, controller: C) -> Result<Self, InvalidRobot> {
         let config = robot.controller_config()?;
         let settings = Settings::default();
         let mut link = Wire::new();
@@ -112,7 +135,8 @@ impl Rig {
 
         Ok(Self {
             now: SimTime::ZERO,
-            controller: Controller::new(config.clone(), SimStore::default(), settings),
+            controller,
+            lost: None,
             recorder: Recorder::new(&config),
             config,
             node: Node::new(settings.node).expect("the default address is one"),
@@ -166,41 +190,70 @@ impl Rig {
         std::iter::once(link).chain(actuators).collect()
     }
 
+    /// The controller.
+    pub fn core_mut(&mut self) -> &mut C {
+        &mut self.controller
+    }
+
     /// Lets time pass up to `until`, events at that very instant included.
     pub fn run_until(&mut self, until: SimTime) {
         while self.step(until) {}
         self.now = self.now.max(until);
     }
 
-    /// Handles the next event if it is due by `until`.
+    /// Handles the next event if it is due by `until`. Nothing happens any more once the controller is
+    /// out of reach.
     fn step(&mut self, until: SimTime) -> bool {
         let (at, next) = self.next_event();
-        if at > until {
+        if at > until || self.lost.is_some() {
             return false;
         }
         self.now = at;
-        match next {
+        let input = match next {
             Next::Link => self.end_link_frame(),
             Next::Actuator(bus) => self.end_actuator_frame(bus),
             Next::Motors => {
                 self.motor_step.advance();
                 self.body.step(at, 1.0 / f64::from(MOTOR_RATE_HZ));
+                return true;
             }
             Next::Control => {
                 self.control_period.advance();
                 self.body.update_loads();
                 self.recorder.end_period();
-                self.controller.tick(at.as_us());
-                if let Some(playing) = self.controller.playing() {
-                    self.recorder.begin_period(at, playing, self.body.values());
-                }
+                Some(Input::Tick)
             }
-        }
-        self.link.fill(at, || self.controller.poll_link(at.as_us()));
-        for (index, bus) in self.actuator_buses.iter_mut().enumerate() {
-            bus.wire.fill(at, || self.controller.poll_actuator(index as u8));
+        };
+        if let Err(error) = self.tell(at, input) {
+            self.lost = Some(error);
+            return false;
         }
         true
+    }
+
+    /// Tells the controller what happened, and puts on the buses what it sends.
+    fn tell(&mut self, at: SimTime, input: Option<Input>) -> Result<(), LinkError> {
+        let mut free = Buses::default();
+        if self.link.is_free() {
+            free = free.with_link();
+        }
+        for (bus, actuators) in (0..).zip(&self.actuator_buses) {
+            if actuators.wire.is_free() {
+                free = free.with_actuator(bus);
+            }
+        }
+        let sent = self.controller.step(Step { now_us: at.as_us(), input, free })?;
+        if input == Some(Input::Tick)
+            && let Some((clip, frame, phase)) = sent.playing
+        {
+            let playing = Playing { clip: ClipId(clip), frame, phase };
+            self.recorder.begin_period(at, playing, self.body.values());
+        }
+        self.link.fill(at, sent.link);
+        for (actuators, frame) in self.actuator_buses.iter_mut().zip(sent.actuators) {
+            actuators.wire.fill(at, frame);
+        }
+        Ok(())
     }
 
     /// The earliest event; of those at the same instant the first in the documented order.
@@ -216,29 +269,30 @@ impl Rig {
         frames.chain([motors, control]).min_by_key(|&(at, _)| at).expect("control never ends")
     }
 
-    fn end_link_frame(&mut self) {
-        let Some(delivery) = self.link.bus.next_delivery(self.now) else { return };
+    /// What the controller notices of it.
+    fn end_link_frame(&mut self) -> Option<Input> {
+        let delivery = self.link.bus.next_delivery(self.now)?;
         self.log.push(LogEntry {
             at: delivery.at,
             interface: Interface::Link,
             frame: delivery.frame,
         });
         if delivery.from == self.host {
-            self.controller.on_link_frame(self.now.as_us(), &delivery.frame);
-        } else {
-            self.host_inbox.push_back(delivery.frame);
+            return Some(Input::Link(delivery.frame));
         }
+        self.host_inbox.push_back(delivery.frame);
+        None
     }
 
-    fn end_actuator_frame(&mut self, index: usize) {
+    /// What the controller notices of it.
+    fn end_actuator_frame(&mut self, index: usize) -> Option<Input> {
         let ActuatorBus { wire, servos } = &mut self.actuator_buses[index];
-        let Some(delivery) = wire.bus.next_delivery(self.now) else { return };
+        let delivery = wire.bus.next_delivery(self.now)?;
         let (frame, number) = (&delivery.frame, index as u8);
         let interface = Interface::Actuator(number);
         self.log.push(LogEntry { at: delivery.at, interface, frame: *frame });
         if delivery.from != wire.controller {
-            self.controller.on_actuator_frame(self.now.as_us(), number, frame);
-            return;
+            return Some(Input::Actuator(number, *frame));
         }
         self.recorder.on_setpoint(number, frame);
         for &(node, channel) in servos.iter() {
@@ -246,10 +300,11 @@ impl Rig {
                 wire.bus.post(self.now, node, answer).expect("a `Latest` node always takes frames");
             }
         }
+        None
     }
 }
 
-impl LinkBus for Rig {
+impl<C: Core> LinkBus for Rig<C> {
     fn now_us(&self) -> u64 {
         self.now.as_us()
     }
@@ -261,6 +316,9 @@ impl LinkBus for Rig {
     fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
         let deadline = SimTime::from_us(deadline_us);
         while self.host_inbox.is_empty() && self.step(deadline) {}
+        if let Some(error) = &self.lost {
+            return Err(error.clone());
+        }
         let frame = self.host_inbox.pop_front();
         if frame.is_none() {
             self.now = self.now.max(deadline);

@@ -1,0 +1,58 @@
+//! What control periods cost, in counts of SysTick. Under QEMU's `-icount` those are instructions.
+
+use cortex_m::peripheral::SYST;
+use cortex_m::peripheral::syst::SystClkSource;
+use rollwalk_protocol::tunnel::Figures;
+
+/// SysTick counts down from here; the longest thing that is measured must be shorter.
+const RELOAD: u32 = 0x00FF_FFFF;
+
+/// The counter and what it has counted.
+pub struct Cost {
+    figures: Figures,
+    /// The period under way.
+    period: u32,
+}
+
+impl Cost {
+    /// Starts the counter.
+    pub fn new(mut timer: SYST) -> Self {
+        timer.set_clock_source(SystClkSource::Core);
+        timer.set_reload(RELOAD);
+        timer.clear_current();
+        timer.enable_counter();
+        Self { figures: Figures::default(), period: 0 }
+    }
+
+    /// Does a part of a control period.
+    pub fn of<T>(&mut self, work: impl FnOnce() -> T) -> T {
+        let (done, counts) = counted(work);
+        self.period = self.period.saturating_add(counts);
+        done
+    }
+
+    /// Does the tick that begins a control period, and closes the one before.
+    pub fn of_tick(&mut self, tick: impl FnOnce()) {
+        let figures = &mut self.figures;
+        let ((), counts) = counted(tick);
+        if figures.periods > 0 {
+            figures.worst_period = figures.worst_period.max(self.period);
+            figures.all_periods = figures.all_periods.saturating_add(self.period.into());
+        }
+        figures.periods = figures.periods.saturating_add(1);
+        figures.worst_tick = figures.worst_tick.max(counts);
+        figures.all_ticks = figures.all_ticks.saturating_add(counts.into());
+        self.period = counts;
+    }
+
+    /// The figures so far, without the stack.
+    pub fn figures(&self) -> Figures {
+        self.figures
+    }
+}
+
+fn counted<T>(work: impl FnOnce() -> T) -> (T, u32) {
+    let before = SYST::get_current();
+    let done = work();
+    (done, before.wrapping_sub(SYST::get_current()) & RELOAD)
+}

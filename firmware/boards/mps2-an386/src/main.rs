@@ -1,0 +1,97 @@
+//! The controller on an emulated Cortex-M4F, its buses and its time tunnelled over UART 0.
+//!
+//! Answers one packet with one packet ([`rollwalk_protocol::tunnel`]) and does nothing by itself.
+#![no_std]
+#![no_main]
+
+mod cost;
+mod halt;
+mod robot;
+mod stack;
+mod store;
+mod uart;
+
+use cortex_m_rt::entry;
+use rollwalk_firmware::{Controller, Settings};
+use rollwalk_protocol::tunnel::{
+    Answer, Deframer, Figures, Hello, Input, MAX_ACTUATOR_BUSES, Request, Step, Stepped,
+};
+use static_cell::StaticCell;
+
+use cost::Cost;
+use store::LibraryMemory;
+use uart::Uart;
+
+static CONTROLLER: StaticCell<Controller<LibraryMemory>> = StaticCell::new();
+
+#[entry]
+fn main() -> ! {
+    stack::paint();
+    let Some(peripherals) = cortex_m::Peripherals::take() else { halt::halt() };
+    let Some(config) = robot::config() else { halt::halt() };
+    let Some(store) = LibraryMemory::take() else { halt::halt() };
+    let build = || Controller::new(config, store, Settings::default());
+    let Some(controller) = CONTROLLER.try_init_with(build) else { halt::halt() };
+    let mut uart = Uart::new();
+    let mut board = Board { controller, cost: Cost::new(peripherals.SYST), steps: 0 };
+    let mut deframer = Deframer::default();
+    loop {
+        let Some(packet) = deframer.push(uart.read()) else { continue };
+        // What is no question of ours gets no answer: the host asks again or gives up.
+        let Some((sequence, request)) = Request::decode(packet) else { continue };
+        if let Some(line) = board.answer(request).encode(sequence) {
+            line.iter().for_each(|&byte| uart.write(byte));
+        }
+    }
+}
+
+/// The controller and what it costs.
+struct Board {
+    controller: &'static mut Controller<LibraryMemory>,
+    cost: Cost,
+    steps: u32,
+}
+
+impl Board {
+    fn answer(&mut self, request: Request) -> Answer {
+        match request {
+            Request::Hello => Answer::Hello(Hello {
+                config_hash: self.controller.config().hash(),
+                steps: self.steps,
+            }),
+            Request::Step(step) => Answer::Stepped(self.step(step)),
+            Request::Figures => {
+                Answer::Figures(Figures { stack_bytes: stack::deepest(), ..self.cost.figures() })
+            }
+        }
+    }
+
+    fn step(&mut self, Step { now_us, input, free }: Step) -> Stepped {
+        let Self { controller, cost, steps } = self;
+        *steps = steps.wrapping_add(1);
+        match input {
+            None => {}
+            Some(Input::Tick) => cost.of_tick(|| controller.tick(now_us)),
+            // A library is checked in here: no part of a control period.
+            Some(Input::Link(frame)) => controller.on_link_frame(now_us, &frame),
+            Some(Input::Actuator(bus, frame)) => {
+                cost.of(|| controller.on_actuator_frame(now_us, bus, &frame));
+            }
+        }
+        let mut stepped = Stepped::default();
+        if free.link() {
+            stepped.link = cost.of(|| controller.poll_link(now_us));
+        }
+        for (bus, slot) in (0..MAX_ACTUATOR_BUSES).zip(&mut stepped.actuators) {
+            if free.actuator(bus) {
+                *slot = cost.of(|| controller.poll_actuator(bus));
+            }
+        }
+        stepped.playing = controller.playing().map(|p| (p.clip.0, p.frame, p.phase));
+        #[cfg(feature = "planted-panic")]
+        {
+            stepped.link = stepped.actuators[usize::from(now_us as u8)];
+        }
+        stepped
+    }
+}

@@ -1,0 +1,39 @@
+//! How deep the stack was: it is painted at the start, and what was painted over was used.
+
+use core::arch::asm;
+use core::ptr::{read_volatile, write_volatile};
+
+const PAINT: u32 = 0xA5A5_5A5A;
+/// Left alone below the stack pointer while painting: this function's own frame.
+const MARGIN_BYTES: usize = 256;
+
+unsafe extern "C" {
+    // Of the linker script: the end of the static variables, where the stack may grow down to, and
+    // its beginning.
+    static mut __sheap: u32;
+    static mut _stack_start: u32;
+}
+
+/// Paints everything between the static variables and the stack.
+pub fn paint() {
+    let pointer: usize;
+    // SAFETY: reads a register.
+    unsafe { asm!("mov {}, sp", out(reg) pointer, options(nomem, nostack, preserves_flags)) };
+    let mut word = &raw mut __sheap;
+    while (word as usize) < pointer.saturating_sub(MARGIN_BYTES) {
+        // SAFETY: RAM between the static variables and the stack, which nothing uses.
+        unsafe { write_volatile(word, PAINT) };
+        word = word.wrapping_add(1);
+    }
+}
+
+/// Bytes of stack that were ever used.
+pub fn deepest() -> u32 {
+    let mut word = &raw const __sheap;
+    let start = &raw const _stack_start;
+    // SAFETY: RAM, up to the beginning of the stack.
+    while word < start && unsafe { read_volatile(word) } == PAINT {
+        word = word.wrapping_add(1);
+    }
+    (start as usize).saturating_sub(word as usize) as u32
+}

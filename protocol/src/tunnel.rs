@@ -1,0 +1,460 @@
+//! Frames of every bus, and the time, over one serial line: how a host drives a board without CAN.
+//!
+//! An emulated board has no CAN controller, and no clock that a test could trust. So the host keeps
+//! the time and both ends of every bus: it tells the board what happened and when ([`Request::Step`])
+//! and gets back what the controller puts on the buses. One question, one answer, nothing by itself:
+//! the same questions give the same answers, byte by byte.
+//!
+//! A packet is `body · CRC-32C (little-endian)`, stuffed by COBS (Cheshire and Baker 1997) and ended
+//! by a zero byte. The body begins with kind and sequence number; the answer repeats both.
+
+use crate::can::CanFrame;
+use crate::crc::crc32c;
+use cobs::{DecodeResult, DecoderState};
+use heapless::Vec;
+
+/// Actuator buses at most.
+pub const MAX_ACTUATOR_BUSES: u8 = 8;
+/// Longest packet before it is stuffed: an answer with a frame for every bus has 122 bytes.
+const MAX_PACKET: usize = 128;
+/// Longest packet on the line: one byte of stuffing, one zero.
+const MAX_LINE: usize = MAX_PACKET + 2;
+const CRC_LEN: usize = 4;
+
+const KIND_HELLO: u8 = 1;
+const KIND_STEP: u8 = 2;
+const KIND_FIGURES: u8 = 3;
+
+/// Bytes for the line, the ending zero included.
+pub type Line = Vec<u8, MAX_LINE>;
+
+/// What the host asks of the board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Request {
+    /// Who are you?
+    Hello,
+    /// Something happened, or a bus can take a frame.
+    Step(Step),
+    /// What did it cost?
+    Figures,
+}
+
+/// An instant: what happened, and which buses can take a frame after it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// The controller's time, µs; never goes back.
+    pub now_us: u64,
+    /// What happened.
+    pub input: Option<Input>,
+    /// Buses that can take a frame.
+    pub free: Buses,
+}
+
+/// What a controller is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input {
+    /// A control period has passed.
+    Tick,
+    /// A frame from the host.
+    Link(CanFrame),
+    /// A frame of an actuator bus, below [`MAX_ACTUATOR_BUSES`].
+    Actuator(u8, CanFrame),
+}
+
+/// A set of buses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Buses(u16);
+
+impl Buses {
+    /// With the link.
+    pub fn with_link(self) -> Self {
+        Self(self.0 | 1)
+    }
+
+    /// With an actuator bus; those from [`MAX_ACTUATOR_BUSES`] on do not exist.
+    pub fn with_actuator(self, bus: u8) -> Self {
+        if bus < MAX_ACTUATOR_BUSES { Self(self.0 | 2 << bus) } else { self }
+    }
+
+    /// Those of `self` that are not in `other`.
+    pub fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+
+    /// Whether the link is one.
+    pub fn link(self) -> bool {
+        self.0 & 1 != 0
+    }
+
+    /// Whether an actuator bus is one.
+    pub fn actuator(self, bus: u8) -> bool {
+        bus < MAX_ACTUATOR_BUSES && self.0 & (2 << bus) != 0
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+}
+
+/// What the board answers.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Answer {
+    /// Who it is.
+    Hello(Hello),
+    /// What the controller sends.
+    Stepped(Stepped),
+    /// What it cost.
+    Figures(Figures),
+}
+
+/// Who a board is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Hello {
+    /// [`crate::config::RobotConfig::hash`] of the robot that the image was built for.
+    pub config_hash: u32,
+    /// Steps since it was switched on: a run that shall be repeatable begins at 0.
+    pub steps: u32,
+}
+
+/// What came of a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stepped {
+    /// A frame for the link.
+    pub link: Option<CanFrame>,
+    /// A frame for each actuator bus.
+    pub actuators: [Option<CanFrame>; MAX_ACTUATOR_BUSES as usize],
+    /// Clip, frame and phase of what is being played.
+    pub playing: Option<(u8, u16, f32)>,
+}
+
+/// What control periods cost, in counts of the board's timer, and the stack.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Figures {
+    /// Control periods counted.
+    pub periods: u32,
+    /// The longest tick alone.
+    pub worst_tick: u32,
+    /// All ticks.
+    pub all_ticks: u64,
+    /// The longest period: the tick, every actuator's feedback and every frame for a bus.
+    pub worst_period: u32,
+    /// All periods.
+    pub all_periods: u64,
+    /// Deepest stack since the board was switched on, bytes.
+    pub stack_bytes: u32,
+}
+
+impl Request {
+    /// As bytes for the line.
+    pub fn encode(&self, sequence: u8) -> Option<Line> {
+        let mut packet = Writer::default();
+        match self {
+            Self::Hello => packet.put(&[KIND_HELLO, sequence])?,
+            Self::Figures => packet.put(&[KIND_FIGURES, sequence])?,
+            Self::Step(Step { now_us, input, free }) => {
+                packet.put(&[KIND_STEP, sequence])?;
+                packet.put(&now_us.to_le_bytes())?;
+                packet.put(&free.0.to_le_bytes())?;
+                match input {
+                    None => packet.put(&[0])?,
+                    Some(Input::Tick) => packet.put(&[1])?,
+                    Some(Input::Link(frame)) => packet.bus_frame(2, frame)?,
+                    Some(Input::Actuator(bus, frame)) if *bus < MAX_ACTUATOR_BUSES => {
+                        packet.bus_frame(3 + bus, frame)?;
+                    }
+                    Some(Input::Actuator(..)) => return None,
+                }
+            }
+        }
+        packet.finish()
+    }
+
+    /// From a packet of a [`Deframer`], with its sequence number.
+    pub fn decode(packet: &[u8]) -> Option<(u8, Self)> {
+        let mut rest = Reader(packet);
+        let [kind, sequence] = rest.take()?;
+        let request = match kind {
+            KIND_HELLO => Self::Hello,
+            KIND_FIGURES => Self::Figures,
+            KIND_STEP => {
+                let now_us = u64::from_le_bytes(rest.take()?);
+                let free = Buses(u16::from_le_bytes(rest.take()?));
+                let [input] = rest.take()?;
+                let input = match input {
+                    0 => None,
+                    1 => Some(Input::Tick),
+                    2 => Some(Input::Link(rest.frame()?)),
+                    bus => {
+                        let bus = bus.checked_sub(3).filter(|bus| *bus < MAX_ACTUATOR_BUSES)?;
+                        Some(Input::Actuator(bus, rest.frame()?))
+                    }
+                };
+                Self::Step(Step { now_us, input, free })
+            }
+            _ => return None,
+        };
+        rest.0.is_empty().then_some((sequence, request))
+    }
+}
+
+impl Answer {
+    /// As bytes for the line.
+    pub fn encode(&self, sequence: u8) -> Option<Line> {
+        let mut packet = Writer::default();
+        match self {
+            Self::Hello(Hello { config_hash, steps }) => {
+                packet.put(&[KIND_HELLO, sequence])?;
+                packet.put(&config_hash.to_le_bytes())?;
+                packet.put(&steps.to_le_bytes())?;
+            }
+            Self::Figures(figures) => {
+                packet.put(&[KIND_FIGURES, sequence])?;
+                packet.put(&figures.periods.to_le_bytes())?;
+                packet.put(&figures.worst_tick.to_le_bytes())?;
+                packet.put(&figures.all_ticks.to_le_bytes())?;
+                packet.put(&figures.worst_period.to_le_bytes())?;
+                packet.put(&figures.all_periods.to_le_bytes())?;
+                packet.put(&figures.stack_bytes.to_le_bytes())?;
+            }
+            Self::Stepped(Stepped { link, actuators, playing }) => {
+                packet.put(&[KIND_STEP, sequence, u8::from(playing.is_some())])?;
+                if let Some((clip, frame, phase)) = playing {
+                    packet.put(&[*clip])?;
+                    packet.put(&frame.to_le_bytes())?;
+                    packet.put(&phase.to_le_bytes())?;
+                }
+                if let Some(frame) = link {
+                    packet.bus_frame(0, frame)?;
+                }
+                for (bus, frame) in (1..).zip(actuators) {
+                    if let Some(frame) = frame {
+                        packet.bus_frame(bus, frame)?;
+                    }
+                }
+            }
+        }
+        packet.finish()
+    }
+
+    /// From a packet of a [`Deframer`], with its sequence number.
+    pub fn decode(packet: &[u8]) -> Option<(u8, Self)> {
+        let mut rest = Reader(packet);
+        let [kind, sequence] = rest.take()?;
+        let answer = match kind {
+            KIND_HELLO => Self::Hello(Hello { config_hash: rest.u32()?, steps: rest.u32()? }),
+            KIND_FIGURES => Self::Figures(Figures {
+                periods: rest.u32()?,
+                worst_tick: rest.u32()?,
+                all_ticks: u64::from_le_bytes(rest.take()?),
+                worst_period: rest.u32()?,
+                all_periods: u64::from_le_bytes(rest.take()?),
+                stack_bytes: rest.u32()?,
+            }),
+            KIND_STEP => {
+                let playing = match rest.take()? {
+                    [0] => None,
+                    [1] => {
+                        let [clip] = rest.take()?;
+                        let frame = u16::from_le_bytes(rest.take()?);
+                        Some((clip, frame, f32::from_le_bytes(rest.take()?)))
+                    }
+                    _ => return None,
+                };
+                let mut stepped = Stepped { playing, ..Stepped::default() };
+                while let Some([bus]) = rest.take() {
+                    let slot = match usize::from(bus).checked_sub(1) {
+                        None => &mut stepped.link,
+                        Some(bus) => stepped.actuators.get_mut(bus)?,
+                    };
+                    *slot = Some(rest.frame()?);
+                }
+                Self::Stepped(stepped)
+            }
+            _ => return None,
+        };
+        rest.0.is_empty().then_some((sequence, answer))
+    }
+}
+
+/// A packet that is being written.
+#[derive(Default)]
+struct Writer(Vec<u8, MAX_PACKET>);
+
+impl Writer {
+    fn put(&mut self, bytes: &[u8]) -> Option<()> {
+        self.0.extend_from_slice(bytes).ok()
+    }
+
+    fn bus_frame(&mut self, bus: u8, frame: &CanFrame) -> Option<()> {
+        let [low, high] = frame.id().to_le_bytes();
+        self.put(&[bus, low, high, frame.data().len() as u8])?;
+        self.put(frame.data())
+    }
+
+    fn finish(mut self) -> Option<Line> {
+        let crc = crc32c(&self.0);
+        self.put(&crc.to_le_bytes())?;
+        let mut line = Line::new();
+        line.resize_default(MAX_LINE).ok()?;
+        let len = cobs::try_encode(&self.0, &mut line).ok()?;
+        line.truncate(len);
+        line.push(0).ok()?;
+        Some(line)
+    }
+}
+
+/// The rest of a packet.
+struct Reader<'a>(&'a [u8]);
+
+impl Reader<'_> {
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (head, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some(*head)
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    fn frame(&mut self) -> Option<CanFrame> {
+        let [low, high, len] = self.take()?;
+        let (data, rest) = self.0.split_at_checked(len.into())?;
+        self.0 = rest;
+        CanFrame::new(u16::from_le_bytes([low, high]), data)
+    }
+}
+
+/// Finds packets in what comes over the line. Whatever came before, the packet after the next zero
+/// is found.
+#[derive(Debug)]
+pub struct Deframer {
+    packet: Vec<u8, MAX_PACKET>,
+    cobs: DecoderState,
+    /// What came since the last zero is no packet.
+    bad: bool,
+    /// The last byte ended a packet, which is still here for its reader.
+    complete: bool,
+}
+
+impl Default for Deframer {
+    fn default() -> Self {
+        Self { packet: Vec::new(), cobs: DecoderState::Idle, bad: false, complete: false }
+    }
+}
+
+impl Deframer {
+    /// Takes a byte; the packet that it completes, without its checksum. Damaged ones are dropped.
+    pub fn push(&mut self, byte: u8) -> Option<&[u8]> {
+        if core::mem::take(&mut self.complete) {
+            self.packet.clear();
+        }
+        let fed = self.cobs.feed(byte);
+        if byte != 0 {
+            match fed {
+                Ok(DecodeResult::DataContinue(data)) => self.bad |= self.packet.push(data).is_err(),
+                Ok(DecodeResult::NoData) => {}
+                Ok(DecodeResult::DataComplete) | Err(_) => self.bad = true,
+            }
+            return None;
+        }
+        self.cobs = DecoderState::Idle;
+        self.complete = true;
+        let whole =
+            !core::mem::take(&mut self.bad) && matches!(fed, Ok(DecodeResult::DataComplete));
+        let (body, crc) = self.packet.split_last_chunk::<CRC_LEN>()?;
+        (whole && crc32c(body) == u32::from_le_bytes(*crc)).then_some(body)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn packets(deframer: &mut Deframer, bytes: &[u8]) -> std::vec::Vec<std::vec::Vec<u8>> {
+        bytes.iter().filter_map(|&byte| deframer.push(byte).map(<[u8]>::to_vec)).collect()
+    }
+
+    fn frame() -> impl Strategy<Value = CanFrame> {
+        (0u16..0x800, prop::collection::vec(any::<u8>(), 0..=8))
+            .prop_map(|(id, data)| CanFrame::new(id, &data).unwrap())
+    }
+
+    fn request() -> impl Strategy<Value = Request> {
+        let input = prop_oneof![
+            Just(None),
+            Just(Some(Input::Tick)),
+            frame().prop_map(|frame| Some(Input::Link(frame))),
+            (0..MAX_ACTUATOR_BUSES, frame()).prop_map(|(bus, f)| Some(Input::Actuator(bus, f))),
+        ];
+        let step = (any::<u64>(), input, any::<u16>()).prop_map(|(now_us, input, free)| {
+            Request::Step(Step { now_us, input, free: Buses(free) })
+        });
+        prop_oneof![Just(Request::Hello), Just(Request::Figures), step]
+    }
+
+    fn answer() -> impl Strategy<Value = Answer> {
+        let slot = || prop::option::of(frame());
+        let playing = prop::option::of((any::<u8>(), any::<u16>(), 0f32..1.0));
+        let stepped = (slot(), prop::array::uniform8(slot()), playing)
+            .prop_map(|(link, actuators, playing)| Stepped { link, actuators, playing });
+        let hello = (any::<u32>(), any::<u32>())
+            .prop_map(|(config_hash, steps)| Answer::Hello(Hello { config_hash, steps }));
+        let figures = (any::<[u32; 4]>(), any::<[u64; 2]>()).prop_map(
+            |([periods, worst_tick, worst_period, stack_bytes], [all_ticks, all_periods])| {
+                Figures { periods, worst_tick, all_ticks, worst_period, all_periods, stack_bytes }
+            },
+        );
+        prop_oneof![stepped.prop_map(Answer::Stepped), hello, figures.prop_map(Answer::Figures)]
+    }
+
+    /// Counted by hand from the description above; the CRC of `01 07` by another program.
+    #[test]
+    fn a_question_on_the_line() {
+        let line = Request::Hello.encode(7).unwrap();
+        let crc = crc32c(&[1, 7]).to_le_bytes();
+        assert!(!crc.contains(&0));
+        assert_eq!(line, [[7, 1, 7].as_slice(), &crc, &[0]].concat());
+        // A zero in the body is replaced by the distance to the next one.
+        let line = Request::Hello.encode(0).unwrap();
+        assert_eq!(line.get(..3), Some([2, 1, 5].as_slice()));
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_asked_and_answered_arrives(
+            request in request(), answer in answer(), sequence: u8,
+            noise in prop::collection::vec(any::<u8>(), 0..300),
+        ) {
+            let mut deframer = Deframer::default();
+            packets(&mut deframer, &noise);
+            packets(&mut deframer, &[0]);
+            let line = request.encode(sequence).unwrap();
+            let [packet] = &packets(&mut deframer, &line)[..] else { panic!("one packet") };
+            prop_assert_eq!(Request::decode(packet), Some((sequence, request)));
+            let line = answer.encode(sequence).unwrap();
+            let [packet] = &packets(&mut deframer, &line)[..] else { panic!("one packet") };
+            prop_assert_eq!(Answer::decode(packet), Some((sequence, answer)));
+        }
+
+        #[test]
+        fn a_damaged_packet_is_dropped(
+            answer in answer(), at: prop::sample::Index, flip in 1u8..,
+        ) {
+            let mut line = answer.encode(1).unwrap();
+            let at = at.index(line.len());
+            line[at] ^= flip;
+            let mut deframer = Deframer::default();
+            let good = packets(&mut deframer, &line);
+            prop_assert!(good.is_empty(), "{:?}", good);
+        }
+
+        #[test]
+        fn nothing_makes_it_panic(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
+            let _ = (Request::decode(&bytes), Answer::decode(&bytes));
+            packets(&mut Deframer::default(), &bytes);
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! The controller as the bench sees it: told what happened, it says what it sends.
+
+use crate::link::LinkError;
+use crate::store::SimStore;
+use rollwalk_firmware::{Controller, Settings};
+use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::tunnel::{Input, Step, Stepped};
+
+/// A controller, wherever it runs.
+pub trait Core {
+    /// Tells it what happened, then takes a frame for each bus that can take one.
+    ///
+    /// # Errors
+    /// It is out of reach.
+    fn step(&mut self, step: Step) -> Result<Stepped, LinkError>;
+}
+
+/// The firmware within this process.
+pub struct Local(Controller<SimStore>);
+
+impl Local {
+    /// A controller that has just been switched on.
+    pub fn new(config: RobotConfig, settings: Settings) -> Self {
+        Self(Controller::new(config, SimStore::default(), settings))
+    }
+}
+
+impl Core for Local {
+    fn step(&mut self, Step { now_us, input, free }: Step) -> Result<Stepped, LinkError> {
+        let Self(controller) = self;
+        match input {
+            None => {}
+            Some(Input::Tick) => controller.tick(now_us),
+            Some(Input::Link(frame)) => controller.on_link_frame(now_us, &frame),
+            Some(Input::Actuator(bus, frame)) => controller.on_actuator_frame(now_us, bus, &frame),
+        }
+        let link = if free.link() { controller.poll_link(now_us) } else { None };
+        let mut actuators = [None; _];
+        for (bus, slot) in (0..).zip(&mut actuators) {
+            *slot = if free.actuator(bus) { controller.poll_actuator(bus) } else { None };
+        }
+        let playing = controller.playing().map(|p| (p.clip.0, p.frame, p.phase));
+        Ok(Stepped { link, actuators, playing })
+    }
+}
