@@ -5,6 +5,7 @@
 
 use crate::debian;
 use crate::shell::{self, cargo, command};
+use std::path::PathBuf;
 use std::process::Command;
 
 const TARGET: &str = "thumbv7em-none-eabihf";
@@ -13,14 +14,36 @@ const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "l
 const DEBIAN_CARGO: &str = "/usr/bin/cargo";
 const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
 
-/// Builds with the first toolchain that can.
+/// `cargo build --release` for the target, to be completed and run, and where the artefacts will be.
+pub struct Build {
+    /// The command.
+    pub cargo: Command,
+    /// Their folder.
+    pub artefacts: PathBuf,
+}
+
+/// Builds the controller's crates.
 ///
 /// # Errors
 /// The compiler's verdict, or the one command to run when no toolchain could be had.
 pub fn check() -> Result<(), String> {
-    if rustup_target() {
-        let mut build = cargo(&["build", "--release", "--target", TARGET]);
-        return shell::run(build.args(CRATES));
+    shell::run(build()?.cargo.args(CRATES))
+}
+
+/// A build with the first toolchain that can.
+///
+/// # Errors
+/// The one command to run when no toolchain could be had.
+pub fn build() -> Result<Build, String> {
+    let rustup = rustup_target();
+    // Each has a folder of its own: the artefacts of the two compilers do not mix.
+    let folder = shell::target_folder().join(if rustup { "bare-metal" } else { "debian" });
+    let artefacts = folder.join(TARGET).join("release");
+    let args = ["build", "--release", "--target", TARGET];
+    if rustup {
+        let mut cargo = cargo(&args);
+        cargo.arg("--target-dir").arg(folder);
+        return Ok(Build { cargo, artefacts });
     }
     eprintln!("rustup cannot install {TARGET}; falling back to Debian's compiler");
     debian::need(&DEBIAN_PACKAGES).map_err(|install| {
@@ -29,15 +52,14 @@ pub fn check() -> Result<(), String> {
              rustup target add {TARGET}\n    {install}"
         )
     })?;
-    let mut build = command(DEBIAN_CARGO, &["build", "--release", "--target", TARGET]);
-    build.args(["-Z", "build-std=core"]).args(CRATES);
-    // Debian's stable compiler needs leave to build `core`, and a folder of its own, because its
-    // artefacts do not mix with those of rustup's. Its version may trail the one that the host crates
-    // ask for; these two crates use nothing that new.
-    build.args(["--ignore-rust-version", "--target-dir", "target/debian"]);
-    build.env("RUSTC_BOOTSTRAP", "1").env("RUSTC", DEBIAN_RUSTC);
-    without_rustup(&mut build);
-    shell::run(&mut build)
+    let mut cargo = command(DEBIAN_CARGO, &args);
+    // Debian's stable compiler needs leave to build `core`. Its version may trail the one that the
+    // host crates ask for; these crates use nothing that new.
+    cargo.args(["-Z", "build-std=core", "--ignore-rust-version", "--target-dir"]).arg(folder);
+    cargo.env("RUSTC_BOOTSTRAP", "1").env("RUSTC", DEBIAN_RUSTC);
+    cargo.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", "ld.lld");
+    without_rustup(&mut cargo);
+    Ok(Build { cargo, artefacts })
 }
 
 /// Whether the target's `core` is installed for the toolchain in use, now or after asking rustup.

@@ -2,8 +2,10 @@
 //!
 //! `cargo xtask test` is the whole check, step by step; [`steps`] lists the steps, [`tidy`] holds the
 //! house rules that no compiler checks, [`bare_metal`] builds the controller's crates for the Cortex-M4.
+//! [`board`] runs the board image in an emulator and measures it.
 
 mod bare_metal;
+mod board;
 mod debian;
 mod shell;
 mod steps;
@@ -29,11 +31,24 @@ enum Task {
         #[arg(long, value_name = "STEP")]
         only: Option<steps::Step>,
     },
+    /// Build a board's image, boot it in QEMU, play the demo library on it and compare every frame on
+    /// every bus with the host's simulation.
+    Board {
+        /// The board.
+        board: board::Board,
+    },
+    /// Print what the image of mps2-an386 takes: flash, RAM, stack, instructions; and check that
+    /// nothing in it can panic.
+    Sizes,
 }
 
 fn main() -> ExitCode {
-    let Cli { task: Task::Test { only } } = Cli::parse();
-    match steps::run(only) {
+    let outcome = match Cli::parse().task {
+        Task::Test { only } => steps::run(only),
+        Task::Board { board } => board::run(board),
+        Task::Sizes => board::sizes(),
+    };
+    match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("{failure}");
