@@ -9,32 +9,33 @@ const RELOAD: u32 = 0x00FF_FFFF;
 
 /// The counter and what it has counted.
 pub struct Cost {
+    /// Runs only while something is measured: an emulated processor that sleeps shall have no timer.
+    timer: SYST,
     figures: Figures,
     /// The period under way.
     period: u32,
 }
 
 impl Cost {
-    /// Starts the counter.
+    /// Sets the counter up.
     pub fn new(mut timer: SYST) -> Self {
         timer.set_clock_source(SystClkSource::Core);
         timer.set_reload(RELOAD);
         timer.clear_current();
-        timer.enable_counter();
-        Self { figures: Figures::default(), period: 0 }
+        Self { timer, figures: Figures::default(), period: 0 }
     }
 
     /// Does a part of a control period.
     pub fn of<T>(&mut self, work: impl FnOnce() -> T) -> T {
-        let (done, counts) = counted(work);
+        let (done, counts) = self.counted(work);
         self.period = self.period.saturating_add(counts);
         done
     }
 
     /// Does the tick that begins a control period, and closes the one before.
     pub fn of_tick(&mut self, tick: impl FnOnce()) {
+        let ((), counts) = self.counted(tick);
         let figures = &mut self.figures;
-        let ((), counts) = counted(tick);
         if figures.periods > 0 {
             figures.worst_period = figures.worst_period.max(self.period);
             figures.all_periods = figures.all_periods.saturating_add(self.period.into());
@@ -49,10 +50,13 @@ impl Cost {
     pub fn figures(&self) -> Figures {
         self.figures
     }
-}
 
-fn counted<T>(work: impl FnOnce() -> T) -> (T, u32) {
-    let before = SYST::get_current();
-    let done = work();
-    (done, before.wrapping_sub(SYST::get_current()) & RELOAD)
+    fn counted<T>(&mut self, work: impl FnOnce() -> T) -> (T, u32) {
+        self.timer.enable_counter();
+        let before = SYST::get_current();
+        let done = work();
+        let counts = before.wrapping_sub(SYST::get_current()) & RELOAD;
+        self.timer.disable_counter();
+        (done, counts)
+    }
 }
