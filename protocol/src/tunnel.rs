@@ -416,7 +416,7 @@ mod tests {
         let line = Request::Hello.encode(7).unwrap();
         let crc = crc32c(&[1, 7]).to_le_bytes();
         assert!(!crc.contains(&0));
-        assert_eq!(line, [[7, 1, 7].as_slice(), &crc, &[0]].concat());
+        assert_eq!(line.as_slice(), [[7, 1, 7].as_slice(), &crc, &[0]].concat());
         // A zero in the body is replaced by the distance to the next one.
         let line = Request::Hello.encode(0).unwrap();
         assert_eq!(line.get(..3), Some([2, 1, 5].as_slice()));
