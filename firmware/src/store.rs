@@ -3,12 +3,14 @@
 //! The controller writes only while disarmed. Bytes that are played are bytes that were validated as
 //! they stand: whoever overwrites the library in use makes the controller forget it first.
 //!
-//! [`FlashStore`] keeps two libraries in NOR flash, safe against power cuts; [`RamStore`] one in RAM.
+//! [`FlashStore`] keeps two libraries in NOR flash, safe against power cuts, or in a [`RamFlash`] that
+//! stands for it; [`RamStore`] keeps one in RAM.
 //! With the feature `ed25519`, `Signed` around either of them takes only signed libraries.
 
 mod flash;
 mod log;
 mod ram;
+mod ram_flash;
 mod record;
 #[cfg(feature = "ed25519")]
 mod signed;
@@ -18,6 +20,7 @@ pub(crate) mod tests;
 
 pub use flash::FlashStore;
 pub use ram::RamStore;
+pub use ram_flash::RamFlash;
 #[cfg(feature = "ed25519")]
 pub use signed::{SIGNATURE_LEN, Signed};
 pub use slots::{GeometryError, MappedFlash};

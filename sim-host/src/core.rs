@@ -1,7 +1,7 @@
 //! The controller as the bench sees it: told what happened, it says what it sends.
 
 use crate::link::LinkError;
-use crate::store::SimStore;
+use crate::store::{self, SimStore};
 use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
@@ -21,7 +21,7 @@ pub struct Local(Controller<SimStore>);
 impl Local {
     /// A controller that has just been switched on.
     pub fn new(config: RobotConfig, settings: Settings) -> Self {
-        Self(Controller::new(config, SimStore::default(), settings))
+        Self(Controller::new(config, store::blank(), settings))
     }
 }
 

@@ -19,17 +19,17 @@ use rollwalk_protocol::tunnel::{
 use static_cell::StaticCell;
 
 use cost::Cost;
-use store::LibraryMemory;
+use store::BoardStore;
 use uart::Uart;
 
-static CONTROLLER: StaticCell<Controller<LibraryMemory>> = StaticCell::new();
+static CONTROLLER: StaticCell<Controller<BoardStore>> = StaticCell::new();
 
 #[entry]
 fn main() -> ! {
     stack::paint();
     let Some(peripherals) = cortex_m::Peripherals::take() else { halt::halt() };
     let Some(config) = robot::config() else { halt::halt() };
-    let Some(store) = LibraryMemory::take() else { halt::halt() };
+    let Some(store) = store::mount() else { halt::halt() };
     let build = || Controller::new(config, store, Settings::default());
     let Some(controller) = CONTROLLER.try_init_with(build) else { halt::halt() };
     let mut uart = Uart::new();
@@ -47,7 +47,7 @@ fn main() -> ! {
 
 /// The controller and what it costs.
 struct Board {
-    controller: &'static mut Controller<LibraryMemory>,
+    controller: &'static mut Controller<BoardStore>,
     cost: Cost,
     steps: u32,
 }
