@@ -14,18 +14,20 @@ use crate::motion::{Machine, Motion};
 use crate::player::Playing;
 use crate::safety::{Action, Event, EventSet, State, Torque, step};
 use crate::settings::Settings;
-use crate::store::{LibraryStore, StoreError};
+use crate::store::{LibraryStore, NoParameters, ParameterStore, StoreError};
 use crate::transfer::Shelf;
+use crate::tuning::Tuning;
 
 /// A robot's controller: frames and time in, frames out.
 ///
 /// Times are microseconds of the controller's monotonic clock, the same clock in every call.
-pub struct Controller<S> {
+pub struct Controller<S, P = NoParameters> {
     pub(crate) machine: Machine,
     pub(crate) shelf: Shelf<S>,
     pub(crate) motion: Motion,
     pub(crate) link: Link,
     pub(crate) gate: Gate,
+    pub(crate) tuning: Tuning<P>,
     state: State,
     /// Faults since the last clear.
     latched: FaultBits,
@@ -40,12 +42,26 @@ pub struct Controller<S> {
 impl<S: LibraryStore> Controller<S> {
     /// A controller that has not started: the first [`tick`](Self::tick) examines configuration and
     /// library. Unusable ones do not fail here; they show as a fault and cannot be armed.
+    /// It has no memory for parameters.
     pub fn new(config: RobotConfig, store: S, settings: Settings) -> Self {
         Self::with_buses(config, Buses::new(), store, settings)
     }
 
     /// The same, told what the actuators of its buses speak.
     pub fn with_buses(config: RobotConfig, buses: Buses, store: S, settings: Settings) -> Self {
+        Self::with_parameters(config, buses, store, NoParameters, settings)
+    }
+}
+
+impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
+    /// As [`Controller::with_buses`], with gains and limits that outlast a power cycle.
+    pub fn with_parameters(
+        config: RobotConfig,
+        buses: Buses,
+        store: S,
+        parameters: P,
+        settings: Settings,
+    ) -> Self {
         let machine = Machine { config, buses, settings };
         Self {
             motion: Motion::new(&machine),
@@ -53,6 +69,7 @@ impl<S: LibraryStore> Controller<S> {
             machine,
             shelf: Shelf::new(store),
             gate: Gate::default(),
+            tuning: Tuning::new(parameters),
             state: State::Boot,
             latched: FaultBits::default(),
             events: EventSet::default(),
@@ -60,6 +77,11 @@ impl<S: LibraryStore> Controller<S> {
             held_since_us: None,
             ticks_to_frame: 0,
         }
+    }
+
+    /// The stores of library and parameters, as they are.
+    pub fn into_stores(self) -> (S, P) {
+        (self.shelf.into_store(), self.tuning.into_store())
     }
 
     /// Takes a frame of actuator bus `bus`.
@@ -245,6 +267,8 @@ impl<S: LibraryStore> Controller<S> {
             Action::RunSelfTest => {
                 if event == Event::ClearConfirmed {
                     self.latched = FaultBits::default();
+                } else {
+                    self.load_parameters();
                 }
                 self.self_test();
                 Ok(())

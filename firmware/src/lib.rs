@@ -7,6 +7,7 @@
 //!                  │  safety:   what may happen                (pure state machine)
 //!                  │  motion:   what the actuators do          (align or walk ─> player, then
 //!                  │                                            limiter ─> actuators' mailboxes)
+//!                  │  tuning:   gains and limits, set and kept
 //!                  └─ transfer: the library, in its store
 //! ```
 //!
@@ -24,11 +25,13 @@ pub mod limiter;
 mod link;
 mod messages;
 mod motion;
+mod parameters;
 pub mod player;
 pub mod safety;
 mod settings;
 pub mod store;
 mod transfer;
+mod tuning;
 pub mod walk;
 
 pub use actuators::bus::{self, Bus, Buses};

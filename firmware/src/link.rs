@@ -9,7 +9,7 @@ use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::isotp::{Event, Output, Timing};
 use rollwalk_protocol::wire::transport::{Endpoint, Response, frame_to_host};
 use rollwalk_protocol::wire::{
-    CommandAck, FaultBits, Heartbeat, HeartbeatReply, Node, STATUS_PERIOD_MS, Status,
+    CommandAck, FaultBits, Heartbeat, HeartbeatReply, Node, ParameterAck, STATUS_PERIOD_MS, Status,
 };
 
 /// Telemetry messages of each 60 Hz frame: 240 a second, 6 % of a 500 kbit/s bus.
@@ -23,13 +23,14 @@ const MAX_RESPONSE: usize = 32;
 const MAX_POLLS: usize = 4;
 
 /// Something to say that depends on how the controller is when it is said.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Say {
     EstopAck,
     HeartbeatReply(HeartbeatReply),
     FaultReport { bit: u8, counter: u8 },
     Status { counter: u8 },
     CommandAck(CommandAck),
+    ParameterAck(ParameterAck),
     Telemetry { channel: u8 },
     Frame(CanFrame),
     Discovered,
@@ -46,6 +47,7 @@ pub(crate) struct Link {
     heartbeat: Option<HeartbeatReply>,
     last_heartbeat: Option<(Heartbeat, u64)>,
     acks: Deque<CommandAck, 4>,
+    parameter: Option<ParameterAck>,
     discovered: bool,
     last_status: Option<Status>,
     status_us: u64,
@@ -69,6 +71,7 @@ impl Link {
             heartbeat: None,
             last_heartbeat: None,
             acks: Deque::new(),
+            parameter: None,
             discovered: false,
             last_status: None,
             status_us: 0,
@@ -116,6 +119,11 @@ impl Link {
         }
         // Room was just made.
         let _ = self.acks.push_back(ack);
+    }
+
+    /// A host that asks again before it took the answer gets the later one.
+    pub fn acknowledge_parameter(&mut self, ack: ParameterAck) {
+        self.parameter = Some(ack);
     }
 
     /// Takes a frame of the transport; whether a request is now complete.
@@ -181,6 +189,9 @@ impl Link {
         }
         if let Some(ack) = self.acks.pop_front() {
             return Some(Say::CommandAck(ack));
+        }
+        if let Some(ack) = self.parameter.take() {
+            return Some(Say::ParameterAck(ack));
         }
         if self.telemetry_left > 0 && channels > 0 {
             self.telemetry_left -= 1;

@@ -13,7 +13,7 @@ use crate::controller::Controller;
 use crate::gate::{Permit, Verdict};
 use crate::link::Say;
 use crate::safety::{Event, State, Torque};
-use crate::store::LibraryStore;
+use crate::store::{LibraryStore, ParameterStore};
 
 /// Playback speed as planned, in 64ths.
 const PLANNED_SPEED: i8 = 64;
@@ -21,7 +21,7 @@ const PLANNED_SPEED: i8 = 64;
 /// What an accepted command has to say besides "ok": the motion, and a nonce or a number of frames.
 type Done = (Option<NodeId>, u16);
 
-impl<S: LibraryStore> Controller<S> {
+impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     /// Takes a frame of the link. Frames of others are ignored, damaged ones counted.
     pub fn on_link_frame(&mut self, now_us: u64, frame: &CanFrame) {
         let (to, message) = match ToController::decode(frame) {
@@ -47,6 +47,7 @@ impl<S: LibraryStore> Controller<S> {
                     self.on_request();
                 }
             }
+            ToController::Parameter(request) => self.on_parameter(frame, request),
             ToController::Discover => self.link.discover(),
         }
     }
@@ -65,6 +66,7 @@ impl<S: LibraryStore> Controller<S> {
                 }
                 Say::Status { counter } => Some(self.status(counter).encode(node)),
                 Say::CommandAck(ack) => Some(ack.encode(node)),
+                Say::ParameterAck(ack) => Some(ack.encode(node)),
                 Say::Telemetry { channel } => self.telemetry(channel).map(|t| t.encode(node)),
                 Say::Frame(frame) => Some(frame),
                 Say::Discovered => {

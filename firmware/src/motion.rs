@@ -13,6 +13,7 @@ use crate::actuators::bus::Buses;
 use crate::actuators::{Actuators, FRESH_TICKS, Hold};
 use crate::align::Ramp;
 use crate::limiter::{Limiter, Target};
+use crate::parameters::Parameters;
 use crate::player::{Player, Playing};
 use crate::safety::{Event, EventSet};
 use crate::settings::Settings;
@@ -43,6 +44,7 @@ pub(crate) struct Motion {
     stage: Stage,
     limiter: Limiter,
     pub actuators: Actuators,
+    pub parameters: Parameters,
     emitted: [Option<Target>; MAX_CHANNELS],
     ticks_to_query: u16,
 }
@@ -53,6 +55,7 @@ impl Motion {
             stage: Stage::Off,
             limiter: Limiter::new(machine.settings.period_s()),
             actuators: Actuators::new(&machine.config, &machine.buses),
+            parameters: Parameters::new(&machine.config, &machine.settings),
             emitted: [None; MAX_CHANNELS],
             ticks_to_query: 0,
         }
@@ -199,6 +202,7 @@ impl Motion {
     /// A control period has passed, feedback may be missing.
     pub fn watch(&mut self, machine: &Machine, events: &mut EventSet) {
         self.actuators.age();
+        self.parameters.advance();
         let torque_must_be_on = match self.stage {
             Stage::Off => return,
             // Let down while they were being enabled, some were never on.
@@ -319,10 +323,10 @@ impl Motion {
     }
 
     fn emit(&mut self, machine: &Machine, channel: usize, target: Target, hold: Hold) {
-        let Some(limits) = machine.config.channels.get(channel) else { return };
-        let limited = self.limiter.apply(limits, channel, target);
+        let Some(limits) = self.parameters.in_force(&machine.config, channel, hold) else { return };
+        let limited = self.limiter.apply(&limits, channel, target);
         if let (Some(target), Some(slot)) = (limited, self.emitted.get_mut(channel)) {
-            self.actuators.command(limits, channel, target, hold);
+            self.actuators.command(&limits, channel, target, hold);
             *slot = Some(target);
         }
     }

@@ -26,6 +26,8 @@ pub struct Settings {
     /// How far outside its range a joint may be measured for arming, rad: beyond that the
     /// measurement, or the zero of the servo, is wrong.
     pub out_of_range_rad: f32,
+    /// How far a gain may be raised at run time, as a multiple of the configured one, 1 or more.
+    pub max_gain_ratio: f32,
     /// How long SAFE is held after the host was lost, µs.
     pub hold_us: u32,
     /// How long joints are damped before torque goes off, µs.
@@ -44,6 +46,7 @@ impl Default for Settings {
             align_tolerance_rad: 0.35,
             align_patience_us: 1_000_000,
             out_of_range_rad: 0.2,
+            max_gain_ratio: 2.0,
             hold_us: 1_000_000,
             damping_us: 1_500_000,
         }
@@ -86,6 +89,9 @@ impl Settings {
         if !(self.out_of_range_rad >= 0.0 && self.out_of_range_rad.is_finite()) {
             return fail("out_of_range_rad", "0 or more");
         }
+        if !(self.max_gain_ratio >= 1.0 && self.max_gain_ratio.is_finite()) {
+            return fail("max_gain_ratio", "1 or more");
+        }
         Ok(())
     }
 
@@ -125,6 +131,8 @@ mod tests {
             (Settings { silent_ticks: 1, ..good }, "silent_ticks"),
             (Settings { align_speed_rad_s: f32::NAN, ..good }, "align_speed_rad_s"),
             (Settings { align_tolerance_rad: 0.0, ..good }, "align_tolerance_rad"),
+            (Settings { max_gain_ratio: 0.5, ..good }, "max_gain_ratio"),
+            (Settings { max_gain_ratio: f32::NAN, ..good }, "max_gain_ratio"),
             (Settings { out_of_range_rad: f32::INFINITY, ..good }, "out_of_range_rad"),
         ] {
             assert_eq!(bad.check().unwrap_err().field, field);

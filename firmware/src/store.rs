@@ -5,10 +5,12 @@
 //!
 //! [`FlashStore`] keeps two libraries in NOR flash, safe against power cuts, or in a [`RamFlash`] that
 //! stands for it; [`RamStore`] keeps one in RAM.
+//! [`FlashParameters`] keeps gains and limits, in a flash of its own.
 //! With the feature `ed25519`, `Signed` around either of them takes only signed libraries.
 
 mod flash;
 mod log;
+mod parameters;
 mod ram;
 mod ram_flash;
 mod record;
@@ -19,6 +21,8 @@ mod slots;
 pub(crate) mod tests;
 
 pub use flash::FlashStore;
+pub(crate) use parameters::PARAMETERS;
+pub use parameters::{FlashParameters, NoParameters, ParameterSet, ParameterStore};
 pub use ram::RamStore;
 pub use ram_flash::RamFlash;
 #[cfg(feature = "ed25519")]

@@ -45,6 +45,11 @@ impl<S: LibraryStore> Shelf<S> {
         Self { store, active: None, transfer: None, finished: None, reject: None, proof }
     }
 
+    /// The store, as it is.
+    pub fn into_store(self) -> S {
+        self.store
+    }
+
     /// The library in use.
     pub fn library(&self) -> Option<Library<'_>> {
         Library::open(self.store.bytes(), self.active.as_ref()?)

@@ -11,7 +11,7 @@ use rollwalk_protocol::wire::transport::{
 };
 use rollwalk_protocol::wire::{
     Action, Command, CommandAck, Estop, EstopAck, FaultReport, FromController, HEARTBEAT_PERIOD_MS,
-    Heartbeat, JointTelemetry, Node, Status,
+    Heartbeat, JointTelemetry, Node, ParameterAck, Status,
 };
 
 /// How long a command stays valid, ms: covers its repetitions, not the operator's next idea.
@@ -34,6 +34,8 @@ pub enum Incoming {
     Fault(FaultReport),
     /// The answer to a command.
     Ack(CommandAck),
+    /// What became of a request about parameters.
+    Parameter(ParameterAck),
     /// It has stopped.
     EstopAck(EstopAck),
     /// It has answered a heartbeat: it is there and its clock is known.
@@ -131,6 +133,7 @@ impl Client {
                     Response::decode(self.transport.received()).ok().map(Incoming::Response)
                 }
             },
+            FromController::ParameterAck(ack) => Some(Incoming::Parameter(ack)),
             FromController::Discovered(_) => None,
         }
     }

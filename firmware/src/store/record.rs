@@ -5,6 +5,8 @@
 
 use rollwalk_protocol::crc::crc32c;
 
+use super::log::Record;
+
 /// Bytes of a record and of a footer.
 pub(super) const RECORD_LEN: usize = 32;
 
@@ -72,9 +74,10 @@ impl State {
             _ => None,
         }
     }
+}
 
-    /// The record with generation `generation`.
-    pub fn encode(&self, generation: u32) -> [u8; RECORD_LEN] {
+impl Record<RECORD_LEN> for State {
+    fn encode(&self, generation: u32) -> [u8; RECORD_LEN] {
         let slot = match self.confirmed {
             None => 0,
             Some(Image { slot: Slot::A, .. }) => 1,
@@ -90,8 +93,7 @@ impl State {
         sealed([generation, head, confirmed.0, confirmed.1, len, crc, have])
     }
 
-    /// Generation and state of a record; `None` when it is none.
-    pub fn decode(bytes: &[u8; RECORD_LEN]) -> Option<(u32, State)> {
+    fn decode(bytes: &[u8; RECORD_LEN]) -> Option<(u32, State)> {
         let [generation, head, confirmed_len, confirmed_crc, len, crc32c, have] = opened(bytes)?;
         let [MAGIC, kinds, boots_left, 0] = head.to_le_bytes() else { return None };
         let confirmed = |slot| Some(Image { slot, len: confirmed_len, crc32c: confirmed_crc });

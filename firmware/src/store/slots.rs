@@ -21,14 +21,15 @@ pub trait MappedFlash: NorFlash {
     fn mapped(&self) -> &[u8];
 }
 
-/// Why a flash cannot hold the store.
+/// Why a flash cannot hold a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GeometryError {
     /// Read and write sizes must divide 32 bytes.
     WordSize,
     /// The erase size must be a multiple of 32 bytes.
     EraseSize,
-    /// It must have four erase units at least, at most 4 GiB, and be mapped as a whole.
+    /// For libraries it must have four erase units at least and be mapped as a whole, for parameters
+    /// two halves of 320 bytes at least; at most 4 GiB.
     Capacity,
 }
 

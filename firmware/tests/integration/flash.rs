@@ -5,7 +5,7 @@ use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
 };
 use rollwalk_firmware::safety::State;
-use rollwalk_firmware::store::{FlashStore, LibraryStore, MappedFlash};
+use rollwalk_firmware::store::{FlashParameters, FlashStore, LibraryStore, MappedFlash};
 use rollwalk_protocol::crc::crc32c;
 use rollwalk_protocol::wire::transport::{MAX_BLOCK, TransferResult};
 use rollwalk_protocol::wire::{Action, Request};
@@ -71,6 +71,19 @@ pub fn store(library: Option<&[u8]>) -> FlashStore<Flash> {
         store.confirm().unwrap();
     }
     store
+}
+
+/// A blank memory for parameters.
+pub fn parameters() -> FlashParameters<Flash> {
+    FlashParameters::mount(Flash(vec![0xFF; 2 * 2048])).unwrap()
+}
+
+/// What the flash of both stores holds after the power was off.
+pub fn mounted_again(
+    (library, parameters): (FlashStore<Flash>, FlashParameters<Flash>),
+) -> (FlashStore<Flash>, FlashParameters<Flash>) {
+    let library = FlashStore::mount(library.into_flash(), TRIAL_BOOTS).unwrap();
+    (library, FlashParameters::mount(parameters.into_flash()).unwrap())
 }
 
 fn play_and_return(rig: &mut Rig) {

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use rollwalk_firmware::safety::{State, Torque};
 use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
 use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::wire::{Action, CommandResult, Request};
+use rollwalk_protocol::wire::{Action, CommandResult, ParameterAction, ParameterResult, Request};
 
 use crate::rig::Rig;
 use crate::robot::*;
@@ -15,6 +15,7 @@ use crate::robot::*;
 enum Deed {
     Run(u16),
     Command(Action),
+    Parameter(ParameterAction),
     /// Both steps, whatever the answers.
     Arm,
     Clear,
@@ -36,8 +37,9 @@ enum Deed {
 fn frame() -> impl Strategy<Value = CanFrame> {
     let any_id = 0u16..0x800;
     // Mostly identifiers that mean something to the controller.
-    let known =
-        prop::sample::select(vec![0x010u16, 0x0F0, 0x110, 0x1F0, 0x210, 0x510, 0x710, 0x7F0]);
+    let known = prop::sample::select(vec![
+        0x010u16, 0x0F0, 0x110, 0x1F0, 0x210, 0x510, 0x610, 0x710, 0x7F0,
+    ]);
     (prop_oneof![any_id, known], prop::collection::vec(any::<u8>(), 0..=8))
         .prop_map(|(id, data)| CanFrame::new(id, &data).unwrap())
 }
@@ -69,11 +71,32 @@ fn action() -> impl Strategy<Value = Action> {
     ]
 }
 
+/// Values that are allowed, values that are not, and what is no number.
+fn parameter() -> impl Strategy<Value = ParameterAction> {
+    let value = prop_oneof![
+        -1.0f32..45.0,
+        0.0f32..1.5,
+        any::<u32>().prop_map(f32::from_bits),
+        Just(f32::NAN),
+        Just(f32::INFINITY),
+    ];
+    prop_oneof![
+        8 => (0u8..4, 0u8..4, value)
+            .prop_map(|(parameter, channel, value)| ParameterAction::Set { parameter, channel, value }),
+        1 => (0u8..16, any::<u8>())
+            .prop_map(|(parameter, channel)| ParameterAction::Get { parameter, channel }),
+        1 => Just(ParameterAction::Reset),
+        1 => Just(ParameterAction::Save),
+        1 => (5u8..16).prop_map(|kind| ParameterAction::Unknown { kind }),
+    ]
+}
+
 /// Deeds of a world in which actuators tell the truth.
 fn honest() -> impl Strategy<Value = Deed> {
     prop_oneof![
         12 => (1u16..250).prop_map(Deed::Run),
         6 => action().prop_map(Deed::Command),
+        3 => parameter().prop_map(Deed::Parameter),
         5 => Just(Deed::Arm),
         2 => Just(Deed::Clear),
         2 => (0u8..8).prop_map(Deed::Replay),
@@ -104,6 +127,9 @@ fn act(rig: &mut Rig, deed: &Deed) {
         Deed::Run(ticks) => rig.run(u32::from(*ticks)),
         Deed::Command(action) => {
             rig.command(*action);
+        }
+        Deed::Parameter(action) => {
+            rig.parameter(*action);
         }
         Deed::Arm => {
             let request = rig.command(Action::ArmRequest);
@@ -178,6 +204,8 @@ proptest! {
         if rig.brain.library().is_none() {
             act(&mut rig, &Deed::Flash);
         }
+        // A joint without gain gets nowhere.
+        prop_assert_eq!(rig.parameter(ParameterAction::Reset).result, ParameterResult::Ok);
         rig.arm();
         rig.run_until(State::Ready, 1500);
         prop_assert_eq!(rig.play(CODE_WALK).result, CommandResult::Ok);

@@ -7,6 +7,7 @@ mod drives;
 mod flash;
 mod hostile;
 mod link;
+mod parameters;
 mod playback;
 mod protocols;
 mod rig;

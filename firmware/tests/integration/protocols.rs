@@ -71,7 +71,8 @@ fn bench_of(config: RobotConfig, protocols: [Protocol; 2], pose: Pose) -> Rig {
     let buses: Buses =
         protocols.iter().map(|&protocol| Bus { protocol, pose, ..Bus::default() }).collect();
     let store = flash::store(Some(&library));
-    rig.brain = Controller::with_buses(config.clone(), buses, store, settings);
+    let parameters = flash::parameters();
+    rig.brain = Controller::with_parameters(config.clone(), buses, store, parameters, settings);
     let start = [0.9, -1.2, 0.0];
     let driven = config.channels.iter().zip(start);
     let driven = driven.filter(|(c, _)| protocols[usize::from(c.bus)] != Protocol::Rollwalk);

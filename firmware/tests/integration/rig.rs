@@ -1,11 +1,11 @@
 //! A controller on a bench: ideal servos, a host, and a monitor that looks at every frame.
 
 use rollwalk_firmware::safety::{State, Torque};
-use rollwalk_firmware::store::FlashStore;
-use rollwalk_firmware::{Controller, Settings};
+use rollwalk_firmware::store::{FlashParameters, FlashStore};
+use rollwalk_firmware::{Buses, Controller, Settings};
 use rollwalk_protocol::actuator::{
-    ActuatorStatus, Control, Feedback, JointSetpoint, POSITION_STEP_RAD, SPEED_STEP_RAD_S,
-    WHEEL_SPEED_STEP_RAD_S, WheelSetpoint,
+    ActuatorStatus, Control, Feedback, JointSetpoint, KD_STEP_NM_S_RAD, KP_STEP_NM_RAD,
+    POSITION_STEP_RAD, SPEED_STEP_RAD_S, WHEEL_SPEED_STEP_RAD_S, WheelSetpoint,
 };
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
@@ -13,14 +13,14 @@ use rollwalk_protocol::wire::isotp::{Event, Output, Timing};
 use rollwalk_protocol::wire::transport::{Endpoint, frame_to_controller};
 use rollwalk_protocol::wire::{
     Action, Command, CommandAck, CommandResult, Estop, FromController, HEARTBEAT_PERIOD_MS,
-    Heartbeat, Node, Request, Response, Status,
+    Heartbeat, Node, ParameterAck, ParameterAction, ParameterRequest, Request, Response, Status,
 };
 
 use crate::drives::Drives;
 use crate::flash::{self, Flash};
 use crate::robot;
 
-pub type Brain = Controller<FlashStore<Flash>>;
+pub type Brain = Controller<FlashStore<Flash>, FlashParameters<Flash>>;
 
 /// A servo that is where it was sent at once.
 #[derive(Clone, Debug)]
@@ -154,6 +154,7 @@ pub struct Rig {
     heartbeat_seq: u8,
     heartbeat_us: u64,
     seq: u8,
+    parameter_seq: u8,
     endpoint: Endpoint,
 }
 
@@ -172,7 +173,13 @@ impl Rig {
         Self {
             servos: config.channels.iter().zip(start).map(|(c, v)| Servo::new(*c, v)).collect(),
             drives: Drives::default(),
-            brain: Controller::new(config, flash::store(library), settings),
+            brain: Controller::with_parameters(
+                config,
+                Buses::new(),
+                flash::store(library),
+                flash::parameters(),
+                settings,
+            ),
             now_us: 1_000_000,
             settings,
             buses_up: true,
@@ -184,8 +191,21 @@ impl Rig {
             heartbeat_seq: 0,
             heartbeat_us: 0,
             seq: 0,
+            parameter_seq: 0,
             endpoint: Endpoint::new(Timing::default()),
         }
+    }
+
+    /// The power goes off and on again; the controller may now know another configuration.
+    pub fn power_cycled(self, config: RobotConfig) -> Self {
+        let (library, parameters) = flash::mounted_again(self.brain.into_stores());
+        let (buses, settings) = (Buses::new(), self.settings);
+        let brain = Controller::with_parameters(config, buses, library, parameters, settings);
+        let servos = self.servos.into_iter().map(|servo| Servo::new(servo.channel, servo.value));
+        let mut rig = Self { brain, servos: servos.collect(), ..self };
+        rig.run(20);
+        assert_eq!(rig.brain.state(), State::Disarmed);
+        rig
     }
 
     /// A robot that has booted and knows its pose.
@@ -245,6 +265,28 @@ impl Rig {
         self.seq = (self.seq + 1) & 0xF;
         let valid_until_ms = ((self.now_us / 1000) as u16).wrapping_add(500);
         Command { seq: self.seq, action, valid_until_ms }
+    }
+
+    /// Sends a request about parameters that was never sent before, and returns its answer.
+    pub fn parameter(&mut self, action: ParameterAction) -> ParameterAck {
+        self.parameter_seq = (self.parameter_seq + 1) & 0xF;
+        self.parameter_again(ParameterRequest { seq: self.parameter_seq, action })
+    }
+
+    /// Sends a request about parameters and returns its answer.
+    pub fn parameter_again(&mut self, request: ParameterRequest) -> ParameterAck {
+        let from = self.heard.len();
+        self.send(&request.encode(me()));
+        let acks: Vec<_> = self.heard[from..]
+            .iter()
+            .filter_map(|(_, m)| match m {
+                FromController::ParameterAck(ack) => Some(*ack),
+                _ => None,
+            })
+            .collect();
+        assert_eq!(acks.len(), 1, "one answer to {request:?}");
+        assert_eq!((acks[0].seq, acks[0].kind), (request.seq, request.action.kind()));
+        acks[0]
     }
 
     /// Sends a command and returns its answer.
@@ -399,6 +441,16 @@ impl Rig {
             assert_eq!(servo.channel.kind, ChannelKind::JointPosition);
             let rounding = 0.5 * SPEED_STEP_RAD_S;
             assert!(s.velocity_rad_s.abs() <= servo.channel.max_rate + rounding, "{s:?}");
+            // Gains may be raised to twice those of the configuration; half a step of rounding.
+            assert!(s.kp_nm_rad <= 2.0 * servo.channel.kp_nm_rad + 0.5 * KP_STEP_NM_RAD, "{s:?}");
+            assert!(s.kd_nm_s_rad <= 2.0 * servo.channel.kd_nm_s_rad + 0.5 * KD_STEP_NM_S_RAD);
+            // By the pose that the servo told last; roundings of gains and pose.
+            let error = s.position_rad - servo.value;
+            let torque = s.kp_nm_rad * error + s.kd_nm_s_rad * s.velocity_rad_s;
+            assert!(
+                !trust || torque.abs() <= servo.channel.max_torque_nm + 0.05,
+                "{torque} of {s:?}"
+            );
             if servo.powered {
                 servo.set(s.position_rad, s.kp_nm_rad, tick, period, state, trust);
             }

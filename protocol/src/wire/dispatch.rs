@@ -3,7 +3,7 @@
 use super::transport::{TO_CONTROLLER, TO_HOST};
 use super::{
     Command, CommandAck, DecodeError, Discover, Discovered, Estop, EstopAck, FaultReport,
-    Heartbeat, HeartbeatReply, JointTelemetry, Node, Status,
+    Heartbeat, HeartbeatReply, JointTelemetry, Node, ParameterAck, ParameterRequest, Status,
 };
 use crate::can::CanFrame;
 
@@ -18,6 +18,8 @@ pub enum ToController {
     Command(Command),
     /// Part of a [`super::Request`], or flow control: for [`super::isotp::Endpoint::on_frame`].
     Transport,
+    /// Tell, set or keep gains and limits.
+    Parameter(ParameterRequest),
     /// Who is there?
     Discover,
 }
@@ -31,6 +33,7 @@ impl ToController {
             0x100 => Heartbeat::decode(frame).map(|(node, m)| (node, Self::Heartbeat(m))),
             0x200 => Command::decode(frame).map(|(node, m)| (node, Self::Command(m))),
             0x500 => TO_CONTROLLER.node(frame).map(|node| (node, Self::Transport)),
+            0x600 => ParameterRequest::decode(frame).map(|(node, m)| (node, Self::Parameter(m))),
             0x700 => Discover::decode(frame).map(|(node, _)| (node, Self::Discover)),
             _ => Err(DecodeError::OtherMessage),
         }
@@ -54,6 +57,8 @@ pub enum FromController {
     JointTelemetry(JointTelemetry),
     /// Part of a [`super::Response`], or flow control: for [`super::isotp::Endpoint::on_frame`].
     Transport,
+    /// What became of a request about parameters.
+    ParameterAck(ParameterAck),
     /// Here I am.
     Discovered(Discovered),
 }
@@ -69,6 +74,7 @@ impl FromController {
             0x302 => CommandAck::decode(frame).map(|(node, m)| (node, Self::CommandAck(m))),
             0x400 => JointTelemetry::decode(frame).map(|(node, m)| (node, Self::JointTelemetry(m))),
             0x501 => TO_HOST.node(frame).map(|node| (node, Self::Transport)),
+            0x601 => ParameterAck::decode(frame).map(|(node, m)| (node, Self::ParameterAck(m))),
             0x701 => Discovered::decode(frame).map(|(node, m)| (node, Self::Discovered(m))),
             _ => Err(DecodeError::OtherMessage),
         }

@@ -10,6 +10,7 @@
 //! | 3 | [`Status`], [`FaultReport`], [`CommandAck`] | controller | every [`STATUS_PERIOD_MS`] and on change |
 //! | 4 | [`JointTelemetry`] | controller | may be dropped |
 //! | 5 | [`transport`]: [`Request`], [`Response`] over ISO-TP | both | hello, library transfer |
+//! | 6 | [`ParameterRequest`], [`ParameterAck`] | both | gains and limits at run time |
 //! | 7 | [`Discover`], [`Discovered`] | both | |
 //!
 //! A receiver dispatches with [`ToController::decode`] or [`FromController::decode`]. Every message
@@ -22,6 +23,7 @@ mod discovery;
 mod dispatch;
 mod heartbeat;
 pub mod isotp;
+mod parameter;
 mod safety;
 mod status;
 mod telemetry;
@@ -31,6 +33,9 @@ pub use command::{Action, Command, CommandAck, CommandResult};
 pub use discovery::{Discover, Discovered};
 pub use dispatch::{FromController, ToController};
 pub use heartbeat::{Heartbeat, HeartbeatReply};
+pub use parameter::{
+    Parameter, ParameterAck, ParameterAction, ParameterOrigin, ParameterRequest, ParameterResult,
+};
 pub use safety::{Estop, EstopAck};
 pub use status::{Fault, FaultBits, FaultReport, Severity, State, Status};
 pub use telemetry::JointTelemetry;
@@ -64,6 +69,8 @@ pub const SCHEMA: &str = "\
 4n0 joint channel:u8 position:i16*2e-4rad velocity:i16*2e-3rad/s torque:i16*5e-3Nm status:u8
 5n0 transport_to_controller isotp
 5n1 transport_to_host isotp
+6n0 parameter crc8 seq:4 kind:4 parameter:4 zero:4 channel:u8 value:f32
+6n1 parameter_ack crc8 seq:4 kind:4 parameter:4 result:4 channel:u8 value:f32
 7F0 discover
 7n1 discovered uid:6*u8 protocol_major:u8
 isotp 01 hello_request major:u8 minor:u8

@@ -18,7 +18,7 @@ fn node() -> Node {
 
 #[test]
 fn schema_is_pinned() {
-    assert_eq!(SCHEMA_HASH, 0xe25f_c7db);
+    assert_eq!(SCHEMA_HASH, 0xb89e_9ae7);
 }
 
 #[test]
@@ -129,6 +129,45 @@ fn joint_telemetry() {
 }
 
 #[test]
+fn parameter() {
+    let actions = [
+        (ParameterAction::Get { parameter: 1, channel: 23 }, "630#0105011700000000"),
+        (ParameterAction::Set { parameter: 0, channel: 4, value: 37.5 }, "630#0816000400001642"),
+        (
+            ParameterAction::Set { parameter: 15, channel: 255, value: -0.25 },
+            "630#e0170fff000080be",
+        ),
+        (ParameterAction::Reset, "630#1d28000000000000"),
+        (ParameterAction::Save, "630#3339000000000000"),
+        (ParameterAction::Origin, "630#584a000000000000"),
+    ];
+    for (i, (action, golden)) in actions.into_iter().enumerate() {
+        let request = ParameterRequest { seq: i as u8 + 5, action };
+        let frame = request.encode(node());
+        assert_eq!(text(frame), golden, "{action:?}");
+        assert_eq!(ParameterRequest::decode(&frame), Ok((node(), request)));
+    }
+}
+
+#[test]
+fn parameter_ack() {
+    let ack = ParameterAck {
+        seq: 6,
+        kind: 1,
+        result: ParameterResult::OutOfRange,
+        parameter: Parameter::MaxTorque.code(),
+        channel: Some(4),
+        value: 3.0,
+    };
+    assert_eq!(text(ack.encode(node())), "631#1416320400004040");
+    assert_eq!(ParameterAck::decode(&ack.encode(node())), Ok((node(), ack)));
+    let result = ParameterResult::StoreFailed;
+    let ack = ParameterAck { seq: 9, kind: 3, result, parameter: 0, channel: None, value: 0.0 };
+    assert_eq!(text(ack.encode(node())), "631#463950ff00000000");
+    assert_eq!(ParameterAck::decode(&ack.encode(node())), Ok((node(), ack)));
+}
+
+#[test]
 fn discovery() {
     assert_eq!(text(Discover.encode(Node::BROADCAST)), "7f0#");
     let m = Discovered { uid: [1, 2, 3, 4, 5, 6], protocol_major: 1 };
@@ -163,6 +202,19 @@ fn codes_are_pinned() {
         "0 Ok, 1 UnknownCode, 2 WrongState, 3 Expired, 4 Unreachable, 5 NotArmed, 6 NoLibrary, \
          7 WrongNonce, 8 ConfigMismatch, 9 PoseUnknown, 10 OutOfOrder, 11 UnknownKind, \
          12 FaultPresent, 13 BadSpeed",
+    );
+    check(
+        Parameter::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
+        "0 Kp, 1 Kd, 2 MaxTorque",
+    );
+    check(
+        ParameterOrigin::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
+        "0 Configuration, 1 Saved, 2 OtherConfiguration, 3 OutOfRange",
+    );
+    check(
+        ParameterResult::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
+        "0 Ok, 1 UnknownParameter, 2 UnknownChannel, 3 OutOfRange, 4 WrongState, 5 StoreFailed, \
+         6 OutOfOrder, 7 UnknownRequest",
     );
     check(
         transport::TransferResult::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),

@@ -9,6 +9,7 @@ fn encode_to(node: Node, message: ToController) -> Option<CanFrame> {
     Some(match message {
         ToController::Heartbeat(m) => m.encode(node),
         ToController::Command(m) => m.encode(node),
+        ToController::Parameter(m) => m.encode(node),
         ToController::Discover => Discover.encode(node),
         // Any payload is one.
         ToController::Estop | ToController::Transport => return None,
@@ -23,6 +24,7 @@ fn encode_from(node: Node, message: FromController) -> Option<CanFrame> {
         FromController::FaultReport(m) => m.encode(node),
         FromController::CommandAck(m) => m.encode(node),
         FromController::JointTelemetry(m) => m.encode(node),
+        FromController::ParameterAck(m) => m.encode(node),
         FromController::Discovered(m) => m.encode(node),
         FromController::Transport => return None,
     })
@@ -30,7 +32,9 @@ fn encode_from(node: Node, message: FromController) -> Option<CanFrame> {
 
 /// A frame of a known message more often than not, its checksum good half of the time.
 fn frame() -> impl Strategy<Value = CanFrame> {
-    let kinds = vec![0x000, 0x001, 0x100, 0x101, 0x200, 0x300, 0x301, 0x302, 0x400, 0x700, 0x701];
+    let kinds = vec![
+        0x000, 0x001, 0x100, 0x101, 0x200, 0x300, 0x301, 0x302, 0x400, 0x600, 0x601, 0x700, 0x701,
+    ];
     let kind = prop_oneof![proptest::sample::select(kinds), 0u16..0x800];
     let data = proptest::collection::vec(any::<u8>(), 0..=8);
     (kind, 0u16..16, data, any::<bool>()).prop_map(|(kind, node, mut data, seal)| {
@@ -45,8 +49,9 @@ fn frame() -> impl Strategy<Value = CanFrame> {
 /// Fields that a message does not use may have had any value.
 fn same_but_for_ignored_bits(again: CanFrame, frame: CanFrame) -> bool {
     let unknown_command = frame.id() & 0x70F == 0x200 && frame.data()[1] >> 4 > 8;
-    let nan = frame.id() & 0x70F == 0x301;
-    unknown_command || nan || again == frame
+    let unknown_parameter = frame.id() & 0x70F == 0x600 && frame.data()[1] >> 4 > 4;
+    let nan = matches!(frame.id() & 0x70F, 0x301 | 0x600 | 0x601);
+    unknown_command || unknown_parameter || nan || again == frame
 }
 
 proptest! {
@@ -123,6 +128,32 @@ fn unused_fields_must_be_zero() {
             assert_eq!(Command::decode(&sealed(rest)).is_ok(), used, "kind {kind} byte {at}");
         }
     }
+}
+
+#[test]
+fn unused_fields_of_parameter_requests_must_be_zero() {
+    let id = 0x610;
+    let sealed = |rest: [u8; 7]| {
+        let data = [&[crc8_with_id(id, &rest)], &rest[..]].concat();
+        CanFrame::new(id, &data).unwrap()
+    };
+    for kind in 0..=4u8 {
+        for (at, byte) in [(1, 1), (1, 0x10), (2, 1), (3, 1), (4, 1), (5, 1), (6, 1)] {
+            let mut rest = [kind << 4, 0, 0, 0, 0, 0, 0];
+            assert!(ParameterRequest::decode(&sealed(rest)).is_ok());
+            rest[at] = byte;
+            let used = match kind {
+                0 => at <= 2 && byte == 1,
+                1 => byte == 1,
+                _ => false,
+            };
+            assert_eq!(ParameterRequest::decode(&sealed(rest)).is_ok(), used, "{kind} {at} {byte}");
+        }
+    }
+    let action = ParameterAction::Unknown { kind: 9 };
+    let request = ParameterRequest { seq: 3, action };
+    let node = Node::new(0).unwrap();
+    assert_eq!(ParameterRequest::decode(&request.encode(node)), Ok((node, request)));
 }
 
 #[test]

@@ -54,7 +54,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     fn mount(&self, flash: Nor<W, E>) -> FlashStore<Nor<W, E>> {
         let mut store = FlashStore::mount(flash, TRIAL_BOOTS).unwrap();
         if self.bug == Bug::RecordBeforeData
-            && let (_, Some(State { confirmed: Some(image), .. })) = Log::open(&mut store.flash)
+            && let (_, Some(State { confirmed: Some(image), .. })) = Log::open(&mut store.flash, E)
         {
             store.active = Some(image);
         }

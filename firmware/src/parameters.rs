@@ -1,0 +1,395 @@
+//! Gains and torque limits as they are now: the robot's configuration, or what was set since.
+//!
+//! What is set is checked against the configuration: a gain may be raised to a multiple of what the
+//! robot was designed with, a torque limit only be lowered, because that is what libraries are
+//! validated against. While torque is on a change takes [`RAMP_US`], so that nothing kicks.
+
+use heapless::Vec;
+use rollwalk_protocol::actuator::{MAX_KD_NM_S_RAD, MAX_KP_NM_RAD};
+use rollwalk_protocol::config::{Channel, MAX_CHANNELS, RobotConfig};
+use rollwalk_protocol::wire::{Parameter, ParameterResult};
+
+use crate::actuators::Hold;
+use crate::settings::Settings;
+use crate::store::{PARAMETERS, ParameterSet};
+
+/// A change while torque is on takes so long, µs: long against the servos' own dynamics, short for
+/// whoever waits for it.
+const RAMP_US: u32 = 500_000;
+/// A torque limit cannot be lowered below this part of the configured one: the damped stop needs
+/// some.
+const LEAST_TORQUE: f32 = 0.1;
+
+/// A value on its way.
+#[derive(Clone, Copy, Debug, Default)]
+struct Ramp {
+    from: f32,
+    to: f32,
+    ticks_left: u16,
+}
+
+impl Ramp {
+    fn at(to: f32) -> Self {
+        Self { from: to, to, ticks_left: 0 }
+    }
+
+    /// The value now, between both ends.
+    fn now(&self, ramp_ticks: u16) -> f32 {
+        if self.ticks_left == 0 {
+            return self.to;
+        }
+        let part = f32::from(self.ticks_left) / f32::from(ramp_ticks.max(1));
+        let value = self.to + (self.from - self.to) * part;
+        value.max(self.from.min(self.to)).min(self.from.max(self.to))
+    }
+}
+
+/// Why a parameter cannot be set, and the limit that it went beyond, otherwise 0.
+pub(crate) type Refusal = (ParameterResult, f32);
+
+/// The parameters of all channels.
+#[derive(Clone, Debug)]
+pub(crate) struct Parameters {
+    channels: Vec<[Ramp; PARAMETERS], MAX_CHANNELS>,
+    ramp_ticks: u16,
+}
+
+impl Parameters {
+    /// Those of the configuration.
+    pub fn new(config: &RobotConfig, settings: &Settings) -> Self {
+        let ramp_ticks = u16::try_from(settings.ticks(RAMP_US)).unwrap_or(u16::MAX).max(1);
+        let channels = config.channels.iter().map(|c| configured(c).map(Ramp::at)).collect();
+        Self { channels, ramp_ticks }
+    }
+
+    /// A control period has passed.
+    pub fn advance(&mut self) {
+        for ramp in self.channels.iter_mut().flatten() {
+            ramp.ticks_left = ramp.ticks_left.saturating_sub(1);
+        }
+    }
+
+    /// What a channel is held with now. The damped stop is not tuned: it damps as the robot was
+    /// designed to, within the torque limit that is in force.
+    pub fn in_force(&self, config: &RobotConfig, channel: usize, hold: Hold) -> Option<Channel> {
+        let limits = config.channels.get(channel)?;
+        let [kp, kd, torque] = self.channels.get(channel)?.map(|ramp| ramp.now(self.ramp_ticks));
+        let (kp_nm_rad, kd_nm_s_rad) = match hold {
+            Hold::Driven => (kp, kd),
+            Hold::Damped => (limits.kp_nm_rad, limits.kd_nm_s_rad),
+        };
+        let max_torque_nm = torque.min(limits.max_torque_nm);
+        Some(Channel { kp_nm_rad, kd_nm_s_rad, max_torque_nm, ..*limits })
+    }
+
+    /// What a parameter was set to, even if it is still on its way there.
+    pub fn get(&self, parameter: u8, channel: u8) -> Result<f32, Refusal> {
+        let values = self.channels.get(usize::from(channel)).ok_or(UNKNOWN_CHANNEL)?;
+        values.get(usize::from(parameter)).map(|ramp| ramp.to).ok_or(UNKNOWN_PARAMETER)
+    }
+
+    /// Sets a parameter: at once, or in a ramp while `driven`.
+    pub fn set(
+        &mut self,
+        config: &RobotConfig,
+        settings: &Settings,
+        (parameter, channel): (u8, u8),
+        value: f32,
+        driven: bool,
+    ) -> Result<f32, Refusal> {
+        let limits = config.channels.get(usize::from(channel)).ok_or(UNKNOWN_CHANNEL)?;
+        let which = Parameter::from_code(parameter).ok_or(UNKNOWN_PARAMETER)?;
+        check(limits, settings, which, value)?;
+        let ramp_ticks = self.ramp_ticks;
+        let values = self.channels.get_mut(usize::from(channel)).ok_or(UNKNOWN_CHANNEL)?;
+        let ramp = values.get_mut(usize::from(parameter)).ok_or(UNKNOWN_PARAMETER)?;
+        // −0 is 0.
+        let to = value + 0.0;
+        // A repeated value leaves a ramp alone, so that asking again and again does not delay it.
+        if to != ramp.to {
+            *ramp = Ramp { from: ramp.now(ramp_ticks), to, ticks_left: ramp_ticks };
+        }
+        if !driven {
+            ramp.ticks_left = 0;
+        }
+        Ok(to)
+    }
+
+    /// All back to the configuration: at once, or in a ramp while `driven`.
+    pub fn reset(&mut self, config: &RobotConfig, driven: bool) {
+        let ramp_ticks = self.ramp_ticks;
+        for (values, limits) in self.channels.iter_mut().zip(&config.channels) {
+            for (ramp, to) in values.iter_mut().zip(configured(limits)) {
+                let from = ramp.now(ramp_ticks);
+                *ramp = Ramp { from, to, ticks_left: if driven { ramp_ticks } else { 0 } };
+            }
+        }
+    }
+
+    /// All that is set, for a store.
+    pub fn all(&self, config: &RobotConfig) -> ParameterSet {
+        let values = self.channels.iter().map(|values| values.map(|ramp| ramp.to)).collect();
+        ParameterSet { config_hash: config.hash(), values }
+    }
+
+    /// Takes a set that was kept, as a whole or not at all; whether it fits the configuration and
+    /// its ranges.
+    pub fn restore(
+        &mut self,
+        config: &RobotConfig,
+        settings: &Settings,
+        set: &ParameterSet,
+    ) -> bool {
+        let fits = set.values.len() == config.channels.len()
+            && set.values.iter().zip(&config.channels).all(|(values, limits)| {
+                let mut each = Parameter::ALL.iter().zip(values);
+                each.all(|(&which, &value)| check(limits, settings, which, value).is_ok())
+            });
+        if fits {
+            self.channels = set.values.iter().map(|values| values.map(Ramp::at)).collect();
+        }
+        fits
+    }
+}
+
+const UNKNOWN_CHANNEL: Refusal = (ParameterResult::UnknownChannel, 0.0);
+const UNKNOWN_PARAMETER: Refusal = (ParameterResult::UnknownParameter, 0.0);
+
+/// The configuration's values, in the order of [`Parameter::ALL`].
+fn configured(limits: &Channel) -> [f32; PARAMETERS] {
+    [limits.kp_nm_rad, limits.kd_nm_s_rad, limits.max_torque_nm]
+}
+
+/// Least and greatest value of a parameter.
+fn range(limits: &Channel, settings: &Settings, parameter: Parameter) -> (f32, f32) {
+    let raised = |gain: f32, most: f32| (0.0, (gain * settings.max_gain_ratio).min(most));
+    match parameter {
+        Parameter::Kp => raised(limits.kp_nm_rad, MAX_KP_NM_RAD),
+        Parameter::Kd => raised(limits.kd_nm_s_rad, MAX_KD_NM_S_RAD),
+        Parameter::MaxTorque => (LEAST_TORQUE * limits.max_torque_nm, limits.max_torque_nm),
+    }
+}
+
+fn check(
+    limits: &Channel,
+    settings: &Settings,
+    parameter: Parameter,
+    value: f32,
+) -> Result<(), Refusal> {
+    let (least, most) = range(limits, settings, parameter);
+    // Comparisons are written so that a NaN fails them.
+    if value >= least && value <= most {
+        return Ok(());
+    }
+    Err((ParameterResult::OutOfRange, if value < least { least } else { most }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use rollwalk_protocol::config::ChannelKind;
+
+    const KP: u8 = Parameter::Kp as u8;
+    const KD: u8 = Parameter::Kd as u8;
+    const TORQUE: u8 = Parameter::MaxTorque as u8;
+
+    fn config() -> RobotConfig {
+        let joint = Channel {
+            kind: ChannelKind::JointPosition,
+            min: -1.0,
+            max: 2.0,
+            max_rate: 6.0,
+            max_torque_nm: 3.0,
+            kp_nm_rad: 20.0,
+            kd_nm_s_rad: 0.5,
+            bus: 0,
+            id: 1,
+        };
+        let kind = ChannelKind::WheelSpeed;
+        let wheel = Channel { kind, kp_nm_rad: 0.0, id: 2, ..joint };
+        RobotConfig { channels: [joint, wheel].into_iter().collect() }
+    }
+
+    /// Sets while driven or not, and answers with the result alone.
+    fn set(parameters: &mut Parameters, which: (u8, u8), value: f32, driven: bool) -> Refusal {
+        match parameters.set(&config(), &Settings::default(), which, value, driven) {
+            Ok(value) => (ParameterResult::Ok, value),
+            Err(refusal) => refusal,
+        }
+    }
+
+    fn fresh() -> Parameters {
+        Parameters::new(&config(), &Settings::default())
+    }
+
+    fn driven(parameters: &Parameters, channel: usize) -> Channel {
+        parameters.in_force(&config(), channel, Hold::Driven).unwrap()
+    }
+
+    #[test]
+    fn untouched_parameters_are_the_configuration() {
+        let parameters = fresh();
+        for (i, limits) in config().channels.iter().enumerate() {
+            for hold in [Hold::Driven, Hold::Damped] {
+                assert_eq!(parameters.in_force(&config(), i, hold), Some(*limits));
+            }
+        }
+        assert_eq!(parameters.in_force(&config(), 2, Hold::Driven), None);
+        assert_eq!(parameters.get(TORQUE, 1), Ok(3.0));
+        assert_eq!(parameters.get(3, 1), Err(UNKNOWN_PARAMETER));
+        assert_eq!(parameters.get(KP, 2), Err(UNKNOWN_CHANNEL));
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_refused_with_the_limit() {
+        let mut p = fresh();
+        let range = |limit| (ParameterResult::OutOfRange, limit);
+        for (which, value, limit) in [
+            ((KP, 0), -0.001, 0.0),
+            ((KP, 0), 40.001, 40.0),
+            ((KP, 0), f32::NAN, 40.0),
+            ((KP, 0), f32::INFINITY, 40.0),
+            ((KP, 0), f32::NEG_INFINITY, 0.0),
+            // A wheel has no stiffness.
+            ((KP, 1), 0.001, 0.0),
+            ((KD, 1), 1e30, 1.0),
+            // Limits are only ever tightened.
+            ((TORQUE, 0), 3.000_001, 3.0),
+            ((TORQUE, 0), 0.0, 0.1 * 3.0),
+        ] {
+            assert_eq!(set(&mut p, which, value, false), range(limit), "{which:?} {value}");
+        }
+        assert_eq!(set(&mut p, (3, 0), 1.0, false), UNKNOWN_PARAMETER);
+        assert_eq!(set(&mut p, (KP, 2), 1.0, false), UNKNOWN_CHANNEL);
+        for (i, limits) in config().channels.iter().enumerate() {
+            assert_eq!(driven(&p, i), *limits, "nothing has changed");
+        }
+    }
+
+    /// Whatever the ratio and the configuration: what is allowed can be told to the servo.
+    #[test]
+    fn gains_stay_within_the_scale_of_a_setpoint() {
+        let mut config = config();
+        config.channels[0].kp_nm_rad = 600.0;
+        config.channels[0].kd_nm_s_rad = 60.0;
+        let settings = Settings { max_gain_ratio: 50.0, ..Settings::default() };
+        let mut p = Parameters::new(&config, &settings);
+        let mut most =
+            |which| p.set(&config, &settings, which, f32::INFINITY, false).unwrap_err().1;
+        assert_eq!((most((KP, 0)), most((KD, 0))), (MAX_KP_NM_RAD, MAX_KD_NM_S_RAD));
+    }
+
+    #[test]
+    fn a_gain_changed_while_driven_moves_smoothly_and_arrives() {
+        let mut p = fresh();
+        assert_eq!(set(&mut p, (KP, 0), 8.0, true), (ParameterResult::Ok, 8.0));
+        assert_eq!(p.get(KP, 0), Ok(8.0), "what it was set to");
+        let mut last = driven(&p, 0).kp_nm_rad;
+        assert_eq!(last, 20.0, "and not yet what is in force");
+        let ticks = 60;
+        for _ in 0..ticks {
+            // Asked for again and again: arrives all the same.
+            set(&mut p, (KP, 0), 8.0, true);
+            p.advance();
+            let now = driven(&p, 0).kp_nm_rad;
+            assert!(now < last && last - now < 1.001 * 12.0 / ticks as f32, "{last} to {now}");
+            last = now;
+        }
+        assert_eq!(last, 8.0);
+        // While torque is off nothing has to be smooth.
+        set(&mut p, (KP, 0), 20.0, false);
+        assert_eq!(driven(&p, 0).kp_nm_rad, 20.0);
+    }
+
+    #[test]
+    fn a_ramp_that_is_turned_round_goes_on_from_where_it_is() {
+        let mut p = fresh();
+        set(&mut p, (KP, 0), 0.0, true);
+        (0..20).for_each(|_| p.advance());
+        let before = driven(&p, 0).kp_nm_rad;
+        p.reset(&config(), true);
+        assert_eq!(driven(&p, 0).kp_nm_rad, before);
+        (0..60).for_each(|_| p.advance());
+        assert_eq!(driven(&p, 0), config().channels[0]);
+    }
+
+    #[test]
+    fn the_damped_stop_is_not_tuned() {
+        let mut p = fresh();
+        for which in [(KP, 0), (KD, 0), (KD, 1)] {
+            set(&mut p, which, 0.0, false);
+        }
+        set(&mut p, (TORQUE, 0), 1.0, false);
+        let damped = p.in_force(&config(), 0, Hold::Damped).unwrap();
+        assert_eq!((damped.kd_nm_s_rad, damped.max_torque_nm), (0.5, 1.0));
+        assert_eq!(p.in_force(&config(), 1, Hold::Damped).unwrap().kd_nm_s_rad, 0.5);
+    }
+
+    #[test]
+    fn a_saved_set_comes_back_as_a_whole_or_not_at_all() {
+        let (config, settings) = (config(), Settings::default());
+        let mut p = fresh();
+        set(&mut p, (KP, 0), 11.0, false);
+        set(&mut p, (TORQUE, 1), 1.5, false);
+        let saved = p.all(&config);
+        assert_eq!(saved.config_hash, config.hash());
+        let mut restored = fresh();
+        assert!(restored.restore(&config, &settings, &saved));
+        assert_eq!((driven(&restored, 0), driven(&restored, 1)), (driven(&p, 0), driven(&p, 1)));
+
+        let mut bad = saved.clone();
+        bad.values[1][2] = f32::NAN;
+        let mut short = saved.clone();
+        short.values.pop();
+        for refused in [bad, short] {
+            let mut p = fresh();
+            assert!(!p.restore(&config, &settings, &refused));
+            assert_eq!(driven(&p, 0), config.channels[0]);
+        }
+    }
+
+    fn anything() -> impl Strategy<Value = f32> {
+        prop_oneof![
+            any::<u32>().prop_map(f32::from_bits),
+            -1.0f32..50.0,
+            Just(f32::NAN),
+            Just(f32::INFINITY),
+        ]
+    }
+
+    proptest! {
+        /// Any sequence of requests: gains and torque limit stay in their ranges, no gain moves
+        /// faster while driven than its whole range within a ramp, and the rest of the channel is that
+        /// of the configuration.
+        #[test]
+        fn nothing_that_is_asked_for_leads_out_of_the_ranges(
+            requests in prop::collection::vec((0u8..5, 0u8..4, anything(), 0u8..30, any::<bool>()), 1..60),
+        ) {
+            let mut p = fresh();
+            for (parameter, channel, value, ticks, reset) in requests {
+                if reset && value > 40.0 {
+                    p.reset(&config(), true);
+                } else {
+                    set(&mut p, (parameter, channel), value, true);
+                }
+                for _ in 0..ticks {
+                    let before = [driven(&p, 0), driven(&p, 1)];
+                    p.advance();
+                    for (i, limits) in config().channels.iter().enumerate() {
+                        let now = driven(&p, i);
+                        prop_assert!(now.kp_nm_rad >= 0.0 && now.kp_nm_rad <= 2.0 * limits.kp_nm_rad);
+                        prop_assert!(now.kd_nm_s_rad >= 0.0 && now.kd_nm_s_rad <= 2.0 * limits.kd_nm_s_rad);
+                        prop_assert!(now.max_torque_nm >= 0.1 * 3.0 && now.max_torque_nm <= 3.0);
+                        let step = |now: f32, before: f32, whole: f32| (now - before).abs() <= 1.001 * whole / 60.0;
+                        prop_assert!(step(now.kp_nm_rad, before[i].kp_nm_rad, 40.0));
+                        prop_assert!(step(now.kd_nm_s_rad, before[i].kd_nm_s_rad, 1.0));
+                        let (kp_nm_rad, kd_nm_s_rad) = (limits.kp_nm_rad, limits.kd_nm_s_rad);
+                        let max_torque_nm = limits.max_torque_nm;
+                        prop_assert_eq!(Channel { kp_nm_rad, kd_nm_s_rad, max_torque_nm, ..now }, *limits);
+                    }
+                }
+            }
+        }
+    }
+}

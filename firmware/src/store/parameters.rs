@@ -1,0 +1,139 @@
+//! Gains and limits that outlast a power cycle.
+//!
+//! A set is one record of a [log](super::log) of its own: whatever happens while it is written, the
+//! set before or this one is there afterwards, never a mixture. `docs/parameters.md` has the layout.
+
+use embedded_storage::nor_flash::NorFlash;
+use heapless::Vec;
+use rollwalk_protocol::config::MAX_CHANNELS;
+use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::wire::Parameter;
+
+use super::log::{LOG_UNITS, Log, Record};
+use super::record::RECORD_LEN;
+use super::{GeometryError, StoreError};
+
+/// Parameters of a channel.
+pub(crate) const PARAMETERS: usize = Parameter::ALL.len();
+
+/// Bytes of a set: head, values, checksum, and what is missing to a multiple of 32 bytes, the
+/// largest write unit in use.
+const SET_LEN: usize = 320;
+const MAGIC: u8 = 0xB3;
+const _: () = assert!(12 + 4 * PARAMETERS * MAX_CHANNELS + 4 <= SET_LEN, "a set fits");
+
+/// The parameters of all channels, and the configuration that they belong to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterSet {
+    /// [`rollwalk_protocol::config::RobotConfig::hash`].
+    pub config_hash: u32,
+    /// Of each channel, in the order of [`Parameter::ALL`].
+    pub values: Vec<[f32; PARAMETERS], MAX_CHANNELS>,
+}
+
+/// Memory for one [`ParameterSet`].
+pub trait ParameterStore {
+    /// The set that was saved last; `None` when there is none.
+    fn load(&mut self) -> Option<ParameterSet>;
+
+    /// Keeps a set in place of the one before. After an error the one before is still there.
+    fn save(&mut self, set: &ParameterSet) -> Result<(), StoreError>;
+}
+
+/// No memory: nothing can be saved.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoParameters;
+
+impl ParameterStore for NoParameters {
+    fn load(&mut self) -> Option<ParameterSet> {
+        None
+    }
+
+    fn save(&mut self, _: &ParameterSet) -> Result<(), StoreError> {
+        Err(StoreError::OutOfRange)
+    }
+}
+
+/// A store in NOR flash, which need not be mapped.
+#[derive(Debug)]
+pub struct FlashParameters<F> {
+    flash: F,
+    /// Bytes of a half.
+    half: usize,
+    pub(super) log: Log,
+}
+
+impl<F: NorFlash> FlashParameters<F> {
+    /// Finds out after a reset what there is. All of `flash` belongs to the store: two halves of 320
+    /// bytes at least, in whole erase units.
+    pub fn mount(mut flash: F) -> Result<Self, GeometryError> {
+        let divides = |size| size > 0 && RECORD_LEN.is_multiple_of(size);
+        if !divides(F::WRITE_SIZE) || !divides(F::READ_SIZE) {
+            return Err(GeometryError::WordSize);
+        }
+        let capacity = flash.capacity();
+        let units = (capacity / LOG_UNITS).checked_div(F::ERASE_SIZE);
+        let half = units.ok_or(GeometryError::EraseSize)?.saturating_mul(F::ERASE_SIZE);
+        if half < SET_LEN || u32::try_from(capacity).is_err() {
+            return Err(GeometryError::Capacity);
+        }
+        let (log, _) = Log::open::<SET_LEN, ParameterSet, F>(&mut flash, half);
+        Ok(Self { flash, half, log })
+    }
+
+    /// The flash, as it is.
+    pub fn into_flash(self) -> F {
+        self.flash
+    }
+}
+
+impl<F: NorFlash> ParameterStore for FlashParameters<F> {
+    fn load(&mut self) -> Option<ParameterSet> {
+        let (log, set) = Log::open(&mut self.flash, self.half);
+        self.log = log;
+        set
+    }
+
+    fn save(&mut self, set: &ParameterSet) -> Result<(), StoreError> {
+        self.log.append(&mut self.flash, set)
+    }
+}
+
+impl Record<SET_LEN> for ParameterSet {
+    fn encode(&self, generation: u32) -> [u8; SET_LEN] {
+        let head = [MAGIC, PARAMETERS as u8, self.values.len() as u8, 0];
+        let words = [generation, u32::from_le_bytes(head), self.config_hash];
+        let values = self.values.iter().flatten().map(|value| value.to_bits());
+        let mut bytes = [0; SET_LEN];
+        for (place, word) in bytes.chunks_exact_mut(4).zip(words.into_iter().chain(values)) {
+            place.copy_from_slice(&word.to_le_bytes());
+        }
+        if let Some((body, crc)) = bytes.split_last_chunk_mut::<4>() {
+            *crc = crc32c(body).to_le_bytes();
+        }
+        bytes
+    }
+
+    fn decode(bytes: &[u8; SET_LEN]) -> Option<(u32, Self)> {
+        let (body, crc) = bytes.split_last_chunk::<4>()?;
+        if crc32c(body).to_le_bytes() != *crc {
+            return None;
+        }
+        let mut words = body.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word));
+        let generation = words.next()?;
+        let [MAGIC, parameters, channels, 0] = words.next()?.to_le_bytes() else { return None };
+        if usize::from(parameters) != PARAMETERS || usize::from(channels) > MAX_CHANNELS {
+            return None;
+        }
+        let config_hash = words.next()?;
+        let mut values = Vec::new();
+        for _ in 0..channels {
+            let mut of_channel = [0.0; PARAMETERS];
+            for value in &mut of_channel {
+                *value = f32::from_bits(words.next()?);
+            }
+            values.push(of_channel).ok()?;
+        }
+        Some((generation, Self { config_hash, values }))
+    }
+}

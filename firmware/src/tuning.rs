@@ -1,0 +1,120 @@
+//! The controller's side of requests about gains and limits: each once, answered always, and kept
+//! in the store when asked to.
+
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::{
+    ParameterAck, ParameterAction, ParameterOrigin, ParameterRequest, ParameterResult,
+};
+
+use crate::controller::Controller;
+use crate::parameters::Refusal;
+use crate::safety::{State, Torque};
+use crate::store::{LibraryStore, ParameterStore};
+
+/// The store of parameters, and what was asked last.
+pub(crate) struct Tuning<P> {
+    store: P,
+    last: Option<(CanFrame, ParameterAck)>,
+    origin: ParameterOrigin,
+}
+
+impl<P: ParameterStore> Tuning<P> {
+    pub fn new(store: P) -> Self {
+        Self { store, last: None, origin: ParameterOrigin::Configuration }
+    }
+
+    /// The store, as it is.
+    pub fn into_store(self) -> P {
+        self.store
+    }
+
+    /// The answer to a request that is not to be executed.
+    fn known(&self, frame: &CanFrame, seq: u8) -> Option<Result<ParameterAck, Refusal>> {
+        let (last, ack) = self.last?;
+        // As for commands: ahead by 1 to 8 is newer; sequence numbers go round at 16.
+        match seq.wrapping_sub(ack.seq) & 0xF {
+            0 if *frame == last => Some(Ok(ack)),
+            1..=8 => None,
+            _ => Some(Err((ParameterResult::OutOfOrder, 0.0))),
+        }
+    }
+}
+
+impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
+    /// After power-on: what was saved for this robot comes into force.
+    pub(crate) fn load_parameters(&mut self) {
+        let machine = &self.machine;
+        self.tuning.origin = match self.tuning.store.load() {
+            None => ParameterOrigin::Configuration,
+            Some(set) if set.config_hash != machine.config.hash() => {
+                ParameterOrigin::OtherConfiguration
+            }
+            Some(set) => {
+                let parameters = &mut self.motion.parameters;
+                if parameters.restore(&machine.config, &machine.settings, &set) {
+                    ParameterOrigin::Saved
+                } else {
+                    ParameterOrigin::OutOfRange
+                }
+            }
+        };
+    }
+
+    /// Takes a request, which came in `frame`.
+    pub(crate) fn on_parameter(&mut self, frame: &CanFrame, request: ParameterRequest) {
+        let outcome = match self.tuning.known(frame, request.seq) {
+            Some(Ok(ack)) => {
+                self.link.acknowledge_parameter(ack);
+                return;
+            }
+            Some(Err(refusal)) => Err(refusal),
+            None => self.tune(request.action),
+        };
+        let (result, value) = match outcome {
+            Ok(value) => (ParameterResult::Ok, value),
+            Err(refusal) => refusal,
+        };
+        let (parameter, channel) = request.action.about();
+        let kind = request.action.kind();
+        let ack = ParameterAck { seq: request.seq, kind, result, parameter, channel, value };
+        if result != ParameterResult::OutOfOrder {
+            self.tuning.last = Some((*frame, ack));
+        }
+        self.link.acknowledge_parameter(ack);
+    }
+
+    fn tune(&mut self, action: ParameterAction) -> Result<f32, Refusal> {
+        let state = self.state();
+        let driven = state.torque() != Torque::Off;
+        let machine = &self.machine;
+        let parameters = &mut self.motion.parameters;
+        match action {
+            ParameterAction::Get { parameter, channel } => parameters.get(parameter, channel),
+            ParameterAction::Set { parameter, channel, value } => {
+                let which = (parameter, channel);
+                let set =
+                    parameters.set(&machine.config, &machine.settings, which, value, driven)?;
+                // Whoever was about to arm had other gains in mind.
+                self.gate.void();
+                Ok(set)
+            }
+            ParameterAction::Reset => {
+                parameters.reset(&machine.config, driven);
+                self.gate.void();
+                Ok(0.0)
+            }
+            // Writing flash stops the control loop for a while.
+            ParameterAction::Save if state != State::Disarmed => {
+                Err((ParameterResult::WrongState, 0.0))
+            }
+            ParameterAction::Save => {
+                let set = parameters.all(&machine.config);
+                let saved = self.tuning.store.save(&set);
+                self.gate.void();
+                saved.map(|()| 0.0).map_err(|_| (ParameterResult::StoreFailed, 0.0))
+            }
+            ParameterAction::Origin => Ok(f32::from(self.tuning.origin.code())),
+            ParameterAction::Unknown { .. } => Err((ParameterResult::UnknownRequest, 0.0)),
+        }
+    }
+}

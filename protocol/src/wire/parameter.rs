@@ -1,0 +1,210 @@
+//! Class 6: gains and limits of servos and wheel drives at run time.
+//!
+//! A request that was lost or repeated does no harm: it is answered as the last one when it is the
+//! last one, and one that comes late is out of order.
+
+use super::{DecodeError, Kind, Node, coded};
+use crate::can::CanFrame;
+
+const REQUEST: Kind = Kind::new(6, 0);
+const ACK: Kind = Kind::new(6, 1);
+
+/// No channel, in the answers to requests that are about none.
+const NO_CHANNEL: u8 = 0xFF;
+
+coded! {
+    /// What can be set of a channel.
+    Parameter {
+        /// Proportional gain, N·m/rad. Of a wheel always 0.
+        Kp = 0,
+        /// Damping gain, N·m·s/rad.
+        Kd = 1,
+        /// Torque limit, N·m.
+        MaxTorque = 2,
+    }
+}
+
+/// What the host asks about parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ParameterRequest {
+    /// 0 to 15, one more (and around) with each new request.
+    pub seq: u8,
+    /// What to do.
+    pub action: ParameterAction,
+}
+
+/// What a [`ParameterRequest`] asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ParameterAction {
+    /// Tell a parameter of a channel.
+    Get {
+        /// [`Parameter::code`], 4 bits.
+        parameter: u8,
+        /// Channel, as in the robot's configuration.
+        channel: u8,
+    },
+    /// Set a parameter of a channel.
+    Set {
+        /// [`Parameter::code`], 4 bits.
+        parameter: u8,
+        /// Channel, as in the robot's configuration.
+        channel: u8,
+        /// The new value, in the parameter's unit.
+        value: f32,
+    },
+    /// All parameters of all channels back to the robot's configuration.
+    Reset,
+    /// Keep what is set now over a power cycle.
+    Save,
+    /// Where the values come from that were in force after power-on.
+    Origin,
+    /// Of a later version: to be answered with [`ParameterResult::UnknownRequest`].
+    Unknown {
+        /// Kind on the wire, 5 to 15.
+        kind: u8,
+    },
+}
+
+impl ParameterAction {
+    /// Number on the wire, 4 bits.
+    pub fn kind(self) -> u8 {
+        match self {
+            ParameterAction::Get { .. } => 0,
+            ParameterAction::Set { .. } => 1,
+            ParameterAction::Reset => 2,
+            ParameterAction::Save => 3,
+            ParameterAction::Origin => 4,
+            ParameterAction::Unknown { kind } => kind & 0xF,
+        }
+    }
+
+    /// Number of the parameter and channel that it is about.
+    pub fn about(self) -> (u8, Option<u8>) {
+        match self {
+            ParameterAction::Get { parameter, channel }
+            | ParameterAction::Set { parameter, channel, .. } => (parameter & 0xF, Some(channel)),
+            _ => (0, None),
+        }
+    }
+}
+
+impl ParameterRequest {
+    /// `[crc8][seq 4 low bits, kind 4 high bits][parameter 4 low bits, 0][channel u8][value f32]`;
+    /// fields that an action does not have are 0.
+    pub fn encode(self, to: Node) -> CanFrame {
+        let (parameter, channel, value) = match self.action {
+            ParameterAction::Get { parameter, channel } => (parameter, channel, 0.0),
+            ParameterAction::Set { parameter, channel, value } => (parameter, channel, value),
+            _ => (0, 0, 0.0),
+        };
+        let [a, b, c, d] = value.to_le_bytes();
+        let head = self.seq & 0xF | self.action.kind() << 4;
+        REQUEST.seal(to, [0, head, parameter & 0xF, channel, a, b, c, d])
+    }
+
+    /// Addressee and request. A field that its action does not have, but that is not 0, is a
+    /// [`DecodeError::BadValue`].
+    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+        let (node, [_, head, parameter, channel, a, b, c, d]) = REQUEST.unseal(frame)?;
+        let (seq, kind) = (head & 0xF, head >> 4);
+        let value = [a, b, c, d];
+        let unused = match kind {
+            0 => value != [0; 4] || parameter > 0xF,
+            1 => parameter > 0xF,
+            2..=4 => value != [0; 4] || (parameter, channel) != (0, 0),
+            _ => false,
+        };
+        if unused {
+            return Err(DecodeError::BadValue);
+        }
+        let action = match kind {
+            0 => ParameterAction::Get { parameter, channel },
+            1 => ParameterAction::Set { parameter, channel, value: f32::from_le_bytes(value) },
+            2 => ParameterAction::Reset,
+            3 => ParameterAction::Save,
+            4 => ParameterAction::Origin,
+            _ => ParameterAction::Unknown { kind },
+        };
+        Ok((node, Self { seq, action }))
+    }
+}
+
+coded! {
+    /// What became of a [`ParameterRequest`].
+    ParameterResult {
+        /// Done.
+        Ok = 0,
+        /// There is no such parameter.
+        UnknownParameter = 1,
+        /// The robot has no such channel.
+        UnknownChannel = 2,
+        /// Below the least or above the greatest value, or no number: the answer has the limit.
+        OutOfRange = 3,
+        /// Not possible in this state.
+        WrongState = 4,
+        /// The memory for parameters failed, or there is none: what was saved before still is.
+        StoreFailed = 5,
+        /// Older than the last request.
+        OutOfOrder = 6,
+        /// This version does not know this kind of request.
+        UnknownRequest = 7,
+    }
+}
+
+coded! {
+    /// Where the values come from that were in force after power-on.
+    ParameterOrigin {
+        /// The robot's configuration: nothing was saved.
+        Configuration = 0,
+        /// The saved set.
+        Saved = 1,
+        /// The configuration: what was saved is for another one.
+        OtherConfiguration = 2,
+        /// The configuration: a saved value is not allowed any more.
+        OutOfRange = 3,
+    }
+}
+
+/// The answer to a [`ParameterRequest`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ParameterAck {
+    /// Of the request.
+    pub seq: u8,
+    /// Kind of the request, 4 bits ([`ParameterAction::kind`]).
+    pub kind: u8,
+    /// What became of it.
+    pub result: ParameterResult,
+    /// Of the request, 4 bits; 0 when it is about none.
+    pub parameter: u8,
+    /// Of the request.
+    pub channel: Option<u8>,
+    /// The parameter as it is now, or after [`ParameterResult::OutOfRange`] the limit that the
+    /// request went beyond. The code of a [`ParameterOrigin`] after [`ParameterAction::Origin`].
+    /// Otherwise 0.
+    pub value: f32,
+}
+
+impl ParameterAck {
+    /// `[crc8][seq 4 low bits, kind 4 high bits][parameter 4 low bits, result 4 high bits]`
+    /// `[channel u8, 255 none][value f32]`
+    pub fn encode(self, from: Node) -> CanFrame {
+        let head = self.seq & 0xF | self.kind << 4;
+        let what = self.parameter & 0xF | self.result.code() << 4;
+        let [a, b, c, d] = self.value.to_le_bytes();
+        ACK.seal(from, [0, head, what, self.channel.unwrap_or(NO_CHANNEL), a, b, c, d])
+    }
+
+    /// Sender and answer.
+    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+        let (node, [_, head, what, channel, a, b, c, d]) = ACK.unseal(frame)?;
+        let ack = Self {
+            seq: head & 0xF,
+            kind: head >> 4,
+            result: ParameterResult::from_code(what >> 4).ok_or(DecodeError::BadValue)?,
+            parameter: what & 0xF,
+            channel: (channel != NO_CHANNEL).then_some(channel),
+            value: f32::from_le_bytes([a, b, c, d]),
+        };
+        Ok((node, ack))
+    }
+}
