@@ -23,6 +23,8 @@ pub struct Bus {
     pub protocol: Protocol,
     /// Bits per second on the bus.
     pub bit_rate: u32,
+    /// Who makes torque out of position and speed.
+    pub control: ControlLoop,
     /// How the controller knows where joints are before their torque comes on.
     pub pose: Pose,
 }
@@ -30,8 +32,23 @@ pub struct Bus {
 impl Default for Bus {
     /// Actuators of the Rollwalk profile at 1 Mbit/s.
     fn default() -> Self {
-        Self { protocol: Protocol::Rollwalk, bit_rate: 1_000_000, pose: Pose::Measured }
+        Self {
+            protocol: Protocol::Rollwalk,
+            bit_rate: 1_000_000,
+            control: ControlLoop::InDrive,
+            pose: Pose::Measured,
+        }
     }
+}
+
+/// Who makes torque out of position and speed: kp (q* − q) + kd (q̇* − q̇), of a wheel kd (ω* − ω).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ControlLoop {
+    /// The drive, at its own rate.
+    InDrive,
+    /// The controller, at its rate and from the last feedback; the drive is told a torque, within the
+    /// channel's limit. None is told from feedback that is older than two ticks.
+    OnController,
 }
 
 /// How the controller knows where joints are before their torque comes on.

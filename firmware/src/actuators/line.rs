@@ -9,7 +9,7 @@ use rollwalk_protocol::actuators::{ActuatorProtocol, Answers, Capabilities, Orde
 use rollwalk_protocol::config::RobotConfig;
 
 use super::actuator::Actuator;
-use super::bus::{Bus, Pose, Protocol};
+use super::bus::{Bus, ControlLoop, Pose, Protocol};
 use super::orders::{self, Errand};
 use super::{Actuators, FRESH_TICKS};
 
@@ -212,7 +212,7 @@ impl Actuators {
             let line = self.lines.get_mut(usize::from(bus))?;
             let begun = line.due(&self.list)?;
             let channel = begun.channels.trailing_zeros() as usize;
-            let order = order(&self.list, config, &line.can, begun.about, channel);
+            let order = order(&self.list, config, &line.bus, &line.can, begun.about, channel);
             let (frame, frames) = match order {
                 Some(order) => encode(&line.bus.protocol, &order, begun.left)?,
                 None => (None, 0),
@@ -229,6 +229,7 @@ impl Actuators {
 pub fn order(
     list: &[Actuator],
     config: &RobotConfig,
+    bus: &Bus,
     can: &Capabilities,
     about: About,
     channel: usize,
@@ -239,14 +240,14 @@ pub fn order(
         // Only torque-on needs to know the pose, and where it holds something at once, the pose of
         // this moment. Dropped otherwise: it will be told again.
         About::Errand(Errand::Enable) => {
-            let limp = can.gains == Told::EachTime;
+            let limp = can.gains == Told::EachTime || bus.control == ControlLoop::OnController;
             let fresh = |_: &_| limp || actuator.silent_ticks <= FRESH_TICKS;
             let feedback = actuator.feedback().filter(fresh)?;
-            orders::command(Errand::Enable, limits, can, actuator.gains, &feedback)
+            orders::command(Errand::Enable, limits, bus, can, actuator.gains, &feedback)
         }
         About::Errand(errand) => {
             let feedback = actuator.feedback().unwrap_or_default();
-            orders::command(errand, limits, can, actuator.gains, &feedback)
+            orders::command(errand, limits, bus, can, actuator.gains, &feedback)
         }
     };
     Some(Order { id: limits.id, command })

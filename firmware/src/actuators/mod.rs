@@ -15,7 +15,7 @@
 
 use heapless::Vec;
 use rollwalk_protocol::actuator::Feedback;
-use rollwalk_protocol::actuators::{self, ActuatorProtocol, Answers, Told};
+use rollwalk_protocol::actuators::{self, ActuatorProtocol, Answers, Command, Told};
 use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
 
@@ -28,7 +28,7 @@ mod orders;
 mod serial;
 
 use actuator::Actuator;
-use bus::{Buses, MAX_BUSES, Protocol};
+use bus::{Buses, ControlLoop, MAX_BUSES, Protocol};
 use line::Line;
 pub use orders::Hold;
 use orders::{Errand, Todo};
@@ -230,13 +230,20 @@ impl Actuators {
         let Some(actuator) = self.list.get_mut(channel) else { return };
         let Some(feedback) = actuator.feedback() else { return };
         let on_query = line.can.answers == Answers::OnQuery;
-        let setpoint = orders::setpoint(limits, &line.can, target, hold, &feedback);
+        let setpoint = match line.bus.control {
+            ControlLoop::InDrive => orders::setpoint(limits, &line.can, target, hold, &feedback),
+            ControlLoop::OnController if actuator.silent_ticks <= FRESH_TICKS => {
+                Some(orders::torque(limits, target, hold, &feedback))
+            }
+            // It has moved since, nobody knows where. It is told all the same: it may answer.
+            ControlLoop::OnController => Some(Command::Torque { torque_nm: 0.0 }),
+        };
         line.give_up(channel);
         // What cannot be damped is let go, and told so until it confirms.
         let off = setpoint.is_none() && !(actuator.known_off && line.can.tells_enabled);
         let mut todo = actuator.todo.without_switches();
         todo = todo.and_if(off, Errand::Disable).and_if(on_query, Errand::Query);
-        if line.can.gains == Told::Stored {
+        if line.can.gains == Told::Stored && line.bus.control == ControlLoop::InDrive {
             let gains = Some(orders::gains(limits, hold));
             todo = todo.and_if(actuator.gains != gains, Errand::Gains);
             actuator.gains = gains;

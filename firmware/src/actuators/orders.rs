@@ -1,5 +1,5 @@
 //! What an actuator is told: from a channel's limits and target to a command that its protocol can
-//! carry.
+//! carry, or to the torque that they ask for.
 
 use rollwalk_protocol::actuator::Feedback;
 use rollwalk_protocol::actuators::{
@@ -7,6 +7,7 @@ use rollwalk_protocol::actuators::{
 };
 use rollwalk_protocol::config::{Channel, ChannelKind};
 
+use super::bus::{Bus, ControlLoop};
 use crate::limiter::{Target, gains_within_torque};
 
 /// How an actuator holds its target.
@@ -81,6 +82,7 @@ impl Todo {
 pub fn command(
     errand: Errand,
     limits: &Channel,
+    bus: &Bus,
     can: &Capabilities,
     kept: Option<Gains>,
     feedback: &Feedback,
@@ -92,6 +94,7 @@ pub fn command(
             Command::Limits { speed_rad_s: fastest(limits), torque_nm: limits.max_torque_nm }
         }
         Errand::Gains => Command::Gains(kept.unwrap_or_else(|| gains(limits, Hold::Driven))),
+        Errand::Enable if bus.control == ControlLoop::OnController => Command::EnableTorque,
         Errand::Enable => match limits.kind {
             ChannelKind::JointPosition => {
                 Command::EnableJoint { measured_rad: feedback.position_rad }
@@ -135,6 +138,21 @@ fn limp(limits: &Channel, feedback: &Feedback) -> Command {
             torque_limit_nm: None,
         }),
     }
+}
+
+/// The torque that a target asks for, within the channel's limit.
+pub fn torque(limits: &Channel, target: Target, hold: Hold, feedback: &Feedback) -> Command {
+    let Gains { kp_nm_rad: kp, kd_nm_s_rad: kd } = gains(limits, hold);
+    let asked = match limits.kind {
+        ChannelKind::JointPosition => {
+            kp * (target.value - feedback.position_rad)
+                + kd * (target.slope - feedback.velocity_rad_s)
+        }
+        ChannelKind::WheelSpeed => kd * (target.value - feedback.velocity_rad_s),
+    };
+    // Not `clamp`, which panics on limits that are none.
+    let within = asked.max(-limits.max_torque_nm).min(limits.max_torque_nm);
+    Command::Torque { torque_nm: if asked.is_finite() { within } else { 0.0 } }
 }
 
 /// The command of a target. `None` for a joint that shall be damped and cannot be: it has to be

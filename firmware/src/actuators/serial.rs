@@ -29,7 +29,7 @@ impl Line {
         let errand = |errand| all(&|a| a.todo.has(errand), About::Errand(errand));
         let setpoints = |joints: bool| {
             let wanted = move |a: &Actuator| {
-                a.setpoint.is_some_and(|s| matches!(s, Command::Joint(_)) == joints)
+                a.setpoint.is_some_and(|s| matches!(s, Command::Wheel(_)) != joints)
             };
             all(&wanted, About::Setpoint)
         };
@@ -59,7 +59,7 @@ impl Actuators {
             let mut orders = Vec::<Order, MAX_CHANNELS>::new();
             let mut told = 0;
             for channel in channels(begun.channels) {
-                match order(&self.list, config, &line.can, begun.about, channel) {
+                match order(&self.list, config, &line.bus, &line.can, begun.about, channel) {
                     Some(order) if orders.push(order).is_ok() => told |= bit(channel),
                     _ => {}
                 }

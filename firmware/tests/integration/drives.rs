@@ -24,6 +24,8 @@ pub enum Sent {
         kp: f32,
         kd: f32,
     },
+    /// A torque alone.
+    Torque(f32),
     /// Gains to keep.
     Gains {
         kp: f32,
@@ -42,7 +44,8 @@ impl Sent {
     }
 }
 
-/// A motor with what it is told. It is where it was sent at once, so it shows every step.
+/// A motor with what it is told. It is where it was sent at once, so it shows every step; with an
+/// inertia it is moved by torque alone.
 #[derive(Clone, Debug)]
 pub struct Motor {
     pub channel: Channel,
@@ -52,13 +55,58 @@ pub struct Motor {
     pub log: Vec<Sent>,
     /// The farthest that it was made to go at once.
     pub largest_step: f32,
-    /// How far setpoints have moved it since it was enabled.
+    /// Setpoints that moved it.
     pub setpoints: u32,
+    /// kg·m²; 0 is none.
+    pub inertia_kg_m2: f32,
+    pub speed_rad_s: f32,
+    pub torque_nm: f32,
+    pub largest_torque_nm: f32,
+    /// What pushes it from outside, N·m.
+    pub load_nm: f32,
 }
 
 impl Motor {
     fn new(channel: Channel, value: f32) -> Self {
-        Self { channel, value, enabled: false, log: vec![], largest_step: 0.0, setpoints: 0 }
+        Self {
+            channel,
+            value,
+            enabled: false,
+            log: vec![],
+            largest_step: 0.0,
+            setpoints: 0,
+            inertia_kg_m2: 0.0,
+            speed_rad_s: 0.0,
+            torque_nm: 0.0,
+            largest_torque_nm: 0.0,
+            load_nm: 0.0,
+        }
+    }
+
+    /// It is told to give a torque.
+    pub fn push(&mut self, torque_nm: f32) {
+        self.log.push(Sent::Torque(torque_nm));
+        if self.enabled {
+            self.torque_nm = torque_nm;
+            self.largest_torque_nm = self.largest_torque_nm.max(torque_nm.abs());
+        }
+    }
+
+    /// A control period passes.
+    fn turn(&mut self) {
+        const STEPS: u32 = 20;
+        if self.inertia_kg_m2 == 0.0 {
+            return;
+        }
+        let dt_s = 1.0 / (120.0 * STEPS as f32);
+        let torque_nm = if self.enabled { self.torque_nm } else { 0.0 } + self.load_nm;
+        for _ in 0..STEPS {
+            let speed = if self.is_wheel() { &mut self.value } else { &mut self.speed_rad_s };
+            *speed += torque_nm / self.inertia_kg_m2 * dt_s;
+            if !self.is_wheel() {
+                self.value += self.speed_rad_s * dt_s;
+            }
+        }
     }
 
     pub fn is_wheel(&self) -> bool {
@@ -70,6 +118,7 @@ impl Motor {
         self.log.push(Sent::Setpoint { value, kp, kd });
         let stiff = if self.is_wheel() { kd > 0.0 } else { kp > 0.0 };
         if self.enabled && stiff {
+            assert_eq!(self.inertia_kg_m2, 0.0, "only torque moves it");
             self.largest_step = self.largest_step.max((value - self.value).abs());
             self.value = value;
             self.setpoints += 1;
@@ -78,7 +127,7 @@ impl Motor {
 
     /// Position and speed, rad and rad/s.
     pub fn measured(&self) -> (f32, f32) {
-        if self.is_wheel() { (0.0, self.value) } else { (self.value, 0.0) }
+        if self.is_wheel() { (0.0, self.value) } else { (self.value, self.speed_rad_s) }
     }
 }
 
@@ -111,6 +160,8 @@ pub struct Drive {
     pub motor: Motor,
     pub electronics: Electronics,
     pub powered: bool,
+    /// It hears, and what it answers is lost.
+    pub mute: bool,
 }
 
 fn scale(code: u32, most: f32, bits: u32) -> f32 {
@@ -150,7 +201,13 @@ impl Drive {
             Protocol::Dynamixel(p) => Electronics::Dynamixel(DynamixelServo::new(p)),
             Protocol::Maestro(p) => Electronics::Maestro(MaestroServo::new(p)),
         };
-        Self { motor: Motor::new(channel, value), electronics, powered: true }
+        Self { motor: Motor::new(channel, value), electronics, powered: true, mute: false }
+    }
+
+    /// What it answers, as far as that gets through.
+    fn heard<F>(&mut self, answer: impl Fn(&mut Self) -> Vec<F>) -> Vec<F> {
+        let answers = answer(self);
+        if self.mute { vec![] } else { answers }
     }
 
     fn on_can(&mut self, frame: &CanFrame) -> Vec<CanFrame> {
@@ -205,9 +262,11 @@ impl Drive {
                     word(4) as f32 / 65535.0 * 500.0,
                     word(6) as f32 / 65535.0 * 5.0,
                 ];
-                assert!(scale(data16, 12.0, 16).abs() < 1e-3 || motor.is_wheel());
                 let value = if motor.is_wheel() { last[1] } else { last[0] };
                 motor.follow(value, last[2], last[3]);
+                if motor.inertia_kg_m2 > 0.0 {
+                    motor.push(scale(data16, 12.0, 16));
+                }
             }
             3 => {
                 motor.log.push(Sent::Enable);
@@ -287,6 +346,9 @@ fn mit(
             );
             let &mut (p, v, kp, kd) = last;
             motor.follow(if motor.is_wheel() { v } else { p }, kp, kd);
+            if motor.inertia_kg_m2 > 0.0 {
+                motor.push(scale(field(0, 12), max_t, 12));
+            }
         }
     }
     let (q, v) = motor.measured();
@@ -317,13 +379,18 @@ impl OdriveAxis {
                 assert_eq!(int(0), 8);
                 assert!(self.limited, "closed loop without limits");
                 assert!(self.velocity_gain.is_some(), "closed loop without gains");
-                assert_eq!(self.control_mode, if motor.is_wheel() { 2 } else { 3 });
+                let position_or_speed = if motor.is_wheel() { 2 } else { 3 };
+                let mode = if motor.inertia_kg_m2 > 0.0 { 1 } else { position_or_speed };
+                assert_eq!(self.control_mode, mode);
                 if self.error == 0 {
                     (self.closed_loop, motor.enabled) = (true, true);
-                    self.act(motor);
-                    motor.log.pop();
+                    if self.control_mode != 1 {
+                        self.act(motor);
+                        motor.log.pop();
+                    }
                 }
             }
+            0x0E => motor.push(float(0) * self.reduction),
             0x0B => {
                 motor.log.push(Sent::Mode);
                 self.control_mode = int(0);
@@ -392,7 +459,11 @@ impl Drives {
             }
             assert!(!self.pass(brain, now_us, bus), "more frames than mailboxes");
             for drive in self.list.iter_mut().filter(|d| d.motor.channel.bus == bus && d.powered) {
+                drive.motor.turn();
                 for frame in drive.on_tick(self.tick) {
+                    if drive.mute {
+                        continue;
+                    }
                     brain.on_actuator_frame(now_us, bus, &frame);
                 }
             }
@@ -403,23 +474,32 @@ impl Drives {
     pub fn pass(&mut self, brain: &mut Brain, now_us: u64, bus: u8) -> bool {
         let there = |d: &&mut Drive| d.motor.channel.bus == bus && d.powered;
         if let Some(frame) = brain.poll_actuator(bus) {
-            let answers: Vec<_> =
-                self.list.iter_mut().filter(there).flat_map(|d| d.on_can(&frame)).collect();
+            let answers: Vec<_> = self
+                .list
+                .iter_mut()
+                .filter(there)
+                .flat_map(|d| d.heard(|d| d.on_can(&frame)))
+                .collect();
             for answer in answers {
                 brain.on_actuator_frame(now_us, bus, &answer);
             }
         } else if let Some(frame) = brain.poll_extended(bus) {
-            let answers: Vec<_> =
-                self.list.iter_mut().filter(there).flat_map(|d| d.on_extended(&frame)).collect();
+            let answers: Vec<_> = self
+                .list
+                .iter_mut()
+                .filter(there)
+                .flat_map(|d| d.heard(|d| d.on_extended(&frame)))
+                .collect();
             for answer in answers {
                 brain.on_extended_frame(now_us, bus, &answer);
             }
         } else if let Some(packet) = brain.poll_serial(bus) {
             let mut answers = vec![];
-            for Drive { motor, electronics, .. } in self.list.iter_mut().filter(there) {
+            for Drive { motor, electronics, mute, .. } in self.list.iter_mut().filter(there) {
                 match electronics {
                     Electronics::Dynamixel(servo) => {
-                        answers.extend(servo.on_packet(motor, &packet))
+                        let answer = servo.on_packet(motor, &packet);
+                        answers.extend(if *mute { vec![] } else { answer });
                     }
                     Electronics::Maestro(servo) => {
                         if let Some(answer) = servo.on_packet(motor, &packet) {

@@ -14,4 +14,5 @@ mod rig;
 mod robot;
 mod serial;
 mod stopping;
+mod torque;
 mod transfer;

@@ -16,25 +16,25 @@ use crate::flash;
 use crate::rig::Rig;
 use crate::robot::{self, CODE_DRIVE, CODE_WALK, STAND};
 
-fn mit(model: usize, answers_from: AnswerId) -> Protocol {
+pub fn mit(model: usize, answers_from: AnswerId) -> Protocol {
     Protocol::Mit(Mit { model: MODELS[model], answers_from })
 }
 
-fn odrive(version: Version) -> Protocol {
+pub fn odrive(version: Version) -> Protocol {
     let reduction = -9.0;
     Protocol::Odrive(Odrive { version, reduction, torque_constant_nm_a: 0.05, estimates_hz: 120 })
 }
 
-fn cybergear() -> Protocol {
+pub fn cybergear() -> Protocol {
     Protocol::CyberGear(CyberGear { host: 0xFD, max_position_rad: TABLE_MAX_RAD })
 }
 
-fn dynamixel() -> Protocol {
+pub fn dynamixel() -> Protocol {
     let model = table::XM540_W150;
     Protocol::Dynamixel(Dynamixels { model, watchdog_20ms: 5, return_delay_us: 0 })
 }
 
-fn maestro() -> Protocol {
+pub fn maestro() -> Protocol {
     let pulse = Pulse::default();
     Protocol::Maestro(Maestro { device: None, crc: false, set_multiple: true, pulse })
 }
@@ -55,21 +55,24 @@ fn protocols() -> Vec<Protocol> {
 fn bench(protocol: Protocol) -> Rig {
     let mut config = robot::config();
     if matches!(protocol, Protocol::Dynamixel(_)) {
-        // XM540-W150: 230 steps of 0.229 rev/min.
-        config.channels.iter_mut().for_each(|c| c.max_rate = c.max_rate.min(5.0));
-        (config.channels[2].min, config.channels[2].max) = (-5.0, 5.0);
-        config.channels[2].max_rate = 60.0;
+        slow_down(&mut config);
     }
-    bench_of(config, [protocol; 2], Pose::Measured)
+    bench_of(config, [protocol; 2], Bus::default())
 }
 
-fn bench_of(config: RobotConfig, protocols: [Protocol; 2], pose: Pose) -> Rig {
+/// What an XM540-W150 can do: 230 steps of 0.229 rev/min.
+pub fn slow_down(config: &mut RobotConfig) {
+    config.channels.iter_mut().for_each(|c| c.max_rate = c.max_rate.min(5.0));
+    (config.channels[2].min, config.channels[2].max) = (-5.0, 5.0);
+    config.channels[2].max_rate = 60.0;
+}
+
+pub fn bench_of(config: RobotConfig, protocols: [Protocol; 2], like: Bus) -> Rig {
     let library = robot::library_for(&robot::config());
     let library = if config == robot::config() { library } else { robot::calm_library(&config) };
     let settings = Settings::default();
     let mut rig = Rig::with(config.clone(), settings, None);
-    let buses: Buses =
-        protocols.iter().map(|&protocol| Bus { protocol, pose, ..Bus::default() }).collect();
+    let buses: Buses = protocols.iter().map(|&protocol| Bus { protocol, ..like }).collect();
     let store = flash::store(Some(&library));
     let parameters = flash::parameters();
     rig.brain = Controller::with_parameters(config.clone(), buses, store, parameters, settings);
@@ -377,11 +380,11 @@ fn only_a_pose_is_a_sign_of_life() {
 fn a_pose_that_nobody_measures_has_to_be_assumed() {
     let config = robot::config();
     let mixed = [maestro(), Protocol::Rollwalk];
-    let mut rig = bench_of(config.clone(), mixed, Pose::Measured);
+    let mut rig = bench_of(config.clone(), mixed, Bus::default());
     let refused = rig.command(rollwalk_protocol::wire::Action::ArmRequest);
     assert_eq!(refused.result, CommandResult::PoseUnknown);
 
-    let mut rig = bench_of(config, mixed, Pose::AssumedSafe);
+    let mut rig = bench_of(config, mixed, Bus { pose: Pose::AssumedSafe, ..Bus::default() });
     // As the operator has put them.
     for (drive, safe) in rig.drives.list.iter_mut().zip(STAND) {
         drive.motor.value = safe;

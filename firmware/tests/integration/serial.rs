@@ -15,12 +15,13 @@ pub struct DynamixelServo {
     goal_rad: f32,
     goal_rad_s: f32,
     watchdog_20ms: u8,
+    goal_current: i16,
 }
 
 impl DynamixelServo {
     pub fn new(model: Dynamixels) -> Self {
         // A goal somewhere else, from before.
-        Self { model, goal_rad: 1.2, goal_rad_s: 5.0, watchdog_20ms: 0 }
+        Self { model, goal_rad: 1.2, goal_rad_s: 5.0, watchdog_20ms: 0, goal_current: 500 }
     }
 
     /// What it does with a packet of the line, and the bytes that it answers.
@@ -59,7 +60,9 @@ impl DynamixelServo {
             64 => {
                 motor.log.push(if data[0] == 1 { Sent::Enable } else { Sent::Disable });
                 motor.enabled = data[0] == 1;
-                if motor.enabled {
+                if motor.enabled && motor.inertia_kg_m2 > 0.0 {
+                    assert_eq!(self.goal_current, 0, "enabled with a torque");
+                } else if motor.enabled {
                     self.follow(motor);
                     motor.log.pop();
                 }
@@ -67,6 +70,12 @@ impl DynamixelServo {
             98 => {
                 self.watchdog_20ms = data[0];
                 assert!(data[0] == 0 || (motor.enabled && data[0] == self.model.watchdog_20ms));
+            }
+            102 if motor.inertia_kg_m2 > 0.0 => {
+                let steps = i16::from_le_bytes([data[0], data[1]]);
+                // 1.66 N·m/A.
+                motor.push(f32::from(steps) * 2.69e-3 * 7.3 / 4.4);
+                self.goal_current = steps;
             }
             102 | 112 => motor.log.push(Sent::Limits),
             104 => {

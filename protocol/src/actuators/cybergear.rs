@@ -129,9 +129,10 @@ impl CyberGear {
         Ok(frame(CONTROL, torque, motor, [a, b, c, d, e, f, g, h]))
     }
 
-    fn limp(&self, motor: u8, position_rad: f32) -> Result<ExtendedFrame, Refusal> {
+    /// Torque and nothing else.
+    fn free(&self, motor: u8, position_rad: f32, torque_nm: f32) -> Result<ExtendedFrame, Refusal> {
         let gains = Some(Gains { kp_nm_rad: 0.0, kd_nm_s_rad: 0.0 });
-        let (speed_rad_s, torque_nm) = (0.0, 0.0);
+        let speed_rad_s = 0.0;
         self.control(motor, &JointSetpoint { position_rad, speed_rad_s, torque_nm, gains })
     }
 
@@ -162,6 +163,7 @@ impl ActuatorProtocol for CyberGear {
             limits: Told::Stored,
             joint_speed: true,
             torque: true,
+            torque_alone: true,
             exact_zero_speed: false,
             answers: Answers::Always,
             measures_position: true,
@@ -215,8 +217,12 @@ impl ActuatorProtocol for CyberGear {
                 send(self.control(motor, &joint)?);
                 return Ok(());
             }
-            Command::EnableJoint { measured_rad } => self.limp(motor, measured_rad)?,
-            Command::EnableWheel => self.limp(motor, 0.0)?,
+            Command::Torque { torque_nm } => {
+                send(self.free(motor, 0.0, torque_nm)?);
+                return Ok(());
+            }
+            Command::EnableJoint { measured_rad } => self.free(motor, measured_rad, 0.0)?,
+            Command::EnableWheel | Command::EnableTorque => self.free(motor, 0.0, 0.0)?,
         };
         send(self.write(motor, RUN_MODE, [0; 4]));
         send(limp);

@@ -151,6 +151,7 @@ impl ActuatorProtocol for Maestro {
             limits: Told::Never,
             joint_speed: false,
             torque: false,
+            torque_alone: false,
             exact_zero_speed: false,
             answers: Answers::OnQuery,
             measures_position: false,
@@ -179,6 +180,9 @@ impl ActuatorProtocol for Maestro {
             Command::Query | Command::ClearFaults => self.get_errors(),
             Command::EnableWheel | Command::Wheel(_) => {
                 return Err(Refusal::Unsupported("wheel speed"));
+            }
+            Command::EnableTorque | Command::Torque { .. } => {
+                return Err(Refusal::Unsupported("torque"));
             }
             Command::Gains(_) => return Err(Refusal::Unsupported("gains")),
             Command::Limits { .. } => return Err(Refusal::Unsupported("limits")),

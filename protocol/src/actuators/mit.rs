@@ -214,6 +214,7 @@ impl ActuatorProtocol for Mit {
             limits: Told::Never,
             joint_speed: true,
             torque: true,
+            torque_alone: true,
             exact_zero_speed: false,
             answers: Answers::Always,
             measures_position: true,
@@ -252,7 +253,14 @@ impl ActuatorProtocol for Mit {
                 return Ok(());
             }
             Command::EnableJoint { measured_rad } => enable(measured_rad)?,
-            Command::EnableWheel => enable(0.0)?,
+            Command::EnableWheel | Command::EnableTorque => enable(0.0)?,
+            Command::Torque { torque_nm } => {
+                let gains = Some(Gains { kp_nm_rad: 0.0, kd_nm_s_rad: 0.0 });
+                let (position_rad, speed_rad_s) = (0.0, 0.0);
+                let alone = JointSetpoint { position_rad, speed_rad_s, torque_nm, gains };
+                send(self.joint(&alone)?.frame(id));
+                return Ok(());
+            }
         };
         send(limp);
         send(special(id, ENTER));

@@ -55,6 +55,8 @@ pub enum Command {
     },
     /// Torque on, and hold a wheel still.
     EnableWheel,
+    /// Torque on, of which none is given yet, to follow [`Command::Torque`].
+    EnableTorque,
     /// Tell what you measure, and change nothing.
     Query,
     /// Forget faults. Never turns torque on.
@@ -72,6 +74,11 @@ pub enum Command {
     Joint(JointSetpoint),
     /// Turn so fast.
     Wheel(WheelSetpoint),
+    /// Give this torque, wherever and however fast that leads: whoever sends it closes the loop.
+    Torque {
+        /// N·m.
+        torque_nm: f32,
+    },
 }
 
 /// Gains of torque = kp (q* − q) + kd (q̇* − q̇).
@@ -251,6 +258,8 @@ pub struct Capabilities {
     pub joint_speed: bool,
     /// Feed-forward torque is possible.
     pub torque: bool,
+    /// [`Command::Torque`] is possible.
+    pub torque_alone: bool,
     /// A wheel told 0 rad/s stands still. Where not, it creeps, by less than a step of its scale.
     pub exact_zero_speed: bool,
     /// When it answers.

@@ -53,6 +53,7 @@ const ENCODER_ESTIMATES: u16 = 0x09;
 const SET_CONTROLLER_MODE: u16 = 0x0B;
 const SET_INPUT_POS: u16 = 0x0C;
 const SET_INPUT_VEL: u16 = 0x0D;
+const SET_INPUT_TORQUE: u16 = 0x0E;
 const SET_LIMITS: u16 = 0x0F;
 const GET_IQ: u16 = 0x14;
 const GET_TEMPERATURE_06: u16 = 0x15;
@@ -65,6 +66,7 @@ const GET_TORQUES_06: u16 = 0x1C;
 const IDLE: u32 = 1;
 const CLOSED_LOOP_CONTROL: u32 = 8;
 /// Control modes, and the input mode that passes setpoints on as they are.
+const TORQUE_CONTROL: u32 = 1;
 const VELOCITY_CONTROL: u32 = 2;
 const POSITION_CONTROL: u32 = 3;
 const PASSTHROUGH: u32 = 1;
@@ -154,6 +156,11 @@ impl Odrive {
         Ok(floats(node, SET_INPUT_VEL, turns_s, torque_nm))
     }
 
+    fn torque(&self, node: u8, torque_nm: f32) -> Result<CanFrame, Refusal> {
+        let torque_nm = number(torque_nm / self.reduction, "torque")?;
+        Ok(frame(node, SET_INPUT_TORQUE, torque_nm.to_le_bytes()))
+    }
+
     /// ODrive's cascade is torque = g_v (g_p (q* − q) + q̇* − q̇): g_v is kd, and g_p is kp / kd. The
     /// integral gain goes to 0.
     fn gains(&self, node: u8, gains: Gains) -> Result<[CanFrame; 2], Refusal> {
@@ -224,6 +231,7 @@ impl ActuatorProtocol for Odrive {
             limits: Told::Stored,
             joint_speed: true,
             torque: true,
+            torque_alone: true,
             exact_zero_speed: true,
             answers: Answers::Cyclic,
             measures_position: true,
@@ -254,6 +262,13 @@ impl ActuatorProtocol for Odrive {
                 send(still);
                 send(self.state(node, CLOSED_LOOP_CONTROL));
             }
+            Command::EnableTorque => {
+                let none = self.torque(node, 0.0)?;
+                send(mode(TORQUE_CONTROL));
+                send(none);
+                send(self.state(node, CLOSED_LOOP_CONTROL));
+            }
+            Command::Torque { torque_nm } => send(self.torque(node, torque_nm)?),
             Command::Query => return Err(Refusal::Unsupported("query")),
             // The byte is 0.6's "identify", and not looked at by 0.5.
             Command::ClearFaults => send(frame(node, CLEAR_ERRORS, [0])),

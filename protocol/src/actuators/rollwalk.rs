@@ -28,6 +28,7 @@ fn frame(id: u8, command: &Command) -> Result<CanFrame, Refusal> {
         Command::Query => control(Control::Query),
         Command::Gains(_) => Err(Refusal::Unsupported("gains outside setpoints")),
         Command::Limits { .. } => Err(Refusal::Unsupported("limits outside setpoints")),
+        Command::EnableTorque | Command::Torque { .. } => Err(Refusal::Unsupported("torque")),
         Command::Joint(joint) => {
             without_torque(joint.torque_nm)?;
             let gains = joint.gains.ok_or(Refusal::Missing("gains"))?;
@@ -63,6 +64,7 @@ impl ActuatorProtocol for RollwalkServos {
             limits: Told::EachTime,
             joint_speed: true,
             torque: false,
+            torque_alone: false,
             exact_zero_speed: true,
             answers: Answers::Always,
             measures_position: true,

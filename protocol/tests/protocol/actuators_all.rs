@@ -118,9 +118,13 @@ fn capabilities_are_true() {
         let frames = |command| sent(protocol, 1, command).unwrap();
         let differs = frames(Command::Joint(still)) != frames(Command::Joint(good));
         assert_eq!(differs, can.joint_speed, "{name}");
-        if can.answers == Answers::OnQuery {
-            assert!(does(Command::Query), "{name}");
+        assert_eq!(does(Command::EnableTorque), can.torque_alone, "{name}");
+        assert_eq!(does(Command::Torque { torque_nm: -0.5 }), can.torque_alone, "{name}");
+        for torque_nm in [f32::NAN, f32::INFINITY] {
+            assert!(!does(Command::Torque { torque_nm }), "{name}");
         }
+        assert_eq!(does(Command::Query), can.query, "{name}");
+        assert!(can.query || can.answers != Answers::OnQuery, "{name}");
         assert!(does(Command::Disable), "{name}");
         assert!(sent(protocol, can.max_id, Command::Disable).is_ok(), "{name}");
         assert_eq!(sent(protocol, can.max_id + 1, Command::Disable).err(), Some(Refusal::Address));

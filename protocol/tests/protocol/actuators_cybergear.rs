@@ -25,6 +25,7 @@ fn commands() {
     let enable = ["1200fd7f#0570000000000000", limp, "0300fd7f#0000000000000000", limp];
     assert_eq!(frames(Command::EnableWheel), enable);
     assert_eq!(frames(Command::EnableJoint { measured_rad: 0.0 }), enable);
+    assert_eq!(frames(Command::EnableTorque), enable);
 }
 
 /// Type 1 (4.1.2): torque in bits 23 to 8, then position, speed, kp, kd; 0 to 65535 are the ends of
@@ -38,6 +39,8 @@ fn setpoints_from_end_to_end() {
     let mixed = joint(TABLE_MAX_RAD / 2.0, -15.0, 6.0, Some((100.0, 1.0)));
     // 0.75, 0.25, 0.2, 0.2 and 0.75 of 65535, rounded.
     assert_eq!(frames(Command::Joint(mixed)), ["01bfff7f#bfff400033333333"]);
+    // −0.5 of 12 N·m is a quarter of the scale; no gains.
+    assert_eq!(frames(Command::Torque { torque_nm: -6.0 }), ["0140007f#8000800000000000"]);
     let quarter = wheel(15.0, Some(2.5), None);
     assert_eq!(frames(Command::Wheel(quarter)), ["0180007f#8000bfff00008000"]);
     for beyond in [

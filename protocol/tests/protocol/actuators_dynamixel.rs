@@ -177,6 +177,11 @@ fn enabling_writes_in_order() {
             (98, vec![1, 5, 2, 5]),
         ]
     );
+    let current = |command| written(&[Order { id: 1, command }]);
+    assert_eq!(current(Command::EnableTorque)[1], (102, vec![1, 0, 0]));
+    // 372 steps of 2.69 mA are 1 A.
+    let one_amp = Command::Torque { torque_nm: -XM430_W210.torque_nm_a };
+    assert_eq!(current(one_amp), [(102, vec![1, 0x8C, 0xFE])]);
 }
 
 #[test]

@@ -28,6 +28,9 @@ fn commands_are_those_of_the_manual() {
     let enable = [limp, "001#fffffffffffffffc", limp];
     assert_eq!(frames(&ak, 1, Command::EnableJoint { measured_rad: 0.0 }), enable);
     assert_eq!(frames(&ak, 1, Command::EnableWheel), enable);
+    assert_eq!(frames(&ak, 1, Command::EnableTorque), enable);
+    // A quarter of ±18 N·m, no gains.
+    assert_eq!(frames(&ak, 1, Command::Torque { torque_nm: 9.0 }), ["001#8000800000000bff"]);
 }
 
 /// Ranges of the manual's table, and the limits of `float_to_uint`: the ends of every scale are the

@@ -44,6 +44,14 @@ fn set_input_vel_is_exact_at_zero() {
     assert_eq!(frames(&DRIVE, 2, Command::Wheel(wheel(0.0, None, None))), ["04d#0000000000000000"]);
 }
 
+/// DBC: control mode 1 torque, and `Input_Torque` as a float; nothing is asked for before torque is on.
+#[test]
+fn torque_alone() {
+    assert_eq!(frames(&DRIVE, 1, Command::Torque { torque_nm: 1.5 }), ["02e#0000c03f"]);
+    let enable = ["02b#0100000001000000", "02e#00000000", "027#08000000"];
+    assert_eq!(frames(&DRIVE, 1, Command::EnableTorque), enable);
+}
+
 /// DBC: modes 3 position, 2 velocity, input mode 1 passthrough; states 8 closed loop, 1 idle.
 #[test]
 fn states_limits_and_stops() {

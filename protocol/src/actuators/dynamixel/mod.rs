@@ -141,6 +141,12 @@ impl Dynamixels {
                 enable(table::GOAL_POSITION, position(measured_rad)?)
             }
             Command::EnableWheel => enable(table::GOAL_VELOCITY, [0; 4]),
+            Command::EnableTorque => enable(table::GOAL_CURRENT, [0; 4]),
+            Command::Torque { torque_nm } => {
+                let goal = self.goal_current(torque_nm).ok_or(Refusal::OutOfRange("torque"))?;
+                let [t0, t1] = goal;
+                one(table::GOAL_CURRENT, [t0, t1, 0, 0])
+            }
             Command::Query => Vec::new(),
             Command::Gains(_) => return Err(Refusal::Unsupported("gains")),
             Command::Limits { speed_rad_s, torque_nm } => {
@@ -206,6 +212,7 @@ impl ActuatorProtocol for Dynamixels {
             limits: Told::Stored,
             joint_speed: false,
             torque: false,
+            torque_alone: true,
             exact_zero_speed: true,
             answers: Answers::OnQuery,
             measures_position: true,
