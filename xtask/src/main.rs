@@ -2,11 +2,14 @@
 //!
 //! `cargo xtask test` is the whole check, step by step; [`steps`] lists the steps, [`tidy`] holds the
 //! house rules that no compiler checks, [`bare_metal`] builds the controller's crates for the Cortex-M4.
-//! [`board`] runs the board image in an emulator and measures it.
+//! [`board`] runs the board image in an emulator and measures it, [`fuzz`] looks for inputs that break
+//! protocol and firmware.
 
 mod bare_metal;
 mod board;
 mod debian;
+mod fuzz;
+mod fuzz_log;
 mod shell;
 mod steps;
 mod tidy;
@@ -40,6 +43,17 @@ enum Task {
     /// Print what the image of mps2-an386 takes: flash, RAM, stack, instructions; and check that
     /// nothing in it can panic.
     Sizes,
+    /// Fuzz protocol and firmware: one target, or all of them, as many at a time as there are cores.
+    Fuzz {
+        /// What to fuzz.
+        target: Option<fuzz::Target>,
+        /// How long each target runs.
+        #[arg(long, default_value_t = 600)]
+        seconds: u32,
+        /// Run this one input only, one that was found.
+        #[arg(long, value_name = "FILE")]
+        input: Option<std::path::PathBuf>,
+    },
 }
 
 fn main() -> ExitCode {
@@ -47,6 +61,7 @@ fn main() -> ExitCode {
         Task::Test { only } => steps::run(only),
         Task::Board { board } => board::run(board),
         Task::Sizes => board::sizes(),
+        Task::Fuzz { target, seconds, input } => fuzz::run(target, seconds, input.as_deref()),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,6 +1,6 @@
 //! The steps of `cargo xtask test`, in the order in which they fail fastest.
 
-use crate::{bare_metal, debian, shell, tidy};
+use crate::{bare_metal, debian, fuzz, shell, tidy};
 use clap::ValueEnum;
 use std::time::Instant;
 
@@ -20,6 +20,8 @@ pub enum Step {
     Doc,
     /// `rollwalk-protocol` and `rollwalk-firmware` for the Cortex-M4, without std.
     NoStd,
+    /// Every fuzz target for half a minute.
+    Fuzz,
     /// All tests.
     Test,
 }
@@ -32,6 +34,7 @@ impl Step {
             Step::Clippy => "clippy, warnings denied",
             Step::Doc => "documentation, warnings denied",
             Step::NoStd => "protocol and firmware for the Cortex-M4 (no_std)",
+            Step::Fuzz => "fuzz targets of protocol and firmware",
             Step::Test => "all tests",
         }
     }
@@ -44,7 +47,9 @@ impl Step {
         match self {
             Step::Fmt => {
                 need_component("rustfmt")?;
-                shell::run(&mut shell::cargo(&["fmt", "--all", "--check"]))
+                shell::run(&mut shell::cargo(&["fmt", "--all", "--check"]))?;
+                let fuzz = ["fmt", "--manifest-path", "fuzz/Cargo.toml", "--check"];
+                shell::run(&mut shell::cargo(&fuzz))
             }
             Step::Tidy => tidy::check(&shell::workspace_root()),
             Step::Clippy => {
@@ -57,6 +62,7 @@ impl Step {
                 shell::run(command.args(FEATURES).env("RUSTDOCFLAGS", "-D warnings"))
             }
             Step::NoStd => bare_metal::check(),
+            Step::Fuzz => fuzz::check(),
             Step::Test => {
                 need_python()?;
                 let mut command = shell::cargo(&["test", "--workspace", "--no-fail-fast"]);

@@ -2,6 +2,7 @@
 //! protocol's encoder.
 
 mod arming;
+mod deeds;
 mod documentation;
 mod drives;
 mod flash;

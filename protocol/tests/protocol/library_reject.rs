@@ -1,10 +1,15 @@
 //! Every reason to refuse a library, with the sentence that says so.
 
 use crate::fixture::{Fixture, robot};
-use crate::reseal::{HEADER, reseal, section};
+use crate::reseal::{HEADER, find_section, reseal};
 use rollwalk_protocol::library::{
     Library, LibrarySpec, MotionSpec, Reject, Section, Why, encode, validate,
 };
+
+/// Start and end of the payload of the section with this tag, which is there.
+fn section(bytes: &[u8], tag: usize) -> std::ops::Range<usize> {
+    find_section(bytes, tag).expect("every library has it")
+}
 
 fn good() -> (Fixture, Vec<u8>) {
     let fixture = Fixture::new();

@@ -1,0 +1,118 @@
+//! What can happen to a controller on the bench, one after the other. Random tests and a fuzz target draw
+//! from these.
+
+use rollwalk_firmware::safety::{State, Torque};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::{Action, CommandResult, ParameterAction, ParameterResult, Request};
+
+use crate::rig::Rig;
+use crate::robot::*;
+
+/// Something that happens to a controller.
+#[derive(Clone, Debug)]
+pub enum Deed {
+    Run(u16),
+    Command(Action),
+    Parameter(ParameterAction),
+    /// Both steps, whatever the answers.
+    Arm,
+    Clear,
+    Replay(u8),
+    Link(CanFrame),
+    Actuator(u8, CanFrame),
+    Transfer(Vec<u8>),
+    Begin(u32),
+    Flash,
+    Host(bool),
+    Buses(bool),
+    Power(usize, bool),
+    Status(usize, u8),
+    Estop,
+    Board,
+    TimeJump(i64),
+}
+
+/// Lets it happen.
+pub fn act(rig: &mut Rig, deed: &Deed) {
+    match deed {
+        Deed::Run(ticks) => rig.run(u32::from(*ticks)),
+        Deed::Command(action) => {
+            rig.command(*action);
+        }
+        Deed::Parameter(action) => {
+            rig.parameter(*action);
+        }
+        Deed::Arm => {
+            let request = rig.command(Action::ArmRequest);
+            rig.command(Action::ArmConfirm { nonce: request.value });
+        }
+        Deed::Clear => {
+            let request = rig.command(Action::ClearRequest);
+            rig.command(Action::ClearConfirm { nonce: request.value });
+        }
+        Deed::Replay(back) => rig.replay(usize::from(*back)),
+        Deed::Link(frame) => rig.send(frame),
+        Deed::Actuator(bus, frame) => rig.brain.on_actuator_frame(rig.now_us, *bus, frame),
+        Deed::Transfer(bytes) => rig.send_message(bytes),
+        Deed::Begin(len) => {
+            rig.try_request(&Request::Begin { len: *len, crc32c: 5 });
+        }
+        Deed::Flash => {
+            let bytes = library();
+            let crc32c = rollwalk_protocol::crc::crc32c(&bytes);
+            rig.try_request(&Request::Begin { len: bytes.len() as u32, crc32c });
+            for (i, block) in bytes.chunks(512).enumerate() {
+                rig.try_request(&Request::Block { offset: 512 * i as u32, bytes: block });
+            }
+            rig.try_request(&Request::Finish);
+            rig.try_request(&Request::Activate { crc32c });
+        }
+        Deed::Host(alive) => rig.host_alive = *alive,
+        Deed::Buses(up) => rig.buses_up = *up,
+        Deed::Power(i, on) => {
+            rig.servos[*i].powered = *on;
+            rig.servos[*i].enabled &= *on;
+        }
+        Deed::Status(i, status) => rig.servos[*i].status = *status,
+        Deed::Estop => {
+            rig.estop();
+            assert_eq!(rig.brain.state(), State::EStopped);
+        }
+        Deed::Board => {
+            rig.brain.estop(rig.now_us);
+            assert_eq!(rig.brain.state(), State::EStopped);
+        }
+        Deed::TimeJump(us) => rig.now_us = rig.now_us.saturating_add_signed(*us),
+    }
+}
+
+/// From whatever the sequence led to: without a host the robot ends without torque; with one, and sound
+/// actuators, it gets back to SAFE and plays.
+pub fn assert_way_home(rig: &mut Rig) {
+    rig.host_alive = false;
+    // Timeout, the longest way through the graph, hold, damping.
+    rig.run(40 + 700 + 130 + 200);
+    assert_eq!(rig.brain.state().torque(), Torque::Off);
+
+    rig.host_alive = true;
+    rig.buses_up = true;
+    for servo in &mut rig.servos {
+        (servo.powered, servo.status) = (true, 0);
+    }
+    rig.run(60);
+    if rig.brain.state() != State::Disarmed {
+        rig.clear();
+        rig.run(60);
+    }
+    if rig.brain.library().is_none() {
+        act(rig, &Deed::Flash);
+    }
+    // A joint without gain gets nowhere.
+    assert_eq!(rig.parameter(ParameterAction::Reset).result, ParameterResult::Ok);
+    rig.arm();
+    rig.run_until(State::Ready, 1500);
+    assert_eq!(rig.play(CODE_WALK).result, CommandResult::Ok);
+    rig.run(300);
+    rig.command(Action::Return);
+    rig.run_until(State::Ready, 1000);
+}

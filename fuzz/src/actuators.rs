@@ -1,0 +1,289 @@
+//! Every actuator protocol: any order becomes frames or a refusal, any frame becomes numbers or nothing, and
+//! what was meant to be read back is read back.
+
+use arbitrary::{Arbitrary, Result, Unstructured};
+use rollwalk_protocol::actuator;
+use rollwalk_protocol::actuators::cybergear::{CyberGear, SAMPLE_MAX_RAD, TABLE_MAX_RAD};
+use rollwalk_protocol::actuators::dynamixel::Dynamixels;
+use rollwalk_protocol::actuators::dynamixel::packet::Deframer;
+use rollwalk_protocol::actuators::dynamixel::table::XM540_W150;
+use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
+use rollwalk_protocol::actuators::mit::{AnswerId, Codes, MODELS, Mit};
+use rollwalk_protocol::actuators::odrive::{Odrive, Version};
+use rollwalk_protocol::actuators::rollwalk::RollwalkServos;
+use rollwalk_protocol::actuators::{
+    ActuatorProtocol, Command, Feedback, Gains, JointSetpoint, Order, Packet, Refusal,
+    WheelSetpoint,
+};
+use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
+
+/// The protocols, with settings that the input chooses.
+struct All {
+    mit: Mit,
+    odrive: Odrive,
+    cybergear: CyberGear,
+    dynamixel: Dynamixels,
+    maestro: Maestro,
+}
+
+impl<'a> Arbitrary<'a> for All {
+    fn arbitrary(u: &mut Unstructured<'a>) -> Result<Self> {
+        let master = if u.arbitrary()? { AnswerId::Own } else { AnswerId::Master(u.arbitrary()?) };
+        let version = if u.arbitrary()? { Version::V05 } else { Version::V06 };
+        let max_position_rad = if u.arbitrary()? { TABLE_MAX_RAD } else { SAMPLE_MAX_RAD };
+        Ok(Self {
+            mit: Mit { model: *u.choose(&MODELS)?, answers_from: master },
+            odrive: Odrive {
+                version,
+                reduction: number(u)?,
+                torque_constant_nm_a: number(u)?,
+                estimates_hz: u.arbitrary()?,
+            },
+            cybergear: CyberGear { host: u.arbitrary()?, max_position_rad },
+            dynamixel: Dynamixels {
+                model: XM540_W150,
+                watchdog_20ms: u.arbitrary()?,
+                return_delay_us: u.arbitrary()?,
+            },
+            maestro: Maestro {
+                device: u.arbitrary()?,
+                crc: u.arbitrary()?,
+                set_multiple: u.arbitrary()?,
+                pulse: Pulse {
+                    centre_us: number(u)?,
+                    us_per_rad: number(u)?,
+                    limits_us: (number(u)?, number(u)?),
+                },
+            },
+        })
+    }
+}
+
+/// A number as robots have them, or any 32 bits.
+fn number(u: &mut Unstructured<'_>) -> Result<f32> {
+    Ok(if u.arbitrary::<u8>()? & 3 > 0 {
+        f32::from(u.arbitrary::<i16>()?) / 256.0
+    } else {
+        f32::from_bits(u.arbitrary()?)
+    })
+}
+
+fn command(u: &mut Unstructured<'_>) -> Result<Command> {
+    let gains = |u: &mut Unstructured<'_>| -> Result<Gains> {
+        Ok(Gains { kp_nm_rad: number(u)?, kd_nm_s_rad: number(u)? })
+    };
+    let maybe = |u: &mut Unstructured<'_>| -> Result<Option<f32>> {
+        Ok(if u.arbitrary()? { Some(number(u)?) } else { None })
+    };
+    Ok(match u.arbitrary::<u8>()? % 10 {
+        0 => Command::Disable,
+        1 => Command::EnableJoint { measured_rad: number(u)? },
+        2 => Command::EnableWheel,
+        3 => Command::Query,
+        4 => Command::ClearFaults,
+        5 => Command::Gains(gains(u)?),
+        6 => Command::Limits { speed_rad_s: number(u)?, torque_nm: number(u)? },
+        7 => Command::Wheel(WheelSetpoint {
+            speed_rad_s: number(u)?,
+            torque_nm: if u.arbitrary()? { number(u)? } else { 0.0 },
+            kd_nm_s_rad: maybe(u)?,
+            torque_limit_nm: maybe(u)?,
+        }),
+        _ => Command::Joint(JointSetpoint {
+            position_rad: number(u)?,
+            speed_rad_s: number(u)?,
+            torque_nm: if u.arbitrary()? { number(u)? } else { 0.0 },
+            gains: if u.arbitrary()? { Some(gains(u)?) } else { None },
+        }),
+    })
+}
+
+/// Every number in it is one.
+fn assert_finite(told: Option<(u8, Feedback)>) {
+    if let Some((_, f)) = told {
+        let all = [f.position_rad, f.speed_rad_s, f.torque_nm, f.temperature_c];
+        assert!(all.into_iter().flatten().all(f32::is_finite), "{f:?}");
+    }
+}
+
+/// Encodes one by one and all at once; `look` sees every frame.
+fn send<P: ActuatorProtocol>(
+    protocol: &P,
+    orders: &[Order],
+    bits: fn(&P::Sent) -> u32,
+    mut look: impl FnMut(&P::Sent),
+) {
+    let can = protocol.capabilities();
+    let mut refused = None;
+    for (i, order) in orders.iter().enumerate() {
+        let mut count = 0;
+        let result = protocol.emit(order, &mut |frame| {
+            count += 1;
+            look(&frame);
+        });
+        match result {
+            Ok(()) => assert!(order.id <= can.max_id && (1..=4).contains(&count), "{order:?}"),
+            Err(why) => {
+                assert_eq!(count, 0, "refused, and sent all the same: {order:?}");
+                assert!(why != Refusal::Address || order.id > can.max_id, "{order:?}");
+                refused = refused.or(Some((i, why)));
+            }
+        }
+    }
+    let (mut count, mut sum) = (0, 0);
+    let result = protocol.encode(orders, &mut |frame| {
+        count += 1;
+        sum += bits(&frame);
+        look(&frame);
+    });
+    assert_eq!(result.err(), refused, "together as one by one");
+    assert!(refused.is_none() || count == 0);
+    // The reckoning is for one setpoint each.
+    let setpoints = |order: &Order| matches!(order.command, Command::Joint(_) | Command::Wheel(_));
+    let mut ids: Vec<u8> = orders.iter().map(|order| order.id).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    if refused.is_none() && ids.len() == orders.len() && orders.iter().all(setpoints) {
+        let reckoned = protocol.traffic(orders.len() as u32).bits_per_period;
+        assert!(sum <= reckoned, "{sum} bits, {reckoned} were reckoned for {orders:?}");
+    }
+}
+
+fn tell(all: &All, orders: &[Order]) {
+    let hears = |frame: &CanFrame| {
+        assert_finite(RollwalkServos.decode(frame));
+        assert_finite(all.mit.decode(frame));
+        assert_finite(all.odrive.decode(frame));
+    };
+    send(&RollwalkServos, orders, CanFrame::exact_bits, hears);
+    send(&all.mit, orders, CanFrame::exact_bits, |frame| {
+        // Told as codes, or a command.
+        let codes = Codes::of(frame).map(|codes| codes.frame(frame.id() as u8));
+        assert!(codes.is_none_or(|again| again == *frame));
+        hears(frame);
+    });
+    send(&all.odrive, orders, CanFrame::exact_bits, hears);
+    send(&all.cybergear, orders, ExtendedFrame::exact_bits, |frame| {
+        assert_finite(all.cybergear.decode(frame));
+    });
+    let serial = |packet: &Packet| 10 * packet.len() as u32;
+    let mut line = Deframer::default();
+    send(&all.dynamixel, orders, serial, |packet| {
+        packet.iter().for_each(|&byte| line.push(byte));
+        let message = line.take().expect("what we send is a packet");
+        // Our own instructions, heard again on a half-duplex line, are no answers.
+        assert_eq!(all.dynamixel.decode(&message), None);
+        assert_eq!(line.take(), None);
+    });
+    send(&all.maestro, orders, serial, |packet| {
+        let (head, rest) = packet.split_first().expect("not empty");
+        // The high bit marks the beginning of a command and nothing else.
+        assert!(*head >= 0x80 && rest.iter().all(|&byte| byte < 0x80), "{packet:x?}");
+    });
+}
+
+/// The Rollwalk profile's frames say what they say exactly.
+fn check_profile(frame: &CanFrame) {
+    use actuator::{Control, Feedback, JointSetpoint, WheelSetpoint};
+    if let Some((id, told)) = Control::decode(frame) {
+        assert_eq!(told.encode(id).as_ref(), Some(frame));
+    }
+    if let Some((id, told)) = Feedback::decode(frame) {
+        assert_eq!(told.encode(id).as_ref(), Some(frame));
+    }
+    if let Some((id, told)) = JointSetpoint::decode(frame) {
+        assert_eq!(told.encode(id).as_ref(), Some(frame));
+    }
+    // Beyond 2²⁴ steps, 1677 rad/s, an f32 has fewer digits than the frame.
+    if let Some((id, told)) = WheelSetpoint::decode(frame)
+        && told.speed_rad_s.abs() < 1600.0
+    {
+        assert_eq!(told.encode(id).as_ref(), Some(frame));
+    }
+}
+
+fn hear(all: &All, id: u32, data: &[u8]) {
+    let frame = CanFrame::new(id as u16 & 0x7FF, data).expect("11 bits and 8 bytes");
+    check_profile(&frame);
+    assert_finite(RollwalkServos.decode(&frame));
+    assert_finite(all.mit.decode(&frame));
+    assert_finite(all.odrive.decode(&frame));
+    let extended = ExtendedFrame::new(id & 0x1FFF_FFFF, data).expect("29 bits and 8 bytes");
+    assert_finite(all.cybergear.decode(&extended));
+    let _ = all.cybergear.parameter(&extended);
+    if let Ok(answer) = data.try_into() {
+        assert_finite(all.maestro.decode(&answer));
+    }
+}
+
+fn play(u: &mut Unstructured<'_>) -> Result<()> {
+    let all: All = u.arbitrary()?;
+    let mut line = Deframer::default();
+    while !u.is_empty() {
+        match u.arbitrary::<u8>()? % 4 {
+            0 => {
+                let mut orders = Vec::new();
+                for _ in 0..u.arbitrary::<u8>()? % 32 {
+                    orders.push(Order { id: u.arbitrary()?, command: command(u)? });
+                }
+                tell(&all, &orders);
+            }
+            1 => {
+                let id = u.arbitrary::<u8>()?;
+                tell(&all, &[Order { id, command: command(u)? }]);
+            }
+            2 => {
+                let id = u.arbitrary::<u32>()?;
+                let len = usize::from(u.arbitrary::<u8>()? % 9).min(u.len());
+                hear(&all, id, u.bytes(len)?);
+            }
+            _ => {
+                let len = usize::from(u.arbitrary::<u8>()?).min(u.len());
+                for &byte in u.bytes(len)? {
+                    line.push(byte);
+                    while let Some(message) = line.take() {
+                        assert_finite(all.dynamixel.decode(&message));
+                    }
+                }
+            }
+        }
+    }
+    let actuators = u.arbitrary()?;
+    let _ = (all.mit.traffic(actuators), all.maestro.traffic(actuators));
+    let _ = (all.odrive.traffic(actuators), all.cybergear.traffic(actuators));
+    let _ = (all.dynamixel.traffic(actuators), RollwalkServos.traffic(actuators));
+    Ok(())
+}
+
+/// Orders, frames and bytes of a line, for and from all protocols at once.
+pub fn run(data: &[u8]) {
+    // An error means that nothing was left to choose from.
+    let _ = play(&mut Unstructured::new(data));
+}
+
+/// Settings as in practice, and what actuators answer in their documents' examples.
+pub fn seeds() -> Vec<Vec<u8>> {
+    let frame =
+        |id: u32, data: &[u8]| [&[2][..], &id.to_le_bytes(), &[data.len() as u8], data].concat();
+    let line = |bytes: &[u8]| [&[3, bytes.len() as u8][..], bytes].concat();
+    let answers = [
+        frame(0x185, &[0x88, 0x13, 0, 0, 0xC8, 0, 0x11, 7]),
+        frame(0x105, &[0x78, 0xEC, 0xE8, 3, 0xD0, 7, 0xF4, 1]),
+        frame(0x205, &[0x08, 0xDB, 0xFE, 0xFF, 0xC8, 0, 0xC8, 0]),
+        frame(0, &[1, 0x80, 0, 0x80, 8, 0, 0x28, 0]),
+        frame(0x029, &[0, 0, 0x80, 0x3F, 0, 0, 0, 0x40]),
+        frame(0x021, &[0, 0, 0, 0, 8, 0, 0, 0]),
+        frame(0x0280_01FD, &[0x80, 0, 0x80, 0, 0x80, 0, 1, 0x2C]),
+        frame(0x1100_01FD, &[0x19, 0x70, 0, 0, 0, 0, 0x80, 0x3F]),
+        frame(0, &[4, 0]),
+    ];
+    let status = rollwalk_protocol::actuators::dynamixel::packet::packet(1, 0x55, &[0; 11]);
+    let settings = [1u8; 48];
+    let orders: Vec<u8> = (0..=255).flat_map(|i: u8| [1, i % 8, i, 1, i, 0]).collect();
+    vec![
+        [&settings[..], &answers.concat()].concat(),
+        [&settings[..], &line(&status.expect("short"))].concat(),
+        [&settings[..], &orders].concat(),
+        orders,
+    ]
+}

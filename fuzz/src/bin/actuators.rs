@@ -1,0 +1,4 @@
+//! libFuzzer around [`rollwalk_fuzz::actuators`].
+#![no_main]
+
+rollwalk_fuzz::program!(actuators);

@@ -1,0 +1,4 @@
+//! libFuzzer around [`rollwalk_fuzz::deframer`].
+#![no_main]
+
+rollwalk_fuzz::program!(deframer);

@@ -1,0 +1,4 @@
+//! libFuzzer around [`rollwalk_fuzz::dispatcher`].
+#![no_main]
+
+rollwalk_fuzz::program!(dispatcher);

@@ -1,0 +1,4 @@
+//! libFuzzer around [`rollwalk_fuzz::planted`].
+#![no_main]
+
+rollwalk_fuzz::program!(planted);

@@ -1,0 +1,4 @@
+//! libFuzzer around [`rollwalk_fuzz::wire`].
+#![no_main]
+
+rollwalk_fuzz::program!(wire);

@@ -1,0 +1,201 @@
+//! A controller on the bench of the firmware's own tests, and anything that can happen to it: commands,
+//! garbage, losses, lies, time. The bench looks at every frame: no setpoint without torque, none beyond the
+//! limits; an emergency stop stops at once, and from everywhere there is a way back.
+
+use arbitrary::{Result, Unstructured};
+use rollwalk_firmware::safety::State;
+use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::{Action, ParameterAction, Request};
+
+use crate::deeds::{Deed, act, assert_way_home};
+use crate::rig::Rig;
+use crate::robot::{self, CODE_DRIVE, CODE_STAND, CODE_WALK};
+
+/// Most deeds of an input: ten times that many simulated seconds at most.
+const DEEDS: usize = 80;
+
+/// Identifiers that mean something to the controller.
+const KNOWN: [u16; 9] = [0x010, 0x0F0, 0x110, 0x1F0, 0x210, 0x510, 0x610, 0x710, 0x7F0];
+
+/// Tags of deeds, for seeds.
+mod tag {
+    pub const RUN: u8 = 0;
+    pub const PLAY: u8 = 1;
+    pub const ACTION: u8 = 2;
+    pub const ARM: u8 = 3;
+    pub const CLEAR: u8 = 4;
+    pub const REPLAY: u8 = 5;
+    pub const LINK: u8 = 6;
+    pub const MESSAGE: u8 = 7;
+    pub const BEGIN: u8 = 8;
+    pub const FLASH: u8 = 9;
+    pub const HOST: u8 = 10;
+    pub const BUSES: u8 = 11;
+    pub const POWER: u8 = 12;
+    pub const STATUS: u8 = 13;
+    pub const ESTOP: u8 = 14;
+    pub const BOARD: u8 = 15;
+    pub const PARAMETER: u8 = 16;
+    /// The rest is lies.
+    pub const FEEDBACK: u8 = 17;
+    pub const FRAME: u8 = 18;
+    pub const TIME: u8 = 19;
+}
+
+fn frame(u: &mut Unstructured<'_>) -> Result<CanFrame> {
+    let chosen = u.arbitrary::<u8>()?;
+    let id = match KNOWN.get(usize::from(chosen % 16)) {
+        Some(&id) => id,
+        None => u.arbitrary::<u16>()? & 0x7FF,
+    };
+    let len = usize::from(u.arbitrary::<u8>()? % 9).min(u.len());
+    Ok(CanFrame::new(id, u.bytes(len)?).expect("11 bits and 8 bytes"))
+}
+
+fn action(u: &mut Unstructured<'_>) -> Result<Action> {
+    Ok(match u.arbitrary::<u8>()? % 8 {
+        0 => Action::Pause,
+        1 => Action::Return,
+        2 => Action::Disarm,
+        3 => Action::ArmRequest,
+        4 => Action::ArmConfirm { nonce: u.arbitrary()? },
+        5 => Action::ClearConfirm { nonce: u.arbitrary()? },
+        6 => Action::Play { code: u.arbitrary()?, speed_64ths: u.arbitrary()? },
+        _ => Action::Unknown { kind: u.int_in_range(9..=15)? },
+    })
+}
+
+/// Values that are allowed, values that are not, and what is no number.
+fn parameter(u: &mut Unstructured<'_>) -> Result<ParameterAction> {
+    Ok(match u.arbitrary::<u8>()? % 8 {
+        0 => ParameterAction::Reset,
+        1 => ParameterAction::Save,
+        2 => ParameterAction::Origin,
+        3 => ParameterAction::Unknown { kind: u.int_in_range(5..=15)? },
+        4 => {
+            ParameterAction::Get { parameter: u.arbitrary::<u8>()? & 0xF, channel: u.arbitrary()? }
+        }
+        how => {
+            let (parameter, channel) = (u.arbitrary::<u8>()? % 4, u.arbitrary::<u8>()? % 4);
+            let value = match how {
+                5 => f32::from_bits(u.arbitrary()?),
+                _ => f32::from(u.arbitrary::<u8>()?) / 6.0,
+            };
+            ParameterAction::Set { parameter, channel, value }
+        }
+    })
+}
+
+/// A lying actuator: any measurement, any status, in a frame that decodes.
+fn feedback(u: &mut Unstructured<'_>) -> Result<CanFrame> {
+    let feedback = Feedback {
+        position_rad: f32::from(u.arbitrary::<i8>()?) / 20.0,
+        velocity_rad_s: f32::from(u.arbitrary::<i8>()?) / 2.0,
+        torque_nm: 0.0,
+        status: ActuatorStatus(u.arbitrary()?),
+        counter: u.arbitrary()?,
+    };
+    Ok(feedback.encode(u.int_in_range(1..=2)?).expect("an address"))
+}
+
+fn deed(u: &mut Unstructured<'_>, lies: bool) -> Result<Deed> {
+    let count = if lies { tag::TIME } else { tag::PARAMETER } + 1;
+    let servo = |u: &mut Unstructured<'_>| u.choose_index(robot::CHANNELS);
+    Ok(match u.arbitrary::<u8>()? % count {
+        tag::RUN => Deed::Run(u.arbitrary::<u8>()?.into()),
+        tag::PLAY => {
+            let code = *u.choose(&[CODE_STAND, CODE_DRIVE, CODE_WALK])?;
+            Deed::Command(Action::Play { code, speed_64ths: 64 })
+        }
+        tag::ACTION => Deed::Command(action(u)?),
+        tag::ARM => Deed::Arm,
+        tag::CLEAR => Deed::Clear,
+        tag::REPLAY => Deed::Replay(u.arbitrary()?),
+        tag::LINK => Deed::Link(frame(u)?),
+        tag::MESSAGE => {
+            let len = usize::from(u.arbitrary::<u8>()? % 40 + 1).min(u.len());
+            let bytes = u.bytes(len)?;
+            // There is no empty message.
+            Deed::Transfer(if bytes.is_empty() { vec![1] } else { bytes.to_vec() })
+        }
+        tag::BEGIN => Deed::Begin(u.arbitrary()?),
+        tag::FLASH => Deed::Flash,
+        tag::HOST => Deed::Host(u.arbitrary()?),
+        tag::BUSES => Deed::Buses(u.arbitrary()?),
+        tag::POWER => Deed::Power(servo(u)?, u.arbitrary()?),
+        tag::STATUS => Deed::Status(servo(u)?, u.arbitrary::<u8>()? & ActuatorStatus::FAULTS),
+        tag::ESTOP => Deed::Estop,
+        tag::BOARD => Deed::Board,
+        tag::PARAMETER => Deed::Parameter(parameter(u)?),
+        tag::FEEDBACK => Deed::Actuator(u.int_in_range(0..=2)?, feedback(u)?),
+        tag::FRAME => Deed::Actuator(u.int_in_range(0..=2)?, frame(u)?),
+        _ => Deed::TimeJump(i64::from(u.arbitrary::<i16>()?) * 100),
+    })
+}
+
+/// What became of a controller.
+fn after(u: &mut Unstructured<'_>, lies: bool) -> Result<Rig> {
+    let mut rig = Rig::new(Some(&robot::library()));
+    rig.trust_pose = !lies;
+    for _ in 0..DEEDS {
+        if u.is_empty() {
+            break;
+        }
+        act(&mut rig, &deed(u, lies)?);
+    }
+    Ok(rig)
+}
+
+fn play(u: &mut Unstructured<'_>) -> Result<()> {
+    let how = u.arbitrary::<u8>()?;
+    let lies = how & 1 != 0;
+    let mut rig = after(u, lies)?;
+    // A controller that was lied to may have reason not to go on; one in four of the others shows that
+    // it does.
+    if !lies && how & 6 == 0 {
+        assert_way_home(&mut rig);
+    }
+    rig.estop();
+    assert_eq!(rig.brain.state(), State::EStopped);
+    Ok(())
+}
+
+/// A sequence of deeds; the first byte says whether actuators and clock lie.
+pub fn run(data: &[u8]) {
+    // An error means that a deed was cut off.
+    let _ = play(&mut Unstructured::new(data));
+}
+
+/// A day of a robot, and days that go wrong.
+pub fn seeds() -> Vec<Vec<u8>> {
+    use tag::*;
+    let armed = [RUN, 30, ARM, RUN, 250, RUN, 250];
+    let plays = [PLAY, 2, RUN, 200, PLAY, 1, RUN, 250, ACTION, 1, RUN, 250];
+    let day = [&armed[..], &plays, &[ACTION, 2, RUN, 250]].concat();
+    let stopped = [&armed[..], &plays[..4], &[ESTOP, RUN, 9, CLEAR, RUN, 20, ARM]].concat();
+    let lost = [&armed[..], &plays[..4], &[HOST, 0, RUN, 250, RUN, 250, HOST, 1, CLEAR]].concat();
+    let broken = [&armed[..], &plays[..4], &[POWER, 1, 0, RUN, 250, POWER, 1, 1, CLEAR]].concat();
+    let hot =
+        [&armed[..], &[STATUS, 0, 16, RUN, 99, STATUS, 0, 0, CLEAR, BUSES, 0, RUN, 9]].concat();
+    let flashed = [&[RUN, 30, BEGIN, 9, 0, 0, 0, FLASH][..], &armed, &plays].concat();
+    let mut out = [0; 32];
+    let hello = Request::Hello { major: 1, minor: 0 }.encode(&mut out).expect("fits");
+    let talk = [&[RUN, 30, MESSAGE, hello.len() as u8 - 1][..], hello, &[REPLAY, 0]].concat();
+    let set = [PARAMETER, 6, 0, 1, 200, PARAMETER, 6, 1, 2, 3, PARAMETER, 1, PARAMETER, 4, 0, 1];
+    let tuned = [&armed[..], &set, &plays, &[PARAMETER, 0, RUN, 99]].concat();
+    let link = [LINK, 4, 8, 0, 0, 0, 0, 0, 0, 0, 0, LINK, 1, 0, BOARD, CLEAR];
+    let lies = [FEEDBACK, 0, 50, 9, 1, 1, 0, FRAME, 0, 9, 0, 8, 1, 2, 3, 4, 5, 6, 7, 8, TIME, 9, 9];
+    let lying = [&armed[..], &lies, &plays].concat();
+    // Seeds that lead nowhere would go unnoticed.
+    let plays_in = after(&mut Unstructured::new(&[&armed[..], &plays[..4]].concat()), false);
+    assert_eq!(plays_in.map(|rig| rig.brain.state()), Ok(State::Playing));
+    let seed = |how: u8, deeds: &[u8]| [&[how], deeds].concat();
+    let mut seeds: Vec<_> =
+        [&day[..], &stopped, &lost, &broken, &hot, &flashed, &talk, &tuned, &link]
+            .into_iter()
+            .flat_map(|deeds| [seed(0, deeds), seed(2, deeds), seed(1, deeds)])
+            .collect();
+    seeds.push(seed(1, &lying));
+    seeds
+}

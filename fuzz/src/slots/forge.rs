@@ -1,0 +1,101 @@
+//! Contents of a flash out of bytes: noise, or records and footers whose checksums fit, those of the
+//! libraries that they name included. A second reader of what `docs/library-store.md` describes.
+
+use arbitrary::{Result, Unstructured};
+use rollwalk_protocol::crc::crc32c;
+
+use super::{Bench, library};
+
+const UNIT: usize = 256;
+/// Two units of log, two slots of four units.
+pub const FLASH_LEN: usize = 10 * UNIT;
+const LOG_LEN: usize = 2 * UNIT;
+const SLOT_LEN: usize = 4 * UNIT;
+const RECORD: usize = 32;
+/// Of the highest byte of a generation: no flash lives to see 2³¹ records. Beyond them is an end, where no
+/// record is newer than the last.
+const OLDEST_AGE: u8 = 0x7F;
+
+/// The flash: runs of bytes at their places, everything else blank; and repaired, if so wished.
+pub fn cells(u: &mut Unstructured<'_>, repaired: bool) -> Result<Vec<u8>> {
+    let mut cells = vec![0xFF; FLASH_LEN];
+    // Two libraries where they belong.
+    let (a, b) = (library(u.arbitrary()?), library(u.arbitrary()?));
+    cells[LOG_LEN..][..a.len()].copy_from_slice(&a);
+    cells[LOG_LEN + SLOT_LEN..][..b.len()].copy_from_slice(&b);
+    for _ in 0..u.arbitrary::<u8>()? % 16 {
+        let at = RECORD * usize::from(u.arbitrary::<u8>()?) % FLASH_LEN;
+        let run = u.bytes(RECORD.min(u.len()))?;
+        cells[at..][..run.len()].copy_from_slice(run);
+    }
+    if repaired {
+        repair(&mut cells);
+    }
+    Ok(cells)
+}
+
+fn word(bytes: &[u8], i: usize) -> usize {
+    bytes[4 * i..].first_chunk().map_or(0, |word| u32::from_le_bytes(*word) as usize)
+}
+
+fn set(bytes: &mut [u8], i: usize, value: u32) {
+    bytes[4 * i..][..4].copy_from_slice(&value.to_le_bytes());
+}
+
+/// Makes the checksums fit of whatever is not blank where records and footers are.
+fn repair(cells: &mut [u8]) {
+    let slot_of = |slot: usize| LOG_LEN + slot * SLOT_LEN..LOG_LEN + (slot + 1) * SLOT_LEN;
+    let slots = [cells[slot_of(0)].to_vec(), cells[slot_of(1)].to_vec()];
+    let crc_of = |slot: usize, len: usize| slots[slot].get(..len).map(crc32c);
+    for record in cells[..LOG_LEN].chunks_exact_mut(RECORD) {
+        if record.iter().all(|&byte| byte == 0xFF) {
+            continue;
+        }
+        record[3] &= OLDEST_AGE;
+        record[4] = 0xA7;
+        record[7] = 0;
+        let confirmed = usize::from(record[5] & 0xF == 2);
+        let candidate = if record[5] & 0xF == 1 { 1 } else { 0 };
+        for (slot, len, crc) in [(confirmed, 2, 3), (candidate, 4, 5)] {
+            if let Some(value) = crc_of(slot, word(record, len)) {
+                set(record, crc, value);
+            }
+        }
+        let seal = crc32c(&record[..28]);
+        set(record, 7, seal);
+    }
+    for slot in 0..2 {
+        for footer in cells[slot_of(slot)].chunks_exact_mut(RECORD).rev().take(2) {
+            if footer.iter().all(|&byte| byte == 0xFF) {
+                continue;
+            }
+            footer[..8].copy_from_slice(b"RW-SLOT1");
+            footer[11] &= OLDEST_AGE;
+            if let Some(value) = crc_of(slot, word(footer, 3)) {
+                set(footer, 4, value);
+            }
+            footer[20..28].fill(0);
+            let seal = crc32c(&footer[..28]);
+            set(footer, 7, seal);
+        }
+    }
+}
+
+/// The bytes that become the log and footers of a store with a library, and another one on
+/// trial.
+pub fn seed() -> Vec<u8> {
+    let mut bench = Bench::sound();
+    let _ = bench.send(3).and_then(|()| bench.activate());
+    let cells = bench.into_cells();
+    let mut runs = Vec::new();
+    let places = (0..LOG_LEN / RECORD).chain([47, 46, 79, 78]);
+    for place in places {
+        let run = &cells[RECORD * place..][..RECORD];
+        if run.iter().any(|&byte| byte != 0xFF) && runs.len() < 15 * (RECORD + 1) {
+            runs.push(place as u8);
+            runs.extend(run);
+        }
+    }
+    let count = (runs.len() / (RECORD + 1)) as u8;
+    [&[0, 3, count][..], &runs].concat()
+}

@@ -1,0 +1,126 @@
+//! The flash of the store's tests, with its switches outside of the store that owns it.
+
+use std::cell::{Cell, RefCell};
+use std::rc::Rc;
+
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+use rollwalk_firmware::store::MappedFlash;
+
+use crate::flash::nor::{Nor, Torn};
+
+/// Words of 8 bytes, small units, so that an input reaches all of them.
+pub type Cells = Nor<8, 256>;
+
+/// A switch that is set from outside and taken over with the next operation.
+#[derive(Default)]
+struct Switches {
+    has_power: Cell<bool>,
+    cut: RefCell<Option<Option<(Torn, usize)>>>,
+    failing: Cell<Option<Option<u64>>>,
+}
+
+/// The power supply, and the health of the flash.
+#[derive(Clone)]
+pub struct Power(Rc<Switches>);
+
+impl Power {
+    /// Whether there is power.
+    pub fn get(&self) -> bool {
+        self.0.has_power.get()
+    }
+
+    /// The power fails after so many bytes of writing and erasing.
+    pub fn cut_after(&self, torn: Torn, bytes: usize) {
+        self.0.cut.replace(Some(Some((torn, bytes))));
+    }
+
+    /// The power does not fail any more.
+    pub fn keep(&self) {
+        self.0.cut.replace(Some(None));
+    }
+
+    /// One write in so many fails.
+    pub fn fail_writes(&self, rate: Option<u64>) {
+        self.0.failing.set(Some(rate));
+    }
+}
+
+/// The flash.
+pub struct Watched {
+    cells: Cells,
+    power: Power,
+    cycles: u32,
+}
+
+impl Watched {
+    /// Flash with that content, and its power.
+    pub fn new(cells: Vec<u8>) -> (Self, Power) {
+        let power = Power(Rc::default());
+        power.0.has_power.set(true);
+        (Self { cells: Cells::with(cells), power: power.clone(), cycles: 0 }, power)
+    }
+
+    /// Some word, which cannot be read from now on.
+    pub fn spoil(&mut self, at: usize) {
+        self.cells.make_unreadable(at % self.cells.capacity());
+    }
+
+    /// Power comes back. Words that were fading since the cut before are gone.
+    pub fn power_cycle(&mut self) {
+        if self.cycles > 0 {
+            self.cells.fade();
+        }
+        self.cycles += 1;
+        self.cells.power_on();
+        self.power.0.has_power.set(true);
+    }
+
+    fn operate<T>(&mut self, operation: impl FnOnce(&mut Cells) -> T) -> T {
+        let switches = &self.power.0;
+        if let Some(cut) = switches.cut.borrow_mut().take() {
+            let (torn, fuel) = cut.map_or((Torn::Short, None), |(torn, fuel)| (torn, Some(fuel)));
+            self.cells.arm(torn, fuel);
+        }
+        if let Some(rate) = switches.failing.take() {
+            self.cells.failing = rate;
+        }
+        let result = operation(&mut self.cells);
+        switches.has_power.set(self.cells.has_power());
+        result
+    }
+}
+
+impl ErrorType for Watched {
+    type Error = NorFlashErrorKind;
+}
+
+impl ReadNorFlash for Watched {
+    const READ_SIZE: usize = Cells::READ_SIZE;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        self.operate(|cells| cells.read(offset, bytes))
+    }
+
+    fn capacity(&self) -> usize {
+        self.cells.capacity()
+    }
+}
+
+impl NorFlash for Watched {
+    const WRITE_SIZE: usize = Cells::WRITE_SIZE;
+    const ERASE_SIZE: usize = Cells::ERASE_SIZE;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        self.operate(|cells| cells.erase(from, to))
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        self.operate(|cells| cells.write(offset, bytes))
+    }
+}
+
+impl MappedFlash for Watched {
+    fn mapped(&self) -> &[u8] {
+        self.cells.mapped()
+    }
+}

@@ -1,0 +1,166 @@
+//! Frames and messages of the link: what decodes encodes to the same bytes again, and no frame is both to
+//! and from a controller.
+
+use arbitrary::{Result, Unstructured};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::crc::{crc8_with_id, crc32c};
+use rollwalk_protocol::wire::transport::{MAX_MESSAGE, Reply, TransferResult};
+use rollwalk_protocol::wire::*;
+
+/// The first byte: how the rest is taken.
+const FRAMES: u8 = 0;
+const SEALED_FRAMES: u8 = 1;
+const MESSAGE: u8 = 2;
+const SEALED_BLOCK: u8 = 3;
+
+fn encode_to(node: Node, message: ToController) -> Option<CanFrame> {
+    Some(match message {
+        ToController::Heartbeat(m) => m.encode(node),
+        ToController::Command(m) => m.encode(node),
+        ToController::Parameter(m) => m.encode(node),
+        ToController::Discover => Discover.encode(node),
+        // Any payload is one.
+        ToController::Estop | ToController::Transport => return None,
+    })
+}
+
+fn encode_from(node: Node, message: FromController) -> Option<CanFrame> {
+    Some(match message {
+        FromController::EstopAck(m) => m.encode(node),
+        FromController::HeartbeatReply(m) => m.encode(node),
+        FromController::Status(m) => m.encode(node),
+        FromController::FaultReport(m) => m.encode(node),
+        FromController::CommandAck(m) => m.encode(node),
+        FromController::JointTelemetry(m) => m.encode(node),
+        FromController::ParameterAck(m) => m.encode(node),
+        FromController::Discovered(m) => m.encode(node),
+        FromController::Transport => return None,
+    })
+}
+
+/// Fields that a message does not use may have had any value.
+fn same_but_for_ignored_bits(again: CanFrame, frame: CanFrame) -> bool {
+    let kind = frame.id() & 0x70F;
+    let unknown = |known| frame.data().get(1).is_some_and(|byte| byte >> 4 > known);
+    let unknown = kind == 0x200 && unknown(8) || kind == 0x600 && unknown(4);
+    let nan = matches!(kind, 0x301 | 0x600 | 0x601);
+    unknown || nan || again == frame
+}
+
+fn check_frame(frame: CanFrame) {
+    let (to, from) = (ToController::decode(&frame), FromController::decode(&frame));
+    if let Ok((node, message)) = to
+        && let Some(again) = encode_to(node, message)
+    {
+        assert!(same_but_for_ignored_bits(again, frame), "{frame:?} is {message:?}, is {again:?}");
+    }
+    if let Ok((node, message)) = from
+        && let Some(again) = encode_from(node, message)
+    {
+        assert!(same_but_for_ignored_bits(again, frame), "{frame:?} is {message:?}, is {again:?}");
+    }
+    let other = DecodeError::OtherMessage;
+    assert!(to.err() == Some(other) || from.err() == Some(other), "{frame:?} is both");
+    // Start, identifier, control, CRC and end, without stuffing.
+    let bits = frame.exact_bits();
+    assert!(bits >= 47 + 8 * frame.data().len() as u32);
+    assert!(bits <= rollwalk_protocol::can::worst_case_bits(frame.data().len() as u8));
+}
+
+fn frames(u: &mut Unstructured<'_>, seal: bool) -> Result<()> {
+    while !u.is_empty() {
+        let id = u.arbitrary::<u16>()? & 0x7FF;
+        let len = usize::from(u.arbitrary::<u8>()? % 9).min(u.len());
+        let mut data = u.bytes(len)?.to_vec();
+        if seal && let Some((crc, rest)) = data.split_first_mut() {
+            *crc = crc8_with_id(id, rest);
+        }
+        check_frame(CanFrame::new(id, &data).expect("11 bits and 8 bytes"));
+    }
+    Ok(())
+}
+
+fn check_message(bytes: &[u8]) {
+    let mut out = [0; MAX_MESSAGE];
+    if let Ok(request) = Request::decode(bytes) {
+        assert_eq!(request.encode(&mut out), Some(bytes), "{request:?}");
+    }
+    if let Ok(response) = Response::decode(bytes) {
+        assert_eq!(response.encode(&mut out), Some(bytes), "{response:?}");
+    }
+}
+
+/// A sequence of frames, or a message.
+pub fn run(data: &[u8]) {
+    let Some((&how, rest)) = data.split_first() else { return };
+    match how % 4 {
+        how @ (FRAMES | SEALED_FRAMES) => {
+            frames(&mut Unstructured::new(rest), how == SEALED_FRAMES)
+                .expect("no read is longer than what is left");
+        }
+        SEALED_BLOCK if rest.len() > 9 => {
+            let mut message = rest.to_vec();
+            message[0] = 0x11;
+            let crc = crc32c(&message[9..]);
+            message[5..9].copy_from_slice(&crc.to_le_bytes());
+            check_message(&message);
+        }
+        _ => check_message(rest),
+    }
+}
+
+/// One of each kind.
+pub fn seeds() -> Vec<Vec<u8>> {
+    let node = Node::new(3).expect("one of 15");
+    let command = |action| Command { seq: 5, action, valid_until_ms: 1000 }.encode(node);
+    let parameter = |action| ParameterRequest { seq: 5, action }.encode(node);
+    let frames = [
+        Estop.encode(Node::BROADCAST),
+        Heartbeat { seq: 1, host_ms: 77 }.encode(node),
+        HeartbeatReply { seq: 1, controller_ms: 77 }.encode(node),
+        command(Action::Play { code: 20, speed_64ths: 64 }),
+        command(Action::ArmConfirm { nonce: 0xBEEF }),
+        command(Action::Pause),
+        parameter(ParameterAction::Set { parameter: 1, channel: 2, value: 0.5 }),
+        parameter(ParameterAction::Get { parameter: 0, channel: 1 }),
+        parameter(ParameterAction::Save),
+        Discover.encode(Node::BROADCAST),
+    ];
+    let mut seeds = Vec::new();
+    for how in [FRAMES, SEALED_FRAMES] {
+        let mut seed = vec![how];
+        for frame in &frames {
+            seed.extend(frame.id().to_le_bytes());
+            seed.push(frame.data().len() as u8);
+            seed.extend(frame.data());
+        }
+        seeds.push(seed);
+    }
+    // Every identifier that there is, with a payload of its length, sealed.
+    for kind in [0x001u16, 0x101, 0x300, 0x301, 0x302, 0x400, 0x601, 0x701] {
+        for len in [2, 7, 8] {
+            let mut seed = vec![SEALED_FRAMES];
+            seed.extend((kind | 0x30).to_le_bytes());
+            seed.push(len);
+            seed.extend(std::iter::repeat_n(0, len.into()));
+            seeds.push(seed);
+        }
+    }
+    let mut out = [0; MAX_MESSAGE];
+    let requests = [
+        Request::Hello { major: 1, minor: 0 },
+        Request::Begin { len: 1000, crc32c: 7 },
+        Request::Block { offset: 512, bytes: b"some of the library" },
+        Request::Finish,
+        Request::Activate { crc32c: 7 },
+    ];
+    let messages = requests.map(|r| r.encode(&mut out).expect("fits").to_vec());
+    let reply = Reply::new(0x10, TransferResult::Ok, 0);
+    let reply = Response::Reply(reply).encode(&mut out).expect("fits").to_vec();
+    for message in messages.into_iter().chain([reply]) {
+        for how in [MESSAGE, SEALED_BLOCK] {
+            seeds.push([vec![how], message.clone()].concat());
+        }
+    }
+    seeds
+}

@@ -1,0 +1,244 @@
+//! Builds and runs the fuzz targets of `fuzz/`, as cargo-fuzz would, without having to install it.
+//!
+//! libFuzzer needs nothing of the compiler but its coverage pass, which stable has; the C++ compiler is
+//! for libFuzzer itself. No sanitizer: there is no unsafe code to sanitise, and Miri looks at what the
+//! dependencies have. A target that finds something names the input and the command that repeats it.
+
+use crate::shell::{self, command, workspace_root};
+use crate::{debian, fuzz_log};
+use clap::ValueEnum;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Mutex;
+
+/// Seconds that each target runs in `cargo xtask test`.
+const STEP_SECONDS: u32 = 30;
+/// Seconds in which the planted bug must be found; it takes one.
+const PLANTED_SECONDS: u32 = 60;
+
+/// Coverage by edges, counted in bytes, and comparisons, so that the fuzzer learns what was compared
+/// with. What cargo-fuzz passes, too.
+const RUSTFLAGS: [&str; 7] = [
+    "--cfg fuzzing",
+    "-Cpasses=sancov-module",
+    "-Cllvm-args=-sanitizer-coverage-level=4",
+    "-Cllvm-args=-sanitizer-coverage-inline-8bit-counters",
+    "-Cllvm-args=-sanitizer-coverage-pc-table",
+    "-Cllvm-args=-sanitizer-coverage-trace-compares",
+    // Branches that are folded away are not seen.
+    "-Cllvm-args=-simplifycfg-branch-fold-threshold=0",
+];
+
+/// What is fuzzed: the programs of `fuzz/src/bin/`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Target {
+    /// Validation of motion libraries, and what plays of them.
+    Library,
+    /// A controller, and all that can happen to it.
+    Dispatcher,
+    /// The library store in flash.
+    Slots,
+    /// Every actuator protocol.
+    Actuators,
+    /// Packets on serial lines.
+    Deframer,
+    /// The transport of long messages.
+    Isotp,
+    /// Frames and messages of the link.
+    Wire,
+    /// A bug that must be found.
+    Planted,
+}
+
+impl Target {
+    fn name(self) -> String {
+        self.to_possible_value().expect("no target is hidden").get_name().to_owned()
+    }
+
+    /// Longest input: as much as the target can make use of, for short ones are run more often.
+    fn max_len(self) -> u32 {
+        match self {
+            Target::Library => 2048,
+            Target::Actuators | Target::Wire | Target::Isotp => 1024,
+            Target::Slots | Target::Deframer => 512,
+            Target::Dispatcher => 300,
+            Target::Planted => 32,
+        }
+    }
+}
+
+/// Runs one target, or all of them, for so many seconds each; or one on a single input.
+///
+/// # Errors
+/// What was found, by which input.
+pub fn run(target: Option<Target>, seconds: u32, input: Option<&Path>) -> Result<(), String> {
+    let fuzz = Fuzz::build()?;
+    match (target, input) {
+        (Some(target), Some(input)) => fuzz.repeat(target, input),
+        (None, Some(_)) => Err("an input is for a target: name it".into()),
+        (Some(target), None) => fuzz.all(&[target], seconds),
+        (None, None) => fuzz.all(&real_targets(), seconds),
+    }
+}
+
+/// The step of `cargo xtask test`.
+///
+/// # Errors
+/// What was found, by which input; or that the fuzzer is blind.
+pub fn check() -> Result<(), String> {
+    let fuzz = Fuzz::build()?;
+    let mut clippy = shell::cargo(&["clippy", "--manifest-path", "fuzz/Cargo.toml"]);
+    clippy.arg("--target-dir").arg(&fuzz.folder).args(["--", "-D", "warnings"]);
+    shell::run(&mut clippy)?;
+    fuzz.sees()?;
+    fuzz.all(&real_targets(), STEP_SECONDS)
+}
+
+fn real_targets() -> Vec<Target> {
+    Target::value_variants().iter().copied().filter(|&target| target != Target::Planted).collect()
+}
+
+/// The built targets.
+struct Fuzz {
+    /// Below cargo's own folder: what was built, seeds and logs.
+    folder: PathBuf,
+    programs: PathBuf,
+}
+
+impl Fuzz {
+    fn build() -> Result<Self, String> {
+        let compiler = std::env::var("CXX").unwrap_or_else(|_| "c++".into());
+        if !shell::succeeds(&mut command(&compiler, &["--version"])) {
+            debian::need(&["g++"]).map_err(|install| {
+                format!("libFuzzer needs a C++ compiler. On Debian:\n\n    {install}")
+            })?;
+        }
+        let host = host()?;
+        let folder = shell::target_folder().join("fuzz");
+        // With a target named, the flags are for the fuzzed program and not for build scripts.
+        let mut build = shell::cargo(&["build", "--release", "--target", &host]);
+        build.args(["--manifest-path", "fuzz/Cargo.toml", "--target-dir"]).arg(&folder);
+        build.env("RUSTFLAGS", RUSTFLAGS.join(" ")).env_remove("CARGO_ENCODED_RUSTFLAGS");
+        shell::run(&mut build)?;
+        Ok(Self { programs: folder.join(host).join("release"), folder })
+    }
+
+    /// Runs targets, as many at a time as there are cores.
+    fn all(&self, targets: &[Target], seconds: u32) -> Result<(), String> {
+        let waiting = Mutex::new(targets.iter());
+        let failures = Mutex::new(Vec::new());
+        let work = || {
+            loop {
+                let next = waiting.lock().expect("no worker panics").next().copied();
+                let Some(target) = next else { return };
+                match self.fuzz(target, seconds) {
+                    Ok(summary) => eprintln!("{summary}"),
+                    Err(why) => failures.lock().expect("no worker panics").push(why),
+                }
+            }
+        };
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        std::thread::scope(|scope| {
+            (0..cores.min(targets.len())).for_each(|_| drop(scope.spawn(work)));
+        });
+        let failures = failures.into_inner().expect("no worker panics");
+        if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
+    }
+
+    /// Runs one target from its seeds and from what earlier runs kept.
+    fn fuzz(&self, target: Target, seconds: u32) -> Result<String, String> {
+        let name = target.name();
+        let (ended_well, log) = self.start(target, seconds)?;
+        if !ended_well {
+            return Err(fuzz_log::finding(&name, &log));
+        }
+        fuzz_log::summary(&name, &log)
+            .ok_or_else(|| format!("fuzz target {name} ended without having run:\n{log}"))
+    }
+
+    /// Whether it ended without a finding, and what libFuzzer wrote.
+    fn start(&self, target: Target, seconds: u32) -> Result<(bool, String), String> {
+        let name = target.name();
+        let seeds = emptied(&self.folder.join("seeds").join(&name))?;
+        let program = self.programs.join(&name);
+        let mut sower = command(&path(&program), &[] as &[&str]);
+        shell::output(sower.env("ROLLWALK_FUZZ_SEEDS", &seeds))?;
+        let corpus = kept("corpus", &name)?;
+        let artifacts = kept("artifacts", &name)?;
+        let log_path = self.folder.join(format!("{name}.log"));
+        let log = File::create(&log_path).map_err(|error| failed(&log_path, &error))?;
+        let errors = log.try_clone().map_err(|error| failed(&log_path, &error))?;
+        let mut run = Command::new(&program);
+        run.args([&corpus, &seeds]).current_dir(workspace_root());
+        run.arg(format!("-artifact_prefix={}/", path(&artifacts)));
+        run.arg(format!("-max_total_time={seconds}"));
+        run.arg(format!("-max_len={}", target.max_len()));
+        // The same every time, from the same corpus. An input that takes 20 s hangs.
+        run.args(["-seed=1", "-timeout=20", "-rss_limit_mb=1024", "-print_final_stats=1"]);
+        let status = run.stdout(log).stderr(errors).status();
+        let status = status.map_err(|error| failed(&program, &error))?;
+        let log = std::fs::read(&log_path).map_err(|error| failed(&log_path, &error))?;
+        Ok((status.success(), String::from_utf8_lossy(&log).into_owned()))
+    }
+
+    fn repeat(&self, target: Target, input: &Path) -> Result<(), String> {
+        let input = std::path::absolute(input).map_err(|error| failed(input, &error))?;
+        let program = path(&self.programs.join(target.name()));
+        shell::run(command(&program, &[path(&input)]).env("RUST_BACKTRACE", "1"))
+    }
+
+    /// Whether a bug would be found at all, reported, and repeated by what is reported.
+    fn sees(&self) -> Result<(), String> {
+        let name = Target::Planted.name();
+        let artifacts = emptied(&workspace_root().join("fuzz/artifacts").join(&name))?;
+        // From nothing, not from what was found the last time.
+        emptied(&workspace_root().join("fuzz/corpus").join(&name))?;
+        let (ended_well, log) = self.start(Target::Planted, PLANTED_SECONDS)?;
+        let blind = |why: &str| Err(format!("{why}, so the fuzzer is blind:\n{log}"));
+        let Some(input) = fuzz_log::artifact(&log).filter(|_| !ended_well) else {
+            return blind("the planted bug was not found");
+        };
+        let repeated = |input: &Path| {
+            !shell::succeeds(&mut command(&path(&self.programs.join(&name)), &[path(input)]))
+        };
+        if !repeated(Path::new(input)) {
+            return blind("the reported input does not repeat the planted bug");
+        }
+        if repeated(&self.folder.join("seeds").join(&name).join("seed-000")) {
+            return blind("an input without the planted bug fails, too");
+        }
+        eprintln!("{name}: found, {}", fuzz_log::inputs(&log));
+        std::fs::remove_dir_all(&artifacts).map_err(|error| failed(&artifacts, &error))
+    }
+}
+
+/// This machine's target, of the compiler in use.
+fn host() -> Result<String, String> {
+    let version = shell::output(&mut command("rustc", &["-vV"]))?;
+    let host = version.lines().find_map(|line| line.strip_prefix("host: "));
+    host.map(str::to_owned).ok_or_else(|| format!("rustc -vV names no host:\n{version}"))
+}
+
+/// A folder of `fuzz/` that outlasts a run, as cargo-fuzz has it.
+fn kept(what: &str, target: &str) -> Result<PathBuf, String> {
+    let folder = workspace_root().join("fuzz").join(what).join(target);
+    std::fs::create_dir_all(&folder).map_err(|error| failed(&folder, &error))?;
+    Ok(folder)
+}
+
+fn emptied(folder: &Path) -> Result<PathBuf, String> {
+    if folder.exists() {
+        std::fs::remove_dir_all(folder).map_err(|error| failed(folder, &error))?;
+    }
+    std::fs::create_dir_all(folder).map_err(|error| failed(folder, &error))?;
+    Ok(folder.into())
+}
+
+fn path(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
+fn failed(path: &Path, error: &std::io::Error) -> String {
+    format!("{}: {error}", path.display())
+}
