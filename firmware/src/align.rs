@@ -88,7 +88,7 @@ mod tests {
             bus: 0,
             id: 1,
         };
-        RobotConfig { channels: [joint, joint].into_iter().collect() }
+        RobotConfig { robot: 0, channels: [joint, joint].into_iter().collect() }
     }
 
     proptest! {

@@ -118,7 +118,7 @@ mod tests {
     }
 
     fn config(kind: ChannelKind) -> RobotConfig {
-        RobotConfig { channels: [channel(kind)].into_iter().collect() }
+        RobotConfig { robot: 0, channels: [channel(kind)].into_iter().collect() }
     }
 
     fn anything() -> impl Strategy<Value = f32> {

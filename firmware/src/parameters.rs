@@ -208,7 +208,7 @@ mod tests {
         };
         let kind = ChannelKind::WheelSpeed;
         let wheel = Channel { kind, kp_nm_rad: 0.0, id: 2, ..joint };
-        RobotConfig { channels: [joint, wheel].into_iter().collect() }
+        RobotConfig { robot: 0, channels: [joint, wheel].into_iter().collect() }
     }
 
     /// Sets while driven or not, and answers with the result alone.

@@ -286,7 +286,7 @@ mod tests {
             bus: 0,
             id: 1,
         };
-        RobotConfig { channels: [joint].into_iter().collect() }
+        RobotConfig { robot: 0, channels: [joint].into_iter().collect() }
     }
 
     fn library(config: &RobotConfig) -> heapless::Vec<u8, 1024> {

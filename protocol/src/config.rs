@@ -4,7 +4,7 @@
 //! ties a motion library to the robot that it was built for.
 
 use crate::actuator;
-use crate::crc::crc32c_digest;
+use crate::crc::{crc32c, crc32c_digest};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -15,6 +15,9 @@ pub const MAX_CHANNELS: usize = 24;
 /// Every joint and driven wheel of a robot: joints in file order, then wheels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RobotConfig {
+    /// Whose channels they are, [`robot_id`]: robots with the same actuators still need other motions.
+    #[serde(with = "postcard::fixint::le")]
+    pub robot: u32,
     /// The channels, in channel order.
     pub channels: Vec<Channel, MAX_CHANNELS>,
 }
@@ -65,12 +68,18 @@ pub struct ConfigError {
     pub must: &'static str,
 }
 
+/// What a configuration says of a robot with this name: the CRC-32C of the name.
+pub fn robot_id(name: &str) -> u32 {
+    crc32c(name.as_bytes())
+}
+
 impl RobotConfig {
     /// Identity of the configuration: CRC-32C of its postcard encoding (docs/wire-format.md).
-    /// Any change of a channel, a limit, a gain or an address changes it.
+    /// Any change of the robot's name, of a channel, a limit, a gain or an address changes it.
     pub fn hash(&self) -> u32 {
         // Written out, as postcard would encode it, so that it cannot fail.
         let mut digest = crc32c_digest();
+        digest.update(&self.robot.to_le_bytes());
         digest.update(&[self.channels.len() as u8]);
         for c in &self.channels {
             let kind = match c.kind {

@@ -3,7 +3,7 @@
 use crate::model::{Actuator, Contact, EndEffector, Joint, Robot, RollingDrag};
 use crate::rules::{self, InvalidRobot};
 use nalgebra::Vector3;
-use rollwalk_protocol::config::{self, ChannelKind, RobotConfig};
+use rollwalk_protocol::config::{self, ChannelKind, RobotConfig, robot_id};
 use std::f64::consts::FRAC_PI_2;
 
 /// Standard gravity, m/s².
@@ -146,7 +146,7 @@ impl Robot {
         self.validate()?;
         // `validate` has bounded the number of channels, so that none is dropped here.
         let channels = self.channels().map(|channel| config_of(&channel)).collect();
-        Ok(RobotConfig { channels })
+        Ok(RobotConfig { robot: robot_id(&self.name), channels })
     }
 }
 

@@ -180,6 +180,24 @@ fn robots_survive_json_bit_by_bit() {
     }
 }
 
+/// LegBot and SkaterBot have the same actuators with the same limits, gains and addresses, but neither could stand
+/// in the other's motions.
+#[test]
+fn no_two_robots_take_each_others_libraries() {
+    let mut seen = std::collections::BTreeMap::new();
+    for (robot, ..) in all() {
+        let hash = robot.controller_config().unwrap().hash();
+        if let Some(other) = seen.insert(hash, robot.name.clone()) {
+            panic!("{} and {other} have the configuration hash {hash:#010x}", robot.name);
+        }
+    }
+    let [legbot, skaterbot] = ["legbot", "skaterbot"].map(|name| {
+        let robot = all().into_iter().map(|(robot, ..)| robot).find(|robot| robot.name == name);
+        robot.unwrap().controller_config().unwrap().channels
+    });
+    assert_eq!(legbot, skaterbot, "two robots that only their names tell apart");
+}
+
 #[test]
 fn the_controller_gets_joints_first_then_wheels_with_addresses_on_two_buses() {
     let robot = agilebot();

@@ -141,7 +141,7 @@ mod tests {
         };
         let joint = channel(ChannelKind::JointPosition, 0, 3);
         let wheel = channel(ChannelKind::WheelSpeed, 1, 3);
-        RobotConfig { channels: [joint, wheel].into_iter().collect() }
+        RobotConfig { robot: 0, channels: [joint, wheel].into_iter().collect() }
     }
 
     fn joint_to(position_rad: f32) -> CanFrame {

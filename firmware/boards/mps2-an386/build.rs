@@ -32,7 +32,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             c.id
         )?;
     }
-    code.push_str("];\n");
+    writeln!(
+        code,
+        "];\n/// What the configuration says of the robot's name.\npub const ROBOT: u32 = {};",
+        config.robot
+    )?;
     let out = env::var("OUT_DIR")?;
     fs::write(Path::new(&out).join("channels.rs"), code)?;
 

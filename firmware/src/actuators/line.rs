@@ -56,7 +56,7 @@ pub struct Line {
 
 impl Default for Line {
     fn default() -> Self {
-        Self::new(Bus::default(), &RobotConfig { channels: Vec::new() }, 0)
+        Self::new(Bus::default(), &RobotConfig { robot: 0, channels: Vec::new() }, 0)
     }
 }
 

@@ -50,7 +50,7 @@ pub fn config() -> RobotConfig {
         id: 1,
         ..joint(1)
     };
-    RobotConfig { channels: [joint(1), joint(2), wheel].into_iter().collect() }
+    RobotConfig { robot: 0, channels: [joint(1), joint(2), wheel].into_iter().collect() }
 }
 
 /// SAFE as a loop that holds still.

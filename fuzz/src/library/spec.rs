@@ -83,7 +83,7 @@ fn blend(config: &RobotConfig, from: &[f32], to: &[f32]) -> Vec<f32> {
 /// A robot, and its library unless the encoder refuses.
 pub fn encoded(u: &mut Unstructured<'_>) -> Result<(RobotConfig, Option<Vec<u8>>)> {
     let (joints, wheels) = (u.int_in_range(0..=5)?, u.int_in_range(0..=3)?);
-    let mut config = RobotConfig { channels: Default::default() };
+    let mut config = RobotConfig { robot: 0, channels: Default::default() };
     for id in 0..joints {
         let joint = channel(u, ChannelKind::JointPosition, id)?;
         config.channels.push(joint).expect("there is room");

@@ -1,13 +1,13 @@
 //! The configuration's identity and its checks.
 
 use crate::fixture::{joint, robot, wheel};
-use rollwalk_protocol::config::{Channel, ConfigError, RobotConfig};
+use rollwalk_protocol::config::{Channel, ConfigError, RobotConfig, robot_id};
 use rollwalk_protocol::crc::crc32c;
 
 /// Do not change: controllers compare this number with the one in their libraries.
 #[test]
 fn hash_is_pinned() {
-    assert_eq!(robot(2, 1).hash(), 0x4bec_49a7);
+    assert_eq!(robot(2, 1).hash(), 0x08b7_a61c);
 }
 
 #[test]
@@ -38,12 +38,13 @@ fn every_field_changes_the_hash() {
         change(&mut config.channels[1]);
         assert_ne!(config.hash(), base, "change {i}");
     }
+    assert_ne!(RobotConfig { robot: robot_id("twin"), ..robot(2, 1) }.hash(), base);
 }
 
 fn with(base: Channel, change: impl Fn(&mut Channel)) -> Result<(), ConfigError> {
     let mut channel = base;
     change(&mut channel);
-    RobotConfig { channels: [joint(100), channel].into_iter().collect() }.check()
+    RobotConfig { robot: 0, channels: [joint(100), channel].into_iter().collect() }.check()
 }
 
 #[test]
@@ -69,5 +70,6 @@ fn what_cannot_be_commanded_is_refused_by_name() {
     assert_eq!(with(joint(0), |c| (c.min, c.max) = (-6.3, 6.3)), Ok(()));
     assert_eq!(with(joint(0), |c| (c.bus, c.id) = (1, 100)), Ok(()), "another bus");
     assert_eq!(with(wheel(0), |c| c.max_rate = 5000.0), Ok(()));
-    assert_eq!(RobotConfig { channels: Default::default() }.check().unwrap_err().field, "channels");
+    let none = RobotConfig { robot: 0, channels: Default::default() };
+    assert_eq!(none.check().unwrap_err().field, "channels");
 }

@@ -1,6 +1,6 @@
 //! A robot and motions to make libraries of.
 
-use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
+use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig, robot_id};
 use rollwalk_protocol::library::{LibrarySpec, MotionSpec, TransitionSpec, encode};
 
 /// A joint with limits of ±1.5 rad and 6 rad/s.
@@ -36,7 +36,7 @@ pub fn wheel(id: u8) -> Channel {
 /// Some joints, then some wheels.
 pub fn robot(joints: u8, wheels: u8) -> RobotConfig {
     let channels = (0..joints).map(joint).chain((0..wheels).map(wheel)).collect();
-    RobotConfig { channels }
+    RobotConfig { robot: robot_id("fixture"), channels }
 }
 
 /// Frames one after the other.

@@ -7,5 +7,5 @@ include!(concat!(env!("OUT_DIR"), "/channels.rs"));
 
 /// The configuration; `None` for a robot with more channels than a controller handles.
 pub fn config() -> Option<RobotConfig> {
-    Some(RobotConfig { channels: Vec::from_slice(&CHANNELS).ok()? })
+    Some(RobotConfig { robot: ROBOT, channels: Vec::from_slice(&CHANNELS).ok()? })
 }

@@ -30,7 +30,7 @@ fn config() -> RobotConfig {
         bus: 0,
         id: 1,
     };
-    RobotConfig { channels: [joint].into_iter().collect() }
+    RobotConfig { robot: 0, channels: [joint].into_iter().collect() }
 }
 
 /// A valid library of one motion, different for each `seed`.
