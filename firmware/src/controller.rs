@@ -7,6 +7,7 @@ use rollwalk_protocol::library::{Library, Reject};
 use rollwalk_protocol::wire::{Fault, FaultBits};
 
 use crate::actuators::bus::Buses;
+use crate::bus_watch::{BusState, BusWatch};
 use crate::gate::Gate;
 use crate::limiter::Target;
 use crate::link::Link;
@@ -28,6 +29,7 @@ pub struct Controller<S, P = NoParameters> {
     pub(crate) link: Link,
     pub(crate) gate: Gate,
     pub(crate) tuning: Tuning<P>,
+    pub(crate) bus_watch: BusWatch,
     state: State,
     /// Faults since the last clear.
     latched: FaultBits,
@@ -36,6 +38,9 @@ pub struct Controller<S, P = NoParameters> {
     since_us: u64,
     /// Since when SAFE is held in Returning.
     held_since_us: Option<u64>,
+    /// The last tick, and how long after the one before it came.
+    last_tick_us: Option<u64>,
+    pub(crate) tick_gap_us: u64,
     ticks_to_frame: u16,
 }
 
@@ -70,11 +75,14 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             shelf: Shelf::new(store),
             gate: Gate::default(),
             tuning: Tuning::new(parameters),
+            bus_watch: BusWatch::default(),
             state: State::Boot,
             latched: FaultBits::default(),
             events: EventSet::default(),
             since_us: 0,
             held_since_us: None,
+            last_tick_us: None,
+            tick_gap_us: 0,
             ticks_to_frame: 0,
         }
     }
@@ -99,6 +107,22 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.motion.actuators.receive_serial(&self.machine.config, bus, bytes);
     }
 
+    /// Takes note of how an actuator bus is: on change, or in every control period. A bus that is off
+    /// takes the torque away before this returns; until [`Self::take_bus_restart`] it must stay off.
+    pub fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) {
+        let was_off = self.bus_watch.about(Fault::BusOff).is_some();
+        self.bus_watch.observe(bus, state);
+        if !was_off && self.bus_watch.about(Fault::BusOff).is_some() {
+            self.raise(now_us, Event::BusOff);
+        }
+    }
+
+    /// Whether an actuator bus that is off is to be started again, because the operator has cleared the
+    /// fault. Says so once.
+    pub fn take_bus_restart(&mut self, bus: u8) -> bool {
+        self.bus_watch.take_restart(bus)
+    }
+
     /// Emergency stop by the board itself: torque is off when this returns.
     pub fn estop(&mut self, now_us: u64) {
         self.raise(now_us, Event::EStop);
@@ -110,6 +134,9 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         if self.state == State::Boot {
             self.events.insert(Event::Started);
         }
+        self.tick_gap_us = self.last_tick_us.map_or(0, |last| now_us.saturating_sub(last));
+        self.last_tick_us = Some(now_us);
+        self.bus_watch.age();
         self.motion.watch(&self.machine, &mut self.events);
         self.watch_time(now_us);
         self.settle(now_us);
@@ -212,8 +239,14 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     fn watch_time(&mut self, now_us: u64) {
         let settings = &self.machine.settings;
-        if self.state.torque() != Torque::Off && self.host_silent(now_us) {
-            self.events.insert(Event::HostLost);
+        if self.state.torque() != Torque::Off {
+            self.bus_watch.watch(&mut self.events);
+            if self.host_silent(now_us) {
+                self.events.insert(Event::HostLost);
+            }
+            if self.tick_gap_us > u64::from(settings.overrun_us) {
+                self.events.insert(Event::Overrun);
+            }
         }
         let elapsed = |since: u64, limit: u32| now_us.saturating_sub(since) >= u64::from(limit);
         match self.state {
@@ -267,6 +300,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             Action::RunSelfTest => {
                 if event == Event::ClearConfirmed {
                     self.latched = FaultBits::default();
+                    self.bus_watch.allow_restart();
                 } else {
                     self.load_parameters();
                 }
@@ -278,6 +312,14 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 Ok(())
             }
             Action::HoldSafe => self.motion.hold_safe(&self.machine, library),
+            Action::Pause => {
+                self.motion.pause();
+                Ok(())
+            }
+            Action::Resume => {
+                self.motion.resume();
+                Ok(())
+            }
             Action::RouteToSafe => self.motion.route_to_safe(library),
             Action::StartHold => {
                 self.held_since_us.get_or_insert(now_us);

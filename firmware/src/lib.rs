@@ -18,6 +18,7 @@
 
 mod actuators;
 mod align;
+mod bus_watch;
 mod controller;
 mod gate;
 mod hermite;
@@ -35,5 +36,6 @@ mod tuning;
 pub mod walk;
 
 pub use actuators::bus::{self, Bus, Buses};
+pub use bus_watch::BusState;
 pub use controller::Controller;
 pub use settings::{Settings, SettingsError};

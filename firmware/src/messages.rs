@@ -12,11 +12,9 @@ use rollwalk_protocol::wire::{
 use crate::controller::Controller;
 use crate::gate::{Permit, Verdict};
 use crate::link::Say;
+use crate::player::PLANNED_SPEED_64THS;
 use crate::safety::{Event, State, Torque};
 use crate::store::{LibraryStore, ParameterStore};
-
-/// Playback speed as planned, in 64ths.
-const PLANNED_SPEED: i8 = 64;
 
 /// What an accepted command has to say besides "ok": the motion, and a nonce or a number of frames.
 type Done = (Option<NodeId>, u16);
@@ -138,9 +136,17 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 self.raise(now_us, Event::ClearConfirmed);
                 Ok(NOTHING_TO_SAY)
             }
-            Action::Pause | Action::Resume | Action::Unknown { .. } => {
-                Err(CommandResult::UnknownKind)
+            Action::Pause => {
+                self.may(State::Playing, State::Paused)?;
+                self.raise(now_us, Event::PauseAsked);
+                Ok(NOTHING_TO_SAY)
             }
+            Action::Resume => {
+                self.may(State::Paused, State::Playing)?;
+                self.raise(now_us, Event::ResumeAsked);
+                Ok(NOTHING_TO_SAY)
+            }
+            Action::Unknown { .. } => Err(CommandResult::UnknownKind),
         }
     }
 
@@ -160,6 +166,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 if other { CommandResult::ConfigMismatch } else { CommandResult::NoLibrary },
                 self.faults(),
             )
+        } else if !self.bus_watch.faults().is_empty() {
+            (CommandResult::FaultPresent, self.bus_watch.faults())
         } else if self.host_silent(now_us) {
             obstacle(Fault::HostLost)
         } else if self.motion.actuators.any_faulty() {
@@ -178,22 +186,36 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         Err(result)
     }
 
+    /// A command that leads from one state to another is for the first; in the second it is done.
+    fn may(&self, from: State, to: State) -> Result<(), CommandResult> {
+        match self.state() {
+            state if state == from || state == to => Ok(()),
+            state if state.torque() == Torque::Driven => Err(CommandResult::WrongState),
+            _ => Err(CommandResult::NotArmed),
+        }
+    }
+
     fn may_clear(&self) -> Result<(), CommandResult> {
         let latched = matches!(self.state(), State::EStopped | State::TorqueOff);
         if latched { Ok(()) } else { Err(CommandResult::WrongState) }
     }
 
     fn play(&mut self, now_us: u64, code: u8, speed_64ths: i8) -> Result<Done, CommandResult> {
-        if speed_64ths != PLANNED_SPEED {
-            return Err(CommandResult::BadSpeed);
-        }
+        let speed = u8::try_from(speed_64ths).ok();
+        let speed = speed.filter(|speed| (1..=PLANNED_SPEED_64THS).contains(speed));
+        let speed = speed.ok_or(CommandResult::BadSpeed)?;
         let library = self.shelf.library();
         let node = match library.map(|library| library.node_for_code(code)) {
             None => Err(CommandResult::NoLibrary),
             Some(None) => Err(CommandResult::UnknownCode),
             Some(Some(node)) => Ok(node),
         };
-        self.go(now_us, node)
+        if self.state() == State::Paused {
+            return Err(CommandResult::WrongState);
+        }
+        let done = self.go(now_us, node)?;
+        self.motion.set_speed(speed);
+        Ok(done)
     }
 
     /// Sends the player to a node, if it may be sent anywhere.
@@ -202,7 +224,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         now_us: u64,
         node: Result<NodeId, CommandResult>,
     ) -> Result<Done, CommandResult> {
-        if !self.state().accepts_motions() {
+        if !self.state().accepts_motions() && self.state() != State::Paused {
             let armed = self.state().torque() == Torque::Driven;
             return Err(if armed { CommandResult::WrongState } else { CommandResult::NotArmed });
         }
@@ -210,7 +232,10 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         let library = self.shelf.library().ok_or(CommandResult::NoLibrary)?;
         let frames =
             self.motion.set_goal(&library, node).map_err(|_| CommandResult::Unreachable)?;
-        if !self.motion.rests_in_safe(&library) {
+        let moves = !self.motion.rests_in_safe(&library);
+        // RETURN from a halt; nothing changes for whoever has not paused.
+        self.raise(now_us, Event::ResumeAsked);
+        if moves {
             self.raise(now_us, Event::MotionStarted);
         }
         Ok((Some(node), frames))
@@ -277,6 +302,10 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             Fault::HostLost => {
                 let since = self.link.host_seen_us().map(|at| now_us.saturating_sub(at));
                 (None, since.map_or(0.0, |us| us as f32 * 1e-6))
+            }
+            Fault::Overrun => (None, self.tick_gap_us as f32 * 1e-6),
+            Fault::BusNoAck | Fault::BusPassive | Fault::BusOff => {
+                (None, self.bus_watch.about(fault).map_or(0.0, f32::from))
             }
             _ => about.map_or((None, 0.0), |(channel, value)| (Some(channel), value)),
         };

@@ -46,6 +46,8 @@ pub(crate) struct Motion {
     pub actuators: Actuators,
     pub parameters: Parameters,
     emitted: [Option<Target>; MAX_CHANNELS],
+    /// For how many ticks some joint has been far from its setpoint.
+    behind_ticks: u32,
     ticks_to_query: u16,
 }
 
@@ -57,6 +59,7 @@ impl Motion {
             actuators: Actuators::new(&machine.config, &machine.buses),
             parameters: Parameters::new(&machine.config, &machine.settings),
             emitted: [None; MAX_CHANNELS],
+            behind_ticks: 0,
             ticks_to_query: 0,
         }
     }
@@ -126,17 +129,20 @@ impl Motion {
                 (channel, self.actuators.measured(&machine.config, channel)?)
             }
             Fault::TrackingError => {
-                let error = |i: usize| {
-                    let last = self.limiter.last(i)?;
-                    Some((last - self.actuators.measured(&machine.config, i)?).abs())
-                };
-                let size = |i: usize| error(i).unwrap_or(0.0);
+                let size = |i: usize| self.lag_rad(machine, i).unwrap_or(0.0);
                 let worst = channels.max_by(|&a, &b| size(a).total_cmp(&size(b)))?;
-                (worst, error(worst)?)
+                (worst, self.lag_rad(machine, worst)?)
             }
             _ => return None,
         };
         Some((u8::try_from(channel).ok()?, value))
+    }
+
+    /// How far a joint was measured from its last setpoint, rad.
+    fn lag_rad(&self, machine: &Machine, channel: usize) -> Option<f32> {
+        let joint = machine.config.channels.get(channel)?.kind == ChannelKind::JointPosition;
+        let setpoint = self.limiter.last(channel).filter(|_| joint)?;
+        Some((setpoint - self.actuators.measured(&machine.config, channel)?).abs())
     }
 
     /// Torque off at once.
@@ -168,6 +174,7 @@ impl Motion {
     /// Send the player to SAFE.
     pub fn route_to_safe(&mut self, library: Option<Library<'_>>) -> Result<(), Unreadable> {
         let library = library.ok_or(Unreadable)?;
+        self.resume();
         self.set_goal(&library, library.safe_node()).map(|_| ()).map_err(|_| Unreadable)
     }
 
@@ -179,6 +186,27 @@ impl Motion {
                 Ok(player.frames_to_goal(library))
             }
             _ => Err(GoalError::Unreachable),
+        }
+    }
+
+    /// Sets the speed of playback, in 64ths of the planned one.
+    pub fn set_speed(&mut self, speed_64ths: u8) {
+        if let Stage::Playing(player) = &mut self.stage {
+            player.set_speed(speed_64ths);
+        }
+    }
+
+    /// Lets playback come to a halt.
+    pub fn pause(&mut self) {
+        if let Stage::Playing(player) = &mut self.stage {
+            player.halt();
+        }
+    }
+
+    /// Lets playback go on.
+    pub fn resume(&mut self) {
+        if let Stage::Playing(player) = &mut self.stage {
+            player.go_on();
         }
     }
 
@@ -215,6 +243,20 @@ impl Motion {
         let dropped = torque_must_be_on && !self.actuators.all_enabled();
         if dropped || self.actuators.any_faulty() {
             events.insert(Event::ActuatorFault);
+        }
+        self.watch_following(machine, events);
+    }
+
+    /// A leg that is held fast is not pushed for long.
+    fn watch_following(&mut self, machine: &Machine, events: &mut EventSet) {
+        let Machine { config, settings, .. } = machine;
+        let far =
+            |i| self.lag_rad(machine, i).is_some_and(|lag| lag > settings.follow_tolerance_rad);
+        let plays = matches!(self.stage, Stage::Playing(_));
+        let behind = plays && (0..config.channels.len()).any(far);
+        self.behind_ticks = if behind { self.behind_ticks.saturating_add(1) } else { 0 };
+        if behind && self.behind_ticks > settings.ticks(settings.follow_patience_us) {
+            events.insert(Event::NotFollowing);
         }
     }
 
@@ -258,7 +300,7 @@ impl Motion {
             }
         }
         if let Stage::Playing(player) = &mut self.stage {
-            player.advance(library)?;
+            player.advance(library, &machine.config)?;
             if player.rests_in_safe(library) {
                 events.insert(Event::SafeReached);
             }

@@ -3,16 +3,33 @@
 //! Keeps four consecutive frames and moves through the segment between the middle two. It is thus
 //! two frames ahead of what is being played: a new goal shows at the earliest after that, and the
 //! slopes are known across every seam.
+//!
+//! Time may run slower than planned, down to a halt, never faster: the limits were proved at the
+//! planned speed, and hold at every lower one. Its rate changes gradually, so that joint speeds do not
+//! jump and wheels stay within their acceleration.
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
-use rollwalk_protocol::library::{ClipId, Library, NodeId, Unreadable};
+use rollwalk_protocol::library::{ClipId, Library, NodeId, RATE_HZ, Unreadable};
 
-use crate::hermite;
+use crate::hermite::{self, Sample};
 use crate::limiter::Target;
 use crate::walk::{GoalError, Walk};
 
 /// Frames that the walk is ahead of what is being played.
 const AHEAD: u16 = 2;
+
+/// Playback speed as planned, in 64ths: the highest.
+pub const PLANNED_SPEED_64THS: u8 = 64;
+
+/// Parts of a control period in which playback time is counted; a multiple of 64.
+const PARTS: u32 = 1 << 14;
+const PARTS_PER_64TH: u32 = PARTS / PLANNED_SPEED_64THS as u32;
+
+/// Playback comes from the planned speed to a halt in no less than this, s.
+const HALT_S: f32 = 0.4;
+/// And in no more than about this, s, even if a wheel has no acceleration to spare: then the limiter
+/// has the last word.
+const LONGEST_HALT_S: f32 = 2.0;
 
 /// What is being played.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,8 +68,14 @@ pub struct Player {
     walk: Walk,
     /// Frames k−1, k, k+1, k+2; the walk stands at the last of them.
     window: [Frame; 4],
-    tick: u16,
+    /// Way from the second frame to the third, in parts of control periods at the planned speed.
+    parts: u32,
     ticks_per_frame: u16,
+    /// Parts that a control period counts for now.
+    rate: u32,
+    /// What the operator wants, in 64ths.
+    speed_64ths: u8,
+    halted: bool,
 }
 
 impl Player {
@@ -60,7 +83,30 @@ impl Player {
     pub fn start(library: &Library<'_>, ticks_per_frame: u16) -> Result<Self, Unreadable> {
         let walk = Walk::start(library)?;
         let frame = Frame::of(&walk, library)?;
-        Ok(Self { walk, window: [frame; 4], tick: 0, ticks_per_frame: ticks_per_frame.max(1) })
+        Ok(Self {
+            walk,
+            window: [frame; 4],
+            parts: 0,
+            ticks_per_frame: ticks_per_frame.max(1),
+            rate: PARTS,
+            speed_64ths: PLANNED_SPEED_64THS,
+            halted: false,
+        })
+    }
+
+    /// Plays at so many 64ths of the planned speed from now on, 1 to 64.
+    pub fn set_speed(&mut self, speed_64ths: u8) {
+        self.speed_64ths = speed_64ths.clamp(1, PLANNED_SPEED_64THS);
+    }
+
+    /// Comes to a halt, wherever in the motion that is.
+    pub fn halt(&mut self) {
+        self.halted = true;
+    }
+
+    /// Goes on after a halt.
+    pub fn go_on(&mut self) {
+        self.halted = false;
     }
 
     /// Asks for a motion.
@@ -77,15 +123,57 @@ impl Player {
     }
 
     /// One control period on.
-    pub fn advance(&mut self, library: &Library<'_>) -> Result<(), Unreadable> {
-        self.tick = self.tick.saturating_add(1);
-        if self.tick >= self.ticks_per_frame {
-            self.tick = 0;
+    pub fn advance(
+        &mut self,
+        library: &Library<'_>,
+        config: &RobotConfig,
+    ) -> Result<(), Unreadable> {
+        self.parts = self.parts.saturating_add(self.rate);
+        let frame = self.parts_per_frame();
+        // A period counts for a frame at most.
+        if self.parts >= frame {
+            self.parts = self.parts.saturating_sub(frame);
             self.walk.advance(library)?;
             let [_, b, c, d] = self.window;
             self.window = [b, c, d, Frame::of(&self.walk, library)?];
         }
+        self.change_rate(config);
         Ok(())
+    }
+
+    fn change_rate(&mut self, config: &RobotConfig) {
+        let wanted = if self.halted {
+            0
+        } else {
+            u32::from(self.speed_64ths).saturating_mul(PARTS_PER_64TH)
+        };
+        if self.rate != wanted {
+            let period_s = 1.0 / (f32::from(self.ticks_per_frame) * f32::from(RATE_HZ));
+            let most = (self.most_change_per_s(config) * period_s * PARTS as f32) as u32;
+            let most = most.max(1);
+            self.rate =
+                wanted.max(self.rate.saturating_sub(most)).min(self.rate.saturating_add(most));
+        }
+    }
+
+    /// How fast the speed may change, 1/s of the planned one. A wheel's speed is the planned one times
+    /// that of playback: where w and w' are planned, it accelerates by s² w' + s' w.
+    fn most_change_per_s(&self, config: &RobotConfig) -> f32 {
+        let speed = self.speed();
+        let wheels = config.channels.iter().enumerate();
+        let wheels = wheels.filter(|(_, channel)| channel.kind == ChannelKind::WheelSpeed);
+        let most = wheels.filter_map(|(i, channel)| {
+            let planned = self.planned(i)?;
+            let spare = channel.max_rate - speed * speed * planned.slope.abs();
+            Some(spare / planned.value.abs())
+        });
+        // Of a number and a NaN (0/0) `min` and `max` take the number.
+        most.fold(1.0 / HALT_S, f32::min).max(1.0 / LONGEST_HALT_S)
+    }
+
+    /// Speed of playback now, of the planned one.
+    fn speed(&self) -> f32 {
+        self.rate as f32 / PARTS as f32
     }
 
     /// What is being played.
@@ -103,19 +191,27 @@ impl Player {
     /// The target of a channel now.
     pub fn target(&self, config: &RobotConfig, channel: usize) -> Option<Target> {
         let kind = config.channels.get(channel)?.kind;
-        let [a, b, c, d] = &self.window;
-        let value = |frame: &Frame| frame.values.get(channel).copied();
-        let sample = hermite::between([value(a)?, value(b)?, value(c)?, value(d)?], self.phase());
-        Some(Target {
-            value: sample.value,
-            slope: match kind {
-                ChannelKind::JointPosition => sample.slope,
-                ChannelKind::WheelSpeed => 0.0,
-            },
+        let planned = self.planned(channel)?;
+        Some(match kind {
+            ChannelKind::JointPosition => {
+                Target { value: planned.value, slope: planned.slope * self.speed() }
+            }
+            ChannelKind::WheelSpeed => Target { value: planned.value * self.speed(), slope: 0.0 },
         })
     }
 
+    /// Value of a channel, and its slope at the planned speed.
+    fn planned(&self, channel: usize) -> Option<Sample> {
+        let [a, b, c, d] = &self.window;
+        let value = |frame: &Frame| frame.values.get(channel).copied();
+        Some(hermite::between([value(a)?, value(b)?, value(c)?, value(d)?], self.phase()))
+    }
+
     fn phase(&self) -> f32 {
-        f32::from(self.tick) / f32::from(self.ticks_per_frame)
+        self.parts as f32 / self.parts_per_frame() as f32
+    }
+
+    fn parts_per_frame(&self) -> u32 {
+        u32::from(self.ticks_per_frame).saturating_mul(PARTS)
     }
 }

@@ -5,24 +5,24 @@
 //! `docs/playback-and-safety.md` is generated from [`step`] and compared with it in a test.
 //!
 //! ```text
-//! Boot ─> SelfTest ─> Disarmed ─> Aligning ─> Ready <──> Playing
-//!            ^           ^           │          │           │
-//!            │           │           │          └─────┬─────┘ host silent, or disarm
-//!            │ clear     │           │                v
+//! Boot ─> SelfTest ─> Disarmed ─> Aligning ─> Ready <──> Playing <──> Paused
+//!            ^           ^           │          │           │           │
+//!            │           │           │          └─────┬─────┴───────────┘
+//!            │ clear     │           │                v  host silent, leaning, or disarm
 //!            │           │           │            Returning
 //!            │           │           v                v
 //!            └────────TorqueOff <─ Damped <──────── (held SAFE)
 //!            └────────EStopped  <─ everywhere
 //! ```
 //!
-//! - Torque is driven only in Aligning, Ready, Playing and Returning, and the one way in is
+//! - Torque is driven only in Aligning, Ready, Playing, Paused and Returning, and the one way in is
 //!   Disarmed → Aligning, which starts from the measured pose.
-//! - Events that arrive together are handled most severe first ([`Event`] is ordered so), hence the
-//!   outcome does not depend on the order in which frames came in.
+//! - Events are ordered by their [`Severity`]; those that arrive together are handled most severe
+//!   first, hence the outcome does not depend on the order in which frames came in.
 //! - A fault never re-arms by itself: TorqueOff with a latched fault and EStopped wait for the
 //!   operator's two-step clear, which runs the self test again.
 
-use rollwalk_protocol::wire::{self, Fault};
+use rollwalk_protocol::wire::{self, Fault, Severity};
 
 /// Where the controller stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -39,6 +39,8 @@ pub enum State {
     Ready,
     /// Plays motions of the graph.
     Playing,
+    /// Has come to a halt within a motion, and holds there.
+    Paused,
     /// Follows the graph to SAFE without accepting motions, then holds there for a moment.
     Returning,
     /// Joints free but damped (kp 0), so that the robot sinks instead of falling.
@@ -54,18 +56,32 @@ pub enum State {
 pub enum Event {
     /// Emergency stop, from the bus or from the board.
     EStop,
+    /// An actuator bus has gone off: nobody hears what the controller says.
+    BusOff,
     /// Robot configuration unusable.
     SelfTestFailed,
     /// An actuator has been silent for too many ticks.
     FeedbackLost,
     /// An actuator reports a fault or has dropped its torque by itself.
     ActuatorFault,
+    /// Nobody acknowledges frames on an actuator bus.
+    NotAcknowledged,
+    /// An actuator bus has seen so many errors that it is about to go off.
+    BusPassive,
+    /// The body is tilted so far that no motion can save it.
+    Tipped,
+    /// A joint has been far from its setpoint for too long.
+    NotFollowing,
     /// The library could not be played although it was validated.
     PlaybackFailed,
+    /// The control loop came so late that setpoints are of the past.
+    Overrun,
     /// The SAFE pose was not reached in time.
     AlignFailed,
     /// The host's heartbeat has been missing for too long.
     HostLost,
+    /// The body is tilted further than the motion makes it.
+    Leaning,
     /// The operator wants torque off, in an orderly way.
     Disarm,
     /// Second step of clearing, with the right nonce.
@@ -80,6 +96,10 @@ pub enum Event {
     Aligned,
     /// A command code to another node was accepted.
     MotionStarted,
+    /// The operator wants the motion to halt where it is.
+    PauseAsked,
+    /// The operator wants the motion to go on.
+    ResumeAsked,
     /// The player has entered the SAFE node and goes nowhere else.
     SafeReached,
     /// SAFE was held long enough after returning.
@@ -101,7 +121,11 @@ pub enum Action {
     AlignFromMeasured,
     /// Start the player in the SAFE node.
     HoldSafe,
-    /// Send the player to SAFE and accept no other target.
+    /// Slow playback down to a halt.
+    Pause,
+    /// Let playback speed up again.
+    Resume,
+    /// Send the player to SAFE, from a halt too, and accept no other target.
     RouteToSafe,
     /// Start the time that SAFE is held before damping.
     StartHold,
@@ -123,13 +147,14 @@ pub enum Torque {
 }
 
 /// All states, in their order.
-pub const STATES: [State; 10] = [
+pub const STATES: [State; 11] = [
     State::Boot,
     State::SelfTest,
     State::Disarmed,
     State::Aligning,
     State::Ready,
     State::Playing,
+    State::Paused,
     State::Returning,
     State::Damped,
     State::TorqueOff,
@@ -137,14 +162,21 @@ pub const STATES: [State; 10] = [
 ];
 
 /// All events, most severe first.
-pub const EVENTS: [Event; 18] = [
+pub const EVENTS: [Event; 27] = [
     Event::EStop,
+    Event::BusOff,
     Event::SelfTestFailed,
     Event::FeedbackLost,
     Event::ActuatorFault,
+    Event::NotAcknowledged,
+    Event::BusPassive,
+    Event::Tipped,
+    Event::NotFollowing,
     Event::PlaybackFailed,
+    Event::Overrun,
     Event::AlignFailed,
     Event::HostLost,
+    Event::Leaning,
     Event::Disarm,
     Event::ClearConfirmed,
     Event::ArmConfirmed,
@@ -152,6 +184,8 @@ pub const EVENTS: [Event; 18] = [
     Event::SelfTestPassed,
     Event::Aligned,
     Event::MotionStarted,
+    Event::PauseAsked,
+    Event::ResumeAsked,
     Event::SafeReached,
     Event::HoldElapsed,
     Event::DampingElapsed,
@@ -166,7 +200,9 @@ impl State {
                 Torque::Off
             }
             Self::Damped => Torque::Damped,
-            Self::Aligning | Self::Ready | Self::Playing | Self::Returning => Torque::Driven,
+            Self::Aligning | Self::Ready | Self::Playing | Self::Paused | Self::Returning => {
+                Torque::Driven
+            }
         }
     }
 
@@ -185,6 +221,7 @@ impl From<State> for wire::State {
             State::Aligning => Self::Aligning,
             State::Ready => Self::Ready,
             State::Playing => Self::Playing,
+            State::Paused => Self::Paused,
             State::Returning => Self::Returning,
             State::Damped => Self::Damped,
             State::TorqueOff => Self::TorqueOff,
@@ -194,15 +231,40 @@ impl From<State> for wire::State {
 }
 
 impl Event {
+    /// The reaction that this event calls for while torque is on. The most severe of all that arrive
+    /// decides: severities are a chain, and [`Ord`] of events follows it.
+    pub fn severity(self) -> Severity {
+        match self {
+            Self::EStop | Self::BusOff => Severity::EStop,
+            Self::SelfTestFailed => Severity::TorqueOff,
+            Self::FeedbackLost
+            | Self::ActuatorFault
+            | Self::NotAcknowledged
+            | Self::BusPassive
+            | Self::Tipped
+            | Self::NotFollowing
+            | Self::PlaybackFailed
+            | Self::Overrun
+            | Self::AlignFailed => Severity::Damp,
+            Self::HostLost | Self::Leaning | Self::Disarm => Severity::Return,
+            _ => Severity::None,
+        }
+    }
+
     /// How this event is called on the link when it is a fault.
     pub fn fault(self) -> Option<Fault> {
         match self {
             Self::EStop => Some(Fault::EStop),
+            Self::BusOff => Some(Fault::BusOff),
             Self::SelfTestFailed => Some(Fault::Internal),
             Self::FeedbackLost => Some(Fault::ActuatorSilent),
             Self::ActuatorFault => Some(Fault::ActuatorFault),
+            Self::NotAcknowledged => Some(Fault::BusNoAck),
+            Self::BusPassive => Some(Fault::BusPassive),
+            Self::Tipped | Self::Leaning => Some(Fault::Tilt),
+            Self::NotFollowing | Self::AlignFailed => Some(Fault::TrackingError),
             Self::PlaybackFailed => Some(Fault::LibraryUnreadable),
-            Self::AlignFailed => Some(Fault::TrackingError),
+            Self::Overrun => Some(Fault::Overrun),
             Self::HostLost => Some(Fault::HostLost),
             _ => None,
         }
@@ -215,7 +277,7 @@ pub fn step(state: State, event: Event) -> (State, Action) {
     use Event as E;
     use State as S;
     match (state, event) {
-        (_, E::EStop) => (S::EStopped, A::CutTorque),
+        (_, E::EStop | E::BusOff) => (S::EStopped, A::CutTorque),
 
         (S::Boot, E::Started) => (S::SelfTest, A::RunSelfTest),
         (S::SelfTest, E::SelfTestPassed) => (S::Disarmed, A::None),
@@ -224,17 +286,30 @@ pub fn step(state: State, event: Event) -> (State, Action) {
 
         (S::Aligning, E::Aligned) => (S::Ready, A::HoldSafe),
         // Not yet on the graph: there is no route to follow, only letting down gently.
-        (S::Aligning, E::AlignFailed | E::HostLost | E::Disarm) => (S::Damped, A::Damp),
+        (S::Aligning, E::AlignFailed | E::HostLost | E::Leaning | E::Disarm) => {
+            (S::Damped, A::Damp)
+        }
 
         (S::Ready, E::MotionStarted) => (S::Playing, A::None),
+        (S::Playing, E::PauseAsked) => (S::Paused, A::Pause),
+        (S::Paused, E::ResumeAsked) => (S::Playing, A::Resume),
         (S::Playing, E::SafeReached) => (S::Ready, A::None),
-        (S::Ready | S::Playing, E::HostLost | E::Disarm) => (S::Returning, A::RouteToSafe),
+        (S::Ready | S::Playing | S::Paused, E::HostLost | E::Leaning | E::Disarm) => {
+            (S::Returning, A::RouteToSafe)
+        }
         (S::Returning, E::SafeReached) => (S::Returning, A::StartHold),
         (S::Returning, E::HoldElapsed) => (S::Damped, A::Damp),
 
         (
-            S::Aligning | S::Ready | S::Playing | S::Returning,
-            E::FeedbackLost | E::ActuatorFault | E::PlaybackFailed,
+            S::Aligning | S::Ready | S::Playing | S::Paused | S::Returning,
+            E::FeedbackLost
+            | E::ActuatorFault
+            | E::NotAcknowledged
+            | E::BusPassive
+            | E::Tipped
+            | E::NotFollowing
+            | E::PlaybackFailed
+            | E::Overrun,
         ) => (S::Damped, A::Damp),
         (S::Damped, E::DampingElapsed) => (S::TorqueOff, A::CutTorque),
 
@@ -280,7 +355,9 @@ mod tests {
     #[test]
     fn estop_stops_from_every_state_in_one_step() {
         for s in STATES {
-            assert_eq!(step(s, Event::EStop), (State::EStopped, Action::CutTorque));
+            for e in [Event::EStop, Event::BusOff] {
+                assert_eq!(step(s, e), (State::EStopped, Action::CutTorque));
+            }
         }
     }
 
@@ -298,6 +375,63 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Which states can be reached from one, along events that `may` allows.
+    fn reachable(from: State, may: impl Fn(State, Event) -> bool) -> [bool; STATES.len()] {
+        let mut seen = [false; STATES.len()];
+        let mut stack = heapless::Vec::<State, 512>::new();
+        stack.push(from).unwrap();
+        while let Some(s) = stack.pop() {
+            if core::mem::replace(&mut seen[s as usize], true) {
+                continue;
+            }
+            for e in EVENTS.into_iter().filter(|&e| may(s, e)) {
+                let next = step(s, e).0;
+                if !seen[next as usize] {
+                    stack.push(next).unwrap();
+                }
+            }
+        }
+        seen
+    }
+
+    #[test]
+    fn every_state_is_reachable_from_boot() {
+        assert_eq!(reachable(State::Boot, |_, _| true), [true; STATES.len()]);
+    }
+
+    #[test]
+    fn no_path_to_torque_skips_aligning() {
+        for from in STATES.into_iter().filter(|s| s.torque() == Torque::Off) {
+            let seen = reachable(from, |s, _| s != State::Aligning);
+            for s in STATES.into_iter().filter(|&s| seen[s as usize]) {
+                assert!(s.torque() == Torque::Off || s == State::Aligning, "{from:?} to {s:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_state_reaches_torque_off() {
+        for from in STATES {
+            let seen = reachable(from, |_, e| e != Event::EStop && e != Event::BusOff);
+            let off = [State::TorqueOff, State::EStopped].map(|s| seen[s as usize]);
+            assert!(off.contains(&true), "{from:?}");
+            // Where torque is on it needs nobody's command.
+            let seen = reachable(from, |_, e| e.severity() == Severity::None && !by_command(e));
+            let idle = STATES.into_iter().any(|s| seen[s as usize] && s.torque() == Torque::Off);
+            let held =
+                matches!(from, State::Aligning | State::Ready | State::Playing | State::Paused);
+            assert!(idle || held, "{from:?} waits for somebody");
+        }
+    }
+
+    fn by_command(e: Event) -> bool {
+        use Event as E;
+        matches!(
+            e,
+            E::ClearConfirmed | E::ArmConfirmed | E::MotionStarted | E::PauseAsked | E::ResumeAsked
+        )
     }
 
     #[test]
@@ -346,23 +480,56 @@ mod tests {
         }
     }
 
+    /// How far down the way to no torque a state is, as the severity that leads there.
+    fn depth(s: State) -> Severity {
+        match s {
+            State::EStopped => Severity::EStop,
+            State::TorqueOff => Severity::TorqueOff,
+            State::Damped => Severity::Damp,
+            State::Returning => Severity::Return,
+            _ => Severity::None,
+        }
+    }
+
     #[test]
-    fn every_state_is_reachable_from_boot() {
-        let mut seen = [false; STATES.len()];
-        let mut stack = heapless::Vec::<State, 64>::new();
-        stack.push(State::Boot).unwrap();
-        while let Some(s) = stack.pop() {
-            if core::mem::replace(&mut seen[s as usize], true) {
-                continue;
+    fn events_are_ordered_by_severity_and_every_fault_has_one() {
+        let rank = |e: Event| e.severity().code();
+        assert!(EVENTS.is_sorted_by_key(|&e| core::cmp::Reverse(rank(e))));
+        for e in EVENTS {
+            assert_eq!(e.severity() != Severity::None, e.fault().is_some() || e == Event::Disarm);
+        }
+    }
+
+    /// While torque is driven every fault that can happen there gets the reaction that it calls for or
+    /// a stronger one.
+    #[test]
+    fn a_fault_gets_at_least_its_reaction() {
+        for s in STATES.into_iter().filter(|s| s.torque() == Torque::Driven) {
+            for e in EVENTS.into_iter().filter(|e| e.severity() != Severity::None) {
+                let elsewhere = match e {
+                    Event::SelfTestFailed => s != State::SelfTest,
+                    Event::AlignFailed => s != State::Aligning,
+                    _ => false,
+                };
+                let reacts = depth(step(s, e).0).code() >= e.severity().code();
+                assert!(reacts || elsewhere, "{s:?} {e:?}");
             }
-            for e in EVENTS {
-                let next = step(s, e).0;
-                if !seen[next as usize] {
-                    stack.push(next).unwrap();
+        }
+    }
+
+    /// A milder trigger that comes with or after a severe one must not soften the outcome.
+    #[test]
+    fn the_most_severe_trigger_wins() {
+        let faults = || EVENTS.into_iter().filter(|e| e.severity() != Severity::None);
+        for s in STATES {
+            for a in faults() {
+                for b in faults() {
+                    let alone = depth(step(s, a).0).code();
+                    let both = depth(step(step(s, a).0, b).0).code();
+                    assert!(both >= alone, "{s:?}: {a:?} then {b:?}");
                 }
             }
         }
-        assert_eq!(seen, [true; STATES.len()]);
     }
 
     #[test]
@@ -375,28 +542,6 @@ mod tests {
                 assert_eq!(set.pop(), Some(a.min(b)));
                 assert_eq!(set.pop(), (a != b).then_some(a.max(b)));
                 assert_eq!(set.pop(), None);
-            }
-        }
-    }
-
-    /// A milder trigger that comes with or after a severe one must not soften the outcome.
-    #[test]
-    fn the_most_severe_trigger_wins() {
-        let rank = |s: State| match s {
-            State::EStopped => 4,
-            State::TorqueOff => 3,
-            State::Damped => 2,
-            State::Returning => 1,
-            _ => 0,
-        };
-        let faults = &EVENTS[..=Event::Disarm as usize];
-        for s in STATES {
-            for &a in faults {
-                for &b in faults {
-                    let alone = rank(step(s, a).0);
-                    let both = rank(step(step(s, a).0, b).0);
-                    assert!(both >= alone, "{s:?}: {a:?} then {b:?}");
-                }
             }
         }
     }

@@ -23,6 +23,12 @@ pub struct Settings {
     pub align_tolerance_rad: f32,
     /// How long enabling, and how long settling after the ramp, may take, µs each.
     pub align_patience_us: u32,
+    /// How far a joint may be measured from its setpoint while motions play, rad, ...
+    pub follow_tolerance_rad: f32,
+    /// ... and how long it may be further, µs: something holds it then.
+    pub follow_patience_us: u32,
+    /// The control loop was too slow when a tick comes so long after the one before, µs.
+    pub overrun_us: u32,
     /// How far outside its range a joint may be measured for arming, rad: beyond that the
     /// measurement, or the zero of the servo, is wrong.
     pub out_of_range_rad: f32,
@@ -45,6 +51,9 @@ impl Default for Settings {
             align_speed_rad_s: 1.0,
             align_tolerance_rad: 0.35,
             align_patience_us: 1_000_000,
+            follow_tolerance_rad: 0.8,
+            follow_patience_us: 500_000,
+            overrun_us: 50_000,
             out_of_range_rad: 0.2,
             max_gain_ratio: 2.0,
             hold_us: 1_000_000,
@@ -85,6 +94,13 @@ impl Settings {
         }
         if !positive(self.align_tolerance_rad) {
             return fail("align_tolerance_rad", "above 0");
+        }
+        if !positive(self.follow_tolerance_rad) {
+            return fail("follow_tolerance_rad", "above 0");
+        }
+        let period_us = 1_000_000 / u32::from(self.control_hz);
+        if self.overrun_us <= period_us {
+            return fail("overrun_us", "longer than a control period");
         }
         if !(self.out_of_range_rad >= 0.0 && self.out_of_range_rad.is_finite()) {
             return fail("out_of_range_rad", "0 or more");
@@ -133,6 +149,8 @@ mod tests {
             (Settings { align_tolerance_rad: 0.0, ..good }, "align_tolerance_rad"),
             (Settings { max_gain_ratio: 0.5, ..good }, "max_gain_ratio"),
             (Settings { max_gain_ratio: f32::NAN, ..good }, "max_gain_ratio"),
+            (Settings { follow_tolerance_rad: -1.0, ..good }, "follow_tolerance_rad"),
+            (Settings { overrun_us: 8_333, ..good }, "overrun_us"),
             (Settings { out_of_range_rad: f32::INFINITY, ..good }, "out_of_range_rad"),
         ] {
             assert_eq!(bad.check().unwrap_err().field, field);

@@ -21,7 +21,7 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
         CommandResult::OutOfOrder => "another host is sending commands, too",
         CommandResult::UnknownKind => "its firmware is older than this kind of command",
         CommandResult::FaultPresent => "a fault is still present",
-        CommandResult::BadSpeed => "this playback speed is not possible",
+        CommandResult::BadSpeed => "playback speeds are 1/64 to 64/64 of the planned one",
     }
 }
 
@@ -101,8 +101,7 @@ pub fn fault_names(faults: FaultBits) -> String {
         Fault::ActuatorFault => "an actuator reports a fault",
         Fault::TrackingError => "a joint or wheel does not follow",
         Fault::OutOfLimits => "a joint is outside its limits",
-        Fault::SetpointLimited => "a setpoint was cut to a limit",
-        Fault::BadSetpoint => "a setpoint was no number",
+        Fault::Tilt => "the body is tilted",
         Fault::BusNoAck => "nobody acknowledges on an actuator bus",
         Fault::BusPassive => "a bus is error-passive",
         Fault::BusOff => "a bus is off",

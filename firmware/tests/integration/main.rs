@@ -9,6 +9,7 @@ mod flash;
 mod hostile;
 mod link;
 mod parameters;
+mod pausing;
 mod playback;
 mod protocols;
 mod rig;

@@ -177,7 +177,7 @@ fn tour(ticks_per_frame: u16, mut each: impl FnMut(&Player)) {
     for code in [CODE_DRIVE, CODE_WALK, CODE_STAND] {
         player.set_goal(&lib, node(&lib, code)).unwrap();
         for _ in 0..220 * u32::from(ticks_per_frame) {
-            player.advance(&lib).unwrap();
+            player.advance(&lib, &config()).unwrap();
             each(&player);
         }
     }
@@ -307,14 +307,14 @@ proptest! {
         for (code, ticks) in requests {
             player.set_goal(&lib, node(&lib, code)).unwrap();
             for _ in 0..ticks {
-                player.advance(&lib).unwrap();
+                player.advance(&lib, &config()).unwrap();
             }
         }
         player.set_goal(&lib, lib.safe_node()).unwrap();
         // The longest way: a transition, a motion, a transition, and the frames ahead.
         let longest = 2 * (2 * TRANSITION_FRAMES + DRIVE_FRAMES + WALK_FRAMES + 8);
         for _ in 0..longest {
-            player.advance(&lib).unwrap();
+            player.advance(&lib, &config()).unwrap();
         }
         prop_assert!(player.rests_in_safe(&lib));
     }

@@ -12,8 +12,9 @@ use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
 use rollwalk_protocol::wire::isotp::{Event, Output, Timing};
 use rollwalk_protocol::wire::transport::{Endpoint, frame_to_controller};
 use rollwalk_protocol::wire::{
-    Action, Command, CommandAck, CommandResult, Estop, FromController, HEARTBEAT_PERIOD_MS,
-    Heartbeat, Node, ParameterAck, ParameterAction, ParameterRequest, Request, Response, Status,
+    Action, Command, CommandAck, CommandResult, Estop, Fault, FaultReport, FromController,
+    HEARTBEAT_PERIOD_MS, Heartbeat, Node, ParameterAck, ParameterAction, ParameterRequest, Request,
+    Response, Status,
 };
 
 use crate::drives::Drives;
@@ -30,6 +31,8 @@ pub struct Servo {
     pub value: f32,
     pub enabled: bool,
     pub powered: bool,
+    /// Something holds it at this value, whatever it is told.
+    pub jammed_at: Option<f32>,
     /// Answers, but does not turn its torque on.
     pub refuses: bool,
     pub status: u8,
@@ -47,6 +50,7 @@ impl Servo {
             value,
             enabled: false,
             powered: true,
+            jammed_at: None,
             refuses: false,
             status: 0,
             counter: 0,
@@ -125,7 +129,7 @@ impl Servo {
             self.set_at = tick;
             self.setpoints.push((value, kp));
             if kp > 0.0 || c.kind == ChannelKind::WheelSpeed {
-                self.value = value;
+                self.value = self.jammed_at.unwrap_or(value);
             }
         }
     }
@@ -366,6 +370,16 @@ impl Rig {
             }
         }
         None
+    }
+
+    /// The last report of a fault.
+    pub fn fault_report(&mut self, fault: Fault) -> FaultReport {
+        self.run(1);
+        let reports = self.heard.iter().rev().filter_map(|(_, message)| match message {
+            FromController::FaultReport(report) => Some(*report),
+            _ => None,
+        });
+        reports.into_iter().find(|report| report.fault == fault).expect("a report")
     }
 
     pub fn statuses(&self) -> Vec<(u64, Status)> {

@@ -1,5 +1,6 @@
 //! Stopping, losing things, going home: each rule as a story on the bench.
 
+use rollwalk_firmware::BusState;
 use rollwalk_firmware::safety::State;
 use rollwalk_protocol::actuator::{ActuatorStatus, Control, JointSetpoint, WheelSetpoint};
 use rollwalk_protocol::can::CanFrame;
@@ -343,4 +344,80 @@ fn a_slow_bus_serves_all_actuators_in_turn() {
         served.push(JointSetpoint::decode(&frame).expect("a setpoint").0);
     }
     assert!(served.windows(2).all(|pair| pair[0] != pair[1]), "{served:?}");
+}
+
+#[test]
+fn a_leg_that_is_held_fast_is_not_pushed_for_long() {
+    let mut rig = Rig::ready();
+    rig.play(CODE_WALK);
+    rig.run(200);
+    // Something holds it where no motion of the library brings it.
+    rig.servos[0].jammed_at = Some(-1.4);
+    let after = rig.run_until(State::Damped, 200);
+    assert!((60..=130).contains(&after), "{after}");
+    assert!(rig.brain.faults().contains(Fault::TrackingError));
+    rig.run(2);
+    let report = rig.fault_report(Fault::TrackingError);
+    assert_eq!(report.channel, Some(0));
+    assert!(report.value > rig.settings.follow_tolerance_rad);
+
+    // A stumble is none of that.
+    let mut rig = Rig::ready();
+    rig.servos[0].jammed_at = Some(-1.4);
+    rig.run(50);
+    rig.servos[0].jammed_at = None;
+    rig.run(200);
+    assert_eq!(rig.brain.state(), State::Ready);
+}
+
+#[test]
+fn a_control_loop_that_comes_too_late_damps() {
+    let mut rig = Rig::ready();
+    rig.now_us += 40_000;
+    rig.step();
+    assert_eq!(rig.brain.state(), State::Ready);
+    rig.now_us += 60_000;
+    rig.step();
+    assert_eq!(rig.brain.state(), State::Damped);
+    assert!(rig.brain.faults().contains(Fault::Overrun));
+    let report = rig.fault_report(Fault::Overrun);
+    assert!((report.value - 0.068).abs() < 1e-3, "{report:?}");
+    // Torque is off: a board that writes its flash may be late.
+    let mut rig = Rig::booted();
+    rig.now_us += 500_000;
+    rig.run(20);
+    assert_eq!((rig.brain.state(), rig.brain.faults().is_empty()), (State::Disarmed, true));
+}
+
+#[test]
+fn a_bus_that_nobody_acknowledges_damps_and_bus_off_stops() {
+    for (state, fault, ticks) in
+        [(BusState::NotAcknowledged, Fault::BusNoAck, 3), (BusState::Passive, Fault::BusPassive, 1)]
+    {
+        let mut rig = Rig::ready();
+        rig.brain.on_bus_state(rig.now_us, 1, state);
+        assert_eq!(rig.run_until(State::Damped, 10), ticks);
+        assert!(rig.brain.faults().contains(fault));
+        assert_eq!(rig.fault_report(fault).value, 1.0);
+        rig.run_until(State::TorqueOff, 300);
+        // Cleared, but not armed while it lasts.
+        rig.clear();
+        rig.run(20);
+        assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::FaultPresent);
+        rig.brain.on_bus_state(rig.now_us, 1, BusState::Active);
+        rig.arm();
+    }
+
+    let mut rig = Rig::ready();
+    rig.play(CODE_DRIVE);
+    rig.run(150);
+    rig.brain.on_bus_state(rig.now_us, 0, BusState::Off);
+    assert_eq!(rig.brain.state(), State::EStopped, "before the call returns");
+    rig.run(500);
+    assert!(!rig.brain.take_bus_restart(0), "no recovery by itself");
+    rig.clear();
+    rig.run(20);
+    assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::FaultPresent);
+    assert!(rig.brain.take_bus_restart(0) && !rig.brain.take_bus_restart(0));
+    rig.arm();
 }

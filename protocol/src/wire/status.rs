@@ -72,10 +72,8 @@ coded! {
         TrackingError = 5,
         /// A measured position is outside its limits.
         OutOfLimits = 6,
-        /// A setpoint had to be cut to a limit.
-        SetpointLimited = 7,
-        /// A setpoint was no number, or could not be encoded.
-        BadSetpoint = 8,
+        /// The body is tilted further than its motion makes it.
+        Tilt = 7,
         /// Nobody acknowledges on an actuator bus.
         BusNoAck = 9,
         /// A bus is error-passive.

@@ -194,7 +194,7 @@ fn codes_are_pinned() {
     check(
         Fault::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
         "0 NoLibrary, 1 ConfigMismatch, 2 HostLost, 3 ActuatorSilent, 4 ActuatorFault, \
-         5 TrackingError, 6 OutOfLimits, 7 SetpointLimited, 8 BadSetpoint, 9 BusNoAck, \
+         5 TrackingError, 6 OutOfLimits, 7 Tilt, 9 BusNoAck, \
          10 BusPassive, 11 BusOff, 12 EStop, 13 Overrun, 14 LibraryUnreadable, 15 Internal",
     );
     check(

@@ -76,7 +76,22 @@ impl<B: LinkBus> Session<B> {
 
     /// Asks for a motion by its code, at the speed it was planned for.
     pub fn select(&mut self, code: u8) -> Result<CommandAck, SessionError> {
-        self.command("play this code", Action::Play { code, speed_64ths: 64 })
+        self.select_at(code, 64)
+    }
+
+    /// Asks for a motion by its code, at so many 64ths of the planned speed, 1 to 64.
+    pub fn select_at(&mut self, code: u8, speed_64ths: i8) -> Result<CommandAck, SessionError> {
+        self.command("play this code", Action::Play { code, speed_64ths })
+    }
+
+    /// Halts the motion where it is.
+    pub fn pause(&mut self) -> Result<(), SessionError> {
+        self.command("pause", Action::Pause).map(|_| ())
+    }
+
+    /// Goes on after [`Self::pause`].
+    pub fn resume(&mut self) -> Result<(), SessionError> {
+        self.command("resume", Action::Resume).map(|_| ())
     }
 
     /// Sends the robot to SAFE and waits until it is there.

@@ -156,3 +156,24 @@ fn play_through(
     session.return_to_safe()?;
     session.disarm()
 }
+
+#[test]
+fn a_motion_pauses_goes_on_and_plays_slower() {
+    let mut session = armed();
+    session.select_at(ROLL, 32).unwrap();
+    session.run_for(4 * S).unwrap();
+    session.pause().unwrap();
+    session.run_for(3 * S).unwrap();
+    assert_eq!(session.status().unwrap().state, State::Paused);
+    session.resume().unwrap();
+    session.run_for(2 * S).unwrap();
+    session.return_to_safe().unwrap();
+    let rig = session.into_bus();
+    let rolling = rig.records().iter().filter(|record| record.clip == ClipId(2));
+    let speeds: Vec<f32> = rolling.map(|record| record.measured[2]).collect();
+    let fastest = speeds.iter().copied().fold(0.0, f32::max);
+    assert!((fastest - 0.5 * ROLL_RAD_S).abs() < 0.02, "{fastest}");
+    let stood = speeds.iter().filter(|speed| speed.abs() < 0.01).count();
+    // 3 s less what it takes to halt, 120 times a second.
+    assert!((200..360).contains(&stood), "{stood}");
+}

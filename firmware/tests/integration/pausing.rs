@@ -1,0 +1,196 @@
+//! Slower, to a halt, and on: playback time is scaled, and nothing gets past the limits on the way.
+
+use proptest::prelude::*;
+use rollwalk_firmware::player::{PLANNED_SPEED_64THS, Player};
+use rollwalk_firmware::safety::State;
+use rollwalk_protocol::config::ChannelKind;
+use rollwalk_protocol::library::{Library, validate};
+use rollwalk_protocol::wire::{Action, CommandResult, Severity};
+
+use crate::rig::Rig;
+use crate::robot::*;
+
+/// In the middle of the gait.
+fn walking() -> Rig {
+    let mut rig = Rig::ready();
+    let ack = rig.play(CODE_WALK);
+    rig.run(2 * u32::from(ack.value) + 30);
+    assert_eq!(rig.clip(), WALK_CLIP);
+    rig
+}
+
+fn pause(rig: &mut Rig) {
+    assert_eq!(rig.command(Action::Pause).result, CommandResult::Ok);
+    assert_eq!(rig.brain.state(), State::Paused);
+    // From the planned speed in no less than 0.4 s and no more than 2 s.
+    rig.run(240);
+}
+
+fn setpoints(rig: &Rig) -> [f32; CHANNELS] {
+    std::array::from_fn(|c| rig.brain.setpoint(c).expect("torque is on").value)
+}
+
+#[test]
+fn a_paused_robot_holds_still_and_goes_on_where_it_was() {
+    let mut rig = walking();
+    pause(&mut rig);
+    let (held, at) = (setpoints(&rig), rig.brain.playing());
+    assert_eq!(held[2], 0.0, "wheels stand");
+    assert!((0..2).all(|c| rig.brain.setpoint(c).unwrap().slope == 0.0));
+    rig.run(1000);
+    assert_eq!((setpoints(&rig), rig.brain.playing()), (held, at));
+    assert_eq!(rig.brain.state(), State::Paused);
+    assert_eq!(rig.statuses().last().unwrap().1.severity, Severity::None);
+
+    // Said twice it is said once.
+    assert_eq!(rig.command(Action::Pause).result, CommandResult::Ok);
+    assert_eq!(rig.command(Action::Resume).result, CommandResult::Ok);
+    assert_eq!(rig.brain.state(), State::Playing);
+    rig.run(240);
+    assert_eq!(rig.clip(), WALK_CLIP);
+    assert!(setpoints(&rig)[2] > 0.9, "it rolls again");
+    assert_eq!(rig.command(Action::Resume).result, CommandResult::Ok);
+}
+
+#[test]
+fn a_paused_robot_takes_return_and_no_other_motion() {
+    let mut rig = walking();
+    pause(&mut rig);
+    assert_eq!(rig.play(CODE_DRIVE).result, CommandResult::WrongState);
+    assert_eq!(rig.command(Action::Return).result, CommandResult::Ok);
+    assert_eq!(rig.brain.state(), State::Playing);
+    rig.run_until(State::Ready, 1000);
+    assert!(rig.stands());
+}
+
+#[test]
+fn pause_and_resume_are_for_motions_only() {
+    let mut rig = Rig::booted();
+    for action in [Action::Pause, Action::Resume] {
+        assert_eq!(rig.command(action).result, CommandResult::NotArmed);
+    }
+    rig.arm();
+    for action in [Action::Pause, Action::Resume] {
+        assert_eq!(rig.command(action).result, CommandResult::WrongState);
+    }
+    rig.run_until(State::Ready, 1000);
+    for action in [Action::Pause, Action::Resume] {
+        assert_eq!(rig.command(action).result, CommandResult::WrongState);
+    }
+}
+
+#[test]
+fn a_paused_robot_goes_home_when_the_host_is_lost_or_it_is_disarmed() {
+    let mut rig = walking();
+    pause(&mut rig);
+    rig.host_alive = false;
+    rig.run_until(State::Returning, 60);
+    rig.run_until(State::Damped, 1000);
+    assert!(rig.stands(), "from a halt too");
+    rig.run_until(State::TorqueOff, 300);
+
+    let mut rig = walking();
+    pause(&mut rig);
+    assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok);
+    assert_eq!(rig.brain.state(), State::Returning);
+    rig.run_until(State::Disarmed, 1000);
+    assert!(rig.brain.faults().is_empty());
+}
+
+#[test]
+fn the_watchdogs_watch_a_paused_robot() {
+    let mut rig = walking();
+    pause(&mut rig);
+    rig.servos[0].powered = false;
+    rig.run_until(State::Damped, 60);
+
+    let mut rig = walking();
+    pause(&mut rig);
+    rig.estop();
+    assert_eq!(rig.brain.state(), State::EStopped);
+}
+
+/// Half the speed: the same way in twice the time.
+#[test]
+fn slow_playback_goes_the_same_way() {
+    let ticks_of = |speed_64ths: i8| {
+        let mut rig = Rig::ready();
+        let play = Action::Play { code: CODE_DRIVE, speed_64ths };
+        assert_eq!(rig.command(play).result, CommandResult::Ok);
+        let mut highest = f32::MIN;
+        let mut fastest = f32::MIN;
+        let ticks = (0..4000)
+            .take_while(|_| {
+                rig.step();
+                highest = highest.max(rig.servos[0].value);
+                fastest = fastest.max(rig.servos[2].value);
+                rig.brain.state() != State::Ready
+            })
+            .count();
+        (ticks as f32, highest, fastest)
+    };
+    let (planned, high, fast) = ticks_of(64);
+    let (half, same_high, half_fast) = ticks_of(32);
+    // The 0.2 s in which it slows down are played faster than that.
+    assert!((half - 2.0 * planned).abs() < 40.0, "{planned} {half}");
+    assert!((high - same_high).abs() < 2e-3, "{high} {same_high}");
+    assert!((half_fast - 0.5 * fast).abs() < 2e-2, "{fast} {half_fast}");
+}
+
+#[test]
+fn faster_than_planned_backwards_or_not_at_all_is_refused() {
+    let mut rig = Rig::ready();
+    for speed_64ths in [65, 127, 0, -1, -64, -128] {
+        let play = Action::Play { code: CODE_WALK, speed_64ths };
+        assert_eq!(rig.command(play).result, CommandResult::BadSpeed, "{speed_64ths}");
+    }
+    assert_eq!(rig.brain.state(), State::Ready);
+}
+
+/// What an operator can do to playback time.
+#[derive(Clone, Copy, Debug)]
+enum Time {
+    Speed(u8),
+    Halt,
+    GoOn,
+}
+
+fn times() -> impl Strategy<Value = Time> {
+    prop_oneof![(1..=PLANNED_SPEED_64THS).prop_map(Time::Speed), Just(Time::Halt), Just(Time::GoOn)]
+}
+
+proptest! {
+    /// However time is scaled: no joint is faster and no wheel accelerates harder than it may, and
+    /// that without the limiter.
+    #[test]
+    fn scaled_playback_keeps_the_limits(
+        changes in prop::collection::vec((times(), 1u32..120), 1..40),
+        code in prop_oneof![Just(CODE_DRIVE), Just(CODE_WALK)],
+    ) {
+        let (config, bytes) = (config(), library());
+        let index = validate(&bytes, &config).unwrap();
+        let library = Library::open(&bytes, &index).unwrap();
+        let mut player = Player::start(&library, 2).unwrap();
+        player.set_goal(&library, library.node_for_code(code).unwrap()).unwrap();
+        let mut last: [f32; CHANNELS] = STAND;
+        for (time, ticks) in changes {
+            match time {
+                Time::Speed(speed) => player.set_speed(speed),
+                Time::Halt => player.halt(),
+                Time::GoOn => player.go_on(),
+            }
+            for _ in 0..ticks {
+                player.advance(&library, &config).unwrap();
+                for (c, channel) in config.channels.iter().enumerate() {
+                    let target = player.target(&config, c).unwrap();
+                    let rate = (target.value - last[c]) * 120.0;
+                    // Speed and curve change within the tick; a quantum of a wheel is 2^-10 rad/s.
+                    let rounding = if channel.kind == ChannelKind::WheelSpeed { 1.5 } else { 0.1 };
+                    prop_assert!(rate.abs() <= channel.max_rate + rounding, "{c}: {rate}");
+                    prop_assert!(target.slope.abs() <= channel.max_rate + 0.1);
+                    last[c] = target.value;
+                }
+            }
+        }
+    }
+}
