@@ -8,6 +8,7 @@
 //! | [`actuator`] | messages between controller and servos or wheel drives | `docs/wire-format.md` |
 //! | [`actuators`] | the protocols of servos and wheel drives, this and those of other makers | `docs/actuators.md` |
 //! | [`tunnel`] | frames of every bus and the time over one serial line | `firmware/boards/README.md` |
+//! | [`serial`] | the link over a serial line | `firmware/boards/README.md` |
 //! | [`can`] | a CAN frame as a value, and how many bits it takes | |
 //! | [`crc`] | the two checksums that all of it uses | |
 //!
@@ -25,5 +26,6 @@ pub mod can;
 pub mod config;
 pub mod crc;
 pub mod library;
+pub mod serial;
 pub mod tunnel;
 pub mod wire;

@@ -279,20 +279,25 @@ impl Answer {
 
 /// A packet that is being written.
 #[derive(Default)]
-struct Writer(Vec<u8, MAX_PACKET>);
+pub(crate) struct Writer(Vec<u8, MAX_PACKET>);
 
 impl Writer {
-    fn put(&mut self, bytes: &[u8]) -> Option<()> {
+    pub(crate) fn put(&mut self, bytes: &[u8]) -> Option<()> {
         self.0.extend_from_slice(bytes).ok()
     }
 
     fn bus_frame(&mut self, bus: u8, frame: &CanFrame) -> Option<()> {
+        self.put(&[bus])?;
+        self.frame(frame)
+    }
+
+    pub(crate) fn frame(&mut self, frame: &CanFrame) -> Option<()> {
         let [low, high] = frame.id().to_le_bytes();
-        self.put(&[bus, low, high, frame.data().len() as u8])?;
+        self.put(&[low, high, frame.data().len() as u8])?;
         self.put(frame.data())
     }
 
-    fn finish(mut self) -> Option<Line> {
+    pub(crate) fn finish(mut self) -> Option<Line> {
         let crc = crc32c(&self.0);
         self.put(&crc.to_le_bytes())?;
         let mut line = Line::new();
@@ -305,20 +310,20 @@ impl Writer {
 }
 
 /// The rest of a packet.
-struct Reader<'a>(&'a [u8]);
+pub(crate) struct Reader<'a>(pub(crate) &'a [u8]);
 
 impl Reader<'_> {
-    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+    pub(crate) fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
         let (head, rest) = self.0.split_first_chunk()?;
         self.0 = rest;
         Some(*head)
     }
 
-    fn u32(&mut self) -> Option<u32> {
+    pub(crate) fn u32(&mut self) -> Option<u32> {
         self.take().map(u32::from_le_bytes)
     }
 
-    fn frame(&mut self) -> Option<CanFrame> {
+    pub(crate) fn frame(&mut self) -> Option<CanFrame> {
         let [low, high, len] = self.take()?;
         let (data, rest) = self.0.split_at_checked(len.into())?;
         self.0 = rest;

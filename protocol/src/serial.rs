@@ -1,0 +1,245 @@
+//! The link over a serial line: for a host without CAN, to a board with buses and a clock of its own.
+//!
+//! Frames of the link go both ways whenever there is one, each in a packet of [`crate::tunnel`]:
+//! CRC-32C, COBS, zero byte. The host can also ask how the board is; the controller's own messages
+//! know nothing of reset causes and error counters.
+
+use crate::can::CanFrame;
+use crate::tunnel::{Line, Reader, Writer};
+
+// Other numbers than those of `tunnel`, so that neither board takes the other's host for its own.
+const KIND_LINK: u8 = 16;
+const KIND_ASK: u8 = 17;
+const KIND_REPORT: u8 = 18;
+
+/// Buses of a [`Report`]: the link, two for actuators.
+pub const BUSES: usize = 3;
+
+/// What is on the line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Packet {
+    /// A frame of the link, either way.
+    Link(CanFrame),
+    /// Host: how are you?
+    Ask,
+    /// Board: so.
+    Report(Report),
+}
+
+/// How a board is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Report {
+    /// [`crate::config::RobotConfig::hash`] of the robot that the image was built for.
+    pub config_hash: u32,
+    /// Why it was reset last.
+    pub reset: Reset,
+    /// Brown-out reset level, as the chip numbers them.
+    pub brown_out_level: u8,
+    /// Time since the reset, ms.
+    pub uptime_ms: u32,
+    /// Control periods in which no tick was made.
+    pub missed_periods: u32,
+    /// The longest tick, µs.
+    pub longest_tick_us: u32,
+    /// Loads of flash that could not be corrected.
+    pub broken_words: u32,
+    /// The link, then the actuator buses.
+    pub buses: [BusReport; BUSES],
+}
+
+/// Why a board was reset.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Reset {
+    /// Something else.
+    #[default]
+    Other,
+    /// Power came, or dipped.
+    PowerOn,
+    /// The reset button.
+    Pin,
+    /// The independent watchdog: the control loop had stopped.
+    Watchdog,
+    /// By software: a debugger.
+    Software,
+}
+
+/// How a bus is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BusReport {
+    /// State.
+    pub state: BusState,
+    /// Transmit error counter.
+    pub transmit_errors: u8,
+    /// Receive error counter.
+    pub receive_errors: u8,
+    /// How often frames were received faster than they were taken.
+    pub lost: u16,
+}
+
+/// Error state of a CAN controller.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BusState {
+    /// As it should be.
+    #[default]
+    Active,
+    /// Error passive, and nobody acknowledges: alone on the bus, or the others have no power.
+    NotAcknowledged,
+    /// Error passive.
+    Passive,
+    /// Bus-off: takes no part in the bus.
+    Off,
+}
+
+impl Packet {
+    /// As bytes for the line.
+    pub fn encode(&self) -> Option<Line> {
+        let mut packet = Writer::default();
+        match self {
+            Self::Link(frame) => {
+                packet.put(&[KIND_LINK])?;
+                packet.frame(frame)?;
+            }
+            Self::Ask => packet.put(&[KIND_ASK])?,
+            Self::Report(report) => {
+                packet.put(&[KIND_REPORT, report.reset as u8, report.brown_out_level])?;
+                let Report { config_hash, uptime_ms, missed_periods, .. } = *report;
+                let Report { longest_tick_us, broken_words, .. } = *report;
+                for word in [config_hash, uptime_ms, missed_periods, longest_tick_us, broken_words]
+                {
+                    packet.put(&word.to_le_bytes())?;
+                }
+                for bus in report.buses {
+                    packet.put(&[bus.state as u8, bus.transmit_errors, bus.receive_errors])?;
+                    packet.put(&bus.lost.to_le_bytes())?;
+                }
+            }
+        }
+        packet.finish()
+    }
+
+    /// From a packet of a [`crate::tunnel::Deframer`].
+    pub fn decode(packet: &[u8]) -> Option<Self> {
+        let mut rest = Reader(packet);
+        let [kind] = rest.take()?;
+        let packet = match kind {
+            KIND_LINK => Self::Link(rest.frame()?),
+            KIND_ASK => Self::Ask,
+            KIND_REPORT => {
+                let [reset, brown_out_level] = rest.take()?;
+                let mut report = Report {
+                    reset: Reset::from_byte(reset)?,
+                    brown_out_level,
+                    config_hash: rest.u32()?,
+                    uptime_ms: rest.u32()?,
+                    missed_periods: rest.u32()?,
+                    longest_tick_us: rest.u32()?,
+                    broken_words: rest.u32()?,
+                    ..Report::default()
+                };
+                for bus in &mut report.buses {
+                    let [state, transmit_errors, receive_errors] = rest.take()?;
+                    let state = BusState::from_byte(state)?;
+                    let lost = u16::from_le_bytes(rest.take()?);
+                    *bus = BusReport { state, transmit_errors, receive_errors, lost };
+                }
+                Self::Report(report)
+            }
+            _ => return None,
+        };
+        rest.0.is_empty().then_some(packet)
+    }
+}
+
+impl Reset {
+    fn from_byte(byte: u8) -> Option<Self> {
+        [Self::Other, Self::PowerOn, Self::Pin, Self::Watchdog, Self::Software]
+            .get(usize::from(byte))
+            .copied()
+    }
+}
+
+impl BusState {
+    fn from_byte(byte: u8) -> Option<Self> {
+        [Self::Active, Self::NotAcknowledged, Self::Passive, Self::Off]
+            .get(usize::from(byte))
+            .copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tunnel::{Deframer, Request};
+    use proptest::prelude::*;
+
+    fn bus() -> impl Strategy<Value = BusReport> {
+        (0u8..4, any::<u8>(), any::<u8>(), any::<u16>()).prop_map(
+            |(state, transmit_errors, receive_errors, lost)| {
+                let state = BusState::from_byte(state).unwrap();
+                BusReport { state, transmit_errors, receive_errors, lost }
+            },
+        )
+    }
+
+    fn packet() -> impl Strategy<Value = Packet> {
+        let link = (0u16..0x800, prop::collection::vec(any::<u8>(), 0..=8))
+            .prop_map(|(id, data)| Packet::Link(CanFrame::new(id, &data).unwrap()));
+        let report = (0u8..5, any::<u8>(), any::<[u32; 5]>(), [bus(), bus(), bus()]).prop_map(
+            |(reset, brown_out_level, words, buses)| {
+                let [config_hash, uptime_ms, missed_periods, longest_tick_us, broken_words] = words;
+                Packet::Report(Report {
+                    config_hash,
+                    reset: Reset::from_byte(reset).unwrap(),
+                    brown_out_level,
+                    uptime_ms,
+                    missed_periods,
+                    longest_tick_us,
+                    broken_words,
+                    buses,
+                })
+            },
+        );
+        prop_oneof![link, Just(Packet::Ask), report]
+    }
+
+    fn received(bytes: &[u8]) -> std::vec::Vec<std::vec::Vec<u8>> {
+        let mut deframer = Deframer::default();
+        bytes.iter().filter_map(|&byte| deframer.push(byte).map(<[u8]>::to_vec)).collect()
+    }
+
+    /// Counted by hand from the description. The one zero of the body is the identifier's upper byte:
+    /// COBS begins with the distance to it, and puts the distance to the end in its place.
+    #[test]
+    fn packets_on_the_line() {
+        // The checksum by another program; firmware/boards/README.md shows these bytes.
+        let line = Packet::Ask.encode().unwrap();
+        assert_eq!(line.as_slice(), [0x06, 0x11, 0x3D, 0x17, 0x48, 0xB0, 0x00]);
+        let frame = CanFrame::new(0x0A5, &[7]).unwrap();
+        let line = Packet::Link(frame).encode().unwrap();
+        let crc = crate::crc::crc32c(&[16, 0xA5, 0, 1, 7]).to_le_bytes();
+        assert!(!crc.contains(&0));
+        assert_eq!(line.as_slice(), [[3, 16, 0xA5, 7, 1, 7].as_slice(), &crc, &[0]].concat());
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_sent_arrives(packet in packet()) {
+            let [body] = &received(&packet.encode().unwrap())[..] else { panic!("one packet") };
+            prop_assert_eq!(Packet::decode(body), Some(packet));
+            // A board that waits for the host's time does not take it for a question.
+            prop_assert_eq!(Request::decode(body), None);
+        }
+
+        #[test]
+        fn nothing_else_is_a_packet(
+            packet in packet(), more: u8, bytes in prop::collection::vec(any::<u8>(), 0..80),
+        ) {
+            let [body] = &received(&packet.encode().unwrap())[..] else { panic!("one packet") };
+            prop_assert_eq!(Packet::decode(&body[..body.len() - 1]), None);
+            prop_assert_eq!(Packet::decode(&[body.as_slice(), &[more]].concat()), None);
+            if let Some(packet) = Packet::decode(&bytes) {
+                prop_assert_eq!(received(&packet.encode().unwrap()), [bytes]);
+            }
+        }
+    }
+}
