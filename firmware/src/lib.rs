@@ -27,6 +27,7 @@ mod link;
 mod messages;
 mod motion;
 mod parameters;
+pub mod periods;
 pub mod player;
 pub mod safety;
 mod settings;

@@ -1,0 +1,53 @@
+//! When control periods begin, and how many were missed: for the adapter of a board that keeps the
+//! time itself.
+
+/// When the control periods begin: exact on average, whatever the rate divides a second into.
+#[derive(Clone, Copy, Debug)]
+pub struct Periods {
+    rate_hz: u64,
+    begun_us: u64,
+    count: u64,
+}
+
+impl Periods {
+    /// The first period begins now.
+    pub fn start(now_us: u64, rate_hz: u16) -> Self {
+        Self { rate_hz: u64::from(rate_hz).max(1), begun_us: now_us, count: 0 }
+    }
+
+    /// Whether a period has begun since the last call that said so, and how many more than that one:
+    /// those deadlines were missed.
+    pub fn begun(&mut self, now_us: u64) -> Option<u64> {
+        let count = now_us.saturating_sub(self.begun_us).saturating_mul(self.rate_hz) / 1_000_000;
+        let missed = count.checked_sub(self.count)?;
+        self.count = count.saturating_add(1);
+        Some(missed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_periods_as_the_rate_says_whenever_it_is_asked() {
+        // 120 Hz is no whole number of microseconds.
+        let mut periods = Periods::start(5_000, 120);
+        let begun = (5_000..10_005_000).step_by(7).filter(|&now| periods.begun(now) == Some(0));
+        assert_eq!(begun.count(), 1200);
+    }
+
+    #[test]
+    fn what_was_missed_is_counted_and_not_made_up_for() {
+        let mut periods = Periods::start(0, 100);
+        assert_eq!(periods.begun(0), Some(0));
+        assert_eq!(periods.begun(9_999), None);
+        assert_eq!(periods.begun(10_000), Some(0));
+        // Those that began at 20, 30 and 40 ms.
+        assert_eq!(periods.begun(55_000), Some(3));
+        assert_eq!(periods.begun(55_001), None);
+        assert_eq!(periods.begun(60_000), Some(0));
+        // A clock that goes back begins nothing.
+        assert_eq!(periods.begun(1_000), None);
+    }
+}
