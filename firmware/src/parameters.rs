@@ -58,7 +58,7 @@ impl Parameters {
     /// Those of the configuration.
     pub fn new(config: &RobotConfig, settings: &Settings) -> Self {
         let ramp_ticks = u16::try_from(settings.ticks(RAMP_US)).unwrap_or(u16::MAX).max(1);
-        let channels = config.channels.iter().map(|c| configured(c).map(Ramp::at)).collect();
+        let channels = gathered(config.channels.iter().map(|c| configured(c).map(Ramp::at)));
         Self { channels, ramp_ticks }
     }
 
@@ -128,7 +128,7 @@ impl Parameters {
 
     /// All that is set, for a store.
     pub fn all(&self, config: &RobotConfig) -> ParameterSet {
-        let values = self.channels.iter().map(|values| values.map(|ramp| ramp.to)).collect();
+        let values = gathered(self.channels.iter().map(|values| values.map(|ramp| ramp.to)));
         ParameterSet { config_hash: config.hash(), values }
     }
 
@@ -146,7 +146,7 @@ impl Parameters {
                 each.all(|(&which, &value)| check(limits, settings, which, value).is_ok())
             });
         if fits {
-            self.channels = set.values.iter().map(|values| values.map(Ramp::at)).collect();
+            self.channels = gathered(set.values.iter().map(|values| values.map(Ramp::at)));
         }
         fits
     }
@@ -182,6 +182,15 @@ fn check(
         return Ok(());
     }
     Err((ParameterResult::OutOfRange, if value < least { least } else { most }))
+}
+
+/// What there is of each channel: `collect` has a panic for more than fit, of which there are none.
+fn gathered<T>(of_channels: impl Iterator<Item = T>) -> Vec<T, MAX_CHANNELS> {
+    let mut all = Vec::new();
+    for of_channel in of_channels {
+        let _ = all.push(of_channel);
+    }
+    all
 }
 
 #[cfg(test)]
