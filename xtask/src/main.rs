@@ -2,8 +2,8 @@
 //!
 //! `cargo xtask test` is the whole check, step by step; [`steps`] lists the steps, [`tidy`] holds the
 //! house rules that no compiler checks, [`bare_metal`] builds the controller's crates for the Cortex-M4.
-//! [`board`] runs the board image in an emulator and measures it, [`fuzz`] looks for inputs that break
-//! protocol and firmware.
+//! [`board`] builds the board images, measures them, and runs the one that an emulator can; [`fuzz`]
+//! looks for inputs that break protocol and firmware.
 
 mod bare_metal;
 mod board;
@@ -34,8 +34,8 @@ enum Task {
         #[arg(long, value_name = "STEP")]
         only: Option<steps::Step>,
     },
-    /// Build a board's image, boot it in QEMU, play the demo library on it and compare every frame on
-    /// every bus with the host's simulation.
+    /// Build a board's image. mps2-an386 boots in QEMU and plays the demo library, every frame on every
+    /// bus compared with the host's simulation; nucleo-g474re is measured, for probe-rs to flash.
     Board {
         /// The board.
         board: board::Board,

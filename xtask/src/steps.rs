@@ -1,6 +1,6 @@
 //! The steps of `cargo xtask test`, in the order in which they fail fastest.
 
-use crate::{bare_metal, debian, fuzz, shell, tidy};
+use crate::{bare_metal, board, debian, fuzz, shell, tidy};
 use clap::ValueEnum;
 use std::time::Instant;
 
@@ -20,6 +20,8 @@ pub enum Step {
     Doc,
     /// `rollwalk-protocol` and `rollwalk-firmware` for the Cortex-M4, without std.
     NoStd,
+    /// The image for the NUCLEO-G474RE: builds, fits, cannot panic.
+    Board,
     /// Every fuzz target for half a minute.
     Fuzz,
     /// All tests.
@@ -34,6 +36,7 @@ impl Step {
             Step::Clippy => "clippy, warnings denied",
             Step::Doc => "documentation, warnings denied",
             Step::NoStd => "protocol and firmware for the Cortex-M4 (no_std)",
+            Step::Board => "image for the NUCLEO-G474RE",
             Step::Fuzz => "fuzz targets of protocol and firmware",
             Step::Test => "all tests",
         }
@@ -62,6 +65,7 @@ impl Step {
                 shell::run(command.args(FEATURES).env("RUSTDOCFLAGS", "-D warnings"))
             }
             Step::NoStd => bare_metal::check(),
+            Step::Board => board::run(board::Board::NucleoG474re),
             Step::Fuzz => fuzz::check(),
             Step::Test => {
                 need_python()?;

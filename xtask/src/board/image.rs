@@ -1,21 +1,33 @@
-//! The release image of the board.
+//! The release image of a board.
 
 use crate::{bare_metal, shell};
 use std::path::PathBuf;
 
-const FOLDER: &str = "firmware/boards/mps2-an386";
-const NAME: &str = "rollwalk-mps2-an386";
+/// A board's image: a workspace of its own, named like its folder.
+pub struct Image {
+    folder: &'static str,
+    name: &'static str,
+}
 
-/// Builds the image with cargo features.
-///
-/// # Errors
-/// The compiler's verdict, or the one command that gets a compiler.
-pub fn build(features: &[&str]) -> Result<PathBuf, String> {
-    let bare_metal::Build { mut cargo, artefacts } = bare_metal::build()?;
-    cargo.current_dir(shell::workspace_root().join(FOLDER)).arg("--locked").arg("--quiet");
-    if !features.is_empty() {
-        cargo.args(["--features", &features.join(",")]);
+/// The emulated board's.
+pub const MPS2_AN386: Image =
+    Image { folder: "firmware/boards/mps2-an386", name: "rollwalk-mps2-an386" };
+/// The real board's.
+pub const NUCLEO_G474RE: Image =
+    Image { folder: "firmware/boards/nucleo-g474re", name: "rollwalk-nucleo-g474re" };
+
+impl Image {
+    /// Builds the image with cargo features.
+    ///
+    /// # Errors
+    /// The compiler's verdict, or the one command that gets a compiler.
+    pub fn build(&self, features: &[&str]) -> Result<PathBuf, String> {
+        let bare_metal::Build { mut cargo, artefacts } = bare_metal::build()?;
+        cargo.current_dir(shell::workspace_root().join(self.folder)).arg("--locked").arg("--quiet");
+        if !features.is_empty() {
+            cargo.args(["--features", &features.join(",")]);
+        }
+        shell::run(&mut cargo)?;
+        Ok(artefacts.join(self.name))
     }
-    shell::run(&mut cargo)?;
-    Ok(artefacts.join(NAME))
 }

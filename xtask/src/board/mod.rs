@@ -1,13 +1,15 @@
-//! `cargo xtask board` and `cargo xtask sizes`: the board image, run in an emulator against the host's
-//! simulation, and what it takes.
+//! `cargo xtask board` and `cargo xtask sizes`: the board images, what they take, and the one for an
+//! emulated board run against the host's simulation.
 //!
 //! ```text
 //! image ──> emulator (QEMU) ══ UART over TCP ══ sim-host's bench ──> log ─┐
 //!                                   firmware ── sim-host's bench ──> log ─┴─> the same bytes?
 //! ```
 
+mod contents;
 mod emulator;
 mod image;
+mod nucleo;
 mod scenario;
 mod sizes;
 
@@ -29,21 +31,27 @@ pub use sizes::report as sizes;
 const ROBOT: &str = "robots/agilebot.toml";
 const MOTIONS: &str = "motions/agilebot_library.toml";
 
-/// A board that an emulator stands for.
+/// A board that there is an image for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Board {
     /// A Cortex-M4F of Arm's in QEMU.
     #[value(name = "mps2-an386")]
     Mps2An386,
+    /// ST's NUCLEO-G474RE: built and measured, ready to be flashed.
+    #[value(name = "nucleo-g474re")]
+    NucleoG474re,
 }
 
-/// Builds the image, boots it, and plays the demo library on it; the bench around it must see exactly
-/// the frames that it sees around the same firmware on the host.
+/// Builds the image. The emulated board boots it and plays the demo library on it; the bench around it
+/// must see exactly the frames that it sees around the same firmware on the host.
 ///
 /// # Errors
 /// What failed, or where the logs differ.
-pub fn run(Board::Mps2An386: Board) -> Result<(), String> {
-    let image = image::build(&[])?;
+pub fn run(board: Board) -> Result<(), String> {
+    if board == Board::NucleoG474re {
+        return nucleo::report();
+    }
+    let image = image::MPS2_AN386.build(&[])?;
     eprintln!("built {}", shown(&image));
     play(&image, Clock::Host).map(|_| ())
 }

@@ -1,39 +1,38 @@
 //! What the image takes: flash, RAM, stack and instructions, each against its limit; and that nothing
 //! in it can panic.
 
+use super::contents::{Sections, panic_paths, sections};
 use super::emulator::{Clock, instructions};
-use super::{image, play};
-use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, elf};
+use super::image::MPS2_AN386;
+use super::play;
 use std::fs;
 use std::path::Path;
 
 /// Most bytes of code and constants.
-const MAX_TEXT: u64 = 64 << 10;
+pub const MAX_TEXT: u64 = 64 << 10;
 /// Most bytes of static variables.
-const MAX_STATIC_RAM: u64 = 16 << 10;
+pub const MAX_STATIC_RAM: u64 = 16 << 10;
 /// Most instructions of a control period: 1 kHz on a 170 MHz part with room to spare.
 const MAX_INSTRUCTIONS: f64 = 10_000.0;
 /// The image's own RAM (`memory.x`); what lies above stands for external memory.
 const RAM: std::ops::Range<u64> = 0x2000_0000..0x2000_8000;
-/// Parts of the names of everything that begins a panic.
-const PANICKING: [&str; 4] = ["9panicking", "rust_begin_unwind", "unwrap_failed", "expect_failed"];
 
 /// Builds and runs the image and prints the figures.
 ///
 /// # Errors
 /// What is above its limit, or failed.
 pub fn report() -> Result<(), String> {
-    let path = image::build(&[])?;
+    let path = MPS2_AN386.build(&[])?;
     let read = |path: &Path| fs::read(path).map_err(|error| format!("{}: {error}", path.display()));
     let bytes = read(&path)?;
-    let Sections { text, data, bss } = sections(&bytes)?;
+    let Sections { text, data, bss } = sections(&bytes, RAM)?;
     let panics = panic_paths(&bytes)?;
-    let planted = panic_paths(&read(&image::build(&["planted-panic"])?)?)?;
+    let planted = panic_paths(&read(&MPS2_AN386.build(&["planted-panic"])?)?)?;
     if planted.is_empty() {
         return Err("a panic was planted in the image, and its symbols do not show it".into());
     }
     // The planted one has taken its place.
-    let path = image::build(&[])?;
+    let path = MPS2_AN386.build(&[])?;
     let figures = play(&path, Clock::Instructions)?;
 
     let mean = |all: u64, count: u32| instructions(all as f64 / f64::from(count.max(1)));
@@ -69,44 +68,4 @@ pub fn report() -> Result<(), String> {
     }
     failures.extend(panics.iter().map(|symbol| format!("panic path: {symbol}")));
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
-}
-
-/// Bytes of the image, as `size` counts them.
-struct Sections {
-    text: u64,
-    data: u64,
-    bss: u64,
-}
-
-fn sections(image: &[u8]) -> Result<Sections, String> {
-    let file = object::File::parse(image).map_err(|error| format!("the image: {error}"))?;
-    let mut sizes = Sections { text: 0, data: 0, bss: 0 };
-    for section in file.sections() {
-        let SectionFlags::Elf { sh_flags, .. } = section.flags() else { continue };
-        if sh_flags.0 & elf::SHF_ALLOC.0 == 0 {
-            continue;
-        }
-        let in_ram = RAM.contains(&section.address());
-        if section.kind() == object::SectionKind::UninitializedData {
-            sizes.bss += if in_ram { section.size() } else { 0 };
-        } else if in_ram {
-            // Its first values lie in flash as well.
-            sizes.data += section.size();
-            sizes.text += section.size();
-        } else {
-            sizes.text += section.size();
-        }
-    }
-    Ok(sizes)
-}
-
-/// Symbols of the image that lead to a panic.
-fn panic_paths(image: &[u8]) -> Result<Vec<String>, String> {
-    let file = object::File::parse(image).map_err(|error| format!("the image: {error}"))?;
-    let names: Vec<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
-    if !names.iter().any(|name| name.contains("CONTROLLER")) {
-        return Err("the image has no symbols: whether it can panic cannot be seen".into());
-    }
-    let panicking = |name: &&&str| PANICKING.iter().any(|part| name.contains(part));
-    Ok(names.iter().filter(panicking).map(|name| (*name).to_owned()).collect())
 }

@@ -1,0 +1,218 @@
+//! A classic CAN bus on one FDCAN (RM0440, chapter 44), written for what a robot needs.
+//!
+//! The HAL's driver queues frames, and has no way to call one back. Here:
+//!
+//! - **One frame at a time.** A frame goes to the hardware when the one before has left: the choice
+//!   is made as late as possible, and there is no queue of old setpoints. A frame that nobody takes
+//!   is repeated by the hardware until [`Bus::expire`] or [`Bus::cancel`] calls it back. Nothing from
+//!   before a loss of motor power is sent after it.
+//! - **Bus-off lasts.** "If the device enters bus-off, it sets the INIT bit of its own, stopping all
+//!   bus activities. Once INIT has been cleared by the CPU, the device waits for 129 occurrences of
+//!   bus-idle" (44.4.13). [`Bus::start`] alone clears it, when an operator has cleared the stop.
+//! - **No interrupts.** The main loop takes frames from the hardware's FIFO of three, which lasts
+//!   for 300 µs of a bus that is full; what is lost is counted.
+
+use crate::chip::CRYSTAL_HZ;
+use embassy_stm32::can::{Instance, RxPin, TxPin};
+use embassy_stm32::gpio::{AfType, Flex, OutputType, Pull, Speed};
+use embassy_stm32::pac::can::Fdcan;
+use embassy_stm32::pac::can::vals::{Anfe, Anfs, Lec, Tfqm};
+use embassy_stm32::pac::fdcanram::Fdcanram;
+use embassy_stm32::{Peri, pac};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::serial::{BusReport, BusState};
+
+/// Of all buses.
+const BIT_RATE: u32 = 1_000_000;
+/// Time quanta of a bit at prescaler 1: 24, of which 1 synchronises.
+const QUANTA: u32 = CRYSTAL_HZ / BIT_RATE;
+/// Behind the sample point, at 87.5 % as CiA 601-3 wants; and how far a resynchronisation may jump.
+const SEGMENT_2: u32 = QUANTA / 8;
+const SEGMENT_1: u32 = QUANTA - 1 - SEGMENT_2;
+const _: () = assert!(CRYSTAL_HZ.is_multiple_of(BIT_RATE) && SEGMENT_1 <= 256);
+
+/// Words of a FIFO element or transmit buffer in message RAM (44.3.8, 44.3.9).
+const ELEMENT_WORDS: usize = 18;
+/// Number of the FIFO's last element.
+const LAST_ELEMENT: u8 = 2;
+/// All three transmit buffers.
+const ALL_BUFFERS: u32 = 0b111;
+
+/// Registers and message RAM of an FDCAN.
+#[derive(Clone, Copy)]
+pub struct Port {
+    regs: Fdcan,
+    ram: Fdcanram,
+}
+
+/// FDCAN1 to FDCAN3.
+pub const PORTS: [Port; 3] = [
+    Port { regs: pac::FDCAN1, ram: pac::FDCANRAM1 },
+    Port { regs: pac::FDCAN2, ram: pac::FDCANRAM2 },
+    Port { regs: pac::FDCAN3, ram: pac::FDCANRAM3 },
+];
+
+/// Takes all of them off their buses, a pending frame included.
+pub fn silence() {
+    for Port { regs, .. } in PORTS {
+        regs.cccr().modify(|w| w.set_init(true));
+    }
+}
+
+/// Gives two pins to an FDCAN: the compiler knows which can be.
+pub fn connect<T: Instance>(rx: Peri<'static, impl RxPin<T>>, tx: Peri<'static, impl TxPin<T>>) {
+    let (rx_function, tx_function) = (rx.af_num(), tx.af_num());
+    // Pulled up: without a transceiver the bus reads as idle.
+    let mut rx = Flex::new(rx);
+    rx.set_as_af_unchecked(rx_function, AfType::input(Pull::Up));
+    let mut tx = Flex::new(tx);
+    tx.set_as_af_unchecked(tx_function, AfType::output(OutputType::PushPull, Speed::VeryHigh));
+    // They stay so; dropping them would disconnect the pins.
+    core::mem::forget((rx, tx));
+}
+
+/// A bus.
+pub struct Bus {
+    port: Port,
+    /// When the frame that waits in the hardware was put there.
+    waits_since_us: u64,
+    report: BusReport,
+}
+
+impl Bus {
+    /// Takes part in the bus of a port.
+    pub fn new(port: Port) -> Self {
+        let bus = Self { port, waits_since_us: 0, report: BusReport::default() };
+        bus.start();
+        bus
+    }
+
+    /// Sets the hardware up and takes part in the bus, after bus-off once 129 times 11 recessive bits
+    /// were seen. What was waiting to be sent is forgotten.
+    pub fn start(&self) {
+        let Port { regs, ram } = self.port;
+        // 44.3.4, "Software initialization": INIT, then CCE, which resets the requests to transmit and
+        // both FIFOs.
+        regs.cccr().modify(|w| w.set_init(true));
+        while !regs.cccr().read().init() {}
+        regs.cccr().modify(|w| w.set_cce(true));
+        for word in 0..ELEMENT_WORDS * 3 {
+            ram.rxfifo0(word).write_value(0);
+            ram.txbuf(word).write_value(0);
+        }
+        regs.cccr().modify(|w| {
+            // Set by hardware after a failed access to message RAM: it would not send any more.
+            w.set_asm(false);
+            w.set_fdoe(false);
+            w.set_brse(false);
+            // A frame that lost arbitration or met an error is repeated: it is still the latest.
+            // `expire` says for how long.
+            w.set_dar(false);
+        });
+        regs.nbtp().write(|w| {
+            w.set_nbrp(0);
+            w.set_ntseg1((SEGMENT_1 - 1) as u8);
+            w.set_ntseg2((SEGMENT_2 - 1) as u8);
+            w.set_nsjw((SEGMENT_2 - 1) as u8);
+        });
+        regs.rxgfc().write(|w| {
+            w.set_anfs(Anfs::ACCEPT_FIFO_0);
+            w.set_anfe(Anfe::REJECT);
+            w.set_rrfs(true);
+            w.set_rrfe(true);
+        });
+        // A queue: "transmit cancellation is not intended for Tx FIFO operation" (44.3.6).
+        regs.txbc().write(|w| w.set_tfqm(Tfqm::QUEUE));
+        // Clears CCE as well.
+        regs.cccr().modify(|w| w.set_init(false));
+    }
+
+    /// The next frame that was received.
+    pub fn receive(&mut self) -> Option<CanFrame> {
+        let Port { regs, ram } = self.port;
+        let fifo = regs.rxfs(0).read();
+        if fifo.rfl() {
+            self.report.lost = self.report.lost.saturating_add(1);
+            // Both are cleared by the one of the interrupts.
+            regs.ir().write(|w| w.set_rfl(0, true));
+        }
+        if fifo.ffl() == 0 {
+            return None;
+        }
+        let index = fifo.fgi().min(LAST_ELEMENT);
+        let word = |n| ram.rxfifo0(usize::from(index) * ELEMENT_WORDS + n).read();
+        let (header, length) = (word(0), (word(1) >> 16) & 0xF);
+        let mut data = [0; 8];
+        let (low, high) = data.split_at_mut(4);
+        low.copy_from_slice(&word(2).to_le_bytes());
+        high.copy_from_slice(&word(3).to_le_bytes());
+        regs.rxfa(0).write(|w| w.set_fai(index));
+        // Remote frames and 29-bit identifiers are filtered out. A length above 8 means 8.
+        let id = (header >> 18) & 0x7FF;
+        CanFrame::new(id as u16, data.get(..length as usize).unwrap_or(&data))
+    }
+
+    /// Whether a frame can be sent now.
+    pub fn is_free(&self) -> bool {
+        let regs = self.port.regs;
+        !regs.cccr().read().init() && regs.txbrp().read().0 & ALL_BUFFERS == 0
+    }
+
+    /// Sends a frame, if [`Self::is_free`].
+    pub fn send(&mut self, now_us: u64, frame: &CanFrame) {
+        let Port { regs, ram } = self.port;
+        let mut data = [0; 8];
+        data.iter_mut().zip(frame.data()).for_each(|(slot, byte)| *slot = *byte);
+        let [a, b, c, d, e, f, g, h] = data;
+        let words = [
+            u32::from(frame.id()) << 18,
+            (frame.data().len() as u32) << 16,
+            u32::from_le_bytes([a, b, c, d]),
+            u32::from_le_bytes([e, f, g, h]),
+        ];
+        // Any buffer without a request will do (44.3.6, "Tx queue").
+        for (n, word) in words.into_iter().enumerate() {
+            ram.txbuf(n).write_value(word);
+        }
+        self.waits_since_us = now_us;
+        regs.txbar().write(|w| w.set_ar(0, true));
+    }
+
+    /// Calls back a frame that has not left. One that is on the wire at this moment is sent to its end,
+    /// and not repeated (44.3.6, "Transmit cancellation").
+    pub fn cancel(&mut self) {
+        let regs = self.port.regs;
+        let waiting = regs.txbrp().read().0 & ALL_BUFFERS;
+        if waiting != 0 {
+            regs.txbcr().write(|w| w.0 = waiting);
+        }
+    }
+
+    /// Calls back a frame that has waited for so long.
+    pub fn expire(&mut self, now_us: u64, patience_us: u64) {
+        if now_us.saturating_sub(self.waits_since_us) > patience_us {
+            self.cancel();
+        }
+    }
+
+    /// How the bus is; to be asked once in a control period.
+    pub fn report(&mut self) -> BusReport {
+        let regs = self.port.regs;
+        // Reading it forgets the last error (44.4.13): nobody else does.
+        let status = regs.psr().read();
+        let control = regs.cccr().read();
+        let before = self.report.state;
+        self.report.state = match status.lec() {
+            _ if control.init() || control.asm() => BusState::Off,
+            _ if !status.ep() => BusState::Active,
+            Lec::ACK => BusState::NotAcknowledged,
+            // Nothing was sent meanwhile.
+            Lec::NO_CHANGE if before == BusState::NotAcknowledged => before,
+            _ => BusState::Passive,
+        };
+        let errors = regs.ecr().read();
+        self.report.transmit_errors = errors.tec();
+        self.report.receive_errors = errors.rec();
+        self.report
+    }
+}

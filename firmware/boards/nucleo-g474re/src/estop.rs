@@ -1,0 +1,53 @@
+//! The emergency-stop contact: normally closed, from the pin to ground.
+//!
+//! Closed is the only state that allows torque: a pressed button, a broken wire and a plug that is
+//! out are the same high level. The level counts in every control period; the interrupt
+//! catches what is shorter.
+
+use core::sync::atomic::{AtomicBool, Ordering};
+use cortex_m::peripheral::NVIC;
+use embassy_stm32::gpio::{Input, Pull};
+use embassy_stm32::pac::{EXTI, SYSCFG, interrupt};
+use embassy_stm32::{Peri, peripherals};
+
+/// Number of the pin, and of its EXTI line.
+const LINE: usize = 10;
+
+static OPENED: AtomicBool = AtomicBool::new(false);
+
+/// The contact.
+pub struct Contact {
+    pin: Input<'static>,
+}
+
+impl Contact {
+    /// On PA10, with the pin's own pull-up.
+    pub fn new(pin: Peri<'static, peripherals::PA10>) -> Self {
+        let pin = Input::new(pin, Pull::Up);
+        // Port A is 0 in SYSCFG_EXTICR3. Rising edges, unmasked.
+        SYSCFG.exticr(LINE / 4).modify(|w| w.set_exti(LINE % 4, 0));
+        EXTI.rtsr(0).modify(|w| w.set_line(LINE, true));
+        EXTI.imr(0).modify(|w| w.set_line(LINE, true));
+        // SAFETY: the handler below touches nothing but its flag.
+        unsafe { NVIC::unmask(interrupt::EXTI15_10) };
+        Self { pin }
+    }
+
+    /// Whether it is open.
+    pub fn is_open(&self) -> bool {
+        self.pin.is_high()
+    }
+
+    /// Whether it was open since the last call, however shortly.
+    pub fn take_opened(&self) -> bool {
+        // Read first: a swap in every turn of the loop is dearer than a load.
+        OPENED.load(Ordering::Relaxed) && OPENED.swap(false, Ordering::Relaxed)
+    }
+}
+
+#[interrupt]
+fn EXTI15_10() {
+    // Cleared by writing 1.
+    EXTI.pr(0).write(|w| w.set_line(LINE, true));
+    OPENED.store(true, Ordering::Relaxed);
+}

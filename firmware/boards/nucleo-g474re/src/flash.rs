@@ -1,0 +1,223 @@
+//! The flash of libraries and parameters: bank 2, 256 KiB in pages of 2 KiB, written in words of 8
+//! bytes (RM0440, 3.3).
+//!
+//! Code runs from bank 1 meanwhile (read-while-write, 3.3.8). Words carry an ECC (3.3.2): one that a
+//! power cut has torn may not be correctable. Loading such a word raises an NMI and goes on with what
+//! the cells hold; the handler notes it, and [`ReadNorFlash::read`] answers with an error. Three things
+//! could hide it, and are seen to: the data cache, the buffer of the last word, and an error before
+//! that was not cleared.
+
+use crate::chip;
+use core::ptr::{read_volatile, write_volatile};
+use core::sync::atomic::{AtomicU32, Ordering};
+use cortex_m::asm::{dsb, isb};
+use embassy_stm32::pac::FLASH;
+use embedded_storage::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use rollwalk_firmware::store::MappedFlash;
+
+const START: usize = 0x0804_0000;
+const SIZE: usize = 256 << 10;
+/// The last two pages are the parameters'.
+const PARAMETERS: usize = 2 * PAGE;
+const WORD: usize = 8;
+const PAGE: usize = 2048;
+
+/// Least that is read at once. A second load of a broken word raises no NMI while the word is still in
+/// the flash's read buffer; the other words of a read this long have displaced it.
+const READ: usize = 4 * WORD;
+
+/// Keys of the control register (3.3.5).
+const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
+/// Errors in FLASH_SR, cleared by writing 1: OPERR, PROGERR to FASTERR, RDERR.
+const ERRORS: u32 = 1 << 1 | 0b11_1111_1000 | 1 << 14;
+
+/// Words that could not be corrected since the reset.
+static BROKEN_WORDS: AtomicU32 = AtomicU32::new(0);
+
+/// How many loads found a word that could not be corrected.
+pub fn broken_words() -> u32 {
+    BROKEN_WORDS.load(Ordering::Relaxed)
+}
+
+/// Called by the NMI: whether its cause is a broken word of bank 2, which is noted.
+pub fn note_broken_word() -> bool {
+    let errors = FLASH.eccr().read();
+    let ours = errors.eccd() && errors.bk_ecc() && !errors.sysf_ecc();
+    if ours {
+        // Cleared by writing 1.
+        FLASH.eccr().modify(|w| w.set_eccd(true));
+        BROKEN_WORDS.store(broken_words().wrapping_add(1), Ordering::Relaxed);
+    }
+    ours
+}
+
+/// Forgets that a word was corrected: until then no further error would be noticed (3.3.2).
+pub fn forget_corrected() {
+    if FLASH.eccr().read().eccc() {
+        FLASH.eccr().modify(|w| w.set_eccc(true));
+    }
+}
+
+/// Why bank 2 refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FlashError {
+    /// Not a whole number of words or pages, or not within the part.
+    Range,
+    /// A word cannot be read.
+    BrokenWord,
+    /// The supply is too low to write.
+    Supply,
+    /// The hardware reports an error.
+    Hardware,
+}
+
+impl NorFlashError for FlashError {
+    fn kind(&self) -> NorFlashErrorKind {
+        match self {
+            Self::Range => NorFlashErrorKind::OutOfBounds,
+            _ => NorFlashErrorKind::Other,
+        }
+    }
+}
+
+/// A part of the bank.
+pub struct Part {
+    start: usize,
+    size: usize,
+}
+
+/// The library's part and the parameters'; to be called once, by `main`. `None` with the option byte
+/// DBANK cleared: the flash is one bank then, and other than described here.
+pub fn parts() -> Option<(Part, Part)> {
+    let library = Part { start: START, size: SIZE - PARAMETERS };
+    let parameters = Part { start: START + library.size, size: PARAMETERS };
+    FLASH.optr().read().dbank().then_some((library, parameters))
+}
+
+impl Part {
+    /// Address of `len` bytes at an offset, if they are whole units of the part.
+    fn place(&self, offset: u32, len: usize, unit: usize) -> Result<usize, FlashError> {
+        let offset = offset as usize;
+        let within = offset.checked_add(len).is_some_and(|end| end <= self.size);
+        let whole = offset.is_multiple_of(unit) && len.is_multiple_of(unit);
+        if within && whole { Ok(self.start + offset) } else { Err(FlashError::Range) }
+    }
+}
+
+impl ErrorType for Part {
+    type Error = FlashError;
+}
+
+impl ReadNorFlash for Part {
+    const READ_SIZE: usize = READ;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+        let at = self.place(offset, bytes.len(), READ)?;
+        let before = broken_words();
+        uncached(|| {
+            for (address, bytes) in (at..).step_by(4).zip(bytes.chunks_exact_mut(4)) {
+                forget_corrected();
+                // SAFETY: aligned and within the part, by `place`.
+                let half = unsafe { read_volatile(address as *const u32) };
+                bytes.copy_from_slice(&half.to_le_bytes());
+                // The NMI of this load is taken before the next, and before the count is compared.
+                dsb();
+                isb();
+            }
+        });
+        if broken_words() == before { Ok(()) } else { Err(FlashError::BrokenWord) }
+    }
+
+    fn capacity(&self) -> usize {
+        self.size
+    }
+}
+
+impl NorFlash for Part {
+    const WRITE_SIZE: usize = WORD;
+    const ERASE_SIZE: usize = PAGE;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        let len = to.checked_sub(from).ok_or(FlashError::Range)?;
+        let first = (self.place(from, len as usize, PAGE)? - START) / PAGE;
+        uncached(|| {
+            for page in (first..).take(len as usize / PAGE) {
+                operate(|| {
+                    // 3.3.6: page erase.
+                    FLASH.cr().modify(|w| {
+                        w.set_per(true);
+                        w.set_bker(true);
+                        w.set_pnb(page as u8);
+                    });
+                    FLASH.cr().modify(|w| w.set_strt(true));
+                })?;
+            }
+            Ok(())
+        })
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+        let at = self.place(offset, bytes.len(), WORD)?;
+        let (words, _) = bytes.as_chunks::<WORD>();
+        uncached(|| {
+            for (address, [a, b, c, d, e, f, g, h]) in (at..).step_by(WORD).zip(words) {
+                operate(|| {
+                    // 3.3.7: standard programming, the lower half first.
+                    FLASH.cr().modify(|w| w.set_pg(true));
+                    let low = u32::from_le_bytes([*a, *b, *c, *d]);
+                    let high = u32::from_le_bytes([*e, *f, *g, *h]);
+                    // SAFETY: aligned and within the part, by `place`. References to the part come
+                    // from `mapped` alone, and cannot live during a call with `&mut self`.
+                    unsafe {
+                        write_volatile(address as *mut u32, low);
+                        isb();
+                        write_volatile((address + 4) as *mut u32, high);
+                    }
+                })?;
+            }
+            Ok(())
+        })
+    }
+}
+
+impl MappedFlash for Part {
+    fn mapped(&self) -> &[u8] {
+        // SAFETY: flash that no linker section uses, and that changes in calls with `&mut self` only.
+        unsafe { core::slice::from_raw_parts(self.start as *const u8, self.size) }
+    }
+}
+
+/// Without the data cache, which must not keep a word that changes (3.3.7, "Programming and caches").
+fn uncached<T>(work: impl FnOnce() -> T) -> T {
+    FLASH.acr().modify(|w| w.set_dcen(false));
+    let done = work();
+    // It is flushed while it is off.
+    FLASH.acr().modify(|w| w.set_dcrst(true));
+    FLASH.acr().modify(|w| w.set_dcrst(false));
+    FLASH.acr().modify(|w| w.set_dcen(true));
+    done
+}
+
+/// One operation, from unlocking to locking.
+fn operate(begin: impl FnOnce()) -> Result<(), FlashError> {
+    if chip::supply_is_low() {
+        return Err(FlashError::Supply);
+    }
+    while FLASH.sr().read().bsy() {}
+    if FLASH.cr().read().lock() {
+        KEYS.into_iter().for_each(|key| FLASH.keyr().write_value(key));
+    }
+    FLASH.sr().write(|w| w.0 = ERRORS);
+    begin();
+    dsb();
+    while FLASH.sr().read().bsy() {}
+    let failed = FLASH.sr().read().0 & ERRORS != 0;
+    FLASH.cr().modify(|w| {
+        w.set_pg(false);
+        w.set_per(false);
+        w.set_lock(true);
+    });
+    if failed { Err(FlashError::Hardware) } else { Ok(()) }
+}

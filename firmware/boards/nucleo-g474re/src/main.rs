@@ -1,0 +1,270 @@
+//! The controller on a NUCLEO-G474RE: FDCAN1 is the link, FDCAN2 and FDCAN3 are actuator buses 0 and
+//! 1, the debugger's serial port is a second way to the link.
+//!
+//! One loop, nothing blocks while torque is on. Interrupts only take bytes of the serial line and
+//! note that the emergency-stop contact opened; everything else is asked in turn.
+//! `firmware/boards/README.md` says how it is wired, flashed and tried.
+#![no_std]
+#![no_main]
+
+mod can;
+mod chip;
+mod clock;
+mod estop;
+mod fault;
+mod flash;
+mod robot;
+mod serial;
+mod watchdog;
+
+use cortex_m_rt::entry;
+use embassy_stm32::gpio::{Level, Output, Speed};
+use embassy_stm32::{Peripherals, peripherals};
+use rollwalk_firmware::periods::Periods;
+use rollwalk_firmware::safety::{State, Torque};
+use rollwalk_firmware::store::{FlashParameters, FlashStore};
+use rollwalk_firmware::{Buses, Controller, Settings};
+use rollwalk_protocol::serial::{BusState, Packet, Report, Reset};
+use static_cell::StaticCell;
+
+use can::Bus;
+use clock::Clock;
+use estop::Contact;
+use flash::Part;
+use serial::Serial;
+use watchdog::Watchdog;
+
+/// Boots of a library on trial.
+const TRIAL_BOOTS: u8 = 3;
+/// How long a frame of the link may wait for the bus: one from before a break is no use after it.
+const LINK_PATIENCE_US: u64 = 50_000;
+
+/// The controller with its stores.
+type Core = Controller<FlashStore<Part>, FlashParameters<Part>>;
+
+static CONTROLLER: StaticCell<Core> = StaticCell::new();
+
+#[entry]
+fn main() -> ! {
+    // SAFETY: this is the only place that takes them, and it is passed once. The HAL's own `init` would
+    // be a path to a panic, for the case that it is called again.
+    let mut p = unsafe { Peripherals::steal() };
+    chip::start(&mut p);
+    let mut clock = Clock::start();
+    let settings = Settings { uid: chip::uid(), ..Settings::default() };
+    let period_us = 1_000_000 / u32::from(settings.control_hz.max(1));
+    // A period that was missed is one too many.
+    let settings = Settings { overrun_us: period_us * 3 / 2, ..settings };
+    let Some(config) = robot::config() else { fault::halt() };
+    let Some((library, parameters)) = flash::parts() else { fault::halt() };
+    let Ok(library) = FlashStore::mount(library, TRIAL_BOOTS) else { fault::halt() };
+    let Ok(parameters) = FlashParameters::mount(parameters) else { fault::halt() };
+    let build = || Controller::with_parameters(config, Buses::new(), library, parameters, settings);
+    let Some(controller) = CONTROLLER.try_init_with(build) else { fault::halt() };
+
+    let Some(serial) = Serial::new(p.PA3, p.PA2) else { fault::halt() };
+    can::connect::<peripherals::FDCAN1>(p.PA11, p.PA12);
+    can::connect::<peripherals::FDCAN2>(p.PB12, p.PB13);
+    can::connect::<peripherals::FDCAN3>(p.PA8, p.PA15);
+    let [link, actuators @ ..] = can::PORTS.map(Bus::new);
+    let reset = chip::take_reset_cause();
+    let now_us = clock.now_us();
+    if reset == Reset::Watchdog {
+        // The loop stopped, perhaps with torque on. Whoever is there shall look before it goes on.
+        controller.estop(now_us);
+    }
+    let report = Report {
+        config_hash: controller.config().hash(),
+        reset,
+        brown_out_level: chip::brown_out_level(),
+        ..Report::default()
+    };
+    let board = Board {
+        controller,
+        link,
+        actuators,
+        serial,
+        host: Way::Can,
+        contact: Contact::new(p.PA10),
+        light: Output::new(p.PA5, Level::Low, Speed::Low),
+        torque: Torque::Off,
+        periods: Periods::start(now_us, settings.control_hz),
+        period_us: period_us.into(),
+        watchdog: Watchdog::start(),
+        report,
+        stopped_for_link: false,
+        report_due: false,
+        clock,
+    };
+    board.run()
+}
+
+/// Where the host was heard last: it is answered there.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Way {
+    Can,
+    Serial,
+}
+
+/// The controller and everything around it.
+struct Board {
+    controller: &'static mut Core,
+    link: Bus,
+    actuators: [Bus; 2],
+    serial: Serial,
+    host: Way,
+    contact: Contact,
+    light: Output<'static>,
+    /// What the actuators were allowed when it was looked at last.
+    torque: Torque,
+    periods: Periods,
+    period_us: u64,
+    watchdog: Watchdog,
+    report: Report,
+    /// The emergency stop for a link that is off has been made.
+    stopped_for_link: bool,
+    /// The host has asked for the report.
+    report_due: bool,
+    clock: Clock,
+}
+
+impl Board {
+    fn run(mut self) -> ! {
+        loop {
+            self.take_in();
+            self.watch_torque();
+            let now_us = self.clock.now_us();
+            if let Some(missed) = self.periods.begun(now_us) {
+                self.tick(now_us, missed);
+                self.watch_torque();
+            }
+            self.give_out();
+        }
+    }
+
+    /// Everything that arrived, one frame of each bus at a time: none waits for another.
+    fn take_in(&mut self) {
+        let now_us = self.clock.now_us();
+        if self.contact.take_opened() {
+            self.controller.estop(now_us);
+        }
+        for (b, bus) in (0..).zip(&mut self.actuators) {
+            if let Some(frame) = bus.receive() {
+                self.controller.on_actuator_frame(now_us, b, &frame);
+            }
+        }
+        if let Some(frame) = self.link.receive() {
+            self.host = Way::Can;
+            self.controller.on_link_frame(now_us, &frame);
+        }
+        match self.serial.receive() {
+            Some(Packet::Link(frame)) => {
+                self.host = Way::Serial;
+                self.controller.on_link_frame(now_us, &frame);
+            }
+            Some(Packet::Ask) => self.report_due = true,
+            Some(Packet::Report(_)) | None => {}
+        }
+    }
+
+    /// When torque has just been switched off, what waits on an actuator bus is from before.
+    fn watch_torque(&mut self) {
+        let torque = self.controller.state().torque();
+        if torque == Torque::Off && self.torque != Torque::Off {
+            self.actuators.iter_mut().for_each(Bus::cancel);
+        }
+        self.torque = torque;
+    }
+
+    /// A control period has begun, after `missed` ones that nobody saw.
+    fn tick(&mut self, now_us: u64, missed: u64) {
+        self.report.missed_periods =
+            self.report.missed_periods.saturating_add(u32::try_from(missed).unwrap_or(u32::MAX));
+        let broken =
+            flash::broken_words() != self.report.broken_words && self.torque != Torque::Off;
+        self.report.broken_words = flash::broken_words();
+        flash::forget_corrected();
+        if broken || self.contact.is_open() || chip::supply_is_low() {
+            self.controller.estop(now_us);
+        }
+        self.watch_actuator_buses(now_us);
+        self.watch_link(now_us);
+        self.controller.tick(now_us);
+
+        self.light.set_level(Level::from(self.torque != Torque::Off));
+        let took_us = self.clock.now_us().saturating_sub(now_us);
+        self.report.longest_tick_us =
+            self.report.longest_tick_us.max(u32::try_from(took_us).unwrap_or(u32::MAX));
+        self.report.uptime_ms = (now_us / 1000) as u32;
+        // Last: only a period that came to its end keeps the chip from being reset.
+        self.watchdog.feed();
+    }
+
+    /// How the actuator buses are. One that is off stays so until an operator has cleared the stop.
+    fn watch_actuator_buses(&mut self, now_us: u64) {
+        let [_, slots @ ..] = &mut self.report.buses;
+        for (b, (bus, slot)) in (0..).zip(self.actuators.iter_mut().zip(slots)) {
+            bus.expire(now_us, self.period_us);
+            *slot = bus.report();
+            let state = match slot.state {
+                BusState::Active => rollwalk_firmware::BusState::Active,
+                BusState::NotAcknowledged => rollwalk_firmware::BusState::NotAcknowledged,
+                BusState::Passive => rollwalk_firmware::BusState::Passive,
+                BusState::Off => rollwalk_firmware::BusState::Off,
+            };
+            self.controller.on_bus_state(now_us, b, state);
+            if self.controller.take_bus_restart(b) {
+                bus.start();
+            }
+        }
+    }
+
+    /// How the link is. With torque on, one that is off is a host that is lost: the robot goes to SAFE.
+    /// With torque off it is an emergency stop, so that it, too, waits for an operator.
+    fn watch_link(&mut self, now_us: u64) {
+        self.link.expire(now_us, LINK_PATIENCE_US);
+        let [slot, ..] = &mut self.report.buses;
+        *slot = self.link.report();
+        if slot.state != BusState::Off {
+            return;
+        }
+        // There is one way from EStopped to Disarmed: an operator has cleared it.
+        if self.stopped_for_link && self.controller.state() == State::Disarmed {
+            self.stopped_for_link = false;
+            self.link.start();
+        } else if !self.stopped_for_link && self.torque == Torque::Off {
+            self.stopped_for_link = true;
+            self.controller.estop(now_us);
+        }
+    }
+
+    /// To every bus that can take a frame, the next one.
+    fn give_out(&mut self) {
+        let now_us = self.clock.now_us();
+        for (b, bus) in (0..).zip(&mut self.actuators) {
+            if bus.is_free()
+                && let Some(frame) = self.controller.poll_actuator(b)
+            {
+                bus.send(now_us, &frame);
+            }
+        }
+        if self.serial.is_free() && core::mem::take(&mut self.report_due) {
+            self.serial.send(&Packet::Report(self.report));
+        }
+        let free = match self.host {
+            Way::Can => self.link.is_free(),
+            Way::Serial => self.serial.is_free(),
+        };
+        if free && let Some(frame) = self.controller.poll_link(now_us) {
+            match self.host {
+                Way::Can => self.link.send(now_us, &frame),
+                Way::Serial => self.serial.send(&Packet::Link(frame)),
+            }
+        }
+        self.serial.work();
+        #[cfg(feature = "planted-panic")]
+        {
+            self.report.broken_words = u32::from(self.report.buses[usize::from(now_us as u8)].lost);
+        }
+    }
+}

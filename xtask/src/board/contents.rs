@@ -1,0 +1,51 @@
+//! What is in an image: how much of each memory, and whether anything can panic.
+
+use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, elf};
+use std::ops::Range;
+
+/// Parts of the names of everything that begins a panic.
+const PANICKING: [&str; 4] = ["9panicking", "rust_begin_unwind", "unwrap_failed", "expect_failed"];
+
+/// Bytes of the image, as `size` counts them.
+pub struct Sections {
+    /// Code, constants, and the first values of `data`.
+    pub text: u64,
+    /// Variables with a first value.
+    pub data: u64,
+    /// Variables that start as zero, and those that start as nothing.
+    pub bss: u64,
+}
+
+/// Measures an image; `ram` is where its own variables are.
+pub fn sections(image: &[u8], ram: Range<u64>) -> Result<Sections, String> {
+    let file = object::File::parse(image).map_err(|error| format!("the image: {error}"))?;
+    let mut sizes = Sections { text: 0, data: 0, bss: 0 };
+    for section in file.sections() {
+        let SectionFlags::Elf { sh_flags, .. } = section.flags() else { continue };
+        if sh_flags.0 & elf::SHF_ALLOC.0 == 0 {
+            continue;
+        }
+        let in_ram = ram.contains(&section.address());
+        if section.kind() == object::SectionKind::UninitializedData {
+            sizes.bss += if in_ram { section.size() } else { 0 };
+        } else if in_ram {
+            // Its first values lie in flash as well.
+            sizes.data += section.size();
+            sizes.text += section.size();
+        } else {
+            sizes.text += section.size();
+        }
+    }
+    Ok(sizes)
+}
+
+/// Symbols of the image that lead to a panic.
+pub fn panic_paths(image: &[u8]) -> Result<Vec<String>, String> {
+    let file = object::File::parse(image).map_err(|error| format!("the image: {error}"))?;
+    let names: Vec<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
+    if !names.iter().any(|name| name.contains("CONTROLLER")) {
+        return Err("the image has no symbols: whether it can panic cannot be seen".into());
+    }
+    let panicking = |name: &&&str| PANICKING.iter().any(|part| name.contains(part));
+    Ok(names.iter().filter(panicking).map(|name| (*name).to_owned()).collect())
+}

@@ -1,0 +1,53 @@
+//! The image for the NUCLEO-G474RE, which no emulator runs: that it builds, fits and cannot panic.
+
+use super::contents::{Sections, panic_paths, sections};
+use super::image::NUCLEO_G474RE;
+use super::shown;
+use super::sizes::{MAX_STATIC_RAM, MAX_TEXT};
+use std::fs;
+use std::ops::Range;
+use std::path::Path;
+
+/// Variables and stack (`memory.x`).
+const RAM: Range<u64> = 0x2000_0000..0x2002_0000;
+/// Bank 1; the library has bank 2.
+const FLASH_BYTES: u64 = 256 << 10;
+/// Of the stack's own (`memory.x`).
+const STACK_BYTES: u64 = 16 << 10;
+
+/// Builds the image and prints what it takes.
+///
+/// # Errors
+/// What is above its limit, or the compiler's verdict.
+pub fn report() -> Result<(), String> {
+    let read = |path: &Path| fs::read(path).map_err(|error| format!("{}: {error}", path.display()));
+    // The one with the panic first: the other remains.
+    let planted = panic_paths(&read(&NUCLEO_G474RE.build(&["planted-panic"])?)?)?;
+    if planted.is_empty() {
+        return Err("a panic was planted in the image, and its symbols do not show it".into());
+    }
+    let path = NUCLEO_G474RE.build(&[])?;
+    let image = read(&path)?;
+    let Sections { text, data, bss } = sections(&image, RAM)?;
+    let panics = panic_paths(&image)?;
+
+    println!("nucleo-g474re, release: {}", shown(&path));
+    println!("text           {text:>7} B of {MAX_TEXT}, in {FLASH_BYTES} of flash");
+    println!(
+        "data + bss     {:>7} B of {MAX_STATIC_RAM} ({data} + {bss}), in {} of RAM, {STACK_BYTES} of \
+         them the stack's",
+        data + bss,
+        RAM.end - RAM.start
+    );
+    println!("panic paths    {:>7} (with one planted: {})", panics.len(), planted.len());
+
+    let mut failures = Vec::new();
+    if text > MAX_TEXT {
+        failures.push(format!("text: {text} B, at most {MAX_TEXT}"));
+    }
+    if data + bss > MAX_STATIC_RAM {
+        failures.push(format!("static RAM: {} B, at most {MAX_STATIC_RAM}", data + bss));
+    }
+    failures.extend(panics.iter().map(|symbol| format!("panic path: {symbol}")));
+    if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
+}
