@@ -40,7 +40,7 @@ impl<F: MappedFlash> FlashStore<F> {
     /// `trial_boots` boots gives way to the one before.
     pub fn mount(mut flash: F, trial_boots: u8) -> Result<Self, GeometryError> {
         slots::check(&flash)?;
-        let (mut log, state) = Log::open(&mut flash, F::ERASE_SIZE);
+        let (mut log, state) = Log::open(&mut flash, slots::LOG_UNITS, F::ERASE_SIZE);
         let state = state.unwrap_or_else(|| {
             let (confirmed, generation) = slots::newest_by_footers(&mut flash);
             log.generation = generation;

@@ -9,7 +9,7 @@ use rollwalk_protocol::config::MAX_CHANNELS;
 use rollwalk_protocol::crc::crc32c;
 use rollwalk_protocol::wire::Parameter;
 
-use super::log::{LOG_UNITS, Log, Record};
+use super::log::{Log, Record};
 use super::record::RECORD_LEN;
 use super::{GeometryError, StoreError};
 
@@ -18,7 +18,9 @@ pub(crate) const PARAMETERS: usize = Parameter::ALL.len();
 
 /// Bytes of a set: head, values, checksum, and what is missing to a multiple of 32 bytes, the
 /// largest write unit in use.
-const SET_LEN: usize = 320;
+pub(super) const SET_LEN: usize = 320;
+/// Units of the log, each whole erase units.
+pub(super) const UNITS: usize = 3;
 const MAGIC: u8 = 0xB3;
 const _: () = assert!(12 + 4 * PARAMETERS * MAX_CHANNELS + 4 <= SET_LEN, "a set fits");
 
@@ -57,28 +59,28 @@ impl ParameterStore for NoParameters {
 /// A store in NOR flash, which need not be mapped.
 #[derive(Debug)]
 pub struct FlashParameters<F> {
-    flash: F,
-    /// Bytes of a half.
-    half: usize,
+    pub(super) flash: F,
+    /// Bytes of a unit of the log.
+    unit_len: usize,
     pub(super) log: Log,
 }
 
 impl<F: NorFlash> FlashParameters<F> {
-    /// Finds out after a reset what there is. All of `flash` belongs to the store: two halves of 320
-    /// bytes at least, in whole erase units.
+    /// Finds out after a reset what there is. All of `flash` belongs to the store: three
+    /// units of 320 bytes at least, in whole erase units.
     pub fn mount(mut flash: F) -> Result<Self, GeometryError> {
         let divides = |size| size > 0 && RECORD_LEN.is_multiple_of(size);
         if !divides(F::WRITE_SIZE) || !divides(F::READ_SIZE) {
             return Err(GeometryError::WordSize);
         }
         let capacity = flash.capacity();
-        let units = (capacity / LOG_UNITS).checked_div(F::ERASE_SIZE);
-        let half = units.ok_or(GeometryError::EraseSize)?.saturating_mul(F::ERASE_SIZE);
-        if half < SET_LEN || u32::try_from(capacity).is_err() {
+        let erase_units = (capacity / UNITS).checked_div(F::ERASE_SIZE);
+        let unit_len = erase_units.ok_or(GeometryError::EraseSize)?.saturating_mul(F::ERASE_SIZE);
+        if unit_len < SET_LEN || u32::try_from(capacity).is_err() {
             return Err(GeometryError::Capacity);
         }
-        let (log, _) = Log::open::<SET_LEN, ParameterSet, F>(&mut flash, half);
-        Ok(Self { flash, half, log })
+        let (log, _) = Log::open::<SET_LEN, ParameterSet, F>(&mut flash, UNITS, unit_len);
+        Ok(Self { flash, unit_len, log })
     }
 
     /// The flash, as it is.
@@ -89,7 +91,7 @@ impl<F: NorFlash> FlashParameters<F> {
 
 impl<F: NorFlash> ParameterStore for FlashParameters<F> {
     fn load(&mut self) -> Option<ParameterSet> {
-        let (log, set) = Log::open(&mut self.flash, self.half);
+        let (log, set) = Log::open(&mut self.flash, UNITS, self.unit_len);
         self.log = log;
         set
     }

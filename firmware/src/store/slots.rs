@@ -7,9 +7,10 @@
 use embedded_storage::nor_flash::NorFlash;
 use rollwalk_protocol::crc::crc32c_digest;
 
-use super::log::LOG_UNITS;
 use super::record::{Footer, Image, RECORD_LEN, Slot, is_blank};
 
+/// Erase units of the log, at the start of the flash.
+pub(super) const LOG_UNITS: usize = 2;
 /// Places for a footer in each slot: one may be spoilt by a power cut.
 const FOOTERS: usize = 2;
 /// Bytes that are read at once.
@@ -29,7 +30,7 @@ pub enum GeometryError {
     /// The erase size must be a multiple of 32 bytes.
     EraseSize,
     /// For libraries it must have four erase units at least and be mapped as a whole, for parameters
-    /// two halves of 320 bytes at least; at most 4 GiB.
+    /// three units of 320 bytes at least; at most 4 GiB.
     Capacity,
 }
 

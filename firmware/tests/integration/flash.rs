@@ -75,7 +75,7 @@ pub fn store(library: Option<&[u8]>) -> FlashStore<Flash> {
 
 /// A blank memory for parameters.
 pub fn parameters() -> FlashParameters<Flash> {
-    FlashParameters::mount(Flash(vec![0xFF; 2 * 2048])).unwrap()
+    FlashParameters::mount(Flash(vec![0xFF; 3 * 2048])).unwrap()
 }
 
 /// What the flash of both stores holds after the power was off.

@@ -4,6 +4,7 @@ extern crate std;
 
 mod behaviour;
 pub(crate) mod nor;
+mod parameters;
 mod power_cuts;
 mod random_flash;
 

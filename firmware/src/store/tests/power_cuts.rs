@@ -8,9 +8,9 @@ use super::nor::{ALL_TORN, Nor, Torn};
 use super::std::string::String;
 use super::std::{format, println};
 use super::*;
-use crate::store::log::{LOG_UNITS, Log};
+use crate::store::log::Log;
 use crate::store::record::{Candidate, Image, State};
-use crate::store::slots;
+use crate::store::slots::{self, LOG_UNITS};
 
 /// A store that does one thing wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,7 +54,8 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     fn mount(&self, flash: Nor<W, E>) -> FlashStore<Nor<W, E>> {
         let mut store = FlashStore::mount(flash, TRIAL_BOOTS).unwrap();
         if self.bug == Bug::RecordBeforeData
-            && let (_, Some(State { confirmed: Some(image), .. })) = Log::open(&mut store.flash, E)
+            && let (_, Some(State { confirmed: Some(image), .. })) =
+                Log::open(&mut store.flash, LOG_UNITS, E)
         {
             store.active = Some(image);
         }
@@ -90,7 +91,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
 
     fn spoil_log(&self, store: &mut FlashStore<Nor<W, E>>) {
         if self.bug == Bug::EraseNewestRecord {
-            store.log.point_at_the_wrong_home();
+            store.log.forget_the_newest();
         }
     }
 

@@ -1,0 +1,290 @@
+//! The store of parameters: the power fails at every byte of a save, and again in the one that mends
+//! it. Each time the set before or the new one is there, whole.
+//!
+//! The harness proves itself: every cut must have come, and planted bugs must be found by one.
+
+use proptest::prelude::*;
+
+use super::nor::{ALL_TORN, Nor, Torn};
+use super::std::string::String;
+use super::std::{format, println};
+use super::*;
+use crate::store::log::{Log, Record};
+use crate::store::parameters::{SET_LEN, UNITS};
+use embedded_storage::nor_flash::NorFlash;
+
+/// Of the cuts while a cut is mended, one in so many; which ones, goes round with the first cut.
+const SECOND_STEP: usize = 131;
+
+/// A store that does one thing wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Bug {
+    None,
+    /// When the log turns, the unit with the newest set is erased.
+    EraseNewest,
+    /// Two units take turns: enough, if a record that reads well once did so ever after.
+    TwoUnits,
+    /// One place only, erased and written again.
+    InPlace,
+    /// A set whose checksum is wrong is believed.
+    BelieveAnything,
+}
+
+/// A set for all 24 channels, every value another one.
+fn set(seed: u16) -> ParameterSet {
+    let value = |i: u16| f32::from(seed) + f32::from(i) / 128.0;
+    let values = (0..24).map(|c| [0, 1, 2].map(|p| value(3 * c + p))).collect();
+    ParameterSet { config_hash: 0x1234_5678 ^ u32::from(seed), values }
+}
+
+/// A set that does not check its checksum.
+struct Gullible(ParameterSet);
+
+impl Record<SET_LEN> for Gullible {
+    fn encode(&self, generation: u32) -> [u8; SET_LEN] {
+        self.0.encode(generation)
+    }
+
+    fn decode(bytes: &[u8; SET_LEN]) -> Option<(u32, Self)> {
+        let mut mended = *bytes;
+        let (body, crc) = mended.split_last_chunk_mut::<4>()?;
+        *crc = crc32c(body).to_le_bytes();
+        ParameterSet::decode(&mended).map(|(generation, set)| (generation, Self(set)))
+    }
+}
+
+#[derive(Default, Debug)]
+struct Report {
+    cuts: usize,
+    second_cuts: usize,
+    /// Cuts after which the new set was there, though its owner was not told so.
+    early: usize,
+}
+
+struct Bench<const W: usize, const E: usize> {
+    before: Option<ParameterSet>,
+    new: ParameterSet,
+    torn: Torn,
+    bug: Bug,
+}
+
+impl<const W: usize, const E: usize> Bench<W, E> {
+    /// Saves the new set; whether its owner was told that it is there.
+    fn save(&self, flash: Nor<W, E>) -> (Nor<W, E>, bool) {
+        let mut store = FlashParameters::mount(flash).unwrap();
+        if self.bug == Bug::EraseNewest {
+            store.log.forget_the_newest();
+        }
+        if self.bug == Bug::TwoUnits {
+            store.log.turn_two_units_only();
+        }
+        if self.bug == Bug::InPlace {
+            let mut flash = store.into_flash();
+            let all = flash.cells().len() as u32;
+            let done = flash.erase(0, all).and_then(|()| flash.write(0, &self.new.encode(9)));
+            return (flash, done.is_ok());
+        }
+        let saved = store.save(&self.new).is_ok();
+        (store.into_flash(), saved)
+    }
+
+    /// What is there after a reset must be the set before or the new one; whether it is the new one.
+    fn judge(&self, flash: &Nor<W, E>, saved: bool) -> Result<bool, String> {
+        let mut flash = flash.clone();
+        let loaded = if self.bug == Bug::BelieveAnything {
+            let unit_len = flash.cells().len() / UNITS;
+            Log::open::<SET_LEN, Gullible, _>(&mut flash, UNITS, unit_len).1.map(|set| set.0)
+        } else {
+            FlashParameters::mount(flash.clone()).unwrap().load()
+        };
+        let is_new = loaded.as_ref() == Some(&self.new);
+        if !is_new && loaded != self.before {
+            return Err(format!("what is there is neither: {loaded:?}"));
+        }
+        if saved && !is_new {
+            return Err("it was saved and is not there".into());
+        }
+        if flash.overwrites > 0 {
+            return Err(format!("{} words were written twice", flash.overwrites));
+        }
+        Ok(is_new)
+    }
+
+    fn run(&self, start: &Nor<W, E>) -> Result<Report, String> {
+        let mut report = Report::default();
+        let used = |flash: &Nor<W, E>| {
+            let mut flash = flash.clone();
+            flash.arm(self.torn, None);
+            let (flash, saved) = self.save(flash);
+            assert!(saved, "fails without a cut");
+            flash.used
+        };
+        for fuel in 0..used(start) {
+            let at = |why| format!("cut at {fuel}: {why}");
+            let flash = self.cut(start, fuel);
+            report.cuts +=
+                flash.cut_writes + flash.cut_erases - start.cut_writes - start.cut_erases;
+            report.early += usize::from(self.judge(&flash, false).map_err(at)?);
+            for second in (fuel % SECOND_STEP..used(&flash)).step_by(SECOND_STEP) {
+                let mut flash = self.cut(&flash, second);
+                report.second_cuts += 1;
+                self.judge(&flash, false).map_err(at)?;
+                flash.fade();
+                self.judge(&flash, false).map_err(at)?;
+            }
+            let mut faded = flash;
+            faded.fade();
+            self.judge(&faded, false).map_err(at)?;
+            let (flash, saved) = self.save(faded);
+            assert!(saved, "cannot be mended");
+            self.judge(&flash, true).map_err(at)?;
+        }
+        Ok(report)
+    }
+
+    /// Saves until the power fails after so many bytes; power is back afterwards.
+    fn cut(&self, start: &Nor<W, E>, fuel: usize) -> Nor<W, E> {
+        let mut flash = start.clone();
+        flash.arm(self.torn, Some(fuel));
+        let (mut flash, saved) = self.save(flash);
+        assert!(!flash.has_power() && !saved, "no cut at {fuel}");
+        flash.power_on();
+        flash
+    }
+}
+
+/// A flash in which so many sets were saved, and the last of them.
+fn start<const W: usize, const E: usize>(
+    units: usize,
+    saves: u16,
+) -> (Nor<W, E>, Option<ParameterSet>) {
+    let mut store = FlashParameters::mount(Nor::<W, E>::blank(units)).unwrap();
+    (0..saves).for_each(|i| store.save(&set(i)).unwrap());
+    let last = store.load();
+    assert_eq!(last, saves.checked_sub(1).map(set));
+    (store.into_flash(), last)
+}
+
+/// Cuts in saves after 0 to `saves` others: so that each unit is erased once.
+fn torture<const W: usize, const E: usize>(units: usize, saves: u16) {
+    for torn in ALL_TORN {
+        for i in 0..=saves {
+            let (flash, before) = start::<W, E>(units, i);
+            let bench = Bench { before, new: set(1000), torn, bug: Bug::None };
+            let report = bench.run(&flash).unwrap_or_else(|why| panic!("{torn:?} {i}: {why}"));
+            // The injector fired, once for each byte.
+            assert!(report.cuts >= SET_LEN && report.second_cuts > report.cuts, "{report:?}");
+            println!("{W} {E} {torn:?} {i}: {report:?}");
+        }
+    }
+}
+
+#[test]
+fn words_of_1_byte_and_a_set_that_spans_units() {
+    torture::<1, 256>(6, 3);
+}
+
+#[test]
+fn words_of_4_bytes() {
+    torture::<4, 512>(3, 3);
+}
+
+#[test]
+fn words_of_8_bytes_and_several_sets_in_a_unit() {
+    torture::<8, 512>(6, 4);
+}
+
+#[test]
+fn words_of_16_bytes() {
+    torture::<16, 512>(3, 1);
+}
+
+#[test]
+fn words_of_32_bytes() {
+    torture::<32, 1024>(3, 3);
+}
+
+#[test]
+fn planted_bugs_are_found() {
+    for (bug, torn) in [
+        (Bug::EraseNewest, Torn::Short),
+        (Bug::InPlace, Torn::Short),
+        (Bug::BelieveAnything, Torn::Short),
+        (Bug::TwoUnits, Torn::Fading),
+    ] {
+        let found = (1..5).find_map(|i| {
+            let (flash, before) = start::<8, 512>(3, i);
+            let bench = Bench { before, new: set(1000), torn, bug };
+            bench.run(&flash).err()
+        });
+        println!("{bug:?}: {found:?}");
+        let found = found.unwrap_or_else(|| panic!("{bug:?} was not found"));
+        assert!(found.starts_with("cut at"), "{bug:?}: {found}");
+    }
+}
+
+#[test]
+fn golden_bytes_of_a_set() {
+    let values = [[1.0, 0.5, -2.0]].into_iter().collect();
+    let set = ParameterSet { config_hash: 0xDEAD_BEEF, values };
+    let bytes = set.encode(7);
+    assert_eq!(
+        bytes[..24],
+        [
+            7, 0, 0, 0, 0xB3, 3, 1, 0, 0xEF, 0xBE, 0xAD, 0xDE, 0, 0, 0x80, 0x3F, 0, 0, 0, 0x3F, 0,
+            0, 0, 0xC0
+        ]
+    );
+    assert!(bytes[24..316].iter().all(|&byte| byte == 0));
+    assert_eq!(bytes[316..], crc32c(&bytes[..316]).to_le_bytes());
+    assert_eq!(ParameterSet::decode(&bytes), Some((7, set)));
+    for blank in [0, 0xFF] {
+        assert_eq!(ParameterSet::decode(&[blank; SET_LEN]), None);
+    }
+}
+
+#[test]
+fn flash_that_cannot_hold_a_set_is_refused() {
+    let refused = |result: Result<_, GeometryError>| result.err();
+    assert_eq!(
+        refused(FlashParameters::mount(Nor::<8, 256>::blank(5)).map(|_| ())),
+        Some(GeometryError::Capacity)
+    );
+    assert_eq!(
+        refused(FlashParameters::mount(Nor::<64, 512>::blank(3)).map(|_| ())),
+        Some(GeometryError::WordSize)
+    );
+}
+
+/// Writes that fail now and then, without a cut: what is saved in the end is there.
+#[test]
+fn a_flash_with_bad_days_keeps_what_it_said_it_keeps() {
+    let mut store = FlashParameters::mount(Nor::<8, 2048>::blank(3)).unwrap();
+    store.flash.failing = Some(3);
+    let mut kept = None;
+    for i in 0..200 {
+        if store.save(&set(i)).is_ok() {
+            kept = Some(set(i));
+        }
+        assert_eq!(store.load(), kept);
+    }
+    assert!(kept.is_some() && store.into_flash().overwrites == 0);
+}
+
+proptest! {
+    /// Any content of the flash: no panic, and a set that is saved then is there.
+    #[test]
+    fn any_flash_can_be_taken_into_use(
+        cells in prop::collection::vec(any::<u8>(), 1536),
+        spoilt in prop::collection::vec(any::<u16>(), 0..4),
+        blank_from in 0usize..1536,
+    ) {
+        let mut flash = Nor::<8, 512>::with(cells);
+        flash.cells()[blank_from..].fill(0xFF);
+        spoilt.iter().for_each(|&at| flash.make_unreadable(usize::from(at) % 1536));
+        let mut store = FlashParameters::mount(flash).unwrap();
+        prop_assert_eq!(store.load(), None);
+        store.save(&set(5)).unwrap();
+        prop_assert_eq!(FlashParameters::mount(store.into_flash()).unwrap().load(), Some(set(5)));
+    }
+}
