@@ -1,7 +1,9 @@
-//! Packets on a serial line among noise: what is taken was there, and after silence a sound packet is
-//! found whatever came before it.
+//! Packets on serial lines among noise, those of Dynamixels and those of the line to a board: what is
+//! taken was there, and a sound packet is found whatever came before it.
 
 use rollwalk_protocol::actuators::dynamixel::packet::{Deframer, Message, packet};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::tunnel::{self, Answer, Buses, Hello, Input, Request, Step, Stepped};
 
 /// Longest of what a packet may hold: see `packet`.
 const MAX_PARAMETERS: usize = 180;
@@ -43,11 +45,53 @@ fn dynamixel(line: &[u8], parameters: &[u8]) {
     assert_eq!(deframer.take(), None);
 }
 
-/// The first byte says how much of the rest is the sound packet.
+/// A question or an answer: what decodes encodes to what decodes to the same.
+fn check_packet(packet: &[u8]) {
+    let again = |line: Option<tunnel::Line>| {
+        let line = line.expect("what was decoded fits");
+        let mut deframer = tunnel::Deframer::default();
+        let (&zero, rest) = line.split_last().expect("not empty");
+        assert!(zero == 0 && !rest.contains(&0), "zero ends a packet and is nowhere else");
+        assert!(rest.iter().all(|&byte| deframer.push(byte).is_none()));
+        deframer.push(0).expect("a sound packet").to_vec()
+    };
+    if let Some((sequence, request)) = Request::decode(packet) {
+        assert_eq!(again(request.encode(sequence)), packet, "{request:?}");
+    }
+    if let Some((sequence, answer)) = Answer::decode(packet) {
+        // A frame may be there twice, and buses in any order: then the answer is a shorter one.
+        let bytes = again(answer.encode(sequence));
+        let (_, told) = Answer::decode(&bytes).expect("our own");
+        assert_eq!(told.encode(sequence), answer.encode(sequence));
+        assert!(bytes == packet || matches!(answer, Answer::Stepped(_)), "{answer:?}");
+    }
+}
+
+fn board(line: &[u8], body: &[u8]) {
+    let mut deframer = tunnel::Deframer::default();
+    let mut taken = 0;
+    for &byte in line {
+        if let Some(packet) = deframer.push(byte) {
+            taken += 1;
+            check_packet(packet);
+        }
+    }
+    // A checksum, stuffing and the zero each.
+    assert!(taken <= line.len() / 6);
+    check_packet(body);
+
+    deframer.push(0);
+    let hello = Request::Hello.encode(9).expect("short");
+    let found: Vec<_> =
+        hello.iter().filter_map(|&byte| deframer.push(byte).map(Request::decode)).collect();
+    assert_eq!(found, [Some((9, Request::Hello))], "after a zero, a packet is a packet");
+}
+
+/// The first byte says whose line it is, the next one how much of the rest is the sound packet.
 pub fn run(data: &[u8]) {
-    let Some((&len, rest)) = data.split_first() else { return };
-    let (parameters, line) = rest.split_at(usize::from(len).min(rest.len()).min(MAX_PARAMETERS));
-    dynamixel(line, parameters);
+    let Some((&[whose, len], rest)) = data.split_first_chunk() else { return };
+    let (packet, line) = rest.split_at(usize::from(len).min(rest.len()).min(MAX_PARAMETERS));
+    if whose % 2 == 0 { dynamixel(line, packet) } else { board(line, packet) }
 }
 
 /// Packets whole, stuffed, cut short, and one within another.
@@ -56,12 +100,32 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let stuffed = packet(2, 0x83, &[0xFF, 0xFF, 0xFD, 0xFF, 0xFF, 0xFD, 0xFD]).expect("short");
     let nested = packet(3, 0x55, &one).expect("short");
     let long = packet(4, 0x55, &[0xAB; MAX_PARAMETERS]).expect("fits");
-    let seed = |line: &[&[u8]]| [&[4, 0xFF, 0xFF, 0xFD, 0][..], &line.concat()].concat();
-    vec![
+    let seed = |line: &[&[u8]]| [&[0, 4, 0xFF, 0xFF, 0xFD, 0][..], &line.concat()].concat();
+    let mut seeds = vec![
         seed(&[&one, &stuffed, &one]),
         seed(&[&one[..6], &one]),
         seed(&[&[0xFF, 0xFF], &nested, &stuffed[..9], &one]),
         seed(&[&nested[..nested.len() - 1], &one]),
         seed(&[&long, &one]),
-    ]
+    ];
+    let frame = CanFrame::new(0x185, &[1, 2, 0, 0, 5, 6, 7, 8]).expect("a frame");
+    let free = Buses::default().with_link().with_actuator(1);
+    let step = |input| Request::Step(Step { now_us: 8333, input, free });
+    let inputs = [None, Some(Input::Tick), Some(Input::Link(frame)), Some(Input::Actuator(1, frame))];
+    let mut stepped = Stepped { playing: Some((3, 40, 0.5)), link: Some(frame), ..Stepped::default() };
+    stepped.actuators[1] = Some(frame);
+    let lines = inputs
+        .into_iter()
+        .filter_map(|input| step(input).encode(1))
+        .chain(Request::Figures.encode(2))
+        .chain(Answer::Stepped(stepped).encode(3))
+        .chain(Answer::Hello(Hello { config_hash: 5, steps: 6 }).encode(4))
+        .chain(Answer::Figures(Default::default()).encode(5));
+    for line in lines {
+        let mut deframer = tunnel::Deframer::default();
+        let body = line.iter().find_map(|&byte| deframer.push(byte).map(<[u8]>::to_vec));
+        let body = body.expect("a sound packet");
+        seeds.push([&[1, body.len() as u8][..], &body, &line, &line[..3], &[0], &line].concat());
+    }
+    seeds
 }

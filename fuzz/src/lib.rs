@@ -10,6 +10,7 @@
 //! | [`actuators`] | every actuator protocol: orders, and what comes back |
 //! | [`library`] | validation of motion libraries, and what plays of them |
 //! | [`slots`] | the library store in flash, from any content, through power cuts |
+//! | [`parameters`] | the memory for gains and limits in flash, likewise |
 //! | [`planted`] | a bug that must be found, or the fuzzer is blind |
 //!
 //! `cargo xtask fuzz` builds and runs them; a program of `src/bin/` is libFuzzer around one module.
@@ -20,9 +21,11 @@ pub mod dispatcher;
 pub mod flash;
 pub mod isotp;
 pub mod library;
+pub mod parameters;
 pub mod planted;
 pub mod seeds;
 pub mod slots;
+mod watched;
 pub mod wire;
 
 // The bench of the firmware's tests, as it is there.

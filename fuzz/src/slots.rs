@@ -3,15 +3,14 @@
 //! flash, something always plays.
 
 mod forge;
-mod watched;
 
 use arbitrary::{Result, Unstructured};
 use rollwalk_firmware::store::{FlashStore, LibraryStore, MappedFlash, StoreError};
 use rollwalk_protocol::crc::crc32c;
 
 use crate::flash::nor::{ALL_TORN, Torn};
+use crate::watched::{Power, Watched};
 use forge::FLASH_LEN;
-use watched::Watched;
 
 const TRIAL_BOOTS: u8 = 3;
 /// Calls of an input.
@@ -30,7 +29,7 @@ fn library(number: u8) -> Vec<u8> {
 struct Bench {
     /// Empty while it is being mounted.
     store: Option<Store>,
-    power: watched::Power,
+    power: Power,
     /// What may play.
     allowed: Vec<Vec<u8>>,
     /// Checksums of what may have been there from the beginning, in foreign flash.

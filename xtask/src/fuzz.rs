@@ -39,6 +39,8 @@ pub enum Target {
     Dispatcher,
     /// The library store in flash.
     Slots,
+    /// The memory for gains and limits in flash.
+    Parameters,
     /// Every actuator protocol.
     Actuators,
     /// Packets on serial lines.
@@ -61,7 +63,7 @@ impl Target {
         match self {
             Target::Library => 2048,
             Target::Actuators | Target::Wire | Target::Isotp => 1024,
-            Target::Slots | Target::Deframer => 512,
+            Target::Slots | Target::Parameters | Target::Deframer => 512,
             Target::Dispatcher => 300,
             Target::Planted => 32,
         }

@@ -1,0 +1,162 @@
+//! The memory for gains and limits in flash: any content, power cuts, writes that fail. What is loaded is
+//! what was saved last, or what was about to be when the power failed.
+
+use arbitrary::{Result, Unstructured};
+use rollwalk_firmware::store::{FlashParameters, ParameterSet, ParameterStore};
+use rollwalk_protocol::crc::crc32c;
+
+use crate::flash::nor::{ALL_TORN, Torn};
+use crate::watched::{Power, Watched};
+
+const UNIT: usize = 256;
+/// Two halves of two units.
+const FLASH_LEN: usize = 4 * UNIT;
+/// Bytes of a set, as `docs/parameters.md` has it.
+const SET_LEN: usize = 320;
+const DEEDS: usize = 60;
+
+/// A set, different for each number, from no channel to all of them.
+fn set(number: u8) -> ParameterSet {
+    let value = |channel: u8, i: u8| f32::from(number ^ channel) + f32::from(i) / 4.0;
+    let channels = number % 25;
+    let values = (0..channels).map(|channel| [0, 1, 2].map(|i| value(channel, i))).collect();
+    ParameterSet { config_hash: u32::from(number) * 0x0101_0101, values }
+}
+
+struct Bench {
+    /// Empty while it is being mounted.
+    store: Option<FlashParameters<Watched>>,
+    power: Power,
+    /// What may be loaded; of foreign flash nothing is known.
+    allowed: Option<Vec<Option<ParameterSet>>>,
+}
+
+impl Bench {
+    fn new(cells: Vec<u8>, unreadable: &[u16], foreign: bool) -> Self {
+        let (mut flash, power) = Watched::new(cells);
+        unreadable.iter().for_each(|&at| flash.spoil(at.into()));
+        let store = FlashParameters::mount(flash).expect("sound geometry");
+        Self { store: Some(store), power, allowed: (!foreign).then(|| vec![None]) }
+    }
+
+    fn store(&mut self) -> &mut FlashParameters<Watched> {
+        self.store.as_mut().expect("mounted")
+    }
+
+    fn mount(&mut self) {
+        let mut flash = self.store.take().expect("mounted").into_flash();
+        if !self.power.get() {
+            flash.power_cycle();
+        }
+        self.store = Some(FlashParameters::mount(flash).expect("sound geometry"));
+    }
+
+    fn check(&mut self) {
+        if !self.power.get() {
+            self.mount();
+        }
+        let loaded = self.store().load();
+        if let Some(allowed) = &self.allowed {
+            assert!(allowed.contains(&loaded), "nobody saved {loaded:?}");
+        }
+    }
+
+    fn save(&mut self, number: u8) {
+        let set = set(number);
+        let saved = self.store().save(&set).is_ok();
+        if saved && self.power.get() {
+            self.allowed = Some(vec![Some(set)]);
+        } else if let Some(allowed) = &mut self.allowed {
+            // Refused is the one before; cut off is either.
+            allowed.push(Some(set));
+        }
+    }
+}
+
+/// Runs of bytes at their places; checksums made good where sets may be, if so wished.
+fn cells(u: &mut Unstructured<'_>, repaired: bool) -> Result<Vec<u8>> {
+    let mut cells = vec![0xFF; FLASH_LEN];
+    for _ in 0..u.arbitrary::<u8>()? % 8 {
+        let at = 32 * usize::from(u.arbitrary::<u8>()?) % FLASH_LEN;
+        let len = usize::from(u.arbitrary::<u8>()?).min(u.len()).min(FLASH_LEN - at);
+        cells[at..][..len].copy_from_slice(u.bytes(len)?);
+    }
+    if repaired {
+        for half in cells.chunks_exact_mut(FLASH_LEN / 2) {
+            let set = &mut half[..SET_LEN];
+            // No flash lives to see 2³¹ sets.
+            set[3] &= 0x7F;
+            set[4..6].copy_from_slice(&[0xB3, 3]);
+            set[7] = 0;
+            let crc = crc32c(&set[..SET_LEN - 4]);
+            set[SET_LEN - 4..].copy_from_slice(&crc.to_le_bytes());
+        }
+    }
+    Ok(cells)
+}
+
+fn play(u: &mut Unstructured<'_>) -> Result<()> {
+    let how = u.arbitrary::<u8>()?;
+    let mut bench = if how & 1 == 0 {
+        Bench::new(vec![0xFF; FLASH_LEN], &[], false)
+    } else {
+        let cells = cells(u, how & 2 != 0)?;
+        let spoilt: [u16; 3] = u.arbitrary()?;
+        Bench::new(cells, if how & 4 != 0 { &spoilt } else { &[] }, true)
+    };
+    bench.check();
+    for _ in 0..DEEDS {
+        if u.is_empty() {
+            break;
+        }
+        match u.arbitrary::<u8>()? % 6 {
+            0 | 1 => bench.save(u.arbitrary()?),
+            2 => bench.mount(),
+            3 | 4 => {
+                let torn: Torn = *u.choose(&ALL_TORN)?;
+                bench.power.cut_after(torn, usize::from(u.arbitrary::<u16>()? % 1000));
+            }
+            _ => {
+                let rate = u64::from(u.arbitrary::<u8>()?);
+                bench.power.fail_writes((rate > 2).then_some(rate));
+            }
+        }
+        bench.check();
+    }
+    bench.power.fail_writes(None);
+    bench.power.keep();
+    bench.mount();
+    bench.check();
+    // Whatever it has been through, it takes a set, and keeps it.
+    for number in [7, 24] {
+        let last = set(number);
+        bench.store().save(&last).expect("flash that works again");
+        bench.mount();
+        assert_eq!(bench.store().load(), Some(last));
+    }
+    Ok(())
+}
+
+/// A memory, and what is done to it; the first byte says in which flash.
+pub fn run(data: &[u8]) {
+    // An error means that a deed was cut off.
+    let _ = play(&mut Unstructured::new(data));
+}
+
+/// Sets that are saved, that are cut, and flash with a set in it.
+pub fn seeds() -> Vec<Vec<u8>> {
+    let saves = [0, 3, 0, 24, 2, 0, 9, 2];
+    let mut seeds = vec![[&[0][..], &saves].concat()];
+    for fuel in [5u16, 100, 400, 600] {
+        for torn in 0..5 {
+            let cut = [&[3, torn][..], &fuel.to_le_bytes()].concat();
+            seeds.push([&[0][..], &saves, &cut, &[0, 5, 2, 0, 6, 2]].concat());
+        }
+    }
+    let found = [9, 0, 0, 0, 0xB3, 3, 24, 0, 1, 2, 3, 4];
+    for how in [1, 3, 7] {
+        let runs = [&[2, 0, found.len() as u8][..], &found, &[16, 12], &found].concat();
+        seeds.push([&[how][..], &runs, &[0, 1, 2, 0, 9, 0], &saves].concat());
+    }
+    seeds
+}
