@@ -111,8 +111,10 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let frame = CanFrame::new(0x185, &[1, 2, 0, 0, 5, 6, 7, 8]).expect("a frame");
     let free = Buses::default().with_link().with_actuator(1);
     let step = |input| Request::Step(Step { now_us: 8333, input, free });
-    let inputs = [None, Some(Input::Tick), Some(Input::Link(frame)), Some(Input::Actuator(1, frame))];
-    let mut stepped = Stepped { playing: Some((3, 40, 0.5)), link: Some(frame), ..Stepped::default() };
+    let inputs =
+        [None, Some(Input::Tick), Some(Input::Link(frame)), Some(Input::Actuator(1, frame))];
+    let mut stepped =
+        Stepped { playing: Some((3, 40, 0.5)), link: Some(frame), ..Stepped::default() };
     stepped.actuators[1] = Some(frame);
     let lines = inputs
         .into_iter()

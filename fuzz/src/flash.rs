@@ -31,7 +31,7 @@ pub fn store(library: Option<&[u8]>) -> FlashStore<Flash> {
 
 /// A blank memory for parameters.
 pub fn parameters() -> FlashParameters<Flash> {
-    FlashParameters::mount(Flash::blank(2)).expect("sound geometry")
+    FlashParameters::mount(Flash::blank(3)).expect("sound geometry")
 }
 
 /// What the flash of both stores holds after the power was off.

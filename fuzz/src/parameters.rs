@@ -9,8 +9,9 @@ use crate::flash::nor::{ALL_TORN, Torn};
 use crate::watched::{Power, Watched};
 
 const UNIT: usize = 256;
-/// Two halves of two units.
-const FLASH_LEN: usize = 4 * UNIT;
+/// Units of the log, of two erase units each.
+const LOG_UNITS: usize = 3;
+const FLASH_LEN: usize = LOG_UNITS * 2 * UNIT;
 /// Bytes of a set, as `docs/parameters.md` has it.
 const SET_LEN: usize = 320;
 const DEEDS: usize = 60;
@@ -82,8 +83,8 @@ fn cells(u: &mut Unstructured<'_>, repaired: bool) -> Result<Vec<u8>> {
         cells[at..][..len].copy_from_slice(u.bytes(len)?);
     }
     if repaired {
-        for half in cells.chunks_exact_mut(FLASH_LEN / 2) {
-            let set = &mut half[..SET_LEN];
+        for unit in cells.chunks_exact_mut(FLASH_LEN / LOG_UNITS) {
+            let set = &mut unit[..SET_LEN];
             // No flash lives to see 2³¹ sets.
             set[3] &= 0x7F;
             set[4..6].copy_from_slice(&[0xB3, 3]);

@@ -126,8 +126,14 @@ fn tick_by_tick(library: &Library<'_>, config: &RobotConfig, commands: &[u8]) {
             && let Some(goal) = todo.next()
         {
             let _ = player.set_goal(library, goal);
+            // Slower, or a halt, or on again, as it comes.
+            match tick % 5 {
+                0 => player.halt(),
+                1 => player.set_speed((tick % 80) as u8),
+                _ => player.go_on(),
+            }
         }
-        player.advance(library).expect("validated");
+        player.advance(library, config).expect("validated");
         for (channel, limits) in config.channels.iter().enumerate() {
             let target = player.target(config, channel).expect("a channel");
             assert!(target.value.is_finite() && target.slope.is_finite());
