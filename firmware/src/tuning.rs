@@ -3,7 +3,7 @@
 
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::{
-    ParameterAck, ParameterAction, ParameterOrigin, ParameterRequest, ParameterResult,
+    Parameter, ParameterAck, ParameterAction, ParameterOrigin, ParameterRequest, ParameterResult,
 };
 
 use crate::controller::Controller;
@@ -91,6 +91,13 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         match action {
             ParameterAction::Get { parameter, channel } => parameters.get(parameter, channel),
             ParameterAction::Set { parameter, channel, value } => {
+                let actuators = &self.motion.actuators;
+                let heeded = |which| actuators.heeds(&machine.config, usize::from(channel), which);
+                if parameters.get(parameter, channel).is_ok()
+                    && !Parameter::from_code(parameter).is_some_and(heeded)
+                {
+                    return Err((ParameterResult::NotSupported, 0.0));
+                }
                 let which = (parameter, channel);
                 let set =
                     parameters.set(&machine.config, &machine.settings, which, value, driven)?;

@@ -30,6 +30,8 @@ pub struct Actuator {
     switched_ticks: u16,
     /// The gains that it keeps, where they are not those of the configuration.
     pub gains: Option<Gains>,
+    /// The torque limit that it was told since it was enabled, where it keeps one.
+    pub torque_limit_nm: Option<f32>,
     pub todo: Todo,
     pub setpoint: Option<Command>,
 }

@@ -6,7 +6,7 @@
 use heapless::Vec;
 use rollwalk_protocol::actuators::dynamixel::packet::Deframer;
 use rollwalk_protocol::actuators::{ActuatorProtocol, Answers, Capabilities, Order, Told};
-use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::config::{Channel, RobotConfig};
 
 use super::actuator::Actuator;
 use super::bus::{Bus, ControlLoop, Pose, Protocol};
@@ -234,7 +234,9 @@ pub fn order(
     about: About,
     channel: usize,
 ) -> Option<Order> {
-    let (actuator, limits) = (list.get(channel)?, config.channels.get(channel)?);
+    let (actuator, configured) = (list.get(channel)?, config.channels.get(channel)?);
+    let max_torque_nm = actuator.torque_limit_nm.unwrap_or(configured.max_torque_nm);
+    let limits = &Channel { max_torque_nm, ..*configured };
     let command = match about {
         About::Setpoint => actuator.setpoint?,
         // Only torque-on needs to know the pose, and where it holds something at once, the pose of

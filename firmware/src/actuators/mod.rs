@@ -19,6 +19,8 @@ use rollwalk_protocol::actuators::{self, ActuatorProtocol, Answers, Command, Tol
 use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
 
+use rollwalk_protocol::wire::Parameter;
+
 use crate::limiter::Target;
 
 mod actuator;
@@ -42,6 +44,9 @@ pub const FRESH_TICKS: u16 = 2;
 pub struct Actuators {
     list: Vec<Actuator, MAX_CHANNELS>,
     lines: [Line; MAX_BUSES],
+    /// The actuator that may be told gains or limits anew in this control period because they change
+    /// at run time: one at a time, so that setpoints get through whoever is tuned.
+    turn: usize,
 }
 
 impl Actuators {
@@ -55,7 +60,7 @@ impl Actuators {
             let bus = buses.get(number).copied().unwrap_or_default();
             *line = Line::new(bus, config, number);
         }
-        Self { list, lines }
+        Self { list, lines, turn: 0 }
     }
 
     fn line(&self, bus: u8) -> Option<&Line> {
@@ -105,6 +110,8 @@ impl Actuators {
     pub fn age(&mut self) {
         self.list.iter_mut().for_each(Actuator::age);
         self.lines.iter_mut().for_each(Line::age);
+        let next = self.turn.saturating_add(1);
+        self.turn = if next < self.list.len() { next } else { 0 };
     }
 
     /// Every actuator has been heard within so many ticks.
@@ -208,7 +215,7 @@ impl Actuators {
             let stored_limits = line.can.limits == Told::Stored;
             let patience = line.enable_patience_ticks();
             for actuator in members(&mut self.list, line) {
-                actuator.gains = None;
+                (actuator.gains, actuator.torque_limit_nm) = (None, None);
                 if actuator.enabled() {
                     actuator.todo = Todo::NOTHING.and_if(line.asks(), Errand::Query);
                 } else if actuator.waits_for_enable(patience) {
@@ -221,6 +228,19 @@ impl Actuators {
                 }
             }
         }
+    }
+
+    /// Whether it makes a difference to an actuator what a parameter is set to.
+    pub fn heeds(&self, config: &RobotConfig, channel: usize, parameter: Parameter) -> bool {
+        let line = config.channels.get(channel).and_then(|c| self.line(c.bus));
+        line.is_some_and(|line| match parameter {
+            _ if line.bus.control == ControlLoop::OnController => true,
+            Parameter::Kp | Parameter::Kd => line.can.gains != Told::Never,
+            // With gains in every setpoint they are scaled to the limit.
+            Parameter::MaxTorque => {
+                line.can.limits != Told::Never || line.can.gains == Told::EachTime
+            }
+        })
     }
 
     /// Puts a target, already limited, into the mailbox of an actuator. `limits` is its channel with
@@ -243,10 +263,24 @@ impl Actuators {
         let off = setpoint.is_none() && !(actuator.known_off && line.can.tells_enabled);
         let mut todo = actuator.todo.without_switches();
         todo = todo.and_if(off, Errand::Disable).and_if(on_query, Errand::Query);
-        if line.can.gains == Told::Stored && line.bus.control == ControlLoop::InDrive {
+        let in_drive = line.bus.control == ControlLoop::InDrive;
+        if line.can.gains == Told::Stored && in_drive {
             let gains = Some(orders::gains(limits, hold));
-            todo = todo.and_if(actuator.gains != gains, Errand::Gains);
-            actuator.gains = gains;
+            let urgent = hold == Hold::Damped || actuator.gains.is_none();
+            if actuator.gains != gains && (urgent || self.turn == channel) {
+                todo = todo.and(Errand::Gains);
+                actuator.gains = gains;
+            }
+        }
+        // Where the controller makes the torque it is within the limit, and the limit of a Dynamixel
+        // would be a torque.
+        if line.can.limits == Told::Stored && in_drive {
+            let torque_nm = Some(limits.max_torque_nm);
+            let urgent = actuator.torque_limit_nm.is_none();
+            if actuator.torque_limit_nm != torque_nm && (urgent || self.turn == channel) {
+                todo = todo.and(Errand::Limits);
+                actuator.torque_limit_nm = torque_nm;
+            }
         }
         actuator.todo = todo;
         actuator.setpoint = setpoint;

@@ -9,7 +9,7 @@ use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
-use rollwalk_protocol::wire::{CommandResult, Fault};
+use rollwalk_protocol::wire::{CommandResult, Fault, Parameter, ParameterAction, ParameterResult};
 
 use crate::drives::{Drive, Electronics, Sent, cybergear_feedback};
 use crate::flash;
@@ -405,4 +405,49 @@ fn a_pose_that_nobody_measures_has_to_be_assumed() {
     let joints =
         robot::config().channels.iter().filter(|c| c.kind == ChannelKind::JointPosition).count();
     assert_eq!(rig.drives.list.len(), joints);
+}
+
+fn set(rig: &mut Rig, parameter: Parameter, channel: u8, value: f32) -> ParameterResult {
+    let parameter = parameter.code();
+    rig.parameter(ParameterAction::Set { parameter, channel, value }).result
+}
+
+/// On the way and in the end; one drive at a time, so that setpoints get through.
+#[test]
+fn drives_that_keep_gains_and_limits_are_told_new_ones_while_they_run() {
+    let mut rig = ready(odrive(Version::V06));
+    rig.run(30);
+    let from = rig.drives.list[0].motor.log.len();
+    assert_eq!(set(&mut rig, Parameter::Kp, 0, 40.0), ParameterResult::Ok);
+    assert_eq!(set(&mut rig, Parameter::MaxTorque, 0, 1.5), ParameterResult::Ok);
+    rig.run(120);
+    let log = &rig.drives.list[0].motor.log[from..];
+    let gains = log.iter().filter_map(|sent| match sent {
+        Sent::Gains { kp, .. } => Some(*kp),
+        _ => None,
+    });
+    let gains: Vec<f32> = gains.collect();
+    // Three drives take turns: each third tick of half a second at 120 Hz.
+    assert!((18..=22).contains(&gains.len()), "{gains:?}");
+    assert!((gains[gains.len() - 1] - 40.0).abs() < 1e-3, "{gains:?}");
+    assert!(gains.windows(2).all(|g| g[1] - g[0] > 0.0 && g[1] - g[0] < 1.01), "{gains:?}");
+    let limits = log.iter().filter(|&&sent| sent == Sent::Limits).count();
+    assert!((18..=22).contains(&limits), "{limits}");
+    let setpoints = log.iter().filter(|sent| matches!(sent, Sent::Setpoint { .. })).count();
+    assert!(setpoints >= 119, "{setpoints}");
+}
+
+#[test]
+fn a_parameter_that_makes_no_difference_to_a_drive_is_refused() {
+    for protocol in protocols() {
+        let mut rig = bench(protocol);
+        let (kp, torque) =
+            (set(&mut rig, Parameter::Kp, 0, 10.0), set(&mut rig, Parameter::MaxTorque, 0, 2.0));
+        let expected = match protocol {
+            Protocol::Maestro(_) => (ParameterResult::NotSupported, ParameterResult::NotSupported),
+            Protocol::Dynamixel(_) => (ParameterResult::NotSupported, ParameterResult::Ok),
+            _ => (ParameterResult::Ok, ParameterResult::Ok),
+        };
+        assert_eq!((kp, torque), expected, "{protocol:?}");
+    }
 }

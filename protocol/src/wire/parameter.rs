@@ -148,6 +148,8 @@ coded! {
         OutOfOrder = 6,
         /// This version does not know this kind of request.
         UnknownRequest = 7,
+        /// The actuator of this channel has no such parameter, or it cannot be told.
+        NotSupported = 8,
     }
 }
 

@@ -214,7 +214,7 @@ fn codes_are_pinned() {
     check(
         ParameterResult::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
         "0 Ok, 1 UnknownParameter, 2 UnknownChannel, 3 OutOfRange, 4 WrongState, 5 StoreFailed, \
-         6 OutOfOrder, 7 UnknownRequest",
+         6 OutOfOrder, 7 UnknownRequest, 8 NotSupported",
     );
     check(
         transport::TransferResult::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
