@@ -28,12 +28,13 @@ impl<P: ParameterStore> Tuning<P> {
         self.store
     }
 
-    /// The answer to a request that is not to be executed.
+    /// The answer to a request that is not to be executed: executed before, or too old.
     fn known(&self, frame: &CanFrame, seq: u8) -> Option<Result<ParameterAck, Refusal>> {
         let (last, ack) = self.last?;
         // As for commands: ahead by 1 to 8 is newer; sequence numbers go round at 16.
         match seq.wrapping_sub(ack.seq) & 0xF {
-            0 if *frame == last => Some(Ok(ack)),
+            // What was refused has done nothing, and may be possible by now.
+            0 if *frame == last => (ack.result == ParameterResult::Ok).then_some(Ok(ack)),
             1..=8 => None,
             _ => Some(Err((ParameterResult::OutOfOrder, 0.0))),
         }

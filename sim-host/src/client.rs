@@ -11,7 +11,7 @@ use rollwalk_protocol::wire::transport::{
 };
 use rollwalk_protocol::wire::{
     Action, Command, CommandAck, Estop, EstopAck, FaultReport, FromController, HEARTBEAT_PERIOD_MS,
-    Heartbeat, JointTelemetry, Node, ParameterAck, Status,
+    Heartbeat, JointTelemetry, Node, ParameterAck, ParameterAction, ParameterRequest, Status,
 };
 
 /// How long a command stays valid, ms: covers its repetitions, not the operator's next idea.
@@ -73,6 +73,8 @@ pub struct Client {
     next_heartbeat_us: u64,
     command_seq: u8,
     command: Option<CanFrame>,
+    parameter_seq: u8,
+    parameter: Option<CanFrame>,
     /// Host's time in µs and controller's time in ms when the last heartbeat was answered.
     clocks: Option<(u64, u32)>,
     stopping: Option<Stopping>,
@@ -89,6 +91,8 @@ impl Client {
             next_heartbeat_us: 0,
             command_seq: 0,
             command: None,
+            parameter_seq: 0,
+            parameter: None,
             clocks: None,
             stopping: None,
             status: None,
@@ -154,7 +158,7 @@ impl Client {
             self.next_heartbeat_us = now_us + u64::from(HEARTBEAT_PERIOD_MS) * 1000;
             return Some(Outgoing::Frame(heartbeat.encode(self.node)));
         }
-        if let Some(frame) = self.command.take() {
+        if let Some(frame) = self.command.take().or_else(|| self.parameter.take()) {
             return Some(Outgoing::Frame(frame));
         }
         match self.transport.poll(now_us) {
@@ -185,6 +189,17 @@ impl Client {
     /// Sends a command, for the first time or again: the controller executes it once.
     pub fn send_command(&mut self, command: Command) {
         self.command = Some(command.encode(self.node));
+    }
+
+    /// A new request about parameters, ready to be sent once or several times.
+    pub fn parameter(&mut self, action: ParameterAction) -> ParameterRequest {
+        self.parameter_seq = (self.parameter_seq + 1) & 0xF;
+        ParameterRequest { seq: self.parameter_seq, action }
+    }
+
+    /// Sends a request about parameters, for the first time or again.
+    pub fn send_parameter(&mut self, request: ParameterRequest) {
+        self.parameter = Some(request.encode(self.node));
     }
 
     /// Sends a transport request.

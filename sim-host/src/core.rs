@@ -1,8 +1,8 @@
 //! The controller as the bench sees it: told what happened, it says what it sends.
 
 use crate::link::LinkError;
-use crate::store::{self, SimStore};
-use rollwalk_firmware::{Controller, Settings};
+use crate::store::{self, SimParameters, SimStore};
+use rollwalk_firmware::{Buses, Controller, Settings};
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
 
@@ -16,18 +16,38 @@ pub trait Core {
 }
 
 /// The firmware within this process.
-pub struct Local(Controller<SimStore>);
+pub struct Local {
+    controller: Controller<SimStore, SimParameters>,
+    settings: Settings,
+}
 
 impl Local {
     /// A controller that has just been switched on.
     pub fn new(config: RobotConfig, settings: Settings) -> Self {
-        Self(Controller::new(config, store::blank(), settings))
+        Self::booting(config, settings, (store::blank(), store::blank_parameters()))
+    }
+
+    /// The same after its power was off: what it keeps in flash is there.
+    pub fn power_cycled(self) -> Self {
+        let config = self.controller.config().clone();
+        let stores = store::mounted_again(self.controller.into_stores());
+        Self::booting(config, self.settings, stores)
+    }
+
+    fn booting(
+        config: RobotConfig,
+        settings: Settings,
+        (library, parameters): (SimStore, SimParameters),
+    ) -> Self {
+        let buses = Buses::new();
+        let controller = Controller::with_parameters(config, buses, library, parameters, settings);
+        Self { controller, settings }
     }
 }
 
 impl Core for Local {
     fn step(&mut self, Step { now_us, input, free }: Step) -> Result<Stepped, LinkError> {
-        let Self(controller) = self;
+        let controller = &mut self.controller;
         match input {
             None => {}
             Some(Input::Tick) => controller.tick(now_us),

@@ -1,7 +1,7 @@
 //! Sentences for the numbers in which a controller says no.
 
 use rollwalk_protocol::wire::transport::{Reply, TransferResult};
-use rollwalk_protocol::wire::{CommandResult, Fault, FaultBits};
+use rollwalk_protocol::wire::{CommandResult, Fault, FaultBits, ParameterResult};
 
 /// Why a command was not executed, and what would help.
 pub fn command_refusal(result: CommandResult) -> &'static str {
@@ -23,6 +23,24 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
         CommandResult::FaultPresent => "a fault is still present",
         CommandResult::BadSpeed => "playback speeds are 1/64 to 64/64 of the planned one",
     }
+}
+
+/// Why a request about parameters was refused, and what would help.
+pub fn parameter_refusal(result: ParameterResult, limit: f32) -> String {
+    let sentence = match result {
+        ParameterResult::Ok => "it was not refused",
+        ParameterResult::UnknownParameter => "its firmware is older than this parameter",
+        ParameterResult::UnknownChannel => "the robot has fewer channels",
+        ParameterResult::OutOfRange => {
+            return format!("the value is no number, or beyond the limit of {limit}");
+        }
+        ParameterResult::WrongState => "torque is on; disarm first",
+        ParameterResult::StoreFailed => "it has no memory for parameters, or one that fails",
+        ParameterResult::OutOfOrder => "another host is setting parameters, too",
+        ParameterResult::UnknownRequest => "its firmware is older than this kind of request",
+        ParameterResult::NotSupported => "it makes no difference to the actuator of this channel",
+    };
+    sentence.to_owned()
 }
 
 /// Why a request of a library transfer failed, and what would help.

@@ -109,6 +109,11 @@ impl Rig {
         let local = Local::new(robot.controller_config()?, Settings::default());
         Self::with_core(robot, local)
     }
+
+    /// The same robot after the power of its controller was off for a moment.
+    pub fn power_cycled(self) -> Self {
+        Self { controller: self.controller.power_cycled(), ..self }
+    }
 }
 
 impl<C: Core> Rig<C> {

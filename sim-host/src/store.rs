@@ -1,6 +1,7 @@
-//! The controller's library memory, simulated: the store of a real board, in flash made of RAM.
+//! The controller's memories for library and parameters, simulated: the stores of a real board, in
+//! flash made of RAM.
 
-use rollwalk_firmware::store::{FlashStore, RamFlash};
+use rollwalk_firmware::store::{FlashParameters, FlashStore, RamFlash};
 
 /// The flash, bytes: two libraries of up to 1 MiB, and the store's log.
 const CAPACITY: usize = (2 << 20) + (8 << 10);
@@ -9,6 +10,23 @@ const TRIAL_BOOTS: u8 = 3;
 
 /// What the simulated controller keeps libraries in.
 pub type SimStore = FlashStore<RamFlash<Vec<u8>>>;
+
+/// What it keeps parameters in.
+pub type SimParameters = FlashParameters<RamFlash<Vec<u8>>>;
+
+/// A memory for parameters as it leaves the factory.
+pub fn blank_parameters() -> SimParameters {
+    FlashParameters::mount(RamFlash::new(vec![0xFF; 12 << 10])).expect("three erase units")
+}
+
+/// Both after a power cycle.
+pub fn mounted_again(
+    (library, parameters): (SimStore, SimParameters),
+) -> (SimStore, SimParameters) {
+    let library = FlashStore::mount(library.into_flash(), TRIAL_BOOTS);
+    let parameters = FlashParameters::mount(parameters.into_flash());
+    (library.expect("it was mounted before"), parameters.expect("it was mounted before"))
+}
 
 /// A store as it leaves the factory.
 pub fn blank() -> SimStore {

@@ -137,9 +137,11 @@ fn what_was_saved_survives_a_power_cycle_and_what_was_not_does_not() {
     rig.run_until(State::Ready, 1000);
     assert!(told(&rig, 0).iter().all(|&kp| kp == 11.0));
 
-    // Flash is not written while the robot moves.
-    assert_eq!(rig.parameter(SAVE).result, ParameterResult::WrongState);
+    // Flash is not written while the robot moves. What was refused may be asked for again as it was.
+    let save = ParameterRequest { seq: rig.next_parameter_seq(), action: SAVE };
+    assert_eq!(rig.parameter_again(save).result, ParameterResult::WrongState);
     disarm(&mut rig);
+    assert_eq!(rig.parameter_again(save).result, ParameterResult::Ok);
     rig.parameter(ParameterAction::Reset);
     assert_eq!(kp(&mut rig), 20.0);
     assert_eq!(rig.parameter(SAVE).result, ParameterResult::Ok);

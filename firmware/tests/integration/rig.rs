@@ -273,8 +273,13 @@ impl Rig {
 
     /// Sends a request about parameters that was never sent before, and returns its answer.
     pub fn parameter(&mut self, action: ParameterAction) -> ParameterAck {
+        let seq = self.next_parameter_seq();
+        self.parameter_again(ParameterRequest { seq, action })
+    }
+
+    pub fn next_parameter_seq(&mut self) -> u8 {
         self.parameter_seq = (self.parameter_seq + 1) & 0xF;
-        self.parameter_again(ParameterRequest { seq: self.parameter_seq, action })
+        self.parameter_seq
     }
 
     /// Sends a request about parameters and returns its answer.

@@ -1,9 +1,11 @@
 //! Why a session could not do what it was asked, in sentences for the operator.
 
 use crate::link::LinkError;
-use crate::refusal::{command_refusal, fault_names, transfer_refusal};
+use crate::refusal::{command_refusal, fault_names, parameter_refusal, transfer_refusal};
 use rollwalk_protocol::wire::transport::Reply;
-use rollwalk_protocol::wire::{CommandResult, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, Status};
+use rollwalk_protocol::wire::{
+    CommandResult, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterResult, SCHEMA_HASH, Status,
+};
 
 /// Why the robot did not do what it was asked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -42,6 +44,16 @@ pub enum SessionError {
         what: &'static str,
         /// Its answer.
         result: CommandResult,
+    },
+    /// A request about parameters was refused.
+    #[error("the controller refused to {what}: {}", parameter_refusal(*result, *value))]
+    ParameterRefused {
+        /// What was asked.
+        what: &'static str,
+        /// Its answer.
+        result: ParameterResult,
+        /// The limit that the request went beyond, if it did.
+        value: f32,
     },
     /// A library, or a step of its transfer, was refused.
     #[error("the controller refused the library: {}", transfer_refusal(reply))]

@@ -5,7 +5,9 @@ use crate::client::{Client, Incoming, Outgoing};
 use crate::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::transport::{Request, Response};
-use rollwalk_protocol::wire::{Action, CommandAck, CommandResult, Node, Status};
+use rollwalk_protocol::wire::{
+    Action, CommandAck, CommandResult, Node, ParameterAck, ParameterAction, ParameterResult, Status,
+};
 
 /// Longest wait for the answer to a command before it is repeated, µs.
 const ACK_TIMEOUT_US: u64 = 60_000;
@@ -73,6 +75,38 @@ impl<B: LinkBus> Exchange<B> {
             }
         }
         Err(SessionError::Refused { what, result: CommandResult::OutOfOrder })
+    }
+
+    /// Sends a request about parameters until it is answered; an answer other than `Ok` is an error.
+    pub fn parameter(
+        &mut self,
+        what: &'static str,
+        action: ParameterAction,
+    ) -> Result<f32, SessionError> {
+        for _ in 0..SEQUENCE_TRIES {
+            let request = self.client.parameter(action);
+            let mut answer = None;
+            for _ in 0..COMMAND_SENDS {
+                self.client.send_parameter(request);
+                answer = self.pump(ACK_TIMEOUT_US, |incoming| match incoming {
+                    Incoming::Parameter(ack) => {
+                        ((ack.seq, ack.kind) == (request.seq, action.kind())).then_some(ack)
+                    }
+                    _ => None,
+                })?;
+                if answer.is_some() {
+                    break;
+                }
+            }
+            let ParameterAck { result, value, .. } = answer.ok_or(self.silent(what))?;
+            match result {
+                ParameterResult::Ok => return Ok(value),
+                ParameterResult::OutOfOrder => {}
+                _ => return Err(SessionError::ParameterRefused { what, result, value }),
+            }
+        }
+        let result = ParameterResult::OutOfOrder;
+        Err(SessionError::ParameterRefused { what, result, value: 0.0 })
     }
 
     /// Sends a transport request until `wanted` takes an answer. All requests may be repeated.

@@ -7,6 +7,7 @@
 mod error;
 mod exchange;
 mod flash;
+mod parameters;
 
 pub use error::SessionError;
 pub use flash::Progress;

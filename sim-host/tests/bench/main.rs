@@ -7,6 +7,7 @@ mod refusing;
 mod robot;
 mod standing;
 mod stopping;
+mod tuning;
 
 use rollwalk_protocol::wire::Node;
 use rollwalk_sim_host::link::LinkBus;

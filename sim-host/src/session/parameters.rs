@@ -1,0 +1,43 @@
+//! Gains and torque limits of servos: told, set, and kept over a power cycle.
+
+use super::{Session, SessionError};
+use crate::link::LinkBus;
+use rollwalk_protocol::wire::{Parameter, ParameterAction, ParameterOrigin};
+
+impl<B: LinkBus> Session<B> {
+    /// What a parameter of a channel is set to.
+    pub fn parameter(&mut self, parameter: Parameter, channel: u8) -> Result<f32, SessionError> {
+        let get = ParameterAction::Get { parameter: parameter.code(), channel };
+        self.exchange.parameter("tell a parameter", get)
+    }
+
+    /// Sets a parameter of a channel: at once while torque is off, otherwise within half a second.
+    /// It holds until it is set again or power fails.
+    pub fn set_parameter(
+        &mut self,
+        parameter: Parameter,
+        channel: u8,
+        value: f32,
+    ) -> Result<(), SessionError> {
+        let set = ParameterAction::Set { parameter: parameter.code(), channel, value };
+        self.exchange.parameter("set a parameter", set).map(|_| ())
+    }
+
+    /// Sets all parameters to the robot's configuration.
+    pub fn reset_parameters(&mut self) -> Result<(), SessionError> {
+        self.exchange.parameter("reset the parameters", ParameterAction::Reset).map(|_| ())
+    }
+
+    /// Keeps what is set now over a power cycle. The controller must be disarmed.
+    pub fn save_parameters(&mut self) -> Result<(), SessionError> {
+        self.exchange.parameter("save the parameters", ParameterAction::Save).map(|_| ())
+    }
+
+    /// Where the values came from that were in force after power-on.
+    pub fn parameter_origin(&mut self) -> Result<ParameterOrigin, SessionError> {
+        let what = "tell where its parameters are from";
+        let code = self.exchange.parameter(what, ParameterAction::Origin)?;
+        // A saturating cast: codes are small whole numbers.
+        ParameterOrigin::from_code(code as u8).ok_or(self.exchange.silent(what))
+    }
+}

@@ -1,0 +1,123 @@
+//! Gains and torque limits set at run time: servos feel them, and they survive a power cycle.
+
+use crate::robot::{self, SWING};
+use crate::{S, armed, connect, rig};
+use rollwalk_protocol::wire::{Parameter, ParameterOrigin, ParameterResult, State};
+use rollwalk_sim_host::fault::Lossy;
+use rollwalk_sim_host::record::tracking_errors;
+use rollwalk_sim_host::rig::Rig;
+use rollwalk_sim_host::session::{Session, SessionError};
+
+const HIP: u8 = 0;
+const KNEE: u8 = 1;
+/// A proportional gain a twelfth of the configuration's, N·m/rad.
+const SOFT: f32 = 5.0;
+
+/// The worst error of a joint in the swing that is played, rad.
+fn swing_error(session: &mut Session<Rig>) -> f64 {
+    let from = session.bus().records().len();
+    session.select(SWING).unwrap();
+    session.run_for(4 * S).unwrap();
+    session.return_to_safe().unwrap();
+    let records = &session.bus().records()[from..];
+    let errors = tracking_errors(&robot::config(), records);
+    errors.values().map(|error| error.joint_rad).fold(0.0, f64::max)
+}
+
+fn set_kp(session: &mut Session<Rig>, kp_nm_rad: f32) {
+    for joint in [HIP, KNEE] {
+        session.set_parameter(Parameter::Kp, joint, kp_nm_rad).unwrap();
+    }
+}
+
+#[test]
+fn softer_gains_follow_less_closely_and_the_configurations_as_before() {
+    let mut session = armed();
+    let stiff = swing_error(&mut session);
+    set_kp(&mut session, SOFT);
+    let soft = swing_error(&mut session);
+    // What lags with the control period stays, what weight and inertia pull grows to twelve times.
+    assert!(soft > 2.0 * stiff && soft < 12.0 * stiff, "{stiff} {soft} rad");
+    session.reset_parameters().unwrap();
+    session.run_for(S).unwrap();
+    let again = swing_error(&mut session);
+    assert!((again - stiff).abs() < 0.1 * stiff, "{stiff} {again}");
+}
+
+#[test]
+fn a_gain_changed_while_the_robot_stands_does_not_make_it_jump() {
+    let mut session = armed();
+    session.run_for(S).unwrap();
+    let from = session.bus().records().len();
+    set_kp(&mut session, SOFT);
+    session.run_for(S).unwrap();
+    set_kp(&mut session, 120.0);
+    session.run_for(S).unwrap();
+    let records = &session.bus().records()[from..];
+    let moved = |joint: usize| {
+        let steps = records.windows(2).map(|r| (r[1].measured[joint] - r[0].measured[joint]).abs());
+        steps.fold(0.0, f32::max)
+    };
+    // It sinks by some 15 mrad and rises again, each within half a second of 60 periods.
+    for joint in [0, 1] {
+        assert!(moved(joint) < 2e-3, "joint {joint}: {} rad in a period", moved(joint));
+    }
+    // There was something to jump from.
+    let sags = records.iter().map(|r| (r.commanded[0] - r.measured[0]).abs());
+    let (most, least) = (sags.clone().fold(0.0, f32::max), sags.fold(1.0, f32::min));
+    assert!(most > 3.0 * least && most > 5e-3, "{least} to {most} rad");
+}
+
+#[test]
+fn what_was_saved_is_in_force_after_a_power_cycle() {
+    let mut session = armed();
+    assert_eq!(session.parameter_origin(), Ok(ParameterOrigin::Configuration));
+    let stiff = swing_error(&mut session);
+    set_kp(&mut session, SOFT);
+    let wrong = ParameterResult::WrongState;
+    match session.save_parameters().unwrap_err() {
+        SessionError::ParameterRefused { result, .. } => assert_eq!(result, wrong),
+        error => panic!("{error}"),
+    }
+    session.disarm().unwrap();
+    session.save_parameters().unwrap();
+    set_kp(&mut session, 40.0);
+
+    let mut session = connect(session.into_bus().power_cycled());
+    session.wait_for_state(State::Disarmed, S).unwrap();
+    assert_eq!(session.parameter_origin(), Ok(ParameterOrigin::Saved));
+    assert_eq!(session.parameter(Parameter::Kp, KNEE), Ok(SOFT));
+    session.arm().unwrap();
+    let soft = swing_error(&mut session);
+    assert!(soft > 2.0 * stiff, "{stiff} {soft} rad");
+}
+
+#[test]
+fn refusals_name_the_limit() {
+    let mut session = connect(rig());
+    let sentence = |result: Result<(), SessionError>| result.unwrap_err().to_string();
+    let text = sentence(session.set_parameter(Parameter::Kp, HIP, 500.0));
+    assert!(text.contains("120"), "{text}");
+    let text = sentence(session.set_parameter(Parameter::MaxTorque, HIP, f32::NAN));
+    assert!(text.contains("number"), "{text}");
+    assert_eq!(session.parameter(Parameter::Kp, HIP), Ok(60.0));
+}
+
+#[test]
+fn a_link_that_loses_frames_sets_the_same() {
+    let mut lost = 0;
+    for seed in 0..20 {
+        let mut session = connect(Lossy::new(rig(), 20, seed));
+        for (i, kp) in [10.0, 20.0, 30.0, 25.0].into_iter().enumerate() {
+            session.set_parameter(Parameter::Kp, i as u8 % 2, kp).unwrap();
+        }
+        assert_eq!(session.parameter(Parameter::Kp, HIP), Ok(30.0), "seed {seed}");
+        assert_eq!(session.parameter(Parameter::Kp, KNEE), Ok(25.0), "seed {seed}");
+        lost += session.bus().lost();
+        // Another host, which does not know where the first has stopped counting.
+        let mut session = connect(session.into_bus());
+        session.set_parameter(Parameter::Kp, HIP, 12.0).unwrap();
+        assert_eq!(session.parameter(Parameter::Kp, HIP), Ok(12.0), "seed {seed}");
+    }
+    assert!(lost > 5, "{lost}");
+}
