@@ -3,7 +3,7 @@
 use rollwalk_protocol::actuators::Packet;
 use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
 use rollwalk_protocol::config::RobotConfig;
-use rollwalk_protocol::library::{Library, Reject};
+use rollwalk_protocol::library::{Attitude, Library, Reject};
 use rollwalk_protocol::wire::{Fault, FaultBits};
 
 use crate::actuators::bus::Buses;
@@ -16,6 +16,7 @@ use crate::player::Playing;
 use crate::safety::{Action, Event, EventSet, State, Torque, step};
 use crate::settings::Settings;
 use crate::store::{LibraryStore, NoParameters, ParameterStore, StoreError};
+use crate::tilt::TiltWatch;
 use crate::transfer::Shelf;
 use crate::tuning::Tuning;
 
@@ -30,6 +31,7 @@ pub struct Controller<S, P = NoParameters> {
     pub(crate) gate: Gate,
     pub(crate) tuning: Tuning<P>,
     pub(crate) bus_watch: BusWatch,
+    pub(crate) tilt: TiltWatch,
     state: State,
     /// Faults since the last clear.
     latched: FaultBits,
@@ -76,6 +78,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             gate: Gate::default(),
             tuning: Tuning::new(parameters),
             bus_watch: BusWatch::default(),
+            tilt: TiltWatch::default(),
             state: State::Boot,
             latched: FaultBits::default(),
             events: EventSet::default(),
@@ -115,6 +118,23 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         if !was_off && self.bus_watch.about(Fault::BusOff).is_some() {
             self.raise(now_us, Event::BusOff);
         }
+    }
+
+    /// Takes the direction of up in the body frame (x forward, y left, z to the robot's top), of any
+    /// length, as a filter over an IMU's gyroscope and accelerometer tells it. Ten times a second at
+    /// least, and best in every control period.
+    pub fn on_attitude(&mut self, now_us: u64, up_body: [f32; 3]) {
+        self.tilt.observe(now_us, up_body);
+    }
+
+    /// What the body's attitude should be now: as the clip that plays says, and before that as SAFE.
+    pub(crate) fn expected_attitude(&self) -> Attitude {
+        let clip = |library: &Library<'_>| match self.motion.playing() {
+            Some(playing) => playing.clip,
+            None => library.safe_node().clip(),
+        };
+        let told = self.shelf.library().and_then(|library| library.attitude(clip(&library)));
+        told.unwrap_or(Attitude::LEVEL)
     }
 
     /// Whether an actuator bus that is off is to be started again, because the operator has cleared the
@@ -238,16 +258,18 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     fn watch_time(&mut self, now_us: u64) {
-        let settings = &self.machine.settings;
         if self.state.torque() != Torque::Off {
             self.bus_watch.watch(&mut self.events);
+            let expected = self.expected_attitude();
+            self.tilt.watch(now_us, &expected, &self.machine.settings, &mut self.events);
             if self.host_silent(now_us) {
                 self.events.insert(Event::HostLost);
             }
-            if self.tick_gap_us > u64::from(settings.overrun_us) {
+            if self.tick_gap_us > u64::from(self.machine.settings.overrun_us) {
                 self.events.insert(Event::Overrun);
             }
         }
+        let settings = &self.machine.settings;
         let elapsed = |since: u64, limit: u32| now_us.saturating_sub(since) >= u64::from(limit);
         match self.state {
             State::Returning => {

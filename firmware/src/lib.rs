@@ -32,6 +32,7 @@ pub mod player;
 pub mod safety;
 mod settings;
 pub mod store;
+mod tilt;
 mod transfer;
 mod tuning;
 pub mod walk;

@@ -170,6 +170,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             (CommandResult::FaultPresent, self.bus_watch.faults())
         } else if self.host_silent(now_us) {
             obstacle(Fault::HostLost)
+        } else if self.machine.settings.imu_required && !self.tilt.is_awake(now_us) {
+            obstacle(Fault::Tilt)
         } else if self.motion.actuators.any_faulty() {
             obstacle(Fault::ActuatorFault)
         } else if !self.motion.actuators_heard(&self.machine)
@@ -302,6 +304,12 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             Fault::HostLost => {
                 let since = self.link.host_seen_us().map(|at| now_us.saturating_sub(at));
                 (None, since.map_or(0.0, |us| us as f32 * 1e-6))
+            }
+            Fault::Tilt => {
+                // Minus one for an IMU that is silent.
+                let awake = self.tilt.is_awake(now_us);
+                let excess = self.tilt.excess_rad(&self.expected_attitude());
+                (None, excess.filter(|_| awake).unwrap_or(-1.0))
             }
             Fault::Overrun => (None, self.tick_gap_us as f32 * 1e-6),
             Fault::BusNoAck | Fault::BusPassive | Fault::BusOff => {

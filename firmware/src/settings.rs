@@ -34,6 +34,15 @@ pub struct Settings {
     pub out_of_range_rad: f32,
     /// How far a gain may be raised at run time, as a multiple of the configured one, 1 or more.
     pub max_gain_ratio: f32,
+    /// An IMU must tell the tilt: without it arming is refused, and its silence counts as a lean.
+    pub imu_required: bool,
+    /// Tilted by more than the motion makes it and this, rad, the robot returns to SAFE. Infinite:
+    /// it does not.
+    pub lean_rad: f32,
+    /// Tilted by more than this it is let down damped: nothing can save it. Infinite: it is not.
+    pub tip_rad: f32,
+    /// For so long it must be tilted, µs: a push is no fall.
+    pub tilt_patience_us: u32,
     /// How long SAFE is held after the host was lost, µs.
     pub hold_us: u32,
     /// How long joints are damped before torque goes off, µs.
@@ -56,6 +65,10 @@ impl Default for Settings {
             overrun_us: 50_000,
             out_of_range_rad: 0.2,
             max_gain_ratio: 2.0,
+            imu_required: false,
+            lean_rad: 0.35,
+            tip_rad: 0.8,
+            tilt_patience_us: 100_000,
             hold_us: 1_000_000,
             damping_us: 1_500_000,
         }
@@ -101,6 +114,12 @@ impl Settings {
         let period_us = 1_000_000 / u32::from(self.control_hz);
         if self.overrun_us <= period_us {
             return fail("overrun_us", "longer than a control period");
+        }
+        if self.lean_rad.is_nan() || self.lean_rad <= 0.0 {
+            return fail("lean_rad", "above 0");
+        }
+        if !(self.tip_rad >= self.lean_rad || self.lean_rad.is_infinite() && self.tip_rad > 0.0) {
+            return fail("tip_rad", "lean_rad or more");
         }
         if !(self.out_of_range_rad >= 0.0 && self.out_of_range_rad.is_finite()) {
             return fail("out_of_range_rad", "0 or more");
@@ -149,6 +168,9 @@ mod tests {
             (Settings { align_tolerance_rad: 0.0, ..good }, "align_tolerance_rad"),
             (Settings { max_gain_ratio: 0.5, ..good }, "max_gain_ratio"),
             (Settings { max_gain_ratio: f32::NAN, ..good }, "max_gain_ratio"),
+            (Settings { lean_rad: 0.0, ..good }, "lean_rad"),
+            (Settings { tip_rad: f32::NAN, ..good }, "tip_rad"),
+            (Settings { tip_rad: 0.1, ..good }, "tip_rad"),
             (Settings { follow_tolerance_rad: -1.0, ..good }, "follow_tolerance_rad"),
             (Settings { overrun_us: 8_333, ..good }, "overrun_us"),
             (Settings { out_of_range_rad: f32::INFINITY, ..good }, "out_of_range_rad"),

@@ -4,6 +4,7 @@
 //! Last station of the planner; what comes next is flashing. The byte format is
 //! [`rollwalk_protocol::library`]'s, which also validates the graph as a controller does.
 
+mod attitude;
 mod error;
 mod frames;
 
@@ -15,7 +16,7 @@ use crate::sample::{PlanSpline, Setpoints};
 use frames::{Channels, Clip};
 use rollwalk_protocol::config::{MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::library::{
-    self, ClipCursor, ClipId, EncodeError, Library, LibrarySpec, MotionSpec, RATE_HZ,
+    self, Attitude, ClipCursor, ClipId, EncodeError, Library, LibrarySpec, MotionSpec, RATE_HZ,
     TransitionSpec,
 };
 use rollwalk_robot::Robot;
@@ -159,7 +160,10 @@ pub fn build(content: &LibraryContent) -> Result<BuiltLibrary, LibraryError> {
         transitions: &transitions,
         safe: content.safe,
     };
-    let bytes = encoded(&spec, &clips).map_err(|error| LibraryError::Encode {
+    let plans = content.motions.iter().map(|m| m.plan);
+    let plans = plans.chain(content.transitions.iter().map(|t| t.plan));
+    let attitudes: Vec<Attitude> = plans.map(attitude::attitude).collect();
+    let bytes = encoded(&spec, &attitudes, &clips).map_err(|error| LibraryError::Encode {
         clips: clips.iter().map(|c| c.name.clone()).collect(),
         error,
     })?;
@@ -196,13 +200,17 @@ fn frame_at(motion: &str, field: &'static str, time_s: f64) -> Result<usize, Lib
 }
 
 /// Encodes into a buffer that grows until the library fits.
-fn encoded(spec: &LibrarySpec, clips: &[Clip]) -> Result<Vec<u8>, EncodeError> {
+fn encoded(
+    spec: &LibrarySpec,
+    attitudes: &[Attitude],
+    clips: &[Clip],
+) -> Result<Vec<u8>, EncodeError> {
     let values: usize = clips.iter().map(|c| c.values.len()).sum();
     // Packed frames are smaller than two bytes a value; tables take a few kilobytes.
     let mut room = 4096 + 2 * values;
     loop {
         let mut bytes = vec![0; room];
-        match library::encode(spec, &mut bytes) {
+        match library::encode_with_attitudes(spec, attitudes, &mut bytes) {
             Ok(len) => {
                 bytes.truncate(len);
                 return Ok(bytes);

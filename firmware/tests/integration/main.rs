@@ -16,5 +16,6 @@ mod rig;
 mod robot;
 mod serial;
 mod stopping;
+mod tilt;
 mod torque;
 mod transfer;

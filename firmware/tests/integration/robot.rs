@@ -3,7 +3,9 @@
 use std::f32::consts::TAU;
 
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
-use rollwalk_protocol::library::{LibrarySpec, MotionSpec, TransitionSpec, encode};
+use rollwalk_protocol::library::{
+    Attitude, LibrarySpec, MotionSpec, TransitionSpec, encode_with_attitudes,
+};
 
 pub const CHANNELS: usize = 3;
 pub const STAND: [f32; CHANNELS] = [0.25, -0.5, 0.0];
@@ -120,12 +122,33 @@ pub fn library_that_settles() -> Vec<u8> {
     build(&config(), &settle(), false)
 }
 
+/// The library, which tells that one of its motions has the nose down by so much, more or less.
+pub fn library_with_attitudes(code: u8, pitch_rad: f32, spread_rad: f32) -> Vec<u8> {
+    let level = Attitude { spread_rad, ..Attitude::LEVEL };
+    let up_body = [-pitch_rad.sin(), 0.0, pitch_rad.cos()];
+    let bowed = Attitude { up_body, spread_rad };
+    let motions =
+        [CODE_STAND, CODE_DRIVE, CODE_WALK].map(|c| if c == code { bowed } else { level });
+    let attitudes = [&motions[..], &[level; 4]].concat();
+    build_told(&config(), &stand(), true, 1.0, &attitudes)
+}
+
 fn build(config: &RobotConfig, stand: &[f32], looping: bool) -> Vec<u8> {
     build_at(config, stand, looping, 1.0)
 }
 
 /// With the wheel `speed` times as fast.
 fn build_at(config: &RobotConfig, stand: &[f32], looping: bool, speed: f32) -> Vec<u8> {
+    build_told(config, stand, looping, speed, &[])
+}
+
+fn build_told(
+    config: &RobotConfig,
+    stand: &[f32],
+    looping: bool,
+    speed: f32,
+    attitudes: &[Attitude],
+) -> Vec<u8> {
     let slower = |mut frames: Vec<f32>| {
         frames.chunks_mut(CHANNELS).for_each(|frame| frame[2] *= speed);
         frames
@@ -157,7 +180,8 @@ fn build_at(config: &RobotConfig, stand: &[f32], looping: bool, speed: f32) -> V
     ];
     let spec = LibrarySpec { config, motions: &motions, transitions: &transitions, safe: 0 };
     let mut bytes = vec![0; 64 * 1024];
-    let len = encode(&spec, &mut bytes).expect("the test library encodes");
+    let len =
+        encode_with_attitudes(&spec, attitudes, &mut bytes).expect("the test library encodes");
     bytes.truncate(len);
     bytes
 }

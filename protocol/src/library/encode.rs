@@ -2,6 +2,7 @@
 //!
 //! Runs where libraries are built, but without an allocator: it writes into the caller's buffer.
 
+use super::attitude::Attitude;
 use super::codec::{BLOCK_CRC_AT, BLOCK_HEADER_LEN, GROUP, WIDTH_BITS, code_for, width_of, zigzag};
 use super::container::{HEADER_LEN, SECTION_HEADER_LEN};
 use super::records::*;
@@ -22,11 +23,20 @@ use crate::crc::crc32c_digest;
 ///
 /// Motion `i` becomes node and clip `i`, transition `j` edge `j` and clip `motions + j`.
 pub fn encode(spec: &LibrarySpec<'_>, out: &mut [u8]) -> Result<usize, EncodeError> {
+    encode_with_attitudes(spec, &[], out)
+}
+
+/// The same, told which way is up in each clip, motions first; an empty list tells nothing.
+pub fn encode_with_attitudes(
+    spec: &LibrarySpec<'_>,
+    attitudes: &[Attitude],
+    out: &mut [u8],
+) -> Result<usize, EncodeError> {
     let source = Source::new(spec)?;
     let mut w = Writer::new(out);
     w.zeros(HEADER_LEN)?;
     write_manifest(&source, &mut w)?;
-    write_clips(&source, &mut w)?;
+    write_clips(&source, attitudes, &mut w)?;
     write_graph(&source, &mut w)?;
     w.section(8, 2, |w| {
         let last = source.spec.motions.get(spec.safe).map_or(0, |m| source.frame_count(m.frames));
@@ -57,10 +67,15 @@ fn write_manifest(source: &Source<'_>, w: &mut Writer<'_>) -> Result<(), EncodeE
 }
 
 /// The frames, and before them the table that says where they are.
-fn write_clips(source: &Source<'_>, w: &mut Writer<'_>) -> Result<(), EncodeError> {
-    let record_len = usize::from(CLIP_LEN);
+fn write_clips(
+    source: &Source<'_>,
+    attitudes: &[Attitude],
+    w: &mut Writer<'_>,
+) -> Result<(), EncodeError> {
+    let stride = if attitudes.is_empty() { CLIP_LEN } else { CLIP_LEN + ATTITUDE_LEN };
+    let record_len = usize::from(stride);
     let mut record_at = w.len().saturating_add(SECTION_HEADER_LEN);
-    w.section(3, CLIP_LEN, |w| w.zeros(source.clips().count() * record_len))?;
+    w.section(3, stride, |w| w.zeros(source.clips().count() * record_len))?;
     w.section(4, 1, |w| {
         let start = w.len();
         for (number, (clip, frames, flags)) in source.clips().enumerate() {
@@ -75,7 +90,13 @@ fn write_clips(source: &Source<'_>, w: &mut Writer<'_>) -> Result<(), EncodeErro
                 offset: (offset - start) as u32,
                 len: (w.len() - offset) as u32,
             };
-            w.record_at(record_at, record_len, &record)?;
+            if attitudes.is_empty() {
+                w.record_at(record_at, record_len, &record)?;
+            } else {
+                let attitude = attitudes.get(number).and_then(Attitude::record);
+                let attitude = attitude.ok_or(EncodeError::Attitude { clip })?;
+                w.record_at(record_at, record_len, &(record, attitude))?;
+            }
             record_at += record_len;
         }
         Ok(())

@@ -29,6 +29,7 @@
 //!
 //! The byte format is normative in `docs/motion-library.md`.
 
+mod attitude;
 mod codec;
 mod container;
 mod cursor;
@@ -44,8 +45,9 @@ mod validate_graph;
 mod view;
 mod writer;
 
+pub use attitude::Attitude;
 pub use cursor::{Advance, ClipCursor, Unreadable};
-pub use encode::encode;
+pub use encode::{encode, encode_with_attitudes};
 pub use reject::{Reject, Section, Why};
 pub use spec::{ClipRef, EncodeError, JOIN_TOLERANCE_RAD, LibrarySpec, MotionSpec, TransitionSpec};
 pub use validate::validate;
@@ -56,7 +58,7 @@ pub const RATE_HZ: u16 = 60;
 /// Format version: a different major number is refused.
 pub const FORMAT_MAJOR: u16 = 1;
 /// Format version: a higher minor number has sections and record fields that we skip.
-pub const FORMAT_MINOR: u16 = 0;
+pub const FORMAT_MINOR: u16 = 1;
 /// Most motions (nodes) of a library.
 pub const MAX_MOTIONS: usize = 32;
 /// Most transitions (edges) of a library.

@@ -49,6 +49,22 @@ pub(crate) struct ClipRecord {
     pub len: u32,
 }
 
+/// Which way is up during a clip; follows the [`ClipRecord`] where the builder has told, since format
+/// 1.1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct AttitudeRecord {
+    /// Direction in the body frame, in parts of 2 to the power of −14.
+    #[serde(with = "postcard::fixint::le")]
+    pub up_x: i16,
+    #[serde(with = "postcard::fixint::le")]
+    pub up_y: i16,
+    #[serde(with = "postcard::fixint::le")]
+    pub up_z: i16,
+    /// Furthest from there, mrad.
+    #[serde(with = "postcard::fixint::le")]
+    pub spread: u16,
+}
+
 /// After the last frame comes frame 0.
 pub(crate) const FLAG_LOOPING: u8 = 1;
 
@@ -74,5 +90,6 @@ pub(crate) struct CodeRecord {
 pub(crate) const MANIFEST_LEN: u16 = 10;
 pub(crate) const CHANNEL_LEN: u16 = 8;
 pub(crate) const CLIP_LEN: u16 = 11;
+pub(crate) const ATTITUDE_LEN: u16 = 8;
 pub(crate) const EDGE_LEN: u16 = 6;
 pub(crate) const CODE_LEN: u16 = 2;

@@ -174,6 +174,12 @@ pub enum EncodeError {
         /// Their code.
         code: u8,
     },
+    /// Which way is up in a clip is not told, or told by what is no unit vector with an angle.
+    #[error("{clip}: its attitude must be a unit vector and an angle from 0 to π rad")]
+    Attitude {
+        /// The clip.
+        clip: ClipRef,
+    },
     /// The buffer is too small.
     #[error("the library does not fit into {room} bytes")]
     Full {

@@ -154,6 +154,10 @@ impl Walk<'_> {
         Ok(())
     }
 
+    fn tells_attitudes(&self) -> bool {
+        span(&self.sections, Section::Clips).stride >= CLIP_LEN + ATTITUDE_LEN
+    }
+
     fn clips(&self) -> Result<(), Reject> {
         let mut offset = 0u32;
         for i in 0..self.library.clip_count() {
@@ -166,6 +170,7 @@ impl Walk<'_> {
             if record.flags & !FLAG_LOOPING != 0
                 || (transition && info.looping)
                 || record.offset != offset
+                || (self.tells_attitudes() && self.library.attitude(clip).is_none())
             {
                 return Err(broken);
             }

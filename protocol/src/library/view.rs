@@ -1,7 +1,8 @@
 //! The read view of a validated library, and the proof of validation that opens it.
 
+use super::attitude::Attitude;
 use super::container::{FOOTER_LEN, SECTIONS, Span, u16_at, u32_at};
-use super::records::{CodeRecord, EdgeRecord, FLAG_LOOPING};
+use super::records::{CLIP_LEN, CodeRecord, EdgeRecord, FLAG_LOOPING};
 use super::reject::Section;
 use super::{ClipId, EdgeId, NO_EDGE, NodeId, quantise, records};
 use crate::config::MAX_CHANNELS;
@@ -148,6 +149,17 @@ impl<'a> Library<'a> {
             code: if motion { self.code_of(NodeId(clip.0)) } else { None },
             bytes: record.len,
         })
+    }
+
+    /// Which way is up during a clip; `None` when the library does not tell.
+    pub fn attitude(&self, clip: ClipId) -> Option<Attitude> {
+        if clip.0 >= self.clip_count() {
+            return None;
+        }
+        let span = self.index.sections.get(Section::Clips.index()?)?;
+        let record = span.record(self.bytes, usize::from(clip.0))?.get(usize::from(CLIP_LEN)..)?;
+        // Libraries of format 1.0, and those that were not told, end here.
+        Attitude::of(&postcard::take_from_bytes(record).ok()?.0)
     }
 
     /// The motion that a command code asks for.

@@ -1,13 +1,30 @@
-//! The bytes of a library of format 1.0. Do not change: libraries like this one are stored in
+//! The bytes of libraries of formats 1.0 and 1.1. Do not change: libraries like these are stored in
 //! robots. If a test here fails, the code is wrong, or the format needs a new version.
 
-use crate::fixture::{encode_vec, robot};
+use crate::fixture::robot;
 use rollwalk_protocol::library::{
-    ClipCursor, ClipId, Library, LibrarySpec, MotionSpec, NodeId, TransitionSpec, validate,
+    Attitude, ClipCursor, ClipId, Library, LibrarySpec, MotionSpec, NodeId, TransitionSpec,
+    encode_with_attitudes, validate,
 };
 
-/// Do not change.
-const GOLDEN: &str = "\
+/// Do not change: with attitudes.
+const GOLDEN_1_1: &str = "\
+524f4c4c57414c4b010001007d010000000000006db0daf001000a000a000000
+7eded3f13c0002020200020008001000000000f600fa0006670001f600e00020
+0104030013004c00000001010000000000120000000000000000400000004000
+12000000450000009ad900003333fa0000020057000000130000000000000000
+4000000002006a00000013000000000000400000c409040001007d0000000001
+000008005cc87e366400000000000000013c000023005f3a9225640000020300
+0000034892c44e92c4034e92c44e92c4034e92c44e92c4034e92c44e0001043c
+000e000b778fb06a000002ffff0000a10008c0ff010202000009007dfa0dcd64
+00000000000002000302000009009237c68d640000000000000000050006000c
+00000000010000000001003f0000000600010004000000000001010700020004
+00000003010700080002000400000064000000090001000a000000057374616e
+64036e6f6452574c2d454e442e7d01000085cb8335000000008a5bb7c9
+";
+
+/// Do not change: without.
+const GOLDEN_1_0: &str = "\
 524f4c4c57414c4b010000005d0100000000000051ae8c3601000a000a000000
 7eded3f13c0002020200020008001000000000f600fa0006670001f600e00020
 010403000b002c00000001010000000000120000000040001200000045000000
@@ -21,8 +38,8 @@ const GOLDEN: &str = "\
 64036e6f6452574c2d454e442e5d0100001f4283ed000000003780265b
 ";
 
-fn golden() -> Vec<u8> {
-    let digits: Vec<u8> = GOLDEN.bytes().filter(u8::is_ascii_hexdigit).collect();
+fn golden(hex: &str) -> Vec<u8> {
+    let digits: Vec<u8> = hex.bytes().filter(u8::is_ascii_hexdigit).collect();
     let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
     digits.chunks(2).map(byte).collect()
 }
@@ -52,13 +69,21 @@ fn spec_bytes() -> Vec<u8> {
         TransitionSpec { from: 0, exit_frame: 0, to: 1, entry_frame: 0, frames: &to },
         TransitionSpec { from: 1, exit_frame: 63, to: 0, entry_frame: 0, frames: &still },
     ];
-    encode_vec(&LibrarySpec {
-        config: &config,
-        motions: &motions,
-        transitions: &transitions,
-        safe: 0,
-    })
+    let spec =
+        LibrarySpec { config: &config, motions: &motions, transitions: &transitions, safe: 0 };
+    let mut bytes = vec![0; 1000];
+    let len = encode_with_attitudes(&spec, &ATTITUDES, &mut bytes).unwrap();
+    bytes.truncate(len);
+    bytes
 }
+
+/// It nods with its body, too.
+const ATTITUDES: [Attitude; 4] = [
+    Attitude::LEVEL,
+    Attitude { up_body: [-0.6, 0.0, 0.8], spread_rad: 0.25 },
+    Attitude::LEVEL,
+    Attitude { up_body: [0.0, 1.0, 0.0], spread_rad: 2.5 },
+];
 
 #[test]
 fn encodes_to_the_golden_bytes() {
@@ -66,22 +91,25 @@ fn encodes_to_the_golden_bytes() {
         let line = |line: &[u8]| line.iter().map(|b| format!("{b:02x}")).collect::<String>();
         bytes.chunks(32).map(|l| line(l) + "\n").collect()
     };
-    assert_eq!(hex(&spec_bytes()), hex(&golden()));
+    assert_eq!(hex(&spec_bytes()), hex(&golden(GOLDEN_1_1)));
 }
 
 #[test]
 fn the_golden_bytes_still_play() {
-    let bytes = golden();
-    let config = robot(1, 1);
-    let index = validate(&bytes, &config).unwrap();
-    let library = Library::open(&bytes, &index).unwrap();
-    assert_eq!(library.name(NodeId(1)), Some("nod"));
-    assert_eq!(library.node_for_code(3), Some(NodeId(1)));
-    let mut cursor = ClipCursor::new(&library, ClipId(1), 0).unwrap();
-    for expected in nod().chunks(2) {
-        let mut frame = [0.0; 2];
-        cursor.frame_into(&library, &mut frame).unwrap();
-        assert_eq!(frame, expected, "multiples of a quantum return exactly");
-        cursor.advance(&library).unwrap();
+    for (bytes, attitude) in [(golden(GOLDEN_1_0), false), (golden(GOLDEN_1_1), true)] {
+        let config = robot(1, 1);
+        let index = validate(&bytes, &config).unwrap();
+        let library = Library::open(&bytes, &index).unwrap();
+        assert_eq!(library.name(NodeId(1)), Some("nod"));
+        assert_eq!(library.node_for_code(3), Some(NodeId(1)));
+        assert_eq!(library.attitude(ClipId(0)), attitude.then_some(Attitude::LEVEL));
+        assert_eq!(library.attitude(ClipId(1)).map(|a| a.spread_rad), attitude.then_some(0.25));
+        let mut cursor = ClipCursor::new(&library, ClipId(1), 0).unwrap();
+        for expected in nod().chunks(2) {
+            let mut frame = [0.0; 2];
+            cursor.frame_into(&library, &mut frame).unwrap();
+            assert_eq!(frame, expected, "multiples of a quantum return exactly");
+            cursor.advance(&library).unwrap();
+        }
     }
 }

@@ -123,7 +123,7 @@ fn future_minor_version_is_read() {
     reseal(&mut bytes);
     let reject = validate(&bytes, &fixture.config).unwrap_err();
     expect(reject, Section::Table, "section 10 is out of order, repeated, unknown");
-    bytes[10] = 1;
+    bytes[10] = 2;
     reseal(&mut bytes);
     let new = validate(&bytes, &fixture.config).unwrap();
     let before = good().1;

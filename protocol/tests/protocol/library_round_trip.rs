@@ -2,7 +2,8 @@
 
 use crate::fixture::{Fixture, TROT_EXIT};
 use rollwalk_protocol::library::{
-    Advance, ClipCursor, ClipId, ClipKind, Edge, EdgeId, Library, NodeId, Unreadable, validate,
+    Advance, Attitude, ClipCursor, ClipId, ClipKind, ClipRef, Edge, EdgeId, EncodeError, Library,
+    LibrarySpec, NodeId, Unreadable, encode_with_attitudes, validate,
 };
 
 #[test]
@@ -140,4 +141,48 @@ fn other_bytes_do_not_open() {
         (0..frames).any(|k| ClipCursor::new(&library, ClipId(i), k).is_err())
     });
     assert!(unreadable);
+}
+
+#[test]
+fn attitudes_come_back_and_a_library_without_says_none() {
+    let f = Fixture::new();
+    let plain = f.encode();
+    let (motions, transitions) = (f.motions(), f.transitions());
+    let (motions, transitions) = (&motions[..], &transitions[..]);
+    let spec = LibrarySpec { config: &f.config, motions, transitions, safe: 0 };
+    let told = |attitudes: &[Attitude]| {
+        let mut bytes = vec![0; 1 << 16];
+        let len = encode_with_attitudes(&spec, attitudes, &mut bytes)?;
+        bytes.truncate(len);
+        Ok::<_, EncodeError>(bytes)
+    };
+    let index = validate(&plain, &f.config).unwrap();
+    let clips = Library::open(&plain, &index).unwrap().clip_count();
+    assert_eq!(Library::open(&plain, &index).unwrap().attitude(ClipId(0)), None);
+
+    let bowed = Attitude { up_body: [0.6, 0.0, 0.8], spread_rad: 0.25 };
+    let mut attitudes = vec![Attitude::LEVEL; usize::from(clips)];
+    attitudes[1] = bowed;
+    let bytes = told(&attitudes).unwrap();
+    let index = validate(&bytes, &f.config).unwrap();
+    let library = Library::open(&bytes, &index).unwrap();
+    assert_eq!(library.attitude(ClipId(0)), Some(Attitude::LEVEL));
+    let back = library.attitude(ClipId(1)).unwrap();
+    assert!(back.up_body.iter().zip(bowed.up_body).all(|(a, b)| (a - b).abs() < 1e-4));
+    assert_eq!(back.spread_rad, bowed.spread_rad);
+    assert_eq!(library.attitude(ClipId(clips)), None);
+
+    for bad in [
+        Attitude { spread_rad: -0.1, ..Attitude::LEVEL },
+        Attitude { spread_rad: f32::NAN, ..Attitude::LEVEL },
+        Attitude { spread_rad: 3.2, ..Attitude::LEVEL },
+        Attitude { up_body: [0.0, 0.0, 0.9], ..Attitude::LEVEL },
+        Attitude { up_body: [f32::NAN; 3], ..Attitude::LEVEL },
+    ] {
+        attitudes[1] = bad;
+        let clip = ClipRef::Motion(1);
+        assert_eq!(told(&attitudes), Err(EncodeError::Attitude { clip }), "{bad:?}");
+    }
+    attitudes.truncate(1);
+    assert!(matches!(told(&attitudes), Err(EncodeError::Attitude { .. })));
 }

@@ -1,0 +1,151 @@
+//! Is the body tilted as the motion that plays makes it? Told by an IMU, if there is one.
+//!
+//! The adapter tells which way is up, from a filter that fuses gyroscope and accelerometer; an
+//! accelerometer alone takes every step of the robot for a tilt. The library tells which way up is in
+//! each clip, and how far it strays from there; a library that does not tell is taken to be level.
+
+use rollwalk_protocol::library::Attitude;
+
+use crate::safety::{Event, EventSet};
+use crate::settings::Settings;
+
+/// An IMU that has been silent for so long does not know any more, µs.
+const STALE_US: u64 = 100_000;
+
+/// What the IMU told last, and how that compares.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct TiltWatch {
+    told: Option<([f32; 3], u64)>,
+    /// Ticks for which the body has been tilted beyond the first and beyond the second angle.
+    leaning_ticks: u32,
+    tipped_ticks: u32,
+}
+
+impl TiltWatch {
+    /// Takes the direction of up in the body frame, of any length. What is no direction is no sign of
+    /// life.
+    pub fn observe(&mut self, now_us: u64, up_body: [f32; 3]) {
+        let length = length(up_body);
+        if length > 1e-3 && length.is_finite() {
+            self.told = Some((up_body.map(|x| x / length), now_us));
+        }
+    }
+
+    /// Whether the IMU has told lately.
+    pub fn is_awake(&self, now_us: u64) -> bool {
+        self.told.is_some_and(|(_, at)| now_us.saturating_sub(at) <= STALE_US)
+    }
+
+    /// How far the body is tilted from what a clip expects, rad, beyond what it strays by itself.
+    pub fn excess_rad(&self, expected: &Attitude) -> Option<f32> {
+        let (up, _) = self.told?;
+        let cosine: f32 = up.iter().zip(&expected.up_body).map(|(a, b)| a * b).sum();
+        let cosine = cosine / length(expected.up_body);
+        let angle = libm::acosf(cosine.clamp(-1.0, 1.0));
+        Some((angle - expected.spread_rad).max(0.0))
+    }
+
+    /// A control period has passed in which the body should have been as `expected`.
+    pub fn watch(
+        &mut self,
+        now_us: u64,
+        expected: &Attitude,
+        settings: &Settings,
+        events: &mut EventSet,
+    ) {
+        let excess = self.excess_rad(expected).filter(|_| self.is_awake(now_us));
+        let beyond = |limit: f32| match excess {
+            Some(excess) => excess > limit,
+            None => false,
+        };
+        let blind = settings.imu_required && excess.is_none();
+        let count = |so_far: u32, yes: bool| if yes { so_far.saturating_add(1) } else { 0 };
+        self.leaning_ticks = count(self.leaning_ticks, beyond(settings.lean_rad) || blind);
+        self.tipped_ticks = count(self.tipped_ticks, beyond(settings.tip_rad));
+        let patience = settings.ticks(settings.tilt_patience_us);
+        if self.leaning_ticks > patience {
+            events.insert(Event::Leaning);
+        }
+        if self.tipped_ticks > patience {
+            events.insert(Event::Tipped);
+        }
+    }
+}
+
+fn length(v: [f32; 3]) -> f32 {
+    libm::sqrtf(v.iter().map(|x| x * x).sum())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const SETTINGS: fn() -> Settings =
+        || Settings { tilt_patience_us: 25_000, ..Settings::default() };
+
+    fn events_after(up: [f32; 3], expected: &Attitude, ticks: u64) -> EventSet {
+        let mut tilt = TiltWatch::default();
+        let mut events = EventSet::default();
+        for tick in 0..ticks {
+            tilt.observe(tick * 8_333, up);
+            tilt.watch(tick * 8_333, expected, &SETTINGS(), &mut events);
+        }
+        events
+    }
+
+    fn pitched(rad: f32) -> [f32; 3] {
+        [9.81 * rad.sin(), 0.0, 9.81 * rad.cos()]
+    }
+
+    #[test]
+    fn a_lean_is_one_after_some_patience_and_a_fall_is_worse() {
+        let (level, s) = (Attitude::LEVEL, SETTINGS());
+        assert_eq!(events_after(pitched(s.lean_rad - 0.02), &level, 100), EventSet::default());
+        assert_eq!(events_after(pitched(s.lean_rad + 0.02), &level, 3), EventSet::default());
+        let mut lean = events_after(pitched(s.lean_rad + 0.02), &level, 6);
+        assert_eq!((lean.pop(), lean.pop()), (Some(Event::Leaning), None));
+        let mut fall = events_after(pitched(-s.tip_rad - 0.02), &level, 6);
+        assert_eq!((fall.pop(), fall.pop()), (Some(Event::Tipped), Some(Event::Leaning)));
+    }
+
+    /// A motion that bows is compared with its bow.
+    #[test]
+    fn the_clip_says_what_is_expected() {
+        let bow = Attitude { up_body: [0.6_f32.sin(), 0.0, 0.6_f32.cos()], spread_rad: 0.1 };
+        let s = SETTINGS();
+        assert_eq!(events_after(pitched(0.6 + s.lean_rad + 0.08), &bow, 50), EventSet::default());
+        assert_ne!(events_after(pitched(0.6 + s.lean_rad + 0.12), &bow, 50), EventSet::default());
+        assert_ne!(events_after(pitched(0.6 - s.lean_rad - 0.12), &bow, 50), EventSet::default());
+    }
+
+    #[test]
+    fn an_imu_that_must_be_there_and_is_silent_counts_as_a_lean() {
+        let mut events = EventSet::default();
+        let settings = Settings { imu_required: true, ..SETTINGS() };
+        let mut tilt = TiltWatch::default();
+        tilt.observe(0, pitched(0.0));
+        assert!(tilt.is_awake(STALE_US) && !tilt.is_awake(STALE_US + 1));
+        for tick in 0..10 {
+            tilt.watch(STALE_US + 1 + tick, &Attitude::LEVEL, &settings, &mut events);
+        }
+        assert_eq!(events.pop(), Some(Event::Leaning));
+        // Where it need not be there, silence says nothing.
+        for tick in 0..10 {
+            tilt.watch(STALE_US + 1 + tick, &Attitude::LEVEL, &SETTINGS(), &mut events);
+        }
+        assert_eq!(events.pop(), None);
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_no_direction_is_ignored(bad in prop::array::uniform3(prop_oneof![
+            Just(0.0f32), Just(f32::NAN), Just(f32::INFINITY), Just(1e-30), Just(3e38)
+        ])) {
+            let mut tilt = TiltWatch::default();
+            tilt.observe(0, bad);
+            prop_assert!(!tilt.is_awake(0) || tilt.excess_rad(&Attitude::LEVEL).is_some());
+            prop_assert!(tilt.excess_rad(&Attitude::LEVEL).is_none_or(|x| (0.0..=3.15).contains(&x)));
+        }
+    }
+}

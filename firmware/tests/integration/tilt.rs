@@ -1,0 +1,80 @@
+//! An IMU tells that the body is tilted otherwise than the motion makes it.
+
+use rollwalk_firmware::Settings;
+use rollwalk_firmware::safety::State;
+use rollwalk_protocol::wire::{Action, CommandResult, Fault};
+
+use crate::rig::Rig;
+use crate::robot::*;
+
+fn up(pitch_rad: f32) -> [f32; 3] {
+    [-9.81 * pitch_rad.sin(), 0.0, 9.81 * pitch_rad.cos()]
+}
+
+fn run(rig: &mut Rig, pitch_rad: f32, ticks: u32) {
+    for _ in 0..ticks {
+        rig.brain.on_attitude(rig.now_us, up(pitch_rad));
+        rig.step();
+    }
+}
+
+#[test]
+fn a_lean_leads_home_and_a_fall_is_let_down() {
+    let mut rig = Rig::ready();
+    run(&mut rig, 0.3, 100);
+    assert_eq!(rig.brain.state(), State::Ready);
+    rig.play(CODE_WALK);
+    run(&mut rig, 0.0, 100);
+    // A push.
+    run(&mut rig, 0.5, 10);
+    run(&mut rig, 0.0, 50);
+    assert_eq!(rig.brain.state(), State::Playing);
+    run(&mut rig, 0.5, 16);
+    assert_eq!(rig.brain.state(), State::Returning);
+    let report = rig.fault_report(Fault::Tilt);
+    assert!((report.value - 0.5).abs() < 1e-3, "{report:?}");
+
+    let mut rig = Rig::ready();
+    rig.play(CODE_WALK);
+    run(&mut rig, 0.0, 100);
+    run(&mut rig, -1.2, 16);
+    assert_eq!(rig.brain.state(), State::Damped);
+    rig.run_until(State::TorqueOff, 300);
+    assert!(rig.brain.faults().contains(Fault::Tilt));
+}
+
+#[test]
+fn the_library_says_how_a_motion_tilts_the_body() {
+    // It bows by 0.6 rad in the walk, and says so.
+    let mut rig = Rig::new(Some(&library_with_attitudes(CODE_WALK, 0.6, 0.1)));
+    rig.run(20);
+    rig.arm();
+    rig.run_until(State::Ready, 1000);
+    rig.play(CODE_WALK);
+    while rig.clip() != WALK_CLIP {
+        run(&mut rig, 0.0, 1);
+    }
+    run(&mut rig, 0.6, 300);
+    assert_eq!((rig.brain.state(), rig.clip()), (State::Playing, WALK_CLIP));
+    // Upright it is not where it should be.
+    run(&mut rig, 0.0, 16);
+    assert_eq!(rig.brain.state(), State::Returning);
+}
+
+#[test]
+fn an_imu_that_is_required_must_be_awake() {
+    let settings = Settings { imu_required: true, ..Settings::default() };
+    let mut rig = Rig::with(config(), settings, Some(&library()));
+    rig.run(20);
+    assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::FaultPresent);
+    assert_eq!(rig.fault_report(Fault::Tilt).value, -1.0);
+    run(&mut rig, 0.0, 5);
+    rig.arm();
+    for _ in 0..1000 {
+        run(&mut rig, 0.0, 1);
+    }
+    assert_eq!(rig.brain.state(), State::Ready);
+    // 0.1 s until it counts as silent, 0.1 s of patience.
+    let after = rig.run_until(State::Returning, 100);
+    assert!((22..=28).contains(&after), "{after}");
+}

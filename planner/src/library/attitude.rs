@@ -1,0 +1,67 @@
+//! Which way is up during a plan, as a library tells a controller's IMU watch.
+
+use crate::plan::Plan;
+use rollwalk_protocol::library::Attitude;
+
+type Direction = [f64; 3];
+
+/// The mean direction of up in the base's frame, and the largest angle from there, over the plan's
+/// samples.
+pub fn attitude(plan: &Plan) -> Attitude {
+    let ups: Vec<Direction> =
+        plan.samples.iter().map(|s| up_in_base(s.base_orientation_wxyz)).collect();
+    let sum = ups.iter().fold([0.0; 3], |sum, up| [0, 1, 2].map(|i| sum[i] + up[i]));
+    let length = dot(&sum, &sum).sqrt();
+    // A plan without samples, or one that somersaults, is as level as it is anything.
+    let mean = if length > 1e-6 { sum.map(|x| x / length) } else { [0.0, 0.0, 1.0] };
+    let angles = ups.iter().map(|up| dot(up, &mean).clamp(-1.0, 1.0).acos());
+    Attitude { up_body: mean.map(|x| x as f32), spread_rad: angles.fold(0.0, f64::max) as f32 }
+}
+
+/// Third row of the rotation matrix: the world's z axis in the base's frame.
+fn up_in_base([w, x, y, z]: [f64; 4]) -> Direction {
+    [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)]
+}
+
+fn dot(a: &Direction, b: &Direction) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::Ends;
+    use crate::test_plans;
+    use nalgebra::UnitQuaternion;
+
+    fn plan_with(ypr: impl Fn(usize) -> [f64; 3]) -> Plan {
+        let mut plan = test_plans::Drive {
+            ends: Ends::AtRest,
+            duration_s: 0.5,
+            samples: 6,
+            x_m: |_| 0.0,
+            leg_rad: |_| 0.3,
+        }
+        .plan("still");
+        for (i, sample) in plan.samples.iter_mut().enumerate() {
+            let [yaw, pitch, roll] = ypr(i);
+            let q = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+            sample.base_orientation_wxyz = [q.w, q.i, q.j, q.k];
+        }
+        plan
+    }
+
+    #[test]
+    fn nose_down_is_up_ahead_wherever_it_heads() {
+        let a = attitude(&plan_with(|i| [0.7 * i as f64, 0.3, 0.0]));
+        let expected = [-(0.3_f32.sin()), 0.0, 0.3_f32.cos()];
+        assert!(a.up_body.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{a:?}");
+        assert!(a.spread_rad < 1e-5);
+    }
+
+    #[test]
+    fn what_rolls_to_and_fro_is_level_on_average_and_spread() {
+        let a = attitude(&plan_with(|i| [0.0, 0.0, if i % 2 == 0 { 0.2 } else { -0.2 }]));
+        assert!((a.up_body[1]).abs() < 0.2 && (a.spread_rad - 0.2).abs() < 0.08, "{a:?}");
+    }
+}
