@@ -7,6 +7,7 @@
 //! | [`link`], [`fault`] | a link as the host sees it, and one that loses frames |
 //! | [`rig`], [`store`] | controller, buses and motors, stepped in one fixed order |
 //! | [`core`], [`remote`] | the controller: firmware in this process, or a board over a serial line |
+//! | [`serial`] | the link to a board with a clock of its own, in real time |
 //! | [`bus`], [`candump`], [`clock`] | a bus exact to the bit, its log, virtual time |
 //! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle |
 //! | [`record`] | what was commanded on the buses and what came of it |
@@ -60,6 +61,7 @@ pub mod record;
 pub mod refusal;
 pub mod remote;
 pub mod rig;
+pub mod serial;
 pub mod servo;
 pub mod session;
 pub mod store;

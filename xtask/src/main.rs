@@ -39,6 +39,10 @@ enum Task {
     Board {
         /// The board.
         board: board::Board,
+        /// Serial port of a nucleo-g474re with the image on it: ask it how it is and transfer the
+        /// demo library. Torque stays off.
+        #[arg(long, value_name = "DEVICE")]
+        port: Option<std::path::PathBuf>,
     },
     /// Print what the image of mps2-an386 takes: flash, RAM, stack, instructions; and check that
     /// nothing in it can panic.
@@ -59,7 +63,7 @@ enum Task {
 fn main() -> ExitCode {
     let outcome = match Cli::parse().task {
         Task::Test { only } => steps::run(only),
-        Task::Board { board } => board::run(board),
+        Task::Board { board, port } => board::run(board, port.as_deref()),
         Task::Sizes => board::sizes(),
         Task::Fuzz { target, seconds, input } => fuzz::run(target, seconds, input.as_deref()),
     };

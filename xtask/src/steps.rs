@@ -65,7 +65,7 @@ impl Step {
                 shell::run(command.args(FEATURES).env("RUSTDOCFLAGS", "-D warnings"))
             }
             Step::NoStd => bare_metal::check(),
-            Step::Board => board::run(board::Board::NucleoG474re),
+            Step::Board => board::run(board::Board::NucleoG474re, None),
             Step::Fuzz => fuzz::check(),
             Step::Test => {
                 need_python()?;

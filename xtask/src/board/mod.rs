@@ -12,6 +12,7 @@ mod image;
 mod nucleo;
 mod scenario;
 mod sizes;
+mod visit;
 
 use crate::shell::{self, cargo};
 use clap::ValueEnum;
@@ -45,11 +46,18 @@ pub enum Board {
 /// Builds the image. The emulated board boots it and plays the demo library on it; the bench around it
 /// must see exactly the frames that it sees around the same firmware on the host.
 ///
+/// The real one is measured or, at a serial port, asked how it is and given the demo library.
+///
 /// # Errors
 /// What failed, or where the logs differ.
-pub fn run(board: Board) -> Result<(), String> {
-    if board == Board::NucleoG474re {
-        return nucleo::report();
+pub fn run(board: Board, port: Option<&Path>) -> Result<(), String> {
+    match (board, port) {
+        (Board::NucleoG474re, None) => return nucleo::report(),
+        (Board::NucleoG474re, Some(port)) => return visit::report(port),
+        (Board::Mps2An386, Some(_)) => {
+            return Err("mps2-an386 is emulated, and has no serial port: leave out --port".into());
+        }
+        (Board::Mps2An386, None) => {}
     }
     let image = image::MPS2_AN386.build(&[])?;
     eprintln!("built {}", shown(&image));

@@ -4,7 +4,8 @@ use embassy_stm32::pac::IWDG;
 use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 
 /// 32 kHz divided by 16: half a millisecond. The longest that the control loop may stop for is a
-/// library being checked, while disarmed; the actuators' own watchdogs are the fast ones.
+/// library being checked, while disarmed: about half a second for a slot that is full (320
+/// instructions a byte, counted on a host). The actuators' own watchdogs are the fast ones.
 const TIMEOUT_HALF_MS: u16 = 2000;
 
 /// A watchdog that runs: a second without [`feed`](Self::feed) resets the chip.

@@ -1,0 +1,95 @@
+//! A flashed NUCLEO-G474RE at its serial port: how it is, and a library for it. Torque stays off.
+
+use super::{MOTIONS, ROBOT, library, out, shown};
+use crate::shell::{self, command};
+use rollwalk_protocol::serial::{BusState, Report, Reset};
+use rollwalk_protocol::wire::Node;
+use rollwalk_robot::Robot;
+use rollwalk_sim_host::serial::SerialLink;
+use rollwalk_sim_host::session::Session;
+use std::fs::{self, File};
+use std::path::Path;
+use std::time::Duration;
+
+/// What the firmware sets its port to.
+const BAUD: &str = "1000000";
+/// What the firmware calls itself on the link, as `Settings::default` says.
+const NODE: u8 = 1;
+/// Longest wait for the report.
+const TIMEOUT: Duration = Duration::from_secs(1);
+/// Lowest brown-out reset level that suits a supply of 3.3 V.
+const BROWN_OUT_LEVEL: u8 = 4;
+
+/// Asks the board at `port` how it is and transfers the demo library.
+///
+/// # Errors
+/// What the board says that is not as it should be, or the line does not let through.
+pub fn report(port: &Path) -> Result<(), String> {
+    let name = port.display();
+    // Raw bytes, no echo: the driver of a terminal would change them.
+    let stty = ["-F", &name.to_string(), BAUD, "raw", "-echo"];
+    shell::output(&mut command("stty", &stty))?;
+    let failed = |error: std::io::Error| format!("{name}: {error}");
+    let writer = File::options().read(true).write(true).open(port).map_err(failed)?;
+    let mut link = SerialLink::new(writer.try_clone().map_err(failed)?, writer);
+    let report = link.report(TIMEOUT).map_err(|error| format!("{name}: {error}"))?;
+    let report = report.ok_or_else(|| {
+        format!(
+            "{name}: no report within {TIMEOUT:?}. Is the image on the board, and is this its port?"
+        )
+    })?;
+    print(&report);
+
+    let text = fs::read_to_string(shell::workspace_root().join(ROBOT))
+        .map_err(|error| format!("{ROBOT}: {error}"))?;
+    let robot = Robot::from_toml(ROBOT, &text).map_err(|error| format!("{ROBOT}: {error}"))?;
+    let config = robot.controller_config().map_err(|error| format!("{ROBOT}: {error}"))?;
+    if report.config_hash != config.hash() {
+        return Err(format!(
+            "the image is for robot {:08x}, {ROBOT} is {:08x}: flash the image again",
+            report.config_hash,
+            config.hash()
+        ));
+    }
+    if report.brown_out_level < BROWN_OUT_LEVEL {
+        return Err(format!(
+            "brown-out reset level {}, must be {BROWN_OUT_LEVEL}: firmware/boards/README.md, first run",
+            report.brown_out_level
+        ));
+    }
+
+    let folder = out()?;
+    let library = library(&folder)?;
+    let node = Node::new(NODE).ok_or("the firmware's node")?;
+    let mut session = Session::connect(link, node).map_err(|error| error.to_string())?;
+    println!("connected; {:?}", session.status().map(|status| status.state));
+    session.flash(&library, |_| {}).map_err(|error| error.to_string())?;
+    println!("{MOTIONS} in {}: transferred, checked, taken into use", shown(&folder));
+    Ok(())
+}
+
+fn print(report: &Report) {
+    let reset = match report.reset {
+        Reset::Other => "something else",
+        Reset::PowerOn => "power",
+        Reset::Pin => "the button",
+        Reset::Watchdog => "the watchdog",
+        Reset::Software => "software",
+    };
+    println!("robot          {:08x}", report.config_hash);
+    println!("reset by       {reset}, {:.1} s ago", f64::from(report.uptime_ms) * 1e-3);
+    println!("brown-out      level {}", report.brown_out_level);
+    println!("missed periods {:>7}", report.missed_periods);
+    println!("longest tick   {:>7} µs", report.longest_tick_us);
+    println!("broken words   {:>7}", report.broken_words);
+    for (name, bus) in ["link", "actuators 0", "actuators 1"].iter().zip(report.buses) {
+        let state = match bus.state {
+            BusState::Active => "active",
+            BusState::NotAcknowledged => "not acknowledged",
+            BusState::Passive => "error-passive",
+            BusState::Off => "off",
+        };
+        let (transmit, receive) = (bus.transmit_errors, bus.receive_errors);
+        println!("{name:<14} {state}, errors {transmit} and {receive}, {} lost", bus.lost);
+    }
+}
