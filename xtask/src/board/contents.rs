@@ -44,7 +44,11 @@ pub fn panic_paths(image: &[u8]) -> Result<Vec<String>, String> {
     let file = object::File::parse(image).map_err(|error| format!("the image: {error}"))?;
     let names: Vec<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
     if !names.iter().any(|name| name.contains("CONTROLLER")) {
-        return Err("the image has no symbols: whether it can panic cannot be seen".into());
+        return Err(
+            "the image has no symbols, or no controller because it always halts before it makes \
+             one: whether it can panic cannot be seen"
+                .into(),
+        );
     }
     let panicking = |name: &&&str| PANICKING.iter().any(|part| name.contains(part));
     Ok(names.iter().filter(panicking).map(|name| (*name).to_owned()).collect())

@@ -23,7 +23,7 @@ impl Image {
     /// The compiler's verdict, or the one command that gets a compiler.
     pub fn build(&self, features: &[&str]) -> Result<PathBuf, String> {
         let bare_metal::Build { mut cargo, artefacts } = bare_metal::build()?;
-        cargo.current_dir(shell::workspace_root().join(self.folder)).arg("--locked").arg("--quiet");
+        cargo.current_dir(shell::workspace_root().join(self.folder)).arg("--quiet");
         if !features.is_empty() {
             cargo.args(["--features", &features.join(",")]);
         }

@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 
 /// Most bytes of code and constants.
-pub const MAX_TEXT: u64 = 64 << 10;
+const MAX_TEXT: u64 = 64 << 10;
 /// Most bytes of static variables.
 pub const MAX_STATIC_RAM: u64 = 16 << 10;
 /// Most instructions of a control period: 1 kHz on a 170 MHz part with room to spare.

@@ -19,8 +19,8 @@ use rollwalk_firmware::store::MappedFlash;
 
 const START: usize = 0x0804_0000;
 const SIZE: usize = 256 << 10;
-/// The last two pages are the parameters'.
-const PARAMETERS: usize = 2 * PAGE;
+/// The last three pages are the parameters'.
+const PARAMETERS: usize = 3 * PAGE;
 const WORD: usize = 8;
 const PAGE: usize = 2048;
 
