@@ -7,6 +7,7 @@ use rollwalk_protocol::library::{Attitude, Library, Reject};
 use rollwalk_protocol::wire::{Fault, FaultBits};
 
 use crate::actuators::bus::Buses;
+use crate::actuators::load::examine;
 use crate::bus_watch::{BusState, BusWatch};
 use crate::gate::Gate;
 use crate::limiter::Target;
@@ -362,7 +363,13 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     fn self_test(&mut self) {
-        let usable = self.machine.settings.check().is_ok() && self.machine.config.check().is_ok();
+        let Machine { config, buses, settings } = &self.machine;
+        let buses_fit = |()| examine(config, buses, settings.control_hz);
+        let usable = settings.check().is_ok()
+            && config
+                .check()
+                .map(buses_fit)
+                .is_ok_and(|mut rows| rows.all(|row| row.problem.is_none()));
         if usable {
             // A store without a valid library is no failure: it waits to be written.
             self.shelf.load(&self.machine.config);

@@ -21,6 +21,7 @@ mod align;
 mod bus_watch;
 mod controller;
 mod gate;
+pub mod hal;
 mod hermite;
 pub mod limiter;
 mod link;
@@ -38,6 +39,7 @@ mod tuning;
 pub mod walk;
 
 pub use actuators::bus::{self, Bus, Buses};
+pub use actuators::load;
 pub use bus_watch::BusState;
 pub use controller::Controller;
 pub use settings::{Settings, SettingsError};

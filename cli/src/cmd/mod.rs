@@ -1,6 +1,7 @@
 //! The subcommands, one file each.
 
 mod bench;
+mod buses;
 mod completions;
 mod demo;
 mod export;

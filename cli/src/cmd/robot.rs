@@ -1,10 +1,12 @@
 //! `rollwalk robot check`: is a robot file right, and what does it describe? And the other commands
 //! about robot files.
 
+use super::buses::Examined;
 use super::import;
 use crate::inputs::Source;
 use crate::output::Table;
 use crate::{Exit, output};
+use miette::IntoDiagnostic;
 use rollwalk_robot::{Actuator, Contact, Robot};
 use serde::Serialize;
 use std::fmt::Write;
@@ -57,10 +59,15 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 
 fn check(check: &Check) -> miette::Result<Exit> {
     let robot = Source::Disk.robot(&check.robot)?;
+    let buses = Examined::new(&robot.controller_config().into_diagnostic()?);
     if check.json {
         output::print_json(&Report { mass_kg: mass_kg(&robot), robot: &robot })?;
     } else {
-        output::print(&describe(&robot))?;
+        output::print(&format!("{}\n{}", describe(&robot), buses.table()))?;
+    }
+    if let Some(reasons) = buses.refusal() {
+        let file = check.robot.display();
+        return Err(miette::miette!("{file}: no controller can drive its actuators\n{reasons}"));
     }
     Ok(Exit::Ok)
 }

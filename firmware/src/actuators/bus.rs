@@ -8,7 +8,7 @@ use rollwalk_protocol::actuators::maestro::Maestro;
 use rollwalk_protocol::actuators::mit::Mit;
 use rollwalk_protocol::actuators::odrive::Odrive;
 use rollwalk_protocol::actuators::rollwalk::RollwalkServos;
-use rollwalk_protocol::actuators::{ActuatorProtocol, Capabilities, Traffic};
+use rollwalk_protocol::actuators::{ActuatorProtocol, Capabilities, Order, Refusal, Traffic};
 
 /// Most actuator buses of a controller.
 pub const MAX_BUSES: usize = 4;
@@ -91,6 +91,26 @@ impl Protocol {
         }
     }
 
+    /// Its name, for people.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Protocol::Rollwalk => "Rollwalk",
+            Protocol::Mit(p) => p.model.name,
+            Protocol::Odrive(_) => "ODrive",
+            Protocol::CyberGear(_) => "CyberGear",
+            Protocol::Dynamixel(p) => p.model.name,
+            Protocol::Maestro(_) => "Maestro",
+        }
+    }
+
+    /// How often actuators tell their pose that tell it on a timer, Hz.
+    pub(crate) fn tells_hz(&self) -> Option<u32> {
+        match self {
+            Protocol::Odrive(p) => Some(p.estimates_hz),
+            _ => None,
+        }
+    }
+
     /// The most that setpoints for so many actuators and their answers take of the bus.
     pub fn traffic(&self, actuators: u32) -> Traffic {
         match self {
@@ -100,6 +120,18 @@ impl Protocol {
             Protocol::CyberGear(p) => p.traffic(actuators),
             Protocol::Dynamixel(p) => p.traffic(actuators),
             Protocol::Maestro(p) => p.traffic(actuators),
+        }
+    }
+
+    /// Whether an order can be told.
+    pub(crate) fn check(&self, order: &Order) -> Result<(), Refusal> {
+        match self {
+            Protocol::Rollwalk => RollwalkServos.emit(order, &mut |_| {}),
+            Protocol::Mit(p) => p.emit(order, &mut |_| {}),
+            Protocol::Odrive(p) => p.emit(order, &mut |_| {}),
+            Protocol::CyberGear(p) => p.emit(order, &mut |_| {}),
+            Protocol::Dynamixel(p) => p.emit(order, &mut |_| {}),
+            Protocol::Maestro(p) => p.emit(order, &mut |_| {}),
         }
     }
 }

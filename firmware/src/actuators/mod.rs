@@ -6,6 +6,7 @@
 //! | [`bus`] | what the actuators of a bus speak |
 //! | [`orders`] | what an actuator is told, as commands that its protocol can carry |
 //! | [`actuator`] | one actuator: what it told, what it is to be told |
+//! | [`load`] | whether the buses can carry and their protocols say what they will have to |
 //! | [`line`] | one bus: whose turn it is, and the frames of an order in a row |
 //!
 //! Towards the bus every actuator has one place for each errand and one for a setpoint, and what is
@@ -26,6 +27,7 @@ use crate::limiter::Target;
 mod actuator;
 pub mod bus;
 mod line;
+pub mod load;
 mod orders;
 mod serial;
 
@@ -54,7 +56,7 @@ impl Actuators {
     pub fn new(config: &RobotConfig, buses: &Buses) -> Self {
         let mut list = Vec::new();
         // A configuration has no more channels than fit.
-        let _ = list.resize_default(config.channels.len());
+        let _ = list.resize_default(config.channels.len().min(MAX_CHANNELS));
         let mut lines: [Line; MAX_BUSES] = Default::default();
         for (number, line) in lines.iter_mut().enumerate() {
             let bus = buses.get(number).copied().unwrap_or_default();

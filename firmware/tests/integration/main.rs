@@ -8,6 +8,7 @@ mod drives;
 mod flash;
 mod hostile;
 mod link;
+mod loads;
 mod parameters;
 mod pausing;
 mod playback;

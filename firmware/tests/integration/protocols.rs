@@ -35,7 +35,7 @@ pub fn dynamixel() -> Protocol {
 }
 
 pub fn maestro() -> Protocol {
-    let pulse = Pulse::default();
+    let pulse = Pulse { limits_us: (500.0, 2500.0), ..Pulse::default() };
     Protocol::Maestro(Maestro { device: None, crc: false, set_multiple: true, pulse })
 }
 

@@ -1,0 +1,134 @@
+//! Whether a robot's buses can carry what the controller will have to say, and whether their
+//! protocols can say it. The controller examines this in its self test; who makes a configuration
+//! asks [`examine`] for the reasons.
+
+use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
+use rollwalk_protocol::actuators::traffic::Overload;
+use rollwalk_protocol::actuators::{Answers, Command, Order, Refusal, Told, Traffic};
+use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
+
+use super::FRESH_TICKS;
+use super::bus::{Bus, Buses, ControlLoop, MAX_BUSES};
+use super::orders::{self, Errand, Hold};
+use crate::limiter::Target;
+
+/// A bus that a robot has actuators on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BusLoad {
+    /// Its number.
+    pub bus: u8,
+    /// What it is.
+    pub kind: Bus,
+    /// Actuators on it.
+    pub actuators: u32,
+    /// What goes over it, at worst.
+    pub traffic: Traffic,
+    /// Share of the bus that this takes.
+    pub load: f32,
+    /// Why it cannot be used.
+    pub problem: Option<BusProblem>,
+}
+
+/// Why a bus cannot be used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BusProblem {
+    /// A controller has no bus of this number: [`MAX_BUSES`] is one too large.
+    NoSuchBus,
+    /// More than it can carry.
+    Overload(Overload),
+    /// Its actuators tell their pose on a timer, less often than the controller needs it.
+    TooSeldom {
+        /// At least so often, Hz.
+        needed_hz: u32,
+    },
+    /// An actuator cannot be told something within its channel's limits.
+    CannotTell {
+        /// Number of the channel.
+        channel: u8,
+        /// What, and why.
+        refusal: Refusal,
+    },
+}
+
+/// Every bus that a robot has actuators on, at so many control periods a second.
+pub fn examine<'a>(
+    config: &'a RobotConfig,
+    buses: &'a Buses,
+    control_hz: u16,
+) -> impl Iterator<Item = BusLoad> + 'a {
+    (0..=u8::MAX).filter_map(move |bus| {
+        let actuators = config.channels.iter().filter(|c| c.bus == bus).count() as u32;
+        let kind = buses.get(usize::from(bus)).copied().unwrap_or_default();
+        let traffic = kind.protocol.traffic(actuators);
+        let (hz, bit_rate) = (f32::from(control_hz), kind.bit_rate as f32);
+        let overload = || traffic.check(hz, bit_rate).err().map(BusProblem::Overload);
+        (actuators > 0).then(|| BusLoad {
+            bus,
+            kind,
+            actuators,
+            traffic,
+            load: traffic.load(hz, bit_rate),
+            problem: problem(config, bus, &kind, control_hz).or_else(overload),
+        })
+    })
+}
+
+/// What is wrong with a bus besides its load.
+fn problem(config: &RobotConfig, bus: u8, kind: &Bus, control_hz: u16) -> Option<BusProblem> {
+    if usize::from(bus) >= MAX_BUSES {
+        return Some(BusProblem::NoSuchBus);
+    }
+    if let Some(tells_hz) = kind.protocol.tells_hz() {
+        let needed_hz = u32::from(control_hz).div_ceil(u32::from(FRESH_TICKS));
+        if tells_hz < needed_hz {
+            return Some(BusProblem::TooSeldom { needed_hz });
+        }
+    }
+    let members = config.channels.iter().enumerate().filter(|(_, c)| c.bus == bus);
+    for (channel, limits) in members {
+        if let Err(refusal) = tellable(limits, kind) {
+            return Some(BusProblem::CannotTell { channel: channel as u8, refusal });
+        }
+    }
+    None
+}
+
+/// Whether everything can be told that is within a channel's limits: its ends.
+fn tellable(limits: &Channel, bus: &Bus) -> Result<(), Refusal> {
+    let can = bus.protocol.capabilities();
+    let tell = |command: Command| bus.protocol.check(&Order { id: limits.id, command });
+    let on_controller = bus.control == ControlLoop::OnController;
+    tell(Command::Disable)?;
+    for (value, slope) in [(limits.min, -limits.max_rate), (limits.max, limits.max_rate)] {
+        let wheel = limits.kind == ChannelKind::WheelSpeed;
+        // As if it were there, so that gains are what they are.
+        let feedback = Feedback {
+            position_rad: if wheel { 0.0 } else { value },
+            velocity_rad_s: if wheel { value } else { slope },
+            torque_nm: 0.0,
+            status: ActuatorStatus(ActuatorStatus::ENABLED),
+            counter: 0,
+        };
+        let errand = |errand| orders::command(errand, limits, bus, &can, None, &feedback);
+        tell(errand(Errand::Enable))?;
+        if can.answers != Answers::Cyclic {
+            tell(errand(Errand::Query))?;
+        }
+        if can.limits == Told::Stored {
+            tell(errand(Errand::Limits))?;
+        }
+        if can.gains == Told::Stored {
+            tell(errand(Errand::Gains))?;
+        }
+        for hold in [Hold::Driven, Hold::Damped] {
+            let target = Target { value, slope: if wheel { 0.0 } else { slope } };
+            if on_controller {
+                tell(Command::Torque { torque_nm: limits.max_torque_nm })?;
+                tell(Command::Torque { torque_nm: -limits.max_torque_nm })?;
+            } else if let Some(command) = orders::setpoint(limits, &can, target, hold, &feedback) {
+                tell(command)?;
+            }
+        }
+    }
+    Ok(())
+}
