@@ -261,8 +261,10 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     fn watch_time(&mut self, now_us: u64) {
         if self.state.torque() != Torque::Off {
             self.bus_watch.watch(&mut self.events);
-            let expected = self.expected_attitude();
-            self.tilt.watch(now_us, &expected, &self.machine.settings, &mut self.events);
+            if self.tilt.is_there() || self.machine.settings.imu_required {
+                let expected = self.expected_attitude();
+                self.tilt.watch(now_us, &expected, &self.machine.settings, &mut self.events);
+            }
             if self.host_silent(now_us) {
                 self.events.insert(Event::HostLost);
             }

@@ -65,15 +65,23 @@ fn limited(limits: &Channel, last: f32, target: Target, period_s: f32) -> Target
     let step = limits.max_rate * period_s;
     let wanted = if target.value.is_finite() { target.value } else { last };
     let (low, high) = (limits.min.min(last), limits.max.max(last));
-    // Not `clamp`, which panics on limits in the wrong order.
-    let value = wanted.max(low).min(high).max(last - step).min(last + step);
+    let value = within(within(wanted, low, high), last - step, last + step);
     let slope = match limits.kind {
         ChannelKind::WheelSpeed => 0.0,
         // A value that had to be changed moves at the speed at which it was changed.
         _ if value != target.value || !target.slope.is_finite() => (value - last) / period_s,
         _ => target.slope,
     };
-    Target { value, slope: slope.max(-limits.max_rate).min(limits.max_rate) }
+    Target { value, slope: within(slope, -limits.max_rate, limits.max_rate) }
+}
+
+/// `value`, not below `low` and not above `high`; limits that are no number do not count.
+///
+/// Not `clamp`, which panics on limits in the wrong order; not `max` and `min`, which are calls on a
+/// Cortex-M4, and this is done for every channel in every control period.
+fn within(value: f32, low: f32, high: f32) -> f32 {
+    let value = if value < low { low } else { value };
+    if value > high { high } else { value }
 }
 
 /// The gains `(kp, kd)`, both scaled down when `kp·position_error + kd·velocity_error` would ask for

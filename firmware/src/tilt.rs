@@ -31,6 +31,11 @@ impl TiltWatch {
         }
     }
 
+    /// Whether there is an IMU, as far as is known.
+    pub fn is_there(&self) -> bool {
+        self.told.is_some()
+    }
+
     /// Whether the IMU has told lately.
     pub fn is_awake(&self, now_us: u64) -> bool {
         self.told.is_some_and(|(_, at)| now_us.saturating_sub(at) <= STALE_US)

@@ -4,6 +4,7 @@
 //! the frame whose turn it is goes out. Setpoints on CAN are one frame, so they are encoded once.
 
 use heapless::Vec;
+use rollwalk_protocol::actuator::Feedback;
 use rollwalk_protocol::actuators::dynamixel::packet::Deframer;
 use rollwalk_protocol::actuators::{ActuatorProtocol, Answers, Capabilities, Order, Told};
 use rollwalk_protocol::config::{Channel, RobotConfig};
@@ -44,6 +45,8 @@ pub struct Line {
     /// Where the next search for a setpoint begins, so that a slow bus serves all in turn.
     next: usize,
     pub begun: Option<Begun>,
+    /// Nothing waited when it was looked for last, and nothing was put there since.
+    pub idle: bool,
     /// A frame was taken in this control period.
     moved: bool,
     /// A question is being answered until the period is over: nobody else may talk on a serial line.
@@ -71,6 +74,7 @@ impl Line {
             members: members.fold(0, |bits, (i, _)| bits | bit(i)),
             next: 0,
             begun: None,
+            idle: false,
             moved: false,
             listening: false,
             deframer: Deframer::default(),
@@ -210,7 +214,14 @@ impl Actuators {
         // Every turn ends an order, if it does not return.
         loop {
             let line = self.lines.get_mut(usize::from(bus))?;
-            let begun = line.due(&self.list)?;
+            // A board asks for frames far more often than there are any.
+            if line.idle {
+                return None;
+            }
+            let Some(begun) = line.due(&self.list) else {
+                line.idle = true;
+                return None;
+            };
             let channel = begun.channels.trailing_zeros() as usize;
             let order = order(&self.list, config, &line.bus, &line.can, begun.about, channel);
             let (frame, frames) = match order {
@@ -235,22 +246,22 @@ pub fn order(
     channel: usize,
 ) -> Option<Order> {
     let (actuator, configured) = (list.get(channel)?, config.channels.get(channel)?);
+    let About::Errand(errand) = about else {
+        return Some(Order { id: configured.id, command: actuator.setpoint? });
+    };
     let max_torque_nm = actuator.torque_limit_nm.unwrap_or(configured.max_torque_nm);
     let limits = &Channel { max_torque_nm, ..*configured };
-    let command = match about {
-        About::Setpoint => actuator.setpoint?,
-        // Only torque-on needs to know the pose, and where it holds something at once, the pose of
-        // this moment. Dropped otherwise: it will be told again.
-        About::Errand(Errand::Enable) => {
-            let limp = can.gains == Told::EachTime || bus.control == ControlLoop::OnController;
-            let fresh = |_: &_| limp || actuator.silent_ticks <= FRESH_TICKS;
-            let feedback = actuator.feedback().filter(fresh)?;
-            orders::command(Errand::Enable, limits, bus, can, actuator.gains, &feedback)
-        }
-        About::Errand(errand) => {
-            let feedback = actuator.feedback().unwrap_or_default();
-            orders::command(errand, limits, bus, can, actuator.gains, &feedback)
-        }
+    // Only torque-on needs to know the pose, and where it holds something at once, the pose of this
+    // moment. Dropped otherwise: it will be told again.
+    let holds = !(can.gains == Told::EachTime || bus.control == ControlLoop::OnController);
+    let feedback = match actuator.feedback() {
+        Some(feedback) => feedback,
+        None if errand == Errand::Enable => return None,
+        None => Feedback::default(),
     };
+    if errand == Errand::Enable && holds && actuator.silent_ticks > FRESH_TICKS {
+        return None;
+    }
+    let command = orders::command(errand, limits, bus, can, actuator.gains, &feedback);
     Some(Order { id: limits.id, command })
 }

@@ -176,7 +176,10 @@ impl Actuators {
 
     /// Torque off, now: drops everything else and keeps telling until each actuator has confirmed.
     pub fn disable_all(&mut self) {
-        self.lines.iter_mut().for_each(Line::interrupt);
+        for line in &mut self.lines {
+            line.interrupt();
+            line.idle = false;
+        }
         for actuator in &mut self.list {
             actuator.setpoint = None;
             actuator.known_off = false;
@@ -187,7 +190,8 @@ impl Actuators {
     /// While torque is off: tells those again that have not confirmed; when `query`, asks the others
     /// for their pose, and clears faults of drives that keep them.
     pub fn keep_disabled(&mut self, query: bool) {
-        for line in &self.lines {
+        for line in &mut self.lines {
+            line.idle = false;
             let on_query = line.can.answers == Answers::OnQuery;
             let clears = line.bus.protocol != Protocol::Rollwalk;
             for actuator in members(&mut self.list, line) {
@@ -211,7 +215,8 @@ impl Actuators {
 
     /// Tells those to enable that are not, and asks the others for their pose.
     pub fn keep_enabling(&mut self) {
-        for line in &self.lines {
+        for line in &mut self.lines {
+            line.idle = false;
             let on_query = line.can.answers == Answers::OnQuery;
             let stored_gains = line.can.gains == Told::Stored;
             let stored_limits = line.can.limits == Told::Stored;
@@ -251,6 +256,7 @@ impl Actuators {
         let Some(line) = self.lines.get_mut(usize::from(limits.bus)) else { return };
         let Some(actuator) = self.list.get_mut(channel) else { return };
         let Some(feedback) = actuator.feedback() else { return };
+        line.idle = false;
         let on_query = line.can.answers == Answers::OnQuery;
         let setpoint = match line.bus.control {
             ControlLoop::InDrive => orders::setpoint(limits, &line.can, target, hold, &feedback),
