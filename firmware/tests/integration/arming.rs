@@ -91,7 +91,7 @@ fn nothing_moves_before_arming() {
 }
 
 #[test]
-fn no_enable_kick() {
+fn scar_2_no_enable_kick() {
     let mut rig = Rig::ready();
     rig.play(CODE_WALK);
     rig.run(100);

@@ -52,3 +52,26 @@ fn the_table_of_transitions_is_that_of_the_code() {
     }
     assert_eq!(block("transitions"), table, "the page should hold:\n{table}");
 }
+
+#[test]
+fn every_scar_has_its_test() {
+    let sources = [
+        include_str!("scars.rs"),
+        include_str!("arming.rs"),
+        include_str!("stopping.rs"),
+        include_str!("../../src/store/tests/power_cuts.rs"),
+        include_str!("../../../protocol/tests/protocol/actuators_mit.rs"),
+    ];
+    let scars: Vec<&str> = block("scars").lines().skip(2).collect();
+    assert_eq!(scars.len(), 10);
+    for (i, scar) in scars.into_iter().enumerate() {
+        let test = scar.split('`').nth(1).expect("a test in backticks");
+        assert!(test.starts_with(&format!("scar_{}_", i + 1)), "{test}");
+        let named = format!("fn {test}(");
+        let found = sources
+            .iter()
+            .find_map(|source| source.split(&named).next().filter(|s| s.len() < source.len()));
+        let before = found.unwrap_or_else(|| panic!("no test {test}"));
+        assert!(before.trim_end().ends_with("#[test]"), "{test} is not run");
+    }
+}

@@ -96,23 +96,6 @@ fn status_comes_at_20_hz_and_on_change() {
     assert_eq!((at, status.state), (rig.now_us, State::Aligning.into()));
 }
 
-#[test]
-fn any_fault_shows_in_the_status_word() {
-    type Cause = fn(&mut Rig);
-    let faults: [(Cause, Fault); 3] = [
-        (|rig| rig.servos[0].powered = false, Fault::ActuatorSilent),
-        (|rig| rig.servos[0].status = ActuatorStatus::TIMED_OUT, Fault::ActuatorFault),
-        (|rig| rig.host_alive = false, Fault::HostLost),
-    ];
-    for (cause, fault) in faults {
-        let mut rig = Rig::ready();
-        cause(&mut rig);
-        rig.run(50);
-        let status = rig.statuses().last().unwrap().1;
-        assert!(status.faults.contains(fault) && status.severity != Severity::None, "{status:?}");
-    }
-}
-
 /// The last fault report.
 fn report(rig: &Rig) -> FaultReport {
     let report = rig.heard.iter().rev().find_map(|(_, m)| match m {

@@ -15,6 +15,7 @@ mod playback;
 mod protocols;
 mod rig;
 mod robot;
+mod scars;
 mod serial;
 mod stopping;
 mod tilt;

@@ -12,7 +12,7 @@ use crate::rig::{Rig, me};
 use crate::robot::*;
 
 #[test]
-fn stale_command_after_power_return() {
+fn scar_1_stale_command_after_power_return() {
     let mut rig = Rig::ready();
     let ack = rig.play(CODE_DRIVE);
     rig.run(2 * u32::from(ack.value) + 60);

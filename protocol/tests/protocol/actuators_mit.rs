@@ -166,7 +166,7 @@ proptest! {
     /// A wheel told to stand still: what is left of torque at rest is half a step of torque, not kd
     /// times half a step of speed, which would be up to 12 steps.
     #[test]
-    fn a_wheel_told_zero_hardly_creeps(i in 0..MODELS.len(), kd in 0.05f32..=5.0) {
+    fn scar_10_a_wheel_told_zero_hardly_creeps(i in 0..MODELS.len(), kd in 0.05f32..=5.0) {
         let mit = Mit { model: MODELS[i], answers_from: AnswerId::Own };
         let codes = mit.wheel(&wheel(0.0, Some(kd), None)).unwrap();
         prop_assert_eq!(codes.kp, 0);

@@ -270,7 +270,7 @@ fn words_of_4_bytes() {
 }
 
 #[test]
-fn words_of_8_bytes_and_every_turn_of_the_log() {
+fn scar_4_power_cuts_within_every_write_and_erase() {
     torture::<8, 256>(150, 8, 0);
 }
 
@@ -295,7 +295,7 @@ fn a_second_cut_during_recovery() {
 }
 
 #[test]
-fn planted_bugs_are_found() {
+fn scar_5_planted_bugs_are_found() {
     for bug in [Bug::RecordBeforeData, Bug::SlotInUse, Bug::NoteBeforeData, Bug::EraseNewestRecord]
     {
         let (old, new) = (library(1, 150), library(2, 150));

@@ -1,0 +1,194 @@
+//! What went wrong with others, and must not here. `docs/playback-and-safety.md` lists every scar with
+//! the test that has its number; those that are not here stand with what they are about.
+
+use proptest::prelude::*;
+use rollwalk_firmware::BusState;
+use rollwalk_firmware::safety::State;
+use rollwalk_protocol::actuator::ActuatorStatus;
+use rollwalk_protocol::wire::{
+    Action, CommandResult, Discover, Estop, Fault, Heartbeat, Node, Severity,
+};
+
+use crate::rig::{Rig, me};
+use crate::robot::*;
+
+/// Others check the first setpoint when it is out already, and go on with a motion that was aborted.
+#[test]
+fn scar_3_checked_before_it_is_sent_and_an_abort_aborts() {
+    // Measured outside its range: nothing is sent at all.
+    let mut rig = Rig::booted();
+    rig.servos[1].value = 1.9;
+    rig.run(20);
+    let from = rig.servos[1].setpoints.len();
+    assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::PoseUnknown);
+    rig.run(50);
+    assert_eq!(rig.servos[1].setpoints.len(), from);
+    assert!(rig.servos.iter().all(|servo| !servo.enabled));
+
+    // A joint that does not follow ends the motion: all that comes afterwards is damping.
+    let mut rig = Rig::ready();
+    rig.play(CODE_WALK);
+    rig.run(200);
+    rig.servos[0].jammed_at = Some(-1.4);
+    rig.run_until(State::Damped, 200);
+    let before: Vec<usize> = rig.servos.iter().map(|servo| servo.setpoints.len()).collect();
+    let held = rig.servos[1].setpoints.last().unwrap().0;
+    rig.run_until(State::TorqueOff, 300);
+    for (servo, from) in rig.servos[..2].iter().zip(before) {
+        assert!(servo.setpoints[from + 1..].iter().all(|&(_, kp)| kp == 0.0), "let go");
+    }
+    assert!(rig.servos[1].setpoints.iter().rev().take(50).all(|&(value, _)| value == held));
+}
+
+/// Others feed a watchdog with whatever arrives, and start again when something arrives later.
+#[test]
+fn scar_6_only_new_heartbeats_feed_the_watchdog_and_its_end_latches() {
+    let mut rig = Rig::ready();
+    rig.play(CODE_WALK);
+    rig.run(200);
+    rig.host_alive = false;
+    let stuck = Heartbeat { seq: 9, host_ms: 1 }.encode(me());
+    let mut damaged = Heartbeat { seq: 0, host_ms: 0 }.encode(me());
+    for tick in 0..60u8 {
+        // An old heartbeat, a damaged one, commands, requests, discovery: talk, but no host.
+        rig.send(&stuck);
+        let mut data = [0; 8];
+        let len = damaged.data().len();
+        data[..len].copy_from_slice(damaged.data());
+        data[1] = tick;
+        damaged = rollwalk_protocol::can::CanFrame::new(damaged.id(), &data[..len]).unwrap();
+        rig.send(&damaged);
+        rig.send(&Discover.encode(Node::BROADCAST));
+        rig.command(Action::Unknown { kind: 12 });
+        rig.send_message(&[0x01, 1, 0]);
+        rig.step();
+    }
+    assert_eq!(rig.brain.state(), State::Returning);
+    rig.host_alive = true;
+    rig.run_until(State::TorqueOff, 2000);
+    rig.run(500);
+    assert_eq!(rig.brain.state(), State::TorqueOff, "it stays off when the host is back");
+    assert!(rig.brain.faults().contains(Fault::HostLost));
+}
+
+/// Others say that all is well while the robot lies on the floor.
+#[test]
+fn scar_7_any_fault_shows_in_the_status_word() {
+    type Cause = fn(&mut Rig);
+    let faults: [(Cause, Fault); 11] = [
+        (|rig| rig.servos[0].powered = false, Fault::ActuatorSilent),
+        (|rig| rig.servos[0].status = ActuatorStatus::TIMED_OUT, Fault::ActuatorFault),
+        (|rig| rig.servos[1].enabled = false, Fault::ActuatorFault),
+        (|rig| rig.host_alive = false, Fault::HostLost),
+        (|rig| rig.servos[0].jammed_at = Some(-1.4), Fault::TrackingError),
+        (|rig| rig.brain.on_bus_state(rig.now_us, 0, BusState::NotAcknowledged), Fault::BusNoAck),
+        (|rig| rig.brain.on_bus_state(rig.now_us, 1, BusState::Passive), Fault::BusPassive),
+        (|rig| rig.brain.on_bus_state(rig.now_us, 1, BusState::Off), Fault::BusOff),
+        (|rig| rig.now_us += 200_000, Fault::Overrun),
+        (|rig| rig.send(&Estop.encode(Node::BROADCAST)), Fault::EStop),
+        (
+            |rig| {
+                for _ in 0..20 {
+                    rig.brain.on_attitude(rig.now_us, [1.0, 0.0, 0.0]);
+                    rig.step();
+                }
+            },
+            Fault::Tilt,
+        ),
+    ];
+    for (cause, fault) in faults {
+        let mut rig = Rig::ready();
+        cause(&mut rig);
+        rig.run(100);
+        let status = rig.statuses().last().unwrap().1;
+        assert!(status.faults.contains(fault), "{fault:?}: {status:?}");
+        assert!(status.severity.code() > Severity::Notice.code(), "{fault:?}: {status:?}");
+        // And stays there, whatever is well again.
+        rig.servos.iter_mut().for_each(|servo| (servo.powered, servo.status) = (true, 0));
+        rig.run(700);
+        assert!(rig.statuses().last().unwrap().1.faults.contains(fault), "{fault:?}");
+    }
+}
+
+/// What a bad link does with a frame.
+#[derive(Clone, Copy, Debug)]
+enum Fate {
+    Arrives,
+    IsLost,
+    ArrivesTwice,
+    /// After so many others.
+    IsOvertaken(usize),
+}
+
+fn fate() -> impl Strategy<Value = Fate> {
+    prop_oneof![
+        3 => Just(Fate::Arrives),
+        1 => Just(Fate::IsLost),
+        1 => Just(Fate::ArrivesTwice),
+        2 => (1usize..4).prop_map(Fate::IsOvertaken),
+    ]
+}
+
+proptest! {
+    /// Adapters reorder, repeat and drop. A command then takes effect once, in its order, or not at
+    /// all; the last one that arrives in order counts.
+    #[test]
+    fn scar_8_a_link_that_reorders_repeats_and_drops(fates in prop::collection::vec(fate(), 1..12)) {
+        let mut rig = Rig::ready();
+        let codes = [CODE_WALK, CODE_DRIVE, CODE_STAND];
+        let mut line: Vec<(usize, usize)> = vec![];
+        for (i, fate) in fates.iter().enumerate() {
+            match *fate {
+                Fate::Arrives => line.push((i, i)),
+                Fate::IsLost => {}
+                Fate::ArrivesTwice => line.extend([(i, i), (i, i)]),
+                Fate::IsOvertaken(by) => line.push((i + by, i)),
+            }
+        }
+        line.sort_by_key(|&(at, _)| at);
+        let commands: Vec<_> = (0..fates.len())
+            .map(|i| rig.next_command(Action::Play { code: codes[i % 3], speed_64ths: 64 }))
+            .collect();
+        let mut newest = None;
+        for (_, i) in line {
+            let ack = rig.repeat(commands[i]);
+            let in_order = newest.is_none_or(|newest| i >= newest);
+            prop_assert_eq!(ack.result == CommandResult::Ok, in_order, "{} after {:?}", i, newest);
+            prop_assert!(in_order || ack.result == CommandResult::OutOfOrder);
+            newest = newest.max(Some(i));
+        }
+        if let Some(newest) = newest {
+            rig.run(1200);
+            // DRIVE and STAND end in SAFE; WALK goes on.
+            let walks = codes[newest % 3] == CODE_WALK;
+            prop_assert_eq!(rig.clip() == WALK_CLIP, walks);
+            prop_assert_eq!(rig.brain.state() == State::Playing, walks);
+        }
+    }
+}
+
+/// Others stream setpoints, and a host that stalls for a moment stops the robot or lets it fall. Here
+/// the motion is on the controller: a stall shorter than the timeout changes no setpoint, a longer one
+/// leads home along the graph.
+#[test]
+fn scar_9_a_host_that_stalls_does_not_disturb_the_motion() {
+    let play = |stall_ticks: std::ops::Range<u32>| {
+        let mut rig = Rig::ready();
+        rig.play(CODE_WALK);
+        let mut way = vec![];
+        for tick in 0..600 {
+            rig.host_alive = !stall_ticks.contains(&tick);
+            rig.step();
+            way.push(rig.servos.iter().map(|servo| servo.value).collect::<Vec<_>>());
+        }
+        (rig.brain.state(), way)
+    };
+    let (state, undisturbed) = play(0..0);
+    assert_eq!(state, State::Playing);
+    // 0.2 s.
+    assert_eq!(play(300..324), (State::Playing, undisturbed.clone()));
+    // 0.6 s, which is what stops others: home, and then off.
+    let (state, way) = play(200..272);
+    assert_ne!(state, State::Playing);
+    assert_eq!(way[..225], undisturbed[..225], "until the timeout");
+}
