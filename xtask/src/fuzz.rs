@@ -5,12 +5,11 @@
 //! dependencies have. A target that finds something names the input and the command that repeats it.
 
 use crate::shell::{self, command, workspace_root};
-use crate::{debian, fuzz_log};
+use crate::{debian, fuzz_log, parallel};
 use clap::ValueEnum;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::Mutex;
 
 /// Seconds that each target runs in `cargo xtask test`.
 const STEP_SECONDS: u32 = 30;
@@ -128,23 +127,9 @@ impl Fuzz {
 
     /// Runs targets, as many at a time as there are cores.
     fn all(&self, targets: &[Target], seconds: u32) -> Result<(), String> {
-        let waiting = Mutex::new(targets.iter());
-        let failures = Mutex::new(Vec::new());
-        let work = || {
-            loop {
-                let next = waiting.lock().expect("no worker panics").next().copied();
-                let Some(target) = next else { return };
-                match self.fuzz(target, seconds) {
-                    Ok(summary) => eprintln!("{summary}"),
-                    Err(why) => failures.lock().expect("no worker panics").push(why),
-                }
-            }
-        };
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        std::thread::scope(|scope| {
-            (0..cores.min(targets.len())).for_each(|_| drop(scope.spawn(work)));
+        let failures = parallel::each(targets, |&target| {
+            self.fuzz(target, seconds).map(|summary| eprintln!("{summary}"))
         });
-        let failures = failures.into_inner().expect("no worker panics");
         if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
     }
 
@@ -176,8 +161,8 @@ impl Fuzz {
         run.arg(format!("-artifact_prefix={}/", path(&artifacts)));
         run.arg(format!("-max_total_time={seconds}"));
         run.arg(format!("-max_len={}", target.max_len()));
-        // The same every time, from the same corpus. An input that takes 20 s hangs.
-        run.args(["-seed=1", "-timeout=20", "-rss_limit_mb=1024", "-print_final_stats=1"]);
+        // The same every time, from the same corpus. An input that takes a minute hangs.
+        run.args(["-seed=1", "-timeout=60", "-rss_limit_mb=1024", "-print_final_stats=1"]);
         let status = run.stdout(log).stderr(errors).status();
         let status = status.map_err(|error| failed(&program, &error))?;
         let log = std::fs::read(&log_path).map_err(|error| failed(&log_path, &error))?;

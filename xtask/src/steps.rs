@@ -24,6 +24,8 @@ pub enum Step {
     Board,
     /// Every fuzz target for half a minute.
     Fuzz,
+    /// Tests of protocol and firmware in Miri.
+    Miri,
     /// All tests.
     Test,
 }
@@ -38,6 +40,7 @@ impl Step {
             Step::NoStd => "protocol and firmware for the Cortex-M4 (no_std)",
             Step::Board => "image for the NUCLEO-G474RE",
             Step::Fuzz => "fuzz targets of protocol and firmware",
+            Step::Miri => "tests of protocol and firmware in Miri",
             Step::Test => "all tests",
         }
     }
@@ -66,7 +69,11 @@ impl Step {
             }
             Step::NoStd => bare_metal::check(),
             Step::Board => board::run(board::Board::NucleoG474re, None),
-            Step::Fuzz => fuzz::check(),
+            Step::Fuzz => {
+                need_component("clippy")?;
+                fuzz::check()
+            }
+            Step::Miri => crate::miri::check(),
             Step::Test => {
                 need_python()?;
                 let mut command = shell::cargo(&["test", "--workspace", "--no-fail-fast"]);

@@ -58,12 +58,13 @@ fn the_good_one_is_playable() {
     assert_playable(bytes, &index, &fixture.config);
 }
 
-/// Every single byte behind the checksums, set to several values.
+/// Every single byte behind the checksums, set to several values. Miri, a hundred times slower, takes
+/// some.
 #[test]
 fn every_forged_byte() {
     let (fixture, bytes) = golden();
     let mut accepted = 0;
-    for at in HEADER..bytes.len() - FOOTER {
+    for at in (HEADER..bytes.len() - FOOTER).step_by(if cfg!(miri) { 1999 } else { 1 }) {
         for change in [0x01, 0x80, 0xFF] {
             let mut forged = bytes.clone();
             forged[at] ^= change;
@@ -73,11 +74,11 @@ fn every_forged_byte() {
         }
     }
     // Small changes of frames and names are no less a library.
-    assert!(accepted > 10, "nothing behind the checksums was reached");
+    assert!(accepted > 10 || cfg!(miri), "nothing behind the checksums was reached");
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(2000))]
+    #![proptest_config(ProptestConfig::with_cases(if cfg!(miri) { 1 } else { 2000 }))]
 
     #[test]
     fn many_forged_bytes(changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6)) {

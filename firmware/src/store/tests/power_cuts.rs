@@ -12,6 +12,9 @@ use crate::store::log::Log;
 use crate::store::record::{Candidate, Image, State};
 use crate::store::slots::{self, LOG_UNITS};
 
+/// Of the cuts, one in so many: all of them, but for Miri, which is a hundred times slower.
+const EVERY: usize = if cfg!(miri) { 151 } else { 1 };
+
 /// A store that does one thing wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Bug {
@@ -171,7 +174,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         let Ok(whole) = self.live(whole, &mut Told::default()) else {
             return Err("fails without a cut".into());
         };
-        for fuel in 0..whole.used {
+        for fuel in (0..whole.used).step_by(EVERY) {
             let mut flash = start.clone();
             flash.arm(self.torn, Some(fuel));
             let mut told = Told::default();
@@ -244,15 +247,17 @@ fn start<const W: usize, const E: usize>(old: &[u8], new: &[u8], turn: usize) ->
 }
 
 fn torture<const W: usize, const E: usize>(frames: usize, turns: usize, second_step: usize) {
+    let (frames, turns) = if cfg!(miri) { (10, 1) } else { (frames, turns) };
     let (old, new) = (library(1, frames), library(2, frames));
-    for torn in ALL_TORN {
+    for torn in ALL_TORN.into_iter().skip(if cfg!(miri) { 3 } else { 0 }) {
         let bench = Bench { old: old.clone(), new: new.clone(), torn, bug: Bug::None };
         for turn in 0..turns {
             let report = bench.run(&start::<W, E>(&old, &new, turn), second_step);
             let report = report.unwrap_or_else(|why| panic!("{W} {E} {torn:?} {turn}: {why}"));
             // The injector fired, once for each byte, in both kinds of operation.
             assert_eq!(report.cuts, report.cut_writes + report.cut_erases);
-            assert!(report.cut_writes > new.len() && report.cut_erases >= 2 * E, "{report:?}");
+            let least = if cfg!(miri) { (0, 1) } else { (new.len(), 2 * E) };
+            assert!(report.cut_writes > least.0 && report.cut_erases >= least.1, "{report:?}");
             assert!(second_step == 0 || report.second_cuts > report.cuts, "{report:?}");
             println!("{W} {E} {torn:?} {turn}: {report:?}");
         }

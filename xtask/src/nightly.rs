@@ -1,0 +1,41 @@
+//! The nightly toolchain, for what only it can do: Miri.
+
+use crate::shell::{self, command};
+use std::process::Command;
+
+/// Cargo of the nightly toolchain.
+pub fn cargo(args: &[&str]) -> Command {
+    let mut words = vec!["run", "nightly", "cargo"];
+    words.extend(args);
+    let mut cargo = command("rustup", &words);
+    // What the cargo that runs this task has left behind belongs to another toolchain.
+    for name in ["RUSTUP_TOOLCHAIN", "CARGO", "RUSTC", "RUSTDOC", "RUSTC_WRAPPER"] {
+        cargo.env_remove(name);
+    }
+    cargo
+}
+
+/// Makes sure that nightly is installed with these components.
+///
+/// # Errors
+/// The one command that installs them, when this machine cannot.
+pub fn need(components: &[&str]) -> Result<(), String> {
+    let installed = || {
+        let list = ["component", "list", "--toolchain", "nightly", "--installed"];
+        shell::output(&mut command("rustup", &list)).is_ok_and(|list| {
+            components.iter().all(|wanted| list.lines().any(|line| line.starts_with(wanted)))
+        })
+    };
+    if installed() {
+        return Ok(());
+    }
+    // With the components named, rustup takes the newest nightly that has them.
+    let mut install = vec!["toolchain", "install", "nightly", "--profile", "minimal"];
+    components.iter().for_each(|component| install.extend(["--component", component]));
+    let done = shell::run(&mut command("rustup", &install));
+    if done.is_ok() && installed() {
+        return Ok(());
+    }
+    let why = done.err().map_or_else(String::new, |why| format!("{why}\n"));
+    Err(format!("{why}Miri needs the nightly toolchain:\n\n    rustup {}", install.join(" ")))
+}
