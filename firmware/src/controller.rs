@@ -14,7 +14,7 @@ use crate::limiter::Target;
 use crate::link::Link;
 use crate::motion::{Machine, Motion};
 use crate::player::Playing;
-use crate::safety::{Action, Event, EventSet, State, Torque, step};
+use crate::safety::{Action, Event, EventSet, State, StateMachine, Torque};
 use crate::settings::Settings;
 use crate::store::{LibraryStore, NoParameters, ParameterStore, StoreError};
 use crate::tilt::TiltWatch;
@@ -33,9 +33,7 @@ pub struct Controller<S, P = NoParameters> {
     pub(crate) tuning: Tuning<P>,
     pub(crate) bus_watch: BusWatch,
     pub(crate) tilt: TiltWatch,
-    state: State,
-    /// Faults since the last clear.
-    latched: FaultBits,
+    safety: StateMachine,
     events: EventSet,
     /// Since when it is in this state.
     since_us: u64,
@@ -80,8 +78,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             tuning: Tuning::new(parameters),
             bus_watch: BusWatch::default(),
             tilt: TiltWatch::default(),
-            state: State::Boot,
-            latched: FaultBits::default(),
+            safety: StateMachine::new(State::Boot),
             events: EventSet::default(),
             since_us: 0,
             held_since_us: None,
@@ -152,7 +149,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     /// A control period has passed: computes the next setpoints. To be called at
     /// [`Settings::control_hz`].
     pub fn tick(&mut self, now_us: u64) {
-        if self.state == State::Boot {
+        if self.state() == State::Boot {
             self.events.insert(Event::Started);
         }
         self.tick_gap_us = self.last_tick_us.map_or(0, |last| now_us.saturating_sub(last));
@@ -163,7 +160,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.settle(now_us);
         self.motion.drive(&self.machine, self.shelf.library(), &mut self.events);
         self.settle(now_us);
-        self.shelf.settle(self.state);
+        self.shelf.settle(self.state());
 
         if self.ticks_to_frame == 0 {
             self.ticks_to_frame = self.machine.settings.ticks_per_frame();
@@ -192,13 +189,13 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     /// Where the controller stands.
     pub fn state(&self) -> State {
-        self.state
+        self.safety.state()
     }
 
     /// Faults since the last clear, and what is wrong with the library.
     pub fn faults(&self) -> FaultBits {
-        let started = !matches!(self.state, State::Boot | State::SelfTest);
-        let mut faults = self.latched;
+        let started = !matches!(self.state(), State::Boot | State::SelfTest);
+        let mut faults = self.safety.latched();
         if started && self.shelf.library().is_none() {
             faults = faults.with(Fault::NoLibrary);
             if self.shelf.is_for_another_robot() {
@@ -236,7 +233,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     /// Ends a library's trial before it has played; only while disarmed.
     pub fn confirm_library(&mut self) -> Result<(), StoreError> {
-        if self.state != State::Disarmed {
+        if self.state() != State::Disarmed {
             return Err(StoreError::NotSealed);
         }
         self.shelf.confirm()
@@ -259,7 +256,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     fn watch_time(&mut self, now_us: u64) {
-        if self.state.torque() != Torque::Off {
+        if self.state().torque() != Torque::Off {
             self.bus_watch.watch(&mut self.events);
             if self.tilt.is_there() || self.machine.settings.imu_required {
                 let expected = self.expected_attitude();
@@ -274,11 +271,11 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         }
         let settings = &self.machine.settings;
         let elapsed = |since: u64, limit: u32| now_us.saturating_sub(since) >= u64::from(limit);
-        match self.state {
+        match self.state() {
             State::Returning => {
                 // An operator who disarms waits for it. When the host was lost nobody may know that
                 // the robot is about to sink: SAFE is held for a moment first.
-                let hold = if self.latched.is_empty() { 0 } else { settings.hold_us };
+                let hold = if self.safety.latched().is_empty() { 0 } else { settings.hold_us };
                 if self.held_since_us.is_some_and(|since| elapsed(since, hold)) {
                     self.events.insert(Event::HoldElapsed);
                 }
@@ -286,7 +283,9 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             State::Damped if elapsed(self.since_us, settings.damping_us) => {
                 self.events.insert(Event::DampingElapsed);
             }
-            State::TorqueOff if self.latched.is_empty() => self.events.insert(Event::FaultFree),
+            State::TorqueOff if self.safety.can_arise(Event::FaultFree) => {
+                self.events.insert(Event::FaultFree);
+            }
             _ => {}
         }
     }
@@ -299,18 +298,23 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     /// Lets the state machine handle what was raised, most severe first.
     fn settle(&mut self, now_us: u64) {
+        let mut first = true;
         while let Some(event) = self.events.pop() {
-            let (next, action) = step(self.state, event);
+            // Those after it may have been overtaken by what it did.
+            debug_assert!(
+                !first || self.safety.can_arise(event),
+                "{event:?} in {:?}",
+                self.state()
+            );
+            first = false;
+            let before = self.state();
+            let action = self.safety.handle(event);
             self.shelf.observe(event);
-            if let Some(fault) = event.fault() {
-                self.latched = self.latched.with(fault);
-            }
-            if next != self.state || event == Event::EStop {
+            if self.state() != before || event == Event::EStop {
                 // What was asked for in another state, or before a stop, cannot be confirmed now.
                 self.gate.void();
             }
-            if next != self.state {
-                self.state = next;
+            if self.state() != before {
                 self.since_us = now_us;
                 self.held_since_us = None;
             }
@@ -324,7 +328,6 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             Action::None => Ok(()),
             Action::RunSelfTest => {
                 if event == Event::ClearConfirmed {
-                    self.latched = FaultBits::default();
                     self.bus_watch.allow_restart();
                 } else {
                     self.load_parameters();

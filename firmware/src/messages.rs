@@ -6,7 +6,7 @@ use rollwalk_protocol::wire::transport::{Hello, MAX_BLOCK, Reply, TransferResult
 use rollwalk_protocol::wire::{
     Action, Command, CommandAck, CommandResult, DecodeError, Discovered, EstopAck, Fault,
     FaultBits, FaultReport, JointTelemetry, PROTOCOL_MAJOR, PROTOCOL_MINOR, Request, Response,
-    SCHEMA_HASH, Severity, Status, ToController,
+    SCHEMA_HASH, Status, ToController,
 };
 
 use crate::controller::Controller;
@@ -277,7 +277,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         let faults = self.faults();
         Status {
             state: self.state().into(),
-            severity: severity(self.state(), faults),
+            severity: self.state().severity(faults),
             faults,
             clip: playing.map(|p| p.clip.0),
             frame: playing.map_or(0, |p| p.frame),
@@ -318,18 +318,6 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             _ => about.map_or((None, 0.0), |(channel, value)| (Some(channel), value)),
         };
         Some(FaultReport { counter, fault, channel, value })
-    }
-}
-
-/// The strongest reaction that is under way, or else that something is worth knowing.
-fn severity(state: State, faults: FaultBits) -> Severity {
-    match state {
-        State::EStopped => Severity::EStop,
-        State::TorqueOff if !faults.is_empty() => Severity::TorqueOff,
-        State::Damped if !faults.is_empty() => Severity::Damp,
-        State::Returning if !faults.is_empty() => Severity::Return,
-        _ if !faults.is_empty() => Severity::Notice,
-        _ => Severity::None,
     }
 }
 

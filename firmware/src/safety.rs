@@ -22,7 +22,7 @@
 //! - A fault never re-arms by itself: TorqueOff with a latched fault and EStopped wait for the
 //!   operator's two-step clear, which runs the self test again.
 
-use rollwalk_protocol::wire::{self, Fault, Severity};
+use rollwalk_protocol::wire::{self, Fault, FaultBits, Severity};
 
 /// Where the controller stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -206,6 +206,19 @@ impl State {
         }
     }
 
+    /// The strongest reaction that is under way with these faults, or else that something is worth
+    /// knowing.
+    pub fn severity(self, faults: FaultBits) -> Severity {
+        match self {
+            Self::EStopped => Severity::EStop,
+            Self::TorqueOff if !faults.is_empty() => Severity::TorqueOff,
+            Self::Damped if !faults.is_empty() => Severity::Damp,
+            Self::Returning if !faults.is_empty() => Severity::Return,
+            _ if !faults.is_empty() => Severity::Notice,
+            _ => Severity::None,
+        }
+    }
+
     /// Whether motion commands are accepted here.
     pub fn accepts_motions(self) -> bool {
         matches!(self, Self::Ready | Self::Playing)
@@ -317,6 +330,66 @@ pub fn step(state: State, event: Event) -> (State, Action) {
         (S::TorqueOff | S::EStopped, E::ClearConfirmed) => (S::SelfTest, A::RunSelfTest),
 
         _ => (state, A::None),
+    }
+}
+
+/// The state machine with what it remembers besides its state: faults, which latch until the operator
+/// clears them, and whether SAFE is held.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StateMachine {
+    state: State,
+    latched: FaultBits,
+    holding: bool,
+}
+
+impl StateMachine {
+    /// In a state, without faults.
+    pub fn new(state: State) -> Self {
+        Self { state, latched: FaultBits::default(), holding: false }
+    }
+
+    /// Where it stands.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// Faults since the last clear.
+    pub fn latched(&self) -> FaultBits {
+        self.latched
+    }
+
+    /// Whether it is in Returning, and SAFE has been reached.
+    pub fn is_holding(&self) -> bool {
+        self.holding
+    }
+
+    /// Whether the controller can find this to have happened as things stand. Without torque a silent
+    /// host or actuator is no fault, but an obstacle to arming.
+    pub fn can_arise(&self, event: Event) -> bool {
+        match event {
+            Event::EStop | Event::BusOff => true,
+            Event::SelfTestFailed | Event::SelfTestPassed => self.state == State::SelfTest,
+            Event::AlignFailed | Event::Aligned => self.state == State::Aligning,
+            Event::Started => self.state == State::Boot,
+            Event::HoldElapsed => self.holding,
+            Event::DampingElapsed => self.state == State::Damped,
+            Event::FaultFree => self.state == State::TorqueOff && self.latched.is_empty(),
+            _ => event.fault().is_none() || self.state.torque() != Torque::Off,
+        }
+    }
+
+    /// Handles an event.
+    pub fn handle(&mut self, event: Event) -> Action {
+        let (next, action) = step(self.state, event);
+        if let Some(fault) = event.fault() {
+            self.latched = self.latched.with(fault);
+        }
+        if event == Event::ClearConfirmed && action == Action::RunSelfTest {
+            self.latched = FaultBits::default();
+        }
+        self.holding = next == State::Returning && (self.holding || action == Action::StartHold);
+        self.state = next;
+        action
     }
 }
 
@@ -530,6 +603,50 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn faults_latch_until_they_are_cleared() {
+        for from in STATES {
+            for fault in EVENTS.into_iter().filter(|e| e.fault().is_some()) {
+                let mut machine = StateMachine::new(from);
+                machine.handle(fault);
+                let bits = FaultBits::default().with(fault.fault().unwrap());
+                assert_eq!(machine.latched(), bits);
+                let cleared_in = |s| matches!(s, State::TorqueOff | State::EStopped);
+                for e in EVENTS.into_iter().filter(|e| e.fault().is_none()) {
+                    let before = machine;
+                    machine.handle(e);
+                    let cleared = e == Event::ClearConfirmed && cleared_in(before.state());
+                    assert_eq!(machine.latched().is_empty(), cleared, "{before:?} {e:?}");
+                    machine = before;
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn safe_is_held_from_reaching_it_to_leaving() {
+        let mut machine = StateMachine::new(State::Playing);
+        machine.handle(Event::Disarm);
+        assert!(!machine.can_arise(Event::HoldElapsed));
+        machine.handle(Event::SafeReached);
+        machine.handle(Event::SafeReached);
+        assert!(machine.is_holding() && machine.can_arise(Event::HoldElapsed));
+        machine.handle(Event::HoldElapsed);
+        assert!(!machine.is_holding() && machine.state() == State::Damped);
+    }
+
+    #[test]
+    fn with_a_fault_latched_it_stays_without_torque() {
+        let mut machine = StateMachine::new(State::Damped);
+        machine.handle(Event::HostLost);
+        machine.handle(Event::DampingElapsed);
+        assert!(!machine.can_arise(Event::FaultFree));
+        machine.handle(Event::ClearConfirmed);
+        assert_eq!((machine.state(), machine.latched().is_empty()), (State::SelfTest, true));
+        machine = StateMachine::new(State::TorqueOff);
+        assert!(machine.can_arise(Event::FaultFree));
     }
 
     #[test]
