@@ -1,8 +1,11 @@
-//! The tables of `docs/playback-and-safety.md` are those of the code.
+//! The tables of `docs/playback-and-safety.md` are those of the code, and `docs/faults.md` names its
+//! faults, events and settings.
 
 use std::fmt::Write;
 
+use rollwalk_firmware::Settings;
 use rollwalk_firmware::safety::{Action, EVENTS, Event, STATES, State, Torque, step};
+use rollwalk_protocol::wire::{Fault, Severity};
 
 const PAGE: &str = include_str!("../../../docs/playback-and-safety.md");
 
@@ -74,4 +77,96 @@ fn every_scar_has_its_test() {
         let before = found.unwrap_or_else(|| panic!("no test {test}"));
         assert!(before.trim_end().ends_with("#[test]"), "{test} is not run");
     }
+}
+
+const RUNBOOK: &str = include_str!("../../../docs/faults.md");
+
+/// Title and text of each fault's section.
+fn sections() -> Vec<(&'static str, &'static str)> {
+    let (_, faults) = RUNBOOK.split_once("<!-- faults -->\n\n## ").expect("the faults");
+    faults.split("\n## ").map(|s| s.split_once('\n').expect("a title and a text")).collect()
+}
+
+#[test]
+fn the_runbook_has_a_section_for_each_bit_with_the_events_that_raise_it() {
+    let titles: Vec<_> = sections().iter().map(|(title, _)| *title).collect();
+    let expected: Vec<_> = (0..16)
+        .map(|bit| match Fault::from_code(bit) {
+            Some(fault) => format!("{bit} {fault:?}"),
+            None => format!("{bit} reserved"),
+        })
+        .collect();
+    assert_eq!(titles, expected);
+    for (bit, (title, text)) in (0..16).zip(sections()) {
+        let raises = |e: &Event| e.fault().is_some_and(|fault| fault.code() == bit);
+        let mut expected: Vec<_> = EVENTS
+            .into_iter()
+            .filter(raises)
+            .map(|e| format!("Event: {e:?}, severity {}.", severity(e)))
+            .collect();
+        if expected.is_empty() {
+            expected.push("Event: none.".into());
+        }
+        let stated: Vec<_> = text.lines().filter(|line| line.starts_with("Event: ")).collect();
+        assert_eq!(stated, expected, "{title}");
+    }
+}
+
+fn severity(event: Event) -> &'static str {
+    match event.severity() {
+        Severity::None | Severity::Notice => panic!("{event:?} is no fault"),
+        Severity::Return => "return",
+        Severity::Damp => "damp",
+        Severity::TorqueOff => "torque off",
+        Severity::EStop => "stop",
+    }
+}
+
+#[test]
+fn each_section_of_the_runbook_says_what_an_operator_needs() {
+    for (title, text) in sections().into_iter().filter(|(title, _)| !title.ends_with("reserved")) {
+        let mut rest = text;
+        for part in
+            ["Means", "The robot", "FAULT tells", "Look at, in this order", "Go on", "Do not"]
+        {
+            let (_, after) = rest
+                .split_once(&format!("\n**{part}:**"))
+                .unwrap_or_else(|| panic!("{title}: no {part}, or in another place"));
+            rest = after;
+        }
+        assert!(text.contains("\n1. "), "{title}: nothing to look at");
+    }
+}
+
+/// Settings go by their names, and the values told of them are the defaults.
+#[test]
+fn the_runbook_speaks_of_settings_that_there_are() {
+    let settings = format!("{:?}", Settings::default());
+    let quoted = RUNBOOK.split('`').skip(1).step_by(2);
+    let units = ["_us", "_rad", "_rad_s", "_hz", "_ticks"];
+    let named: Vec<_> = quoted.filter(|n| units.iter().any(|unit| n.ends_with(unit))).collect();
+    assert!(named.len() > 10, "{named:?}");
+    for name in named.into_iter().filter(|&name| name != "now_us") {
+        assert!(settings.contains(&format!(" {name}: ")), "there is no setting {name}");
+    }
+    let Settings {
+        heartbeat_timeout_us: 250_000,
+        silent_ticks: 12,
+        control_hz: 120,
+        follow_patience_us: 500_000,
+        align_patience_us: 1_000_000,
+        overrun_us: 50_000,
+        tilt_patience_us: 100_000,
+        follow_tolerance_rad,
+        align_tolerance_rad,
+        out_of_range_rad,
+        lean_rad,
+        tip_rad,
+        ..
+    } = Settings::default()
+    else {
+        panic!("docs/faults.md tells other values: {settings}")
+    };
+    let angles = [follow_tolerance_rad, align_tolerance_rad, out_of_range_rad, lean_rad, tip_rad];
+    assert_eq!(angles, [0.8, 0.35, 0.2, 0.35, 0.8], "docs/faults.md tells other values");
 }
