@@ -19,6 +19,7 @@ fn help_teaches_by_example_and_documents_exit_codes() {
         &["robot", "check"],
         &["library", "build"],
         &["library", "inspect"],
+        &["failsafe"],
     ] {
         let help = desk.run(&[command, &["--help"]].concat()).succeeds();
         assert!(help.contains("Examples:"), "{command:?} has no examples:\n{help}");

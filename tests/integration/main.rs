@@ -5,6 +5,7 @@ mod bench;
 mod blame;
 mod command_line;
 mod demo;
+mod failsafe;
 mod libraries;
 mod problem_files;
 mod readme;

@@ -5,6 +5,7 @@ mod buses;
 mod completions;
 mod demo;
 mod export;
+mod failsafe;
 mod import;
 mod library;
 mod plan;
@@ -24,6 +25,7 @@ pub enum Command {
     Plot(plot::Args),
     Export(export::Args),
     Library(library::Args),
+    Failsafe(failsafe::Args),
     Bench(bench::Args),
     Completions(completions::Args),
 }
@@ -42,6 +44,7 @@ impl Command {
             Command::Plot(args) => plot::run(args),
             Command::Export(args) => export::run(args),
             Command::Library(args) => library::run(args),
+            Command::Failsafe(args) => failsafe::run(args),
             Command::Bench(args) => bench::run(args),
             Command::Completions(args) => completions::run(args, root),
         }
