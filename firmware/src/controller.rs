@@ -7,7 +7,7 @@ use rollwalk_protocol::library::{Attitude, Library, Reject};
 use rollwalk_protocol::wire::{Fault, FaultBits};
 
 use crate::actuators::bus::Buses;
-use crate::actuators::load::examine;
+use crate::actuators::load::loads;
 use crate::bus_watch::{BusState, BusWatch};
 use crate::gate::Gate;
 use crate::limiter::Target;
@@ -369,7 +369,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     fn self_test(&mut self) {
         let Machine { config, buses, settings } = &self.machine;
-        let buses_fit = |()| examine(config, buses, settings.control_hz);
+        let buses_fit = |()| loads(config, buses, settings.control_hz);
         let usable = settings.check().is_ok()
             && config
                 .check()

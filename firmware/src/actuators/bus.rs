@@ -126,12 +126,12 @@ impl Protocol {
     /// Whether an order can be told.
     pub(crate) fn check(&self, order: &Order) -> Result<(), Refusal> {
         match self {
-            Protocol::Rollwalk => RollwalkServos.emit(order, &mut |_| {}),
-            Protocol::Mit(p) => p.emit(order, &mut |_| {}),
-            Protocol::Odrive(p) => p.emit(order, &mut |_| {}),
-            Protocol::CyberGear(p) => p.emit(order, &mut |_| {}),
-            Protocol::Dynamixel(p) => p.emit(order, &mut |_| {}),
-            Protocol::Maestro(p) => p.emit(order, &mut |_| {}),
+            Protocol::Rollwalk => RollwalkServos.check(order),
+            Protocol::Mit(p) => p.check(order),
+            Protocol::Odrive(p) => p.check(order),
+            Protocol::CyberGear(p) => p.check(order),
+            Protocol::Dynamixel(p) => p.check(order),
+            Protocol::Maestro(p) => p.check(order),
         }
     }
 }

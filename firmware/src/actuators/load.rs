@@ -1,6 +1,6 @@
-//! Whether a robot's buses can carry what the controller will have to say, and whether their
-//! protocols can say it. The controller examines this in its self test; who makes a configuration
-//! asks [`examine`] for the reasons.
+//! Whether a robot's buses can carry what the controller will have to say ([`loads`], which its self
+//! test looks at), and whether their protocols can say it ([`examine`], for who makes a configuration
+//! and wants the reasons).
 
 use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
 use rollwalk_protocol::actuators::traffic::Overload;
@@ -50,8 +50,26 @@ pub enum BusProblem {
     },
 }
 
-/// Every bus that a robot has actuators on, at so many control periods a second.
+/// Every bus that a robot has actuators on, at so many control periods a second: what it carries, and
+/// whether its actuators can be told all that their channels' limits allow.
 pub fn examine<'a>(
+    config: &'a RobotConfig,
+    buses: &'a Buses,
+    control_hz: u16,
+) -> impl Iterator<Item = BusLoad> + 'a {
+    loads(config, buses, control_hz).map(|row| {
+        let members = config.channels.iter().enumerate().filter(move |(_, c)| c.bus == row.bus);
+        let mut cannot_tell = members.filter_map(|(channel, limits)| {
+            let refusal = tellable(limits, &row.kind).err()?;
+            Some(BusProblem::CannotTell { channel: channel as u8, refusal })
+        });
+        BusLoad { problem: row.problem.or_else(|| cannot_tell.next()), ..row }
+    })
+}
+
+/// What every bus carries, as the controller's self test looks at it: without
+/// [`BusProblem::CannotTell`], which takes room in flash for what does not change on a robot.
+pub fn loads<'a>(
     config: &'a RobotConfig,
     buses: &'a Buses,
     control_hz: u16,
@@ -68,29 +86,21 @@ pub fn examine<'a>(
             actuators,
             traffic,
             load: traffic.load(hz, bit_rate),
-            problem: problem(config, bus, &kind, control_hz).or_else(overload),
+            problem: problem(bus, &kind, control_hz).or_else(overload),
         })
     })
 }
 
 /// What is wrong with a bus besides its load.
-fn problem(config: &RobotConfig, bus: u8, kind: &Bus, control_hz: u16) -> Option<BusProblem> {
+fn problem(bus: u8, kind: &Bus, control_hz: u16) -> Option<BusProblem> {
+    let needed_hz = u32::from(control_hz).div_ceil(u32::from(FRESH_TICKS));
     if usize::from(bus) >= MAX_BUSES {
-        return Some(BusProblem::NoSuchBus);
+        Some(BusProblem::NoSuchBus)
+    } else if kind.protocol.tells_hz().is_some_and(|tells_hz| tells_hz < needed_hz) {
+        Some(BusProblem::TooSeldom { needed_hz })
+    } else {
+        None
     }
-    if let Some(tells_hz) = kind.protocol.tells_hz() {
-        let needed_hz = u32::from(control_hz).div_ceil(u32::from(FRESH_TICKS));
-        if tells_hz < needed_hz {
-            return Some(BusProblem::TooSeldom { needed_hz });
-        }
-    }
-    let members = config.channels.iter().enumerate().filter(|(_, c)| c.bus == bus);
-    for (channel, limits) in members {
-        if let Err(refusal) = tellable(limits, kind) {
-            return Some(BusProblem::CannotTell { channel: channel as u8, refusal });
-        }
-    }
-    None
 }
 
 /// Whether everything can be told that is within a channel's limits: its ends.

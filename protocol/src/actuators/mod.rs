@@ -296,6 +296,11 @@ pub trait ActuatorProtocol {
     /// was handed none.
     fn emit(&self, order: &Order, send: &mut dyn FnMut(Self::Sent)) -> Result<(), Refusal>;
 
+    /// Whether an order can be told.
+    fn check(&self, order: &Order) -> Result<(), Refusal> {
+        self.emit(order, &mut |_| {})
+    }
+
     /// The same for many orders, at most one for each actuator. Refused, with the number of the
     /// order: `send` was handed nothing.
     fn encode(

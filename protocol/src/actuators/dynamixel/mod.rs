@@ -229,6 +229,11 @@ impl ActuatorProtocol for Dynamixels {
         self.encode(core::slice::from_ref(order), send).map_err(|(_, refusal)| refusal)
     }
 
+    /// Without making packets of it.
+    fn check(&self, order: &Order) -> Result<(), Refusal> {
+        self.writes(order).map(|_| ())
+    }
+
     /// One sync write for each address range, torque switches before setpoints, and at last one sync
     /// read: what every servo is told is in one packet, so they begin together.
     fn encode(
