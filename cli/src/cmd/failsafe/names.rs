@@ -100,9 +100,8 @@ mod tests {
     #[test]
     fn names_are_found_shortened_and_in_any_case() {
         assert_eq!(find("event", "hostlost", EVENTS).unwrap(), Event::HostLost);
-        assert_eq!(find("event", "HO", EVENTS).unwrap_err().to_string(), {
-            "`HO` can be `HostLost`, `HoldElapsed`"
-        });
+        let wrong = find("event", "HO", EVENTS).unwrap_err();
+        assert_eq!(wrong.to_string(), "`HO` can be `HostLost`, `HoldElapsed`");
         assert_eq!(find("event", "hos", EVENTS).unwrap(), Event::HostLost);
         // The whole name of one that is the beginning of another.
         assert_eq!(find("event", "Aligned", EVENTS).unwrap(), Event::Aligned);

@@ -43,7 +43,7 @@ mod tests {
 
     #[test]
     fn torque_comes_on_by_arming_and_goes_off_on_request() {
-        let from = |state| StateMachine::new(state);
+        let from = StateMachine::new;
         let to = |state| move |machine: &StateMachine| machine.state() == state;
         assert_eq!(
             shortest(from(State::EStopped), to(State::Playing)).unwrap(),
