@@ -181,7 +181,11 @@ mod tests {
         }
 
         fn set_duty_cycle(&mut self, duty: u16) -> Result<(), Stuck> {
-            if self.works.get() { Ok(self.duty.set(duty)) } else { Err(Stuck) }
+            if !self.works.get() {
+                return Err(Stuck);
+            }
+            self.duty.set(duty);
+            Ok(())
         }
     }
 
