@@ -64,7 +64,8 @@ impl Limiter {
 fn limited(limits: &Channel, last: f32, target: Target, period_s: f32) -> Target {
     let step = limits.max_rate * period_s;
     let wanted = if target.value.is_finite() { target.value } else { last };
-    let (low, high) = (limits.min.min(last), limits.max.max(last));
+    let low = if limits.min < last { limits.min } else { last };
+    let high = if limits.max > last { limits.max } else { last };
     let value = within(within(wanted, low, high), last - step, last + step);
     let slope = match limits.kind {
         ChannelKind::WheelSpeed => 0.0,

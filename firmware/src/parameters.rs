@@ -52,6 +52,8 @@ pub(crate) type Refusal = (ParameterResult, f32);
 pub(crate) struct Parameters {
     channels: Vec<[Ramp; PARAMETERS], MAX_CHANNELS>,
     ramp_ticks: u16,
+    /// Until the last of them has arrived.
+    moving_ticks: u16,
 }
 
 impl Parameters {
@@ -59,11 +61,15 @@ impl Parameters {
     pub fn new(config: &RobotConfig, settings: &Settings) -> Self {
         let ramp_ticks = u16::try_from(settings.ticks(RAMP_US)).unwrap_or(u16::MAX).max(1);
         let channels = gathered(config.channels.iter().map(|c| configured(c).map(Ramp::at)));
-        Self { channels, ramp_ticks }
+        Self { channels, ramp_ticks, moving_ticks: 0 }
     }
 
     /// A control period has passed.
     pub fn advance(&mut self) {
+        if self.moving_ticks == 0 {
+            return;
+        }
+        self.moving_ticks -= 1;
         for ramp in self.channels.iter_mut().flatten() {
             ramp.ticks_left = ramp.ticks_left.saturating_sub(1);
         }
@@ -78,7 +84,8 @@ impl Parameters {
             Hold::Driven => (kp, kd),
             Hold::Damped => (limits.kp_nm_rad, limits.kd_nm_s_rad),
         };
-        let max_torque_nm = torque.min(limits.max_torque_nm);
+        let most = limits.max_torque_nm;
+        let max_torque_nm = if torque < most { torque } else { most };
         Some(Channel { kp_nm_rad, kd_nm_s_rad, max_torque_nm, ..*limits })
     }
 
@@ -108,6 +115,7 @@ impl Parameters {
         // A repeated value leaves a ramp alone, so that asking again and again does not delay it.
         if to != ramp.to {
             *ramp = Ramp { from: ramp.now(ramp_ticks), to, ticks_left: ramp_ticks };
+            self.moving_ticks = ramp_ticks;
         }
         if !driven {
             ramp.ticks_left = 0;
@@ -118,6 +126,7 @@ impl Parameters {
     /// All back to the configuration: at once, or in a ramp while `driven`.
     pub fn reset(&mut self, config: &RobotConfig, driven: bool) {
         let ramp_ticks = self.ramp_ticks;
+        self.moving_ticks = ramp_ticks;
         for (values, limits) in self.channels.iter_mut().zip(&config.channels) {
             for (ramp, to) in values.iter_mut().zip(configured(limits)) {
                 let from = ramp.now(ramp_ticks);
