@@ -141,7 +141,9 @@ pub struct Figures {
     pub worst_period: u32,
     /// All periods.
     pub all_periods: u64,
-    /// Deepest stack since the board was switched on, bytes.
+    /// Deepest stack while the board started, bytes.
+    pub start_stack_bytes: u32,
+    /// Deepest stack since then, bytes.
     pub stack_bytes: u32,
 }
 
@@ -215,6 +217,7 @@ impl Answer {
                 packet.put(&figures.all_ticks.to_le_bytes())?;
                 packet.put(&figures.worst_period.to_le_bytes())?;
                 packet.put(&figures.all_periods.to_le_bytes())?;
+                packet.put(&figures.start_stack_bytes.to_le_bytes())?;
                 packet.put(&figures.stack_bytes.to_le_bytes())?;
             }
             Self::Stepped(Stepped { link, actuators, playing }) => {
@@ -249,6 +252,7 @@ impl Answer {
                 all_ticks: u64::from_le_bytes(rest.take()?),
                 worst_period: rest.u32()?,
                 all_periods: u64::from_le_bytes(rest.take()?),
+                start_stack_bytes: rest.u32()?,
                 stack_bytes: rest.u32()?,
             }),
             KIND_STEP => {
@@ -409,7 +413,16 @@ mod tests {
             .prop_map(|(config_hash, steps)| Answer::Hello(Hello { config_hash, steps }));
         let figures = (any::<[u32; 4]>(), any::<[u64; 2]>()).prop_map(
             |([periods, worst_tick, worst_period, stack_bytes], [all_ticks, all_periods])| {
-                Figures { periods, worst_tick, all_ticks, worst_period, all_periods, stack_bytes }
+                let start_stack_bytes = periods ^ stack_bytes;
+                Figures {
+                    periods,
+                    worst_tick,
+                    all_ticks,
+                    worst_period,
+                    all_periods,
+                    start_stack_bytes,
+                    stack_bytes,
+                }
             },
         );
         prop_oneof![stepped.prop_map(Answer::Stepped), hello, figures.prop_map(Answer::Figures)]

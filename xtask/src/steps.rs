@@ -20,7 +20,8 @@ pub enum Step {
     Doc,
     /// `rollwalk-protocol` and `rollwalk-firmware` for the Cortex-M4, without std.
     NoStd,
-    /// The image for the NUCLEO-G474RE: builds, fits, cannot panic.
+    /// The images of the boards: they fit and cannot panic, and the emulated one sends the frames of the
+    /// host's simulation.
     Board,
     /// Every fuzz target for half a minute.
     Fuzz,
@@ -38,7 +39,7 @@ impl Step {
             Step::Clippy => "clippy, warnings denied",
             Step::Doc => "documentation, warnings denied",
             Step::NoStd => "protocol and firmware for the Cortex-M4 (no_std)",
-            Step::Board => "image for the NUCLEO-G474RE",
+            Step::Board => "board images, one of them emulated",
             Step::Fuzz => "fuzz targets of protocol and firmware",
             Step::Miri => "tests of protocol and firmware in Miri",
             Step::Test => "all tests",
@@ -68,7 +69,10 @@ impl Step {
                 shell::run(command.args(FEATURES).env("RUSTDOCFLAGS", "-D warnings"))
             }
             Step::NoStd => bare_metal::check(),
-            Step::Board => board::run(board::Board::NucleoG474re, None),
+            Step::Board => {
+                board::run(board::Board::NucleoG474re, None)?;
+                board::sizes()
+            }
             Step::Fuzz => {
                 need_component("clippy")?;
                 fuzz::check()

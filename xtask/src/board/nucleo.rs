@@ -16,7 +16,7 @@ const MAX_TEXT: u64 = 96 << 10;
 /// Bank 1; the library has bank 2.
 const FLASH_BYTES: u64 = 256 << 10;
 /// Of the stack's own (`memory.x`).
-const STACK_BYTES: u64 = 16 << 10;
+const STACK_BYTES: u64 = 32 << 10;
 
 /// Builds the image and prints what it takes.
 ///

@@ -12,6 +12,7 @@ mod store;
 mod uart;
 
 use cortex_m_rt::entry;
+use rollwalk_firmware::safety::State;
 use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::tunnel::{
     Answer, Deframer, Figures, Hello, Input, MAX_ACTUATOR_BUSES, Request, Step, Stepped,
@@ -33,7 +34,10 @@ fn main() -> ! {
     let build = || Controller::new(config, store, Settings::default());
     let Some(controller) = CONTROLLER.try_init_with(build) else { halt::halt() };
     let mut uart = Uart::new();
-    let mut board = Board { controller, cost: Cost::new(peripherals.SYST), steps: 0 };
+    let start_stack_bytes = stack::deepest();
+    stack::paint();
+    let cost = Cost::new(peripherals.SYST);
+    let mut board = Board { controller, cost, steps: 0, start_stack_bytes };
     let mut deframer = Deframer::default();
     loop {
         let Some(packet) = deframer.push(uart.read()) else { continue };
@@ -50,6 +54,7 @@ struct Board {
     controller: &'static mut Controller<BoardStore>,
     cost: Cost,
     steps: u32,
+    start_stack_bytes: u32,
 }
 
 impl Board {
@@ -61,16 +66,20 @@ impl Board {
             }),
             Request::Step(step) => Answer::Stepped(self.step(step)),
             Request::Figures => {
-                Answer::Figures(Figures { stack_bytes: stack::deepest(), ..self.cost.figures() })
+                let (start_stack_bytes, stack_bytes) = (self.start_stack_bytes, stack::deepest());
+                let figures = self.cost.figures();
+                Answer::Figures(Figures { start_stack_bytes, stack_bytes, ..figures })
             }
         }
     }
 
     fn step(&mut self, Step { now_us, input, free }: Step) -> Stepped {
-        let Self { controller, cost, steps } = self;
+        let Self { controller, cost, steps, .. } = self;
         *steps = steps.wrapping_add(1);
         match input {
             None => {}
+            // The self test of the first one is no part of a control period either.
+            Some(Input::Tick) if controller.state() == State::Boot => controller.tick(now_us),
             Some(Input::Tick) => cost.of_tick(|| controller.tick(now_us)),
             // A library is checked in here: no part of a control period.
             Some(Input::Link(frame)) => controller.on_link_frame(now_us, &frame),
@@ -88,10 +97,30 @@ impl Board {
             }
         }
         stepped.playing = controller.playing().map(|p| (p.clip.0, p.frame, p.phase));
+        #[cfg(feature = "every-line")]
+        every_line(controller, now_us, input);
         #[cfg(feature = "planted-panic")]
         {
             stepped.link = stepped.actuators[usize::from(now_us as u8)];
         }
         stepped
+    }
+}
+
+/// Serial lines and buses with 29-bit identifiers, as a board that has them would serve them: this one has
+/// none, but what they take is to be counted (`cargo xtask sizes`).
+#[cfg(feature = "every-line")]
+fn every_line(controller: &mut Controller<BoardStore>, now_us: u64, input: Option<Input>) {
+    use core::hint::black_box;
+    use rollwalk_protocol::can::ExtendedFrame;
+    if let Some(Input::Actuator(bus, frame)) = input {
+        controller.on_serial(now_us, bus, frame.data());
+        if let Some(frame) = ExtendedFrame::new(frame.id().into(), frame.data()) {
+            controller.on_extended_frame(now_us, bus, &frame);
+        }
+    }
+    for bus in 0..MAX_ACTUATOR_BUSES {
+        black_box(controller.poll_serial(bus));
+        black_box(controller.poll_extended(bus));
     }
 }
