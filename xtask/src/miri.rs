@@ -29,7 +29,8 @@ const RUNS: [Run; 5] = [
         cargo: &["-p", "rollwalk-firmware", "--lib"],
         only: &[],
         skip: &[
-            // Hundreds of thousands of setpoints.
+            // Hundreds of thousands of setpoints, or of periods.
+            "as_many_periods_as",
             "nothing_gets_past_the_limits",
             "nothing_that_is_asked_for",
             // Whole lives of stores; of the library's power cuts some are sampled.
