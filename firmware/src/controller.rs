@@ -13,7 +13,7 @@ use crate::gate::Gate;
 use crate::limiter::Target;
 use crate::link::Link;
 use crate::motion::{Machine, Motion};
-use crate::player::Playing;
+use crate::player::{PLANNED_SPEED_64THS, Playing};
 use crate::safety::{Action, Event, EventSet, State, StateMachine, Torque};
 use crate::settings::Settings;
 use crate::store::{LibraryStore, NoParameters, ParameterStore, StoreError};
@@ -348,7 +348,14 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 self.motion.resume();
                 Ok(())
             }
-            Action::RouteToSafe => self.motion.route_to_safe(library),
+            Action::RouteToSafe => {
+                // An operator who disarms is there and watches. Otherwise the way home must end soon,
+                // and is balanced best, at the planned speed.
+                if event != Event::Disarm {
+                    self.motion.set_speed(PLANNED_SPEED_64THS);
+                }
+                self.motion.route_to_safe(library)
+            }
             Action::StartHold => {
                 self.held_since_us.get_or_insert(now_us);
                 Ok(())

@@ -97,6 +97,29 @@ fn a_paused_robot_goes_home_when_the_host_is_lost_or_it_is_disarmed() {
     assert!(rig.brain.faults().is_empty());
 }
 
+/// At 1/64 of the speed the way home would take minutes.
+#[test]
+fn nobody_watches_a_slow_robot_whose_host_is_lost() {
+    let mut rig = Rig::ready();
+    let slow = Action::Play { code: CODE_WALK, speed_64ths: 1 };
+    assert_eq!(rig.command(slow).result, CommandResult::Ok);
+    rig.run(600);
+    rig.host_alive = false;
+    rig.run_until(State::Returning, 60);
+    // Transition, gait and transition of 91 frames, two ticks each, 0.4 s to speed up, a second of hold.
+    let ticks = rig.run_until(State::Damped, 1000);
+    assert!(ticks < 2 * 91 + 60 + 130, "{ticks}");
+
+    // Who disarms watches, and wanted it slow.
+    let mut rig = Rig::ready();
+    let slow = Action::Play { code: CODE_WALK, speed_64ths: 16 };
+    assert_eq!(rig.command(slow).result, CommandResult::Ok);
+    rig.run(600);
+    rig.command(Action::Disarm);
+    let ticks = rig.run_until(State::Damped, 2000);
+    assert!(ticks > 2 * 91, "{ticks}");
+}
+
 #[test]
 fn the_watchdogs_watch_a_paused_robot() {
     let mut rig = walking();
