@@ -53,12 +53,14 @@ impl Bus {
 pub(crate) struct BusWatch([Bus; MAX_BUSES]);
 
 impl BusWatch {
-    /// Takes note of how a bus is; numbers that no bus has are ignored.
-    pub fn observe(&mut self, bus: u8, state: BusState) {
-        if let Some(bus) = self.0.get_mut(usize::from(bus))
-            && bus.state != state
-        {
-            *bus = Bus { state, ticks: 0, restart: bus.restart };
+    /// Takes note of how a bus is; whether that is news. Numbers that no bus has are ignored.
+    pub fn observe(&mut self, bus: u8, state: BusState) -> bool {
+        match self.0.get_mut(usize::from(bus)) {
+            Some(bus) if bus.state != state => {
+                *bus = Bus { state, ticks: 0, restart: bus.restart };
+                true
+            }
+            _ => false,
         }
     }
 

@@ -111,9 +111,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     /// Takes note of how an actuator bus is: on change, or in every control period. A bus that is off
     /// takes the torque away before this returns; until [`Self::take_bus_restart`] it must stay off.
     pub fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) {
-        let was_off = self.bus_watch.about(Fault::BusOff).is_some();
-        self.bus_watch.observe(bus, state);
-        if !was_off && self.bus_watch.about(Fault::BusOff).is_some() {
+        if self.bus_watch.observe(bus, state) && state == BusState::Off {
             self.raise(now_us, Event::BusOff);
         }
     }
@@ -323,15 +321,19 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     fn act(&mut self, now_us: u64, event: Event, action: Action) {
+        if matches!(event, Event::HostLost | Event::Leaning) {
+            // The way home must end soon, and is balanced best, at the planned speed; also when an
+            // operator who had asked for a slow one is lost on the way.
+            self.motion.set_speed(PLANNED_SPEED_64THS);
+        }
         let library = self.shelf.library();
         let played = match action {
             Action::None => Ok(()),
             Action::RunSelfTest => {
                 if event == Event::ClearConfirmed {
                     self.bus_watch.allow_restart();
-                } else {
-                    self.load_parameters();
                 }
+                self.load_parameters();
                 self.self_test();
                 Ok(())
             }
@@ -348,14 +350,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 self.motion.resume();
                 Ok(())
             }
-            Action::RouteToSafe => {
-                // An operator who disarms is there and watches. Otherwise the way home must end soon,
-                // and is balanced best, at the planned speed.
-                if event != Event::Disarm {
-                    self.motion.set_speed(PLANNED_SPEED_64THS);
-                }
-                self.motion.route_to_safe(library)
-            }
+            Action::RouteToSafe => self.motion.route_to_safe(library),
             Action::StartHold => {
                 self.held_since_us.get_or_insert(now_us);
                 Ok(())

@@ -113,6 +113,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 self.go(now_us, safe.ok_or(CommandResult::NoLibrary))
             }
             Action::Disarm => {
+                // Whoever was about to arm has changed their mind.
+                self.gate.void();
                 self.raise(now_us, Event::Disarm);
                 Ok(NOTHING_TO_SAY)
             }

@@ -224,6 +224,8 @@ impl Motion {
                 self.limiter.start(i, measured);
             }
         }
+        // An enable that has not left would come after the decision to let go.
+        self.actuators.drop_orders();
         self.stage = Stage::Damped;
     }
 

@@ -37,12 +37,22 @@ pub(crate) struct Shelf<S> {
     finished: Option<Index>,
     reject: Option<Reject>,
     proof: Proof,
+    /// What is in use could not be played: it is validated again in the next self test.
+    suspect: bool,
 }
 
 impl<S: LibraryStore> Shelf<S> {
     pub fn new(store: S) -> Self {
         let proof = Proof::None;
-        Self { store, active: None, transfer: None, finished: None, reject: None, proof }
+        Self {
+            store,
+            active: None,
+            transfer: None,
+            finished: None,
+            reject: None,
+            proof,
+            suspect: false,
+        }
     }
 
     /// The store, as it is.
@@ -68,6 +78,9 @@ impl<S: LibraryStore> Shelf<S> {
     /// After power-on: takes what the store holds into use if it is valid. A library on trial that is
     /// not gives way to the one before.
     pub fn load(&mut self, config: &RobotConfig) {
+        if core::mem::take(&mut self.suspect) {
+            self.active = None;
+        }
         while self.active.is_none() && !self.store.bytes().is_empty() {
             let checked = validate(self.store.bytes(), config);
             self.reject = checked.err();
@@ -80,10 +93,11 @@ impl<S: LibraryStore> Shelf<S> {
 
     /// Takes note of what happens while the library is played.
     pub fn observe(&mut self, event: Event) {
+        self.suspect |= event == Event::PlaybackFailed;
         self.proof = match (event, self.proof) {
             (Event::MotionStarted, Proof::None) => Proof::Playing,
             (Event::SafeReached, Proof::Playing) => Proof::Played,
-            (event, Proof::Playing) if event.fault().is_some() => Proof::None,
+            (event, _) if event.fault().is_some() => Proof::None,
             (_, proof) => proof,
         };
     }
@@ -416,6 +430,23 @@ mod tests {
         (reply.result, reply.next)
     }
 
+    /// Not until it was found unreadable: a self test after every other fault need not read it all.
+    #[test]
+    fn what_could_not_be_played_is_validated_again() {
+        let first = library(&config());
+        let mut shelf = Shelf::new(RamStore::<1024>::holding(&first).unwrap());
+        shelf.load(&config());
+        let mut rotten = first.clone();
+        rotten[40] ^= 1;
+        shelf.store = RamStore::holding(&rotten).unwrap();
+        shelf.observe(Event::HostLost);
+        shelf.load(&config());
+        assert!(shelf.active.is_some());
+        shelf.observe(Event::PlaybackFailed);
+        shelf.load(&config());
+        assert!(shelf.active.is_none() && shelf.reject().is_some());
+    }
+
     #[test]
     fn resumes_after_a_reset_and_rolls_back_what_never_played() {
         let first = library(&config());
@@ -434,6 +465,12 @@ mod tests {
         assert_eq!(ask(&mut shelf, Request::Finish), (R::Ok, len));
         assert_eq!(ask(&mut shelf, Request::Activate { crc32c: crc }), (R::Ok, len));
         assert_eq!(ask(&mut shelf, Request::Activate { crc32c: crc }), (R::Ok, len));
+        // One motion well, the next one not: no proof.
+        shelf.observe(Event::MotionStarted);
+        shelf.observe(Event::SafeReached);
+        shelf.observe(Event::Tipped);
+        shelf.settle(State::Disarmed);
+        assert!(shelf.on_trial());
         shelf.observe(Event::MotionStarted);
         shelf.observe(Event::SafeReached);
         shelf.settle(State::Ready);

@@ -16,11 +16,12 @@ pub(crate) struct Tuning<P> {
     store: P,
     last: Option<(CanFrame, ParameterAck)>,
     origin: ParameterOrigin,
+    loaded: bool,
 }
 
 impl<P: ParameterStore> Tuning<P> {
     pub fn new(store: P) -> Self {
-        Self { store, last: None, origin: ParameterOrigin::Configuration }
+        Self { store, last: None, origin: ParameterOrigin::Configuration, loaded: false }
     }
 
     /// The store, as it is.
@@ -42,8 +43,11 @@ impl<P: ParameterStore> Tuning<P> {
 }
 
 impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
-    /// After power-on: what was saved for this robot comes into force.
+    /// In the first self test after power-on: what was saved for this robot comes into force.
     pub(crate) fn load_parameters(&mut self) {
+        if core::mem::replace(&mut self.tuning.loaded, true) {
+            return;
+        }
         let machine = &self.machine;
         self.tuning.origin = match self.tuning.store.load() {
             None => ParameterOrigin::Configuration,
@@ -98,6 +102,16 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                     && !Parameter::from_code(parameter).is_some_and(heeded)
                 {
                     return Err((ParameterResult::NotSupported, 0.0));
+                }
+                // A setpoint with a gain beyond the drive's scale would never leave.
+                let most = actuators.max_gains(&machine.config, usize::from(channel));
+                let most = most.and_then(|gains| match Parameter::from_code(parameter)? {
+                    Parameter::Kp => Some(gains.kp_nm_rad),
+                    Parameter::Kd => Some(gains.kd_nm_s_rad),
+                    Parameter::MaxTorque => None,
+                });
+                if let Some(most) = most.filter(|&most| value > most) {
+                    return Err((ParameterResult::OutOfRange, most));
                 }
                 let which = (parameter, channel);
                 let set =

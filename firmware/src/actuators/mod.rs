@@ -16,7 +16,7 @@
 
 use heapless::Vec;
 use rollwalk_protocol::actuator::Feedback;
-use rollwalk_protocol::actuators::{self, ActuatorProtocol, Answers, Command, Told};
+use rollwalk_protocol::actuators::{self, ActuatorProtocol, Answers, Command, Gains, Told};
 use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
 
@@ -187,6 +187,18 @@ impl Actuators {
         }
     }
 
+    /// Drops setpoints and torque switches that have not left: from now on something else is meant.
+    pub fn drop_orders(&mut self) {
+        for line in &mut self.lines {
+            line.interrupt();
+            line.idle = false;
+        }
+        for actuator in &mut self.list {
+            actuator.setpoint = None;
+            actuator.todo = actuator.todo.without_switches();
+        }
+    }
+
     /// While torque is off: tells those again that have not confirmed; when `query`, asks the others
     /// for their pose, and clears faults of drives that keep them.
     pub fn keep_disabled(&mut self, query: bool) {
@@ -201,7 +213,11 @@ impl Actuators {
                     // A query that has not got through yet is still meant.
                     actuator.todo
                 } else if clears && actuator.faulty() {
-                    Todo::of(Errand::ClearFaults).and_if(on_query, Errand::Query)
+                    // Some cannot be told to clear: they are asked by telling "off" again, and lose
+                    // a fault when it is over.
+                    Todo::of(Errand::ClearFaults)
+                        .and_if(!line.can.tells_enabled, Errand::Disable)
+                        .and_if(on_query, Errand::Query)
                 } else {
                     // What does not tell that it is off is told again. Asking an ODrive would feed
                     // its watchdog.
@@ -250,6 +266,13 @@ impl Actuators {
         })
     }
 
+    /// The largest gains that a channel's drive can be told; those that the controller keeps to itself
+    /// have no such limit.
+    pub fn max_gains(&self, config: &RobotConfig, channel: usize) -> Option<Gains> {
+        let line = self.line(config.channels.get(channel)?.bus)?;
+        (line.bus.control == ControlLoop::InDrive).then_some(line.can.max_gains)
+    }
+
     /// Puts a target, already limited, into the mailbox of an actuator. `limits` is its channel with
     /// the gains and limits of this moment, which need not be those of the configuration.
     pub fn command(&mut self, limits: &Channel, channel: usize, target: Target, hold: Hold) {
@@ -275,7 +298,9 @@ impl Actuators {
         if line.can.gains == Told::Stored && in_drive {
             let gains = Some(orders::gains(limits, hold));
             let urgent = hold == Hold::Damped || actuator.gains.is_none();
-            if actuator.gains != gains && (urgent || self.turn == channel) {
+            // That of the damped stop may be lost on a bus in trouble: told again and again.
+            let again = hold == Hold::Damped && self.turn == channel;
+            if again || actuator.gains != gains && (urgent || self.turn == channel) {
                 todo = todo.and(Errand::Gains);
                 actuator.gains = gains;
             }

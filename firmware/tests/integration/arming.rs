@@ -119,6 +119,28 @@ fn scar_2_no_enable_kick() {
 }
 
 #[test]
+fn whoever_disarms_has_not_just_armed() {
+    let mut rig = Rig::booted();
+    let nonce = rig.command(Action::ArmRequest).value;
+    assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok);
+    let confirm = rig.command(Action::ArmConfirm { nonce });
+    assert_eq!(confirm.result, CommandResult::WrongNonce);
+    assert_eq!(rig.brain.state(), State::Disarmed);
+}
+
+#[test]
+fn an_enable_that_has_not_left_is_dropped_by_disarming() {
+    let mut rig = Rig::booted();
+    rig.arm();
+    rig.buses_up = false;
+    rig.step();
+    rig.command(Action::Disarm);
+    for bus in 0..2 {
+        assert_eq!(rig.brain.poll_actuator(bus), None, "nothing is meant any more");
+    }
+}
+
+#[test]
 fn a_joint_on_its_stop_is_led_back_into_its_range() {
     let mut rig = Rig::booted();
     rig.servos[0].value = 1.6;

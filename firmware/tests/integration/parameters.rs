@@ -219,3 +219,17 @@ proptest! {
         prop_assert_eq!(rig.brain.state(), State::Playing);
     }
 }
+
+/// A stop button that is pressed at power-on stops before anything else has happened.
+#[test]
+fn a_stop_before_the_first_tick_does_not_lose_what_was_saved() {
+    let mut rig = Rig::booted();
+    assert_eq!(answer(rig.parameter(set(KP, 0, 12.0))).0, ParameterResult::Ok);
+    assert_eq!(answer(rig.parameter(SAVE)).0, ParameterResult::Ok);
+    let mut rig = rig.power_cycled(config());
+    rig.brain.estop(rig.now_us);
+    rig.run(20);
+    rig.clear();
+    rig.run(20);
+    assert_eq!((origin(&mut rig), kp(&mut rig)), (ParameterOrigin::Saved, 12.0));
+}

@@ -110,6 +110,15 @@ fn nobody_watches_a_slow_robot_whose_host_is_lost() {
     let ticks = rig.run_until(State::Damped, 1000);
     assert!(ticks < 2 * 91 + 60 + 130, "{ticks}");
 
+    // Or is lost on a slow way home.
+    let mut rig = Rig::ready();
+    assert_eq!(rig.command(slow).result, CommandResult::Ok);
+    rig.run(600);
+    rig.command(Action::Disarm);
+    rig.run(60);
+    rig.host_alive = false;
+    assert!(rig.run_until(State::Damped, 1000) < 2 * 91 + 60 + 130 + 31);
+
     // Who disarms watches, and wanted it slow.
     let mut rig = Rig::ready();
     let slow = Action::Play { code: CODE_WALK, speed_64ths: 16 };

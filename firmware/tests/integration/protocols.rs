@@ -451,3 +451,18 @@ fn a_parameter_that_makes_no_difference_to_a_drive_is_refused() {
         assert_eq!((kp, torque), expected, "{protocol:?}");
     }
 }
+
+/// Beyond the drive's scale a setpoint would never leave, and the robot be let down in its stride.
+#[test]
+fn a_gain_that_the_drive_cannot_be_told_is_refused() {
+    let mut config = robot::config();
+    config.channels[0].kd_nm_s_rad = 3.0;
+    for (protocol, expected) in [
+        (mit(0, AnswerId::Own), ParameterResult::OutOfRange),
+        (odrive(Version::V06), ParameterResult::Ok),
+    ] {
+        let mut rig = bench_of(config.clone(), [protocol; 2], Bus::default());
+        assert_eq!(set(&mut rig, Parameter::Kd, 0, 5.0), ParameterResult::Ok);
+        assert_eq!(set(&mut rig, Parameter::Kd, 0, 5.5), expected, "{protocol:?}");
+    }
+}

@@ -408,6 +408,14 @@ fn a_bus_that_nobody_acknowledges_damps_and_bus_off_stops() {
         rig.arm();
     }
 
+    // One goes off while the other waits to be started again.
+    let mut rig = Rig::ready();
+    rig.brain.on_bus_state(rig.now_us, 1, BusState::Off);
+    rig.run(20);
+    rig.clear();
+    rig.brain.on_bus_state(rig.now_us, 0, BusState::Off);
+    assert_eq!(rig.brain.state(), State::EStopped);
+
     let mut rig = Rig::ready();
     rig.play(CODE_DRIVE);
     rig.run(150);

@@ -160,6 +160,7 @@ impl ActuatorProtocol for CyberGear {
             joints: true,
             wheels: true,
             gains: Told::EachTime,
+            max_gains: Gains { kp_nm_rad: KP.max, kd_nm_s_rad: KD.max },
             limits: Told::Stored,
             joint_speed: true,
             torque: true,

@@ -148,6 +148,7 @@ impl ActuatorProtocol for Maestro {
             joints: true,
             wheels: false,
             gains: Told::Never,
+            max_gains: super::Gains { kp_nm_rad: f32::MAX, kd_nm_s_rad: f32::MAX },
             limits: Told::Never,
             joint_speed: false,
             torque: false,

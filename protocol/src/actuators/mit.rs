@@ -211,6 +211,7 @@ impl ActuatorProtocol for Mit {
             joints: true,
             wheels: true,
             gains: Told::EachTime,
+            max_gains: Gains { kp_nm_rad: KP.max, kd_nm_s_rad: KD.max },
             limits: Told::Never,
             joint_speed: true,
             torque: true,

@@ -244,7 +244,7 @@ pub enum Watchdog {
 }
 
 /// What a protocol can do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capabilities {
     /// Joints can be commanded.
     pub joints: bool,
@@ -252,6 +252,8 @@ pub struct Capabilities {
     pub wheels: bool,
     /// How gains get there.
     pub gains: Told,
+    /// The largest gains that can be told.
+    pub max_gains: Gains,
     /// How speed and torque limits get there; in setpoints only the torque limit of wheels.
     pub limits: Told,
     /// The speed of a joint's setpoint has an effect.

@@ -228,6 +228,7 @@ impl ActuatorProtocol for Odrive {
             joints: true,
             wheels: true,
             gains: Told::Stored,
+            max_gains: Gains { kp_nm_rad: f32::MAX, kd_nm_s_rad: f32::MAX },
             limits: Told::Stored,
             joint_speed: true,
             torque: true,

@@ -61,6 +61,10 @@ impl ActuatorProtocol for RollwalkServos {
             joints: true,
             wheels: true,
             gains: Told::EachTime,
+            max_gains: super::Gains {
+                kp_nm_rad: actuator::MAX_KP_NM_RAD,
+                kd_nm_s_rad: actuator::MAX_KD_NM_S_RAD,
+            },
             limits: Told::EachTime,
             joint_speed: true,
             torque: false,

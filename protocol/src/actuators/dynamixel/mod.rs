@@ -209,6 +209,7 @@ impl ActuatorProtocol for Dynamixels {
             joints: true,
             wheels: true,
             gains: Told::Never,
+            max_gains: super::Gains { kp_nm_rad: f32::MAX, kd_nm_s_rad: f32::MAX },
             limits: Told::Stored,
             joint_speed: false,
             torque: false,
