@@ -282,26 +282,11 @@ fn result(error: StoreError) -> TransferResult {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::tests::config;
     use crate::store::{FlashStore, RamStore};
     use TransferResult as R;
-    use rollwalk_protocol::config::{Channel, ChannelKind};
     use rollwalk_protocol::crc::crc32c;
     use rollwalk_protocol::library::{LibrarySpec, MotionSpec, encode};
-
-    fn config() -> RobotConfig {
-        let joint = Channel {
-            kind: ChannelKind::JointPosition,
-            min: -1.0,
-            max: 1.0,
-            max_rate: 5.0,
-            max_torque_nm: 3.0,
-            kp_nm_rad: 20.0,
-            kd_nm_s_rad: 0.5,
-            bus: 0,
-            id: 1,
-        };
-        RobotConfig { robot: 0, channels: [joint].into_iter().collect() }
-    }
 
     fn library(config: &RobotConfig) -> heapless::Vec<u8, 1024> {
         let motions = [MotionSpec { name: "stand", code: 1, looping: true, frames: &[0.5, 0.5] }];

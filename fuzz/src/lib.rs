@@ -35,6 +35,9 @@ pub mod deeds;
 #[path = "../../firmware/tests/integration/drives.rs"]
 #[allow(missing_docs, dead_code)]
 pub mod drives;
+#[path = "../../protocol/tests/protocol/encode_again.rs"]
+#[allow(missing_docs)]
+mod encode_again;
 #[path = "../../firmware/tests/integration/rig.rs"]
 #[allow(missing_docs, dead_code)]
 pub mod rig;

@@ -7,36 +7,13 @@ use rollwalk_protocol::crc::{crc8_with_id, crc32c};
 use rollwalk_protocol::wire::transport::{MAX_MESSAGE, Reply, TransferResult};
 use rollwalk_protocol::wire::*;
 
+use crate::encode_again::{encode_from, encode_to};
+
 /// The first byte: how the rest is taken.
 const FRAMES: u8 = 0;
 const SEALED_FRAMES: u8 = 1;
 const MESSAGE: u8 = 2;
 const SEALED_BLOCK: u8 = 3;
-
-fn encode_to(node: Node, message: ToController) -> Option<CanFrame> {
-    Some(match message {
-        ToController::Heartbeat(m) => m.encode(node),
-        ToController::Command(m) => m.encode(node),
-        ToController::Parameter(m) => m.encode(node),
-        ToController::Discover => Discover.encode(node),
-        // Any payload is one.
-        ToController::Estop | ToController::Transport => return None,
-    })
-}
-
-fn encode_from(node: Node, message: FromController) -> Option<CanFrame> {
-    Some(match message {
-        FromController::EstopAck(m) => m.encode(node),
-        FromController::HeartbeatReply(m) => m.encode(node),
-        FromController::Status(m) => m.encode(node),
-        FromController::FaultReport(m) => m.encode(node),
-        FromController::CommandAck(m) => m.encode(node),
-        FromController::JointTelemetry(m) => m.encode(node),
-        FromController::ParameterAck(m) => m.encode(node),
-        FromController::Discovered(m) => m.encode(node),
-        FromController::Transport => return None,
-    })
-}
 
 /// Fields that a message does not use may have had any value.
 fn same_but_for_ignored_bits(again: CanFrame, frame: CanFrame) -> bool {

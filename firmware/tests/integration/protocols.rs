@@ -86,12 +86,15 @@ pub fn bench_of(config: RobotConfig, protocols: [Protocol; 2], like: Bus) -> Rig
 }
 
 /// Has it armed and aligned.
-fn ready(protocol: Protocol) -> Rig {
-    let mut rig = bench(protocol);
-    assert_eq!(rig.brain.state(), State::Disarmed, "{protocol:?}");
+pub fn aligned(mut rig: Rig) -> Rig {
+    assert_eq!(rig.brain.state(), State::Disarmed, "{:?}", rig.drives.list);
     rig.arm();
     rig.run_until(State::Ready, 2000);
     rig
+}
+
+fn ready(protocol: Protocol) -> Rig {
+    aligned(bench(protocol))
 }
 
 fn playing(protocol: Protocol) -> Rig {

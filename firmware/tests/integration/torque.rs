@@ -7,7 +7,7 @@ use rollwalk_protocol::actuators::odrive::Version;
 use rollwalk_protocol::wire::{CommandResult, Fault};
 
 use crate::drives::Sent;
-use crate::protocols::{bench_of, cybergear, dynamixel, mit, odrive, slow_down};
+use crate::protocols::{aligned, bench_of, cybergear, dynamixel, mit, odrive, slow_down};
 use crate::rig::Rig;
 use crate::robot::{self, CODE_DRIVE, STAND};
 
@@ -39,11 +39,7 @@ fn bench(protocol: Protocol) -> Rig {
 }
 
 fn ready(protocol: Protocol) -> Rig {
-    let mut rig = bench(protocol);
-    assert_eq!(rig.brain.state(), State::Disarmed, "{protocol:?}");
-    rig.arm();
-    rig.run_until(State::Ready, 2000);
-    rig
+    aligned(bench(protocol))
 }
 
 #[test]

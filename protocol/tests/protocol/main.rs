@@ -8,6 +8,7 @@ mod actuators_maestro;
 mod actuators_mit;
 mod actuators_odrive;
 mod config;
+mod encode_again;
 mod fixture;
 mod isotp;
 mod library_encode;

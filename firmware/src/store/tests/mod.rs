@@ -19,7 +19,8 @@ use super::*;
 /// Boots that a trial may take.
 const TRIAL_BOOTS: u8 = 3;
 
-fn config() -> RobotConfig {
+/// A robot with one joint.
+pub(crate) fn config() -> RobotConfig {
     let joint = Channel {
         kind: ChannelKind::JointPosition,
         min: -1.0,

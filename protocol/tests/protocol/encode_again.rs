@@ -1,0 +1,31 @@
+//! Decoded messages of the link, encoded again; the fuzz targets use it as well.
+
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::*;
+
+/// The frame of a message to a controller that was decoded; `None` for those that are any bytes.
+pub fn encode_to(node: Node, message: ToController) -> Option<CanFrame> {
+    Some(match message {
+        ToController::Heartbeat(m) => m.encode(node),
+        ToController::Command(m) => m.encode(node),
+        ToController::Parameter(m) => m.encode(node),
+        ToController::Discover => Discover.encode(node),
+        // Any payload is one.
+        ToController::Estop | ToController::Transport => return None,
+    })
+}
+
+/// The same of one from a controller.
+pub fn encode_from(node: Node, message: FromController) -> Option<CanFrame> {
+    Some(match message {
+        FromController::EstopAck(m) => m.encode(node),
+        FromController::HeartbeatReply(m) => m.encode(node),
+        FromController::Status(m) => m.encode(node),
+        FromController::FaultReport(m) => m.encode(node),
+        FromController::CommandAck(m) => m.encode(node),
+        FromController::JointTelemetry(m) => m.encode(node),
+        FromController::ParameterAck(m) => m.encode(node),
+        FromController::Discovered(m) => m.encode(node),
+        FromController::Transport => return None,
+    })
+}
