@@ -158,6 +158,9 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.settle(now_us);
         self.motion.drive(&self.machine, self.shelf.library(), &mut self.events);
         self.settle(now_us);
+        if let Some(playing) = self.motion.playing() {
+            self.shelf.see(playing.clip);
+        }
         self.shelf.settle(self.state());
 
         if self.ticks_to_frame == 0 {

@@ -6,7 +6,7 @@
 //! once a motion of it was played and SAFE was reached again.
 
 use rollwalk_protocol::config::RobotConfig;
-use rollwalk_protocol::library::{Index, Library, Reject, Why, validate};
+use rollwalk_protocol::library::{ClipId, Index, Library, Reject, Why, validate};
 use rollwalk_protocol::wire::transport::{Reply, Request, TransferResult};
 
 use crate::safety::{Event, State};
@@ -24,6 +24,7 @@ struct Transfer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Proof {
     None,
+    Asked,
     Playing,
     Played,
 }
@@ -95,11 +96,21 @@ impl<S: LibraryStore> Shelf<S> {
     pub fn observe(&mut self, event: Event) {
         self.suspect |= event == Event::PlaybackFailed;
         self.proof = match (event, self.proof) {
-            (Event::MotionStarted, Proof::None) => Proof::Playing,
+            (Event::MotionStarted, Proof::None) => Proof::Asked,
+            // Called back before it had left.
+            (Event::SafeReached, Proof::Asked) => Proof::None,
             (Event::SafeReached, Proof::Playing) => Proof::Played,
             (event, _) if event.fault().is_some() => Proof::None,
             (_, proof) => proof,
         };
+    }
+
+    /// Takes note of the clip that plays.
+    pub fn see(&mut self, clip: ClipId) {
+        let left_safe = |library: Library<'_>| library.safe_node().clip() != clip;
+        if self.proof == Proof::Asked && self.library().is_some_and(left_safe) {
+            self.proof = Proof::Playing;
+        }
     }
 
     /// Once per control period: confirms a library on trial that has proved itself, as soon as the
@@ -450,13 +461,21 @@ mod tests {
         assert_eq!(ask(&mut shelf, Request::Finish), (R::Ok, len));
         assert_eq!(ask(&mut shelf, Request::Activate { crc32c: crc }), (R::Ok, len));
         assert_eq!(ask(&mut shelf, Request::Activate { crc32c: crc }), (R::Ok, len));
-        // One motion well, the next one not: no proof.
+        // Called back before it left SAFE: no proof.
         shelf.observe(Event::MotionStarted);
+        shelf.see(ClipId(0));
+        shelf.observe(Event::SafeReached);
+        shelf.settle(State::Disarmed);
+        assert!(shelf.on_trial());
+        // One motion well, the next one not: none either.
+        shelf.observe(Event::MotionStarted);
+        shelf.see(ClipId(1));
         shelf.observe(Event::SafeReached);
         shelf.observe(Event::Tipped);
         shelf.settle(State::Disarmed);
         assert!(shelf.on_trial());
         shelf.observe(Event::MotionStarted);
+        shelf.see(ClipId(1));
         shelf.observe(Event::SafeReached);
         shelf.settle(State::Ready);
         assert!(shelf.on_trial());

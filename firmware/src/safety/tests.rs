@@ -1,0 +1,249 @@
+//! All states and all events of the safety state machine, walked.
+
+use super::*;
+
+#[test]
+fn listed_in_their_order() {
+    for (i, s) in STATES.iter().enumerate() {
+        assert_eq!(*s as usize, i);
+    }
+    for (i, e) in EVENTS.iter().enumerate() {
+        assert_eq!(*e as usize, i);
+    }
+}
+
+#[test]
+fn estop_stops_from_every_state_in_one_step() {
+    for s in STATES {
+        for e in [Event::EStop, Event::BusOff] {
+            assert_eq!(step(s, e), (State::EStopped, Action::CutTorque));
+        }
+    }
+}
+
+#[test]
+fn torque_comes_on_only_by_arming_from_disarmed() {
+    for s in STATES {
+        for e in EVENTS {
+            let (next, action) = step(s, e);
+            if s.torque() == Torque::Off && next.torque() != Torque::Off {
+                assert_eq!((s, e), (State::Disarmed, Event::ArmConfirmed));
+                assert_eq!((next, action), (State::Aligning, Action::AlignFromMeasured));
+            }
+            if next == State::Aligning && s != State::Aligning {
+                assert_eq!(s, State::Disarmed);
+            }
+        }
+    }
+}
+
+/// Which states can be reached from one, along events that `may` allows.
+fn reachable(from: State, may: impl Fn(State, Event) -> bool) -> [bool; STATES.len()] {
+    let mut seen = [false; STATES.len()];
+    let mut stack = heapless::Vec::<State, 512>::new();
+    stack.push(from).unwrap();
+    while let Some(s) = stack.pop() {
+        if core::mem::replace(&mut seen[s as usize], true) {
+            continue;
+        }
+        for e in EVENTS.into_iter().filter(|&e| may(s, e)) {
+            let next = step(s, e).0;
+            if !seen[next as usize] {
+                stack.push(next).unwrap();
+            }
+        }
+    }
+    seen
+}
+
+#[test]
+fn every_state_is_reachable_from_boot() {
+    assert_eq!(reachable(State::Boot, |_, _| true), [true; STATES.len()]);
+}
+
+#[test]
+fn no_path_to_torque_skips_aligning() {
+    for from in STATES.into_iter().filter(|s| s.torque() == Torque::Off) {
+        let seen = reachable(from, |s, _| s != State::Aligning);
+        for s in STATES.into_iter().filter(|&s| seen[s as usize]) {
+            assert!(s.torque() == Torque::Off || s == State::Aligning, "{from:?} to {s:?}");
+        }
+    }
+}
+
+#[test]
+fn every_state_reaches_torque_off() {
+    for from in STATES {
+        let seen = reachable(from, |_, e| e != Event::EStop && e != Event::BusOff);
+        let off = [State::TorqueOff, State::EStopped].map(|s| seen[s as usize]);
+        assert!(off.contains(&true), "{from:?}");
+        // Where torque is on it needs nobody's command.
+        let seen = reachable(from, |_, e| e.severity() == Severity::None && !by_command(e));
+        let idle = STATES.into_iter().any(|s| seen[s as usize] && s.torque() == Torque::Off);
+        let held = matches!(from, State::Aligning | State::Ready | State::Playing | State::Paused);
+        assert!(idle || held, "{from:?} waits for somebody");
+    }
+}
+
+fn by_command(e: Event) -> bool {
+    use Event as E;
+    matches!(
+        e,
+        E::ClearConfirmed | E::ArmConfirmed | E::MotionStarted | E::PauseAsked | E::ResumeAsked
+    )
+}
+
+#[test]
+fn every_loss_of_torque_is_acted_on_and_no_step_gains_torque_back() {
+    for s in STATES {
+        for e in EVENTS {
+            let (next, action) = step(s, e);
+            match (s.torque(), next.torque()) {
+                (Torque::Driven | Torque::Damped, Torque::Off) => {
+                    assert_eq!(action, Action::CutTorque, "{s:?} {e:?}");
+                }
+                (Torque::Driven, Torque::Damped) => assert_eq!(action, Action::Damp),
+                (Torque::Damped, Torque::Driven) => panic!("{s:?} {e:?} drives again"),
+                _ => {}
+            }
+        }
+    }
+}
+
+/// The timers and the player alone bring every torque state down once the host is gone: nobody
+/// has to be there for the robot to end without torque.
+#[test]
+fn without_a_host_every_state_ends_without_torque() {
+    for start in STATES {
+        let mut s = start;
+        for e in [
+            Event::HostLost,
+            Event::AlignFailed,
+            Event::SafeReached,
+            Event::HoldElapsed,
+            Event::DampingElapsed,
+        ] {
+            s = step(s, e).0;
+        }
+        assert_eq!(s.torque(), Torque::Off, "from {start:?}");
+    }
+}
+
+#[test]
+fn latched_states_leave_only_by_clearing_into_the_self_test() {
+    for e in EVENTS {
+        let (next, _) = step(State::EStopped, e);
+        let expected = if e == Event::ClearConfirmed { State::SelfTest } else { State::EStopped };
+        assert_eq!(next, expected);
+    }
+}
+
+/// How far down the way to no torque a state is, as the severity that leads there.
+fn depth(s: State) -> Severity {
+    match s {
+        State::EStopped => Severity::EStop,
+        State::TorqueOff => Severity::TorqueOff,
+        State::Damped => Severity::Damp,
+        State::Returning => Severity::Return,
+        _ => Severity::None,
+    }
+}
+
+#[test]
+fn events_are_ordered_by_severity_and_every_fault_has_one() {
+    let rank = |e: Event| e.severity().code();
+    assert!(EVENTS.is_sorted_by_key(|&e| core::cmp::Reverse(rank(e))));
+    for e in EVENTS {
+        assert_eq!(e.severity() != Severity::None, e.fault().is_some() || e == Event::Disarm);
+    }
+}
+
+/// While torque is driven every fault that can happen there gets the reaction that it calls for or
+/// a stronger one.
+#[test]
+fn a_fault_gets_at_least_its_reaction() {
+    for s in STATES.into_iter().filter(|s| s.torque() == Torque::Driven) {
+        for e in EVENTS.into_iter().filter(|e| e.severity() != Severity::None) {
+            let elsewhere = match e {
+                Event::SelfTestFailed => s != State::SelfTest,
+                Event::AlignFailed => s != State::Aligning,
+                _ => false,
+            };
+            let reacts = depth(step(s, e).0).code() >= e.severity().code();
+            assert!(reacts || elsewhere, "{s:?} {e:?}");
+        }
+    }
+}
+
+/// A milder trigger that comes with or after a severe one must not soften the outcome.
+#[test]
+fn the_most_severe_trigger_wins() {
+    let faults = || EVENTS.into_iter().filter(|e| e.severity() != Severity::None);
+    for s in STATES {
+        for a in faults() {
+            for b in faults() {
+                let alone = depth(step(s, a).0).code();
+                let both = depth(step(step(s, a).0, b).0).code();
+                assert!(both >= alone, "{s:?}: {a:?} then {b:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn faults_latch_until_they_are_cleared() {
+    for from in STATES {
+        for fault in EVENTS.into_iter().filter(|e| e.fault().is_some()) {
+            let mut machine = StateMachine::new(from);
+            machine.handle(fault);
+            let bits = FaultBits::default().with(fault.fault().unwrap());
+            assert_eq!(machine.latched(), bits);
+            let cleared_in = |s| matches!(s, State::TorqueOff | State::EStopped);
+            for e in EVENTS.into_iter().filter(|e| e.fault().is_none()) {
+                let before = machine;
+                machine.handle(e);
+                let cleared = e == Event::ClearConfirmed && cleared_in(before.state());
+                assert_eq!(machine.latched().is_empty(), cleared, "{before:?} {e:?}");
+                machine = before;
+            }
+        }
+    }
+}
+
+#[test]
+fn safe_is_held_from_reaching_it_to_leaving() {
+    let mut machine = StateMachine::new(State::Playing);
+    machine.handle(Event::Disarm);
+    assert!(!machine.can_arise(Event::HoldElapsed));
+    machine.handle(Event::SafeReached);
+    machine.handle(Event::SafeReached);
+    assert!(machine.is_holding() && machine.can_arise(Event::HoldElapsed));
+    machine.handle(Event::HoldElapsed);
+    assert!(!machine.is_holding() && machine.state() == State::Damped);
+}
+
+#[test]
+fn with_a_fault_latched_it_stays_without_torque() {
+    let mut machine = StateMachine::new(State::Damped);
+    machine.handle(Event::HostLost);
+    machine.handle(Event::DampingElapsed);
+    assert!(!machine.can_arise(Event::FaultFree));
+    machine.handle(Event::ClearConfirmed);
+    assert_eq!((machine.state(), machine.latched().is_empty()), (State::SelfTest, true));
+    machine = StateMachine::new(State::TorqueOff);
+    assert!(machine.can_arise(Event::FaultFree));
+}
+
+#[test]
+fn the_set_hands_out_by_severity_whatever_the_order() {
+    for a in EVENTS {
+        for b in EVENTS {
+            let mut set = EventSet::default();
+            set.insert(a);
+            set.insert(b);
+            assert_eq!(set.pop(), Some(a.min(b)));
+            assert_eq!(set.pop(), (a != b).then_some(a.max(b)));
+            assert_eq!(set.pop(), None);
+        }
+    }
+}
