@@ -140,6 +140,32 @@ fn table_3_3_finds_a_speed_that_holds() {
     assert!((rows[0]["top_speed_m_s"].as_f64().unwrap() - speed).abs() < 1e-3);
 }
 
+/// Bytes of the clips of a library as they were measured: see docs/motion-library.md. Both ways, so that neither a
+/// worse packing nor an accidental change of format goes unseen; plans differ a little between machines.
+#[test]
+fn library_format_keeps_what_was_measured_on_real_plans() {
+    let desk = desk();
+    for (name, clips, measured) in [("agilebot_library", 12, 8175.0), ("swizzlebot", 9, 3729.0)] {
+        let text = bench(&desk, &["library-format", "--only", name]).succeeds();
+        assert!(text.contains("yes every clip is at least 5 times smaller"), "{text}");
+        let rows = written(&desk, &text, "library-format", &[]);
+        assert_eq!((rows.len(), rows[0]["clips"].as_array().unwrap().len()), (1, clips));
+        let bytes = |packing: &str| rows[0]["bytes"][packing].as_f64().unwrap();
+        let near = measured * 0.97..measured * 1.03;
+        assert!(near.contains(&bytes("library")), "{name}: {} bytes", bytes("library"));
+        for packing in ["postcard", "zstd_3", "zstd_19", "zstd_19_i16"] {
+            assert!(bytes("library") < bytes(packing), "{name}: {packing} {}", bytes(packing));
+        }
+        assert!(bytes("zstd_3") < bytes("f32") && rows[0]["times_smaller"].as_f64() > Some(7.0));
+        for clip in rows[0]["clips"].as_array().unwrap() {
+            assert!(clip["times_smaller"].as_f64() >= Some(5.0), "{clip}");
+            let error = clip["worst_joint_error_mrad"].as_f64().unwrap();
+            // Half a quantum: less would be another quantum, more another frame than was planned.
+            assert!((0.2..=0.5).contains(&error), "{clip}");
+        }
+    }
+}
+
 #[test]
 fn a_wrong_row_is_told_the_right_ones() {
     let desk = desk();
@@ -149,6 +175,7 @@ fn a_wrong_row_is_told_the_right_ones() {
         ("figure-3-2", "trot"),
         ("table-3-2", "swizzlebot2_forward"),
         ("table-3-3", "walk_held"),
+        ("library-format", "agilebot_library"),
     ] {
         let there_are = format!("there are {first}");
         bench(&desk, &[name, "--only", "wlak"]).fails(1, &["`wlak`", &there_are]);

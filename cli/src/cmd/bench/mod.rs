@@ -1,8 +1,10 @@
-//! `rollwalk bench`: the thesis's tables and figures on this machine, measured in CPU time.
+//! `rollwalk bench`: the thesis's tables and figures on this machine, measured in CPU time, and the
+//! library format on real plans.
 
 mod chart;
 mod figure_2_3;
 mod figure_3_2;
+mod library_format;
 mod measure;
 mod only;
 mod samples;
@@ -14,7 +16,7 @@ use crate::{Exit, files, interrupt, output};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Re-run the thesis's tables and figures.
+/// Re-run the thesis's tables and figures, and measure the library format.
 ///
 /// Every solve runs on one thread and is measured in CPU time of that thread. Results go to stdout and,
 /// as Markdown, JSON and SVG, to the output folder. What each shows: docs/benchmarks.md.
@@ -24,7 +26,8 @@ Examples:
   rollwalk bench table-2-1 --out bench
   rollwalk bench table-2-1 --seeds 3 --only skatebot_skating --out bench
   rollwalk bench samples --out bench
-  rollwalk bench figure-3-2 --only trot --out bench")]
+  rollwalk bench figure-3-2 --only trot --out bench
+  rollwalk bench library-format --out bench")]
 pub struct Args {
     #[command(subcommand)]
     which: Which,
@@ -52,6 +55,9 @@ enum Which {
     /// Table 3.3: top speeds of walking, rolling, swizzling and skating.
     #[command(name = "table-3-3")]
     Table33(table_3_3::Args),
+    /// The motion library on the shipped libraries: bytes a second against raw f32, postcard and zstd.
+    #[command(name = "library-format")]
+    LibraryFormat(library_format::Args),
 }
 
 /// Runs the subcommand.
@@ -65,6 +71,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Which::Figure32(only) => figure_3_2::run(only, &args.out),
         Which::Table32(which) => table_3_2::run(which, &args.out),
         Which::Table33(which) => table_3_3::run(which, &args.out),
+        Which::LibraryFormat(which) => library_format::run(which, &args.out),
     }
 }
 

@@ -1,0 +1,310 @@
+//! The library format on real plans: bytes a second against raw `f32`, postcard deltas and zstd.
+
+mod packing;
+
+use super::only::Only;
+use super::publish;
+use crate::inputs::Source;
+use crate::output::Table;
+use crate::planning::plan_all;
+use crate::{Exit, output};
+use miette::{IntoDiagnostic, miette};
+use packing::Bytes;
+use rollwalk_planner::library::{ClipStats, frames};
+use rollwalk_planner::plan::Plan;
+use rollwalk_protocol::library::{ClipId, Library, RATE_HZ, validate};
+use serde::Serialize;
+use std::path::Path;
+
+const LIBRARIES: [&str; 5] = [
+    "motions/agilebot_library.toml",
+    "motions/agilebot_skills_library.toml",
+    "motions/swizzlebot_library.toml",
+    "motions/skaterbot_library.toml",
+    "motions/anymal_library.toml",
+];
+/// Channels that totals are converted to, so that robots can be compared.
+const CHANNELS: f64 = 16.0;
+/// How many times smaller than raw `f32` a library must be, and its worst joint error, mrad.
+const TIMES: f64 = 5.0;
+const JOINT_ERROR_MRAD: f64 = 0.5;
+
+/// What to run.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    only: Only,
+}
+
+/// One clip, measured.
+#[derive(Serialize)]
+struct Clip {
+    name: String,
+    frames: usize,
+    /// A frame lasts 1/60 s.
+    seconds: f64,
+    bytes: Bytes,
+    /// Raw `f32` over the library.
+    times_smaller: f64,
+    worst_joint_error_mrad: f64,
+    worst_wheel_error_rad_s: f64,
+}
+
+/// One library, measured.
+#[derive(Serialize)]
+struct Row {
+    library: String,
+    joints: usize,
+    wheels: usize,
+    seconds: f64,
+    /// Of all clips, each packed by itself.
+    bytes: Bytes,
+    /// The whole file: also the graph, the names, the tables, header and footer.
+    file_bytes: usize,
+    /// Raw `f32` of all clips compressed as one, level 19.
+    zstd_19_of_all: usize,
+    /// Raw `f32` over the whole file.
+    times_smaller: f64,
+    read_ns_per_frame: f64,
+    clips: Vec<Clip>,
+}
+
+/// Runs the benchmark.
+pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
+    let mut rows = Vec::new();
+    for file in args.only.choose(&LIBRARIES, |file| file)? {
+        output::say(format_args!("{file}"));
+        match measure(Path::new(file))? {
+            Some(row) => rows.push(row),
+            None => return Ok(Exit::Interrupted),
+        }
+    }
+    let mut text = String::new();
+    for row in &rows {
+        let Row { library, joints, wheels, .. } = row;
+        text += &format!("{library}: {joints} joints, {wheels} wheels\n\n{}\n\n", clip_table(row));
+    }
+    let (verdicts, passed) = verdicts(&rows);
+    text += &format!(
+        "All clips of a library, bytes a second for {CHANNELS} channels\n\n{}\n\n\
+         B/s: bytes for a second of 60 frames. clips: blocks of the motion library with headers, keyframes and \
+         CRCs.\nfile: all of the file. f32: raw. postcard: varints of the quanta's first differences; + zstd: those \
+         at level 19.\nzstd 3, 19: of f32, clip by clip; one: all clips as one, level 19; i16: of the quanta, level \
+         19. times: f32 over\nclips; least: of the worst clip; file: f32 over the whole file. mrad, rad/s: worst \
+         error of a joint and of a wheel.\nns/frame: CPU time to read a frame.\n\n{verdicts}",
+        library_table(&rows)
+    );
+    publish(out, "library-format", &text, &rows)?;
+    Ok(if passed { Exit::Ok } else { Exit::NotConverged })
+}
+
+/// Plans and packs a library and everything it is compared with. `None` after Ctrl-C.
+fn measure(file: &Path) -> miette::Result<Option<Row>> {
+    let library = Source::Shipped.library(file)?;
+    let Some(plans) = plan_all(&library, false)? else { return Ok(None) };
+    if let Some(failure) = plans.failures().first() {
+        return Err(miette!("{}: {failure}", file.display()));
+    }
+    let built = plans.pack(&library)?;
+    let config = library.robot.controller_config().into_diagnostic()?;
+    let index = validate(&built.bytes, &config).into_diagnostic()?;
+    let packed = Library::open(&built.bytes, &index).ok_or_else(|| miette!("not this library"))?;
+    let mut all = Vec::new();
+    let mut bytes = Bytes::default();
+    let mut clips = Vec::new();
+    for (number, (planned, stats)) in (0u8..).zip(plans.all().zip(&built.clips)) {
+        let raw = raw(&planned.plan)?;
+        let quanta = packing::quanta(&packed, ClipId(number))?;
+        let clip = clip(stats, Bytes::of(stats.bytes, &raw, &quanta)?);
+        all.extend(raw);
+        bytes += clip.bytes;
+        clips.push(clip);
+    }
+    let joints = library.robot.joints.len();
+    Ok(Some(Row {
+        library: library.file.name.clone(),
+        joints,
+        wheels: packed.channel_count() - joints,
+        seconds: clips.iter().map(|clip| clip.seconds).sum(),
+        bytes,
+        file_bytes: built.bytes.len(),
+        zstd_19_of_all: packing::compressed(&all, 19)?,
+        times_smaller: all.len() as f64 / built.bytes.len() as f64,
+        read_ns_per_frame: packing::read_ns_per_frame(&packed)?,
+        clips,
+    }))
+}
+
+fn clip(stats: &ClipStats, bytes: Bytes) -> Clip {
+    Clip {
+        name: stats.name.clone(),
+        frames: stats.frames,
+        seconds: stats.frames as f64 / f64::from(RATE_HZ),
+        bytes,
+        times_smaller: bytes.f32 as f64 / bytes.library as f64,
+        worst_joint_error_mrad: 1e3 * stats.worst_joint_error_rad,
+        worst_wheel_error_rad_s: stats.worst_wheel_error_rad_s,
+    }
+}
+
+/// What a plan says at every frame, channel after channel, as little-endian `f32`.
+fn raw(plan: &Plan) -> miette::Result<Vec<u8>> {
+    let frames = frames(plan).into_diagnostic()?;
+    let values = frames.iter().flat_map(|at| at.joint_rad.iter().chain(&at.motor_speed_rad_s));
+    Ok(values.flat_map(|value| (*value as f32).to_le_bytes()).collect())
+}
+
+/// The clips of a library in bytes a second of its own channels.
+fn clip_table(row: &Row) -> String {
+    let mut table = Table::new([
+        "clip", "frames", "s", "B/s", "f32", "postcard", "+ zstd", "zstd 3", "zstd 19", "i16",
+        "times", "mrad", "rad/s",
+    ]);
+    for clip in &row.clips {
+        let rate = |bytes: usize| format!("{:.0}", bytes as f64 / clip.seconds);
+        table.row([
+            clip.name.clone(),
+            clip.frames.to_string(),
+            format!("{:.2}", clip.seconds),
+            rate(clip.bytes.library),
+            rate(clip.bytes.f32),
+            rate(clip.bytes.postcard),
+            rate(clip.bytes.postcard_zstd),
+            rate(clip.bytes.zstd_3),
+            rate(clip.bytes.zstd_19),
+            rate(clip.bytes.zstd_19_i16),
+            format!("{:.1}", clip.times_smaller),
+            format!("{:.3}", clip.worst_joint_error_mrad),
+            format!("{:.5}", clip.worst_wheel_error_rad_s),
+        ]);
+    }
+    table.render()
+}
+
+/// The libraries in bytes a second for [`CHANNELS`] channels.
+fn library_table(rows: &[Row]) -> String {
+    let mut table = Table::new([
+        "library", "channels", "s", "clips", "file", "f32", "postcard", "+ zstd", "zstd 3",
+        "zstd 19", "one", "i16", "times", "least", "file", "mrad", "rad/s", "ns/frame",
+    ]);
+    for row in rows {
+        let channels = row.joints + row.wheels;
+        let rate = |bytes: usize| {
+            format!("{:.0}", bytes as f64 / row.seconds * CHANNELS / channels as f64)
+        };
+        table.row([
+            row.library.clone(),
+            channels.to_string(),
+            format!("{:.1}", row.seconds),
+            rate(row.bytes.library),
+            rate(row.file_bytes),
+            rate(row.bytes.f32),
+            rate(row.bytes.postcard),
+            rate(row.bytes.postcard_zstd),
+            rate(row.bytes.zstd_3),
+            rate(row.bytes.zstd_19),
+            rate(row.zstd_19_of_all),
+            rate(row.bytes.zstd_19_i16),
+            format!("{:.1}", row.bytes.f32 as f64 / row.bytes.library as f64),
+            format!("{:.1}", least(row.clips.iter().map(|clip| clip.times_smaller))),
+            format!("{:.1}", row.times_smaller),
+            format!("{:.3}", most(row.clips.iter().map(|clip| clip.worst_joint_error_mrad))),
+            format!("{:.5}", most(row.clips.iter().map(|clip| clip.worst_wheel_error_rad_s))),
+            format!("{:.0}", row.read_ns_per_frame),
+        ]);
+    }
+    table.render()
+}
+
+/// What was to be shown, and whether all of it holds.
+fn verdicts(rows: &[Row]) -> (String, bool) {
+    let clips = || rows.iter().flat_map(|row| &row.clips);
+    let file = least(rows.iter().map(|row| row.times_smaller));
+    let clip = least(clips().map(|clip| clip.times_smaller));
+    let error = most(clips().map(|clip| clip.worst_joint_error_mrad));
+    let checks = [
+        (
+            format!("every file is at least {TIMES} times smaller than f32: {file:.1}"),
+            file >= TIMES,
+        ),
+        (
+            format!("every clip is at least {TIMES} times smaller than f32: {clip:.1}"),
+            clip >= TIMES,
+        ),
+        (
+            format!("every joint is within {JOINT_ERROR_MRAD} mrad of its plan: {error:.3}"),
+            error <= JOINT_ERROR_MRAD,
+        ),
+    ];
+    let lines = checks
+        .each_ref()
+        .map(|(text, holds)| format!("{} {text}", if *holds { "yes" } else { "NO " }));
+    (lines.join("\n"), checks.iter().all(|(_, holds)| *holds))
+}
+
+fn least(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(f64::INFINITY, f64::min)
+}
+
+fn most(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_binary_carries_every_row() {
+        for file in LIBRARIES {
+            Source::Shipped.library(Path::new(file)).unwrap();
+        }
+    }
+
+    /// A library of one clip with so many bytes, of 1000 as `f32`, and this error.
+    fn row(clip_bytes: usize, file_bytes: usize, error_mrad: f64) -> Row {
+        let bytes = Bytes { library: clip_bytes, f32: 1000, ..Bytes::default() };
+        let stats = ClipStats {
+            name: "walk".into(),
+            frames: 30,
+            bytes: clip_bytes,
+            worst_joint_error_rad: 1e-3 * error_mrad,
+            worst_wheel_error_rad_s: 0.0,
+            clamped: 0.0,
+        };
+        Row {
+            library: "robot".into(),
+            joints: 3,
+            wheels: 1,
+            seconds: 0.5,
+            bytes,
+            file_bytes,
+            zstd_19_of_all: 900,
+            times_smaller: 1000.0 / file_bytes as f64,
+            read_ns_per_frame: 100.0,
+            clips: vec![clip(&stats, bytes)],
+        }
+    }
+
+    #[test]
+    fn each_target_can_be_missed() {
+        assert!(verdicts(&[row(190, 200, 0.5)]).1);
+        for (missed, rows) in [
+            ("every file", [row(190, 200, 0.4), row(199, 201, 0.4)]),
+            ("every clip", [row(201, 200, 0.4), row(190, 200, 0.4)]),
+            ("every joint", [row(190, 200, 0.4), row(190, 200, 0.501)]),
+        ] {
+            let (text, passed) = verdicts(&rows);
+            assert!(!passed && text.matches("NO ").count() == 1, "{text}");
+            assert!(text.contains(&format!("NO  {missed}")), "{text}");
+        }
+    }
+
+    #[test]
+    fn totals_are_for_16_channels() {
+        let table = library_table(&[row(190, 200, 0.4)]);
+        let cells: Vec<&str> = table.lines().nth(2).unwrap().split_whitespace().collect();
+        // Four channels for half a second: eight times as much for 16 and a second.
+        assert_eq!(cells[..6], ["robot", "4", "0.5", "1520", "1600", "8000"]);
+    }
+}
