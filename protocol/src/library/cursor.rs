@@ -29,7 +29,7 @@ pub enum Advance {
     AtEnd,
 }
 
-/// Decoder state of one channel: 7 bytes.
+/// Decoder state of one channel: 7 bytes, 8 with padding.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct ChannelState {
     value: i16,
@@ -43,7 +43,7 @@ const _: () = assert!(size_of::<ChannelState>() <= 8, "decoder state is 8 bytes 
 ///
 /// Borrows nothing: each step takes the library again, and it must be the one that the cursor was
 /// made with. Worst work of a step: CRC of one block and its first frame; of a seek: that, the
-/// headers of the clip's blocks (60 at most) and 59 frames.
+/// headers of the blocks before (59 at most) and 59 frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClipCursor {
     clip: ClipId,
@@ -63,6 +63,8 @@ pub struct ClipCursor {
     bit: u32,
     states: [ChannelState; MAX_CHANNELS],
 }
+
+const _: () = assert!(size_of::<ClipCursor>() <= 216, "docs/motion-library.md says so");
 
 impl ClipCursor {
     /// A cursor at a frame of a clip.
