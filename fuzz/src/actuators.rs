@@ -194,9 +194,9 @@ fn check_profile(frame: &CanFrame) {
     if let Some((id, told)) = JointSetpoint::decode(frame) {
         assert_eq!(told.encode(id).as_ref(), Some(frame));
     }
-    // Beyond 2²⁴ steps, 1677 rad/s, an f32 has fewer digits than the frame.
+    // Faster, an f32 may come out a step beside; see its golden test.
     if let Some((id, told)) = WheelSetpoint::decode(frame)
-        && told.speed_rad_s.abs() < 1600.0
+        && told.speed_rad_s.abs() < 419.0
     {
         assert_eq!(told.encode(id).as_ref(), Some(frame));
     }

@@ -25,7 +25,8 @@ pub const MAX_POSITION_RAD: f32 = 6.5;
 pub const SPEED_STEP_RAD_S: f32 = 1.0 / SPEED_STEPS;
 /// Largest speed, rad/s.
 pub const MAX_SPEED_RAD_S: f32 = 65.0;
-/// Speed setpoints of wheels are 32-bit steps of 0.1 mrad/s.
+/// Speed setpoints of wheels are 32-bit steps of 0.1 mrad/s. Up to 2²² of them, ±419 rad/s, what was
+/// decoded encodes as it was; faster, an `f32` may be a step beside.
 pub const WHEEL_SPEED_STEP_RAD_S: f32 = 1.0 / WHEEL_SPEED_STEPS;
 /// Torques are steps of 5 mN·m: ±163.8 N·m, or 0 to 327 N·m as a limit.
 pub const TORQUE_STEP_NM: f32 = 1.0 / TORQUE_STEPS;

@@ -131,3 +131,21 @@ proptest! {
         }
     }
 }
+
+/// Fuzzing found 837.9 rad/s, which came back a step beside.
+#[test]
+fn a_wheels_speed_is_exact_to_419_rad_s() {
+    let (_, wheel) = WheelSetpoint::decode(&frame_of_speed(8_379_144)).expect("a setpoint");
+    assert_eq!(wheel.encode(0xF), Some(frame_of_speed(8_379_145)));
+    let stride = if cfg!(miri) { 99_991 } else { 1 };
+    for steps in (-(1 << 22)..=1 << 22).step_by(stride) {
+        let frame = frame_of_speed(steps);
+        let (id, wheel) = WheelSetpoint::decode(&frame).expect("a setpoint");
+        assert_eq!(wheel.encode(id), Some(frame));
+    }
+}
+
+fn frame_of_speed(steps: i32) -> CanFrame {
+    let [a, b, c, d] = steps.to_le_bytes();
+    CanFrame::new(0x20F, &[a, b, c, d, 0, 0, 0x80, 0]).expect("8 bytes")
+}
