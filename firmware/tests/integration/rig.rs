@@ -408,6 +408,12 @@ impl Rig {
                     response = Response::decode(self.endpoint.received()).ok();
                 }
             } else {
+                // Whoever sent it, garbage that happened to be a command included: numbers go on from it.
+                if let FromController::CommandAck(ack) = message
+                    && ack.result != CommandResult::OutOfOrder
+                {
+                    self.seq = ack.seq;
+                }
                 self.heard.push((self.now_us, message));
             }
         }
