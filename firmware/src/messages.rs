@@ -174,7 +174,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             obstacle(Fault::HostLost)
         } else if self.machine.settings.imu_required && !self.tilt.is_awake(now_us) {
             obstacle(Fault::Tilt)
-        } else if self.motion.actuators.any_faulty() {
+        } else if self.motion.actuators.health().faulty {
             obstacle(Fault::ActuatorFault)
         } else if !self.motion.actuators_heard(&self.machine)
             // One that has missed "off" would go on from what it was told before.

@@ -92,7 +92,7 @@ impl Motion {
 
     /// Whether every actuator has lately told its pose.
     pub fn actuators_heard(&self, machine: &Machine) -> bool {
-        self.actuators.all_heard_within(self.patience_ticks(machine))
+        self.actuators.health().heard_within(self.patience_ticks(machine))
     }
 
     /// A joint that was measured far outside its range, or not at all.
@@ -232,18 +232,19 @@ impl Motion {
     /// A control period has passed, feedback may be missing.
     pub fn watch(&mut self, machine: &Machine, events: &mut EventSet) {
         self.actuators.age();
-        self.parameters.advance();
+        self.parameters.advance(&machine.config);
         let torque_must_be_on = match self.stage {
             Stage::Off => return,
             // Let down while they were being enabled, some were never on.
             Stage::Enabling { .. } | Stage::Damped => false,
             Stage::Ramping { .. } | Stage::Playing(_) => true,
         };
-        if !self.actuators_heard(machine) {
+        let health = self.actuators.health();
+        if !health.heard_within(self.patience_ticks(machine)) {
             events.insert(Event::FeedbackLost);
         }
-        let dropped = torque_must_be_on && !self.actuators.all_enabled();
-        if dropped || self.actuators.any_faulty() {
+        let dropped = torque_must_be_on && !health.enabled;
+        if dropped || health.faulty {
             events.insert(Event::ActuatorFault);
         }
         self.watch_following(machine, events);
@@ -293,7 +294,8 @@ impl Motion {
         if let Stage::Enabling { ticks } = &mut self.stage {
             *ticks = ticks.saturating_add(1);
             let late = *ticks > machine.settings.ticks(machine.settings.align_patience_us);
-            if self.actuators.all_enabled() && self.actuators.all_heard_within(FRESH_TICKS) {
+            let health = self.actuators.health();
+            if health.enabled && health.heard_within(FRESH_TICKS) {
                 self.start_ramp(machine, library)?;
             } else if late {
                 events.insert(Event::AlignFailed);
@@ -367,10 +369,18 @@ impl Motion {
     }
 
     fn emit(&mut self, machine: &Machine, channel: usize, target: Target, hold: Hold) {
-        let Some(limits) = self.parameters.in_force(&machine.config, channel, hold) else { return };
-        let limited = self.limiter.apply(&limits, channel, target);
+        let damped;
+        let limits = match hold {
+            Hold::Driven => self.parameters.driven(channel),
+            Hold::Damped => {
+                damped = self.parameters.damped(&machine.config, channel);
+                damped.as_ref()
+            }
+        };
+        let Some(limits) = limits else { return };
+        let limited = self.limiter.apply(limits, channel, target);
         if let (Some(target), Some(slot)) = (limited, self.emitted.get_mut(channel)) {
-            self.actuators.command(&limits, channel, target, hold);
+            self.actuators.command(limits, channel, target, hold);
             *slot = Some(target);
         }
     }

@@ -9,7 +9,6 @@ use rollwalk_protocol::actuator::{MAX_KD_NM_S_RAD, MAX_KP_NM_RAD};
 use rollwalk_protocol::config::{Channel, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::wire::{Parameter, ParameterResult};
 
-use crate::actuators::Hold;
 use crate::settings::Settings;
 use crate::store::{PARAMETERS, ParameterSet};
 
@@ -51,6 +50,9 @@ pub(crate) type Refusal = (ParameterResult, f32);
 #[derive(Clone, Debug)]
 pub(crate) struct Parameters {
     channels: Vec<[Ramp; PARAMETERS], MAX_CHANNELS>,
+    /// What the channels are held with now: those of the configuration, with these parameters. Made when
+    /// something changes, for it is wanted in every control period.
+    driven: Vec<Channel, MAX_CHANNELS>,
     ramp_ticks: u16,
     /// Until the last of them has arrived.
     moving_ticks: u16,
@@ -61,11 +63,11 @@ impl Parameters {
     pub fn new(config: &RobotConfig, settings: &Settings) -> Self {
         let ramp_ticks = u16::try_from(settings.ticks(RAMP_US)).unwrap_or(u16::MAX).max(1);
         let channels = gathered(config.channels.iter().map(|c| configured(c).map(Ramp::at)));
-        Self { channels, ramp_ticks, moving_ticks: 0 }
+        Self { channels, driven: config.channels.clone(), ramp_ticks, moving_ticks: 0 }
     }
 
     /// A control period has passed.
-    pub fn advance(&mut self) {
+    pub fn advance(&mut self, config: &RobotConfig) {
         if self.moving_ticks == 0 {
             return;
         }
@@ -73,20 +75,31 @@ impl Parameters {
         for ramp in self.channels.iter_mut().flatten() {
             ramp.ticks_left = ramp.ticks_left.saturating_sub(1);
         }
+        self.apply(config);
     }
 
-    /// What a channel is held with now. The damped stop is not tuned: it damps as the robot was
-    /// designed to, within the torque limit that is in force.
-    pub fn in_force(&self, config: &RobotConfig, channel: usize, hold: Hold) -> Option<Channel> {
-        let limits = config.channels.get(channel)?;
-        let [kp, kd, torque] = self.channels.get(channel)?.map(|ramp| ramp.now(self.ramp_ticks));
-        let (kp_nm_rad, kd_nm_s_rad) = match hold {
-            Hold::Driven => (kp, kd),
-            Hold::Damped => (limits.kp_nm_rad, limits.kd_nm_s_rad),
-        };
-        let most = limits.max_torque_nm;
-        let max_torque_nm = if torque < most { torque } else { most };
-        Some(Channel { kp_nm_rad, kd_nm_s_rad, max_torque_nm, ..*limits })
+    fn apply(&mut self, config: &RobotConfig) {
+        let ramp_ticks = self.ramp_ticks;
+        let limits = self.driven.iter_mut().zip(&config.channels);
+        for ((driven, configured), ramps) in limits.zip(&self.channels) {
+            let [kp_nm_rad, kd_nm_s_rad, torque] = ramps.map(|ramp| ramp.now(ramp_ticks));
+            let most = configured.max_torque_nm;
+            let max_torque_nm = if torque < most { torque } else { most };
+            *driven = Channel { kp_nm_rad, kd_nm_s_rad, max_torque_nm, ..*configured };
+        }
+    }
+
+    /// What a channel is held with now.
+    pub fn driven(&self, channel: usize) -> Option<&Channel> {
+        self.driven.get(channel)
+    }
+
+    /// What a channel is damped with. The damped stop is not tuned: it damps as the robot was designed to,
+    /// within the torque limit that is in force.
+    pub fn damped(&self, config: &RobotConfig, channel: usize) -> Option<Channel> {
+        let configured = config.channels.get(channel)?;
+        let max_torque_nm = self.driven(channel)?.max_torque_nm;
+        Some(Channel { max_torque_nm, ..*configured })
     }
 
     /// What a parameter was set to, even if it is still on its way there.
@@ -120,6 +133,7 @@ impl Parameters {
         if !driven {
             ramp.ticks_left = 0;
         }
+        self.apply(config);
         Ok(to)
     }
 
@@ -133,6 +147,7 @@ impl Parameters {
                 *ramp = Ramp { from, to, ticks_left: if driven { ramp_ticks } else { 0 } };
             }
         }
+        self.apply(config);
     }
 
     /// All that is set, for a store.
@@ -156,6 +171,7 @@ impl Parameters {
             });
         if fits {
             self.channels = gathered(set.values.iter().map(|values| values.map(Ramp::at)));
+            self.apply(config);
         }
         fits
     }
@@ -242,18 +258,18 @@ mod tests {
     }
 
     fn driven(parameters: &Parameters, channel: usize) -> Channel {
-        parameters.in_force(&config(), channel, Hold::Driven).unwrap()
+        *parameters.driven(channel).unwrap()
     }
 
     #[test]
     fn untouched_parameters_are_the_configuration() {
         let parameters = fresh();
         for (i, limits) in config().channels.iter().enumerate() {
-            for hold in [Hold::Driven, Hold::Damped] {
-                assert_eq!(parameters.in_force(&config(), i, hold), Some(*limits));
-            }
+            assert_eq!(parameters.driven(i), Some(limits));
+            assert_eq!(parameters.damped(&config(), i), Some(*limits));
         }
-        assert_eq!(parameters.in_force(&config(), 2, Hold::Driven), None);
+        assert_eq!(parameters.driven(2), None);
+        assert_eq!(parameters.damped(&config(), 2), None);
         assert_eq!(parameters.get(TORQUE, 1), Ok(3.0));
         assert_eq!(parameters.get(3, 1), Err(UNKNOWN_PARAMETER));
         assert_eq!(parameters.get(KP, 2), Err(UNKNOWN_CHANNEL));
@@ -309,7 +325,7 @@ mod tests {
         for _ in 0..ticks {
             // Asked for again and again: arrives all the same.
             set(&mut p, (KP, 0), 8.0, true);
-            p.advance();
+            p.advance(&config());
             let now = driven(&p, 0).kp_nm_rad;
             assert!(now < last && last - now < 1.001 * 12.0 / ticks as f32, "{last} to {now}");
             last = now;
@@ -324,11 +340,11 @@ mod tests {
     fn a_ramp_that_is_turned_round_goes_on_from_where_it_is() {
         let mut p = fresh();
         set(&mut p, (KP, 0), 0.0, true);
-        (0..20).for_each(|_| p.advance());
+        (0..20).for_each(|_| p.advance(&config()));
         let before = driven(&p, 0).kp_nm_rad;
         p.reset(&config(), true);
         assert_eq!(driven(&p, 0).kp_nm_rad, before);
-        (0..60).for_each(|_| p.advance());
+        (0..60).for_each(|_| p.advance(&config()));
         assert_eq!(driven(&p, 0), config().channels[0]);
     }
 
@@ -339,9 +355,9 @@ mod tests {
             set(&mut p, which, 0.0, false);
         }
         set(&mut p, (TORQUE, 0), 1.0, false);
-        let damped = p.in_force(&config(), 0, Hold::Damped).unwrap();
+        let damped = p.damped(&config(), 0).unwrap();
         assert_eq!((damped.kd_nm_s_rad, damped.max_torque_nm), (0.5, 1.0));
-        assert_eq!(p.in_force(&config(), 1, Hold::Damped).unwrap().kd_nm_s_rad, 0.5);
+        assert_eq!(p.damped(&config(), 1).unwrap().kd_nm_s_rad, 0.5);
     }
 
     #[test]
@@ -393,7 +409,7 @@ mod tests {
                 }
                 for _ in 0..ticks {
                     let before = [driven(&p, 0), driven(&p, 1)];
-                    p.advance();
+                    p.advance(&config());
                     for (i, limits) in config().channels.iter().enumerate() {
                         let now = driven(&p, i);
                         prop_assert!(now.kp_nm_rad >= 0.0 && now.kp_nm_rad <= 2.0 * limits.kp_nm_rad);

@@ -39,12 +39,17 @@ pub struct Actuator {
 impl Actuator {
     /// Everything that it told last; `None` before its pose and state are known.
     pub fn feedback(&self) -> Option<Feedback> {
-        (self.has_told_pose && self.has_told_state).then_some(self.told)
+        self.is_known().then_some(self.told)
+    }
+
+    /// Its pose and state are known.
+    pub fn is_known(&self) -> bool {
+        self.has_told_pose && self.has_told_state
     }
 
     /// It said that its torque is on.
     pub fn enabled(&self) -> bool {
-        self.feedback().is_some_and(|f| f.status.enabled())
+        self.is_known() && self.told.status.enabled()
     }
 
     /// It reports a fault, whether or not its pose is known.

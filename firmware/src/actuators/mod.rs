@@ -41,6 +41,24 @@ use orders::{Errand, Todo};
 /// next, or in the one after when the bus is busy.
 pub const FRESH_TICKS: u16 = 2;
 
+/// How the actuators are, together.
+#[derive(Clone, Copy, Debug)]
+pub struct Health {
+    /// For how many ticks the one that has been silent longest has been; `None` when one has never told.
+    silent_ticks: Option<u16>,
+    /// Every actuator said in its last feedback that its torque is on.
+    pub enabled: bool,
+    /// Some actuator reports a fault.
+    pub faulty: bool,
+}
+
+impl Health {
+    /// Every actuator has been heard within so many ticks.
+    pub fn heard_within(&self, ticks: u16) -> bool {
+        self.silent_ticks.is_some_and(|silent| silent <= ticks)
+    }
+}
+
 /// All actuators, by channel.
 #[derive(Clone, Debug)]
 pub struct Actuators {
@@ -116,9 +134,17 @@ impl Actuators {
         self.turn = if next < self.list.len() { next } else { 0 };
     }
 
-    /// Every actuator has been heard within so many ticks.
-    pub fn all_heard_within(&self, ticks: u16) -> bool {
-        self.list.iter().all(|a| a.feedback().is_some() && a.silent_ticks <= ticks)
+    /// How all of them are, together.
+    pub fn health(&self) -> Health {
+        let mut health = Health { silent_ticks: Some(0), enabled: true, faulty: false };
+        for actuator in &self.list {
+            let silent = actuator.is_known().then_some(actuator.silent_ticks);
+            // Of one that is not known nothing is fresh.
+            health.silent_ticks = health.silent_ticks.zip(silent).map(|(a, b)| a.max(b));
+            health.enabled &= actuator.enabled();
+            health.faulty |= actuator.faulty();
+        }
+        health
     }
 
     /// The actuator that has been silent longest, and for how many ticks.
@@ -130,16 +156,6 @@ impl Actuators {
     /// Every actuator has confirmed that its torque is off since it was last told so.
     pub fn all_known_off(&self) -> bool {
         self.list.iter().all(|a| a.known_off)
-    }
-
-    /// Some actuator reports a fault.
-    pub fn any_faulty(&self) -> bool {
-        self.list.iter().any(Actuator::faulty)
-    }
-
-    /// Every actuator said in its last feedback that its torque is on.
-    pub fn all_enabled(&self) -> bool {
-        self.list.iter().all(Actuator::enabled)
     }
 
     /// Last feedback of an actuator.

@@ -40,11 +40,15 @@ pub(crate) fn read_bits(bytes: &[u8], at: u32, width: u8) -> Option<u32> {
     if width == 0 {
         return Some(0);
     }
-    let first = usize::try_from(at / 8).ok()?;
     let shift = at % 8;
-    let count = (shift + u32::from(width)).div_ceil(8) as usize;
-    let window = bytes.get(first..first.checked_add(count)?)?;
-    let gathered = window.iter().rev().fold(0u32, |acc, &b| (acc << 8) | u32::from(b));
+    let rest = bytes.get(usize::try_from(at / 8).ok()?..)?;
+    let gathered = match rest.first_chunk() {
+        Some(&window) => u32::from_le_bytes(window),
+        None => {
+            let count = (shift + u32::from(width)).div_ceil(8) as usize;
+            rest.get(..count)?.iter().rev().fold(0, |acc, &b| (acc << 8) | u32::from(b))
+        }
+    };
     Some((gathered >> shift) & ((1u32 << width.min(18)) - 1))
 }
 
