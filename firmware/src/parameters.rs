@@ -33,6 +33,8 @@ impl Ramp {
     }
 
     /// The value now, between both ends.
+    // Rarely done: once in the image instead of where it is called.
+    #[inline(never)]
     fn now(&self, ramp_ticks: u16) -> f32 {
         if self.ticks_left == 0 {
             return self.to;
@@ -78,6 +80,8 @@ impl Parameters {
         self.apply(config);
     }
 
+    // Rarely done: once in the image instead of where it is called.
+    #[inline(never)]
     fn apply(&mut self, config: &RobotConfig) {
         let ramp_ticks = self.ramp_ticks;
         let limits = self.driven.iter_mut().zip(&config.channels);

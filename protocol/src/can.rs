@@ -11,9 +11,8 @@ pub struct CanFrame {
 impl CanFrame {
     /// A frame, or `None` when `id` needs more than 11 bits or `data` is longer than 8 bytes.
     pub fn new(id: u16, data: &[u8]) -> Option<Self> {
-        let mut bytes = [0; 8];
-        bytes.get_mut(..data.len())?.copy_from_slice(data);
-        (id < 0x800).then_some(Self { id, len: data.len() as u8, data: bytes })
+        let (data, len) = payload(data)?;
+        (id < 0x800).then_some(Self { id, len, data })
     }
 
     /// A frame of this crate's own making: the id's excess bits are dropped.
@@ -49,6 +48,14 @@ impl CanFrame {
     }
 }
 
+/// The bytes and how many there are, at most 8. Byte by byte: copying slices can panic, as far as an
+/// optimiser for size can see.
+fn payload(from: &[u8]) -> Option<([u8; 8], u8)> {
+    let mut data = [0; 8];
+    data.iter_mut().zip(from).for_each(|(slot, byte)| *slot = *byte);
+    (from.len() <= data.len()).then_some((data, from.len() as u8))
+}
+
 /// A classic CAN 2.0B data frame with a 29-bit identifier.
 ///
 /// A type of its own: what listens to 11-bit identifiers cannot take one of these by mistake.
@@ -62,9 +69,8 @@ pub struct ExtendedFrame {
 impl ExtendedFrame {
     /// A frame, or `None` when `id` needs more than 29 bits or `data` is longer than 8 bytes.
     pub fn new(id: u32, data: &[u8]) -> Option<Self> {
-        let mut bytes = [0; 8];
-        bytes.get_mut(..data.len())?.copy_from_slice(data);
-        (id < 1 << 29).then_some(Self { id, len: data.len() as u8, data: bytes })
+        let (data, len) = payload(data)?;
+        (id < 0x2000_0000).then_some(Self { id, len, data })
     }
 
     /// A frame of this crate's own making: the id's excess bits are dropped.

@@ -3,7 +3,6 @@
 //! Orders that take several frames are not kept as frames: an order is encoded again for each, and
 //! the frame whose turn it is goes out. Setpoints on CAN are one frame, so they are encoded once.
 
-use heapless::Vec;
 use rollwalk_protocol::actuator::Feedback;
 use rollwalk_protocol::actuators::dynamixel::packet::Deframer;
 use rollwalk_protocol::actuators::{ActuatorProtocol, Answers, Capabilities, Order, Told};
@@ -57,14 +56,10 @@ pub struct Line {
     pub half: Option<u8>,
 }
 
-impl Default for Line {
-    fn default() -> Self {
-        Self::new(Bus::default(), &RobotConfig { robot: 0, channels: Vec::new() }, 0)
-    }
-}
-
 impl Line {
     /// Bus `number` of a robot.
+    // Rarely done: once in the image instead of once for each bus.
+    #[inline(never)]
     pub fn new(bus: Bus, config: &RobotConfig, number: usize) -> Self {
         let bits = config.channels.iter().enumerate();
         let members = bits.filter(|(_, c)| usize::from(c.bus) == number);

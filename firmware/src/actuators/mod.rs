@@ -75,11 +75,9 @@ impl Actuators {
         let mut list = Vec::new();
         // A configuration has no more channels than fit.
         let _ = list.resize_default(config.channels.len().min(MAX_CHANNELS));
-        let mut lines: [Line; MAX_BUSES] = Default::default();
-        for (number, line) in lines.iter_mut().enumerate() {
-            let bus = buses.get(number).copied().unwrap_or_default();
-            *line = Line::new(bus, config, number);
-        }
+        let lines = core::array::from_fn(|number| {
+            Line::new(buses.get(number).copied().unwrap_or_default(), config, number)
+        });
         Self { list, lines, turn: 0 }
     }
 
@@ -135,6 +133,8 @@ impl Actuators {
     }
 
     /// How all of them are, together.
+    // Once in the image instead of where it is called.
+    #[inline(never)]
     pub fn health(&self) -> Health {
         let mut health = Health { silent_ticks: Some(0), enabled: true, faulty: false };
         for actuator in &self.list {
