@@ -31,6 +31,9 @@ const HALT_S: f32 = 0.4;
 /// has the last word.
 const LONGEST_HALT_S: f32 = 2.0;
 
+/// Frames that make a segment of the curve.
+const WINDOW: usize = 4;
+
 /// What is being played.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Playing {
@@ -54,9 +57,16 @@ struct Frame {
 impl Frame {
     fn of(walk: &Walk, library: &Library<'_>) -> Result<Self, Unreadable> {
         let (clip, number) = walk.at();
-        let mut values = [0.0; MAX_CHANNELS];
-        walk.frame_into(library, &mut values)?;
-        Ok(Self { clip, number, rests_in_safe: walk.rests_in_safe(library), values })
+        let mut frame = Self { clip, number, rests_in_safe: false, values: [0.0; MAX_CHANNELS] };
+        frame.take(walk, library)?;
+        Ok(frame)
+    }
+
+    /// Becomes the one where a walk stands.
+    fn take(&mut self, walk: &Walk, library: &Library<'_>) -> Result<(), Unreadable> {
+        (self.clip, self.number) = walk.at();
+        self.rests_in_safe = walk.rests_in_safe(library);
+        walk.frame_into(library, &mut self.values)
     }
 }
 
@@ -66,8 +76,10 @@ impl Frame {
 #[derive(Clone, Debug)]
 pub struct Player {
     walk: Walk,
-    /// Frames k−1, k, k+1, k+2; the walk stands at the last of them.
-    window: [Frame; 4],
+    /// Frames k−1, k, k+1, k+2; the walk stands at the last of them. The first is the one at `first`, the
+    /// others follow round the end: a frame is written where it stays.
+    window: [Frame; WINDOW],
+    first: usize,
     /// Way from the second frame to the third, in parts of control periods at the planned speed.
     parts: u32,
     ticks_per_frame: u16,
@@ -85,7 +97,8 @@ impl Player {
         let frame = Frame::of(&walk, library)?;
         Ok(Self {
             walk,
-            window: [frame; 4],
+            window: [frame; WINDOW],
+            first: 0,
             parts: 0,
             ticks_per_frame: ticks_per_frame.max(1),
             rate: PARTS,
@@ -134,8 +147,10 @@ impl Player {
         if self.parts >= frame {
             self.parts = self.parts.saturating_sub(frame);
             self.walk.advance(library)?;
-            let [_, b, c, d] = self.window;
-            self.window = [b, c, d, Frame::of(&self.walk, library)?];
+            if let Some(oldest) = self.window.get_mut(self.first) {
+                oldest.take(&self.walk, library)?;
+            }
+            self.first = (self.first + 1) % WINDOW;
         }
         self.change_rate(config);
         Ok(())
@@ -178,13 +193,13 @@ impl Player {
 
     /// What is being played.
     pub fn playing(&self) -> Playing {
-        let [_, from, _, _] = &self.window;
+        let [_, from, _, _] = self.frames();
         Playing { clip: from.clip, frame: from.number, phase: self.phase() }
     }
 
     /// Whether the robot rests in the SAFE pose, and nothing else is on its way.
     pub fn rests_in_safe(&self, library: &Library<'_>) -> bool {
-        let [_, rest @ ..] = &self.window;
+        let [_, rest @ ..] = self.frames();
         rest.iter().all(|frame| frame.rests_in_safe) && self.walk.rests_in_safe(library)
     }
 
@@ -202,9 +217,20 @@ impl Player {
 
     /// Value of a channel, and its slope at the planned speed.
     fn planned(&self, channel: usize) -> Option<Sample> {
-        let [a, b, c, d] = &self.window;
+        let [a, b, c, d] = self.frames();
         let value = |frame: &Frame| frame.values.get(channel).copied();
         Some(hermite::between([value(a)?, value(b)?, value(c)?, value(d)?], self.phase()))
+    }
+
+    /// Frames k−1, k, k+1, k+2.
+    fn frames(&self) -> [&Frame; WINDOW] {
+        let [a, b, c, d] = &self.window;
+        match self.first {
+            1 => [b, c, d, a],
+            2 => [c, d, a, b],
+            3 => [d, a, b, c],
+            _ => [a, b, c, d],
+        }
     }
 
     fn phase(&self) -> f32 {

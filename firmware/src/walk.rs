@@ -7,9 +7,12 @@
 //! - A motion that ends without a goal goes on towards SAFE by itself; SAFE holds.
 //! - The first frame of a transition is the exit frame and its last frame is the entry frame, so
 //!   neither is played twice.
+//!
+//! The blocks of frames where it will go on are checked before it gets there: the first one when a goal
+//! is set, those after it a portion in each frame.
 
 use rollwalk_protocol::library::{
-    ClipCursor, ClipId, Edge, Library, MAX_MOTIONS, NodeId, Unreadable,
+    ClipCursor, ClipId, Edge, Entry, Library, MAX_MOTIONS, NodeId, Unreadable,
 };
 
 /// Where a walk stands.
@@ -35,6 +38,10 @@ pub struct Walk {
     cursor: ClipCursor,
     /// Node that is still to be entered.
     goal: Option<NodeId>,
+    /// How it will leave the motion that it is in or on the way to.
+    onward: Option<Edge>,
+    /// Where it will go on after the clip that it is in, and after that.
+    entries: [Option<Entry>; 2],
 }
 
 impl Walk {
@@ -43,7 +50,8 @@ impl Walk {
         let safe = library.safe_node();
         let frames = library.clip(safe.clip()).ok_or(Unreadable)?.frames;
         let cursor = ClipCursor::new(library, safe.clip(), frames.saturating_sub(1))?;
-        Ok(Self { place: Place::Motion(safe), cursor, goal: None })
+        let place = Place::Motion(safe);
+        Ok(Self { place, cursor, goal: None, onward: None, entries: [None; 2] })
     }
 
     /// Clip and frame it stands at.
@@ -65,10 +73,59 @@ impl Walk {
         if from == goal && (arriving || self.stays_at(library, goal)) {
             // On the way there, or there already: nothing to do but to forget other goals.
             self.goal = arriving.then_some(goal);
-            return Ok(());
+        } else {
+            library.next_hop(from, goal).ok_or(GoalError::Unreachable)?;
+            self.goal = Some(goal);
         }
-        library.next_hop(from, goal).ok_or(GoalError::Unreachable)?;
-        self.goal = Some(goal);
+        self.look_ahead(library);
+        // It may leave with the next frame.
+        if let (Place::Motion(_), [Some(entry), _]) = (self.place, &mut self.entries) {
+            entry.check_all(library);
+        }
+        Ok(())
+    }
+
+    /// Finds out where it will go on.
+    // Rarely done: once in the image instead of where it is called.
+    #[inline(never)]
+    fn look_ahead(&mut self, library: &Library<'_>) {
+        let (node, arrival) = match self.place {
+            Place::Motion(node) => (node, None),
+            Place::Transition(edge) => (edge.to, Some((edge.to.clip(), edge.entry_frame))),
+        };
+        let arrives = arrival.is_some() && self.goal == Some(node);
+        let goal = match self.goal.filter(|_| !arrives) {
+            // What ends goes on to SAFE.
+            None => (!self.stays_at(library, node)).then_some(library.safe_node()),
+            goal => goal,
+        };
+        self.onward = goal.and_then(|goal| library.edge(library.next_hop(node, goal)?));
+        let departure = self.onward.map(|edge| (edge.clip, 0));
+        let now = self.entry(library, arrival.or(departure));
+        let then = self.entry(library, arrival.and(departure));
+        self.entries = [now, then];
+    }
+
+    /// A place, with what has been checked of it before.
+    // Rarely done: once in the image instead of where it is called.
+    #[inline(never)]
+    fn entry(&self, library: &Library<'_>, place: Option<(ClipId, u16)>) -> Option<Entry> {
+        let (clip, frame) = place?;
+        let known = self.entries.iter().flatten().find(|entry| entry.is_at(clip, frame));
+        known.copied().or_else(|| Entry::new(library, clip, frame).ok())
+    }
+
+    /// Checks a portion of what comes.
+    fn check_ahead(&mut self, library: &Library<'_>) {
+        if self.cursor.is_checked_ahead() {
+            let _ = self.entries.iter_mut().flatten().any(|entry| entry.check_a_portion(library));
+        }
+    }
+
+    /// Goes to another clip, whose block has probably been checked.
+    fn enter(&mut self, library: &Library<'_>, clip: ClipId, frame: u16) -> Result<(), Unreadable> {
+        let entry = self.entry(library, Some((clip, frame))).ok_or(Unreadable)?;
+        self.cursor = ClipCursor::enter(library, &entry)?;
         Ok(())
     }
 
@@ -111,49 +168,55 @@ impl Walk {
     /// Whether it rests in the SAFE pose and will stay there.
     pub fn rests_in_safe(&self, library: &Library<'_>) -> bool {
         // A looping SAFE motion holds still in all its frames (the validator sees to that).
-        let still = |node: NodeId| {
-            self.cursor.at_last_frame() || library.clip(node.clip()).is_some_and(|c| c.looping)
-        };
+        let still = self.cursor.at_last_frame() || self.cursor.loops();
         match self.place {
-            Place::Motion(node) => {
-                node == library.safe_node() && self.goal.is_none() && still(node)
-            }
+            Place::Motion(node) => node == library.safe_node() && self.goal.is_none() && still,
             Place::Transition(_) => false,
         }
     }
 
     /// To the next frame. Errors only when the library is not the one that was validated.
     pub fn advance(&mut self, library: &Library<'_>) -> Result<(), Unreadable> {
+        let clip = self.cursor.clip();
         match self.place {
-            Place::Motion(node) => self.advance_motion(library, node),
-            Place::Transition(edge) => {
-                self.cursor.advance(library)?;
-                if self.cursor.at_last_frame() {
-                    // The same frame under the name that it has in the target.
-                    self.cursor = ClipCursor::new(library, edge.to.clip(), edge.entry_frame)?;
-                    self.place = Place::Motion(edge.to);
-                    if self.goal == Some(edge.to) {
-                        self.goal = None;
-                    }
-                }
-                Ok(())
-            }
+            Place::Motion(node) => self.advance_motion(library, node)?,
+            Place::Transition(edge) => self.advance_transition(library, edge)?,
         }
+        // Where it has gone to another clip it has done enough.
+        if self.cursor.clip() == clip {
+            self.check_ahead(library);
+        }
+        Ok(())
+    }
+
+    fn advance_transition(&mut self, library: &Library<'_>, edge: Edge) -> Result<(), Unreadable> {
+        self.cursor.advance(library)?;
+        if self.cursor.at_last_frame() {
+            // The same frame under the name that it has in the target.
+            self.enter(library, edge.to.clip(), edge.entry_frame)?;
+            self.place = Place::Motion(edge.to);
+            if self.goal == Some(edge.to) {
+                self.goal = None;
+            }
+            self.look_ahead(library);
+        }
+        Ok(())
     }
 
     fn advance_motion(&mut self, library: &Library<'_>, node: NodeId) -> Result<(), Unreadable> {
-        let ended = self.cursor.at_last_frame() && !self.stays_at(library, node);
+        let stays = node == library.safe_node() || self.cursor.loops();
+        let ended = self.cursor.at_last_frame() && !stays;
         if ended && self.goal.is_none() {
             self.goal = Some(library.safe_node());
         }
-        if let Some(goal) = self.goal {
-            let edge = library.next_hop(node, goal).and_then(|e| library.edge(e));
-            let edge = edge.ok_or(Unreadable)?;
+        if self.goal.is_some() {
+            let edge = self.onward.ok_or(Unreadable)?;
             if edge.exit_frame == self.cursor.frame() {
                 // Frame 0 of the transition is the frame where we stand.
-                self.cursor = ClipCursor::new(library, edge.clip, 0)?;
+                self.enter(library, edge.clip, 0)?;
                 self.place = Place::Transition(edge);
-                return self.advance(library);
+                self.look_ahead(library);
+                return self.advance_transition(library, edge);
             }
         }
         // At the end of SAFE this stays: every other motion that ended has left above.

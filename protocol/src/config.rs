@@ -4,7 +4,7 @@
 //! ties a motion library to the robot that it was built for.
 
 use crate::actuator;
-use crate::crc::{crc32c, crc32c_digest};
+use crate::crc::{crc32c, crc32c_append};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -78,21 +78,21 @@ impl RobotConfig {
     /// Any change of the robot's name, of a channel, a limit, a gain or an address changes it.
     pub fn hash(&self) -> u32 {
         // Written out, as postcard would encode it, so that it cannot fail.
-        let mut digest = crc32c_digest();
-        digest.update(&self.robot.to_le_bytes());
-        digest.update(&[self.channels.len() as u8]);
+        let mut crc = crc32c(&self.robot.to_le_bytes());
+        let mut append = |bytes: &[u8]| crc = crc32c_append(crc, bytes);
+        append(&[self.channels.len() as u8]);
         for c in &self.channels {
             let kind = match c.kind {
                 ChannelKind::JointPosition => 0,
                 ChannelKind::WheelSpeed => 1,
             };
-            digest.update(&[kind]);
+            append(&[kind]);
             for x in [c.min, c.max, c.max_rate, c.max_torque_nm, c.kp_nm_rad, c.kd_nm_s_rad] {
-                digest.update(&x.to_le_bytes());
+                append(&x.to_le_bytes());
             }
-            digest.update(&[c.bus, c.id]);
+            append(&[c.bus, c.id]);
         }
-        digest.finalize()
+        crc
     }
 
     /// Checks that every value can be commanded: finite, in order, within the scales of the

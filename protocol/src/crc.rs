@@ -3,7 +3,7 @@
 //! CAN has its own CRC, but bridges (serial adapters, drivers with queues) lose, repeat and reorder
 //! whole frames and may damage them outside the reach of that CRC.
 
-use crc::{CRC_8_AUTOSAR, CRC_32_ISCSI, Crc, Digest};
+use crc::{CRC_8_AUTOSAR, CRC_32_ISCSI, Crc};
 
 static CRC_32C: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 static CRC_8: Crc<u8> = Crc::<u8>::new(&CRC_8_AUTOSAR);
@@ -13,9 +13,12 @@ pub fn crc32c(bytes: &[u8]) -> u32 {
     CRC_32C.checksum(bytes)
 }
 
-/// CRC-32C of several pieces, as if they were one.
-pub fn crc32c_digest() -> Digest<'static, u32> {
-    CRC_32C.digest()
+/// CRC-32C of bytes whose CRC is `before`, with `bytes` after them. Nothing has the CRC 0.
+pub fn crc32c_append(before: u32, bytes: &[u8]) -> u32 {
+    // The register is the CRC before its final XOR, and a reflected one takes its start reversed.
+    let mut digest = CRC_32C.digest_with_initial((!before).reverse_bits());
+    digest.update(bytes);
+    digest.finalize()
 }
 
 /// CRC-8/AUTOSAR (polynomial 0x2F, initial value and final XOR 0xFF) over the two bytes of the
@@ -42,9 +45,7 @@ mod tests {
 
     #[test]
     fn pieces_are_one() {
-        let mut digest = crc32c_digest();
-        digest.update(b"1234");
-        digest.update(b"56789");
-        assert_eq!(digest.finalize(), crc32c(b"123456789"));
+        assert_eq!(crc32c_append(crc32c_append(0, b"12345"), b"6789"), crc32c(b"123456789"));
+        assert_eq!(crc32c_append(crc32c(b"123456789"), b""), crc32c(b"123456789"));
     }
 }

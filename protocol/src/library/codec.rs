@@ -6,6 +6,8 @@
 
 /// Frames of a group that share their widths.
 pub(crate) const GROUP: u8 = 16;
+/// Largest width of a field.
+const MAX_WIDTH: u8 = 18;
 /// Bits of a width.
 pub(crate) const WIDTH_BITS: u8 = 4;
 /// Bytes of a block's header: clip, frames, first frame, payload bytes, CRC-32C.
@@ -16,7 +18,7 @@ pub(crate) const BLOCK_CRC_AT: usize = 6;
 /// Bits that a width code stands for: itself, but 15 for 18, the most that two 16-bit differences
 /// can need.
 pub(crate) fn width_of(code: u8) -> u8 {
-    if code >= 15 { 18 } else { code }
+    if code >= 15 { MAX_WIDTH } else { code }
 }
 
 /// Code of the smallest width that holds `zigzag`.
@@ -35,21 +37,38 @@ pub(crate) fn unzigzag(x: u32) -> i32 {
     ((x >> 1) as i32) ^ -((x & 1) as i32)
 }
 
-/// Reads `width` bits, at most 18, at bit `at`. `None` beyond the end.
-pub(crate) fn read_bits(bytes: &[u8], at: u32, width: u8) -> Option<u32> {
-    if width == 0 {
-        return Some(0);
+/// Reads fields of bits one after the other.
+pub(crate) struct BitReader<'a> {
+    rest: &'a [u8],
+    /// Bits that were taken from the bytes and not read, the next one lowest.
+    pending: u32,
+    count: u32,
+}
+
+impl<'a> BitReader<'a> {
+    /// Begins at bit `at`. `None` beyond the end.
+    pub fn new(bytes: &'a [u8], at: u32) -> Option<Self> {
+        let rest = bytes.get(usize::try_from(at / 8).ok()?..)?;
+        let mut reader = Self { rest, pending: 0, count: 0 };
+        reader.read((at % 8) as u8)?;
+        Some(reader)
     }
-    let shift = at % 8;
-    let rest = bytes.get(usize::try_from(at / 8).ok()?..)?;
-    let gathered = match rest.first_chunk() {
-        Some(&window) => u32::from_le_bytes(window),
-        None => {
-            let count = (shift + u32::from(width)).div_ceil(8) as usize;
-            rest.get(..count)?.iter().rev().fold(0, |acc, &b| (acc << 8) | u32::from(b))
+
+    /// The next field, of at most 18 bits. `None` beyond the end.
+    pub fn read(&mut self, width: u8) -> Option<u32> {
+        let width = u32::from(width.min(MAX_WIDTH));
+        // At most 17 bits and 8 more.
+        while self.count < width {
+            let (&byte, rest) = self.rest.split_first()?;
+            self.pending |= u32::from(byte) << self.count;
+            self.count += 8;
+            self.rest = rest;
         }
-    };
-    Some((gathered >> shift) & ((1u32 << width.min(18)) - 1))
+        let field = self.pending & ((1 << width) - 1);
+        self.pending >>= width;
+        self.count -= width;
+        Some(field)
+    }
 }
 
 /// Writes the low `width` bits of `value` at bit `at` of bytes that are still 0 there.
@@ -88,19 +107,21 @@ mod tests {
                 write_bits(&mut bytes, at, width, value).unwrap();
                 at += u32::from(width);
             }
-            at = start;
+            let mut reader = BitReader::new(&bytes, start).unwrap();
             for &(width, value) in &fields {
-                prop_assert_eq!(read_bits(&bytes, at, width), Some(value & ((1 << width) - 1)));
-                at += u32::from(width);
+                prop_assert_eq!(reader.read(width), Some(value & ((1 << width) - 1)));
             }
         }
     }
 
     #[test]
     fn bits_beyond_the_end_are_refused() {
-        assert_eq!(read_bits(&[0xFF; 2], 8, 9), None);
-        assert_eq!(read_bits(&[0xFF; 2], 7, 9), Some(0x1FF));
-        assert_eq!(read_bits(&[], u32::MAX, 18), None);
+        let read = |bytes, at, width| BitReader::new(bytes, at)?.read(width);
+        assert_eq!(read(&[0xFF; 2], 8, 9), None);
+        assert_eq!(read(&[0xFF; 2], 7, 9), Some(0x1FF));
+        assert_eq!(read(&[0xFF; 2], 16, 0), Some(0));
+        assert_eq!(read(&[0xFF; 2], 17, 0), None);
+        assert_eq!(read(&[], u32::MAX, 18), None);
         assert_eq!(write_bits(&mut [0; 2], 8, 9, 0), None);
     }
 }

@@ -1,15 +1,13 @@
 //! The frame decoder: from one frame to the next, or to any frame within bounded work.
 
-use super::codec::{
-    BLOCK_CRC_AT, BLOCK_HEADER_LEN, GROUP, WIDTH_BITS, read_bits, unzigzag, width_of,
-};
-use super::container::{u16_at, u32_at};
+use super::check::{BlockCheck, Entry};
+use super::codec::{BLOCK_HEADER_LEN, BitReader, GROUP, WIDTH_BITS, unzigzag, width_of};
+use super::container::u16_at;
 use super::records::FLAG_LOOPING;
 use super::reject::Section;
 use super::view::Library;
 use super::{BLOCK_FRAMES, ClipId};
 use crate::config::MAX_CHANNELS;
-use crate::crc::crc32c_digest;
 use thiserror::Error;
 
 /// The frames are not those that were validated: somebody wrote over the library, or the cursor
@@ -42,8 +40,9 @@ const _: () = assert!(size_of::<ChannelState>() <= 8, "decoder state is 8 bytes 
 /// A place in a clip, with the frame there.
 ///
 /// Borrows nothing: each step takes the library again, and it must be the one that the cursor was
-/// made with. Worst work of a step: CRC of one block and its first frame; of a seek: that, the
-/// headers of the blocks before (59 at most) and 59 frames.
+/// made with. A step takes a portion of the CRC of the block that follows, so that it has passed when it
+/// is entered. Worst work of a step: what is left of the CRC of one block, and its first frame; of a
+/// seek: a whole one, the headers of the blocks before (59 at most) and 59 frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClipCursor {
     clip: ClipId,
@@ -52,8 +51,10 @@ pub struct ClipCursor {
     frames: u16,
     looping: bool,
     channels: u8,
+    /// First block, bytes from the start of the frames section.
+    clip_at: u32,
     frame: u16,
-    /// Header of the current block, bytes from the start of the frames section.
+    /// Header of the current block, likewise.
     block: u32,
     /// Bytes of its payload.
     payload: u16,
@@ -61,29 +62,39 @@ pub struct ClipCursor {
     in_block: u8,
     /// Next bit of the payload.
     bit: u32,
+    /// The block after the current one.
+    following: BlockCheck,
     states: [ChannelState; MAX_CHANNELS],
 }
 
-const _: () = assert!(size_of::<ClipCursor>() <= 216, "docs/motion-library.md says so");
+const _: () = assert!(size_of::<ClipCursor>() <= 236, "docs/motion-library.md says so");
 
 impl ClipCursor {
     /// A cursor at a frame of a clip.
     pub fn new(library: &Library<'_>, clip: ClipId, frame: u16) -> Result<Self, Unreadable> {
-        let record = library.clip_record(clip).ok_or(Unreadable)?;
+        Self::enter(library, &Entry::new(library, clip, frame)?)
+    }
+
+    /// A cursor at a place whose block may have been checked before; otherwise it is now.
+    pub fn enter(library: &Library<'_>, at: &Entry) -> Result<Self, Unreadable> {
+        let record = library.clip_record(at.clip).ok_or(Unreadable)?;
         let mut cursor = Self {
-            clip,
-            library: library.index().id(),
+            clip: at.clip,
+            library: at.library,
             frames: record.frames,
             looping: record.flags & FLAG_LOOPING != 0,
             channels: library.channel_count() as u8,
+            clip_at: at.clip_at,
             frame: 0,
-            block: record.offset,
+            block: at.block,
             payload: 0,
             in_block: 0,
             bit: 0,
+            following: at.check,
             states: Default::default(),
         };
-        cursor.seek(library, frame)?;
+        cursor.check(library)?;
+        cursor.go_to(library, at.block, at.frame)?;
         Ok(cursor)
     }
 
@@ -95,6 +106,11 @@ impl ClipCursor {
     /// Number of the frame that it is at.
     pub fn frame(&self) -> u16 {
         self.frame
+    }
+
+    /// After the last frame of its clip comes the first.
+    pub fn loops(&self) -> bool {
+        self.looping
     }
 
     /// At the last frame of its clip.
@@ -135,6 +151,9 @@ impl ClipCursor {
             self.enter_block(library, block, next)?;
         } else {
             self.decode_next(library)?;
+            if !self.following.is_over() {
+                self.following.step(library.payload(Section::Frames).ok_or(Unreadable)?);
+            }
         }
         self.frame = next;
         Ok(Advance::Next)
@@ -147,12 +166,16 @@ impl ClipCursor {
             return Err(Unreadable);
         }
         let frames = library.payload(Section::Frames).ok_or(Unreadable)?;
-        let mut block = library.clip_record(self.clip).ok_or(Unreadable)?.offset;
-        for _ in 0..frame / BLOCK_FRAMES {
-            let header = usize::try_from(block).map_err(|_| Unreadable)?;
-            let payload = u16_at(frames, header.saturating_add(4)).ok_or(Unreadable)?;
-            block = block_end(block, payload)?;
-        }
+        let block = block_of(frames, self.clip_at, frame / BLOCK_FRAMES)?;
+        self.go_to(library, block, frame)
+    }
+
+    /// Whether there is nothing left to check of the block that follows.
+    pub fn is_checked_ahead(&self) -> bool {
+        self.following.is_over()
+    }
+
+    fn go_to(&mut self, library: &Library<'_>, block: u32, frame: u16) -> Result<(), Unreadable> {
         self.enter_block(library, block, frame - frame % BLOCK_FRAMES)?;
         for _ in 0..frame % BLOCK_FRAMES {
             self.decode_next(library)?;
@@ -172,7 +195,7 @@ impl ClipCursor {
         u32::from(self.payload) * 8 == self.bit.saturating_add(padding)
             && self
                 .payload_bytes(library)
-                .and_then(|payload| read_bits(payload, self.bit, padding as u8))
+                .and_then(|payload| BitReader::new(payload, self.bit)?.read(padding as u8))
                 == Some(0)
     }
 
@@ -193,23 +216,27 @@ impl ClipCursor {
         block: u32,
         first_frame: u16,
     ) -> Result<(), Unreadable> {
+        let frames = library.payload(Section::Frames).ok_or(Unreadable)?;
         let start = usize::try_from(block).map_err(|_| Unreadable)?;
-        let bytes = library.payload(Section::Frames).and_then(|f| f.get(start..));
-        let header = bytes.and_then(|b| b.get(..BLOCK_HEADER_LEN)).ok_or(Unreadable)?;
-        let covered = header.get(..BLOCK_CRC_AT).ok_or(Unreadable)?;
+        let header = frames.get(start..).and_then(|b| b.get(..BLOCK_HEADER_LEN));
+        let header = header.ok_or(Unreadable)?;
         let expected_frames = self.frames.saturating_sub(first_frame).min(BLOCK_FRAMES);
-        let fits = covered.first() == Some(&self.clip.0)
-            && covered.get(1).map(|&n| u16::from(n)) == Some(expected_frames)
-            && u16_at(covered, 2) == Some(first_frame);
-        self.block = block;
-        self.payload = u16_at(covered, 4).ok_or(Unreadable)?;
-        let payload = self.payload_bytes(library).ok_or(Unreadable)?;
-        let mut digest = crc32c_digest();
-        digest.update(covered);
-        digest.update(payload);
-        if !fits || u32_at(header, BLOCK_CRC_AT) != Some(digest.finalize()) {
+        let fits = header.first() == Some(&self.clip.0)
+            && header.get(1).map(|&n| u16::from(n)) == Some(expected_frames)
+            && u16_at(header, 2) == Some(first_frame);
+        if !fits || !(self.following.vouches_for(block) || BlockCheck::of(block).finish(frames)) {
             return Err(Unreadable);
         }
+        self.block = block;
+        self.payload = u16_at(header, 4).ok_or(Unreadable)?;
+        self.following = if first_frame.saturating_add(BLOCK_FRAMES) < self.frames {
+            BlockCheck::of(self.after_block()?)
+        } else if self.looping {
+            BlockCheck::of(self.clip_at)
+        } else {
+            BlockCheck::NONE
+        };
+        let payload = self.payload_bytes(library).ok_or(Unreadable)?;
         let channels = usize::from(self.channels);
         for (i, state) in self.states.iter_mut().take(channels).enumerate() {
             state.width = 0;
@@ -226,23 +253,23 @@ impl ClipCursor {
     fn decode_next(&mut self, library: &Library<'_>) -> Result<(), Unreadable> {
         let payload = self.payload_bytes(library).ok_or(Unreadable)?;
         let channels = usize::from(self.channels);
-        let mut bit = self.bit;
+        let mut bits = BitReader::new(payload, self.bit).ok_or(Unreadable)?;
+        let mut read = 0;
         if self.in_block.is_multiple_of(GROUP) {
             for state in self.states.iter_mut().take(channels) {
-                let code = read_bits(payload, bit, WIDTH_BITS).ok_or(Unreadable)?;
-                state.width = width_of(code as u8);
-                bit = bit.saturating_add(u32::from(WIDTH_BITS));
+                state.width = width_of(bits.read(WIDTH_BITS).ok_or(Unreadable)? as u8);
+                read += u32::from(WIDTH_BITS);
             }
         }
         for state in self.states.iter_mut().take(channels) {
-            let second = unzigzag(read_bits(payload, bit, state.width).ok_or(Unreadable)?);
-            bit = bit.saturating_add(u32::from(state.width));
+            let second = unzigzag(bits.read(state.width).ok_or(Unreadable)?);
+            read += u32::from(state.width);
             let delta = i32::from_le_bytes(state.delta).wrapping_add(second);
             let value = i32::from(state.value).wrapping_add(delta);
             state.value = i16::try_from(value).map_err(|_| Unreadable)?;
             state.delta = delta.to_le_bytes();
         }
-        self.bit = bit;
+        self.bit = self.bit.saturating_add(read);
         self.in_block = self.in_block.saturating_add(1);
         Ok(())
     }
@@ -250,4 +277,14 @@ impl ClipCursor {
 
 fn block_end(block: u32, payload: u16) -> Result<u32, Unreadable> {
     block.checked_add(BLOCK_HEADER_LEN as u32 + u32::from(payload)).ok_or(Unreadable)
+}
+
+/// Block `n` after the one at `block`, bytes from the start of the frames section.
+pub(super) fn block_of(frames: &[u8], mut block: u32, n: u16) -> Result<u32, Unreadable> {
+    for _ in 0..n {
+        let header = usize::try_from(block).map_err(|_| Unreadable)?;
+        let payload = u16_at(frames, header.saturating_add(4)).ok_or(Unreadable)?;
+        block = block_end(block, payload)?;
+    }
+    Ok(block)
 }

@@ -12,7 +12,7 @@ use super::spec::{ClipRef, EncodeError, LibrarySpec};
 use super::writer::{BitWriter, Writer};
 use super::{BLOCK_FRAMES, MAX_MOTIONS, MAX_TRANSITIONS, RATE_HZ, validate};
 use crate::config::MAX_CHANNELS;
-use crate::crc::crc32c_digest;
+use crate::crc::{crc32c, crc32c_append};
 
 /// Writes a library into `out`, validates it and returns its length in bytes.
 ///
@@ -162,11 +162,9 @@ fn write_block(
     let fields = [number, count as u8].into_iter();
     let fields = fields.chain((first as u16).to_le_bytes()).chain(payload_len.to_le_bytes());
     header.iter_mut().zip(fields).for_each(|(slot, byte)| *slot = byte);
-    let mut digest = crc32c_digest();
     let (covered, crc) = header.split_at_mut(BLOCK_CRC_AT);
-    digest.update(covered);
-    digest.update(w.written_since(payload_at));
-    crc.copy_from_slice(&digest.finalize().to_le_bytes());
+    let of_both = crc32c_append(crc32c(covered), w.written_since(payload_at));
+    crc.copy_from_slice(&of_both.to_le_bytes());
     w.overwrite(header_at, &header)
 }
 

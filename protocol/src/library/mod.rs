@@ -30,6 +30,7 @@
 //! The byte format is normative in `docs/motion-library.md`.
 
 mod attitude;
+mod check;
 mod codec;
 mod container;
 mod cursor;
@@ -46,6 +47,7 @@ mod view;
 mod writer;
 
 pub use attitude::Attitude;
+pub use check::Entry;
 pub use cursor::{Advance, ClipCursor, Unreadable};
 pub use encode::{encode, encode_with_attitudes};
 pub use reject::{Reject, Section, Why};

@@ -3,6 +3,7 @@
 //!
 //! A later minor version may append fields; the stride in the section's header skips them.
 
+use super::container::u16_at;
 use serde::{Deserialize, Serialize};
 
 /// What a library is: counts and the robot that it is for.
@@ -51,7 +52,7 @@ pub(crate) struct ClipRecord {
 
 /// Which way is up during a clip; follows the [`ClipRecord`] where the builder has told, since format
 /// 1.1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct AttitudeRecord {
     /// Direction in the body frame, in parts of 2 to the power of −14.
     #[serde(with = "postcard::fixint::le")]
@@ -63,6 +64,15 @@ pub(crate) struct AttitudeRecord {
     /// Furthest from there, mrad.
     #[serde(with = "postcard::fixint::le")]
     pub spread: u16,
+}
+
+impl AttitudeRecord {
+    /// The record at the start of some bytes. By hand: in every control period with an IMU.
+    pub fn read(bytes: &[u8]) -> Option<Self> {
+        let signed = |at| u16_at(bytes, at).map(|bits| bits as i16);
+        let (up_x, up_y, up_z) = (signed(0)?, signed(2)?, signed(4)?);
+        Some(Self { up_x, up_y, up_z, spread: u16_at(bytes, 6)? })
+    }
 }
 
 /// After the last frame comes frame 0.

@@ -2,7 +2,7 @@
 
 use super::attitude::Attitude;
 use super::container::{FOOTER_LEN, SECTIONS, Span, u16_at, u32_at};
-use super::records::{CLIP_LEN, CodeRecord, EdgeRecord, FLAG_LOOPING};
+use super::records::{AttitudeRecord, CLIP_LEN, CodeRecord, EdgeRecord, FLAG_LOOPING};
 use super::reject::Section;
 use super::{ClipId, EdgeId, NO_EDGE, NodeId, quantise, records};
 use crate::config::MAX_CHANNELS;
@@ -159,7 +159,7 @@ impl<'a> Library<'a> {
         let span = self.index.sections.get(Section::Clips.index()?)?;
         let record = span.record(self.bytes, usize::from(clip.0))?.get(usize::from(CLIP_LEN)..)?;
         // Libraries of format 1.0, and those that were not told, end here.
-        Attitude::of(&postcard::take_from_bytes(record).ok()?.0)
+        AttitudeRecord::read(record).as_ref().and_then(Attitude::of)
     }
 
     /// The motion that a command code asks for.

@@ -2,8 +2,8 @@
 
 use crate::fixture::{Fixture, TROT_EXIT};
 use rollwalk_protocol::library::{
-    Advance, Attitude, ClipCursor, ClipId, ClipKind, ClipRef, Edge, EdgeId, EncodeError, Library,
-    LibrarySpec, NodeId, Unreadable, encode_with_attitudes, validate,
+    Advance, Attitude, ClipCursor, ClipId, ClipKind, ClipRef, Edge, EdgeId, EncodeError, Entry,
+    Library, LibrarySpec, NodeId, Unreadable, encode_with_attitudes, validate,
 };
 
 #[test]
@@ -58,8 +58,11 @@ fn seeking_finds_what_playing_finds() {
         let mut sought = ClipCursor::new(&library, clip, frames - 1).unwrap();
         for k in 0..frames {
             sought.seek(&library, k).unwrap();
-            assert_eq!(played, sought);
-            played.advance(&library).unwrap();
+            assert_eq!(sought.frame(), played.frame());
+            assert!(sought.quanta().eq(played.quanta()));
+            // Wherever it stands, it goes on from there.
+            assert_eq!(sought.advance(&library), played.advance(&library));
+            assert!(sought.quanta().eq(played.quanta()));
         }
         assert_eq!(sought.seek(&library, frames), Err(Unreadable));
     }
@@ -185,4 +188,72 @@ fn attitudes_come_back_and_a_library_without_says_none() {
     }
     attitudes.truncate(1);
     assert!(matches!(told(&attitudes), Err(EncodeError::Attitude { .. })));
+}
+
+#[test]
+fn a_place_that_was_checked_ahead_is_that_place() {
+    let f = Fixture::new();
+    let bytes = f.encode();
+    let index = validate(&bytes, &f.config).unwrap();
+    let library = Library::open(&bytes, &index).unwrap();
+    for clip in (0..library.clip_count()).map(ClipId) {
+        let frames = library.clip(clip).unwrap().frames;
+        for frame in 0..frames {
+            let plain = ClipCursor::new(&library, clip, frame).unwrap();
+            for portions in [0, 1, 2, 100] {
+                let mut entry = Entry::new(&library, clip, frame).unwrap();
+                assert!(entry.is_at(clip, frame));
+                let taken = (0..portions).filter(|_| entry.check_a_portion(&library)).count();
+                assert!(portions == 0 || taken > 0);
+                let entered = ClipCursor::enter(&library, &entry).unwrap();
+                assert_eq!(entered.frame(), frame);
+                assert!(entered.quanta().eq(plain.quanta()));
+            }
+        }
+        assert_eq!(Entry::new(&library, clip, frames), Err(Unreadable));
+    }
+    assert_eq!(Entry::new(&library, ClipId(library.clip_count()), 0), Err(Unreadable));
+    // An entry stays with its library.
+    let mut other = Fixture::new();
+    other.trot[30] += 0.01;
+    let other = other.encode();
+    let other_index = validate(&other, &f.config).unwrap();
+    let other = Library::open(&other, &other_index).unwrap();
+    let mut entry = Entry::new(&library, ClipId(1), 0).unwrap();
+    assert!(!entry.check_a_portion(&other));
+    assert_eq!(ClipCursor::enter(&other, &entry), Err(Unreadable));
+}
+
+/// Any damaged byte: found by whoever checks ahead as by whoever does not.
+#[test]
+fn damage_is_found_however_much_was_checked_ahead() {
+    let f = Fixture::new();
+    let bytes = f.encode();
+    let index = validate(&bytes, &f.config).unwrap();
+    let (clip, second_block) = (ClipId(1), 60);
+    let frames = Library::open(&bytes, &index).unwrap().clip(clip).unwrap().frames;
+    assert!(frames > second_block);
+    let mut found = 0;
+    let stride = if cfg!(miri) { 37 } else { 1 };
+    for at in (0..bytes.len() - 24).step_by(stride) {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 0x10;
+        let library = Library::open(&damaged, &index).unwrap();
+        for portions in [0, 1, 100] {
+            let entered = Entry::new(&library, clip, 0).and_then(|mut entry| {
+                (0..portions).for_each(|_| {
+                    entry.check_a_portion(&library);
+                });
+                ClipCursor::enter(&library, &entry)
+            });
+            assert_eq!(entered.is_ok(), ClipCursor::new(&library, clip, 0).is_ok());
+        }
+        let Ok(mut cursor) = ClipCursor::new(&library, clip, 0) else { continue };
+        let mut steps = (1..frames).map(|frame| (frame, cursor.advance(&library)));
+        if let Some((frame, _)) = steps.find(|(_, step)| step.is_err()) {
+            assert_eq!(frame, second_block, "byte {at}");
+            found += 1;
+        }
+    }
+    assert!(found > 20 / stride, "{found}");
 }
