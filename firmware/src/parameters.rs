@@ -353,6 +353,14 @@ mod tests {
     }
 
     #[test]
+    fn a_reset_while_torque_is_off_is_done_at_once() {
+        let mut p = fresh();
+        set(&mut p, (KP, 0), 0.0, false);
+        p.reset(&config(), false);
+        assert_eq!(driven(&p, 0), config().channels[0]);
+    }
+
+    #[test]
     fn the_damped_stop_is_not_tuned() {
         let mut p = fresh();
         for which in [(KP, 0), (KD, 0), (KD, 1)] {
@@ -362,6 +370,11 @@ mod tests {
         let damped = p.damped(&config(), 0).unwrap();
         assert_eq!((damped.kd_nm_s_rad, damped.max_torque_nm), (0.5, 1.0));
         assert_eq!(p.damped(&config(), 1).unwrap().kd_nm_s_rad, 0.5);
+        // A torque limit is in force as far as its ramp has come.
+        set(&mut p, (TORQUE, 0), 3.0, true);
+        (0..30).for_each(|_| p.advance(&config()));
+        let halfway = p.damped(&config(), 0).unwrap().max_torque_nm;
+        assert!((halfway - 2.0).abs() < 0.05, "{halfway}");
     }
 
     #[test]

@@ -8,8 +8,8 @@
 //! - The first frame of a transition is the exit frame and its last frame is the entry frame, so
 //!   neither is played twice.
 //!
-//! The blocks of frames where it will go on are checked before it gets there: the first one when a goal
-//! is set, those after it a portion in each frame.
+//! The blocks of frames where it will go on, after this clip and after that, are checked before it gets
+//! there: at once when a goal is set, a portion in each frame when it goes on by itself.
 
 use rollwalk_protocol::library::{
     ClipCursor, ClipId, Edge, Entry, Library, MAX_MOTIONS, NodeId, Unreadable,
@@ -78,10 +78,8 @@ impl Walk {
             self.goal = Some(goal);
         }
         self.look_ahead(library);
-        // It may leave with the next frame.
-        if let (Place::Motion(_), [Some(entry), _]) = (self.place, &mut self.entries) {
-            entry.check_all(library);
-        }
+        // It may leave with the next frame, or arrive with it and leave with the one after.
+        self.entries.iter_mut().flatten().for_each(|entry| entry.check_all(library));
         Ok(())
     }
 

@@ -319,3 +319,79 @@ proptest! {
         prop_assert!(player.rests_in_safe(&lib));
     }
 }
+
+/// The test library with a byte changed that only one clip notices, near the end of its frames.
+fn with_damaged(clip: u8) -> Loaded {
+    let mut loaded = Loaded::new();
+    let clips = loaded.open().clip_count();
+    for at in (0..loaded.bytes.len() - 24).rev() {
+        loaded.bytes[at] ^= 0x10;
+        let library = loaded.open();
+        let unreadable = |i: &u8| ClipCursor::new(&library, ClipId(*i), 0).is_err();
+        if (0..clips).filter(unreadable).eq([clip]) {
+            return loaded;
+        }
+        loaded.bytes[at] ^= 0x10;
+    }
+    panic!("every byte of clip {clip} is part of its CRC");
+}
+
+/// Advances into a clip; whether its frames were taken for good.
+fn gets_into(clip: u8, mut walk: Walk, lib: &Library<'_>) -> bool {
+    for _ in 0..200 {
+        if walk.advance(lib).is_err() {
+            return false;
+        }
+        if walk.at().0 == ClipId(clip) {
+            return true;
+        }
+    }
+    panic!("never gets to clip {clip}");
+}
+
+#[test]
+fn the_way_to_a_goal_is_checked_when_it_is_set() {
+    let loaded = Loaded::new();
+    let lib = loaded.open();
+    let damaged = with_damaged(STAND_TO_WALK);
+    let mut walk = Walk::start(&lib).unwrap();
+    // Damaged before it was looked at: found at the latest on the way in.
+    walk.set_goal(&damaged.open(), node(&lib, CODE_WALK)).unwrap();
+    assert!(!gets_into(STAND_TO_WALK, walk.clone(), &damaged.open()));
+    // Damaged after: nothing is left to be checked in the frame that leaves.
+    walk.set_goal(&lib, node(&lib, CODE_STAND)).unwrap();
+    walk.set_goal(&lib, node(&lib, CODE_WALK)).unwrap();
+    assert!(gets_into(STAND_TO_WALK, walk.clone(), &damaged.open()));
+
+    // The same for a goal that is set with the last frame of a transition.
+    let damaged = with_damaged(WALK_TO_STAND);
+    go(&mut walk, &lib, usize::from(TRANSITION_FRAMES) - 2);
+    assert_eq!(walk.at().0, ClipId(STAND_TO_WALK));
+    let mut late = walk.clone();
+    late.set_goal(&damaged.open(), node(&lib, CODE_STAND)).unwrap();
+    assert!(!gets_into(WALK_TO_STAND, late, &damaged.open()));
+    walk.set_goal(&lib, node(&lib, CODE_STAND)).unwrap();
+    assert!(gets_into(WALK_TO_STAND, walk, &damaged.open()));
+}
+
+#[test]
+fn what_comes_by_itself_is_checked_on_the_way() {
+    let loaded = Loaded::new();
+    let lib = loaded.open();
+    // Where the transition arrives.
+    let damaged = with_damaged(WALK_CLIP);
+    let mut walk = Walk::start(&lib).unwrap();
+    walk.set_goal(&lib, node(&lib, CODE_WALK)).unwrap();
+    assert!(!gets_into(WALK_CLIP, walk.clone(), &damaged.open()));
+    go(&mut walk, &lib, usize::from(TRANSITION_FRAMES) - 3);
+    assert!(gets_into(WALK_CLIP, walk, &damaged.open()));
+
+    // And where a motion leads that ends.
+    let damaged = with_damaged(DRIVE_TO_STAND);
+    let mut walk = Walk::start(&lib).unwrap();
+    walk.set_goal(&lib, node(&lib, CODE_DRIVE)).unwrap();
+    go(&mut walk, &lib, 2);
+    assert!(!gets_into(DRIVE_TO_STAND, walk.clone(), &damaged.open()));
+    go(&mut walk, &lib, usize::from(TRANSITION_FRAMES + DRIVE_FRAMES) - 10);
+    assert!(gets_into(DRIVE_TO_STAND, walk, &damaged.open()));
+}

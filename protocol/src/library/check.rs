@@ -39,20 +39,19 @@ impl BlockCheck {
         self.over
     }
 
-    /// Whether this block has been found good.
-    pub fn vouches_for(&self, block: u32) -> bool {
-        self.passed && self.block == block
+    /// Checks what is left of a block, all of it if this check was of another or found it bad; whether it
+    /// is good.
+    pub fn finish_for(&mut self, frames: &[u8], block: u32) -> bool {
+        if self.block != block || self.over && !self.passed {
+            *self = Self::of(block);
+        }
+        self.take(frames, usize::MAX);
+        self.passed
     }
 
     /// One portion more of the frames section.
     pub fn step(&mut self, frames: &[u8]) {
         self.take(frames, PORTION);
-    }
-
-    /// All that is left; whether the block is good.
-    pub fn finish(&mut self, frames: &[u8]) -> bool {
-        self.take(frames, usize::MAX);
-        self.passed
     }
 
     fn take(&mut self, frames: &[u8], portion: usize) {

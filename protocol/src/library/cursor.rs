@@ -43,7 +43,7 @@ const _: () = assert!(size_of::<ChannelState>() <= 8, "decoder state is 8 bytes 
 /// made with. A step takes a portion of the CRC of the block that follows, so that it has passed when it
 /// is entered. Worst work of a step: what is left of the CRC of one block, and its first frame; of a
 /// seek: a whole one, the headers of the blocks before (59 at most) and 59 frames.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub struct ClipCursor {
     clip: ClipId,
     /// Identity of the library.
@@ -67,7 +67,7 @@ pub struct ClipCursor {
     states: [ChannelState; MAX_CHANNELS],
 }
 
-const _: () = assert!(size_of::<ClipCursor>() <= 236, "docs/motion-library.md says so");
+const _: () = assert!(size_of::<ClipCursor>() == 232, "docs/motion-library.md says so");
 
 impl ClipCursor {
     /// A cursor at a frame of a clip.
@@ -224,7 +224,7 @@ impl ClipCursor {
         let fits = header.first() == Some(&self.clip.0)
             && header.get(1).map(|&n| u16::from(n)) == Some(expected_frames)
             && u16_at(header, 2) == Some(first_frame);
-        if !fits || !(self.following.vouches_for(block) || BlockCheck::of(block).finish(frames)) {
+        if !fits || !self.following.finish_for(frames, block) {
             return Err(Unreadable);
         }
         self.block = block;

@@ -12,7 +12,7 @@ use serde::de::DeserializeOwned;
 ///
 /// Only [`validate`](super::validate) makes one. It borrows nothing, so that it can be kept next to
 /// the store that holds the bytes. Its owner must drop it when it changes them; if it does not,
-/// [`Library::open`] and the CRC of each block of frames notice, and nothing panics.
+/// [`Library::open`] and the next CRC of a block of frames notice, and nothing panics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Index {
     pub(super) len: u32,

@@ -4,7 +4,9 @@ use crate::fixture::Fixture;
 use crate::reseal::{FOOTER, HEADER, reseal};
 use proptest::prelude::*;
 use rollwalk_protocol::config::RobotConfig;
-use rollwalk_protocol::library::{ClipCursor, ClipId, EdgeId, Index, Library, NodeId, validate};
+use rollwalk_protocol::library::{
+    ClipCursor, ClipId, EdgeId, Entry, Index, Library, NodeId, validate,
+};
 use std::sync::OnceLock;
 
 fn golden() -> &'static (Fixture, Vec<u8>) {
@@ -118,11 +120,21 @@ proptest! {
         changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..50),
         clip in 0u8..8,
         frame in 0u16..200,
+        // What was found good before may have changed since.
+        played in 0..120,
+        portions in 0..20,
     ) {
         let (fixture, bytes) = golden();
         let index = validate(bytes, &fixture.config).unwrap();
         let library = Library::open(bytes, &index).unwrap();
         let Ok(mut cursor) = ClipCursor::new(&library, ClipId(clip), frame) else { return Ok(()) };
+        let mut entry = Entry::new(&library, ClipId(clip), frame).unwrap();
+        for _ in 0..played {
+            cursor.advance(&library).unwrap();
+        }
+        for _ in 0..portions {
+            entry.check_a_portion(&library);
+        }
         let mut forged = bytes.clone();
         for (at, value) in changes {
             let at = at.index(forged.len() - FOOTER);
@@ -134,6 +146,12 @@ proptest! {
             let _ = cursor.advance(&library);
         }
         let _ = cursor.seek(&library, frame);
+        if let Ok(mut cursor) = ClipCursor::enter(&library, &entry) {
+            for _ in 0..100 {
+                let _ = cursor.advance(&library);
+            }
+        }
+        entry.check_all(&library);
         for i in 0..=u8::MAX {
             let _ = (library.clip(ClipId(i)), library.edge(EdgeId(i)), library.name(NodeId(i)));
             let _ = (library.node_for_code(i), library.next_hop(NodeId(i), NodeId(1)));

@@ -221,7 +221,7 @@ fn a_place_that_was_checked_ahead_is_that_place() {
     let other = Library::open(&other, &other_index).unwrap();
     let mut entry = Entry::new(&library, ClipId(1), 0).unwrap();
     assert!(!entry.check_a_portion(&other));
-    assert_eq!(ClipCursor::enter(&other, &entry), Err(Unreadable));
+    assert!(ClipCursor::enter(&other, &entry).is_err());
 }
 
 /// Any damaged byte: found by whoever checks ahead as by whoever does not.
@@ -233,7 +233,7 @@ fn damage_is_found_however_much_was_checked_ahead() {
     let (clip, second_block) = (ClipId(1), 60);
     let frames = Library::open(&bytes, &index).unwrap().clip(clip).unwrap().frames;
     assert!(frames > second_block);
-    let mut found = 0;
+    let (mut found, mut found_in_first) = (0, 0);
     let stride = if cfg!(miri) { 37 } else { 1 };
     for at in (0..bytes.len() - 24).step_by(stride) {
         let mut damaged = bytes.clone();
@@ -248,12 +248,22 @@ fn damage_is_found_however_much_was_checked_ahead() {
             });
             assert_eq!(entered.is_ok(), ClipCursor::new(&library, clip, 0).is_ok());
         }
-        let Ok(mut cursor) = ClipCursor::new(&library, clip, 0) else { continue };
+        let Ok(mut cursor) = ClipCursor::new(&library, clip, 0) else {
+            // That the block after it has been found good does not speak for it.
+            let good = Library::open(&bytes, &index).unwrap();
+            let mut cursor = ClipCursor::new(&good, clip, 0).unwrap();
+            while !cursor.is_checked_ahead() {
+                cursor.advance(&good).unwrap();
+            }
+            // Damaged tables are of no interest to a cursor that knows its clip.
+            found_in_first += usize::from(cursor.seek(&library, 1).is_err());
+            continue;
+        };
         let mut steps = (1..frames).map(|frame| (frame, cursor.advance(&library)));
         if let Some((frame, _)) = steps.find(|(_, step)| step.is_err()) {
             assert_eq!(frame, second_block, "byte {at}");
             found += 1;
         }
     }
-    assert!(found > 20 / stride, "{found}");
+    assert!(found > 20 / stride && found_in_first > 20 / stride, "{found}, {found_in_first}");
 }

@@ -81,8 +81,11 @@ impl Board {
             // The self test of the first one is no part of a control period either.
             Some(Input::Tick) if controller.state() == State::Boot => controller.tick(now_us),
             Some(Input::Tick) => cost.of_tick(|| controller.tick(now_us)),
-            // A library is checked in here: no part of a control period.
-            Some(Input::Link(frame)) => controller.on_link_frame(now_us, &frame),
+            // While it is disarmed a library is checked in here: no part of a control period.
+            Some(Input::Link(frame)) if controller.state() == State::Disarmed => {
+                controller.on_link_frame(now_us, &frame);
+            }
+            Some(Input::Link(frame)) => cost.of(|| controller.on_link_frame(now_us, &frame)),
             Some(Input::Actuator(bus, frame)) => {
                 cost.of(|| controller.on_actuator_frame(now_us, bus, &frame));
             }
