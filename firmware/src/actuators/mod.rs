@@ -192,12 +192,8 @@ impl Actuators {
 
     /// Torque off, now: drops everything else and keeps telling until each actuator has confirmed.
     pub fn disable_all(&mut self) {
-        for line in &mut self.lines {
-            line.interrupt();
-            line.idle = false;
-        }
+        self.drop_orders();
         for actuator in &mut self.list {
-            actuator.setpoint = None;
             actuator.known_off = false;
             actuator.todo = Todo::of(Errand::Disable);
         }
