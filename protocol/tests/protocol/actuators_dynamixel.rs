@@ -4,7 +4,7 @@
 use crate::actuators_all::{joint, sent, wheel};
 use proptest::prelude::*;
 use rollwalk_protocol::actuators::dynamixel::packet::{
-    self, BROADCAST, Deframer, HEADER, Message, READ, REBOOT, STATUS, WRITE, crc16, packet,
+    BROADCAST, Deframer, HEADER, Message, READ, REBOOT, STATUS, WRITE, crc16, packet,
 };
 use rollwalk_protocol::actuators::dynamixel::table::{self, XM430_W210, XM540_W150};
 use rollwalk_protocol::actuators::dynamixel::{
