@@ -105,6 +105,53 @@ impl ExtendedFrame {
     }
 }
 
+/// A classic data frame with an identifier of either length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum AnyFrame {
+    /// With an 11-bit identifier.
+    Standard(CanFrame),
+    /// With a 29-bit identifier.
+    Extended(ExtendedFrame),
+}
+
+impl AnyFrame {
+    /// The payload, 0 to 8 bytes.
+    pub fn data(&self) -> &[u8] {
+        match self {
+            Self::Standard(frame) => frame.data(),
+            Self::Extended(frame) => frame.data(),
+        }
+    }
+
+    /// The frame, if its identifier has 11 bits.
+    pub fn standard(&self) -> Option<&CanFrame> {
+        match self {
+            Self::Standard(frame) => Some(frame),
+            Self::Extended(_) => None,
+        }
+    }
+
+    /// Bits on the wire, as [`CanFrame::exact_bits`].
+    pub fn exact_bits(&self) -> u32 {
+        match self {
+            Self::Standard(frame) => frame.exact_bits(),
+            Self::Extended(frame) => frame.exact_bits(),
+        }
+    }
+}
+
+impl From<CanFrame> for AnyFrame {
+    fn from(frame: CanFrame) -> Self {
+        Self::Standard(frame)
+    }
+}
+
+impl From<ExtendedFrame> for AnyFrame {
+    fn from(frame: ExtendedFrame) -> Self {
+        Self::Extended(frame)
+    }
+}
+
 /// CRC delimiter, ACK slot and delimiter, end of frame (7), space between frames (3).
 const UNSTUFFED_BITS: u32 = 13;
 

@@ -1,7 +1,7 @@
 //! The controller as the bench sees it: told what happened, it says what it sends.
 
-use crate::link::LinkError;
 use crate::store::{self, SimParameters, SimStore};
+use rollwalk_bus::link::LinkError;
 use rollwalk_firmware::{Buses, Controller, Settings};
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};

@@ -1,16 +1,15 @@
 //! A robot without hardware: simulated CAN buses and virtual servos around the real firmware core, in
-//! virtual time; and the host's side of the link bus.
+//! virtual time.
 //!
 //! | module | is |
 //! |---|---|
-//! | [`session`], [`client`], [`refusal`] | the host: what to do in which order, the protocol without clock or bus, sentences |
-//! | [`link`], [`fault`] | a link as the host sees it, and one that loses frames |
 //! | [`rig`], [`store`] | controller, buses and motors, stepped in one fixed order |
 //! | [`core`], [`remote`] | the controller: firmware in this process, or a board over a serial line |
-//! | [`serial`] | the link to a board with a clock of its own, in real time |
-//! | [`bus`], [`candump`], [`clock`] | a bus exact to the bit, its log, virtual time |
+//! | [`bus`], [`interface`], [`clock`] | a bus exact to the bit, the buses' names, virtual time |
 //! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle |
 //! | [`record`] | what was commanded on the buses and what came of it |
+//!
+//! The host's end is `rollwalk-host`, which cannot tell a [`rig::Rig`] from a robot.
 //!
 //! What is simulated: the buses to the bit (arbitration, stuff bits, CRC, intermission), the servos'
 //! protocol, watchdog, control law and limits, and for every joint the inertia and weight of what
@@ -20,7 +19,9 @@
 //! Everything is deterministic: the same calls give the same bytes on every bus.
 //!
 //! ```
-//! use rollwalk_sim_host::{candump, record, rig::Rig, session::Session};
+//! use rollwalk_bus::candump;
+//! use rollwalk_host::session::Session;
+//! use rollwalk_sim_host::{record, rig::Rig};
 //!
 //! /// Flashes a library, plays the motion with code 2 for three seconds, and logs every bus.
 //! fn play(
@@ -49,19 +50,13 @@
 
 pub mod body;
 pub mod bus;
-pub mod candump;
-pub mod client;
 pub mod clock;
 pub mod core;
-pub mod fault;
-pub mod link;
+pub mod interface;
 pub mod load;
 pub mod plant;
 pub mod record;
-pub mod refusal;
 pub mod remote;
 pub mod rig;
-pub mod serial;
 pub mod servo;
-pub mod session;
 pub mod store;

@@ -4,7 +4,7 @@
 //! time stands still for it while the host works, and a run is the same every time.
 
 use crate::core::Core;
-use crate::link::LinkError;
+use rollwalk_bus::link::LinkError;
 use rollwalk_protocol::tunnel::{Answer, Buses, Deframer, Figures, Hello, Request, Step, Stepped};
 use std::io::{Read, Write};
 

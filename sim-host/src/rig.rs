@@ -20,11 +20,11 @@
 
 use crate::body::Body;
 use crate::bus::{BusStatistics, CanBus, DEFAULT_BITRATE, NodeId, TxPolicy};
-use crate::candump::{Interface, LogEntry};
 use crate::clock::{Periodic, SimTime};
 use crate::core::{Core, Local};
-use crate::link::{LinkBus, LinkError};
+use crate::interface::{Interface, LogEntry};
 use crate::record::{Recorder, TickRecord};
+use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::player::Playing;
 use rollwalk_protocol::can::CanFrame;
@@ -278,9 +278,9 @@ impl<C: Core> Rig<C> {
     fn end_link_frame(&mut self) -> Option<Input> {
         let delivery = self.link.bus.next_delivery(self.now)?;
         self.log.push(LogEntry {
-            at: delivery.at,
+            at_us: delivery.at.as_us(),
             interface: Interface::Link,
-            frame: delivery.frame,
+            frame: delivery.frame.into(),
         });
         if delivery.from == self.host {
             return Some(Input::Link(delivery.frame));
@@ -295,7 +295,9 @@ impl<C: Core> Rig<C> {
         let delivery = wire.bus.next_delivery(self.now)?;
         let (frame, number) = (&delivery.frame, index as u8);
         let interface = Interface::Actuator(number);
-        self.log.push(LogEntry { at: delivery.at, interface, frame: *frame });
+        let entry =
+            LogEntry { at_us: delivery.at.as_us(), interface, frame: delivery.frame.into() };
+        self.log.push(entry);
         if delivery.from != wire.controller {
             return Some(Input::Actuator(number, *frame));
         }

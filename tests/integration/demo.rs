@@ -2,11 +2,11 @@
 //! SAFE, disarm; and what the bus says when something is asked that cannot be done.
 
 use crate::{desk, desk_with_shipped_files};
+use rollwalk_bus::candump;
+use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::CommandResult;
 use rollwalk_robot::Robot;
-use rollwalk_sim_host::candump;
 use rollwalk_sim_host::rig::Rig;
-use rollwalk_sim_host::session::{Session, SessionError};
 use rollwalk_tests::Desk;
 use serde_json::Value;
 use std::sync::OnceLock;
@@ -51,8 +51,8 @@ fn the_demo_plays_everything_within_its_bounds() {
         assert!(desk.read_text(&format!("out/plots/{name}.svg")).contains("</svg>"), "{name}");
     }
     let log = desk.read_text("out/bus.log");
-    let frames = candump::parse(&log).expect("the log is in candump's format");
-    let times: Vec<u64> = frames.iter().map(|entry| entry.at.as_us()).collect();
+    let frames = candump::parse::<String>(&log).expect("the log is in candump's format");
+    let times: Vec<u64> = frames.iter().map(|entry| entry.at_us).collect();
     assert!(times.is_sorted() && times.len() > 1000, "{} frames in order", times.len());
 }
 

@@ -4,7 +4,7 @@ use crate::{S, connect};
 use rollwalk_protocol::library::{LibrarySpec, MotionSpec, TransitionSpec, encode};
 use rollwalk_protocol::wire::State;
 use rollwalk_robot::Robot;
-use rollwalk_sim_host::candump::Interface;
+use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::record::tracking_errors;
 use rollwalk_sim_host::rig::Rig;
 use std::f32::consts::TAU;

@@ -1,12 +1,12 @@
 //! The way of a library over links that are slow to take frames, or break.
 
 use crate::{connect, rig, robot};
+use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::Node;
-use rollwalk_sim_host::candump::Interface;
-use rollwalk_sim_host::link::{LinkBus, LinkError};
+use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::rig::Rig;
-use rollwalk_sim_host::session::{Session, SessionError};
 
 /// A link whose transmit queue is full at every other try.
 struct Busy {
@@ -55,7 +55,8 @@ impl LinkBus for Breaking {
 fn transport_frames(rig: &Rig) -> usize {
     let id = 0x500 | u16::from(rig.node().number()) << 4;
     let on_link = rig.log().iter().filter(|entry| entry.interface == Interface::Link);
-    on_link.filter(|entry| entry.frame.id() == id).count()
+    let frames = on_link.filter_map(|entry| entry.frame.standard());
+    frames.filter(|frame| frame.id() == id).count()
 }
 
 #[test]

@@ -9,10 +9,10 @@ mod standing;
 mod stopping;
 mod tuning;
 
+use rollwalk_bus::link::LinkBus;
+use rollwalk_host::session::Session;
 use rollwalk_protocol::wire::Node;
-use rollwalk_sim_host::link::LinkBus;
 use rollwalk_sim_host::rig::Rig;
-use rollwalk_sim_host::session::Session;
 
 /// A second in microseconds.
 const S: u64 = 1_000_000;

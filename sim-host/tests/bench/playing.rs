@@ -2,14 +2,15 @@
 
 use crate::robot::{self, BOW, ROLL, ROLL_RAD_S, STAND, SWING};
 use crate::{S, armed, connect, rig};
+use rollwalk_bus::candump;
+use rollwalk_bus::lossy::Lossy;
+use rollwalk_host::session::{Progress, Session};
 use rollwalk_protocol::actuator::POSITION_STEP_RAD;
 use rollwalk_protocol::library::{ClipCursor, ClipId, Library, validate};
 use rollwalk_protocol::wire::State;
-use rollwalk_sim_host::candump::{self, Interface};
-use rollwalk_sim_host::fault::Lossy;
+use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::record::tracking_errors;
 use rollwalk_sim_host::rig::Rig;
-use rollwalk_sim_host::session::{Progress, Session};
 
 /// Everything once: each motion by its code, back to SAFE, torque off.
 fn everything() -> Rig {
@@ -103,8 +104,8 @@ fn the_same_run_twice_gives_the_same_bytes_on_every_bus() {
     };
     let (first, second) = (log(), log());
     assert!(first == second);
-    let entries = candump::parse(str::from_utf8(&first).unwrap()).unwrap();
-    assert!(entries.is_sorted_by_key(|entry| entry.at));
+    let entries = candump::parse::<Interface>(str::from_utf8(&first).unwrap()).unwrap();
+    assert!(entries.is_sorted_by_key(|entry| entry.at_us));
     for interface in [Interface::Link, Interface::Actuator(0), Interface::Actuator(1)] {
         assert!(entries.iter().any(|entry| entry.interface == interface));
     }
@@ -149,7 +150,7 @@ fn a_link_that_loses_frames_delays_but_does_not_derail() {
 
 fn play_through(
     session: &mut Session<Lossy<Rig>>,
-) -> Result<(), rollwalk_sim_host::session::SessionError> {
+) -> Result<(), rollwalk_host::session::SessionError> {
     session.arm()?;
     session.select(SWING)?;
     session.run_for(2 * S)?;

@@ -2,12 +2,12 @@
 
 use crate::robot::{self, SWING};
 use crate::{armed, connect, rig};
+use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::crc::crc32c;
 use rollwalk_protocol::wire::{CommandResult, Node, State};
-use rollwalk_sim_host::link::{LinkBus, LinkError};
 use rollwalk_sim_host::rig::Rig;
-use rollwalk_sim_host::session::{Session, SessionError};
 
 /// The sentence that flashing these bytes ends with; afterwards there must be nothing to play.
 fn refusal(bytes: &[u8]) -> String {

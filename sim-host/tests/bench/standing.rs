@@ -2,22 +2,24 @@
 
 use crate::robot;
 use rollwalk_protocol::actuator::{Control, Feedback, JointSetpoint, WheelSetpoint};
-use rollwalk_sim_host::candump::{Interface, LogEntry};
 use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::interface::{Interface, LogEntry};
 use rollwalk_sim_host::rig::Rig;
 
 #[test]
 fn is_asked_for_its_pose_and_gets_no_setpoint() {
     let mut rig = Rig::new(&robot::robot()).unwrap();
     rig.run_until(SimTime::from_ms(500));
-    assert!(rig.log().iter().any(|entry| Control::decode(&entry.frame).is_some()));
+    let frames = || rig.log().iter().filter_map(|entry| entry.frame.standard());
+    assert!(frames().any(|frame| Control::decode(frame).is_some()));
     for bus in [0, 1] {
         let on_bus = |entry: &&LogEntry| entry.interface == Interface::Actuator(bus);
-        assert!(rig.log().iter().filter(on_bus).any(|e| Feedback::decode(&e.frame).is_some()));
+        let mut frames = rig.log().iter().filter(on_bus).filter_map(|e| e.frame.standard());
+        assert!(frames.any(|frame| Feedback::decode(frame).is_some()));
     }
     let setpoint =
         |frame| JointSetpoint::decode(frame).is_some() || WheelSetpoint::decode(frame).is_some();
-    assert!(!rig.log().iter().any(|entry| setpoint(&entry.frame)));
+    assert!(!frames().any(setpoint));
     assert!(rig.records().is_empty());
 }
 

@@ -2,11 +2,11 @@
 
 use crate::robot::SWING;
 use crate::{S, armed, connect, rig};
+use rollwalk_bus::link::LinkBus;
+use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::{Estop, EstopAck, Fault, Node, State};
 use rollwalk_sim_host::clock::SimTime;
-use rollwalk_sim_host::link::LinkBus;
-use rollwalk_sim_host::session::{Session, SessionError};
 
 #[test]
 fn an_emergency_stop_takes_torque_off_and_stays_until_cleared() {

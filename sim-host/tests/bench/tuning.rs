@@ -2,11 +2,11 @@
 
 use crate::robot::{self, SWING};
 use crate::{S, armed, connect, rig};
+use rollwalk_bus::lossy::Lossy;
+use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::{Parameter, ParameterOrigin, ParameterResult, State};
-use rollwalk_sim_host::fault::Lossy;
 use rollwalk_sim_host::record::tracking_errors;
 use rollwalk_sim_host::rig::Rig;
-use rollwalk_sim_host::session::{Session, SessionError};
 
 const HIP: u8 = 0;
 const KNEE: u8 = 1;

@@ -1,10 +1,10 @@
 //! What is done with the robot: flash the library, arm, play every motion by its code, return, disarm.
 
+use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::library::{Library, NodeId, RATE_HZ, validate};
 use rollwalk_protocol::wire::State;
 use rollwalk_sim_host::core::Core;
 use rollwalk_sim_host::rig::Rig;
-use rollwalk_sim_host::session::{Session, SessionError};
 
 /// Longest wait for a motion to begin: the one before may have to end first, µs.
 const START_TIMEOUT_US: u64 = 20_000_000;

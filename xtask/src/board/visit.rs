@@ -2,11 +2,11 @@
 
 use super::{MOTIONS, ROBOT, library, out, shown};
 use crate::shell::{self, command};
+use rollwalk_bus::serial::SerialLink;
+use rollwalk_host::session::Session;
 use rollwalk_protocol::serial::{BusState, Report, Reset};
 use rollwalk_protocol::wire::Node;
 use rollwalk_robot::Robot;
-use rollwalk_sim_host::serial::SerialLink;
-use rollwalk_sim_host::session::Session;
 use std::fs::{self, File};
 use std::path::Path;
 use std::time::Duration;

@@ -11,8 +11,8 @@ use crate::planning::{Plans, plan_all};
 use crate::{Exit, files, interrupt, output, shipped};
 use miette::IntoDiagnostic;
 use outcome::Outcome;
+use rollwalk_bus::candump;
 use rollwalk_planner::plot;
-use rollwalk_sim_host::candump;
 use std::path::{Path, PathBuf};
 
 /// Plan, pack, flash and play a motion library on a simulated robot, and measure every stage.

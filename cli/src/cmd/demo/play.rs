@@ -5,10 +5,10 @@ use crate::inputs::Library;
 use crate::{interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::IntoDiagnostic;
+use rollwalk_host::session::Session;
 use rollwalk_planner::motion::Ends;
 use rollwalk_protocol::wire::State;
 use rollwalk_sim_host::rig::Rig;
-use rollwalk_sim_host::session::Session;
 
 /// Longest wait for a motion to begin, beyond what is being played before it, µs.
 const SLACK_US: u64 = 5_000_000;

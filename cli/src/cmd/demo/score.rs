@@ -6,7 +6,7 @@ use rollwalk_planner::plan::Plan;
 use rollwalk_planner::sample::PlanSpline;
 use rollwalk_protocol::library::{ClipId, RATE_HZ};
 use rollwalk_sim_host::bus::DEFAULT_BITRATE;
-use rollwalk_sim_host::candump::{Interface, LogEntry};
+use rollwalk_sim_host::interface::{Interface, LogEntry};
 use rollwalk_sim_host::record::{TickRecord, TrackingError, tracking_errors};
 use rollwalk_sim_host::rig::Rig;
 use std::collections::BTreeMap;
@@ -85,8 +85,8 @@ fn bus_loads(records: &[TickRecord], log: &[LogEntry], period_us: u64) -> BTreeM
     for record in records {
         *periods.entry(record.clip).or_default() += 1;
         let (start, end) = (record.time_us, record.time_us + period_us);
-        while frames.next_if(|entry| entry.at.as_us() < start).is_some() {}
-        while let Some(entry) = frames.next_if(|entry| entry.at.as_us() < end) {
+        while frames.next_if(|entry| entry.at_us < start).is_some() {}
+        while let Some(entry) = frames.next_if(|entry| entry.at_us < end) {
             *bits.entry((record.clip, entry.interface)).or_default() +=
                 u64::from(entry.frame.exact_bits());
         }

@@ -1,7 +1,7 @@
 //! Gains and torque limits of servos: told, set, and kept over a power cycle.
 
 use super::{Session, SessionError};
-use crate::link::LinkBus;
+use rollwalk_bus::link::LinkBus;
 use rollwalk_protocol::wire::{Parameter, ParameterAction, ParameterOrigin};
 
 impl<B: LinkBus> Session<B> {

@@ -5,7 +5,7 @@
 //! again.
 
 use super::{Session, SessionError, ask_hello};
-use crate::link::LinkBus;
+use rollwalk_bus::link::LinkBus;
 use rollwalk_protocol::crc::crc32c;
 use rollwalk_protocol::wire::transport::{MAX_BLOCK, Reply, Request, Response, TransferResult};
 

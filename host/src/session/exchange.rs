@@ -2,7 +2,7 @@
 
 use super::error::SessionError;
 use crate::client::{Client, Incoming, Outgoing};
-use crate::link::{LinkBus, LinkError};
+use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::transport::{Request, Response};
 use rollwalk_protocol::wire::{

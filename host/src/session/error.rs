@@ -1,7 +1,7 @@
 //! Why a session could not do what it was asked, in sentences for the operator.
 
-use crate::link::LinkError;
 use crate::refusal::{command_refusal, fault_names, parameter_refusal, transfer_refusal};
+use rollwalk_bus::link::LinkError;
 use rollwalk_protocol::wire::transport::Reply;
 use rollwalk_protocol::wire::{
     CommandResult, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterResult, SCHEMA_HASH, Status,

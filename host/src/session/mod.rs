@@ -13,8 +13,8 @@ pub use error::SessionError;
 pub use flash::Progress;
 
 use crate::client::Incoming;
-use crate::link::LinkBus;
 use exchange::Exchange;
+use rollwalk_bus::link::LinkBus;
 use rollwalk_protocol::wire::transport::{Hello, Request, Response};
 use rollwalk_protocol::wire::{
     Action, CommandAck, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State, Status,

@@ -1,0 +1,11 @@
+//! The operator's end of the link: what a program on a computer does with a controller, over any bus.
+//!
+//! | module | is |
+//! |---|---|
+//! | [`session`] | what to do in which order: connect, flash, arm, select motions, stop |
+//! | [`client`] | the protocol without clock or bus: frames and time in, frames out |
+//! | [`refusal`] | what the controller says no with, in sentences |
+
+pub mod client;
+pub mod refusal;
+pub mod session;

@@ -1,0 +1,35 @@
+//! The buses of a simulated robot, by the names that they have in its logs.
+
+use rollwalk_bus::candump;
+use std::fmt;
+use std::str::FromStr;
+
+/// A bus of the simulation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Interface {
+    /// `link0`: host and controller.
+    Link,
+    /// `act0`, `act1`, ...: controller and actuators.
+    Actuator(u8),
+}
+
+/// A frame on a bus of the simulation.
+pub type LogEntry = candump::LogEntry<Interface>;
+
+impl fmt::Display for Interface {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Link => write!(f, "link0"),
+            Self::Actuator(bus) => write!(f, "act{bus}"),
+        }
+    }
+}
+
+impl FromStr for Interface {
+    type Err = &'static str;
+    fn from_str(name: &str) -> Result<Self, Self::Err> {
+        let actuator = || name.strip_prefix("act")?.parse().ok().map(Self::Actuator);
+        if name == "link0" { Some(Self::Link) } else { actuator() }
+            .ok_or("an interface that is not link0, act0, act1, ...")
+    }
+}
