@@ -3,11 +3,22 @@
 //! | module | is |
 //! |---|---|
 //! | [`link`] | the trait: a bus with the controller on it, seen from the host |
-//! | [`serial`] | the link over a serial line |
+//! | [`name`], [`open`] | from what the user types to an open bus, or to what to type instead |
+//! | [`port`] | a bus in real time: an outlet, and a thread that listens |
+//! | [`can`] | SocketCAN: short queues, and what drivers report as states and sentences |
+//! | [`serial`], [`slcan`] | the link over a serial line; CAN adapters on serial lines |
+//! | [`sim`] | a simulated robot's link on this computer |
 //! | [`lossy`] | a link that loses frames, for tests |
 //! | [`candump`] | logs in the format of can-utils |
 
+#[cfg(target_os = "linux")]
+pub mod can;
 pub mod candump;
 pub mod link;
 pub mod lossy;
+pub mod name;
+pub mod open;
+pub mod port;
 pub mod serial;
+pub mod sim;
+pub mod slcan;

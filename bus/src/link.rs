@@ -24,6 +24,12 @@ pub trait LinkBus {
     /// Queues a frame.
     fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError>;
 
+    /// What is known to be wrong with the bus, and what would help: for messages about a controller that
+    /// does not answer.
+    fn complaint(&self) -> Option<String> {
+        None
+    }
+
     /// The next frame from the controller, or `None` if none comes until `deadline_us`.
     fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError>;
 }

@@ -1,124 +1,200 @@
-//! The link to a board with a clock of its own over a serial line, in real time.
+//! The link over a serial line: frames in packets with a checksum, and the board's own report.
+//!
+//! The bytes are those of [`rollwalk_protocol::serial`]. [`port`] takes any two ends of a line, [`open`] a
+//! device.
 
-use crate::link::{LinkBus, LinkError};
-use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::serial::{Packet, Report};
+use crate::link::LinkError;
+use crate::open::OpenError;
+use crate::port::{Heard, Inlet, Outlet, Port};
+use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::serial::Packet;
 use rollwalk_protocol::tunnel::Deframer;
 use std::collections::VecDeque;
+use std::fs;
 use std::io::{self, Read, Write};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::thread;
-use std::time::{Duration, Instant};
+use std::path::Path;
+use std::time::Duration;
 
-/// A board at the other end of a line.
-pub struct SerialLink<W> {
-    writer: W,
-    packets: Receiver<io::Result<Packet>>,
-    /// Frames that came while something else was waited for.
-    frames: VecDeque<CanFrame>,
-    started: Instant,
+/// Longest wait for bytes of a device before the line is looked at again.
+const WAIT: Duration = Duration::from_millis(50);
+
+/// Opens a device.
+///
+/// # Errors
+/// There is no such device, it may not be used or not at this rate.
+pub fn open(device: &Path, baud: u32) -> Result<Port, OpenError> {
+    let (reader, writer) = open_device(device, baud)?;
+    Ok(port(&device.display().to_string(), reader, writer))
 }
 
-impl<W: Write> SerialLink<W> {
-    /// Both ends of a line. A thread reads it, until it ends or this is dropped and one more packet comes.
-    pub fn new(reader: impl Read + Send + 'static, writer: W) -> Self {
-        let (sender, packets) = channel();
-        thread::spawn(move || read(reader, &sender));
-        Self { writer, packets, frames: VecDeque::new(), started: Instant::now() }
-    }
+/// Both ends of a serial device at `baud` bits per second, 8 bits, no parity, one stop bit, no flow control.
+pub(crate) fn open_device(
+    device: &Path,
+    baud: u32,
+) -> Result<(impl Read + Send + use<>, impl Write + Send + use<>), OpenError> {
+    let name = device.to_string_lossy();
+    let failed = |error: &serialport::Error| refused(device, baud, error);
+    let reader = serialport::new(name, baud).timeout(WAIT).open_native();
+    let reader = reader.map_err(|error| failed(&error))?;
+    let writer = reader.try_clone_native().map_err(|error| failed(&error))?;
+    Ok((reader, writer))
+}
 
-    /// Asks the board how it is; `None` if it does not say within `timeout`.
-    ///
-    /// # Errors
-    /// The line failed.
-    pub fn report(&mut self, timeout: Duration) -> Result<Option<Report>, LinkError> {
-        self.write(&Packet::Ask)?;
-        let deadline = Instant::now() + timeout;
-        while let Some(packet) = self.packet(deadline)? {
-            match packet {
-                Packet::Report(report) => return Ok(Some(report)),
-                Packet::Link(frame) => self.frames.push_back(frame),
-                Packet::Ask => {}
-            }
+fn refused(device: &Path, baud: u32, error: &serialport::Error) -> OpenError {
+    use serialport::ErrorKind;
+    let shown = device.display();
+    match error.kind {
+        ErrorKind::NoDevice | ErrorKind::Io(io::ErrorKind::NotFound) => {
+            OpenError { what: format!("there is no device `{shown}`"), help: devices() }
         }
-        Ok(None)
+        ErrorKind::Io(io::ErrorKind::PermissionDenied) => OpenError {
+            what: format!("you may not use `{shown}`"),
+            help: "sudo usermod -aG dialout $USER, then log in again".into(),
+        },
+        ErrorKind::InvalidInput => OpenError {
+            what: format!("`{shown}` cannot run at {baud} bit/s ({error})"),
+            help: format!(
+                "give another rate, such as serial:{shown}@115200; the board needs the same"
+            ),
+        },
+        _ => OpenError {
+            what: format!("`{shown}` cannot be opened: {error}"),
+            help: format!("is it a serial port, and does no other program use it? fuser {shown}"),
+        },
     }
+}
 
+/// Serial ports that look like adapters and boards.
+fn devices() -> String {
+    let names = fs::read_dir("/dev").into_iter().flatten().flatten();
+    let names = names.filter_map(|entry| entry.file_name().into_string().ok());
+    let is_adapter = |name: &String| name.starts_with("ttyUSB") || name.starts_with("ttyACM");
+    let mut names: Vec<_> = names.filter(is_adapter).map(|name| format!("/dev/{name}")).collect();
+    names.sort();
+    if names.is_empty() {
+        return "no adapter is plugged in; `sudo dmesg` says what the kernel sees".into();
+    }
+    format!("plugged in: {}", names.join(", "))
+}
+
+/// Both ends of a line that carries [`Packet`]s; `name` is for messages.
+pub fn port(
+    name: &str,
+    reader: impl Read + Send + 'static,
+    writer: impl Write + Send + 'static,
+) -> Port {
+    let name = name.to_owned();
+    let outlet = Box::new(SerialOutlet { name: name.clone(), writer });
+    let inlet = SerialInlet { name, reader, deframer: Deframer::default(), heard: VecDeque::new() };
+    Port { outlet, inlet: Box::new(inlet) }
+}
+
+struct SerialOutlet<W> {
+    name: String,
+    writer: W,
+}
+
+impl<W: Write> SerialOutlet<W> {
     fn write(&mut self, packet: &Packet) -> Result<(), LinkError> {
         let line = packet.encode();
         let line = line.ok_or_else(|| LinkError::Down(format!("no line for {packet:?}")))?;
-        self.writer.write_all(&line).and_then(|()| self.writer.flush()).map_err(|e| down(&e))
-    }
-
-    fn packet(&self, deadline: Instant) -> Result<Option<Packet>, LinkError> {
-        let left = deadline.saturating_duration_since(Instant::now());
-        match self.packets.recv_timeout(left) {
-            Ok(Ok(packet)) => Ok(Some(packet)),
-            Ok(Err(error)) => Err(down(&error)),
-            Err(RecvTimeoutError::Timeout) => Ok(None),
-            Err(RecvTimeoutError::Disconnected) => {
-                Err(LinkError::Down("serial line: the board hung up".into()))
-            }
-        }
+        let written = self.writer.write_all(&line).and_then(|()| self.writer.flush());
+        written.map_err(|error| gone(&self.name, &error))
     }
 }
 
-impl<W: Write> LinkBus for SerialLink<W> {
-    fn now_us(&self) -> u64 {
-        u64::try_from(self.started.elapsed().as_micros()).unwrap_or(u64::MAX)
+impl<W: Write + Send> Outlet for SerialOutlet<W> {
+    fn is_free(&self) -> bool {
+        true
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
-        self.write(&Packet::Link(*frame))
-    }
-
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
-        if let Some(frame) = self.frames.pop_front() {
-            return Ok(Some(frame));
-        }
-        let deadline = self.started + Duration::from_micros(deadline_us);
-        while let Some(packet) = self.packet(deadline)? {
-            if let Packet::Link(frame) = packet {
-                return Ok(Some(frame));
-            }
-        }
-        Ok(None)
-    }
-}
-
-fn down(error: &io::Error) -> LinkError {
-    LinkError::Down(format!("serial line: {error}"))
-}
-
-/// Reads packets until the line ends or nobody wants them any more.
-fn read(mut reader: impl Read, packets: &Sender<io::Result<Packet>>) {
-    let mut deframer = Deframer::default();
-    let mut bytes = [0; 256];
-    loop {
-        let count = match reader.read(&mut bytes) {
-            Ok(0) => return,
-            Ok(count) => count,
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-            Err(error) => {
-                // Nobody may be there to hear it.
-                let _ = packets.send(Err(error));
-                return;
-            }
-        };
-        for &byte in &bytes[..count] {
-            let packet = deframer.push(byte).and_then(Packet::decode);
-            if packet.is_some_and(|packet| packets.send(Ok(packet)).is_err()) {
-                return;
+    fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
+        match frame {
+            AnyFrame::Standard(frame) => self.write(&Packet::Link(*frame)),
+            AnyFrame::Extended(_) => {
+                let name = &self.name;
+                Err(LinkError::Down(format!("{name} carries no frames with 29-bit identifiers")))
             }
         }
     }
+
+    fn ask_report(&mut self) -> Result<bool, LinkError> {
+        self.write(&Packet::Ask).map(|()| true)
+    }
 }
+
+struct SerialInlet<R> {
+    name: String,
+    reader: R,
+    deframer: Deframer,
+    heard: VecDeque<Heard>,
+}
+
+impl<R: Read + Send> Inlet for SerialInlet<R> {
+    fn hear(&mut self) -> Result<Option<Heard>, LinkError> {
+        if self.heard.is_empty() {
+            let mut bytes = [0; 256];
+            let count = read(&self.name, &mut self.reader, &mut bytes)?;
+            for &byte in &bytes[..count] {
+                match self.deframer.push(byte).and_then(Packet::decode) {
+                    Some(Packet::Link(frame)) => self.heard.push_back(Heard::Frame(frame.into())),
+                    Some(Packet::Report(report)) => self.heard.push_back(Heard::Report(report)),
+                    // We have no report to give.
+                    Some(Packet::Ask) | None => {}
+                }
+            }
+        }
+        Ok(self.heard.pop_front())
+    }
+}
+
+/// Reads what is there; 0 bytes when nothing came for a while.
+pub(crate) fn read(
+    name: &str,
+    reader: &mut impl Read,
+    bytes: &mut [u8],
+) -> Result<usize, LinkError> {
+    match reader.read(bytes) {
+        Ok(0) => Err(LinkError::Down(format!("{name}: the other end hung up"))),
+        Ok(count) => Ok(count),
+        Err(error) => match error.kind() {
+            io::ErrorKind::Interrupted | io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock => {
+                Ok(0)
+            }
+            _ => Err(gone(name, &error)),
+        },
+    }
+}
+
+/// A line failed for good.
+pub(crate) fn gone(name: &str, error: &io::Error) -> LinkError {
+    let unplugged = matches!(error.kind(), io::ErrorKind::BrokenPipe | io::ErrorKind::NotFound)
+        || matches!(
+            error.raw_os_error(),
+            Some(INPUT_OUTPUT | NO_SUCH_DEVICE_OR_ADDRESS | NO_DEVICE)
+        );
+    let why = if unplugged {
+        format!("{name} is gone: was it unplugged? ({error})")
+    } else {
+        format!("{name}: {error}")
+    };
+    LinkError::Down(why)
+}
+
+/// `EIO`, `ENXIO` and `ENODEV` of Linux: what a serial adapter says when it is not there any more.
+const INPUT_OUTPUT: i32 = 5;
+const NO_SUCH_DEVICE_OR_ADDRESS: i32 = 6;
+const NO_DEVICE: i32 = 19;
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rollwalk_protocol::serial::Reset;
+    use crate::link::LinkBus;
+    use crate::port::Live;
+    use rollwalk_protocol::can::CanFrame;
+    use rollwalk_protocol::serial::{Report, Reset};
     use std::net::{TcpListener, TcpStream};
+    use std::thread;
 
     /// Far longer than anything takes.
     const LONG: Duration = Duration::from_secs(60);
@@ -132,11 +208,11 @@ mod tests {
     /// Says frames again with the next identifier, and something before every report; then hangs up.
     fn board(line: &TcpStream, packets: usize) {
         let mut writer = line;
-        let (sender, received) = channel();
-        let reader = line.try_clone().unwrap();
-        thread::spawn(move || read(reader, &sender));
-        for packet in received.iter().take(packets) {
-            let answers = match packet.unwrap() {
+        let mut deframer = Deframer::default();
+        let received =
+            line.bytes().filter_map(|byte| deframer.push(byte.unwrap()).and_then(Packet::decode));
+        for packet in received.take(packets) {
+            let answers = match packet {
                 Packet::Link(frame) => vec![Packet::Link(next(&frame))],
                 Packet::Ask => {
                     let report = Report { reset: Reset::Pin, uptime_ms: 7, ..Report::default() };
@@ -160,7 +236,7 @@ mod tests {
     fn frames_and_reports_cross_the_line() {
         let (host, far) = line();
         let board = thread::spawn(move || board(&far, 3));
-        let mut link = SerialLink::new(host.try_clone().unwrap(), host);
+        let mut link = Live::new(port("the line", host.try_clone().unwrap(), host));
         let soon = LONG.as_micros() as u64;
 
         let frame = CanFrame::new(0x40, &[1, 0, 3]).unwrap();
@@ -176,6 +252,16 @@ mod tests {
         link.send(&frame).unwrap();
         board.join().unwrap();
         assert_eq!(link.receive(soon), Ok(Some(next(&frame))));
-        assert!(matches!(link.receive(soon), Err(LinkError::Down(_))));
+        let hung_up = LinkError::Down("the line: the other end hung up".into());
+        assert_eq!(link.receive(soon), Err(hung_up.clone()));
+        assert_eq!(link.receive(soon), Err(hung_up), "and it stays so");
+    }
+
+    #[test]
+    fn a_device_that_is_not_there_is_named() {
+        let error = open(Path::new("/dev/ttyNOSUCH7"), 115_200).err().unwrap();
+        assert_eq!(error.what, "there is no device `/dev/ttyNOSUCH7`");
+        let error = open(Path::new("/dev/null"), 115_200).err().unwrap();
+        assert!(error.what.starts_with("`/dev/null` cannot"), "{error}");
     }
 }

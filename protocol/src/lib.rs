@@ -9,6 +9,7 @@
 //! | [`actuators`] | the protocols of servos and wheel drives, this and those of other makers | `docs/actuators.md` |
 //! | [`tunnel`] | frames of every bus and the time over one serial line | `firmware/boards/README.md` |
 //! | [`serial`] | the link over a serial line | `firmware/boards/README.md` |
+//! | [`slcan`] | CAN frames as lines of text, for adapters that speak Lawicel's protocol | |
 //! | [`can`] | a CAN frame as a value, and how many bits it takes | |
 //! | [`crc`] | the two checksums that all of it uses | |
 //!
@@ -27,5 +28,6 @@ pub mod config;
 pub mod crc;
 pub mod library;
 pub mod serial;
+pub mod slcan;
 pub mod tunnel;
 pub mod wire;

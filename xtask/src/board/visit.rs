@@ -1,18 +1,18 @@
 //! A flashed NUCLEO-G474RE at its serial port: how it is, and a library for it. Torque stays off.
 
 use super::{MOTIONS, ROBOT, library, out, shown};
-use crate::shell::{self, command};
-use rollwalk_bus::serial::SerialLink;
+use crate::shell;
+use rollwalk_bus::{port::Live, serial};
 use rollwalk_host::session::Session;
 use rollwalk_protocol::serial::{BusState, Report, Reset};
 use rollwalk_protocol::wire::Node;
 use rollwalk_robot::Robot;
-use std::fs::{self, File};
+use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
 /// What the firmware sets its port to.
-const BAUD: &str = "1000000";
+const BAUD: u32 = 1_000_000;
 /// What the firmware calls itself on the link, as `Settings::default` says.
 const NODE: u8 = 1;
 /// Longest wait for the report.
@@ -26,12 +26,7 @@ const BROWN_OUT_LEVEL: u8 = 4;
 /// What the board says that is not as it should be, or the line does not let through.
 pub fn report(port: &Path) -> Result<(), String> {
     let name = port.display();
-    // Raw bytes, no echo: the driver of a terminal would change them.
-    let stty = ["-F", &name.to_string(), BAUD, "raw", "-echo"];
-    shell::output(&mut command("stty", &stty))?;
-    let failed = |error: std::io::Error| format!("{name}: {error}");
-    let writer = File::options().read(true).write(true).open(port).map_err(failed)?;
-    let mut link = SerialLink::new(writer.try_clone().map_err(failed)?, writer);
+    let mut link = Live::new(serial::open(port, BAUD).map_err(|error| error.to_string())?);
     let report = link.report(TIMEOUT).map_err(|error| format!("{name}: {error}"))?;
     let report = report.ok_or_else(|| {
         format!(

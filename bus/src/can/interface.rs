@@ -1,0 +1,130 @@
+//! CAN interfaces of this computer: which there are, and whether one can be used.
+
+use super::super::open::OpenError;
+use socketcan::{CanInterface, CanSocket, Socket};
+use std::fs;
+use std::io;
+use std::path::Path;
+
+/// `ARPHRD_CAN`: what `type` of a network interface says when it is one for CAN.
+const TYPE_CAN: &str = "280";
+/// `IFF_UP` in `flags` of a network interface.
+const UP: u32 = 1;
+
+/// Names of all CAN interfaces, sorted.
+pub fn list() -> Vec<String> {
+    let Ok(folder) = fs::read_dir("/sys/class/net") else { return Vec::new() };
+    let names = folder.flatten().filter_map(|entry| entry.file_name().into_string().ok());
+    let mut names: Vec<_> = names.filter(|name| attribute(name, "type") == TYPE_CAN).collect();
+    names.sort();
+    names
+}
+
+/// Opens an interface that is up and of the right bitrate. Also tells the bitrate, if the driver does.
+pub fn open(name: &str, bitrate: Option<u32>) -> Result<(CanSocket, Option<u32>), OpenError> {
+    let problem = |what: String, help: String| OpenError { what, help };
+    let kind = attribute(name, "type");
+    if kind.is_empty() {
+        return Err(missing(name));
+    }
+    if kind != TYPE_CAN {
+        return Err(problem(
+            format!("`{name}` is a network interface, but not for CAN"),
+            choices(),
+        ));
+    }
+    let rate = bitrate.unwrap_or(1_000_000);
+    let set_up = if is_virtual(name) {
+        format!("sudo ip link set {name} up")
+    } else {
+        format!("sudo ip link set {name} up type can bitrate {rate}")
+    };
+    let flags = attribute(name, "flags");
+    let flags = u32::from_str_radix(flags.trim_start_matches("0x"), 16).unwrap_or(UP);
+    if flags & UP == 0 {
+        return Err(problem(format!("the CAN interface `{name}` is down"), set_up));
+    }
+    // Virtual interfaces and some drivers have none.
+    let actual = CanInterface::open(name).and_then(|interface| interface.bit_rate()).ok().flatten();
+    if let (Some(wanted), Some(actual)) = (bitrate, actual)
+        && wanted != actual
+    {
+        let what = format!("`{name}` runs at {actual} bit/s, not at {wanted}");
+        return Err(problem(what, format!("sudo ip link set {name} down; {set_up}")));
+    }
+    let socket = CanSocket::open(name).map_err(|error| refused(name, &error))?;
+    Ok((socket, actual))
+}
+
+fn attribute(interface: &str, attribute: &str) -> String {
+    let path = Path::new("/sys/class/net").join(interface).join(attribute);
+    fs::read_to_string(path).map(|text| text.trim().to_owned()).unwrap_or_default()
+}
+
+fn is_virtual(name: &str) -> bool {
+    // Hardware has a device; `vcan` and `slcan` have none.
+    !Path::new("/sys/class/net").join(name).join("device").exists()
+}
+
+fn missing(name: &str) -> OpenError {
+    let what = format!("there is no network interface `{name}`");
+    // All interfaces at once: opens if the kernel knows CAN at all.
+    if let Err(error) = CanSocket::open_iface(0) {
+        return match error.raw_os_error() {
+            Some(UNKNOWN_FAMILY | UNKNOWN_PROTOCOL) => OpenError {
+                what: format!("{what}, and this kernel has no SocketCAN"),
+                help: "sudo modprobe can_raw; if there is no such module, this kernel was built \
+                       without it: use a serial: or slcan: bus, or sim"
+                    .into(),
+            },
+            _ => refused(name, &error),
+        };
+    }
+    let help = if name.starts_with("vcan") {
+        format!("sudo modprobe vcan; sudo ip link add {name} type vcan; sudo ip link set {name} up")
+    } else {
+        choices()
+    };
+    OpenError { what, help }
+}
+
+/// `EAFNOSUPPORT` and `EPROTONOSUPPORT` of Linux.
+const UNKNOWN_FAMILY: i32 = 97;
+const UNKNOWN_PROTOCOL: i32 = 93;
+
+fn choices() -> String {
+    match list() {
+        names if names.is_empty() => {
+            "this computer has no CAN interface: is the adapter plugged in? \
+                                      `ip link` lists interfaces, `sudo dmesg` what its driver says"
+                .into()
+        }
+        names => format!("CAN interfaces of this computer: {}", names.join(", ")),
+    }
+}
+
+fn refused(name: &str, error: &io::Error) -> OpenError {
+    let help = if error.kind() == io::ErrorKind::PermissionDenied {
+        "this process may not open CAN sockets: run it outside of its container or sandbox, or \
+         give it the capability NET_RAW"
+            .into()
+    } else {
+        format!("ip -details link show {name}")
+    };
+    OpenError { what: format!("`{name}` cannot be opened: {error}"), help }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interface_that_is_none_for_can_is_told_apart() {
+        // Every Linux has a loopback interface.
+        let error = open("lo", None).unwrap_err();
+        assert!(error.what.contains("`lo` is a network interface, but not for CAN"), "{error}");
+        let error = open("nosuchcan7", None).unwrap_err();
+        assert!(error.what.contains("no network interface `nosuchcan7`"), "{error}");
+        assert!(!error.help.is_empty());
+    }
+}

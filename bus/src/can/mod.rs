@@ -1,0 +1,221 @@
+//! SocketCAN: a real CAN interface of Linux, or a virtual one.
+//!
+//! [`interface`] finds and opens it, [`flight`] keeps the kernel's queue short, [`health`] makes sense of the
+//! errors that drivers report.
+
+mod flight;
+mod health;
+mod interface;
+
+pub use interface::list;
+
+use crate::link::LinkError;
+use crate::open::OpenError;
+use crate::port::{Heard, Inlet, Outlet, Port};
+use flight::Flight;
+use health::Health;
+use rollwalk_protocol::can::{AnyFrame, CanFrame, ExtendedFrame};
+use rollwalk_protocol::serial::BusState;
+use socketcan::{
+    CanDataFrame, EmbeddedFrame, ExtendedId, Id, ShouldRetry, Socket, SocketOptions, StandardId,
+};
+use std::io;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// A bus that takes nothing for so long is told to be dead, µs: longer than an adapter on USB stalls.
+const DEAD_US: u64 = 100_000;
+/// After so long the interface is tried with another frame, µs: a driver may have lost the ones before.
+const PROBE_US: u64 = 1_000_000;
+/// Longest wait for a frame before the state of the interface is looked at.
+const WAIT: Duration = Duration::from_millis(50);
+
+/// What both ends of an interface know.
+struct Interface {
+    name: String,
+    bitrate: Option<u32>,
+    socket: socketcan::CanSocket,
+    started: Instant,
+    condition: Mutex<Condition>,
+}
+
+struct Condition {
+    flight: Flight,
+    health: Health,
+    /// What listeners were last told.
+    told: BusState,
+}
+
+/// Opens an interface with at most `depth` frames on their way.
+///
+/// # Errors
+/// There is no such interface, it is down or of another bitrate.
+pub fn open(name: &str, bitrate: Option<u32>, depth: usize) -> Result<Port, OpenError> {
+    let (socket, bitrate) = interface::open(name, bitrate)?;
+    let condition =
+        Condition { flight: Flight::new(depth), health: Health::default(), told: BusState::Active };
+    let interface = Interface {
+        name: name.to_owned(),
+        bitrate,
+        socket,
+        started: Instant::now(),
+        condition: Mutex::new(condition),
+    };
+    interface.set_up().map_err(|error| OpenError {
+        what: format!("`{name}` cannot be set up: {error}"),
+        help: format!("ip -details link show {name}"),
+    })?;
+    let interface = Arc::new(interface);
+    let outlet = Box::new(CanOutlet(Arc::clone(&interface)));
+    Ok(Port { outlet, inlet: Box::new(CanInlet(interface)) })
+}
+
+impl Interface {
+    fn set_up(&self) -> io::Result<()> {
+        self.socket.set_nonblocking(true)?;
+        // A frame of ours comes back when it has left.
+        self.socket.set_recv_own_msgs(true)?;
+        self.socket.set_error_filter_accept_all()
+    }
+
+    fn now_us(&self) -> u64 {
+        u64::try_from(self.started.elapsed().as_micros()).unwrap_or(u64::MAX)
+    }
+
+    fn condition(&self) -> MutexGuard<'_, Condition> {
+        // Whoever panicked left a condition that is as good as any.
+        self.condition.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A call on the socket failed for good.
+    fn gone(&self, error: &io::Error) -> LinkError {
+        let name = &self.name;
+        let why = match error.kind() {
+            io::ErrorKind::NetworkDown => {
+                format!("{name} went down. Bring it up again: sudo ip link set {name} up")
+            }
+            _ if error.raw_os_error().is_some_and(|code| NO_DEVICE.contains(&code)) => {
+                format!("{name} is gone: was its adapter unplugged? `ip link` lists interfaces")
+            }
+            _ => format!("{name}: {error}"),
+        };
+        LinkError::Down(why)
+    }
+}
+
+/// `ENXIO` and `ENODEV` of Linux.
+const NO_DEVICE: [i32; 2] = [6, 19];
+/// `ENOBUFS` of Linux: the interface's queue is full.
+const NO_BUFFERS: i32 = 105;
+
+struct CanOutlet(Arc<Interface>);
+
+impl Outlet for CanOutlet {
+    fn is_free(&self) -> bool {
+        self.0.condition().flight.has_room()
+    }
+
+    fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
+        let now_us = self.0.now_us();
+        let mut condition = self.0.condition();
+        if condition.flight.stuck_us(now_us) > PROBE_US && condition.health.state() != BusState::Off
+        {
+            condition.flight.clear();
+        }
+        if !condition.flight.has_room() {
+            return Err(LinkError::Busy);
+        }
+        match self.0.socket.write_frame(&to_socket(frame)) {
+            Ok(()) => {
+                condition.flight.took_off(now_us, *frame);
+                Ok(())
+            }
+            // Others have filled the queue, or an adapter has stalled: not worse than a bus that is busy. A
+            // dead one shows by nothing that leaves any more.
+            Err(error) if error.should_retry() || error.raw_os_error() == Some(NO_BUFFERS) => {
+                Err(LinkError::Busy)
+            }
+            Err(error) => Err(self.0.gone(&error)),
+        }
+    }
+
+    fn complaint(&self) -> Option<String> {
+        self.0.condition().health.complaint(&self.0.name, self.0.bitrate)
+    }
+}
+
+struct CanInlet(Arc<Interface>);
+
+impl Inlet for CanInlet {
+    fn hear(&mut self) -> Result<Option<Heard>, LinkError> {
+        let received = match self.0.socket.read_frame_timeout(WAIT) {
+            Ok(frame) => Some(frame),
+            Err(error) if error.should_retry() || error.kind() == io::ErrorKind::TimedOut => None,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => None,
+            Err(error) => return Err(self.0.gone(&error)),
+        };
+        let now_us = self.0.now_us();
+        let mut condition = self.0.condition();
+        let condition = &mut *condition;
+        let mut heard = None;
+        match received {
+            Some(socketcan::CanFrame::Data(frame)) => {
+                condition.health.works();
+                heard = from_socket(&frame).map(|frame| {
+                    if condition.flight.landed(now_us, &frame) {
+                        Heard::Sent
+                    } else {
+                        Heard::Frame(frame)
+                    }
+                });
+            }
+            Some(socketcan::CanFrame::Error(frame)) => {
+                let emptied = condition.health.report(&frame.into_error());
+                if emptied {
+                    condition.flight.clear();
+                }
+            }
+            Some(socketcan::CanFrame::Remote(_)) => {}
+            None if condition.flight.stuck_us(now_us) > DEAD_US => condition.health.stuck(),
+            None => {}
+        }
+        let state = condition.health.state();
+        if heard.is_none() && state != condition.told {
+            condition.told = state;
+            heard = Some(Heard::State(state));
+        }
+        Ok(heard)
+    }
+}
+
+fn to_socket(frame: &AnyFrame) -> CanDataFrame {
+    let (id, data) = match frame {
+        AnyFrame::Standard(frame) => (StandardId::new(frame.id()).map(Id::Standard), frame.data()),
+        AnyFrame::Extended(frame) => (ExtendedId::new(frame.id()).map(Id::Extended), frame.data()),
+    };
+    let frame = id.and_then(|id| CanDataFrame::new(id, data));
+    frame.expect("a frame has an identifier of 11 or 29 bits and at most 8 bytes")
+}
+
+fn from_socket(frame: &CanDataFrame) -> Option<AnyFrame> {
+    match frame.id() {
+        Id::Standard(id) => CanFrame::new(id.as_raw(), frame.data()).map(AnyFrame::from),
+        Id::Extended(id) => ExtendedFrame::new(id.as_raw(), frame.data()).map(AnyFrame::from),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_the_same_on_both_sides_of_the_socket() {
+        let standard = CanFrame::new(0x7FF, &[1, 2, 3, 4, 5, 6, 7, 8]).unwrap().into();
+        let extended = ExtendedFrame::new(0x1FFF_FFFF, &[]).unwrap().into();
+        // The same number, but another frame.
+        let short = ExtendedFrame::new(0x7FF, &[9]).unwrap().into();
+        for frame in [standard, extended, short] {
+            assert_eq!(from_socket(&to_socket(&frame)), Some(frame));
+        }
+    }
+}

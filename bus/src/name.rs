@@ -1,0 +1,185 @@
+//! Names of buses, as the user types them.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// Bits per second of a serial line unless the name says otherwise.
+pub const DEFAULT_BAUD: u32 = 1_000_000;
+/// Bits per second that an SLCAN adapter is told unless the name says otherwise.
+pub const DEFAULT_BITRATE: u32 = 1_000_000;
+
+/// Which bus.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BusName {
+    /// `sim` or `sim:PATH`: a simulated robot on this computer, by its socket.
+    Sim {
+        /// The socket, if not the usual one.
+        socket: Option<PathBuf>,
+    },
+    /// `can:INTERFACE[@BITRATE]`: SocketCAN.
+    Can {
+        /// The network interface, such as `can0`.
+        interface: String,
+        /// What its bitrate must be, bit/s.
+        bitrate: Option<u32>,
+    },
+    /// `serial:DEVICE[@BAUD]`: a serial line to the controller.
+    Serial {
+        /// The device, such as `/dev/ttyUSB0`.
+        device: PathBuf,
+        /// Bits per second.
+        baud: u32,
+    },
+    /// `slcan:DEVICE[@BITRATE]`: a CAN adapter on a serial line that speaks Lawicel's protocol.
+    Slcan {
+        /// The device, such as `/dev/ttyACM0`.
+        device: PathBuf,
+        /// Bitrate of the CAN bus, bit/s.
+        bitrate: u32,
+    },
+}
+
+/// What is wrong with a name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "`{name}` is no bus: {what}. A bus is sim[:SOCKET], can:INTERFACE[@BITRATE], \
+     serial:DEVICE[@BAUD] or slcan:DEVICE[@BITRATE], such as {example}"
+)]
+pub struct BadName {
+    name: String,
+    what: String,
+    example: &'static str,
+}
+
+/// Longest name of a network interface (`IFNAMSIZ` less the final zero).
+const INTERFACE_LEN: usize = 15;
+
+impl FromStr for BusName {
+    type Err = BadName;
+
+    fn from_str(name: &str) -> Result<Self, BadName> {
+        let bad = |what: String, example| BadName { name: name.to_owned(), what, example };
+        let (kind, rest) = match name.split_once(':') {
+            Some((kind, rest)) => (kind, Some(rest)),
+            None => (name, None),
+        };
+        let example = match kind {
+            "sim" => "sim",
+            "can" => "can:can0",
+            "serial" => "serial:/dev/ttyUSB0",
+            "slcan" => "slcan:/dev/ttyACM0",
+            _ if name.starts_with("/dev/") => {
+                return Err(bad(
+                    "a device needs to know what it speaks".into(),
+                    "serial:/dev/ttyUSB0",
+                ));
+            }
+            _ if rest.is_none() => {
+                return Err(bad("it does not say what kind of bus".into(), "can:can0"));
+            }
+            _ => return Err(bad(format!("nobody knows a bus of kind `{kind}`"), "can:can0")),
+        };
+        let bad = |what: String| bad(what, example);
+        if kind == "sim" {
+            let socket = rest.map(PathBuf::from);
+            return match &socket {
+                Some(path) if path.as_os_str().is_empty() => {
+                    Err(bad("nothing follows the colon".into()))
+                }
+                _ => Ok(Self::Sim { socket }),
+            };
+        }
+        let rest = rest.ok_or_else(|| bad(format!("`{kind}` of what?")))?;
+        let (place, rate) = match rest.rsplit_once('@') {
+            Some((place, rate)) => (place, Some(rate)),
+            None => (rest, None),
+        };
+        if place.is_empty() {
+            return Err(bad("nothing follows the colon".into()));
+        }
+        let rate = rate
+            .map(|rate| match rate.parse() {
+                Ok(0) | Err(_) => Err(bad(format!("`{rate}` is no number of bits per second"))),
+                Ok(rate) => Ok(rate),
+            })
+            .transpose()?;
+        match kind {
+            "can" => {
+                if place.len() > INTERFACE_LEN || place.contains(['/', ' ']) {
+                    return Err(bad(format!("no network interface can be called `{place}`")));
+                }
+                Ok(Self::Can { interface: place.into(), bitrate: rate })
+            }
+            "serial" => {
+                Ok(Self::Serial { device: place.into(), baud: rate.unwrap_or(DEFAULT_BAUD) })
+            }
+            _ => Ok(Self::Slcan { device: place.into(), bitrate: rate.unwrap_or(DEFAULT_BITRATE) }),
+        }
+    }
+}
+
+impl fmt::Display for BusName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Sim { socket: None } => write!(f, "sim"),
+            Self::Sim { socket: Some(path) } => write!(f, "sim:{}", path.display()),
+            Self::Can { interface, bitrate: None } => write!(f, "can:{interface}"),
+            Self::Can { interface, bitrate: Some(rate) } => write!(f, "can:{interface}@{rate}"),
+            Self::Serial { device, baud: DEFAULT_BAUD } => {
+                write!(f, "serial:{}", device.display())
+            }
+            Self::Serial { device, baud } => write!(f, "serial:{}@{baud}", device.display()),
+            Self::Slcan { device, bitrate: DEFAULT_BITRATE } => {
+                write!(f, "slcan:{}", device.display())
+            }
+            Self::Slcan { device, bitrate } => write!(f, "slcan:{}@{bitrate}", device.display()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_and_printed() {
+        for name in [
+            "sim",
+            "sim:/run/user/1000/robot.sock",
+            "can:can0",
+            "can:vcan0@500000",
+            "serial:/dev/ttyUSB0",
+            "serial:/dev/serial/by-id/usb-FTDI_a@b@115200",
+            "slcan:/dev/ttyACM0",
+            "slcan:/dev/ttyACM0@250000",
+        ] {
+            assert_eq!(name.parse::<BusName>().unwrap().to_string(), name);
+        }
+        let device = "/dev/ttyUSB0".into();
+        let usual = BusName::Serial { device, baud: DEFAULT_BAUD };
+        assert_eq!("serial:/dev/ttyUSB0@1000000".parse(), Ok(usual));
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_name_is_said_with_one_that_is_right() {
+        for (name, words, example) in [
+            ("can0", "what kind of bus", "can:can0"),
+            ("", "what kind of bus", "can:can0"),
+            ("/dev/ttyUSB0", "what it speaks", "serial:/dev/ttyUSB0"),
+            ("usb:can0", "of kind `usb`", "can:can0"),
+            ("can", "`can` of what?", "can:can0"),
+            ("can:", "nothing follows", "can:can0"),
+            ("can:/dev/ttyACM0", "can be called `/dev/ttyACM0`", "can:can0"),
+            ("can:an-interface-too-long", "can be called", "can:can0"),
+            ("serial:/dev/ttyUSB0@fast", "`fast` is no number", "serial:/dev/ttyUSB0"),
+            ("slcan:/dev/ttyACM0@0", "`0` is no number", "slcan:/dev/ttyACM0"),
+            ("sim:", "nothing follows", "sim"),
+        ] {
+            let error = name.parse::<BusName>().unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+            assert!(error.ends_with(&format!("such as {example}")), "{error}");
+            assert!(error.contains(&format!("`{name}` is no bus")), "{error}");
+        }
+    }
+}

@@ -1,0 +1,41 @@
+//! From the name of a bus to the bus.
+
+use crate::name::BusName;
+use crate::port::Port;
+use crate::serial;
+
+/// Why a bus cannot be used, and what would help.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{what}\n  {help}")]
+pub struct OpenError {
+    /// What is wrong.
+    pub what: String,
+    /// What to do about it, or to type.
+    pub help: String,
+}
+
+/// Opens a bus with at most `depth` frames on their way.
+///
+/// # Errors
+/// There is no such bus, or it cannot be used as it is.
+pub fn open(name: &BusName, depth: usize) -> Result<Port, OpenError> {
+    match name {
+        BusName::Can { interface, bitrate } => open_can(interface, *bitrate, depth),
+        BusName::Serial { device, baud } => serial::open(device, *baud),
+        BusName::Slcan { device, bitrate } => crate::slcan::open(device, *bitrate),
+        BusName::Sim { socket } => crate::sim::connect(socket.as_deref()),
+    }
+}
+
+#[cfg(target_os = "linux")]
+fn open_can(interface: &str, bitrate: Option<u32>, depth: usize) -> Result<Port, OpenError> {
+    crate::can::open(interface, bitrate, depth)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn open_can(interface: &str, _bitrate: Option<u32>, _depth: usize) -> Result<Port, OpenError> {
+    Err(OpenError {
+        what: format!("`can:{interface}` needs SocketCAN, which only Linux has"),
+        help: "use a CAN adapter on a serial line (slcan:), a serial line (serial:), or sim".into(),
+    })
+}

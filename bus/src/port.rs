@@ -1,0 +1,174 @@
+//! A bus in real time, as a process that takes part in it has it: an outlet for what it sends, and a thread
+//! that passes on what is heard. [`Live`] makes the link of a session of one.
+//!
+//! No queue of ours lies between a program and its bus: an outlet takes a frame only when few others are still
+//! on their way, so that a value that has waited can be replaced by a newer one before it is sent, and nothing
+//! stale is left to be sent when a dead bus comes back.
+
+use crate::link::{LinkBus, LinkError};
+use rollwalk_protocol::can::{AnyFrame, CanFrame};
+use rollwalk_protocol::serial::{BusState, Report};
+use std::collections::VecDeque;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// What is heard on a bus.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Heard {
+    /// Somebody else's frame.
+    Frame(AnyFrame),
+    /// A frame of ours has left; there is room for another.
+    Sent,
+    /// The interface is in another error state.
+    State(BusState),
+    /// The board at the other end of a serial line says how it is.
+    Report(Report),
+}
+
+/// The way out onto a bus.
+pub trait Outlet: Send {
+    /// Whether it would take a frame now.
+    fn is_free(&self) -> bool;
+
+    /// Sends a frame.
+    ///
+    /// # Errors
+    /// [`LinkError::Busy`] when too many are on their way already, otherwise why the bus is gone.
+    fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError>;
+
+    /// Asks the board at the other end how it is; `false` when this kind of bus cannot ask.
+    ///
+    /// # Errors
+    /// The bus is gone.
+    fn ask_report(&mut self) -> Result<bool, LinkError> {
+        Ok(false)
+    }
+
+    /// What is wrong with the bus, and what would help, if something is known to be.
+    fn complaint(&self) -> Option<String> {
+        None
+    }
+}
+
+/// The way in from a bus.
+pub trait Inlet: Send {
+    /// What is heard next; `None` if nothing is for some tenths of a second.
+    ///
+    /// # Errors
+    /// The bus is gone.
+    fn hear(&mut self) -> Result<Option<Heard>, LinkError>;
+}
+
+/// Both ways.
+pub struct Port {
+    /// Out.
+    pub outlet: Box<dyn Outlet>,
+    /// In.
+    pub inlet: Box<dyn Inlet>,
+}
+
+/// Something heard on one of several buses.
+pub type Tagged = (usize, Result<Heard, LinkError>);
+
+/// Passes on what is heard, with `tag`, until the bus is gone or nobody listens any more.
+pub fn listen(mut inlet: Box<dyn Inlet>, tag: usize, to: Sender<Tagged>) {
+    thread::spawn(move || {
+        loop {
+            match inlet.hear() {
+                Ok(Some(heard)) => {
+                    if to.send((tag, Ok(heard))).is_err() {
+                        return;
+                    }
+                }
+                // Whether anybody still listens shows when there is something to say.
+                Ok(None) => {}
+                Err(error) => {
+                    let _ = to.send((tag, Err(error)));
+                    return;
+                }
+            }
+        }
+    });
+}
+
+/// A link in real time.
+pub struct Live {
+    outlet: Box<dyn Outlet>,
+    heard: Receiver<Tagged>,
+    /// Frames that came while something else was waited for.
+    frames: VecDeque<CanFrame>,
+    /// Why the bus is gone, from then on.
+    lost: Option<LinkError>,
+    started: Instant,
+}
+
+impl Live {
+    /// The link over a port.
+    pub fn new(port: Port) -> Self {
+        let (sender, heard) = channel();
+        listen(port.inlet, 0, sender);
+        let (frames, started) = (VecDeque::new(), Instant::now());
+        Self { outlet: port.outlet, heard, frames, lost: None, started }
+    }
+
+    /// Asks the board at the other end how it is; `None` if it does not say within `timeout`, or this kind
+    /// of bus cannot ask.
+    ///
+    /// # Errors
+    /// The bus is gone.
+    pub fn report(&mut self, timeout: Duration) -> Result<Option<Report>, LinkError> {
+        if !self.outlet.ask_report()? {
+            return Ok(None);
+        }
+        let deadline = Instant::now() + timeout;
+        while let Some(heard) = self.next(deadline)? {
+            match heard {
+                Heard::Report(report) => return Ok(Some(report)),
+                Heard::Frame(AnyFrame::Standard(frame)) => self.frames.push_back(frame),
+                _ => {}
+            }
+        }
+        Ok(None)
+    }
+
+    fn next(&mut self, deadline: Instant) -> Result<Option<Heard>, LinkError> {
+        if let Some(error) = &self.lost {
+            return Err(error.clone());
+        }
+        match self.heard.recv_timeout(deadline.saturating_duration_since(Instant::now())) {
+            Ok((_, Ok(heard))) => Ok(Some(heard)),
+            Ok((_, Err(error))) => Err(self.lost.insert(error).clone()),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            // A thread ends only with an error, which came before.
+            Err(RecvTimeoutError::Disconnected) => Err(LinkError::Down("the bus is gone".into())),
+        }
+    }
+}
+
+impl LinkBus for Live {
+    fn now_us(&self) -> u64 {
+        u64::try_from(self.started.elapsed().as_micros()).unwrap_or(u64::MAX)
+    }
+
+    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+        self.outlet.send(&AnyFrame::from(*frame))
+    }
+
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+        if let Some(frame) = self.frames.pop_front() {
+            return Ok(Some(frame));
+        }
+        let deadline = self.started + Duration::from_micros(deadline_us);
+        while let Some(heard) = self.next(deadline)? {
+            if let Heard::Frame(AnyFrame::Standard(frame)) = heard {
+                return Ok(Some(frame));
+            }
+        }
+        Ok(None)
+    }
+
+    fn complaint(&self) -> Option<String> {
+        self.outlet.complaint()
+    }
+}

@@ -1,0 +1,202 @@
+//! A simulated robot's link on this computer: a socket that any number of programs join, as they would a bus.
+//!
+//! Over the socket go the packets of a serial line ([`rollwalk_protocol::serial`]). What a program says,
+//! the robot and all other programs hear.
+
+use crate::link::LinkError;
+use crate::open::OpenError;
+use crate::port::{Heard, Inlet, Outlet, Port};
+use crate::serial;
+use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::serial::Packet;
+use std::env;
+use std::fs;
+use std::io::{self, Write};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+/// Longest wait for a frame before the thread looks around.
+const WAIT: Duration = Duration::from_millis(50);
+
+/// Where a simulated robot is found unless its name says otherwise: below the user's runtime folder.
+pub fn usual_socket() -> PathBuf {
+    let folder = env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
+    folder.unwrap_or_else(env::temp_dir).join("rollwalk-sim.sock")
+}
+
+/// Joins the link of a simulated robot.
+///
+/// # Errors
+/// Nobody simulates a robot there.
+pub fn connect(socket: Option<&Path>) -> Result<Port, OpenError> {
+    let path = socket.map_or_else(usual_socket, Path::to_owned);
+    let stream = UnixStream::connect(&path).and_then(|stream| Ok((stream.try_clone()?, stream)));
+    let (reader, writer) = stream.map_err(|error| {
+        let what = format!("no simulated robot at {}: {error}", path.display());
+        let name = socket.map_or("sim".into(), |path| format!("sim:{}", path.display()));
+        OpenError { what, help: format!("start one: rollwalk-sim ROBOT.toml --bus {name}") }
+    })?;
+    Ok(serial::port("the simulated robot", reader, writer))
+}
+
+/// Programs that have joined.
+type Members = Arc<Mutex<Vec<(u64, UnixStream)>>>;
+
+/// Makes the link of a simulated robot, for programs to join. The socket goes away with the outlet.
+///
+/// # Errors
+/// The socket cannot be made, or another robot is there already.
+pub fn serve(socket: Option<&Path>) -> Result<Port, OpenError> {
+    let path = socket.map_or_else(usual_socket, Path::to_owned);
+    let failed = |error: io::Error| OpenError {
+        what: format!("no socket can be made at {}: {error}", path.display()),
+        help: "give the path of another: --bus sim:PATH".into(),
+    };
+    if UnixStream::connect(&path).is_ok() {
+        return Err(OpenError {
+            what: format!("another simulated robot is at {} already", path.display()),
+            help: "end it, or give this one another place: --bus sim:PATH".into(),
+        });
+    }
+    // One that a robot left behind when it was killed.
+    match fs::remove_file(&path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(failed(error)),
+        _ => {}
+    }
+    let listener = UnixListener::bind(&path).map_err(failed)?;
+    let members = Members::default();
+    let (sender, heard) = channel();
+    let outlet = SimOutlet { path, members: Arc::clone(&members) };
+    thread::spawn(move || accept(&listener, &members, &sender));
+    Ok(Port { outlet: Box::new(outlet), inlet: Box::new(SimInlet { heard }) })
+}
+
+fn accept(listener: &UnixListener, members: &Members, to: &Sender<AnyFrame>) {
+    for (number, stream) in (0..).zip(listener.incoming()) {
+        let joined = stream.and_then(|stream| {
+            let reader = stream.try_clone()?;
+            // A program that does not listen must not hold up the others.
+            stream.set_nonblocking(false)?;
+            stream.set_write_timeout(Some(Duration::from_millis(1)))?;
+            members.lock().unwrap_or_else(PoisonError::into_inner).push((number, stream));
+            Ok(reader)
+        });
+        let Ok(reader) = joined else { continue };
+        let (members, to) = (Arc::clone(members), to.clone());
+        thread::spawn(move || {
+            let mut port = serial::port("a program", reader, io::sink());
+            while let Ok(heard) = port.inlet.hear() {
+                if let Some(Heard::Frame(frame)) = heard {
+                    tell(&members, &frame, Some(number));
+                    if to.send(frame).is_err() {
+                        break;
+                    }
+                }
+            }
+            leave(&members, number);
+        });
+    }
+}
+
+/// Tells a frame to all but one.
+fn tell(members: &Members, frame: &AnyFrame, but: Option<u64>) {
+    let AnyFrame::Standard(frame) = frame else { return };
+    let Some(line) = Packet::Link(*frame).encode() else { return };
+    let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
+    // Whoever does not keep up is put out: half a packet would spoil what follows.
+    members.retain_mut(|(number, stream)| Some(*number) == but || stream.write_all(&line).is_ok());
+}
+
+fn leave(members: &Members, number: u64) {
+    let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
+    members.retain(|(member, _)| *member != number);
+}
+
+struct SimOutlet {
+    path: PathBuf,
+    members: Members,
+}
+
+impl Outlet for SimOutlet {
+    fn is_free(&self) -> bool {
+        true
+    }
+
+    fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
+        tell(&self.members, frame, None);
+        Ok(())
+    }
+}
+
+impl Drop for SimOutlet {
+    fn drop(&mut self) {
+        // If it is gone already, all is as it should be.
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+struct SimInlet {
+    heard: Receiver<AnyFrame>,
+}
+
+impl Inlet for SimInlet {
+    fn hear(&mut self) -> Result<Option<Heard>, LinkError> {
+        match self.heard.recv_timeout(WAIT) {
+            Ok(frame) => Ok(Some(Heard::Frame(frame))),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => {
+                Err(LinkError::Down("the socket of the simulated robot failed".into()))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::link::LinkBus;
+    use crate::port::Live;
+    use rollwalk_protocol::can::CanFrame;
+
+    const LONG_US: u64 = 60_000_000;
+
+    fn frame(id: u16) -> CanFrame {
+        CanFrame::new(id, &[1, 0]).unwrap()
+    }
+
+    #[test]
+    fn programs_and_robot_hear_each_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let socket = folder.path().join("robot.sock");
+        let mut robot = Live::new(serve(Some(&socket)).unwrap());
+        let mut first = Live::new(connect(Some(&socket)).unwrap());
+        first.send(&frame(1)).unwrap();
+        assert_eq!(robot.receive(LONG_US), Ok(Some(frame(1))));
+        let mut second = Live::new(connect(Some(&socket)).unwrap());
+        second.send(&frame(2)).unwrap();
+        assert_eq!(robot.receive(LONG_US), Ok(Some(frame(2))));
+        assert_eq!(first.receive(LONG_US), Ok(Some(frame(2))));
+        robot.send(&frame(3)).unwrap();
+        assert_eq!(first.receive(LONG_US), Ok(Some(frame(3))));
+        assert_eq!(second.receive(LONG_US), Ok(Some(frame(3))));
+    }
+
+    #[test]
+    fn a_socket_left_behind_is_taken_over_and_one_in_use_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let socket = folder.path().join("robot.sock");
+        drop(UnixListener::bind(&socket).unwrap());
+        assert!(socket.exists());
+        let error = connect(Some(&socket)).err().unwrap();
+        assert!(error.help.contains("rollwalk-sim ROBOT.toml --bus sim:"), "{error}");
+        let robot = serve(Some(&socket)).unwrap();
+        let error = serve(Some(&socket)).err().unwrap();
+        assert!(error.what.contains("another simulated robot"), "{error}");
+        drop(robot);
+        assert!(!socket.exists());
+    }
+}

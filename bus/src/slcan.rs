@@ -1,0 +1,152 @@
+//! A CAN adapter on a serial line that speaks SLCAN (Lawicel).
+
+use crate::link::LinkError;
+use crate::open::OpenError;
+use crate::port::{Heard, Inlet, Outlet, Port};
+use crate::serial::{gone, open_device, read};
+use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::slcan::{Reader, Said, bitrate_digit};
+use std::collections::VecDeque;
+use std::io::{self, Read, Write};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Rate of the serial line. Adapters on USB take any.
+const BAUD: u32 = 1_000_000;
+
+/// Opens the adapter at `device` on a CAN bus of `bitrate` bit/s.
+///
+/// # Errors
+/// There is no such device, it may not be used, or the protocol has no such bitrate.
+pub fn open(device: &Path, bitrate: u32) -> Result<Port, OpenError> {
+    let digit = bitrate_digit(bitrate).ok_or_else(|| OpenError {
+        what: format!("SLCAN adapters cannot be told a bitrate of {bitrate} bit/s"),
+        help:
+            "they know 10, 20, 50, 100, 125, 250, 500, 800 and 1000 kbit/s; a robot's is 1000000 \
+               unless configured otherwise"
+                .into(),
+    })?;
+    let (reader, writer) = open_device(device, BAUD)?;
+    let name = device.display().to_string();
+    port(&name, reader, writer, digit).map_err(|error| OpenError {
+        what: format!("`{name}` does not take commands: {error}"),
+        help: "is it a CAN adapter that speaks SLCAN? Unplug it and plug it in again".into(),
+    })
+}
+
+/// Both ends of a line to an adapter, which is told to join a bus with Lawicel's bitrate `digit`.
+///
+/// # Errors
+/// The line's.
+pub fn port(
+    name: &str,
+    reader: impl Read + Send + 'static,
+    mut writer: impl Write + Send + 'static,
+    digit: u8,
+) -> io::Result<Port> {
+    // The first end of a line ends whatever an earlier program left behind.
+    for said in [Said::Yes, Said::Close, Said::Bitrate(digit), Said::Open] {
+        writer.write_all(&said.encode().unwrap_or_default())?;
+    }
+    writer.flush()?;
+    let refuses = Arc::new(AtomicBool::new(false));
+    let outlet =
+        Box::new(SlcanOutlet { name: name.to_owned(), writer, refuses: Arc::clone(&refuses) });
+    let inlet = SlcanInlet {
+        name: name.to_owned(),
+        reader,
+        text: Reader::default(),
+        heard: VecDeque::new(),
+        refuses,
+    };
+    Ok(Port { outlet, inlet: Box::new(inlet) })
+}
+
+struct SlcanOutlet<W> {
+    name: String,
+    writer: W,
+    /// Whether the adapter said no, and yes never since.
+    refuses: Arc<AtomicBool>,
+}
+
+impl<W: Write + Send> Outlet for SlcanOutlet<W> {
+    fn is_free(&self) -> bool {
+        true
+    }
+
+    fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
+        let line = Said::Frame(*frame).encode().unwrap_or_default();
+        let written = self.writer.write_all(&line).and_then(|()| self.writer.flush());
+        written.map_err(|error| gone(&self.name, &error))
+    }
+
+    fn complaint(&self) -> Option<String> {
+        let name = &self.name;
+        self.refuses.load(Ordering::Relaxed).then(|| {
+            format!(
+                "the adapter {name} refuses frames: nobody may acknowledge them, or the bus has another \
+                 bitrate (slcan:{name}@BITRATE)"
+            )
+        })
+    }
+}
+
+struct SlcanInlet<R> {
+    name: String,
+    reader: R,
+    text: Reader,
+    heard: VecDeque<Heard>,
+    refuses: Arc<AtomicBool>,
+}
+
+impl<R: Read + Send> Inlet for SlcanInlet<R> {
+    fn hear(&mut self) -> Result<Option<Heard>, LinkError> {
+        if self.heard.is_empty() {
+            let mut bytes = [0; 256];
+            let count = read(&self.name, &mut self.reader, &mut bytes)?;
+            for &byte in &bytes[..count] {
+                match self.text.push(byte) {
+                    Some(Said::Frame(frame)) => self.heard.push_back(Heard::Frame(frame)),
+                    Some(Said::Yes) => self.refuses.store(false, Ordering::Relaxed),
+                    Some(Said::No) => self.refuses.store(true, Ordering::Relaxed),
+                    _ => {}
+                }
+            }
+        }
+        Ok(self.heard.pop_front())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::link::LinkBus;
+    use crate::port::Live;
+    use rollwalk_protocol::can::CanFrame;
+    use std::os::unix::net::UnixStream;
+
+    #[test]
+    fn an_adapter_is_set_up_and_carries_frames() {
+        let (host, mut adapter) = UnixStream::pair().unwrap();
+        let port = port("the adapter", host.try_clone().unwrap(), host, 8).unwrap();
+        let mut link = Live::new(port);
+        link.send(&CanFrame::new(0x123, &[0xAB]).unwrap()).unwrap();
+        let expected = b"\rC\rS8\rO\rt1231AB\r";
+        let mut said = vec![0; expected.len()];
+        adapter.read_exact(&mut said).unwrap();
+        assert_eq!(said, expected);
+
+        adapter.write_all(b"\r\r\x07t3212").unwrap();
+        adapter.write_all(b"0102\r").unwrap();
+        let frame = link.receive(u64::MAX >> 1).unwrap().unwrap();
+        assert_eq!((frame.id(), frame.data()), (0x321, &[1, 2][..]));
+        assert!(link.complaint().unwrap().contains("the adapter refuses frames"));
+    }
+
+    #[test]
+    fn only_bitrates_of_the_protocol_are_taken() {
+        let error = open(Path::new("/dev/null"), 123_456).err().unwrap();
+        assert!(error.what.contains("123456 bit/s"), "{error}");
+    }
+}

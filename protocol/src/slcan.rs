@@ -1,0 +1,242 @@
+//! SLCAN, Lawicel's protocol: CAN frames as lines of text, as cheap adapters and Linux's `slcand` speak it.
+//!
+//! Source: Lawicel AB, "CANUSB manual" (command set of the CAN232). A line ends with a carriage return;
+//! `t1232AABB` is a frame with an identifier of 11 bits, two bytes of data, `T` one of 29 bits. An
+//! adapter answers a bare carriage return for yes, a bell for no.
+
+use crate::can::{AnyFrame, CanFrame, ExtendedFrame};
+use heapless::Vec;
+
+/// Ends a line, and alone says yes.
+const END: u8 = b'\r';
+/// Says no.
+const BELL: u8 = 7;
+/// Longest line with its end: `T`, eight digits, length, sixteen digits.
+const MAX_LINE: usize = 27;
+
+/// A line for an adapter or a host, its end included.
+pub type Line = Vec<u8, MAX_LINE>;
+
+/// Something said, by a host or an adapter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Said {
+    /// A frame: from a host to be sent, from an adapter received.
+    Frame(AnyFrame),
+    /// Host: the bus has this bitrate, by Lawicel's digit 0 to 8 (10, 20, 50, 100, 125, 250, 500, 800,
+    /// 1000 kbit/s).
+    Bitrate(u8),
+    /// Host: take part in the bus.
+    Open,
+    /// Host: take no part any more.
+    Close,
+    /// Adapter: yes, or the frame has been sent.
+    Yes,
+    /// Adapter: no.
+    No,
+    /// A command that is none of these, by its letter.
+    Other(u8),
+}
+
+/// Lawicel's digit for a bitrate, bit/s; `None` for one that it has not.
+pub fn bitrate_digit(bitrate: u32) -> Option<u8> {
+    let known = [10, 20, 50, 100, 125, 250, 500, 800, 1000];
+    (0..).zip(known).find(|&(_, kbit)| kbit * 1000 == bitrate).map(|(digit, _)| digit)
+}
+
+impl Said {
+    /// As a line; `None` for [`Said::Other`] and for a digit that is none.
+    pub fn encode(&self) -> Option<Line> {
+        let mut line = Line::new();
+        match self {
+            Self::Frame(frame) => {
+                match frame {
+                    AnyFrame::Standard(frame) => {
+                        line.push(b't').ok()?;
+                        digits(&mut line, u32::from(frame.id()), 3)?;
+                    }
+                    AnyFrame::Extended(frame) => {
+                        line.push(b'T').ok()?;
+                        digits(&mut line, frame.id(), 8)?;
+                    }
+                }
+                digits(&mut line, frame.data().len() as u32, 1)?;
+                frame.data().iter().try_for_each(|&byte| digits(&mut line, byte.into(), 2))?;
+            }
+            Self::Bitrate(digit) => {
+                line.push(b'S').ok()?;
+                line.push((*digit <= 8).then_some(b'0' + *digit)?).ok()?;
+            }
+            Self::Open => line.push(b'O').ok()?,
+            Self::Close => line.push(b'C').ok()?,
+            Self::Yes => {}
+            Self::No => {
+                line.push(BELL).ok()?;
+                return Some(line);
+            }
+            Self::Other(_) => return None,
+        }
+        line.push(END).ok()?;
+        Some(line)
+    }
+}
+
+fn digits(line: &mut Line, value: u32, count: u32) -> Option<()> {
+    (0..count).rev().try_for_each(|place| {
+        let digit = (value >> (4 * place)) as u8 & 0xF;
+        line.push(if digit < 10 { b'0' + digit } else { b'A' - 10 + digit }).ok()
+    })
+}
+
+/// Finds what is said in bytes as they come. A line that is too long or makes no sense is skipped up
+/// to its end.
+#[derive(Clone, Debug, Default)]
+pub struct Reader {
+    line: Line,
+    too_long: bool,
+}
+
+/// Bytes that a line may have after a frame: a time stamp of four digits, when a host asked for them.
+const STAMP: usize = 4;
+
+impl Reader {
+    /// Takes a byte; says what it completes.
+    pub fn push(&mut self, byte: u8) -> Option<Said> {
+        match byte {
+            BELL => {
+                self.clear();
+                Some(Said::No)
+            }
+            // `slcand` and terminals may send both ends of a line.
+            b'\n' => None,
+            END => {
+                let said = if self.too_long { None } else { said(&self.line) };
+                self.clear();
+                said
+            }
+            _ => {
+                self.too_long |= self.line.push(byte).is_err();
+                None
+            }
+        }
+    }
+
+    fn clear(&mut self) {
+        self.line.clear();
+        self.too_long = false;
+    }
+}
+
+fn said(line: &[u8]) -> Option<Said> {
+    let Some((&letter, rest)) = line.split_first() else { return Some(Said::Yes) };
+    match (letter, rest) {
+        (b't', _) => {
+            let (id, data, len) = frame(rest, 3)?;
+            let data = data.get(..len)?;
+            CanFrame::new(id as u16, data).map(|frame| Said::Frame(frame.into()))
+        }
+        (b'T', _) => {
+            let (id, data, len) = frame(rest, 8)?;
+            let data = data.get(..len)?;
+            ExtendedFrame::new(id, data).map(|frame| Said::Frame(frame.into()))
+        }
+        (b'S', [digit @ b'0'..=b'8']) => Some(Said::Bitrate(digit - b'0')),
+        (b'O', []) => Some(Said::Open),
+        (b'C', []) => Some(Said::Close),
+        (b'z' | b'Z', []) => Some(Said::Yes),
+        _ => Some(Said::Other(letter)),
+    }
+}
+
+/// Identifier, bytes and their number of a frame whose identifier has so many digits.
+fn frame(text: &[u8], id_digits: usize) -> Option<(u32, [u8; 8], usize)> {
+    let (id, rest) = text.split_at_checked(id_digits)?;
+    let (len, rest) = rest.split_at_checked(1)?;
+    let (id, len) = (hex(id)?, hex(len)? as usize);
+    let (bytes, stamp) = rest.split_at_checked(2 * len)?;
+    let mut data = [0; 8];
+    if len > data.len() || !(stamp.is_empty() || stamp.len() == STAMP && hex(stamp).is_some()) {
+        return None;
+    }
+    for (slot, pair) in data.iter_mut().zip(bytes.chunks(2)) {
+        *slot = hex(pair)? as u8;
+    }
+    Some((id, data, len))
+}
+
+fn hex(digits: &[u8]) -> Option<u32> {
+    digits.iter().try_fold(0u32, |value, &digit| Some(value << 4 | char::from(digit).to_digit(16)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn read(bytes: &[u8]) -> std::vec::Vec<Said> {
+        let mut reader = Reader::default();
+        bytes.iter().filter_map(|&byte| reader.push(byte)).collect()
+    }
+
+    fn standard(id: u16, data: &[u8]) -> Said {
+        Said::Frame(CanFrame::new(id, data).unwrap().into())
+    }
+
+    /// Examples of the manual, and what `slcand -o -s8` sends first.
+    #[test]
+    fn lines_of_the_manual() {
+        assert_eq!(read(b"t10021133\r"), [standard(0x100, &[0x11, 0x33])]);
+        assert_eq!(read(b"t1230\r"), [standard(0x123, &[])]);
+        let extended = ExtendedFrame::new(0x100, &[0x11, 0x33]).unwrap();
+        assert_eq!(read(b"T0000010021133\r"), [Said::Frame(extended.into())]);
+        assert_eq!(read(b"C\rS8\rO\r"), [Said::Close, Said::Bitrate(8), Said::Open]);
+        assert_eq!(read(b"\rz\r\x07"), [Said::Yes, Said::Yes, Said::No]);
+        assert_eq!(read(b"V\rN\r"), [Said::Other(b'V'), Said::Other(b'N')]);
+        // With a time stamp.
+        assert_eq!(read(b"t1002113312AF\r"), [standard(0x100, &[0x11, 0x33])]);
+        assert_eq!(standard(0x7FF, &[0xAB; 8]).encode().unwrap(), b"t7FF8ABABABABABABABAB\r");
+        assert_eq!([bitrate_digit(1_000_000), bitrate_digit(10_000)], [Some(8), Some(0)]);
+        assert_eq!(bitrate_digit(83_333), None);
+    }
+
+    #[test]
+    fn what_is_no_line_is_skipped_up_to_its_end() {
+        for bad in [
+            &b"t8001FF\r"[..],
+            b"t1239\r",
+            b"t12320011223\r",
+            b"t1232001\r",
+            b"tXYZ0\r",
+            b"T200000000\r",
+            b"T1FFFFFFF8000102030405060708\r",
+        ] {
+            let mut line = bad.to_vec();
+            line.extend(b"t1230\r");
+            assert_eq!(read(&line), [standard(0x123, &[])], "{}", str::from_utf8(bad).unwrap());
+        }
+    }
+
+    fn frame() -> impl Strategy<Value = AnyFrame> {
+        let data = || prop::collection::vec(any::<u8>(), 0..=8);
+        prop_oneof![
+            (0u16..0x800, data()).prop_map(|(id, d)| CanFrame::new(id, &d).unwrap().into()),
+            (0u32..1 << 29, data()).prop_map(|(id, d)| ExtendedFrame::new(id, &d).unwrap().into()),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_said_is_heard(frames in prop::collection::vec(frame(), 0..5)) {
+            let said: std::vec::Vec<_> = frames.into_iter().map(Said::Frame).collect();
+            let lines: std::vec::Vec<u8> = said.iter().flat_map(|s| s.encode().unwrap()).collect();
+            prop_assert_eq!(read(&lines), said);
+        }
+
+        #[test]
+        fn no_bytes_stop_the_reader(bytes in prop::collection::vec(any::<u8>(), 0..80), frame in frame()) {
+            let mut line = bytes;
+            line.push(END);
+            line.extend(Said::Frame(frame).encode().unwrap());
+            prop_assert_eq!(read(&line).pop(), Some(Said::Frame(frame)));
+        }
+    }
+}
