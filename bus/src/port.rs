@@ -69,10 +69,43 @@ pub struct Port {
 }
 
 /// Something heard on one of several buses.
-pub type Tagged = (usize, Result<Heard, LinkError>);
+type Tagged = (usize, Result<Heard, LinkError>);
+
+/// Several buses, listened to at once.
+pub struct Hub {
+    /// The ways out, in the order of the ports.
+    pub outlets: Vec<Box<dyn Outlet>>,
+    heard: Receiver<Tagged>,
+}
+
+impl Hub {
+    /// Starts to listen.
+    pub fn new(ports: impl IntoIterator<Item = Port>) -> Self {
+        let (sender, heard) = channel();
+        let outlets = ports.into_iter().enumerate().map(|(index, port)| {
+            listen(port.inlet, index, sender.clone());
+            port.outlet
+        });
+        Self { outlets: outlets.collect(), heard }
+    }
+
+    /// What is heard next and on which bus; `None` if nothing is until `deadline`. A bus that is gone says
+    /// so once.
+    pub fn hear(&self, deadline: Instant) -> Option<(usize, Result<Heard, LinkError>)> {
+        match self.heard.recv_timeout(deadline.saturating_duration_since(Instant::now())) {
+            Ok(tagged) => Some(tagged),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => {
+                // All are gone. Time passes all the same.
+                thread::sleep(deadline.saturating_duration_since(Instant::now()));
+                None
+            }
+        }
+    }
+}
 
 /// Passes on what is heard, with `tag`, until the bus is gone or nobody listens any more.
-pub fn listen(mut inlet: Box<dyn Inlet>, tag: usize, to: Sender<Tagged>) {
+fn listen(mut inlet: Box<dyn Inlet>, tag: usize, to: Sender<Tagged>) {
     thread::spawn(move || {
         loop {
             match inlet.hear() {
@@ -94,8 +127,7 @@ pub fn listen(mut inlet: Box<dyn Inlet>, tag: usize, to: Sender<Tagged>) {
 
 /// A link in real time.
 pub struct Live {
-    outlet: Box<dyn Outlet>,
-    heard: Receiver<Tagged>,
+    hub: Hub,
     /// Frames that came while something else was waited for.
     frames: VecDeque<CanFrame>,
     /// Why the bus is gone, from then on.
@@ -106,10 +138,12 @@ pub struct Live {
 impl Live {
     /// The link over a port.
     pub fn new(port: Port) -> Self {
-        let (sender, heard) = channel();
-        listen(port.inlet, 0, sender);
         let (frames, started) = (VecDeque::new(), Instant::now());
-        Self { outlet: port.outlet, heard, frames, lost: None, started }
+        Self { hub: Hub::new([port]), frames, lost: None, started }
+    }
+
+    fn outlet(&mut self) -> &mut dyn Outlet {
+        self.hub.outlets[0].as_mut()
     }
 
     /// Asks the board at the other end how it is; `None` if it does not say within `timeout`, or this kind
@@ -118,7 +152,7 @@ impl Live {
     /// # Errors
     /// The bus is gone.
     pub fn report(&mut self, timeout: Duration) -> Result<Option<Report>, LinkError> {
-        if !self.outlet.ask_report()? {
+        if !self.outlet().ask_report()? {
             return Ok(None);
         }
         let deadline = Instant::now() + timeout;
@@ -136,12 +170,10 @@ impl Live {
         if let Some(error) = &self.lost {
             return Err(error.clone());
         }
-        match self.heard.recv_timeout(deadline.saturating_duration_since(Instant::now())) {
-            Ok((_, Ok(heard))) => Ok(Some(heard)),
-            Ok((_, Err(error))) => Err(self.lost.insert(error).clone()),
-            Err(RecvTimeoutError::Timeout) => Ok(None),
-            // A thread ends only with an error, which came before.
-            Err(RecvTimeoutError::Disconnected) => Err(LinkError::Down("the bus is gone".into())),
+        match self.hub.hear(deadline) {
+            Some((_, Ok(heard))) => Ok(Some(heard)),
+            Some((_, Err(error))) => Err(self.lost.insert(error).clone()),
+            None => Ok(None),
         }
     }
 }
@@ -152,7 +184,7 @@ impl LinkBus for Live {
     }
 
     fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
-        self.outlet.send(&AnyFrame::from(*frame))
+        self.outlet().send(&AnyFrame::from(*frame))
     }
 
     fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
@@ -169,6 +201,6 @@ impl LinkBus for Live {
     }
 
     fn complaint(&self) -> Option<String> {
-        self.outlet.complaint()
+        self.hub.outlets[0].complaint()
     }
 }

@@ -209,8 +209,9 @@ mod tests {
     fn board(line: &TcpStream, packets: usize) {
         let mut writer = line;
         let mut deframer = Deframer::default();
+        let bytes = io::BufReader::new(line).bytes();
         let received =
-            line.bytes().filter_map(|byte| deframer.push(byte.unwrap()).and_then(Packet::decode));
+            bytes.filter_map(|byte| deframer.push(byte.unwrap()).and_then(Packet::decode));
         for packet in received.take(packets) {
             let answers = match packet {
                 Packet::Link(frame) => vec![Packet::Link(next(&frame))],

@@ -2,7 +2,7 @@
 //! must not touch: files, the terminal, the clock and Ctrl-C.
 //!
 //! One file per subcommand in `cli/src/cmd`, each with its arguments and a `run`. Results go to stdout,
-//! progress to stderr; how a run ends is an [`Exit`].
+//! progress to stderr; how a run ends is an [`Exit`]. [`sim`] is the other binary, `rollwalk-sim`.
 
 mod choices;
 mod cmd;
@@ -17,6 +17,7 @@ mod problem;
 mod progress;
 mod race;
 mod shipped;
+pub mod sim;
 
 pub use exit::Exit;
 
@@ -50,7 +51,12 @@ fn command_line() -> clap::Command {
 pub fn main() -> ExitCode {
     let cli = Cli::from_arg_matches(&command_line().get_matches());
     let cli = cli.unwrap_or_else(|error| error.exit());
-    match cli.command.run(&mut command_line()) {
+    end(cli.command.run(&mut command_line()))
+}
+
+/// Says why a run failed; how it ended, for the shell.
+fn end(outcome: miette::Result<Exit>) -> ExitCode {
+    match outcome {
         Ok(exit) => exit.into(),
         // Whoever read our output has seen enough (`| head`): not an error.
         Err(report) if report.is::<output::PipeClosed>() => Exit::Ok.into(),

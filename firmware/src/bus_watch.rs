@@ -6,6 +6,7 @@
 //! with automatic recovery it would send what it was told last as soon as the short is gone. The
 //! operator's two-step clear is what starts it again, by way of [`BusWatch::take_restart`].
 
+use rollwalk_protocol::serial::BusState;
 use rollwalk_protocol::wire::{Fault, FaultBits};
 
 use crate::actuators::bus::MAX_BUSES;
@@ -13,20 +14,6 @@ use crate::safety::{Event, EventSet};
 
 /// For so many ticks nobody may acknowledge: an adapter that hiccups is not a power failure.
 const NO_ACK_TICKS: u8 = 3;
-
-/// How an actuator bus is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum BusState {
-    /// Frames go out and are acknowledged.
-    #[default]
-    Active,
-    /// Frames are not acknowledged.
-    NotAcknowledged,
-    /// Error-passive: 128 errors or more.
-    Passive,
-    /// Off, and kept off.
-    Off,
-}
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Bus {

@@ -4,11 +4,12 @@ use rollwalk_protocol::actuators::Packet;
 use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::{Attitude, Library, Reject};
+use rollwalk_protocol::serial::BusState;
 use rollwalk_protocol::wire::{Fault, FaultBits};
 
 use crate::actuators::bus::Buses;
 use crate::actuators::load::loads;
-use crate::bus_watch::{BusState, BusWatch};
+use crate::bus_watch::BusWatch;
 use crate::gate::Gate;
 use crate::limiter::Target;
 use crate::link::Link;

@@ -40,6 +40,6 @@ pub mod walk;
 
 pub use actuators::bus::{self, Bus, Buses};
 pub use actuators::load;
-pub use bus_watch::BusState;
 pub use controller::Controller;
+pub use rollwalk_protocol::serial::BusState;
 pub use settings::{Settings, SettingsError};

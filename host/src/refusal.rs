@@ -1,7 +1,7 @@
 //! Sentences for the numbers in which a controller says no.
 
 use rollwalk_protocol::wire::transport::{Reply, TransferResult};
-use rollwalk_protocol::wire::{CommandResult, Fault, FaultBits, ParameterResult};
+use rollwalk_protocol::wire::{CommandResult, Fault, FaultBits, ParameterResult, State};
 
 /// Why a command was not executed, and what would help.
 pub fn command_refusal(result: CommandResult) -> &'static str {
@@ -107,6 +107,23 @@ fn why_sentence(code: u8) -> String {
         _ => return format!("the library is malformed (reason {code})"),
     };
     known.to_owned()
+}
+
+/// A state in words, after "the robot is".
+pub fn state_name(state: State) -> &'static str {
+    match state {
+        State::Boot => "starting",
+        State::SelfTest => "testing itself",
+        State::Disarmed => "disarmed",
+        State::Aligning => "aligning",
+        State::Ready => "ready",
+        State::Playing => "playing",
+        State::Paused => "paused",
+        State::Returning => "returning to SAFE",
+        State::Damped => "damped",
+        State::TorqueOff => "stopped, torque off",
+        State::EStopped => "stopped by an emergency stop",
+    }
 }
 
 /// Faults in words, separated by commas; `no fault` for an empty set.

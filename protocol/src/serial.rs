@@ -76,17 +76,17 @@ pub struct BusReport {
     pub lost: u16,
 }
 
-/// Error state of a CAN controller.
+/// Error state of a CAN controller, as a board or a driver tells it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BusState {
     /// As it should be.
     #[default]
     Active,
-    /// Error passive, and nobody acknowledges: alone on the bus, or the others have no power.
+    /// Nobody acknowledges: alone on the bus, or the others have no power.
     NotAcknowledged,
-    /// Error passive.
+    /// Error passive: 128 errors or more.
     Passive,
-    /// Bus-off: takes no part in the bus.
+    /// Bus-off: takes no part in the bus, and is kept off until it is started again.
     Off,
 }
 

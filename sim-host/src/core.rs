@@ -34,6 +34,11 @@ impl Local {
         Self::booting(config, self.settings, stores)
     }
 
+    /// The controller itself: for what a real bus tells it and the simulated one does not.
+    pub fn controller_mut(&mut self) -> &mut Controller<SimStore, SimParameters> {
+        &mut self.controller
+    }
+
     fn booting(
         config: RobotConfig,
         settings: Settings,

@@ -7,6 +7,7 @@
 //! | [`core`], [`remote`] | the controller: firmware in this process, or a board over a serial line |
 //! | [`bus`], [`interface`], [`clock`] | a bus exact to the bit, the buses' names, virtual time |
 //! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle |
+//! | [`live`] | in real time: the whole robot, its controller or its motors on buses of this computer |
 //! | [`record`] | what was commanded on the buses and what came of it |
 //!
 //! The host's end is `rollwalk-host`, which cannot tell a [`rig::Rig`] from a robot.
@@ -53,6 +54,7 @@ pub mod bus;
 pub mod clock;
 pub mod core;
 pub mod interface;
+pub mod live;
 pub mod load;
 pub mod plant;
 pub mod record;

@@ -85,6 +85,11 @@ impl Recorder {
         self.fresh.fill(false);
     }
 
+    /// Throws away the periods so far.
+    pub fn forget(&mut self) {
+        self.records.clear();
+    }
+
     /// The periods so far, oldest first.
     pub fn records(&self) -> &[TickRecord] {
         &self.records

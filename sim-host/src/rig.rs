@@ -181,6 +181,12 @@ impl<C: Core> Rig<C> {
         &self.log
     }
 
+    /// The log so far, which begins anew; the records are thrown away. For a robot that runs for days.
+    pub fn take_log(&mut self) -> Vec<LogEntry> {
+        self.recorder.forget();
+        std::mem::take(&mut self.log)
+    }
+
     /// What was commanded and measured in every control period in which the library was played.
     pub fn records(&self) -> &[TickRecord] {
         self.recorder.records()

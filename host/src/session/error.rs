@@ -14,12 +14,14 @@ pub enum SessionError {
     #[error(transparent)]
     Link(#[from] LinkError),
     /// No answer, even to repetitions.
-    #[error("controller {node} does not answer ({what}): is it powered, and on this bus?")]
+    #[error("controller {node} does not answer ({what}): {why}")]
     Silent {
         /// Its address.
         node: u8,
         /// What was asked.
         what: &'static str,
+        /// What may be the cause: what is known to be wrong with the bus.
+        why: String,
     },
     /// Host and controller do not speak the same protocol.
     #[error(

@@ -144,7 +144,9 @@ impl<B: LinkBus> Exchange<B> {
 
     /// The error of a controller that does not answer.
     pub fn silent(&self, what: &'static str) -> SessionError {
-        SessionError::Silent { node: self.node.number(), what }
+        let why = self.bus.complaint();
+        let why = why.unwrap_or_else(|| "is it powered, and on this bus?".into());
+        SessionError::Silent { node: self.node.number(), what, why }
     }
 
     /// Lets time pass, frames go out and come in, for so long or until `wanted` takes something.

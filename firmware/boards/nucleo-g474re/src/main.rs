@@ -206,13 +206,7 @@ impl Board {
         for (b, (bus, slot)) in (0..).zip(self.actuators.iter_mut().zip(slots)) {
             bus.expire(now_us, self.period_us);
             *slot = bus.report();
-            let state = match slot.state {
-                BusState::Active => rollwalk_firmware::BusState::Active,
-                BusState::NotAcknowledged => rollwalk_firmware::BusState::NotAcknowledged,
-                BusState::Passive => rollwalk_firmware::BusState::Passive,
-                BusState::Off => rollwalk_firmware::BusState::Off,
-            };
-            self.controller.on_bus_state(now_us, b, state);
+            self.controller.on_bus_state(now_us, b, slot.state);
             if self.controller.take_bus_restart(b) {
                 bus.start();
             }

@@ -1,0 +1,115 @@
+//! The firmware as a process on real buses: link and actuator buses with adapters, as on a board.
+
+use crate::core::{Core, Local};
+use rollwalk_bus::link::LinkError;
+use rollwalk_bus::port::{Heard, Hub, Port};
+use rollwalk_protocol::can::{AnyFrame, CanFrame};
+use rollwalk_protocol::serial::BusState;
+use rollwalk_protocol::tunnel::{Buses, Input, MAX_ACTUATOR_BUSES, Step, Stepped};
+use std::time::{Duration, Instant};
+
+/// Runs the controller until `goes_on` says no, which is asked once in every control period of `period`.
+/// `actuators` are the actuator buses by number.
+///
+/// # Errors
+/// The link is gone. An actuator bus that goes is a bus that is off: the controller's business.
+pub fn run(
+    core: &mut Local,
+    period: Duration,
+    link: Port,
+    actuators: Vec<Port>,
+    mut goes_on: impl FnMut(&mut Local) -> bool,
+) -> Result<(), LinkError> {
+    assert!(actuators.len() <= usize::from(MAX_ACTUATOR_BUSES), "a controller has so many at most");
+    let start = Instant::now();
+    let mut hub = Hub::new(std::iter::once(link).chain(actuators));
+    let mut next_tick = start;
+    loop {
+        // Time goes before frames: no bus is so full that it keeps the controller from its ticks.
+        let is_due = Instant::now() >= next_tick;
+        let heard = if is_due { None } else { hub.hear(next_tick) };
+        let now_us = start.elapsed().as_micros() as u64;
+        let input = match heard {
+            None => {
+                // After a stall one tick is late, and none is made up for.
+                next_tick = (next_tick + period).max(Instant::now());
+                if !goes_on(core) {
+                    return Ok(());
+                }
+                Some(Input::Tick)
+            }
+            Some((0, heard)) => match heard? {
+                Heard::Frame(AnyFrame::Standard(frame)) => Some(Input::Link(frame)),
+                _ => None,
+            },
+            Some((index, heard)) => {
+                let bus = (index - 1) as u8;
+                match heard {
+                    Ok(Heard::Frame(AnyFrame::Standard(frame))) => {
+                        Some(Input::Actuator(bus, frame))
+                    }
+                    Ok(Heard::Frame(AnyFrame::Extended(frame))) => {
+                        core.controller_mut().on_extended_frame(now_us, bus, &frame);
+                        None
+                    }
+                    Ok(Heard::State(state)) => {
+                        core.controller_mut().on_bus_state(now_us, bus, state);
+                        None
+                    }
+                    Ok(Heard::Sent | Heard::Report(_)) => None,
+                    Err(_) => {
+                        core.controller_mut().on_bus_state(now_us, bus, BusState::Off);
+                        None
+                    }
+                }
+            }
+        };
+        let mut sent = core.step(Step { now_us, input, free: free(&hub) })?;
+        while send(&mut hub, core, &sent)? {
+            sent = core.step(Step { now_us, input: None, free: free(&hub) })?;
+        }
+    }
+}
+
+/// Buses that would take a frame.
+fn free(hub: &Hub) -> Buses {
+    let mut free = Buses::default();
+    for (index, _) in hub.outlets.iter().enumerate().filter(|(_, outlet)| outlet.is_free()) {
+        free = match index {
+            0 => free.with_link(),
+            _ => free.with_actuator((index - 1) as u8),
+        };
+    }
+    free
+}
+
+/// Sends what the controller has for each bus; whether it had anything.
+fn send(hub: &mut Hub, core: &mut Local, stepped: &Stepped) -> Result<bool, LinkError> {
+    let mut any = false;
+    if let Some(frame) = &stepped.link {
+        any = true;
+        match put(hub, 0, frame) {
+            Ok(()) | Err(LinkError::Busy) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    for (bus, frame) in stepped.actuators.iter().enumerate() {
+        if let Some(frame) = frame {
+            any = true;
+            // A bus that is gone says so itself, to whoever listens to it.
+            let _ = put(hub, 1 + bus, frame);
+        }
+        if bus + 1 < hub.outlets.len() && hub.outlets[1 + bus].is_free() {
+            let extended = core.controller_mut().poll_extended(bus as u8);
+            if let Some(frame) = extended {
+                any = true;
+                let _ = hub.outlets[1 + bus].send(&frame.into());
+            }
+        }
+    }
+    Ok(any)
+}
+
+fn put(hub: &mut Hub, outlet: usize, frame: &CanFrame) -> Result<(), LinkError> {
+    hub.outlets.get_mut(outlet).map_or(Ok(()), |outlet| outlet.send(&(*frame).into()))
+}

@@ -1,0 +1,62 @@
+//! A robot's motors as a process on real buses.
+
+use super::Waiting;
+use crate::body::Body;
+use crate::clock::{Periodic, SimTime};
+use crate::rig::MOTOR_RATE_HZ;
+use rollwalk_bus::link::LinkError;
+use rollwalk_bus::port::{Heard, Hub, Port};
+use rollwalk_protocol::can::AnyFrame;
+use std::time::{Duration, Instant};
+
+/// Weight and inertia on the joints are computed anew so often.
+const LOAD_PERIOD: Duration = Duration::from_millis(10);
+
+/// Runs the motors on `buses`, by number, until `goes_on` says no, which is asked every few milliseconds.
+///
+/// # Errors
+/// A bus is gone.
+pub fn run(
+    body: &mut Body,
+    buses: Vec<Port>,
+    mut goes_on: impl FnMut() -> bool,
+) -> Result<(), LinkError> {
+    let start = Instant::now();
+    let mut hub = Hub::new(buses);
+    let mut waiting: Vec<_> = hub.outlets.iter().map(|_| Waiting::default()).collect();
+    let mut steps = Periodic::new(MOTOR_RATE_HZ);
+    let mut next_load = start;
+    loop {
+        // A full bus does not keep the load from being looked at.
+        let is_due = Instant::now() >= next_load;
+        let heard = if is_due { None } else { hub.hear(next_load) };
+        let now = SimTime::from_us(start.elapsed().as_micros() as u64);
+        while steps.next() <= now {
+            body.step(steps.next(), 1.0 / f64::from(MOTOR_RATE_HZ));
+            steps.advance();
+        }
+        match heard {
+            None => {
+                next_load = Instant::now() + LOAD_PERIOD;
+                body.update_loads();
+                if !goes_on() {
+                    return Ok(());
+                }
+            }
+            Some((bus, heard)) => {
+                if let Heard::Frame(AnyFrame::Standard(frame)) = heard? {
+                    for channel in 0..body.addresses().len() {
+                        if usize::from(body.addresses()[channel].0) == bus
+                            && let Some(answer) = body.on_frame(channel, now, &frame)
+                        {
+                            waiting[bus].push(answer);
+                        }
+                    }
+                }
+            }
+        }
+        for (waiting, outlet) in waiting.iter_mut().zip(&mut hub.outlets) {
+            waiting.send(outlet.as_mut())?;
+        }
+    }
+}

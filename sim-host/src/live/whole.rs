@@ -1,0 +1,55 @@
+//! A whole simulated robot in real time: only its link leaves the process.
+
+use super::Waiting;
+use crate::clock::SimTime;
+use crate::interface::LogEntry;
+use crate::rig::Rig;
+use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_bus::port::{Heard, Hub, Port};
+use rollwalk_protocol::can::AnyFrame;
+use std::time::{Duration, Instant};
+
+/// Longest time that the simulation falls behind while nothing is heard.
+const STEP: Duration = Duration::from_millis(1);
+
+/// Runs the robot until `goes_on` says no. That is asked every millisecond, with the frames of all
+/// buses since the last time.
+///
+/// # Errors
+/// The link is gone.
+pub fn run(
+    rig: &mut Rig,
+    link: Port,
+    mut goes_on: impl FnMut(&Rig, &[LogEntry]) -> bool,
+) -> Result<(), LinkError> {
+    let start = Instant::now();
+    let offset_us = rig.now_us();
+    let mut hub = Hub::new([link]);
+    // In both directions, frames that the next bus has no room for.
+    let (mut inward, mut outward) = (Waiting::default(), Waiting::default());
+    loop {
+        let now_us = offset_us + start.elapsed().as_micros() as u64;
+        rig.run_until(SimTime::from_us(now_us));
+        while let Some(&frame) = inward.0.front()
+            && rig.send(&frame).is_ok()
+        {
+            inward.0.pop_front();
+        }
+        while let Some(frame) = rig.receive(now_us)? {
+            outward.push(frame);
+        }
+        outward.send(hub.outlets[0].as_mut())?;
+        let log = rig.take_log();
+        if !goes_on(rig, &log) {
+            return Ok(());
+        }
+        let mut deadline = Instant::now() + STEP;
+        while let Some((_, heard)) = hub.hear(deadline) {
+            if let Heard::Frame(AnyFrame::Standard(frame)) = heard? {
+                inward.push(frame);
+            }
+            // What else is there already, and on.
+            deadline = Instant::now();
+        }
+    }
+}
