@@ -1,6 +1,9 @@
-//! Debian packages that a step needs: installed when root, named with the one command otherwise.
+//! Debian packages that a step needs: installed when root, named with the one command otherwise; or
+//! downloaded without being installed.
 
 use crate::shell::{self, command};
+use std::fs;
+use std::path::{Path, PathBuf};
 
 /// Makes sure that packages are installed.
 ///
@@ -19,12 +22,50 @@ pub fn need(packages: &[&str]) -> Result<(), String> {
     }
     let mut install = vec!["install", "-y", "--no-install-recommends"];
     install.extend(packages);
-    let is_root = shell::output(&mut command("id", &["-u"])).is_ok_and(|id| id.trim() == "0");
-    if is_root && shell::run(&mut command("apt-get", &["update"])).is_ok() {
+    if update() {
         let mut apt = command("apt-get", &install);
         if shell::run(apt.env("DEBIAN_FRONTEND", "noninteractive")).is_ok() && installed() {
             return Ok(());
         }
     }
     Err(format!("sudo apt-get {}", install.join(" ")))
+}
+
+/// What the package manager knows about the version of a package that it would install.
+///
+/// # Errors
+/// It knows no such package, even after an update.
+pub fn control(package: &str) -> Result<String, String> {
+    let show = || {
+        let mut show = command("apt-cache", &["show", "--no-all-versions", package]);
+        shell::output(&mut show).ok().filter(|control| !control.is_empty())
+    };
+    show().or_else(|| if update() { show() } else { None }).ok_or_else(|| {
+        format!("Debian's package {package} is unknown here; if this is Debian on amd64:\n\n    {UPDATE}")
+    })
+}
+
+/// Downloads a package into a folder of its own, goes on where an earlier download stopped, and checks it.
+///
+/// # Errors
+/// The package manager's, even after an update.
+pub fn download(package: &str, version: &str, folder: &Path) -> Result<PathBuf, String> {
+    fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let get = || {
+        let mut apt = command("apt-get", &["download", &format!("{package}={version}")]);
+        shell::output(apt.current_dir(folder))
+    };
+    get().or_else(|why| if update() { get() } else { Err(format!("{why}\n\n    {UPDATE}")) })?;
+    let files = fs::read_dir(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let mut names = files.filter_map(|file| file.ok().map(|file| file.path()));
+    let is_package = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "deb");
+    names.find(is_package).ok_or_else(|| format!("apt-get download left no package {package}"))
+}
+
+const UPDATE: &str = "sudo apt-get update";
+
+/// Gets the lists of packages, if this user may.
+fn update() -> bool {
+    let is_root = shell::output(&mut command("id", &["-u"])).is_ok_and(|id| id.trim() == "0");
+    is_root && shell::run(&mut command("apt-get", &["update"])).is_ok()
 }

@@ -3,7 +3,7 @@
 //! `cargo xtask test` is the whole check, step by step; [`steps`] lists the steps, [`tidy`] holds the
 //! house rules that no compiler checks, [`bare_metal`] builds the controller's crates for the Cortex-M4.
 //! [`board`] builds the board images, measures them, and runs the one that an emulator can; [`fuzz`]
-//! looks for inputs that break protocol and firmware.
+//! looks for inputs that break protocol and firmware; [`vcan`] runs a command where there is SocketCAN.
 
 mod bare_metal;
 mod board;
@@ -16,6 +16,7 @@ mod parallel;
 mod shell;
 mod steps;
 mod tidy;
+mod vcan;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -61,6 +62,9 @@ enum Task {
         #[arg(long, value_name = "FILE")]
         input: Option<std::path::PathBuf>,
     },
+    /// Run a command where there is SocketCAN, with vcan0, vcan1 and vcan2: here, or in a virtual
+    /// machine with Debian's kernel. Ends with the command's exit status; a self-check without one.
+    Vcan(vcan::Options),
 }
 
 fn main() -> ExitCode {
@@ -69,9 +73,14 @@ fn main() -> ExitCode {
         Task::Board { board, port } => board::run(board, port.as_deref()),
         Task::Sizes => board::sizes(),
         Task::Fuzz { target, seconds, input } => fuzz::run(target, seconds, input.as_deref()),
+        Task::Vcan(options) => return exit(vcan::run(&options)),
     };
+    exit(outcome.map(|()| ExitCode::SUCCESS))
+}
+
+fn exit(outcome: Result<ExitCode, String>) -> ExitCode {
     match outcome {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(failure) => {
             eprintln!("{failure}");
             ExitCode::FAILURE

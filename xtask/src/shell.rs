@@ -21,6 +21,13 @@ pub fn command<S: AsRef<std::ffi::OsStr>>(program: &str, args: &[S]) -> Command 
     command
 }
 
+/// A tool of the system's administrator, which a user's `PATH` may leave out.
+pub fn system<S: AsRef<std::ffi::OsStr>>(program: &str, args: &[S]) -> Command {
+    let found = ["/usr/sbin", "/sbin"].map(|folder| Path::new(folder).join(program));
+    let found = found.iter().find(|path| path.exists()).and_then(|path| path.to_str());
+    command(found.unwrap_or(program), args)
+}
+
 /// The cargo that runs this task, so that `cargo +toolchain xtask` stays on its toolchain.
 pub fn cargo(args: &[&str]) -> Command {
     command(&std::env::var("CARGO").unwrap_or_else(|_| "cargo".into()), args)
@@ -48,11 +55,19 @@ pub fn succeeds(command: &mut Command) -> bool {
 /// # Errors
 /// The command line and its own message, when it does not exit with 0.
 pub fn output(command: &mut Command) -> Result<String, String> {
+    bytes(command).map(|out| String::from_utf8_lossy(&out).into_owned())
+}
+
+/// Runs silently and returns what it wrote, byte by byte.
+///
+/// # Errors
+/// The command line and its own message, when it does not exit with 0.
+pub fn bytes(command: &mut Command) -> Result<Vec<u8>, String> {
     let out = command
         .output()
         .map_err(|error| format!("`{}` could not be started: {error}", shown(command)))?;
     if out.status.success() {
-        Ok(String::from_utf8_lossy(&out.stdout).into_owned())
+        Ok(out.stdout)
     } else {
         Err(format!("`{}` failed: {}", shown(command), String::from_utf8_lossy(&out.stderr)))
     }

@@ -1,0 +1,43 @@
+//! The guest's first file system: a static busybox, modules, and `init.sh`, which mounts the host's.
+
+use super::{kernel::Kernel, modules};
+use crate::shell::{self, command};
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+const INIT: &str = include_str!("init.sh");
+/// Where Debian's busybox-static has it.
+const BUSYBOX: &str = "/bin/busybox";
+
+/// Packs it in a folder. It takes a second, so that nothing stale is worth keeping.
+///
+/// # Errors
+/// The file system's, or a packer's.
+pub fn pack(kernel: &Kernel, folder: &Path) -> Result<PathBuf, String> {
+    let tree = folder.join("initramfs");
+    let failed = |error: std::io::Error| format!("{}: {error}", tree.display());
+    for name in ["bin", "modules", "proc", "sys", "dev", "host", "exchange", "layer", "machine"] {
+        fs::create_dir_all(tree.join(name)).map_err(failed)?;
+    }
+    fs::copy(BUSYBOX, tree.join("bin/busybox")).map_err(|error| format!("{BUSYBOX}: {error}"))?;
+    fs::write(tree.join("init"), INIT).map_err(failed)?;
+    fs::set_permissions(tree.join("init"), PermissionsExt::from_mode(0o755)).map_err(failed)?;
+    for (index, file) in modules::files(kernel)?.iter().enumerate() {
+        let target = tree.join("modules").join(format!("{index:02}.ko"));
+        fs::write(target, module(file)?).map_err(failed)?;
+    }
+    let archive = folder.join("initramfs.cpio");
+    let pack = "find . | cpio --quiet --create --format=newc --owner=0:0 > \"$1\"";
+    let mut sh = command("sh", &["-e", "-c", pack, "sh"]);
+    shell::output(sh.arg(&archive).current_dir(&tree))?;
+    Ok(archive)
+}
+
+/// A module as busybox can insert it. Kernels since Debian 13 have them compressed.
+fn module(file: &Path) -> Result<Vec<u8>, String> {
+    if file.extension().is_some_and(|extension| extension == "xz") {
+        return shell::bytes(command("xz", &["--decompress", "--stdout"]).arg(file));
+    }
+    fs::read(file).map_err(|error| format!("{}: {error}", file.display()))
+}

@@ -1,0 +1,133 @@
+//! `cargo xtask vcan`: a command on a machine with real SocketCAN: `vcan0`, `vcan1` and `vcan2`.
+//!
+//! ```text
+//! place: this kernel has vcan? ── yes ──> here
+//!           └─ no ──> kernel (Debian's) + modules ──> initramfs ──> guest (QEMU) ──> status
+//! ```
+//!
+//! A machine of its own has a clock of its own, too: see [`guest`].
+
+mod guest;
+mod init;
+mod kernel;
+mod modules;
+mod place;
+mod script;
+mod status;
+
+use crate::shell;
+use guest::Guest;
+use place::Place;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitCode};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+/// The interfaces that a command finds, up and with the kernel's own settings.
+const INTERFACES: [&str; 3] = ["vcan0", "vcan1", "vcan2"];
+/// Where a command is told that what it writes is kept.
+const RESULTS: &str = "ROLLWALK_RESULTS";
+/// What runs without a command: shows that everything is there, and measures.
+const CHECK: &str = include_str!("check.py");
+/// The interpreter that finds the packages; another one may come first in `PATH`.
+const DEBIAN_PYTHON: &str = "/usr/bin/python3";
+/// What the check takes.
+const CHECK_PACKAGES: [&str; 4] = ["can-utils", "iproute2", "python3", "python3-can"];
+
+/// What is run, and how.
+#[derive(clap::Args)]
+pub struct Options {
+    /// Run in the virtual machine even if this kernel has vcan: there, a loaded host does not show.
+    #[arg(long)]
+    guest: bool,
+    /// A folder to keep what the command writes into it, `ROLLWALK_RESULTS` for the command. All else
+    /// that it writes in the virtual machine is gone with it.
+    #[arg(long, value_name = "FOLDER")]
+    results: Option<PathBuf>,
+    /// Seconds of this machine's time after which it is stopped, and has failed.
+    #[arg(long, value_name = "SECONDS", default_value_t = 600)]
+    timeout: u64,
+    /// The command with its arguments; a self-check without one.
+    #[arg(last = true)]
+    command: Vec<String>,
+}
+
+/// Runs the command, or the self-check, where there is SocketCAN, and returns its exit status.
+///
+/// # Errors
+/// There is no such place, with the one command that makes one; or the command did not end.
+pub fn run(options: &Options) -> Result<ExitCode, String> {
+    let mut command = options.command.clone();
+    if command.is_empty() {
+        crate::debian::need(&CHECK_PACKAGES).map_err(|install| {
+            format!("the self-check takes packages. On Debian:\n\n    {install}")
+        })?;
+        command = [DEBIAN_PYTHON, "-c", CHECK].map(String::from).into();
+    }
+    ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed))
+        .map_err(|error| format!("no handler for Ctrl-C: {error}"))?;
+    let results = options.results.as_deref().map(absolute).transpose()?;
+    let timeout = Duration::from_secs(options.timeout);
+    let place = if options.guest { Place::Guest } else { place::decide()? };
+    let code = match place {
+        Place::Here => here(&command, results.as_deref(), timeout)?,
+        Place::Guest => Guest::prepare()?.run(&command, results.as_deref(), timeout)?,
+    };
+    Ok(ExitCode::from(code))
+}
+
+/// Runs a command on this machine.
+fn here(command: &[String], results: Option<&Path>, timeout: Duration) -> Result<u8, String> {
+    eprintln!("this kernel has vcan: running here");
+    let mut process = shell::command(&command[0], &command[1..]);
+    if let Some(results) = results {
+        process.env(RESULTS, results);
+    }
+    let status = wait(spawn(&mut process)?, timeout)?;
+    status::of_process(status)
+}
+
+fn spawn(command: &mut Command) -> Result<Child, String> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    command.spawn().map_err(|error| format!("`{name}` could not be started: {error}"))
+}
+
+/// Set by Ctrl-C, so that what has been begun is ended and cleared away.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Waits for the end of a process, or ends it.
+fn wait(mut child: Child, timeout: Duration) -> Result<std::process::ExitStatus, String> {
+    let start = Instant::now();
+    loop {
+        match child.try_wait() {
+            Ok(Some(status)) => return Ok(status),
+            Ok(None) if start.elapsed() < timeout && !INTERRUPTED.load(Ordering::Relaxed) => {
+                sleep(Duration::from_millis(20));
+            }
+            ended => {
+                // It may have ended by itself.
+                let _ = child.kill();
+                let _ = child.wait();
+                return Err(match ended {
+                    Err(error) => format!("it cannot be waited for: {error}"),
+                    Ok(_) if INTERRUPTED.load(Ordering::Relaxed) => "interrupted".into(),
+                    Ok(_) => format!("it did not end within {timeout:?}, and was stopped"),
+                });
+            }
+        }
+    }
+}
+
+/// A folder that exists, by a name that holds everywhere.
+fn absolute(folder: &Path) -> Result<PathBuf, String> {
+    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
+    fs::create_dir_all(folder).map_err(failed)?;
+    folder.canonicalize().map_err(failed)
+}
+
+/// What is kept between runs.
+fn cache() -> Result<PathBuf, String> {
+    absolute(&shell::target_folder().join("vcan"))
+}

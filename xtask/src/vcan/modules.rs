@@ -1,0 +1,57 @@
+//! The kernel modules that the guest needs, each after those that it needs itself.
+
+use super::kernel::Kernel;
+use crate::shell;
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+/// The host's files and a port for output, then CAN. `can-gw` and the broadcast manager are for tools
+/// of can-utils and python-can.
+const WANTED: [&str; 13] = [
+    "virtio_pci",
+    "virtio_console",
+    "9pnet_virtio",
+    "9p",
+    "overlay",
+    "can",
+    "can-dev",
+    "can-raw",
+    "can-bcm",
+    "can-isotp",
+    "can-gw",
+    "vcan",
+    "slcan",
+];
+
+/// Files of the modules in an order in which they can be inserted.
+///
+/// # Errors
+/// The kernel does not have one of them.
+pub fn files(kernel: &Kernel) -> Result<Vec<PathBuf>, String> {
+    let mut answers = String::new();
+    for module in WANTED {
+        let mut modprobe = shell::system("modprobe", &["--show-depends", "-S", &kernel.release]);
+        answers += &shell::output(modprobe.arg("-d").arg(&kernel.folder).arg(module))?;
+    }
+    Ok(in_order(&answers))
+}
+
+/// What `modprobe --show-depends` would insert, each once; what is built in needs no file.
+fn in_order(answers: &str) -> Vec<PathBuf> {
+    let mut seen = BTreeSet::new();
+    let inserted = answers.lines().filter_map(|line| line.strip_prefix("insmod "));
+    inserted.map(str::trim).filter(|file| seen.insert(*file)).map(PathBuf::from).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_module_comes_once_and_after_what_it_needs() {
+        let answers = "insmod /k/virtio.ko \ninsmod /k/virtio_pci.ko \nbuiltin overlay\n\
+                       insmod /k/virtio.ko \ninsmod /k/can/can.ko.xz \n";
+        let files = ["/k/virtio.ko", "/k/virtio_pci.ko", "/k/can/can.ko.xz"].map(PathBuf::from);
+        assert_eq!(in_order(answers), files);
+    }
+}

@@ -1,0 +1,50 @@
+//! Exit statuses: a command's is passed on, and where there is none, there is no success.
+
+use std::os::unix::process::ExitStatusExt;
+use std::process::ExitStatus;
+
+/// What shells add to the number of the signal that ended a command.
+const SIGNALLED: i32 = 128;
+
+/// The status in the file that the guest writes at its end.
+///
+/// # Errors
+/// There is none, or half of one.
+pub fn of_guest(file: Option<&str>) -> Result<u8, String> {
+    let text = file.ok_or("the virtual machine ended before the command did")?;
+    let number = text.strip_suffix('\n').and_then(|number| number.parse().ok());
+    number.ok_or_else(|| format!("the virtual machine left {text:?} instead of an exit status"))
+}
+
+/// The status of a command that ran here, as a shell counts them.
+///
+/// # Errors
+/// It neither exited nor was it ended by a signal.
+pub fn of_process(status: ExitStatus) -> Result<u8, String> {
+    let code = status.code().or_else(|| status.signal().map(|signal| SIGNALLED + signal));
+    code.and_then(|code| u8::try_from(code).ok()).ok_or_else(|| format!("it ended: {status}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_guest_without_a_whole_status_did_not_succeed() {
+        assert_eq!(of_guest(Some("0\n")), Ok(0));
+        assert_eq!(of_guest(Some("255\n")), Ok(255));
+        for bad in
+            [None, Some(""), Some("0"), Some("\n"), Some("256\n"), Some("-1\n"), Some("0\n0\n")]
+        {
+            assert!(of_guest(bad).is_err(), "{bad:?}");
+        }
+    }
+
+    #[test]
+    fn processes_end_as_shells_count() {
+        let exited = |code: i32| ExitStatus::from_raw(code << 8);
+        assert_eq!(of_process(exited(0)), Ok(0));
+        assert_eq!(of_process(exited(3)), Ok(3));
+        assert_eq!(of_process(ExitStatus::from_raw(9)), Ok(137));
+    }
+}
