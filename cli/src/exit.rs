@@ -11,6 +11,7 @@ Exit codes:
   2    wrong command line
   3    the optimiser did not converge; the plan was written and says why
   4    a measured error exceeds its stated bound
+  5    the robot did not do it: it refused, stopped, or does not answer
   130  interrupted with Ctrl-C";
 
 /// How a run ended.
@@ -24,6 +25,8 @@ pub enum Exit {
     NotConverged,
     /// A measured error exceeds its stated bound.
     OutOfBounds,
+    /// The robot refused, stopped, or does not answer.
+    NotDone,
     /// Interrupted with Ctrl-C.
     Interrupted,
 }
@@ -36,6 +39,7 @@ impl From<Exit> for ExitCode {
             Exit::BadInput => 1,
             Exit::NotConverged => 3,
             Exit::OutOfBounds => 4,
+            Exit::NotDone => 5,
             Exit::Interrupted => 130,
         })
     }

@@ -70,6 +70,7 @@ pub struct Client {
     node: Node,
     transport: Endpoint,
     heartbeat_seq: u8,
+    /// `u64::MAX` for a visitor, which has none.
     next_heartbeat_us: u64,
     command_seq: u8,
     command: Option<CanFrame>,
@@ -97,6 +98,12 @@ impl Client {
             stopping: None,
             status: None,
         }
+    }
+
+    /// A visitor: without heartbeat, so that a host that gets lost is still noticed; and so without commands,
+    /// which need the controller's clock.
+    pub fn visitor(node: Node) -> Self {
+        Self { next_heartbeat_us: u64::MAX, ..Self::new(node) }
     }
 
     /// The controller's last status.

@@ -4,8 +4,12 @@
 //! |---|---|
 //! | [`session`] | what to do in which order: connect, flash, arm, select motions, stop |
 //! | [`client`] | the protocol without clock or bus: frames and time in, frames out |
+//! | [`discover`] | who is on the link |
+//! | [`catalog`] | names for the numbers of a library |
 //! | [`refusal`] | what the controller says no with, in sentences |
 
+pub mod catalog;
 pub mod client;
+pub mod discover;
 pub mod refusal;
 pub mod session;

@@ -4,16 +4,21 @@ mod bench;
 mod buses;
 mod completions;
 mod demo;
+mod discover;
 mod export;
 mod failsafe;
+mod flash;
 mod import;
 mod library;
+mod orders;
 mod plan;
 mod plot;
 mod report;
 mod robot;
+mod send;
 
 use crate::Exit;
+use orders::Order;
 
 /// What to do.
 #[derive(clap::Subcommand)]
@@ -25,6 +30,21 @@ pub enum Command {
     Plot(plot::Args),
     Export(export::Args),
     Library(library::Args),
+    Discover(discover::Args),
+    Flash(flash::Args),
+    Send(send::Args),
+    /// Stop the robot at once: torque off. Repeated until the controller acknowledges; `clear` leads out of it.
+    Estop(orders::Args),
+    /// Leave an emergency stop or a fault that has passed; the robot can then be armed again.
+    Clear(orders::Args),
+    /// Return to SAFE and turn torque off.
+    Disarm(orders::Args),
+    /// Hold the robot where its motion is.
+    Pause(orders::Args),
+    /// Go on after a pause.
+    Resume(orders::Args),
+    /// Return to the safe motion and stay there.
+    Return(orders::Args),
     Failsafe(failsafe::Args),
     Bench(bench::Args),
     Completions(completions::Args),
@@ -44,6 +64,15 @@ impl Command {
             Command::Plot(args) => plot::run(args),
             Command::Export(args) => export::run(args),
             Command::Library(args) => library::run(args),
+            Command::Discover(args) => discover::run(args),
+            Command::Flash(args) => flash::run(args),
+            Command::Send(args) => send::run(args),
+            Command::Estop(args) => orders::run(Order::Estop, args),
+            Command::Clear(args) => orders::run(Order::Clear, args),
+            Command::Disarm(args) => orders::run(Order::Disarm, args),
+            Command::Pause(args) => orders::run(Order::Pause, args),
+            Command::Resume(args) => orders::run(Order::Resume, args),
+            Command::Return(args) => orders::run(Order::Return, args),
             Command::Failsafe(args) => failsafe::run(args),
             Command::Bench(args) => bench::run(args),
             Command::Completions(args) => completions::run(args, root),

@@ -31,8 +31,8 @@ pub(super) struct Exchange<B> {
 }
 
 impl<B: LinkBus> Exchange<B> {
-    pub fn new(bus: B, node: Node) -> Self {
-        Self { bus, client: Client::new(node), node, unsent: None }
+    pub fn new(bus: B, node: Node, client: Client) -> Self {
+        Self { bus, client, node, unsent: None }
     }
 
     /// The controller's last status.

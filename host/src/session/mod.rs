@@ -12,7 +12,7 @@ mod parameters;
 pub use error::SessionError;
 pub use flash::Progress;
 
-use crate::client::Incoming;
+use crate::client::{Client, Incoming};
 use exchange::Exchange;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_protocol::wire::transport::{Hello, Request, Response};
@@ -24,6 +24,8 @@ use rollwalk_protocol::wire::{
 const CONNECT_TIMEOUT_US: u64 = 1_000_000;
 /// Longest wait for the controller's name, µs.
 const HELLO_TIMEOUT_US: u64 = 500_000;
+/// So long an emergency stop is repeated, µs: half of them may get lost on a link so bad that nothing else works.
+const STOP_TIMEOUT_US: u64 = 3_000_000;
 /// Longest time to align, to return to SAFE, to let down gently, µs.
 const STATE_TIMEOUT_US: u64 = 30_000_000;
 /// A host connected to one controller.
@@ -35,10 +37,20 @@ pub struct Session<B> {
 impl<B: LinkBus> Session<B> {
     /// Waits for the controller `node` on `bus` and asks who it is.
     pub fn connect(bus: B, node: Node) -> Result<Self, SessionError> {
-        let mut exchange = Exchange::new(bus, node);
+        let mut exchange = Exchange::new(bus, node, Client::new(node));
         exchange
             .pump(CONNECT_TIMEOUT_US, |incoming| (incoming == Incoming::Alive).then_some(()))?
-            .ok_or(exchange.silent("heartbeat"))?;
+            .ok_or_else(|| exchange.silent("heartbeat"))?;
+        Self::introduced(exchange, node)
+    }
+
+    /// Asks the controller `node` who it is, without becoming its host: no heartbeat goes out, so one that gets
+    /// lost is still noticed. A visitor can look and stop the robot, but not command it.
+    pub fn visit(bus: B, node: Node) -> Result<Self, SessionError> {
+        Self::introduced(Exchange::new(bus, node, Client::visitor(node)), node)
+    }
+
+    fn introduced(mut exchange: Exchange<B>, node: Node) -> Result<Self, SessionError> {
         let hello = ask_hello(&mut exchange)?;
         let Hello { major, minor, schema_hash, .. } = hello;
         if (major, schema_hash) != (PROTOCOL_MAJOR, SCHEMA_HASH) {
@@ -46,6 +58,11 @@ impl<B: LinkBus> Session<B> {
             return Err(SessionError::ProtocolMismatch { node, major, minor, schema_hash });
         }
         Ok(Self { exchange, hello })
+    }
+
+    /// The bus, to be changed.
+    pub fn bus_mut(&mut self) -> &mut B {
+        &mut self.exchange.bus
     }
 
     /// Who the controller said it is, and which library it has.
@@ -109,11 +126,12 @@ impl<B: LinkBus> Session<B> {
 
     /// Stops the robot and waits until the controller says that it has.
     pub fn estop(&mut self) -> Result<(), SessionError> {
-        self.exchange.estop();
-        let stopped = self.exchange.pump(CONNECT_TIMEOUT_US, |incoming| {
-            matches!(incoming, Incoming::EstopAck(_)).then_some(())
-        })?;
-        stopped.ok_or(self.exchange.silent("emergency stop"))
+        stop(&mut self.exchange)
+    }
+
+    /// The same without asking anything first, and without becoming the robot's host.
+    pub fn estop_at(bus: B, node: Node) -> Result<(), SessionError> {
+        stop(&mut Exchange::new(bus, node, Client::visitor(node)))
     }
 
     /// Leaves a latched stop or fault in two steps and waits until the robot can be armed again.
@@ -177,6 +195,14 @@ impl<B: LinkBus> Session<B> {
     ) -> Result<CommandAck, SessionError> {
         self.exchange.command(what, action)
     }
+}
+
+fn stop<B: LinkBus>(exchange: &mut Exchange<B>) -> Result<(), SessionError> {
+    exchange.estop();
+    let stopped = exchange.pump(STOP_TIMEOUT_US, |incoming| {
+        matches!(incoming, Incoming::EstopAck(_)).then_some(())
+    })?;
+    stopped.ok_or_else(|| exchange.silent("emergency stop"))
 }
 
 fn ask_hello<B: LinkBus>(exchange: &mut Exchange<B>) -> Result<Hello, SessionError> {

@@ -11,6 +11,7 @@ use crate::planning::{Plans, plan_all};
 use crate::{Exit, files, interrupt, output, shipped};
 use miette::IntoDiagnostic;
 use outcome::Outcome;
+pub use play::transfer_bar;
 use rollwalk_bus::candump;
 use rollwalk_planner::plot;
 use std::path::{Path, PathBuf};

@@ -76,7 +76,8 @@ fn name(library: &Library, node: usize) -> String {
     library.file.motions[node].name.clone()
 }
 
-fn transfer_bar(bytes: usize) -> ProgressBar {
+/// How far a transfer is.
+pub fn transfer_bar(bytes: usize) -> ProgressBar {
     let bar = ProgressBar::new(bytes as u64);
     bar.set_style(
         ProgressStyle::with_template("flashing {wide_bar} {bytes}/{total_bytes}")

@@ -1,6 +1,8 @@
 //! `rollwalk library build`: from a library file to a motion library.
 
 use crate::inputs::Source;
+use crate::link::names;
+use crate::packed::Packed;
 use crate::planning::{Planned, Plans, plan_all};
 use crate::{Exit, files, output};
 use rollwalk_planner::plan::Status;
@@ -62,6 +64,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let bytes = if converged { plans.pack(&library)?.bytes } else { Vec::new() };
     if converged {
         files::write(&args.output, &bytes)?;
+        // So that tools know the motions by name wherever the library is flashed to.
+        names::keep(&Packed::new(library.robot.clone(), bytes.clone())?.catalog());
     }
     let written = converged.then_some(&args.output);
     if args.json {

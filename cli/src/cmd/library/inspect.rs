@@ -1,13 +1,12 @@
 //! `rollwalk library inspect`: validates a library as a controller does and shows what is in it.
 
-use crate::inputs::Source;
 use crate::output::Table;
-use crate::{Exit, files, output, shipped};
-use miette::{IntoDiagnostic, miette};
-use rollwalk_protocol::library::{EdgeId, Index, Library, NodeId, RATE_HZ, Reject, Why, validate};
+use crate::packed::Packed;
+use crate::{Exit, output};
+use rollwalk_protocol::library::{EdgeId, Library, NodeId, RATE_HZ};
 use rollwalk_robot::Robot;
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Validate a motion library as a controller does and print motions, codes, transitions and sizes.
 ///
@@ -71,48 +70,14 @@ struct Transition {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    let hint = "make one with `rollwalk library build LIBRARY.toml -o LIB.rwl`";
-    let bytes = files::read(&args.library, "motion library", hint)?;
-    let (robot, index) = match &args.robot {
-        Some(path) => validated(&args.library, &bytes, Source::Disk.robot(path)?)?,
-        None => validated_for_a_shipped_robot(&args.library, &bytes)?,
-    };
-    let library = Library::open(&bytes, &index).ok_or_else(|| miette!("not the same library"))?;
-    let content = content(&robot, &library);
+    let packed = Packed::read(&args.library, args.robot.as_deref())?;
+    let content = content(&packed.robot, &packed.library());
     if args.json {
         output::print_json(&content)?;
     } else {
         output::print(&describe(&content))?;
     }
     Ok(Exit::Ok)
-}
-
-fn check(bytes: &[u8], robot: &Robot) -> miette::Result<Result<Index, Reject>> {
-    Ok(validate(bytes, &robot.controller_config().into_diagnostic()?))
-}
-
-fn validated(path: &Path, bytes: &[u8], robot: Robot) -> miette::Result<(Robot, Index)> {
-    match check(bytes, &robot)? {
-        Ok(index) => Ok((robot, index)),
-        Err(reject) => Err(miette!("{}: {reject}", path.display())),
-    }
-}
-
-/// Tries one robot after the other while the library only says that it is for another one.
-fn validated_for_a_shipped_robot(path: &Path, bytes: &[u8]) -> miette::Result<(Robot, Index)> {
-    for file in shipped::robots() {
-        let robot = Source::Shipped.robot(file)?;
-        match check(bytes, &robot)? {
-            Err(Reject { why: Why::WrongRobot { .. }, .. }) => {}
-            Ok(index) => return Ok((robot, index)),
-            Err(reject) => return Err(miette!("{}: {reject}", path.display())),
-        }
-    }
-    Err(miette!(
-        help = "name its robot file: `rollwalk library inspect LIB.rwl --robot ROBOT.toml`",
-        "{}: built for none of the robots that ship with rollwalk",
-        path.display()
-    ))
 }
 
 fn content(robot: &Robot, library: &Library) -> Content {

@@ -1,0 +1,96 @@
+//! `rollwalk discover`: which buses this computer has, and which controllers are on one.
+
+use crate::output::Table;
+use crate::{Exit, interrupt, output};
+use miette::miette;
+use rollwalk_bus::link::LinkBus;
+use rollwalk_bus::name::BusName;
+use rollwalk_bus::open;
+use rollwalk_bus::port::Live;
+use rollwalk_host::discover::discover;
+use rollwalk_host::session::Session;
+use rollwalk_protocol::wire::Node;
+use serde::Serialize;
+
+/// Time for controllers to answer, µs.
+const WAIT_US: u64 = 600_000;
+
+/// List the controllers on a bus: address, serial number, protocol, robot and library.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk discover --bus can:can0
+  rollwalk discover --bus sim --json | jq '.[].node'")]
+pub struct Args {
+    /// The link: sim, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
+    #[arg(long, value_name = "BUS", env = "ROLLWALK_BUS")]
+    bus: BusName,
+    /// Print as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// A controller, as `--json` prints it.
+#[derive(Serialize)]
+struct Found {
+    node: u8,
+    uid: String,
+    protocol_major: u8,
+    /// Null when it does not answer further questions.
+    config_hash: Option<String>,
+    library: Option<String>,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let port = open::open(&args.bus, 1);
+    let port = port.map_err(|error| miette!(help = error.help, "{}", error.what))?;
+    interrupt::listen();
+    let mut bus = Live::new(port);
+    let controllers = discover(&mut bus, WAIT_US).map_err(|error| miette!("{error}"))?;
+    let complaint = bus.complaint();
+    drop(bus);
+    let mut found = Vec::new();
+    for (number, discovered) in controllers {
+        let uid = discovered.uid.map(|byte| format!("{byte:02x}")).concat();
+        let protocol_major = discovered.protocol_major;
+        let node = Node::new(number);
+        let hello = node.and_then(|node| {
+            let port = open::open(&args.bus, 1).ok()?;
+            Some(*Session::visit(Live::new(port), node).ok()?.hello())
+        });
+        found.push(Found {
+            node: number,
+            uid,
+            protocol_major,
+            config_hash: hello.map(|hello| format!("{:08x}", hello.config_hash)),
+            library: hello.and_then(|hello| Some(format!("{:08x}", hello.library?))),
+        });
+    }
+    if args.json {
+        output::print_json(&found)?;
+    } else if !found.is_empty() {
+        output::print(&table(&found))?;
+    }
+    if found.is_empty() {
+        let why = complaint.unwrap_or_else(|| "is a controller powered, and on this bus?".into());
+        output::say(format_args!("nobody answers on {}: {why}", args.bus));
+        return Ok(Exit::NotDone);
+    }
+    Ok(Exit::Ok)
+}
+
+fn table(found: &[Found]) -> String {
+    let mut table = Table::new(["node", "serial number", "protocol", "configuration", "library"]);
+    let told = |text: &Option<String>| text.clone().unwrap_or_else(|| "none".into());
+    for controller in found {
+        table.row([
+            controller.node.to_string(),
+            controller.uid.clone(),
+            controller.protocol_major.to_string(),
+            told(&controller.config_hash),
+            told(&controller.library),
+        ]);
+    }
+    table.render()
+}

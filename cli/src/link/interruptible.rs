@@ -1,0 +1,55 @@
+//! A link whose waiting Ctrl-C ends.
+
+use crate::interrupt;
+use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_bus::port::Live;
+use rollwalk_protocol::can::CanFrame;
+
+/// Ctrl-C is looked for so often, µs.
+const LOOK_US: u64 = 50_000;
+
+/// A link.
+pub struct Interruptible {
+    live: Live,
+    /// Whether Ctrl-C is not to end anything any more, because the robot is being brought home.
+    ignores: bool,
+}
+
+impl Interruptible {
+    /// A link that Ctrl-C ends.
+    pub fn new(live: Live) -> Self {
+        Self { live, ignores: false }
+    }
+
+    /// From here on Ctrl-C ends nothing.
+    pub fn ignore_interrupts(&mut self) {
+        self.ignores = true;
+    }
+}
+
+impl LinkBus for Interruptible {
+    fn now_us(&self) -> u64 {
+        self.live.now_us()
+    }
+
+    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+        self.live.send(frame)
+    }
+
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+        loop {
+            if interrupt::requested() && !self.ignores {
+                return Err(LinkError::Down("interrupted".into()));
+            }
+            let until_us = deadline_us.min(self.now_us() + LOOK_US);
+            let frame = self.live.receive(until_us)?;
+            if frame.is_some() || until_us == deadline_us {
+                return Ok(frame);
+            }
+        }
+    }
+
+    fn complaint(&self) -> Option<String> {
+        self.live.complaint()
+    }
+}

@@ -1,0 +1,82 @@
+//! The link to a controller, as the operator's commands open it; and [`names`] for what is on it.
+
+mod interruptible;
+pub mod names;
+
+pub use interruptible::Interruptible;
+
+use crate::Exit;
+use crate::interrupt;
+use miette::{Report, miette};
+use rollwalk_bus::name::BusName;
+use rollwalk_bus::open;
+use rollwalk_bus::port::Live;
+use rollwalk_host::session::{Session, SessionError};
+use rollwalk_protocol::wire::Node;
+
+/// Frames of ours that may be on their way: enough to keep a bus busy, few enough to leave nothing stale.
+const DEPTH: usize = 3;
+
+/// Which controller.
+#[derive(clap::Args)]
+pub struct LinkArgs {
+    /// The link: sim, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
+    #[arg(long, value_name = "BUS", env = "ROLLWALK_BUS")]
+    pub bus: BusName,
+    /// The controller's address, 0 to 14.
+    #[arg(long, value_name = "N", default_value = "1", value_parser = node)]
+    pub node: Node,
+}
+
+fn node(text: &str) -> Result<Node, String> {
+    let number = text.parse().ok().and_then(Node::new);
+    number
+        .ok_or_else(|| "an address is a number from 0 to 14; `rollwalk discover` lists them".into())
+}
+
+/// A session on a bus of this computer.
+pub type LiveSession = Session<Interruptible>;
+
+impl LinkArgs {
+    /// Opens the bus. From here on Ctrl-C is heard.
+    ///
+    /// # Errors
+    /// There is no such bus, or it cannot be used: with what to type.
+    pub fn open(&self) -> miette::Result<Interruptible> {
+        let port = open::open(&self.bus, DEPTH);
+        let port = port.map_err(|error| miette!(help = error.help, "{}", error.what))?;
+        interrupt::listen();
+        Ok(Interruptible::new(Live::new(port)))
+    }
+
+    /// Opens the bus and connects to the controller.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open); nobody answers, or another protocol.
+    pub fn connect(&self) -> miette::Result<LiveSession> {
+        Session::connect(self.open()?, self.node).map_err(|error| self.explain(&error))
+    }
+
+    /// What a failed session means for the one who typed the command.
+    pub fn explain(&self, error: &SessionError) -> Report {
+        let bus = &self.bus;
+        let help = match error {
+            SessionError::Silent { what: "heartbeat", .. } => {
+                format!("rollwalk discover --bus {bus} lists the controllers on it")
+            }
+            _ => format!("rollwalk doctor --bus {bus} says what is wrong and how to clear it"),
+        };
+        miette!(help = help, "{error}")
+    }
+}
+
+/// How a command ends whose session failed: with Ctrl-C, or with what the session says.
+pub fn ended(args: &LinkArgs, error: &SessionError) -> miette::Result<Exit> {
+    if interrupt::requested() {
+        return Ok(Exit::Interrupted);
+    }
+    Err(args.explain(error).wrap_err("the robot did not do it")).or_else(|report: Report| {
+        crate::output::say(format_args!("{report:?}"));
+        Ok(Exit::NotDone)
+    })
+}

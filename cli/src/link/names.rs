@@ -1,0 +1,60 @@
+//! Names of motions and channels of the library that a controller has: kept in the user's cache when a library is
+//! built or flashed, or read from its file.
+
+use crate::packed::Packed;
+use crate::{files, output};
+use directories::ProjectDirs;
+use rollwalk_host::catalog::Catalog;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Where to look for names.
+#[derive(clap::Args)]
+pub struct NamesArgs {
+    /// Motion library with the names of motions, if not the one built or flashed here.
+    #[arg(long, value_name = "LIB.rwl")]
+    pub library: Option<PathBuf>,
+    /// Robot file (TOML) with the names of joints, if the robot does not ship with rollwalk.
+    #[arg(long, value_name = "ROBOT.toml", requires = "library")]
+    pub robot: Option<PathBuf>,
+}
+
+impl NamesArgs {
+    /// Names for the library with this identity, if they can be found.
+    ///
+    /// # Errors
+    /// A file that was named is missing or wrong.
+    pub fn find(&self, library: u32) -> miette::Result<Option<Catalog>> {
+        let Some(path) = &self.library else { return Ok(kept(library)) };
+        let catalog = Packed::read(path, self.robot.as_deref())?.catalog();
+        if catalog.library != library {
+            output::say(format_args!(
+                "{} is not the controller's library ({:08x}, the controller has {library:08x}): names may \
+                 be wrong",
+                path.display(),
+                catalog.library
+            ));
+        }
+        Ok(Some(catalog))
+    }
+}
+
+/// Keeps the names of a library for later. A cache that cannot be written only costs names.
+pub fn keep(catalog: &Catalog) {
+    let Some(path) = place(catalog.library) else { return };
+    let text = serde_json::to_string_pretty(catalog).unwrap_or_default();
+    if let Err(error) = files::write(&path, text.as_bytes()) {
+        output::say(format_args!("the names of its motions are not kept: {error}"));
+    }
+}
+
+fn kept(library: u32) -> Option<Catalog> {
+    let text = fs::read_to_string(place(library)?).ok()?;
+    let catalog: Catalog = serde_json::from_str(&text).ok()?;
+    (catalog.library == library).then_some(catalog)
+}
+
+fn place(library: u32) -> Option<PathBuf> {
+    let folders = ProjectDirs::from("", "", "rollwalk")?;
+    Some(Path::new(folders.cache_dir()).join(format!("libraries/{library:08x}.json")))
+}

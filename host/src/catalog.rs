@@ -1,0 +1,92 @@
+//! Names for the numbers of a motion library: what people call its motions and channels.
+//!
+//! On the wire a library is its identity, a motion its code, a clip and a channel their places. A catalog is made
+//! where the names are known, with the library, and kept beside it.
+
+use rollwalk_protocol::library::{EdgeId, Library, NodeId};
+use serde::{Deserialize, Serialize};
+
+/// Names of a library's content.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Catalog {
+    /// The robot.
+    pub robot: String,
+    /// Hash of its configuration.
+    pub config_hash: u32,
+    /// The library's identity.
+    pub library: u32,
+    /// In the order of the library.
+    pub motions: Vec<Motion>,
+    /// Transitions, in the order of the library; their clips follow those of the motions.
+    pub transitions: Vec<Transition>,
+    /// Index of the safe motion.
+    pub safe: usize,
+    /// Joints, then driven wheels, in the order of the robot's configuration.
+    pub channels: Vec<String>,
+}
+
+/// A motion.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Motion {
+    /// Its name.
+    pub name: String,
+    /// Its command code, if it has one.
+    pub code: Option<u8>,
+    /// Frames at 60 Hz.
+    pub frames: u16,
+    /// Whether it goes round and round.
+    pub looping: bool,
+}
+
+/// A transition, by indices of motions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Transition {
+    /// From this motion ...
+    pub from: usize,
+    /// ... to this.
+    pub to: usize,
+}
+
+impl Catalog {
+    /// The catalog of a validated library, for the robot with these names; `None` when the library has no
+    /// names.
+    pub fn of(library: &Library<'_>, robot: &str, channels: Vec<String>) -> Option<Self> {
+        let motion = |node: NodeId| {
+            let clip = library.clip(node.clip())?;
+            Some(Motion {
+                name: library.name(node)?.to_owned(),
+                code: library.code_of(node),
+                frames: clip.frames,
+                looping: clip.looping,
+            })
+        };
+        let transition = |edge: EdgeId| {
+            let edge = library.edge(edge)?;
+            Some(Transition { from: usize::from(edge.from.0), to: usize::from(edge.to.0) })
+        };
+        Some(Self {
+            robot: robot.to_owned(),
+            config_hash: library.index().config_hash(),
+            library: library.index().id(),
+            motions: library.nodes().map(motion).collect::<Option<_>>()?,
+            transitions: library.edges().map(transition).collect::<Option<_>>()?,
+            safe: usize::from(library.safe_node().0),
+            channels,
+        })
+    }
+
+    /// A motion by name.
+    pub fn motion(&self, name: &str) -> Option<&Motion> {
+        self.motions.iter().find(|motion| motion.name == name)
+    }
+
+    /// What is played, by the number of a clip: a motion's name, or `from → to`.
+    pub fn clip(&self, clip: u8) -> Option<String> {
+        let clip = usize::from(clip);
+        if let Some(motion) = self.motions.get(clip) {
+            return Some(motion.name.clone());
+        }
+        let Transition { from, to } = *self.transitions.get(clip - self.motions.len())?;
+        Some(format!("{} → {}", self.motions.get(from)?.name, self.motions.get(to)?.name))
+    }
+}
