@@ -11,6 +11,7 @@ use crate::actuators::bus::Buses;
 use crate::actuators::load::loads;
 use crate::bus_watch::BusWatch;
 use crate::gate::Gate;
+use crate::journal::Journal;
 use crate::limiter::Target;
 use crate::link::Link;
 use crate::motion::{Machine, Motion};
@@ -34,6 +35,7 @@ pub struct Controller<S, P = NoParameters> {
     pub(crate) tuning: Tuning<P>,
     pub(crate) bus_watch: BusWatch,
     pub(crate) tilt: TiltWatch,
+    pub(crate) journal: Journal,
     safety: StateMachine,
     events: EventSet,
     /// Since when it is in this state.
@@ -79,6 +81,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             tuning: Tuning::new(parameters),
             bus_watch: BusWatch::default(),
             tilt: TiltWatch::default(),
+            journal: Journal::new(),
             safety: StateMachine::new(State::Boot),
             events: EventSet::default(),
             since_us: 0,
@@ -309,8 +312,11 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 self.state()
             );
             first = false;
-            let before = self.state();
+            let (before, known) = (self.state(), self.safety.latched());
             let action = self.safety.handle(event);
+            if (self.state(), self.safety.latched()) != (before, known) {
+                self.note(now_us, event, before);
+            }
             self.shelf.observe(event);
             if self.state() != before || event == Event::EStop {
                 // What was asked for in another state, or before a stop, cannot be confirmed now.

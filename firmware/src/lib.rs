@@ -8,6 +8,7 @@
 //!                  │  motion:   what the actuators do          (align or walk ─> player, then
 //!                  │                                            limiter ─> actuators' mailboxes)
 //!                  │  tuning:   gains and limits, set and kept
+//!                  │  journal:  what happened, for whoever asks later
 //!                  └─ transfer: the library, in its store
 //! ```
 //!
@@ -23,6 +24,7 @@ mod controller;
 mod gate;
 pub mod hal;
 mod hermite;
+mod journal;
 pub mod limiter;
 mod link;
 mod messages;

@@ -9,7 +9,8 @@ use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::isotp::{Event, Output, Timing};
 use rollwalk_protocol::wire::transport::{Endpoint, Response, frame_to_host};
 use rollwalk_protocol::wire::{
-    CommandAck, FaultBits, Heartbeat, HeartbeatReply, Node, ParameterAck, STATUS_PERIOD_MS, Status,
+    CommandAck, FaultBits, Heartbeat, HeartbeatReply, LOG_ENTRY_BYTES, MAX_LOG_ENTRIES, Node,
+    ParameterAck, STATUS_PERIOD_MS, Status,
 };
 
 /// Telemetry messages of each 60 Hz frame: 240 a second, 6 % of a 500 kbit/s bus.
@@ -17,8 +18,8 @@ const TELEMETRY_PER_FRAME: u8 = 4;
 const STATUS_PERIOD_US: u64 = STATUS_PERIOD_MS as u64 * 1000;
 /// A fault that lasts is reported again after so long, µs.
 const REPORT_PERIOD_US: u64 = 1_000_000;
-/// Longest answer, bytes: HELLO has 24.
-const MAX_RESPONSE: usize = 32;
+/// Longest answer, bytes: a LOG with all that it may have.
+const MAX_RESPONSE: usize = 13 + LOG_ENTRY_BYTES * MAX_LOG_ENTRIES;
 /// A message takes a few calls to move through the transport; after so many something is wrong.
 const MAX_POLLS: usize = 4;
 
@@ -137,6 +138,7 @@ impl Link {
     }
 
     /// Answers a request. A host that asks again before it took the answer gets the former one.
+    #[inline(never)]
     pub fn respond(&mut self, response: &Response) {
         let mut bytes = [0; MAX_RESPONSE];
         if let Some(message) = response.encode(&mut bytes) {

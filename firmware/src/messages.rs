@@ -5,8 +5,8 @@ use rollwalk_protocol::library::{FORMAT_MAJOR, FORMAT_MINOR, NodeId};
 use rollwalk_protocol::wire::transport::{Hello, MAX_BLOCK, Reply, TransferResult, TransportError};
 use rollwalk_protocol::wire::{
     Action, Command, CommandAck, CommandResult, DecodeError, Discovered, EstopAck, Fault,
-    FaultBits, FaultReport, JointTelemetry, PROTOCOL_MAJOR, PROTOCOL_MINOR, Request, Response,
-    SCHEMA_HASH, Status, ToController,
+    FaultBits, FaultReport, JointTelemetry, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, Request,
+    Response, SCHEMA_HASH, Status, ToController,
 };
 
 use crate::controller::Controller;
@@ -40,9 +40,11 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             }
             ToController::Heartbeat(heartbeat) => self.link.on_heartbeat(now_us, heartbeat),
             ToController::Command(command) => self.on_command(now_us, command),
+            // A conversation is between two: what is for all could only collide in its answers.
+            ToController::Transport if to == Node::BROADCAST => {}
             ToController::Transport => {
                 if self.link.on_transport(now_us, frame.data()) {
-                    self.on_request();
+                    self.on_request(now_us);
                 }
             }
             ToController::Parameter(request) => self.on_parameter(frame, request),
@@ -245,7 +247,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         Ok((Some(node), frames))
     }
 
-    fn on_request(&mut self) {
+    fn on_request(&mut self, now_us: u64) {
         let config = &self.machine.config;
         let may_write = self.state() == State::Disarmed;
         let response = match Request::decode(self.link.request()) {
@@ -260,6 +262,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 max_block: MAX_BLOCK as u16,
                 channels: config.channels.len() as u8,
             }),
+            Ok(Request::Log { since }) => return self.tell(now_us, since),
             Ok(request) => {
                 // Whoever was about to arm had another library in mind.
                 self.gate.void();
@@ -271,6 +274,13 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             }
         };
         self.link.respond(&response);
+    }
+
+    /// Apart from the others: below them lies the deepest of the stack, where libraries are validated, and this
+    /// answer is the longest.
+    #[inline(never)]
+    fn tell(&mut self, now_us: u64, since: u32) {
+        self.link.respond(&Response::Log(self.journal.tell(now_us, since)));
     }
 
     /// How the controller is, as it is said on the link.
@@ -301,8 +311,14 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     fn fault_report(&self, now_us: u64, bit: u8, counter: u8) -> Option<FaultReport> {
         let fault = Fault::from_code(bit)?;
+        let (channel, value) = self.details(now_us, fault);
+        Some(FaultReport { counter, fault, channel, value })
+    }
+
+    /// What a fault is about, and by how much, as things stand.
+    pub(crate) fn details(&self, now_us: u64, fault: Fault) -> (Option<u8>, f32) {
         let about = self.motion.details(&self.machine, fault);
-        let (channel, value) = match fault {
+        match fault {
             Fault::HostLost => {
                 let since = self.link.host_seen_us().map(|at| now_us.saturating_sub(at));
                 (None, since.map_or(0.0, |us| us as f32 * 1e-6))
@@ -318,8 +334,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 (None, self.bus_watch.about(fault).map_or(0.0, f32::from))
             }
             _ => about.map_or((None, 0.0), |(channel, value)| (Some(channel), value)),
-        };
-        Some(FaultReport { counter, fault, channel, value })
+        }
     }
 }
 

@@ -152,7 +152,7 @@ impl<S: LibraryStore> Shelf<S> {
     ) -> Reply {
         let result = if may_write {
             match *request {
-                Request::Hello { .. } => TransferResult::UnknownRequest,
+                Request::Hello { .. } | Request::Log { .. } => TransferResult::UnknownRequest,
                 Request::Begin { len, crc32c } => self.begin(len, crc32c, config),
                 Request::Block { offset, bytes } => self.block(offset, bytes),
                 Request::Finish => match self.finish(config) {

@@ -183,6 +183,8 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let mut out = [0; 32];
     let hello = Request::Hello { major: 1, minor: 0 }.encode(&mut out).expect("fits");
     let talk = [&[RUN, 30, MESSAGE, hello.len() as u8 - 1][..], hello, &[REPLAY, 0]].concat();
+    let log = Request::Log { since: 0 }.encode(&mut out).expect("fits");
+    let told = [&stopped[..], &[MESSAGE, log.len() as u8 - 1], log, &[RUN, 9]].concat();
     let set = [PARAMETER, 6, 0, 1, 200, PARAMETER, 6, 1, 2, 3, PARAMETER, 1, PARAMETER, 4, 0, 1];
     let tuned = [&armed[..], &set, &plays, &[PARAMETER, 0, RUN, 99]].concat();
     let link = [LINK, 4, 8, 0, 0, 0, 0, 0, 0, 0, 0, LINK, 1, 0, BOARD, CLEAR];
@@ -193,7 +195,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
     assert_eq!(plays_in.map(|rig| rig.brain.state()), Ok(State::Playing));
     let seed = |how: u8, deeds: &[u8]| [&[how], deeds].concat();
     let mut seeds: Vec<_> =
-        [&day[..], &stopped, &lost, &broken, &hot, &flashed, &talk, &tuned, &link]
+        [&day[..], &stopped, &lost, &broken, &hot, &flashed, &talk, &told, &tuned, &link]
             .into_iter()
             .flat_map(|deeds| [seed(0, deeds), seed(2, deeds), seed(1, deeds)])
             .collect();

@@ -126,6 +126,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let mut out = [0; MAX_MESSAGE];
     let requests = [
         Request::Hello { major: 1, minor: 0 },
+        Request::Log { since: 3 },
         Request::Begin { len: 1000, crc32c: 7 },
         Request::Block { offset: 512, bytes: b"some of the library" },
         Request::Finish,
@@ -133,8 +134,11 @@ pub fn seeds() -> Vec<Vec<u8>> {
     ];
     let messages = requests.map(|r| r.encode(&mut out).expect("fits").to_vec());
     let reply = Reply::new(0x10, TransferResult::Ok, 0);
-    let reply = Response::Reply(reply).encode(&mut out).expect("fits").to_vec();
-    for message in messages.into_iter().chain([reply]) {
+    let mut log = Log::new(77, 3, 4);
+    assert!(log.push([1; LOG_ENTRY_BYTES]));
+    let responses = [Response::Reply(reply), Response::Log(log)];
+    let responses = responses.map(|r| r.encode(&mut out).expect("fits").to_vec());
+    for message in messages.into_iter().chain(responses) {
         for how in [MESSAGE, SEALED_BLOCK] {
             seeds.push([vec![how], message.clone()].concat());
         }

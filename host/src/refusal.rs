@@ -1,7 +1,7 @@
 //! Sentences for the numbers in which a controller says no.
 
 use rollwalk_protocol::wire::transport::{Reply, TransferResult};
-use rollwalk_protocol::wire::{CommandResult, Fault, FaultBits, ParameterResult, State};
+use rollwalk_protocol::wire::{CommandResult, Fault, FaultBits, LogEvent, ParameterResult, State};
 
 /// Why a command was not executed, and what would help.
 pub fn command_refusal(result: CommandResult) -> &'static str {
@@ -124,6 +124,41 @@ pub fn state_name(state: State) -> &'static str {
         State::TorqueOff => "stopped, torque off",
         State::EStopped => "stopped by an emergency stop",
     }
+}
+
+/// What happened, by [`LogEvent::code`].
+pub fn event_sentence(code: u8) -> String {
+    let known = match LogEvent::from_code(code) {
+        Some(LogEvent::EStop) => "emergency stop",
+        Some(LogEvent::BusOff) => "an actuator bus has gone off",
+        Some(LogEvent::SelfTestFailed) => "its configuration or settings cannot be used",
+        Some(LogEvent::FeedbackLost) => "an actuator did not answer",
+        Some(LogEvent::ActuatorFault) => "an actuator reported a fault or dropped its torque",
+        Some(LogEvent::NotAcknowledged) => "nobody acknowledged on an actuator bus",
+        Some(LogEvent::BusPassive) => "an actuator bus has become error-passive",
+        Some(LogEvent::Tipped) => "the body was about to fall over",
+        Some(LogEvent::NotFollowing) => "a joint did not follow",
+        Some(LogEvent::PlaybackFailed) => "the library could not be played",
+        Some(LogEvent::Overrun) => "the control loop came too late",
+        Some(LogEvent::AlignFailed) => "the SAFE pose was not reached in time",
+        Some(LogEvent::HostLost) => "the host's heartbeat was lost",
+        Some(LogEvent::Leaning) => "the body was tilted otherwise than its motion makes it",
+        Some(LogEvent::Disarm) => "it was told to disarm",
+        Some(LogEvent::ClearConfirmed) => "the operator cleared",
+        Some(LogEvent::ArmConfirmed) => "it was armed",
+        Some(LogEvent::Started) => "it was switched on or reset",
+        Some(LogEvent::SelfTestPassed) => "the self test passed",
+        Some(LogEvent::Aligned) => "the SAFE pose was reached",
+        Some(LogEvent::MotionStarted) => "it was sent to a motion",
+        Some(LogEvent::PauseAsked) => "it was told to pause",
+        Some(LogEvent::ResumeAsked) => "it was told to go on",
+        Some(LogEvent::SafeReached) => "the safe motion was reached",
+        Some(LogEvent::HoldElapsed) => "SAFE was held long enough",
+        Some(LogEvent::DampingElapsed) => "its joints were damped long enough",
+        Some(LogEvent::FaultFree) => "torque was off and no fault left",
+        None => return format!("something that this host does not know (event {code})"),
+    };
+    known.to_owned()
 }
 
 /// Faults in words, separated by commas; `no fault` for an empty set.

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::safety::{Action, EVENTS, Event, STATES, State, Torque, step};
-use rollwalk_protocol::wire::{Fault, Severity};
+use rollwalk_protocol::wire::{Fault, LogEvent, Severity};
 
 const PAGE: &str = include_str!("../../../docs/playback-and-safety.md");
 
@@ -169,4 +169,24 @@ fn the_runbook_speaks_of_settings_that_there_are() {
     };
     let angles = [follow_tolerance_rad, align_tolerance_rad, out_of_range_rad, lean_rad, tip_rad];
     assert_eq!(angles, [0.8, 0.35, 0.2, 0.35, 0.8], "docs/faults.md tells other values");
+}
+
+/// The events of LOG and the faults that they are, with the codes of the link.
+#[test]
+fn the_table_of_events_is_that_of_the_code() {
+    let page = include_str!("../../../docs/wire-format.md");
+    let (_, table) = page.split_once("| event | | fault |\n|---|---|---|\n").expect("the table");
+    let rows: Vec<Vec<&str>> = table
+        .lines()
+        .take_while(|line| line.starts_with('|'))
+        .map(|line| line.split('|').map(str::trim).collect())
+        .collect();
+    assert_eq!(rows.len(), EVENTS.len());
+    for (row, event) in rows.into_iter().zip(EVENTS) {
+        let code = LogEvent::from(event).code();
+        let name = row[2].split(':').next().unwrap_or_default();
+        let fault = event.fault().map_or(String::new(), |fault| fault.code().to_string());
+        let expected = (code.to_string(), format!("{event:?}"), fault);
+        assert_eq!((row[1].to_owned(), name.to_owned(), row[3].to_owned()), expected);
+    }
 }

@@ -4,7 +4,7 @@ use rollwalk_firmware::safety::State;
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::{
-    Action, CommandResult, Fault, FaultReport, FromController, Severity,
+    Action, CommandResult, Discover, Discovered, Fault, FaultReport, FromController, Node, Severity,
 };
 
 use crate::rig::{Rig, me};
@@ -174,4 +174,26 @@ fn of_more_answers_than_there_is_room_for_the_latest_are_kept() {
     });
     let latest: Vec<_> = commands[2..].iter().map(|command| command.seq).collect();
     assert_eq!(acks.collect::<Vec<_>>(), latest);
+}
+
+#[test]
+fn a_question_to_all_is_answered_by_its_own_address_and_no_conversation_is_with_all() {
+    let mut rig = Rig::booted();
+    let from = rig.heard.len();
+    rig.send(&Discover.encode(Node::BROADCAST));
+    rig.send(&Discover.encode(me()));
+    rig.send(&Discover.encode(Node::new(9).unwrap()));
+    let answers = rig.heard[from..].iter().filter_map(|(_, m)| match m {
+        FromController::Discovered(answer) => Some(*answer),
+        _ => None,
+    });
+    let answer = Discovered { uid: rig.settings.uid, protocol_major: 1 };
+    assert_eq!(answers.collect::<Vec<_>>(), [answer, answer]);
+
+    // HELLO_REQUEST in a single frame.
+    let hello = |id| CanFrame::new(id, &[3, 1, 1, 0]).unwrap();
+    rig.brain.on_link_frame(rig.now_us, &hello(0x5F0));
+    assert_eq!(rig.brain.poll_link(rig.now_us), None);
+    rig.brain.on_link_frame(rig.now_us, &hello(0x510));
+    assert_eq!(rig.brain.poll_link(rig.now_us).map(|frame| frame.id()), Some(0x511));
 }

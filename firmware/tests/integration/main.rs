@@ -7,6 +7,7 @@ mod documentation;
 mod drives;
 mod flash;
 mod hostile;
+mod journal;
 mod link;
 mod loads;
 mod parameters;

@@ -12,7 +12,7 @@ use crate::robot::*;
 pub fn result(response: Response) -> TransferResult {
     match response {
         Response::Reply(reply) => reply.result,
-        Response::Hello(hello) => panic!("{hello:?}"),
+        other => panic!("{other:?}"),
     }
 }
 

@@ -7,10 +7,12 @@
 mod error;
 mod exchange;
 mod flash;
+mod log;
 mod parameters;
 
 pub use error::SessionError;
 pub use flash::Progress;
+pub use log::History;
 
 use crate::client::{Client, Incoming};
 use exchange::Exchange;
@@ -209,6 +211,6 @@ fn ask_hello<B: LinkBus>(exchange: &mut Exchange<B>) -> Result<Hello, SessionErr
     let request = Request::Hello { major: PROTOCOL_MAJOR, minor: PROTOCOL_MINOR };
     exchange.respond(&request, HELLO_TIMEOUT_US, |response| match response {
         Response::Hello(hello) => Some(hello),
-        Response::Reply(_) => None,
+        _ => None,
     })
 }

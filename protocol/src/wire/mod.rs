@@ -9,7 +9,7 @@
 //! | 2 | [`Command`] | host | answered by [`CommandAck`] |
 //! | 3 | [`Status`], [`FaultReport`], [`CommandAck`] | controller | every [`STATUS_PERIOD_MS`] and on change |
 //! | 4 | [`JointTelemetry`] | controller | may be dropped |
-//! | 5 | [`transport`]: [`Request`], [`Response`] over ISO-TP | both | hello, library transfer |
+//! | 5 | [`transport`]: [`Request`], [`Response`] over ISO-TP | both | hello, library transfer, log |
 //! | 6 | [`ParameterRequest`], [`ParameterAck`] | both | gains and limits at run time |
 //! | 7 | [`Discover`], [`Discovered`] | both | |
 //!
@@ -23,6 +23,7 @@ mod discovery;
 mod dispatch;
 mod heartbeat;
 pub mod isotp;
+mod log;
 mod parameter;
 mod safety;
 mod status;
@@ -33,6 +34,7 @@ pub use command::{Action, Command, CommandAck, CommandResult};
 pub use discovery::{Discover, Discovered};
 pub use dispatch::{FromController, ToController};
 pub use heartbeat::{Heartbeat, HeartbeatReply};
+pub use log::{LOG_ENTRY_BYTES, Log, LogEntry, LogEvent, MAX_LOG_ENTRIES};
 pub use parameter::{
     Parameter, ParameterAck, ParameterAction, ParameterOrigin, ParameterRequest, ParameterResult,
 };
@@ -48,7 +50,7 @@ use thiserror::Error;
 /// Protocol version: another major number and the two may only talk HELLO.
 pub const PROTOCOL_MAJOR: u8 = 1;
 /// Protocol version: a higher minor number has messages that we ignore.
-pub const PROTOCOL_MINOR: u8 = 0;
+pub const PROTOCOL_MINOR: u8 = 1;
 /// Time between two heartbeats of the host, ms.
 pub const HEARTBEAT_PERIOD_MS: u32 = 50;
 /// Without a heartbeat for so long the host counts as lost, ms.
@@ -74,11 +76,13 @@ pub const SCHEMA: &str = "\
 7F0 discover
 7n1 discovered uid:6*u8 protocol_major:u8
 isotp 01 hello_request major:u8 minor:u8
+isotp 02 log_request since:u32
 isotp 10 begin len:u32 crc32c:u32
 isotp 11 block offset:u32 crc32c:u32 bytes
 isotp 12 finish
 isotp 13 activate crc32c:u32
 isotp 81 hello major:u8 minor:u8 schema:u32 config:u32 format_major:u16 format_minor:u16 has_library:u8 library:u32 max_block:u16 channels:u8
+isotp 82 log now_ms:u32 first:u32 next:u32 0..16*[at_ms:u32 event:u8 before:4 after:4 fault:u8 channel:u8 value:f32]
 isotp 90 reply request:u8 result:u8 next:u32 section:u8 why:u8
 080+n control command:u8
 100+n joint_setpoint position:i16*2e-4rad velocity:i16*2e-3rad/s kp:u16*1e-2Nm/rad kd:u16*1e-3Nms/rad

@@ -1,4 +1,4 @@
-//! Class 5: messages longer than a frame, over [ISO-TP](super::isotp): hello and library transfer.
+//! Class 5: messages longer than a frame, over [ISO-TP](super::isotp): hello, library transfer, log.
 //!
 //! # Library transfer
 //!
@@ -19,7 +19,7 @@
 //! After a lost link the host sends the same Begin again: the answer's `next` says where to go on.
 
 use super::isotp;
-use super::{Kind, Node, coded};
+use super::{Kind, LOG_ENTRY_BYTES, Log, Node, coded};
 use crate::can::CanFrame;
 use crate::crc::crc32c;
 use crate::library::Reject;
@@ -54,6 +54,11 @@ pub enum Request<'a> {
         major: u8,
         /// Host's minor protocol version.
         minor: u8,
+    },
+    /// What happened to you? Answered with [`Response::Log`], in every state; changes nothing.
+    Log {
+        /// Number of the first entry that is wanted.
+        since: u32,
     },
     /// A library will follow, or goes on where the same one was left.
     Begin {
@@ -96,11 +101,13 @@ pub enum TransportError {
 }
 
 const HELLO_REQUEST: u8 = 0x01;
+const LOG_REQUEST: u8 = 0x02;
 const BEGIN: u8 = 0x10;
 const BLOCK: u8 = 0x11;
 const FINISH: u8 = 0x12;
 const ACTIVATE: u8 = 0x13;
 const HELLO: u8 = 0x81;
+const LOG: u8 = 0x82;
 const REPLY: u8 = 0x90;
 
 impl<'a> Request<'a> {
@@ -108,6 +115,7 @@ impl<'a> Request<'a> {
     pub fn kind(&self) -> u8 {
         match self {
             Request::Hello { .. } => HELLO_REQUEST,
+            Request::Log { .. } => LOG_REQUEST,
             Request::Begin { .. } => BEGIN,
             Request::Block { .. } => BLOCK,
             Request::Finish => FINISH,
@@ -122,6 +130,7 @@ impl<'a> Request<'a> {
         w.put(&[self.kind()])?;
         match *self {
             Request::Hello { major, minor } => w.put(&[major, minor])?,
+            Request::Log { since } => w.put(&since.to_le_bytes())?,
             Request::Begin { len, crc32c } => {
                 w.put(&len.to_le_bytes())?;
                 w.put(&crc32c.to_le_bytes())?;
@@ -148,6 +157,10 @@ impl<'a> Request<'a> {
             HELLO_REQUEST => {
                 let [major, minor] = rest.try_into().map_err(bad_length)?;
                 Ok(Request::Hello { major, minor })
+            }
+            LOG_REQUEST => {
+                let since = rest.try_into().map_err(bad_length)?;
+                Ok(Request::Log { since: u32::from_le_bytes(since) })
             }
             BEGIN => {
                 let [a, b, c, d, e, f, g, h] = rest.try_into().map_err(bad_length)?;
@@ -267,6 +280,8 @@ impl Reply {
 pub enum Response {
     /// To [`Request::Hello`].
     Hello(Hello),
+    /// To [`Request::Log`].
+    Log(Log),
     /// To all others.
     Reply(Reply),
 }
@@ -286,6 +301,13 @@ impl Response {
                 w.put(&hello.library.unwrap_or(0).to_le_bytes())?;
                 w.put(&hello.max_block.to_le_bytes())?;
                 w.put(&[hello.channels])?;
+            }
+            Response::Log(log) => {
+                w.put(&[LOG])?;
+                for field in [log.now_ms, log.first, log.next] {
+                    w.put(&field.to_le_bytes())?;
+                }
+                w.put(log.encoded().as_flattened())?;
             }
             Response::Reply(reply) => {
                 w.put(&[REPLY, reply.request, reply.result.code()])?;
@@ -318,6 +340,16 @@ impl Response {
                     max_block: u16::from_le_bytes(r.take()?),
                     channels: u8::from_le_bytes(r.take()?),
                 })
+            }
+            LOG => {
+                let mut field = || r.take().map(u32::from_le_bytes);
+                let mut log = Log::new(field()?, field()?, field()?);
+                while !r.rest.is_empty() {
+                    if !log.push(r.take::<LOG_ENTRY_BYTES>()?) {
+                        return Err(TransportError::BadLength);
+                    }
+                }
+                Response::Log(log)
             }
             REPLY => {
                 let [request, result] = r.take()?;

@@ -4,6 +4,9 @@
 use proptest::prelude::*;
 use rollwalk_protocol::library::{Reject, Section, Why};
 use rollwalk_protocol::wire::transport::*;
+use rollwalk_protocol::wire::{
+    Fault, LOG_ENTRY_BYTES, Log, LogEntry, LogEvent, MAX_LOG_ENTRIES, State,
+};
 
 fn hex(bytes: Option<&[u8]>) -> String {
     bytes.expect("fits").iter().map(|b| format!("{b:02x}")).collect()
@@ -28,6 +31,7 @@ fn response(response: Response, golden: &str) {
 #[test]
 fn requests() {
     request(Request::Hello { major: 1, minor: 0 }, "010100");
+    request(Request::Log { since: 0x0403_0201 }, "0201020304");
     request(Request::Begin { len: 0x12345, crc32c: 0xDEAD_BEEF }, "1045230100efbeadde");
     // CRC-32C of "123456789" is 0xE3069283, the published check value.
     let block = Request::Block { offset: 512, bytes: b"123456789" };
@@ -65,6 +69,70 @@ fn responses() {
 }
 
 #[test]
+fn log() {
+    let lost = LogEntry {
+        at_ms: 0x0403_0201,
+        event: LogEvent::HostLost.code(),
+        before: State::Playing,
+        after: State::Returning,
+        fault: Some(Fault::HostLost),
+        channel: None,
+        value: 0.25,
+    };
+    let silent = LogEntry {
+        event: LogEvent::FeedbackLost.code(),
+        before: State::Returning,
+        after: State::Damped,
+        fault: Some(Fault::ActuatorSilent),
+        channel: Some(7),
+        value: 0.125,
+        ..lost
+    };
+    let off = LogEntry {
+        event: LogEvent::DampingElapsed.code(),
+        before: State::Damped,
+        after: State::TorqueOff,
+        fault: None,
+        channel: None,
+        value: 0.0,
+        ..lost
+    };
+    let mut log = Log::new(0x0807_0605, 40, 43);
+    let head = "8205060708280000002b000000";
+    response(Response::Log(log), head);
+    for entry in [lost, silent, off] {
+        assert!(log.push(entry.encode()));
+    }
+    let entries =
+        ["010203040c7502ff0000803e", "01020304038703070000003e", "010203041998ffff00000000"];
+    let golden = [head, &entries.concat()].concat();
+    response(Response::Log(log), &golden);
+    assert_eq!(log.entries().collect::<Vec<_>>(), [(40, lost), (41, silent), (42, off)]);
+    // Of a later version: a state that we do not know. The others keep their numbers.
+    let mut later = Log::new(0, u32::MAX, 2);
+    let strange = [0, 0, 0, 0, 200, 0xF9, 0xFF, 0xFF, 0, 0, 0, 0];
+    assert!([lost.encode(), strange, off.encode()].into_iter().all(|e| later.push(e)));
+    assert_eq!(later.entries().collect::<Vec<_>>(), [(u32::MAX, lost), (1, off)]);
+    let event = LogEntry { event: 200, ..lost };
+    assert_eq!(LogEntry::decode(&event.encode()), Some(event));
+}
+
+#[test]
+fn a_log_has_room_for_so_many_entries() {
+    let mut log = Log::new(1, 0, 100);
+    let entry = [0; LOG_ENTRY_BYTES];
+    let pushed = (0..40).filter(|_| log.push(entry)).count();
+    assert_eq!(pushed, MAX_LOG_ENTRIES);
+    let mut out = [0; 300];
+    let len = Response::Log(log).encode(&mut out).unwrap().len();
+    assert_eq!(len, 13 + 12 * 16);
+    assert_eq!(Response::decode(&out[..len]), Ok(Response::Log(log)));
+    for bad in [12, 14, len - 1, len + 1, len + 12] {
+        assert_eq!(Response::decode(&out[..bad]), Err(TransportError::BadLength), "{bad}");
+    }
+}
+
+#[test]
 fn blocks_of_wrong_size_or_content_are_refused() {
     let mut out = [0; 1024];
     let block = |bytes| Request::Block { offset: 0, bytes };
@@ -86,8 +154,8 @@ proptest! {
     /// What decodes encodes to the same bytes again.
     #[test]
     fn arbitrary_messages(
-        kind in prop_oneof![any::<u8>(), proptest::sample::select(&[0x01u8, 0x10, 0x11, 0x12, 0x13, 0x81, 0x90][..])],
-        rest in proptest::collection::vec(any::<u8>(), 0..30),
+        kind in prop_oneof![any::<u8>(), proptest::sample::select(&[0x01u8, 0x02, 0x10, 0x11, 0x12, 0x13, 0x81, 0x82, 0x90][..])],
+        rest in proptest::collection::vec(any::<u8>(), 0..50),
     ) {
         let message = [&[kind], &rest[..]].concat();
         let mut out = [0; MAX_MESSAGE];

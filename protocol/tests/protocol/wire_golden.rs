@@ -18,7 +18,7 @@ fn node() -> Node {
 
 #[test]
 fn schema_is_pinned() {
-    assert_eq!(SCHEMA_HASH, 0xb89e_9ae7);
+    assert_eq!(SCHEMA_HASH, 0xf3e9_d4cf);
 }
 
 #[test]
@@ -202,6 +202,14 @@ fn codes_are_pinned() {
         "0 Ok, 1 UnknownCode, 2 WrongState, 3 Expired, 4 Unreachable, 5 NotArmed, 6 NoLibrary, \
          7 WrongNonce, 8 ConfigMismatch, 9 PoseUnknown, 10 OutOfOrder, 11 UnknownKind, \
          12 FaultPresent, 13 BadSpeed",
+    );
+    check(
+        LogEvent::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
+        "0 EStop, 1 BusOff, 2 SelfTestFailed, 3 FeedbackLost, 4 ActuatorFault, 5 NotAcknowledged, \
+         6 BusPassive, 7 Tipped, 8 NotFollowing, 9 PlaybackFailed, 10 Overrun, 11 AlignFailed, \
+         12 HostLost, 13 Leaning, 14 Disarm, 15 ClearConfirmed, 16 ArmConfirmed, 17 Started, \
+         18 SelfTestPassed, 19 Aligned, 20 MotionStarted, 21 PauseAsked, 22 ResumeAsked, \
+         23 SafeReached, 24 HoldElapsed, 25 DampingElapsed, 26 FaultFree",
     );
     check(
         Parameter::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),

@@ -3,9 +3,11 @@
 use crate::robot::SWING;
 use crate::{S, armed, connect, rig};
 use rollwalk_bus::link::LinkBus;
+use rollwalk_bus::lossy::Lossy;
+use rollwalk_host::refusal::event_sentence;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::wire::{Estop, EstopAck, Fault, Node, State};
+use rollwalk_protocol::wire::{Estop, EstopAck, Fault, LogEvent, Node, State};
 use rollwalk_sim_host::clock::SimTime;
 
 #[test]
@@ -110,4 +112,27 @@ fn waiting_on_the_simulated_link_lets_exactly_that_time_pass() {
     }
     assert_eq!(rig.now_us(), S);
     assert!(frames > 0, "a controller reports its status unasked");
+}
+
+#[test]
+fn who_connects_later_is_told_why_the_robot_stopped() {
+    let mut session = armed();
+    session.select(SWING).unwrap();
+    session.run_for(2 * S).unwrap();
+    let mut rig = session.into_bus();
+    // Nobody is there for a minute.
+    rig.run_until(rig.now() + SimTime::from_us(60 * S));
+
+    // Not on a bad link either.
+    let mut session = connect(Lossy::new(rig, 50, 7));
+    let history = session.history().unwrap();
+    assert!(session.bus().lost() > 0);
+    let why = *history.last_stop().expect("a stop");
+    assert_eq!(LogEvent::from_code(why.event), Some(LogEvent::HostLost));
+    assert_eq!((why.before, why.after), (State::Playing, State::Returning));
+    assert_eq!(why.fault, Some(Fault::HostLost));
+    assert!((0.25..0.3).contains(&why.value), "{why:?}");
+    assert!((59_000..60_000).contains(&history.age_ms(&why)), "{history:?}");
+    assert!(event_sentence(why.event).contains("heartbeat"));
+    assert_eq!(history.entries.last().map(|(_, entry)| entry.after), Some(State::TorqueOff));
 }

@@ -1,0 +1,92 @@
+//! What happened to the controller while nobody was listening.
+
+use super::{HELLO_TIMEOUT_US, Session, SessionError};
+use rollwalk_bus::link::LinkBus;
+use rollwalk_protocol::wire::transport::{Request, Response};
+use rollwalk_protocol::wire::{Log, LogEntry, State};
+
+/// What a controller remembers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct History {
+    /// Controller's clock when it told, low 32 bits of ms.
+    pub now_ms: u32,
+    /// Changes of its state and faults that appeared, oldest first, with their numbers since power-on.
+    pub entries: Vec<(u32, LogEntry)>,
+}
+
+impl History {
+    /// How long ago an entry was written when the controller told it, ms.
+    pub fn age_ms(&self, entry: &LogEntry) -> u32 {
+        self.now_ms.wrapping_sub(entry.at_ms)
+    }
+
+    /// The entry that tells why the robot stopped last: the last one that led out of where it follows
+    /// motions.
+    pub fn last_stop(&self) -> Option<&LogEntry> {
+        let stops = |entry: &&LogEntry| follows(entry.before) && !follows(entry.after);
+        self.entries.iter().rev().map(|(_, entry)| entry).find(stops)
+    }
+}
+
+/// Whether the robot stands ready or plays in this state.
+fn follows(state: State) -> bool {
+    matches!(state, State::Ready | State::Playing | State::Paused)
+}
+
+impl<B: LinkBus> Session<B> {
+    /// Asks what happened since power-on, as far as the controller remembers. Possible in every state.
+    pub fn history(&mut self) -> Result<History, SessionError> {
+        let mut since = 0;
+        let mut entries = Vec::new();
+        loop {
+            let request = Request::Log { since };
+            let log: Log =
+                self.exchange.respond(&request, HELLO_TIMEOUT_US, |response| match response {
+                    Response::Log(log) => Some(log),
+                    _ => None,
+                })?;
+            entries.extend(log.entries());
+            let told = log.first.saturating_add(log.encoded().len() as u32);
+            if told >= log.next || told <= since {
+                return Ok(History { now_ms: log.now_ms, entries });
+            }
+            since = told;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_protocol::wire::LogEvent;
+
+    fn entry(at_ms: u32, event: LogEvent, before: State, after: State) -> LogEntry {
+        LogEntry {
+            at_ms,
+            event: event.code(),
+            before,
+            after,
+            fault: None,
+            channel: None,
+            value: 0.0,
+        }
+    }
+
+    #[test]
+    fn the_last_stop_is_the_one_after_which_the_robot_followed_no_motions() {
+        let first = entry(u32::MAX, LogEvent::Tipped, State::Playing, State::Damped);
+        let lost = entry(20, LogEvent::HostLost, State::Paused, State::Returning);
+        let mut history = History { now_ms: 30, entries: vec![] };
+        assert_eq!(history.last_stop(), None);
+        history.entries = vec![
+            (7, first),
+            (8, entry(10, LogEvent::DampingElapsed, State::Damped, State::TorqueOff)),
+            (9, entry(12, LogEvent::PauseAsked, State::Playing, State::Paused)),
+            (10, lost),
+            (11, entry(25, LogEvent::HoldElapsed, State::Returning, State::Damped)),
+        ];
+        assert_eq!(history.last_stop(), Some(&lost));
+        assert_eq!(history.age_ms(&lost), 10);
+        assert_eq!(history.age_ms(&first), 31);
+    }
+}

@@ -1,0 +1,160 @@
+//! What a controller remembers of what happened to it: for a host that asks afterwards why it stopped.
+
+use super::{Fault, State, coded};
+
+/// Most entries of a [`Log`] message.
+pub const MAX_LOG_ENTRIES: usize = 16;
+/// Bytes of an entry.
+pub const LOG_ENTRY_BYTES: usize = 12;
+
+/// No fault, no channel.
+const NONE: u8 = 0xFF;
+
+coded! {
+    /// What made a controller change its state, or raised a fault.
+    LogEvent {
+        /// Emergency stop, from the link or from the board.
+        EStop = 0,
+        /// An actuator bus is off.
+        BusOff = 1,
+        /// Configuration or settings cannot be used.
+        SelfTestFailed = 2,
+        /// An actuator does not answer.
+        FeedbackLost = 3,
+        /// An actuator reports a fault or has dropped its torque.
+        ActuatorFault = 4,
+        /// Nobody acknowledges on an actuator bus.
+        NotAcknowledged = 5,
+        /// An actuator bus is error-passive.
+        BusPassive = 6,
+        /// The body is tilted too far to be saved.
+        Tipped = 7,
+        /// A joint was far from its setpoint for too long.
+        NotFollowing = 8,
+        /// The library could not be played.
+        PlaybackFailed = 9,
+        /// The control loop came too late.
+        Overrun = 10,
+        /// The SAFE pose was not reached in time.
+        AlignFailed = 11,
+        /// The host's heartbeat stopped.
+        HostLost = 12,
+        /// The body is tilted further than its motion makes it.
+        Leaning = 13,
+        /// Command DISARM.
+        Disarm = 14,
+        /// Command CLEAR, second step.
+        ClearConfirmed = 15,
+        /// Command ARM, second step.
+        ArmConfirmed = 16,
+        /// Power-on or reset.
+        Started = 17,
+        /// The self test has passed.
+        SelfTestPassed = 18,
+        /// The SAFE pose is reached.
+        Aligned = 19,
+        /// Command PLAY, or RETURN from elsewhere.
+        MotionStarted = 20,
+        /// Command PAUSE.
+        PauseAsked = 21,
+        /// Command RESUME, or RETURN from a pause.
+        ResumeAsked = 22,
+        /// The safe motion is reached.
+        SafeReached = 23,
+        /// SAFE was held long enough.
+        HoldElapsed = 24,
+        /// Joints were damped long enough.
+        DampingElapsed = 25,
+        /// Torque is off and no fault is latched.
+        FaultFree = 26,
+    }
+}
+
+/// A change of state, or a fault that appeared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LogEntry {
+    /// Controller's clock, low 32 bits of ms.
+    pub at_ms: u32,
+    /// Code of what happened ([`LogEvent::code`]); a later version may have more of them.
+    pub event: u8,
+    /// State before it, ...
+    pub before: State,
+    /// ... and after it.
+    pub after: State,
+    /// The fault that it is.
+    pub fault: Option<Fault>,
+    /// As in [`super::FaultReport`].
+    pub channel: Option<u8>,
+    /// As in [`super::FaultReport`].
+    pub value: f32,
+}
+
+impl LogEntry {
+    /// `[at u32 ms][event u8][before 4 low bits, after 4 high bits][fault u8, 255 none]`
+    /// `[channel u8, 255 none][value f32]`
+    pub fn encode(&self) -> [u8; LOG_ENTRY_BYTES] {
+        let [t0, t1, t2, t3] = self.at_ms.to_le_bytes();
+        let [v0, v1, v2, v3] = self.value.to_le_bytes();
+        let states = self.before.code() | self.after.code() << 4;
+        let fault = self.fault.map_or(NONE, Fault::code);
+        let channel = self.channel.unwrap_or(NONE);
+        [t0, t1, t2, t3, self.event, states, fault, channel, v0, v1, v2, v3]
+    }
+
+    /// The entry in these bytes; `None` when it has a state or fault that this version does not know.
+    pub fn decode(bytes: &[u8; LOG_ENTRY_BYTES]) -> Option<Self> {
+        let [t0, t1, t2, t3, event, states, fault, channel, v0, v1, v2, v3] = *bytes;
+        Some(Self {
+            at_ms: u32::from_le_bytes([t0, t1, t2, t3]),
+            event,
+            before: State::from_code(states & 0xF)?,
+            after: State::from_code(states >> 4)?,
+            fault: if fault == NONE { None } else { Some(Fault::from_code(fault)?) },
+            channel: (channel != NONE).then_some(channel),
+            value: f32::from_le_bytes([v0, v1, v2, v3]),
+        })
+    }
+}
+
+/// A part of what a controller remembers, oldest first.
+///
+/// Entries are numbered from 0 at power-on. A controller keeps the last of them: what was asked for
+/// before [`first`](Self::first) is forgotten.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Log {
+    /// Controller's clock when it answered, low 32 bits of ms.
+    pub now_ms: u32,
+    /// Number of the first entry contained, or of the next one when none is.
+    pub first: u32,
+    /// Number that the next entry will get.
+    pub next: u32,
+    len: u8,
+    entries: [[u8; LOG_ENTRY_BYTES]; MAX_LOG_ENTRIES],
+}
+
+impl Log {
+    /// Without entries.
+    pub fn new(now_ms: u32, first: u32, next: u32) -> Self {
+        let entries = [[0; LOG_ENTRY_BYTES]; MAX_LOG_ENTRIES];
+        Self { now_ms, first, next, len: 0, entries }
+    }
+
+    /// Adds an entry; whether there was room for it.
+    pub fn push(&mut self, entry: [u8; LOG_ENTRY_BYTES]) -> bool {
+        let Some(slot) = self.entries.get_mut(usize::from(self.len)) else { return false };
+        *slot = entry;
+        self.len += 1;
+        true
+    }
+
+    /// The entries as they are on the wire.
+    pub fn encoded(&self) -> &[[u8; LOG_ENTRY_BYTES]] {
+        self.entries.get(..usize::from(self.len)).unwrap_or(&self.entries)
+    }
+
+    /// Number and content of each entry; without those that this version does not understand.
+    pub fn entries(&self) -> impl Iterator<Item = (u32, LogEntry)> {
+        let numbers = (0..).map(|i| self.first.wrapping_add(i));
+        numbers.zip(self.encoded()).filter_map(|(n, bytes)| Some((n, LogEntry::decode(bytes)?)))
+    }
+}
