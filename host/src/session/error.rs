@@ -39,6 +39,19 @@ pub enum SessionError {
         /// Its schema hash.
         schema_hash: u32,
     },
+    /// The controller is not that of the robot that the host has a file of.
+    #[error(
+        "controller {node} is configured for another robot (hash {found:08x}) than the given robot \
+         file describes ({expected:08x}): give the file that its firmware was built from"
+    )]
+    OtherRobot {
+        /// Its address.
+        node: u8,
+        /// Hash of its configuration.
+        found: u32,
+        /// Hash of the robot file's.
+        expected: u32,
+    },
     /// A command was refused.
     #[error("the controller refused to {what}: {}", command_refusal(*result))]
     Refused {

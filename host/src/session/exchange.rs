@@ -35,6 +35,11 @@ impl<B: LinkBus> Exchange<B> {
         Self { bus, client, node, unsent: None }
     }
 
+    /// The controller's address.
+    pub fn node(&self) -> u8 {
+        self.node.number()
+    }
+
     /// The controller's last status.
     pub fn status(&self) -> Option<Status> {
         self.client.status()

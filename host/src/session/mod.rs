@@ -34,6 +34,8 @@ const STATE_TIMEOUT_US: u64 = 30_000_000;
 pub struct Session<B> {
     exchange: Exchange<B>,
     hello: Hello,
+    /// Hash of the configuration of the robot that this must be.
+    expected_config: Option<u32>,
 }
 
 impl<B: LinkBus> Session<B> {
@@ -59,7 +61,7 @@ impl<B: LinkBus> Session<B> {
             let node = node.number();
             return Err(SessionError::ProtocolMismatch { node, major, minor, schema_hash });
         }
-        Ok(Self { exchange, hello })
+        Ok(Self { exchange, hello, expected_config: None })
     }
 
     /// The bus, to be changed.
@@ -70,6 +72,12 @@ impl<B: LinkBus> Session<B> {
     /// Who the controller said it is, and which library it has.
     pub fn hello(&self) -> &Hello {
         &self.hello
+    }
+
+    /// Which robot this must be: [`RobotConfig::hash`](rollwalk_protocol::config::RobotConfig::hash) of
+    /// its file. Torque is not turned on for any other.
+    pub fn expect_robot(&mut self, config_hash: u32) {
+        self.expected_config = Some(config_hash);
     }
 
     /// The controller's last status.
@@ -195,7 +203,21 @@ impl<B: LinkBus> Session<B> {
         what: &'static str,
         action: Action,
     ) -> Result<CommandAck, SessionError> {
+        if action == Action::ArmRequest {
+            self.check_robot()?;
+        }
         self.exchange.command(what, action)
+    }
+
+    /// Asks the controller once more who it is: it may be another one by now, or another image.
+    fn check_robot(&mut self) -> Result<(), SessionError> {
+        let Some(expected) = self.expected_config else { return Ok(()) };
+        self.hello = ask_hello(&mut self.exchange)?;
+        let found = self.hello.config_hash;
+        if found == expected {
+            return Ok(());
+        }
+        Err(SessionError::OtherRobot { node: self.exchange.node(), found, expected })
     }
 }
 

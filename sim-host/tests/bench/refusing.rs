@@ -6,7 +6,7 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::crc::crc32c;
-use rollwalk_protocol::wire::{CommandResult, Node, State};
+use rollwalk_protocol::wire::{Action, CommandResult, Node, State};
 use rollwalk_sim_host::rig::Rig;
 
 /// The sentence that flashing these bytes ends with; afterwards there must be nothing to play.
@@ -143,4 +143,23 @@ fn a_library_while_torque_is_on() {
     let mut session = armed();
     let error = session.flash(&robot::library(), |_| {}).unwrap_err();
     assert!(error.to_string().ends_with("torque is on; disarm first"), "{error}");
+}
+
+#[test]
+fn a_controller_of_another_robot_is_not_armed() {
+    let mut session = connect(rig());
+    session.flash(&robot::library(), |_| {}).unwrap();
+    let hash = robot::config().hash();
+    session.expect_robot(hash ^ 1);
+    let error = session.arm().unwrap_err();
+    assert_eq!(error, SessionError::OtherRobot { node: 1, found: hash, expected: hash ^ 1 });
+    assert!(error.to_string().contains("configured for another robot"), "{error}");
+    assert!(matches!(
+        session.command("arm", Action::ArmRequest).unwrap_err(),
+        SessionError::OtherRobot { .. }
+    ));
+    session.run_for(1_000_000).unwrap();
+    assert_eq!(session.status().unwrap().state, State::Disarmed);
+    session.expect_robot(hash);
+    session.arm().unwrap();
 }

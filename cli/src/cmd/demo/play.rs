@@ -33,6 +33,7 @@ pub fn play(library: &Library, packed: &[u8]) -> miette::Result<Played> {
     let rig = Rig::new(&library.robot).into_diagnostic()?;
     let node = rig.node();
     let mut session = Session::connect(rig, node).into_diagnostic()?;
+    session.expect_robot(library.robot.controller_config().into_diagnostic()?.hash());
 
     let before = session.bus().now();
     let bar = transfer_bar(packed.len());
