@@ -3,6 +3,7 @@
 //! | module | is |
 //! |---|---|
 //! | [`session`] | what to do in which order: connect, flash, arm, select motions, stop |
+//! | [`dbc`] | every frame signal by signal, and as a DBC file |
 //! | [`client`] | the protocol without clock or bus: frames and time in, frames out |
 //! | [`discover`] | who is on the link |
 //! | [`catalog`] | names for the numbers of a library |
@@ -10,6 +11,7 @@
 
 pub mod catalog;
 pub mod client;
+pub mod dbc;
 pub mod discover;
 pub mod refusal;
 pub mod session;

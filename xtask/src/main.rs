@@ -7,6 +7,7 @@
 
 mod bare_metal;
 mod board;
+mod cantools;
 mod debian;
 mod fuzz;
 mod fuzz_log;

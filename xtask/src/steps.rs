@@ -1,6 +1,6 @@
 //! The steps of `cargo xtask test`, in the order in which they fail fastest.
 
-use crate::{bare_metal, board, debian, fuzz, shell, tidy};
+use crate::{bare_metal, board, cantools, debian, fuzz, shell, tidy};
 use clap::ValueEnum;
 use std::time::Instant;
 
@@ -27,6 +27,8 @@ pub enum Step {
     Fuzz,
     /// Tests of protocol and firmware in Miri.
     Miri,
+    /// The DBC files as cantools reads them.
+    Dbc,
     /// All tests.
     Test,
 }
@@ -42,6 +44,7 @@ impl Step {
             Step::Board => "board images, one of them emulated",
             Step::Fuzz => "fuzz targets of protocol and firmware",
             Step::Miri => "tests of protocol and firmware in Miri",
+            Step::Dbc => "DBC files as cantools reads them",
             Step::Test => "all tests",
         }
     }
@@ -78,6 +81,7 @@ impl Step {
                 fuzz::check()
             }
             Step::Miri => crate::miri::check(),
+            Step::Dbc => cantools::check(),
             Step::Test => {
                 need_python()?;
                 let mut command = shell::cargo(&["test", "--workspace", "--no-fail-fast"]);

@@ -1,0 +1,137 @@
+//! The frames of the Rollwalk servo profile.
+
+use super::layout::Layout;
+use super::{Database, Message, RobotNames, Signal, identifier};
+use rollwalk_protocol::actuator::{ActuatorStatus, MAX_ID};
+
+/// An actuator: its address, its name, whether it is a wheel if that is known.
+struct Actuator {
+    id: u8,
+    name: String,
+    is_wheel: Option<bool>,
+}
+
+pub(super) fn database(of: Option<(u8, &RobotNames)>) -> Database {
+    let actuators: Vec<_> = match of {
+        None => {
+            (0..=MAX_ID).map(|id| Actuator { id, name: id.to_string(), is_wheel: None }).collect()
+        }
+        Some((bus, names)) => names
+            .channels
+            .iter()
+            .filter(|channel| channel.bus == bus)
+            .map(|channel| Actuator {
+                id: channel.id,
+                name: identifier(&channel.name),
+                is_wheel: Some(channel.is_wheel),
+            })
+            .collect(),
+    };
+    let node = |actuator: &Actuator| match of {
+        None => format!("actuator_{}", actuator.name),
+        Some(_) => actuator.name.clone(),
+    };
+    let mut nodes = vec!["controller".to_owned()];
+    nodes.extend(actuators.iter().map(node));
+    let title = match of {
+        None => "actuator bus, Rollwalk servo profile".to_owned(),
+        Some((bus, names)) => format!("actuator bus {bus} of {}", identifier(&names.robot)),
+    };
+    let messages = actuators.iter().flat_map(|actuator| messages(actuator, &node(actuator)));
+    Database { title, nodes, messages: messages.collect() }.sorted()
+}
+
+fn messages(actuator: &Actuator, node: &str) -> Vec<Message> {
+    let message = |schema, base: u16, len, comment, layout: Layout| {
+        let to = base != 0x180;
+        let (sender, receiver) = if to { ("controller", node) } else { (node, "controller") };
+        Message {
+            schema,
+            name: identifier(&format!("{}_{}", schema.to_uppercase(), actuator.name)),
+            id: base + u16::from(actuator.id),
+            len,
+            sender: Some(sender.to_owned()),
+            receiver: Some(receiver.to_owned()),
+            period_ms: 0,
+            comment,
+            signals: layout.finish(),
+        }
+    };
+    let mut messages = vec![
+        message("control", 0x080, 1, "Torque off, torque on, or only a question", control()),
+        message("feedback", 0x180, 8, "Answer to every CONTROL and setpoint", feedback()),
+    ];
+    if actuator.is_wheel != Some(true) {
+        let text = "Torque = kp (position - measured) + kd (velocity - measured)";
+        messages.push(message("joint_setpoint", 0x100, 8, text, joint_setpoint()));
+    }
+    if actuator.is_wheel != Some(false) {
+        let text = "Torque = kd (speed - measured)";
+        messages.push(message("wheel_setpoint", 0x200, 8, text, wheel_setpoint()));
+    }
+    messages
+}
+
+fn control() -> Layout {
+    let commands = ["Disable", "Enable", "Query"];
+    let named = (0..).zip(commands).map(|(code, name)| (code, name.to_owned()));
+    Layout::new().unsigned("command", 8).range(0.0, 2.0).names(named)
+}
+
+fn joint_setpoint() -> Layout {
+    pose(Layout::new())
+        .steps_up("kp", 16, 1e-2)
+        .unit("Nm/rad")
+        .steps_up("kd", 16, 1e-3)
+        .unit("Nms/rad")
+}
+
+fn feedback() -> Layout {
+    let text = "Goes up by one with each feedback; the same again is a repeated frame";
+    measured(Layout::new()).unsigned("counter", 8).comment(text)
+}
+
+fn wheel_setpoint() -> Layout {
+    Layout::new()
+        .steps("speed", 32, 1e-4)
+        .unit("rad/s")
+        .steps_up("kd", 16, 1e-3)
+        .unit("Nms/rad")
+        .steps_up("torque_limit", 16, 5e-3)
+        .unit("Nm")
+}
+
+/// Position and velocity.
+fn pose(layout: Layout) -> Layout {
+    layout
+        .steps("position", 16, 2e-4)
+        .unit("rad")
+        .comment("Of a wheel from -pi to pi")
+        .steps("velocity", 16, 2e-3)
+        .unit("rad/s")
+}
+
+/// What an actuator measures, and its status; also in telemetry.
+pub(super) fn measured(layout: Layout) -> Layout {
+    let flags = [
+        (ActuatorStatus::ENABLED, "enabled", "Torque is on"),
+        (ActuatorStatus::TORQUE_LIMITED, "torque_limited", "The torque is at its limit"),
+        (ActuatorStatus::POSITION_LIMITED, "position_limited", "At a limit of the actuator's own"),
+        (ActuatorStatus::TIMED_OUT, "timed_out", "No setpoint for too long: torque off"),
+        (ActuatorStatus::OVERHEATED, "overheated", "Too hot: torque off"),
+        (ActuatorStatus::BAD_VOLTAGE, "bad_voltage", "Supply out of range: torque off"),
+        (ActuatorStatus::HARDWARE, "hardware", "Sensor or other hardware failed: torque off"),
+    ];
+    let flags = flags
+        .map(|(mask, name, text)| (mask.trailing_zeros() as u16, format!("status_{name}"), text));
+    pose(layout).steps("torque", 16, 5e-3).unit("Nm").flags(8, flags)
+}
+
+/// [`measured`] from bit `at` on, its signals named after a joint.
+pub(super) fn measured_of(name: &str, at: u16) -> Vec<Signal> {
+    let renamed = |signal: Signal| {
+        let name = format!("{name}_{}", signal.name);
+        Signal { name, ..signal }
+    };
+    measured(Layout::new().at(at)).finish().into_iter().map(renamed).collect()
+}

@@ -1,0 +1,386 @@
+//! A random frame of each message, made by the codecs, and the values that were put in.
+
+use proptest::prelude::*;
+use rollwalk_protocol::actuator::{
+    ActuatorStatus, Control, Feedback, JointSetpoint, WheelSetpoint,
+};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::isotp::{Endpoint, Output, Timing};
+use rollwalk_protocol::wire::transport::{frame_to_controller, frame_to_host};
+use rollwalk_protocol::wire::*;
+
+/// The name in the schema, the frame, and what its signals must say.
+pub type Sample = (&'static str, CanFrame, Vec<(String, f64)>);
+
+fn node() -> impl Strategy<Value = Node> {
+    (0u8..15).prop_map(|number| Node::new(number).unwrap())
+}
+
+/// An address or all.
+fn to() -> impl Strategy<Value = Node> {
+    prop_oneof![4 => node(), 1 => Just(Node::BROADCAST)]
+}
+
+fn of<T: Copy + std::fmt::Debug>(all: &'static [T]) -> impl Strategy<Value = T> {
+    prop::sample::select(all)
+}
+
+fn float() -> impl Strategy<Value = f32> {
+    prop_oneof![any::<f32>(), -100.0f32..100.0]
+}
+
+/// 0 to 254, or none.
+fn option() -> impl Strategy<Value = Option<u8>> {
+    any::<u8>().prop_map(|byte| (byte < 255).then_some(byte))
+}
+
+fn number(option: Option<u8>) -> f64 {
+    option.map_or(255.0, f64::from)
+}
+
+fn says<const N: usize>(values: [(&str, f64); N]) -> Vec<(String, f64)> {
+    values.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+}
+
+fn sealed(schema: &'static str, frame: CanFrame, mut values: Vec<(String, f64)>) -> Sample {
+    values.push(("crc8".into(), f64::from(frame.data()[0])));
+    (schema, frame, values)
+}
+
+/// Of the link.
+pub fn link() -> BoxedStrategy<Sample> {
+    prop_oneof![safety(), heartbeats(), commands(), told(), parameters(), discovery(), transport()]
+        .boxed()
+}
+
+fn safety() -> impl Strategy<Value = Sample> {
+    prop_oneof![
+        to().prop_map(|to| ("estop", Estop.encode(to), vec![])),
+        (node(), of(State::ALL)).prop_map(|(node, state)| {
+            let values = says([("state", state.code().into())]);
+            sealed("estop_ack", EstopAck { state }.encode(node), values)
+        }),
+    ]
+}
+
+fn heartbeats() -> impl Strategy<Value = Sample> {
+    (to(), node(), any::<u8>(), any::<u32>(), any::<bool>()).prop_map(
+        |(to, node, seq, ms, reply)| {
+            let says = |clock| says([("seq", seq.into()), (clock, ms.into())]);
+            if reply {
+                let frame = HeartbeatReply { seq, controller_ms: ms }.encode(node);
+                sealed("heartbeat_reply", frame, says("controller_ms"))
+            } else {
+                let frame = Heartbeat { seq, host_ms: ms }.encode(to);
+                sealed("heartbeat", frame, says("host_ms"))
+            }
+        },
+    )
+}
+
+fn action() -> impl Strategy<Value = Action> {
+    prop_oneof![
+        (any::<u8>(), any::<i8>())
+            .prop_map(|(code, speed_64ths)| Action::Play { code, speed_64ths }),
+        of(&[
+            Action::Pause,
+            Action::Resume,
+            Action::Return,
+            Action::Disarm,
+            Action::ArmRequest,
+            Action::ClearRequest
+        ]),
+        any::<u16>().prop_map(|nonce| Action::ArmConfirm { nonce }),
+        any::<u16>().prop_map(|nonce| Action::ClearConfirm { nonce }),
+    ]
+}
+
+fn commands() -> impl Strategy<Value = Sample> {
+    let command = (to(), 0u8..16, action(), any::<u16>()).prop_map(|(to, seq, action, until)| {
+        let (code, speed, arg) = match action {
+            Action::Play { code, speed_64ths } => (code, f64::from(speed_64ths) / 64.0, 0),
+            Action::ArmConfirm { nonce } | Action::ClearConfirm { nonce } => (0, 0.0, nonce),
+            _ => (0, 0.0, 0),
+        };
+        let values = says([
+            ("seq", seq.into()),
+            ("kind", action.kind().into()),
+            ("code", code.into()),
+            ("speed", speed),
+            ("arg", arg.into()),
+            ("valid_until_ms", until.into()),
+        ]);
+        sealed("command", Command { seq, action, valid_until_ms: until }.encode(to), values)
+    });
+    let ack = (node(), 0u8..16, 0u8..9, of(CommandResult::ALL), of(State::ALL), option());
+    let ack = (ack, any::<u16>()).prop_map(|((node, seq, kind, result, state, motion), value)| {
+        let values = says([
+            ("seq", seq.into()),
+            ("kind", kind.into()),
+            ("result", result.code().into()),
+            ("state", state.code().into()),
+            ("motion", number(motion)),
+            ("value", value.into()),
+        ]);
+        let ack = CommandAck { seq, kind, result, state, motion, value };
+        sealed("command_ack", ack.encode(node), values)
+    });
+    prop_oneof![command, ack]
+}
+
+fn told() -> impl Strategy<Value = Sample> {
+    prop_oneof![status(), fault(), joint()]
+}
+
+fn status() -> impl Strategy<Value = Sample> {
+    let faults = prop::collection::vec(of(Fault::ALL), 0..5);
+    let how = (of(State::ALL), of(Severity::ALL), faults, option());
+    (node(), how, 0u16..4096, 0u8..16, any::<u8>()).prop_map(
+        |(node, (state, severity, faults, clip), frame, counter, library)| {
+            let faults = faults.into_iter().fold(FaultBits::default(), FaultBits::with);
+            let mut values = says([
+                ("state", state.code().into()),
+                ("severity", severity.code().into()),
+                ("clip", number(clip)),
+                ("frame", frame.into()),
+                ("counter", counter.into()),
+                ("library", library.into()),
+            ]);
+            for fault in Fault::ALL {
+                let mut name = String::from("fault");
+                // `HostLost` is host_lost, `EStop` is estop: an upper case letter after a lower case one.
+                let text = format!("{fault:?}");
+                for (i, c) in text.char_indices() {
+                    let new = c.is_uppercase() && !text[..i].ends_with(char::is_uppercase);
+                    name += if new { "_" } else { "" };
+                    name.push(c.to_ascii_lowercase());
+                }
+                values.push((name, f64::from(faults.contains(*fault))));
+            }
+            let status = Status { state, severity, faults, clip, frame, counter, library };
+            sealed("status", status.encode(node), values)
+        },
+    )
+}
+
+fn fault() -> impl Strategy<Value = Sample> {
+    (node(), any::<u8>(), of(Fault::ALL), option(), float()).prop_map(
+        |(node, counter, fault, channel, value)| {
+            let values = says([
+                ("counter", counter.into()),
+                ("fault", fault.code().into()),
+                ("channel", number(channel)),
+                ("value", value.into()),
+            ]);
+            let report = FaultReport { counter, fault, channel, value };
+            sealed("fault", report.encode(node), values)
+        },
+    )
+}
+
+/// Raw steps of position, velocity and torque, and a status.
+fn measured() -> impl Strategy<Value = ([i16; 3], u8)> {
+    (prop::array::uniform3(-32767i16..=32767), 0u8..128)
+}
+
+fn measures([position, velocity, torque]: [i16; 3], status: u8) -> Vec<(String, f64)> {
+    let names = [
+        "enabled",
+        "torque_limited",
+        "position_limited",
+        "timed_out",
+        "overheated",
+        "bad_voltage",
+        "hardware",
+    ];
+    let mut values = says([
+        ("position", f64::from(position) / 5000.0),
+        ("velocity", f64::from(velocity) / 500.0),
+        ("torque", f64::from(torque) / 200.0),
+    ]);
+    for (bit, name) in names.into_iter().enumerate() {
+        values.push((format!("status_{name}"), f64::from(status >> bit & 1)));
+    }
+    values
+}
+
+fn joint() -> impl Strategy<Value = Sample> {
+    (node(), any::<u8>(), measured()).prop_map(|(node, channel, (steps, status))| {
+        let [position, velocity, torque] = steps.map(f32::from);
+        let telemetry = JointTelemetry {
+            channel,
+            position_rad: position / 5000.0,
+            velocity_rad_s: velocity / 500.0,
+            torque_nm: torque / 200.0,
+            status: ActuatorStatus(status),
+        };
+        let mut values = measures(steps, status);
+        values.push(("channel".into(), channel.into()));
+        ("joint", telemetry.encode(node), values)
+    })
+}
+
+fn parameters() -> impl Strategy<Value = Sample> {
+    let action = prop_oneof![
+        (0u8..16, any::<u8>())
+            .prop_map(|(parameter, channel)| ParameterAction::Get { parameter, channel }),
+        (0u8..16, any::<u8>(), float()).prop_map(|(parameter, channel, value)| {
+            ParameterAction::Set { parameter, channel, value }
+        }),
+        of(&[ParameterAction::Reset, ParameterAction::Save, ParameterAction::Origin]),
+    ];
+    let request = (to(), 0u8..16, action).prop_map(|(to, seq, action)| {
+        let (parameter, channel, value) = match action {
+            ParameterAction::Get { parameter, channel } => (parameter, channel, 0.0),
+            ParameterAction::Set { parameter, channel, value } => (parameter, channel, value),
+            _ => (0, 0, 0.0),
+        };
+        let values = says([
+            ("seq", seq.into()),
+            ("kind", action.kind().into()),
+            ("parameter", parameter.into()),
+            ("channel", channel.into()),
+            ("value", value.into()),
+        ]);
+        sealed("parameter", ParameterRequest { seq, action }.encode(to), values)
+    });
+    let ack = (node(), 0u8..16, 0u8..5, of(ParameterResult::ALL), 0u8..16, option(), float());
+    let ack = ack.prop_map(|(node, seq, kind, result, parameter, channel, value)| {
+        let values = says([
+            ("seq", seq.into()),
+            ("kind", kind.into()),
+            ("parameter", parameter.into()),
+            ("result", result.code().into()),
+            ("channel", number(channel)),
+            ("value", value.into()),
+        ]);
+        let ack = ParameterAck { seq, kind, result, parameter, channel, value };
+        sealed("parameter_ack", ack.encode(node), values)
+    });
+    prop_oneof![request, ack]
+}
+
+fn discovery() -> impl Strategy<Value = Sample> {
+    prop_oneof![
+        to().prop_map(|to| ("discover", Discover.encode(to), vec![])),
+        (node(), any::<[u8; 6]>(), any::<u8>()).prop_map(|(node, uid, protocol_major)| {
+            let shown = uid.iter().fold(0u64, |all, byte| all << 8 | u64::from(*byte));
+            let values = says([("uid", shown as f64), ("protocol_major", protocol_major.into())]);
+            ("discovered", Discovered { uid, protocol_major }.encode(node), values)
+        }),
+    ]
+}
+
+/// A frame of a conversation over ISO-TP, in either direction, read by the standard's rules.
+fn transport() -> impl Strategy<Value = Sample> {
+    let message = prop::collection::vec(any::<u8>(), 1..60);
+    let timing = (any::<u8>(), any::<u8>());
+    (node(), message, timing, any::<prop::sample::Index>(), any::<bool>()).prop_map(
+        |(node, message, (block_size, st_min), which, back)| {
+            let timing = Timing { block_size, st_min: st_min % 128, timeout_us: 1_000_000 };
+            let mut ends = [Endpoint::<60>::new(timing), Endpoint::<60>::new(timing)];
+            ends[0].send(&message).unwrap();
+            let mut frames = Vec::new();
+            for turn in 0..2000 {
+                let Output::Send(pdu) = ends[turn % 2].poll(turn as u64 * 200_000) else {
+                    continue;
+                };
+                ends[1 - turn % 2].on_frame(pdu.data(), turn as u64 * 200_000);
+                frames.push((turn % 2 == 1, pdu));
+            }
+            let (other_way, pdu) = *which.get(&frames);
+            let (schema, frame) = if other_way != back {
+                ("transport_to_host", frame_to_host(node, &pdu))
+            } else {
+                ("transport_to_controller", frame_to_controller(node, &pdu))
+            };
+            (schema, frame, isotp_says(frame.data()))
+        },
+    )
+}
+
+fn isotp_says(data: &[u8]) -> Vec<(String, f64)> {
+    let head = usize::from(data[0]);
+    let mut values = says([("pci", (head >> 4) as f64)]);
+    let bytes = |prefix: &str, from: usize| -> Vec<_> {
+        let rest = data.get(from..).unwrap_or(&[]).iter().enumerate();
+        rest.map(|(i, byte)| (format!("{prefix}_byte_{i}"), f64::from(*byte))).collect()
+    };
+    match head >> 4 {
+        0 => {
+            let (length, kind) = ((head & 0xF) as f64, f64::from(data[1]));
+            values.extend(says([("single_length", length), ("single_type", kind)]));
+            values.extend(bytes("single", 2));
+        }
+        1 => {
+            let length = (head & 0xF) << 8 | usize::from(data[1]);
+            let kind = f64::from(data[2]);
+            values.extend(says([("first_length", length as f64), ("first_type", kind)]));
+            values.extend(bytes("first", 3));
+        }
+        2 => {
+            values.extend(says([("next_number", (head & 0xF) as f64)]));
+            values.extend(bytes("next", 1));
+        }
+        _ => values.extend(says([
+            ("flow_status", (head & 0xF) as f64),
+            ("flow_block_size", data[1].into()),
+            ("flow_separation", data[2].into()),
+        ])),
+    }
+    values
+}
+
+/// Of the Rollwalk servo profile.
+pub fn actuators() -> BoxedStrategy<Sample> {
+    let control = (0u8..128, 0usize..3).prop_map(|(id, which)| {
+        let control = [Control::Disable, Control::Enable, Control::Query][which];
+        ("control", control.encode(id).unwrap(), says([("command", which as f64)]))
+    });
+    let setpoint = (0u8..128, measured(), any::<u16>(), any::<u16>());
+    let setpoint = setpoint.prop_map(|(id, ([position, velocity, _], _), kp, kd)| {
+        let setpoint = JointSetpoint {
+            position_rad: f32::from(position) / 5000.0,
+            velocity_rad_s: f32::from(velocity) / 500.0,
+            kp_nm_rad: f32::from(kp) / 100.0,
+            kd_nm_s_rad: f32::from(kd) / 1000.0,
+        };
+        let values = says([
+            ("position", f64::from(position) / 5000.0),
+            ("velocity", f64::from(velocity) / 500.0),
+            ("kp", f64::from(kp) / 100.0),
+            ("kd", f64::from(kd) / 1000.0),
+        ]);
+        ("joint_setpoint", setpoint.encode(id).unwrap(), values)
+    });
+    let feedback = (0u8..128, measured(), any::<u8>());
+    let feedback = feedback.prop_map(|(id, (steps, status), counter)| {
+        let [position, velocity, torque] = steps.map(f32::from);
+        let feedback = Feedback {
+            position_rad: position / 5000.0,
+            velocity_rad_s: velocity / 500.0,
+            torque_nm: torque / 200.0,
+            status: ActuatorStatus(status),
+            counter,
+        };
+        let mut values = measures(steps, status);
+        values.push(("counter".into(), counter.into()));
+        ("feedback", feedback.encode(id).unwrap(), values)
+    });
+    // Up to 2^22 steps a single-precision number is as fine as they are.
+    let wheel = (0u8..128, -(1i32 << 22)..1 << 22, any::<u16>(), any::<u16>());
+    let wheel = wheel.prop_map(|(id, speed, kd, limit)| {
+        let setpoint = WheelSetpoint {
+            speed_rad_s: speed as f32 / 10_000.0,
+            kd_nm_s_rad: f32::from(kd) / 1000.0,
+            torque_limit_nm: f32::from(limit) / 200.0,
+        };
+        let values = says([
+            ("speed", f64::from(speed) / 1e4),
+            ("kd", f64::from(kd) / 1000.0),
+            ("torque_limit", f64::from(limit) / 200.0),
+        ]);
+        ("wheel_setpoint", setpoint.encode(id).unwrap(), values)
+    });
+    prop_oneof![control, setpoint, feedback, wheel].boxed()
+}

@@ -1,0 +1,39 @@
+//! The DBC files in `docs/` against cantools: installed next to the build, for this check alone.
+
+use crate::{debian, shell};
+use std::env;
+use std::path::Path;
+
+/// Known to work, with Python from 3.10 on.
+const CANTOOLS: &str = "cantools==45.1.0";
+
+/// Decodes a frame of every message with cantools and compares.
+///
+/// # Errors
+/// What differs, or the command that installs what is missing.
+pub fn check() -> Result<(), String> {
+    let folder = shell::target_folder().join("cantools");
+    install(&folder)?;
+    let mut path = vec![folder];
+    path.extend(env::var_os("PYTHONPATH").iter().flat_map(env::split_paths));
+    let path = env::join_paths(path).map_err(|error| error.to_string())?;
+    let args = ["test", "--package", "rollwalk-host", "--test", "host", "--", "--ignored"];
+    shell::run(shell::cargo(&args).env("PYTHONPATH", path))
+}
+
+fn install(folder: &Path) -> Result<(), String> {
+    let imports = |folder: &Path| {
+        let import = ["-c", "import can, cantools"];
+        shell::succeeds(shell::command("python3", &import).env("PYTHONPATH", folder))
+    };
+    if imports(folder) {
+        return Ok(());
+    }
+    if !shell::succeeds(&mut shell::command("python3", &["-m", "pip", "--version"])) {
+        debian::need(&["python3", "python3-pip"])
+            .map_err(|install| format!("the check needs pip. On Debian:\n\n    {install}"))?;
+    }
+    let mut pip = shell::command("python3", &["-m", "pip", "install", "--quiet", "--target"]);
+    shell::run(pip.arg(folder).arg(CANTOOLS))?;
+    if imports(folder) { Ok(()) } else { Err(format!("python3 cannot import {CANTOOLS}")) }
+}
