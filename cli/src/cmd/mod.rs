@@ -3,6 +3,7 @@
 mod bench;
 mod buses;
 mod completions;
+mod dbc;
 mod demo;
 mod discover;
 mod export;
@@ -45,6 +46,7 @@ pub enum Command {
     Resume(orders::Args),
     /// Return to the safe motion and stay there.
     Return(orders::Args),
+    Dbc(dbc::Args),
     Failsafe(failsafe::Args),
     Bench(bench::Args),
     Completions(completions::Args),
@@ -73,6 +75,7 @@ impl Command {
             Command::Pause(args) => orders::run(Order::Pause, args),
             Command::Resume(args) => orders::run(Order::Resume, args),
             Command::Return(args) => orders::run(Order::Return, args),
+            Command::Dbc(args) => dbc::run(args),
             Command::Failsafe(args) => failsafe::run(args),
             Command::Bench(args) => bench::run(args),
             Command::Completions(args) => completions::run(args, root),

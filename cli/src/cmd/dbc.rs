@@ -1,0 +1,136 @@
+//! `rollwalk dbc`: the frames of a bus as a DBC file, for cantools, SavvyCAN, Wireshark and their like.
+
+use crate::inputs::Source;
+use crate::{Exit, files, output};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use rollwalk_host::dbc::{ChannelName, Database, RobotNames};
+use rollwalk_protocol::wire::Node;
+use rollwalk_robot::{Actuator, Channel, Robot};
+use std::path::PathBuf;
+
+/// Write the frames of the link or of an actuator bus as a DBC file.
+///
+/// Without a robot file the link has controllers at all addresses, and an actuator bus servos of the Rollwalk
+/// profile at all addresses. With one, messages and signals have the names of its joints and wheels: JOINT
+/// then has position, velocity and torque of each by name. Link and actuator buses use the same identifiers
+/// for different frames, hence a file for each.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk dbc -o rollwalk.dbc
+  rollwalk dbc robots/agilebot.toml -o agilebot.dbc
+  rollwalk dbc robots/agilebot.toml --bus 0 -o agilebot-bus0.dbc
+  candump can0 | cantools decode agilebot.dbc
+
+docs/rollwalk.dbc and docs/rollwalk-actuators.dbc are those without a robot file; docs/decode_log.py decodes
+logs with them. The frames are described in docs/wire-format.md.")]
+pub struct Args {
+    /// Robot file (TOML).
+    #[arg(value_name = "ROBOT.toml")]
+    robot: Option<PathBuf>,
+    /// `link`, `actuators` for all addresses of an actuator bus, or the number of a bus of the robot.
+    #[arg(long, value_name = "BUS", default_value = "link", value_parser = bus())]
+    bus: Bus,
+    /// Address of the robot's controller on the link, 0 to 14.
+    #[arg(long, value_name = "NODE", default_value_t = 1, requires = "robot",
+          value_parser = clap::value_parser!(u8).range(0..15))]
+    node: u8,
+    /// Where to write it; printed if not given.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Bus {
+    Link,
+    Actuators,
+    Number(u8),
+}
+
+fn bus() -> impl TypedValueParser<Value = Bus> {
+    let names = ["link", "actuators", "0", "1", "2", "3", "4", "5", "6", "7"];
+    PossibleValuesParser::new(names).map(|name| match name.as_str() {
+        "link" => Bus::Link,
+        "actuators" => Bus::Actuators,
+        number => number.parse().map_or(Bus::Actuators, Bus::Number),
+    })
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// A bus that the robot has not.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let names = match &args.robot {
+        Some(path) => Some(names(&Source::Disk.robot(path)?)),
+        None => None,
+    };
+    let database = match (args.bus, &names) {
+        (Bus::Link, None) => Database::link(),
+        (Bus::Link, Some(names)) => {
+            let node = Node::new(args.node).expect("clap has checked the range");
+            Database::link_of(node, names)
+        }
+        (Bus::Actuators, _) => Database::actuators(),
+        (Bus::Number(_), None) => {
+            return Err(miette::miette!(
+                "--bus with a number takes a robot file: whose bus is it?"
+            ));
+        }
+        (Bus::Number(bus), Some(names)) => {
+            if !names.channels.iter().any(|channel| channel.bus == bus) {
+                let robot = &names.robot;
+                return Err(miette::miette!("{robot} has no actuators on bus {bus}"));
+            }
+            Database::actuators_of(bus, names)
+        }
+    };
+    let text = database.to_dbc();
+    match &args.output {
+        Some(path) => {
+            files::write(path, text.as_bytes())?;
+            let (messages, path) = (database.messages.len(), path.display());
+            output::print(&format!("wrote {path}: {messages} messages"))?;
+        }
+        None => output::print(&text)?,
+    }
+    Ok(Exit::Ok)
+}
+
+/// Names of the channels in the order of the controller's configuration.
+fn names(robot: &Robot) -> RobotNames {
+    let channels = robot.channels().map(|channel| {
+        let (name, is_wheel) = match &channel {
+            Channel::Joint(joint) => (joint.name.clone(), false),
+            // A leg and its wheel have the same name.
+            Channel::Wheel(wheel, _) => (format!("{}_wheel", wheel.name), true),
+        };
+        let Actuator { bus, id, .. } = *channel.actuator();
+        ChannelName { name, bus, id, is_wheel }
+    });
+    RobotNames { robot: robot.name.clone(), channels: channels.collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_protocol::config::ChannelKind;
+    use std::collections::BTreeSet;
+    use std::path::Path;
+
+    #[test]
+    fn channels_of_agilebot_are_named_in_the_order_of_its_configuration() {
+        let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/agilebot.toml"));
+        let robot = Source::Disk.robot(path).unwrap();
+        let names = names(&robot);
+        let config = robot.controller_config().unwrap();
+        assert_eq!(names.channels.len(), 20);
+        let mut told = BTreeSet::new();
+        for (channel, name) in config.channels.iter().zip(&names.channels) {
+            assert_eq!((channel.bus, channel.id), (name.bus, name.id));
+            assert_eq!(channel.kind == ChannelKind::WheelSpeed, name.is_wheel);
+            assert!(told.insert(&name.name));
+        }
+        assert_eq!(names.channels[0].name, robot.joints[0].name);
+    }
+}
