@@ -15,7 +15,7 @@ use rollwalk_protocol::wire::{
 };
 
 /// How long a command stays valid, ms: covers its repetitions, not the operator's next idea.
-const COMMAND_LIFE_MS: u16 = 500;
+pub const COMMAND_LIFE_MS: u16 = 500;
 /// An emergency stop goes out so often in quick succession, ...
 const ESTOP_BURST: u32 = 5;
 /// ... so far apart, µs, ...
@@ -78,6 +78,10 @@ pub struct Client {
     parameter: Option<CanFrame>,
     /// Host's time in µs and controller's time in ms when the last heartbeat was answered.
     clocks: Option<(u64, u32)>,
+    /// When the last heartbeat went out, µs.
+    heartbeat_us: u64,
+    /// From the last heartbeat that was answered to its answer, µs.
+    round_trip_us: Option<u64>,
     stopping: Option<Stopping>,
     status: Option<Status>,
 }
@@ -95,6 +99,8 @@ impl Client {
             parameter_seq: 0,
             parameter: None,
             clocks: None,
+            heartbeat_us: 0,
+            round_trip_us: None,
             stopping: None,
             status: None,
         }
@@ -111,6 +117,16 @@ impl Client {
         self.status
     }
 
+    /// From the last heartbeat that was answered to its answer, µs.
+    pub fn round_trip_us(&self) -> Option<u64> {
+        self.round_trip_us
+    }
+
+    /// Whether an emergency stop is not acknowledged yet.
+    pub fn is_stopping(&self) -> bool {
+        self.stopping.is_some()
+    }
+
     /// Takes a frame of the link. Frames of other nodes and damaged ones mean nothing.
     pub fn on_frame(&mut self, now_us: u64, frame: &CanFrame) -> Option<Incoming> {
         let (node, message) = FromController::decode(frame).ok()?;
@@ -122,6 +138,7 @@ impl Client {
                 let expected = self.heartbeat_seq.wrapping_sub(1);
                 (reply.seq == expected).then(|| {
                     self.clocks = Some((now_us, reply.controller_ms));
+                    self.round_trip_us = Some(now_us.saturating_sub(self.heartbeat_us));
                     Incoming::Alive
                 })
             }
@@ -162,6 +179,7 @@ impl Client {
         if now_us >= self.next_heartbeat_us {
             let heartbeat = Heartbeat { seq: self.heartbeat_seq, host_ms: (now_us / 1000) as u32 };
             self.heartbeat_seq = self.heartbeat_seq.wrapping_add(1);
+            self.heartbeat_us = now_us;
             self.next_heartbeat_us = now_us + u64::from(HEARTBEAT_PERIOD_MS) * 1000;
             return Some(Outgoing::Frame(heartbeat.encode(self.node)));
         }
@@ -198,6 +216,11 @@ impl Client {
         self.command = Some(command.encode(self.node));
     }
 
+    /// Takes back a command that has not left yet.
+    pub fn withdraw_command(&mut self) {
+        self.command = None;
+    }
+
     /// A new request about parameters, ready to be sent once or several times.
     pub fn parameter(&mut self, action: ParameterAction) -> ParameterRequest {
         self.parameter_seq = (self.parameter_seq + 1) & 0xF;
@@ -221,8 +244,10 @@ impl Client {
         self.transport.reset();
     }
 
-    /// Stops the robot: at once, and again and again until the controller says that it has.
+    /// Stops the robot: at once, and again and again until the controller says that it has. A command that
+    /// has not left yet never does.
     pub fn estop(&mut self, now_us: u64) {
+        self.command = None;
         self.stopping = Some(Stopping { sent: 0, next_us: now_us });
     }
 }

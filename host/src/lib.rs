@@ -5,6 +5,7 @@
 //! | [`session`] | what to do in which order: connect, flash, arm, select motions, stop |
 //! | [`dbc`] | every frame signal by signal, and as a DBC file |
 //! | [`client`] | the protocol without clock or bus: frames and time in, frames out |
+//! | [`operator`] | somebody at a console: wishes, frames and time in, frames and what to show out |
 //! | [`discover`] | who is on the link |
 //! | [`catalog`] | names for the numbers of a library |
 //! | [`refusal`] | what the controller says no with, in sentences |
@@ -13,5 +14,6 @@ pub mod catalog;
 pub mod client;
 pub mod dbc;
 pub mod discover;
+pub mod operator;
 pub mod refusal;
 pub mod session;

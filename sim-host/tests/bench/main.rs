@@ -2,6 +2,7 @@
 
 mod agilebot;
 mod flashing;
+mod operating;
 mod playing;
 mod refusing;
 mod robot;

@@ -1,0 +1,146 @@
+//! What the controller has told: state, faults, joints, and how well the link carries it.
+
+use super::log::{Log, Weight};
+use super::view::{FaultView, JointView, LinkView};
+use crate::client::Client;
+use crate::refusal::{fault_names, state_name};
+use rollwalk_protocol::wire::{Fault, FaultBits, FaultReport, JointTelemetry, State, Status};
+use std::collections::BTreeMap;
+
+/// Without a status for so long there is no contact, µs.
+const CONTACT_US: u64 = 500_000;
+/// Status frames come at least so often; after a longer silence nobody knows how many were lost, µs.
+const COUNTED_US: u64 = 16 * 45_000;
+/// A fault that does not latch, told because ARM was refused, is shown for so long, µs.
+const TOLD_US: u64 = 5_000_000;
+
+/// What the controller has told.
+#[derive(Clone, Debug, Default)]
+pub struct Heard {
+    /// The last status, and when, µs.
+    status: Option<(u64, Status)>,
+    /// Whether there is contact, as the operator was told last; `None` before the first.
+    contact: Option<bool>,
+    reports: BTreeMap<u8, (u64, FaultReport)>,
+    joints: BTreeMap<u8, (u64, JointTelemetry)>,
+    received: u64,
+    lost: u64,
+}
+
+impl Heard {
+    /// The last status.
+    pub fn status(&self) -> Option<Status> {
+        self.status.map(|(_, status)| status)
+    }
+
+    /// The state by the last status.
+    pub fn state(&self) -> Option<State> {
+        self.status().map(|status| status.state)
+    }
+
+    /// Whether the controller was heard a moment ago.
+    pub fn in_contact(&self, now_us: u64) -> bool {
+        self.status.is_some_and(|(at_us, _)| now_us.saturating_sub(at_us) < CONTACT_US)
+    }
+
+    /// Notes how it is; what has changed is said.
+    pub fn on_status(&mut self, now_us: u64, status: Status, log: &mut Log) {
+        let before = self.status.replace((now_us, status));
+        self.received += 1;
+        if let Some((at_us, last)) = before
+            && now_us.saturating_sub(at_us) < COUNTED_US
+        {
+            self.lost += u64::from(status.counter.wrapping_sub(last.counter + 1) & 0xF);
+        }
+        if self.contact != Some(true) {
+            let text = if self.contact.is_some() { "contact again" } else { "contact" };
+            log.say(
+                now_us,
+                Weight::Note,
+                format!("{text}: the robot is {}", state_name(status.state)),
+            );
+        } else if before.is_some_and(|(_, last)| last.state != status.state) {
+            let weight = match status.state {
+                State::Damped | State::TorqueOff | State::EStopped => Weight::Warning,
+                _ => Weight::Note,
+            };
+            log.say(now_us, weight, format!("the robot is {}", state_name(status.state)));
+        }
+        self.contact = Some(true);
+        let old = before.map_or(FaultBits::default(), |(_, last)| last.faults);
+        let new = FaultBits(status.faults.0 & !old.0);
+        let gone = FaultBits(old.0 & !status.faults.0);
+        if !new.is_empty() {
+            log.say(now_us, Weight::Warning, format!("fault: {}", fault_names(new)));
+        }
+        if !gone.is_empty() {
+            log.say(now_us, Weight::Note, format!("no longer: {}", fault_names(gone)));
+            self.reports.retain(|&code, _| gone.iter().all(|fault| fault.code() != code));
+        }
+    }
+
+    /// Notes a fault in detail.
+    pub fn on_fault(&mut self, now_us: u64, report: FaultReport, log: &mut Log) {
+        let known = self.reports.insert(report.fault.code(), (now_us, report));
+        let latched = self.status().is_some_and(|status| status.faults.contains(report.fault));
+        let recent = known.is_some_and(|(at_us, _)| now_us.saturating_sub(at_us) < TOLD_US);
+        if !latched && !recent {
+            let faults = FaultBits::default().with(report.fault);
+            log.say(now_us, Weight::Warning, format!("it says: {}", fault_names(faults)));
+        }
+    }
+
+    /// Notes what a joint or wheel does.
+    pub fn on_joint(&mut self, now_us: u64, joint: JointTelemetry) {
+        self.joints.insert(joint.channel, (now_us, joint));
+    }
+
+    /// Says when contact is lost, and whether it was just now.
+    pub fn watch(&mut self, now_us: u64, log: &mut Log) -> bool {
+        if self.contact == Some(true) && !self.in_contact(now_us) {
+            self.contact = Some(false);
+            let text = "no contact: nothing was heard for 0.5 s; without heartbeats an armed robot \
+                        returns to SAFE by itself";
+            log.say(now_us, Weight::Warning, text);
+            return true;
+        }
+        false
+    }
+
+    /// Faults that are present or were told a moment ago.
+    pub fn faults(&self, now_us: u64) -> Vec<FaultView> {
+        let latched = self.status().map_or(FaultBits::default(), |status| status.faults);
+        let view = |&fault: &Fault| {
+            let report = self.reports.get(&fault.code()).filter(|(at_us, _)| {
+                latched.contains(fault) || now_us.saturating_sub(*at_us) < TOLD_US
+            });
+            let present = latched.contains(fault);
+            (present || report.is_some()).then(|| FaultView {
+                fault,
+                present,
+                channel: report.and_then(|(_, report)| report.channel),
+                value: report.map(|(_, report)| report.value),
+            })
+        };
+        Fault::ALL.iter().filter_map(view).collect()
+    }
+
+    /// Joints and wheels by channel.
+    pub fn joints(&self, now_us: u64) -> BTreeMap<u8, JointView> {
+        let view = |(&channel, &(at_us, told)): (&u8, &(u64, JointTelemetry))| {
+            (channel, JointView { told, age_us: now_us.saturating_sub(at_us) })
+        };
+        self.joints.iter().map(view).collect()
+    }
+
+    /// How well the link carries.
+    pub fn link(&self, now_us: u64, client: &Client) -> LinkView {
+        LinkView {
+            contact: self.in_contact(now_us),
+            round_trip_us: client.round_trip_us(),
+            status_age_us: self.status.map(|(at_us, _)| now_us.saturating_sub(at_us)),
+            received: self.received,
+            lost: self.lost,
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! What an operator can want.
+
+/// What the operator wants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Intent {
+    /// Torque on, in two steps.
+    Arm,
+    /// The motion with this command code, at the speed that is set.
+    Play {
+        /// The code.
+        code: u8,
+    },
+    /// Halt where the motion is; go on if it is halted.
+    PauseOrResume,
+    /// Halt where the motion is.
+    Pause,
+    /// Go on.
+    Resume,
+    /// To SAFE.
+    Return,
+    /// To SAFE, then torque off.
+    Disarm,
+    /// Torque off at once.
+    Estop,
+    /// Out of an emergency stop or a latched fault, in two steps.
+    Clear,
+    /// From now on at so many 64ths of the planned speed, 1 to 64; a loop that plays changes its speed.
+    Speed {
+        /// The speed.
+        sixty_fourths: i8,
+    },
+    /// The deadman is pressed, let go or gone; before the first of these there is none.
+    Deadman(Deadman),
+    /// Go home and leave; a second time leave at once.
+    Quit,
+}
+
+/// A button that must be held while the robot moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Deadman {
+    /// It is held.
+    Held,
+    /// It is not, or nobody knows.
+    Released(LetGo),
+}
+
+/// What a robot that moves does when the deadman is let go. One that aligns is always disarmed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LetGo {
+    /// It halts where it is.
+    Pause,
+    /// It returns to SAFE.
+    Return,
+    /// It returns to SAFE, then torque goes off.
+    Disarm,
+}

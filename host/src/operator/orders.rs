@@ -1,0 +1,229 @@
+//! Commands on their way: one at a time, repeated until it is answered or too old; one more may wait.
+
+use crate::catalog::Catalog;
+use crate::client::{COMMAND_LIFE_MS, Client};
+use crate::refusal::command_refusal;
+use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
+
+/// Without an answer a command is repeated so often, µs.
+const REPEAT_US: u64 = 60_000;
+/// No longer than it is valid, µs.
+const LIFE_US: u64 = COMMAND_LIFE_MS as u64 * 1000;
+/// One that waits is forgotten after so long, µs: nobody expects it any more.
+const WAIT_US: u64 = 1_000_000;
+/// A host that does not know where another stopped counting needs at most so many numbers until one
+/// counts as new.
+const SEQUENCE_TRIES: u32 = 9;
+
+/// What can be ordered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    Play {
+        code: u8,
+        speed_64ths: i8,
+    },
+    Pause,
+    Resume,
+    Return,
+    Disarm,
+    /// In two steps.
+    Arm,
+    /// In two steps.
+    Clear,
+}
+
+impl Order {
+    fn first_step(self) -> Action {
+        match self {
+            Order::Play { code, speed_64ths } => Action::Play { code, speed_64ths },
+            Order::Pause => Action::Pause,
+            Order::Resume => Action::Resume,
+            Order::Return => Action::Return,
+            Order::Disarm => Action::Disarm,
+            Order::Arm => Action::ArmRequest,
+            Order::Clear => Action::ClearRequest,
+        }
+    }
+
+    /// Whether it makes a robot move that would not.
+    pub fn moves(self) -> bool {
+        matches!(self, Order::Play { .. } | Order::Resume | Order::Arm)
+    }
+
+    /// Whether it calms the robot, and so does not wait for an order that moves it.
+    fn calms(self) -> bool {
+        matches!(self, Order::Pause | Order::Return | Order::Disarm)
+    }
+
+    /// In words, after "to".
+    pub fn words(self, catalog: Option<&Catalog>) -> String {
+        let words = match self {
+            Order::Play { code, .. } => {
+                let motion = catalog
+                    .and_then(|catalog| catalog.motions.iter().find(|m| m.code == Some(code)));
+                return motion
+                    .map_or_else(|| format!("play code {code}"), |m| format!("play {}", m.name));
+            }
+            Order::Pause => "pause",
+            Order::Resume => "go on",
+            Order::Return => "return to SAFE",
+            Order::Disarm => "disarm",
+            Order::Arm => "arm",
+            Order::Clear => "clear the stop",
+        };
+        words.to_owned()
+    }
+}
+
+/// A command on its way.
+#[derive(Clone, Copy, Debug)]
+struct Flight {
+    order: Order,
+    command: Command,
+    /// The second of two steps.
+    confirming: bool,
+    quiet: bool,
+    numbers: u32,
+    next_us: u64,
+    until_us: u64,
+}
+
+/// An order that waits for the one on its way.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    order: Order,
+    quiet: bool,
+    until_us: u64,
+}
+
+/// How an order ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ended {
+    pub order: Order,
+    pub outcome: Outcome,
+    /// Nobody asked for it, so nobody waits for an answer.
+    pub quiet: bool,
+}
+
+/// What became of an order.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outcome {
+    Done(CommandAck),
+    Refused(&'static str),
+    Unanswered,
+    /// It could not be sent at all.
+    Unsent,
+}
+
+/// Commands on their way.
+#[derive(Clone, Debug, Default)]
+pub struct Orders {
+    flight: Option<Flight>,
+    waiting: Option<Waiting>,
+}
+
+impl Orders {
+    /// What is on its way, else what waits.
+    pub fn current(&self) -> Option<Order> {
+        let waiting = self.waiting.map(|waiting| waiting.order);
+        self.flight.map(|flight| flight.order).or(waiting)
+    }
+
+    /// When a command has to be repeated.
+    pub fn next_us(&self) -> u64 {
+        self.flight.map_or(u64::MAX, |flight| flight.next_us)
+    }
+
+    /// Gives an order. The newest counts: it takes the place of one that waits, and one that calms the robot also
+    /// of one that moves it and is on its way.
+    pub fn give(&mut self, now_us: u64, order: Order, quiet: bool, client: &mut Client) {
+        if order.calms() {
+            self.drop_moving(client);
+        }
+        self.waiting = Some(Waiting { order, quiet, until_us: now_us + WAIT_US });
+    }
+
+    /// Forgets everything.
+    pub fn forget(&mut self, client: &mut Client) {
+        *self = Self::default();
+        client.withdraw_command();
+    }
+
+    /// Forgets what would move the robot.
+    pub fn drop_moving(&mut self, client: &mut Client) {
+        if self.flight.is_some_and(|flight| flight.order.moves()) {
+            self.flight = None;
+            client.withdraw_command();
+        }
+        self.waiting = self.waiting.filter(|waiting| !waiting.order.moves());
+    }
+
+    /// Sends what is due; says what ended without an answer.
+    pub fn poll(&mut self, now_us: u64, client: &mut Client) -> Option<Ended> {
+        if let Some(flight) = self.flight.filter(|flight| now_us >= flight.until_us) {
+            self.flight = None;
+            client.withdraw_command();
+            let Flight { order, quiet, .. } = flight;
+            return Some(Ended { order, outcome: Outcome::Unanswered, quiet });
+        }
+        if let Some(waiting) = self.waiting.filter(|waiting| now_us >= waiting.until_us) {
+            self.waiting = None;
+            let Waiting { order, quiet, .. } = waiting;
+            return Some(Ended { order, outcome: Outcome::Unsent, quiet });
+        }
+        if self.flight.is_none()
+            && let Some(Waiting { order, quiet, .. }) = self.waiting
+            && let Some(command) = client.command(now_us, order.first_step())
+        {
+            self.waiting = None;
+            let until_us = now_us + LIFE_US;
+            let (confirming, numbers) = (false, 1);
+            let flight =
+                Flight { order, command, confirming, quiet, numbers, next_us: now_us, until_us };
+            self.flight = Some(flight);
+        }
+        if let Some(flight) = &mut self.flight
+            && now_us >= flight.next_us
+        {
+            flight.next_us = now_us + REPEAT_US;
+            client.send_command(flight.command);
+        }
+        None
+    }
+
+    /// Takes an answer; says what ended with it.
+    pub fn on_ack(&mut self, now_us: u64, ack: CommandAck, client: &mut Client) -> Option<Ended> {
+        let flight = self.flight.take_if(|flight| {
+            (ack.seq, ack.kind) == (flight.command.seq, flight.command.action.kind())
+        })?;
+        client.withdraw_command();
+        let Flight { order, quiet, .. } = flight;
+        let next = match (ack.result, order) {
+            (CommandResult::Ok, Order::Arm) if !flight.confirming => {
+                Some((Action::ArmConfirm { nonce: ack.value }, true, 1))
+            }
+            (CommandResult::Ok, Order::Clear) if !flight.confirming => {
+                Some((Action::ClearConfirm { nonce: ack.value }, true, 1))
+            }
+            // It was not executed: the same once more, with the next number.
+            (CommandResult::OutOfOrder, _) if flight.numbers < SEQUENCE_TRIES => {
+                Some((flight.command.action, flight.confirming, flight.numbers + 1))
+            }
+            _ => None,
+        };
+        if let Some((action, confirming, numbers)) = next
+            && let Some(command) = client.command(now_us, action)
+        {
+            let until_us = now_us + LIFE_US;
+            let flight =
+                Flight { order, command, confirming, quiet, numbers, next_us: now_us, until_us };
+            self.flight = Some(flight);
+            return None;
+        }
+        let outcome = match ack.result {
+            CommandResult::Ok => Outcome::Done(ack),
+            result => Outcome::Refused(command_refusal(result)),
+        };
+        Some(Ended { order, outcome, quiet })
+    }
+}

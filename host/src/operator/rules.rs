@@ -1,0 +1,200 @@
+//! Wishes: which become orders, and what bars the others.
+
+use super::log::Weight;
+use super::orders::Order;
+use super::view::Leaving;
+use super::{Deadman, Intent, LetGo, Operator, has_torque};
+use rollwalk_protocol::wire::{PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State};
+
+/// What an emergency stop leaves behind: the operator has to want both to clear and to arm before anything moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Latch {
+    /// Nothing is barred.
+    Open,
+    /// Stopped, and not cleared.
+    Stopped,
+    /// Cleared, and not armed.
+    Cleared,
+}
+
+impl Latch {
+    pub(super) fn cleared(self) -> Self {
+        if self == Latch::Stopped { Latch::Cleared } else { self }
+    }
+
+    pub(super) fn armed(self) -> Self {
+        if self == Latch::Cleared { Latch::Open } else { self }
+    }
+}
+
+impl Operator {
+    /// Takes a wish.
+    pub fn want(&mut self, now_us: u64, intent: Intent) {
+        match intent {
+            Intent::Estop => self.estop(now_us),
+            Intent::Speed { sixty_fourths } => self.speed_64ths = sixty_fourths.clamp(1, 64),
+            Intent::Deadman(deadman) => self.on_deadman(now_us, deadman),
+            Intent::Quit => self.quit(now_us),
+            Intent::Play { code } => {
+                let speed_64ths = self.speed_64ths;
+                self.order(now_us, Order::Play { code, speed_64ths });
+            }
+            Intent::PauseOrResume => {
+                let paused = self.heard.state() == Some(State::Paused);
+                self.order(now_us, if paused { Order::Resume } else { Order::Pause });
+            }
+            Intent::Pause => self.order(now_us, Order::Pause),
+            Intent::Resume => self.order(now_us, Order::Resume),
+            Intent::Return => self.order(now_us, Order::Return),
+            Intent::Disarm => self.order(now_us, Order::Disarm),
+            Intent::Arm => self.order(now_us, Order::Arm),
+            Intent::Clear => self.order(now_us, Order::Clear),
+        }
+    }
+
+    /// Why this host must not arm the controller, if so.
+    pub(super) fn stranger(&self) -> Option<String> {
+        let hello = self.hello?;
+        if (hello.major, hello.schema_hash) != (PROTOCOL_MAJOR, SCHEMA_HASH) {
+            return Some(format!(
+                "the controller speaks protocol {}.{} (schema {:08x}), this host \
+                 {PROTOCOL_MAJOR}.{PROTOCOL_MINOR} (schema {SCHEMA_HASH:08x}): build both from the \
+                 same release",
+                hello.major, hello.minor, hello.schema_hash
+            ));
+        }
+        let ours = self.config_hash.filter(|&ours| ours != hello.config_hash)?;
+        Some(format!(
+            "the controller is for another robot (configuration {:08x}, this host has {ours:08x}): \
+             name the right robot file and library",
+            hello.config_hash
+        ))
+    }
+
+    /// The robot is stopped, whoever did it.
+    pub(super) fn stopped(&mut self) {
+        if self.latch != Latch::Stopped {
+            self.latch = Latch::Stopped;
+            self.asked = None;
+            // Not even a wish to clear, which was about something else.
+            self.orders.forget(&mut self.client);
+        }
+    }
+
+    fn estop(&mut self, now_us: u64) {
+        self.latch = Latch::Stopped;
+        self.asked = None;
+        self.unsent = None;
+        self.orders.forget(&mut self.client);
+        self.client.estop(now_us);
+        self.log.say(now_us, Weight::Warning, "EMERGENCY STOP");
+    }
+
+    fn on_deadman(&mut self, now_us: u64, deadman: Deadman) {
+        if self.deadman == Some(deadman) {
+            return;
+        }
+        self.deadman = Some(deadman);
+        if let Deadman::Released(_) = deadman {
+            self.orders.drop_moving(&mut self.client);
+            self.unasked_us = now_us;
+        }
+        if matches!(self.heard.state(), Some(State::Playing | State::Aligning | State::Paused)) {
+            let held = deadman == Deadman::Held;
+            let text = if held { "the deadman is held" } else { "the deadman was let go" };
+            self.log.say(now_us, Weight::Note, text);
+        }
+    }
+
+    fn quit(&mut self, now_us: u64) {
+        let torque = self.heard.state().is_some_and(has_torque);
+        self.leaving = match self.leaving {
+            Leaving::No if torque && !self.visiting => {
+                self.orders.forget(&mut self.client);
+                self.unasked_us = now_us;
+                let text = if self.heard.in_contact(now_us) && self.bus_lost.is_none() {
+                    "going home: it returns to SAFE, then torque goes off"
+                } else {
+                    "no contact: it cannot be brought home; once more leaves at once"
+                };
+                self.log.say(now_us, Weight::Note, text);
+                Leaving::WhenHome
+            }
+            _ => Leaving::Now,
+        };
+    }
+
+    fn order(&mut self, now_us: u64, order: Order) {
+        match self.permit(order) {
+            Ok(()) => {
+                self.unasked_us = self.unasked_us.max(now_us);
+                self.orders.give(now_us, order, false, &mut self.client);
+            }
+            Err(Barred::Refused(why)) => {
+                let words = order.words(self.catalog.as_ref());
+                self.log.say(now_us, Weight::Refused, format!("not sent, to {words}: {why}"));
+            }
+            Err(Barred::NeedsNothing(latch, why)) => {
+                self.latch = latch;
+                self.log.say(now_us, Weight::Note, why);
+            }
+        }
+    }
+
+    fn permit(&self, order: Order) -> Result<(), Barred> {
+        let refused = |why: &str| Err(Barred::Refused(why.to_owned()));
+        if let Some(why) = &self.bus_lost {
+            return refused(&format!("the bus is lost, {why}"));
+        }
+        if let Some(why) = self.stranger()
+            && (self.visiting || order.moves())
+        {
+            return refused(&why);
+        }
+        if self.leaving != Leaving::No && order != Order::Disarm {
+            return refused("the robot is on its way home");
+        }
+        let state = self.heard.state();
+        match (order, self.latch) {
+            (Order::Disarm, _) => return Ok(()),
+            (Order::Clear, Latch::Stopped) => {
+                if self.client.is_stopping() {
+                    return refused("the emergency stop is not acknowledged yet");
+                }
+                let latched = matches!(state, Some(State::EStopped | State::TorqueOff) | None);
+                if !latched {
+                    let why = "nothing is left to be cleared; arm";
+                    return Err(Barred::NeedsNothing(Latch::Cleared, why));
+                }
+                return Ok(());
+            }
+            (Order::Clear, _) => return Ok(()),
+            (_, Latch::Stopped) => {
+                return refused("an emergency stop: clear it first, then arm");
+            }
+            (Order::Arm, Latch::Cleared) if state.is_some_and(has_torque) => {
+                return Err(Barred::NeedsNothing(Latch::Open, "it is armed already"));
+            }
+            (Order::Arm, _) | (_, Latch::Open) => {}
+            (_, Latch::Cleared) => return refused("an emergency stop: arm first"),
+        }
+        if order == Order::Arm && self.hello.is_none() {
+            return refused("the controller has not said yet which robot it is");
+        }
+        if let Some(Deadman::Released(let_go)) = self.deadman {
+            let home = order == Order::Return && let_go != LetGo::Pause;
+            if order.moves() || order == Order::Return && !home {
+                return refused("hold the deadman");
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Why a wish does not become an order.
+enum Barred {
+    /// Something bars it.
+    Refused(String),
+    /// It is fulfilled already.
+    NeedsNothing(Latch, &'static str),
+}

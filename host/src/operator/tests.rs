@@ -1,0 +1,511 @@
+//! Whatever is wished, heard and lost: what an operator's host never does, and what it always does.
+
+use super::*;
+use proptest::prelude::*;
+use rollwalk_protocol::actuator::ActuatorStatus;
+use rollwalk_protocol::wire::{
+    Action, Command, CommandResult, EstopAck, Fault, FaultBits, FaultReport, HeartbeatReply,
+    JointTelemetry, Severity, Status, ToController,
+};
+
+fn node() -> Node {
+    Node::new(1).unwrap()
+}
+
+fn status(state: State, counter: u8) -> Status {
+    let faults = FaultBits::default();
+    let severity = Severity::None;
+    Status { state, severity, faults, clip: None, frame: 0, counter, library: 0 }
+}
+
+/// An operator with all that went out.
+struct Desk {
+    operator: Operator,
+    now_us: u64,
+    sent: Vec<ToController>,
+    heartbeat: u8,
+}
+
+impl Desk {
+    /// In contact with a controller, whose clock is known.
+    fn new() -> Self {
+        let operator = Operator::new(node(), None);
+        let mut desk = Self { operator, now_us: 0, sent: Vec::new(), heartbeat: 0 };
+        desk.poll();
+        desk.reply();
+        desk.hear(status(State::Ready, 0).encode(node()));
+        desk.operator.hello = Some(Hello {
+            major: PROTOCOL_MAJOR,
+            minor: PROTOCOL_MINOR,
+            schema_hash: SCHEMA_HASH,
+            config_hash: 7,
+            format_major: 1,
+            format_minor: 1,
+            library: None,
+            max_block: 512,
+            channels: 3,
+        });
+        desk.poll();
+        desk.sent.clear();
+        desk
+    }
+
+    fn poll(&mut self) -> Vec<ToController> {
+        let mut new = Vec::new();
+        while let Some(frame) = self.operator.poll(self.now_us) {
+            let message = ToController::decode(&frame).unwrap().1;
+            if let ToController::Heartbeat(heartbeat) = message {
+                self.heartbeat = heartbeat.seq;
+            }
+            new.push(message);
+            assert!(new.len() < 20, "no end: {new:?}");
+        }
+        self.sent.extend(&new);
+        new
+    }
+
+    fn reply(&mut self) {
+        let reply =
+            HeartbeatReply { seq: self.heartbeat, controller_ms: (self.now_us / 1000) as u32 };
+        self.hear(reply.encode(node()));
+    }
+
+    fn hear(&mut self, frame: CanFrame) {
+        self.operator.on_frame(self.now_us, &frame);
+    }
+
+    fn want(&mut self, intent: Intent) {
+        self.operator.want(self.now_us, intent);
+    }
+
+    fn pass(&mut self, us: u64) {
+        let until_us = self.now_us + us;
+        while self.now_us < until_us {
+            self.now_us = self.operator.next_poll_us(self.now_us).clamp(self.now_us + 1, until_us);
+            self.poll();
+        }
+    }
+
+    fn commands(&self) -> Vec<Command> {
+        let command = |message: &ToController| match message {
+            ToController::Command(command) => Some(*command),
+            _ => None,
+        };
+        self.sent.iter().filter_map(command).collect()
+    }
+
+    /// Answers the last command.
+    fn answer(&mut self, result: CommandResult, value: u16) {
+        let command = *self.commands().last().expect("a command was sent");
+        let (seq, kind) = (command.seq, command.action.kind());
+        let ack = CommandAck { seq, kind, result, state: State::Ready, motion: None, value };
+        self.hear(ack.encode(node()));
+        self.poll();
+    }
+
+    fn last_words(&self) -> &str {
+        &self.operator.log.messages().back().unwrap().text
+    }
+}
+
+#[test]
+fn a_command_without_answer_is_repeated_with_its_number_and_then_given_up() {
+    let mut desk = Desk::new();
+    desk.want(Intent::Play { code: 3 });
+    desk.pass(1_000_000);
+    let commands = desk.commands();
+    // Every 60 ms for half a second.
+    assert_eq!(commands.len(), 9);
+    assert!(commands.iter().all(|command| *command == commands[0]));
+    assert!(desk.last_words().starts_with("no answer to the command to play code 3"));
+    assert_eq!(desk.operator.view(desk.now_us).asking, None);
+}
+
+#[test]
+fn arming_takes_two_steps_and_confirms_by_itself() {
+    let mut desk = Desk::new();
+    desk.want(Intent::Arm);
+    desk.poll();
+    desk.answer(CommandResult::Ok, 777);
+    desk.answer(CommandResult::Ok, 0);
+    let actions: Vec<_> = desk.commands().iter().map(|command| command.action).collect();
+    assert_eq!(actions, [Action::ArmRequest, Action::ArmConfirm { nonce: 777 }]);
+    assert_eq!(desk.last_words(), "armed: it goes to SAFE");
+}
+
+#[test]
+fn a_number_out_of_order_is_counted_on_and_a_refusal_is_told() {
+    let mut desk = Desk::new();
+    desk.want(Intent::Play { code: 3 });
+    desk.poll();
+    desk.answer(CommandResult::OutOfOrder, 0);
+    desk.answer(CommandResult::NotArmed, 0);
+    let numbers: Vec<_> = desk.commands().iter().map(|command| command.seq).collect();
+    assert_eq!(numbers, [1, 2]);
+    assert_eq!(
+        desk.last_words(),
+        "the controller refused to play code 3: torque is off; arm first"
+    );
+}
+
+#[test]
+fn of_several_motions_the_newest_counts_and_a_pause_waits_for_none() {
+    let mut desk = Desk::new();
+    for code in 1..=5 {
+        desk.want(Intent::Play { code });
+        desk.poll();
+    }
+    desk.answer(CommandResult::Ok, 0);
+    let codes = desk.commands().iter().map(|command| command.action).collect::<Vec<_>>();
+    let play = |code| Action::Play { code, speed_64ths: 64 };
+    assert_eq!(codes, [play(1), play(5)]);
+    desk.want(Intent::Play { code: 6 });
+    desk.want(Intent::Pause);
+    desk.pass(200_000);
+    let last = desk.commands().split_off(2);
+    assert!(last.iter().all(|command| command.action == Action::Pause), "{last:?}");
+}
+
+#[test]
+fn a_frame_that_the_bus_did_not_take_is_sent_again_but_not_after_a_stop() {
+    let mut desk = Desk::new();
+    desk.want(Intent::Play { code: 3 });
+    let frame = desk.operator.poll(desk.now_us).unwrap();
+    desk.operator.not_sent(frame);
+    assert_eq!(desk.operator.poll(desk.now_us), Some(frame));
+    desk.operator.not_sent(frame);
+    desk.want(Intent::Estop);
+    assert_eq!(desk.poll(), [ToController::Estop]);
+    assert_eq!(desk.commands(), []);
+}
+
+#[test]
+fn after_a_stop_it_takes_clearing_and_arming() {
+    let mut desk = Desk::new();
+    desk.want(Intent::Estop);
+    desk.want(Intent::Play { code: 3 });
+    desk.want(Intent::Clear);
+    assert!(desk.last_words().contains("not acknowledged yet"), "{}", desk.last_words());
+    desk.hear(EstopAck { state: State::EStopped }.encode(node()));
+    desk.hear(status(State::EStopped, 1).encode(node()));
+    desk.want(Intent::Arm);
+    desk.poll();
+    assert_eq!(desk.commands(), []);
+    desk.want(Intent::Clear);
+    desk.poll();
+    desk.answer(CommandResult::Ok, 5);
+    desk.answer(CommandResult::Ok, 0);
+    desk.hear(status(State::Disarmed, 2).encode(node()));
+    desk.want(Intent::Play { code: 3 });
+    assert_eq!(desk.last_words(), "not sent, to play code 3: an emergency stop: arm first");
+    desk.want(Intent::Arm);
+    desk.poll();
+    desk.answer(CommandResult::Ok, 6);
+    desk.answer(CommandResult::Ok, 0);
+    desk.want(Intent::Play { code: 3 });
+    desk.poll();
+    assert!(matches!(desk.commands().last().unwrap().action, Action::Play { code: 3, .. }));
+}
+
+/// Somebody else has cleared and armed: the wishes are still asked of this operator, the steps are not.
+#[test]
+fn what_another_host_has_cleared_needs_no_command() {
+    let mut desk = Desk::new();
+    desk.hear(status(State::EStopped, 1).encode(node()));
+    desk.hear(status(State::Ready, 2).encode(node()));
+    desk.want(Intent::Play { code: 3 });
+    desk.want(Intent::Clear);
+    desk.want(Intent::Arm);
+    desk.poll();
+    assert_eq!(desk.commands(), []);
+    desk.want(Intent::Play { code: 3 });
+    desk.poll();
+    assert_eq!(desk.commands().len(), 1);
+}
+
+#[test]
+fn a_robot_that_moves_without_the_deadman_is_told_to_pause_until_it_does() {
+    let mut desk = Desk::new();
+    desk.want(Intent::Deadman(Deadman::Held));
+    desk.want(Intent::Play { code: 3 });
+    desk.poll();
+    // It is let go before the motion begins, when there is nothing to pause yet.
+    desk.want(Intent::Deadman(Deadman::Released(LetGo::Pause)));
+    desk.poll();
+    desk.sent.clear();
+    desk.hear(status(State::Playing, 1).encode(node()));
+    desk.poll();
+    assert_eq!(desk.commands().last().unwrap().action, Action::Pause);
+    desk.answer(CommandResult::WrongState, 0);
+    desk.pass(150_000);
+    assert_eq!(desk.commands().last().unwrap().action, Action::Pause);
+    for intent in [Intent::Play { code: 3 }, Intent::Resume, Intent::Return, Intent::Arm] {
+        desk.want(intent);
+        assert!(desk.last_words().ends_with("hold the deadman"), "{}", desk.last_words());
+    }
+    desk.hear(status(State::Aligning, 2).encode(node()));
+    desk.pass(600_000);
+    assert_eq!(desk.commands().last().unwrap().action, Action::Disarm);
+}
+
+#[test]
+fn a_controller_of_another_protocol_hears_no_heartbeat_but_the_stop() {
+    let mut desk = Desk::new();
+    let mut other = desk.operator.hello.unwrap();
+    other.schema_hash ^= 1;
+    desk.operator.on_hello(desk.now_us, other);
+    desk.want(Intent::Arm);
+    desk.pass(300_000);
+    assert!(desk.last_words().contains("same release"), "{}", desk.last_words());
+    assert_eq!(desk.sent, []);
+    desk.want(Intent::Estop);
+    assert_eq!(desk.poll(), [ToController::Estop]);
+    other.schema_hash ^= 1;
+    desk.operator.on_hello(desk.now_us, other);
+    desk.sent.clear();
+    desk.poll();
+    assert!(matches!(desk.sent[..], [ToController::Estop, ToController::Heartbeat(_)]));
+}
+
+#[test]
+fn leaving_waits_for_torque_to_go_off_or_for_a_second_wish() {
+    let mut desk = Desk::new();
+    desk.want(Intent::Quit);
+    desk.poll();
+    assert_eq!(desk.commands().last().unwrap().action, Action::Disarm);
+    desk.answer(CommandResult::Ok, 0);
+    assert_eq!(desk.operator.leaving(), Leaving::WhenHome);
+    desk.want(Intent::Play { code: 3 });
+    assert!(desk.last_words().ends_with("on its way home"), "{}", desk.last_words());
+    let mut other = Desk { operator: desk.operator.clone(), sent: Vec::new(), ..desk };
+    desk.operator.on_frame(desk.now_us, &status(State::Disarmed, 1).encode(node()));
+    assert_eq!(desk.operator.leaving(), Leaving::Now);
+    other.want(Intent::Quit);
+    assert_eq!(other.operator.leaving(), Leaving::Now);
+}
+
+#[test]
+fn lost_frames_faults_and_silence_are_told() {
+    let mut desk = Desk::new();
+    let faults = FaultBits::default().with(Fault::HostLost);
+    let told = Status { faults, ..status(State::TorqueOff, 4) };
+    desk.hear(told.encode(node()));
+    let report = FaultReport { counter: 0, fault: Fault::HostLost, channel: None, value: 0.3 };
+    desk.hear(report.encode(node()));
+    let view = desk.operator.view(desk.now_us);
+    assert_eq!((view.link.received, view.link.lost), (2, 3));
+    let fault =
+        FaultView { fault: Fault::HostLost, present: true, channel: None, value: Some(0.3) };
+    assert_eq!(view.faults, [fault]);
+    assert!(view.advice.contains("clear, then arm"));
+    desk.pass(600_000);
+    assert!(desk.last_words().starts_with("no contact"), "{}", desk.last_words());
+    assert!(!desk.operator.view(desk.now_us).link.contact);
+}
+
+/// Something that happens.
+#[derive(Clone, Debug)]
+enum Happens {
+    Wish(Intent),
+    Frame(CanFrame),
+    /// The last command is answered.
+    Answer(CommandResult, u16),
+    Reply,
+    Time(u64),
+    BusLost,
+    BusBack,
+    NotSent,
+}
+
+fn state() -> impl Strategy<Value = State> {
+    prop::sample::select(State::ALL)
+}
+
+fn happens() -> impl Strategy<Value = Happens> {
+    let let_go = prop::sample::select(&[LetGo::Pause, LetGo::Return, LetGo::Disarm][..]);
+    let deadman = prop_oneof![Just(Deadman::Held), let_go.prop_map(Deadman::Released)];
+    let wish = prop_oneof![
+        2 => Just(Intent::Arm),
+        4 => (0u8..5).prop_map(|code| Intent::Play { code }),
+        1 => Just(Intent::PauseOrResume),
+        1 => Just(Intent::Pause),
+        1 => Just(Intent::Resume),
+        1 => Just(Intent::Return),
+        1 => Just(Intent::Disarm),
+        2 => Just(Intent::Estop),
+        2 => Just(Intent::Clear),
+        1 => any::<i8>().prop_map(|sixty_fourths| Intent::Speed { sixty_fourths }),
+        2 => deadman.prop_map(Intent::Deadman),
+    ];
+    let status = (state(), any::<u16>(), any::<u8>(), 0u16..4096, 0u8..16).prop_map(
+        |(state, faults, clip, frame, counter)| Status {
+            state,
+            severity: Severity::None,
+            faults: FaultBits(faults),
+            clip: Some(clip % 4),
+            frame,
+            counter,
+            library: 0,
+        },
+    );
+    let result = prop::sample::select(CommandResult::ALL);
+    let other_ack = (0u8..16, 0u8..9, result.clone(), state(), any::<u16>()).prop_map(
+        |(seq, kind, result, state, value)| {
+            CommandAck { seq, kind, result, state, motion: None, value }.encode(node())
+        },
+    );
+    let fault = (prop::sample::select(Fault::ALL), any::<f32>()).prop_map(|(fault, value)| {
+        FaultReport { counter: 0, fault, channel: None, value }.encode(node())
+    });
+    let joint = any::<u8>().prop_map(|channel| {
+        let (position_rad, velocity_rad_s, torque_nm) = (0.1, 0.2, 0.3);
+        let status = ActuatorStatus(0);
+        JointTelemetry { channel, position_rad, velocity_rad_s, torque_nm, status }.encode(node())
+    });
+    let any_frame = (0u16..0x800, prop::collection::vec(any::<u8>(), 0..=8))
+        .prop_map(|(id, data)| CanFrame::new(id, &data).unwrap());
+    let frame = prop_oneof![
+        4 => status.prop_map(|status| status.encode(node())),
+        1 => state().prop_map(|state| EstopAck { state }.encode(node())),
+        2 => other_ack,
+        1 => fault,
+        1 => joint,
+        1 => any_frame,
+    ];
+    prop_oneof![
+        6 => wish.prop_map(Happens::Wish),
+        4 => frame.prop_map(Happens::Frame),
+        4 => (prop_oneof![4 => Just(CommandResult::Ok), 1 => result], any::<u16>())
+            .prop_map(|(result, value)| Happens::Answer(result, value)),
+        2 => Just(Happens::Reply),
+        4 => (0u64..400_000).prop_map(Happens::Time),
+        1 => Just(Happens::BusLost),
+        1 => Just(Happens::BusBack),
+        1 => Just(Happens::NotSent),
+    ]
+}
+
+fn catalog() -> Catalog {
+    use crate::catalog::{Motion, Transition};
+    let motion = |code: u8| Motion {
+        name: format!("motion_{code}"),
+        code: Some(code),
+        frames: 60,
+        looping: code.is_multiple_of(2),
+    };
+    Catalog {
+        robot: "test".into(),
+        config_hash: 7,
+        library: 0,
+        motions: (0..4).map(motion).collect(),
+        transitions: vec![Transition { from: 0, to: 1 }],
+        safe: 0,
+        channels: vec!["hip".into()],
+    }
+}
+
+/// What has to hold of every frame that goes out, in order.
+#[derive(Default)]
+struct Watch {
+    /// Wishes since the last stop that the operator wished or heard of; `None` without one.
+    since_stop: Option<(bool, bool)>,
+    held: Option<bool>,
+    /// The last command and the numbers before it.
+    last: Option<Command>,
+    gone: Vec<Command>,
+}
+
+impl Watch {
+    fn wish(&mut self, intent: Intent) {
+        match (intent, &mut self.since_stop) {
+            (Intent::Estop, stop) => *stop = Some((false, false)),
+            (Intent::Clear, Some((cleared, _))) => *cleared = true,
+            (Intent::Arm, Some((true, armed))) => *armed = true,
+            (Intent::Deadman(deadman), _) => self.held = Some(deadman == Deadman::Held),
+            _ => {}
+        }
+    }
+
+    fn sent(&mut self, message: &ToController) -> Result<(), TestCaseError> {
+        let ToController::Command(command) = message else { return Ok(()) };
+        let moves = matches!(command.action, Action::Play { .. } | Action::Resume);
+        let arms = matches!(command.action, Action::ArmRequest | Action::ArmConfirm { .. });
+        if moves {
+            prop_assert!(self.since_stop.is_none_or(|wished| wished == (true, true)));
+        }
+        if arms {
+            prop_assert!(self.since_stop.is_none_or(|(cleared, armed)| cleared && armed));
+        }
+        if moves || arms {
+            prop_assert!(self.held != Some(false), "{command:?} without the deadman");
+        }
+        if let Action::Play { speed_64ths, .. } = command.action {
+            prop_assert!((1..=64).contains(&speed_64ths));
+        }
+        if self.last != Some(*command) {
+            prop_assert!(!self.gone.contains(command), "an old command once more");
+            if let Some(last) = self.last.replace(*command) {
+                // A new command has the next number, or one soon after it when one was never sent.
+                let ahead = command.seq.wrapping_sub(last.seq) & 0xF;
+                prop_assert!((1..=8).contains(&ahead), "{:?} after {:?}", command, last);
+                self.gone.push(last);
+            }
+            let recent = self.gone.len().saturating_sub(8);
+            self.gone.drain(..recent);
+        }
+        Ok(())
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1500))]
+
+    #[test]
+    fn whatever_happens(all in prop::collection::vec(happens(), 1..80)) {
+        let mut desk = Desk::new();
+        desk.operator.set_catalog(Some(catalog()));
+        let mut watch = Watch::default();
+        for happens in all {
+            let before = desk.sent.len();
+            match happens {
+                Happens::Wish(intent) => {
+                    watch.wish(intent);
+                    desk.want(intent);
+                    let new = desk.poll();
+                    if intent == Intent::Estop {
+                        prop_assert_eq!(new.first(), Some(&ToController::Estop));
+                    }
+                }
+                Happens::Frame(frame) => {
+                    // Another's stop counts as well.
+                    if let Ok((_, rollwalk_protocol::wire::FromController::Status(status))) =
+                        rollwalk_protocol::wire::FromController::decode(&frame)
+                        && status.state == State::EStopped
+                    {
+                        watch.since_stop = watch.since_stop.or(Some((false, false)));
+                    }
+                    desk.hear(frame);
+                    desk.poll();
+                }
+                Happens::Answer(result, value) => {
+                    if !desk.commands().is_empty() {
+                        desk.answer(result, value);
+                    }
+                }
+                Happens::Reply => desk.reply(),
+                Happens::Time(us) => desk.pass(us),
+                Happens::BusLost => desk.operator.on_bus_lost(desk.now_us, "unplugged"),
+                Happens::BusBack => desk.operator.on_bus_back(desk.now_us),
+                Happens::NotSent => {
+                    if let Some(frame) = desk.operator.poll(desk.now_us) {
+                        desk.operator.not_sent(frame);
+                    }
+                }
+            }
+            for message in &desk.sent[before..] {
+                watch.sent(message)?;
+            }
+            let _ = desk.operator.view(desk.now_us);
+        }
+    }
+}

@@ -1,0 +1,275 @@
+//! The operator's host around the simulated robot: what a console does, without a console.
+
+use crate::robot::{self, BOW, ROLL, STAND, SWING};
+use crate::{S, connect, rig};
+use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_bus::lossy::Lossy;
+use rollwalk_host::catalog::Catalog;
+use rollwalk_host::operator::{Deadman, Intent, Leaving, LetGo, Operator, View};
+use rollwalk_protocol::library::{ClipId, Library, validate};
+use rollwalk_protocol::wire::{Fault, Node, State};
+
+/// A robot with its library on board, and an operator who has its names.
+struct Console<B> {
+    bus: B,
+    operator: Operator,
+}
+
+impl<B: LinkBus> Console<B> {
+    fn new(bus: B) -> Self {
+        let mut session = connect(bus);
+        session.flash(&robot::library(), |_| {}).unwrap();
+        let mut operator = Operator::new(Node::new(1).unwrap(), Some(robot::config().hash()));
+        operator.set_catalog(Some(catalog()));
+        let mut console = Self { bus: session.into_bus(), operator };
+        console.run(S);
+        console
+    }
+
+    fn want(&mut self, intent: Intent) {
+        self.operator.want(self.bus.now_us(), intent);
+    }
+
+    fn run(&mut self, us: u64) {
+        let until_us = self.bus.now_us() + us;
+        self.run_until(until_us, |_| false);
+    }
+
+    /// Runs until the view is as wished; panics when it takes too long.
+    fn wait(&mut self, what: &str, wished: impl FnMut(&View) -> bool) {
+        let until_us = self.bus.now_us() + 20 * S;
+        let found = self.run_until(until_us, wished);
+        let view = self.operator.view(self.bus.now_us());
+        assert!(found, "waited for {what}: {:?}, {:#?}", view.status, view.messages);
+    }
+
+    fn wait_for(&mut self, state: State) {
+        self.wait(&format!("{state:?}"), |view| view.status.is_some_and(|s| s.state == state));
+    }
+
+    fn run_until(&mut self, until_us: u64, mut wished: impl FnMut(&View) -> bool) -> bool {
+        loop {
+            let now_us = self.bus.now_us();
+            while let Some(frame) = self.operator.poll(now_us) {
+                match self.bus.send(&frame) {
+                    Ok(()) => {}
+                    Err(LinkError::Busy) => {
+                        self.operator.not_sent(frame);
+                        break;
+                    }
+                    Err(error) => panic!("{error}"),
+                }
+            }
+            if wished(&self.operator.view(now_us)) {
+                return true;
+            }
+            if now_us >= until_us {
+                return false;
+            }
+            let wake_us = self.operator.next_poll_us(now_us).max(now_us + 500).min(until_us);
+            if let Some(frame) = self.bus.receive(wake_us).unwrap() {
+                self.operator.on_frame(self.bus.now_us(), &frame);
+            }
+        }
+    }
+
+    fn view(&self) -> View {
+        self.operator.view(self.bus.now_us())
+    }
+
+    fn state(&self) -> State {
+        self.view().status.unwrap().state
+    }
+}
+
+fn catalog() -> Catalog {
+    let bytes = robot::library();
+    let index = validate(&bytes, &robot::config()).unwrap();
+    let channels = ["hip", "knee", "wheel"].map(str::to_owned).to_vec();
+    Catalog::of(&Library::open(&bytes, &index).unwrap(), "one_leg", channels).unwrap()
+}
+
+/// Number of the clip of a motion: the library's order is that of the codes.
+fn clip(code: u8) -> Option<u8> {
+    Some(code - 1)
+}
+
+#[test]
+fn arms_plays_pauses_and_goes_home() {
+    let mut console = Console::new(rig());
+    let view = console.view();
+    assert_eq!(view.hello.map(|hello| hello.channels), Some(3));
+    assert!(view.link.contact && view.link.lost == 0 && view.link.received > 10);
+    // A heartbeat and its answer take 130 bits each on a bus with little else.
+    assert!(view.link.round_trip_us.unwrap() < 2_000, "{:?}", view.link);
+    assert_eq!(view.joints.len(), 3);
+    console.want(Intent::Arm);
+    console.wait_for(State::Ready);
+    console.want(Intent::Play { code: SWING });
+    console.wait("swing", |view| view.status.unwrap().clip == clip(SWING));
+    console.want(Intent::PauseOrResume);
+    console.wait_for(State::Paused);
+    console.want(Intent::PauseOrResume);
+    console.wait_for(State::Playing);
+    console.want(Intent::Play { code: BOW });
+    console.want(Intent::Play { code: ROLL });
+    console.wait("roll", |view| view.status.unwrap().clip == clip(ROLL));
+    console.want(Intent::Return);
+    console.wait_for(State::Ready);
+    assert_eq!(console.view().status.unwrap().clip, clip(STAND));
+    console.want(Intent::Quit);
+    console.wait("home", |view| view.leaving == Leaving::Now);
+    assert!(!console.view().messages.iter().any(|message| message.text.contains("refused")));
+}
+
+#[test]
+fn a_loop_changes_its_speed_while_it_plays() {
+    let mut console = Console::new(rig());
+    console.want(Intent::Arm);
+    console.wait_for(State::Ready);
+    console.want(Intent::Play { code: ROLL });
+    console.wait("roll", |view| view.status.unwrap().clip == clip(ROLL));
+    console.run(2 * S);
+    // As a stick does it: in many small steps.
+    for sixty_fourths in (32..64).rev() {
+        console.want(Intent::Speed { sixty_fourths });
+        console.run(20_000);
+    }
+    console.run(2 * S);
+    assert_eq!(console.view().asked, Some((ROLL, 32)));
+    let wheel = console.view().joints[&2].told;
+    // A step of telemetry is 2 mrad/s; it follows a constant speed.
+    assert!((wheel.velocity_rad_s - 0.5 * robot::ROLL_RAD_S).abs() < 0.02, "{wheel:?}");
+}
+
+#[test]
+fn a_stop_is_left_by_clearing_and_arming() {
+    let mut console = Console::new(rig());
+    console.want(Intent::Arm);
+    console.wait_for(State::Ready);
+    console.want(Intent::Play { code: SWING });
+    console.want(Intent::Estop);
+    console.wait_for(State::EStopped);
+    assert!(!console.view().stopping);
+    console.want(Intent::Arm);
+    console.want(Intent::Play { code: SWING });
+    console.run(S);
+    assert_eq!(console.state(), State::EStopped);
+    console.want(Intent::Clear);
+    console.wait_for(State::Disarmed);
+    console.want(Intent::Arm);
+    console.wait_for(State::Ready);
+    console.want(Intent::Play { code: SWING });
+    console.wait_for(State::Playing);
+}
+
+#[test]
+fn a_deadman_that_is_let_go_halts_or_returns_or_disarms() {
+    for (let_go, ends) in [
+        (LetGo::Pause, State::Paused),
+        (LetGo::Return, State::Ready),
+        (LetGo::Disarm, State::Disarmed),
+    ] {
+        let mut console = Console::new(rig());
+        console.want(Intent::Deadman(Deadman::Released(let_go)));
+        console.want(Intent::Arm);
+        console.run(S);
+        assert_eq!(console.state(), State::Disarmed, "not armed without it");
+        console.want(Intent::Deadman(Deadman::Held));
+        console.want(Intent::Arm);
+        console.wait_for(State::Ready);
+        console.want(Intent::Play { code: ROLL });
+        console.wait("roll", |view| view.status.unwrap().clip == clip(ROLL));
+        console.want(Intent::Deadman(Deadman::Released(let_go)));
+        console.wait_for(ends);
+        // Neither time nor pressing it again makes it move.
+        console.want(Intent::Deadman(Deadman::Held));
+        console.run(2 * S);
+        assert_eq!(console.state(), ends);
+    }
+}
+
+/// The motion is acknowledged, but has not begun: there is nothing to pause yet.
+#[test]
+fn a_deadman_let_go_at_any_instant_halts_the_robot() {
+    for delay_us in (0..60_000).step_by(3_000) {
+        let mut console = Console::new(rig());
+        console.want(Intent::Deadman(Deadman::Held));
+        console.want(Intent::Arm);
+        console.wait_for(State::Ready);
+        console.want(Intent::Play { code: ROLL });
+        console.run(delay_us);
+        console.want(Intent::Deadman(Deadman::Released(LetGo::Pause)));
+        console.run(3 * S);
+        assert!(matches!(console.state(), State::Paused | State::Ready), "{delay_us} µs");
+        let wheel = console.view().joints[&2].told.velocity_rad_s;
+        assert!(wheel.abs() < 0.02, "{delay_us} µs: {wheel}");
+    }
+}
+
+#[test]
+fn a_robot_whose_operator_is_gone_returns_by_itself() {
+    let mut console = Console::new(rig());
+    console.want(Intent::Arm);
+    console.wait_for(State::Ready);
+    console.want(Intent::Play { code: SWING });
+    console.wait("swing", |view| view.status.unwrap().clip == clip(SWING));
+    // The program hangs for a while: frames wait.
+    let until_us = console.bus.now_us() + 10 * S;
+    let mut frames = Vec::new();
+    while let Some(frame) = console.bus.receive(until_us).unwrap() {
+        frames.push(frame);
+    }
+    for frame in frames {
+        console.operator.on_frame(until_us, &frame);
+    }
+    console.run(S);
+    let view = console.view();
+    assert_eq!(view.status.unwrap().state, State::TorqueOff);
+    assert!(view.faults.iter().any(|fault| fault.fault == Fault::HostLost && fault.present));
+    console.want(Intent::Clear);
+    console.wait_for(State::Disarmed);
+    console.want(Intent::Arm);
+    console.wait_for(State::Ready);
+}
+
+#[test]
+fn a_link_that_loses_frames_delays_but_does_not_derail() {
+    for seed in 0..10 {
+        // A twentieth of all frames gets lost.
+        let mut console = Console::new(Lossy::new(rig(), 50, seed));
+        for (intent, state) in [
+            (Intent::Arm, State::Ready),
+            (Intent::Play { code: SWING }, State::Playing),
+            (Intent::Disarm, State::Disarmed),
+        ] {
+            // Whatever is not answered is asked again, as an operator does.
+            for _ in 0..5 {
+                console.want(intent);
+                let until_us = console.bus.now_us() + 8 * S;
+                let there = |view: &View| view.status.is_some_and(|s| s.state == state);
+                if console.run_until(until_us, there) {
+                    break;
+                }
+            }
+            assert_eq!(console.state(), state, "seed {seed}: {:#?}", console.view().messages);
+            console.run(2 * S);
+        }
+        assert!(console.view().link.lost > 0);
+        let records = console.bus.inner().records();
+        assert!(records.iter().any(|record| record.clip == ClipId(4)), "seed {seed}");
+    }
+}
+
+#[test]
+fn another_robots_operator_does_not_arm() {
+    let mut session = connect(rig());
+    session.flash(&robot::library(), |_| {}).unwrap();
+    let operator = Operator::new(Node::new(1).unwrap(), Some(1));
+    let mut console = Console { bus: session.into_bus(), operator };
+    console.run(S);
+    console.want(Intent::Arm);
+    console.run(S);
+    assert_eq!(console.state(), State::Disarmed);
+    assert!(console.view().stranger.unwrap().contains("for another robot"));
+}
