@@ -1,12 +1,18 @@
 //! Ctrl-C as a value that a solve can look at between two iterations.
 
 use crate::output;
+use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
+static LISTENING: Once = Once::new();
 
-/// From here on the first Ctrl-C asks the running solve to end; a second one ends the process.
+/// From here on the first Ctrl-C asks what is running to end; a second one ends the process.
 pub fn listen() {
+    LISTENING.call_once(install);
+}
+
+fn install() {
     let handler = || {
         if REQUESTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);

@@ -8,12 +8,17 @@
 //! | [`operator`] | somebody at a console: wishes, frames and time in, frames and what to show out |
 //! | [`discover`] | who is on the link |
 //! | [`catalog`] | names for the numbers of a library |
+//! | [`doctor`] | what is wrong with a robot, and how to clear it |
+//! | [`told`], [`telemetry`] | what a frame says by name; telemetry files for Foxglove |
 //! | [`refusal`] | what the controller says no with, in sentences |
 
 pub mod catalog;
 pub mod client;
 pub mod dbc;
 pub mod discover;
+pub mod doctor;
 pub mod operator;
 pub mod refusal;
 pub mod session;
+pub mod telemetry;
+pub mod told;

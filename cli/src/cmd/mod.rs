@@ -6,11 +6,14 @@ mod completions;
 mod dbc;
 mod demo;
 mod discover;
+mod doctor;
 mod export;
 mod failsafe;
 mod flash;
+mod gains;
 mod import;
 mod library;
+mod monitor;
 mod orders;
 mod plan;
 mod plot;
@@ -34,6 +37,9 @@ pub enum Command {
     Discover(discover::Args),
     Flash(flash::Args),
     Send(send::Args),
+    Monitor(monitor::Args),
+    Gains(gains::Args),
+    Doctor(doctor::Args),
     /// Stop the robot at once: torque off. Repeated until the controller acknowledges; `clear` leads out of it.
     Estop(orders::Args),
     /// Leave an emergency stop or a fault that has passed; the robot can then be armed again.
@@ -69,6 +75,9 @@ impl Command {
             Command::Discover(args) => discover::run(args),
             Command::Flash(args) => flash::run(args),
             Command::Send(args) => send::run(args),
+            Command::Monitor(args) => monitor::run(args),
+            Command::Doctor(args) => doctor::run(args),
+            Command::Gains(args) => gains::run(args),
             Command::Estop(args) => orders::run(Order::Estop, args),
             Command::Clear(args) => orders::run(Order::Clear, args),
             Command::Disarm(args) => orders::run(Order::Disarm, args),

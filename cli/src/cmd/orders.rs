@@ -1,9 +1,13 @@
 //! Short orders to a controller: `estop`, `clear`, `disarm`, `pause`, `resume`, `return`.
 
-use crate::link::{LinkArgs, ended};
+use crate::link::{LinkArgs, LiveSession, ended};
 use crate::{Exit, output};
 use rollwalk_host::refusal::{fault_names, state_name};
-use rollwalk_host::session::Session;
+use rollwalk_host::session::{Session, SessionError};
+use rollwalk_protocol::wire::{CommandResult, State};
+
+/// Within this time a status comes, µs.
+const STATUS_US: u64 = 200_000;
 
 /// What is ordered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +41,7 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
     let mut session = args.link.connect()?;
     let outcome = match order {
         Order::Estop => unreachable!("stops do not wait for a connection"),
-        Order::Clear => session.clear(),
+        Order::Clear => clear(&mut session),
         Order::Disarm => session.disarm(),
         Order::Pause => session.pause(),
         Order::Resume => session.resume(),
@@ -51,6 +55,19 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
         output::print(&format!("the robot is {state} ({faults})"))?;
     }
     Ok(Exit::Ok)
+}
+
+/// A robot that has nothing to be cleared is as it should be.
+fn clear(session: &mut LiveSession) -> Result<(), SessionError> {
+    let outcome = session.clear();
+    if let Err(SessionError::Refused { result: CommandResult::WrongState, .. }) = outcome {
+        session.run_for(STATUS_US)?;
+        if session.status().is_some_and(|status| status.state == State::Disarmed) {
+            output::say("there is nothing to clear");
+            return Ok(());
+        }
+    }
+    outcome
 }
 
 /// Nothing is asked first: the frame goes out at once, and again until it is acknowledged.

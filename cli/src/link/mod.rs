@@ -64,6 +64,8 @@ impl LinkArgs {
             SessionError::Silent { what: "heartbeat", .. } => {
                 format!("rollwalk discover --bus {bus} lists the controllers on it")
             }
+            // It says itself what would be right.
+            SessionError::ParameterRefused { .. } => return miette!("{error}"),
             _ => format!("rollwalk doctor --bus {bus} says what is wrong and how to clear it"),
         };
         miette!(help = help, "{error}")

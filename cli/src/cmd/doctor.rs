@@ -1,0 +1,222 @@
+//! `rollwalk doctor`: why a robot does not do what it should, and how to clear it.
+
+use crate::inputs::Source;
+use crate::link::LinkArgs;
+use crate::link::names::NamesArgs;
+use crate::output::Table;
+use crate::{Exit, interrupt, output};
+use miette::miette;
+use rollwalk_bus::link::LinkBus;
+use rollwalk_bus::name::BusName;
+use rollwalk_host::doctor::{Finding, Findings, Gravity, Heard};
+use rollwalk_host::refusal::{event_sentence, state_name};
+use rollwalk_host::session::{History, Session};
+use rollwalk_host::told::told;
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::transport::Hello;
+use serde::Serialize;
+
+/// So long the bus is listened to, µs: twice what a fault needs to be told again.
+const LISTEN_US: u64 = 2_000_000;
+/// Bitrate of a bus that nothing is said about, bit/s.
+const BITRATE: u32 = 1_000_000;
+
+/// Find out what is wrong with a robot: why it cannot be armed, why it stopped, who is silent, how full the bus is,
+/// and what to type.
+///
+/// Listens for two seconds, asks the controller who it is and what it remembers, and commands nothing. Exit code 5
+/// when something is wrong.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk doctor --bus can:can0
+  rollwalk doctor --bus can:can0 --robot pup.toml     # is it this robot at all?
+  rollwalk doctor --bus sim --json | jq '.findings[] | select(.gravity == \"wrong\")'
+
+docs/faults.md has a page for every fault.")]
+pub struct Args {
+    #[command(flatten)]
+    link: LinkArgs,
+    #[command(flatten)]
+    names: NamesArgs,
+    /// Robot file (TOML) of the robot that it should be.
+    #[arg(long = "expect", value_name = "ROBOT.toml")]
+    expected: Option<std::path::PathBuf>,
+    /// Print as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Report {
+    findings: Vec<Finding>,
+    log: Vec<Entry>,
+    load_percent: f64,
+    load: Vec<Load>,
+}
+
+/// An entry of the controller's log.
+#[derive(Serialize)]
+struct Entry {
+    seconds_ago: f64,
+    event: String,
+    before: &'static str,
+    after: &'static str,
+}
+
+/// Frames with an identifier.
+#[derive(Serialize)]
+struct Load {
+    id: String,
+    message: Option<&'static str>,
+    per_second: f64,
+    percent: f64,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let expected = args.expected.as_deref().map(|path| -> miette::Result<u32> {
+        let robot = Source::Disk.robot(path)?;
+        let config = robot.controller_config().map_err(|error| miette!("{error}"))?;
+        Ok(config.hash())
+    });
+    let expected = expected.transpose()?;
+    let (heard, samples, complaint) = listen(args)?;
+    let (hello, history) = ask(args)?;
+    if interrupt::requested() {
+        return Ok(Exit::Interrupted);
+    }
+    let library = hello.and_then(|hello| hello.library);
+    let catalog = library.map(|library| args.names.find(library)).transpose()?.flatten();
+    let bus = args.link.bus.to_string();
+    let bitrate = bitrate(&args.link.bus);
+    let findings = Findings {
+        heard: &heard,
+        hello: hello.as_ref(),
+        history: history.as_ref(),
+        complaint: complaint.as_deref(),
+        bitrate,
+        expected_config: expected,
+        catalog: catalog.as_ref(),
+        bus: &bus,
+    };
+    let report = report(&findings, history.as_ref(), &heard, &samples, bitrate);
+    if args.json {
+        output::print_json(&report)?;
+    } else {
+        output::print(&text(&report))?;
+    }
+    let wrong = report.findings.iter().any(|finding| finding.gravity == Gravity::Wrong);
+    Ok(if wrong { Exit::NotDone } else { Exit::Ok })
+}
+
+/// What is on the bus, one frame of each identifier, and what the bus says of itself.
+fn listen(args: &Args) -> miette::Result<(Heard, Vec<CanFrame>, Option<String>)> {
+    let mut bus = args.link.open()?;
+    output::say(format_args!("listening to {} for {} s", args.link.bus, LISTEN_US / 1_000_000));
+    let (start_us, node) = (bus.now_us(), args.link.node.number());
+    let (mut heard, mut samples) = (Heard::default(), Vec::<CanFrame>::new());
+    loop {
+        match bus.receive(start_us + LISTEN_US) {
+            Ok(Some(frame)) => {
+                if !heard.by_id.contains_key(&frame.id()) {
+                    samples.push(frame);
+                }
+                heard.take(node, &frame);
+            }
+            Ok(None) => break,
+            Err(_) if interrupt::requested() => break,
+            Err(error) => return Err(miette!("{error}")),
+        }
+    }
+    heard.span_us = bus.now_us() - start_us;
+    Ok((heard, samples, bus.complaint()))
+}
+
+/// Who the controller says it is, and what it remembers.
+fn ask(args: &Args) -> miette::Result<(Option<Hello>, Option<History>)> {
+    let Ok(mut session) = Session::visit(args.link.open()?, args.link.node) else {
+        return Ok((None, None));
+    };
+    Ok((Some(*session.hello()), session.history().ok()))
+}
+
+fn bitrate(bus: &BusName) -> u32 {
+    match bus {
+        BusName::Can { bitrate, .. } => bitrate.unwrap_or(BITRATE),
+        BusName::Slcan { bitrate, .. } => *bitrate,
+        BusName::Serial { .. } | BusName::Sim { .. } => BITRATE,
+    }
+}
+
+fn report(
+    findings: &Findings<'_>,
+    history: Option<&History>,
+    heard: &Heard,
+    samples: &[CanFrame],
+    bitrate: u32,
+) -> Report {
+    let log = history.into_iter().flat_map(|history| {
+        history.entries.iter().rev().map(|(_, entry)| Entry {
+            seconds_ago: f64::from(history.age_ms(entry)) * 1e-3,
+            event: event_sentence(entry.event) + &findings.entry_detail(entry),
+            before: state_name(entry.before),
+            after: state_name(entry.after),
+        })
+    });
+    let seconds = heard.span_us.max(1) as f64 * 1e-6;
+    let load = heard.by_id.iter().map(|(&id, &(frames, bits))| Load {
+        id: format!("{id:03X}"),
+        message: samples.iter().find(|f| f.id() == id).and_then(|f| Some(told(f).ok()?.message)),
+        per_second: frames as f64 / seconds,
+        percent: 100.0 * bits as f64 / (f64::from(bitrate) * seconds),
+    });
+    let load = load.collect();
+    let load_percent = heard.load_percent(bitrate);
+    Report { findings: findings.diagnose(), log: log.collect(), load_percent, load }
+}
+
+fn text(report: &Report) -> String {
+    let mut lines = Vec::new();
+    for Finding { gravity, what, help } in &report.findings {
+        let mark = match gravity {
+            Gravity::Fine => '✓',
+            Gravity::Note => '·',
+            Gravity::Wrong => '✗',
+        };
+        lines.push(format!("{mark} {what}"));
+        if !help.is_empty() {
+            lines.push(format!("    {help}"));
+        }
+    }
+    if !report.log.is_empty() {
+        let mut table = Table::new(["what the controller remembers", "s ago", "", ""]);
+        for entry in &report.log {
+            table.row([
+                entry.event.clone(),
+                format!("{:.2}", entry.seconds_ago),
+                entry.before.to_owned(),
+                if entry.before == entry.after {
+                    String::new()
+                } else {
+                    format!("→ {}", entry.after)
+                },
+            ]);
+        }
+        lines.extend([String::new(), table.render()]);
+    }
+    if !report.load.is_empty() {
+        let mut table = Table::new(["id", "message", "frames/s", "% of the bus"]);
+        for load in &report.load {
+            table.row([
+                load.id.clone(),
+                load.message.unwrap_or("not ours").to_owned(),
+                format!("{:.1}", load.per_second),
+                format!("{:.2}", load.percent),
+            ]);
+        }
+        lines.extend([String::new(), table.render()]);
+    }
+    lines.join("\n")
+}

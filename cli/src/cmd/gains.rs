@@ -1,0 +1,289 @@
+//! `rollwalk gains`: stiffness, damping and torque limits of the servos, at run time.
+
+use crate::link::names::NamesArgs;
+use crate::link::{LinkArgs, LiveSession, ended};
+use crate::output::Table;
+use crate::{Exit, output};
+use miette::miette;
+use rollwalk_host::catalog::Catalog;
+use rollwalk_host::session::SessionError;
+use rollwalk_protocol::wire::{Parameter, ParameterOrigin, ParameterResult};
+use serde::Serialize;
+
+/// Show or set stiffness, damping and torque limit of every servo.
+///
+/// A value that is set holds at once, or within half a second while the robot
+/// moves, until power fails; `gains save` keeps all of them. Limits are those of the robot file.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk gains show --bus can:can0
+  rollwalk gains set front_left_knee --kp 60 --kd 1.5 --bus can:can0
+  rollwalk gains set all --torque-limit 1.2 --bus can:can0
+  rollwalk gains save --bus can:can0
+  rollwalk gains reset --bus can:can0       # what the robot file says
+
+docs/parameters.md says what the values do and how they are kept.")]
+pub struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(clap::Args)]
+struct Show {
+    #[command(flatten)]
+    link: LinkArgs,
+    #[command(flatten)]
+    names: NamesArgs,
+    /// Print as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(clap::Subcommand)]
+enum Action {
+    /// Show all values.
+    Show(Show),
+    /// Set values of a channel, or of all.
+    Set(Set),
+    /// Set all values to those of the robot file.
+    Reset(Link),
+    /// Keep the values as they are over a power cycle; only while disarmed.
+    Save(Link),
+}
+
+#[derive(clap::Args)]
+struct Link {
+    #[command(flatten)]
+    link: LinkArgs,
+}
+
+#[derive(clap::Args)]
+struct Set {
+    /// A joint or wheel by name or number, or `all`.
+    #[arg(value_name = "CHANNEL")]
+    channel: String,
+    #[command(flatten)]
+    link: LinkArgs,
+    #[command(flatten)]
+    names: NamesArgs,
+    #[command(flatten)]
+    values: Values,
+}
+
+#[derive(clap::Args)]
+#[group(required = true, multiple = true)]
+struct Values {
+    /// Stiffness, N·m/rad.
+    #[arg(long, value_name = "N·m/rad")]
+    kp: Option<f32>,
+    /// Damping, N·m·s/rad.
+    #[arg(long, value_name = "N·m·s/rad")]
+    kd: Option<f32>,
+    /// Torque limit, N·m.
+    #[arg(long, value_name = "N·m")]
+    torque_limit: Option<f32>,
+}
+
+impl Values {
+    /// What is to be set.
+    fn given(&self) -> impl Iterator<Item = (Parameter, f32)> {
+        let all = [
+            (Parameter::Kp, self.kp),
+            (Parameter::Kd, self.kd),
+            (Parameter::MaxTorque, self.torque_limit),
+        ];
+        all.into_iter().filter_map(|(parameter, value)| Some((parameter, value?)))
+    }
+}
+
+/// A channel, as `--json` prints it. Null is what its actuator does not have.
+#[derive(Serialize)]
+struct Row {
+    channel: u8,
+    name: Option<String>,
+    kp_nm_rad: Option<f32>,
+    kd_nm_s_rad: Option<f32>,
+    torque_limit_nm: Option<f32>,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Shown {
+    /// Where the values came from that were in force after power-on.
+    origin: String,
+    channels: Vec<Row>,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    match &args.action {
+        Action::Show(args) => show(args),
+        Action::Set(args) => set(args),
+        Action::Reset(Link { link }) => {
+            let outcome = link.connect()?.reset_parameters();
+            told(
+                link,
+                outcome,
+                "all values are those of the robot file, until the next power cycle",
+            )
+        }
+        Action::Save(Link { link }) => {
+            let outcome = link.connect()?.save_parameters();
+            told(link, outcome, "saved")
+        }
+    }
+}
+
+fn told(link: &LinkArgs, outcome: Result<(), SessionError>, what: &str) -> miette::Result<Exit> {
+    match outcome {
+        Ok(()) => output::print(what).map(|()| Exit::Ok),
+        Err(error) => ended(link, &error),
+    }
+}
+
+fn show(args: &Show) -> miette::Result<Exit> {
+    let mut session = args.link.connect()?;
+    let catalog = catalog(&session, &args.names)?;
+    match read(&mut session, catalog.as_ref()) {
+        Ok(shown) if args.json => output::print_json(&shown)?,
+        Ok(shown) => output::print(&table(&shown))?,
+        Err(error) => return ended(&args.link, &error),
+    }
+    Ok(Exit::Ok)
+}
+
+fn catalog(session: &LiveSession, names: &NamesArgs) -> miette::Result<Option<Catalog>> {
+    let library = session.hello().library;
+    Ok(library.map(|library| names.find(library)).transpose()?.flatten())
+}
+
+fn read(session: &mut LiveSession, catalog: Option<&Catalog>) -> Result<Shown, SessionError> {
+    let mut channels = Vec::new();
+    for channel in 0..session.hello().channels {
+        channels.push(Row {
+            channel,
+            name: catalog.and_then(|c| c.channels.get(usize::from(channel)).cloned()),
+            kp_nm_rad: value(session, Parameter::Kp, channel)?,
+            kd_nm_s_rad: value(session, Parameter::Kd, channel)?,
+            torque_limit_nm: value(session, Parameter::MaxTorque, channel)?,
+        });
+    }
+    let origin = match session.parameter_origin()? {
+        ParameterOrigin::Configuration => "the robot file: nothing was saved",
+        ParameterOrigin::Saved => "what was saved",
+        ParameterOrigin::OtherConfiguration => {
+            "the robot file: what was saved is for another configuration"
+        }
+        ParameterOrigin::OutOfRange => "the robot file: a saved value is not allowed any more",
+    };
+    Ok(Shown { origin: origin.to_owned(), channels })
+}
+
+/// A value; `None` when the actuator has no such parameter.
+fn value(
+    session: &mut LiveSession,
+    parameter: Parameter,
+    channel: u8,
+) -> Result<Option<f32>, SessionError> {
+    match session.parameter(parameter, channel) {
+        Ok(value) => Ok(Some(value)),
+        Err(SessionError::ParameterRefused { result: ParameterResult::NotSupported, .. }) => {
+            Ok(None)
+        }
+        Err(error) => Err(error),
+    }
+}
+
+fn table(shown: &Shown) -> String {
+    let number =
+        |value: Option<f32>| value.map_or_else(|| "-".into(), |value| format!("{value:.3}"));
+    let mut table = Table::new(["channel", "", "kp N·m/rad", "kd N·m·s/rad", "limit N·m"]);
+    for row in &shown.channels {
+        table.row([
+            row.channel.to_string(),
+            row.name.clone().unwrap_or_default(),
+            number(row.kp_nm_rad),
+            number(row.kd_nm_s_rad),
+            number(row.torque_limit_nm),
+        ]);
+    }
+    format!("{}\n\nAfter power-on they were from {}.", table.render(), shown.origin)
+}
+
+fn set(args: &Set) -> miette::Result<Exit> {
+    let mut session = args.link.connect()?;
+    let catalog = catalog(&session, &args.names)?;
+    let channels = chosen(&args.channel, session.hello().channels, catalog.as_ref())?;
+    for &channel in &channels {
+        for (parameter, value) in args.values.given() {
+            if let Err(error) = session.set_parameter(parameter, channel, value) {
+                output::say(format_args!("channel {channel}, {parameter:?}:"));
+                return ended(&args.link, &error);
+            }
+        }
+    }
+    let count = channels.len();
+    output::print(&format!(
+        "set for {count} channel(s), until the next power cycle; `gains save` keeps it"
+    ))?;
+    Ok(Exit::Ok)
+}
+
+/// The channels that are meant.
+fn chosen(text: &str, count: u8, catalog: Option<&Catalog>) -> miette::Result<Vec<u8>> {
+    if text == "all" {
+        return Ok((0..count).collect());
+    }
+    if let Ok(channel) = text.parse::<u8>() {
+        let known = channel < count;
+        return known.then(|| vec![channel]).ok_or_else(|| {
+            miette!("there is no channel {channel}: the robot has 0 to {}", count.saturating_sub(1))
+        });
+    }
+    let Some(catalog) = catalog else {
+        return Err(miette!(
+            help = "name the library, --library LIB.rwl, or give the channel's number",
+            "`{text}`: the names of the robot's joints are not known on this computer"
+        ));
+    };
+    let found = (0..).zip(&catalog.channels).find(|(_, name)| *name == text);
+    let found = found.map(|(channel, _)| vec![channel]);
+    found.ok_or_else(|| {
+        miette!(
+            help = format!("it has {}", catalog.channels.join(", ")),
+            "{} has no joint or wheel `{text}`",
+            catalog.robot
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn catalog() -> Catalog {
+        Catalog {
+            robot: "pup".into(),
+            config_hash: 1,
+            library: 2,
+            motions: Vec::new(),
+            transitions: Vec::new(),
+            safe: 0,
+            channels: vec!["hip".into(), "knee".into()],
+        }
+    }
+
+    #[test]
+    fn channels_are_chosen_by_name_by_number_or_all() {
+        let catalog = catalog();
+        assert_eq!(chosen("all", 2, None).unwrap(), [0, 1]);
+        assert_eq!(chosen("1", 2, None).unwrap(), [1]);
+        assert_eq!(chosen("knee", 2, Some(&catalog)).unwrap(), [1]);
+        let error = chosen("2", 2, None).unwrap_err().to_string();
+        assert!(error.contains("0 to 1"), "{error}");
+        let error = chosen("ankle", 2, Some(&catalog)).unwrap_err().to_string();
+        assert!(error.contains("pup has no joint or wheel `ankle`"), "{error}");
+        assert!(chosen("knee", 2, None).is_err());
+    }
+}

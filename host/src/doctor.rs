@@ -1,0 +1,413 @@
+//! What is wrong with a robot, and how to clear it: from what was heard on the link and what the controller says.
+//!
+//! A pure function of [`Findings`]: whoever has a bus collects them.
+
+use crate::catalog::Catalog;
+use crate::refusal::{event_sentence, fault_names, state_name};
+use crate::session::History;
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::transport::Hello;
+use rollwalk_protocol::wire::{
+    Fault, FaultBits, FaultReport, FromController, JointTelemetry, LogEntry, State, Status,
+    ToController,
+};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Share of the bus above which frames come late, percent.
+const FULL_PERCENT: f64 = 70.0;
+
+/// What was heard on the link for a while.
+#[derive(Clone, Debug, Default)]
+pub struct Heard {
+    /// Frames and bits by identifier.
+    pub by_id: BTreeMap<u16, (u64, u64)>,
+    /// The last of each.
+    pub status: Option<Status>,
+    /// Faults in detail, by fault.
+    pub faults: BTreeMap<u8, FaultReport>,
+    /// What each channel measures.
+    pub joints: BTreeMap<u8, JointTelemetry>,
+    /// Heartbeats of hosts.
+    pub heartbeats: u64,
+    /// How long it was, µs.
+    pub span_us: u64,
+}
+
+impl Heard {
+    /// Takes note of a frame of controller `node` or its hosts.
+    pub fn take(&mut self, node: u8, frame: &CanFrame) {
+        let (frames, bits) = self.by_id.entry(frame.id()).or_default();
+        *frames += 1;
+        *bits += u64::from(frame.exact_bits());
+        if let Ok((to, ToController::Heartbeat(_))) = ToController::decode(frame)
+            && to.number() == node
+        {
+            self.heartbeats += 1;
+        }
+        match FromController::decode(frame) {
+            Ok((from, message)) if from.number() == node => match message {
+                FromController::Status(status) => self.status = Some(status),
+                FromController::FaultReport(report) => {
+                    self.faults.insert(report.fault.code(), report);
+                }
+                FromController::JointTelemetry(joint) => {
+                    self.joints.insert(joint.channel, joint);
+                }
+                _ => {}
+            },
+            _ => {}
+        }
+    }
+
+    /// Share of the bus that was used, percent.
+    pub fn load_percent(&self, bitrate: u32) -> f64 {
+        let bits: u64 = self.by_id.values().map(|(_, bits)| bits).sum();
+        100.0 * bits as f64 / (f64::from(bitrate) * self.span_us.max(1) as f64 * 1e-6)
+    }
+}
+
+/// All that is known.
+pub struct Findings<'a> {
+    /// What was heard.
+    pub heard: &'a Heard,
+    /// Who the controller is; `None` when it does not answer.
+    pub hello: Option<&'a Hello>,
+    /// What it remembers.
+    pub history: Option<&'a History>,
+    /// What the bus says of itself.
+    pub complaint: Option<&'a str>,
+    /// Bitrate of the link, bit/s.
+    pub bitrate: u32,
+    /// Hash of the configuration that the robot must have.
+    pub expected_config: Option<u32>,
+    /// Names.
+    pub catalog: Option<&'a Catalog>,
+    /// How commands name the bus.
+    pub bus: &'a str,
+}
+
+/// How bad something is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Gravity {
+    /// As it should be.
+    Fine,
+    /// Worth knowing.
+    Note,
+    /// Something does not work.
+    Wrong,
+}
+
+/// A finding: a sentence, and what to do about it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// How bad it is.
+    pub gravity: Gravity,
+    /// What it is.
+    pub what: String,
+    /// What to do or to type; empty when nothing is to be done.
+    pub help: String,
+}
+
+impl Findings<'_> {
+    /// Everything worth saying, in the order in which to look at it.
+    pub fn diagnose(&self) -> Vec<Finding> {
+        let mut found = Vec::new();
+        if let Some(complaint) = self.complaint {
+            found.push(finding(Gravity::Wrong, complaint.to_owned(), String::new()));
+        }
+        let (Some(hello), Some(status)) = (self.hello, self.heard.status) else {
+            found.push(self.nobody());
+            return found;
+        };
+        found.extend(self.identity(hello));
+        found.push(self.state(&status, hello));
+        found.extend(status.faults.iter().map(|fault| self.fault(fault)));
+        found.extend(self.silent_channels(hello, &status));
+        found.extend(self.last_stop());
+        found.extend(self.host(&status));
+        found.push(self.load());
+        found
+    }
+
+    fn nobody(&self) -> Finding {
+        let bus = self.bus;
+        let others = match self.heard.by_id.len() {
+            0 => "there is nothing on the bus at all".to_owned(),
+            count => format!("frames with {count} identifiers are on the bus, none of them its"),
+        };
+        let help = format!(
+            "is it powered, on this bus, and of this bitrate ({} bit/s)? rollwalk discover --bus {bus} lists \
+             controllers with other addresses",
+            self.bitrate
+        );
+        finding(Gravity::Wrong, format!("the controller does not answer, and {others}"), help)
+    }
+
+    fn identity(&self, hello: &Hello) -> Option<Finding> {
+        let expected = self.expected_config.filter(|&expected| expected != hello.config_hash)?;
+        let what = format!(
+            "this is another robot: its firmware is for configuration {:08x}, the robot file describes \
+             {expected:08x}",
+            hello.config_hash
+        );
+        let help =
+            "build the firmware from this robot file, or give the file that it was built from";
+        Some(finding(Gravity::Wrong, what, help.into()))
+    }
+
+    fn state(&self, status: &Status, hello: &Hello) -> Finding {
+        let bus = self.bus;
+        let clip = status.clip.map(|clip| self.clip(clip)).unwrap_or_default();
+        let clip = if clip.is_empty() { clip } else { format!(" ({clip})") };
+        let what = format!("the robot is {}{clip}", state_name(status.state));
+        let faulty = !status.faults.is_empty();
+        let (gravity, help) = match status.state {
+            State::Disarmed if hello.library.is_none() => {
+                (Gravity::Wrong, format!("it needs a library: rollwalk flash LIB.rwl --bus {bus}"))
+            }
+            State::Disarmed if faulty => (Gravity::Note, String::new()),
+            State::Disarmed => (
+                Gravity::Fine,
+                format!("nothing bars it from being armed: rollwalk send --arm MOTION --bus {bus}"),
+            ),
+            State::EStopped => {
+                let help = "once the cause is gone: rollwalk clear --bus";
+                (Gravity::Wrong, format!("{help} {bus}"))
+            }
+            State::TorqueOff if faulty => (
+                Gravity::Wrong,
+                format!("once the causes below are gone: rollwalk clear --bus {bus}"),
+            ),
+            State::Damped | State::TorqueOff => {
+                (Gravity::Note, "it is letting itself down; wait a moment and ask again".into())
+            }
+            State::Boot | State::SelfTest if faulty => {
+                (Gravity::Wrong, "its configuration cannot be used: rollwalk robot check".into())
+            }
+            _ => (Gravity::Fine, String::new()),
+        };
+        finding(gravity, what, help)
+    }
+
+    fn fault(&self, fault: Fault) -> Finding {
+        let name = fault_names(FaultBits::default().with(fault));
+        let detail = self.heard.faults.get(&fault.code()).map(|report| self.detail(report));
+        let what = format!("fault {}: {name}{}", fault.code(), detail.unwrap_or_default());
+        let help = format!("{} (docs/faults.md, {} {fault:?})", advice(fault), fault.code());
+        finding(Gravity::Wrong, what, help)
+    }
+
+    fn detail(&self, report: &FaultReport) -> String {
+        let value = match report.fault {
+            Fault::HostLost | Fault::ActuatorSilent => format!("{:.1} s ago", report.value),
+            Fault::TrackingError => format!("off by {:.3}", report.value),
+            Fault::OutOfLimits => format!("at {:.3} rad", report.value),
+            Fault::Tilt => format!("by {:.2} rad", report.value),
+            Fault::Overrun => format!("by {:.4} s", report.value),
+            Fault::BusNoAck | Fault::BusPassive | Fault::BusOff => format!("bus {}", report.value),
+            Fault::ActuatorFault => format!("status byte {:#04x}", report.value as u8),
+            _ => String::new(),
+        };
+        let channel = report.channel.map(|channel| self.channel(channel));
+        let parts: Vec<_> = channel.into_iter().chain([value]).filter(|p| !p.is_empty()).collect();
+        if parts.is_empty() { String::new() } else { format!(" ({})", parts.join(", ")) }
+    }
+
+    /// Channels of which nothing is told: nobody knows where they are.
+    fn silent_channels(&self, hello: &Hello, status: &Status) -> Option<Finding> {
+        let silent = (0..hello.channels).filter(|channel| !self.heard.joints.contains_key(channel));
+        let silent: Vec<_> = silent.map(|channel| self.channel(channel)).collect();
+        if silent.is_empty() {
+            return None;
+        }
+        let gravity = if status.state == State::Boot { Gravity::Note } else { Gravity::Wrong };
+        let all = silent.len() == usize::from(hello.channels);
+        let who = if all { "no actuator".to_owned() } else { format!("not {}", silent.join(", ")) };
+        let what = format!("{who} tells its position: the robot cannot be armed");
+        let help = if all {
+            "is motor power on, and are the actuator buses connected and terminated?"
+        } else {
+            "is it powered and connected, and does it have the address in the robot file?"
+        };
+        Some(finding(gravity, what, help.into()))
+    }
+
+    fn last_stop(&self) -> Option<Finding> {
+        let history = self.history?;
+        let stop = history.last_stop()?;
+        let seconds = f64::from(history.age_ms(stop)) * 1e-3;
+        let what = format!(
+            "it last stopped {seconds:.1} s ago while it was {}: {}{}",
+            state_name(stop.before),
+            event_sentence(stop.event),
+            self.entry_detail(stop)
+        );
+        Some(finding(Gravity::Note, what, String::new()))
+    }
+
+    /// What an entry of the controller's log says beyond its event.
+    pub fn entry_detail(&self, entry: &LogEntry) -> String {
+        entry.fault.map_or_else(String::new, |fault| {
+            let (channel, value) = (entry.channel, entry.value);
+            self.detail(&FaultReport { counter: 0, fault, channel, value })
+        })
+    }
+
+    fn host(&self, status: &Status) -> Option<Finding> {
+        let armed = matches!(
+            status.state,
+            State::Aligning | State::Ready | State::Playing | State::Paused | State::Returning
+        );
+        (armed && self.heard.heartbeats == 0).then(|| {
+            let what = "no host holds the robot: it will return to SAFE and let itself down";
+            finding(Gravity::Wrong, what.into(), "rollwalk console keeps it armed".into())
+        })
+    }
+
+    fn load(&self) -> Finding {
+        let percent = self.heard.load_percent(self.bitrate);
+        let what = format!("the link is {percent:.1} % full");
+        if percent > FULL_PERCENT {
+            let help = "frames come late: see below who sends so much";
+            return finding(Gravity::Wrong, what, help.into());
+        }
+        finding(Gravity::Fine, what, String::new())
+    }
+
+    fn clip(&self, clip: u8) -> String {
+        let name = self.catalog.and_then(|catalog| catalog.clip(clip));
+        name.unwrap_or_else(|| format!("clip {clip}"))
+    }
+
+    fn channel(&self, channel: u8) -> String {
+        let name = self.catalog.and_then(|c| c.channels.get(usize::from(channel)));
+        name.cloned().unwrap_or_else(|| format!("channel {channel}"))
+    }
+}
+
+fn finding(gravity: Gravity, what: String, help: String) -> Finding {
+    Finding { gravity, what, help }
+}
+
+/// What to look at first; `docs/faults.md` says the rest.
+fn advice(fault: Fault) -> &'static str {
+    match fault {
+        Fault::NoLibrary => "flash a library",
+        Fault::ConfigMismatch => {
+            "build the library from the robot file that the firmware was built for"
+        }
+        Fault::HostLost => "the program that held the robot ended, stalled or lost the bus; clear",
+        Fault::ActuatorSilent => "check its power, its cable and its address, then clear",
+        Fault::ActuatorFault => {
+            "the actuator switched itself off: too hot, too low a voltage? then clear"
+        }
+        Fault::TrackingError => {
+            "something blocks it, or gain and torque limit are too low; free it, clear"
+        }
+        Fault::OutOfLimits => "move it by hand to where it may be; check its zero position",
+        Fault::Tilt => "put the robot upright, then clear",
+        Fault::BusNoAck => "motor power off, or the bus is not connected; then clear",
+        Fault::BusPassive => "check termination, cable and bitrate of the actuator bus, then clear",
+        Fault::BusOff => "a short or a wrong bitrate on the actuator bus; clearing starts it again",
+        Fault::EStop => "make sure that it is safe, then clear",
+        Fault::Overrun => "the control loop had too much to do; clear, and report it",
+        Fault::LibraryUnreadable => "the memory of the library fails: flash it again, then clear",
+        Fault::Internal => "switch it off and on, and report it",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_protocol::wire::{Node, Severity};
+
+    fn hello() -> Hello {
+        Hello {
+            major: 1,
+            minor: 0,
+            schema_hash: 0,
+            config_hash: 7,
+            format_major: 1,
+            format_minor: 1,
+            library: Some(5),
+            max_block: 512,
+            channels: 2,
+        }
+    }
+
+    fn heard(state: State, faults: FaultBits, joints: u8) -> Heard {
+        let node = Node::new(1).unwrap();
+        let mut heard = Heard { span_us: 1_000_000, ..Heard::default() };
+        let severity = Severity::None;
+        let status =
+            Status { state, severity, faults, clip: None, frame: 0, counter: 0, library: 5 };
+        heard.take(1, &status.encode(node));
+        for channel in 0..joints {
+            let joint = JointTelemetry {
+                channel,
+                position_rad: 0.0,
+                velocity_rad_s: 0.0,
+                torque_nm: 0.0,
+                status: Default::default(),
+            };
+            heard.take(1, &joint.encode(node));
+        }
+        heard
+    }
+
+    fn diagnose(heard: &Heard, hello: Option<&Hello>) -> String {
+        let findings = Findings {
+            heard,
+            hello,
+            history: None,
+            complaint: None,
+            bitrate: 1_000_000,
+            expected_config: Some(7),
+            catalog: None,
+            bus: "can:can0",
+        };
+        let found = findings.diagnose();
+        found.iter().map(|f| format!("{:?}: {} -> {}\n", f.gravity, f.what, f.help)).collect()
+    }
+
+    #[test]
+    fn a_robot_that_is_well_is_told_so() {
+        let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 2), Some(&hello()));
+        assert!(text.contains("nothing bars it from being armed"), "{text}");
+        assert!(!text.contains("Wrong"), "{text}");
+    }
+
+    #[test]
+    fn every_fault_has_a_cause_and_a_cure() {
+        for &fault in Fault::ALL {
+            let faults = FaultBits::default().with(fault);
+            let text = diagnose(&heard(State::TorqueOff, faults, 2), Some(&hello()));
+            assert!(
+                text.contains(&format!("docs/faults.md, {} {fault:?}", fault.code())),
+                "{text}"
+            );
+            assert!(text.contains("rollwalk clear --bus can:can0"), "{text}");
+        }
+    }
+
+    #[test]
+    fn who_is_silent_is_named() {
+        let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 1), Some(&hello()));
+        assert!(text.contains("not channel 1 tells its position"), "{text}");
+        let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 0), Some(&hello()));
+        assert!(text.contains("no actuator tells its position"), "{text}");
+        let text = diagnose(&Heard::default(), None);
+        assert!(text.contains("nothing on the bus at all"), "{text}");
+    }
+
+    #[test]
+    fn a_robot_that_nobody_holds_and_another_robot_are_noticed() {
+        let text = diagnose(&heard(State::Ready, FaultBits::default(), 2), Some(&hello()));
+        assert!(text.contains("no host holds the robot"), "{text}");
+        let other = Hello { config_hash: 8, ..hello() };
+        let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 2), Some(&other));
+        assert!(text.contains("this is another robot"), "{text}");
+    }
+}
