@@ -238,11 +238,10 @@ fn joint(names: Option<&RobotNames>) -> Layout {
     let Some(names) = names else {
         return servo::measured(layout.comment("As in the robot's configuration"));
     };
-    let number = |i: usize| i as u64;
-    let named = names.channels.iter().enumerate().map(|(i, c)| (number(i), identifier(&c.name)));
-    let mut layout = layout.names(named).selects();
-    for (i, channel) in names.channels.iter().enumerate() {
-        layout = layout.when(number(i), servo::measured_of(&identifier(&channel.name), 8));
+    let names: Vec<_> = (0..).zip(names.identified()).map(|(i, (name, _))| (i, name)).collect();
+    let mut layout = layout.names(names.clone()).selects();
+    for (i, name) in names {
+        layout = layout.when(i, servo::measured_of(&name, 8));
     }
     layout
 }

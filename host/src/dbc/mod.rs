@@ -171,13 +171,28 @@ impl Database {
     }
 }
 
-/// A name as an identifier of C, of at most 32 characters, as the format asks for.
+impl RobotNames {
+    /// Each channel with its name as an identifier that no other channel has.
+    fn identified(&self) -> Vec<(String, &ChannelName)> {
+        let mut all: Vec<(String, &ChannelName)> = Vec::new();
+        for (number, channel) in self.channels.iter().enumerate() {
+            let mut name = identifier(&channel.name);
+            while all.iter().any(|(other, _)| *other == name) {
+                name = format!("{name}_{number}");
+            }
+            all.push((name, channel));
+        }
+        all
+    }
+}
+
+/// A name as an identifier of C. Longer ones than the 32 characters that some tools of old allow stay as they are:
+/// cut off, front and rear of a long name would be the same.
 fn identifier(name: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
     let mut text: String = name.chars().map(plain).collect();
     if !text.starts_with(|c: char| c.is_ascii_alphabetic()) {
         text.insert(0, '_');
     }
-    text.truncate(32);
     text
 }

@@ -17,12 +17,12 @@ pub(super) fn database(of: Option<(u8, &RobotNames)>) -> Database {
             (0..=MAX_ID).map(|id| Actuator { id, name: id.to_string(), is_wheel: None }).collect()
         }
         Some((bus, names)) => names
-            .channels
-            .iter()
-            .filter(|channel| channel.bus == bus)
-            .map(|channel| Actuator {
+            .identified()
+            .into_iter()
+            .filter(|(_, channel)| channel.bus == bus)
+            .map(|(name, channel)| Actuator {
                 id: channel.id,
-                name: identifier(&channel.name),
+                name,
                 is_wheel: Some(channel.is_wheel),
             })
             .collect(),
