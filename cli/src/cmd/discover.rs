@@ -51,9 +51,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let complaint = bus.complaint();
     drop(bus);
     let mut found = Vec::new();
-    for (number, discovered) in controllers {
-        let uid = discovered.uid.map(|byte| format!("{byte:02x}")).concat();
-        let protocol_major = discovered.protocol_major;
+    for (number, uid, protocol_major) in controllers {
+        let uid = uid.map(|byte| format!("{byte:02x}")).concat();
         let node = Node::new(number);
         let hello = node.and_then(|node| {
             let port = open::open(&args.bus, 1).ok()?;
@@ -71,6 +70,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         output::print_json(&found)?;
     } else if !found.is_empty() {
         output::print(&table(&found))?;
+    }
+    for pair in found.windows(2).filter(|pair| pair[0].node == pair[1].node) {
+        let node = pair[0].node;
+        output::say(format_args!(
+            "two controllers have address {node}: give one of them another, they disturb each other"
+        ));
     }
     if found.is_empty() {
         let why = complaint.unwrap_or_else(|| "is a controller powered, and on this bus?".into());

@@ -21,37 +21,32 @@ pub(super) struct BlockCheck {
     /// CRC of the header and of so many bytes of the payload.
     crc: u32,
     taken: u16,
-    /// Whether the block is good, once that is known.
-    verdict: Option<bool>,
+    over: bool,
+    passed: bool,
 }
 
 impl BlockCheck {
     /// Nothing to check.
-    pub const NONE: Self = Self { block: u32::MAX, crc: 0, taken: 0, verdict: Some(false) };
+    pub const NONE: Self = Self { block: u32::MAX, crc: 0, taken: 0, over: true, passed: false };
 
     /// Of a block of which nothing has been looked at.
     pub fn of(block: u32) -> Self {
-        Self { block, verdict: None, ..Self::NONE }
-    }
-
-    /// The block that it is of.
-    pub fn block(&self) -> u32 {
-        self.block
+        Self { block, over: false, ..Self::NONE }
     }
 
     /// Whether nothing is left to do.
     pub fn is_over(&self) -> bool {
-        self.verdict.is_some()
+        self.over
     }
 
     /// Checks what is left of a block, all of it if this check was of another or found it bad; whether it
     /// is good.
     pub fn finish_for(&mut self, frames: &[u8], block: u32) -> bool {
-        if self.block != block || self.verdict == Some(false) {
+        if self.block != block || self.over && !self.passed {
             *self = Self::of(block);
         }
         self.take(frames, usize::MAX);
-        self.verdict == Some(true)
+        self.passed
     }
 
     /// One portion more of the frames section.
@@ -60,14 +55,14 @@ impl BlockCheck {
     }
 
     fn take(&mut self, frames: &[u8], portion: usize) {
-        if self.verdict.is_none() {
-            // What lies outside is not good.
-            self.verdict = self.portion(frames, portion).unwrap_or(Some(false));
+        if !self.over {
+            // What lies outside is over, and not good.
+            self.over = self.portion(frames, portion).is_none_or(|rest| rest == 0);
         }
     }
 
-    /// What is known with one portion more; `None` when the block is cut off.
-    fn portion(&mut self, frames: &[u8], portion: usize) -> Option<Option<bool>> {
+    /// How many bytes are left; `None` when the block is cut off.
+    fn portion(&mut self, frames: &[u8], portion: usize) -> Option<usize> {
         let block = frames.get(usize::try_from(self.block).ok()?..)?;
         let (header, rest) = block.split_at_checked(BLOCK_HEADER_LEN)?;
         let covered = header.get(..BLOCK_CRC_AT)?;
@@ -79,8 +74,9 @@ impl BlockCheck {
         let now = left.get(..portion).unwrap_or(left);
         self.crc = crc32c_append(self.crc, now);
         self.taken = self.taken.saturating_add(now.len() as u16);
-        let good = u32_at(header, BLOCK_CRC_AT) == Some(self.crc);
-        Some((now.len() == left.len()).then_some(good))
+        let rest = left.len() - now.len();
+        self.passed = rest == 0 && u32_at(header, BLOCK_CRC_AT) == Some(self.crc);
+        Some(rest)
     }
 }
 
@@ -94,7 +90,8 @@ pub struct Entry {
     pub(super) frame: u16,
     /// First block of the clip.
     pub(super) clip_at: u32,
-    /// Of the frame's block.
+    /// Block of the frame.
+    pub(super) block: u32,
     pub(super) check: BlockCheck,
 }
 
@@ -109,7 +106,7 @@ impl Entry {
         let block = block_of(frames, record.offset, frame / BLOCK_FRAMES)?;
         let library = library.index().id();
         let check = BlockCheck::of(block);
-        Ok(Self { library, clip, frame, clip_at: record.offset, check })
+        Ok(Self { library, clip, frame, clip_at: record.offset, block, check })
     }
 
     /// Whether it is this frame of this clip.

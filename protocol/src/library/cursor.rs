@@ -86,7 +86,7 @@ impl ClipCursor {
             channels: library.channel_count() as u8,
             clip_at: at.clip_at,
             frame: 0,
-            block: at.check.block(),
+            block: at.block,
             payload: 0,
             in_block: 0,
             bit: 0,
@@ -94,7 +94,7 @@ impl ClipCursor {
             states: Default::default(),
         };
         cursor.check(library)?;
-        cursor.go_to(library, at.check.block(), at.frame)?;
+        cursor.go_to(library, at.block, at.frame)?;
         Ok(cursor)
     }
 
