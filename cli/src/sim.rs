@@ -4,9 +4,11 @@ use crate::inputs::Source;
 use crate::{Exit, end, exit, files, interrupt, output};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
 use miette::miette;
+use rollwalk_bus::link::LinkError;
 use rollwalk_bus::name::BusName;
+use rollwalk_bus::open::{self, OpenError};
 use rollwalk_bus::port::Port;
-use rollwalk_bus::{open, sim};
+use rollwalk_bus::sim;
 use rollwalk_firmware::Settings;
 use rollwalk_host::refusal::{fault_names, state_name};
 use rollwalk_protocol::wire::{FaultBits, FromController, State};
@@ -14,7 +16,7 @@ use rollwalk_robot::Robot;
 use rollwalk_sim_host::body::Body;
 use rollwalk_sim_host::core::Local;
 use rollwalk_sim_host::interface::LogEntry;
-use rollwalk_sim_host::live::{controller, motors, whole};
+use rollwalk_sim_host::live::{Reopen, controller, motors, whole};
 use rollwalk_sim_host::rig::Rig;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -131,11 +133,11 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
 fn run_whole(robot: &Robot, bus: &BusName, log: Option<&Path>) -> miette::Result<()> {
     let mut log = log.map(Log::create).transpose()?;
     let mut rig = Rig::new(robot).map_err(|error| miette!("{error}"))?;
-    let link = link(bus)?;
+    let port = port(bus)?;
     ready(robot, bus);
     let mut teller = Teller::new();
     let mut failed = None;
-    let outcome = whole::run(&mut rig, link, |_, entries| {
+    let outcome = whole::run(&mut rig, port, &mut Lost(bus), |_, entries| {
         for status in entries.iter().filter_map(status) {
             teller.tell(status.0, status.1);
         }
@@ -155,10 +157,10 @@ fn run_controller(robot: &Robot, bus: &BusName, actuators: &[BusName]) -> miette
     let config = robot.controller_config().map_err(|error| miette!("{error}"))?;
     let mut core = Local::new(config, settings);
     let period = Duration::from_secs(1) / u32::from(settings.control_hz);
-    let (link, ports) = (link(bus)?, ports(actuators)?);
+    let (port, ports) = (port(bus)?, ports(actuators)?);
     ready(robot, bus);
     let mut teller = Teller::new();
-    let outcome = controller::run(&mut core, period, link, ports, |core| {
+    let outcome = controller::run(&mut core, period, port, &mut Lost(bus), ports, |core| {
         let controller = core.controller_mut();
         teller.tell(controller.state().into(), controller.faults());
         !interrupt::requested()
@@ -183,12 +185,30 @@ fn ready(robot: &Robot, bus: &BusName) {
 }
 
 /// The robot's end of the link.
-fn link(bus: &BusName) -> miette::Result<Port> {
-    let port = match bus {
+fn port(bus: &BusName) -> miette::Result<Port> {
+    open_link(bus).map_err(|error| miette!(help = error.help, "{}", error.what))
+}
+
+fn open_link(bus: &BusName) -> Result<Port, OpenError> {
+    match bus {
         BusName::Sim { socket } => sim::serve(socket.as_deref()),
         _ => open::open(bus, LINK_DEPTH),
-    };
-    port.map_err(|error| miette!(help = error.help, "{}", error.what))
+    }
+}
+
+/// The link, when it goes.
+struct Lost<'a>(&'a BusName);
+
+impl Reopen for Lost<'_> {
+    fn lost(&mut self, why: &LinkError) {
+        output::say(format_args!("the link is lost: {why}"));
+    }
+
+    fn reopen(&mut self) -> Option<Port> {
+        let port = open_link(self.0).ok()?;
+        output::say("the link is back");
+        Some(port)
+    }
 }
 
 fn ports(names: &[BusName]) -> miette::Result<Vec<Port>> {

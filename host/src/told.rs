@@ -4,8 +4,8 @@
 
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::{
-    Action, DecodeError, FromController, JointTelemetry, Node, ParameterAck, ParameterAction,
-    Status, ToController,
+    Action, DecodeError, FromController, JointTelemetry, Node, Parameter, ParameterAck,
+    ParameterAction, Status, ToController,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -118,7 +118,7 @@ fn by_host(node: Node, message: &ToController) -> Told {
             let fields = [
                 ("seq", request.seq.into()),
                 ("kind", parameter_kind(request.action.kind())),
-                ("parameter", parameter.into()),
+                ("parameter", parameter_name(parameter)),
                 ("channel", channel.into()),
                 ("value", value.into()),
             ];
@@ -197,7 +197,7 @@ fn by_parameter(node: Node, ack: &ParameterAck) -> Told {
     let fields = [
         ("seq", ack.seq.into()),
         ("kind", parameter_kind(ack.kind)),
-        ("parameter", ack.parameter.into()),
+        ("parameter", parameter_name(ack.parameter)),
         ("result", name(ack.result)),
         ("channel", ack.channel.into()),
         ("value", ack.value.into()),
@@ -223,6 +223,10 @@ fn command_kind(kind: u8) -> Value {
 
 fn parameter_kind(kind: u8) -> Value {
     kind_of(kind, &["Get", "Set", "Reset", "Save", "Origin"])
+}
+
+fn parameter_name(code: u8) -> Value {
+    Parameter::from_code(code).map_or(Value::from(code), name)
 }
 
 fn kind_of(kind: u8, names: &[&str]) -> Value {

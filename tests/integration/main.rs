@@ -7,6 +7,7 @@ mod command_line;
 mod demo;
 mod failsafe;
 mod libraries;
+mod operating;
 mod problem_files;
 mod readme;
 mod results;

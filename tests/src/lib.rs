@@ -108,6 +108,16 @@ impl Outcome {
         self.stdout
     }
 
+    /// Asserts this exit code, and that the results say all `words`.
+    #[track_caller]
+    pub fn succeeds_with(self, code: i32, words: &[&str]) {
+        let Self { code: found, stdout, stderr } = self;
+        assert_eq!(found, code, "exit code; stdout:\n{stdout}\nstderr:\n{stderr}");
+        for word in words {
+            assert!(stdout.contains(word), "the results lack {word:?}:\n{stdout}");
+        }
+    }
+
     /// Asserts this exit code, no results, and that the message says all `words`.
     #[track_caller]
     pub fn fails(self, code: i32, words: &[&str]) {

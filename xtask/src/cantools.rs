@@ -2,6 +2,7 @@
 
 use crate::{debian, shell};
 use std::env;
+use std::ffi::OsString;
 use std::path::Path;
 
 /// Known to work, with Python from 3.10 on.
@@ -12,13 +13,20 @@ const CANTOOLS: &str = "cantools==45.1.0";
 /// # Errors
 /// What differs, or the command that installs what is missing.
 pub fn check() -> Result<(), String> {
+    let args = ["test", "--package", "rollwalk-host", "--test", "host", "--", "--ignored"];
+    shell::run(shell::cargo(&args).env("PYTHONPATH", path()?))
+}
+
+/// `PYTHONPATH` with cantools, which is installed if it is missing.
+///
+/// # Errors
+/// The command that installs what is missing.
+pub fn path() -> Result<OsString, String> {
     let folder = shell::target_folder().join("cantools");
     install(&folder)?;
     let mut path = vec![folder];
     path.extend(env::var_os("PYTHONPATH").iter().flat_map(env::split_paths));
-    let path = env::join_paths(path).map_err(|error| error.to_string())?;
-    let args = ["test", "--package", "rollwalk-host", "--test", "host", "--", "--ignored"];
-    shell::run(shell::cargo(&args).env("PYTHONPATH", path))
+    env::join_paths(path).map_err(|error| error.to_string())
 }
 
 fn install(folder: &Path) -> Result<(), String> {

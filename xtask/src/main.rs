@@ -63,8 +63,8 @@ enum Task {
         #[arg(long, value_name = "FILE")]
         input: Option<std::path::PathBuf>,
     },
-    /// Run a command where there is SocketCAN, with vcan0, vcan1 and vcan2: here, or in a virtual
-    /// machine with Debian's kernel. Ends with the command's exit status; a self-check without one.
+    /// Run the tests on real CAN interfaces where there is SocketCAN, with vcan0, vcan1 and vcan2: here, or in a
+    /// virtual machine with Debian's kernel. With a command, run that there and end with its exit status.
     Vcan(vcan::Options),
 }
 

@@ -1,6 +1,6 @@
 //! The steps of `cargo xtask test`, in the order in which they fail fastest.
 
-use crate::{bare_metal, board, cantools, debian, fuzz, shell, tidy};
+use crate::{bare_metal, board, cantools, debian, fuzz, shell, tidy, vcan};
 use clap::ValueEnum;
 use std::time::Instant;
 
@@ -29,6 +29,8 @@ pub enum Step {
     Miri,
     /// The DBC files as cantools reads them.
     Dbc,
+    /// The tools and a robot on real CAN interfaces.
+    Vcan,
     /// All tests.
     Test,
 }
@@ -45,6 +47,7 @@ impl Step {
             Step::Fuzz => "fuzz targets of protocol and firmware",
             Step::Miri => "tests of protocol and firmware in Miri",
             Step::Dbc => "DBC files as cantools reads them",
+            Step::Vcan => "tools and robot on real CAN interfaces",
             Step::Test => "all tests",
         }
     }
@@ -65,7 +68,8 @@ impl Step {
             Step::Clippy => {
                 need_component("clippy")?;
                 let mut command = shell::cargo(&["clippy", "--workspace", "--all-targets"]);
-                shell::run(command.args(FEATURES).args(["--", "-D", "warnings"]))
+                let vcan = ["--features", "rollwalk-tests/vcan"];
+                shell::run(command.args(FEATURES).args(vcan).args(["--", "-D", "warnings"]))
             }
             Step::Doc => {
                 let mut command = shell::cargo(&["doc", "--no-deps", "--workspace"]);
@@ -82,6 +86,7 @@ impl Step {
             }
             Step::Miri => crate::miri::check(),
             Step::Dbc => cantools::check(),
+            Step::Vcan => vcan::check(),
             Step::Test => {
                 need_python()?;
                 let mut command = shell::cargo(&["test", "--workspace", "--no-fail-fast"]);

@@ -109,6 +109,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             Err(error) => ended(&args.link, &error),
         };
     }
+    if let Some(catalog) = &catalog {
+        session.expect_robot(catalog.config_hash);
+    }
     let outcome = session.arm().and_then(|()| {
         output::say("armed");
         play(&mut session, args, &chosen)

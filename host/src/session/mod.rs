@@ -19,7 +19,8 @@ use exchange::Exchange;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_protocol::wire::transport::{Hello, Request, Response};
 use rollwalk_protocol::wire::{
-    Action, CommandAck, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State, Status,
+    Action, CommandAck, CommandResult, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State,
+    Status,
 };
 
 /// Longest wait for a sign of life, µs.
@@ -28,6 +29,10 @@ const CONNECT_TIMEOUT_US: u64 = 1_000_000;
 const HELLO_TIMEOUT_US: u64 = 500_000;
 /// So long an emergency stop is repeated, µs: half of them may get lost on a link so bad that nothing else works.
 const STOP_TIMEOUT_US: u64 = 3_000_000;
+/// So long actuators may take to tell how they are, µs, ...
+const FEEDBACK_TIMEOUT_US: u64 = 500_000;
+/// ... and so often that is looked for, µs.
+const FEEDBACK_RETRY_US: u64 = 50_000;
 /// Longest time to align, to return to SAFE, to let down gently, µs.
 const STATE_TIMEOUT_US: u64 = 30_000_000;
 /// A host connected to one controller.
@@ -97,9 +102,26 @@ impl<B: LinkBus> Session<B> {
 
     /// Turns torque on in two steps and waits until the robot stands in the SAFE pose.
     pub fn arm(&mut self) -> Result<(), SessionError> {
-        let nonce = self.command("arm", Action::ArmRequest)?.value;
+        let nonce = self.arm_request()?;
         self.command("arm", Action::ArmConfirm { nonce })?;
         self.wait_for_state(State::Ready, STATE_TIMEOUT_US)
+    }
+
+    /// The first step. Just after power-on and after a stop, actuators have not told yet how they are: for a
+    /// moment that is no reason to give up.
+    fn arm_request(&mut self) -> Result<u16, SessionError> {
+        use CommandResult::{FaultPresent, PoseUnknown};
+        let until_us = self.bus().now_us() + FEEDBACK_TIMEOUT_US;
+        loop {
+            match self.command("arm", Action::ArmRequest) {
+                Err(SessionError::Refused { result: FaultPresent | PoseUnknown, .. })
+                    if self.bus().now_us() < until_us =>
+                {
+                    self.run_for(FEEDBACK_RETRY_US)?;
+                }
+                outcome => return outcome.map(|ack| ack.value),
+            }
+        }
     }
 
     /// Asks for a motion by its code, at the speed it was planned for.

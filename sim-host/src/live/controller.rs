@@ -1,5 +1,6 @@
 //! The firmware as a process on real buses: link and actuator buses with adapters, as on a board.
 
+use super::{Link, Reopen};
 use crate::core::{Core, Local};
 use rollwalk_bus::link::LinkError;
 use rollwalk_bus::port::{Heard, Hub, Port};
@@ -11,18 +12,23 @@ use std::time::{Duration, Instant};
 /// Runs the controller until `goes_on` says no, which is asked once in every control period of `period`.
 /// `actuators` are the actuator buses by number.
 ///
+/// Neither a link nor an actuator bus that goes ends it: without its host the controller brings the robot home,
+/// and an actuator bus that is gone is one that is off.
+///
 /// # Errors
-/// The link is gone. An actuator bus that goes is a bus that is off: the controller's business.
+/// None: the controller is in this process.
 pub fn run(
     core: &mut Local,
     period: Duration,
-    link: Port,
+    port: Port,
+    keeper: &mut dyn Reopen,
     actuators: Vec<Port>,
     mut goes_on: impl FnMut(&mut Local) -> bool,
 ) -> Result<(), LinkError> {
     assert!(actuators.len() <= usize::from(MAX_ACTUATOR_BUSES), "a controller has so many at most");
     let start = Instant::now();
-    let mut hub = Hub::new(std::iter::once(link).chain(actuators));
+    let mut hub = Hub::new(std::iter::once(port).chain(actuators));
+    let mut link = Link::new(keeper);
     let mut next_tick = start;
     loop {
         // Time goes before frames: no bus is so full that it keeps the controller from its ticks.
@@ -38,9 +44,13 @@ pub fn run(
                 }
                 Some(Input::Tick)
             }
-            Some((0, heard)) => match heard? {
-                Heard::Frame(AnyFrame::Standard(frame)) => Some(Input::Link(frame)),
-                _ => None,
+            Some((0, heard)) => match heard {
+                Ok(Heard::Frame(AnyFrame::Standard(frame))) => Some(Input::Link(frame)),
+                Ok(_) => None,
+                Err(error) => {
+                    link.lose(&error);
+                    None
+                }
             },
             Some((index, heard)) => {
                 let bus = (index - 1) as u8;
@@ -64,18 +74,20 @@ pub fn run(
                 }
             }
         };
-        let mut sent = core.step(Step { now_us, input, free: free(&hub) })?;
-        while send(&mut hub, core, &sent)? {
-            sent = core.step(Step { now_us, input: None, free: free(&hub) })?;
+        let has_link = link.is_there(&mut hub);
+        let mut sent = core.step(Step { now_us, input, free: free(&hub, has_link) })?;
+        while send(&mut hub, core, &sent, &mut link) {
+            sent = core.step(Step { now_us, input: None, free: free(&hub, has_link) })?;
         }
     }
 }
 
 /// Buses that would take a frame.
-fn free(hub: &Hub) -> Buses {
+fn free(hub: &Hub, has_link: bool) -> Buses {
     let mut free = Buses::default();
     for (index, _) in hub.outlets.iter().enumerate().filter(|(_, outlet)| outlet.is_free()) {
         free = match index {
+            0 if !has_link => free,
             0 => free.with_link(),
             _ => free.with_actuator((index - 1) as u8),
         };
@@ -84,13 +96,13 @@ fn free(hub: &Hub) -> Buses {
 }
 
 /// Sends what the controller has for each bus; whether it had anything.
-fn send(hub: &mut Hub, core: &mut Local, stepped: &Stepped) -> Result<bool, LinkError> {
+fn send(hub: &mut Hub, core: &mut Local, stepped: &Stepped, link: &mut Link<'_>) -> bool {
     let mut any = false;
     if let Some(frame) = &stepped.link {
         any = true;
         match put(hub, 0, frame) {
             Ok(()) | Err(LinkError::Busy) => {}
-            Err(error) => return Err(error),
+            Err(error) => link.lose(&error),
         }
     }
     for (bus, frame) in stepped.actuators.iter().enumerate() {
@@ -107,7 +119,7 @@ fn send(hub: &mut Hub, core: &mut Local, stepped: &Stepped) -> Result<bool, Link
             }
         }
     }
-    Ok(any)
+    any
 }
 
 fn put(hub: &mut Hub, outlet: usize, frame: &CanFrame) -> Result<(), LinkError> {

@@ -14,9 +14,56 @@ pub mod motors;
 pub mod whole;
 
 use rollwalk_bus::link::LinkError;
-use rollwalk_bus::port::Outlet;
+use rollwalk_bus::port::{Hub, Outlet, Port};
 use rollwalk_protocol::can::CanFrame;
 use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+/// A link that is gone is tried again so often: a robot outlives its host's adapter.
+const REOPEN_PERIOD: Duration = Duration::from_millis(500);
+
+/// What becomes of a link that is gone.
+pub trait Reopen {
+    /// It is gone.
+    fn lost(&mut self, why: &LinkError);
+
+    /// Opens it again; `None` as long as that cannot be done.
+    fn reopen(&mut self) -> Option<Port>;
+}
+
+/// The link of a robot: port 0 of a hub, opened again when it is gone.
+struct Link<'a> {
+    keeper: &'a mut dyn Reopen,
+    /// When it was last tried.
+    gone: Option<Instant>,
+}
+
+impl<'a> Link<'a> {
+    /// A link that is open now.
+    fn new(keeper: &'a mut dyn Reopen) -> Self {
+        Self { keeper, gone: None }
+    }
+
+    /// Whether it can be used; tries to open it again when it is time.
+    fn is_there(&mut self, hub: &mut Hub) -> bool {
+        let Some(since) = self.gone else { return true };
+        if since.elapsed() < REOPEN_PERIOD {
+            return false;
+        }
+        self.gone = Some(Instant::now());
+        if let Some(port) = self.keeper.reopen() {
+            hub.replace(0, port);
+            self.gone = None;
+        }
+        self.gone.is_none()
+    }
+
+    fn lose(&mut self, error: &LinkError) {
+        if self.gone.replace(Instant::now()).is_none() {
+            self.keeper.lost(error);
+        }
+    }
+}
 
 /// Frames that wait for a busy bus at most: what is older than so many has no worth any more.
 const WAITING: usize = 64;

@@ -1,6 +1,6 @@
 //! A whole simulated robot in real time: only its link leaves the process.
 
-use super::Waiting;
+use super::{Link, Reopen, Waiting};
 use crate::clock::SimTime;
 use crate::interface::LogEntry;
 use crate::rig::Rig;
@@ -16,15 +16,16 @@ const STEP: Duration = Duration::from_millis(1);
 /// buses since the last time.
 ///
 /// # Errors
-/// The link is gone.
+/// The simulated controller is out of reach, which that of this process never is.
 pub fn run(
     rig: &mut Rig,
-    link: Port,
+    port: Port,
+    keeper: &mut dyn Reopen,
     mut goes_on: impl FnMut(&Rig, &[LogEntry]) -> bool,
 ) -> Result<(), LinkError> {
     let start = Instant::now();
     let offset_us = rig.now_us();
-    let mut hub = Hub::new([link]);
+    let (mut hub, mut link) = (Hub::new([port]), Link::new(keeper));
     // In both directions, frames that the next bus has no room for.
     let (mut inward, mut outward) = (Waiting::default(), Waiting::default());
     loop {
@@ -38,15 +39,21 @@ pub fn run(
         while let Some(frame) = rig.receive(now_us)? {
             outward.push(frame);
         }
-        outward.send(hub.outlets[0].as_mut())?;
+        if !link.is_there(&mut hub) {
+            outward = Waiting::default();
+        } else if let Err(error) = outward.send(hub.outlets[0].as_mut()) {
+            link.lose(&error);
+        }
         let log = rig.take_log();
         if !goes_on(rig, &log) {
             return Ok(());
         }
         let mut deadline = Instant::now() + STEP;
         while let Some((_, heard)) = hub.hear(deadline) {
-            if let Heard::Frame(AnyFrame::Standard(frame)) = heard? {
-                inward.push(frame);
+            match heard {
+                Ok(Heard::Frame(AnyFrame::Standard(frame))) => inward.push(frame),
+                Ok(_) => {}
+                Err(error) => link.lose(&error),
             }
             // What else is there already, and on.
             deadline = Instant::now();

@@ -8,6 +8,7 @@ mod refusing;
 mod robot;
 mod standing;
 mod stopping;
+mod transfer_time;
 mod tuning;
 
 use rollwalk_bus::link::LinkBus;

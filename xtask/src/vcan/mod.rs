@@ -14,6 +14,7 @@ mod modules;
 mod place;
 mod script;
 mod status;
+mod suite;
 
 use crate::shell;
 use guest::Guest;
@@ -29,12 +30,6 @@ use std::time::{Duration, Instant};
 const INTERFACES: [&str; 3] = ["vcan0", "vcan1", "vcan2"];
 /// Where a command is told that what it writes is kept.
 const RESULTS: &str = "ROLLWALK_RESULTS";
-/// What runs without a command: shows that everything is there, and measures.
-const CHECK: &str = include_str!("check.py");
-/// The interpreter that finds the packages; another one may come first in `PATH`.
-const DEBIAN_PYTHON: &str = "/usr/bin/python3";
-/// What the check takes.
-const CHECK_PACKAGES: [&str; 4] = ["can-utils", "iproute2", "python3", "python3-can"];
 
 /// What is run, and how.
 #[derive(clap::Args)]
@@ -49,31 +44,41 @@ pub struct Options {
     /// Seconds of this machine's time after which it is stopped, and has failed.
     #[arg(long, value_name = "SECONDS", default_value_t = 600)]
     timeout: u64,
-    /// The command with its arguments; a self-check without one.
+    /// The command with its arguments; the tests of `tests/vcan/` without one.
     #[arg(last = true)]
     command: Vec<String>,
 }
 
-/// Runs the command, or the self-check, where there is SocketCAN, and returns its exit status.
+impl Options {
+    fn place(&self) -> Result<Place, String> {
+        if self.guest { Ok(Place::Guest) } else { place::decide() }
+    }
+}
+
+/// Runs the tests on real CAN interfaces, as a step of all tests.
+///
+/// # Errors
+/// What failed, or the one command that installs what is missing.
+pub fn check() -> Result<(), String> {
+    suite::run(place::decide()?)
+}
+
+/// Runs the command, or the tests, where there is SocketCAN, and returns its exit status.
 ///
 /// # Errors
 /// There is no such place, with the one command that makes one; or the command did not end.
 pub fn run(options: &Options) -> Result<ExitCode, String> {
-    let mut command = options.command.clone();
-    if command.is_empty() {
-        crate::debian::need(&CHECK_PACKAGES).map_err(|install| {
-            format!("the self-check takes packages. On Debian:\n\n    {install}")
-        })?;
-        command = [DEBIAN_PYTHON, "-c", CHECK].map(String::from).into();
-    }
     ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed))
         .map_err(|error| format!("no handler for Ctrl-C: {error}"))?;
+    let command = &options.command;
+    if command.is_empty() {
+        return suite::run(options.place()?).map(|()| ExitCode::SUCCESS);
+    }
     let results = options.results.as_deref().map(absolute).transpose()?;
     let timeout = Duration::from_secs(options.timeout);
-    let place = if options.guest { Place::Guest } else { place::decide()? };
-    let code = match place {
-        Place::Here => here(&command, results.as_deref(), timeout)?,
-        Place::Guest => Guest::prepare()?.run(&command, results.as_deref(), timeout)?,
+    let code = match options.place()? {
+        Place::Here => here(command, results.as_deref(), timeout)?,
+        Place::Guest => Guest::prepare()?.run(command, results.as_deref(), timeout)?,
     };
     Ok(ExitCode::from(code))
 }

@@ -1,0 +1,142 @@
+//! How long a library of 64 KiB takes, in virtual time, against what the bus needs for its frames alone.
+
+use crate::robot::{self, STAND};
+
+use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_host::session::Session;
+use rollwalk_protocol::can::CanFrame;
+
+use rollwalk_protocol::library::{LibrarySpec, MotionSpec, TransitionSpec, encode, validate};
+use rollwalk_protocol::wire::Node;
+use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::interface::Interface;
+use rollwalk_sim_host::rig::Rig;
+
+const SIZE: usize = 64 << 10;
+
+/// Noise around the standing pose, as hard to pack as anything that servos could follow.
+fn noise(frames: usize, seed: u64) -> Vec<f32> {
+    let mut random = fastrand::Rng::with_seed(seed);
+    let stand = robot::motion(STAND);
+    let mut values = Vec::new();
+    for frame in 0..frames {
+        // It begins and ends at rest.
+        let amplitude = if frame < 2 || frame + 2 >= frames { 0.0 } else { 0.02 };
+        for (channel, value) in stand[..3].iter().enumerate() {
+            let jitter = if channel < 2 { amplitude * (2.0 * random.f32() - 1.0) } else { 0.0 };
+            values.push(value + jitter);
+        }
+    }
+    values
+}
+
+/// A library of a little more than 64 KiB.
+fn large_library() -> Vec<u8> {
+    let config = robot::config();
+    let stand = robot::motion(STAND);
+    let names = ["a", "b", "c", "d", "e", "f", "g", "h", "i", "j", "k", "l"];
+    let clips: Vec<_> = (0..names.len()).map(|k| noise(3600, k as u64)).collect();
+    let still = stand[..3].repeat(6);
+    for count in 1..=names.len() {
+        let mut motions =
+            vec![MotionSpec { name: "stand", code: STAND, looping: false, frames: &stand }];
+        let mut transitions = Vec::new();
+        for k in 0..count {
+            let code = 10 + k as u8;
+            motions.push(MotionSpec { name: names[k], code, looping: false, frames: &clips[k] });
+            let edge = |from, exit_frame, to| TransitionSpec {
+                from,
+                exit_frame,
+                to,
+                entry_frame: 0,
+                frames: &still,
+            };
+            transitions.extend([edge(0, 1, 1 + k), edge(1 + k, 3599, 0)]);
+        }
+        let spec =
+            LibrarySpec { config: &config, motions: &motions, transitions: &transitions, safe: 0 };
+        let mut bytes = vec![0; 1 << 20];
+        let length = encode(&spec, &mut bytes).expect("the library is sound");
+        if length >= SIZE {
+            bytes.truncate(length);
+            return bytes;
+        }
+    }
+    panic!("noise packs too well");
+}
+
+#[test]
+fn on_can_at_1_mbit_a_transfer_takes_at_most_half_again_of_the_bus_s_own_time() {
+    let library = large_library();
+    let rig = Rig::new(&robot::robot()).unwrap();
+    let mut session = Session::connect(rig, Node::new(1).unwrap()).unwrap();
+    let before = session.bus().now();
+    session.flash(&library, |_| {}).unwrap();
+    let rig = session.into_bus();
+    let took = (rig.now() - before).as_s();
+    // Seven bytes in each frame, one after the other, without anybody's answer.
+    let id = 0x500 | u16::from(rig.node().number()) << 4;
+    let ours = rig.log().iter().filter(|entry| entry.interface == Interface::Link);
+    let ours = ours.filter_map(|entry| entry.frame.standard()).filter(|frame| frame.id() == id);
+    let bits: u64 = ours.map(|frame| u64::from(frame.exact_bits())).sum();
+    let theory = bits as f64 * 1e-6;
+    println!("{} B in {took:.3} s, {theory:.3} s of frames: {:.3}", library.len(), took / theory);
+    assert!(took < 1.5 * theory, "{took} s, {theory} s of frames");
+}
+
+/// A link that breaks for good when the controller has so many bytes.
+struct Cut {
+    rig: Rig,
+    has: std::rc::Rc<std::cell::Cell<usize>>,
+    at: usize,
+}
+
+impl LinkBus for Cut {
+    fn now_us(&self) -> u64 {
+        self.rig.now_us()
+    }
+
+    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+        if self.has.get() >= self.at {
+            return Err(LinkError::Down("cut".into()));
+        }
+        self.rig.send(frame)
+    }
+
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+        self.rig.receive(deadline_us)
+    }
+}
+
+#[test]
+fn a_transfer_goes_on_after_a_cut_at_any_block() {
+    let library = large_library();
+    let node = Node::new(1).unwrap();
+    let mut rig = Rig::new(&robot::robot()).unwrap();
+    let mut cuts = 0;
+    // One transfer, cut at every block: each session comes one block further than the one before.
+    for at in (0..library.len()).step_by(512).skip(1) {
+        let has = std::rc::Rc::new(std::cell::Cell::new(0));
+        let cut = Cut { rig, has: has.clone(), at };
+        let mut session = Session::connect(cut, node).unwrap();
+        let mut begun = None;
+        let outcome = session.flash(&library, |progress| {
+            begun = begun.or(Some(progress.done));
+            has.set(progress.done);
+        });
+        assert!(outcome.is_err(), "the link was cut at {at}");
+        assert_eq!(begun, Some(at - 512), "it goes on where the last one stopped");
+        rig = session.into_bus().rig;
+        // Whoever comes next finds a controller that has given up the half message.
+        rig.run_until(rig.now() + SimTime::from_ms(1500));
+        cuts += 1;
+    }
+    assert_eq!(cuts, library.len().div_ceil(512) - 1);
+    let mut session = Session::connect(rig, node).unwrap();
+    session.flash(&library, |_| {}).unwrap();
+    assert_eq!(session.hello().library, validated_id(&library));
+}
+
+fn validated_id(library: &[u8]) -> Option<u32> {
+    Some(validate(library, &robot::config()).unwrap().id())
+}

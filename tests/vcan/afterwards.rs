@@ -1,0 +1,125 @@
+//! What other programs make of the logs.
+
+use crate::bench::results;
+use rollwalk_tests::checkout;
+use serde_json::{Map, Value};
+use std::collections::BTreeSet;
+use std::fs;
+use std::process::Command;
+
+/// The frames of a log as cantools decodes them.
+fn decoded(log: &str, dbc: &str) -> Vec<Value> {
+    let docs = checkout().join("docs");
+    let output = Command::new("python3")
+        .arg(docs.join("decode_log.py"))
+        .args([results().join(log), docs.join(dbc)])
+        .arg("--all")
+        .output()
+        .expect("python3 runs docs/decode_log.py");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{log}: {errors}");
+    lines(&String::from_utf8(output.stdout).expect("JSON"))
+}
+
+fn lines(text: &str) -> Vec<Value> {
+    text.lines().map(|line| serde_json::from_str(line).expect("a JSON object in a line")).collect()
+}
+
+/// Signals that both have under the same name.
+fn compare(theirs: &Map<String, Value>, ours: &Map<String, Value>, line: &Value) -> usize {
+    let mut compared = 0;
+    for (name, ours) in ours {
+        let Some(theirs) = theirs.get(name) else { continue };
+        compared += 1;
+        match (ours.as_f64(), theirs.as_f64()) {
+            (Some(ours), Some(theirs)) => {
+                // Ours are single precision.
+                assert!((ours - theirs).abs() <= 1e-6 * ours.abs().max(1e-3), "{name}: {line}");
+            }
+            // A serial number: digits for us, a number for them.
+            (None, Some(theirs)) if name == "uid" => {
+                let digits = u64::from_str_radix(ours.as_str().unwrap(), 16).unwrap();
+                assert_eq!(digits as f64, theirs, "{name}: {line}");
+            }
+            (None, None) if ours.is_string() => assert_eq!(ours, theirs, "{name}: {line}"),
+            // No clip, no channel: ours has none, theirs a name for the number that says so.
+            _ => assert!(ours.is_null() && !theirs.is_null(), "{name}: {line}"),
+        }
+    }
+    compared
+}
+
+#[test]
+fn cantools_decodes_every_frame_to_what_the_monitor_printed() {
+    let theirs = decoded("link.log", "rollwalk.dbc");
+    let ours = lines(&fs::read_to_string(results().join("monitor.jsonl")).expect("the monitor's"));
+    let key = |line: &Value| (line["id"].clone(), line["data"].clone());
+    // The monitor came later, and heard everything from then on.
+    let mut rest = theirs.iter();
+    let (mut compared, mut messages) = (0, BTreeSet::new());
+    for line in &ours {
+        let found =
+            rest.find(|theirs| key(theirs) == key(line)).unwrap_or_else(|| panic!("{line}"));
+        let message = line["message"].as_str().unwrap_or_else(|| panic!("{line}"));
+        let name = found["message"].as_str().expect("cantools names it").to_lowercase();
+        assert!(name.starts_with(message), "{found} {line}");
+        let (signals, own) = (found["signals"].as_object(), line["signals"].as_object());
+        compared += compare(signals.unwrap(), own.unwrap(), line);
+        messages.insert(message.to_owned());
+    }
+    assert!(
+        ours.len() > 1000 && theirs.len() - ours.len() < 1000,
+        "{} {}",
+        ours.len(),
+        theirs.len()
+    );
+    assert!(compared > 3 * ours.len(), "{compared} signals of {} frames", ours.len());
+    println!("{} frames, {compared} signals of {messages:?}", ours.len());
+    for message in ["status", "command", "command_ack", "joint", "heartbeat", "estop", "discovered"]
+    {
+        assert!(messages.contains(message), "{message} of {messages:?}");
+    }
+}
+
+#[test]
+fn cantools_decodes_every_frame_of_the_actuator_buses() {
+    for log in ["actuators1.log", "actuators2.log"] {
+        let frames = decoded(log, "rollwalk-actuators.dbc");
+        assert!(frames.len() > 10_000, "{log}: {}", frames.len());
+    }
+}
+
+#[test]
+fn the_telemetry_holds_joint_states_as_measured_and_as_planned() {
+    let bytes = fs::read(results().join("monitor.mcap")).expect("the telemetry");
+    let mut measured = 0;
+    let mut worst_rad = 0.0_f64;
+    let mut last = None::<Value>;
+    for message in mcap::MessageStream::new(&bytes).expect("an MCAP file") {
+        let message = message.expect("a message");
+        let content: Value = serde_json::from_slice(&message.data).expect("JSON");
+        match message.channel.topic.as_str() {
+            "/joint_states" => {
+                measured += 1;
+                last = Some(content);
+            }
+            "/planned_joint_states" => {
+                let Some(last) = &last else { continue };
+                let joints = |states: &Value| states["joints"].as_array().unwrap().clone();
+                for (plan, is) in joints(&content).iter().zip(joints(last)) {
+                    assert_eq!(plan["name"], is["name"]);
+                    if let (Some(plan), Some(is)) =
+                        (plan["position"].as_f64(), is["position"].as_f64())
+                    {
+                        worst_rad = worst_rad.max((plan - is).abs());
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    println!("{measured} joint states, at most {worst_rad:.3} rad from the plan");
+    assert!(measured > 100, "{measured}");
+    // A status is up to 50 ms old, and joints turn with up to 6 rad/s; a wrong order would be off by more.
+    assert!(worst_rad < 0.35, "{worst_rad}");
+}

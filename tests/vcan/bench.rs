@@ -1,0 +1,191 @@
+//! Programs that run beside a test, and what frames of the link say.
+
+use rollwalk_bus::candump::{self, LogEntry};
+use rollwalk_protocol::wire::{FromController, State};
+use rollwalk_tests::{Outcome, checkout};
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Once, OnceLock};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+const ROLLWALK: &str = env!("CARGO_BIN_EXE_rollwalk-under-test");
+const ROLLWALK_SIM: &str = env!("CARGO_BIN_EXE_rollwalk-sim-under-test");
+/// Longest wait for anything that ends by itself. Of the clock of the interfaces, which no load disturbs.
+const LONG: Duration = Duration::from_secs(120);
+
+/// Where what is found is kept.
+pub fn results() -> PathBuf {
+    std::env::var_os("ROLLWALK_RESULTS").expect("`cargo xtask vcan` names the folder").into()
+}
+
+/// A folder in memory: what is written while time counts must not wait for a disk.
+pub fn desk() -> &'static Path {
+    static DESK: OnceLock<PathBuf> = OnceLock::new();
+    DESK.get_or_init(|| {
+        let desk = std::env::temp_dir().join("rollwalk-vcan");
+        fs::create_dir_all(&desk).expect("a folder");
+        fs::copy(results().join(LIBRARY), desk.join(LIBRARY)).expect("the library");
+        desk
+    })
+}
+
+/// Keeps a file of the desk.
+pub fn keep(name: &str) {
+    fs::copy(desk().join(name), results().join(name)).expect("the file is kept");
+}
+
+const LIBRARY: &str = "agilebot.rwl";
+
+/// The demo's motion library.
+pub fn library() -> PathBuf {
+    desk().join(LIBRARY)
+}
+
+pub fn robot() -> PathBuf {
+    checkout().join("robots/agilebot.toml")
+}
+
+/// Reads programs once, so that nothing waits for a disk while time goes on.
+fn warm() {
+    static WARM: Once = Once::new();
+    WARM.call_once(|| {
+        let others = ["/usr/bin/candump", "/usr/bin/canplayer", "/usr/bin/cansend", "/bin/ip"];
+        for program in [ROLLWALK, ROLLWALK_SIM].iter().chain(&others) {
+            let _ = fs::read(program);
+        }
+        for program in [ROLLWALK, ROLLWALK_SIM] {
+            let version = Command::new(program).arg("--version").output();
+            assert!(version.expect("it starts").status.success());
+        }
+    });
+}
+
+/// A command of ours, run to its end.
+#[track_caller]
+pub fn rollwalk(args: &[&str]) -> Outcome {
+    warm();
+    let mut command = Command::new(ROLLWALK);
+    // Names of motions are to come from the library alone.
+    command.args(args).env("XDG_CACHE_HOME", "/nonexistent");
+    command.output().expect("the command starts").into()
+}
+
+/// Somebody else's command that must succeed.
+#[track_caller]
+pub fn run(program: &str, args: &[&str]) {
+    let output = Command::new(program).args(args).output().expect(program);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{program} {args:?}: {errors}");
+}
+
+/// A program that runs beside the test; killed when dropped.
+pub struct Beside(Child);
+
+impl Beside {
+    /// A simulated robot that is ready.
+    #[track_caller]
+    pub fn robot(args: &[&str]) -> Self {
+        warm();
+        let mut command = Command::new(ROLLWALK_SIM);
+        command.arg(robot()).args(args);
+        let robot = Self(command.spawn().expect("the robot starts"));
+        sleep(Duration::from_millis(300));
+        robot
+    }
+
+    /// `candump`, writing to a file.
+    pub fn candump(interface: &str, log: &Path) -> Self {
+        warm();
+        let file = File::create(log).expect("the log");
+        let mut command = Command::new("candump");
+        // Every line at once, and a buffer for a loaded machine.
+        command.args(["-L", "-r", "4000000", interface]).stdout(file).stderr(Stdio::null());
+        let candump = Self(command.spawn().expect("candump starts"));
+        sleep(Duration::from_millis(100));
+        candump
+    }
+
+    /// `rollwalk monitor`, writing to files.
+    pub fn monitor(args: &[&str], lines: &Path) -> Self {
+        warm();
+        let file = File::create(lines).expect("the file");
+        let library = library();
+        let mut command = Command::new(ROLLWALK);
+        command.args(["monitor", "--json", "--library"]).arg(library).args(args).stdout(file);
+        let monitor = Self(command.spawn().expect("the monitor starts"));
+        sleep(Duration::from_millis(300));
+        monitor
+    }
+
+    /// A command of ours.
+    pub fn rollwalk(args: &[&str]) -> Self {
+        warm();
+        let mut command = Command::new(ROLLWALK);
+        command.args(args).stdout(Stdio::piped()).stderr(Stdio::piped());
+        Self(command.spawn().expect("the command starts"))
+    }
+
+    /// Ends it as Ctrl-C does, and tells how it ended.
+    #[track_caller]
+    pub fn interrupt(mut self) -> i32 {
+        run("kill", &["-INT", &self.0.id().to_string()]);
+        self.code()
+    }
+
+    /// Waits until it has ended, and tells all about it.
+    #[track_caller]
+    pub fn outcome(mut self) -> Outcome {
+        self.code();
+        let mut outcome = Outcome { code: -1, stdout: String::new(), stderr: String::new() };
+        use std::io::Read;
+        if let Some(mut pipe) = self.0.stdout.take() {
+            pipe.read_to_string(&mut outcome.stdout).expect("its results");
+        }
+        if let Some(mut pipe) = self.0.stderr.take() {
+            pipe.read_to_string(&mut outcome.stderr).expect("its messages");
+        }
+        outcome.code = self.code();
+        outcome
+    }
+
+    #[track_caller]
+    fn code(&mut self) -> i32 {
+        let start = Instant::now();
+        loop {
+            match self.0.try_wait().expect("a child") {
+                Some(status) => return status.code().unwrap_or(-1),
+                None if start.elapsed() > LONG => panic!("it does not end"),
+                None => sleep(Duration::from_millis(5)),
+            }
+        }
+    }
+}
+
+impl Drop for Beside {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// The frames of a log.
+pub fn log(path: &Path) -> Vec<LogEntry> {
+    let text = fs::read_to_string(path).expect("a log");
+    // The writer may have been killed within a line.
+    let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
+    candump::parse(whole).expect("candump's format")
+}
+
+/// Every state and clip that the controller told, without repetitions.
+pub fn states(frames: &[LogEntry]) -> Vec<(State, Option<u8>)> {
+    let statuses =
+        frames.iter().filter_map(|entry| match FromController::decode(entry.frame.standard()?) {
+            Ok((_, FromController::Status(status))) => Some((status.state, status.clip)),
+            _ => None,
+        });
+    let mut states: Vec<_> = statuses.collect();
+    states.dedup();
+    states
+}

@@ -1,0 +1,173 @@
+//! What runs while the interfaces are there.
+
+use crate::bench::{Beside, desk, keep, library, log, rollwalk, run, states};
+use rollwalk_bus::candump::LogEntry;
+use rollwalk_protocol::wire::State;
+use std::thread::sleep;
+use std::time::Duration;
+
+const LINK: [&str; 2] = ["--bus", "can:vcan0"];
+const ACTUATORS: [&str; 4] = ["--actuators", "can:vcan1", "--actuators", "can:vcan2"];
+
+#[track_caller]
+fn on_link(args: &[&str]) -> rollwalk_tests::Outcome {
+    rollwalk(&[args, &LINK].concat())
+}
+
+/// Flashes the demo's library and plays every motion of it by its code.
+#[track_caller]
+fn flash_and_play() {
+    let library = library();
+    let found = on_link(&["discover", "--json"]).succeeds();
+    assert!(found.contains("\"node\": 1"), "{found}");
+    on_link(&["flash", library.to_str().unwrap()]).succeeds();
+    on_link(&["send", "--arm", "2", "4:3", "3:3", "1"]).succeeds();
+}
+
+/// How often the robot came from `before` to `after`.
+fn count(states: &[(State, Option<u8>)], before: State, after: State) -> usize {
+    states.windows(2).filter(|pair| pair[0].0 == before && pair[1].0 == after).count()
+}
+
+#[test]
+fn a_robot_plays_is_stopped_cleared_and_plays_again_and_a_log_of_it_says_the_same() {
+    let desk = desk();
+    let (link_log, lines) = (desk.join("link.log"), desk.join("monitor.jsonl"));
+    let (log_of_ours, mcap) = (desk.join("monitor.log"), desk.join("monitor.mcap"));
+    let candumps = [
+        Beside::candump("vcan0", &link_log),
+        Beside::candump("vcan1", &desk.join("actuators1.log")),
+        Beside::candump("vcan2", &desk.join("actuators2.log")),
+    ];
+    let (ours, telemetry) = (log_of_ours.to_str().unwrap(), mcap.to_str().unwrap());
+    let options = [&LINK[..], &["--log", ours, "--mcap", telemetry]].concat();
+    let monitor = Beside::monitor(&options, &lines);
+    let robot = Beside::robot(&[&LINK[..], &ACTUATORS].concat());
+
+    flash_and_play();
+    on_link(&["estop"]).succeeds();
+    on_link(&["send", "--arm", "2"]).fails(5, &["refused to arm"]);
+    on_link(&["doctor"]).succeeds_with(5, &["stopped by an emergency stop", "rollwalk clear"]);
+    on_link(&["clear"]).succeeds();
+    on_link(&["send", "--arm", "2"]).succeeds();
+    on_link(&["gains", "show"]).succeeds();
+
+    sleep(Duration::from_millis(200));
+    assert_eq!(robot.interrupt(), 0);
+    assert_eq!(monitor.interrupt(), 0);
+    drop(candumps);
+    for name in ["link.log", "monitor.jsonl", "monitor.mcap", "actuators1.log", "actuators2.log"] {
+        keep(name);
+    }
+
+    let frames = log(&link_log);
+    let told = states(&frames);
+    assert_eq!(count(&told, State::Disarmed, State::Aligning), 2, "{told:?}");
+    assert_eq!(count(&told, State::Disarmed, State::EStopped), 1, "{told:?}");
+    assert_eq!(count(&told, State::EStopped, State::Disarmed), 1, "{told:?}");
+    let played = |clip| told.contains(&(State::Playing, Some(clip)));
+    // Every motion and every transition between it and SAFE.
+    assert!((0..4).all(played), "{told:?}");
+    assert_eq!(told.last(), Some(&(State::Disarmed, None)), "{told:?}");
+    // Monitor and candump have heard the same.
+    assert_eq!(states(&log(&log_of_ours)), told);
+
+    // The log, played again without a robot: the same states.
+    let again = desk.join("replayed.log");
+    let candump = Beside::candump("vcan0", &again);
+    let monitor = Beside::monitor(&LINK, &desk.join("replayed.jsonl"));
+    run("canplayer", &["-I", link_log.to_str().unwrap(), "vcan0=vcan0"]);
+    sleep(Duration::from_millis(200));
+    assert_eq!(monitor.interrupt(), 0);
+    drop(candump);
+    assert_eq!(states(&log(&again)), told);
+    assert_eq!(log(&again).len(), frames.len());
+}
+
+#[test]
+fn controller_and_motors_can_be_programs_of_their_own() {
+    let motors = Beside::robot(&[&["--only", "motors"][..], &ACTUATORS].concat());
+    let controller = [&["--only", "controller"][..], &LINK, &ACTUATORS].concat();
+    let controller = Beside::robot(&controller);
+    flash_and_play();
+    assert_eq!(controller.interrupt(), 0);
+    assert_eq!(motors.interrupt(), 0);
+}
+
+#[test]
+fn motors_that_die_are_noticed_and_named() {
+    let motors = Beside::robot(&[&["--only", "motors"][..], &ACTUATORS].concat());
+    let controller = [&["--only", "controller"][..], &LINK, &ACTUATORS].concat();
+    let controller = Beside::robot(&controller);
+    on_link(&["flash", library().to_str().unwrap()]).succeeds();
+    let send = Beside::rollwalk(&[&["send", "--arm", "4:30"][..], &LINK].concat());
+    sleep(Duration::from_secs(4));
+    assert_eq!(motors.interrupt(), 0);
+    send.outcome().fails(5, &["does not answer"]);
+    on_link(&["doctor"]).succeeds_with(5, &["an actuator does not answer", "rollwalk clear"]);
+    // It comes back: cleared, it plays again.
+    let motors = Beside::robot(&[&["--only", "motors"][..], &ACTUATORS].concat());
+    on_link(&["clear"]).succeeds();
+    on_link(&["send", "--arm", "2"]).succeeds();
+    drop((controller, motors));
+}
+
+#[test]
+fn a_bus_that_goes_stops_the_robot_and_one_that_comes_back_serves_again() {
+    let robot = Beside::robot(&[&LINK[..], &ACTUATORS].concat());
+    on_link(&["flash", library().to_str().unwrap()]).succeeds();
+    let send = Beside::rollwalk(&[&["send", "--arm", "4:30"][..], &LINK].concat());
+    sleep(Duration::from_secs(4));
+    run("ip", &["link", "set", "vcan2", "down"]);
+    let outcome = send.outcome();
+    run("ip", &["link", "set", "vcan2", "up"]);
+    outcome.fails(5, &["a bus is off"]);
+    drop(robot);
+}
+
+#[test]
+fn what_is_wrong_with_a_bus_is_said_with_what_to_type() {
+    let library = library();
+    let flash = ["flash", library.to_str().unwrap(), "--bus"];
+    let on = |bus| rollwalk(&[&flash[..], &[bus]].concat());
+    on("can:vcan7").fails(1, &["no network interface `vcan7`", "sudo ip link add vcan7 type vcan"]);
+    on("can:can9").fails(1, &["no network interface `can9`", "vcan0, vcan1, vcan2"]);
+    on("can:lo").fails(1, &["`lo` is a network interface, but not for CAN"]);
+    on("vcan0").fails(2, &["`vcan0` is no bus"]);
+    on("serial:/dev/ttyUSB7").fails(1, &["no device `/dev/ttyUSB7`"]);
+    // Nobody there.
+    on("can:vcan0").fails(1, &["does not answer", "rollwalk discover --bus can:vcan0"]);
+    rollwalk(&["discover", "--bus", "can:vcan0"]).fails(5, &["nobody answers on can:vcan0"]);
+    run("ip", &["link", "set", "vcan1", "down"]);
+    let down = on("can:vcan1");
+    run("ip", &["link", "set", "vcan1", "up"]);
+    down.fails(1, &["`vcan1` is down", "sudo ip link set vcan1 up"]);
+}
+
+#[test]
+fn an_adapter_that_is_unplugged_in_a_transfer_is_said_and_the_robot_outlives_it() {
+    let plug = || {
+        run("ip", &["link", "add", "vcan5", "type", "vcan"]);
+        run("ip", &["link", "set", "vcan5", "up"]);
+    };
+    plug();
+    let transfer = desk().join("transfer.log");
+    let candump = Beside::candump("vcan5", &transfer);
+    let robot = Beside::robot(&["--bus", "can:vcan5"]);
+    let flash = ["flash", library().to_str().unwrap(), "--bus", "can:vcan5"].map(str::to_owned);
+    let arguments: Vec<&str> = flash.iter().map(String::as_str).collect();
+    let unplugged = Beside::rollwalk(&arguments);
+    let is_block = |entry: &LogEntry| entry.frame.standard().is_some_and(|f| f.id() == 0x510);
+    while log(&transfer).iter().filter(|entry| is_block(entry)).count() < 300 {
+        sleep(Duration::from_millis(2));
+    }
+    run("ip", &["link", "del", "vcan5"]);
+    unplugged.outcome().fails(5, &["vcan5", "The same command again goes on"]);
+    drop(candump);
+    plug();
+    // It looks for its link twice a second.
+    sleep(Duration::from_secs(1));
+    rollwalk(&arguments).succeeds();
+    assert_eq!(robot.interrupt(), 0);
+    run("ip", &["link", "del", "vcan5"]);
+}
