@@ -33,3 +33,22 @@ pub trait LinkBus {
     /// The next frame from the controller, or `None` if none comes until `deadline_us`.
     fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError>;
 }
+
+/// Borrowed, so that a bus outlives what is done with it.
+impl<B: LinkBus + ?Sized> LinkBus for &mut B {
+    fn now_us(&self) -> u64 {
+        (**self).now_us()
+    }
+
+    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+        (**self).send(frame)
+    }
+
+    fn complaint(&self) -> Option<String> {
+        (**self).complaint()
+    }
+
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+        (**self).receive(deadline_us)
+    }
+}

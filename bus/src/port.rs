@@ -9,6 +9,8 @@ use crate::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::{AnyFrame, CanFrame};
 use rollwalk_protocol::serial::{BusState, Report};
 use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -77,23 +79,42 @@ pub struct Hub {
     pub outlets: Vec<Box<dyn Outlet>>,
     heard: Receiver<Tagged>,
     sender: Sender<Tagged>,
+    /// Ends the threads that listen.
+    is_over: Arc<AtomicBool>,
 }
 
 impl Hub {
     /// Starts to listen.
     pub fn new(ports: impl IntoIterator<Item = Port>) -> Self {
         let (sender, heard) = channel();
-        let outlets = ports.into_iter().enumerate().map(|(index, port)| {
-            listen(port.inlet, index, sender.clone());
-            port.outlet
-        });
-        Self { outlets: outlets.collect(), heard, sender }
+        let mut hub = Self { outlets: Vec::new(), heard, sender, is_over: Arc::default() };
+        for (index, port) in ports.into_iter().enumerate() {
+            hub.listen(index, port.inlet);
+            hub.outlets.push(port.outlet);
+        }
+        hub
     }
 
     /// Puts another port in the place of one that is gone.
     pub fn replace(&mut self, index: usize, port: Port) {
-        listen(port.inlet, index, self.sender.clone());
+        self.listen(index, port.inlet);
         self.outlets[index] = port.outlet;
+    }
+
+    /// Passes on what is heard, in a thread of its own, until the bus or the hub is gone.
+    fn listen(&self, index: usize, mut inlet: Box<dyn Inlet>) {
+        let (sender, is_over) = (self.sender.clone(), Arc::clone(&self.is_over));
+        thread::spawn(move || {
+            while !is_over.load(Ordering::Relaxed) {
+                let heard = inlet.hear().transpose();
+                let is_gone = matches!(heard, Some(Err(_)));
+                // Nobody to hear it is noticed in the next round.
+                let _ = heard.map(|heard| sender.send((index, heard)));
+                if is_gone {
+                    return;
+                }
+            }
+        });
     }
 
     /// What is heard next and on which bus; `None` if nothing is until `deadline`. A bus that is gone says
@@ -104,25 +125,10 @@ impl Hub {
     }
 }
 
-/// Passes on what is heard, with `tag`, until the bus is gone or nobody listens any more.
-fn listen(mut inlet: Box<dyn Inlet>, tag: usize, to: Sender<Tagged>) {
-    thread::spawn(move || {
-        loop {
-            match inlet.hear() {
-                Ok(Some(heard)) => {
-                    if to.send((tag, Ok(heard))).is_err() {
-                        return;
-                    }
-                }
-                // Whether anybody still listens shows when there is something to say.
-                Ok(None) => {}
-                Err(error) => {
-                    let _ = to.send((tag, Err(error)));
-                    return;
-                }
-            }
-        }
-    });
+impl Drop for Hub {
+    fn drop(&mut self) {
+        self.is_over.store(true, Ordering::Relaxed);
+    }
 }
 
 /// A link in real time.

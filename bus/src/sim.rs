@@ -34,7 +34,10 @@ pub fn usual_socket() -> PathBuf {
 /// Nobody simulates a robot there.
 pub fn connect(socket: Option<&Path>) -> Result<Port, OpenError> {
     let path = socket.map_or_else(usual_socket, Path::to_owned);
-    let stream = UnixStream::connect(&path).and_then(|stream| Ok((stream.try_clone()?, stream)));
+    let stream = UnixStream::connect(&path).and_then(|stream| {
+        stream.set_read_timeout(Some(WAIT))?;
+        Ok((stream.try_clone()?, stream))
+    });
     let (reader, writer) = stream.map_err(|error| {
         let what = format!("no simulated robot at {}: {error}", path.display());
         let name = socket.map_or("sim".into(), |path| format!("sim:{}", path.display()));

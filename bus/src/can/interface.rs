@@ -1,6 +1,6 @@
 //! CAN interfaces of this computer: which there are, and whether one can be used.
 
-use super::super::open::OpenError;
+use crate::open::OpenError;
 use socketcan::{CanInterface, CanSocket, Socket};
 use std::fs;
 use std::io;

@@ -48,16 +48,11 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     interrupt::listen();
     let mut bus = Live::new(port);
     let controllers = discover(&mut bus, WAIT_US).map_err(|error| miette!("{error}"))?;
-    let complaint = bus.complaint();
-    drop(bus);
     let mut found = Vec::new();
     for (number, uid, protocol_major) in controllers {
         let uid = uid.map(|byte| format!("{byte:02x}")).concat();
         let node = Node::new(number);
-        let hello = node.and_then(|node| {
-            let port = open::open(&args.bus, 1).ok()?;
-            Some(*Session::visit(Live::new(port), node).ok()?.hello())
-        });
+        let hello = node.and_then(|node| Some(*Session::visit(&mut bus, node).ok()?.hello()));
         found.push(Found {
             node: number,
             uid,
@@ -78,7 +73,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         ));
     }
     if found.is_empty() {
-        let why = complaint.unwrap_or_else(|| "is a controller powered, and on this bus?".into());
+        let why =
+            bus.complaint().unwrap_or_else(|| "is a controller powered, and on this bus?".into());
         output::say(format_args!("nobody answers on {}: {why}", args.bus));
         return Ok(Exit::NotDone);
     }

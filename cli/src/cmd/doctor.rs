@@ -1,8 +1,8 @@
 //! `rollwalk doctor`: why a robot does not do what it should, and how to clear it.
 
 use crate::inputs::Source;
-use crate::link::LinkArgs;
 use crate::link::names::NamesArgs;
+use crate::link::{Interruptible, LinkArgs};
 use crate::output::Table;
 use crate::{Exit, interrupt, output};
 use miette::miette;
@@ -82,8 +82,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Ok(config.hash())
     });
     let expected = expected.transpose()?;
-    let (heard, samples, complaint) = listen(args)?;
-    let (hello, history) = ask(args)?;
+    let mut link = args.link.open()?;
+    let (heard, samples) = listen(args, &mut link)?;
+    let (hello, history) = ask(args, &mut link);
+    let complaint = link.complaint();
     if interrupt::requested() {
         return Ok(Exit::Interrupted);
     }
@@ -111,9 +113,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     Ok(if wrong { Exit::NotDone } else { Exit::Ok })
 }
 
-/// What is on the bus, one frame of each identifier, and what the bus says of itself.
-fn listen(args: &Args) -> miette::Result<(Heard, Vec<CanFrame>, Option<String>)> {
-    let mut bus = args.link.open()?;
+/// What is on the bus, and one frame of each identifier.
+fn listen(args: &Args, bus: &mut Interruptible) -> miette::Result<(Heard, Vec<CanFrame>)> {
     output::say(format_args!("listening to {} for {} s", args.link.bus, LISTEN_US / 1_000_000));
     let (start_us, node) = (bus.now_us(), args.link.node.number());
     let (mut heard, mut samples) = (Heard::default(), Vec::<CanFrame>::new());
@@ -131,15 +132,13 @@ fn listen(args: &Args) -> miette::Result<(Heard, Vec<CanFrame>, Option<String>)>
         }
     }
     heard.span_us = bus.now_us() - start_us;
-    Ok((heard, samples, bus.complaint()))
+    Ok((heard, samples))
 }
 
 /// Who the controller says it is, and what it remembers.
-fn ask(args: &Args) -> miette::Result<(Option<Hello>, Option<History>)> {
-    let Ok(mut session) = Session::visit(args.link.open()?, args.link.node) else {
-        return Ok((None, None));
-    };
-    Ok((Some(*session.hello()), session.history().ok()))
+fn ask(args: &Args, bus: &mut Interruptible) -> (Option<Hello>, Option<History>) {
+    let Ok(mut session) = Session::visit(bus, args.link.node) else { return (None, None) };
+    (Some(*session.hello()), session.history().ok())
 }
 
 fn bitrate(bus: &BusName) -> u32 {

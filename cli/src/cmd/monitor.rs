@@ -87,17 +87,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     };
     let config = packed.as_ref().map(|packed| packed.robot.controller_config()).transpose();
     let config = config.map_err(|error| miette!("{error}"))?;
-    let (mut bus, catalog) = match &packed {
-        Some(packed) => (args.link.open()?, Some(packed.catalog())),
-        // Whoever is there may say what library it has; a log that is played again does not.
-        None => match Session::visit(args.link.open()?, args.link.node) {
-            Ok(session) => {
-                let library = session.hello().library;
-                let catalog = library.map(|library| args.names.find(library)).transpose()?;
-                (session.into_bus(), catalog.flatten())
-            }
-            Err(_) => (args.link.open()?, None),
-        },
+    let mut bus = args.link.open()?;
+    // Whoever is there may say what library it has; a log that is played again does not.
+    let mut library = || Session::visit(&mut bus, args.link.node).ok()?.hello().library;
+    let catalog = match &packed {
+        Some(packed) => Some(packed.catalog()),
+        None => library().map(|library| args.names.find(library)).transpose()?.flatten(),
     };
     let mut sinks = Sinks {
         interface: interface(&args.link.bus),
