@@ -44,9 +44,14 @@ fn refused(device: &Path, baud: u32, error: &serialport::Error) -> OpenError {
     use serialport::ErrorKind;
     let shown = device.display();
     match error.kind {
-        ErrorKind::NoDevice | ErrorKind::Io(io::ErrorKind::NotFound) => {
+        ErrorKind::Io(io::ErrorKind::NotFound) => {
             OpenError { what: format!("there is no device `{shown}`"), help: devices() }
         }
+        // So the crate reports that somebody else has locked it.
+        ErrorKind::NoDevice => OpenError {
+            what: format!("another program uses `{shown}`"),
+            help: format!("end it first; fuser {shown} tells which it is"),
+        },
         ErrorKind::Io(io::ErrorKind::PermissionDenied) => OpenError {
             what: format!("you may not use `{shown}`"),
             help: "sudo usermod -aG dialout $USER, then log in again".into(),
@@ -193,6 +198,7 @@ mod tests {
     use crate::port::Live;
     use rollwalk_protocol::can::CanFrame;
     use rollwalk_protocol::serial::{Report, Reset};
+    use serialport::{SerialPort, TTYPort};
     use std::net::{TcpListener, TcpStream};
     use std::thread;
 
@@ -264,5 +270,11 @@ mod tests {
         assert_eq!(error.what, "there is no device `/dev/ttyNOSUCH7`");
         let error = open(Path::new("/dev/null"), 115_200).err().unwrap();
         assert!(error.what.starts_with("`/dev/null` cannot"), "{error}");
+        let (_far, device) = TTYPort::pair().unwrap();
+        let name = device.name().unwrap();
+        drop(device);
+        let _first = open(Path::new(&name), 115_200).unwrap();
+        let error = open(Path::new(&name), 115_200).err().unwrap();
+        assert_eq!(error.what, format!("another program uses `{name}`"));
     }
 }

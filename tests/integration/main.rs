@@ -7,10 +7,12 @@ mod command_line;
 mod demo;
 mod failsafe;
 mod libraries;
+mod lines;
 mod operating;
 mod problem_files;
 mod readme;
 mod results;
+mod simulated;
 mod solver_options;
 mod urdf;
 

@@ -1,60 +1,11 @@
 //! The tools and a simulated robot on this computer's socket: what a maker without CAN does first.
 
 use crate::desk_with_shipped_files;
-use rollwalk_tests::{Desk, Outcome};
-use std::process::{Child, Command, Stdio};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
-
-/// A simulated robot; switched off when dropped.
-struct Robot(Child);
-
-impl Robot {
-    fn start(desk: &Desk, bus: &str) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
-        command.arg(desk.path("robots/legbot.toml")).args(["--bus", bus]);
-        let robot = Self(command.stderr(Stdio::null()).spawn().expect("the robot starts"));
-        let start = Instant::now();
-        while !desk.path("robot.sock").exists() {
-            assert!(start.elapsed() < Duration::from_secs(60), "the robot makes no socket");
-            sleep(Duration::from_millis(10));
-        }
-        robot
-    }
-}
-
-impl Drop for Robot {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-/// A command of ours on `bus`.
-fn on(desk: &Desk, bus: &str, args: &[&str]) -> Outcome {
-    let mut command = desk.command(args);
-    command.env("ROLLWALK_BUS", bus).env("XDG_CACHE_HOME", desk.path("cache"));
-    command.output().expect("the command starts").into()
-}
+use crate::simulated::{Robot, desk_with_library_file, on};
 
 #[test]
 fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cleared() {
-    let desk = desk_with_shipped_files();
-    desk.write(
-        "legbot.toml",
-        "name = \"legbot\"\nrobot = \"robots/legbot.toml\"\nsafe = \"stand\"\n\
-         [[motion]]\nname = \"stand\"\nfile = \"stand.toml\"\ncode = 1\n\
-         [[motion]]\nname = \"rest\"\nfile = \"rest.toml\"\ncode = 2\n[via_safe]\nduration_s = 0.5\n",
-    );
-    for (name, duration) in [("stand", "0.5"), ("rest", "0.6")] {
-        desk.write(
-            &format!("{name}.toml"),
-            format!(
-                "name = \"{name}\"\nrobot = \"robots/legbot.toml\"\nends = \"at_rest\"\n\
-                 duration_s = {duration}\n[footfalls]\nall = \"stance\"\n"
-            ),
-        );
-    }
+    let desk = desk_with_library_file();
     let socket = format!("sim:{}", desk.path("robot.sock").display());
     let run = |args: &[&str]| on(&desk, &socket, args);
     run(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();

@@ -1,6 +1,6 @@
 //! SocketCAN: a real CAN interface of Linux, or a virtual one.
 //!
-//! [`interface`] finds and opens it, [`flight`] keeps the kernel's queue short, [`health`] makes sense of the
+//! `interface` finds and opens it, `flight` keeps the kernel's queue short, `health` makes sense of the
 //! errors that drivers report.
 
 mod flight;

@@ -1,0 +1,104 @@
+//! Robots at serial lines, and adapters that speak SLCAN: at pseudo terminals, which to a program are devices.
+
+use crate::simulated::{Robot, desk_with_library_file, on};
+use rollwalk_bus::link::LinkBus;
+use rollwalk_bus::port::Live;
+use rollwalk_bus::sim;
+use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::slcan::{Reader, Said};
+use rollwalk_tests::Desk;
+use serialport::{SerialPort, TTYPort};
+use std::io::{ErrorKind, Read, Write};
+use std::thread::{self, sleep};
+use std::time::Duration;
+
+/// The name of a device, for the programs under test to open, and the other end of its line.
+fn device() -> (String, TTYPort) {
+    let (mut far, device) = TTYPort::pair().expect("a pseudo terminal");
+    far.set_timeout(Duration::from_millis(1)).expect("a timeout");
+    (device.name().expect("a name"), far)
+}
+
+/// Bytes that came; none if nothing did for a while, or nobody has the device open.
+fn heard(line: &mut TTYPort) -> Vec<u8> {
+    let mut bytes = [0; 512];
+    match line.read(&mut bytes) {
+        Ok(count) => bytes[..count].to_vec(),
+        Err(error) => {
+            if error.kind() != ErrorKind::TimedOut {
+                sleep(Duration::from_millis(1));
+            }
+            Vec::new()
+        }
+    }
+}
+
+/// A cable from `from` to `to`.
+fn cable(mut from: TTYPort, mut to: TTYPort) {
+    thread::spawn(move || {
+        loop {
+            // What nobody has open takes nothing.
+            let _ = to.write_all(&heard(&mut from));
+        }
+    });
+}
+
+/// Flashes the library and plays a motion of it.
+fn flash_and_play(desk: &Desk, bus: &str) {
+    assert!(on(desk, bus, &["discover"]).succeeds().contains("none"));
+    on(desk, bus, &["flash", "legbot.rwl"]).succeeds();
+    on(desk, bus, &["send", "--arm", "rest", "1"]).succeeds();
+    on(desk, bus, &["doctor"]).succeeds_with(0, &["nothing bars it from being armed"]);
+    on(desk, bus, &["estop"]).succeeds();
+}
+
+#[test]
+fn a_robot_at_a_serial_line_is_flashed_and_played() {
+    let desk = desk_with_library_file();
+    on(&desk, "sim", &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    let ((robots, far), (hosts, near)) = (device(), device());
+    cable(far.try_clone_native().unwrap(), near.try_clone_native().unwrap());
+    cable(near, far);
+    let _robot = Robot::start_at(&desk, &format!("serial:{robots}"), &format!("serial:{hosts}"));
+    flash_and_play(&desk, &format!("serial:{hosts}"));
+}
+
+/// An adapter between a serial line and the link of a simulated robot.
+fn adapter(mut line: TTYPort, mut link: Live) {
+    let mut reader = Reader::default();
+    let mut is_open = false;
+    thread::spawn(move || {
+        loop {
+            for said in heard(&mut line).iter().filter_map(|&byte| reader.push(byte)) {
+                let answer = match said {
+                    Said::Frame(AnyFrame::Standard(frame)) if is_open => {
+                        link.send(&frame).map_or(Said::No, |()| Said::Yes)
+                    }
+                    Said::Bitrate(8) => Said::Yes,
+                    Said::Open | Said::Close => {
+                        is_open = said == Said::Open;
+                        Said::Yes
+                    }
+                    _ => Said::No,
+                };
+                let _ = line.write_all(&answer.encode().unwrap());
+            }
+            while let Ok(Some(frame)) = link.receive(link.now_us()) {
+                if is_open {
+                    let _ = line.write_all(&Said::Frame(frame.into()).encode().unwrap());
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn a_robot_behind_an_slcan_adapter_is_flashed_and_played() {
+    let desk = desk_with_library_file();
+    on(&desk, "sim", &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    let socket = desk.path("robot.sock");
+    let _robot = Robot::start(&desk, &format!("sim:{}", socket.display()));
+    let (name, far) = device();
+    adapter(far, Live::new(sim::connect(Some(&socket)).expect("the robot is there")));
+    flash_and_play(&desk, &format!("slcan:{name}"));
+}

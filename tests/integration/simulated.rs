@@ -1,0 +1,65 @@
+//! A simulated robot for the tools to work with, and a small library for it.
+
+use crate::desk_with_shipped_files;
+use rollwalk_tests::{Desk, Outcome};
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+/// A simulated robot; switched off when dropped.
+pub struct Robot(Child);
+
+impl Robot {
+    /// On a bus that hosts call the same.
+    pub fn start(desk: &Desk, bus: &str) -> Self {
+        Self::start_at(desk, bus, bus)
+    }
+
+    /// At one end of a line, of which `host` is the other; ready when it answers.
+    pub fn start_at(desk: &Desk, bus: &str, host: &str) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
+        command.arg(desk.path("robots/legbot.toml")).args(["--bus", bus]);
+        let robot = Self(command.stderr(Stdio::null()).spawn().expect("the robot starts"));
+        let start = Instant::now();
+        while on(desk, host, &["discover"]).code != 0 {
+            assert!(start.elapsed() < Duration::from_secs(60), "the robot does not answer");
+            sleep(Duration::from_millis(10));
+        }
+        robot
+    }
+}
+
+impl Drop for Robot {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A command of ours on `bus`.
+pub fn on(desk: &Desk, bus: &str, args: &[&str]) -> Outcome {
+    let mut command = desk.command(args);
+    command.env("ROLLWALK_BUS", bus).env("XDG_CACHE_HOME", desk.path("cache"));
+    command.output().expect("the command starts").into()
+}
+
+/// A desk with the library file of LegBot that stands and rests.
+pub fn desk_with_library_file() -> Desk {
+    let desk = desk_with_shipped_files();
+    desk.write(
+        "legbot.toml",
+        "name = \"legbot\"\nrobot = \"robots/legbot.toml\"\nsafe = \"stand\"\n\
+         [[motion]]\nname = \"stand\"\nfile = \"stand.toml\"\ncode = 1\n\
+         [[motion]]\nname = \"rest\"\nfile = \"rest.toml\"\ncode = 2\n[via_safe]\nduration_s = 0.5\n",
+    );
+    for (name, duration) in [("stand", "0.5"), ("rest", "0.6")] {
+        desk.write(
+            &format!("{name}.toml"),
+            format!(
+                "name = \"{name}\"\nrobot = \"robots/legbot.toml\"\nends = \"at_rest\"\n\
+                 duration_s = {duration}\n[footfalls]\nall = \"stance\"\n"
+            ),
+        );
+    }
+    desk
+}
