@@ -63,7 +63,7 @@ pub fn port(
     Ok(Port { outlet, inlet: Box::new(inlet) })
 }
 
-struct SlcanOutlet<W> {
+struct SlcanOutlet<W: Write> {
     name: String,
     writer: W,
     /// Whether the adapter said no, and yes never since.
@@ -89,6 +89,14 @@ impl<W: Write + Send> Outlet for SlcanOutlet<W> {
                  bitrate (slcan:{name}@BITRATE)"
             )
         })
+    }
+}
+
+impl<W: Write> Drop for SlcanOutlet<W> {
+    fn drop(&mut self) {
+        // Otherwise what the adapter hears would wait in the line for whoever opens it next.
+        let line = Said::Close.encode().unwrap_or_default();
+        let _ = self.writer.write_all(&line);
     }
 }
 
@@ -142,6 +150,11 @@ mod tests {
         let frame = link.receive(u64::MAX >> 1).unwrap().unwrap();
         assert_eq!((frame.id(), frame.data()), (0x321, &[1, 2][..]));
         assert!(link.complaint().unwrap().contains("the adapter refuses frames"));
+
+        drop(link);
+        let mut said = [0; 2];
+        adapter.read_exact(&mut said).unwrap();
+        assert_eq!(&said, b"C\r");
     }
 
     #[test]

@@ -40,7 +40,8 @@ enum Task {
         only: Option<steps::Step>,
     },
     /// Build a board's image. mps2-an386 boots in QEMU and plays the demo library, every frame on every
-    /// bus compared with the host's simulation; nucleo-g474re is measured, for probe-rs to flash.
+    /// bus compared with the host's simulation; mps2-an386-slcan is measured, for `cargo xtask vcan`;
+    /// nucleo-g474re is measured, for probe-rs to flash.
     Board {
         /// The board.
         board: board::Board,

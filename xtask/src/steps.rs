@@ -78,6 +78,7 @@ impl Step {
             Step::NoStd => bare_metal::check(),
             Step::Board => {
                 board::run(board::Board::NucleoG474re, None)?;
+                board::run(board::Board::Mps2An386Slcan, None)?;
                 board::sizes()
             }
             Step::Fuzz => {

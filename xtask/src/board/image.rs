@@ -3,7 +3,7 @@
 use crate::{bare_metal, shell};
 use std::path::PathBuf;
 
-/// A board's image: a workspace of its own, named like its folder.
+/// An image of a board: a program of the board's workspace.
 pub struct Image {
     folder: &'static str,
     name: &'static str,
@@ -12,6 +12,9 @@ pub struct Image {
 /// The emulated board's.
 pub const MPS2_AN386: Image =
     Image { folder: "firmware/boards/mps2-an386", name: "rollwalk-mps2-an386" };
+/// The emulated board's with its link as an SLCAN adapter, in real time.
+pub const MPS2_AN386_SLCAN: Image =
+    Image { folder: "firmware/boards/mps2-an386", name: "rollwalk-mps2-an386-slcan" };
 /// The real board's.
 pub const NUCLEO_G474RE: Image =
     Image { folder: "firmware/boards/nucleo-g474re", name: "rollwalk-nucleo-g474re" };
@@ -23,7 +26,9 @@ impl Image {
     /// The compiler's verdict, or the one command that gets a compiler.
     pub fn build(&self, features: &[&str]) -> Result<PathBuf, String> {
         let bare_metal::Build { mut cargo, artefacts } = bare_metal::build()?;
-        cargo.current_dir(shell::workspace_root().join(self.folder)).arg("--quiet");
+        cargo
+            .current_dir(shell::workspace_root().join(self.folder))
+            .args(["--quiet", "--bin", self.name]);
         if !features.is_empty() {
             cargo.args(["--features", &features.join(",")]);
         }

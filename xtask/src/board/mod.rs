@@ -12,6 +12,7 @@ mod image;
 mod nucleo;
 mod scenario;
 mod sizes;
+mod slcan;
 mod visit;
 
 use crate::shell::{self, cargo};
@@ -28,6 +29,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub use sizes::report as sizes;
+pub use slcan::build as slcan_image;
 
 const ROBOT: &str = "robots/agilebot.toml";
 const MOTIONS: &str = "motions/agilebot_library.toml";
@@ -38,6 +40,9 @@ pub enum Board {
     /// A Cortex-M4F of Arm's in QEMU.
     #[value(name = "mps2-an386")]
     Mps2An386,
+    /// The same with its link as an SLCAN adapter, in real time: built and measured.
+    #[value(name = "mps2-an386-slcan")]
+    Mps2An386Slcan,
     /// ST's NUCLEO-G474RE: built and measured, ready to be flashed.
     #[value(name = "nucleo-g474re")]
     NucleoG474re,
@@ -54,7 +59,8 @@ pub fn run(board: Board, port: Option<&Path>) -> Result<(), String> {
     match (board, port) {
         (Board::NucleoG474re, None) => return nucleo::report(),
         (Board::NucleoG474re, Some(port)) => return visit::report(port),
-        (Board::Mps2An386, Some(_)) => {
+        (Board::Mps2An386Slcan, None) => return slcan::report(),
+        (Board::Mps2An386 | Board::Mps2An386Slcan, Some(_)) => {
             return Err("mps2-an386 is emulated, and has no serial port: leave out --port".into());
         }
         (Board::Mps2An386, None) => {}

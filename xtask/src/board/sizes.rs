@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 
 /// Most bytes of code and constants.
-const MAX_TEXT: u64 = 64 << 10;
+pub const MAX_TEXT: u64 = 64 << 10;
 /// The same with lines for every actuator protocol, which the board has not: what it takes today, and a
 /// little more.
 const MAX_TEXT_WITH_EVERY_LINE: u64 = 72 << 10;
@@ -23,7 +23,7 @@ const MAX_MEAN_TICK: f64 = 9_900.0;
 const MAX_TICK: f64 = 16_000.0;
 const MAX_PERIOD: f64 = 46_000.0;
 /// The image's own RAM (`memory.x`); what lies above stands for external memory.
-const RAM: std::ops::Range<u64> = 0x2000_0000..0x2000_8000;
+pub const RAM: std::ops::Range<u64> = 0x2000_0000..0x2000_8000;
 
 /// Builds and runs the image and prints the figures.
 ///

@@ -6,6 +6,7 @@
 
 mod cost;
 mod halt;
+mod registers;
 mod robot;
 mod stack;
 mod store;

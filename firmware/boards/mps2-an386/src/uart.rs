@@ -1,36 +1,12 @@
-//! UART 0 of the board: Arm's CMSDK APB UART. The processor sleeps until a byte is there; an emulator
-//! that need not run a waiting loop is several times faster.
+//! UART 0 for questions and answers: the processor sleeps until a byte is there; an emulator that need not run a
+//! waiting loop is several times faster.
 
+use crate::registers::{
+    BAUDDIV, CTRL, CTRL_RX_ENABLE, CTRL_RX_INTERRUPT, CTRL_TX_ENABLE, DATA, DIVISOR, INTERRUPT,
+    INTERRUPT_RX, Received, STATE, STATE_RX_FULL, STATE_TX_FULL,
+};
 use core::ptr::{read_volatile, write_volatile};
-use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::NVIC;
-
-const DATA: *mut u32 = 0x4000_4000 as *mut u32;
-const STATE: *mut u32 = 0x4000_4004 as *mut u32;
-const CTRL: *mut u32 = 0x4000_4008 as *mut u32;
-const INTERRUPT: *mut u32 = 0x4000_400C as *mut u32;
-const BAUDDIV: *mut u32 = 0x4000_4010 as *mut u32;
-
-const STATE_TX_FULL: u32 = 1 << 0;
-const STATE_RX_FULL: u32 = 1 << 1;
-const CTRL_TX_ENABLE: u32 = 1 << 0;
-const CTRL_RX_ENABLE: u32 = 1 << 1;
-const CTRL_RX_INTERRUPT: u32 = 1 << 3;
-const INTERRUPT_RX: u32 = 1 << 1;
-
-/// Its receive interrupt.
-#[derive(Clone, Copy)]
-struct Received;
-
-// SAFETY: the number in the board's interrupt table.
-unsafe impl InterruptNumber for Received {
-    fn number(self) -> u16 {
-        0
-    }
-}
-
-/// The smallest divisor that the hardware takes: 25 MHz / 16.
-const DIVISOR: u32 = 16;
 
 /// The UART. There is one; it is made once, by `main`.
 pub struct Uart(());

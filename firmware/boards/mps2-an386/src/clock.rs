@@ -1,0 +1,68 @@
+//! Time: timer 0 counts it, SysTick begins the control periods and wakes the processor for them.
+
+use core::ptr::{read_volatile, write_volatile};
+use core::sync::atomic::{AtomicBool, Ordering};
+use cortex_m::peripheral::SYST;
+use cortex_m::peripheral::syst::SystClkSource;
+use cortex_m_rt::exception;
+
+/// Of the processor and of the board's timers.
+const HZ: u32 = 25_000_000;
+const COUNTS_PER_US: u64 = HZ as u64 / 1_000_000;
+
+/// Arm's CMSDK APB timer 0, which counts down.
+const CTRL: *mut u32 = 0x4000_0000 as *mut u32;
+const VALUE: *mut u32 = 0x4000_0004 as *mut u32;
+const RELOAD: *mut u32 = 0x4000_0008 as *mut u32;
+const CTRL_ENABLE: u32 = 1 << 0;
+
+/// A control period has begun and was not seen yet.
+static BEGUN: AtomicBool = AtomicBool::new(false);
+
+/// The clock. There is one; it is made once, by `main`.
+pub struct Clock {
+    counts: u64,
+    last: u32,
+}
+
+impl Clock {
+    /// Starts it, with so many control periods a second.
+    pub fn start(mut systick: SYST, control_hz: u16) -> Self {
+        // SAFETY: registers of this board, which nothing else uses.
+        unsafe {
+            write_volatile(RELOAD, u32::MAX);
+            write_volatile(VALUE, u32::MAX);
+            write_volatile(CTRL, CTRL_ENABLE);
+        }
+        systick.set_clock_source(SystClkSource::Core);
+        systick.set_reload(HZ / u32::from(control_hz.max(1)) - 1);
+        systick.clear_current();
+        systick.enable_interrupt();
+        systick.enable_counter();
+        Self { counts: 0, last: u32::MAX }
+    }
+
+    /// Time since the start, µs. To be asked every two minutes at least, or the counter has gone round.
+    pub fn now_us(&mut self) -> u64 {
+        // SAFETY: as above.
+        let value = unsafe { read_volatile(VALUE) };
+        self.counts += u64::from(self.last.wrapping_sub(value));
+        self.last = value;
+        self.counts / COUNTS_PER_US
+    }
+
+    /// Whether a control period has begun since the last call that said so.
+    pub fn begun(&mut self) -> bool {
+        BEGUN.swap(false, Ordering::AcqRel)
+    }
+
+    /// Whether the next [`Self::begun`] will say so.
+    pub fn is_due(&self) -> bool {
+        BEGUN.load(Ordering::Acquire)
+    }
+}
+
+#[exception]
+fn SysTick() {
+    BEGUN.store(true, Ordering::Release);
+}

@@ -1,0 +1,132 @@
+//! UART 0 as a line in real time: bytes are taken by interrupt, and sent as the hardware has room, so that a
+//! host that does not read stops nothing but what is for it.
+
+use crate::registers::{
+    BAUDDIV, CTRL, CTRL_RX_ENABLE, CTRL_RX_INTERRUPT, CTRL_TX_ENABLE, DATA, DIVISOR, INTERRUPT,
+    INTERRUPT_RX, Received, STATE, STATE_RX_FULL, STATE_TX_FULL,
+};
+use core::cell::Cell;
+use core::ptr::{read_volatile, write_volatile};
+use core::sync::atomic::{AtomicBool, Ordering};
+use cortex_m::interrupt::{InterruptNumber, Mutex, free};
+use cortex_m::peripheral::NVIC;
+use cortex_m_rt::exception;
+use heapless::Deque;
+use heapless::spsc::{Consumer, Producer, Queue};
+use rollwalk_protocol::slcan::Line as Text;
+use static_cell::StaticCell;
+
+const CTRL_TX_INTERRUPT: u32 = 1 << 2;
+const INTERRUPT_TX: u32 = 1 << 0;
+
+/// Room for two frames: what waits longer is better asked for later.
+const SEND_BYTES: usize = 2 * FRAME_BYTES;
+/// Longest line of the link: `t`, identifier, length, 8 bytes.
+const FRAME_BYTES: usize = 22;
+
+/// What was received and not yet looked at: 85 ms of all that QEMU delivers, which takes as long as no byte is
+/// fetched while a library is checked.
+static RECEIVED: StaticCell<Queue<u8, 1024>> = StaticCell::new();
+/// The interrupt's end of it.
+static WRITER: Mutex<Cell<Option<Producer<'static, u8>>>> = Mutex::new(Cell::new(None));
+/// Bytes found no room there.
+static LOST: AtomicBool = AtomicBool::new(false);
+
+/// Its transmit interrupt: wakes the processor when there is room again.
+#[derive(Clone, Copy)]
+struct Sent;
+
+// SAFETY: the number in the board's interrupt table.
+unsafe impl InterruptNumber for Sent {
+    fn number(self) -> u16 {
+        1
+    }
+}
+
+/// The line.
+pub struct Line {
+    received: Consumer<'static, u8>,
+    waiting: Deque<u8, SEND_BYTES>,
+}
+
+impl Line {
+    /// Switches it on; once.
+    pub fn new() -> Option<Self> {
+        let (writer, received) = RECEIVED.try_init(Queue::new())?.split();
+        free(|cs| WRITER.borrow(cs).set(Some(writer)));
+        // SAFETY: registers of this board, which nothing else uses; the handler below only takes what was
+        // received.
+        unsafe {
+            write_volatile(BAUDDIV, DIVISOR);
+            let interrupts = CTRL_RX_INTERRUPT | CTRL_TX_INTERRUPT;
+            write_volatile(CTRL, CTRL_TX_ENABLE | CTRL_RX_ENABLE | interrupts);
+            NVIC::unmask(Received);
+            NVIC::unmask(Sent);
+        }
+        Some(Self { received, waiting: Deque::new() })
+    }
+
+    /// The next byte that was received.
+    pub fn receive(&mut self) -> Option<u8> {
+        self.received.dequeue()
+    }
+
+    /// Whether bytes were lost since the last call.
+    pub fn has_lost(&mut self) -> bool {
+        LOST.swap(false, Ordering::AcqRel)
+    }
+
+    /// Whether there is room for a frame.
+    pub fn is_free(&self) -> bool {
+        SEND_BYTES - self.waiting.len() >= FRAME_BYTES
+    }
+
+    /// Sends a line of text if there is room for it, otherwise not.
+    pub fn send(&mut self, text: &Text) {
+        if text.len() <= SEND_BYTES - self.waiting.len() {
+            for &byte in text {
+                let _ = self.waiting.push_back(byte);
+            }
+        }
+        self.work();
+    }
+
+    /// Hands the hardware what it has room for.
+    pub fn work(&mut self) {
+        while has_room()
+            && let Some(byte) = self.waiting.pop_front()
+        {
+            // SAFETY: as in `new`.
+            unsafe { write_volatile(DATA, byte.into()) };
+        }
+    }
+
+    /// Whether there is something to do without another interrupt.
+    pub fn is_busy(&self) -> bool {
+        self.received.ready() || (!self.waiting.is_empty() && has_room())
+    }
+}
+
+fn has_room() -> bool {
+    // SAFETY: a register of this board; reading it changes nothing.
+    unsafe { read_volatile(STATE) & STATE_TX_FULL == 0 }
+}
+
+/// The board has no crate of its own that names its interrupts; these two are enabled.
+#[exception]
+unsafe fn DefaultHandler(_number: i16) {
+    free(|cs| {
+        let mut writer = WRITER.borrow(cs).take();
+        // SAFETY: registers of this board; reading DATA takes the byte.
+        unsafe {
+            write_volatile(INTERRUPT, INTERRUPT_RX | INTERRUPT_TX);
+            while read_volatile(STATE) & STATE_RX_FULL != 0 {
+                let byte = read_volatile(DATA) as u8;
+                if writer.as_mut().is_none_or(|writer| writer.enqueue(byte).is_err()) {
+                    LOST.store(true, Ordering::Release);
+                }
+            }
+        }
+        WRITER.borrow(cs).set(writer);
+    });
+}

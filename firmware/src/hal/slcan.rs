@@ -1,0 +1,143 @@
+//! A controller without CAN as an SLCAN adapter: its link on any serial line, for `slcand` and other hosts that
+//! know Lawicel's protocol.
+//!
+//! To the host it is an adapter on a bus that has one other member. Bytes go in, the link's frames and answers
+//! come out; a frame for the host becomes a line as long as the channel is open.
+
+use rollwalk_protocol::can::{AnyFrame, CanFrame};
+use rollwalk_protocol::slcan::{Line, Reader, Said};
+
+/// Version of hardware and software, as Lawicel's own adapters tell it, and a serial number.
+const VERSION: &[u8] = b"V1010\r";
+const SERIAL_NUMBER: &[u8] = b"N0001\r";
+/// Lawicel's status flags: none, and bit 3, data overrun.
+const ALL_WELL: &[u8] = b"F00\r";
+const OVERRUN: &[u8] = b"F08\r";
+
+/// The adapter.
+#[derive(Clone, Debug, Default)]
+pub struct Adapter {
+    reader: Reader,
+    open: bool,
+    lost: bool,
+}
+
+/// What a line of the host comes to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Heard {
+    /// A frame for the controller.
+    pub frame: Option<CanFrame>,
+    /// What the host is told.
+    pub answer: Line,
+}
+
+impl Adapter {
+    /// Takes a byte of the host; says what it completes.
+    pub fn push(&mut self, byte: u8) -> Option<Heard> {
+        let ends = byte == b'\r';
+        let said = self.reader.push(byte);
+        // What is no line was skipped up to its end: that is a no as well.
+        let (frame, answer) = match (said, ends) {
+            (Some(said), _) => self.obey(said),
+            (None, true) => (None, no()),
+            (None, false) => return None,
+        };
+        Some(Heard { frame, answer })
+    }
+
+    fn obey(&mut self, said: Said) -> (Option<CanFrame>, Line) {
+        let done = match said {
+            Said::Frame(AnyFrame::Standard(frame)) if self.open => return (Some(frame), yes()),
+            // Onto the bus, where nobody takes it.
+            Said::Frame(AnyFrame::Extended(_)) => self.open,
+            Said::Frame(AnyFrame::Standard(_)) => false,
+            Said::Bitrate(_) => !self.open,
+            Said::Open => !core::mem::replace(&mut self.open, true),
+            Said::Close => core::mem::take(&mut self.open),
+            // An empty line.
+            Said::Yes => true,
+            Said::Other(b'V') => return (None, line(VERSION)),
+            Said::Other(b'N') => return (None, line(SERIAL_NUMBER)),
+            Said::Other(b'F') => {
+                let lost = core::mem::take(&mut self.lost);
+                return (None, line(if lost { OVERRUN } else { ALL_WELL }));
+            }
+            Said::No | Said::Other(_) => false,
+        };
+        (None, if done { yes() } else { no() })
+    }
+
+    /// The line for a frame of the controller; `None` while the host has not opened the channel: such a frame
+    /// was on a bus where it does not take part.
+    pub fn line(&self, frame: &CanFrame) -> Option<Line> {
+        if self.open { Said::Frame((*frame).into()).encode() } else { None }
+    }
+
+    /// Bytes of the host were lost. It is told when it asks for the status flags.
+    pub fn lost(&mut self) {
+        self.lost = true;
+    }
+}
+
+fn yes() -> Line {
+    Said::Yes.encode().unwrap_or_default()
+}
+
+fn no() -> Line {
+    Said::No.encode().unwrap_or_default()
+}
+
+fn line(text: &[u8]) -> Line {
+    Line::from_slice(text).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    extern crate std;
+    use std::vec;
+    use std::vec::Vec;
+
+    /// Frames and answers.
+    fn told(adapter: &mut Adapter, bytes: &[u8]) -> (Vec<CanFrame>, Vec<u8>) {
+        let heard: Vec<_> = bytes.iter().filter_map(|&byte| adapter.push(byte)).collect();
+        let answers = heard.iter().flat_map(|heard| heard.answer.clone()).collect();
+        (heard.iter().filter_map(|heard| heard.frame).collect(), answers)
+    }
+
+    fn frame() -> CanFrame {
+        CanFrame::new(0x123, &[0xAA, 0xBB]).unwrap()
+    }
+
+    /// What `slcand -o -c -s8` begins with, on an adapter that is closed, and once more.
+    #[test]
+    fn a_host_opens_and_closes_the_channel() {
+        let mut adapter = Adapter::default();
+        assert_eq!(adapter.line(&frame()), None);
+        assert_eq!(told(&mut adapter, b"C\rS8\rO\r"), (Vec::new(), b"\x07\r\r".to_vec()));
+        assert_eq!(adapter.line(&frame()).unwrap(), b"t1232AABB\r");
+        assert_eq!(told(&mut adapter, b"O\rS6\rC\r"), (Vec::new(), b"\x07\x07\r".to_vec()));
+        assert_eq!(adapter.line(&frame()), None);
+        assert_eq!(told(&mut adapter, b"C\rS8\rO\r"), (Vec::new(), b"\x07\r\r".to_vec()));
+    }
+
+    #[test]
+    fn frames_are_taken_while_the_channel_is_open() {
+        let mut adapter = Adapter::default();
+        assert_eq!(told(&mut adapter, b"t1232AABB\rO\r"), (Vec::new(), b"\x07\r".to_vec()));
+        assert_eq!(told(&mut adapter, b"t1232AABB\r"), (vec![frame()], b"\r".to_vec()));
+        // The link has none with 29-bit identifiers; half a line is none at all.
+        let other = b"T000001232AABB\rt1232AAB\r";
+        assert_eq!(told(&mut adapter, other), (Vec::new(), b"\r\x07".to_vec()));
+        assert_eq!(told(&mut adapter, b"C\rt1232AABB\r"), (Vec::new(), b"\r\x07".to_vec()));
+    }
+
+    #[test]
+    fn a_host_may_ask_who_it_is_and_whether_bytes_were_lost() {
+        let mut adapter = Adapter::default();
+        assert_eq!(told(&mut adapter, b"\rV\rN\rF\r").1, b"\rV1010\rN0001\rF00\r");
+        adapter.lost();
+        assert_eq!(told(&mut adapter, b"F\rF\r").1, b"F08\rF00\r");
+        assert_eq!(told(&mut adapter, b"M00000000\rX1\r\x07").1, b"\x07\x07\x07");
+    }
+}

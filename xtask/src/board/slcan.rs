@@ -1,0 +1,42 @@
+//! The emulated board's image with its link as an SLCAN adapter: that it builds, fits and cannot panic. What it
+//! does is shown where there is SocketCAN: `cargo xtask vcan`.
+
+use super::contents::{Sections, panic_paths, sections};
+use super::image::MPS2_AN386_SLCAN;
+use super::shown;
+use super::sizes::{MAX_STATIC_RAM, MAX_TEXT, RAM};
+use std::fs;
+use std::path::PathBuf;
+
+/// Builds the image.
+///
+/// # Errors
+/// The compiler's verdict.
+pub fn build() -> Result<PathBuf, String> {
+    MPS2_AN386_SLCAN.build(&[])
+}
+
+/// Builds the image and prints what it takes.
+///
+/// # Errors
+/// What is above its limit, or the compiler's verdict.
+pub fn report() -> Result<(), String> {
+    let path = build()?;
+    let image = fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let Sections { text, data, bss } = sections(&image, RAM)?;
+    let panics = panic_paths(&image)?;
+    println!("mps2-an386-slcan, release: {}", shown(&path));
+    println!("text           {text:>7} B of {MAX_TEXT}");
+    println!("data + bss     {:>7} B of {MAX_STATIC_RAM} ({data} + {bss})", data + bss);
+    println!("panic paths    {:>7}", panics.len());
+
+    let mut failures = Vec::new();
+    if text > MAX_TEXT {
+        failures.push(format!("text: {text} B, at most {MAX_TEXT}"));
+    }
+    if data + bss > MAX_STATIC_RAM {
+        failures.push(format!("static RAM: {} B, at most {MAX_STATIC_RAM}", data + bss));
+    }
+    failures.extend(panics.iter().map(|symbol| format!("panic path: {symbol}")));
+    if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
+}
