@@ -20,10 +20,20 @@ fn help_teaches_by_example_and_documents_exit_codes() {
         &["library", "build"],
         &["library", "inspect"],
         &["failsafe"],
+        &["console"],
     ] {
         let help = desk.run(&[command, &["--help"]].concat()).succeeds();
         assert!(help.contains("Examples:"), "{command:?} has no examples:\n{help}");
         assert!(help.contains("Exit codes:"), "{command:?} has no exit codes:\n{help}");
+    }
+}
+
+#[test]
+fn the_console_needs_a_terminal_and_says_what_does_not() {
+    let outcome = desk().run(&["console", "--bus", "sim"]);
+    assert_eq!(outcome.code, 1, "{}", outcome.stderr);
+    for words in ["needs a terminal", "rollwalk monitor", "rollwalk send"] {
+        assert!(outcome.stderr.contains(words), "{words} in {}", outcome.stderr);
     }
 }
 

@@ -3,6 +3,7 @@
 mod bench;
 mod buses;
 mod completions;
+mod console;
 mod dbc;
 mod demo;
 mod discover;
@@ -40,6 +41,7 @@ pub enum Command {
     Monitor(monitor::Args),
     Gains(gains::Args),
     Doctor(doctor::Args),
+    Console(console::Args),
     /// Stop the robot at once: torque off. Repeated until the controller acknowledges; `clear` leads out of it.
     Estop(orders::Args),
     /// Leave an emergency stop or a fault that has passed; the robot can then be armed again.
@@ -78,6 +80,7 @@ impl Command {
             Command::Monitor(args) => monitor::run(args),
             Command::Doctor(args) => doctor::run(args),
             Command::Gains(args) => gains::run(args),
+            Command::Console(args) => console::run(args),
             Command::Estop(args) => orders::run(Order::Estop, args),
             Command::Clear(args) => orders::run(Order::Clear, args),
             Command::Disarm(args) => orders::run(Order::Disarm, args),

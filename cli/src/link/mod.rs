@@ -9,7 +9,7 @@ use crate::Exit;
 use crate::interrupt;
 use miette::{Report, miette};
 use rollwalk_bus::name::BusName;
-use rollwalk_bus::open;
+use rollwalk_bus::open::{self, OpenError};
 use rollwalk_bus::port::Live;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::Node;
@@ -38,15 +38,22 @@ fn node(text: &str) -> Result<Node, String> {
 pub type LiveSession = Session<Interruptible>;
 
 impl LinkArgs {
+    /// Opens the bus, and nothing more.
+    ///
+    /// # Errors
+    /// There is no such bus, or it cannot be used: with what to type.
+    pub fn live(&self) -> Result<Live, OpenError> {
+        open::open(&self.bus, DEPTH).map(Live::new)
+    }
+
     /// Opens the bus. From here on Ctrl-C is heard.
     ///
     /// # Errors
     /// There is no such bus, or it cannot be used: with what to type.
     pub fn open(&self) -> miette::Result<Interruptible> {
-        let port = open::open(&self.bus, DEPTH);
-        let port = port.map_err(|error| miette!(help = error.help, "{}", error.what))?;
+        let live = self.live().map_err(|error| miette!(help = error.help, "{}", error.what))?;
         interrupt::listen();
-        Ok(Interruptible::new(Live::new(port)))
+        Ok(Interruptible::new(live))
     }
 
     /// Opens the bus and connects to the controller.

@@ -48,7 +48,8 @@ pub fn keep(catalog: &Catalog) {
     }
 }
 
-fn kept(library: u32) -> Option<Catalog> {
+/// Names that were kept of the library with this identity.
+pub fn kept(library: u32) -> Option<Catalog> {
     let text = fs::read_to_string(place(library)?).ok()?;
     let catalog: Catalog = serde_json::from_str(&text).ok()?;
     (catalog.library == library).then_some(catalog)

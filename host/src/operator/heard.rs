@@ -95,6 +95,11 @@ impl Heard {
         self.joints.insert(joint.channel, (now_us, joint));
     }
 
+    /// The bus is gone, and with it the contact: somebody has said so already.
+    pub fn lose_contact(&mut self) {
+        self.contact = self.contact.map(|_| false);
+    }
+
     /// Says when contact is lost, and whether it was just now.
     pub fn watch(&mut self, now_us: u64, log: &mut Log) -> bool {
         if self.contact == Some(true) && !self.in_contact(now_us) {

@@ -124,6 +124,7 @@ impl Operator {
         if self.bus_lost.replace(why.to_owned()).is_none() {
             self.log.say(now_us, Weight::Warning, format!("the bus is lost: {why}"));
         }
+        self.heard.lose_contact();
         self.orders.forget(&mut self.client);
         self.unsent = None;
     }
@@ -248,6 +249,11 @@ impl Operator {
             leaving: self.leaving,
             messages: self.log.messages().clone(),
         }
+    }
+
+    /// Part of the planned speed that motions are asked for at, in 64ths.
+    pub fn speed_64ths(&self) -> i8 {
+        self.speed_64ths
     }
 
     /// Whether the operator is leaving.

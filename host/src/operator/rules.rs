@@ -86,8 +86,11 @@ impl Operator {
         self.asked = None;
         self.unsent = None;
         self.orders.forget(&mut self.client);
+        // A button that repeats itself says so once.
+        if !self.client.is_stopping() {
+            self.log.say(now_us, Weight::Warning, "EMERGENCY STOP");
+        }
         self.client.estop(now_us);
-        self.log.say(now_us, Weight::Warning, "EMERGENCY STOP");
     }
 
     fn on_deadman(&mut self, now_us: u64, deadman: Deadman) {

@@ -1,0 +1,219 @@
+//! The console's loop: keys and frames in, frames and a screen out, in one thread.
+//!
+//! One thread on purpose: a console that cannot read keys or draw for a quarter of a second sends no heartbeat
+//! either, and the robot returns to SAFE by itself.
+
+use super::keys::{Keyboard, Meaning};
+use super::scene::{Lookup, Names, Scene};
+use super::screen;
+use crate::link::LinkArgs;
+use miette::miette;
+use ratatui::DefaultTerminal;
+use ratatui::crossterm::event::{self, Event};
+use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_bus::port::Live;
+use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Keys are looked for at least so often, µs.
+const LOOK_US: u64 = 10_000;
+/// The screen is drawn so often, µs.
+const DRAW_US: u64 = 50_000;
+/// A bus that is lost is opened again so often, µs.
+const REOPEN_US: u64 = 1_000_000;
+/// A full transmit queue is tried again after so long, µs.
+const BUSY_US: u64 = 500;
+
+/// So often Ctrl-C arrived as a signal: from another terminal, since this one sends it as a key.
+static SIGNALS: AtomicUsize = AtomicUsize::new(0);
+
+/// A console at work.
+pub struct App<'a> {
+    link: &'a LinkArgs,
+    lookup: Lookup,
+    bus: Option<Live>,
+    operator: Operator,
+    names: Names,
+    /// Configuration and library that the names are of.
+    named: Option<(u32, Option<u32>)>,
+    keyboard: Keyboard,
+    help: bool,
+    scroll: usize,
+    started: Instant,
+    reopen_us: u64,
+    signals: usize,
+}
+
+impl<'a> App<'a> {
+    /// A console on an open bus.
+    pub fn new(link: &'a LinkArgs, lookup: Lookup, bus: Live) -> Self {
+        let operator = Operator::new(link.node, lookup.config_hash());
+        // Refused only when a handler is already installed; then that one stays.
+        let _ = ctrlc::set_handler(|| {
+            SIGNALS.fetch_add(1, Ordering::Relaxed);
+        });
+        Self {
+            link,
+            lookup,
+            bus: Some(bus),
+            operator,
+            names: Names::default(),
+            named: None,
+            keyboard: Keyboard::default(),
+            help: false,
+            scroll: 0,
+            started: Instant::now(),
+            reopen_us: 0,
+            signals: 0,
+        }
+    }
+
+    /// Runs until the operator leaves; how everything was then.
+    ///
+    /// # Errors
+    /// The terminal is gone. The robot returns to SAFE by itself.
+    pub fn run(&mut self, terminal: &mut DefaultTerminal) -> miette::Result<View> {
+        let mut draw_us = 0;
+        loop {
+            let now_us = self.now_us();
+            self.read_keys().map_err(|error| miette!("the terminal is gone: {error}"))?;
+            self.look_names(now_us);
+            self.send(now_us);
+            if self.operator.leaving() == Leaving::Now {
+                return Ok(self.operator.view(now_us));
+            }
+            if now_us >= draw_us {
+                draw_us = now_us + DRAW_US;
+                let view = self.operator.view(now_us);
+                let bus = self.link.bus.to_string();
+                let scene = Scene {
+                    view: &view,
+                    bus: &bus,
+                    names: &self.names,
+                    gamepad: None,
+                    help: self.help,
+                    scroll: self.scroll,
+                };
+                let drawn = terminal.draw(|frame| screen::draw(frame, &scene));
+                drawn.map_err(|error| miette!("the terminal is gone: {error}"))?;
+            }
+            self.hear();
+        }
+    }
+
+    fn now_us(&self) -> u64 {
+        u64::try_from(self.started.elapsed().as_micros()).unwrap_or(u64::MAX)
+    }
+
+    fn read_keys(&mut self) -> std::io::Result<()> {
+        let signals = SIGNALS.load(Ordering::Relaxed);
+        for _ in self.signals..signals {
+            self.operator.want(self.now_us(), Intent::Quit);
+        }
+        self.signals = signals;
+        while event::poll(Duration::ZERO)? {
+            // A new size shows when the screen is drawn next.
+            let Event::Key(key) = event::read()? else { continue };
+            let now_us = self.now_us();
+            let speed = self.operator.speed_64ths();
+            match self.keyboard.press(now_us, key, &self.names, speed) {
+                None => {}
+                Some(Meaning::Want(intent)) => self.operator.want(now_us, intent),
+                Some(Meaning::Help) => self.help = !self.help,
+                Some(Meaning::Scroll(by)) => {
+                    self.scroll = self.scroll.saturating_add_signed(by).min(64);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Looks names up when the controller has said who it is.
+    fn look_names(&mut self, now_us: u64) {
+        let Some(hello) = self.operator.hello() else { return };
+        let wanted = Some((hello.config_hash, hello.library));
+        if self.named == wanted {
+            return;
+        }
+        let (names, other) = self.lookup.names(hello.config_hash, hello.library);
+        self.named = wanted;
+        if other {
+            let text = "the controller has another library than the one named with --library";
+            self.operator.say(now_us, Weight::Warning, text);
+        }
+        self.operator.set_catalog(names.catalog.clone());
+        self.names = names;
+    }
+
+    fn send(&mut self, now_us: u64) {
+        let Some(bus) = &mut self.bus else {
+            if now_us >= self.reopen_us {
+                self.reopen_us = now_us + REOPEN_US;
+                if let Ok(live) = self.link.live() {
+                    self.bus = Some(live);
+                    self.operator.on_bus_back(now_us);
+                }
+            }
+            return;
+        };
+        while let Some(frame) = self.operator.poll(now_us) {
+            match bus.send(&frame) {
+                Ok(()) => {}
+                Err(LinkError::Busy) => {
+                    self.operator.not_sent(frame);
+                    let at_us = bus.now_us() + BUSY_US;
+                    return self.hear_until(at_us);
+                }
+                Err(error) => return self.lose(&error),
+            }
+        }
+    }
+
+    /// Listens until there is something to do.
+    fn hear(&mut self) {
+        let now_us = self.now_us();
+        let wait_us =
+            self.operator.next_poll_us(now_us).saturating_sub(now_us).clamp(BUSY_US, LOOK_US);
+        match &self.bus {
+            Some(bus) => {
+                let until_us = bus.now_us() + wait_us;
+                self.hear_until(until_us);
+            }
+            None => thread::sleep(Duration::from_micros(LOOK_US)),
+        }
+    }
+
+    fn hear_until(&mut self, until_us: u64) {
+        let Some(bus) = &mut self.bus else { return };
+        let mut until_us = until_us;
+        loop {
+            match bus.receive(until_us) {
+                Ok(Some(frame)) => {
+                    let elapsed = self.started.elapsed().as_micros();
+                    let now_us = u64::try_from(elapsed).unwrap_or(u64::MAX);
+                    self.operator.on_frame(now_us, &frame);
+                    // What else is there already; an answer may be due at once.
+                    if bus.now_us() >= until_us {
+                        return;
+                    }
+                    until_us = bus.now_us();
+                }
+                Ok(None) => return,
+                Err(error) => return self.lose(&error),
+            }
+        }
+    }
+
+    fn lose(&mut self, error: &LinkError) {
+        let why = match error {
+            LinkError::Down(why) => why.clone(),
+            LinkError::Busy => error.to_string(),
+        };
+        let now_us = self.now_us();
+        self.bus = None;
+        self.reopen_us = now_us + REOPEN_US;
+        self.operator.on_bus_lost(now_us, &why);
+    }
+}

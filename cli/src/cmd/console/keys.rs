@@ -1,0 +1,128 @@
+//! From keys to what the operator wants.
+
+use super::scene::Names;
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use rollwalk_host::operator::Intent;
+
+/// A key that is held repeats itself, first after up to this long: only later the same key counts again, µs.
+const HELD_US: u64 = 700_000;
+/// A step of the speed, 64ths.
+const SPEED_STEP: i8 = 8;
+
+/// What a key means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Meaning {
+    /// Something for the robot.
+    Want(Intent),
+    /// Open or close the help.
+    Help,
+    /// More joints.
+    Scroll(isize),
+}
+
+/// The keyboard.
+#[derive(Clone, Debug, Default)]
+pub struct Keyboard {
+    last: Option<(KeyCode, u64)>,
+}
+
+impl Keyboard {
+    /// What a key means that is pressed now; `speed_64ths` is the present speed.
+    pub fn press(
+        &mut self,
+        now_us: u64,
+        key: KeyEvent,
+        names: &Names,
+        speed_64ths: i8,
+    ) -> Option<Meaning> {
+        if key.kind == KeyEventKind::Release {
+            return None;
+        }
+        let held = key.kind == KeyEventKind::Repeat
+            || self.last.is_some_and(|(code, at_us)| {
+                code == key.code && now_us.saturating_sub(at_us) < HELD_US
+            });
+        self.last = Some((key.code, now_us));
+        let control = key.modifiers.contains(KeyModifiers::CONTROL);
+        let speed = |by: i8| {
+            // From the slowest on in whole steps.
+            let sixty_fourths = (speed_64ths + by).clamp(SPEED_STEP, 64);
+            Meaning::Want(Intent::Speed { sixty_fourths })
+        };
+        // These do no harm when they repeat themselves.
+        match key.code {
+            KeyCode::Esc | KeyCode::Char(' ') => return Some(Meaning::Want(Intent::Estop)),
+            KeyCode::Char('+' | '=') => return Some(speed(SPEED_STEP)),
+            KeyCode::Char('-') => return Some(speed(-SPEED_STEP)),
+            KeyCode::Up => return Some(Meaning::Scroll(-1)),
+            KeyCode::Down => return Some(Meaning::Scroll(1)),
+            KeyCode::PageUp => return Some(Meaning::Scroll(-10)),
+            KeyCode::PageDown => return Some(Meaning::Scroll(10)),
+            _ if held => return None,
+            _ => {}
+        }
+        let intent = match key.code {
+            KeyCode::Char('c') if control => Intent::Quit,
+            KeyCode::Char(_) if control || key.modifiers.contains(KeyModifiers::ALT) => {
+                return None;
+            }
+            KeyCode::Char('?') | KeyCode::F(1) => return Some(Meaning::Help),
+            KeyCode::Char('a') => Intent::Arm,
+            KeyCode::Char('c') => Intent::Clear,
+            KeyCode::Char('d') => Intent::Disarm,
+            KeyCode::Char('p') => Intent::PauseOrResume,
+            KeyCode::Char('q') => Intent::Quit,
+            KeyCode::Char('r') => Intent::Return,
+            KeyCode::Char(key) => Intent::Play { code: names.code_of(key)? },
+            _ => return None,
+        };
+        Some(Meaning::Want(intent))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn press(keyboard: &mut Keyboard, now_us: u64, key: char) -> Option<Meaning> {
+        let key = KeyEvent::new(KeyCode::Char(key), KeyModifiers::NONE);
+        keyboard.press(now_us, key, &Names::default(), 64)
+    }
+
+    #[test]
+    fn a_key_that_is_held_counts_once_but_the_stop_always() {
+        let mut keyboard = Keyboard::default();
+        let quit = Some(Meaning::Want(Intent::Quit));
+        assert_eq!(press(&mut keyboard, 0, 'q'), quit);
+        // The keyboard repeats it after half a second, and then 30 times a second.
+        for repeated in 0..50 {
+            assert_eq!(press(&mut keyboard, 500_000 + 33_000 * repeated, 'q'), None);
+        }
+        assert_eq!(press(&mut keyboard, 10_000_000, 'q'), quit);
+        for at_us in [0, 500_000, 533_000] {
+            let stop = Some(Meaning::Want(Intent::Estop));
+            assert_eq!(press(&mut keyboard, at_us, ' '), stop);
+        }
+    }
+
+    #[test]
+    fn without_names_digits_are_command_codes() {
+        let mut keyboard = Keyboard::default();
+        let play = |code| Some(Meaning::Want(Intent::Play { code }));
+        assert_eq!(press(&mut keyboard, 0, '3'), play(3));
+        assert_eq!(press(&mut keyboard, 0, '0'), None);
+        assert_eq!(press(&mut keyboard, 0, 'x'), None);
+    }
+
+    #[test]
+    fn speed_goes_in_steps_between_an_eighth_and_all() {
+        let mut keyboard = Keyboard::default();
+        let mut speed = 64;
+        for expected in [56, 48, 40, 32, 24, 16, 8, 8] {
+            let key = KeyEvent::new(KeyCode::Char('-'), KeyModifiers::NONE);
+            let meaning = keyboard.press(0, key, &Names::default(), speed);
+            speed = expected;
+            assert_eq!(meaning, Some(Meaning::Want(Intent::Speed { sixty_fourths: expected })));
+        }
+    }
+}

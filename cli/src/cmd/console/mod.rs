@@ -1,0 +1,91 @@
+//! `rollwalk console`: the robot on a terminal, with keys for its motions.
+
+mod app;
+mod keys;
+mod scene;
+mod screen;
+
+use crate::link::LinkArgs;
+use crate::link::names::NamesArgs;
+use crate::{Exit, output};
+use app::App;
+use miette::miette;
+use ratatui::DefaultTerminal;
+use rollwalk_host::operator::View;
+use rollwalk_host::refusal::state_name;
+use rollwalk_protocol::wire::State;
+use scene::Lookup;
+use std::io::{self, IsTerminal};
+
+/// Steer the robot from a terminal: state, faults, motion graph, joints, and a key for every motion.
+///
+/// The console is the robot's host: it sends the heartbeat that an armed robot waits for. `q` brings the robot
+/// home and leaves; without a console the robot returns to SAFE by itself. SPACE or Esc is the emergency stop.
+/// `?` lists all keys.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk console --bus can:can0
+  rollwalk console --bus sim                                # a robot of rollwalk-sim
+  rollwalk console --bus serial:/dev/ttyUSB0 --library pup.rwl --robot pup.toml
+
+Names are those of the library that was built or flashed on this computer; for another, add --library.")]
+pub struct Args {
+    #[command(flatten)]
+    link: LinkArgs,
+    #[command(flatten)]
+    names: NamesArgs,
+}
+
+/// A terminal that is put right again however this ends; a panic does the same by a hook of ratatui.
+struct Terminal(DefaultTerminal);
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        ratatui::restore();
+    }
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    if !io::stdout().is_terminal() || !io::stdin().is_terminal() {
+        return Err(miette!(
+            help = "`rollwalk monitor` prints what the robot does, `rollwalk send` plays motions",
+            "the console needs a terminal for keys and screen, and this is none"
+        ));
+    }
+    let lookup = Lookup::new(&args.names)?;
+    let bus = args.link.live().map_err(|error| miette!(help = error.help, "{}", error.what))?;
+    let mut app = App::new(&args.link, lookup, bus);
+    let terminal = ratatui::try_init().map_err(|error| miette!("the terminal refuses: {error}"))?;
+    let mut terminal = Terminal(terminal);
+    let outcome = app.run(&mut terminal.0);
+    drop(terminal);
+    Ok(farewell(&outcome?))
+}
+
+/// How the robot was left.
+fn farewell(view: &View) -> Exit {
+    let Some(status) = view.status else {
+        output::say("left; the controller was never heard");
+        return Exit::NotDone;
+    };
+    let state = state_name(status.state);
+    match status.state {
+        State::Disarmed | State::Boot | State::SelfTest => {
+            output::say(format_args!("left; the robot is {state}"));
+            Exit::Ok
+        }
+        State::TorqueOff | State::EStopped => {
+            output::say(format_args!("left; the robot is {state}: clear it before it is armed"));
+            Exit::Ok
+        }
+        _ => {
+            output::say(format_args!(
+                "left while the robot is {state}: without heartbeat it returns to SAFE by itself, then torque goes \
+                 off, and it has to be cleared before it is armed"
+            ));
+            Exit::NotDone
+        }
+    }
+}

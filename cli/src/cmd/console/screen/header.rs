@@ -1,0 +1,180 @@
+//! The head of the screen: the state, the link, faults in words and what to do next.
+
+use super::super::scene::Scene;
+use super::fit;
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
+use rollwalk_host::operator::{FaultView, Leaving, View};
+use rollwalk_host::refusal::fault_names;
+use rollwalk_protocol::wire::{Fault, FaultBits, Severity, State};
+
+/// Columns of the state.
+const STATE_WIDTH: u16 = 20;
+
+/// Draws state, link and speed.
+pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
+    let [left, right] =
+        Layout::horizontal([Constraint::Length(STATE_WIDTH), Constraint::Min(0)]).areas(area);
+    let view = scene.view;
+    let style = Style::new().fg(Color::Black).bg(colour(view)).add_modifier(Modifier::BOLD);
+    let lines = vec![
+        Line::from(""),
+        Line::from(state_words(view)).centered(),
+        Line::from(severity(view)).centered(),
+    ];
+    frame.render_widget(Paragraph::new(lines).style(style), left);
+    let width = usize::from(right.width.saturating_sub(1));
+    let robot = scene.names.robot.as_deref().unwrap_or("robot");
+    let library = match view.hello {
+        Some(hello) => {
+            hello.library.map_or("no library".into(), |library| format!("library {library:08x}"))
+        }
+        None => "asking who it is".into(),
+    };
+    let name = format!(" {robot}, {library}, node {} on {}", view.node, scene.bus);
+    let bold = Style::new().add_modifier(Modifier::BOLD);
+    let lines = vec![
+        Line::styled(fit(&name, width), bold),
+        link(view, width),
+        Line::from(fit(&doing(scene), width)),
+    ];
+    frame.render_widget(Paragraph::new(lines), right);
+}
+
+/// The state in big words.
+pub fn state_words(view: &View) -> &'static str {
+    if view.stopping {
+        return "STOPPING";
+    }
+    if view.bus_lost.is_some() {
+        return "BUS LOST";
+    }
+    if view.status.is_some() && !view.link.contact {
+        return "NO CONTACT";
+    }
+    match view.status.map(|status| status.state) {
+        None => "NOT HEARD YET",
+        Some(State::Boot) => "STARTING",
+        Some(State::SelfTest) => "TESTING ITSELF",
+        Some(State::Disarmed) => "DISARMED",
+        Some(State::Aligning) => "ALIGNING",
+        Some(State::Ready) => "READY",
+        Some(State::Playing) => "PLAYING",
+        Some(State::Paused) => "PAUSED",
+        Some(State::Returning) => "RETURNING",
+        Some(State::Damped) => "DAMPED",
+        Some(State::TorqueOff) => "TORQUE OFF",
+        Some(State::EStopped) => "EMERGENCY STOP",
+    }
+}
+
+fn colour(view: &View) -> Color {
+    if view.stopping || view.bus_lost.is_some() {
+        return Color::Red;
+    }
+    if !view.link.contact {
+        return Color::Gray;
+    }
+    match view.status.map(|status| status.state) {
+        Some(State::Ready | State::Playing) => Color::Green,
+        Some(State::Aligning | State::Paused | State::Returning) => Color::Yellow,
+        Some(State::Damped | State::TorqueOff | State::EStopped) => Color::Red,
+        Some(State::Boot | State::SelfTest | State::Disarmed) | None => Color::Gray,
+    }
+}
+
+fn severity(view: &View) -> &'static str {
+    match view.status.filter(|_| view.link.contact).map(|status| status.severity) {
+        None => "",
+        Some(Severity::None) => "all is well",
+        Some(Severity::Notice) => "notice",
+        Some(Severity::Return) => "has to return",
+        Some(Severity::Damp) => "has to be let down",
+        Some(Severity::TorqueOff) => "torque has to be off",
+        Some(Severity::EStop) => "has to be stopped",
+    }
+}
+
+fn link(view: &View, width: usize) -> Line<'static> {
+    let bad = Style::new().fg(Color::Red).add_modifier(Modifier::BOLD);
+    if let Some(why) = &view.bus_lost {
+        return Line::styled(fit(&format!(" BUS LOST, trying again: {why}"), width), bad);
+    }
+    let age_s = view.link.status_age_us.map(|us| us as f64 * 1e-6);
+    if !view.link.contact {
+        let text = match age_s {
+            Some(age_s) => format!(" NO CONTACT for {age_s:.1} s"),
+            None => " no answer yet: is it powered, and on this bus?".into(),
+        };
+        return Line::styled(fit(&text, width), bad);
+    }
+    let round_trip =
+        view.link.round_trip_us.map_or("?".into(), |us| format!("{:.1}", us as f64 * 1e-3));
+    let (lost, all) = (view.link.lost, view.link.lost + view.link.received);
+    let age_s = age_s.unwrap_or(0.0);
+    let text = format!(" round trip {round_trip} ms, heard {age_s:.2} s ago, lost {lost} of {all}");
+    Line::from(fit(&text, width))
+}
+
+fn doing(scene: &Scene) -> String {
+    let view = scene.view;
+    let mut parts = vec![format!("speed {}", part(view.speed_64ths))];
+    if let Some((_, speed)) = view.asked.filter(|&(_, speed)| speed != view.speed_64ths) {
+        parts.push(format!("plays at {}", part(speed)));
+    }
+    match view.deadman_held {
+        Some(true) => parts.push("deadman held".into()),
+        Some(false) => parts.push("DEADMAN NOT HELD".into()),
+        None => {}
+    }
+    if let Some(gamepad) = scene.gamepad {
+        parts.push(gamepad.to_owned());
+    }
+    if view.leaving == Leaving::WhenHome {
+        parts.push("LEAVING: q again leaves at once".into());
+    }
+    if let Some(asking) = &view.asking {
+        parts.push(format!("asking: {asking}"));
+    }
+    format!(" {}", parts.join(", "))
+}
+
+fn part(sixty_fourths: i8) -> String {
+    format!("{:.0} %", f64::from(sixty_fourths) / 0.64)
+}
+
+/// Draws faults and what to do next.
+pub fn draw_faults(frame: &mut Frame, scene: &Scene, area: Rect) {
+    let view = scene.view;
+    let width = usize::from(area.width);
+    let bad = Style::new().fg(Color::Red).add_modifier(Modifier::BOLD);
+    let faults: Vec<_> = view.faults.iter().map(|fault| words(scene, fault)).collect();
+    let first = match &view.stranger {
+        Some(why) => Line::styled(fit(&format!(" DO NOT ARM: {why}"), width), bad),
+        None if faults.is_empty() => Line::from(" no fault"),
+        None => Line::styled(fit(&format!(" FAULT: {}", faults.join("; ")), width), bad),
+    };
+    let advice = if view.link.contact { view.advice } else { "wait, or see to bus and power" };
+    let next = Line::from(vec![
+        Span::styled(" next: ", Style::new().add_modifier(Modifier::BOLD)),
+        Span::raw(fit(advice, width.saturating_sub(7))),
+    ]);
+    frame.render_widget(Paragraph::new(vec![first, next]), area);
+}
+
+/// A fault with where it is and how much.
+fn words(scene: &Scene, fault: &FaultView) -> String {
+    let mut words = fault_names(FaultBits::default().with(fault.fault));
+    if let Some(channel) = fault.channel {
+        words = format!("{words}, {}", scene.names.channel(channel));
+    }
+    let unit = match fault.fault {
+        Fault::HostLost | Fault::ActuatorSilent | Fault::Overrun => " s",
+        Fault::TrackingError | Fault::OutOfLimits | Fault::Tilt => " rad",
+        _ => return words,
+    };
+    fault.value.map_or(words.clone(), |value| format!("{words} ({value:.2}{unit})"))
+}

@@ -1,0 +1,110 @@
+//! Joints and wheels: where they are in their ranges, how fast, with which torque, and how old that is.
+
+use super::super::scene::{Range, Scene};
+use super::{fit, shorten};
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::text::Line;
+use ratatui::widgets::{Block, Paragraph};
+use rollwalk_host::operator::JointView;
+
+/// Columns that it takes at least.
+pub const LEAST_WIDTH: u16 = 46;
+/// Older values are marked, µs: a robot of 24 channels tells each ten times a second.
+const OLD_US: u64 = 500_000;
+
+/// Draws them.
+pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
+    let (width, height) =
+        (usize::from(area.width.saturating_sub(2)), usize::from(area.height.saturating_sub(2)));
+    // Beside name and bar there are 29 columns.
+    let spare = width.saturating_sub(29);
+    let bar = (spare / 3).clamp(5, 15);
+    let name = spare.saturating_sub(bar).min(24);
+    let bold = Style::new().add_modifier(Modifier::BOLD);
+    let (joint, range) = (fit("joint", name), fit("range", bar));
+    let head = format!("  {joint} {:>6} {range} {:>6} {:>6}{:>5}", "rad", "rad/s", "N·m", "age");
+    let mut lines = vec![Line::styled(head, bold)];
+    let all: Vec<_> = scene.view.joints.iter().collect();
+    let room = height.saturating_sub(1);
+    let first = scene.scroll.min(all.len().saturating_sub(room));
+    for &(&channel, joint) in all.iter().skip(first).take(room) {
+        let range = scene.names.ranges.get(usize::from(channel)).copied().flatten();
+        let wheel = scene.names.ranges.len() > usize::from(channel) && range.is_none();
+        lines.push(row(&shorten(&scene.names.channel(channel), name), joint, range, wheel, bar));
+    }
+    let title = if all.len() > room {
+        format!(" Joints {} to {} of {}, ↑ ↓ ", first + 1, (first + room).min(all.len()), all.len())
+    } else {
+        " Joints ".to_owned()
+    };
+    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(title)), area);
+}
+
+fn row(
+    name: &str,
+    joint: &JointView,
+    range: Option<Range>,
+    wheel: bool,
+    width: usize,
+) -> Line<'static> {
+    let told = joint.told;
+    let outside =
+        range.is_some_and(|r| told.position_rad < r.min_rad || told.position_rad > r.max_rad);
+    let old = joint.age_us > OLD_US;
+    let (mark, style) = if told.status.faulty() {
+        ('!', Style::new().fg(Color::Red))
+    } else if outside {
+        ('>', Style::new().fg(Color::Yellow))
+    } else if old {
+        ('?', Style::new().add_modifier(Modifier::DIM))
+    } else {
+        (' ', Style::new())
+    };
+    let bar = match range {
+        Some(range) => bar(told.position_rad, range, width),
+        None if wheel => fit("wheel", width),
+        None => fit("", width),
+    };
+    let age_s = (joint.age_us as f64 * 1e-6).min(999.0);
+    Line::styled(
+        format!(
+            "{mark} {name} {:>6.2} {bar} {:>6.2} {:>6.2}{age_s:>5.1}",
+            told.position_rad, told.velocity_rad_s, told.torque_nm
+        ),
+        style,
+    )
+}
+
+/// A place in a range: `├──●───┤`, at an end `◀` or `▶` when it is outside.
+fn bar(position_rad: f32, range: Range, width: usize) -> String {
+    let span = range.max_rad - range.min_rad;
+    let part = if span > 0.0 { (position_rad - range.min_rad) / span } else { 0.5 };
+    let inner = width.saturating_sub(2).max(1);
+    let mut cells = vec!['─'; inner];
+    let at = (part.clamp(0.0, 1.0) * (inner - 1) as f32).round() as usize;
+    let (mut left, mut right) = ('├', '┤');
+    if part < 0.0 {
+        left = '◀';
+    } else if part > 1.0 {
+        right = '▶';
+    } else if let Some(cell) = cells.get_mut(at) {
+        *cell = '●';
+    }
+    let cells: String = cells.into_iter().collect();
+    format!("{left}{cells}{right}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bar_shows_where_in_its_range_a_joint_is() {
+        let range = Range { min_rad: -1.0, max_rad: 1.0 };
+        let shown = [-1.0, 0.0, 1.0, -1.1, 1.1].map(|position| bar(position, range, 7));
+        assert_eq!(shown, ["├●────┤", "├──●──┤", "├────●┤", "◀─────┤", "├─────▶"]);
+        assert_eq!(bar(f32::NAN, range, 7), "├●────┤");
+    }
+}

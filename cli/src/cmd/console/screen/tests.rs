@@ -1,0 +1,220 @@
+//! Screens of known scenes, compared with the files beside this one; and that no size or scene is too much.
+
+use super::super::scene::{Names, Range, Scene};
+use super::draw;
+use proptest::prelude::*;
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+use rollwalk_host::catalog::{Catalog, Motion, Transition};
+use rollwalk_host::operator::{FaultView, JointView, Leaving, LinkView, Message, View, Weight};
+use rollwalk_protocol::actuator::ActuatorStatus;
+use rollwalk_protocol::wire::{Fault, FaultBits, JointTelemetry, Severity, State, Status};
+use std::collections::BTreeMap;
+use std::{env, fs};
+
+fn render(scene: &Scene, width: u16, height: u16) -> String {
+    let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
+    terminal.draw(|frame| draw(frame, scene)).unwrap();
+    let cells = terminal.backend().buffer().content();
+    let rows = cells.chunks(usize::from(width)).map(|row| {
+        let text: String = row.iter().map(|cell| cell.symbol()).collect();
+        text.trim_end().to_owned() + "\n"
+    });
+    rows.collect()
+}
+
+/// Compares with a file; with ROLLWALK_UPDATE_SCREENS set writes it.
+fn compare(name: &str, screen: &str) {
+    let path = format!("{}/src/cmd/console/screen/{name}.txt", env!("CARGO_MANIFEST_DIR"));
+    if env::var_os("ROLLWALK_UPDATE_SCREENS").is_some() {
+        fs::write(&path, screen).unwrap();
+    }
+    let expected = fs::read_to_string(&path).unwrap_or_default();
+    assert!(screen == expected, "{name} looks otherwise:\n{screen}\nexpected:\n{expected}");
+}
+
+fn names() -> Names {
+    let motion = |(name, frames, looping): (&str, u16, bool), code| Motion {
+        name: name.into(),
+        code: Some(code),
+        frames,
+        looping,
+    };
+    let motions = [
+        ("stand", 60, false),
+        ("drive_1m", 241, false),
+        ("turn_in_place", 144, true),
+        ("walk", 96, true),
+    ];
+    let edges = [(0, 1), (0, 2), (0, 3), (1, 0), (2, 0), (2, 3), (3, 0), (3, 2)];
+    let channels: Vec<String> = ["front_left", "front_right", "rear_left", "rear_right"]
+        .iter()
+        .flat_map(|leg| ["hip", "knee", "ankle_pitch"].map(|joint| format!("{leg}_{joint}")))
+        .chain(["left_wheel", "right_wheel"].map(str::to_owned))
+        .collect();
+    let range = Some(Range { min_rad: -1.0, max_rad: 1.0 });
+    let ranges = channels.iter().map(|name| range.filter(|_| !name.contains("wheel"))).collect();
+    let catalog = Catalog {
+        robot: "agilebot".into(),
+        config_hash: 7,
+        library: 0x1234_abcd,
+        motions: motions.into_iter().zip(1..).map(|(m, code)| motion(m, code)).collect(),
+        transitions: edges.map(|(from, to)| Transition { from, to }).to_vec(),
+        safe: 0,
+        channels: channels.clone(),
+    };
+    Names { catalog: Some(catalog), robot: Some("agilebot".into()), channels, ranges }
+}
+
+fn view(state: State, clip: Option<u8>) -> View {
+    let status = Status {
+        state,
+        severity: Severity::None,
+        faults: FaultBits::default(),
+        clip,
+        frame: 40,
+        counter: 3,
+        library: 0xcd,
+    };
+    let joint = |channel: u8| JointView {
+        told: JointTelemetry {
+            channel,
+            position_rad: -1.1 + 0.2 * f32::from(channel),
+            velocity_rad_s: 0.25 * f32::from(channel),
+            torque_nm: -0.1 * f32::from(channel),
+            status: ActuatorStatus(if channel == 3 { ActuatorStatus::OVERHEATED } else { 1 }),
+        },
+        age_us: if channel == 4 { 2_000_000 } else { 80_000 },
+    };
+    let say = |at_us, weight, text: &str| Message { at_us, weight, text: text.into() };
+    View {
+        now_us: 65_000_000,
+        node: 1,
+        link: LinkView {
+            contact: true,
+            round_trip_us: Some(1_240),
+            status_age_us: Some(31_000),
+            received: 1300,
+            lost: 2,
+        },
+        bus_lost: None,
+        hello: None,
+        stranger: None,
+        status: Some(status),
+        faults: Vec::new(),
+        advice: "play another motion, pause, or return to SAFE",
+        joints: (0..14).map(|channel| (channel, joint(channel))).collect::<BTreeMap<_, _>>(),
+        speed_64ths: 48,
+        asked: Some((4, 48)),
+        asking: None,
+        stopping: false,
+        deadman_held: Some(true),
+        leaving: Leaving::No,
+        messages: [
+            say(0, Weight::Note, "contact: the robot is disarmed"),
+            say(8_200_000, Weight::Note, "armed: it goes to SAFE"),
+            say(11_900_000, Weight::Note, "the robot is ready"),
+            say(
+                12_000_000,
+                Weight::Refused,
+                "the controller refused to play drive_1m: torque is off; arm first",
+            ),
+            say(64_000_000, Weight::Note, "to play walk: begins in 1.2 s"),
+        ]
+        .into(),
+    }
+}
+
+fn scene<'a>(view: &'a View, names: &'a Names) -> Scene<'a> {
+    Scene { view, bus: "can:can0", names, gamepad: Some("pad: Xbox"), help: false, scroll: 0 }
+}
+
+#[test]
+fn a_motion_that_plays() {
+    let (view, names) = (view(State::Playing, Some(3)), names());
+    for (width, height) in [(80, 24), (120, 40)] {
+        compare(
+            &format!("playing_{width}x{height}"),
+            &render(&scene(&view, &names), width, height),
+        );
+    }
+}
+
+#[test]
+fn a_fault_on_the_way_to_safe() {
+    let names = names();
+    let mut view = view(State::Returning, Some(10));
+    let faults = FaultBits::default().with(Fault::HostLost);
+    view.status = view.status.map(|status| Status { faults, severity: Severity::Return, ..status });
+    let fault = |fault, channel, value| FaultView { fault, present: true, channel, value };
+    view.faults = vec![
+        fault(Fault::HostLost, None, Some(0.31)),
+        fault(Fault::TrackingError, Some(2), Some(-0.91)),
+    ];
+    view.advice = "see why heartbeats did not arrive; clear, then arm";
+    view.deadman_held = Some(false);
+    view.messages.push_back(Message {
+        at_us: 64_500_000,
+        weight: Weight::Warning,
+        text: "no contact: nothing was heard for 0.5 s; without heartbeats an armed robot returns to SAFE by itself".into(),
+    });
+    for (width, height) in [(80, 24), (120, 40)] {
+        let screen = render(&scene(&view, &names), width, height);
+        compare(&format!("fault_{width}x{height}"), &screen);
+    }
+}
+
+#[test]
+fn a_bus_that_is_lost_and_the_help() {
+    let names = Names::default();
+    let mut view = view(State::Paused, None);
+    view.bus_lost = Some("can0 is down".into());
+    view.link.contact = false;
+    let lost = Scene { help: true, ..scene(&view, &names) };
+    compare("lost_80x24", &render(&lost, 80, 24));
+    let small = render(&lost, 40, 8);
+    assert!(small.contains("SPACE stops it"), "{small}");
+}
+
+/// Words say what colours say: a screen without any still tells states apart.
+#[test]
+fn every_state_has_words_of_its_own() {
+    let names = names();
+    let screens: Vec<_> = State::ALL
+        .iter()
+        .map(|&state| render(&scene(&view(state, None), &names), 80, 24))
+        .collect();
+    for (index, screen) in screens.iter().enumerate() {
+        assert!(!screens[..index].contains(screen), "{:?}", State::ALL[index]);
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_size_and_place_can_be_drawn(
+        width in 0u16..200,
+        height in 0u16..70,
+        clip in any::<Option<u8>>(),
+        frame in any::<u16>(),
+        scroll in 0usize..100,
+        help in any::<bool>(),
+        motions in 0usize..33,
+        named in any::<bool>(),
+        position_rad in any::<f32>(),
+    ) {
+        let mut names = if named { names() } else { Names::default() };
+        if let Some(catalog) = &mut names.catalog {
+            let motion = catalog.motions[0].clone();
+            catalog.motions.resize(motions, motion);
+        }
+        let mut view = view(State::Playing, clip);
+        view.status = view.status.map(|status| Status { frame, ..status });
+        for joint in view.joints.values_mut() {
+            joint.told.position_rad = position_rad;
+        }
+        let scene = Scene { scroll, help, ..scene(&view, &names) };
+        if width > 0 && height > 0 {
+            render(&scene, width, height);
+        }
+    }
+}
