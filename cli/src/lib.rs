@@ -8,6 +8,7 @@ mod choices;
 mod cmd;
 mod exit;
 mod files;
+mod gamepad;
 mod inputs;
 mod interrupt;
 mod kind;

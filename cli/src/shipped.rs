@@ -12,6 +12,8 @@ macro_rules! shipped {
 }
 
 shipped!(
+    "gamepads/xbox.toml",
+    "gamepads/playstation.toml",
     "motions/agilebot_library.toml",
     "motions/agilebot_skills_library.toml",
     "motions/anymal_drive.toml",
@@ -86,6 +88,12 @@ pub fn text(path: &Path) -> Option<&'static str> {
 /// The shipped robot files.
 pub fn robots() -> impl Iterator<Item = &'static Path> {
     FILES.iter().map(|(path, _)| Path::new(path)).filter(|path| path.starts_with("robots"))
+}
+
+/// The shipped mappings of gamepads, with their texts; the first that fits a device counts.
+pub fn gamepads() -> impl Iterator<Item = (&'static Path, &'static str)> {
+    let files = FILES.iter().map(|(path, text)| (Path::new(path), *text));
+    files.filter(|(path, _)| path.starts_with("gamepads"))
 }
 
 #[cfg(test)]

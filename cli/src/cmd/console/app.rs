@@ -6,6 +6,9 @@
 use super::keys::{Keyboard, Meaning};
 use super::scene::{Lookup, Names, Scene};
 use super::screen;
+use crate::gamepad::file::Motion;
+use crate::gamepad::pad::{self, Pad, Wish};
+use crate::gamepad::{self, device};
 use crate::link::LinkArgs;
 use miette::miette;
 use ratatui::DefaultTerminal;
@@ -13,7 +16,9 @@ use ratatui::crossterm::event::{self, Event};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::Live;
 use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -29,6 +34,42 @@ const BUSY_US: u64 = 500;
 /// So often Ctrl-C arrived as a signal: from another terminal, since this one sends it as a key.
 static SIGNALS: AtomicUsize = AtomicUsize::new(0);
 
+/// A gamepad, and what it tells.
+pub struct Gamepad {
+    pad: Pad,
+    events: Receiver<pad::Event>,
+}
+
+impl Gamepad {
+    /// Finds a gamepad and its mapping, and listens.
+    ///
+    /// # Errors
+    /// There is none, it may not be read, or nothing says what its buttons do.
+    pub fn open(device: &str, mapping: Option<&Path>) -> miette::Result<Self> {
+        let found = device::find(device)?;
+        let pad = Pad::new(gamepad::mapping(mapping, &found)?);
+        Ok(Self { pad, events: device::listen(found) })
+    }
+
+    /// What the operator wants of what it has told since.
+    fn wishes(&mut self, now_us: u64) -> Vec<Wish> {
+        let mut wishes = Vec::new();
+        loop {
+            match self.events.try_recv() {
+                Ok(event) => wishes.extend(self.pad.on_event(now_us, event)),
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => {
+                    let gone = pad::Event::Gone("nobody listens to it any more".into());
+                    wishes.extend(self.pad.on_event(now_us, gone));
+                    break;
+                }
+            }
+        }
+        wishes.extend(self.pad.tick(now_us));
+        wishes
+    }
+}
+
 /// A console at work.
 pub struct App<'a> {
     link: &'a LinkArgs,
@@ -39,6 +80,7 @@ pub struct App<'a> {
     /// Configuration and library that the names are of.
     named: Option<(u32, Option<u32>)>,
     keyboard: Keyboard,
+    gamepad: Option<Gamepad>,
     help: bool,
     scroll: usize,
     started: Instant,
@@ -48,8 +90,11 @@ pub struct App<'a> {
 
 impl<'a> App<'a> {
     /// A console on an open bus.
-    pub fn new(link: &'a LinkArgs, lookup: Lookup, bus: Live) -> Self {
-        let operator = Operator::new(link.node, lookup.config_hash());
+    pub fn new(link: &'a LinkArgs, lookup: Lookup, gamepad: Option<Gamepad>, bus: Live) -> Self {
+        let mut operator = Operator::new(link.node, lookup.config_hash());
+        if let Some(gamepad) = &gamepad {
+            operator.want(0, Intent::Deadman(gamepad.pad.released()));
+        }
         // Refused only when a handler is already installed; then that one stays.
         let _ = ctrlc::set_handler(|| {
             SIGNALS.fetch_add(1, Ordering::Relaxed);
@@ -62,6 +107,7 @@ impl<'a> App<'a> {
             names: Names::default(),
             named: None,
             keyboard: Keyboard::default(),
+            gamepad,
             help: false,
             scroll: 0,
             started: Instant::now(),
@@ -78,6 +124,7 @@ impl<'a> App<'a> {
         let mut draw_us = 0;
         loop {
             let now_us = self.now_us();
+            self.read_gamepad(now_us);
             self.read_keys().map_err(|error| miette!("the terminal is gone: {error}"))?;
             self.look_names(now_us);
             self.send(now_us);
@@ -88,11 +135,12 @@ impl<'a> App<'a> {
                 draw_us = now_us + DRAW_US;
                 let view = self.operator.view(now_us);
                 let bus = self.link.bus.to_string();
+                let gamepad = self.gamepad.as_ref().map(|gamepad| gamepad.pad.words());
                 let scene = Scene {
                     view: &view,
                     bus: &bus,
                     names: &self.names,
-                    gamepad: None,
+                    gamepad: gamepad.as_deref(),
                     help: self.help,
                     scroll: self.scroll,
                 };
@@ -128,6 +176,33 @@ impl<'a> App<'a> {
             }
         }
         Ok(())
+    }
+
+    fn read_gamepad(&mut self, now_us: u64) {
+        let Some(gamepad) = &mut self.gamepad else { return };
+        for wish in gamepad.wishes(now_us) {
+            match wish {
+                Wish::Want(intent) => self.operator.want(now_us, intent),
+                Wish::Play(Motion::Code(code)) => {
+                    self.operator.want(now_us, Intent::Play { code });
+                }
+                Wish::Play(Motion::Named(name)) => {
+                    let motion =
+                        self.names.catalog.as_ref().and_then(|catalog| catalog.motion(&name));
+                    match motion.and_then(|motion| motion.code) {
+                        Some(code) => self.operator.want(now_us, Intent::Play { code }),
+                        None => {
+                            let text = format!("the library has no motion `{name}` with a code");
+                            self.operator.say(now_us, Weight::Refused, text);
+                        }
+                    }
+                }
+                Wish::Say(text, wrong) => {
+                    let weight = if wrong { Weight::Warning } else { Weight::Note };
+                    self.operator.say(now_us, weight, text);
+                }
+            }
+        }
     }
 
     /// Looks names up when the controller has said who it is.

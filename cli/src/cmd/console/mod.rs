@@ -8,7 +8,7 @@ mod screen;
 use crate::link::LinkArgs;
 use crate::link::names::NamesArgs;
 use crate::{Exit, output};
-use app::App;
+use app::{App, Gamepad};
 use miette::miette;
 use ratatui::DefaultTerminal;
 use rollwalk_host::operator::View;
@@ -16,6 +16,7 @@ use rollwalk_host::refusal::state_name;
 use rollwalk_protocol::wire::State;
 use scene::Lookup;
 use std::io::{self, IsTerminal};
+use std::path::PathBuf;
 
 /// Steer the robot from a terminal: state, faults, motion graph, joints, and a key for every motion.
 ///
@@ -28,6 +29,7 @@ Examples:
   rollwalk console --bus can:can0
   rollwalk console --bus sim                                # a robot of rollwalk-sim
   rollwalk console --bus serial:/dev/ttyUSB0 --library pup.rwl --robot pup.toml
+  rollwalk console --bus can:can0 --gamepad auto            # docs/gamepad.md
 
 Names are those of the library that was built or flashed on this computer; for another, add --library.")]
 pub struct Args {
@@ -35,6 +37,12 @@ pub struct Args {
     link: LinkArgs,
     #[command(flatten)]
     names: NamesArgs,
+    /// Steer with a gamepad as well: auto, or its device such as /dev/input/event7.
+    #[arg(long, value_name = "DEVICE")]
+    gamepad: Option<String>,
+    /// What its buttons do (TOML, docs/gamepad.md), if the device has no mapping that ships.
+    #[arg(long, value_name = "FILE", requires = "gamepad")]
+    mapping: Option<PathBuf>,
 }
 
 /// A terminal that is put right again however this ends; a panic does the same by a hook of ratatui.
@@ -55,8 +63,11 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         ));
     }
     let lookup = Lookup::new(&args.names)?;
+    let gamepad =
+        args.gamepad.as_deref().map(|device| Gamepad::open(device, args.mapping.as_deref()));
+    let gamepad = gamepad.transpose()?;
     let bus = args.link.live().map_err(|error| miette!(help = error.help, "{}", error.what))?;
-    let mut app = App::new(&args.link, lookup, bus);
+    let mut app = App::new(&args.link, lookup, gamepad, bus);
     let terminal = ratatui::try_init().map_err(|error| miette!("the terminal refuses: {error}"))?;
     let mut terminal = Terminal(terminal);
     let outcome = app.run(&mut terminal.0);

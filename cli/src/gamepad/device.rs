@@ -1,0 +1,172 @@
+//! Gamepads of this computer, by Linux's evdev: found, and listened to by a thread that outlasts a plug that was
+//! pulled.
+
+use super::pad::{Event, normal};
+use evdev::{AbsoluteAxisCode, Device, EventSummary, KeyCode};
+use miette::miette;
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread;
+use std::time::Duration;
+
+/// One that is gone is looked for so often.
+const RETRY: Duration = Duration::from_secs(1);
+/// Where devices are.
+const FOLDER: &str = "/dev/input";
+
+/// A gamepad.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// How it is called.
+    pub name: String,
+    /// Its device.
+    pub path: PathBuf,
+}
+
+/// The gamepad that is meant: the only one for `auto`, else that of a device.
+///
+/// # Errors
+/// There is none, or several, or it may not be read: with what to type.
+pub fn find(wanted: &str) -> miette::Result<Found> {
+    if wanted != "auto" {
+        let path = Path::new(wanted);
+        return match Device::open(path) {
+            Ok(device) if is_gamepad(&device) => Ok(found(path, &device)),
+            Ok(device) => Err(miette!(
+                help = listed(&gamepads().0),
+                "{} is no gamepad: {}",
+                path.display(),
+                name(&device)
+            )),
+            Err(error) if error.kind() == io::ErrorKind::PermissionDenied => Err(denied(path)),
+            Err(error) => Err(miette!(help = listed(&gamepads().0), "{}: {error}", path.display())),
+        };
+    }
+    let (mut all, unreadable) = gamepads();
+    match (all.len(), unreadable) {
+        (1, _) => Ok(all.remove(0)),
+        (0, Some(path)) => Err(denied(&path)),
+        (0, None) => Err(miette!(
+            help = "plug one in or pair it; `ls /dev/input/by-id` lists what Linux has found",
+            "there is no gamepad"
+        )),
+        _ => Err(miette!(help = listed(&all), "there are several gamepads: which one?")),
+    }
+}
+
+fn denied(path: &Path) -> miette::Report {
+    miette!(
+        help = "sudo usermod -aG input $USER, then log in again",
+        "{} may not be read by this user",
+        path.display()
+    )
+}
+
+fn listed(all: &[Found]) -> String {
+    if all.is_empty() {
+        return "no gamepad was found".into();
+    }
+    let line = |found: &Found| format!("--gamepad {}   {}", found.path.display(), found.name);
+    all.iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// All that can be read, and one device that cannot.
+fn gamepads() -> (Vec<Found>, Option<PathBuf>) {
+    let (mut all, mut unreadable) = (Vec::new(), None);
+    let entries = fs::read_dir(FOLDER).into_iter().flatten().flatten();
+    let mut paths: Vec<_> = entries
+        .map(|entry| entry.path())
+        .filter(|path| {
+            path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("event"))
+        })
+        .collect();
+    paths.sort();
+    for path in paths {
+        match Device::open(&path) {
+            Ok(device) if is_gamepad(&device) => all.push(found(&path, &device)),
+            Err(error) if error.kind() == io::ErrorKind::PermissionDenied => {
+                unreadable = Some(path);
+            }
+            _ => {}
+        }
+    }
+    (all, unreadable)
+}
+
+fn is_gamepad(device: &Device) -> bool {
+    let keys = device.supported_keys();
+    keys.is_some_and(|keys| {
+        [KeyCode::BTN_SOUTH, KeyCode::BTN_TRIGGER].into_iter().any(|key| keys.contains(key))
+    })
+}
+
+fn name(device: &Device) -> String {
+    device.name().unwrap_or("a device without name").to_owned()
+}
+
+fn found(path: &Path, device: &Device) -> Found {
+    Found { name: name(device), path: path.to_owned() }
+}
+
+/// What it tells, from now on; when it is gone it is looked for at the same device, or by its name.
+pub fn listen(found: Found) -> Receiver<Event> {
+    let (sender, events) = channel();
+    thread::spawn(move || {
+        let mut path = found.path.clone();
+        loop {
+            let why = match Device::open(&path) {
+                Ok(device) if name(&device) == found.name => match tell(device, &sender) {
+                    Ok(()) => return,
+                    Err(error) => error.to_string(),
+                },
+                Ok(_) => "another device is in its place".into(),
+                Err(error) => error.to_string(),
+            };
+            if sender.send(Event::Gone(why)).is_err() {
+                return;
+            }
+            thread::sleep(RETRY);
+            // It may have another number when it comes back.
+            if let Some(again) = gamepads().0.into_iter().find(|again| again.name == found.name) {
+                path = again.path;
+            }
+        }
+    });
+    events
+}
+
+/// Passes on what a device tells until it is gone, or nobody listens any more.
+fn tell(mut device: Device, to: &Sender<Event>) -> io::Result<()> {
+    let mut ranges = BTreeMap::new();
+    let mut axes = Vec::new();
+    for (AbsoluteAxisCode(axis), info) in device.get_absinfo()? {
+        ranges.insert(axis, (info.minimum(), info.maximum()));
+        axes.push((axis, normal(axis, info.value(), info.minimum(), info.maximum())));
+    }
+    let buttons = device.get_key_state()?.iter().map(|key| key.0).collect();
+    if to.send(Event::Found { name: name(&device), buttons, axes }).is_err() {
+        return Ok(());
+    }
+    loop {
+        // What the kernel had to drop is made up for by the present state.
+        for event in device.fetch_events()? {
+            let event = match event.destructure() {
+                // 2 is a key that repeats itself.
+                EventSummary::Key(_, KeyCode(number), value @ (0 | 1)) => {
+                    Event::Button { number, down: value == 1 }
+                }
+                EventSummary::AbsoluteAxis(_, AbsoluteAxisCode(axis), raw) => {
+                    let Some(&(min, max)) = ranges.get(&axis) else { continue };
+                    Event::Axis { axis, value: normal(axis, raw, min, max) }
+                }
+                _ => continue,
+            };
+            if to.send(event).is_err() {
+                return Ok(());
+            }
+        }
+    }
+}

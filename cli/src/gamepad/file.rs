@@ -1,0 +1,346 @@
+//! Mapping files: which button or stick does what (docs/gamepad.md).
+
+use super::inputs::{self, Input, Push};
+use rollwalk_host::operator::LetGo;
+use rollwalk_robot::document::{Document, DocumentError, Span, Table, alternatives};
+
+/// A validated mapping.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mapping {
+    /// Name, for messages.
+    pub name: String,
+    /// Parts of names of devices that it is made for.
+    pub devices: Vec<String>,
+    /// Any of these stops the robot; at least one.
+    pub estop: Vec<Input>,
+    /// The deadman.
+    pub deadman: Hold,
+    /// What sets the speed, if anything.
+    pub speed: Option<Speed>,
+    /// What the other buttons do.
+    pub buttons: Vec<(Input, Does)>,
+}
+
+/// What must be held while the robot moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hold {
+    /// The button.
+    pub input: Input,
+    /// What a robot that moves does when it is let go.
+    pub released: LetGo,
+    /// A gamepad that says nothing for so long counts as gone, s.
+    pub silent_s: Option<f64>,
+}
+
+/// Speed by stick or trigger, as parts of the planned one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Speed {
+    /// The stick, and which way is on.
+    pub push: Push,
+    /// Pushed less than this part of the way counts as not at all, either way.
+    pub dead_zone: f32,
+    /// Not pushed.
+    pub rest: f32,
+    /// Pushed all the way.
+    pub pushed: f32,
+    /// Pushed all the other way.
+    pub opposite: f32,
+}
+
+/// What a button does.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Does {
+    /// Plays a motion.
+    Play(Motion),
+    /// Torque on.
+    Arm,
+    /// Out of a stop.
+    Clear,
+    /// Halt, or go on.
+    Pause,
+    /// To SAFE.
+    Return,
+    /// To SAFE, torque off.
+    Disarm,
+}
+
+/// Which motion.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Motion {
+    /// By command code.
+    Code(u8),
+    /// By its name in the library.
+    Named(String),
+}
+
+/// What can be written for a button.
+const WORDS: [&str; 6] = ["play MOTION", "arm", "clear", "pause", "return", "disarm"];
+
+impl Mapping {
+    /// Reads and validates a mapping file. `file_name` is for messages only.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it.
+    pub fn from_toml(file_name: &str, text: &str) -> Result<Self, DocumentError> {
+        let document = Document::parse(file_name, text)?;
+        let mapping = mapping(&document);
+        document.finish(mapping)
+    }
+}
+
+/// Inputs that have a meaning already, and which.
+#[derive(Default)]
+struct Taken(Vec<(Input, String)>);
+
+impl Taken {
+    /// Notes what an input is for; a fault when it is for something already.
+    fn take(&mut self, document: &Document<'_>, span: Span, input: Input, does: &str) {
+        match self.0.iter().find(|(taken, _)| *taken == input) {
+            Some((_, other)) => document.fault(
+                span,
+                format!("{input}: has two meanings, {other} and {does}"),
+                "a second meaning",
+                "give each button or direction one meaning",
+            ),
+            None => self.0.push((input, does.to_owned())),
+        }
+    }
+}
+
+fn mapping(document: &Document<'_>) -> Option<Mapping> {
+    let root = document.root();
+    let name = root.string("name");
+    let devices = root.strings("devices");
+    let mut taken = Taken::default();
+    let estop = estop(document, &root, &mut taken);
+    let deadman = root.table("deadman").and_then(|table| hold(document, &table, &mut taken));
+    let speed =
+        if root.has("speed") { root.table("speed").map(|table| speed(&table)) } else { None };
+    let buttons = if root.has("buttons") {
+        root.table("buttons").map(|table| buttons(document, &table, &mut taken))
+    } else {
+        Some(Vec::new())
+    };
+    root.done();
+    Some(Mapping {
+        name: name?,
+        devices: devices?.into_iter().map(|(part, _)| part.to_owned()).collect(),
+        estop: estop?,
+        deadman: deadman?,
+        speed: match speed {
+            None => None,
+            Some(speed) => Some(speed?),
+        },
+        buttons: buttons?,
+    })
+}
+
+fn estop(document: &Document<'_>, root: &Table<'_>, taken: &mut Taken) -> Option<Vec<Input>> {
+    let names = root.strings("estop")?;
+    if names.is_empty() {
+        let help = "name at least one button, such as estop = [\"BTN_EAST\"]";
+        root.fault("estop", "is empty", "no emergency stop", help);
+    }
+    let mut inputs = Vec::new();
+    for (name, span) in names {
+        let input = input(document, "this file", name, span.clone())?;
+        taken.take(document, span, input, "estop");
+        inputs.push(input);
+    }
+    Some(inputs)
+}
+
+fn input(document: &Document<'_>, what: &str, name: &str, span: Span) -> Option<Input> {
+    let found = Input::named(name);
+    if found.is_none() {
+        let known = inputs::names();
+        let message = format!("{what}: `{name}` is no button and no axis with its direction");
+        let help = match name {
+            _ if inputs::push(&format!("{name}+")).is_some() => {
+                format!("say which way, `{name}+` or `{name}-`")
+            }
+            _ => alternatives(name, known.iter().map(String::as_str)),
+        };
+        document.fault(span, message, "not an input", help);
+    }
+    found
+}
+
+fn hold(document: &Document<'_>, table: &Table<'_>, taken: &mut Taken) -> Option<Hold> {
+    let name = table.string("hold");
+    let span = table.span_of("hold");
+    let input = name.and_then(|name| input(document, "[deadman]", &name, span.clone()));
+    if let Some(input) = input {
+        taken.take(document, span, input, "deadman");
+    }
+    let released = table.choice("released", &["pause", "return", "disarm"]);
+    let silent_s =
+        table.has("silent_s").then(|| table.number_in("silent_s", 0.2..=60.0, "s")).flatten();
+    table.done();
+    let released = match released? {
+        0 => LetGo::Pause,
+        1 => LetGo::Return,
+        _ => LetGo::Disarm,
+    };
+    Some(Hold { input: input?, released, silent_s })
+}
+
+fn speed(table: &Table<'_>) -> Option<Speed> {
+    let name = table.string("axis");
+    let push = name.and_then(|name| {
+        let push = inputs::push(&name);
+        if push.is_none() {
+            let known = inputs::axis_names();
+            let help = match inputs::push(&format!("{name}+")) {
+                Some(_) => format!("say which way, `{name}+` or `{name}-`"),
+                None => alternatives(&name, known.iter().map(String::as_str)),
+            };
+            table.fault("axis", format!("is \"{name}\""), "not an axis with its direction", help);
+        }
+        push
+    });
+    let part = |key| table.number_in(key, 1.0 / 64.0..=1.0, "of the planned speed");
+    let dead_zone = table.number_in("dead_zone", 0.0..=0.9, "of the way");
+    let (rest, pushed) = (part("rest"), part("pushed"));
+    let opposite = if table.has("opposite") { part("opposite") } else { rest };
+    table.done();
+    Some(Speed {
+        push: push?,
+        dead_zone: dead_zone? as f32,
+        rest: rest? as f32,
+        pushed: pushed? as f32,
+        opposite: opposite? as f32,
+    })
+}
+
+fn buttons(document: &Document<'_>, table: &Table<'_>, taken: &mut Taken) -> Vec<(Input, Does)> {
+    let mut all = Vec::new();
+    for entry in table.named_strings() {
+        let input = input(document, "[buttons]", entry.name, entry.name_span.clone());
+        let does = does(entry.text);
+        if let Err(help) = &does {
+            let message = format!("[buttons]: `{}` cannot be \"{}\"", entry.name, entry.text);
+            document.fault(entry.text_span, message, "not something to do", help);
+        }
+        if let (Some(input), Ok(does)) = (input, does) {
+            taken.take(document, entry.name_span, input, entry.text);
+            all.push((input, does));
+        }
+    }
+    all
+}
+
+/// What the words for a button mean, or what would be right.
+fn does(text: &str) -> Result<Does, String> {
+    match text {
+        "arm" => return Ok(Does::Arm),
+        "clear" => return Ok(Does::Clear),
+        "pause" => return Ok(Does::Pause),
+        "return" => return Ok(Does::Return),
+        "disarm" => return Ok(Does::Disarm),
+        "estop" => return Err("put this button into `estop` above".into()),
+        _ => {}
+    }
+    let motion = match text.split_once(' ') {
+        Some(("play", motion)) => motion.trim(),
+        _ if text == "play" => "",
+        _ => return Err(alternatives(text, WORDS)),
+    };
+    if motion.is_empty() || motion.contains(char::is_whitespace) {
+        return Err(
+            "name one motion or its command code, such as \"play walk\" or \"play 3\"".into()
+        );
+    }
+    if motion.chars().all(|c| c.is_ascii_digit()) {
+        return match motion.parse() {
+            Ok(code @ 1..) => Ok(Does::Play(Motion::Code(code))),
+            _ => Err("command codes are 1 to 255".into()),
+        };
+    }
+    Ok(Does::Play(Motion::Named(motion.to_owned())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RIGHT: &str = r#"
+name = "test"
+devices = ["pad"]
+estop = ["BTN_EAST"]
+
+[deadman]
+hold = "ABS_Z+"
+released = "pause"
+
+[speed]
+axis = "ABS_RZ+"
+dead_zone = 0.1
+rest = 0.5
+pushed = 1.0
+
+[buttons]
+BTN_SOUTH = "play walk"
+ABS_HAT0Y- = "arm"
+BTN_NORTH = "play 12"
+"#;
+
+    fn faults(text: &str) -> Vec<(String, String)> {
+        let error = Mapping::from_toml("test.toml", text).unwrap_err();
+        error.faults().map(|fault| (fault.message.clone(), fault.help.clone())).collect()
+    }
+
+    #[test]
+    fn a_mapping_is_read() {
+        let mapping = Mapping::from_toml("test.toml", RIGHT).unwrap();
+        assert_eq!(mapping.estop, [Input::Button(0x131)]);
+        let push = |axis, positive| Push { axis, positive };
+        assert_eq!(mapping.deadman.input, Input::Push(push(2, true)));
+        assert_eq!(mapping.speed.unwrap().opposite, 0.5);
+        let named = Does::Play(Motion::Named("walk".into()));
+        assert_eq!(mapping.buttons.len(), 3);
+        assert!(mapping.buttons.contains(&(Input::Button(0x130), named)));
+        assert!(mapping.buttons.contains(&(Input::Push(push(0x11, false)), Does::Arm)));
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_what_would_be_right() {
+        for (from, to, message, help) in [
+            ("BTN_SOUTH =", "BTN_SUOTH =", "`BTN_SUOTH` is no button", "did you mean `BTN_SOUTH`"),
+            ("\"play walk\"", "\"jump\"", "cannot be \"jump\"", "`play MOTION`"),
+            ("\"play walk\"", "\"play 300\"", "cannot be \"play 300\"", "1 to 255"),
+            ("\"play walk\"", "\"play\"", "cannot be \"play\"", "play walk"),
+            ("\"play walk\"", "\"estop\"", "cannot be \"estop\"", "`estop` above"),
+            ("BTN_NORTH =", "BTN_EAST =", "two meanings, estop and play 12", "one meaning"),
+            ("\"ABS_Z+\"", "\"ABS_Z\"", "`ABS_Z` is no button", "`ABS_Z+` or `ABS_Z-`"),
+            ("\"ABS_RZ+\"", "\"ABS_RZ\"", "`axis` is \"ABS_RZ\"", "`ABS_RZ+` or"),
+            ("[\"BTN_EAST\"]", "[]", "`estop` is empty", "at least one"),
+            ("\"pause\"", "\"stop\"", "`released` cannot be \"stop\"", "`pause`"),
+            ("dead_zone = 0.1", "dead_zone = 1.5", "`dead_zone` is 1.5", "0 to 0.9"),
+            ("rest = 0.5", "rest = 0", "`rest` is 0", "of the planned speed"),
+            ("released = \"pause\"", "relaesed = \"pause\"", "`released` is missing", "`pause`"),
+            ("[deadman]", "[daedman]", "`deadman` is missing", "`deadman`"),
+        ] {
+            assert!(RIGHT.contains(from), "{from}");
+            let found = faults(&RIGHT.replace(from, to));
+            let hit = found
+                .iter()
+                .any(|(m, h)| m.contains(message) && (h.contains(help) || found.len() > 1));
+            assert!(hit, "{to}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn shipped_mappings_are_right() {
+        let mut devices = Vec::new();
+        for (path, text) in crate::shipped::gamepads() {
+            let mapping = Mapping::from_toml(&path.to_string_lossy(), text)
+                .unwrap_or_else(|error| panic!("{error}"));
+            devices.extend(mapping.devices);
+        }
+        // None is made for a device of another.
+        for (index, device) in devices.iter().enumerate() {
+            assert!(!devices[..index].iter().any(|d| d.contains(device) || device.contains(d)));
+        }
+    }
+}

@@ -1,0 +1,264 @@
+//! From what a gamepad tells to what the operator wants: a state machine of events and time.
+
+use super::file::{Does, Mapping, Motion, Speed};
+use super::inputs::{Input, Push};
+use rollwalk_host::operator::{Deadman, Intent};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// An axis that is pushed further than this counts as pressed, ...
+const PRESSED: f32 = 0.6;
+/// ... until it is pushed less than this. A trigger that is taken for a stick, or the reverse, rests at a half.
+const LET_GO: f32 = 0.45;
+/// A stick is never quite still: a speed that differs by less is the same, 64ths.
+const SPEED_NOISE: i8 = 2;
+
+/// What a gamepad tells.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// It is there. What is pressed just now was pressed for something else, and counts after it was let go.
+    Found {
+        /// How it is called.
+        name: String,
+        /// Buttons that are down.
+        buttons: Vec<u16>,
+        /// Axes, as in [`Event::Axis`].
+        axes: Vec<(u16, f32)>,
+    },
+    /// A button goes down or up.
+    Button {
+        /// Its number.
+        number: u16,
+        /// Down.
+        down: bool,
+    },
+    /// An axis moves.
+    Axis {
+        /// Its number.
+        axis: u16,
+        /// Where it is: −1 to 1, for triggers 0 to 1.
+        value: f32,
+    },
+    /// It is gone, and why.
+    Gone(String),
+}
+
+/// What follows.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Wish {
+    /// The operator wants this.
+    Want(Intent),
+    /// The operator wants this motion.
+    Play(Motion),
+    /// Something to tell the operator; whether something is wrong.
+    Say(String, bool),
+}
+
+/// A gamepad with its mapping.
+#[derive(Clone, Debug)]
+pub struct Pad {
+    mapping: Mapping,
+    name: Option<String>,
+    down: BTreeSet<Input>,
+    /// Down since before they count.
+    stale: BTreeSet<Input>,
+    held: bool,
+    speed: Option<i8>,
+    heard_us: u64,
+}
+
+impl Pad {
+    /// A gamepad that is not there yet.
+    pub fn new(mapping: Mapping) -> Self {
+        Self {
+            mapping,
+            name: None,
+            down: BTreeSet::new(),
+            stale: BTreeSet::new(),
+            held: false,
+            speed: None,
+            heard_us: 0,
+        }
+    }
+
+    /// The gamepad in a few words.
+    pub fn words(&self) -> String {
+        let hold = self.mapping.deadman.input;
+        match self.name {
+            Some(_) => format!("gamepad {}, hold {hold}", self.mapping.name),
+            None => "GAMEPAD GONE".into(),
+        }
+    }
+
+    /// The deadman is not held: the first wish of every console with a gamepad.
+    pub fn released(&self) -> Deadman {
+        Deadman::Released(self.mapping.deadman.released)
+    }
+
+    fn let_go(&self) -> Wish {
+        Wish::Want(Intent::Deadman(self.released()))
+    }
+
+    /// Takes an event.
+    pub fn on_event(&mut self, now_us: u64, event: Event) -> Vec<Wish> {
+        self.heard_us = now_us;
+        match event {
+            Event::Found { name, buttons, axes } => self.found(name, &buttons, &axes),
+            Event::Gone(why) => self.gone(&why),
+            // One that is gone tells nothing.
+            Event::Button { .. } | Event::Axis { .. } if self.name.is_none() => Vec::new(),
+            Event::Button { number, down } => self.press(Input::Button(number), down),
+            Event::Axis { axis, value } => self.push(axis, value),
+        }
+    }
+
+    /// Looks at the time: a gamepad that has said nothing for too long counts as gone.
+    pub fn tick(&mut self, now_us: u64) -> Vec<Wish> {
+        let Some(silent_s) = self.mapping.deadman.silent_s else { return Vec::new() };
+        let silent_us = (silent_s * 1e6) as u64;
+        if !self.held || now_us.saturating_sub(self.heard_us) < silent_us {
+            return Vec::new();
+        }
+        self.held = false;
+        self.stale.insert(self.mapping.deadman.input);
+        let text = format!("the gamepad has said nothing for {silent_s} s: as if it was let go");
+        vec![self.let_go(), Wish::Say(text, true)]
+    }
+
+    fn found(&mut self, name: String, buttons: &[u16], axes: &[(u16, f32)]) -> Vec<Wish> {
+        self.down = buttons.iter().map(|&number| Input::Button(number)).collect();
+        for &(axis, value) in axes {
+            for push in [Push { axis, positive: true }, Push { axis, positive: false }] {
+                if push.how_far(value) > PRESSED {
+                    self.down.insert(Input::Push(push));
+                }
+            }
+        }
+        self.stale = self.down.clone();
+        self.held = false;
+        self.speed = None;
+        let mut wishes = Vec::new();
+        // A stop that is held down is a stop.
+        if self.mapping.estop.iter().any(|input| self.down.contains(input)) {
+            wishes.push(Wish::Want(Intent::Estop));
+        }
+        wishes.push(self.let_go());
+        wishes.push(Wish::Say(format!("gamepad: {name}"), false));
+        self.name = Some(name);
+        let axes: BTreeMap<_, _> = axes.iter().copied().collect();
+        if let Some(Speed { push, .. }) = self.mapping.speed
+            && let Some(&value) = axes.get(&push.axis)
+        {
+            wishes.extend(self.set_speed(value));
+        }
+        wishes
+    }
+
+    fn gone(&mut self, why: &str) -> Vec<Wish> {
+        self.held = false;
+        self.down.clear();
+        self.stale.clear();
+        if self.name.take().is_none() {
+            return Vec::new();
+        }
+        vec![self.let_go(), Wish::Say(format!("the gamepad is gone: {why}"), true)]
+    }
+
+    fn push(&mut self, axis: u16, value: f32) -> Vec<Wish> {
+        let mut wishes = Vec::new();
+        for push in [Push { axis, positive: true }, Push { axis, positive: false }] {
+            let how_far = push.how_far(value);
+            if how_far > PRESSED {
+                wishes.extend(self.press(Input::Push(push), true));
+            } else if how_far < LET_GO {
+                wishes.extend(self.press(Input::Push(push), false));
+            }
+        }
+        if self.mapping.speed.is_some_and(|speed| speed.push.axis == axis) {
+            wishes.extend(self.set_speed(value));
+        }
+        wishes
+    }
+
+    fn set_speed(&mut self, value: f32) -> Option<Wish> {
+        let speed = self.mapping.speed?;
+        let sixty_fourths = speed.sixty_fourths(value);
+        let ends = [speed.rest, speed.pushed, speed.opposite].map(whole);
+        let same = self.speed.is_some_and(|last| {
+            last == sixty_fourths
+                || (last - sixty_fourths).abs() < SPEED_NOISE && !ends.contains(&sixty_fourths)
+        });
+        if same {
+            return None;
+        }
+        self.speed = Some(sixty_fourths);
+        Some(Wish::Want(Intent::Speed { sixty_fourths }))
+    }
+
+    /// An input goes down or up, or says once more that it has.
+    fn press(&mut self, input: Input, down: bool) -> Vec<Wish> {
+        let changed = if down { self.down.insert(input) } else { self.down.remove(&input) };
+        let was_stale = if down { self.stale.contains(&input) } else { self.stale.remove(&input) };
+        if self.mapping.estop.contains(&input) {
+            let pressed = changed && down;
+            return if pressed { vec![Wish::Want(Intent::Estop)] } else { Vec::new() };
+        }
+        if !changed || was_stale {
+            return Vec::new();
+        }
+        if input == self.mapping.deadman.input {
+            self.held = down;
+            let held = Wish::Want(Intent::Deadman(Deadman::Held));
+            return vec![if down { held } else { self.let_go() }];
+        }
+        let does = self.mapping.buttons.iter().find(|(known, _)| *known == input);
+        let Some((_, does)) = does.filter(|_| down) else { return Vec::new() };
+        let wish = match does {
+            Does::Clear => Wish::Want(Intent::Clear),
+            Does::Disarm => Wish::Want(Intent::Disarm),
+            // Without the deadman a pause only pauses; whether a return moves is the deadman's business.
+            Does::Pause if !self.held => Wish::Want(Intent::Pause),
+            Does::Return => Wish::Want(Intent::Return),
+            Does::Play(_) | Does::Arm if !self.held => {
+                let hold = self.mapping.deadman.input;
+                Wish::Say(format!("hold {hold} first: {input} makes the robot move"), false)
+            }
+            Does::Pause => Wish::Want(Intent::PauseOrResume),
+            Does::Arm => Wish::Want(Intent::Arm),
+            Does::Play(motion) => Wish::Play(motion.clone()),
+        };
+        vec![wish]
+    }
+}
+
+impl Speed {
+    /// Speed in 64ths when the axis is at `value`.
+    fn sixty_fourths(&self, value: f32) -> i8 {
+        let towards = |push: Push| {
+            let past = push.how_far(value) - self.dead_zone;
+            (past / (1.0 - self.dead_zone)).clamp(0.0, 1.0)
+        };
+        let other = Push { positive: !self.push.positive, ..self.push };
+        let part = self.rest
+            + towards(self.push) * (self.pushed - self.rest)
+            + towards(other) * (self.opposite - self.rest);
+        whole(part)
+    }
+}
+
+fn whole(part: f32) -> i8 {
+    ((64.0 * part).round() as i8).clamp(1, 64)
+}
+
+/// Where an axis is, −1 to 1 for one that rests in the middle, 0 to 1 for a trigger. Which it is goes by its name:
+/// the range does not tell, a PlayStation's sticks go from 0 to 255 as its triggers do.
+pub fn normal(axis: u16, raw: i32, min: i32, max: i32) -> f32 {
+    // ABS_Z, ABS_RZ, ABS_THROTTLE, ABS_GAS, ABS_BRAKE.
+    const TRIGGERS: [u16; 5] = [0x02, 0x05, 0x06, 0x09, 0x0a];
+    let span = f64::from(max) - f64::from(min);
+    if span <= 0.0 {
+        return 0.0;
+    }
+    let part = ((f64::from(raw) - f64::from(min)) / span).clamp(0.0, 1.0);
+    let value = if TRIGGERS.contains(&axis) { part } else { 2.0 * part - 1.0 };
+    value as f32
+}
