@@ -152,7 +152,9 @@ impl Operator {
                     // It has another one than it said.
                     self.hello = None;
                 }
-                if self.leaving == Leaving::WhenHome && !has_torque(status.state) {
+                // Without a fault it goes on from there to Disarmed.
+                let passing = status.state == State::TorqueOff && status.faults.is_empty();
+                if self.leaving == Leaving::WhenHome && !has_torque(status.state) && !passing {
                     self.leaving = Leaving::Now;
                 }
             }
@@ -344,7 +346,8 @@ impl Operator {
         }
         let status = self.heard.status()?;
         if self.leaving == Leaving::WhenHome {
-            let coming = matches!(status.state, State::Returning | State::Damped);
+            let coming =
+                matches!(status.state, State::Returning | State::Damped | State::TorqueOff);
             return (!coming).then_some((Order::Disarm, HOME_US));
         }
         if let Some(Deadman::Released(let_go)) = self.deadman {

@@ -278,7 +278,9 @@ fn leaving_waits_for_torque_to_go_off_or_for_a_second_wish() {
     desk.want(Intent::Play { code: 3 });
     assert!(desk.last_words().ends_with("on its way home"), "{}", desk.last_words());
     let mut other = Desk { operator: desk.operator.clone(), sent: Vec::new(), ..desk };
-    desk.operator.on_frame(desk.now_us, &status(State::Disarmed, 1).encode(node()));
+    desk.operator.on_frame(desk.now_us, &status(State::TorqueOff, 1).encode(node()));
+    assert_eq!(desk.operator.leaving(), Leaving::WhenHome);
+    desk.operator.on_frame(desk.now_us, &status(State::Disarmed, 2).encode(node()));
     assert_eq!(desk.operator.leaving(), Leaving::Now);
     other.want(Intent::Quit);
     assert_eq!(other.operator.leaving(), Leaving::Now);

@@ -119,6 +119,7 @@ fn arms_plays_pauses_and_goes_home() {
     assert_eq!(console.view().status.unwrap().clip, clip(STAND));
     console.want(Intent::Quit);
     console.wait("home", |view| view.leaving == Leaving::Now);
+    assert_eq!(console.state(), State::Disarmed);
     assert!(!console.view().messages.iter().any(|message| message.text.contains("refused")));
 }
 

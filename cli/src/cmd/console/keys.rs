@@ -54,6 +54,7 @@ impl Keyboard {
             KeyCode::Esc | KeyCode::Char(' ') => return Some(Meaning::Want(Intent::Estop)),
             KeyCode::Char('+' | '=') => return Some(speed(SPEED_STEP)),
             KeyCode::Char('-') => return Some(speed(-SPEED_STEP)),
+            KeyCode::Char('?') | KeyCode::F(1) => return Some(Meaning::Help),
             KeyCode::Up => return Some(Meaning::Scroll(-1)),
             KeyCode::Down => return Some(Meaning::Scroll(1)),
             KeyCode::PageUp => return Some(Meaning::Scroll(-10)),
@@ -66,7 +67,6 @@ impl Keyboard {
             KeyCode::Char(_) if control || key.modifiers.contains(KeyModifiers::ALT) => {
                 return None;
             }
-            KeyCode::Char('?') | KeyCode::F(1) => return Some(Meaning::Help),
             KeyCode::Char('a') => Intent::Arm,
             KeyCode::Char('c') => Intent::Clear,
             KeyCode::Char('d') => Intent::Disarm,
