@@ -33,10 +33,16 @@ struct Nonce {
     until_us: u64,
 }
 
-/// Remembers the last command and the nonce that is out.
+/// Sequence numbers that there are.
+const NUMBERS: usize = 16;
+
+/// Remembers the commands that may still come again, the answer to the last, and the nonce that is out.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Gate {
     last: Option<(Command, CommandAck)>,
+    /// The latest command of each sequence number. A host uses a number again only after the command that
+    /// had it has expired, so whatever is older is refused for that.
+    known: [Option<Command>; NUMBERS],
     nonce: Option<Nonce>,
     drawn: u32,
 }
@@ -48,7 +54,8 @@ impl Gate {
             // Ahead by 1 to 8 is newer; sequence numbers go round at 16.
             match command.seq.wrapping_sub(last.seq) & 0xF {
                 0 if command == last => return Verdict::Repeat(ack),
-                1..=8 => {}
+                // Of a copy that was under way for long the number alone would say that it is new.
+                1..=8 if !self.is_known(command) => {}
                 _ => return Verdict::Refuse(CommandResult::OutOfOrder),
             }
         }
@@ -61,10 +68,22 @@ impl Gate {
         Verdict::Execute
     }
 
-    /// Remembers a command and its answer, executed or refused for its content.
-    pub fn executed(&mut self, command: Command, ack: CommandAck) {
+    fn is_known(&self, command: Command) -> bool {
+        self.known.get(usize::from(command.seq)).is_some_and(|known| *known == Some(command))
+    }
+
+    /// Remembers a command and its answer. What is too late, or was overtaken by others, is not the last
+    /// one: those after it are counted from the one before.
+    pub fn answered(&mut self, now_us: u64, command: Command, ack: CommandAck) {
+        if command.expired(now_us) {
+            return;
+        }
         if ack.result != CommandResult::OutOfOrder {
             self.last = Some((command, ack));
+        }
+        // One that was overtaken is not executed later either.
+        if let Some(known) = self.known.get_mut(usize::from(command.seq)) {
+            *known = Some(command);
         }
     }
 
@@ -118,7 +137,7 @@ mod tests {
         let first = play(15, 1);
         assert_eq!(gate.judge(0, first), Verdict::Execute);
         let answer = ack(first, CommandResult::Ok);
-        gate.executed(first, answer);
+        gate.answered(0, first, answer);
         for _ in 0..3 {
             assert_eq!(gate.judge(0, first), Verdict::Repeat(answer));
         }
@@ -133,9 +152,60 @@ mod tests {
     #[test]
     fn a_refusal_for_its_order_does_not_move_the_order() {
         let mut gate = Gate::default();
-        gate.executed(play(3, 1), ack(play(3, 1), CommandResult::Ok));
-        gate.executed(play(2, 1), ack(play(2, 1), CommandResult::OutOfOrder));
+        gate.answered(0, play(3, 1), ack(play(3, 1), CommandResult::Ok));
+        gate.answered(0, play(2, 1), ack(play(2, 1), CommandResult::OutOfOrder));
         assert_eq!(gate.judge(0, play(4, 1)), Verdict::Execute);
+    }
+
+    #[test]
+    fn what_comes_too_late_does_not_move_the_order_either() {
+        let mut gate = Gate::default();
+        let last = Command { valid_until_ms: 900, ..play(3, 1) };
+        gate.answered(600_000, last, ack(last, CommandResult::Ok));
+        // A copy of long ago, whose number would be ahead.
+        assert_eq!(gate.judge(600_000, play(9, 1)), Verdict::Refuse(CommandResult::Expired));
+        gate.answered(600_000, play(9, 1), ack(play(9, 1), CommandResult::Expired));
+        let next = Command { valid_until_ms: 900, ..play(4, 1) };
+        assert_eq!(gate.judge(600_000, next), Verdict::Execute);
+    }
+
+    /// Found by the fault campaign: a copy from nine or more commands back counted as new, because its
+    /// number, of sixteen, was ahead.
+    #[test]
+    fn a_copy_is_refused_from_however_far_back() {
+        for back in 1..16 {
+            let mut gate = Gate::default();
+            let command = |n: u16| Command { valid_until_ms: 500 + n, ..play((n & 0xF) as u8, 1) };
+            // Of each number two, the first of them expired by then.
+            for n in 0..32 {
+                let now_us = if n < 16 { 0 } else { 516_000 };
+                let command = Command {
+                    valid_until_ms: if n < 16 { 500 + n } else { 1000 + n },
+                    ..command(n)
+                };
+                assert_eq!(gate.judge(now_us, command), Verdict::Execute, "{n}");
+                gate.answered(now_us, command, ack(command, CommandResult::Ok));
+            }
+            let n = 31 - back;
+            let valid_until_ms = if n < 16 { 500 + n } else { 1000 + n };
+            let copy = Command { valid_until_ms, ..command(n) };
+            let refused = Verdict::Refuse(CommandResult::OutOfOrder);
+            assert_eq!(gate.judge(516_000, copy), refused, "{back} back");
+        }
+    }
+
+    #[test]
+    fn what_was_overtaken_stays_refused() {
+        let mut gate = Gate::default();
+        gate.answered(0, play(1, 1), ack(play(1, 1), CommandResult::Ok));
+        let late = play(0, 1);
+        assert_eq!(gate.judge(0, late), Verdict::Refuse(CommandResult::OutOfOrder));
+        gate.answered(0, late, ack(late, CommandResult::OutOfOrder));
+        for seq in 2..11 {
+            gate.answered(0, play(seq, 2), ack(play(seq, 2), CommandResult::Ok));
+        }
+        // Now its number is six ahead.
+        assert_eq!(gate.judge(0, late), Verdict::Refuse(CommandResult::OutOfOrder));
     }
 
     #[test]

@@ -102,7 +102,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             motion: motion.map(|node| node.0),
             value,
         };
-        self.gate.executed(command, ack);
+        self.gate.answered(now_us, command, ack);
         self.link.acknowledge(ack);
     }
 
