@@ -137,11 +137,14 @@ impl Link {
         self.endpoint.received()
     }
 
-    /// Answers a request. A host that asks again before it took the answer gets the former one.
+    /// Answers a request. A host asks one thing at a time: when it asks again, it has not got the answer
+    /// to what it asked before, and does not wait for it any more.
     #[inline(never)]
     pub fn respond(&mut self, response: &Response) {
         let mut bytes = [0; MAX_RESPONSE];
         if let Some(message) = response.encode(&mut bytes) {
+            self.endpoint.reset();
+            // Nothing else is on its way now, and answers are not too long.
             let _ = self.endpoint.send(message);
         }
     }
