@@ -217,15 +217,15 @@ impl Actuators {
         for line in &mut self.lines {
             line.idle = false;
             let on_query = line.can.answers == Answers::OnQuery;
-            let clears = line.bus.protocol != Protocol::Rollwalk;
             for actuator in members(&mut self.list, line) {
                 actuator.todo = if !actuator.known_off {
                     Todo::of(Errand::Disable).and_if(on_query, Errand::Query)
                 } else if !query {
                     // A query that has not got through yet is still meant.
                     actuator.todo
-                } else if clears && actuator.faulty() {
-                    // Some cannot be told to clear: they are asked by telling "off" again, and lose
+                } else if actuator.faulty() {
+                    // Also one of the Rollwalk profile: an "enable" that came late over a bad bus has it time
+                    // out once it has confirmed that it is off. Some cannot be told to clear: they are asked by telling "off" again, and lose
                     // a fault when it is over.
                     Todo::of(Errand::ClearFaults)
                         .and_if(!line.can.tells_enabled, Errand::Disable)

@@ -177,6 +177,19 @@ fn an_actuator_that_is_on_after_all_is_not_armed() {
     rig.arm();
 }
 
+/// Found by the fault campaign: an "enable" that a bad bus delivers late comes after the actuator has
+/// confirmed that it is off; it waits for setpoints, times out, and nobody told it "off" again.
+#[test]
+fn an_actuator_that_timed_out_after_it_was_off_can_be_armed() {
+    let mut rig = Rig::booted();
+    rig.servos[1].status = ActuatorStatus::TIMED_OUT;
+    // It is asked at 20 Hz, every 6 ticks: once until it tells, and once more until it is told.
+    rig.run(12);
+    assert_eq!(rig.servos[1].status, 0);
+    rig.arm();
+    rig.run_until(State::Ready, 1000);
+}
+
 #[test]
 fn arming_needs_a_host_and_actuators_that_tell_a_plausible_pose() {
     let mut rig = Rig::booted();

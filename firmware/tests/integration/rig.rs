@@ -76,7 +76,10 @@ impl Servo {
 
     fn switch(&mut self, control: Control, trust_pose: bool) {
         match control {
-            Control::Disable => self.enabled = false,
+            Control::Disable => {
+                self.enabled = false;
+                self.status &= !ActuatorStatus::TIMED_OUT;
+            }
             Control::Enable => {
                 let fresh = !self.enabled || self.setpoints.is_empty();
                 assert!(fresh || !trust_pose, "enabled again without having been disabled");
