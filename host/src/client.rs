@@ -16,6 +16,8 @@ use rollwalk_protocol::wire::{
 
 /// How long a command stays valid, ms: covers its repetitions, not the operator's next idea.
 pub const COMMAND_LIFE_MS: u16 = 500;
+/// The same, µs.
+pub(crate) const COMMAND_LIFE_US: u64 = COMMAND_LIFE_MS as u64 * 1000;
 /// An emergency stop goes out so often in quick succession, ...
 const ESTOP_BURST: u32 = 5;
 /// ... so far apart, µs, ...
@@ -73,6 +75,8 @@ pub struct Client {
     /// `u64::MAX` for a visitor, which has none.
     next_heartbeat_us: u64,
     command_seq: u8,
+    /// When the last command of each sequence number has expired, µs.
+    expired_us: [u64; 16],
     command: Option<CanFrame>,
     parameter_seq: u8,
     parameter: Option<CanFrame>,
@@ -95,6 +99,7 @@ impl Client {
             heartbeat_seq: 0,
             next_heartbeat_us: 0,
             command_seq: 0,
+            expired_us: [0; 16],
             command: None,
             parameter_seq: 0,
             parameter: None,
@@ -176,7 +181,9 @@ impl Client {
             *next_us = now_us + if burst { ESTOP_BURST_PERIOD_US } else { ESTOP_PERIOD_US };
             return Some(Outgoing::Frame(Estop.encode(self.node)));
         }
-        if now_us >= self.next_heartbeat_us {
+        // A host whose stop nobody acknowledges falls silent: if no stop gets through, no heartbeat must, so
+        // that the controller takes torque off by itself.
+        if now_us >= self.next_heartbeat_us && self.stopping.is_none() {
             let heartbeat = Heartbeat { seq: self.heartbeat_seq, host_ms: (now_us / 1000) as u32 };
             self.heartbeat_seq = self.heartbeat_seq.wrapping_add(1);
             self.heartbeat_us = now_us;
@@ -198,7 +205,8 @@ impl Client {
         let estop = self.stopping.map_or(u64::MAX, |stopping| stopping.next_us);
         let transport =
             if self.transport.is_sending() { now_us + TRANSPORT_POLL_US } else { u64::MAX };
-        self.next_heartbeat_us.min(estop).min(transport)
+        let heartbeat = if self.stopping.is_some() { u64::MAX } else { self.next_heartbeat_us };
+        heartbeat.min(estop).min(transport)
     }
 
     /// A new command, ready to be sent once or several times; `None` while the controller's clock is
@@ -206,9 +214,20 @@ impl Client {
     pub fn command(&mut self, now_us: u64, action: Action) -> Option<Command> {
         let (heard_us, controller_ms) = self.clocks?;
         let now_ms = controller_ms.wrapping_add((now_us.saturating_sub(heard_us) / 1000) as u32);
-        self.command_seq = (self.command_seq + 1) & 0xF;
+        self.command_seq = self.next_command_seq();
+        self.expired_us[usize::from(self.command_seq)] = now_us + COMMAND_LIFE_US;
         let valid_until_ms = (now_ms as u16).wrapping_add(COMMAND_LIFE_MS);
         Some(Command { seq: self.command_seq, action, valid_until_ms })
+    }
+
+    fn next_command_seq(&self) -> u8 {
+        (self.command_seq + 1) & 0xF
+    }
+
+    /// A new command must not be made before this: its sequence number is that of one whose copies may
+    /// still be on their way, and would be executed.
+    pub fn next_command_us(&self) -> u64 {
+        self.expired_us[usize::from(self.next_command_seq())]
     }
 
     /// Sends a command, for the first time or again: the controller executes it once.
@@ -244,8 +263,8 @@ impl Client {
         self.transport.reset();
     }
 
-    /// Stops the robot: at once, and again and again until the controller says that it has. A command that
-    /// has not left yet never does.
+    /// Stops the robot: at once, and again and again until the controller says that it has. Until then no
+    /// heartbeat goes out. A command that has not left yet never does.
     pub fn estop(&mut self, now_us: u64) {
         self.command = None;
         self.stopping = Some(Stopping { sent: 0, next_us: now_us });
@@ -288,6 +307,22 @@ mod tests {
     }
 
     #[test]
+    fn a_host_that_stops_is_silent_until_it_is_acknowledged() {
+        let mut client = Client::new(node());
+        assert!(matches!(frames(&mut client, 0)[..], [ToController::Heartbeat(_)]));
+        client.estop(10_000);
+        let mut now = 10_000;
+        while now < 500_000 {
+            assert!(frames(&mut client, now).iter().all(|&frame| frame == ToController::Estop));
+            assert!(client.next_poll_us(now) > now);
+            now = client.next_poll_us(now);
+        }
+        let ack = EstopAck { state: State::EStopped };
+        client.on_frame(now, &ack.encode(node()));
+        assert!(matches!(frames(&mut client, now)[..], [ToController::Heartbeat(_)]));
+    }
+
+    #[test]
     fn commands_say_how_long_they_are_valid_by_the_controllers_clock() {
         let mut client = Client::new(node());
         assert_eq!(client.command(0, Action::Return), None);
@@ -301,6 +336,20 @@ mod tests {
         assert_eq!(command.valid_until_ms, 374);
         let next = client.command(11_000, Action::Return).unwrap();
         assert_eq!(next.seq, (command.seq + 1) & 0xF);
+    }
+
+    #[test]
+    fn a_sequence_number_comes_again_when_its_command_has_expired() {
+        let mut client = Client::new(node());
+        frames(&mut client, 0);
+        client.on_frame(0, &HeartbeatReply { seq: 0, controller_ms: 7 }.encode(node()));
+        for k in 0..16 {
+            assert_eq!(client.next_command_us(), 0);
+            client.command(1000 * k, Action::Return).unwrap();
+        }
+        assert_eq!(client.next_command_us(), COMMAND_LIFE_US);
+        client.command(COMMAND_LIFE_US, Action::Return).unwrap();
+        assert_eq!(client.next_command_us(), COMMAND_LIFE_US + 1000);
     }
 
     #[test]

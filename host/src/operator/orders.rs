@@ -173,6 +173,7 @@ impl Orders {
         }
         if self.flight.is_none()
             && let Some(Waiting { order, quiet, .. }) = self.waiting
+            && now_us >= client.next_command_us()
             && let Some(command) = client.command(now_us, order.first_step())
         {
             self.waiting = None;

@@ -264,7 +264,11 @@ fn a_controller_of_another_protocol_hears_no_heartbeat_but_the_stop() {
     desk.operator.on_hello(desk.now_us, other);
     desk.sent.clear();
     desk.poll();
-    assert!(matches!(desk.sent[..], [ToController::Estop, ToController::Heartbeat(_)]));
+    assert_eq!(desk.sent, [ToController::Estop], "silent until the stop is acknowledged");
+    desk.hear(EstopAck { state: State::EStopped }.encode(node()));
+    desk.sent.clear();
+    desk.poll();
+    assert!(matches!(desk.sent[..], [ToController::Heartbeat(_)]), "{:?}", desk.sent);
 }
 
 #[test]

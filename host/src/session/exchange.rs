@@ -1,7 +1,7 @@
 //! One question, one answer: frames move until it is there, lost ones are sent again.
 
 use super::error::SessionError;
-use crate::client::{Client, Incoming, Outgoing};
+use crate::client::{COMMAND_LIFE_US, Client, Incoming, Outgoing};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::transport::{Request, Response};
@@ -11,13 +11,13 @@ use rollwalk_protocol::wire::{
 
 /// Longest wait for the answer to a command before it is repeated, µs.
 const ACK_TIMEOUT_US: u64 = 60_000;
-/// A command is sent at most so often; it expires about then.
-const COMMAND_SENDS: u32 = 5;
+/// A command is sent at most so often. It has expired before the last answer is given up: what was not
+/// answered is not executed later.
+const COMMAND_SENDS: u32 = 9;
+const _: () = assert!(ACK_TIMEOUT_US * COMMAND_SENDS as u64 > COMMAND_LIFE_US);
 /// A session that does not know where its predecessor stopped counting needs at most so many
 /// numbers until one counts as new.
 const SEQUENCE_TRIES: u32 = 9;
-/// A transport request is sent at most so often.
-const REQUEST_SENDS: u32 = 5;
 /// A full transmit queue is tried again after so long, µs.
 const BUSY_RETRY_US: u64 = 500;
 
@@ -57,6 +57,8 @@ impl<B: LinkBus> Exchange<B> {
         action: Action,
     ) -> Result<CommandAck, SessionError> {
         for _ in 0..SEQUENCE_TRIES {
+            let free_us = self.client.next_command_us();
+            self.pump(free_us.saturating_sub(self.bus.now_us()), |_| None::<()>)?;
             let now_us = self.bus.now_us();
             let command = self.client.command(now_us, action).ok_or(self.silent("heartbeat"))?;
             let mut answer = None;
@@ -114,14 +116,16 @@ impl<B: LinkBus> Exchange<B> {
         Err(SessionError::ParameterRefused { what, result, value: 0.0 })
     }
 
-    /// Sends a transport request until `wanted` takes an answer. All requests may be repeated.
+    /// Sends a transport request until `wanted` takes an answer, so often at most. All requests may be
+    /// repeated.
     pub fn respond<T>(
         &mut self,
         request: &Request<'_>,
         timeout_us: u64,
+        sends: u32,
         mut wanted: impl FnMut(Response) -> Option<T>,
     ) -> Result<T, SessionError> {
-        for _ in 0..REQUEST_SENDS {
+        for _ in 0..sends {
             if let Some(answer) = self.respond_once(request, timeout_us, &mut wanted)? {
                 return Ok(answer);
             }

@@ -13,6 +13,8 @@ use rollwalk_protocol::wire::transport::{MAX_BLOCK, Reply, Request, Response, Tr
 const BLOCK_TIMEOUT_US: u64 = 250_000;
 /// Longest wait for the answer to a request after which memory is erased or read, µs.
 const MEMORY_TIMEOUT_US: u64 = 5_000_000;
+/// Another request is sent at most so often.
+const REQUEST_SENDS: u32 = 5;
 /// Blocks never get smaller than this, and grow by it, bytes.
 const SMALLEST_BLOCK: usize = 32;
 /// So often in a row a block may get lost.
@@ -90,7 +92,7 @@ impl<B: LinkBus> Session<B> {
 
     /// A transfer request to which `Ok` is the only good answer.
     fn transfer(&mut self, request: &Request<'_>, timeout_us: u64) -> Result<Reply, SessionError> {
-        let reply = self.exchange.respond(request, timeout_us, reply_to(request))?;
+        let reply = self.exchange.respond(request, timeout_us, REQUEST_SENDS, reply_to(request))?;
         match reply.result {
             TransferResult::Ok => Ok(reply),
             _ => Err(SessionError::LibraryRefused { reply }),

@@ -1,6 +1,6 @@
 //! What happened to the controller while nobody was listening.
 
-use super::{HELLO_TIMEOUT_US, Session, SessionError};
+use super::{HELLO_SENDS, HELLO_TIMEOUT_US, Session, SessionError};
 use rollwalk_bus::link::LinkBus;
 use rollwalk_protocol::wire::transport::{Request, Response};
 use rollwalk_protocol::wire::{Log, LogEntry, State};
@@ -41,9 +41,11 @@ impl<B: LinkBus> Session<B> {
         loop {
             let request = Request::Log { since };
             let log: Log =
-                self.exchange.respond(&request, HELLO_TIMEOUT_US, |response| match response {
-                    Response::Log(log) => Some(log),
-                    _ => None,
+                self.exchange.respond(&request, HELLO_TIMEOUT_US, HELLO_SENDS, |response| {
+                    match response {
+                        Response::Log(log) => Some(log),
+                        _ => None,
+                    }
                 })?;
             entries.extend(log.entries());
             let told = log.first.saturating_add(log.encoded().len() as u32);

@@ -25,8 +25,11 @@ use rollwalk_protocol::wire::{
 
 /// Longest wait for a sign of life, µs.
 const CONNECT_TIMEOUT_US: u64 = 1_000_000;
-/// Longest wait for the controller's name, µs.
-const HELLO_TIMEOUT_US: u64 = 500_000;
+/// Longest wait for the controller's name, µs: it is half a dozen frames, and asked for again when one of them
+/// gets lost.
+const HELLO_TIMEOUT_US: u64 = 150_000;
+/// So often it is asked for at most.
+const HELLO_SENDS: u32 = 20;
 /// So long an emergency stop is repeated, µs: half of them may get lost on a link so bad that nothing else works.
 const STOP_TIMEOUT_US: u64 = 3_000_000;
 /// So long actuators may take to tell how they are, µs, ...
@@ -253,7 +256,7 @@ fn stop<B: LinkBus>(exchange: &mut Exchange<B>) -> Result<(), SessionError> {
 
 fn ask_hello<B: LinkBus>(exchange: &mut Exchange<B>) -> Result<Hello, SessionError> {
     let request = Request::Hello { major: PROTOCOL_MAJOR, minor: PROTOCOL_MINOR };
-    exchange.respond(&request, HELLO_TIMEOUT_US, |response| match response {
+    exchange.respond(&request, HELLO_TIMEOUT_US, HELLO_SENDS, |response| match response {
         Response::Hello(hello) => Some(hello),
         _ => None,
     })
