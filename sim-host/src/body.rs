@@ -77,6 +77,11 @@ impl Body {
         }
     }
 
+    /// The power of the motor of `channel` is gone: no torque, and nothing is kept.
+    pub fn cut_power(&mut self, channel: usize) {
+        self.servos[channel].cut_power();
+    }
+
     /// Hands a frame to the servo of `channel`; its answer, if it was meant.
     pub fn on_frame(&mut self, channel: usize, now: SimTime, frame: &CanFrame) -> Option<CanFrame> {
         self.servos[channel].on_frame(now, frame)

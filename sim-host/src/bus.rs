@@ -8,7 +8,7 @@
 //!
 //! A node keeps its pending frames by the [`TxPolicy`] it was built with. Frames leave a node lowest
 //! id first, equal ids in the order of posting. Every frame is acknowledged and received by all other
-//! nodes; there are no error frames. An id belongs to one sender: if two nodes send the same id at
+//! nodes, unless [`CanBus::disconnect`] says that nobody is there; there are no error frames. An id belongs to one sender: if two nodes send the same id at
 //! the same instant, the node that was added first goes first, where a real bus would see an error.
 
 use crate::clock::SimTime;
@@ -137,6 +137,8 @@ pub struct CanBus {
     /// When the bus became idle, or will after the frame in flight and its intermission.
     idle_from: SimTime,
     in_flight: Option<Flight>,
+    /// Nobody acknowledges: what is sent is sent again and again.
+    disconnected: bool,
     statistics: BusStatistics,
 }
 
@@ -155,6 +157,7 @@ impl CanBus {
             nodes: Vec::new(),
             idle_from: SimTime::ZERO,
             in_flight: None,
+            disconnected: false,
             statistics: BusStatistics::default(),
         }
     }
@@ -190,6 +193,31 @@ impl CanBus {
         }
         pending.push(newer);
         Ok(())
+    }
+
+    /// From `now` on nobody acknowledges: senders repeat what they have, and nothing gets across. All
+    /// deliveries up to `now` must have been pulled.
+    pub fn disconnect(&mut self, now: SimTime) {
+        self.disconnected = true;
+        self.idle_from = now;
+        if let Some(Flight { from, pending, .. }) = self.in_flight.take() {
+            let Node { policy, pending: waiting } = &mut self.nodes[from.0];
+            let newer = waiting.iter().any(|p| p.frame.id() == pending.frame.id());
+            if *policy != TxPolicy::Latest || !newer {
+                waiting.insert(0, pending);
+            }
+        }
+    }
+
+    /// From `now` on frames are acknowledged again: what was being repeated gets across.
+    pub fn reconnect(&mut self, now: SimTime) {
+        self.disconnected = false;
+        self.idle_from = self.idle_from.max(now);
+    }
+
+    /// Drops what `node` has waiting; a frame on its way goes on. How many there were.
+    pub fn cancel(&mut self, node: NodeId) -> usize {
+        std::mem::take(&mut self.nodes[node.0].pending).len()
     }
 
     /// Frames of `node` that have not begun their way over the bus.
@@ -230,6 +258,9 @@ impl CanBus {
 
     /// Who wins the bus when it is idle next and a frame is pending.
     fn winner(&self) -> Option<Winner> {
+        if self.disconnected {
+            return None;
+        }
         let waiting = || {
             self.nodes.iter().enumerate().flat_map(|(node, n)| {
                 n.pending.iter().enumerate().map(move |(slot, pending)| (node, slot, pending))
@@ -334,6 +365,34 @@ mod tests {
         let data: Vec<u8> =
             std::iter::from_fn(|| bus.next_delivery(us(1000))).map(|d| d.frame.data()[0]).collect();
         assert_eq!(data, [1, 2]);
+    }
+
+    #[test]
+    fn without_acknowledgement_a_frame_is_sent_until_there_is_one() {
+        let mut bus = CanBus::new(DEFAULT_BITRATE);
+        let node = bus.add_node(KEEP);
+        bus.post(us(0), node, frame(0x10, &[1])).unwrap();
+        bus.post(us(5), node, frame(0x10, &[2])).unwrap();
+        // The first is on its way by then, and not yet across.
+        bus.disconnect(us(20));
+        assert_eq!((bus.next_completion(), bus.pending(node)), (None, 2));
+        bus.post(us(700), node, frame(0x10, &[3])).unwrap();
+        bus.reconnect(us(1000));
+        let sent: Vec<_> = std::iter::from_fn(|| bus.next_delivery(us(5000)))
+            .map(|d| (d.at > us(1000), d.frame.data()[0]))
+            .collect();
+        assert_eq!(sent, [(true, 1), (true, 2), (true, 3)]);
+    }
+
+    #[test]
+    fn what_is_cancelled_does_not_come() {
+        let mut bus = CanBus::new(DEFAULT_BITRATE);
+        let node = bus.add_node(KEEP);
+        bus.disconnect(us(0));
+        bus.post(us(0), node, frame(0x10, &[1])).unwrap();
+        assert_eq!(bus.cancel(node), 1);
+        bus.reconnect(us(10));
+        assert_eq!(bus.next_delivery(us(5000)), None);
     }
 
     #[test]

@@ -28,6 +28,11 @@ impl SimTime {
         Self(ms * 1_000_000)
     }
 
+    /// In whole nanoseconds.
+    pub const fn as_ns(self) -> u64 {
+        self.0
+    }
+
     /// In whole microseconds, rounded down: the controller's clock.
     pub const fn as_us(self) -> u64 {
         self.0 / 1_000

@@ -2,7 +2,7 @@
 
 use crate::store::{self, SimParameters, SimStore};
 use rollwalk_bus::link::LinkError;
-use rollwalk_firmware::{Buses, Controller, Settings};
+use rollwalk_firmware::{BusState, Buses, Controller, Settings};
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
 
@@ -13,6 +13,23 @@ pub trait Core {
     /// # Errors
     /// It is out of reach.
     fn step(&mut self, step: Step) -> Result<Stepped, LinkError>;
+
+    /// Tells it how an actuator bus is.
+    ///
+    /// # Errors
+    /// It is out of reach, or cannot be told.
+    fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) -> Result<(), LinkError> {
+        let _ = now_us;
+        Err(LinkError::Down(format!("a board that cannot be told that bus {bus} is {state:?}")))
+    }
+
+    /// Whether an actuator bus that is off is to be started again; it says so once.
+    ///
+    /// # Errors
+    /// It is out of reach, or cannot be asked.
+    fn take_bus_restart(&mut self, bus: u8) -> Result<bool, LinkError> {
+        Err(LinkError::Down(format!("a board that cannot be asked about bus {bus}")))
+    }
 }
 
 /// The firmware within this process.
@@ -25,6 +42,14 @@ impl Local {
     /// A controller that has just been switched on.
     pub fn new(config: RobotConfig, settings: Settings) -> Self {
         Self::booting(config, settings, (store::blank(), store::blank_parameters()))
+    }
+
+    /// The same with a library in use, as if it had been flashed and confirmed.
+    ///
+    /// # Panics
+    /// The library does not fit into the simulated flash.
+    pub fn with_library(config: RobotConfig, settings: Settings, library: &[u8]) -> Self {
+        Self::booting(config, settings, (store::with(library), store::blank_parameters()))
     }
 
     /// The same after its power was off: what it keeps in flash is there.
@@ -66,5 +91,14 @@ impl Core for Local {
         }
         let playing = controller.playing().map(|p| (p.clip.0, p.frame, p.phase));
         Ok(Stepped { link, actuators, playing })
+    }
+
+    fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) -> Result<(), LinkError> {
+        self.controller.on_bus_state(now_us, bus, state);
+        Ok(())
+    }
+
+    fn take_bus_restart(&mut self, bus: u8) -> Result<bool, LinkError> {
+        Ok(self.controller.take_bus_restart(bus))
     }
 }

@@ -8,6 +8,8 @@
 //! | [`bus`], [`interface`], [`clock`] | a bus exact to the bit, the buses' names, virtual time |
 //! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle |
 //! | [`live`] | in real time: the whole robot, its controller or its motors on buses of this computer |
+//! | [`faults`] | what can go wrong on the buses and at their ends, by a schedule |
+//! | [`monitor`] | who looks at every frame and says what must not be |
 //! | [`record`] | what was commanded on the buses and what came of it |
 //!
 //! The host's end is `rollwalk-host`, which cannot tell a [`rig::Rig`] from a robot.
@@ -53,9 +55,11 @@ pub mod body;
 pub mod bus;
 pub mod clock;
 pub mod core;
+pub mod faults;
 pub mod interface;
 pub mod live;
 pub mod load;
+pub mod monitor;
 pub mod plant;
 pub mod record;
 pub mod remote;

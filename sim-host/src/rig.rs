@@ -9,11 +9,13 @@
 //! Time jumps from event to event. Events at the same instant happen in this order:
 //!
 //! 1. frames that end: link0, act0, act1, ...; a servo answers at the end of a frame meant for it
-//! 2. motors: a step of 1/[`MOTOR_RATE_HZ`]
-//! 3. control period: the record of the past one is closed, the controller's `tick` runs
+//! 2. frames that come late, faults that begin or end, foreign nodes that talk: [`crate::faults`]
+//! 3. motors: a step of 1/[`MOTOR_RATE_HZ`]
+//! 4. control period: the record of the past one is closed, the controller's `tick` runs
 //!
 //! After every event that the controller notices, its transmit buffers are filled: one frame for each
 //! bus, taken from the controller when the one before has left, so that nothing stale waits in hardware.
+//! An [`Adapter`] may be worse than that.
 //!
 //! The controller itself is a [`Core`]: the firmware within this process, or a board elsewhere
 //! ([`crate::remote`]) to which time and frames are carried.
@@ -22,11 +24,13 @@ use crate::body::Body;
 use crate::bus::{BusStatistics, CanBus, DEFAULT_BITRATE, NodeId, TxPolicy};
 use crate::clock::{Periodic, SimTime};
 use crate::core::{Core, Local};
+use crate::faults::{Fault, Faults, Harm, Way};
 use crate::interface::{Interface, LogEntry};
+use crate::monitor::Monitor;
 use crate::record::{Recorder, TickRecord};
 use rollwalk_bus::link::{LinkBus, LinkError};
-use rollwalk_firmware::Settings;
 use rollwalk_firmware::player::Playing;
+use rollwalk_firmware::{BusState, Settings};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::ClipId;
@@ -38,8 +42,36 @@ use std::collections::VecDeque;
 /// Steps of the motors per second.
 pub const MOTOR_RATE_HZ: u32 = 4000;
 
+/// Frames of a foreign node that wait: one on its way, and the next, so that it leaves no gap.
+const BABBLE_DEPTH: usize = 2;
+
+/// Frames that wait in any adapter of the controller at most.
+const MAX_DEPTH: usize = 64;
+
 /// Frames that wait in the host's CAN interface at most; the default of Linux (`txqueuelen`).
 const HOST_QUEUE: usize = 10;
+
+/// A frame that nobody acknowledges is sent so long until its sender is error-passive: 16 times, each up to
+/// 135 bits and an error frame of up to 31.
+const PASSIVE_AFTER: SimTime = SimTime::from_us(16 * (135 + 31));
+
+/// What stands between the controller and its actuator buses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Adapter {
+    /// Frames that wait in it at most.
+    pub depth: usize,
+    /// What nobody has acknowledged by the next control period is called back, as our boards do.
+    pub calls_back: bool,
+    /// What it says when nobody acknowledges: not all can tell that from other errors.
+    pub alone: BusState,
+}
+
+impl Default for Adapter {
+    /// What our boards do, but that a frame which nobody acknowledges stays.
+    fn default() -> Self {
+        Self { depth: 1, calls_back: false, alone: BusState::NotAcknowledged }
+    }
+}
 
 /// A robot, its controller and its buses.
 pub struct Rig<C = Local> {
@@ -58,30 +90,76 @@ pub struct Rig<C = Local> {
     control_period: Periodic,
     recorder: Recorder,
     log: Vec<LogEntry>,
+    adapter: Adapter,
+    faults: Faults,
+    /// Up to here faults have begun and ended.
+    edges_until: SimTime,
+    babblers: Vec<Babbler>,
+    monitor: Option<Box<Monitor>>,
+}
+
+/// A foreign node that talks without pause.
+struct Babbler {
+    node: NodeId,
+    bus: Interface,
+    frame: CanFrame,
+    every: SimTime,
+    next: SimTime,
+    until: SimTime,
 }
 
 /// A bus and the controller's place on it.
 struct Wire {
     bus: CanBus,
     controller: NodeId,
+    /// Since when nobody acknowledges.
+    alone_since: Option<SimTime>,
+    /// The controller's end is off.
+    off: bool,
 }
 
 impl Wire {
     fn new() -> Self {
         let mut bus = CanBus::new(DEFAULT_BITRATE);
-        let controller = bus.add_node(TxPolicy::Queue { depth: 1 });
-        Self { bus, controller }
+        let controller = bus.add_node(TxPolicy::Queue { depth: MAX_DEPTH });
+        Self { bus, controller, alone_since: None, off: false }
     }
 
-    /// Whether the controller's transmit buffer is empty.
-    fn is_free(&self) -> bool {
-        self.bus.pending(self.controller) == 0
+    /// Whether the controller's transmit buffer of `depth` frames has room.
+    fn is_free(&self, depth: usize) -> bool {
+        !self.off && self.bus.pending(self.controller) < depth.min(MAX_DEPTH)
     }
 
-    /// Fills the controller's transmit buffer, which is empty.
+    /// Puts a frame into the controller's transmit buffer, which has room.
     fn fill(&mut self, now: SimTime, frame: Option<CanFrame>) {
         if let Some(frame) = frame {
-            self.bus.post(now, self.controller, frame).expect("the buffer is empty");
+            self.bus.post(now, self.controller, frame).expect("the buffer has room");
+        }
+    }
+
+    /// Somebody acknowledges, or nobody does.
+    fn connect(&mut self, now: SimTime, connected: bool) {
+        match (connected, self.alone_since) {
+            (false, None) => {
+                self.bus.disconnect(now);
+                self.alone_since = Some(now);
+            }
+            (true, Some(_)) => {
+                self.bus.reconnect(now);
+                self.alone_since = None;
+            }
+            _ => {}
+        }
+    }
+
+    /// The controller's end goes off: what it had to send is gone.
+    fn go_off(&mut self, now: SimTime) {
+        self.off = true;
+        // A frame of its own on its way is cut short.
+        self.bus.disconnect(now);
+        self.bus.cancel(self.controller);
+        if self.alone_since.is_none() {
+            self.bus.reconnect(now);
         }
     }
 }
@@ -96,6 +174,9 @@ struct ActuatorBus {
 enum Next {
     Link,
     Actuator(usize),
+    Late(Way),
+    Edge,
+    Babble(usize),
     Motors,
     Control,
 }
@@ -153,7 +234,56 @@ impl<C: Core> Rig<C> {
             motor_step: Periodic::new(MOTOR_RATE_HZ),
             control_period: Periodic::new(settings.control_hz.into()),
             log: Vec::new(),
+            adapter: Adapter::default(),
+            faults: Faults::default(),
+            edges_until: SimTime::ZERO,
+            babblers: Vec::new(),
+            monitor: None,
         })
+    }
+
+    /// Takes another adapter for the actuator buses.
+    pub fn set_adapter(&mut self, adapter: Adapter) {
+        self.adapter = adapter;
+    }
+
+    /// From now on faults are these. To be told before the first of them is due.
+    pub fn set_faults(&mut self, faults: Faults) {
+        self.faults = faults;
+    }
+
+    /// One fault more; it begins after this instant.
+    pub fn add_fault(&mut self, fault: Fault) {
+        let from = fault.from.max(self.now + SimTime::from_ns(1));
+        let fault = Fault { from, ..fault };
+        if let Harm::Babble(bus, frame, every) = fault.harm {
+            let node = self.wire(bus).bus.add_node(TxPolicy::Queue { depth: BABBLE_DEPTH });
+            let (next, until) = (fault.from, fault.until);
+            self.babblers.push(Babbler { node, bus, frame, every, next, until });
+        }
+        self.faults.add(fault);
+    }
+
+    /// The faults and what they did.
+    pub fn faults(&self) -> &Faults {
+        &self.faults
+    }
+
+    /// Has somebody look at every frame from now on.
+    pub fn set_monitor(&mut self, monitor: Monitor) {
+        self.monitor = Some(Box::new(monitor));
+    }
+
+    /// Who looks at every frame.
+    pub fn monitor(&self) -> Option<&Monitor> {
+        self.monitor.as_deref()
+    }
+
+    fn wire(&mut self, bus: Interface) -> &mut Wire {
+        match bus {
+            Interface::Link => &mut self.link,
+            Interface::Actuator(bus) => &mut self.actuator_buses[usize::from(bus)].wire,
+        }
     }
 
     /// The present instant.
@@ -223,9 +353,24 @@ impl<C: Core> Rig<C> {
         let input = match next {
             Next::Link => self.end_link_frame(),
             Next::Actuator(bus) => self.end_actuator_frame(bus),
+            Next::Late(way) => match self.faults.pop(at, way) {
+                Some(frame) => self.arrive(way, &frame),
+                None => return true,
+            },
+            Next::Edge => {
+                self.begin_and_end_faults();
+                None
+            }
+            Next::Babble(index) => {
+                self.babble(index);
+                return true;
+            }
             Next::Motors => {
                 self.motor_step.advance();
                 self.body.step(at, 1.0 / f64::from(MOTOR_RATE_HZ));
+                if let Some(monitor) = &mut self.monitor {
+                    monitor.motors(at, &self.body);
+                }
                 return true;
             }
             Next::Control => {
@@ -235,7 +380,8 @@ impl<C: Core> Rig<C> {
                 Some(Input::Tick)
             }
         };
-        if let Err(error) = self.tell(at, input) {
+        let told = if input == Some(Input::Tick) { self.tell_bus_states() } else { Ok(()) };
+        if let Err(error) = told.and_then(|()| self.tell(at, input)) {
             self.lost = Some(error);
             return false;
         }
@@ -243,28 +389,134 @@ impl<C: Core> Rig<C> {
     }
 
     /// Tells the controller what happened, and puts on the buses what it sends.
-    fn tell(&mut self, at: SimTime, input: Option<Input>) -> Result<(), LinkError> {
-        let mut free = Buses::default();
-        if self.link.is_free() {
-            free = free.with_link();
+    fn tell(&mut self, at: SimTime, mut input: Option<Input>) -> Result<(), LinkError> {
+        if let (Some(monitor), Some(input)) = (&mut self.monitor, input) {
+            monitor.controller_gets(at, &input);
         }
-        for (bus, actuators) in (0..).zip(&self.actuator_buses) {
-            if actuators.wire.is_free() {
-                free = free.with_actuator(bus);
+        loop {
+            let depth = self.adapter.depth;
+            let mut free = Buses::default();
+            if self.link.is_free(1) {
+                free = free.with_link();
+            }
+            for (bus, actuators) in (0..).zip(&self.actuator_buses) {
+                if actuators.wire.is_free(depth) {
+                    free = free.with_actuator(bus);
+                }
+            }
+            let sent = self.controller.step(Step { now_us: at.as_us(), input, free })?;
+            if input.take() == Some(Input::Tick)
+                && let Some((clip, frame, phase)) = sent.playing
+            {
+                let playing = Playing { clip: ClipId(clip), frame, phase };
+                self.recorder.begin_period(at, playing, self.body.values());
+            }
+            if let Some(monitor) = &mut self.monitor {
+                let actuators = (0..).map(Interface::Actuator).zip(sent.actuators);
+                for (bus, frame) in actuators.chain([(Interface::Link, sent.link)]) {
+                    if let Some(frame) = frame {
+                        monitor.controller_sends(at, bus, &frame, &self.body);
+                    }
+                }
+            }
+            self.link.fill(at, sent.link);
+            for (actuators, frame) in self.actuator_buses.iter_mut().zip(sent.actuators) {
+                actuators.wire.fill(at, frame);
+            }
+            // A deeper buffer takes more at once.
+            if depth == 1 || sent.actuators.iter().all(Option::is_none) {
+                return Ok(());
             }
         }
-        let sent = self.controller.step(Step { now_us: at.as_us(), input, free })?;
-        if input == Some(Input::Tick)
-            && let Some((clip, frame, phase)) = sent.playing
-        {
-            let playing = Playing { clip: ClipId(clip), frame, phase };
-            self.recorder.begin_period(at, playing, self.body.values());
+    }
+
+    /// Tells the controller how its actuator buses are, and starts those again that it wants started.
+    fn tell_bus_states(&mut self) -> Result<(), LinkError> {
+        if self.faults.all().next().is_none() {
+            return Ok(());
         }
-        self.link.fill(at, sent.link);
-        for (actuators, frame) in self.actuator_buses.iter_mut().zip(sent.actuators) {
-            actuators.wire.fill(at, frame);
+        let (now, adapter) = (self.now, self.adapter);
+        let link = &self.link;
+        let waits = [link.controller, self.host].iter().any(|&node| link.bus.pending(node) > 0);
+        if link.alone_since.is_some() && waits {
+            self.faults.fire(now, |harm| *harm == Harm::NoAck(Interface::Link));
+        }
+        for (number, ActuatorBus { wire, servos }) in (0..).zip(&mut self.actuator_buses) {
+            let mut state = if wire.off { BusState::Off } else { BusState::Active };
+            if let Some(since) = wire.alone_since
+                && wire.bus.pending(wire.controller) > 0
+                && !wire.off
+            {
+                self.faults.fire(now, |harm| match harm {
+                    Harm::NoAck(bus) => *bus == Interface::Actuator(number),
+                    Harm::Deaf(of) | Harm::Unpowered(of) => servos.iter().any(|(_, c)| c == of),
+                    _ => false,
+                });
+                if now - since >= PASSIVE_AFTER {
+                    state = adapter.alone;
+                }
+                if adapter.calls_back {
+                    wire.bus.cancel(wire.controller);
+                }
+            }
+            self.controller.on_bus_state(now.as_us(), number, state)?;
+            if wire.off && self.controller.take_bus_restart(number)? {
+                let short = self.faults.on(now).any(|harm| *harm == Harm::BusOff(number));
+                wire.off = short;
+                if short {
+                    self.faults.fire(now, |harm| *harm == Harm::BusOff(number));
+                    self.controller.on_bus_state(now.as_us(), number, BusState::Off)?;
+                }
+            }
         }
         Ok(())
+    }
+
+    /// Brings about what changes at this instant.
+    fn begin_and_end_faults(&mut self) {
+        let (now, before) = (self.now, self.edges_until);
+        self.edges_until = now;
+        let began: Vec<Harm> = (self.faults.all())
+            .filter(|(fault, _)| before < fault.from && fault.from <= now)
+            .map(|(fault, _)| fault.harm)
+            .collect();
+        let on: Vec<Harm> = self.faults.on(now).copied().collect();
+        for (number, ActuatorBus { wire, servos }) in (0..).zip(&mut self.actuator_buses) {
+            let silent = |channel| {
+                on.contains(&Harm::Deaf(channel)) || on.contains(&Harm::Unpowered(channel))
+            };
+            for &(node, channel) in servos.iter().filter(|(_, channel)| silent(*channel)) {
+                wire.bus.cancel(node);
+                if began.contains(&Harm::Unpowered(channel)) {
+                    self.body.cut_power(channel);
+                    self.faults.fire(now, |harm| *harm == Harm::Unpowered(channel));
+                }
+            }
+            let listens = servos.iter().any(|&(_, channel)| !silent(channel));
+            wire.connect(now, listens && !on.contains(&Harm::NoAck(Interface::Actuator(number))));
+            if began.contains(&Harm::BusOff(number)) {
+                wire.go_off(now);
+                self.faults.fire(now, |harm| *harm == Harm::BusOff(number));
+                if let Some(monitor) = &mut self.monitor {
+                    monitor.bus_goes_off(now);
+                }
+                // Told again in every control period; an error would show there.
+                let _ = self.controller.on_bus_state(now.as_us(), number, BusState::Off);
+            }
+        }
+        self.link.connect(now, !on.contains(&Harm::NoAck(Interface::Link)));
+    }
+
+    /// A foreign node talks.
+    fn babble(&mut self, index: usize) {
+        let now = self.now;
+        let &Babbler { node, bus, frame, every, .. } = &self.babblers[index];
+        self.babblers[index].next = now + every;
+        let wire = self.wire(bus);
+        if wire.bus.pending(node) < BABBLE_DEPTH {
+            wire.bus.post(now, node, frame).expect("there is room");
+            self.faults.fire(now, |harm| *harm == Harm::Babble(bus, frame, every));
+        }
     }
 
     /// The earliest event; of those at the same instant the first in the documented order.
@@ -273,11 +525,17 @@ impl<C: Core> Rig<C> {
         let actuators = self.actuator_buses.iter().enumerate().filter_map(|(index, bus)| {
             Some((bus.wire.bus.next_completion()?, Next::Actuator(index)))
         });
+        let late = self.faults.next_due().map(|(at, way)| (at.max(self.now), Next::Late(way)));
+        let edge = self.faults.next_edge(self.edges_until).map(|at| (at, Next::Edge));
+        let babblers = self.babblers.iter().enumerate().filter(|(_, b)| b.next < b.until);
+        let babblers = babblers.map(|(index, b)| (b.next.max(self.now), Next::Babble(index)));
         let motors = (self.motor_step.next(), Next::Motors);
         let control = (self.control_period.next(), Next::Control);
         let frames = link.into_iter().chain(actuators);
+        let faults = late.into_iter().chain(edge).chain(babblers);
         // `min_by_key` returns the first of several minima.
-        frames.chain([motors, control]).min_by_key(|&(at, _)| at).expect("control never ends")
+        let events = frames.chain(faults).chain([motors, control]);
+        events.min_by_key(|&(at, _)| at).expect("control never ends")
     }
 
     /// What the controller notices of it.
@@ -289,31 +547,66 @@ impl<C: Core> Rig<C> {
             frame: delivery.frame.into(),
         });
         if delivery.from == self.host {
-            return Some(Input::Link(delivery.frame));
+            return self.pass_on(Way::LinkToController, delivery.frame);
         }
-        self.host_inbox.push_back(delivery.frame);
-        None
+        self.pass_on(Way::LinkToHost, delivery.frame);
+        // A foreign node's frame comes to both ends.
+        let foreign = delivery.from != self.link.controller;
+        foreign.then(|| self.pass_on(Way::LinkToController, delivery.frame))?
     }
 
     /// What the controller notices of it.
     fn end_actuator_frame(&mut self, index: usize) -> Option<Input> {
         let ActuatorBus { wire, servos } = &mut self.actuator_buses[index];
         let delivery = wire.bus.next_delivery(self.now)?;
-        let (frame, number) = (&delivery.frame, index as u8);
+        let (frame, number) = (delivery.frame, index as u8);
         let interface = Interface::Actuator(number);
-        let entry =
-            LogEntry { at_us: delivery.at.as_us(), interface, frame: delivery.frame.into() };
-        self.log.push(entry);
-        if delivery.from != wire.controller {
-            return Some(Input::Actuator(number, *frame));
+        self.log.push(LogEntry { at_us: delivery.at.as_us(), interface, frame: frame.into() });
+        let from_controller = delivery.from == wire.controller;
+        let from_servo = servos.iter().any(|&(node, _)| node == delivery.from);
+        // With its end off the controller hears nothing.
+        let hears = !from_controller && !wire.off;
+        if !from_servo {
+            self.pass_on(Way::ToActuators(number), frame);
         }
-        self.recorder.on_setpoint(number, frame);
-        for &(node, channel) in servos.iter() {
-            if let Some(answer) = self.body.on_frame(channel, self.now, frame) {
-                wire.bus.post(self.now, node, answer).expect("a `Latest` node always takes frames");
+        hears.then(|| self.pass_on(Way::FromActuators(number), frame))?
+    }
+
+    /// A frame has crossed its bus. What the controller notices of it now.
+    fn pass_on(&mut self, way: Way, frame: CanFrame) -> Option<Input> {
+        let frame = self.faults.push(self.now, way, frame)?;
+        self.arrive(way, &frame)
+    }
+
+    /// A frame is there. What the controller notices of it.
+    fn arrive(&mut self, way: Way, frame: &CanFrame) -> Option<Input> {
+        match way {
+            Way::LinkToController => Some(Input::Link(*frame)),
+            Way::FromActuators(bus) => Some(Input::Actuator(bus, *frame)),
+            Way::LinkToHost => {
+                self.host_inbox.push_back(*frame);
+                None
+            }
+            Way::ToActuators(bus) => {
+                self.reach_servos(bus, frame);
+                None
             }
         }
-        None
+    }
+
+    fn reach_servos(&mut self, bus: u8, frame: &CanFrame) {
+        self.recorder.on_setpoint(bus, frame);
+        let now = self.now;
+        let ActuatorBus { wire, servos } = &mut self.actuator_buses[usize::from(bus)];
+        for &(node, channel) in servos.iter() {
+            let silent =
+                |harm: &Harm| [Harm::Deaf(channel), Harm::Unpowered(channel)].contains(harm);
+            if self.faults.on(now).any(silent) {
+                self.faults.fire(now, silent);
+            } else if let Some(answer) = self.body.on_frame(channel, now, frame) {
+                wire.bus.post(now, node, answer).expect("a `Latest` node always takes frames");
+            }
+        }
     }
 }
 
@@ -323,7 +616,11 @@ impl<C: Core> LinkBus for Rig<C> {
     }
 
     fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
-        self.link.bus.post(self.now, self.host, *frame).map_err(|_| LinkError::Busy)
+        let queued = self.link.bus.post(self.now, self.host, *frame);
+        if let (Some(monitor), Ok(())) = (&mut self.monitor, &queued) {
+            monitor.host_sends(self.now, frame);
+        }
+        queued.map_err(|_| LinkError::Busy)
     }
 
     fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {

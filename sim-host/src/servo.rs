@@ -59,6 +59,16 @@ impl Servo {
         }
     }
 
+    /// Its power is gone: no torque, and when it comes back it is as after power-on.
+    pub fn cut_power(&mut self) {
+        (self.mode, self.counter) = (Mode::Disabled, 0);
+    }
+
+    /// Whether it gives torque as a setpoint told it.
+    pub fn is_driving(&self) -> bool {
+        matches!(self.mode, Mode::Following(_))
+    }
+
     /// A frame on the bus; the answer if it was for this servo.
     pub fn on_frame(&mut self, now: SimTime, frame: &CanFrame) -> Option<CanFrame> {
         if let Some((id, control)) = Control::decode(frame) {

@@ -1,7 +1,9 @@
 //! The controller's memories for library and parameters, simulated: the stores of a real board, in
 //! flash made of RAM.
 
-use rollwalk_firmware::store::{FlashParameters, FlashStore, RamFlash};
+use rollwalk_firmware::store::{FlashParameters, FlashStore, LibraryStore, RamFlash};
+use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::wire::transport::MAX_BLOCK;
 
 /// The flash, bytes: two libraries of up to 1 MiB, and the store's log.
 const CAPACITY: usize = (2 << 20) + (8 << 10);
@@ -26,6 +28,21 @@ pub fn mounted_again(
     let library = FlashStore::mount(library.into_flash(), TRIAL_BOOTS);
     let parameters = FlashParameters::mount(parameters.into_flash());
     (library.expect("it was mounted before"), parameters.expect("it was mounted before"))
+}
+
+/// A store with a library in use, and not on trial.
+pub fn with(library: &[u8]) -> SimStore {
+    let mut store = blank();
+    let crc = crc32c(library);
+    store.begin(library.len(), crc).expect("the library fits");
+    // In the portions in which it comes over the link.
+    for (number, block) in library.chunks(MAX_BLOCK).enumerate() {
+        store.write(number * MAX_BLOCK, block).expect("a memory without faults");
+    }
+    store.seal().expect("what was written is there");
+    store.activate().expect("it was sealed");
+    store.confirm().expect("it was activated");
+    store
 }
 
 /// A store as it leaves the factory.

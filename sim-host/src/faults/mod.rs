@@ -1,0 +1,199 @@
+//! Faults of buses, actuators and adapters, each with a beginning and an end in virtual time.
+//!
+//! A schedule of them is a value: with its seed, the same run comes out again to the bit. Each fault
+//! counts how often it did something, for a fault that never fires tests nothing.
+//!
+//! | module | is |
+//! |---|---|
+//! | [`stream`] | frames that are lost, repeated, late, in another order, damaged |
+//!
+//! What they mean on the bench is in [`crate::rig`].
+
+pub mod stream;
+
+use crate::clock::SimTime;
+use crate::interface::Interface;
+use fastrand::Rng;
+use rollwalk_protocol::can::CanFrame;
+use std::collections::BTreeMap;
+use stream::{Spoil, Stream};
+
+/// Frames that have crossed a bus on their way to a receiver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Way {
+    /// From the host.
+    LinkToController,
+    /// From the controller.
+    LinkToHost,
+    /// To the actuators of a bus.
+    ToActuators(u8),
+    /// From the actuators of a bus.
+    FromActuators(u8),
+}
+
+/// What is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Harm {
+    /// Frames get lost, late or damaged behind the bus.
+    Stream(Way, Spoil),
+    /// A foreign node sends this frame over and over, so often.
+    Babble(Interface, CanFrame, SimTime),
+    /// Nobody acknowledges on this bus: what has been sent is sent again and again.
+    NoAck(Interface),
+    /// The controller's end of an actuator bus goes off, as after a short.
+    BusOff(u8),
+    /// An actuator neither hears nor answers. It keeps what it was told, until its own watchdog.
+    Deaf(usize),
+    /// An actuator has no power: no torque, no answers, and nothing kept.
+    Unpowered(usize),
+}
+
+/// Something wrong for a while.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// What.
+    pub harm: Harm,
+    /// From this instant on, ...
+    pub from: SimTime,
+    /// ... and no more at this one.
+    pub until: SimTime,
+}
+
+impl Fault {
+    fn is_on(&self, now: SimTime) -> bool {
+        self.from <= now && now < self.until
+    }
+}
+
+/// A schedule of faults, and what came of it.
+#[derive(Clone, Debug)]
+pub struct Faults {
+    schedule: Vec<(Fault, u64)>,
+    streams: BTreeMap<Way, Stream>,
+    random: Rng,
+}
+
+impl Default for Faults {
+    fn default() -> Self {
+        Self::new(0)
+    }
+}
+
+impl Faults {
+    /// None yet. All that is random comes from the seed.
+    pub fn new(seed: u64) -> Self {
+        Self { schedule: Vec::new(), streams: BTreeMap::new(), random: Rng::with_seed(seed) }
+    }
+
+    /// One more.
+    pub fn add(&mut self, fault: Fault) {
+        self.schedule.push((fault, 0));
+    }
+
+    /// All faults, and how often each of them fired.
+    pub fn all(&self) -> impl Iterator<Item = (&Fault, u64)> {
+        self.schedule.iter().map(|(fault, fired)| (fault, *fired))
+    }
+
+    /// All that are on.
+    pub fn on(&self, now: SimTime) -> impl Iterator<Item = &Harm> {
+        self.schedule.iter().map(|(fault, _)| fault).filter(move |f| f.is_on(now)).map(|f| &f.harm)
+    }
+
+    /// Counts that all faults that are on and of which `which` is true have done something.
+    pub fn fire(&mut self, now: SimTime, which: impl Fn(&Harm) -> bool) {
+        for (fault, fired) in &mut self.schedule {
+            if fault.is_on(now) && which(&fault.harm) {
+                *fired += 1;
+            }
+        }
+    }
+
+    /// The next instant after `now` at which some fault begins or ends.
+    pub fn next_edge(&self, now: SimTime) -> Option<SimTime> {
+        let edges = self.schedule.iter().flat_map(|(fault, _)| [fault.from, fault.until]);
+        edges.filter(|&at| at > now).min()
+    }
+
+    /// Whether frames on this way may come out otherwise than they went in.
+    fn is_spoilt(&self, now: SimTime, way: Way) -> bool {
+        let waits = self.streams.get(&way).is_some_and(|stream| !stream.is_empty());
+        waits || self.on(now).any(|harm| matches!(harm, Harm::Stream(on, _) if *on == way))
+    }
+
+    /// A frame has crossed the bus. Returns it if it arrives at once and by itself; otherwise it comes
+    /// out of [`Self::pop`], or never.
+    pub fn push(&mut self, now: SimTime, way: Way, frame: CanFrame) -> Option<CanFrame> {
+        if !self.is_spoilt(now, way) {
+            return Some(frame);
+        }
+        let on = |(_, (fault, _)): &(usize, &(Fault, u64))| {
+            fault.is_on(now) && matches!(fault.harm, Harm::Stream(on, _) if on == way)
+        };
+        let (indices, spoils): (Vec<_>, Vec<_>) = (self.schedule.iter().enumerate().filter(on))
+            .filter_map(|(index, (fault, _))| match fault.harm {
+                Harm::Stream(_, spoil) => Some((index, (spoil, fault.until))),
+                _ => None,
+            })
+            .unzip();
+        let Self { schedule, streams, random } = self;
+        let stream = streams.entry(way).or_default();
+        stream.push(now, frame, spoils.into_iter(), random, |k| schedule[indices[k]].1 += 1);
+        None
+    }
+
+    /// When and where the next frame comes out that did not arrive at once.
+    pub fn next_due(&self) -> Option<(SimTime, Way)> {
+        let due = self.streams.iter().filter_map(|(&way, stream)| Some((stream.next_due()?, way)));
+        due.min()
+    }
+
+    /// A frame that comes out now.
+    pub fn pop(&mut self, now: SimTime, way: Way) -> Option<CanFrame> {
+        self.streams.get_mut(&way)?.pop(now)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ms(ms: u64) -> SimTime {
+        SimTime::from_ms(ms)
+    }
+
+    #[test]
+    fn a_fault_begins_and_ends_and_counts_what_it_did() {
+        let mut faults = Faults::new(1);
+        let lose = Harm::Stream(Way::LinkToHost, Spoil::Lose(1000));
+        faults.add(Fault { harm: lose, from: ms(10), until: ms(20) });
+        faults.add(Fault { harm: Harm::BusOff(1), from: ms(15), until: ms(30) });
+        let edges = std::iter::successors(Some(ms(0)), |&at| faults.next_edge(at));
+        assert_eq!(edges.collect::<Vec<_>>(), [0, 10, 15, 20, 30].map(ms));
+
+        let frame = CanFrame::new(1, &[1]).unwrap();
+        for at in 0..40 {
+            let arrives = faults.push(ms(at), Way::LinkToHost, frame).is_some();
+            assert_eq!(arrives, !(10..20).contains(&at), "{at}");
+            assert!(faults.push(ms(at), Way::LinkToController, frame).is_some());
+        }
+        faults.fire(ms(14), |harm| *harm == Harm::BusOff(1));
+        faults.fire(ms(15), |harm| *harm == Harm::BusOff(1));
+        faults.fire(ms(15), |harm| *harm == Harm::BusOff(0));
+        assert_eq!(faults.all().map(|(_, fired)| fired).collect::<Vec<_>>(), [10, 1]);
+    }
+
+    #[test]
+    fn what_is_late_is_not_overtaken_by_what_comes_when_all_is_well_again() {
+        let mut faults = Faults::new(1);
+        let hold = Harm::Stream(Way::ToActuators(0), Spoil::Hold);
+        faults.add(Fault { harm: hold, from: ms(0), until: ms(10) });
+        let frame = |number| CanFrame::new(1, &[number]).unwrap();
+        assert_eq!(faults.push(ms(1), Way::ToActuators(0), frame(1)), None);
+        assert_eq!(faults.next_due(), Some((ms(10), Way::ToActuators(0))));
+        assert_eq!(faults.push(ms(10), Way::ToActuators(0), frame(2)), None);
+        let out: Vec<_> = std::iter::from_fn(|| faults.pop(ms(10), Way::ToActuators(0))).collect();
+        assert_eq!(out, [frame(1), frame(2)]);
+        assert_eq!(faults.push(ms(10), Way::ToActuators(0), frame(3)), Some(frame(3)));
+    }
+}

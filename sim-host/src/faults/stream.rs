@@ -1,0 +1,272 @@
+//! What a bad adapter or bridge does to frames behind the bus: a stream of them, spoilt on the way.
+//!
+//! The bus itself loses and damages nothing, for CAN repeats what was not received and has a CRC. What
+//! carries frames on from there (USB adapters, serial bridges, radio) does all of this.
+
+use crate::clock::SimTime;
+use fastrand::Rng;
+use rollwalk_protocol::can::CanFrame;
+
+/// Frames that wait to be overtaken go on after this at the latest.
+const OVERTAKEN_WITHIN: SimTime = SimTime::from_ms(100);
+
+/// What happens to frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Spoil {
+    /// So many of a thousand are lost.
+    Lose(u16),
+    /// So many of a thousand come once more, within a time.
+    Repeat(u16, SimTime),
+    /// Half of them are overtaken by up to so many others.
+    Reorder(u32),
+    /// Each comes later by a time between these; unless they are equal, frames overtake each other.
+    Delay(SimTime, SimTime),
+    /// Of so many of a thousand one to four bits of the payload change.
+    Damage(u16),
+    /// So many of a thousand lose their last bytes.
+    Cut(u16),
+    /// All wait until the fault is over, and then come at once.
+    Hold,
+}
+
+/// A frame on its way.
+#[derive(Clone, Copy, Debug)]
+struct Late {
+    due: SimTime,
+    /// Others that go first, before it is due.
+    behind: u32,
+    order: u64,
+    frame: CanFrame,
+}
+
+/// Frames between two places, in one direction.
+#[derive(Clone, Debug, Default)]
+pub struct Stream {
+    late: Vec<Late>,
+    order: u64,
+}
+
+impl Stream {
+    /// Whether nothing is on its way.
+    pub fn is_empty(&self) -> bool {
+        self.late.is_empty()
+    }
+
+    /// When the next frame comes out.
+    pub fn next_due(&self) -> Option<SimTime> {
+        self.late.iter().map(|late| late.due).min()
+    }
+
+    /// A frame goes in. `spoils` are in force, each with the end of its fault; `fired` is told the place
+    /// in the list of each that did something.
+    pub fn push(
+        &mut self,
+        now: SimTime,
+        frame: CanFrame,
+        spoils: impl Iterator<Item = (Spoil, SimTime)>,
+        random: &mut Rng,
+        mut fired: impl FnMut(usize),
+    ) {
+        let mut late = Late { due: now, behind: 0, order: 0, frame };
+        let (mut again, mut lost) = (None, false);
+        for (index, (spoil, until)) in spoils.enumerate() {
+            let did = match spoil {
+                // In the end, whatever else was done to it.
+                Spoil::Lose(per_mille) => {
+                    let loses = hits(random, per_mille);
+                    lost |= loses;
+                    loses
+                }
+                Spoil::Repeat(per_mille, within) if hits(random, per_mille) => {
+                    again = Some(now + SimTime::from_ns(random.u64(0..=within.as_ns())));
+                    true
+                }
+                Spoil::Reorder(window) if random.bool() => {
+                    late.behind = random.u32(1..=window.max(1));
+                    late.due = late.due.max(now + OVERTAKEN_WITHIN);
+                    true
+                }
+                Spoil::Delay(least, most) => {
+                    let by = SimTime::from_ns(random.u64(least.as_ns()..=most.as_ns()));
+                    late.due = late.due.max(now + by);
+                    by > SimTime::ZERO
+                }
+                Spoil::Damage(per_mille) if hits(random, per_mille) => {
+                    change(&mut late.frame, |data| damage(data, random))
+                }
+                Spoil::Cut(per_mille) if hits(random, per_mille) => {
+                    change(&mut late.frame, |data| data.truncate(random.usize(0..data.len())))
+                }
+                Spoil::Hold => {
+                    late.due = late.due.max(until);
+                    true
+                }
+                _ => false,
+            };
+            if did {
+                fired(index);
+            }
+        }
+        if !lost {
+            self.queue(late);
+            if let Some(due) = again {
+                self.queue(Late { due: due.max(late.due), behind: 0, ..late });
+            }
+        }
+    }
+
+    fn queue(&mut self, late: Late) {
+        self.order += 1;
+        self.late.push(Late { order: self.order, ..late });
+    }
+
+    /// The next frame that is due; call again until `None`.
+    pub fn pop(&mut self, now: SimTime) -> Option<CanFrame> {
+        let due = self.late.iter().enumerate().filter(|(_, late)| late.due <= now);
+        let (index, _) = due.min_by_key(|(_, late)| (late.due, late.order))?;
+        let gone = self.late.swap_remove(index);
+        for late in self.late.iter_mut().filter(|l| l.behind > 0 && l.order < gone.order) {
+            late.behind -= 1;
+            if late.behind == 0 {
+                late.due = now;
+            }
+        }
+        Some(gone.frame)
+    }
+}
+
+fn hits(random: &mut Rng, per_mille: u16) -> bool {
+    random.u16(0..1000) < per_mille
+}
+
+/// Changes the payload; whether there was any.
+fn change(frame: &mut CanFrame, with: impl FnOnce(&mut Vec<u8>)) -> bool {
+    let mut data = frame.data().to_vec();
+    if data.is_empty() {
+        return false;
+    }
+    with(&mut data);
+    *frame = CanFrame::new(frame.id(), &data).expect("no longer than it was");
+    true
+}
+
+/// Changes one to four bits, and at least one of them for good.
+fn damage(data: &mut [u8], random: &mut Rng) {
+    let before = data.to_vec();
+    while data == before {
+        for _ in 0..random.u8(1..=4) {
+            let bit = random.usize(0..8 * data.len());
+            data[bit / 8] ^= 1 << (bit % 8);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FOREVER: SimTime = SimTime::from_ms(1_000_000);
+
+    fn ms(ms: u64) -> SimTime {
+        SimTime::from_ms(ms)
+    }
+
+    /// Sends a hundred numbered frames, a millisecond apart, and returns numbers and times as they come
+    /// out, and how often the spoil fired.
+    fn through(spoil: Spoil, until: SimTime) -> (Vec<(u8, SimTime)>, u32) {
+        let mut stream = Stream::default();
+        let mut random = Rng::with_seed(7);
+        let (mut out, mut fired) = (Vec::new(), 0);
+        for k in 0..400 {
+            let now = ms(k);
+            if k < 100 {
+                let frame = CanFrame::new(0x123, &[k as u8, 0]).unwrap();
+                let spoils = [(spoil, until)].into_iter().filter(|_| now < until);
+                stream.push(now, frame, spoils, &mut random, |_| fired += 1);
+            }
+            while let Some(frame) = stream.pop(now) {
+                out.push((frame.data().first().copied().unwrap_or(255), now));
+            }
+        }
+        assert!(stream.is_empty());
+        (out, fired)
+    }
+
+    fn numbers(out: &[(u8, SimTime)]) -> Vec<u8> {
+        out.iter().map(|&(number, _)| number).collect()
+    }
+
+    #[test]
+    fn what_is_lost_is_counted() {
+        let (out, fired) = through(Spoil::Lose(300), FOREVER);
+        assert_eq!(out.len() + fired as usize, 100);
+        // Three standard deviations of a binomial distribution: 14.
+        assert!((16..=44).contains(&fired), "{fired}");
+        assert_eq!(through(Spoil::Lose(0), FOREVER).1, 0);
+        assert_eq!(through(Spoil::Lose(1000), FOREVER).0, []);
+    }
+
+    #[test]
+    fn what_is_repeated_comes_again_unchanged() {
+        let (out, fired) = through(Spoil::Repeat(500, ms(20)), FOREVER);
+        assert_eq!(out.len(), 100 + fired as usize);
+        for number in 0..100 {
+            assert!((1..=2).contains(&out.iter().filter(|o| o.0 == number).count()));
+        }
+    }
+
+    #[test]
+    fn what_is_overtaken_is_so_by_no_more_than_the_window() {
+        let (out, fired) = through(Spoil::Reorder(3), FOREVER);
+        let numbers = numbers(&out);
+        assert!(fired > 20 && !numbers.is_sorted());
+        let mut sorted = numbers.clone();
+        sorted.sort();
+        assert_eq!(sorted, (0..100).collect::<Vec<u8>>());
+        for (place, &number) in numbers.iter().enumerate() {
+            let overtaken_by = numbers[..place].iter().filter(|&&n| n > number).count();
+            // The last ones wait in vain for others.
+            assert!(overtaken_by <= 3 || number > 95, "{number} after {overtaken_by} later ones");
+        }
+    }
+
+    #[test]
+    fn a_constant_delay_keeps_the_order() {
+        let (out, fired) = through(Spoil::Delay(ms(30), ms(30)), FOREVER);
+        assert_eq!((numbers(&out), fired), ((0..100).collect(), 100));
+        assert!(out.iter().all(|&(number, at)| at == ms(u64::from(number) + 30)));
+        let (out, _) = through(Spoil::Delay(ms(0), ms(30)), FOREVER);
+        assert!(!numbers(&out).is_sorted() && out.len() == 100);
+    }
+
+    #[test]
+    fn what_is_held_comes_at_once_and_in_order() {
+        let (out, fired) = through(Spoil::Hold, ms(50));
+        assert_eq!((numbers(&out), fired), ((0..100).collect(), 50));
+        assert!(out[..50].iter().all(|&(_, at)| at == ms(50)));
+        assert_eq!(out[60].1, ms(60));
+    }
+
+    #[test]
+    fn damage_is_damage_and_a_cut_is_shorter() {
+        let mut random = Rng::with_seed(1);
+        for spoil in [Spoil::Damage(1000), Spoil::Cut(1000)] {
+            let frame = CanFrame::new(0x123, &[1, 2, 3]).unwrap();
+            for _ in 0..1000 {
+                let mut stream = Stream::default();
+                let mut fired = false;
+                let spoils = std::iter::once((spoil, FOREVER));
+                stream.push(ms(0), frame, spoils, &mut random, |_| fired = true);
+                let out = stream.pop(ms(0)).unwrap();
+                assert!(fired && out != frame && out.id() == frame.id());
+                assert_eq!(out.data().len() < 3, spoil == Spoil::Cut(1000));
+            }
+            // There is nothing to damage.
+            let empty = CanFrame::new(0x123, &[]).unwrap();
+            let mut stream = Stream::default();
+            let spoils = std::iter::once((spoil, FOREVER));
+            stream.push(ms(0), empty, spoils, &mut random, |_| panic!("nothing happened"));
+            assert_eq!(stream.pop(ms(0)), Some(empty));
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! Commands against what came of them: each at most once, in order, and none after its time.
+
+use super::Rule;
+use crate::clock::SimTime;
+use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
+use std::collections::VecDeque;
+
+/// A command that came to the controller, once or several times.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    command: Command,
+    /// It came within its time at least once.
+    in_time: bool,
+    /// It was answered with "ok".
+    done: bool,
+}
+
+/// A command that came and is not answered yet.
+#[derive(Clone, Copy, Debug)]
+struct Open {
+    /// Its place in the list of the known.
+    known: usize,
+    in_time: bool,
+}
+
+/// What came to the controller, what it answered, and what was played.
+#[derive(Clone, Debug)]
+pub struct Commands {
+    /// Codes of the library's motions, in its order.
+    codes: Vec<u8>,
+    /// How often each of them was begun.
+    begun: Vec<usize>,
+    known: Vec<Known>,
+    /// Answers come in this order; some are dropped when many wait.
+    open: VecDeque<Open>,
+    /// The last that was done for the first time.
+    last_done: Option<usize>,
+}
+
+impl Commands {
+    /// None yet.
+    pub fn new(codes: Vec<u8>) -> Self {
+        let begun = vec![0; codes.len()];
+        Self { begun, codes, known: Vec::new(), open: VecDeque::new(), last_done: None }
+    }
+
+    /// A command comes to the controller. Whether it is another than all before.
+    pub fn arrives(&mut self, at: SimTime, command: Command) -> bool {
+        let now_ms = (at.as_us() / 1000) as u16;
+        // By the shorter way round the 16 bits.
+        let in_time = command.valid_until_ms.wrapping_sub(now_ms) as i16 >= 0;
+        let known = self.known.iter().position(|known| known.command == command);
+        let place = known.unwrap_or(self.known.len());
+        match known {
+            Some(place) => self.known[place].in_time |= in_time,
+            None => self.known.push(Known { command, in_time, done: false }),
+        }
+        self.open.push_back(Open { known: place, in_time });
+        known.is_none()
+    }
+
+    /// The controller answers a command.
+    ///
+    /// # Errors
+    /// The rule that it breaks, and how.
+    pub fn is_answered(&mut self, ack: CommandAck) -> Result<(), (Rule, String)> {
+        let fits = |open: &Open| {
+            let Command { seq, action, .. } = self.known[open.known].command;
+            (seq, action.kind()) == (ack.seq, ack.kind)
+        };
+        let Some(place) = self.open.iter().position(fits) else {
+            return Err((Rule::Once, format!("an answer that nobody has asked for: {ack:?}")));
+        };
+        let Open { known, in_time } = self.open[place];
+        self.open.drain(..=place);
+        if ack.result != CommandResult::Ok {
+            return Ok(());
+        }
+        let Known { command, done, .. } = &mut self.known[known];
+        match *done {
+            // The last command again is answered again.
+            true if self.last_done == Some(known) => Ok(()),
+            true => Err((Rule::Once, format!("{command:?} was done before another, and again"))),
+            false if !in_time => Err((Rule::NotExpired, format!("{command:?} is done too late"))),
+            false => {
+                *done = true;
+                self.last_done = Some(known);
+                Ok(())
+            }
+        }
+    }
+
+    /// A clip begins.
+    ///
+    /// # Errors
+    /// The rule that it breaks, and how.
+    pub fn is_played(&mut self, clip: u8) -> Result<(), (Rule, String)> {
+        let clip = usize::from(clip);
+        // Into SAFE all ways lead, whatever was asked; the others have no code.
+        let Some(&code) = self.codes.get(clip).filter(|_| clip > 0) else { return Ok(()) };
+        self.begun[clip] += 1;
+        // That the answer has left says nothing: the link may be busy.
+        let asks = |known: &&Known| {
+            let play = matches!(known.command.action, Action::Play { code: of, .. } if of == code);
+            play && known.in_time
+        };
+        let (asked, begun) = (self.known.iter().filter(asks).count(), self.begun[clip]);
+        if begun <= asked {
+            return Ok(());
+        }
+        let what = format!("code {code} was asked for {asked} times and begun {begun} times");
+        Err((Rule::Once, what))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_protocol::wire::State;
+
+    fn play(seq: u8, code: u8) -> Command {
+        Command { seq, action: Action::Play { code, speed_64ths: 64 }, valid_until_ms: 500 }
+    }
+
+    fn answer(seq: u8, result: CommandResult) -> CommandAck {
+        CommandAck { seq, kind: 0, result, state: State::Ready, motion: None, value: 0 }
+    }
+
+    /// What is wrong when these commands come, each at a time, and are all answered so.
+    fn verdicts(come: &[(u64, Command, CommandResult)]) -> Vec<Option<Rule>> {
+        let mut commands = Commands::new(vec![1, 2, 3]);
+        let verdict = |&(at_ms, command, result): &(u64, Command, CommandResult)| {
+            commands.arrives(SimTime::from_ms(at_ms), command);
+            commands.is_answered(answer(command.seq, result)).err().map(|(rule, _)| rule)
+        };
+        come.iter().map(verdict).collect()
+    }
+
+    #[test]
+    fn only_the_last_command_is_answered_again() {
+        use CommandResult::{Ok as Done, OutOfOrder};
+        let rules = verdicts(&[
+            (0, play(1, 2), Done),
+            (1, play(1, 2), Done),
+            (2, play(2, 3), Done),
+            (3, play(1, 2), OutOfOrder),
+            (4, play(1, 2), Done),
+        ]);
+        assert_eq!(rules, [None, None, None, None, Some(Rule::Once)]);
+    }
+
+    #[test]
+    fn after_its_time_it_may_be_answered_again_but_not_done() {
+        use CommandResult::{Expired, Ok as Done};
+        let late = verdicts(&[(501, play(1, 2), Expired), (502, play(1, 2), Done)]);
+        assert_eq!(late, [None, Some(Rule::NotExpired)]);
+        let again = verdicts(&[(500, play(1, 2), Done), (600, play(1, 2), Done)]);
+        assert_eq!(again, [None, None]);
+    }
+
+    #[test]
+    fn nothing_is_begun_more_often_than_it_was_asked_for() {
+        let mut commands = Commands::new(vec![1, 2, 3]);
+        commands.arrives(SimTime::ZERO, play(1, 2));
+        // The same again is no other.
+        commands.arrives(SimTime::ZERO, play(1, 2));
+        // SAFE, and a transition.
+        assert!(commands.is_played(0).is_ok() && commands.is_played(7).is_ok());
+        assert!(commands.is_played(1).is_ok());
+        assert_eq!(commands.is_played(1).unwrap_err().0, Rule::Once);
+        assert_eq!(commands.is_played(2).unwrap_err().0, Rule::Once);
+    }
+}
