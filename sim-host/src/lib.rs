@@ -10,9 +10,11 @@
 //! | [`live`] | in real time: the whole robot, its controller or its motors on buses of this computer |
 //! | [`faults`] | what can go wrong on the buses and at their ends, by a schedule |
 //! | [`monitor`] | who looks at every frame and says what must not be |
+//! | [`campaign`], [`one_leg`] | runs with faults, thousands of them, and the robot that they are made with |
 //! | [`record`] | what was commanded on the buses and what came of it |
 //!
-//! The host's end is `rollwalk-host`, which cannot tell a [`rig::Rig`] from a robot.
+//! The host's end is `rollwalk-host`, which cannot tell a [`rig::Rig`] from a robot; a campaign plays the host
+//! with it.
 //!
 //! What is simulated: the buses to the bit (arbitration, stuff bits, CRC, intermission), the servos'
 //! protocol, watchdog, control law and limits, and for every joint the inertia and weight of what
@@ -53,6 +55,7 @@
 
 pub mod body;
 pub mod bus;
+pub mod campaign;
 pub mod clock;
 pub mod core;
 pub mod faults;
@@ -60,6 +63,7 @@ pub mod interface;
 pub mod live;
 pub mod load;
 pub mod monitor;
+pub mod one_leg;
 pub mod plant;
 pub mod record;
 pub mod remote;

@@ -1,8 +1,10 @@
 //! The simulated robot end to end: a library flashed over the bus and played by code.
 
 mod agilebot;
+mod campaign;
 mod flashing;
 mod operating;
+mod planted;
 mod playing;
 mod refusing;
 mod robot;

@@ -1,0 +1,361 @@
+//! One run: what the operator does, when the fault comes, what must follow, and the way back.
+
+use super::bench::Bench;
+use super::operator::{Operator, Stuck};
+use super::scenario::{Host, Plan, Scenario};
+use super::{Case, Outcome, Report, Subject};
+use crate::clock::SimTime;
+use crate::core::Core;
+use crate::faults::stream::Spoil;
+use crate::faults::{Fault, Faults, Harm, Way};
+use crate::interface::LogEntry;
+use crate::monitor::{Change, Monitor, Terms};
+use crate::rig::Rig;
+use crate::servo;
+use fastrand::Rng;
+use rollwalk_firmware::Settings;
+use rollwalk_protocol::wire::{FaultBits, HEARTBEAT_PERIOD_MS, HOST_TIMEOUT_MS, State};
+
+/// A robot that is told to stop has no torque after this, if its buses are well: two frames on their way,
+/// and "off" for each of its motors, are less than a millisecond; and a control period.
+const PROMPTLY: SimTime = SimTime::from_us(10_000);
+/// Setpoints may still come from a bus that is not: as late as the worst of the scenarios makes them. Then the
+/// motors' own watchdogs end it.
+const STRAGGLERS: SimTime = SimTime::from_ms(200);
+/// A transfer is tried so long under whatever goes wrong, before only the way of the operator remains.
+const FLASH_FOR: SimTime = SimTime::from_ms(10_000);
+/// With more loss than this nothing can be done but stop: it begins when the fault does, and ends.
+const HOPELESS: u16 = 500;
+const HOPELESS_FOR: SimTime = SimTime::from_ms(20_000);
+/// What lasts to the end.
+const FOREVER: SimTime = SimTime::from_ms(u64::MAX / 2_000_000);
+
+/// After the first frame of an emergency stop was sent no motor has torque after this, whatever is lost: a
+/// host that stops sends no heartbeats until the stop is acknowledged, so the controller loses it, goes home,
+/// holds, lets itself down.
+fn stopped_within(subject: &Subject) -> SimTime {
+    let settings = Settings::default();
+    // A heartbeat that was sent just before may still be on its way, and comes within its period.
+    SimTime::from_ms(u64::from(HOST_TIMEOUT_MS + HEARTBEAT_PERIOD_MS))
+        + subject.way_home
+        + SimTime::from_us(u64::from(settings.hold_us + settings.damping_us))
+        + PROMPTLY
+}
+
+/// Tells it.
+pub fn tell<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<LogEntry>) {
+    let mut random = Rng::with_seed(case.seed ^ u64::from(case.loss_per_mille) << 48);
+    let mut rig = Rig::with_core(&subject.robot, core).expect("the robot is sound");
+    let late = servo::WATCHDOG + STRAGGLERS;
+    // Two control periods, and one until it has crossed the bus.
+    let pose_age = SimTime::from_ms(25);
+    let terms = Terms {
+        control_hz: Settings::default().control_hz.into(),
+        node: rig.node(),
+        codes: subject.codes.clone(),
+        pose_age: match case.scenario {
+            // Nobody can know that a pose was damaged.
+            Scenario::ActuatorCorruption | Scenario::Chaos => None,
+            Scenario::ActuatorDisorder => Some(pose_age + STRAGGLERS),
+            _ => Some(pose_age),
+        },
+        motors_off_within: if case.scenario.disturbs_actuators() { late } else { PROMPTLY },
+        stopped_within: stopped_within(subject)
+            + if case.scenario.disturbs_actuators() { late } else { SimTime::ZERO },
+    };
+    rig.set_monitor(Monitor::new(subject.config(), terms));
+    rig.set_faults(Faults::new(random.u64(..)));
+
+    let bench = Bench::new(rig);
+    let operator = Operator::new(&bench);
+    let mut story = Story {
+        subject,
+        case,
+        bench,
+        operator,
+        random,
+        began: SimTime::ZERO,
+        losses: 0,
+        complaints: Vec::new(),
+        transfer: None,
+    };
+    if let Err(stuck) = story.go() {
+        story.complaints.push(stuck);
+    }
+    story.report()
+}
+
+struct Story<'a, C: Core> {
+    subject: &'a Subject,
+    case: Case,
+    bench: Bench<C>,
+    operator: Operator<C>,
+    random: Rng,
+    /// When the fault began.
+    began: SimTime,
+    /// The first so many faults are the loss that all scenarios have.
+    losses: usize,
+    complaints: Vec<String>,
+    /// What became of a transfer.
+    transfer: Option<Outcome>,
+}
+
+impl<C: Core> Story<'_, C> {
+    fn go(&mut self) -> Result<(), Stuck> {
+        let flashes = self.case.scenario == Scenario::Flash;
+        let hopeless = self.case.loss_per_mille > HOPELESS;
+        if flashes {
+            self.lose(SimTime::ZERO, FLASH_FOR + FLASH_FOR);
+            return self.flash().and_then(|()| self.come_back());
+        }
+        if !hopeless {
+            self.lose(SimTime::ZERO, FOREVER);
+        }
+        self.operator.session()?;
+        let early = self.random.u8(0..5) == 0 && !hopeless;
+        if !early {
+            self.operator.reach(State::Ready)?;
+        }
+        let start = self.bench.now() + self.between(50, if early { 500 } else { 1500 });
+        if hopeless {
+            self.lose(start, start + HOPELESS_FOR);
+        }
+        let plan = self.plan(self.case.scenario, start);
+        self.act(&plan)?;
+        self.judge(&plan);
+        self.come_back()
+    }
+
+    fn between(&mut self, least_ms: u64, most_ms: u64) -> SimTime {
+        SimTime::from_us(self.random.u64(1000 * least_ms..=1000 * most_ms))
+    }
+
+    /// The loss that all scenarios have.
+    fn lose(&mut self, from: SimTime, until: SimTime) {
+        let loss = self.case.loss_per_mille;
+        if loss == 0 {
+            return;
+        }
+        for way in [Way::LinkToController, Way::LinkToHost] {
+            let harm = Harm::Stream(way, Spoil::Lose(loss));
+            self.bench.rig().add_fault(Fault { harm, from, until });
+            self.losses += 1;
+        }
+    }
+
+    /// What will go wrong, from an instant on.
+    fn plan(&mut self, scenario: Scenario, start: SimTime) -> Plan {
+        let config = self.subject.config();
+        let plan = scenario.plan(start, self.case.loss_per_mille, &config, &mut self.random);
+        self.began = start;
+        let mut rig = self.bench.rig();
+        rig.set_adapter(plan.adapter);
+        plan.faults.iter().for_each(|&fault| rig.add_fault(fault));
+        plan
+    }
+
+    /// The operator goes on with whatever comes to mind, until all is over.
+    fn act(&mut self, plan: &Plan) -> Result<(), Stuck> {
+        let until = plan.until + self.between(100, 800);
+        let mut host = Some(plan.host);
+        while self.bench.now() < until {
+            self.turn_of_the_host(&mut host)?;
+            self.whim()?;
+        }
+        while host.is_some_and(|host| host != Host::Stays) {
+            self.turn_of_the_host(&mut host)?;
+            self.operator.wait(SimTime::from_ms(20));
+        }
+        Ok(())
+    }
+
+    /// What the plan has for the host, when its time has come.
+    fn turn_of_the_host(&mut self, host: &mut Option<Host>) -> Result<(), Stuck> {
+        let now = self.bench.now();
+        let at = match *host {
+            Some(Host::Dies(at, _) | Host::Stalls(at, _) | Host::Stops(at)) => at,
+            Some(Host::Stays) | None => return Ok(()),
+        };
+        if now + SimTime::from_ms(200) < at {
+            return Ok(());
+        }
+        if now < at {
+            self.operator.wait(at - now);
+        }
+        self.began = self.bench.now();
+        match host.take() {
+            Some(Host::Dies(from, until)) => {
+                self.operator.quit();
+                self.bench.abandon_until(self.began + (until - from));
+                self.operator.session()?;
+            }
+            Some(Host::Stalls(from, until)) => {
+                // What it had queued is sent, and what comes for it waits.
+                let until = self.began + (until - from);
+                self.bench.rig().run_until(until);
+            }
+            Some(Host::Stops(_)) => {
+                // When nobody answers within a second the stop goes on with whatever is done next.
+                if self.operator.session()?.estop().is_err() {
+                    self.operator.wait(stopped_within(self.subject));
+                }
+            }
+            Some(Host::Stays) | None => {}
+        }
+        Ok(())
+    }
+
+    /// Something to do. That it fails is no surprise.
+    fn whim(&mut self) -> Result<(), Stuck> {
+        let motions = &self.subject.codes;
+        let code = motions[self.random.usize(0..motions.len())];
+        let span = self.between(10, 400);
+        let choice = self.random.u8(0..20);
+        // One thing after the other, faster than anything can move.
+        let hasty: Vec<u8> = (0..self.random.usize(2..24))
+            .map(|_| motions[self.random.usize(0..motions.len())])
+            .collect();
+        let session = self.operator.session()?;
+        let state = session.status().map(|status| status.state);
+        let ready = matches!(state, Some(State::Ready | State::Playing | State::Paused));
+        let _ = match choice {
+            0..=7 if ready => session.select(code).map(|_| ()),
+            8 if ready => session.select_at(code, 32).map(|_| ()),
+            9 if ready => session.pause(),
+            10 if ready => session.resume(),
+            11 if ready => hasty.iter().try_for_each(|&code| session.select(code).map(|_| ())),
+            12 if ready => session.return_to_safe(),
+            13 if ready => session.disarm(),
+            0..=13 if state == Some(State::Disarmed) => session.arm(),
+            _ => session.run_for(span.as_us()),
+        };
+        // Whatever failed at once is not tried again at once.
+        self.operator.wait(SimTime::from_ms(1));
+        Ok(())
+    }
+
+    /// Whether the robot ended where it had to.
+    fn judge(&mut self, plan: &Plan) {
+        let rig = self.bench.rig();
+        let history = rig.monitor().map_or(&[][..], Monitor::history);
+        let began = self.began;
+        let before = history.iter().rev().find(|change| change.at <= began);
+        let later = history.iter().filter(|change| change.at > began);
+        let told = later.fold(FaultBits::default(), |all, c| FaultBits(all.0 | c.faults.0));
+        let driven = before.is_some_and(|c| driven(c.state) && c.faults.is_empty());
+        let unexpected = FaultBits(told.0 & !plan.allowed.0);
+        if !unexpected.is_empty() {
+            let names: Vec<_> = unexpected.iter().collect();
+            self.complaints.push(format!("told faults that nothing has caused: {names:?}"));
+        }
+        if driven && !plan.required.is_empty() && plan.required.0 & told.0 == 0 {
+            let names: Vec<_> = plan.required.iter().collect();
+            self.complaints.push(format!("did not tell any of {names:?}"));
+        }
+    }
+
+    /// From wherever it is to a motion, and off again: what an operator can always do.
+    fn come_back(&mut self) -> Result<(), Stuck> {
+        self.operator.reach(State::Ready)?;
+        let motion = self.random.usize(1..self.subject.codes.len());
+        self.operator.play(self.subject.codes[motion], motion as u8)?;
+        self.operator.reach(State::Disarmed)
+    }
+
+    /// The library is transferred, whatever it takes.
+    fn flash(&mut self) -> Result<(), Stuck> {
+        const DISTURBED_BY: [Scenario; 8] = [
+            Scenario::Loss,
+            Scenario::Repeats,
+            Scenario::Reorder,
+            Scenario::Delay,
+            Scenario::Corruption,
+            Scenario::BabbleLink,
+            Scenario::LinkUnplugged,
+            Scenario::BridgeStall,
+        ];
+        let disturbance = DISTURBED_BY[self.random.usize(0..DISTURBED_BY.len())];
+        self.operator.session()?;
+        let start = self.bench.now() + self.between(1, 30);
+        self.plan(disturbance, start);
+        let gives_up = start + FLASH_FOR;
+        let library = &self.subject.library;
+        let mut failed = false;
+        while self.bench.now() < gives_up + FLASH_FOR + FLASH_FOR {
+            let session = self.operator.session()?;
+            match session.flash(library, |_| {}) {
+                Ok(()) => {
+                    let now = if failed { Outcome::TakenUp } else { Outcome::Transferred };
+                    self.transfer = Some(now);
+                    return Ok(());
+                }
+                // Another program, or the same one again.
+                Err(_) if self.random.bool() => self.operator.quit(),
+                Err(_) => {}
+            }
+            failed = true;
+        }
+        Err("the library could not be transferred, also when all was well again".into())
+    }
+
+    fn outcome(&self, history: &[Change]) -> Outcome {
+        if let Some(transfer) = self.transfer {
+            return transfer;
+        }
+        let later = || history.iter().filter(|c| c.at > self.began && !c.faults.is_empty());
+        if later().any(|c| c.state == State::EStopped) {
+            Outcome::Stopped
+        } else if later().any(|c| c.state == State::Returning) {
+            Outcome::WentHome
+        } else if later().any(|c| matches!(c.state, State::Damped | State::TorqueOff)) {
+            Outcome::LetDown
+        } else {
+            Outcome::WentOn
+        }
+    }
+
+    fn report(mut self) -> (Report, Vec<LogEntry>) {
+        self.operator.quit();
+        let rig = self.bench.rig();
+        let monitor = rig.monitor().expect("it was set");
+        let fired: Vec<u64> = rig.faults().all().map(|(_, fired)| fired).collect();
+        let (losses, others) = fired.split_at(self.losses);
+        let sum = |counts: &[u64]| counts.iter().sum::<u64>();
+        let mut complaints = std::mem::take(&mut self.complaints);
+        if !losses.is_empty() && sum(losses) == 0 {
+            complaints.push("no frame was lost".into());
+        }
+        if !others.is_empty() && sum(others) == 0 {
+            complaints.push("no fault has fired".into());
+        }
+        if self.case.scenario == Scenario::EStop && monitor.stopped_after().is_none() {
+            complaints.push("nobody has stopped the robot".into());
+        }
+        let seen = monitor.seen();
+        if seen.setpoints == 0 || seen.starts == 0 || seen.commands == 0 {
+            complaints.push(format!("the monitor has looked at nothing: {seen:?}"));
+        }
+        let history = monitor.history();
+        let later = history.iter().filter(|change| change.at > self.began);
+        let report = Report {
+            case: self.case,
+            outcome: self.outcome(history),
+            violations: monitor.violations().to_vec(),
+            complaints,
+            fired: [sum(losses), sum(others)],
+            seen,
+            told: later.fold(FaultBits::default(), |all, c| FaultBits(all.0 | c.faults.0)),
+            stopped_after: monitor.stopped_after(),
+            took: rig.now(),
+        };
+        let log = rig.log().to_vec();
+        (report, log)
+    }
+}
+
+fn driven(state: State) -> bool {
+    matches!(
+        state,
+        State::Aligning | State::Ready | State::Playing | State::Paused | State::Returning
+    )
+}

@@ -1,0 +1,71 @@
+//! What came of many runs: a row for each scenario and loss.
+
+use super::scenario::Scenario;
+use super::{Case, Outcome, Report};
+use crate::clock::SimTime;
+use std::collections::BTreeMap;
+
+/// The runs of a scenario with a loss.
+#[derive(Clone, Debug, Default)]
+pub struct Row {
+    /// All runs.
+    pub runs: u64,
+    /// How they went out.
+    pub outcomes: BTreeMap<Outcome, u64>,
+    /// Runs in which something was wrong.
+    pub broken: u64,
+    /// Frames that were lost, and what other faults did.
+    pub fired: [u64; 2],
+    /// Setpoints that were looked at.
+    pub setpoints: u64,
+    /// Commands that were looked at.
+    pub commands: u64,
+    /// Longest time from the host's first emergency stop to motors without torque.
+    pub worst_stop: Option<SimTime>,
+    /// Virtual time of all runs, s.
+    pub virtual_s: f64,
+}
+
+impl Row {
+    /// Runs that went out so.
+    pub fn count(&self, outcome: Outcome) -> u64 {
+        self.outcomes.get(&outcome).copied().unwrap_or(0)
+    }
+}
+
+/// All runs.
+#[derive(Clone, Debug, Default)]
+pub struct Table {
+    rows: BTreeMap<(Scenario, u16), Row>,
+}
+
+impl Table {
+    /// Adds a run.
+    pub fn add(&mut self, report: &Report) {
+        let row = self.row(report.case);
+        row.runs += 1;
+        *row.outcomes.entry(report.outcome).or_default() += 1;
+        row.broken += u64::from(!report.is_clean());
+        row.fired = [0, 1].map(|k| row.fired[k] + report.fired[k]);
+        row.setpoints += report.seen.setpoints;
+        row.commands += report.seen.commands;
+        row.worst_stop = row.worst_stop.max(report.stopped_after);
+        row.virtual_s += report.took.as_s();
+    }
+
+    /// Adds a run that did not come to its end.
+    pub fn add_failure(&mut self, case: Case) {
+        let row = self.row(case);
+        row.runs += 1;
+        row.broken += 1;
+    }
+
+    fn row(&mut self, case: Case) -> &mut Row {
+        self.rows.entry((case.scenario, case.loss_per_mille)).or_default()
+    }
+
+    /// The rows, by scenario and loss.
+    pub fn rows(&self) -> impl Iterator<Item = (Scenario, u16, &Row)> {
+        self.rows.iter().map(|(&(scenario, loss), row)| (scenario, loss, row))
+    }
+}

@@ -1,0 +1,280 @@
+//! Bugs planted between the controller and its buses. The monitor must report each of them, by the rule that
+//! it breaks: a monitor that finds nothing proves nothing.
+
+use rollwalk_bus::link::LinkError;
+use rollwalk_firmware::{BusState, Settings};
+use rollwalk_protocol::actuator::{Control, JointSetpoint, WheelSetpoint};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::tunnel::{Input, Step, Stepped};
+use rollwalk_protocol::wire::{Action, Command, CommandAck, ToController};
+use rollwalk_sim_host::campaign::scenario::Scenario;
+use rollwalk_sim_host::campaign::{Case, Subject, run_with};
+use rollwalk_sim_host::core::{Core, Local};
+use rollwalk_sim_host::monitor::Rule;
+use std::collections::BTreeSet;
+
+use crate::robot::BOW;
+
+/// What a controller does wrong.
+type Bug = Box<dyn FnMut(&mut Local, Step) -> Stepped>;
+
+struct Planted {
+    core: Local,
+    bug: Bug,
+}
+
+impl Core for Planted {
+    fn step(&mut self, step: Step) -> Result<Stepped, LinkError> {
+        Ok((self.bug)(&mut self.core, step))
+    }
+
+    fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) -> Result<(), LinkError> {
+        self.core.on_bus_state(now_us, bus, state)
+    }
+
+    fn take_bus_restart(&mut self, bus: u8) -> Result<bool, LinkError> {
+        self.core.take_bus_restart(bus)
+    }
+}
+
+/// Rules that are reported within some runs.
+fn reported(scenario: Scenario, seeds: u64, bug: impl Fn() -> Bug) -> BTreeSet<Rule> {
+    let subject = Subject::one_leg();
+    let rules = (0..seeds).flat_map(|seed| {
+        let case = Case { scenario, loss_per_mille: 0, seed };
+        let config = subject.config();
+        let core = Local::with_library(config, Settings::default(), &subject.library);
+        let (report, _) = run_with(&subject, case, Planted { core, bug: bug() });
+        report.violations.into_iter().map(|violation| violation.rule)
+    });
+    rules.collect()
+}
+
+/// A controller that does something else with what is sent to the actuators.
+fn on_its_way(change: impl Fn() -> Box<dyn FnMut(CanFrame) -> Option<CanFrame>>) -> Bug {
+    let mut change = change();
+    Box::new(move |core, step| {
+        let mut stepped = core.step(step).unwrap();
+        for frame in &mut stepped.actuators {
+            *frame = frame.and_then(&mut change);
+        }
+        stepped
+    })
+}
+
+/// A controller that sends a frame on bus 0 some time after it was stopped.
+fn after_a_stop(frame: impl Fn(CanFrame) -> CanFrame + Copy + 'static) -> Bug {
+    let (mut stopped_us, mut last) = (None, None);
+    Box::new(move |core, step| {
+        if is_stop(&step) {
+            stopped_us.get_or_insert(step.now_us);
+        }
+        let mut stepped = core.step(step).unwrap();
+        let [first, ..] = &mut stepped.actuators;
+        if let Some(frame) = first.filter(|frame| JointSetpoint::decode(frame).is_some()) {
+            last = Some(frame);
+        }
+        let late = stopped_us.is_some_and(|at| step.now_us > at + 50_000);
+        if late && step.free.actuator(0) && first.is_none() && last.is_some() {
+            *first = last.take().map(frame);
+        }
+        stepped
+    })
+}
+
+fn is_stop(step: &Step) -> bool {
+    let Some(Input::Link(frame)) = &step.input else { return false };
+    matches!(ToController::decode(frame), Ok((_, ToController::Estop)))
+}
+
+fn command_of(step: &Step) -> Option<Command> {
+    let Some(Input::Link(frame)) = &step.input else { return None };
+    Command::decode(frame).ok().map(|(_, command)| command)
+}
+
+/// The frame with another setpoint for a joint; others as they are.
+fn joint(frame: CanFrame, change: impl FnOnce(&mut JointSetpoint)) -> CanFrame {
+    let Some((id, mut setpoint)) = JointSetpoint::decode(&frame) else { return frame };
+    change(&mut setpoint);
+    setpoint.encode(id).unwrap()
+}
+
+#[test]
+fn without_a_bug_there_is_nothing_to_report() {
+    for scenario in [Scenario::Loss, Scenario::EStop, Scenario::HostDead] {
+        let rules = reported(scenario, 4, || Box::new(|core, step| core.step(step).unwrap()));
+        assert_eq!(rules, BTreeSet::new());
+    }
+}
+
+#[test]
+fn a_setpoint_after_a_stop_is_reported() {
+    let rules = reported(Scenario::EStop, 2, || after_a_stop(|last| last));
+    assert!(rules.contains(&Rule::NoTorqueUnlessArmed), "{rules:?}");
+}
+
+#[test]
+fn an_actuator_that_is_enabled_after_a_stop_is_reported() {
+    let enable = |_| Control::Enable.encode(1).unwrap();
+    let rules = reported(Scenario::EStop, 2, || after_a_stop(enable));
+    assert!(rules.contains(&Rule::NoTorqueUnlessArmed), "{rules:?}");
+}
+
+#[test]
+fn a_stop_that_is_heeded_a_tenth_of_a_second_late_is_reported() {
+    let rules = reported(Scenario::EStop, 2, || {
+        let mut held: Option<(u64, Input)> = None;
+        Box::new(move |core, step| {
+            let mut step = step;
+            if is_stop(&step) {
+                held = held.or(step.input.map(|input| (step.now_us, input)));
+                step.input = None;
+            }
+            if let Some((_, input)) = held.take_if(|(at, _)| step.now_us >= *at + 100_000) {
+                core.step(Step { input: Some(input), free: Default::default(), ..step }).unwrap();
+            }
+            core.step(step).unwrap()
+        })
+    });
+    assert!(rules.contains(&Rule::NoTorqueUnlessArmed), "{rules:?}");
+    assert!(rules.contains(&Rule::StopsInTime), "{rules:?}");
+}
+
+#[test]
+fn motors_that_are_not_told_to_stop_are_reported() {
+    let rules = reported(Scenario::EStop, 2, || {
+        let mut stopped = false;
+        Box::new(move |core, step| {
+            stopped |= is_stop(&step);
+            let mut stepped = core.step(step).unwrap();
+            let disables =
+                |frame: &CanFrame| matches!(Control::decode(frame), Some((_, Control::Disable)));
+            for frame in stepped.actuators.iter_mut().filter(|_| stopped) {
+                *frame = frame.filter(|frame| !disables(frame));
+            }
+            stepped
+        })
+    });
+    assert!(rules.contains(&Rule::StopsInTime), "{rules:?}");
+}
+
+#[test]
+fn a_doubled_step_is_reported() {
+    // A library's motion at its fastest, and twice a joint's largest step.
+    let rules = reported(Scenario::Loss, 1, || {
+        on_its_way(|| {
+            let mut count = 0;
+            Box::new(move |frame| {
+                count += 1;
+                Some(joint(frame, |to| {
+                    to.position_rad += if count % 500 == 0 { 0.1 } else { 0.0 };
+                }))
+            })
+        })
+    });
+    assert!(rules.contains(&Rule::Slew), "{rules:?}");
+}
+
+#[test]
+fn setpoints_beyond_the_limits_are_reported() {
+    let stiff = reported(Scenario::Loss, 1, || {
+        on_its_way(|| Box::new(|frame| Some(joint(frame, |to| to.kp_nm_rad *= 3.0))))
+    });
+    assert!(stiff.contains(&Rule::Limits), "{stiff:?}");
+    let far = reported(Scenario::Loss, 1, || {
+        on_its_way(|| Box::new(|frame| Some(joint(frame, |to| to.position_rad = 1.51))))
+    });
+    assert!(far.contains(&Rule::Limits) || far.contains(&Rule::StartsWhereItIs), "{far:?}");
+    let strong = reported(Scenario::Loss, 1, || {
+        on_its_way(|| {
+            Box::new(|frame| match WheelSetpoint::decode(&frame) {
+                Some((id, wheel)) => WheelSetpoint { torque_limit_nm: 4.0, ..wheel }.encode(id),
+                None => Some(frame),
+            })
+        })
+    });
+    assert!(strong.contains(&Rule::Limits), "{strong:?}");
+}
+
+#[test]
+fn a_start_beside_the_pose_is_reported() {
+    let rules = reported(Scenario::Loss, 1, || {
+        on_its_way(|| Box::new(|frame| Some(joint(frame, |to| to.position_rad += 0.02))))
+    });
+    assert!(rules.contains(&Rule::StartsWhereItIs), "{rules:?}");
+}
+
+#[test]
+fn stiffness_while_damped_is_reported() {
+    let rules = reported(Scenario::HostDead, 4, || {
+        on_its_way(|| {
+            Box::new(|frame| Some(joint(frame, |to| to.kp_nm_rad = to.kp_nm_rad.max(5.0))))
+        })
+    });
+    assert!(rules.contains(&Rule::DampedIsDamped), "{rules:?}");
+}
+
+#[test]
+fn rubbish_on_an_actuator_bus_is_reported() {
+    let rules = reported(Scenario::Loss, 1, || {
+        on_its_way(|| {
+            let mut count = 0;
+            Box::new(move |frame| {
+                count += 1;
+                if count == 300 { CanFrame::new(0x7FF, &[0]) } else { Some(frame) }
+            })
+        })
+    });
+    assert!(rules.contains(&Rule::Intelligible), "{rules:?}");
+}
+
+/// It plays a motion once more a second later, under a number that nobody has used, and keeps quiet.
+#[test]
+fn a_command_that_is_executed_twice_is_reported() {
+    let rules = reported(Scenario::Loss, 100, || {
+        let mut again: Option<(u64, Command)> = None;
+        let mut quiet = None;
+        Box::new(move |core, step| {
+            if let Some(command) = command_of(&step)
+                && matches!(command.action, Action::Play { code: BOW, .. })
+            {
+                again = Some((step.now_us + 1_000_000, command));
+            }
+            if let Some((_, command)) = again.take_if(|(at, _)| step.now_us >= *at) {
+                let valid_until_ms = (step.now_us / 1000) as u16 + 100;
+                let command = Command { seq: (command.seq + 8) & 0xF, valid_until_ms, ..command };
+                let input = Input::Link(command.encode(rollwalk_protocol::wire::Node::BROADCAST));
+                quiet = Some(command.seq);
+                let free = Default::default();
+                core.step(Step { input: Some(input), free, ..step }).unwrap();
+            }
+            let mut stepped = core.step(step).unwrap();
+            if let Some(frame) = &stepped.link
+                && let Ok((_, ack)) = CommandAck::decode(frame)
+                && quiet == Some(ack.seq)
+            {
+                (quiet, stepped.link) = (None, None);
+            }
+            stepped
+        })
+    });
+    assert!(rules.contains(&Rule::Once), "{rules:?}");
+}
+
+/// It does not look at how long a command is valid.
+#[test]
+fn a_command_that_is_executed_too_late_is_reported() {
+    let rules = reported(Scenario::BridgeStall, 100, || {
+        Box::new(|core, step| {
+            let mut step = step;
+            if let (Some(command), Some(Input::Link(frame))) = (command_of(&step), &step.input) {
+                let valid_until_ms = (step.now_us / 1000) as u16 + 100;
+                let (node, _) = Command::decode(frame).unwrap();
+                let command = Command { valid_until_ms, ..command };
+                step.input = Some(Input::Link(command.encode(node)));
+            }
+            core.step(step).unwrap()
+        })
+    });
+    assert!(rules.contains(&Rule::NotExpired), "{rules:?}");
+}
