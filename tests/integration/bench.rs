@@ -181,3 +181,26 @@ fn a_wrong_row_is_told_the_right_ones() {
         bench(&desk, &[name, "--only", "wlak"]).fails(1, &["`wlak`", &there_are]);
     }
 }
+
+#[test]
+fn fault_campaign_counts_outcomes_and_repeats_a_run() {
+    let desk = desk();
+    let campaign = ["fault-campaign", "--scenario", "estop", "--loss", "0", "--loss", "30"];
+    let text = bench(&desk, &[&campaign[..], &["--seeds", "2"]].concat()).succeeds();
+    assert!(text.contains("4 runs of") && text.contains(" 0 broken"), "{text}");
+    let rows = written(&desk, &text, "fault-campaign", &[]);
+    let results = Value::Array(rows);
+    assert_eq!(results[1]["outcomes"]["stopped"], 2);
+    assert!(results[1]["frames_lost"].as_u64() > Some(0), "{results}");
+
+    let one = ["fault-campaign", "--scenario", "estop", "--loss", "30", "--seed", "1"];
+    let log = |name: &str| {
+        bench(&desk, &[&one[..], &["--json", "--log", name]].concat()).succeeds();
+        desk.read_text(name)
+    };
+    let first = log("first.log");
+    assert!(first.contains(" link0 010#"), "the stop is in it");
+    assert!(first == log("second.log"));
+    bench(&desk, &["fault-campaign", "--scenario", "sabotage"]).fails(2, &["sabotage", "bus-off"]);
+    bench(&desk, &["fault-campaign", "--log", "x.log"]).fails(2, &["--scenario"]);
+}

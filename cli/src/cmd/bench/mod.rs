@@ -1,7 +1,8 @@
 //! `rollwalk bench`: the thesis's tables and figures on this machine, measured in CPU time, and the
-//! library format on real plans.
+//! library format on real plans; and the fault campaign.
 
 mod chart;
+mod fault_campaign;
 mod figure_2_3;
 mod figure_3_2;
 mod library_format;
@@ -27,7 +28,9 @@ Examples:
   rollwalk bench table-2-1 --seeds 3 --only skatebot_skating --out bench
   rollwalk bench samples --out bench
   rollwalk bench figure-3-2 --only trot --out bench
-  rollwalk bench library-format --out bench")]
+  rollwalk bench library-format --out bench
+  rollwalk bench fault-campaign --seeds 100 --out bench
+  rollwalk bench fault-campaign --scenario estop --loss 90 --seed 7 --log run.log")]
 pub struct Args {
     #[command(subcommand)]
     which: Which,
@@ -58,6 +61,9 @@ enum Which {
     /// The motion library on the shipped libraries: bytes a second against raw f32, postcard and zstd.
     #[command(name = "library-format")]
     LibraryFormat(library_format::Args),
+    /// Faults on the simulated buses: losses and scenarios against outcomes, rules checked on every frame.
+    #[command(name = "fault-campaign")]
+    FaultCampaign(fault_campaign::Args),
 }
 
 /// Runs the subcommand.
@@ -72,6 +78,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Which::Table32(which) => table_3_2::run(which, &args.out),
         Which::Table33(which) => table_3_3::run(which, &args.out),
         Which::LibraryFormat(which) => library_format::run(which, &args.out),
+        Which::FaultCampaign(which) => fault_campaign::run(which, &args.out),
     }
 }
 

@@ -1,0 +1,299 @@
+//! `rollwalk bench fault-campaign`: faults on the simulated buses, thousands of runs, and what held in them.
+
+use super::publish;
+use crate::output::{self, Table};
+use crate::{Exit, files, interrupt};
+use miette::miette;
+use rollwalk_bus::candump;
+use rollwalk_sim_host::campaign::scenario::Scenario;
+use rollwalk_sim_host::campaign::{self, Case, Outcome, Report, Subject, table};
+use serde::Serialize;
+use std::collections::{BTreeMap, VecDeque};
+use std::panic;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, mpsc};
+use std::thread;
+
+/// Runs of each scenario with each loss, when nothing else is said.
+const SEEDS: u64 = 20;
+
+/// What to run.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Runs of each scenario with each loss: 20, or with `--seed` one.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    seeds: Option<u64>,
+    /// Only this scenario; may be given several times.
+    #[arg(long, value_name = "NAME", value_parser = scenario)]
+    scenario: Vec<Scenario>,
+    /// Only this loss, in percent of the link's frames; may be given several times.
+    #[arg(long, value_name = "PERCENT", value_parser = loss)]
+    loss: Vec<u16>,
+    /// The first seed. Otherwise they begin at 0.
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
+    /// Prints JSON.
+    #[arg(long)]
+    json: bool,
+    /// Writes every frame of a single run, in the format of candump.
+    #[arg(long, value_name = "FILE", requires_all = ["scenario", "loss", "seed"])]
+    log: Option<PathBuf>,
+}
+
+fn scenario(text: &str) -> Result<Scenario, String> {
+    let found = Scenario::ALL.into_iter().find(|scenario| scenario.name() == text);
+    found.ok_or_else(|| {
+        let names = Scenario::ALL.map(Scenario::name);
+        format!("no scenario has this name; there are {}", names.join(", "))
+    })
+}
+
+/// Of a thousand frames.
+fn loss(text: &str) -> Result<u16, String> {
+    let percent: Option<f64> = text.parse().ok();
+    match percent.map(|percent| (10.0 * percent).round()) {
+        Some(per_mille) if (0.0..=900.0).contains(&per_mille) => Ok(per_mille as u16),
+        _ => Err("a loss is 0 to 90 percent".into()),
+    }
+}
+
+fn percent(loss_per_mille: u16) -> f64 {
+    f64::from(loss_per_mille) / 10.0
+}
+
+/// A scenario with a loss, and what came of it.
+#[derive(Serialize)]
+struct Row {
+    scenario: &'static str,
+    loss_percent: f64,
+    runs: u64,
+    outcomes: BTreeMap<&'static str, u64>,
+    broken: u64,
+    frames_lost: u64,
+    faults_fired: u64,
+    setpoints: u64,
+    commands: u64,
+    worst_stop_ms: Option<f64>,
+}
+
+/// A run in which something was wrong.
+#[derive(Serialize)]
+struct Broken {
+    scenario: &'static str,
+    loss_percent: f64,
+    seed: u64,
+    wrong: Vec<String>,
+    again: String,
+}
+
+#[derive(Serialize)]
+struct Results {
+    runs: u64,
+    virtual_s: f64,
+    rows: Vec<Row>,
+    broken: Vec<Broken>,
+}
+
+/// Runs the benchmark.
+pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
+    let cases = cases(args);
+    if let (Some(&case), 1) = (cases.front(), cases.len()) {
+        return one(case, args, out);
+    }
+    if args.log.is_some() {
+        return Err(miette!("--log is for a single run: one scenario, one loss, one seed"));
+    }
+    if cases.is_empty() {
+        return Err(miette!("no scenario that was asked for has this loss"));
+    }
+    let (table, broken) = all(&cases);
+    finish(&table, broken, args, out)
+}
+
+/// All runs that were asked for.
+fn cases(args: &Args) -> VecDeque<Case> {
+    let first = args.seed.unwrap_or(0);
+    let seeds = args.seeds.unwrap_or(if args.seed.is_some() { 1 } else { SEEDS });
+    let mut cases = VecDeque::new();
+    for scenario in Scenario::ALL {
+        if !args.scenario.is_empty() && !args.scenario.contains(&scenario) {
+            continue;
+        }
+        for &loss_per_mille in scenario.losses() {
+            if args.loss.is_empty() || args.loss.contains(&loss_per_mille) {
+                let case = |seed| Case { scenario, loss_per_mille, seed };
+                cases.extend((first..first.saturating_add(seeds)).map(case));
+            }
+        }
+    }
+    cases
+}
+
+/// A single run, with everything that there is to tell.
+fn one(case: Case, args: &Args, out: &Path) -> miette::Result<Exit> {
+    let (report, log) = campaign::run(&Subject::one_leg(), case);
+    if let Some(path) = &args.log {
+        let mut text = Vec::new();
+        candump::write(&log, &mut text).expect("memory takes whatever is written");
+        files::write(path, &text)?;
+    }
+    let mut table = table::Table::default();
+    table.add(&report);
+    let broken = wrong(&report);
+    finish(&table, broken.into_iter().collect(), args, out)
+}
+
+/// All runs, on all cores, until they are done or somebody has had enough.
+fn all(cases: &VecDeque<Case>) -> (table::Table, Vec<Broken>) {
+    let left = Mutex::new(cases.clone());
+    let (mut table, mut broken) = (table::Table::default(), Vec::new());
+    let total = cases.len();
+    thread::scope(|scope| {
+        let (sender, results) = mpsc::channel();
+        let workers = thread::available_parallelism().map_or(1, usize::from);
+        for _ in 0..workers {
+            let (sender, left) = (sender.clone(), &left);
+            scope.spawn(move || {
+                let subject = Subject::one_leg();
+                while !interrupt::requested() {
+                    let Some(case) = left.lock().ok().and_then(|mut left| left.pop_front()) else {
+                        break;
+                    };
+                    let report = panic::catch_unwind(|| campaign::run(&subject, case).0);
+                    if sender.send((case, report.ok())).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        for (done, (case, report)) in (1..).zip(results) {
+            match &report {
+                Some(report) => {
+                    table.add(report);
+                    broken.extend(wrong(report));
+                }
+                None => {
+                    table.add_failure(case);
+                    broken.push(broken_run(case, vec!["it panicked".into()]));
+                }
+            }
+            if done % 500 == 0 {
+                let bad = broken.len();
+                output::say(format_args!("{done} of {total} runs, {bad} broken"));
+            }
+        }
+    });
+    broken.sort_by(|a, b| (a.scenario, a.seed).cmp(&(b.scenario, b.seed)));
+    (table, broken)
+}
+
+fn wrong(report: &Report) -> Option<Broken> {
+    let violations = report.violations.iter().map(|violation| {
+        let at_s = violation.at_us as f64 * 1e-6;
+        format!("at {at_s:.6} s: {:?}: {}", violation.rule, violation.what)
+    });
+    let wrong: Vec<_> = violations.chain(report.complaints.iter().cloned()).collect();
+    (!wrong.is_empty()).then(|| broken_run(report.case, wrong))
+}
+
+fn broken_run(case: Case, wrong: Vec<String>) -> Broken {
+    let Case { scenario, loss_per_mille, seed } = case;
+    let (scenario, loss_percent) = (scenario.name(), percent(loss_per_mille));
+    let again = format!(
+        "rollwalk bench fault-campaign --scenario {scenario} --loss {loss_percent} --seed {seed} --log run.log"
+    );
+    Broken { scenario, loss_percent, seed, wrong, again }
+}
+
+fn finish(
+    table: &table::Table,
+    broken: Vec<Broken>,
+    args: &Args,
+    out: &Path,
+) -> miette::Result<Exit> {
+    let rows: Vec<Row> =
+        table.rows().map(|(scenario, loss, row)| make_row(scenario, loss, row)).collect();
+    let results = Results {
+        runs: rows.iter().map(|row| row.runs).sum(),
+        virtual_s: table.rows().map(|(_, _, row)| row.virtual_s).sum(),
+        rows,
+        broken,
+    };
+    let text = text(&results);
+    if args.json {
+        output::print_json(&results)?;
+    } else {
+        publish(out, "fault-campaign", &text, &results.rows)?;
+    }
+    for broken in &results.broken {
+        output::say(format_args!(
+            "{}, {} % loss, seed {}: {}\n  again: {}",
+            broken.scenario,
+            broken.loss_percent,
+            broken.seed,
+            broken.wrong.join("; "),
+            broken.again
+        ));
+    }
+    Ok(match (results.broken.is_empty(), interrupt::requested()) {
+        (false, _) => Exit::OutOfBounds,
+        (true, true) => Exit::Interrupted,
+        (true, false) => Exit::Ok,
+    })
+}
+
+fn make_row(scenario: Scenario, loss_per_mille: u16, row: &table::Row) -> Row {
+    let outcomes = row.outcomes.iter().map(|(outcome, &count)| (outcome.name(), count));
+    Row {
+        scenario: scenario.name(),
+        loss_percent: percent(loss_per_mille),
+        runs: row.runs,
+        outcomes: outcomes.collect(),
+        broken: row.broken,
+        frames_lost: row.fired[0],
+        faults_fired: row.fired[1],
+        setpoints: row.setpoints,
+        commands: row.commands,
+        worst_stop_ms: row.worst_stop.map(|stop| 1e3 * stop.as_s()),
+    }
+}
+
+fn text(results: &Results) -> String {
+    let [on, home, down, stopped, sent, later] = Outcome::ALL.map(Outcome::name);
+    let titles =
+        ["scenario", "loss", "runs", on, home, down, stopped, sent, later, "worst stop", "broken"];
+    let mut table = Table::new(titles);
+    for row in &results.rows {
+        let count = |outcome| match row.outcomes.get(outcome) {
+            Some(count) => count.to_string(),
+            None => String::new(),
+        };
+        table.row([
+            row.scenario.into(),
+            format!("{} %", row.loss_percent),
+            row.runs.to_string(),
+            count(on),
+            count(home),
+            count(down),
+            count(stopped),
+            count(sent),
+            count(later),
+            row.worst_stop_ms.map_or(String::new(), |ms| format!("{ms:.1} ms")),
+            row.broken.to_string(),
+        ]);
+    }
+    let Results { runs, virtual_s, broken, .. } = results;
+    let sum = |of: fn(&Row) -> u64| results.rows.iter().map(of).sum::<u64>();
+    format!(
+        "{}\n\n{runs} runs of {:.1} h together, {} broken. Looked at {} setpoints and {} commands; {} frames \
+         were lost, other faults fired {} times.",
+        table.render(),
+        virtual_s / 3600.0,
+        broken.len(),
+        sum(|row| row.setpoints),
+        sum(|row| row.commands),
+        sum(|row| row.frames_lost),
+        sum(|row| row.faults_fired),
+    )
+}
