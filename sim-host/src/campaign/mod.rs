@@ -7,7 +7,7 @@
 //! | module | is |
 //! |---|---|
 //! | [`scenario`] | what goes wrong |
-//! | [`operator`], [`bench`] | who does what at the host's end, and the robot that both share |
+//! | [`operator`], [`mod@bench`] | who does what at the host's end, and the robot that both share |
 //! | [`story`] | one run |
 //! | [`table`] | what came of many |
 

@@ -12,7 +12,7 @@ use std::path::Path;
 pub const MAX_TEXT: u64 = 64 << 10;
 /// The same with lines for every actuator protocol, which the board has not: what it takes today, and a
 /// little more.
-const MAX_TEXT_WITH_EVERY_LINE: u64 = 72 << 10;
+const MAX_TEXT_WITH_EVERY_LINE: u64 = 73 << 10;
 /// Most bytes of static variables.
 pub const MAX_STATIC_RAM: u64 = 16 << 10;
 /// Instructions of a control tick that we aim at: 1 kHz on a 170 MHz part with room to spare.
