@@ -24,6 +24,8 @@ pub enum Heard {
     Sent,
     /// The interface is in another error state.
     State(BusState),
+    /// A message of the transport, whole: a [`Hub`] has its [`Outlet`] take it apart.
+    Message(u16, Vec<u8>),
     /// The board at the other end of a serial line says how it is.
     Report(Report),
 }
@@ -45,6 +47,15 @@ pub trait Outlet: Send {
     /// The bus is gone.
     fn ask_report(&mut self) -> Result<bool, LinkError> {
         Ok(false)
+    }
+
+    /// Takes a message apart that came in whole, with the identifier of its frames.
+    fn take_apart(&mut self, _id: u16, _message: &[u8]) {}
+
+    /// A frame that did not come over the bus, but is as good as one that did: of a message that came whole, or
+    /// flow control for one that goes whole.
+    fn poll_inward(&mut self) -> Option<CanFrame> {
+        None
     }
 
     /// What is wrong with the bus, and what would help, if something is known to be.
@@ -119,9 +130,23 @@ impl Hub {
 
     /// What is heard next and on which bus; `None` if nothing is until `deadline`. A bus that is gone says
     /// so once.
-    pub fn hear(&self, deadline: Instant) -> Option<(usize, Result<Heard, LinkError>)> {
-        // Nobody is disconnected while this has a sender itself.
-        self.heard.recv_timeout(deadline.saturating_duration_since(Instant::now())).ok()
+    pub fn hear(&mut self, deadline: Instant) -> Option<(usize, Result<Heard, LinkError>)> {
+        loop {
+            let inward = self.outlets.iter_mut().enumerate();
+            let mut inward =
+                inward.filter_map(|(index, outlet)| Some((index, outlet.poll_inward()?)));
+            if let Some((index, frame)) = inward.next() {
+                return Some((index, Ok(Heard::Frame(frame.into()))));
+            }
+            // Nobody is disconnected while this has a sender itself.
+            let wait = deadline.saturating_duration_since(Instant::now());
+            match self.heard.recv_timeout(wait).ok()? {
+                (index, Ok(Heard::Message(id, bytes))) => {
+                    self.outlets[index].take_apart(id, &bytes);
+                }
+                heard => return Some(heard),
+            }
+        }
     }
 }
 

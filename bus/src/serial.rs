@@ -1,4 +1,4 @@
-//! The link over a serial line: frames in packets with a checksum, and the board's own report.
+//! The link over a serial line: frames and messages in packets with a checksum, and the board's own report.
 //!
 //! The bytes are those of [`rollwalk_protocol::serial`]. [`port`] takes any two ends of a line, [`open`] a
 //! device.
@@ -6,14 +6,13 @@
 use crate::link::LinkError;
 use crate::open::OpenError;
 use crate::port::{Heard, Inlet, Outlet, Port};
-use rollwalk_protocol::can::AnyFrame;
-use rollwalk_protocol::serial::Packet;
-use rollwalk_protocol::tunnel::Deframer;
+use rollwalk_protocol::can::{AnyFrame, CanFrame};
+use rollwalk_protocol::serial::{Deframer, Gateway, Packet};
 use std::collections::VecDeque;
 use std::fs;
 use std::io::{self, Read, Write};
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Longest wait for bytes of a device before the line is looked at again.
 const WAIT: Duration = Duration::from_millis(50);
@@ -88,24 +87,46 @@ pub fn port(
     reader: impl Read + Send + 'static,
     writer: impl Write + Send + 'static,
 ) -> Port {
+    both_ends(name, reader, writer, Some(Gateway::default()))
+}
+
+/// The same for a line with more than two ends: all that one says is frames, for all to hear.
+pub(crate) fn shared_port(
+    name: &str,
+    reader: impl Read + Send + 'static,
+    writer: impl Write + Send + 'static,
+) -> Port {
+    both_ends(name, reader, writer, None)
+}
+
+fn both_ends(
+    name: &str,
+    reader: impl Read + Send + 'static,
+    writer: impl Write + Send + 'static,
+    gateway: Option<Gateway>,
+) -> Port {
     let name = name.to_owned();
-    let outlet = Box::new(SerialOutlet { name: name.clone(), writer });
+    let outlet = SerialOutlet { name: name.clone(), writer, gateway, started: Instant::now() };
     let inlet = SerialInlet { name, reader, deframer: Deframer::default(), heard: VecDeque::new() };
-    Port { outlet, inlet: Box::new(inlet) }
+    Port { outlet: Box::new(outlet), inlet: Box::new(inlet) }
 }
 
 struct SerialOutlet<W> {
     name: String,
     writer: W,
+    /// Of a line on which messages go whole.
+    gateway: Option<Gateway>,
+    started: Instant,
 }
 
-impl<W: Write> SerialOutlet<W> {
-    fn write(&mut self, packet: &Packet) -> Result<(), LinkError> {
-        let line = packet.encode();
-        let line = line.ok_or_else(|| LinkError::Down(format!("no line for {packet:?}")))?;
-        let written = self.writer.write_all(&line).and_then(|()| self.writer.flush());
-        written.map_err(|error| gone(&self.name, &error))
-    }
+fn write(name: &str, writer: &mut impl Write, packet: &Packet<'_>) -> Result<(), LinkError> {
+    let line = packet.encode();
+    let line = line.ok_or_else(|| LinkError::Down(format!("no line for {packet:?}")))?;
+    writer.write_all(&line).and_then(|()| writer.flush()).map_err(|error| gone(name, &error))
+}
+
+fn since_us(start: Instant) -> u64 {
+    u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX)
 }
 
 impl<W: Write + Send> Outlet for SerialOutlet<W> {
@@ -114,17 +135,31 @@ impl<W: Write + Send> Outlet for SerialOutlet<W> {
     }
 
     fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
-        match frame {
-            AnyFrame::Standard(frame) => self.write(&Packet::Link(*frame)),
-            AnyFrame::Extended(_) => {
-                let name = &self.name;
-                Err(LinkError::Down(format!("{name} carries no frames with 29-bit identifiers")))
-            }
-        }
+        let name = &self.name;
+        let AnyFrame::Standard(frame) = frame else {
+            return Err(LinkError::Down(format!(
+                "{name} carries no frames with 29-bit identifiers"
+            )));
+        };
+        let packet = match &mut self.gateway {
+            Some(gateway) => gateway.send(since_us(self.started), frame),
+            None => Some(Packet::Link(*frame)),
+        };
+        packet.map_or(Ok(()), |packet| write(name, &mut self.writer, &packet))
     }
 
     fn ask_report(&mut self) -> Result<bool, LinkError> {
-        self.write(&Packet::Ask).map(|()| true)
+        write(&self.name, &mut self.writer, &Packet::Ask).map(|()| true)
+    }
+
+    fn take_apart(&mut self, id: u16, message: &[u8]) {
+        if let Some(gateway) = &mut self.gateway {
+            gateway.receive(id, message);
+        }
+    }
+
+    fn poll_inward(&mut self) -> Option<CanFrame> {
+        self.gateway.as_mut()?.poll(since_us(self.started))
     }
 }
 
@@ -143,6 +178,9 @@ impl<R: Read + Send> Inlet for SerialInlet<R> {
             for &byte in &bytes[..count] {
                 match self.deframer.push(byte).and_then(Packet::decode) {
                     Some(Packet::Link(frame)) => self.heard.push_back(Heard::Frame(frame.into())),
+                    Some(Packet::Message { id, bytes }) => {
+                        self.heard.push_back(Heard::Message(id, bytes.to_vec()));
+                    }
                     Some(Packet::Report(report)) => self.heard.push_back(Heard::Report(report)),
                     // We have no report to give.
                     Some(Packet::Ask) | None => {}
@@ -196,8 +234,10 @@ mod tests {
     use super::*;
     use crate::link::LinkBus;
     use crate::port::Live;
-    use rollwalk_protocol::can::CanFrame;
     use rollwalk_protocol::serial::{Report, Reset};
+    use rollwalk_protocol::wire::Node;
+    use rollwalk_protocol::wire::isotp::{Event, Output, Timing};
+    use rollwalk_protocol::wire::transport::{Endpoint, MAX_MESSAGE, frame_to_controller};
     use serialport::{SerialPort, TTYPort};
     use std::net::{TcpListener, TcpStream};
     use std::thread;
@@ -215,12 +255,14 @@ mod tests {
     fn board(line: &TcpStream, packets: usize) {
         let mut writer = line;
         let mut deframer = Deframer::default();
-        let bytes = io::BufReader::new(line).bytes();
-        let received =
-            bytes.filter_map(|byte| deframer.push(byte.unwrap()).and_then(Packet::decode));
-        for packet in received.take(packets) {
+        let mut answered = 0;
+        for byte in io::BufReader::new(line).bytes() {
+            let Some(packet) = deframer.push(byte.unwrap()).and_then(Packet::decode) else {
+                continue;
+            };
             let answers = match packet {
                 Packet::Link(frame) => vec![Packet::Link(next(&frame))],
+                Packet::Message { id, bytes } => vec![Packet::Message { id: id + 1, bytes }],
                 Packet::Ask => {
                     let report = Report { reset: Reset::Pin, uptime_ms: 7, ..Report::default() };
                     let frame = CanFrame::new(0x123, &[1]).unwrap();
@@ -231,6 +273,10 @@ mod tests {
             // Noise, up to the zero that ends it.
             writer.write_all(&[1, 2, 3, 0]).unwrap();
             answers.iter().for_each(|a| writer.write_all(&a.encode().unwrap()).unwrap());
+            answered += 1;
+            if answered == packets {
+                break;
+            }
         }
         line.shutdown(std::net::Shutdown::Both).unwrap();
     }
@@ -262,6 +308,30 @@ mod tests {
         let hung_up = LinkError::Down("the line: the other end hung up".into());
         assert_eq!(link.receive(soon), Err(hung_up.clone()));
         assert_eq!(link.receive(soon), Err(hung_up), "and it stays so");
+    }
+
+    /// To both ends the line is a CAN bus with ISO-TP on it; in between goes one packet each way.
+    #[test]
+    fn messages_cross_the_line_whole() {
+        let (host, far) = line();
+        let board = thread::spawn(move || board(&far, 1));
+        let mut link = Live::new(port("the line", host.try_clone().unwrap(), host));
+        let message: Vec<u8> = (0..MAX_MESSAGE).map(|k| k as u8).collect();
+        let mut endpoint = Endpoint::new(Timing::default());
+        endpoint.send(&message).unwrap();
+        let node = Node::new(2).unwrap();
+        loop {
+            while let Output::Send(pdu) = endpoint.poll(0) {
+                link.send(&frame_to_controller(node, &pdu)).unwrap();
+            }
+            let frame = link.receive(LONG.as_micros() as u64).unwrap().unwrap();
+            assert_eq!(frame.id(), 0x521);
+            if endpoint.on_frame(frame.data(), 0) == Event::Received {
+                break;
+            }
+        }
+        assert_eq!(endpoint.received(), message);
+        board.join().unwrap();
     }
 
     #[test]

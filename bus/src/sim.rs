@@ -43,7 +43,7 @@ pub fn connect(socket: Option<&Path>) -> Result<Port, OpenError> {
         let name = socket.map_or("sim".into(), |path| format!("sim:{}", path.display()));
         OpenError { what, help: format!("start one: rollwalk-sim ROBOT.toml --bus {name}") }
     })?;
-    Ok(serial::port("the simulated robot", reader, writer))
+    Ok(serial::shared_port("the simulated robot", reader, writer))
 }
 
 /// Programs that have joined.
@@ -91,7 +91,7 @@ fn accept(listener: &UnixListener, members: &Members, to: &Sender<AnyFrame>) {
         let Ok(reader) = joined else { continue };
         let (members, to) = (Arc::clone(members), to.clone());
         thread::spawn(move || {
-            let mut port = serial::port("a program", reader, io::sink());
+            let mut port = serial::shared_port("a program", reader, io::sink());
             while let Ok(heard) = port.inlet.hear() {
                 if let Some(Heard::Frame(frame)) = heard {
                     tell(&members, &frame, Some(number));

@@ -7,8 +7,9 @@
 //! | [`wire`] | messages between host and controller, and the transport of long ones | `docs/wire-format.md` |
 //! | [`actuator`] | messages between controller and servos or wheel drives | `docs/wire-format.md` |
 //! | [`actuators`] | the protocols of servos and wheel drives, this and those of other makers | `docs/actuators.md` |
+//! | [`packet`] | packets on a serial line | `docs/wire-format.md` |
 //! | [`tunnel`] | frames of every bus and the time over one serial line | `firmware/boards/README.md` |
-//! | [`serial`] | the link over a serial line | `firmware/boards/README.md` |
+//! | [`serial`] | the link over a serial line | `docs/wire-format.md` |
 //! | [`slcan`] | CAN frames as lines of text, for adapters that speak Lawicel's protocol | |
 //! | [`can`] | a CAN frame as a value, and how many bits it takes | |
 //! | [`crc`] | the two checksums that all of it uses | |
@@ -27,6 +28,7 @@ pub mod can;
 pub mod config;
 pub mod crc;
 pub mod library;
+pub mod packet;
 pub mod serial;
 pub mod slcan;
 pub mod tunnel;

@@ -1,25 +1,49 @@
 //! The link over a serial line: for a host without CAN, to a board with buses and a clock of its own.
 //!
-//! Frames of the link go both ways whenever there is one, each in a packet of [`crate::tunnel`]:
-//! CRC-32C, COBS, zero byte. The host can also ask how the board is; the controller's own messages
-//! know nothing of reset causes and error counters.
+//! Frames of the link go both ways whenever there is one, each in a [`packet`]. Messages of the
+//! transport, which are segmented for CAN's eight bytes, go in one piece: a [`Gateway`] at each end of the line
+//! does the segmenting. The host can also ask how the board is; the controller's own messages know nothing of
+//! reset causes and error counters.
 
 use crate::can::CanFrame;
-use crate::tunnel::{Line, Reader, Writer};
+use crate::packet::{self, CRC_LEN, Reader, line_len};
+use crate::wire::transport::MAX_MESSAGE;
+use heapless::Vec;
+
+mod gateway;
+
+pub use gateway::Gateway;
+
+/// Longest packet before it is stuffed: kind, identifier and a message.
+const MAX_PACKET: usize = 3 + MAX_MESSAGE + CRC_LEN;
+
+/// Bytes for the line, the ending zero included.
+pub type Line = Vec<u8, { line_len(MAX_PACKET) }>;
+/// Finds these packets on the line.
+pub type Deframer = packet::Deframer<MAX_PACKET>;
+type Writer = packet::Writer<MAX_PACKET>;
 
 // Other numbers than those of `tunnel`, so that neither board takes the other's host for its own.
 const KIND_LINK: u8 = 16;
 const KIND_ASK: u8 = 17;
 const KIND_REPORT: u8 = 18;
+const KIND_MESSAGE: u8 = 19;
 
 /// Buses of a [`Report`]: the link, two for actuators.
 pub const BUSES: usize = 3;
 
 /// What is on the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Packet {
-    /// A frame of the link, either way.
+pub enum Packet<'a> {
+    /// A frame of the link, either way; none of the transport's.
     Link(CanFrame),
+    /// A message of the transport, whole.
+    Message {
+        /// Identifier of the frames that would carry it on CAN.
+        id: u16,
+        /// 1 to [`MAX_MESSAGE`] bytes.
+        bytes: &'a [u8],
+    },
     /// Host: how are you?
     Ask,
     /// Board: so.
@@ -90,7 +114,7 @@ pub enum BusState {
     Off,
 }
 
-impl Packet {
+impl<'a> Packet<'a> {
     /// As bytes for the line.
     pub fn encode(&self) -> Option<Line> {
         let mut packet = Writer::default();
@@ -98,6 +122,12 @@ impl Packet {
             Self::Link(frame) => {
                 packet.put(&[KIND_LINK])?;
                 packet.frame(frame)?;
+            }
+            Self::Message { id, bytes } => {
+                // One that is too long does not fit.
+                let [low, high] = id.to_le_bytes();
+                packet.put(&[KIND_MESSAGE, low, high])?;
+                packet.put(bytes)?;
             }
             Self::Ask => packet.put(&[KIND_ASK])?,
             Self::Report(report) => {
@@ -117,12 +147,18 @@ impl Packet {
         packet.finish()
     }
 
-    /// From a packet of a [`crate::tunnel::Deframer`].
-    pub fn decode(packet: &[u8]) -> Option<Self> {
+    /// From a packet of a [`Deframer`].
+    pub fn decode(packet: &'a [u8]) -> Option<Self> {
         let mut rest = Reader(packet);
         let [kind] = rest.take()?;
         let packet = match kind {
             KIND_LINK => Self::Link(rest.frame()?),
+            KIND_MESSAGE => {
+                let id = u16::from_le_bytes(rest.take()?);
+                let bytes = core::mem::take(&mut rest.0);
+                let sound = id < 0x800 && (1..=MAX_MESSAGE).contains(&bytes.len());
+                sound.then_some(Self::Message { id, bytes })?
+            }
             KIND_ASK => Self::Ask,
             KIND_REPORT => {
                 let [reset, brown_out_level] = rest.take()?;
@@ -169,7 +205,7 @@ impl BusState {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tunnel::{Deframer, Request};
+    use crate::tunnel::Request;
     use proptest::prelude::*;
 
     fn bus() -> impl Strategy<Value = BusReport> {
@@ -181,7 +217,7 @@ mod tests {
         )
     }
 
-    fn packet() -> impl Strategy<Value = Packet> {
+    fn packet() -> impl Strategy<Value = Packet<'static>> {
         let link = (0u16..0x800, prop::collection::vec(any::<u8>(), 0..=8))
             .prop_map(|(id, data)| Packet::Link(CanFrame::new(id, &data).unwrap()));
         let report = (0u8..5, any::<u8>(), any::<[u32; 5]>(), [bus(), bus(), bus()]).prop_map(
@@ -199,7 +235,9 @@ mod tests {
                 })
             },
         );
-        prop_oneof![link, Just(Packet::Ask), report]
+        let message = (0u16..0x800, prop::collection::vec(any::<u8>(), 1..=MAX_MESSAGE))
+            .prop_map(|(id, bytes)| Packet::Message { id, bytes: bytes.leak() });
+        prop_oneof![link, message, Just(Packet::Ask), report]
     }
 
     fn received(bytes: &[u8]) -> std::vec::Vec<std::vec::Vec<u8>> {
@@ -219,6 +257,10 @@ mod tests {
         let crc = crate::crc::crc32c(&[16, 0xA5, 0, 1, 7]).to_le_bytes();
         assert!(!crc.contains(&0));
         assert_eq!(line.as_slice(), [[3, 16, 0xA5, 7, 1, 7].as_slice(), &crc, &[0]].concat());
+        let line = Packet::Message { id: 0x510, bytes: &[0x13] }.encode().unwrap();
+        let crc = crate::crc::crc32c(&[19, 0x10, 5, 0x13]).to_le_bytes();
+        assert!(!crc.contains(&0));
+        assert_eq!(line.as_slice(), [[9, 19, 0x10, 5, 0x13].as_slice(), &crc, &[0]].concat());
     }
 
     proptest! {
@@ -232,11 +274,14 @@ mod tests {
 
         #[test]
         fn nothing_else_is_a_packet(
-            packet in packet(), more: u8, bytes in prop::collection::vec(any::<u8>(), 0..80),
+            packet in packet(), more: u8, bytes in prop::collection::vec(any::<u8>(), 0..2 * MAX_MESSAGE),
         ) {
             let [body] = &received(&packet.encode().unwrap())[..] else { panic!("one packet") };
-            prop_assert_eq!(Packet::decode(&body[..body.len() - 1]), None);
-            prop_assert_eq!(Packet::decode(&[body.as_slice(), &[more]].concat()), None);
+            if !matches!(packet, Packet::Message { .. }) {
+                prop_assert_eq!(Packet::decode(&body[..body.len() - 1]), None);
+                let longer = [body.as_slice(), &[more]].concat();
+                prop_assert_eq!(Packet::decode(&longer), None);
+            }
             if let Some(packet) = Packet::decode(&bytes) {
                 prop_assert_eq!(received(&packet.encode().unwrap()), [bytes]);
             }

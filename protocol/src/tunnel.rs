@@ -5,12 +5,10 @@
 //! and gets back what the controller puts on the buses. One question, one answer, nothing by itself:
 //! the same questions give the same answers, byte by byte.
 //!
-//! A packet is `body · CRC-32C (little-endian)`, stuffed by COBS (Cheshire and Baker 1997) and ended
-//! by a zero byte. The body begins with kind and sequence number; the answer repeats both.
+//! The body of a [`packet`] begins with kind and sequence number; the answer repeats both.
 
 use crate::can::CanFrame;
-use crate::crc::crc32c;
-use cobs::{DecodeResult, DecoderState};
+use crate::packet::{self, Reader};
 use heapless::Vec;
 
 /// Actuator buses at most.
@@ -19,7 +17,6 @@ pub const MAX_ACTUATOR_BUSES: u8 = 8;
 const MAX_PACKET: usize = 128;
 /// Longest packet on the line: one byte of stuffing, one zero.
 const MAX_LINE: usize = MAX_PACKET + 2;
-const CRC_LEN: usize = 4;
 
 const KIND_HELLO: u8 = 1;
 const KIND_STEP: u8 = 2;
@@ -27,6 +24,9 @@ const KIND_FIGURES: u8 = 3;
 
 /// Bytes for the line, the ending zero included.
 pub type Line = Vec<u8, MAX_LINE>;
+/// Finds these packets on the line.
+pub type Deframer = packet::Deframer<MAX_PACKET>;
+type Writer = packet::Writer<MAX_PACKET>;
 
 /// What the host asks of the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -161,9 +161,9 @@ impl Request {
                 match input {
                     None => packet.put(&[0])?,
                     Some(Input::Tick) => packet.put(&[1])?,
-                    Some(Input::Link(frame)) => packet.bus_frame(2, frame)?,
+                    Some(Input::Link(frame)) => bus_frame(&mut packet, 2, frame)?,
                     Some(Input::Actuator(bus, frame)) if *bus < MAX_ACTUATOR_BUSES => {
-                        packet.bus_frame(3 + bus, frame)?;
+                        bus_frame(&mut packet, 3 + bus, frame)?;
                     }
                     Some(Input::Actuator(..)) => return None,
                 }
@@ -228,11 +228,11 @@ impl Answer {
                     packet.put(&phase.to_le_bytes())?;
                 }
                 if let Some(frame) = link {
-                    packet.bus_frame(0, frame)?;
+                    bus_frame(&mut packet, 0, frame)?;
                 }
                 for (bus, frame) in (1..).zip(actuators) {
                     if let Some(frame) = frame {
-                        packet.bus_frame(bus, frame)?;
+                        bus_frame(&mut packet, bus, frame)?;
                     }
                 }
             }
@@ -281,105 +281,15 @@ impl Answer {
     }
 }
 
-/// A packet that is being written.
-#[derive(Default)]
-pub(crate) struct Writer(Vec<u8, MAX_PACKET>);
-
-impl Writer {
-    pub(crate) fn put(&mut self, bytes: &[u8]) -> Option<()> {
-        self.0.extend_from_slice(bytes).ok()
-    }
-
-    fn bus_frame(&mut self, bus: u8, frame: &CanFrame) -> Option<()> {
-        self.put(&[bus])?;
-        self.frame(frame)
-    }
-
-    pub(crate) fn frame(&mut self, frame: &CanFrame) -> Option<()> {
-        let [low, high] = frame.id().to_le_bytes();
-        self.put(&[low, high, frame.data().len() as u8])?;
-        self.put(frame.data())
-    }
-
-    pub(crate) fn finish(mut self) -> Option<Line> {
-        let crc = crc32c(&self.0);
-        self.put(&crc.to_le_bytes())?;
-        let mut line = Line::new();
-        line.resize_default(MAX_LINE).ok()?;
-        let len = cobs::try_encode(&self.0, &mut line).ok()?;
-        line.truncate(len);
-        line.push(0).ok()?;
-        Some(line)
-    }
-}
-
-/// The rest of a packet.
-pub(crate) struct Reader<'a>(pub(crate) &'a [u8]);
-
-impl Reader<'_> {
-    pub(crate) fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
-        let (head, rest) = self.0.split_first_chunk()?;
-        self.0 = rest;
-        Some(*head)
-    }
-
-    pub(crate) fn u32(&mut self) -> Option<u32> {
-        self.take().map(u32::from_le_bytes)
-    }
-
-    pub(crate) fn frame(&mut self) -> Option<CanFrame> {
-        let [low, high, len] = self.take()?;
-        let (data, rest) = self.0.split_at_checked(len.into())?;
-        self.0 = rest;
-        CanFrame::new(u16::from_le_bytes([low, high]), data)
-    }
-}
-
-/// Finds packets in what comes over the line. Whatever came before, the packet after the next zero
-/// is found.
-#[derive(Debug)]
-pub struct Deframer {
-    packet: Vec<u8, MAX_PACKET>,
-    cobs: DecoderState,
-    /// What came since the last zero is no packet.
-    bad: bool,
-    /// The last byte ended a packet, which is still here for its reader.
-    complete: bool,
-}
-
-impl Default for Deframer {
-    fn default() -> Self {
-        Self { packet: Vec::new(), cobs: DecoderState::Idle, bad: false, complete: false }
-    }
-}
-
-impl Deframer {
-    /// Takes a byte; the packet that it completes, without its checksum. Damaged ones are dropped.
-    pub fn push(&mut self, byte: u8) -> Option<&[u8]> {
-        if core::mem::take(&mut self.complete) {
-            self.packet.clear();
-        }
-        let fed = self.cobs.feed(byte);
-        if byte != 0 {
-            match fed {
-                Ok(DecodeResult::DataContinue(data)) => self.bad |= self.packet.push(data).is_err(),
-                Ok(DecodeResult::NoData) => {}
-                Ok(DecodeResult::DataComplete) | Err(_) => self.bad = true,
-            }
-            return None;
-        }
-        self.cobs = DecoderState::Idle;
-        self.complete = true;
-        let whole =
-            !core::mem::take(&mut self.bad) && matches!(fed, Ok(DecodeResult::DataComplete));
-        let (body, crc) = self.packet.split_last_chunk::<CRC_LEN>()?;
-        (whole && crc32c(body) == u32::from_le_bytes(*crc)).then_some(body)
-    }
+fn bus_frame(packet: &mut Writer, bus: u8, frame: &CanFrame) -> Option<()> {
+    packet.put(&[bus])?;
+    packet.frame(frame)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::crc::crc32c;
     use proptest::prelude::*;
 
     fn packets(deframer: &mut Deframer, bytes: &[u8]) -> std::vec::Vec<std::vec::Vec<u8>> {

@@ -119,8 +119,8 @@ struct Wire {
 }
 
 impl Wire {
-    fn new() -> Self {
-        let mut bus = CanBus::new(DEFAULT_BITRATE);
+    fn new(bitrate: u32) -> Self {
+        let mut bus = CanBus::new(bitrate);
         let controller = bus.add_node(TxPolicy::Queue { depth: MAX_DEPTH });
         Self { bus, controller, alone_since: None, off: false }
     }
@@ -206,13 +206,13 @@ impl<C: Core> Rig<C> {
     pub fn with_core(robot: &Robot, controller: C) -> Result<Self, InvalidRobot> {
         let config = robot.controller_config()?;
         let settings = Settings::default();
-        let mut link = Wire::new();
+        let mut link = Wire::new(DEFAULT_BITRATE);
         let host = link.bus.add_node(TxPolicy::Queue { depth: HOST_QUEUE });
 
         let body = Body::new(robot);
         let count = body.addresses().iter().map(|&(bus, _)| usize::from(bus) + 1).max();
         let mut actuator_buses: Vec<_> = (0..count.unwrap_or(0))
-            .map(|_| ActuatorBus { wire: Wire::new(), servos: Vec::new() })
+            .map(|_| ActuatorBus { wire: Wire::new(DEFAULT_BITRATE), servos: Vec::new() })
             .collect();
         for (channel, &(bus, _)) in body.addresses().iter().enumerate() {
             let ActuatorBus { wire, servos } = &mut actuator_buses[usize::from(bus)];
@@ -245,6 +245,12 @@ impl<C: Core> Rig<C> {
     /// Takes another adapter for the actuator buses.
     pub fn set_adapter(&mut self, adapter: Adapter) {
         self.adapter = adapter;
+    }
+
+    /// Takes a link of another bitrate, bit/s, on which nothing has been said yet.
+    pub fn set_link_bitrate(&mut self, bitrate: u32) {
+        self.link = Wire::new(bitrate);
+        self.host = self.link.bus.add_node(TxPolicy::Queue { depth: HOST_QUEUE });
     }
 
     /// From now on faults are these. To be told before the first of them is due.

@@ -209,9 +209,14 @@ impl<const N: usize> Endpoint<N> {
         }
     }
 
+    /// Gives up what is still to be handed out of our message.
+    pub fn stop_sending(&mut self) {
+        self.sending = Sending::Idle;
+    }
+
     /// Drops whatever is under way.
     pub fn reset(&mut self) {
-        self.sending = Sending::Idle;
+        self.stop_sending();
         self.drop_reception();
         self.flow_control = None;
     }

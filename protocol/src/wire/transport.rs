@@ -45,6 +45,12 @@ pub fn frame_to_host(from: Node, pdu: &isotp::Pdu) -> CanFrame {
     pdu.frame(TO_HOST.id(from))
 }
 
+/// Identifier of the frames of the other direction; `None` when `id` is not one of the transport's.
+pub(crate) fn partner(id: u16) -> Option<u16> {
+    let is_ours = |kind: Kind| id & 0x70F == kind.id(Node(0));
+    (is_ours(TO_CONTROLLER) || is_ours(TO_HOST)).then_some(id ^ 1)
+}
+
 /// What a host asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request<'a> {

@@ -66,7 +66,7 @@ pub fn run(
                         core.controller_mut().on_bus_state(now_us, bus, state);
                         None
                     }
-                    Ok(Heard::Sent | Heard::Report(_)) => None,
+                    Ok(Heard::Sent | Heard::Report(_) | Heard::Message(..)) => None,
                     Err(_) => {
                         core.controller_mut().on_bus_state(now_us, bus, BusState::Off);
                         None

@@ -8,6 +8,7 @@ mod planted;
 mod playing;
 mod refusing;
 mod robot;
+mod serial_line;
 mod standing;
 mod stopping;
 mod transfer_time;

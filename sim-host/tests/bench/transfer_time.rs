@@ -1,6 +1,7 @@
 //! How long a library of 64 KiB takes, in virtual time, against what the bus needs for its frames alone.
 
 use crate::robot::{self, STAND};
+use crate::serial_line::{BYTE_US, SerialLine};
 
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_host::session::Session;
@@ -84,40 +85,55 @@ fn on_can_at_1_mbit_a_transfer_takes_at_most_half_again_of_the_bus_s_own_time() 
     assert!(took < 1.5 * theory, "{took} s, {theory} s of frames");
 }
 
+#[test]
+fn on_a_serial_line_at_1_mbaud_a_transfer_takes_at_most_half_again_of_the_line_s_own_time() {
+    let library = large_library();
+    let line = SerialLine::new(Rig::new(&robot::robot()).unwrap());
+    let mut session = Session::connect(line, Node::new(1).unwrap()).unwrap();
+    let (before_us, before) = (session.bus().now_us(), session.bus().bytes);
+    session.flash(&library, |_| {}).unwrap();
+    let line = session.into_bus();
+    let took = (line.now_us() - before_us) as f64 * 1e-6;
+    // The library's bytes, and nothing else.
+    let theory = (library.len() as u64 * BYTE_US) as f64 * 1e-6;
+    let (length, bytes) = (library.len(), line.bytes - before);
+    println!("{length} B, {bytes} B both ways, in {took:.3} s: {:.3}", took / theory);
+    assert!(took < 1.5 * theory, "{took} s, {theory} s of bytes");
+}
+
 /// A link that breaks for good when the controller has so many bytes.
-struct Cut {
-    rig: Rig,
+struct Cut<B> {
+    bus: B,
     has: std::rc::Rc<std::cell::Cell<usize>>,
     at: usize,
 }
 
-impl LinkBus for Cut {
+impl<B: LinkBus> LinkBus for Cut<B> {
     fn now_us(&self) -> u64 {
-        self.rig.now_us()
+        self.bus.now_us()
     }
 
     fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
         if self.has.get() >= self.at {
             return Err(LinkError::Down("cut".into()));
         }
-        self.rig.send(frame)
+        self.bus.send(frame)
     }
 
     fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
-        self.rig.receive(deadline_us)
+        self.bus.receive(deadline_us)
     }
 }
 
-#[test]
-fn a_transfer_goes_on_after_a_cut_at_any_block() {
+/// One transfer, cut at every block: each session comes one block further than the one before. `wait` lets a
+/// second and a half pass, after which a controller has given up the half message.
+fn cut_at_every_block<B: LinkBus>(mut bus: B, wait: impl Fn(&mut B)) {
     let library = large_library();
     let node = Node::new(1).unwrap();
-    let mut rig = Rig::new(&robot::robot()).unwrap();
     let mut cuts = 0;
-    // One transfer, cut at every block: each session comes one block further than the one before.
     for at in (0..library.len()).step_by(512).skip(1) {
         let has = std::rc::Rc::new(std::cell::Cell::new(0));
-        let cut = Cut { rig, has: has.clone(), at };
+        let cut = Cut { bus, has: has.clone(), at };
         let mut session = Session::connect(cut, node).unwrap();
         let mut begun = None;
         let outcome = session.flash(&library, |progress| {
@@ -126,15 +142,29 @@ fn a_transfer_goes_on_after_a_cut_at_any_block() {
         });
         assert!(outcome.is_err(), "the link was cut at {at}");
         assert_eq!(begun, Some(at - 512), "it goes on where the last one stopped");
-        rig = session.into_bus().rig;
-        // Whoever comes next finds a controller that has given up the half message.
-        rig.run_until(rig.now() + SimTime::from_ms(1500));
+        bus = session.into_bus().bus;
+        wait(&mut bus);
         cuts += 1;
     }
     assert_eq!(cuts, library.len().div_ceil(512) - 1);
-    let mut session = Session::connect(rig, node).unwrap();
+    let mut session = Session::connect(bus, node).unwrap();
     session.flash(&library, |_| {}).unwrap();
     assert_eq!(session.hello().library, validated_id(&library));
+}
+
+#[test]
+fn a_transfer_goes_on_after_a_cut_at_any_block() {
+    cut_at_every_block(Rig::new(&robot::robot()).unwrap(), |rig| {
+        rig.run_until(rig.now() + SimTime::from_ms(1500));
+    });
+}
+
+#[test]
+fn on_a_serial_line_it_goes_on_as_well() {
+    cut_at_every_block(SerialLine::new(Rig::new(&robot::robot()).unwrap()), |line| {
+        let deadline_us = line.now_us() + 1_500_000;
+        while line.receive(deadline_us).unwrap().is_some() {}
+    });
 }
 
 fn validated_id(library: &[u8]) -> Option<u32> {

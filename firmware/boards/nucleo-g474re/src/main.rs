@@ -24,7 +24,7 @@ use rollwalk_firmware::periods::Periods;
 use rollwalk_firmware::safety::{State, Torque};
 use rollwalk_firmware::store::{FlashParameters, FlashStore};
 use rollwalk_firmware::{Buses, Controller, Settings};
-use rollwalk_protocol::serial::{BusState, Packet, Report, Reset};
+use rollwalk_protocol::serial::{BusState, Gateway, Packet, Report, Reset};
 use static_cell::StaticCell;
 
 use can::Bus;
@@ -84,6 +84,7 @@ fn main() -> ! {
         link,
         actuators,
         serial,
+        gateway: Gateway::default(),
         host: Way::Can,
         contact: Contact::new(p.PA10),
         light: Output::new(p.PA5, Level::Low, Speed::Low),
@@ -112,6 +113,8 @@ struct Board {
     link: Bus,
     actuators: [Bus; 2],
     serial: Serial,
+    /// Between the controller and the serial line.
+    gateway: Gateway,
     host: Way,
     contact: Contact,
     light: Output<'static>,
@@ -162,8 +165,15 @@ impl Board {
                 self.host = Way::Serial;
                 self.controller.on_link_frame(now_us, &frame);
             }
+            Some(Packet::Message { id, bytes }) => {
+                self.host = Way::Serial;
+                self.gateway.receive(id, bytes);
+            }
             Some(Packet::Ask) => self.report_due = true,
             Some(Packet::Report(_)) | None => {}
+        }
+        if let Some(frame) = self.gateway.poll(now_us) {
+            self.controller.on_link_frame(now_us, &frame);
         }
     }
 
@@ -252,7 +262,11 @@ impl Board {
         if free && let Some(frame) = self.controller.poll_link(now_us) {
             match self.host {
                 Way::Can => self.link.send(now_us, &frame),
-                Way::Serial => self.serial.send(&Packet::Link(frame)),
+                Way::Serial => {
+                    if let Some(packet) = self.gateway.send(now_us, &frame) {
+                        self.serial.send(&packet);
+                    }
+                }
             }
         }
         self.serial.work();

@@ -9,8 +9,7 @@ use embassy_stm32::pac::{LPUART1, interrupt};
 use embassy_stm32::usart::{RxPin, TxPin};
 use embassy_stm32::{Peri, peripherals};
 use heapless::spsc::{Consumer, Producer, Queue};
-use rollwalk_protocol::serial::Packet;
-use rollwalk_protocol::tunnel::{Deframer, Line};
+use rollwalk_protocol::serial::{Deframer, Line, Packet};
 use static_cell::StaticCell;
 
 const BAUD: u32 = 1_000_000;
@@ -59,13 +58,15 @@ impl Serial {
     }
 
     /// The next packet that was received.
-    pub fn receive(&mut self) -> Option<Packet> {
-        while let Some(byte) = self.received.dequeue() {
-            if let Some(packet) = self.deframer.push(byte).and_then(Packet::decode) {
-                return Some(packet);
+    pub fn receive(&mut self) -> Option<Packet<'_>> {
+        let zero = loop {
+            let byte = self.received.dequeue()?;
+            if byte == 0 {
+                break byte;
             }
-        }
-        None
+            self.deframer.push(byte);
+        };
+        self.deframer.push(zero).and_then(Packet::decode)
     }
 
     /// Whether the packet before has been sent.
@@ -74,7 +75,7 @@ impl Serial {
     }
 
     /// Sends a packet, if [`Self::is_free`].
-    pub fn send(&mut self, packet: &Packet) {
+    pub fn send(&mut self, packet: &Packet<'_>) {
         if let Some(line) = packet.encode() {
             self.line = line;
             self.sent = 0;

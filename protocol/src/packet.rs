@@ -1,0 +1,109 @@
+//! Packets on a serial line: what [`crate::tunnel`] and [`crate::serial`] say, in one piece or not at all.
+//!
+//! A packet is `body · CRC-32C (little-endian)`, stuffed by COBS (Cheshire and Baker 1997) and ended by a
+//! zero byte.
+
+use crate::can::CanFrame;
+use crate::crc::crc32c;
+use cobs::{DecodeResult, DecoderState};
+use heapless::Vec;
+
+/// Bytes of the checksum.
+pub(crate) const CRC_LEN: usize = 4;
+
+/// Bytes for the line, the ending zero included, of a packet that has at most `packet` before it is stuffed.
+pub(crate) const fn line_len(packet: usize) -> usize {
+    cobs::max_encoding_length(packet) + 1
+}
+
+/// A packet that is being written, of at most `N` bytes with its checksum.
+#[derive(Default)]
+pub(crate) struct Writer<const N: usize>(Vec<u8, N>);
+
+impl<const N: usize> Writer<N> {
+    pub(crate) fn put(&mut self, bytes: &[u8]) -> Option<()> {
+        self.0.extend_from_slice(bytes).ok()
+    }
+
+    pub(crate) fn frame(&mut self, frame: &CanFrame) -> Option<()> {
+        let [low, high] = frame.id().to_le_bytes();
+        self.put(&[low, high, frame.data().len() as u8])?;
+        self.put(frame.data())
+    }
+
+    /// The bytes for the line; `L` is [`line_len`] of `N`.
+    pub(crate) fn finish<const L: usize>(mut self) -> Option<Vec<u8, L>> {
+        let crc = crc32c(&self.0);
+        self.put(&crc.to_le_bytes())?;
+        let mut line = Vec::new();
+        line.resize_default(L).ok()?;
+        let len = cobs::try_encode(&self.0, &mut line).ok()?;
+        line.truncate(len);
+        line.push(0).ok()?;
+        Some(line)
+    }
+}
+
+/// The rest of a packet's body.
+pub(crate) struct Reader<'a>(pub(crate) &'a [u8]);
+
+impl Reader<'_> {
+    pub(crate) fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (head, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some(*head)
+    }
+
+    pub(crate) fn u32(&mut self) -> Option<u32> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    pub(crate) fn frame(&mut self) -> Option<CanFrame> {
+        let [low, high, len] = self.take()?;
+        let (data, rest) = self.0.split_at_checked(len.into())?;
+        self.0 = rest;
+        CanFrame::new(u16::from_le_bytes([low, high]), data)
+    }
+}
+
+/// Finds packets of at most `N` bytes in what comes over the line. Whatever came before, the packet after
+/// the next zero is found.
+#[derive(Debug)]
+pub struct Deframer<const N: usize> {
+    packet: Vec<u8, N>,
+    cobs: DecoderState,
+    /// What came since the last zero is no packet.
+    bad: bool,
+    /// The last byte ended a packet, which is still here for its reader.
+    complete: bool,
+}
+
+impl<const N: usize> Default for Deframer<N> {
+    fn default() -> Self {
+        Self { packet: Vec::new(), cobs: DecoderState::Idle, bad: false, complete: false }
+    }
+}
+
+impl<const N: usize> Deframer<N> {
+    /// Takes a byte; the body of the packet that it completes. Damaged ones are dropped.
+    pub fn push(&mut self, byte: u8) -> Option<&[u8]> {
+        if core::mem::take(&mut self.complete) {
+            self.packet.clear();
+        }
+        let fed = self.cobs.feed(byte);
+        if byte != 0 {
+            match fed {
+                Ok(DecodeResult::DataContinue(data)) => self.bad |= self.packet.push(data).is_err(),
+                Ok(DecodeResult::NoData) => {}
+                Ok(DecodeResult::DataComplete) | Err(_) => self.bad = true,
+            }
+            return None;
+        }
+        self.cobs = DecoderState::Idle;
+        self.complete = true;
+        let whole =
+            !core::mem::take(&mut self.bad) && matches!(fed, Ok(DecodeResult::DataComplete));
+        let (body, crc) = self.packet.split_last_chunk::<CRC_LEN>()?;
+        (whole && crc32c(body) == u32::from_le_bytes(*crc)).then_some(body)
+    }
+}

@@ -1,0 +1,200 @@
+//! An end of a serial line, between a program that speaks ISO-TP and a line that needs none: messages of the
+//! transport are put together here, cross the line whole, and are taken apart at the other end.
+//!
+//! On CAN a block of a library is 75 frames and 5 flow controls. As packets of a frame each they would take two
+//! and a half times as many bytes as the block has, and six times to and fro; whole it is one packet with 11
+//! bytes around it. Sessions and controllers know nothing of it: to them either end is a CAN bus.
+
+use super::Packet;
+use crate::can::CanFrame;
+use crate::wire::isotp::{Event, Output, Timing};
+use crate::wire::transport::{Endpoint, partner};
+
+/// All frames in one go: there is no bus between a program and its gateway.
+const TIMING: Timing = Timing { block_size: 0, st_min: 0, timeout_us: 1_000_000 };
+
+/// An end of a line, the same at host and controller. One conversation at a time.
+#[derive(Clone, Debug)]
+pub struct Gateway {
+    /// Identifier of the transport's frames that this end sends.
+    ours: u16,
+    endpoint: Endpoint,
+}
+
+impl Default for Gateway {
+    fn default() -> Self {
+        Self { ours: 0, endpoint: Endpoint::new(TIMING) }
+    }
+}
+
+impl Gateway {
+    /// This end sends a frame. What the line is to carry: the frame, the message that it completes, or nothing.
+    /// [`Self::poll`] afterwards.
+    pub fn send(&mut self, now_us: u64, frame: &CanFrame) -> Option<Packet<'_>> {
+        let id = frame.id();
+        if partner(id).is_none() {
+            return Some(Packet::Link(*frame));
+        }
+        self.talk_as(id);
+        let whole = self.endpoint.on_frame(frame.data(), now_us) == Event::Received;
+        whole.then(|| Packet::Message { id, bytes: self.endpoint.received() })
+    }
+
+    /// A message has come over the line; [`Self::poll`] hands out its frames. One that came before and is not
+    /// handed out yet gives way, for whoever sends anew has given up on it.
+    pub fn receive(&mut self, id: u16, message: &[u8]) {
+        if let Some(ours) = partner(id) {
+            self.talk_as(ours);
+            self.endpoint.stop_sending();
+            // Packets have no longer messages than endpoints.
+            let _ = self.endpoint.send(message);
+        }
+    }
+
+    /// The next frame for this end; call again until `None`.
+    pub fn poll(&mut self, now_us: u64) -> Option<CanFrame> {
+        // A message that failed is given up, and one that was to follow it may come.
+        for _ in 0..3 {
+            match self.endpoint.poll(now_us) {
+                Output::Send(pdu) => return Some(pdu.frame(self.ours ^ 1)),
+                Output::Failed(_) => {}
+                Output::Idle => return None,
+            }
+        }
+        None
+    }
+
+    /// Frames of ours have this identifier from now on.
+    fn talk_as(&mut self, id: u16) {
+        if self.ours != id {
+            self.ours = id;
+            self.endpoint.reset();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::serial::Deframer;
+    use crate::wire::Node;
+    use crate::wire::isotp::Pdu;
+    use crate::wire::transport::{MAX_MESSAGE, frame_to_controller, frame_to_host};
+    use proptest::prelude::*;
+    use std::vec::Vec;
+
+    const NODE: Node = Node::new(3).unwrap();
+
+    /// A program that speaks ISO-TP, at its end of a line.
+    struct Program {
+        endpoint: Endpoint,
+        frame: fn(Node, &Pdu) -> CanFrame,
+        gateway: Gateway,
+        line: Deframer,
+        heard: Vec<Vec<u8>>,
+        /// What it put on the line.
+        packets: usize,
+    }
+
+    impl Program {
+        fn new(frame: fn(Node, &Pdu) -> CanFrame) -> Self {
+            let (gateway, line) = (Gateway::default(), Deframer::default());
+            let endpoint = Endpoint::new(Timing::default());
+            Self { endpoint, frame, gateway, line, heard: Vec::new(), packets: 0 }
+        }
+
+        /// Hears what the line brings, and lets frames go between program and gateway; what they put on the line.
+        fn work(&mut self, bytes: &[u8]) -> Vec<u8> {
+            for &byte in bytes {
+                match self.line.push(byte).and_then(Packet::decode) {
+                    Some(Packet::Message { id, bytes }) => self.gateway.receive(id, bytes),
+                    Some(other) => panic!("{other:?}"),
+                    None => {}
+                }
+            }
+            let mut out = Vec::new();
+            loop {
+                let mut idle = true;
+                while let Some(frame) = self.gateway.poll(0) {
+                    idle = false;
+                    if self.endpoint.on_frame(frame.data(), 0) == Event::Received {
+                        self.heard.push(self.endpoint.received().to_vec());
+                    }
+                }
+                while let Output::Send(pdu) = self.endpoint.poll(0) {
+                    idle = false;
+                    if let Some(packet) = self.gateway.send(0, &(self.frame)(NODE, &pdu)) {
+                        self.packets += 1;
+                        out.extend_from_slice(&packet.encode().unwrap());
+                    }
+                }
+                if idle {
+                    return out;
+                }
+            }
+        }
+    }
+
+    fn message(at_least: usize) -> impl Strategy<Value = Vec<u8>> {
+        prop::collection::vec(any::<u8>(), at_least..=MAX_MESSAGE)
+    }
+
+    proptest! {
+        #[test]
+        fn every_message_crosses_in_one_packet(asked in message(1), answered in message(1)) {
+            let mut host = Program::new(frame_to_controller);
+            let mut controller = Program::new(frame_to_host);
+            for round in 1..=2 {
+                host.endpoint.send(&asked).unwrap();
+                let there = host.work(&[]);
+                prop_assert!(controller.work(&there).is_empty());
+                controller.endpoint.send(&answered).unwrap();
+                let back = controller.work(&[]);
+                prop_assert!(host.work(&back).is_empty());
+                prop_assert_eq!(controller.heard.last(), Some(&asked));
+                prop_assert_eq!(host.heard.last(), Some(&answered));
+                prop_assert_eq!((host.packets, controller.packets), (round, round));
+            }
+        }
+
+        /// Both ends may have given up at any frame: what comes next gets through.
+        #[test]
+        fn a_message_that_was_left_half_way_is_in_nobody_s_way(
+            asked in message(8), frames in 0usize..80,
+        ) {
+            let mut host = Program::new(frame_to_controller);
+            let mut controller = Program::new(frame_to_host);
+            // One of which the controller took no more than the first frame.
+            controller.gateway.receive(0x530, &[7; 100]);
+            controller.gateway.poll(0);
+            // One of which the host did not send all.
+            host.endpoint.send(&asked).unwrap();
+            for _ in 0..frames {
+                if let Output::Send(pdu) = host.endpoint.poll(0) {
+                    let _ = host.gateway.send(0, &frame_to_controller(NODE, &pdu));
+                }
+                while let Some(frame) = host.gateway.poll(0) {
+                    host.endpoint.on_frame(frame.data(), 0);
+                }
+            }
+            host.endpoint.reset();
+            host.endpoint.send(&asked).unwrap();
+            let line = host.work(&[]);
+            controller.work(&line);
+            prop_assert_eq!(controller.heard, [asked]);
+        }
+    }
+
+    #[test]
+    fn other_frames_cross_as_they_are() {
+        let mut gateway = Gateway::default();
+        for id in [0x030, 0x130, 0x234, 0x512, 0x7FF] {
+            let frame = CanFrame::new(id, &[0x10, 9, 1, 2, 3, 4, 5, 6]).unwrap();
+            assert_eq!(gateway.send(0, &frame), Some(Packet::Link(frame)));
+            assert_eq!(gateway.poll(0), None);
+        }
+        // And a message under another identifier is none.
+        gateway.receive(0x234, &[1, 2, 3]);
+        assert_eq!(gateway.poll(0), None);
+    }
+}
