@@ -1,8 +1,9 @@
-//! Packets on serial lines among noise, those of Dynamixels and those of the line to a board: what is
-//! taken was there, and a sound packet is found whatever came before it.
+//! Packets on serial lines among noise, those of Dynamixels, those of the line to an emulated board and those
+//! of the link: what is taken was there, and a sound packet is found whatever came before it.
 
 use rollwalk_protocol::actuators::dynamixel::packet::{Deframer, Message, packet};
 use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::serial::{self, Gateway, Packet, Report};
 use rollwalk_protocol::tunnel::{self, Answer, Buses, Hello, Input, Request, Step, Stepped};
 
 /// Longest of what a packet may hold: see `packet`.
@@ -87,11 +88,42 @@ fn board(line: &[u8], body: &[u8]) {
     assert_eq!(found, [Some((9, Request::Hello))], "after a zero, a packet is a packet");
 }
 
+/// What is taken encodes to itself, and whatever comes to an end of the line, the next message comes through.
+fn link(line: &[u8], message: &[u8]) {
+    let mut deframer = serial::Deframer::default();
+    let mut gateway = Gateway::default();
+    for &byte in line {
+        let Some(body) = deframer.push(byte) else { continue };
+        let Some(packet) = Packet::decode(body) else { continue };
+        let again = packet.encode().expect("what was decoded fits");
+        let mut other = serial::Deframer::default();
+        let again: Vec<_> =
+            again.iter().filter_map(|&b| other.push(b).map(<[u8]>::to_vec)).collect();
+        assert_eq!(again, [body]);
+        match packet {
+            Packet::Link(frame) => drop(gateway.send(0, &frame).map(|packet| packet.encode())),
+            Packet::Message { id, bytes } => gateway.receive(id, bytes),
+            Packet::Ask | Packet::Report(_) => {}
+        }
+        while gateway.poll(0).is_some() {}
+    }
+    if let message @ [_, ..] = &message[..message.len().min(7)] {
+        gateway.receive(0x510, message);
+        let frame = gateway.poll(0).expect("flow control, or the message");
+        let frame = if frame.data()[0] >> 4 == 3 { gateway.poll(0) } else { Some(frame) };
+        assert_eq!(frame.expect("the message").data().get(1..), Some(message));
+    }
+}
+
 /// The first byte says whose line it is, the next one how much of the rest is the sound packet.
 pub fn run(data: &[u8]) {
     let Some((&[whose, len], rest)) = data.split_first_chunk() else { return };
     let (packet, line) = rest.split_at(usize::from(len).min(rest.len()).min(MAX_PARAMETERS));
-    if whose % 2 == 0 { dynamixel(line, packet) } else { board(line, packet) }
+    match whose % 3 {
+        0 => dynamixel(line, packet),
+        1 => board(line, packet),
+        _ => link(line, packet),
+    }
 }
 
 /// Packets whole, stuffed, cut short, and one within another.
@@ -129,5 +161,16 @@ pub fn seeds() -> Vec<Vec<u8>> {
         let body = body.expect("a sound packet");
         seeds.push([&[1, body.len() as u8][..], &body, &line, &line[..3], &[0], &line].concat());
     }
+    // A message and the start of one that is segmented, which no sound end of a line sends.
+    let first = CanFrame::new(0x511, &[0x10, 20, 1, 2, 3, 4, 5, 6]).expect("a frame");
+    let packets = [
+        Packet::Link(frame),
+        Packet::Link(first),
+        Packet::Message { id: 0x510, bytes: &[0x11; 40] },
+        Packet::Ask,
+        Packet::Report(Report::default()),
+    ];
+    let line: Vec<u8> = packets.iter().flat_map(|p| p.encode().expect("fits")).collect();
+    seeds.push([&[2, 2, 0x12, 7][..], &line, &line[..30], &[0], &line].concat());
     seeds
 }

@@ -61,8 +61,8 @@ impl Target {
     fn max_len(self) -> u32 {
         match self {
             Target::Library => 2048,
-            Target::Actuators | Target::Wire | Target::Isotp => 1024,
-            Target::Slots | Target::Parameters | Target::Deframer => 512,
+            Target::Actuators | Target::Deframer | Target::Wire | Target::Isotp => 1024,
+            Target::Slots | Target::Parameters => 512,
             Target::Dispatcher => 300,
             Target::Planted => 32,
         }

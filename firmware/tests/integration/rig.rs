@@ -161,6 +161,8 @@ pub struct Rig {
     heartbeat_seq: u8,
     heartbeat_us: u64,
     seq: u8,
+    /// The latest command of each number.
+    commands: [Option<Command>; 16],
     parameter_seq: u8,
     endpoint: Endpoint,
 }
@@ -198,6 +200,7 @@ impl Rig {
             heartbeat_seq: 0,
             heartbeat_us: 0,
             seq: 0,
+            commands: [None; 16],
             parameter_seq: 0,
             endpoint: Endpoint::new(Timing::default()),
         }
@@ -271,7 +274,15 @@ impl Rig {
     pub fn next_command(&mut self, action: Action) -> Command {
         self.seq = (self.seq + 1) & 0xF;
         let valid_until_ms = ((self.now_us / 1000) as u16).wrapping_add(500);
-        Command { seq: self.seq, action, valid_until_ms }
+        let mut command = Command { seq: self.seq, action, valid_until_ms };
+        // A host uses a number again when the command that had it has expired. This one gives sixteen commands
+        // in no time, so it sees to it that they differ.
+        let former = self.commands[usize::from(self.seq)].replace(command);
+        if former.is_some_and(|former| former == command) {
+            command.valid_until_ms = valid_until_ms.wrapping_sub(1);
+            self.commands[usize::from(self.seq)] = Some(command);
+        }
+        command
     }
 
     /// Sends a request about parameters that was never sent before, and returns its answer.
