@@ -1,6 +1,8 @@
 //! What other programs make of the logs.
 
-use crate::bench::results;
+use crate::bench::{log, results, states};
+use crate::board;
+use rollwalk_protocol::wire::State;
 use rollwalk_tests::checkout;
 use serde_json::{Map, Value};
 use std::collections::BTreeSet;
@@ -79,6 +81,20 @@ fn cantools_decodes_every_frame_to_what_the_monitor_printed() {
     {
         assert!(messages.contains(message), "{message} of {messages:?}");
     }
+}
+
+/// The states and clips in a log, from when the robot was first ready for orders.
+fn played(name: &str) -> Vec<(State, Option<u8>)> {
+    let told = states(&log(&results().join(name)));
+    told.into_iter().skip_while(|&(state, _)| state != State::Disarmed).collect()
+}
+
+#[test]
+fn the_board_played_what_the_simulated_robot_played() {
+    let (board, robot) = (played(board::LOG), played("link.log"));
+    assert!(board.len() > 20, "{board:?}");
+    assert_eq!(board, robot);
+    println!("the board and the simulated robot: {board:?}");
 }
 
 #[test]

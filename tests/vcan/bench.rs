@@ -4,6 +4,7 @@ use rollwalk_bus::candump::{self, LogEntry};
 use rollwalk_protocol::wire::{FromController, State};
 use rollwalk_tests::{Outcome, checkout};
 use std::fs::{self, File};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::{Once, OnceLock};
@@ -51,8 +52,9 @@ pub fn robot() -> PathBuf {
 fn warm() {
     static WARM: Once = Once::new();
     WARM.call_once(|| {
-        let others = ["/usr/bin/candump", "/usr/bin/canplayer", "/usr/bin/cansend", "/bin/ip"];
-        for program in [ROLLWALK, ROLLWALK_SIM].iter().chain(&others) {
+        let names = ["candump", "canplayer", "cansend", "cangw", "slcand", "qemu-system-arm", "ip"];
+        let others = names.map(|name| format!("/usr/bin/{name}"));
+        for program in others.iter().map(String::as_str).chain([ROLLWALK, ROLLWALK_SIM]) {
             let _ = fs::read(program);
         }
         for program in [ROLLWALK, ROLLWALK_SIM] {
@@ -107,6 +109,40 @@ impl Beside {
         candump
     }
 
+    /// The emulated board, and the terminal that its UART is.
+    #[track_caller]
+    pub fn board() -> (Self, String) {
+        warm();
+        let mut command = Command::new("qemu-system-arm");
+        command.args([
+            "-M",
+            "mps2-an386",
+            "-display",
+            "none",
+            "-monitor",
+            "none",
+            "-serial",
+            "pty",
+        ]);
+        command.arg("-kernel").arg(results().join("board.elf")).stdout(Stdio::piped());
+        let mut board = Self(command.spawn().expect("QEMU starts"));
+        let mut says = String::new();
+        let stdout = board.0.stdout.as_mut().expect("it is piped");
+        BufReader::new(stdout).read_line(&mut says).expect("QEMU says something");
+        // "char device redirected to /dev/pts/4 (label serial0)"
+        let line = says.split_whitespace().find(|word| word.starts_with("/dev/"));
+        let line = line.unwrap_or_else(|| panic!("QEMU says {says}")).to_owned();
+        (board, line)
+    }
+
+    /// `slcand`, which makes an interface of a terminal with an SLCAN adapter.
+    pub fn slcand(line: &str, interface: &str) -> Self {
+        warm();
+        let mut command = Command::new("slcand");
+        command.args(["-F", "-o", "-c", "-s8", line, interface]);
+        Self(command.spawn().expect("slcand starts"))
+    }
+
     /// `rollwalk monitor`, writing to files.
     pub fn monitor(args: &[&str], lines: &Path) -> Self {
         warm();
@@ -139,7 +175,6 @@ impl Beside {
     pub fn outcome(mut self) -> Outcome {
         self.code();
         let mut outcome = Outcome { code: -1, stdout: String::new(), stderr: String::new() };
-        use std::io::Read;
         if let Some(mut pipe) = self.0.stdout.take() {
             pipe.read_to_string(&mut outcome.stdout).expect("its results");
         }

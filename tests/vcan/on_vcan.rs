@@ -24,6 +24,17 @@ fn flash_and_play() {
     on_link(&["send", "--arm", "2", "4:3", "3:3", "1"]).succeeds();
 }
 
+/// What every robot on `vcan0` must do, whatever it is made of.
+#[track_caller]
+pub fn play_stop_clear_and_play() {
+    flash_and_play();
+    on_link(&["estop"]).succeeds();
+    on_link(&["send", "--arm", "2"]).fails(5, &["refused to arm"]);
+    on_link(&["doctor"]).succeeds_with(5, &["stopped by an emergency stop", "rollwalk clear"]);
+    on_link(&["clear"]).succeeds();
+    on_link(&["send", "--arm", "2"]).succeeds();
+}
+
 /// How often the robot came from `before` to `after`.
 fn count(states: &[(State, Option<u8>)], before: State, after: State) -> usize {
     states.windows(2).filter(|pair| pair[0].0 == before && pair[1].0 == after).count()
@@ -44,12 +55,7 @@ fn a_robot_plays_is_stopped_cleared_and_plays_again_and_a_log_of_it_says_the_sam
     let monitor = Beside::monitor(&options, &lines);
     let robot = Beside::robot(&[&LINK[..], &ACTUATORS].concat());
 
-    flash_and_play();
-    on_link(&["estop"]).succeeds();
-    on_link(&["send", "--arm", "2"]).fails(5, &["refused to arm"]);
-    on_link(&["doctor"]).succeeds_with(5, &["stopped by an emergency stop", "rollwalk clear"]);
-    on_link(&["clear"]).succeeds();
-    on_link(&["send", "--arm", "2"]).succeeds();
+    play_stop_clear_and_play();
     on_link(&["gains", "show"]).succeeds();
 
     sleep(Duration::from_millis(200));

@@ -29,6 +29,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub use sizes::report as sizes;
+pub use slcan::build as slcan_image;
 
 const ROBOT: &str = "robots/agilebot.toml";
 const MOTIONS: &str = "motions/agilebot_library.toml";

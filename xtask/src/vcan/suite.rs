@@ -1,18 +1,19 @@
 //! The tests of `tests/vcan/`: where there is SocketCAN what needs it, and here what other programs make of the logs.
 
 use super::{Place, RESULTS, guest::Guest, here};
-use crate::{cantools, debian, shell};
+use crate::{board, cantools, debian, shell};
 use serde_json::Value;
 use std::ffi::OsString;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// What the tests call.
-const PACKAGES: [&str; 2] = ["can-utils", "iproute2"];
+const PACKAGES: [&str; 3] = ["can-utils", "iproute2", "qemu-system-arm"];
 /// The library that is flashed.
 const LIBRARY: &str = "motions/agilebot_library.toml";
 /// Longest time of this machine, loaded as it may be.
-const TIMEOUT: Duration = Duration::from_secs(1200);
+const TIMEOUT: Duration = Duration::from_secs(2400);
 
 /// Runs everything; what is found is kept below the target folder.
 ///
@@ -28,8 +29,12 @@ pub fn run(place: Place) -> Result<(), String> {
     build.args(["--bin", "rollwalk", "--", "library", "build", LIBRARY, "-o"]).arg(&library);
     shell::output(&mut build)?;
 
+    let image = board::slcan_image()?;
+    fs::copy(&image, results.join("board.elf"))
+        .map_err(|error| format!("{}: {error}", image.display()))?;
+
     let tests = tests()?;
-    let words = ["on_vcan::", "--test-threads", "1", "--nocapture"].map(String::from);
+    let words = ["board::", "on_vcan::", "--test-threads", "1", "--nocapture"].map(String::from);
     let command: Vec<String> =
         std::iter::once(tests.to_string_lossy().into_owned()).chain(words).collect();
     let code = match place {

@@ -1,0 +1,84 @@
+//! The emulated Cortex-M4 board, whose link is on its UART as an SLCAN adapter has it: with our tools directly, and
+//! as an interface of Linux that is joined to `vcan0`.
+
+use crate::bench::{Beside, desk, keep, library, rollwalk, run};
+use crate::on_vcan::play_stop_clear_and_play;
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Write};
+use std::path::Path;
+use std::thread::sleep;
+use std::time::Duration;
+
+/// The board's log, for [`crate::afterwards`].
+pub const LOG: &str = "board.log";
+
+/// The least that shows that a bus carries everything: transfers, heartbeats, commands, a stop.
+fn stand_and_stop(bus: &str) {
+    let on = |args: &[&str]| rollwalk(&[args, &["--bus", bus]].concat()).succeeds();
+    assert!(on(&["discover", "--json"]).contains("\"node\": 1"), "{bus}");
+    on(&["flash", library().to_str().unwrap()]);
+    on(&["send", "--arm", "1"]);
+    on(&["estop"]);
+    on(&["clear"]);
+}
+
+/// Asks the adapter itself, by a letter. Lines of frames may come before its answer.
+#[track_caller]
+fn ask(line: &mut File, letter: char) -> String {
+    write!(line, "{letter}\r").expect("a UART takes a question");
+    loop {
+        let mut said = String::new();
+        while !said.ends_with('\r') {
+            let mut byte = [0];
+            line.read_exact(&mut byte).expect("a UART answers");
+            said.push(char::from(byte[0]));
+        }
+        let said = said.trim_matches(['\x07', '\r']);
+        if said.starts_with(letter) {
+            return said.to_owned();
+        }
+    }
+}
+
+/// Until an interface is there, or is gone.
+fn wait_for(interface: &str, there: bool) {
+    let path = Path::new("/sys/class/net").join(interface);
+    for _ in 0..100 {
+        if path.exists() == there {
+            return;
+        }
+        sleep(Duration::from_millis(20));
+    }
+    panic!("{interface}: it should be {}", if there { "there" } else { "gone" });
+}
+
+#[test]
+fn a_cortex_m4_behind_slcand_plays_is_stopped_cleared_and_plays_again() {
+    let (board, line) = Beside::board();
+    // QEMU drops what is said on a terminal that nobody has open, and looks only once a second.
+    let mut held = OpenOptions::new().read(true).write(true).open(&line).expect("its UART");
+    assert_eq!(ask(&mut held, 'V'), "V1010");
+    stand_and_stop(&format!("slcan:{line}"));
+
+    let slcand = Beside::slcand(&line, "slcan0");
+    wait_for("slcan0", true);
+    run("ip", &["link", "set", "slcan0", "up"]);
+    stand_and_stop("can:slcan0");
+
+    // No loop: the kernel repeats a frame once.
+    run("cangw", &["-A", "-s", "slcan0", "-d", "vcan0", "-e"]);
+    run("cangw", &["-A", "-s", "vcan0", "-d", "slcan0", "-e"]);
+    let candump = Beside::candump("vcan0", &desk().join(LOG));
+    play_stop_clear_and_play();
+    sleep(Duration::from_millis(200));
+    drop(candump);
+    keep(LOG);
+
+    run("cangw", &["-F"]);
+    // Closes the channel. Its versions differ in how they end.
+    slcand.interrupt();
+    wait_for("slcan0", false);
+    // The adapter's flags: no byte was lost.
+    assert_eq!(ask(&mut held, 'F'), "F00");
+    drop(board);
+}
