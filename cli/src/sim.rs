@@ -1,7 +1,7 @@
 //! `rollwalk-sim`: a robot without hardware on a bus of this computer, in real time.
 
 use crate::inputs::Source;
-use crate::{Exit, end, exit, files, interrupt, output};
+use crate::{Exit, end, exit, files, interrupt, output, report_in_whole_lines};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
 use miette::miette;
 use rollwalk_bus::link::LinkError;
@@ -82,6 +82,7 @@ enum Part {
 
 /// Parses the command line and runs the robot.
 pub fn main() -> ExitCode {
+    report_in_whole_lines();
     let long_help = Cli::command().get_after_long_help().map(ToString::to_string);
     let command = Cli::command().after_long_help(format!(
         "{}\n\n{}",

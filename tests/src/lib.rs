@@ -14,6 +14,7 @@ pub struct Desk {
 }
 
 /// How a command ended.
+#[derive(Clone, Debug)]
 pub struct Outcome {
     /// The exit code; -1 when a signal ended it.
     pub code: i32,

@@ -1,9 +1,11 @@
-//! The tools and a simulated robot on real CAN interfaces: `vcan0`, `vcan1` and `vcan2`.
+//! The tools and a simulated robot on real CAN interfaces: `vcan0`, `vcan1` and `vcan2`, and two cards that a
+//! virtual machine has.
 //!
-//! `cargo xtask vcan` runs these where the kernel has such interfaces. First [`board`] and [`on_vcan`], one test after the other;
-//! what they leave behind, other programs then look at in [`afterwards`], where it need not be there.
+//! `cargo xtask vcan` runs these where there are such interfaces. First [`board`], [`on_hardware`] and [`on_vcan`], one
+//! test after the other; what they leave behind, other programs then look at in [`afterwards`], where it need not be there.
 
 mod afterwards;
 mod bench;
 mod board;
+mod on_hardware;
 mod on_vcan;

@@ -115,6 +115,11 @@ impl Guest {
         qemu.arg("-serial").arg(format!("file:{}", escaped(console)));
         qemu.args(["-device", "virtio-serial-pci", "-chardev", "file,id=out,path=/dev/fd/1"]);
         qemu.args(["-device", "virtserialport,chardev=out"]);
+        // Two cards on one bus: `can0` and `can1`, down and without a bitrate as after plugging them in.
+        qemu.args(["-object", "can-bus,id=can"]);
+        for _ in 0..2 {
+            qemu.args(["-device", "kvaser_pci,canbus=can"]);
+        }
         share(&mut qemu, "host", Path::new("/"), "readonly=on,multidevs=remap");
         share(&mut qemu, "exchange", exchange, "readonly=off");
         if let Some(results) = results {

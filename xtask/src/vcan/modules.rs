@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 /// The host's files and a port for output, then CAN. `can-gw` and the broadcast manager are for tools
-/// of can-utils and python-can.
-const WANTED: [&str; 13] = [
+/// of can-utils and python-can; `kvaser_pci` is the driver of the machine's two cards.
+const WANTED: [&str; 14] = [
     "virtio_pci",
     "virtio_console",
     "9pnet_virtio",
@@ -21,6 +21,7 @@ const WANTED: [&str; 13] = [
     "can-gw",
     "vcan",
     "slcan",
+    "kvaser_pci",
 ];
 
 /// Files of the modules in an order in which they can be inserted.

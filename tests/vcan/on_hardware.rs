@@ -1,0 +1,65 @@
+//! On `can0` and `can1`: two cards on one bus, with a driver, a bitrate and a transmit queue as adapters have
+//! them. They are the virtual machine's; no machine is without.
+
+use crate::bench::{Beside, desk, library, log, rollwalk, run};
+use rollwalk_tests::Outcome;
+use std::thread::sleep;
+use std::time::Duration;
+
+/// What an error says to type, on a line of its own; without the superuser that tests are anyway.
+#[track_caller]
+fn type_what_it_says(outcome: &Outcome) {
+    let line = outcome.stderr.lines().find_map(|line| line.split_once("help: sudo "));
+    let (_, command) = line.unwrap_or_else(|| panic!("nothing to type in {}", outcome.stderr));
+    run("sh", &["-e", "-c", &command.replace("sudo ", "")]);
+}
+
+#[test]
+fn what_is_wrong_with_an_interface_is_gone_when_one_has_typed_what_it_says() {
+    let discover = |bus: &str| rollwalk(&["discover", "--bus", bus]);
+    let nobody = |bus: &str| discover(bus).fails(5, &["nobody answers"]);
+
+    // As after plugging it in: no bitrate, and down.
+    let down = discover("can:can0@500000");
+    down.clone().fails(1, &["`can0` is down", "sudo ip link set can0 up type can bitrate 500000"]);
+    type_what_it_says(&down);
+    nobody("can:can0@500000");
+    nobody("can:can0");
+
+    let wrong = discover("can:can0@1000000");
+    let says = [
+        "`can0` runs at 500000 bit/s, not at 1000000",
+        "sudo ip link set can0 down; sudo ip link set can0 up type can bitrate 1000000",
+    ];
+    wrong.clone().fails(1, &says);
+    type_what_it_says(&wrong);
+    nobody("can:can0@1000000");
+    run("ip", &["link", "set", "can0", "down"]);
+}
+
+/// The kernel keeps ten frames for such an interface, and refuses the next; none of ours ever is.
+#[test]
+fn a_transfer_goes_through_a_driver_s_short_queue() {
+    for name in ["can0", "can1"] {
+        run(
+            "ip",
+            &["link", "set", name, "up", "txqueuelen", "10", "type", "can", "bitrate", "1000000"],
+        );
+    }
+    let robot = Beside::robot(&["--bus", "can:can1@1000000"]);
+    let transfer = desk().join("hardware.log");
+    let candump = Beside::candump("can1", &transfer);
+    let library = library();
+    rollwalk(&["flash", library.to_str().unwrap(), "--bus", "can:can0"]).succeeds();
+    rollwalk(&["send", "--arm", "stand", "--bus", "can:can0"]).succeeds();
+    sleep(Duration::from_millis(100));
+    drop(candump);
+    let frames = log(&transfer);
+    let blocks = frames.iter().filter_map(|entry| entry.frame.standard());
+    let blocks = blocks.filter(|frame| frame.id() == 0x510).count();
+    assert!(blocks * 7 > std::fs::metadata(&library).unwrap().len() as usize, "{blocks} frames");
+    assert_eq!(robot.interrupt(), 0);
+    for name in ["can0", "can1"] {
+        run("ip", &["link", "set", name, "down"]);
+    }
+}
