@@ -1,16 +1,24 @@
 //! Robots at serial lines, and adapters that speak SLCAN: at pseudo terminals, which to a program are devices.
 
+use crate::desk;
 use crate::simulated::{Robot, desk_with_library_file, on};
 use rollwalk_bus::link::LinkBus;
 use rollwalk_bus::port::Live;
 use rollwalk_bus::sim;
 use rollwalk_protocol::can::AnyFrame;
 use rollwalk_protocol::slcan::{Reader, Said};
-use rollwalk_tests::Desk;
+use rollwalk_tests::{Desk, Outcome};
 use serialport::{SerialPort, TTYPort};
+use std::fs::{self, Permissions};
 use std::io::{ErrorKind, Read, Write};
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::os::unix::process::CommandExt;
+use std::process::Command;
 use std::thread::{self, sleep};
 use std::time::Duration;
+
+/// Without rights on any Unix.
+const NOBODY: u32 = 65534;
 
 /// The name of a device, for the programs under test to open, and the other end of its line.
 fn device() -> (String, TTYPort) {
@@ -101,4 +109,23 @@ fn a_robot_behind_an_slcan_adapter_is_flashed_and_played() {
     let (name, far) = device();
     adapter(far, Live::new(sim::connect(Some(&socket)).expect("the robot is there")));
     flash_and_play(&desk, &format!("slcan:{name}"));
+}
+
+/// The superuser may use every device, so under one somebody else tries.
+#[test]
+fn whoever_may_not_use_a_device_is_told_what_to_type() {
+    let (name, _far) = device();
+    fs::set_permissions(&name, Permissions::from_mode(0)).expect("our own device");
+    let desk = desk();
+    let program = desk.path("rollwalk");
+    fs::copy(env!("CARGO_BIN_EXE_rollwalk-under-test"), &program).expect("a copy");
+    let mut command = Command::new(&program);
+    command.args(["discover", "--bus", &format!("serial:{name}")]).current_dir("/");
+    if fs::metadata(&name).expect("the device").uid() == 0 {
+        fs::set_permissions(desk.path(""), Permissions::from_mode(0o755)).expect("our folder");
+        command.uid(NOBODY).gid(NOBODY);
+    }
+    let outcome = Outcome::from(command.output().expect("it starts"));
+    let says = format!("you may not use `{name}`");
+    outcome.fails(1, &[&says, "sudo usermod -aG dialout $USER, then log in again"]);
 }

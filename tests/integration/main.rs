@@ -4,6 +4,7 @@ mod bad_input;
 mod bench;
 mod blame;
 mod command_line;
+mod console;
 mod demo;
 mod failsafe;
 mod libraries;

@@ -16,8 +16,11 @@ use ratatui::crossterm::event::{self, Event};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::Live;
 use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::flag;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -30,9 +33,6 @@ const DRAW_US: u64 = 50_000;
 const REOPEN_US: u64 = 1_000_000;
 /// A full transmit queue is tried again after so long, µs.
 const BUSY_US: u64 = 500;
-
-/// So often Ctrl-C arrived as a signal: from another terminal, since this one sends it as a key.
-static SIGNALS: AtomicUsize = AtomicUsize::new(0);
 
 /// A gamepad, and what it tells.
 pub struct Gamepad {
@@ -85,7 +85,8 @@ pub struct App<'a> {
     scroll: usize,
     started: Instant,
     reopen_us: u64,
-    signals: usize,
+    /// Somebody else asks it to end: `kill`, or a system that goes down. Ctrl-C is a key here.
+    asked_to_end: Arc<AtomicBool>,
 }
 
 impl<'a> App<'a> {
@@ -95,10 +96,11 @@ impl<'a> App<'a> {
         if let Some(gamepad) = &gamepad {
             operator.want(0, Intent::Deadman(gamepad.pad.released()));
         }
-        // Refused only when a handler is already installed; then that one stays.
-        let _ = ctrlc::set_handler(|| {
-            SIGNALS.fetch_add(1, Ordering::Relaxed);
-        });
+        let asked_to_end = Arc::default();
+        for signal in [SIGINT, SIGTERM, SIGHUP] {
+            // Refused for signals that nobody may catch, of which these are none.
+            let _ = flag::register(signal, Arc::clone(&asked_to_end));
+        }
         Self {
             link,
             lookup,
@@ -112,7 +114,7 @@ impl<'a> App<'a> {
             scroll: 0,
             started: Instant::now(),
             reopen_us: 0,
-            signals: 0,
+            asked_to_end,
         }
     }
 
@@ -156,11 +158,9 @@ impl<'a> App<'a> {
     }
 
     fn read_keys(&mut self) -> std::io::Result<()> {
-        let signals = SIGNALS.load(Ordering::Relaxed);
-        for _ in self.signals..signals {
+        if self.asked_to_end.swap(false, Ordering::Relaxed) {
             self.operator.want(self.now_us(), Intent::Quit);
         }
-        self.signals = signals;
         while event::poll(Duration::ZERO)? {
             // A new size shows when the screen is drawn next.
             let Event::Key(key) = event::read()? else { continue };
