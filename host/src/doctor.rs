@@ -2,6 +2,7 @@
 //!
 //! A pure function of [`Findings`]: whoever has a bus collects them.
 
+use crate::advice;
 use crate::catalog::Catalog;
 use crate::refusal::{event_sentence, fault_names, state_name};
 use crate::session::History;
@@ -195,7 +196,7 @@ impl Findings<'_> {
         let name = fault_names(FaultBits::default().with(fault));
         let detail = self.heard.faults.get(&fault.code()).map(|report| self.detail(report));
         let what = format!("fault {}: {name}{}", fault.code(), detail.unwrap_or_default());
-        let help = format!("{} (docs/faults.md, {} {fault:?})", advice(fault), fault.code());
+        let help = format!("{} (docs/faults.md, {} {fault:?})", advice::about(fault), fault.code());
         finding(Gravity::Wrong, what, help)
     }
 
@@ -289,33 +290,6 @@ impl Findings<'_> {
 
 fn finding(gravity: Gravity, what: String, help: String) -> Finding {
     Finding { gravity, what, help }
-}
-
-/// What to look at first; `docs/faults.md` says the rest.
-fn advice(fault: Fault) -> &'static str {
-    match fault {
-        Fault::NoLibrary => "flash a library",
-        Fault::ConfigMismatch => {
-            "build the library from the robot file that the firmware was built for"
-        }
-        Fault::HostLost => "the program that held the robot ended, stalled or lost the bus; clear",
-        Fault::ActuatorSilent => "check its power, its cable and its address, then clear",
-        Fault::ActuatorFault => {
-            "the actuator switched itself off: too hot, too low a voltage? then clear"
-        }
-        Fault::TrackingError => {
-            "something blocks it, or gain and torque limit are too low; free it, clear"
-        }
-        Fault::OutOfLimits => "move it by hand to where it may be; check its zero position",
-        Fault::Tilt => "put the robot upright, then clear",
-        Fault::BusNoAck => "motor power off, or the bus is not connected; then clear",
-        Fault::BusPassive => "check termination, cable and bitrate of the actuator bus, then clear",
-        Fault::BusOff => "a short or a wrong bitrate on the actuator bus; clearing starts it again",
-        Fault::EStop => "make sure that it is safe, then clear",
-        Fault::Overrun => "the control loop had too much to do; clear, and report it",
-        Fault::LibraryUnreadable => "the memory of the library fails: flash it again, then clear",
-        Fault::Internal => "switch it off and on, and report it",
-    }
 }
 
 #[cfg(test)]

@@ -10,8 +10,10 @@
 //! | [`catalog`] | names for the numbers of a library |
 //! | [`doctor`] | what is wrong with a robot, and how to clear it |
 //! | [`told`], [`telemetry`] | what a frame says by name; telemetry files for Foxglove |
+//! | [`advice`] | what to do about a fault or in a state, in a sentence |
 //! | [`refusal`] | what the controller says no with, in sentences |
 
+pub mod advice;
 pub mod catalog;
 pub mod client;
 pub mod dbc;

@@ -11,7 +11,6 @@
 //! not held it is not one order that stops the robot but a condition: as long as the robot says that it moves it
 //! is told not to.
 
-pub mod advice;
 mod heard;
 mod intent;
 mod log;
@@ -25,6 +24,7 @@ pub use intent::{Deadman, Intent, LetGo};
 pub use log::{Message, Weight};
 pub use view::{FaultView, JointView, Leaving, LinkView, View};
 
+use crate::advice;
 use crate::catalog::Catalog;
 use crate::client::{Client, Incoming, Outgoing};
 use heard::Heard;

@@ -10,7 +10,9 @@ pub fn about(fault: Fault) -> &'static str {
         Fault::HostLost => "see why heartbeats did not arrive; clear, then arm",
         Fault::ActuatorSilent => "check motor power and this actuator's cable; clear, then arm",
         Fault::ActuatorFault => "read the drive's own error, let it cool; clear, then arm",
-        Fault::TrackingError => "free what holds the joint; clear, then arm",
+        Fault::TrackingError => {
+            "free what holds the joint; is the torque limit or the gain too low? clear, then arm"
+        }
         Fault::OutOfLimits => "turn the joint back into its range by hand, then arm",
         Fault::Tilt => "set the robot up, without torque; clear, then arm",
         Fault::BusNoAck => "check motor power and the actuator bus; clear, then arm",
