@@ -1,6 +1,8 @@
 //! Support for the end-to-end tests in `integration/`: a folder to work in and a command line to run
 //! there, as a user would.
 
+pub mod terminal;
+
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,115 @@
+//! Programs at a pseudo terminal: keys go in, and what a terminal makes of their output is looked at.
+
+use serialport::{SerialPort, TTYPort};
+use std::fs::{File, OpenOptions};
+use std::io::{ErrorKind, Read, Write};
+use std::num::NonZero;
+use std::process::{Child, Command};
+use std::time::{Duration, Instant};
+
+/// Longest wait for anything that comes by itself, on a machine that is busy.
+const LONG: Duration = Duration::from_secs(60);
+
+/// A program, and the terminal that it is on. Killed when dropped.
+pub struct Terminal {
+    /// The program.
+    pub program: Child,
+    terminal: TTYPort,
+    /// The terminal's device.
+    pub device: String,
+    screen: vt100::Parser,
+    /// As a shell has it: the device is open when the program has ended.
+    _held: File,
+}
+
+impl Terminal {
+    /// Starts a command on a new terminal of 40 lines and 120 columns.
+    ///
+    /// # Panics
+    /// It does not start.
+    pub fn start(mut command: Command) -> Self {
+        let (mut terminal, line) = TTYPort::pair().expect("a pseudo terminal");
+        terminal.set_timeout(Duration::from_millis(20)).expect("a timeout");
+        let device = line.name().expect("a name");
+        let end = || OpenOptions::new().read(true).write(true).open(&device).expect("its device");
+        let (input, output, held) = (end(), end(), end());
+        // As a terminal is before a program takes it.
+        stty(&device, &["sane", "rows", "40", "cols", "120"]);
+        command.env("TERM", "xterm-256color").stdin(input).stdout(output);
+        let program = command.spawn().expect("the console starts");
+        let size = |count| NonZero::new(count).expect("not none");
+        let screen = vt100::Parser::new(size(40), size(120), 0);
+        Self { program, terminal, device, screen, _held: held }
+    }
+
+    /// Presses keys.
+    ///
+    /// # Panics
+    /// The terminal takes none.
+    pub fn press(&mut self, keys: &str) {
+        self.terminal.write_all(keys.as_bytes()).expect("the terminal takes keys");
+    }
+
+    /// Whether a full-screen program has the screen.
+    pub fn is_taken(&self) -> bool {
+        self.screen.screen().alternate_screen()
+    }
+
+    fn read(&mut self) {
+        let mut bytes = [0; 4096];
+        match self.terminal.read(&mut bytes) {
+            Ok(count) => self.screen.process(&bytes[..count]),
+            Err(error) if error.kind() == ErrorKind::TimedOut => {}
+            Err(error) => panic!("the terminal: {error}"),
+        }
+    }
+
+    /// Waits until the screen shows this.
+    ///
+    /// # Panics
+    /// It does not within a minute.
+    #[track_caller]
+    pub fn shows(&mut self, words: &str) {
+        let start = Instant::now();
+        while !self.screen.screen().contents().contains(words) {
+            let shown = self.screen.screen().contents();
+            assert!(start.elapsed() < LONG, "{words:?} does not show:\n{shown}");
+            self.read();
+        }
+    }
+
+    /// Waits for its end; its exit code.
+    ///
+    /// # Panics
+    /// It does not end within a minute.
+    #[track_caller]
+    pub fn ends(&mut self) -> Option<i32> {
+        let start = Instant::now();
+        loop {
+            self.read();
+            if let Some(status) = self.program.try_wait().expect("a child") {
+                // What it said last.
+                self.read();
+                return status.code();
+            }
+            assert!(start.elapsed() < LONG, "it does not end");
+        }
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        let _ = self.program.kill();
+        let _ = self.program.wait();
+    }
+}
+
+/// What `stty` says of a terminal, or does to it.
+///
+/// # Panics
+/// It refuses.
+pub fn stty(device: &str, args: &[&str]) -> String {
+    let output = Command::new("stty").arg("-F").arg(device).args(args).output().expect("stty");
+    assert!(output.status.success(), "stty: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).expect("text")
+}
