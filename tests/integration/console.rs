@@ -20,23 +20,23 @@ fn a_robot_is_armed_played_stopped_and_left_by_keys() {
     on(&desk, &bus, &["flash", "legbot.rwl"]).succeeds();
 
     let mut console = start(&desk, &bus);
-    console.shows("disarmed");
+    console.shows("DISARMED");
     console.shows("rest");
     console.press("a");
-    console.shows("ready");
+    console.shows("READY");
     console.press("2");
-    console.shows("playing");
+    console.shows("PLAYING");
     console.press(" ");
-    console.shows("stopped");
+    console.shows("EMERGENCY STOP");
     console.press("c");
-    console.shows("disarmed");
+    console.shows("DISARMED");
     console.press("q");
     assert_eq!(console.ends(), Some(0));
 
     // Another, ended from outside: it leaves as by `q`, and the terminal is as it was.
     let before = stty(&console.device, &["-g"]);
     let mut console = start(&desk, &bus);
-    console.shows("disarmed");
+    console.shows("DISARMED");
     let during = stty(&console.device, &["-g"]);
     assert_ne!(before, during, "it takes the terminal");
     let id = console.program.id().to_string();

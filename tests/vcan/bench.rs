@@ -2,6 +2,7 @@
 
 use rollwalk_bus::candump::{self, LogEntry};
 use rollwalk_protocol::wire::{FromController, State};
+use rollwalk_tests::terminal::Terminal;
 use rollwalk_tests::{Outcome, checkout};
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read};
@@ -80,6 +81,14 @@ pub fn run(program: &str, args: &[&str]) {
     let output = Command::new(program).args(args).output().expect(program);
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{program} {args:?}: {errors}");
+}
+
+/// The console at a terminal, with a gamepad.
+pub fn console(bus: &str, gamepad: &str) -> Terminal {
+    warm();
+    let mut command = Command::new(ROLLWALK);
+    command.args(["console", "--bus", bus, "--gamepad", gamepad, "--library"]).arg(library());
+    Terminal::start(command)
 }
 
 /// A program that runs beside the test; killed when dropped.

@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 /// The host's files and a port for output, then CAN. `can-gw` and the broadcast manager are for tools
-/// of can-utils and python-can; `kvaser_pci` is the driver of the machine's two cards.
-const WANTED: [&str; 14] = [
+/// of can-utils and python-can; `kvaser_pci` is the driver of the machine's two cards; gamepads come from `uinput`.
+const WANTED: [&str; 16] = [
     "virtio_pci",
     "virtio_console",
     "9pnet_virtio",
@@ -22,6 +22,8 @@ const WANTED: [&str; 14] = [
     "vcan",
     "slcan",
     "kvaser_pci",
+    "evdev",
+    "uinput",
 ];
 
 /// Files of the modules in an order in which they can be inserted.

@@ -12,9 +12,9 @@ use std::time::Duration;
 const PACKAGES: [&str; 3] = ["can-utils", "iproute2", "qemu-system-arm"];
 /// The library that is flashed.
 const LIBRARY: &str = "motions/agilebot_library.toml";
-/// The tests that need a kernel with CAN, and those that need cards which only the virtual machine has.
+/// The tests that need a kernel with CAN, and those that need cards and gamepads, which only the virtual machine has.
 const ON_VCAN: [&str; 2] = ["board::", "on_vcan::"];
-const ON_HARDWARE: &str = "on_hardware::";
+const ON_HARDWARE: [&str; 2] = ["gamepad::", "on_hardware::"];
 /// Longest time of this machine, loaded as it may be.
 const TIMEOUT: Duration = Duration::from_secs(2400);
 
@@ -54,9 +54,9 @@ pub fn run(place: Place) -> Result<(), String> {
     match place {
         Place::Here => {
             run_in(Place::Here, &ON_VCAN)?;
-            run_in(Place::Guest, &[ON_HARDWARE])?;
+            run_in(Place::Guest, &ON_HARDWARE)?;
         }
-        Place::Guest => run_in(Place::Guest, &[&ON_VCAN[..], &[ON_HARDWARE]].concat())?,
+        Place::Guest => run_in(Place::Guest, &[&ON_VCAN[..], &ON_HARDWARE].concat())?,
     }
     look_at(&tests, &results)
 }

@@ -1,0 +1,131 @@
+//! A gamepad that the kernel has from this test, in the hands of somebody at the console: buttons down to frames.
+
+use crate::bench::{Beside, console, desk, library, log, rollwalk, states};
+use evdev::uinput::VirtualDevice;
+use evdev::{
+    AbsInfo, AbsoluteAxisCode, AbsoluteAxisEvent, AttributeSet, KeyCode, KeyEvent, UinputAbsSetup,
+};
+use rollwalk_protocol::wire::State;
+use std::thread::sleep;
+use std::time::Duration;
+
+const START: KeyCode = KeyCode::BTN_START;
+const CLEAR: KeyCode = KeyCode::BTN_TL;
+const DEADMAN: KeyCode = KeyCode::BTN_TR;
+const ESTOP: KeyCode = KeyCode::BTN_EAST;
+const PAUSE: KeyCode = KeyCode::BTN_NORTH;
+/// The cross; to the left it plays 3.
+const CROSS: AbsoluteAxisCode = AbsoluteAxisCode::ABS_HAT0X;
+
+/// As `gamepads/xbox.toml` expects it.
+struct Pad(VirtualDevice);
+
+impl Pad {
+    fn plug_in() -> Self {
+        let mut keys = AttributeSet::<KeyCode>::new();
+        for key in [KeyCode::BTN_SOUTH, START, CLEAR, DEADMAN, ESTOP, PAUSE, KeyCode::BTN_MODE] {
+            keys.insert(key);
+        }
+        for key in [KeyCode::BTN_SELECT, KeyCode::BTN_WEST] {
+            keys.insert(key);
+        }
+        let axis =
+            |code, least, most| UinputAbsSetup::new(code, AbsInfo::new(0, least, most, 0, 0, 0));
+        let axes = [
+            axis(CROSS, -1, 1),
+            axis(AbsoluteAxisCode::ABS_HAT0Y, -1, 1),
+            axis(AbsoluteAxisCode::ABS_Z, 0, 1023),
+        ];
+        let pad = VirtualDevice::builder().and_then(|builder| {
+            let builder = builder.name("Xbox of a test").with_keys(&keys)?;
+            let with_axes =
+                axes.iter().try_fold(builder, |builder, axis| builder.with_absolute_axis(axis));
+            with_axes?.build()
+        });
+        Self(pad.expect("uinput makes a gamepad"))
+    }
+
+    fn key(&mut self, key: KeyCode, is_down: bool) {
+        self.0.emit(&[*KeyEvent::new(key, is_down.into())]).expect("the kernel takes it");
+    }
+
+    fn press(&mut self, key: KeyCode) {
+        self.key(key, true);
+        sleep(Duration::from_millis(100));
+        self.key(key, false);
+    }
+
+    fn play_3(&mut self) {
+        for value in [-1, 0] {
+            self.0.emit(&[*AbsoluteAxisEvent::new(CROSS, value)]).expect("the kernel takes it");
+            sleep(Duration::from_millis(100));
+        }
+    }
+}
+
+#[test]
+fn nothing_moves_without_the_deadman_and_the_stop_needs_nothing() {
+    let bus = "can:vcan0";
+    let _robot = Beside::robot(&["--bus", bus]);
+    rollwalk(&["flash", library().to_str().unwrap(), "--bus", bus]).succeeds();
+    let frames = desk().join("gamepad.log");
+    let candump = Beside::candump("vcan0", &frames);
+
+    let mut pad = Pad::plug_in();
+    let mut console = console(bus, "auto");
+    console.shows("DISARMED");
+    console.shows("DEADMAN NOT HELD, gamepad xbox");
+    pad.press(START);
+    console.shows("hold BTN_TR first: BTN_START makes the robot move");
+    sleep(Duration::from_millis(500));
+    console.shows("DISARMED");
+
+    pad.key(DEADMAN, true);
+    console.shows("deadman held");
+    pad.press(START);
+    console.shows("READY");
+    pad.play_3();
+    console.shows("PLAYING");
+    pad.key(DEADMAN, false);
+    console.shows("PAUSED");
+    // Holding it again moves nothing.
+    pad.key(DEADMAN, true);
+    console.shows("deadman held");
+    sleep(Duration::from_millis(500));
+    console.shows("PAUSED");
+    pad.press(PAUSE);
+    console.shows("PLAYING");
+    pad.key(DEADMAN, false);
+    console.shows("PAUSED");
+    pad.press(ESTOP);
+    console.shows("EMERGENCY STOP");
+
+    pad.press(CLEAR);
+    console.shows("DISARMED");
+    pad.key(DEADMAN, true);
+    console.shows("deadman held");
+    pad.press(START);
+    console.shows("READY");
+    pad.play_3();
+    console.shows("PLAYING");
+    // Its plug is pulled, and put in again.
+    drop(pad);
+    console.shows("PAUSED");
+    let mut pad = Pad::plug_in();
+    // It is looked for once a second; what is held when it is found does not count.
+    sleep(Duration::from_millis(1500));
+    pad.key(DEADMAN, true);
+    console.shows("deadman held");
+    console.press("q");
+    assert_eq!(console.ends(), Some(0));
+    sleep(Duration::from_millis(100));
+    drop(candump);
+
+    let mut told: Vec<State> = states(&log(&frames)).into_iter().map(|(state, _)| state).collect();
+    told.dedup();
+    use State::{Aligning, Disarmed, EStopped, Paused, Playing, Ready};
+    let until_stop = [Disarmed, Aligning, Ready, Playing, Paused, Playing, Paused, EStopped];
+    assert_eq!(told.get(..8), Some(&until_stop[..]), "{told:?}");
+    assert_eq!(told.iter().filter(|state| **state == Paused).count(), 3, "{told:?}");
+    assert_eq!(told.last(), Some(&Disarmed), "{told:?}");
+}
