@@ -115,7 +115,7 @@ fn a_robot_behind_an_slcan_adapter_is_flashed_and_played() {
 #[test]
 fn whoever_may_not_use_a_device_is_told_what_to_type() {
     let (name, _far) = device();
-    fs::set_permissions(&name, Permissions::from_mode(0)).expect("our own device");
+    fs::set_permissions(&name, Permissions::from_mode(0o000)).expect("our own device");
     let desk = desk();
     let program = desk.path("rollwalk");
     fs::copy(env!("CARGO_BIN_EXE_rollwalk-under-test"), &program).expect("a copy");
