@@ -6,6 +6,7 @@
 //! | [`name`], [`open`] | from what the user types to an open bus, or to what to type instead |
 //! | [`port`] | a bus in real time: an outlet, and a thread that listens |
 //! | [`can`] | SocketCAN: short queues, and what drivers report as states and sentences |
+//! | `line` | the ends of a serial line: reading that waits a little, writing that does not |
 //! | [`serial`], [`slcan`] | the link over a serial line; CAN adapters on serial lines |
 //! | [`sim`] | a simulated robot's link on this computer |
 //! | [`lossy`] | a link that loses frames, for tests |
@@ -14,6 +15,7 @@
 #[cfg(target_os = "linux")]
 pub mod can;
 pub mod candump;
+mod line;
 pub mod link;
 pub mod lossy;
 pub mod name;

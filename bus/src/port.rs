@@ -58,6 +58,11 @@ pub trait Outlet: Send {
         None
     }
 
+    /// Bits per second on the bus, if it is a CAN bus and they are known.
+    fn bitrate(&self) -> Option<u32> {
+        None
+    }
+
     /// What is wrong with the bus, and what would help, if something is known to be.
     fn complaint(&self) -> Option<String> {
         None
@@ -88,33 +93,42 @@ type Tagged = (usize, Result<Heard, LinkError>);
 pub struct Hub {
     /// The ways out, in the order of the ports.
     pub outlets: Vec<Box<dyn Outlet>>,
+    /// What ends the thread that listens, of each.
+    over: Vec<Arc<AtomicBool>>,
     heard: Receiver<Tagged>,
     sender: Sender<Tagged>,
-    /// Ends the threads that listen.
-    is_over: Arc<AtomicBool>,
 }
 
 impl Hub {
     /// Starts to listen.
     pub fn new(ports: impl IntoIterator<Item = Port>) -> Self {
         let (sender, heard) = channel();
-        let mut hub = Self { outlets: Vec::new(), heard, sender, is_over: Arc::default() };
+        let mut hub = Self { outlets: Vec::new(), over: Vec::new(), heard, sender };
         for (index, port) in ports.into_iter().enumerate() {
-            hub.listen(index, port.inlet);
+            let over = hub.listen(index, port.inlet);
+            hub.over.push(over);
             hub.outlets.push(port.outlet);
         }
         hub
     }
 
+    /// Lets go of a port that is of no use any more, so that its device can be opened again.
+    pub fn close(&mut self, index: usize) {
+        self.over[index].store(true, Ordering::Relaxed);
+        self.outlets[index] = Box::new(Closed);
+    }
+
     /// Puts another port in the place of one that is gone.
     pub fn replace(&mut self, index: usize, port: Port) {
-        self.listen(index, port.inlet);
+        self.close(index);
+        self.over[index] = self.listen(index, port.inlet);
         self.outlets[index] = port.outlet;
     }
 
-    /// Passes on what is heard, in a thread of its own, until the bus or the hub is gone.
-    fn listen(&self, index: usize, mut inlet: Box<dyn Inlet>) {
-        let (sender, is_over) = (self.sender.clone(), Arc::clone(&self.is_over));
+    /// Passes on what is heard, in a thread of its own, until the bus is gone or that is said to be over.
+    fn listen(&self, index: usize, mut inlet: Box<dyn Inlet>) -> Arc<AtomicBool> {
+        let (sender, over) = (self.sender.clone(), Arc::new(AtomicBool::new(false)));
+        let is_over = Arc::clone(&over);
         thread::spawn(move || {
             while !is_over.load(Ordering::Relaxed) {
                 let heard = inlet.hear().transpose();
@@ -126,6 +140,7 @@ impl Hub {
                 }
             }
         });
+        over
     }
 
     /// What is heard next and on which bus; `None` if nothing is until `deadline`. A bus that is gone says
@@ -152,7 +167,20 @@ impl Hub {
 
 impl Drop for Hub {
     fn drop(&mut self) {
-        self.is_over.store(true, Ordering::Relaxed);
+        self.over.iter().for_each(|over| over.store(true, Ordering::Relaxed));
+    }
+}
+
+/// The way out of a port that was let go of.
+struct Closed;
+
+impl Outlet for Closed {
+    fn is_free(&self) -> bool {
+        false
+    }
+
+    fn send(&mut self, _frame: &AnyFrame) -> Result<(), LinkError> {
+        Err(LinkError::Down("it is closed".into()))
     }
 }
 
@@ -195,6 +223,11 @@ impl Live {
             }
         }
         Ok(None)
+    }
+
+    /// Bits per second on the bus, if it is a CAN bus and they are known.
+    pub fn bitrate(&self) -> Option<u32> {
+        self.hub.outlets[0].bitrate()
     }
 
     fn next(&mut self, deadline: Instant) -> Result<Option<Heard>, LinkError> {

@@ -3,6 +3,7 @@
 //! The bytes are those of [`rollwalk_protocol::serial`]. [`port`] takes any two ends of a line, [`open`] a
 //! device.
 
+use crate::line::{LineWriter, read};
 use crate::link::LinkError;
 use crate::open::OpenError;
 use crate::port::{Heard, Inlet, Outlet, Port};
@@ -105,51 +106,53 @@ fn both_ends(
     writer: impl Write + Send + 'static,
     gateway: Option<Gateway>,
 ) -> Port {
+    let writer = LineWriter::new(name, writer);
+    let outlet = SerialOutlet { writer, gateway, started: Instant::now() };
     let name = name.to_owned();
-    let outlet = SerialOutlet { name: name.clone(), writer, gateway, started: Instant::now() };
     let inlet = SerialInlet { name, reader, deframer: Deframer::default(), heard: VecDeque::new() };
     Port { outlet: Box::new(outlet), inlet: Box::new(inlet) }
 }
 
-struct SerialOutlet<W> {
-    name: String,
-    writer: W,
+struct SerialOutlet {
+    writer: LineWriter,
     /// Of a line on which messages go whole.
     gateway: Option<Gateway>,
     started: Instant,
 }
 
-fn write(name: &str, writer: &mut impl Write, packet: &Packet<'_>) -> Result<(), LinkError> {
+fn write(writer: &mut LineWriter, packet: &Packet<'_>) -> Result<(), LinkError> {
     let line = packet.encode();
     let line = line.ok_or_else(|| LinkError::Down(format!("no line for {packet:?}")))?;
-    writer.write_all(&line).and_then(|()| writer.flush()).map_err(|error| gone(name, &error))
+    writer.put(&line)
 }
 
 fn since_us(start: Instant) -> u64 {
     u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX)
 }
 
-impl<W: Write + Send> Outlet for SerialOutlet<W> {
+impl Outlet for SerialOutlet {
     fn is_free(&self) -> bool {
-        true
+        self.writer.has_room()
     }
 
     fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
-        let name = &self.name;
         let AnyFrame::Standard(frame) = frame else {
+            let name = self.writer.name();
             return Err(LinkError::Down(format!(
                 "{name} carries no frames with 29-bit identifiers"
             )));
         };
+        // Before the gateway takes note of the frame.
+        self.writer.ready()?;
         let packet = match &mut self.gateway {
             Some(gateway) => gateway.send(since_us(self.started), frame),
             None => Some(Packet::Link(*frame)),
         };
-        packet.map_or(Ok(()), |packet| write(name, &mut self.writer, &packet))
+        packet.map_or(Ok(()), |packet| write(&mut self.writer, &packet))
     }
 
     fn ask_report(&mut self) -> Result<bool, LinkError> {
-        write(&self.name, &mut self.writer, &Packet::Ask).map(|()| true)
+        write(&mut self.writer, &Packet::Ask).map(|()| true)
     }
 
     fn take_apart(&mut self, id: u16, message: &[u8]) {
@@ -190,44 +193,6 @@ impl<R: Read + Send> Inlet for SerialInlet<R> {
         Ok(self.heard.pop_front())
     }
 }
-
-/// Reads what is there; 0 bytes when nothing came for a while.
-pub(crate) fn read(
-    name: &str,
-    reader: &mut impl Read,
-    bytes: &mut [u8],
-) -> Result<usize, LinkError> {
-    match reader.read(bytes) {
-        Ok(0) => Err(LinkError::Down(format!("{name}: the other end hung up"))),
-        Ok(count) => Ok(count),
-        Err(error) => match error.kind() {
-            io::ErrorKind::Interrupted | io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock => {
-                Ok(0)
-            }
-            _ => Err(gone(name, &error)),
-        },
-    }
-}
-
-/// A line failed for good.
-pub(crate) fn gone(name: &str, error: &io::Error) -> LinkError {
-    let unplugged = matches!(error.kind(), io::ErrorKind::BrokenPipe | io::ErrorKind::NotFound)
-        || matches!(
-            error.raw_os_error(),
-            Some(INPUT_OUTPUT | NO_SUCH_DEVICE_OR_ADDRESS | NO_DEVICE)
-        );
-    let why = if unplugged {
-        format!("{name} is gone: was it unplugged? ({error})")
-    } else {
-        format!("{name}: {error}")
-    };
-    LinkError::Down(why)
-}
-
-/// `EIO`, `ENXIO` and `ENODEV` of Linux: what a serial adapter says when it is not there any more.
-const INPUT_OUTPUT: i32 = 5;
-const NO_SUCH_DEVICE_OR_ADDRESS: i32 = 6;
-const NO_DEVICE: i32 = 19;
 
 #[cfg(test)]
 mod tests {

@@ -12,6 +12,8 @@ use rollwalk_protocol::serial::Packet;
 use std::env;
 use std::fs;
 use std::io::{self, Write};
+use std::net::Shutdown;
+use std::os::unix::fs::FileTypeExt;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -65,10 +67,16 @@ pub fn serve(socket: Option<&Path>) -> Result<Port, OpenError> {
             help: "end it, or give this one another place: --bus sim:PATH".into(),
         });
     }
-    // One that a robot left behind when it was killed.
-    match fs::remove_file(&path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(failed(error)),
-        _ => {}
+    // One that a robot left behind when it was killed; and nothing else.
+    match fs::symlink_metadata(&path) {
+        Ok(found) if found.file_type().is_socket() => fs::remove_file(&path).map_err(failed)?,
+        Ok(_) => {
+            return Err(OpenError {
+                what: format!("{} is there already, and is no socket", path.display()),
+                help: "give the path of one that is to be made: --bus sim:PATH".into(),
+            });
+        }
+        Err(_) => {}
     }
     let listener = UnixListener::bind(&path).map_err(failed)?;
     let members = Members::default();
@@ -110,8 +118,15 @@ fn tell(members: &Members, frame: &AnyFrame, but: Option<u64>) {
     let AnyFrame::Standard(frame) = frame else { return };
     let Some(line) = Packet::Link(*frame).encode() else { return };
     let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
-    // Whoever does not keep up is put out: half a packet would spoil what follows.
-    members.retain_mut(|(number, stream)| Some(*number) == but || stream.write_all(&line).is_ok());
+    members.retain_mut(|(number, stream)| {
+        if Some(*number) == but || stream.write_all(&line).is_ok() {
+            return true;
+        }
+        // Whoever does not keep up is put out, since half a packet would spoil what follows; and notices, since
+        // nobody should be heard who is deaf.
+        let _ = stream.shutdown(Shutdown::Both);
+        false
+    });
 }
 
 fn leave(members: &Members, number: u64) {
@@ -186,6 +201,37 @@ mod tests {
         robot.send(&frame(3)).unwrap();
         assert_eq!(first.receive(LONG_US), Ok(Some(frame(3))));
         assert_eq!(second.receive(LONG_US), Ok(Some(frame(3))));
+    }
+
+    #[test]
+    fn a_file_that_is_no_socket_is_left_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("pup.toml");
+        fs::write(&file, "name = \"pup\"").unwrap();
+        let error = serve(Some(&file)).err().unwrap();
+        assert!(error.what.contains("pup.toml is there already, and is no socket"), "{error}");
+        assert_eq!(fs::read_to_string(&file).unwrap(), "name = \"pup\"");
+    }
+
+    #[test]
+    fn a_program_that_does_not_listen_is_put_out_and_not_heard_any_more() {
+        let folder = tempfile::tempdir().unwrap();
+        let socket = folder.path().join("robot.sock");
+        let mut robot = Live::new(serve(Some(&socket)).unwrap());
+        // One that stands still: nobody reads.
+        let mut deaf = UnixStream::connect(&socket).unwrap();
+        deaf.write_all(&Packet::Link(frame(1)).encode().unwrap()).unwrap();
+        assert_eq!(robot.receive(LONG_US), Ok(Some(frame(1))));
+        let is_out =
+            |deaf: &mut UnixStream| deaf.write_all(&Packet::Ask.encode().unwrap()).is_err();
+        for sent in 0.. {
+            robot.send(&frame(3)).unwrap();
+            if is_out(&mut deaf) {
+                break;
+            }
+            assert!(sent < 1_000_000, "it is never put out");
+        }
+        assert_eq!(robot.receive(robot.now_us()), Ok(None));
     }
 
     #[test]

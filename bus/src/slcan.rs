@@ -1,13 +1,14 @@
 //! A CAN adapter on a serial line that speaks SLCAN (Lawicel).
 
+use crate::line::{LineWriter, read};
 use crate::link::LinkError;
 use crate::open::OpenError;
 use crate::port::{Heard, Inlet, Outlet, Port};
-use crate::serial::{gone, open_device, read};
+use crate::serial::open_device;
 use rollwalk_protocol::can::AnyFrame;
 use rollwalk_protocol::slcan::{Reader, Said, bitrate_digit};
 use std::collections::VecDeque;
-use std::io::{self, Read, Write};
+use std::io::{Read, Write};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,60 +30,77 @@ pub fn open(device: &Path, bitrate: u32) -> Result<Port, OpenError> {
     })?;
     let (reader, writer) = open_device(device, BAUD)?;
     let name = device.display().to_string();
-    port(&name, reader, writer, digit).map_err(|error| OpenError {
+    port(&name, reader, writer, digit, bitrate).map_err(|error| OpenError {
         what: format!("`{name}` does not take commands: {error}"),
         help: "is it a CAN adapter that speaks SLCAN? Unplug it and plug it in again".into(),
     })
 }
 
-/// Both ends of a line to an adapter, which is told to join a bus with Lawicel's bitrate `digit`.
+/// Both ends of a line to an adapter, which is told to join a bus of `bitrate` bit/s, Lawicel's `digit`.
 ///
 /// # Errors
 /// The line's.
 pub fn port(
     name: &str,
     reader: impl Read + Send + 'static,
-    mut writer: impl Write + Send + 'static,
+    writer: impl Write + Send + 'static,
     digit: u8,
-) -> io::Result<Port> {
+    bitrate: u32,
+) -> Result<Port, LinkError> {
+    let mut writer = LineWriter::new(name, writer);
     // The first end of a line ends whatever an earlier program left behind.
-    for said in [Said::Yes, Said::Close, Said::Bitrate(digit), Said::Open] {
-        writer.write_all(&said.encode().unwrap_or_default())?;
-    }
-    writer.flush()?;
-    let refuses = Arc::new(AtomicBool::new(false));
-    let outlet =
-        Box::new(SlcanOutlet { name: name.to_owned(), writer, refuses: Arc::clone(&refuses) });
+    let orders = [Said::Yes, Said::Close, Said::Bitrate(digit), Said::Open];
+    let orders: Vec<u8> =
+        orders.iter().flat_map(|said| said.encode().unwrap_or_default()).collect();
+    writer.put(&orders)?;
+    let (answers, refuses) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
+    let outlet = SlcanOutlet {
+        writer,
+        bitrate,
+        answers: Arc::clone(&answers),
+        refuses: Arc::clone(&refuses),
+    };
     let inlet = SlcanInlet {
         name: name.to_owned(),
         reader,
         text: Reader::default(),
         heard: VecDeque::new(),
+        answers,
         refuses,
     };
-    Ok(Port { outlet, inlet: Box::new(inlet) })
+    Ok(Port { outlet: Box::new(outlet), inlet: Box::new(inlet) })
 }
 
-struct SlcanOutlet<W: Write> {
-    name: String,
-    writer: W,
+struct SlcanOutlet {
+    writer: LineWriter,
+    bitrate: u32,
+    /// Whether anything was heard that an adapter says. Not all confirm commands.
+    answers: Arc<AtomicBool>,
     /// Whether the adapter said no, and yes never since.
     refuses: Arc<AtomicBool>,
 }
 
-impl<W: Write + Send> Outlet for SlcanOutlet<W> {
+impl Outlet for SlcanOutlet {
     fn is_free(&self) -> bool {
-        true
+        self.writer.has_room()
     }
 
     fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
-        let line = Said::Frame(*frame).encode().unwrap_or_default();
-        let written = self.writer.write_all(&line).and_then(|()| self.writer.flush());
-        written.map_err(|error| gone(&self.name, &error))
+        self.writer.put(&Said::Frame(*frame).encode().unwrap_or_default())
+    }
+
+    fn bitrate(&self) -> Option<u32> {
+        Some(self.bitrate)
     }
 
     fn complaint(&self) -> Option<String> {
-        let name = &self.name;
+        let name = self.writer.name();
+        if !self.answers.load(Ordering::Relaxed) {
+            return Some(format!(
+                "nothing that a CAN adapter says has come from {name}: is it one, does it speak SLCAN, and \
+                 is the robot on its bus?"
+            ));
+        }
         self.refuses.load(Ordering::Relaxed).then(|| {
             format!(
                 "the adapter {name} refuses frames: nobody may acknowledge them, or the bus has another \
@@ -92,11 +110,10 @@ impl<W: Write + Send> Outlet for SlcanOutlet<W> {
     }
 }
 
-impl<W: Write> Drop for SlcanOutlet<W> {
+impl Drop for SlcanOutlet {
     fn drop(&mut self) {
         // Otherwise what the adapter hears would wait in the line for whoever opens it next.
-        let line = Said::Close.encode().unwrap_or_default();
-        let _ = self.writer.write_all(&line);
+        let _ = self.writer.put(&Said::Close.encode().unwrap_or_default());
     }
 }
 
@@ -105,6 +122,7 @@ struct SlcanInlet<R> {
     reader: R,
     text: Reader,
     heard: VecDeque<Heard>,
+    answers: Arc<AtomicBool>,
     refuses: Arc<AtomicBool>,
 }
 
@@ -114,7 +132,11 @@ impl<R: Read + Send> Inlet for SlcanInlet<R> {
             let mut bytes = [0; 256];
             let count = read(&self.name, &mut self.reader, &mut bytes)?;
             for &byte in &bytes[..count] {
-                match self.text.push(byte) {
+                let said = self.text.push(byte);
+                if said.is_some() {
+                    self.answers.store(true, Ordering::Relaxed);
+                }
+                match said {
                     Some(Said::Frame(frame)) => self.heard.push_back(Heard::Frame(frame)),
                     Some(Said::Yes) => self.refuses.store(false, Ordering::Relaxed),
                     Some(Said::No) => self.refuses.store(true, Ordering::Relaxed),
@@ -137,8 +159,9 @@ mod tests {
     #[test]
     fn an_adapter_is_set_up_and_carries_frames() {
         let (host, mut adapter) = UnixStream::pair().unwrap();
-        let port = port("the adapter", host.try_clone().unwrap(), host, 8).unwrap();
-        let mut link = Live::new(port);
+        let port = port("the adapter", host.try_clone().unwrap(), host, 8, 1_000_000);
+        let mut link = Live::new(port.unwrap());
+        assert!(link.complaint().unwrap().contains("nothing that a CAN adapter says"));
         link.send(&CanFrame::new(0x123, &[0xAB]).unwrap()).unwrap();
         let expected = b"\rC\rS8\rO\rt1231AB\r";
         let mut said = vec![0; expected.len()];

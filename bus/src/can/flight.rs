@@ -3,10 +3,16 @@
 //! The kernel hands every frame back when it has left. Until then it counts, and with too many on their way no
 //! more are taken: what waits elsewhere can still be replaced by something newer, and what waits here can not.
 //! An interface whose frames stay away is stuck: briefly when an adapter stalls, for good when nobody
-//! acknowledges.
+//! acknowledges. Or the driver has lost them and takes others: so it is tried with one frame more, a few times
+//! and not for ever, for what it takes while nobody acknowledges is stale when somebody does again.
 
 use rollwalk_protocol::can::AnyFrame;
 use std::collections::VecDeque;
+
+/// After so long with nothing leaving, another frame may be tried, µs.
+const PROBE_US: u64 = 1_000_000;
+/// So many may be tried until something leaves again.
+const PROBES: u8 = 2;
 
 /// Frames on their way.
 #[derive(Clone, Debug)]
@@ -15,12 +21,14 @@ pub struct Flight {
     frames: VecDeque<AnyFrame>,
     /// When something left last, or the first of these was sent.
     since_us: u64,
+    /// Frames that were tried since something left last.
+    probes: u8,
 }
 
 impl Flight {
     /// None yet, and never more than `depth`.
     pub fn new(depth: usize) -> Self {
-        Self { depth: depth.max(1), frames: VecDeque::new(), since_us: 0 }
+        Self { depth: depth.max(1), frames: VecDeque::new(), since_us: 0, probes: 0 }
     }
 
     /// Whether there is room for another.
@@ -28,8 +36,19 @@ impl Flight {
         self.frames.len() < self.depth
     }
 
+    /// Whether it is time to try one although there is no room.
+    pub fn may_try(&self, now_us: u64) -> bool {
+        self.probes < PROBES && self.stuck_us(now_us) > PROBE_US
+    }
+
     /// A frame was handed to the kernel.
     pub fn took_off(&mut self, now_us: u64, frame: AnyFrame) {
+        if self.frames.len() >= self.depth {
+            // Taken to be lost, for one that is tried.
+            self.frames.pop_front();
+            self.probes += 1;
+            self.since_us = now_us;
+        }
         if self.frames.is_empty() {
             self.since_us = now_us;
         }
@@ -42,12 +61,14 @@ impl Flight {
         let Some(at) = self.frames.iter().position(|ours| ours == frame) else { return false };
         self.frames.drain(..=at);
         self.since_us = now_us;
+        self.probes = 0;
         true
     }
 
     /// The interface has thrown away what it had.
     pub fn clear(&mut self) {
         self.frames.clear();
+        self.probes = 0;
     }
 
     /// For how long nothing has left although something should, µs.
@@ -75,6 +96,23 @@ mod tests {
         assert!(!flight.landed(30, &frame(3)), "somebody else's");
         assert!(!flight.has_room());
         assert!(flight.landed(30, &frame(1)));
+        assert!(flight.has_room());
+    }
+
+    #[test]
+    fn a_stuck_interface_is_tried_twice_and_serves_again_when_it_lost_its_frames() {
+        let mut flight = Flight::new(1);
+        flight.took_off(0, frame(1));
+        let mut tried = Vec::new();
+        for now_us in (0..20_000_000).step_by(10_000) {
+            if flight.has_room() || flight.may_try(now_us) {
+                flight.took_off(now_us, frame(2));
+                tried.push(now_us / 1_000_000);
+            }
+        }
+        assert_eq!(tried, [1, 2]);
+        // The driver had lost the first one only.
+        assert!(flight.landed(20_000_000, &frame(2)));
         assert!(flight.has_room());
     }
 

@@ -25,8 +25,6 @@ use std::time::{Duration, Instant};
 
 /// A bus that takes nothing for so long is told to be dead, µs: longer than an adapter on USB stalls.
 const DEAD_US: u64 = 100_000;
-/// After so long the interface is tried with another frame, µs: a driver may have lost the ones before.
-const PROBE_US: u64 = 1_000_000;
 /// Longest wait for a frame before the state of the interface is looked at.
 const WAIT: Duration = Duration::from_millis(50);
 
@@ -44,6 +42,14 @@ struct Condition {
     health: Health,
     /// What listeners were last told.
     told: BusState,
+}
+
+impl Condition {
+    /// Whether another frame may be handed to the kernel. One that is off is not tried: it says when it is back.
+    fn takes(&self, now_us: u64) -> bool {
+        let may_try = self.health.state() != BusState::Off && self.flight.may_try(now_us);
+        self.flight.has_room() || may_try
+    }
 }
 
 /// Opens an interface with at most `depth` frames on their way.
@@ -112,17 +118,13 @@ struct CanOutlet(Arc<Interface>);
 
 impl Outlet for CanOutlet {
     fn is_free(&self) -> bool {
-        self.0.condition().flight.has_room()
+        self.0.condition().takes(self.0.now_us())
     }
 
     fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
         let now_us = self.0.now_us();
         let mut condition = self.0.condition();
-        if condition.flight.stuck_us(now_us) > PROBE_US && condition.health.state() != BusState::Off
-        {
-            condition.flight.clear();
-        }
-        if !condition.flight.has_room() {
+        if !condition.takes(now_us) {
             return Err(LinkError::Busy);
         }
         match self.0.socket.write_frame(&to_socket(frame)) {
@@ -137,6 +139,10 @@ impl Outlet for CanOutlet {
             }
             Err(error) => Err(self.0.gone(&error)),
         }
+    }
+
+    fn bitrate(&self) -> Option<u32> {
+        self.0.bitrate
     }
 
     fn complaint(&self) -> Option<String> {

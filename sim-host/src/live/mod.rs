@@ -47,6 +47,8 @@ impl<'a> Link<'a> {
     /// Whether it can be used; tries to open it again when it is time.
     fn is_there(&mut self, hub: &mut Hub) -> bool {
         let Some(since) = self.gone else { return true };
+        // What is left of it would keep its device from being opened.
+        hub.close(0);
         if since.elapsed() < REOPEN_PERIOD {
             return false;
         }
