@@ -24,7 +24,9 @@ use rollwalk_firmware::periods::Periods;
 use rollwalk_firmware::safety::{State, Torque};
 use rollwalk_firmware::store::{FlashParameters, FlashStore};
 use rollwalk_firmware::{Buses, Controller, Settings};
+use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::serial::{BusState, Gateway, Packet, Report, Reset};
+use rollwalk_protocol::wire::{Node, ToController};
 use static_cell::StaticCell;
 
 use can::Bus;
@@ -84,6 +86,7 @@ fn main() -> ! {
         link,
         actuators,
         serial,
+        node: settings.node,
         gateway: Gateway::default(),
         host: Way::Can,
         contact: Contact::new(p.PA10),
@@ -107,8 +110,25 @@ enum Way {
     Serial,
 }
 
+/// Whether a frame is a host's and for us. What others on the link say to one another says nothing of where our
+/// host is.
+fn is_from_a_host(node: u8, frame: &CanFrame) -> bool {
+    ToController::decode(frame)
+        .is_ok_and(|(to, _)| to.number() == node || to == Node::BROADCAST)
+}
+
+/// The host is here now. A message that is on its way elsewhere is left.
+fn turn_to(way: Way, host: &mut Way, gateway: &mut Gateway) {
+    if *host != way {
+        *host = way;
+        *gateway = Gateway::default();
+    }
+}
+
 /// The controller and everything around it.
 struct Board {
+    /// Its address on the link.
+    node: u8,
     controller: &'static mut Core,
     link: Bus,
     actuators: [Bus; 2],
@@ -157,16 +177,20 @@ impl Board {
             }
         }
         if let Some(frame) = self.link.receive() {
-            self.host = Way::Can;
+            if is_from_a_host(self.node, &frame) {
+                turn_to(Way::Can, &mut self.host, &mut self.gateway);
+            }
             self.controller.on_link_frame(now_us, &frame);
         }
         match self.serial.receive() {
             Some(Packet::Link(frame)) => {
-                self.host = Way::Serial;
+                if is_from_a_host(self.node, &frame) {
+                    turn_to(Way::Serial, &mut self.host, &mut self.gateway);
+                }
                 self.controller.on_link_frame(now_us, &frame);
             }
             Some(Packet::Message { id, bytes }) => {
-                self.host = Way::Serial;
+                turn_to(Way::Serial, &mut self.host, &mut self.gateway);
                 self.gateway.receive(id, bytes);
             }
             Some(Packet::Ask) => self.report_due = true,
