@@ -15,6 +15,7 @@ use rollwalk_protocol::wire::{FaultBits, FromController, State};
 use rollwalk_robot::Robot;
 use rollwalk_sim_host::body::Body;
 use rollwalk_sim_host::core::Local;
+use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::interface::LogEntry;
 use rollwalk_sim_host::live::{Reopen, controller, motors, whole};
 use rollwalk_sim_host::rig::Rig;
@@ -118,12 +119,11 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
         (None, Some(bus)) => {
             // Two members of every bus, as the real ones are.
             let ports = ports(&cli.actuators)?;
-            let robot_of_motors = robot.clone();
+            let (robot_of_motors, names) = (robot.clone(), cli.actuators.clone());
             std::thread::spawn(move || {
                 let mut body = Body::new(&robot_of_motors);
-                if let Err(error) = motors::run(&mut body, ports, || !interrupt::requested()) {
-                    output::say(format_args!("the motors stopped: {error}"));
-                }
+                let mut lost = Lost { link: None, actuators: &names, says: false };
+                motors::run(&mut body, ports, &mut lost, || !interrupt::requested());
             });
             run_controller(&robot, bus, &cli.actuators)?;
         }
@@ -138,17 +138,22 @@ fn run_whole(robot: &Robot, bus: &BusName, log: Option<&Path>) -> miette::Result
     ready(robot, bus);
     let mut teller = Teller::new();
     let mut failed = None;
-    let outcome = whole::run(&mut rig, port, &mut Lost(bus), |_, entries| {
-        for status in entries.iter().filter_map(status) {
-            teller.tell(status.0, status.1);
-        }
-        if let Some(log) = &mut log
-            && let Err(error) = log.write(entries)
-        {
-            failed = Some(error);
-        }
-        failed.is_none() && !interrupt::requested()
-    });
+    let outcome = whole::run(
+        &mut rig,
+        port,
+        &mut Lost { link: Some(bus), actuators: &[], says: true },
+        |_, entries| {
+            for status in entries.iter().filter_map(status) {
+                teller.tell(status.0, status.1);
+            }
+            if let Some(log) = &mut log
+                && let Err(error) = log.write(entries)
+            {
+                failed = Some(error);
+            }
+            failed.is_none() && !interrupt::requested()
+        },
+    );
     outcome.map_err(|error| miette!("{error}"))?;
     failed.map_or(Ok(()), Err)
 }
@@ -161,7 +166,8 @@ fn run_controller(robot: &Robot, bus: &BusName, actuators: &[BusName]) -> miette
     let (port, ports) = (port(bus)?, ports(actuators)?);
     ready(robot, bus);
     let mut teller = Teller::new();
-    let outcome = controller::run(&mut core, period, port, &mut Lost(bus), ports, |core| {
+    let mut lost = Lost { link: Some(bus), actuators, says: true };
+    let outcome = controller::run(&mut core, period, port, &mut lost, ports, |core| {
         let controller = core.controller_mut();
         teller.tell(controller.state().into(), controller.faults());
         !interrupt::requested()
@@ -177,8 +183,9 @@ fn run_motors(robot: &Robot, actuators: &[BusName]) -> miette::Result<()> {
         robot.name,
         names.join(", ")
     ));
-    let outcome = motors::run(&mut Body::new(robot), ports, || !interrupt::requested());
-    outcome.map_err(|error| miette!("{error}"))
+    let mut lost = Lost { link: None, actuators, says: true };
+    motors::run(&mut Body::new(robot), ports, &mut lost, || !interrupt::requested());
+    Ok(())
 }
 
 fn ready(robot: &Robot, bus: &BusName) {
@@ -197,17 +204,42 @@ fn open_link(bus: &BusName) -> Result<Port, OpenError> {
     }
 }
 
-/// The link, when it goes.
-struct Lost<'a>(&'a BusName);
+/// Buses, when they go.
+struct Lost<'a> {
+    link: Option<&'a BusName>,
+    actuators: &'a [BusName],
+    /// Whether anybody is told. Of controller and motors in one process one is enough.
+    says: bool,
+}
 
-impl Reopen for Lost<'_> {
-    fn lost(&mut self, why: &LinkError) {
-        output::say(format_args!("the link is lost: {why}"));
+impl Lost<'_> {
+    fn name(&self, bus: Interface) -> Option<&BusName> {
+        match bus {
+            Interface::Link => self.link,
+            Interface::Actuator(number) => self.actuators.get(usize::from(number)),
+        }
     }
 
-    fn reopen(&mut self) -> Option<Port> {
-        let port = open_link(self.0).ok()?;
-        output::say("the link is back");
+    fn say(&self, bus: Interface, what: &str) {
+        if let (true, Some(name)) = (self.says, self.name(bus)) {
+            output::say(format_args!("{name} {what}"));
+        }
+    }
+}
+
+impl Reopen for Lost<'_> {
+    fn lost(&mut self, bus: Interface, why: &LinkError) {
+        self.say(bus, &format!("is lost: {why}"));
+    }
+
+    fn reopen(&mut self, bus: Interface) -> Option<Port> {
+        let name = self.name(bus)?;
+        let port = match bus {
+            Interface::Link => open_link(name),
+            Interface::Actuator(_) => open::open(name, ACTUATOR_DEPTH),
+        };
+        let port = port.ok()?;
+        self.say(bus, "is back");
         Some(port)
     }
 }

@@ -1,7 +1,8 @@
 //! The firmware as a process on real buses: link and actuator buses with adapters, as on a board.
 
-use super::{Link, Reopen};
+use super::{Kept, Reopen};
 use crate::core::{Core, Local};
+use crate::interface::Interface;
 use rollwalk_bus::link::LinkError;
 use rollwalk_bus::port::{Heard, Hub, Port};
 use rollwalk_protocol::can::{AnyFrame, CanFrame};
@@ -13,7 +14,7 @@ use std::time::{Duration, Instant};
 /// `actuators` are the actuator buses by number.
 ///
 /// Neither a link nor an actuator bus that goes ends it: without its host the controller brings the robot home,
-/// and an actuator bus that is gone is one that is off.
+/// and an actuator bus that is gone is one that is off, which is opened again when an operator has cleared that.
 ///
 /// # Errors
 /// None: the controller is in this process.
@@ -28,7 +29,10 @@ pub fn run(
     assert!(actuators.len() <= usize::from(MAX_ACTUATOR_BUSES), "a controller has so many at most");
     let start = Instant::now();
     let mut hub = Hub::new(std::iter::once(port).chain(actuators));
-    let mut link = Link::new(keeper);
+    let mut link = Kept::new(Interface::Link, 0);
+    let mut buses: Vec<_> = (1..hub.outlets.len())
+        .map(|index| Kept::new(Interface::Actuator((index - 1) as u8), index))
+        .collect();
     let mut next_tick = start;
     loop {
         // Time goes before frames: no bus is so full that it keeps the controller from its ticks.
@@ -42,13 +46,19 @@ pub fn run(
                 if !goes_on(core) {
                     return Ok(());
                 }
+                for (number, bus) in (0..).zip(&mut buses) {
+                    let is_cleared = core.controller_mut().take_bus_restart(number);
+                    if bus.is_gone() && !(is_cleared && bus.reopen(&mut hub, keeper)) {
+                        core.controller_mut().on_bus_state(now_us, number, BusState::Off);
+                    }
+                }
                 Some(Input::Tick)
             }
             Some((0, heard)) => match heard {
                 Ok(Heard::Frame(AnyFrame::Standard(frame))) => Some(Input::Link(frame)),
                 Ok(_) => None,
                 Err(error) => {
-                    link.lose(&error);
+                    link.lose(&mut hub, keeper, &error);
                     None
                 }
             },
@@ -67,16 +77,24 @@ pub fn run(
                         None
                     }
                     Ok(Heard::Sent | Heard::Report(_) | Heard::Message(..)) => None,
-                    Err(_) => {
+                    Err(error) => {
+                        buses[index - 1].lose(&mut hub, keeper, &error);
                         core.controller_mut().on_bus_state(now_us, bus, BusState::Off);
                         None
                     }
                 }
             }
         };
-        let has_link = link.is_there(&mut hub);
+        let has_link = link.is_there(&mut hub, keeper);
         let mut sent = core.step(Step { now_us, input, free: free(&hub, has_link) })?;
-        while send(&mut hub, core, &sent, &mut link) {
+        loop {
+            let (any, link_is) = send(&mut hub, core, &sent);
+            if let Err(error) = link_is {
+                link.lose(&mut hub, keeper, &error);
+            }
+            if !any {
+                break;
+            }
             sent = core.step(Step { now_us, input: None, free: free(&hub, has_link) })?;
         }
     }
@@ -95,15 +113,16 @@ fn free(hub: &Hub, has_link: bool) -> Buses {
     free
 }
 
-/// Sends what the controller has for each bus; whether it had anything.
-fn send(hub: &mut Hub, core: &mut Local, stepped: &Stepped, link: &mut Link<'_>) -> bool {
+/// Sends what the controller has for each bus; whether it had anything, and how the link is.
+fn send(hub: &mut Hub, core: &mut Local, stepped: &Stepped) -> (bool, Result<(), LinkError>) {
     let mut any = false;
+    let mut link = Ok(());
     if let Some(frame) = &stepped.link {
         any = true;
-        match put(hub, 0, frame) {
-            Ok(()) | Err(LinkError::Busy) => {}
-            Err(error) => link.lose(&error),
-        }
+        link = match put(hub, 0, frame) {
+            Err(LinkError::Busy) => Ok(()),
+            put => put,
+        };
     }
     for (bus, frame) in stepped.actuators.iter().enumerate() {
         if let Some(frame) = frame {
@@ -119,7 +138,7 @@ fn send(hub: &mut Hub, core: &mut Local, stepped: &Stepped, link: &mut Link<'_>)
             }
         }
     }
-    any
+    (any, link)
 }
 
 fn put(hub: &mut Hub, outlet: usize, frame: &CanFrame) -> Result<(), LinkError> {

@@ -13,56 +13,68 @@ pub mod controller;
 pub mod motors;
 pub mod whole;
 
+use crate::interface::Interface;
 use rollwalk_bus::link::LinkError;
 use rollwalk_bus::port::{Hub, Outlet, Port};
 use rollwalk_protocol::can::CanFrame;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// A link that is gone is tried again so often: a robot outlives its host's adapter.
+/// A bus that is gone is tried again so often: a robot outlives its adapters.
 const REOPEN_PERIOD: Duration = Duration::from_millis(500);
 
-/// What becomes of a link that is gone.
+/// What becomes of a bus that is gone.
 pub trait Reopen {
     /// It is gone.
-    fn lost(&mut self, why: &LinkError);
+    fn lost(&mut self, bus: Interface, why: &LinkError);
 
     /// Opens it again; `None` as long as that cannot be done.
-    fn reopen(&mut self) -> Option<Port>;
+    fn reopen(&mut self, bus: Interface) -> Option<Port>;
 }
 
-/// The link of a robot: port 0 of a hub, opened again when it is gone.
-struct Link<'a> {
-    keeper: &'a mut dyn Reopen,
+/// A bus of a robot: a port of a hub, opened again when it is gone.
+struct Kept {
+    bus: Interface,
+    /// Of its port.
+    index: usize,
     /// When it was last tried.
     gone: Option<Instant>,
 }
 
-impl<'a> Link<'a> {
-    /// A link that is open now.
-    fn new(keeper: &'a mut dyn Reopen) -> Self {
-        Self { keeper, gone: None }
+impl Kept {
+    /// A bus that is open now.
+    fn new(bus: Interface, index: usize) -> Self {
+        Self { bus, index, gone: None }
     }
 
-    /// Whether it can be used; tries to open it again when it is time.
-    fn is_there(&mut self, hub: &mut Hub) -> bool {
-        let Some(since) = self.gone else { return true };
-        // What is left of it would keep its device from being opened.
-        hub.close(0);
-        if since.elapsed() < REOPEN_PERIOD {
-            return false;
+    /// Whether it is gone.
+    fn is_gone(&self) -> bool {
+        self.gone.is_some()
+    }
+
+    fn lose(&mut self, hub: &mut Hub, keeper: &mut dyn Reopen, error: &LinkError) {
+        if self.gone.replace(Instant::now()).is_none() {
+            // What is left of it would keep its device from being opened.
+            hub.close(self.index);
+            keeper.lost(self.bus, error);
         }
+    }
+
+    /// Tries to open it again; whether it can be used.
+    fn reopen(&mut self, hub: &mut Hub, keeper: &mut dyn Reopen) -> bool {
         self.gone = Some(Instant::now());
-        if let Some(port) = self.keeper.reopen() {
-            hub.replace(0, port);
+        if let Some(port) = keeper.reopen(self.bus) {
+            hub.replace(self.index, port);
             self.gone = None;
         }
         self.gone.is_none()
     }
 
-    fn lose(&mut self, error: &LinkError) {
-        if self.gone.replace(Instant::now()).is_none() {
-            self.keeper.lost(error);
+    /// Whether it can be used; tries to open it again when it is time.
+    fn is_there(&mut self, hub: &mut Hub, keeper: &mut dyn Reopen) -> bool {
+        match self.gone {
+            None => true,
+            Some(since) => since.elapsed() >= REOPEN_PERIOD && self.reopen(hub, keeper),
         }
     }
 }

@@ -1,10 +1,10 @@
 //! A robot's motors as a process on real buses.
 
-use super::Waiting;
+use super::{Kept, Reopen, Waiting};
 use crate::body::Body;
 use crate::clock::{Periodic, SimTime};
+use crate::interface::Interface;
 use crate::rig::MOTOR_RATE_HZ;
-use rollwalk_bus::link::LinkError;
 use rollwalk_bus::port::{Heard, Hub, Port};
 use rollwalk_protocol::can::AnyFrame;
 use std::time::{Duration, Instant};
@@ -12,18 +12,20 @@ use std::time::{Duration, Instant};
 /// Weight and inertia on the joints are computed anew so often.
 const LOAD_PERIOD: Duration = Duration::from_millis(10);
 
-/// Runs the motors on `buses`, by number, until `goes_on` says no, which is asked every few milliseconds.
-///
-/// # Errors
-/// A bus is gone.
+/// Runs the motors on `buses`, by number, until `goes_on` says no, which is asked every few milliseconds. On a bus
+/// that is gone they are silent until it is back.
 pub fn run(
     body: &mut Body,
     buses: Vec<Port>,
+    keeper: &mut dyn Reopen,
     mut goes_on: impl FnMut() -> bool,
-) -> Result<(), LinkError> {
+) {
     let start = Instant::now();
     let mut hub = Hub::new(buses);
     let mut waiting: Vec<_> = hub.outlets.iter().map(|_| Waiting::default()).collect();
+    let mut kept: Vec<_> = (0..hub.outlets.len())
+        .map(|index| Kept::new(Interface::Actuator(index as u8), index))
+        .collect();
     let mut steps = Periodic::new(MOTOR_RATE_HZ);
     let mut next_load = start;
     loop {
@@ -40,11 +42,12 @@ pub fn run(
                 next_load = Instant::now() + LOAD_PERIOD;
                 body.update_loads();
                 if !goes_on() {
-                    return Ok(());
+                    return;
                 }
             }
-            Some((bus, heard)) => {
-                if let Heard::Frame(AnyFrame::Standard(frame)) = heard? {
+            Some((bus, Err(error))) => kept[bus].lose(&mut hub, keeper, &error),
+            Some((bus, Ok(heard))) => {
+                if let Heard::Frame(AnyFrame::Standard(frame)) = heard {
                     for channel in 0..body.addresses().len() {
                         if usize::from(body.addresses()[channel].0) == bus
                             && let Some(answer) = body.on_frame(channel, now, &frame)
@@ -55,8 +58,12 @@ pub fn run(
                 }
             }
         }
-        for (waiting, outlet) in waiting.iter_mut().zip(&mut hub.outlets) {
-            waiting.send(outlet.as_mut())?;
+        for (waiting, bus) in waiting.iter_mut().zip(&mut kept) {
+            if !bus.is_there(&mut hub, keeper) {
+                *waiting = Waiting::default();
+            } else if let Err(error) = waiting.send(hub.outlets[bus.index].as_mut()) {
+                bus.lose(&mut hub, keeper, &error);
+            }
         }
     }
 }

@@ -1,8 +1,8 @@
 //! A whole simulated robot in real time: only its link leaves the process.
 
-use super::{Link, Reopen, Waiting};
+use super::{Kept, Reopen, Waiting};
 use crate::clock::SimTime;
-use crate::interface::LogEntry;
+use crate::interface::{Interface, LogEntry};
 use crate::rig::Rig;
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::{Heard, Hub, Port};
@@ -25,7 +25,7 @@ pub fn run(
 ) -> Result<(), LinkError> {
     let start = Instant::now();
     let offset_us = rig.now_us();
-    let (mut hub, mut link) = (Hub::new([port]), Link::new(keeper));
+    let (mut hub, mut link) = (Hub::new([port]), Kept::new(Interface::Link, 0));
     // In both directions, frames that the next bus has no room for.
     let (mut inward, mut outward) = (Waiting::default(), Waiting::default());
     loop {
@@ -39,10 +39,10 @@ pub fn run(
         while let Some(frame) = rig.receive(now_us)? {
             outward.push(frame);
         }
-        if !link.is_there(&mut hub) {
+        if !link.is_there(&mut hub, keeper) {
             outward = Waiting::default();
         } else if let Err(error) = outward.send(hub.outlets[0].as_mut()) {
-            link.lose(&error);
+            link.lose(&mut hub, keeper, &error);
         }
         let log = rig.take_log();
         if !goes_on(rig, &log) {
@@ -53,7 +53,7 @@ pub fn run(
             match heard {
                 Ok(Heard::Frame(AnyFrame::Standard(frame))) => inward.push(frame),
                 Ok(_) => {}
-                Err(error) => link.lose(&error),
+                Err(error) => link.lose(&mut hub, keeper, &error),
             }
             // What else is there already, and on.
             deadline = Instant::now();
