@@ -9,7 +9,7 @@
 use rollwalk_protocol::serial::BusState;
 use rollwalk_protocol::wire::{Fault, FaultBits};
 
-use crate::actuators::bus::MAX_BUSES;
+use crate::bus::MAX_BUSES;
 use crate::safety::{Event, EventSet};
 
 /// For so many ticks nobody may acknowledge: an adapter that hiccups is not a power failure.

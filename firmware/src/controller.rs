@@ -7,8 +7,8 @@ use rollwalk_protocol::library::{Attitude, Library, Reject};
 use rollwalk_protocol::serial::BusState;
 use rollwalk_protocol::wire::{Fault, FaultBits};
 
-use crate::actuators::bus::Buses;
 use crate::actuators::load::loads;
+use crate::bus::Buses;
 use crate::bus_watch::BusWatch;
 use crate::gate::Gate;
 use crate::journal::Journal;

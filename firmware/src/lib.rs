@@ -40,8 +40,8 @@ mod transfer;
 mod tuning;
 pub mod walk;
 
-pub use actuators::bus::{self, Bus, Buses};
 pub use actuators::load;
 pub use controller::Controller;
+pub use rollwalk_protocol::actuators::bus::{self, Bus, Buses};
 pub use rollwalk_protocol::serial::BusState;
 pub use settings::{Settings, SettingsError};

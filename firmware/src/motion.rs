@@ -9,9 +9,9 @@ use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::library::{Library, NodeId, Unreadable};
 use rollwalk_protocol::wire::Fault;
 
-use crate::actuators::bus::Buses;
 use crate::actuators::{Actuators, FRESH_TICKS, Hold};
 use crate::align::Ramp;
+use crate::bus::Buses;
 use crate::limiter::{Limiter, Target};
 use crate::parameters::Parameters;
 use crate::player::{Player, Playing};

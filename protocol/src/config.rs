@@ -15,7 +15,8 @@ pub const MAX_CHANNELS: usize = 24;
 /// Every joint and driven wheel of a robot: joints in file order, then wheels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RobotConfig {
-    /// Whose channels they are, [`robot_id`]: robots with the same actuators still need other motions.
+    /// Whose channels they are, [`robot_id`], and what they speak: robots with the same actuators still need
+    /// other motions, and a controller that speaks something else is not this robot's. `docs/wire-format.md`.
     #[serde(with = "postcard::fixint::le")]
     pub robot: u32,
     /// The channels, in channel order.

@@ -4,12 +4,12 @@
 //! the frame whose turn it is goes out. Setpoints on CAN are one frame, so they are encoded once.
 
 use rollwalk_protocol::actuator::Feedback;
+use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
 use rollwalk_protocol::actuators::dynamixel::packet::Deframer;
 use rollwalk_protocol::actuators::{ActuatorProtocol, Answers, Capabilities, Order, Told};
 use rollwalk_protocol::config::{Channel, RobotConfig};
 
 use super::actuator::Actuator;
-use super::bus::{Bus, ControlLoop, Pose, Protocol};
 use super::orders::{self, Errand};
 use super::{Actuators, FRESH_TICKS};
 

@@ -2,15 +2,12 @@
 //! test looks at), and whether their protocols can say it ([`examine`], for who makes a configuration
 //! and wants the reasons).
 
-use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
+use rollwalk_protocol::actuators::bus::{Bus, Buses, MAX_BUSES};
 use rollwalk_protocol::actuators::traffic::Overload;
-use rollwalk_protocol::actuators::{Answers, Command, Order, Refusal, Told, Traffic};
-use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
+use rollwalk_protocol::actuators::{Refusal, Traffic};
+use rollwalk_protocol::config::RobotConfig;
 
 use super::FRESH_TICKS;
-use super::bus::{Bus, Buses, ControlLoop, MAX_BUSES};
-use super::orders::{self, Errand, Hold};
-use crate::limiter::Target;
 
 /// A bus that a robot has actuators on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,7 +57,7 @@ pub fn examine<'a>(
     loads(config, buses, control_hz).map(|row| {
         let members = config.channels.iter().enumerate().filter(move |(_, c)| c.bus == row.bus);
         let mut cannot_tell = members.filter_map(|(channel, limits)| {
-            let refusal = tellable(limits, &row.kind).err()?;
+            let refusal = row.kind.can_drive(limits).err()?;
             Some(BusProblem::CannotTell { channel: channel as u8, refusal })
         });
         BusLoad { problem: row.problem.or_else(|| cannot_tell.next()), ..row }
@@ -101,44 +98,4 @@ fn problem(bus: u8, kind: &Bus, control_hz: u16) -> Option<BusProblem> {
     } else {
         None
     }
-}
-
-/// Whether everything can be told that is within a channel's limits: its ends.
-fn tellable(limits: &Channel, bus: &Bus) -> Result<(), Refusal> {
-    let can = bus.protocol.capabilities();
-    let tell = |command: Command| bus.protocol.check(&Order { id: limits.id, command });
-    let on_controller = bus.control == ControlLoop::OnController;
-    tell(Command::Disable)?;
-    for (value, slope) in [(limits.min, -limits.max_rate), (limits.max, limits.max_rate)] {
-        let wheel = limits.kind == ChannelKind::WheelSpeed;
-        // As if it were there, so that gains are what they are.
-        let feedback = Feedback {
-            position_rad: if wheel { 0.0 } else { value },
-            velocity_rad_s: if wheel { value } else { slope },
-            torque_nm: 0.0,
-            status: ActuatorStatus(ActuatorStatus::ENABLED),
-            counter: 0,
-        };
-        let errand = |errand| orders::command(errand, limits, bus, &can, None, &feedback);
-        tell(errand(Errand::Enable))?;
-        if can.answers != Answers::Cyclic {
-            tell(errand(Errand::Query))?;
-        }
-        if can.limits == Told::Stored {
-            tell(errand(Errand::Limits))?;
-        }
-        if can.gains == Told::Stored {
-            tell(errand(Errand::Gains))?;
-        }
-        for hold in [Hold::Driven, Hold::Damped] {
-            let target = Target { value, slope: if wheel { 0.0 } else { slope } };
-            if on_controller {
-                tell(Command::Torque { torque_nm: limits.max_torque_nm })?;
-                tell(Command::Torque { torque_nm: -limits.max_torque_nm })?;
-            } else if let Some(command) = orders::setpoint(limits, &can, target, hold, &feedback) {
-                tell(command)?;
-            }
-        }
-    }
-    Ok(())
 }

@@ -3,7 +3,6 @@
 //!
 //! | module | is |
 //! |---|---|
-//! | [`bus`] | what the actuators of a bus speak |
 //! | [`orders`] | what an actuator is told, as commands that its protocol can carry |
 //! | [`actuator`] | one actuator: what it told, what it is to be told |
 //! | [`load`] | whether the buses can carry and their protocols say what they will have to |
@@ -16,6 +15,7 @@
 
 use heapless::Vec;
 use rollwalk_protocol::actuator::Feedback;
+use rollwalk_protocol::actuators::bus::{Buses, ControlLoop, MAX_BUSES, Protocol};
 use rollwalk_protocol::actuators::{self, ActuatorProtocol, Answers, Command, Gains, Told};
 use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
@@ -25,14 +25,12 @@ use rollwalk_protocol::wire::Parameter;
 use crate::limiter::Target;
 
 mod actuator;
-pub mod bus;
 mod line;
 pub mod load;
 mod orders;
 mod serial;
 
 use actuator::Actuator;
-use bus::{Buses, ControlLoop, MAX_BUSES, Protocol};
 use line::Line;
 pub use orders::Hold;
 use orders::{Errand, Todo};

@@ -2,12 +2,12 @@
 //! carry, or to the torque that they ask for.
 
 use rollwalk_protocol::actuator::Feedback;
+use rollwalk_protocol::actuators::bus::{Bus, ControlLoop};
 use rollwalk_protocol::actuators::{
     Capabilities, Command, Gains, JointSetpoint, Told, WheelSetpoint,
 };
 use rollwalk_protocol::config::{Channel, ChannelKind};
 
-use super::bus::{Bus, ControlLoop};
 use crate::limiter::{Target, gains_within_torque};
 
 /// How an actuator holds its target.

@@ -5,13 +5,13 @@
 //! with one: it is told again until it is confirmed.
 
 use heapless::Vec;
+use rollwalk_protocol::actuators::bus::Protocol;
 use rollwalk_protocol::actuators::dynamixel::packet::Message;
 use rollwalk_protocol::actuators::{ActuatorProtocol, Command, Order, Packet};
 use rollwalk_protocol::config::{MAX_CHANNELS, RobotConfig};
 
 use super::Actuators;
 use super::actuator::Actuator;
-use super::bus::Protocol;
 use super::line::{About, Begun, Line, bit, channels, order};
 use super::orders::Errand;
 

@@ -4,6 +4,8 @@
 //! (16 bits) │ target (8 bits). Scaled values are big-endian, parameters little-endian. The torque of
 //! a setpoint travels in the identifier.
 
+use serde::{Deserialize, Serialize};
+
 use super::fixed::{Signed, Unsigned};
 use super::{
     ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Gains, JointSetpoint,
@@ -21,7 +23,7 @@ pub const MAX_SPEED_RAD_S: f32 = 30.0;
 pub const MAX_TORQUE_NM: f32 = 12.0;
 
 /// Motors on a bus.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CyberGear {
     /// Our own address on the bus, which motors answer to.
     pub host: u8,

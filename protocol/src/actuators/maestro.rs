@@ -6,6 +6,8 @@
 //!
 //! Nothing is measured: a servo that is switched on goes to its first target as fast as it can.
 
+use serde::{Deserialize, Serialize};
+
 use super::fixed::nearest;
 use super::traffic::serial_bits;
 use super::{
@@ -14,7 +16,7 @@ use super::{
 };
 
 /// A servo's pulses.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pulse {
     /// Length at 0 rad, µs.
     pub centre_us: f32,
@@ -33,7 +35,7 @@ impl Default for Pulse {
 }
 
 /// One Maestro on a line.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Maestro {
     /// Device number for the Pololu protocol, which can share a line; `None`: the compact protocol.
     pub device: Option<u8>,

@@ -9,7 +9,10 @@
 //! lie between two codes; a wheel's torque makes up for the rounding of its speed, see
 //! [`Mit::emit`](ActuatorProtocol::emit).
 
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
 use super::fixed::{Signed, Unsigned};
+use super::named;
 use super::{
     ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Gains, JointSetpoint,
     Order, Refusal, Told, Traffic, Watchdog, WheelSetpoint, without,
@@ -25,6 +28,18 @@ pub struct Model {
     pub max_speed_rad_s: f32,
     /// Largest torque, N·m.
     pub max_torque_nm: f32,
+}
+
+impl Serialize for Model {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name)
+    }
+}
+
+impl<'de> Deserialize<'de> for Model {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        named::deserialize(deserializer, &MODELS, |model| model.name)
+    }
 }
 
 /// Largest position of every model, rad.
@@ -51,7 +66,8 @@ pub const MODELS: [Model; 7] = [
 ];
 
 /// Where a drive's answers come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum AnswerId {
     /// All from this identifier: the mini cheetah's `CAN_MASTER`.
     Master(u16),
@@ -60,7 +76,7 @@ pub enum AnswerId {
 }
 
 /// Drives of one model on a bus.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mit {
     /// Their model.
     pub model: Model,

@@ -9,6 +9,7 @@
 //! | [`cybergear`] | Xiaomi CyberGear | CAN, 29-bit identifiers |
 //! | [`dynamixel`] | Dynamixel X, Protocol 2.0 | a half-duplex serial line |
 //! | [`maestro`] | hobby servos behind a Pololu Maestro | a serial line |
+//! | [`bus`] | which of them the actuators of a bus speak | |
 //! | [`traffic`] | how much of a bus that takes | |
 //!
 //! Two rules hold for all. What an actuator cannot be told is refused, never dropped or clipped: a
@@ -18,11 +19,13 @@
 use heapless::Vec;
 use thiserror::Error;
 
+pub mod bus;
 pub mod cybergear;
 pub mod dynamixel;
 mod fixed;
 pub mod maestro;
 pub mod mit;
+mod named;
 pub mod odrive;
 pub mod rollwalk;
 pub mod traffic;

@@ -9,6 +9,8 @@
 
 use core::f32::consts::TAU;
 
+use serde::{Deserialize, Serialize};
+
 use super::fixed::nearest;
 use super::{
     ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Gains, Order, Refusal,
@@ -17,16 +19,18 @@ use super::{
 use crate::can::{CanFrame, worst_case_bits};
 
 /// Firmware of the drives: heartbeats and error bits differ.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Version {
     /// 0.5.
+    #[serde(rename = "0.5")]
     V05,
     /// 0.6.
+    #[serde(rename = "0.6")]
     V06,
 }
 
 /// Drives of one kind on a bus.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Odrive {
     /// Their firmware.
     pub version: Version,

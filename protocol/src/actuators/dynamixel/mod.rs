@@ -7,6 +7,7 @@
 use core::f32::consts::TAU;
 
 use heapless::Vec;
+use serde::{Deserialize, Serialize};
 
 use super::fixed::nearest;
 use super::traffic::serial_bits;
@@ -23,7 +24,7 @@ use packet::{BROADCAST, MAX_ID, Message, SYNC_READ, SYNC_WRITE};
 use table::{CENTRE, CURRENT_STEP_A, Model, STEPS_PER_TURN, VELOCITY_STEP_RAD_S};
 
 /// Servos of one model on a line.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dynamixels {
     /// Their model.
     pub model: Model,
@@ -106,6 +107,11 @@ impl Dynamixels {
     pub fn goal_velocity(&self, speed_rad_s: f32) -> Option<[u8; 4]> {
         let most = self.model.max_velocity;
         nearest(speed_rad_s / VELOCITY_STEP_RAD_S, -most, most).map(i32::to_le_bytes)
+    }
+
+    /// The largest torque that can be told, N·m.
+    pub fn goal_current_max_nm(&self) -> f32 {
+        self.model.max_current as f32 * self.model.torque_nm_a * CURRENT_STEP_A
     }
 
     /// For [`table::GOAL_CURRENT`].

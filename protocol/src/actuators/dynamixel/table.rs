@@ -5,6 +5,10 @@
 
 use core::f32::consts::TAU;
 
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::actuators::named;
+
 /// Operating mode, 1 byte, only while torque is off: 0 current, 1 velocity, 3 position, 4 extended
 /// position, 5 current-based position, 16 PWM.
 pub const OPERATING_MODE: u16 = 11;
@@ -67,6 +71,18 @@ pub struct Model {
     pub torque_nm_a: f32,
 }
 
+impl Serialize for Model {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name)
+    }
+}
+
+impl<'de> Deserialize<'de> for Model {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        named::deserialize(deserializer, &MODELS, |model| model.name)
+    }
+}
+
 /// XM430-W210: 3.0 N·m at 2.3 A.
 pub const XM430_W210: Model = Model {
     name: "XM430-W210",
@@ -84,3 +100,6 @@ pub const XM540_W150: Model = Model {
     max_velocity: 230,
     torque_nm_a: 7.3 / 4.4,
 };
+
+/// All of them.
+pub const MODELS: [Model; 2] = [XM430_W210, XM540_W150];

@@ -1,14 +1,20 @@
-//! What the actuators of a bus speak. Which protocol that is, and with what parameters, is told when
-//! the controller is made; every bus that nothing is said about has actuators of the Rollwalk profile.
+//! What the actuators of a bus speak: a robot file says it, and a controller is made with it. Every bus
+//! that nothing is said about has actuators of the Rollwalk profile.
 
 use heapless::Vec;
-use rollwalk_protocol::actuators::cybergear::CyberGear;
-use rollwalk_protocol::actuators::dynamixel::Dynamixels;
-use rollwalk_protocol::actuators::maestro::Maestro;
-use rollwalk_protocol::actuators::mit::Mit;
-use rollwalk_protocol::actuators::odrive::Odrive;
-use rollwalk_protocol::actuators::rollwalk::RollwalkServos;
-use rollwalk_protocol::actuators::{ActuatorProtocol, Capabilities, Order, Refusal, Traffic};
+use serde::{Deserialize, Serialize};
+
+use super::cybergear::CyberGear;
+use super::dynamixel::Dynamixels;
+use super::maestro::Maestro;
+use super::mit::Mit;
+use super::odrive::Odrive;
+use super::rollwalk::RollwalkServos;
+use super::{
+    ActuatorProtocol, Answers, Capabilities, Command, Gains, JointSetpoint, Order, Refusal, Told,
+    Traffic, WheelSetpoint,
+};
+use crate::config::{Channel, ChannelKind};
 
 /// Most actuator buses of a controller.
 pub const MAX_BUSES: usize = 4;
@@ -17,7 +23,7 @@ pub const MAX_BUSES: usize = 4;
 pub type Buses = Vec<Bus, MAX_BUSES>;
 
 /// A bus and the actuators on it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bus {
     /// What they speak.
     pub protocol: Protocol,
@@ -41,8 +47,70 @@ impl Default for Bus {
     }
 }
 
+impl Bus {
+    /// Whether its actuators can be told all that is within a channel's limits: its ends.
+    ///
+    /// # Errors
+    /// What cannot be told, and why.
+    pub fn can_drive(&self, limits: &Channel) -> Result<(), Refusal> {
+        let can = self.protocol.capabilities();
+        let tell = |command| self.protocol.check(&Order { id: limits.id, command });
+        let wheel = limits.kind == ChannelKind::WheelSpeed;
+        let fastest = if wheel { limits.max.max(-limits.min) } else { limits.max_rate };
+        let Channel { kp_nm_rad, kd_nm_s_rad, max_torque_nm: torque_nm, .. } = *limits;
+        tell(Command::Disable)?;
+        if can.query {
+            tell(Command::Query)?;
+        }
+        if can.limits == Told::Stored {
+            tell(Command::Limits { speed_rad_s: fastest, torque_nm })?;
+        }
+        // Stiff, let down, and limp: with that, who cannot be asked is asked.
+        let limp = can.answers == Answers::Always && !can.query;
+        let gains = [(kp_nm_rad, kd_nm_s_rad), (0.0, kd_nm_s_rad), (0.0, 0.0)];
+        let gains = gains.into_iter().take(if limp { 3 } else { 2 });
+        let gains = gains.map(|(kp_nm_rad, kd_nm_s_rad)| Gains { kp_nm_rad, kd_nm_s_rad });
+        if can.gains == Told::Stored {
+            gains.clone().try_for_each(|gains| tell(Command::Gains(gains)))?;
+        }
+        if self.control == ControlLoop::OnController {
+            tell(Command::EnableTorque)?;
+            tell(Command::Torque { torque_nm })?;
+            return tell(Command::Torque { torque_nm: -torque_nm });
+        }
+        for (value, slope) in [(limits.min, -limits.max_rate), (limits.max, limits.max_rate)] {
+            tell(if wheel {
+                Command::EnableWheel
+            } else {
+                Command::EnableJoint { measured_rad: value }
+            })?;
+            for gains in gains.clone() {
+                let told = (can.gains == Told::EachTime).then_some(gains);
+                let limit = (can.limits == Told::EachTime).then_some(torque_nm);
+                tell(if wheel {
+                    Command::Wheel(WheelSetpoint {
+                        speed_rad_s: value,
+                        torque_nm: 0.0,
+                        kd_nm_s_rad: told.map(|gains| gains.kd_nm_s_rad),
+                        torque_limit_nm: limit,
+                    })
+                } else {
+                    Command::Joint(JointSetpoint {
+                        position_rad: value,
+                        speed_rad_s: slope,
+                        torque_nm: 0.0,
+                        gains: told,
+                    })
+                })?;
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Who makes torque out of position and speed: kp (q* − q) + kd (q̇* − q̇), of a wheel kd (ω* − ω).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum ControlLoop {
     /// The drive, at its own rate.
     InDrive,
@@ -52,7 +120,8 @@ pub enum ControlLoop {
 }
 
 /// How the controller knows where joints are before their torque comes on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Pose {
     /// They measure it. Those that do not cannot be armed.
     Measured,
@@ -62,7 +131,8 @@ pub enum Pose {
 }
 
 /// A protocol, with what has to be known of the actuators that speak it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Protocol {
     /// The Rollwalk profile; CAN.
     Rollwalk,
@@ -71,6 +141,7 @@ pub enum Protocol {
     /// ODrive; CAN.
     Odrive(Odrive),
     /// CyberGear; CAN with 29-bit identifiers.
+    #[serde(rename = "cybergear")]
     CyberGear(CyberGear),
     /// Dynamixel X; a serial line.
     Dynamixel(Dynamixels),
@@ -103,8 +174,13 @@ impl Protocol {
         }
     }
 
+    /// Over a serial line, not CAN.
+    pub fn is_serial(&self) -> bool {
+        matches!(self, Protocol::Dynamixel(_) | Protocol::Maestro(_))
+    }
+
     /// How often actuators tell their pose that tell it on a timer, Hz.
-    pub(crate) fn tells_hz(&self) -> Option<u32> {
+    pub fn tells_hz(&self) -> Option<u32> {
         match self {
             Protocol::Odrive(p) => Some(p.estimates_hz),
             _ => None,
@@ -124,7 +200,7 @@ impl Protocol {
     }
 
     /// Whether an order can be told.
-    pub(crate) fn check(&self, order: &Order) -> Result<(), Refusal> {
+    pub fn check(&self, order: &Order) -> Result<(), Refusal> {
         match self {
             Protocol::Rollwalk => RollwalkServos.check(order),
             Protocol::Mit(p) => p.check(order),
