@@ -107,6 +107,7 @@ pub fn robot() -> Robot {
         links: vec![link("body", 2.0, [0.0; 3], [0.02, 0.03, 0.04])],
         joints: Vec::new(),
         end_effectors: Vec::new(),
+        buses: Default::default(),
     };
     let corners = [("fl", 0.2, 0.15), ("fr", 0.2, -0.15), ("rl", -0.2, 0.15), ("rr", -0.2, -0.15)];
     for (k, (name, x, y)) in corners.into_iter().enumerate() {

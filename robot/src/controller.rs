@@ -3,7 +3,9 @@
 use crate::model::{Actuator, Contact, EndEffector, Joint, Robot, RollingDrag};
 use crate::rules::{self, InvalidRobot};
 use nalgebra::Vector3;
+use rollwalk_protocol::actuators::bus::{Bus, Buses, MAX_BUSES};
 use rollwalk_protocol::config::{self, ChannelKind, RobotConfig, robot_id};
+use rollwalk_protocol::crc::crc32c_append;
 use std::f64::consts::FRAC_PI_2;
 
 /// Standard gravity, m/s².
@@ -33,6 +35,11 @@ impl Channel<'_> {
             Channel::Joint(joint) => &joint.actuator,
             Channel::Wheel(_, actuator) => actuator,
         }
+    }
+
+    /// What the controller must know of it: limits, gains and address.
+    pub fn config(&self) -> config::Channel {
+        config_of(self)
     }
 }
 
@@ -140,14 +147,35 @@ impl Robot {
     /// speed limit. A wheel changes speed no faster than its tyre can push the robot or its motor
     /// can spin up its own rotor: min(μ g / r, torque / armature).
     ///
+    /// A robot on other buses is another robot: what its controller was told to speak is part of who it is
+    /// ([`RobotConfig::robot`]), so that neither its library nor its saved gains are taken by a controller
+    /// that speaks something else.
+    ///
     /// # Errors
     /// The rules that the robot breaks; a robot with more channels than a controller has is invalid.
     pub fn controller_config(&self) -> Result<RobotConfig, InvalidRobot> {
         self.validate()?;
         // `validate` has bounded the number of channels, so that none is dropped here.
-        let channels = self.channels().map(|channel| config_of(&channel)).collect();
-        Ok(RobotConfig { robot: robot_id(&self.name), channels })
+        let channels = self.channels().map(|channel| channel.config()).collect();
+        let buses = self.buses.iter().filter(|(_, bus)| **bus != Bus::default());
+        let robot = buses.fold(robot_id(&self.name), |id, bus| crc32c_append(id, &encoded(bus)));
+        Ok(RobotConfig { robot, channels })
     }
+
+    /// What the controller must know of its actuator buses. Of a valid robot.
+    pub fn controller_buses(&self) -> Buses {
+        let count = self.buses.keys().max().map_or(0, |last| usize::from(*last) + 1);
+        // `validate` has bounded the numbers, so that none is dropped here.
+        (0..count.min(MAX_BUSES) as u8)
+            .map(|number| self.buses.get(&number).copied().unwrap_or_default())
+            .collect()
+    }
+}
+
+/// A bus with its number, in bytes that tell it from every other.
+fn encoded(bus: (&u8, &Bus)) -> Vec<u8> {
+    let mut buffer = [0; 64];
+    postcard::to_slice(&bus, &mut buffer).expect("a bus has at most 40 bytes").to_vec()
 }
 
 fn config_of(channel: &Channel<'_>) -> config::Channel {

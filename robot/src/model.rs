@@ -1,7 +1,9 @@
 //! The validated robot: plain data, indices instead of names, SI units.
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
+use rollwalk_protocol::actuators::bus::Bus;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// A robot with legs and wheels. Built from a robot file; see `docs/conventions.md` for frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -14,6 +16,9 @@ pub struct Robot {
     pub joints: Vec<Joint>,
     /// Feet and wheels, in file order.
     pub end_effectors: Vec<EndEffector>,
+    /// What the actuators of a bus speak, by its number; those of other buses the Rollwalk profile.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub buses: BTreeMap<u8, Bus>,
 }
 
 /// A rigid link.

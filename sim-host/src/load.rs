@@ -116,6 +116,7 @@ mod tests {
                 joint(0, 3, [-0.2, 0.0, 0.1], [1.0, 0.2, 0.5]),
             ],
             end_effectors: vec![],
+            buses: Default::default(),
         }
     }
 

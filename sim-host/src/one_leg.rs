@@ -5,6 +5,7 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::{LibrarySpec, MotionSpec, TransitionSpec, encode};
 use rollwalk_robot::{Actuator, Contact, EndEffector, Joint, Link, Robot};
+use std::collections::BTreeMap;
 use std::f32::consts::TAU;
 
 /// Codes of the motions.
@@ -73,6 +74,7 @@ pub fn robot() -> Robot {
                 actuator: actuator(0, 2, 0.0, 0.5),
             },
         }],
+        buses: BTreeMap::new(),
     }
 }
 

@@ -1,23 +1,42 @@
 //! What the actuator buses of a robot have to carry, as a table, and what of it they cannot.
 
 use crate::output::Table;
+use rollwalk_firmware::Settings;
 use rollwalk_firmware::load::{BusLoad, BusProblem, examine};
-use rollwalk_firmware::{Buses, Settings};
 use rollwalk_protocol::actuators::traffic::MAX_LOAD;
-use rollwalk_protocol::config::RobotConfig;
+use rollwalk_robot::{InvalidRobot, Robot};
 use std::fmt::Write;
+use std::path::Path;
 
 /// The buses of a robot as a controller with default settings would have them.
 pub struct Examined {
     rows: Vec<BusLoad>,
     control_hz: u16,
+    /// Names of the channels.
+    channels: Vec<String>,
 }
 
 impl Examined {
     /// Looks at the buses of a robot.
-    pub fn new(config: &RobotConfig) -> Self {
+    ///
+    /// # Errors
+    /// The rules of robot files that it breaks.
+    pub fn new(robot: &Robot) -> Result<Self, InvalidRobot> {
+        let (config, buses) = (robot.controller_config()?, robot.controller_buses());
         let control_hz = Settings::default().control_hz;
-        Self { rows: examine(config, &Buses::new(), control_hz).collect(), control_hz }
+        let rows = examine(&config, &buses, control_hz).collect();
+        let channels = robot.channels().map(|channel| channel.name().to_owned()).collect();
+        Ok(Self { rows, control_hz, channels })
+    }
+
+    /// Refuses a robot that no controller can drive.
+    ///
+    /// # Errors
+    /// Why, one line for each bus.
+    pub fn check(&self, file: &Path) -> miette::Result<()> {
+        let Some(reasons) = self.refusal() else { return Ok(()) };
+        let file = file.display();
+        Err(miette::miette!("{file}: no controller can drive its actuators\n{reasons}"))
     }
 
     /// One row for each bus.
@@ -41,7 +60,7 @@ impl Examined {
     }
 
     /// Why a controller would refuse the robot, one line for each bus; nothing if it would not.
-    pub fn refusal(&self) -> Option<String> {
+    fn refusal(&self) -> Option<String> {
         let mut text = String::new();
         for row in &self.rows {
             let why = match row.problem {
@@ -52,7 +71,7 @@ impl Examined {
                     format!("poses have to be told at least {needed_hz} times a second")
                 }
                 Some(BusProblem::CannotTell { channel, refusal }) => {
-                    format!("channel {channel}: {refusal}")
+                    format!("{}: {refusal}", self.channels[usize::from(channel)])
                 }
             };
             let _ = writeln!(text, "bus {}: {why}", row.bus);
@@ -64,24 +83,28 @@ impl Examined {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rollwalk_robot::Robot;
+    use rollwalk_protocol::actuators::bus::{Bus, Protocol};
+    use rollwalk_protocol::actuators::odrive::{Odrive, Version};
 
-    fn robots() -> impl Iterator<Item = (String, RobotConfig)> {
+    fn robots() -> impl Iterator<Item = (String, Robot)> {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots");
         let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
         files.filter(|path| path.extension().is_some_and(|e| e == "toml")).filter_map(|path| {
             let name = path.file_name()?.to_str()?.to_owned();
             let text = std::fs::read_to_string(&path).unwrap();
-            let robot = Robot::from_toml(&name, &text).ok()?;
-            Some((name, robot.controller_config().unwrap()))
+            Some((name.clone(), Robot::from_toml(&name, &text).ok()?))
         })
+    }
+
+    fn agilebot() -> Robot {
+        robots().find(|(name, _)| name == "agilebot.toml").unwrap().1
     }
 
     #[test]
     fn every_shipped_robot_fits_on_its_buses() {
         let mut count = 0;
-        for (name, config) in robots() {
-            assert_eq!(Examined::new(&config).refusal(), None, "{name}");
+        for (name, robot) in robots() {
+            assert_eq!(Examined::new(&robot).unwrap().refusal(), None, "{name}");
             count += 1;
         }
         assert!(count > 5, "{count} robots");
@@ -89,28 +112,45 @@ mod tests {
 
     #[test]
     fn agilebot_takes_a_third_of_two_buses() {
-        let (_, config) = robots().find(|(name, _)| name == "agilebot.toml").unwrap();
-        let text = Examined::new(&config).table();
-        assert_eq!(config.channels.len(), 20);
+        let robot = agilebot();
+        let text = Examined::new(&robot).unwrap().table();
+        assert_eq!(robot.channels().count(), 20);
         assert_eq!(text.matches("32 %").count(), 2, "{text}");
     }
 
-    /// All on one bus, and more of them: the table says how much, the refusal why.
+    /// The buses of the file, slower than they would have to be: the table says how much, the refusal why.
     #[test]
     fn what_does_not_fit_is_refused_with_reasons() {
-        let (_, mut config) = robots().find(|(name, _)| name == "agilebot.toml").unwrap();
-        for (id, channel) in (1..).zip(&mut config.channels) {
-            (channel.bus, channel.id) = (1, id);
-        }
-        let more: Vec<_> = (21..).zip(&config.channels).take(4).map(|(id, c)| (id, *c)).collect();
-        for (id, channel) in more {
-            let _ = config.channels.push(rollwalk_protocol::config::Channel { id, ..channel });
-        }
-        let examined = Examined::new(&config);
+        let mut robot = agilebot();
+        let slow = Bus { bit_rate: 250_000, ..Bus::default() };
+        robot.buses = [(1, slow)].into();
+        let examined = Examined::new(&robot).unwrap();
         assert_eq!(
             examined.refusal().as_deref(),
-            Some("bus 1: load of the bus would be 78 %, at most 70 % is right\n")
+            Some("bus 1: load of the bus would be 130 %, at most 70 % is right\n")
         );
-        assert!(examined.table().contains("6480"), "{}", examined.table());
+        assert!(examined.table().contains("250 kbit/s"), "{}", examined.table());
+        let error = examined.check(Path::new("a.toml")).unwrap_err().to_string();
+        assert!(error.starts_with("a.toml: no controller can drive"), "{error}");
+    }
+
+    #[test]
+    fn poses_that_are_told_too_seldom_are_refused() {
+        let mut robot = agilebot();
+        let odrive = |estimates_hz| Bus {
+            protocol: Protocol::Odrive(Odrive {
+                version: Version::V06,
+                reduction: 8.0,
+                torque_constant_nm_a: 0.05,
+                estimates_hz,
+            }),
+            ..Bus::default()
+        };
+        for (estimates_hz, refused) in [(59, true), (60, false)] {
+            robot.buses = [(0, odrive(estimates_hz))].into();
+            let refusal = Examined::new(&robot).unwrap().refusal();
+            let expected = "bus 0: poses have to be told at least 60 times a second\n";
+            assert_eq!(refusal.as_deref(), refused.then_some(expected));
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! The subcommands, one file each.
 
 mod bench;
-mod buses;
+pub mod buses;
 mod completions;
 mod console;
 mod dbc;

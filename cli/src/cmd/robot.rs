@@ -59,16 +59,13 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 
 fn check(check: &Check) -> miette::Result<Exit> {
     let robot = Source::Disk.robot(&check.robot)?;
-    let buses = Examined::new(&robot.controller_config().into_diagnostic()?);
+    let buses = Examined::new(&robot).into_diagnostic()?;
     if check.json {
         output::print_json(&Report { mass_kg: mass_kg(&robot), robot: &robot })?;
     } else {
         output::print(&format!("{}\n{}", describe(&robot), buses.table()))?;
     }
-    if let Some(reasons) = buses.refusal() {
-        let file = check.robot.display();
-        return Err(miette::miette!("{file}: no controller can drive its actuators\n{reasons}"));
-    }
+    buses.check(&check.robot)?;
     Ok(Exit::Ok)
 }
 

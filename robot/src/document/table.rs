@@ -135,6 +135,12 @@ impl<'d> Table<'d> {
         found
     }
 
+    /// A required `true` or `false`.
+    pub fn boolean(&self, key: &'static str) -> Option<bool> {
+        let value = self.required(key, "true or false")?;
+        self.typed(key, value, "true or false", DeValue::as_bool)
+    }
+
     /// A required number; integers are numbers.
     pub fn number(&self, key: &'static str) -> Option<f64> {
         let value = self.required(key, "a number")?;

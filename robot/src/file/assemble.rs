@@ -4,6 +4,7 @@
 //! and frames are reflected, and axes turn into −M·axis (M = diag(1, −1, 1)), so that equal joint
 //! angles give mirrored poses and limits stay as they are. A lateral wheel axis stays +y.
 
+use super::buses::BusItem;
 use super::parts::MassProperties;
 use super::read::{
     ActuatorItem, ContactItem, EndEffectorItem, Items, JointItem, LimbItem, LinkItem, MotorItem,
@@ -26,6 +27,7 @@ pub(super) struct Places {
     links: Vec<Spans>,
     joints: Vec<Spans>,
     end_effectors: Vec<Spans>,
+    buses: BTreeMap<u8, Spans>,
 }
 
 impl Places {
@@ -38,6 +40,7 @@ impl Places {
             Place::Link(index) => self.links.get(index),
             Place::Joint(index) => self.joints.get(index),
             Place::EndEffector(index) => self.end_effectors.get(index),
+            Place::Bus(number) => self.buses.get(&number),
         };
         spans.map_or_else(|| self.name.clone(), |spans| spans.field(field))
     }
@@ -58,7 +61,13 @@ pub(super) fn robot(document: &Document<'_>, items: Items) -> Option<(Robot, Pla
     let mut assembly = Assembly {
         document,
         actuators: &items.actuators,
-        robot: Robot { name: items.name, links: vec![], joints: vec![], end_effectors: vec![] },
+        robot: Robot {
+            name: items.name,
+            links: vec![],
+            joints: vec![],
+            end_effectors: vec![],
+            buses: BTreeMap::new(),
+        },
         places: Places { name: items.name_span, ..Places::default() },
     };
     // All links first: a limb may hang on a link of another.
@@ -71,6 +80,9 @@ pub(super) fn robot(document: &Document<'_>, items: Items) -> Option<(Robot, Pla
         for item in &group.parts.end_effectors {
             assembly.end_effector(group, item, &mut motors);
         }
+    }
+    for item in items.buses {
+        assembly.bus(item);
     }
     document.is_clean().then_some((assembly.robot, assembly.places))
 }
@@ -198,6 +210,16 @@ impl Assembly<'_> {
             contact,
         });
         self.places.end_effectors.push(spans);
+    }
+
+    fn bus(&mut self, item: BusItem) {
+        let BusItem { number, bus, spans } = item;
+        if self.robot.buses.insert(number, bus).is_some() {
+            let help = "give every bus one table";
+            let message = format!("bus {number}: `number` is {number} a second time");
+            self.document.fault(spans.field("number"), message, "again", help);
+        }
+        self.places.buses.insert(number, spans);
     }
 
     fn link_index(&self, name: &str, what: String, span: Span) -> Option<usize> {

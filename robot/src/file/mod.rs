@@ -5,6 +5,7 @@
 //! names to indices, and [`crate::rules`] judges the result. Faults of all steps point into the text.
 
 mod assemble;
+mod buses;
 pub(crate) mod parts;
 mod read;
 

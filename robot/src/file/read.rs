@@ -1,5 +1,6 @@
 //! First step of reading a robot file: tables to items, names still unresolved.
 
+use super::buses::{self, BusItem};
 use super::parts::{self, MassProperties};
 use crate::document::{Document, Span, Table};
 use crate::model::{RollingDrag, TorqueSpeedLine};
@@ -14,7 +15,7 @@ pub(super) struct Spans {
 }
 
 impl Spans {
-    fn of(table: &Table<'_>, fields: &[&'static str]) -> Self {
+    pub fn of(table: &Table<'_>, fields: &[&'static str]) -> Self {
         let fields = fields.iter().map(|&field| (field, table.span_of(field))).collect();
         Self { item: table.span(), fields }
     }
@@ -122,6 +123,7 @@ pub(super) struct Items {
     pub templates: BTreeMap<String, Parts>,
     pub own: Parts,
     pub limbs: Vec<LimbItem>,
+    pub buses: Vec<BusItem>,
 }
 
 /// Reads all tables; `None` if any of them has a fault.
@@ -137,9 +139,11 @@ pub(super) fn items(document: &Document<'_>) -> Option<Items> {
     });
     let own = read_parts(&root, false);
     let limbs = root.tables("limb").into_iter().filter_map(limb).collect();
+    let buses = root.tables("bus").into_iter().filter_map(buses::bus).collect();
     root.done();
     let name = name?;
-    document.is_clean().then_some(Items { name, name_span, actuators, templates, own, limbs })
+    let items = Items { name, name_span, actuators, templates, own, limbs, buses };
+    document.is_clean().then_some(items)
 }
 
 fn named<'d, T>(

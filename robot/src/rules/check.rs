@@ -1,6 +1,7 @@
 //! The walk over a robot that collects every broken rule.
 
 use super::{Place, Violation};
+use crate::controller::Channel;
 use crate::model::{Actuator, Contact, EndEffector, Joint, Link, Robot, RollingDrag};
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_protocol::actuator;
@@ -39,23 +40,28 @@ pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
         check.end_effector(index, end_effector);
     }
     check.addresses();
+    check.buses();
+    // What a motor can be told is a question once its numbers and those of its bus are sound.
+    if check.found.is_empty() {
+        check.drivable();
+    }
     check.found
 }
 
-struct Check<'r> {
-    robot: &'r Robot,
+pub(super) struct Check<'r> {
+    pub(super) robot: &'r Robot,
     place: Place,
     what: String,
     found: Vec<Violation>,
 }
 
 impl Check<'_> {
-    fn at(&mut self, place: Place, what: String) {
+    pub(super) fn at(&mut self, place: Place, what: String) {
         self.place = place;
         self.what = what;
     }
 
-    fn violated(
+    pub(super) fn violated(
         &mut self,
         field: &'static str,
         problem: impl fmt::Display,
@@ -350,18 +356,18 @@ impl Check<'_> {
         self.range("rolling_drag_s_m", drag.rolling_drag_s_m, zero, 1.0, "s/m", "");
     }
 
+    fn drivable(&mut self) {
+        let motors: Vec<_> = motors(self.robot).collect();
+        for (place, what, channel) in motors {
+            self.at(place, what);
+            self.tellable(&channel);
+        }
+    }
+
     fn addresses(&mut self) {
-        let robot = self.robot;
-        let joints = robot.joints.iter().enumerate().map(|(index, joint)| {
-            (Place::Joint(index), format!("joint `{}`", joint.name), &joint.actuator)
-        });
-        let wheels = robot.end_effectors.iter().enumerate().filter_map(|(index, wheel)| {
-            let actuator = wheel.contact.actuator()?;
-            Some((Place::EndEffector(index), format!("end effector `{}`", wheel.name), actuator))
-        });
         let mut taken = HashMap::new();
-        for (place, what, actuator) in joints.chain(wheels) {
-            let Actuator { bus, id, .. } = *actuator;
+        for (place, what, channel) in motors(self.robot) {
+            let Actuator { bus, id, .. } = *channel.actuator();
             match taken.get(&(bus, id)) {
                 None => {
                     taken.insert((bus, id), what);
@@ -375,6 +381,18 @@ impl Check<'_> {
             }
         }
     }
+}
+
+/// Every motor with its place and what messages call it.
+fn motors(robot: &Robot) -> impl Iterator<Item = (Place, String, Channel<'_>)> {
+    let joints = robot.joints.iter().enumerate().map(|(index, joint)| {
+        (Place::Joint(index), format!("joint `{}`", joint.name), Channel::Joint(joint))
+    });
+    let wheels = robot.end_effectors.iter().enumerate().filter_map(|(index, wheel)| {
+        let channel = Channel::Wheel(wheel, wheel.contact.actuator()?);
+        Some((Place::EndEffector(index), format!("end effector `{}`", wheel.name), channel))
+    });
+    joints.chain(wheels)
 }
 
 #[derive(Clone, Copy)]

@@ -4,8 +4,10 @@
 //! violation names its place and its field as robot files spell it; [`crate::file`] turns these
 //! into spans.
 
+mod buses;
 mod check;
 
+use check::Check;
 pub(crate) use check::violations;
 
 use std::fmt;
@@ -21,6 +23,8 @@ pub enum Place {
     Joint(usize),
     /// `end_effectors[i]`.
     EndEffector(usize),
+    /// The bus of this number.
+    Bus(u8),
 }
 
 /// A rule that a robot breaks.

@@ -1,6 +1,7 @@
 //! What the build scripts of the board images share: the robot as constants, so that an image holds
 //! no parser; and the linker script.
 
+use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_robot::Robot;
 use std::env;
 use std::error::Error;
@@ -30,7 +31,13 @@ pub fn prepare(robot: &str) -> Result<(), Box<dyn Error>> {
 
 /// The robot's channels and name as Rust.
 fn channels(name: &str, text: &str) -> Result<String, Box<dyn Error>> {
-    let config = Robot::from_toml(name, text)?.controller_config()?;
+    let robot = Robot::from_toml(name, text)?;
+    let config = robot.controller_config()?;
+    if let Some((number, bus)) = robot.buses.iter().find(|(_, bus)| **bus != Bus::default()) {
+        let speaks = bus.protocol.name();
+        let why = "images of the boards are built for buses of the Rollwalk profile at 1 Mbit/s";
+        return Err(format!("{name}: bus {number} speaks {speaks}: {why}").into());
+    }
     let count = config.channels.len();
     let mut code =
         format!("/// The robot's channels.\npub const CHANNELS: [Channel; {count}] = [\n");
