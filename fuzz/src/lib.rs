@@ -44,9 +44,6 @@ pub mod rig;
 #[path = "../../firmware/tests/integration/robot.rs"]
 #[allow(missing_docs)]
 pub mod robot;
-#[path = "../../firmware/tests/integration/serial.rs"]
-#[allow(missing_docs, dead_code)]
-pub mod serial;
 use rollwalk_firmware::store;
 
 #[doc(hidden)]

@@ -17,7 +17,6 @@ mod protocols;
 mod rig;
 mod robot;
 mod scars;
-mod serial;
 mod stopping;
 mod tilt;
 mod torque;

@@ -1,5 +1,6 @@
 //! The controller with drives of every protocol: arm, align, play, stop.
 
+use rollwalk_drives::{Electronics, Sent};
 use rollwalk_firmware::bus::{Bus, Buses, Pose, Protocol};
 use rollwalk_firmware::safety::State;
 use rollwalk_firmware::{Controller, Settings};
@@ -11,7 +12,7 @@ use rollwalk_protocol::actuators::odrive::{Odrive, Version};
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::wire::{CommandResult, Fault, Parameter, ParameterAction, ParameterResult};
 
-use crate::drives::{Drive, Electronics, Sent, cybergear_feedback};
+use crate::drives::Drive;
 use crate::flash;
 use crate::rig::Rig;
 use crate::robot::{self, CODE_DRIVE, CODE_WALK, STAND};
@@ -73,14 +74,14 @@ pub fn bench_of(config: RobotConfig, protocols: [Protocol; 2], like: Bus) -> Rig
     let settings = Settings::default();
     let mut rig = Rig::with(config.clone(), settings, None);
     let buses: Buses = protocols.iter().map(|&protocol| Bus { protocol, ..like }).collect();
+    let of = buses.clone();
     let store = flash::store(Some(&library));
     let parameters = flash::parameters();
     rig.brain = Controller::with_parameters(config.clone(), buses, store, parameters, settings);
     let start = [0.9, -1.2, 0.0];
     let driven = config.channels.iter().zip(start);
     let driven = driven.filter(|(c, _)| protocols[usize::from(c.bus)] != Protocol::Rollwalk);
-    rig.drives.list =
-        driven.map(|(c, v)| Drive::new(&protocols[usize::from(c.bus)], *c, v)).collect();
+    rig.drives.list = driven.map(|(c, v)| Drive::new(&of[usize::from(c.bus)], *c, v)).collect();
     rig.run(40);
     rig
 }
@@ -320,10 +321,10 @@ fn a_drive_that_reports_a_fault_damps_all() {
     for protocol in [mit(4, AnswerId::Own), odrive(Version::V05), odrive(Version::V06), cybergear()]
     {
         let mut rig = playing(protocol);
-        match &mut rig.drives.list[0].electronics {
-            Electronics::Mit { error, .. } => *error = 1,
+        match &mut rig.drives.list[0].inner.electronics {
+            Electronics::Mit(drive) => drive.error = 1,
             Electronics::Odrive(axis) => (axis.error, axis.closed_loop) = (0x40, false),
-            Electronics::CyberGear { faults, .. } => *faults = 1 << 2,
+            Electronics::CyberGear(motor) => motor.faults = 1 << 2,
             _ => unreachable!(),
         }
         rig.run_until(State::Damped, 20);
@@ -341,8 +342,9 @@ fn a_fault_that_is_told_once_is_heard() {
         &[0, 1, 0, 0, 0, 0, 0, 0],
     );
     rig.brain.on_extended_frame(rig.now_us, 0, &fault.unwrap());
-    let after = cybergear_feedback(&rig.drives.list[0].motor, 0xFD, TABLE_MAX_RAD, 0);
-    rig.brain.on_extended_frame(rig.now_us, 0, &after);
+    let drive = &rig.drives.list[0];
+    let Electronics::CyberGear(motor) = &drive.inner.electronics else { unreachable!() };
+    rig.brain.on_extended_frame(rig.now_us, 0, &motor.feedback(&drive.motor.shaft()));
     rig.run(1);
     assert_eq!(rig.brain.state(), State::Damped);
 }
@@ -351,7 +353,7 @@ fn a_fault_that_is_told_once_is_heard() {
 #[test]
 fn faults_that_drives_keep_are_cleared_while_torque_is_off() {
     let mut rig = playing(odrive(Version::V06));
-    if let Electronics::Odrive(axis) = &mut rig.drives.list[0].electronics {
+    if let Electronics::Odrive(axis) = &mut rig.drives.list[0].inner.electronics {
         (axis.error, axis.closed_loop) = (0x0100_0000, false);
     }
     rig.run_until(State::TorqueOff, 1000);

@@ -1,12 +1,12 @@
 //! The controller closes the loop: drives are told torques, and joints with inertia follow.
 
+use rollwalk_drives::Sent;
 use rollwalk_firmware::bus::{Bus, ControlLoop, Protocol};
 use rollwalk_firmware::safety::State;
 use rollwalk_protocol::actuators::mit::AnswerId;
 use rollwalk_protocol::actuators::odrive::Version;
 use rollwalk_protocol::wire::{CommandResult, Fault};
 
-use crate::drives::Sent;
 use crate::protocols::{aligned, bench_of, cybergear, dynamixel, mit, odrive, slow_down};
 use crate::rig::Rig;
 use crate::robot::{self, CODE_DRIVE, STAND};

@@ -1,0 +1,161 @@
+//! Xiaomi's CyberGear. Document: "CyberGear micro motor instruction manual", section 4. Only run mode 0, operation
+//! control, is simulated; in another it gives no torque.
+
+use crate::scale::{code, share, value};
+use crate::{Law, Sent, Shaft, is_wheel};
+use rollwalk_protocol::actuators::cybergear::CyberGear;
+use rollwalk_protocol::can::ExtendedFrame;
+use rollwalk_protocol::config::Channel;
+
+const SPEED_RAD_S: f64 = 30.0;
+const TORQUE_NM: f64 = 12.0;
+const KP_NM_RAD: f64 = 500.0;
+const KD_NM_S_RAD: f64 = 5.0;
+/// What it tells as its temperature, tenths of a °C.
+const TEMPERATURE: u32 = 250;
+
+/// Parameters that are written.
+const RUN_MODE: u16 = 0x7005;
+const LIMIT_TORQUE: u16 = 0x700B;
+const LIMIT_SPEED: u16 = 0x7017;
+
+/// A motor.
+#[derive(Clone, Debug)]
+pub struct CyberGearMotor {
+    kind: CyberGear,
+    id: u8,
+    is_wheel: bool,
+    enabled: bool,
+    /// Run mode: 0 is operation control.
+    pub mode: u8,
+    /// The setpoint that came last, which it remembers while torque is off.
+    pub last: Law,
+    torque_limit_nm: f64,
+    /// Its fault bits.
+    pub faults: u8,
+}
+
+impl CyberGearMotor {
+    /// The motor of a channel.
+    pub fn new(kind: CyberGear, channel: &Channel) -> Self {
+        Self {
+            kind,
+            id: channel.id,
+            is_wheel: is_wheel(channel),
+            enabled: false,
+            mode: 0,
+            last: Law::default(),
+            torque_limit_nm: TORQUE_NM,
+            faults: 0,
+        }
+    }
+
+    /// Type, data and the eight bytes of a frame for it.
+    fn mine(&self, frame: &ExtendedFrame) -> Option<(u8, u16, [u8; 8])> {
+        let (kind, data16, target) =
+            ((frame.id() >> 24) as u8, (frame.id() >> 8) as u16, frame.id() as u8);
+        // What motors send has a master's number there, or their own behind it.
+        let command = target == self.id && !matches!(kind, 2 | 21);
+        command.then(|| Some((kind, data16, frame.data().try_into().ok()?)))?
+    }
+
+    fn setpoint(&self, torque: u16, data: [u8; 8]) -> Law {
+        let word = |i: usize| u32::from(u16::from_be_bytes([data[i], data[i + 1]]));
+        Law {
+            position_rad: value(word(0), self.kind.max_position_rad.into(), 16),
+            speed_rad_s: value(word(2), SPEED_RAD_S, 16),
+            kp_nm_rad: share(word(4), 16) * KP_NM_RAD,
+            kd_nm_s_rad: share(word(6), 16) * KD_NM_S_RAD,
+            torque_nm: value(torque.into(), TORQUE_NM, 16),
+            torque_limit_nm: f64::INFINITY,
+        }
+    }
+
+    fn value_of(&self, law: &Law) -> f32 {
+        (if self.is_wheel { law.speed_rad_s } else { law.position_rad }) as f32
+    }
+
+    /// See [`crate::Drive::commanded`].
+    pub fn commanded(&self, frame: &ExtendedFrame) -> Option<f32> {
+        let (1, data16, data) = self.mine(frame)? else { return None };
+        Some(self.value_of(&self.setpoint(data16, data)))
+    }
+
+    /// See [`crate::Drive::on_frame`].
+    pub fn on_frame(
+        &mut self,
+        frame: &ExtendedFrame,
+        shaft: &Shaft,
+    ) -> Option<(Sent, Option<ExtendedFrame>)> {
+        let (kind, data16, data) = self.mine(frame)?;
+        let sent = match kind {
+            1 => {
+                self.last = self.setpoint(data16, data);
+                Sent::Setpoint {
+                    value: self.value_of(&self.last),
+                    kp: self.last.kp_nm_rad as f32,
+                    kd: self.last.kd_nm_s_rad as f32,
+                    torque_nm: self.last.torque_nm as f32,
+                }
+            }
+            3 => {
+                self.enabled = true;
+                Sent::Enable
+            }
+            4 => {
+                self.enabled = false;
+                if data[0] == 1 {
+                    self.faults = 0;
+                    Sent::ClearFaults
+                } else {
+                    Sent::Disable
+                }
+            }
+            18 => self.write(data),
+            _ => return Some((Sent::Odd, None)),
+        };
+        Some((sent, Some(self.feedback(shaft))))
+    }
+
+    fn write(&mut self, [i0, i1, _, _, value @ ..]: [u8; 8]) -> Sent {
+        match u16::from_le_bytes([i0, i1]) {
+            // Not while it runs.
+            RUN_MODE if !self.enabled => {
+                self.mode = value[0];
+                Sent::Mode
+            }
+            LIMIT_TORQUE => {
+                self.torque_limit_nm = f32::from_le_bytes(value).into();
+                Sent::Limits
+            }
+            // Of the position mode, which is not simulated.
+            LIMIT_SPEED => Sent::Limits,
+            _ => Sent::Odd,
+        }
+    }
+
+    /// What it answers to every command.
+    pub fn feedback(&self, shaft: &Shaft) -> ExtendedFrame {
+        let mode = if self.enabled { 2u32 } else { 0 };
+        let id = 2 << 24
+            | mode << 22
+            | u32::from(self.faults) << 16
+            | u32::from(self.id) << 8
+            | u32::from(self.kind.host);
+        let torque_nm = if self.enabled { shaft.torque_nm } else { 0.0 };
+        let words = [
+            code(shaft.position_rad, self.kind.max_position_rad.into(), 16),
+            code(shaft.speed_rad_s, SPEED_RAD_S, 16),
+            code(torque_nm, TORQUE_NM, 16),
+            TEMPERATURE,
+        ];
+        let bytes: Vec<u8> = words.iter().flat_map(|&word| (word as u16).to_be_bytes()).collect();
+        ExtendedFrame::new(id, &bytes).expect("an identifier of 29 bits and 8 bytes")
+    }
+
+    /// See [`crate::Drive::law`].
+    pub fn law(&self) -> Option<Law> {
+        let runs = self.enabled && self.mode == 0;
+        runs.then_some(Law { torque_limit_nm: self.torque_limit_nm, ..self.last })
+    }
+}

@@ -1,0 +1,198 @@
+//! A Dynamixel servo of the X series: its control table, as far as it matters here. Documents: e-Manual pages
+//! `dxl/protocol2`, `x/xm430-w210`, `x/xm540-w150`.
+//!
+//! Operating mode 0 where the controller closes the loop, 1 for wheels, 5 for joints. The manual has no gains in
+//! N·m: a servo follows its goal with those that the robot file promises of it.
+
+use crate::{Law, Sent, Shaft, is_wheel};
+use rollwalk_protocol::actuators::bus::ControlLoop;
+use rollwalk_protocol::actuators::dynamixel::Dynamixels;
+use rollwalk_protocol::actuators::dynamixel::packet::{STATUS, packet};
+use rollwalk_protocol::config::Channel;
+use std::f64::consts::TAU;
+
+/// Steps of the table.
+const RAD: f64 = TAU / 4096.0;
+const RAD_S: f64 = 0.229 * TAU / 60.0;
+const AMPERE: f64 = 2.69e-3;
+/// The position in the middle of a turn.
+const CENTRE: i32 = 2048;
+/// A step of the bus watchdog, µs.
+const WATCHDOG_US: u64 = 20_000;
+
+/// What it follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mode {
+    Current,
+    Velocity,
+    CurrentBasedPosition,
+}
+
+/// A servo.
+#[derive(Clone, Debug)]
+pub struct DynamixelServo {
+    kind: Dynamixels,
+    id: u8,
+    mode: Mode,
+    gains: (f64, f64),
+    enabled: bool,
+    /// Steps, 2048 at 0 rad; kept while torque is off.
+    pub goal_position: i32,
+    /// Steps; kept while torque is off.
+    pub goal_velocity: i32,
+    /// Steps: the goal of mode 0, the limit of mode 5.
+    pub goal_current: i16,
+    /// 0 is off.
+    watchdog_20ms: u8,
+    expired: bool,
+    /// When the last packet for it came.
+    fed_us: u64,
+}
+
+impl DynamixelServo {
+    /// The servo of a channel.
+    pub fn new(kind: Dynamixels, control: ControlLoop, channel: &Channel) -> Self {
+        let mode = match control {
+            ControlLoop::OnController => Mode::Current,
+            ControlLoop::InDrive if is_wheel(channel) => Mode::Velocity,
+            ControlLoop::InDrive => Mode::CurrentBasedPosition,
+        };
+        let most = i16::try_from(kind.model.max_current).unwrap_or(i16::MAX);
+        Self {
+            kind,
+            id: channel.id,
+            mode,
+            gains: (channel.kp_nm_rad.into(), channel.kd_nm_s_rad.into()),
+            enabled: false,
+            goal_position: CENTRE,
+            goal_velocity: 0,
+            goal_current: if mode == Mode::Current { 0 } else { most },
+            watchdog_20ms: 0,
+            expired: false,
+            fed_us: 0,
+        }
+    }
+
+    /// See [`crate::Drive::on_packet`]: sync writes and sync reads to all.
+    pub fn on_packet(&mut self, now_us: u64, bytes: &[u8], shaft: &Shaft) -> (Vec<Sent>, Vec<u8>) {
+        let nothing = (vec![], vec![]);
+        let [0xFF, 0xFF, 0xFD, 0, 0xFE, _, _, instruction, parameters @ .., _, _] = bytes else {
+            return nothing;
+        };
+        let &[a0, a1, n0, n1, ref rest @ ..] = parameters else { return nothing };
+        let (address, count) =
+            (u16::from_le_bytes([a0, a1]), usize::from(u16::from_le_bytes([n0, n1])));
+        match instruction {
+            0x82 if rest.contains(&self.id) => {
+                self.fed_us = now_us;
+                (vec![Sent::Query], self.read(address, count, shaft))
+            }
+            0x83 => {
+                let Some([_, mine @ ..]) = rest.chunks(1 + count).find(|chunk| chunk[0] == self.id)
+                else {
+                    return nothing;
+                };
+                self.fed_us = now_us;
+                (vec![self.write(now_us, address, mine).unwrap_or(Sent::Odd)], vec![])
+            }
+            _ => nothing,
+        }
+    }
+
+    fn read(&self, address: u16, count: usize, shaft: &Shaft) -> Vec<u8> {
+        if (address, count) != (126, 10) {
+            return vec![];
+        }
+        let torque_nm = if self.enabled { shaft.torque_nm } else { 0.0 };
+        let current = torque_nm / f64::from(self.kind.model.torque_nm_a) / AMPERE;
+        let steps = |value: f64| value.round() as i32;
+        // Error 0, current, velocity, position.
+        let mut data = vec![0];
+        data.extend((steps(current) as i16).to_le_bytes());
+        data.extend(steps(shaft.speed_rad_s / RAD_S).to_le_bytes());
+        data.extend((steps(shaft.position_rad / RAD) + CENTRE).to_le_bytes());
+        packet(self.id, STATUS, &data).map(|bytes| bytes.to_vec()).unwrap_or_default()
+    }
+
+    fn write(&mut self, now_us: u64, address: u16, data: &[u8]) -> Option<Sent> {
+        let word = || Some(i16::from_le_bytes(data.try_into().ok()?));
+        let long = || Some(i32::from_le_bytes(data.try_into().ok()?));
+        // With the watchdog expired, goals cannot be written.
+        if self.expired && address >= 100 {
+            return None;
+        }
+        Some(match address {
+            64 => {
+                self.enabled = data == [1];
+                if self.enabled { Sent::Enable } else { Sent::Disable }
+            }
+            98 => {
+                self.watchdog_20ms = *data.first()?;
+                self.expired &= self.watchdog_20ms != 0;
+                self.fed_us = now_us;
+                Sent::Watchdog
+            }
+            102 => {
+                self.goal_current = word()?;
+                match self.mode {
+                    Mode::Current => Sent::Torque(self.goal_torque_nm() as f32),
+                    _ => Sent::Limits,
+                }
+            }
+            104 => {
+                self.goal_velocity = long()?;
+                self.setpoint()
+            }
+            112 => {
+                long()?;
+                Sent::Limits
+            }
+            116 => {
+                self.goal_position = long()?;
+                self.setpoint()
+            }
+            _ => return None,
+        })
+    }
+
+    fn goal_torque_nm(&self) -> f64 {
+        f64::from(self.goal_current) * AMPERE * f64::from(self.kind.model.torque_nm_a)
+    }
+
+    fn setpoint(&self) -> Sent {
+        let Law { position_rad, speed_rad_s, .. } = self.goal();
+        let value = if self.mode == Mode::Velocity { speed_rad_s } else { position_rad };
+        let (kp, kd) = self.gains;
+        Sent::Setpoint { value: value as f32, kp: kp as f32, kd: kd as f32, torque_nm: 0.0 }
+    }
+
+    fn goal(&self) -> Law {
+        let (kp_nm_rad, kd_nm_s_rad) = self.gains;
+        let limited = Law { torque_limit_nm: self.goal_torque_nm().abs(), ..Law::default() };
+        match self.mode {
+            Mode::Current => {
+                let torque_nm = self.goal_torque_nm();
+                Law { torque_nm, torque_limit_nm: f64::INFINITY, ..limited }
+            }
+            Mode::Velocity => {
+                let speed_rad_s = f64::from(self.goal_velocity) * RAD_S;
+                Law { speed_rad_s, kd_nm_s_rad, torque_limit_nm: f64::INFINITY, ..limited }
+            }
+            Mode::CurrentBasedPosition => {
+                let position_rad = f64::from(self.goal_position.saturating_sub(CENTRE)) * RAD;
+                Law { position_rad, kp_nm_rad, kd_nm_s_rad, ..limited }
+            }
+        }
+    }
+
+    /// See [`crate::Drive::on_time`]: an expired watchdog stops the servo until it is told 0.
+    pub fn on_time(&mut self, now_us: u64) {
+        let patience_us = u64::from(self.watchdog_20ms) * WATCHDOG_US;
+        self.expired |= patience_us > 0 && now_us.saturating_sub(self.fed_us) > patience_us;
+    }
+
+    /// See [`crate::Drive::law`].
+    pub fn law(&self) -> Option<Law> {
+        (self.enabled && !self.expired).then(|| self.goal())
+    }
+}

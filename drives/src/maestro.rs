@@ -1,0 +1,103 @@
+//! A hobby servo on a channel of a Pololu Maestro. Document: "Pololu Maestro Servo Controller User's Guide",
+//! sections 5.c to 5.e. Nothing is measured; the servo follows its pulses with the gains that the robot file promises
+//! of it.
+
+use crate::{Law, Sent};
+use rollwalk_protocol::actuators::maestro::Maestro;
+use rollwalk_protocol::config::Channel;
+
+/// A servo.
+#[derive(Clone, Debug)]
+pub struct MaestroServo {
+    board: Maestro,
+    channel: u8,
+    gains: (f64, f64),
+    /// Where the pulses tell it to go; none without pulses.
+    target_rad: Option<f64>,
+}
+
+impl MaestroServo {
+    /// The servo of a channel.
+    pub fn new(board: Maestro, channel: &Channel) -> Self {
+        let gains = (channel.kp_nm_rad.into(), channel.kd_nm_s_rad.into());
+        Self { board, channel: channel.id, gains, target_rad: None }
+    }
+
+    /// The command and its data, without what is around them.
+    fn unwrapped<'b>(&self, bytes: &'b [u8]) -> Option<(u8, &'b [u8])> {
+        let bytes = match self.board.crc {
+            true => bytes.split_last().filter(|(crc, rest)| **crc == crc7(rest))?.1,
+            false => bytes,
+        };
+        match (self.board.device, bytes) {
+            (Some(device), [0xAA, number, command, data @ ..]) => {
+                (device == *number).then_some((command | 0x80, data))
+            }
+            (None, [command, data @ ..]) => Some((*command, data)),
+            _ => None,
+        }
+    }
+
+    /// See [`crate::Drive::on_packet`]. The board answers: each of its servos has the same answer.
+    pub fn on_packet(&mut self, bytes: &[u8]) -> (Vec<Sent>, Vec<u8>) {
+        let Some((command, data)) = self.unwrapped(bytes) else { return (vec![], vec![]) };
+        let target = match (command, data) {
+            (0xA1, []) => return (vec![Sent::Query], vec![0, 0]),
+            (0x84, [channel, low, high]) if *channel == self.channel => quarters(*low, *high),
+            (0x9F, [_, first, targets @ ..]) => {
+                let mine = self.channel.checked_sub(*first).map(usize::from);
+                let Some([low, high]) = mine.and_then(|n| targets.chunks_exact(2).nth(n)) else {
+                    return (vec![], vec![]);
+                };
+                quarters(*low, *high)
+            }
+            (0x84, _) => return (vec![], vec![]),
+            _ => return (vec![Sent::Odd], vec![]),
+        };
+        (self.aim(target), vec![])
+    }
+
+    fn aim(&mut self, quarters_us: u16) -> Vec<Sent> {
+        if quarters_us == 0 {
+            self.target_rad = None;
+            return vec![Sent::Disable];
+        }
+        let pulse = &self.board.pulse;
+        let us = f64::from(quarters_us) / 4.0 - f64::from(pulse.centre_us);
+        let value = us / f64::from(pulse.us_per_rad);
+        let (kp, kd) = self.gains;
+        let setpoint =
+            Sent::Setpoint { value: value as f32, kp: kp as f32, kd: kd as f32, torque_nm: 0.0 };
+        match self.target_rad.replace(value) {
+            None => vec![Sent::Enable, setpoint],
+            Some(_) => vec![setpoint],
+        }
+    }
+
+    /// See [`crate::Drive::law`].
+    pub fn law(&self) -> Option<Law> {
+        let (kp_nm_rad, kd_nm_s_rad) = self.gains;
+        let position_rad = self.target_rad?;
+        let torque_limit_nm = f64::INFINITY;
+        Some(Law { position_rad, kp_nm_rad, kd_nm_s_rad, torque_limit_nm, ..Law::default() })
+    }
+}
+
+fn quarters(low: u8, high: u8) -> u16 {
+    u16::from(low) | u16::from(high) << 7
+}
+
+/// As the guide's appendix has it: polynomial 0x91, least significant bit first.
+pub(crate) fn crc7(bytes: &[u8]) -> u8 {
+    let mut crc = 0u8;
+    for byte in bytes {
+        crc ^= byte;
+        for _ in 0..8 {
+            if crc & 1 == 1 {
+                crc ^= 0x91;
+            }
+            crc >>= 1;
+        }
+    }
+    crc
+}

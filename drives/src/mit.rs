@@ -1,0 +1,126 @@
+//! Mini cheetah drives and T-Motor's AK series in MIT mode. Documents: bgkatz/motorcontrol, CubeMars "AK
+//! Series Actuator Driver Manual V1.0.8".
+
+use crate::scale::{code, share, value};
+use crate::{Law, Sent, Shaft, is_wheel};
+use rollwalk_protocol::actuators::mit::{AnswerId, Mit};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::config::Channel;
+
+const POSITION_RAD: f64 = 12.5;
+const KP_NM_RAD: f64 = 500.0;
+const KD_NM_S_RAD: f64 = 5.0;
+/// What an AK drive tells as its temperature, °C.
+const TEMPERATURE_C: u8 = 30;
+
+/// A drive.
+#[derive(Clone, Debug)]
+pub struct MitDrive {
+    model: Mit,
+    id: u8,
+    is_wheel: bool,
+    enabled: bool,
+    /// The setpoint that came last, which it remembers while torque is off.
+    pub last: Law,
+    /// The error that it tells; AK only.
+    pub error: u8,
+}
+
+impl MitDrive {
+    /// A drive of a channel.
+    pub fn new(model: Mit, channel: &Channel) -> Self {
+        let (id, is_wheel) = (channel.id, is_wheel(channel));
+        Self { model, id, is_wheel, enabled: false, last: Law::default(), error: 0 }
+    }
+
+    fn max_speed_rad_s(&self) -> f64 {
+        self.model.model.max_speed_rad_s.into()
+    }
+
+    fn max_torque_nm(&self) -> f64 {
+        self.model.model.max_torque_nm.into()
+    }
+
+    /// The eight bytes of a frame for it.
+    fn mine(&self, frame: &CanFrame) -> Option<[u8; 8]> {
+        (frame.id() == u16::from(self.id)).then(|| frame.data().try_into().ok())?
+    }
+
+    fn setpoint(&self, data: [u8; 8]) -> Law {
+        let bits = u64::from_be_bytes(data);
+        let field = |shift: u32, width: u32| (bits >> shift) as u32 & ((1 << width) - 1);
+        Law {
+            position_rad: value(field(48, 16), POSITION_RAD, 16),
+            speed_rad_s: value(field(36, 12), self.max_speed_rad_s(), 12),
+            kp_nm_rad: share(field(24, 12), 12) * KP_NM_RAD,
+            kd_nm_s_rad: share(field(12, 12), 12) * KD_NM_S_RAD,
+            torque_nm: value(field(0, 12), self.max_torque_nm(), 12),
+            torque_limit_nm: self.max_torque_nm(),
+        }
+    }
+
+    fn value_of(&self, law: &Law) -> f32 {
+        (if self.is_wheel { law.speed_rad_s } else { law.position_rad }) as f32
+    }
+
+    /// See [`crate::Drive::commanded`].
+    pub fn commanded(&self, frame: &CanFrame) -> Option<f32> {
+        let data = self.mine(frame).filter(|data| special(data).is_none())?;
+        Some(self.value_of(&self.setpoint(data)))
+    }
+
+    /// See [`crate::Drive::on_frame`].
+    pub fn on_frame(&mut self, frame: &CanFrame, shaft: &Shaft) -> Option<(Sent, CanFrame)> {
+        let data = self.mine(frame)?;
+        let sent = match special(&data) {
+            // It follows what it was sent last.
+            Some(0xFC) => {
+                self.enabled = true;
+                Sent::Enable
+            }
+            Some(0xFD) => {
+                self.enabled = false;
+                Sent::Disable
+            }
+            // A new zero: nothing of ours sends it.
+            Some(_) => Sent::Odd,
+            None => {
+                self.last = self.setpoint(data);
+                Sent::Setpoint {
+                    value: self.value_of(&self.last),
+                    kp: self.last.kp_nm_rad as f32,
+                    kd: self.last.kd_nm_s_rad as f32,
+                    torque_nm: self.last.torque_nm as f32,
+                }
+            }
+        };
+        Some((sent, self.answer(shaft)))
+    }
+
+    fn answer(&self, shaft: &Shaft) -> CanFrame {
+        let torque_nm = if self.enabled { shaft.torque_nm } else { 0.0 };
+        let p = code(shaft.position_rad, POSITION_RAD, 16);
+        let v = code(shaft.speed_rad_s, self.max_speed_rad_s(), 12);
+        let t = code(torque_nm, self.max_torque_nm(), 12);
+        let low = (v << 4) as u8 | (t >> 8) as u8;
+        let six = [self.id, (p >> 8) as u8, p as u8, (v >> 4) as u8, low, t as u8];
+        let frame = match self.model.answers_from {
+            AnswerId::Master(master) => CanFrame::new(master, &six),
+            AnswerId::Own => {
+                CanFrame::new(self.id.into(), &[&six[..], &[TEMPERATURE_C, self.error]].concat())
+            }
+        };
+        frame.expect("an identifier of 11 bits and at most 8 bytes")
+    }
+
+    /// See [`crate::Drive::law`].
+    pub fn law(&self) -> Option<Law> {
+        self.enabled.then_some(self.last)
+    }
+}
+
+/// The last byte of a command.
+fn special(data: &[u8; 8]) -> Option<u8> {
+    let [head @ .., last] = data;
+    (*head == [0xFF; 7] && (0xFC..=0xFE).contains(last)).then_some(*last)
+}

@@ -1,0 +1,158 @@
+//! A servo or wheel drive of the Rollwalk profile.
+//!
+//! Follows the law of the profile ([`rollwalk_protocol::actuator`]) with the gains of the last setpoint. Answers
+//! every frame for it with its feedback at the end of that frame. Its own watchdog takes the torque away when
+//! setpoints stop coming, and keeps it away until it is disabled and enabled again.
+
+use crate::{Law, Sent, Shaft, is_wheel};
+use rollwalk_protocol::actuator::{
+    ActuatorStatus, Control, Feedback, JointSetpoint, WheelSetpoint,
+};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::config::Channel;
+use std::f64::consts::PI;
+
+/// Longest time without a setpoint before an enabled servo gives up, µs.
+pub const WATCHDOG_US: u64 = 100_000;
+
+/// What the servo does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Mode {
+    Disabled,
+    /// Enabled; no torque until the first setpoint.
+    Waiting,
+    Following(Law),
+    TimedOut,
+}
+
+/// A servo.
+#[derive(Clone, Debug)]
+pub struct RollwalkServo {
+    is_wheel: bool,
+    id: u8,
+    mode: Mode,
+    /// When it was enabled or got its last setpoint.
+    fed_us: u64,
+    counter: u8,
+}
+
+impl RollwalkServo {
+    /// The servo of a channel.
+    pub fn new(channel: &Channel) -> Self {
+        let (is_wheel, id) = (is_wheel(channel), channel.id);
+        Self { is_wheel, id, mode: Mode::Disabled, fed_us: 0, counter: 0 }
+    }
+
+    /// See [`crate::Drive::commanded`].
+    pub fn commanded(&self, frame: &CanFrame) -> Option<f32> {
+        let law = self.law_of(frame)?;
+        Some((if self.is_wheel { law.speed_rad_s } else { law.position_rad }) as f32)
+    }
+
+    /// See [`crate::Drive::on_frame`].
+    pub fn on_frame(
+        &mut self,
+        now_us: u64,
+        frame: &CanFrame,
+        shaft: &Shaft,
+    ) -> Option<(Sent, CanFrame)> {
+        let sent = if let Some((id, control)) = Control::decode(frame) {
+            if id != self.id {
+                return None;
+            }
+            match (control, self.mode) {
+                (Control::Disable, _) => self.mode = Mode::Disabled,
+                (Control::Enable, Mode::Disabled) => {
+                    self.mode = Mode::Waiting;
+                    self.fed_us = now_us;
+                }
+                (Control::Enable | Control::Query, _) => {}
+            }
+            match control {
+                Control::Disable => Sent::Disable,
+                Control::Enable => Sent::Enable,
+                Control::Query => Sent::Query,
+            }
+        } else {
+            let law = self.law_of(frame)?;
+            if matches!(self.mode, Mode::Waiting | Mode::Following(_)) {
+                self.mode = Mode::Following(law);
+                self.fed_us = now_us;
+            }
+            Sent::Setpoint {
+                value: self.commanded(frame)?,
+                kp: law.kp_nm_rad as f32,
+                kd: law.kd_nm_s_rad as f32,
+                torque_nm: 0.0,
+            }
+        };
+        Some((sent, self.feedback(shaft).encode(self.id)?))
+    }
+
+    /// See [`crate::Drive::on_time`].
+    pub fn on_time(&mut self, now_us: u64) {
+        let enabled = matches!(self.mode, Mode::Waiting | Mode::Following(_));
+        if enabled && now_us.saturating_sub(self.fed_us) > WATCHDOG_US {
+            self.mode = Mode::TimedOut;
+        }
+    }
+
+    /// See [`crate::Drive::law`].
+    pub fn law(&self) -> Option<Law> {
+        match self.mode {
+            Mode::Following(law) => Some(law),
+            Mode::Disabled | Mode::Waiting | Mode::TimedOut => None,
+        }
+    }
+
+    /// The law of a setpoint for this servo.
+    fn law_of(&self, frame: &CanFrame) -> Option<Law> {
+        let (id, law) = if self.is_wheel {
+            let (id, setpoint) = WheelSetpoint::decode(frame)?;
+            let law = Law {
+                speed_rad_s: setpoint.speed_rad_s.into(),
+                kd_nm_s_rad: setpoint.kd_nm_s_rad.into(),
+                torque_limit_nm: setpoint.torque_limit_nm.into(),
+                ..Law::default()
+            };
+            (id, law)
+        } else {
+            let (id, setpoint) = JointSetpoint::decode(frame)?;
+            let law = Law {
+                position_rad: setpoint.position_rad.into(),
+                speed_rad_s: setpoint.velocity_rad_s.into(),
+                kp_nm_rad: setpoint.kp_nm_rad.into(),
+                kd_nm_s_rad: setpoint.kd_nm_s_rad.into(),
+                torque_limit_nm: f64::INFINITY,
+                ..Law::default()
+            };
+            (id, law)
+        };
+        (id == self.id).then_some(law)
+    }
+
+    fn feedback(&mut self, shaft: &Shaft) -> Feedback {
+        self.counter = self.counter.wrapping_add(1);
+        let position_rad = if self.is_wheel {
+            (shaft.position_rad + PI).rem_euclid(2.0 * PI) - PI
+        } else {
+            shaft.position_rad
+        };
+        let driving = matches!(self.mode, Mode::Following(_));
+        let mut status = match self.mode {
+            Mode::Disabled => 0,
+            Mode::Waiting | Mode::Following(_) => ActuatorStatus::ENABLED,
+            Mode::TimedOut => ActuatorStatus::TIMED_OUT,
+        };
+        if driving && shaft.torque_limited {
+            status |= ActuatorStatus::TORQUE_LIMITED;
+        }
+        Feedback {
+            position_rad: position_rad as f32,
+            velocity_rad_s: shaft.speed_rad_s as f32,
+            torque_nm: if driving { shaft.torque_nm as f32 } else { 0.0 },
+            status: ActuatorStatus(status),
+            counter: self.counter,
+        }
+    }
+}

@@ -1,0 +1,218 @@
+//! What the documents promise of a drive and no controller of ours relies on.
+
+use crate::{Drive, Electronics, Sent, Shaft};
+use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Protocol};
+use rollwalk_protocol::actuators::dynamixel::{Dynamixels, packet::packet, table::XM430_W210};
+use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
+use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
+use rollwalk_protocol::actuators::odrive::{Odrive, Version};
+use rollwalk_protocol::can::{AnyFrame, CanFrame};
+use rollwalk_protocol::config::{Channel, ChannelKind};
+use std::f64::consts::TAU;
+
+const ID: u8 = 5;
+
+fn joint() -> Channel {
+    Channel {
+        kind: ChannelKind::JointPosition,
+        min: -1.0,
+        max: 1.0,
+        max_rate: 5.0,
+        max_torque_nm: 3.0,
+        kp_nm_rad: 20.0,
+        kd_nm_s_rad: 0.5,
+        bus: 0,
+        id: ID,
+    }
+}
+
+fn drive(protocol: Protocol) -> Drive {
+    Drive::new(&Bus { protocol, ..Bus::default() }, &joint())
+}
+
+fn odrive(version: Version) -> Drive {
+    let (reduction, torque_constant_nm_a, estimates_hz) = (-2.0, 0.05, 100);
+    drive(Protocol::Odrive(Odrive { version, reduction, torque_constant_nm_a, estimates_hz }))
+}
+
+fn at(position_rad: f64) -> Shaft {
+    Shaft { position_rad, ..Shaft::default() }
+}
+
+fn frame(id: u16, data: &[u8]) -> AnyFrame {
+    CanFrame::new(id, data).unwrap().into()
+}
+
+fn tell(drive: &mut Drive, command: u16, data: &[u8]) -> Sent {
+    let frame = frame(u16::from(ID) << 5 | command, data);
+    drive.on_frame(0, &frame, &Shaft::default()).expect("it is for this drive").0
+}
+
+fn floats(a: f32, b: f32) -> Vec<u8> {
+    [a.to_le_bytes(), b.to_le_bytes()].concat()
+}
+
+/// Position, velocity and torque: the cascade of `controller.cpp`, on paper.
+#[test]
+fn an_odrive_limits_the_speed_and_the_torque_that_its_loops_ask_for() {
+    let mut drive = odrive(Version::V06);
+    // 10 (turn/s)/turn, 0.02 N·m/(turn/s): kd = 0.02 · 4 / 2π at the output, kp = 10 kd.
+    tell(&mut drive, 0x1A, &10f32.to_le_bytes());
+    tell(&mut drive, 0x1B, &floats(0.02, 0.0));
+    // 0.5 turn/s of the motor: a quarter turn a second of the output. 12 A: 0.6 N·m, 1.2 at the output.
+    tell(&mut drive, 0x0F, &floats(0.5, 12.0));
+    tell(&mut drive, 0x0B, &[3, 0, 0, 0, 1, 0, 0, 0]);
+    // A tenth of a turn of the motor: −0.05 turns of the output, 0.05 turns × 10 = 0.5 turn/s asked for.
+    tell(&mut drive, 0x0C, &floats(0.1, 0.0));
+    assert_eq!(drive.law(&at(0.0)), None, "idle");
+    assert_eq!(tell(&mut drive, 0x07, &8u32.to_le_bytes()), Sent::Enable);
+    let kd = 0.02 * 4.0 / TAU;
+    let far = drive.law(&at(0.0)).unwrap();
+    assert!((far.kd_nm_s_rad - kd).abs() < 1e-9 && far.kp_nm_rad == 0.0, "{far:?}");
+    assert!((far.speed_rad_s + 0.25 * TAU).abs() < 1e-6, "{far:?}");
+    assert!((far.torque_limit_nm - 1.2).abs() < 1e-6, "{far:?}");
+    let near = drive.law(&at(-0.04 * TAU)).unwrap();
+    assert!((near.kp_nm_rad - 10.0 * kd).abs() < 1e-7 && near.speed_rad_s == 0.0, "{near:?}");
+    assert!((near.position_rad + 0.05 * TAU).abs() < 1e-6, "{near:?}");
+    // Torque on top of a speed, in velocity mode: that of the motor times −2.
+    tell(&mut drive, 0x0B, &[2, 0, 0, 0, 1, 0, 0, 0]);
+    tell(&mut drive, 0x0D, &floats(-0.2, 0.1));
+    let speed = drive.law(&at(0.0)).unwrap();
+    assert!((speed.speed_rad_s - 0.1 * TAU).abs() < 1e-6, "{speed:?}");
+    assert!((speed.torque_nm + 0.2).abs() < 1e-6, "{speed:?}");
+}
+
+#[test]
+fn an_odrive_that_was_stopped_or_cannot_do_it_stays_idle() {
+    for (version, bits) in [(Version::V05, 0x4000u32), (Version::V06, 0x0200_0000)] {
+        let mut drive = odrive(version);
+        tell(&mut drive, 0x07, &8u32.to_le_bytes());
+        assert_eq!(tell(&mut drive, 0x02, &[]), Sent::Disable);
+        assert_eq!(drive.law(&at(0.0)), None);
+        let heartbeat = std::iter::from_fn(|| drive.on_timer(0, &at(0.0))).collect::<Vec<_>>();
+        assert_eq!(heartbeat, [], "its timers begin later");
+        let told: Vec<_> = std::iter::from_fn(|| drive.on_timer(10_000, &at(0.0))).collect();
+        let error = [&bits.to_le_bytes()[..], &[1, 0, 0, 0]].concat();
+        assert_eq!(told[0], frame(u16::from(ID) << 5 | 1, &error));
+        tell(&mut drive, 0x07, &8u32.to_le_bytes());
+        assert_eq!(drive.law(&at(0.0)), None, "the error has to be cleared first");
+        tell(&mut drive, 0x18, &[0]);
+        tell(&mut drive, 0x07, &8u32.to_le_bytes());
+        assert!(drive.law(&at(0.0)).is_some());
+        // A ramp, an integral gain, frames that are cut: none of it is done.
+        for (command, data) in [
+            (0x0B, vec![3, 0, 0, 0, 2, 0, 0, 0]),
+            (0x1B, floats(0.02, 0.1)),
+            (0x0C, vec![1, 2, 3]),
+            (0x07, vec![]),
+            (0x16, vec![]),
+        ] {
+            assert_eq!(tell(&mut drive, command, &data), Sent::Odd, "{command:#x}");
+        }
+    }
+}
+
+#[test]
+fn an_odrive_speaks_as_often_as_it_was_set_to() {
+    let mut drive = odrive(Version::V05);
+    let mut counts = [0u32; 32];
+    let mut now_us = 0;
+    while now_us < 1_000_000 {
+        now_us = now_us.max(drive.next_timer_us().unwrap());
+        let Some(AnyFrame::Standard(frame)) = drive.on_timer(now_us, &at(0.5)) else { panic!() };
+        counts[usize::from(frame.id() & 0x1F)] += 1;
+    }
+    assert!(counts[0x01].abs_diff(10) <= 1, "{counts:?}");
+    assert!(counts[0x09].abs_diff(100) <= 1 && counts[0x14].abs_diff(100) <= 1, "{counts:?}");
+    // After a pause none is made up for.
+    let late = now_us + 10_000_000;
+    assert_eq!(std::iter::from_fn(|| drive.on_timer(late, &at(0.5))).count(), 3);
+}
+
+#[test]
+fn an_mit_drive_answers_within_its_scale() {
+    let model = MODELS[4];
+    let mut drive = drive(Protocol::Mit(Mit { model, answers_from: AnswerId::Own }));
+    let off = frame(ID.into(), &[0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFD]);
+    let shaft = Shaft { position_rad: 100.0, speed_rad_s: -200.0, ..Shaft::default() };
+    let (sent, answer) = drive.on_frame(0, &off, &shaft).unwrap();
+    assert_eq!(sent, Sent::Disable);
+    // The ends of the scale, and zero torque, which lies between two codes.
+    assert_eq!(answer, Some(frame(ID.into(), &[ID, 0xFF, 0xFF, 0x00, 0x08, 0x00, 30, 0])));
+    assert_eq!(drive.on_frame(0, &frame(6, &[0; 8]), &shaft), None, "for another");
+    assert_eq!(drive.on_frame(0, &frame(ID.into(), &[0; 7]), &shaft), None, "cut");
+    let zero = frame(ID.into(), &[0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFE]);
+    assert_eq!(drive.on_frame(0, &zero, &shaft).unwrap().0, Sent::Odd);
+}
+
+fn sync_write(address: u16, data: &[u8]) -> Vec<u8> {
+    let head = [address.to_le_bytes(), (data.len() as u16).to_le_bytes()].concat();
+    packet(0xFE, 0x83, &[&head[..], &[ID], data].concat()).unwrap().to_vec()
+}
+
+/// As the e-Manual has address 98.
+#[test]
+fn a_dynamixel_whose_watchdog_has_expired_takes_no_goal_until_it_is_told_0() {
+    let model = Dynamixels { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 0 };
+    let mut drive = drive(Protocol::Dynamixel(model));
+    let tell = |drive: &mut Drive, now_us, address, data: &[u8]| {
+        drive.on_packet(now_us, &sync_write(address, data), &at(0.0)).0
+    };
+    tell(&mut drive, 0, 116, &3000i32.to_le_bytes());
+    assert_eq!(tell(&mut drive, 0, 64, &[1]), [Sent::Enable]);
+    assert_eq!(tell(&mut drive, 0, 98, &[5]), [Sent::Watchdog]);
+    drive.on_time(100_000);
+    let law = drive.law(&at(0.0)).unwrap();
+    assert!((law.position_rad - 952.0 / 4096.0 * TAU).abs() < 1e-9);
+    assert_eq!((law.kp_nm_rad, law.kd_nm_s_rad), (20.0, 0.5), "of the robot file");
+    drive.on_time(100_001);
+    assert_eq!(drive.law(&at(0.0)), None);
+    assert_eq!(tell(&mut drive, 100_001, 116, &3000i32.to_le_bytes()), [Sent::Odd]);
+    tell(&mut drive, 100_001, 98, &[0]);
+    drive.on_time(200_000);
+    assert!(drive.law(&at(0.0)).is_some());
+    assert_eq!(drive.on_packet(0, &[0xFF, 0xFF], &at(0.0)), (vec![], vec![]));
+}
+
+#[test]
+fn a_maestro_takes_what_its_settings_frame() {
+    let board = |device, crc| {
+        let pulse = Pulse { us_per_rad: 500.0, ..Pulse::default() };
+        drive(Protocol::Maestro(Maestro { device, crc, set_multiple: true, pulse }))
+    };
+    let aims = |drive: &mut Drive, bytes: &[u8]| {
+        drive.on_packet(0, bytes, &at(0.0));
+        drive.law(&at(0.0)).map(|law| law.position_rad)
+    };
+    // 1750 µs: 7000 quarters, 88 and 54 with 7 bits each. The guide's example of a CRC: 83 01 has 17.
+    let mut plain = board(None, false);
+    assert_eq!(aims(&mut plain, &[0x84, ID, 88, 54]), Some(0.5));
+    assert_eq!(aims(&mut plain, &[0x84, ID + 1, 0, 0]), Some(0.5), "another channel");
+    assert_eq!(aims(&mut plain, &[0x84, ID, 0, 0]), None);
+    let mut numbered = board(Some(12), false);
+    assert_eq!(aims(&mut numbered, &[0xAA, 12, 0x04, ID, 88, 54]), Some(0.5));
+    assert_eq!(aims(&mut numbered, &[0xAA, 13, 0x04, ID, 0, 0]), Some(0.5), "another board");
+    let mut checked = board(None, true);
+    assert_eq!(aims(&mut checked, &[0x84, ID, 88, 54, 0]), None, "a wrong sum");
+    assert_eq!(crate::maestro::crc7(&[0x83, 0x01]), 0x17);
+    assert_eq!(checked.on_packet(0, &[0xA1, crate::maestro::crc7(&[0xA1])], &at(0.0)).1, [0, 0]);
+}
+
+/// Whoever closes the loop: the drive is set up for it.
+#[test]
+fn a_drive_for_torques_gives_torques() {
+    let model = Dynamixels { model: XM430_W210, watchdog_20ms: 0, return_delay_us: 0 };
+    let protocol = Protocol::Dynamixel(model);
+    let bus = Bus { protocol, control: ControlLoop::OnController, ..Bus::default() };
+    let mut drive = Drive::new(&bus, &joint());
+    drive.on_packet(0, &sync_write(64, &[1]), &at(0.0));
+    let (sent, _) = drive.on_packet(0, &sync_write(102, &(-100i16).to_le_bytes()), &at(0.0));
+    // 2.69 mA a step, 3.0 N·m at 2.3 A.
+    let torque_nm = -100.0 * 2.69e-3 * 3.0 / 2.3;
+    assert!(matches!(sent[..], [Sent::Torque(t)] if (f64::from(t) - torque_nm).abs() < 1e-6));
+    let law = drive.law(&at(1.0)).unwrap();
+    assert!((law.torque_nm - torque_nm).abs() < 1e-6 && law.kp_nm_rad == 0.0);
+    drive.cut_power();
+    assert_eq!(drive.law(&at(1.0)), None);
+    assert!(matches!(drive.electronics, Electronics::Dynamixel(_)));
+}
