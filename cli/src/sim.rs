@@ -1,9 +1,10 @@
 //! `rollwalk-sim`: a robot without hardware on a bus of this computer, in real time.
 
+use crate::cmd::buses::Examined;
 use crate::inputs::Source;
 use crate::{Exit, end, exit, files, interrupt, output, report_in_whole_lines};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
-use miette::miette;
+use miette::{IntoDiagnostic, miette};
 use rollwalk_bus::link::LinkError;
 use rollwalk_bus::name::BusName;
 use rollwalk_bus::open::{self, OpenError};
@@ -18,7 +19,7 @@ use rollwalk_sim_host::core::Local;
 use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::interface::LogEntry;
 use rollwalk_sim_host::live::{Reopen, controller, motors, whole};
-use rollwalk_sim_host::rig::Rig;
+use rollwalk_sim_host::rig::{CannotSimulate, Rig};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -35,7 +36,8 @@ const ACTUATOR_DEPTH: usize = 2;
 /// By itself it is a whole robot with only its link on a bus of this computer; the rollwalk tools find it
 /// there as they find a real one. With --actuators its motors are on buses of this computer, too, one for
 /// each actuator bus of the robot file; --only leaves out the motors or the controller, so that real ones
-/// can take their place. The robot hangs on a stand: there is no ground under it.
+/// can take their place. Motors speak what the file's [[bus]] says. The robot hangs on a stand: there is
+/// no ground under it.
 ///
 /// Runs until Ctrl-C.
 #[derive(Parser)]
@@ -96,6 +98,8 @@ pub fn main() -> ExitCode {
 
 fn run(cli: &Cli) -> miette::Result<Exit> {
     let robot = Source::Disk.robot(&cli.robot)?;
+    Examined::new(&robot).into_diagnostic()?.check(&cli.robot)?;
+    CannotSimulate::check(&robot).into_diagnostic()?;
     let buses = Body::new(&robot).addresses().iter().map(|&(bus, _)| usize::from(bus) + 1).max();
     let buses = buses.unwrap_or(0);
     if !cli.actuators.is_empty() && cli.actuators.len() != buses {
@@ -106,26 +110,27 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
             cli.actuators.len()
         ));
     }
+    let actuators = at_rates(&robot, &cli.actuators);
     interrupt::listen();
     match (cli.only, &cli.bus) {
-        (Some(Part::Motors), _) => run_motors(&robot, &cli.actuators)?,
+        (Some(Part::Motors), _) => run_motors(&robot, &actuators)?,
         (_, None) => {
             return Err(miette!(help = "add --bus BUS", "the controller needs a link"));
         }
-        (Some(Part::Controller), Some(bus)) => run_controller(&robot, bus, &cli.actuators)?,
-        (None, Some(bus)) if cli.actuators.is_empty() => {
+        (Some(Part::Controller), Some(bus)) => run_controller(&robot, bus, &actuators)?,
+        (None, Some(bus)) if actuators.is_empty() => {
             run_whole(&robot, bus, cli.log.as_deref())?;
         }
         (None, Some(bus)) => {
             // Two members of every bus, as the real ones are.
-            let ports = ports(&cli.actuators)?;
-            let (robot_of_motors, names) = (robot.clone(), cli.actuators.clone());
+            let ports = ports(&actuators)?;
+            let (robot_of_motors, names) = (robot.clone(), actuators.clone());
             std::thread::spawn(move || {
                 let mut body = Body::new(&robot_of_motors);
                 let mut lost = Lost { link: None, actuators: &names, says: false };
                 motors::run(&mut body, ports, &mut lost, || !interrupt::requested());
             });
-            run_controller(&robot, bus, &cli.actuators)?;
+            run_controller(&robot, bus, &actuators)?;
         }
     }
     Ok(Exit::Ok)
@@ -161,7 +166,7 @@ fn run_whole(robot: &Robot, bus: &BusName, log: Option<&Path>) -> miette::Result
 fn run_controller(robot: &Robot, bus: &BusName, actuators: &[BusName]) -> miette::Result<()> {
     let settings = Settings::default();
     let config = robot.controller_config().map_err(|error| miette!("{error}"))?;
-    let mut core = Local::new(config, settings);
+    let mut core = Local::new(config, robot.controller_buses(), settings);
     let period = Duration::from_secs(1) / u32::from(settings.control_hz);
     let (port, ports) = (port(bus)?, ports(actuators)?);
     ready(robot, bus);
@@ -242,6 +247,18 @@ impl Reopen for Lost<'_> {
         self.say(bus, "is back");
         Some(port)
     }
+}
+
+/// The actuator buses. A CAN interface that is set up for another bit rate than the robot file has is no bus
+/// of this robot, unless its name says so.
+fn at_rates(robot: &Robot, names: &[BusName]) -> Vec<BusName> {
+    let mut names = names.to_vec();
+    for (number, name) in (0..).zip(&mut names) {
+        if let BusName::Can { bitrate: bitrate @ None, .. } = name {
+            *bitrate = robot.buses.get(&number).map(|bus| bus.bit_rate);
+        }
+    }
+    names
 }
 
 fn ports(names: &[BusName]) -> miette::Result<Vec<Port>> {

@@ -4,8 +4,7 @@ use crate::clock::SimTime;
 use crate::load::joint_loads;
 use crate::plant::Plant;
 use crate::servo::Servo;
-use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::config::ChannelKind;
+use rollwalk_protocol::can::AnyFrame;
 use rollwalk_robot::{Channel, Robot};
 
 /// The motors of a robot whose body is held level and still.
@@ -20,16 +19,15 @@ pub struct Body {
 impl Body {
     /// A robot at rest in its nominal pose, torque off.
     pub fn new(robot: &Robot) -> Self {
-        let servos = robot.channels().map(|channel| match channel {
-            Channel::Joint(joint) => {
-                let plant = Plant::new(&joint.actuator, joint.nominal_rad)
-                    .with_stops(joint.position_min_rad, joint.position_max_rad);
-                Servo::new(ChannelKind::JointPosition, &joint.actuator, plant)
-            }
-            // The wheel itself is part of its link in the robot file: only the rotor turns.
-            Channel::Wheel(_, actuator) => {
-                Servo::new(ChannelKind::WheelSpeed, actuator, Plant::new(actuator, 0.0))
-            }
+        let servos = robot.channels().map(|channel| {
+            let plant = match channel {
+                Channel::Joint(joint) => Plant::new(&joint.actuator, joint.nominal_rad)
+                    .with_stops(joint.position_min_rad, joint.position_max_rad),
+                // The wheel itself is part of its link in the robot file: only the rotor turns.
+                Channel::Wheel(_, actuator) => Plant::new(actuator, 0.0),
+            };
+            let bus = robot.buses.get(&channel.actuator().bus).copied().unwrap_or_default();
+            Servo::new(&bus, &channel.config(), plant)
         });
         let servos = servos.collect();
         let addresses = robot.channels().map(|c| (c.actuator().bus, c.actuator().id)).collect();
@@ -83,7 +81,23 @@ impl Body {
     }
 
     /// Hands a frame to the servo of `channel`; its answer, if it was meant.
-    pub fn on_frame(&mut self, channel: usize, now: SimTime, frame: &CanFrame) -> Option<CanFrame> {
+    pub fn on_frame(&mut self, channel: usize, now: SimTime, frame: &AnyFrame) -> Option<AnyFrame> {
         self.servos[channel].on_frame(now, frame)
+    }
+
+    /// The value of the setpoint in a frame for the servo of `channel`.
+    pub fn commanded(&self, channel: usize, frame: &AnyFrame) -> Option<f32> {
+        self.servos[channel].commanded(frame)
+    }
+
+    /// When the next servo will say something by itself.
+    pub fn next_timer(&self) -> Option<SimTime> {
+        self.servos.iter().filter_map(Servo::next_timer).min()
+    }
+
+    /// What a servo says by itself now, and its channel; call again until there is nothing.
+    pub fn on_timer(&mut self, now: SimTime) -> Option<(usize, AnyFrame)> {
+        let mut servos = self.servos.iter_mut().enumerate();
+        servos.find_map(|(channel, servo)| Some((channel, servo.on_timer(now)?)))
     }
 }

@@ -3,7 +3,7 @@
 //! The bus is pulled, not pushed: [`CanBus::next_delivery`] moves the bus on to the next completed
 //! frame and returns it; the caller hands it to the receivers, who may post answers at that instant,
 //! and pulls again. At every instant at which the bus is idle and frames are pending, the lowest id
-//! wins and occupies the bus for its exact length ([`CanFrame::exact_bits`]), the last three bits of
+//! wins and occupies the bus for its exact length ([`AnyFrame::exact_bits`]), the last three bits of
 //! which are intermission: receivers have the frame before them, the bus is idle after them.
 //!
 //! A node keeps its pending frames by the [`TxPolicy`] it was built with. Frames leave a node lowest
@@ -12,7 +12,7 @@
 //! the same instant, the node that was added first goes first, where a real bus would see an error.
 
 use crate::clock::SimTime;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::AnyFrame;
 use std::collections::BTreeMap;
 
 /// Recessive bits that separate two frames.
@@ -21,6 +21,27 @@ const INTERMISSION_BITS: u32 = 3;
 /// Index of a node on its bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct NodeId(usize);
+
+/// An identifier. The lower is the more urgent; of two with the same first eleven bits, that without more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Identifier {
+    /// The first eleven bits.
+    pub base: u16,
+    /// The eighteen others, of an identifier of 29 bits.
+    pub extension: Option<u32>,
+}
+
+impl From<&AnyFrame> for Identifier {
+    fn from(frame: &AnyFrame) -> Self {
+        match frame {
+            AnyFrame::Standard(frame) => Self { base: frame.id(), extension: None },
+            AnyFrame::Extended(frame) => {
+                let (base, extension) = ((frame.id() >> 18) as u16, frame.id() & 0x3_FFFF);
+                Self { base, extension: Some(extension) }
+            }
+        }
+    }
+}
 
 /// What a node does with frames that wait for the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,7 +72,7 @@ pub struct Delivery {
     /// Who sent it; everybody else receives it.
     pub from: NodeId,
     /// The frame.
-    pub frame: CanFrame,
+    pub frame: AnyFrame,
 }
 
 /// What one id did on the bus.
@@ -69,7 +90,7 @@ pub struct IdStatistics {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BusStatistics {
     /// By id, most urgent first.
-    pub by_id: BTreeMap<u16, IdStatistics>,
+    pub by_id: BTreeMap<Identifier, IdStatistics>,
     /// Pending frames that gave way to a newer one of the same id ([`TxPolicy::Latest`]).
     pub replaced: u64,
 }
@@ -111,8 +132,14 @@ impl BusStatistics {
 /// A frame that waits for the bus.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
-    frame: CanFrame,
+    frame: AnyFrame,
     posted: SimTime,
+}
+
+impl Pending {
+    fn id(&self) -> Identifier {
+        Identifier::from(&self.frame)
+    }
 }
 
 #[derive(Debug)]
@@ -169,7 +196,13 @@ impl CanBus {
     }
 
     /// `node` wants `frame` sent, as of `now`. All deliveries up to `now` must have been pulled.
-    pub fn post(&mut self, now: SimTime, node: NodeId, frame: CanFrame) -> Result<(), QueueFull> {
+    pub fn post(
+        &mut self,
+        now: SimTime,
+        node: NodeId,
+        frame: impl Into<AnyFrame>,
+    ) -> Result<(), QueueFull> {
+        let frame = frame.into();
         // A frame that won the bus before this instant is out of reach: it can be neither replaced
         // nor overtaken any more.
         if self.in_flight.is_none()
@@ -182,7 +215,7 @@ impl CanBus {
         let newer = Pending { frame, posted: now };
         match *policy {
             TxPolicy::Latest => {
-                if let Some(slot) = pending.iter_mut().find(|p| p.frame.id() == frame.id()) {
+                if let Some(slot) = pending.iter_mut().find(|p| p.id() == newer.id()) {
                     *slot = newer;
                     self.statistics.replaced += 1;
                     return Ok(());
@@ -202,7 +235,7 @@ impl CanBus {
         self.idle_from = now;
         if let Some(Flight { from, pending, .. }) = self.in_flight.take() {
             let Node { policy, pending: waiting } = &mut self.nodes[from.0];
-            let newer = waiting.iter().any(|p| p.frame.id() == pending.frame.id());
+            let newer = waiting.iter().any(|p| p.id() == pending.id());
             if *policy != TxPolicy::Latest || !newer {
                 waiting.insert(0, pending);
             }
@@ -244,7 +277,7 @@ impl CanBus {
         };
         let Flight { from, pending: Pending { frame, posted }, end } = flight;
         let busy = self.bits(frame.exact_bits());
-        let id = self.statistics.by_id.entry(frame.id()).or_default();
+        let id = self.statistics.by_id.entry(Identifier::from(&frame)).or_default();
         id.frames += 1;
         id.busy = id.busy + busy;
         id.worst_latency = id.worst_latency.max(end - posted);
@@ -269,7 +302,7 @@ impl CanBus {
         let start = self.idle_from.max(waiting().map(|(_, _, p)| p.posted).min()?);
         let (node, slot, pending) = waiting()
             .filter(|(_, _, p)| p.posted <= start)
-            .min_by_key(|&(node, slot, p)| (p.frame.id(), node, slot))?;
+            .min_by_key(|&(node, slot, p)| (p.id(), node, slot))?;
         let end = start + self.bits(pending.frame.exact_bits() - INTERMISSION_BITS);
         Some(Winner { node, slot, start, end })
     }
@@ -298,6 +331,7 @@ struct Winner {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
 
     const KEEP: TxPolicy = TxPolicy::Queue { depth: 64 };
 
@@ -311,8 +345,12 @@ mod tests {
 
     fn drain(bus: &mut CanBus) -> Vec<(u64, u16)> {
         std::iter::from_fn(|| bus.next_delivery(SimTime::from_ms(1000)))
-            .map(|d| (d.at.as_us(), d.frame.id()))
+            .map(|d| (d.at.as_us(), id(&d)))
             .collect()
+    }
+
+    fn id(delivery: &Delivery) -> u16 {
+        Identifier::from(&delivery.frame).base
     }
 
     #[test]
@@ -330,6 +368,32 @@ mod tests {
         // 10 + 45 = 55; idle at 58: both zeros go before the second 0x555, node a's first.
         let deliveries = drain(&mut bus);
         assert_eq!(deliveries, [(55, 0x555), (108, 0), (161, 0), (209, 0x555)]);
+    }
+
+    /// After eleven equal bits a short identifier has a dominant bit where a long one has a recessive one.
+    #[test]
+    fn long_identifiers_take_their_bits_and_their_turn() {
+        let mut bus = CanBus::new(DEFAULT_BITRATE);
+        let node = bus.add_node(KEEP);
+        let long = |id| ExtendedFrame::new(id, &[]).unwrap();
+        let base = 0x2AA << 18;
+        for frame in [AnyFrame::from(long(base | 1)), long(base).into(), frame(0x2AA, &[]).into()] {
+            bus.post(us(0), node, frame).unwrap();
+        }
+        bus.post(us(0), node, long(0x2A9 << 18 | 0x3_FFFF)).unwrap();
+        let sent: Vec<_> = std::iter::from_fn(|| bus.next_delivery(us(1000))).collect();
+        let ids: Vec<_> = sent.iter().map(|d| Identifier::from(&d.frame)).collect();
+        let id = |base, extension| Identifier { base, extension };
+        assert_eq!(
+            ids,
+            [id(0x2A9, Some(0x3_FFFF)), id(0x2AA, None), id(0x2AA, Some(0)), id(0x2AA, Some(1))]
+        );
+        // The lengths that the frames count for themselves, against a second algorithm in `rollwalk_protocol`.
+        let mut end = 0;
+        for delivery in sent {
+            end += u64::from(delivery.frame.exact_bits());
+            assert_eq!(delivery.at, us(end - u64::from(INTERMISSION_BITS)));
+        }
     }
 
     #[test]
@@ -441,7 +505,7 @@ mod tests {
                 }
                 let urgent =
                     waiting.iter().filter(|p| us(p.0) <= start).map(|p| p.2).min().unwrap();
-                prop_assert_eq!(delivery.frame.id(), urgent);
+                prop_assert_eq!(id(delivery), urgent);
                 let sent = waiting
                     .iter()
                     .position(|p| p.2 == urgent && NodeId(p.1) == delivery.from)

@@ -3,6 +3,7 @@
 use crate::store::{self, SimParameters, SimStore};
 use rollwalk_bus::link::LinkError;
 use rollwalk_firmware::{BusState, Buses, Controller, Settings};
+use rollwalk_protocol::can::ExtendedFrame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
 
@@ -13,6 +14,28 @@ pub trait Core {
     /// # Errors
     /// It is out of reach.
     fn step(&mut self, step: Step) -> Result<Stepped, LinkError>;
+
+    /// Tells it of a frame with a 29-bit identifier on an actuator bus.
+    ///
+    /// # Errors
+    /// It is out of reach, or cannot be told.
+    fn on_extended(
+        &mut self,
+        now_us: u64,
+        bus: u8,
+        frame: &ExtendedFrame,
+    ) -> Result<(), LinkError> {
+        let _ = (now_us, frame);
+        Err(LinkError::Down(format!("a board that has no 29-bit identifiers on bus {bus}")))
+    }
+
+    /// A frame with a 29-bit identifier that it sends on an actuator bus that can take one.
+    ///
+    /// # Errors
+    /// It is out of reach, or cannot be asked.
+    fn poll_extended(&mut self, bus: u8) -> Result<Option<ExtendedFrame>, LinkError> {
+        Err(LinkError::Down(format!("a board that has no 29-bit identifiers on bus {bus}")))
+    }
 
     /// Tells it how an actuator bus is.
     ///
@@ -35,28 +58,34 @@ pub trait Core {
 /// The firmware within this process.
 pub struct Local {
     controller: Controller<SimStore, SimParameters>,
+    buses: Buses,
     settings: Settings,
 }
 
 impl Local {
     /// A controller that has just been switched on.
-    pub fn new(config: RobotConfig, settings: Settings) -> Self {
-        Self::booting(config, settings, (store::blank(), store::blank_parameters()))
+    pub fn new(config: RobotConfig, buses: Buses, settings: Settings) -> Self {
+        Self::booting(config, buses, settings, (store::blank(), store::blank_parameters()))
     }
 
     /// The same with a library in use, as if it had been flashed and confirmed.
     ///
     /// # Panics
     /// The library does not fit into the simulated flash.
-    pub fn with_library(config: RobotConfig, settings: Settings, library: &[u8]) -> Self {
-        Self::booting(config, settings, (store::with(library), store::blank_parameters()))
+    pub fn with_library(
+        config: RobotConfig,
+        buses: Buses,
+        settings: Settings,
+        library: &[u8],
+    ) -> Self {
+        Self::booting(config, buses, settings, (store::with(library), store::blank_parameters()))
     }
 
     /// The same after its power was off: what it keeps in flash is there.
     pub fn power_cycled(self) -> Self {
         let config = self.controller.config().clone();
         let stores = store::mounted_again(self.controller.into_stores());
-        Self::booting(config, self.settings, stores)
+        Self::booting(config, self.buses, self.settings, stores)
     }
 
     /// The controller itself: for what a real bus tells it and the simulated one does not.
@@ -66,12 +95,13 @@ impl Local {
 
     fn booting(
         config: RobotConfig,
+        buses: Buses,
         settings: Settings,
         (library, parameters): (SimStore, SimParameters),
     ) -> Self {
-        let buses = Buses::new();
-        let controller = Controller::with_parameters(config, buses, library, parameters, settings);
-        Self { controller, settings }
+        let of = buses.clone();
+        let controller = Controller::with_parameters(config, of, library, parameters, settings);
+        Self { controller, buses, settings }
     }
 }
 
@@ -91,6 +121,20 @@ impl Core for Local {
         }
         let playing = controller.playing().map(|p| (p.clip.0, p.frame, p.phase));
         Ok(Stepped { link, actuators, playing })
+    }
+
+    fn on_extended(
+        &mut self,
+        now_us: u64,
+        bus: u8,
+        frame: &ExtendedFrame,
+    ) -> Result<(), LinkError> {
+        self.controller.on_extended_frame(now_us, bus, frame);
+        Ok(())
+    }
+
+    fn poll_extended(&mut self, bus: u8) -> Result<Option<ExtendedFrame>, LinkError> {
+        Ok(self.controller.poll_extended(bus))
     }
 
     fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) -> Result<(), LinkError> {

@@ -6,7 +6,7 @@
 //! | [`rig`], [`store`] | controller, buses and motors, stepped in one fixed order |
 //! | [`core`], [`remote`] | the controller: firmware in this process, or a board over a serial line |
 //! | [`bus`], [`interface`], [`clock`] | a bus exact to the bit, the buses' names, virtual time |
-//! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle |
+//! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle; their drives are [`rollwalk_drives`] |
 //! | [`live`] | in real time: the whole robot, its controller or its motors on buses of this computer |
 //! | [`faults`] | what can go wrong on the buses and at their ends, by a schedule |
 //! | [`monitor`] | who looks at every frame and says what must not be |
@@ -16,8 +16,8 @@
 //! The host's end is `rollwalk-host`, which cannot tell a [`rig::Rig`] from a robot; a campaign plays the host
 //! with it.
 //!
-//! What is simulated: the buses to the bit (arbitration, stuff bits, CRC, intermission), the servos'
-//! protocol, watchdog, control law and limits, and for every joint the inertia and weight of what
+//! What is simulated: the buses to the bit (arbitration, stuff bits, CRC, intermission), the drives'
+//! protocols, watchdogs, control laws and limits, and for every joint the inertia and weight of what
 //! hangs on it. What is not: the ground, the motion of the body and the coupling between joints. The
 //! robot hangs on a stand, its body held level and still, its wheels in the air.
 //!

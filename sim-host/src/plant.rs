@@ -1,7 +1,7 @@
 //! The physics of one motor: an inertia that a clamped torque turns.
 //!
 //! ```text
-//!   I q'' = clamp(kp (q* - q) + kd (v* - q'), ±tau_max) + tau_load
+//!   I q'' = clamp(kp (q* - q) + kd (v* - q') + tau, ±tau_max) + tau_load
 //! ```
 //!
 //! `I` is the armature (rotor and gearbox at the output) and what hangs on the shaft. A motor at its
@@ -13,22 +13,8 @@
 //! gains, and without numerical damping, so that overshoot is the law's own. Tested against the closed
 //! form of the step response.
 
+use rollwalk_drives::{Law, Shaft};
 use rollwalk_robot::Actuator;
-
-/// What the motor is told to do: a PD law about a moving target. The default is no torque.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct PdLaw {
-    /// q*, rad.
-    pub position_rad: f64,
-    /// v*, rad/s.
-    pub speed_rad_s: f64,
-    /// kp, N·m/rad.
-    pub kp_nm_rad: f64,
-    /// kd, N·m·s/rad.
-    pub kd_nm_s_rad: f64,
-    /// Largest torque, N·m, if that is less than what the motor has.
-    pub torque_limit_nm: f64,
-}
 
 /// One motor with its load.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,15 +64,22 @@ impl Plant {
         self.armature_kg_m2 + self.load_inertia_kg_m2
     }
 
+    /// What a drive measures of it.
+    pub fn shaft(&self) -> Shaft {
+        let &Self { position_rad, speed_rad_s, torque_nm, torque_limited, .. } = self;
+        Shaft { position_rad, speed_rad_s, torque_nm, torque_limited }
+    }
+
     /// Lets `dt_s` pass under `law`.
-    pub fn step(&mut self, law: &PdLaw, dt_s: f64) {
+    pub fn step(&mut self, law: &Law, dt_s: f64) {
         // With v the mean of old and new speed, the midpoint angle is q + v dt/2 and the rule reads
-        //   v = v0 + dt/(2I) (kp (q* - q - v dt/2) + kd (v* - v) + tau_load).
+        //   v = v0 + dt/(2I) (kp (q* - q - v dt/2) + kd (v* - v) + tau + tau_load).
         let half = 0.5 * dt_s;
         let gain = half / self.inertia_kg_m2();
-        let &PdLaw { kp_nm_rad: kp, kd_nm_s_rad: kd, .. } = law;
+        let &Law { kp_nm_rad: kp, kd_nm_s_rad: kd, .. } = law;
         let still = kp * (law.position_rad - self.position_rad)
             + kd * law.speed_rad_s
+            + law.torque_nm
             + self.load_torque_nm;
         let mean = (self.speed_rad_s + gain * still) / (1.0 + gain * (kd + half * kp));
         let wanted = still - self.load_torque_nm - (kd + half * kp) * mean;
@@ -124,11 +117,12 @@ mod tests {
     use proptest::prelude::*;
 
     const DT_S: f64 = 0.5e-3;
-    const FREE: PdLaw = PdLaw {
+    const FREE: Law = Law {
         position_rad: 0.0,
         speed_rad_s: 0.0,
         kp_nm_rad: 0.0,
         kd_nm_s_rad: 0.0,
+        torque_nm: 0.0,
         torque_limit_nm: f64::INFINITY,
     };
 
@@ -166,7 +160,7 @@ mod tests {
     /// Worst distance to the closed form over half a second.
     fn worst_step_error(kd: f64, dt: f64) -> f64 {
         let mut plant = Plant { load_inertia_kg_m2: 0.012, ..Plant::new(&actuator(), 0.0) };
-        let law = PdLaw { position_rad: 1.0, kp_nm_rad: 25.0, kd_nm_s_rad: kd, ..FREE };
+        let law = Law { position_rad: 1.0, kp_nm_rad: 25.0, kd_nm_s_rad: kd, ..FREE };
         let steps = (0.5 / dt).round() as usize;
         (1..=steps).fold(0.0, |worst: f64, k| {
             plant.step(&law, dt);
@@ -192,7 +186,7 @@ mod tests {
     #[test]
     fn an_undamped_motor_neither_gains_nor_loses_energy() {
         let mut plant = Plant::new(&actuator(), 0.3);
-        let law = PdLaw { kp_nm_rad: 10.0, ..FREE };
+        let law = Law { kp_nm_rad: 10.0, ..FREE };
         let energy =
             |p: &Plant| 10.0 * p.position_rad.powi(2) + p.inertia_kg_m2() * p.speed_rad_s.powi(2);
         let before = energy(&plant);
@@ -206,7 +200,7 @@ mod tests {
     #[test]
     fn weight_sags_a_servo_by_torque_over_kp() {
         let mut plant = Plant { load_torque_nm: -0.5, ..Plant::new(&actuator(), 0.0) };
-        let law = PdLaw { kp_nm_rad: 20.0, kd_nm_s_rad: 0.5, ..FREE };
+        let law = Law { kp_nm_rad: 20.0, kd_nm_s_rad: 0.5, ..FREE };
         for _ in 0..4000 {
             plant.step(&law, DT_S);
         }
@@ -217,7 +211,7 @@ mod tests {
     #[test]
     fn a_clamped_motor_accelerates_at_torque_over_inertia() {
         let mut plant = Plant::new(&Actuator { torque_max_nm: 2.0, ..actuator() }, 0.0);
-        let law = PdLaw { position_rad: 100.0, kp_nm_rad: 50.0, ..FREE };
+        let law = Law { position_rad: 100.0, kp_nm_rad: 50.0, ..FREE };
         for _ in 0..100 {
             plant.step(&law, DT_S);
         }
@@ -227,9 +221,26 @@ mod tests {
     }
 
     #[test]
+    fn a_torque_on_top_carries_a_weight_without_sagging() {
+        let mut plant = Plant { load_torque_nm: -0.5, ..Plant::new(&actuator(), 0.2) };
+        let law = Law { position_rad: 0.2, kp_nm_rad: 20.0, torque_nm: 0.5, ..FREE };
+        for _ in 0..100 {
+            plant.step(&law, DT_S);
+        }
+        assert!((plant.position_rad - 0.2).abs() < 1e-12);
+        // Alone it accelerates as any torque does: 0.5 N·m on 0.004 kg·m² for 50 ms.
+        let mut plant = Plant::new(&actuator(), 0.0);
+        let law = Law { torque_nm: 0.5, ..FREE };
+        for _ in 0..100 {
+            plant.step(&law, DT_S);
+        }
+        assert!((plant.speed_rad_s - 6.25).abs() < 1e-9, "{}", plant.speed_rad_s);
+    }
+
+    #[test]
     fn top_speed_stops_the_motor_but_not_a_stronger_load() {
         let limited = Actuator { torque_max_nm: 2.0, speed_max_rad_s: 8.0, ..actuator() };
-        let law = PdLaw { position_rad: 100.0, kp_nm_rad: 50.0, ..FREE };
+        let law = Law { position_rad: 100.0, kp_nm_rad: 50.0, ..FREE };
         let mut plant = Plant::new(&limited, 0.0);
         for _ in 0..200 {
             plant.step(&law, DT_S);
@@ -245,17 +256,17 @@ mod tests {
     #[test]
     fn a_limit_below_the_motors_own_holds() {
         let mut plant = Plant::new(&actuator(), 0.0);
-        let law = PdLaw { position_rad: 1.0, kp_nm_rad: 50.0, torque_limit_nm: 0.3, ..FREE };
+        let law = Law { position_rad: 1.0, kp_nm_rad: 50.0, torque_limit_nm: 0.3, ..FREE };
         plant.step(&law, DT_S);
         assert_eq!(plant.torque_nm, 0.3);
-        plant.step(&PdLaw::default(), DT_S);
+        plant.step(&Law::default(), DT_S);
         assert_eq!(plant.torque_nm, 0.0);
     }
 
     #[test]
     fn a_joint_ends_at_its_stop_and_leaves_it_again() {
         let mut plant = Plant::new(&actuator(), 0.0).with_stops(-0.2, 0.5);
-        let mut law = PdLaw { position_rad: 1.0, kp_nm_rad: 5.0, kd_nm_s_rad: 0.3, ..FREE };
+        let mut law = Law { position_rad: 1.0, kp_nm_rad: 5.0, kd_nm_s_rad: 0.3, ..FREE };
         for _ in 0..2000 {
             plant.step(&law, DT_S);
             assert!(plant.position_rad <= 0.5);
@@ -279,7 +290,7 @@ mod tests {
         ) {
             let limited = Actuator { torque_max_nm: 2.0, speed_max_rad_s: 8.0, ..actuator() };
             let mut plant = Plant { load_torque_nm: load, ..Plant::new(&limited, 0.0) };
-            let law = PdLaw {
+            let law = Law {
                 position_rad: position,
                 speed_rad_s: speed,
                 kp_nm_rad: kp,

@@ -1,12 +1,11 @@
 //! What was commanded and what came of it, once per control period.
 //!
 //! The commanded values are decoded from the frames on the actuator buses, not taken from the
-//! firmware's memory: a lost, late or wrongly rounded setpoint shows.
+//! firmware's memory: a lost, late or wrongly rounded setpoint shows. Of drives that are told torques alone
+//! nothing is known to be commanded.
 
 use crate::clock::SimTime;
 use rollwalk_firmware::player::Playing;
-use rollwalk_protocol::actuator::{JointSetpoint, WheelSetpoint};
-use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::library::ClipId;
 use std::collections::BTreeMap;
@@ -32,7 +31,6 @@ pub struct TickRecord {
 /// Follows the setpoints on the actuator buses and keeps a record of each period.
 #[derive(Clone, Debug)]
 pub struct Recorder {
-    addresses: BTreeMap<(u8, u8), usize>,
     in_force: Vec<f32>,
     fresh: Vec<bool>,
     /// The period under way, without what was commanded.
@@ -41,26 +39,17 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// A recorder that knows which channel has which bus and address.
+    /// A recorder for a robot.
     pub fn new(config: &RobotConfig) -> Self {
-        let channels = config.channels.iter().enumerate();
-        let addresses = channels.map(|(index, c)| ((c.bus, c.id), index)).collect();
         let count = config.channels.len();
         let (in_force, fresh) = (vec![f32::NAN; count], vec![false; count]);
-        Self { addresses, in_force, fresh, under_way: None, records: Vec::new() }
+        Self { in_force, fresh, under_way: None, records: Vec::new() }
     }
 
-    /// A frame of the controller has crossed actuator bus `bus`.
-    pub fn on_setpoint(&mut self, bus: u8, frame: &CanFrame) {
-        let value = JointSetpoint::decode(frame)
-            .map(|(id, setpoint)| (id, setpoint.position_rad))
-            .or_else(|| WheelSetpoint::decode(frame).map(|(id, s)| (id, s.speed_rad_s)));
-        if let Some((id, value)) = value
-            && let Some(&channel) = self.addresses.get(&(bus, id))
-        {
-            self.in_force[channel] = value;
-            self.fresh[channel] = true;
-        }
+    /// A setpoint of the controller for `channel` has crossed its bus.
+    pub fn on_setpoint(&mut self, channel: usize, value: f32) {
+        self.in_force[channel] = value;
+        self.fresh[channel] = true;
     }
 
     /// A period begins in which the controller plays.
@@ -149,19 +138,11 @@ mod tests {
         RobotConfig { robot: 0, channels: [joint, wheel].into_iter().collect() }
     }
 
-    fn joint_to(position_rad: f32) -> CanFrame {
-        JointSetpoint { position_rad, ..JointSetpoint::default() }.encode(3).unwrap()
-    }
-
-    fn wheel_to(speed_rad_s: f32) -> CanFrame {
-        WheelSetpoint { speed_rad_s, ..WheelSetpoint::default() }.encode(3).unwrap()
-    }
-
-    fn period(recorder: &mut Recorder, frame: u16, measured: [f32; 2], frames: &[(u8, CanFrame)]) {
+    fn period(recorder: &mut Recorder, frame: u16, measured: [f32; 2], setpoints: &[(usize, f32)]) {
         let playing = Playing { clip: ClipId(4), frame, phase: 0.5 };
         recorder.begin_period(SimTime::from_us(1000), playing, measured.to_vec());
-        for (bus, frame) in frames {
-            recorder.on_setpoint(*bus, frame);
+        for (channel, value) in setpoints {
+            recorder.on_setpoint(*channel, *value);
         }
         recorder.end_period();
     }
@@ -169,9 +150,8 @@ mod tests {
     #[test]
     fn a_setpoint_that_does_not_come_is_counted_and_the_older_one_stays_in_force() {
         let mut recorder = Recorder::new(&config());
-        period(&mut recorder, 7, [0.0; 2], &[(0, joint_to(0.5)), (1, wheel_to(-0.25))]);
-        // The joint's address, but on the other bus: somebody else's.
-        period(&mut recorder, 8, [0.0; 2], &[(1, joint_to(0.75)), (1, wheel_to(0.5))]);
+        period(&mut recorder, 7, [0.0; 2], &[(0, 0.5), (1, -0.25)]);
+        period(&mut recorder, 8, [0.0; 2], &[(1, 0.5)]);
         let [first, second] = recorder.records() else { panic!("two periods") };
         assert_eq!((first.phase_frames, first.missed), (7.5, 0));
         assert_eq!(first.commanded, [0.5, -0.25]);
@@ -182,7 +162,7 @@ mod tests {
     #[test]
     fn a_period_without_playback_leaves_no_record() {
         let mut recorder = Recorder::new(&config());
-        recorder.on_setpoint(0, &joint_to(0.5));
+        recorder.on_setpoint(0, 0.5);
         recorder.end_period();
         assert!(recorder.records().is_empty());
     }
@@ -190,9 +170,9 @@ mod tests {
     #[test]
     fn the_worst_error_is_kept_for_joints_and_wheels_apart() {
         let mut recorder = Recorder::new(&config());
-        let frames = [(0, joint_to(0.5)), (1, wheel_to(-0.25))];
+        let setpoints = [(0, 0.5), (1, -0.25)];
         for measured in [[0.5, -0.25], [0.375, -0.25], [0.5, -1.0], [0.5625, 0.0]] {
-            period(&mut recorder, 0, measured, &frames);
+            period(&mut recorder, 0, measured, &setpoints);
         }
         let errors = tracking_errors(&config(), recorder.records());
         let worst = TrackingError { joint_rad: 0.125, wheel_rad_s: 0.75 };

@@ -10,8 +10,9 @@
 //!
 //! 1. frames that end: link0, act0, act1, ...; a servo answers at the end of a frame meant for it
 //! 2. frames that come late, faults that begin or end, foreign nodes that talk: [`crate::faults`]
-//! 3. motors: a step of 1/[`MOTOR_RATE_HZ`]
-//! 4. control period: the record of the past one is closed, the controller's `tick` runs
+//! 3. drives that say something by themselves, as ODrives do
+//! 4. motors: a step of 1/[`MOTOR_RATE_HZ`]
+//! 5. control period: the record of the past one is closed, the controller's `tick` runs
 //!
 //! After every event that the controller notices, its transmit buffers are filled: one frame for each
 //! bus, taken from the controller when the one before has left, so that nothing stale waits in hardware.
@@ -31,7 +32,8 @@ use crate::record::{Recorder, TickRecord};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_firmware::player::Playing;
 use rollwalk_firmware::{BusState, Settings};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::actuators::bus::{Bus, Protocol};
+use rollwalk_protocol::can::{AnyFrame, CanFrame, ExtendedFrame};
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::ClipId;
 use rollwalk_protocol::tunnel::{Buses, Input, Step};
@@ -131,7 +133,7 @@ impl Wire {
     }
 
     /// Puts a frame into the controller's transmit buffer, which has room.
-    fn fill(&mut self, now: SimTime, frame: Option<CanFrame>) {
+    fn fill(&mut self, now: SimTime, frame: Option<impl Into<AnyFrame>>) {
         if let Some(frame) = frame {
             self.bus.post(now, self.controller, frame).expect("the buffer has room");
         }
@@ -168,6 +170,62 @@ impl Wire {
 struct ActuatorBus {
     wire: Wire,
     servos: Vec<(NodeId, usize)>,
+    /// Its identifiers have 29 bits.
+    is_extended: bool,
+}
+
+impl ActuatorBus {
+    fn new(bus: &Bus) -> Self {
+        let is_extended = matches!(bus.protocol, Protocol::CyberGear(_));
+        Self { wire: Wire::new(bus.bit_rate), servos: Vec::new(), is_extended }
+    }
+
+    /// The node of a servo.
+    fn node_of(&self, channel: usize) -> Option<NodeId> {
+        self.servos.iter().find(|(_, of)| *of == channel).map(|(node, _)| *node)
+    }
+}
+
+/// Why a robot cannot be simulated in virtual time.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CannotSimulate {
+    /// It breaks a rule of robot files.
+    #[error(transparent)]
+    Invalid(#[from] InvalidRobot),
+    /// Serial lines have no bus here.
+    #[error(
+        "bus {bus} of {robot} is a serial line ({speaks}), and only CAN buses are simulated: a robot \
+         with Rollwalk, MIT, ODrive or CyberGear drives there can be"
+    )]
+    Serial {
+        /// Name of the robot.
+        robot: String,
+        /// Number of the bus.
+        bus: u8,
+        /// What its actuators speak.
+        speaks: &'static str,
+    },
+}
+
+impl CannotSimulate {
+    /// Whether all buses of a robot can be simulated.
+    ///
+    /// # Errors
+    /// The first that cannot.
+    pub fn check(robot: &Robot) -> Result<(), Self> {
+        let serial = robot.buses.iter().find(|(_, bus)| bus.protocol.is_serial());
+        serial.map_or(Ok(()), |(&bus, kind)| {
+            let (robot, speaks) = (robot.name.clone(), kind.protocol.name());
+            Err(Self::Serial { robot, bus, speaks })
+        })
+    }
+}
+
+/// What the controller notices.
+enum Noticed {
+    Input(Input),
+    /// A frame of an actuator bus with a 29-bit identifier.
+    Extended(u8, ExtendedFrame),
 }
 
 /// What happens next.
@@ -177,6 +235,7 @@ enum Next {
     Late(Way),
     Edge,
     Babble(usize),
+    Drives,
     Motors,
     Control,
 }
@@ -185,10 +244,10 @@ impl Rig {
     /// A robot that has just been switched on, in its nominal pose, without a library.
     ///
     /// # Errors
-    /// The robot breaks a rule of robot files.
-    pub fn new(robot: &Robot) -> Result<Self, InvalidRobot> {
-        let local = Local::new(robot.controller_config()?, Settings::default());
-        Self::with_core(robot, local)
+    /// The robot breaks a rule of robot files, or has a bus that is not simulated.
+    pub fn new(robot: &Robot) -> Result<Self, CannotSimulate> {
+        let (config, buses) = (robot.controller_config()?, robot.controller_buses());
+        Self::with_core(robot, Local::new(config, buses, Settings::default()))
     }
 
     /// The same robot after the power of its controller was off for a moment.
@@ -202,20 +261,21 @@ impl<C: Core> Rig<C> {
     /// settings.
     ///
     /// # Errors
-    /// The robot breaks a rule of robot files.
-    pub fn with_core(robot: &Robot, controller: C) -> Result<Self, InvalidRobot> {
+    /// The robot breaks a rule of robot files, or has a bus that is not simulated.
+    pub fn with_core(robot: &Robot, controller: C) -> Result<Self, CannotSimulate> {
         let config = robot.controller_config()?;
+        CannotSimulate::check(robot)?;
         let settings = Settings::default();
         let mut link = Wire::new(DEFAULT_BITRATE);
         let host = link.bus.add_node(TxPolicy::Queue { depth: HOST_QUEUE });
 
         let body = Body::new(robot);
         let count = body.addresses().iter().map(|&(bus, _)| usize::from(bus) + 1).max();
-        let mut actuator_buses: Vec<_> = (0..count.unwrap_or(0))
-            .map(|_| ActuatorBus { wire: Wire::new(DEFAULT_BITRATE), servos: Vec::new() })
+        let mut actuator_buses: Vec<_> = (0..count.unwrap_or(0) as u8)
+            .map(|bus| ActuatorBus::new(&robot.buses.get(&bus).copied().unwrap_or_default()))
             .collect();
         for (channel, &(bus, _)) in body.addresses().iter().enumerate() {
-            let ActuatorBus { wire, servos } = &mut actuator_buses[usize::from(bus)];
+            let ActuatorBus { wire, servos, .. } = &mut actuator_buses[usize::from(bus)];
             servos.push((wire.bus.add_node(TxPolicy::Latest), channel));
         }
 
@@ -356,7 +416,7 @@ impl<C: Core> Rig<C> {
             return false;
         }
         self.now = at;
-        let input = match next {
+        let noticed = match next {
             Next::Link => self.end_link_frame(),
             Next::Actuator(bus) => self.end_actuator_frame(bus),
             Next::Late(way) => match self.faults.pop(at, way) {
@@ -371,6 +431,10 @@ impl<C: Core> Rig<C> {
                 self.babble(index);
                 return true;
             }
+            Next::Drives => {
+                self.drives_say(at);
+                return true;
+            }
             Next::Motors => {
                 self.motor_step.advance();
                 self.body.step(at, 1.0 / f64::from(MOTOR_RATE_HZ));
@@ -383,11 +447,12 @@ impl<C: Core> Rig<C> {
                 self.control_period.advance();
                 self.body.update_loads();
                 self.recorder.end_period();
-                Some(Input::Tick)
+                Some(Noticed::Input(Input::Tick))
             }
         };
-        let told = if input == Some(Input::Tick) { self.tell_bus_states() } else { Ok(()) };
-        if let Err(error) = told.and_then(|()| self.tell(at, input)) {
+        let is_tick = matches!(noticed, Some(Noticed::Input(Input::Tick)));
+        let told = if is_tick { self.tell_bus_states() } else { Ok(()) };
+        if let Err(error) = told.and_then(|()| self.tell(at, noticed)) {
             self.lost = Some(error);
             return false;
         }
@@ -395,7 +460,15 @@ impl<C: Core> Rig<C> {
     }
 
     /// Tells the controller what happened, and puts on the buses what it sends.
-    fn tell(&mut self, at: SimTime, mut input: Option<Input>) -> Result<(), LinkError> {
+    fn tell(&mut self, at: SimTime, noticed: Option<Noticed>) -> Result<(), LinkError> {
+        let mut input = match noticed {
+            Some(Noticed::Input(input)) => Some(input),
+            Some(Noticed::Extended(bus, frame)) => {
+                self.controller.on_extended(at.as_us(), bus, &frame)?;
+                None
+            }
+            None => None,
+        };
         if let (Some(monitor), Some(input)) = (&mut self.monitor, input) {
             monitor.controller_gets(at, &input);
         }
@@ -429,8 +502,16 @@ impl<C: Core> Rig<C> {
             for (actuators, frame) in self.actuator_buses.iter_mut().zip(sent.actuators) {
                 actuators.wire.fill(at, frame);
             }
+            let mut any = sent.actuators.iter().any(Option::is_some);
+            for (bus, actuators) in (0..).zip(&mut self.actuator_buses) {
+                if actuators.is_extended && actuators.wire.is_free(depth) {
+                    let frame = self.controller.poll_extended(bus)?;
+                    any |= frame.is_some();
+                    actuators.wire.fill(at, frame);
+                }
+            }
             // A deeper buffer takes more at once.
-            if depth == 1 || sent.actuators.iter().all(Option::is_none) {
+            if depth == 1 || !any {
                 return Ok(());
             }
         }
@@ -447,7 +528,7 @@ impl<C: Core> Rig<C> {
         if link.alone_since.is_some() && waits {
             self.faults.fire(now, |harm| *harm == Harm::NoAck(Interface::Link));
         }
-        for (number, ActuatorBus { wire, servos }) in (0..).zip(&mut self.actuator_buses) {
+        for (number, ActuatorBus { wire, servos, .. }) in (0..).zip(&mut self.actuator_buses) {
             let mut state = if wire.off { BusState::Off } else { BusState::Active };
             if let Some(since) = wire.alone_since
                 && wire.bus.pending(wire.controller) > 0
@@ -487,7 +568,7 @@ impl<C: Core> Rig<C> {
             .map(|(fault, _)| fault.harm)
             .collect();
         let on: Vec<Harm> = self.faults.on(now).copied().collect();
-        for (number, ActuatorBus { wire, servos }) in (0..).zip(&mut self.actuator_buses) {
+        for (number, ActuatorBus { wire, servos, .. }) in (0..).zip(&mut self.actuator_buses) {
             let silent = |channel| {
                 on.contains(&Harm::Deaf(channel)) || on.contains(&Harm::Unpowered(channel))
             };
@@ -535,22 +616,41 @@ impl<C: Core> Rig<C> {
         let edge = self.faults.next_edge(self.edges_until).map(|at| (at, Next::Edge));
         let babblers = self.babblers.iter().enumerate().filter(|(_, b)| b.next < b.until);
         let babblers = babblers.map(|(index, b)| (b.next.max(self.now), Next::Babble(index)));
+        let drives = self.body.next_timer().map(|at| (at.max(self.now), Next::Drives));
         let motors = (self.motor_step.next(), Next::Motors);
         let control = (self.control_period.next(), Next::Control);
         let frames = link.into_iter().chain(actuators);
         let faults = late.into_iter().chain(edge).chain(babblers);
         // `min_by_key` returns the first of several minima.
-        let events = frames.chain(faults).chain([motors, control]);
+        let events = frames.chain(faults).chain(drives).chain([motors, control]);
         events.min_by_key(|&(at, _)| at).expect("control never ends")
     }
 
+    /// What drives say by themselves goes to their buses.
+    fn drives_say(&mut self, now: SimTime) {
+        while let Some((channel, frame)) = self.body.on_timer(now) {
+            let silent =
+                |harm: &Harm| [Harm::Deaf(channel), Harm::Unpowered(channel)].contains(harm);
+            if self.faults.on(now).any(silent) {
+                self.faults.fire(now, silent);
+                continue;
+            }
+            let (bus, _) = self.body.addresses()[channel];
+            let actuators = &mut self.actuator_buses[usize::from(bus)];
+            if let Some(node) = actuators.node_of(channel) {
+                let posted = actuators.wire.bus.post(now, node, frame);
+                posted.expect("a `Latest` node always takes frames");
+            }
+        }
+    }
+
     /// What the controller notices of it.
-    fn end_link_frame(&mut self) -> Option<Input> {
+    fn end_link_frame(&mut self) -> Option<Noticed> {
         let delivery = self.link.bus.next_delivery(self.now)?;
         self.log.push(LogEntry {
             at_us: delivery.at.as_us(),
             interface: Interface::Link,
-            frame: delivery.frame.into(),
+            frame: delivery.frame,
         });
         if delivery.from == self.host {
             return self.pass_on(Way::LinkToController, delivery.frame);
@@ -562,12 +662,12 @@ impl<C: Core> Rig<C> {
     }
 
     /// What the controller notices of it.
-    fn end_actuator_frame(&mut self, index: usize) -> Option<Input> {
-        let ActuatorBus { wire, servos } = &mut self.actuator_buses[index];
+    fn end_actuator_frame(&mut self, index: usize) -> Option<Noticed> {
+        let ActuatorBus { wire, servos, .. } = &mut self.actuator_buses[index];
         let delivery = wire.bus.next_delivery(self.now)?;
         let (frame, number) = (delivery.frame, index as u8);
         let interface = Interface::Actuator(number);
-        self.log.push(LogEntry { at_us: delivery.at.as_us(), interface, frame: frame.into() });
+        self.log.push(LogEntry { at_us: delivery.at.as_us(), interface, frame });
         let from_controller = delivery.from == wire.controller;
         let from_servo = servos.iter().any(|&(node, _)| node == delivery.from);
         // With its end off the controller hears nothing.
@@ -579,32 +679,43 @@ impl<C: Core> Rig<C> {
     }
 
     /// A frame has crossed its bus. What the controller notices of it now.
-    fn pass_on(&mut self, way: Way, frame: CanFrame) -> Option<Input> {
+    fn pass_on(&mut self, way: Way, frame: AnyFrame) -> Option<Noticed> {
         let frame = self.faults.push(self.now, way, frame)?;
         self.arrive(way, &frame)
     }
 
     /// A frame is there. What the controller notices of it.
-    fn arrive(&mut self, way: Way, frame: &CanFrame) -> Option<Input> {
-        match way {
-            Way::LinkToController => Some(Input::Link(*frame)),
-            Way::FromActuators(bus) => Some(Input::Actuator(bus, *frame)),
-            Way::LinkToHost => {
+    fn arrive(&mut self, way: Way, frame: &AnyFrame) -> Option<Noticed> {
+        match (way, frame) {
+            (Way::LinkToController, AnyFrame::Standard(frame)) => {
+                Some(Noticed::Input(Input::Link(*frame)))
+            }
+            (Way::FromActuators(bus), AnyFrame::Standard(frame)) => {
+                Some(Noticed::Input(Input::Actuator(bus, *frame)))
+            }
+            (Way::FromActuators(bus), AnyFrame::Extended(frame)) => {
+                Some(Noticed::Extended(bus, *frame))
+            }
+            (Way::LinkToHost, AnyFrame::Standard(frame)) => {
                 self.host_inbox.push_back(*frame);
                 None
             }
-            Way::ToActuators(bus) => {
+            // Nobody on the link takes any.
+            (Way::LinkToController | Way::LinkToHost, AnyFrame::Extended(_)) => None,
+            (Way::ToActuators(bus), frame) => {
                 self.reach_servos(bus, frame);
                 None
             }
         }
     }
 
-    fn reach_servos(&mut self, bus: u8, frame: &CanFrame) {
-        self.recorder.on_setpoint(bus, frame);
+    fn reach_servos(&mut self, bus: u8, frame: &AnyFrame) {
         let now = self.now;
-        let ActuatorBus { wire, servos } = &mut self.actuator_buses[usize::from(bus)];
+        let ActuatorBus { wire, servos, .. } = &mut self.actuator_buses[usize::from(bus)];
         for &(node, channel) in servos.iter() {
+            if let Some(value) = self.body.commanded(channel, frame) {
+                self.recorder.on_setpoint(channel, value);
+            }
             let silent =
                 |harm: &Harm| [Harm::Deaf(channel), Harm::Unpowered(channel)].contains(harm);
             if self.faults.on(now).any(silent) {

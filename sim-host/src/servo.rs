@@ -1,171 +1,88 @@
-//! A servo or wheel drive on an actuator bus: the Rollwalk servo profile in front of a motor.
+//! A servo or wheel drive on an actuator bus: what its maker built, [`rollwalk_drives`], in front of a motor.
 //!
-//! Follows the law of the profile ([`rollwalk_protocol::actuator`]) at the rate at which the
-//! simulation steps it, with the gains of the last setpoint. Answers every frame for it with its
-//! feedback at the end of that frame. Its own watchdog takes the torque away when setpoints stop
-//! coming, and keeps it away until it is disabled and enabled again.
-//!
-//! A motor without torque is damped: the friction of a geared motor that is turned from outside, with
-//! the joint's default damping gain in place of a measured one.
+//! Follows the law that its drive has it follow, at the rate at which the simulation steps it. A motor without
+//! torque is damped: the friction of a geared motor that is turned from outside, with the joint's default
+//! damping gain in place of a measured one.
 
 use crate::clock::SimTime;
-use crate::plant::{PdLaw, Plant};
-use rollwalk_protocol::actuator::{
-    ActuatorStatus, Control, Feedback, JointSetpoint, WheelSetpoint,
-};
-use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::config::ChannelKind;
-use rollwalk_robot::Actuator;
-use std::f64::consts::PI;
+use crate::plant::Plant;
+use rollwalk_drives::{Drive, Law, rollwalk};
+use rollwalk_protocol::actuators::bus::Bus;
+use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::config::Channel;
 
-/// Longest time without a setpoint before an enabled servo gives up.
-pub const WATCHDOG: SimTime = SimTime::from_ms(100);
-
-/// What the servo does.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Mode {
-    Disabled,
-    /// Enabled; no torque until the first setpoint.
-    Waiting,
-    Following(PdLaw),
-    TimedOut,
-}
+/// Longest time without a setpoint before an enabled servo of the Rollwalk profile gives up.
+pub const WATCHDOG: SimTime = SimTime::from_us(rollwalk::WATCHDOG_US);
 
 /// One servo or wheel drive.
 #[derive(Clone, Debug)]
 pub struct Servo {
-    kind: ChannelKind,
-    id: u8,
-    friction_nm_s_rad: f64,
-    mode: Mode,
-    /// When it was enabled or got its last setpoint.
-    fed: SimTime,
-    counter: u8,
+    drive: Drive,
+    friction: Law,
     /// The motor behind it.
     pub plant: Plant,
 }
 
 impl Servo {
-    /// A disabled servo of `actuator`, its address included, that turns `plant`.
-    pub fn new(kind: ChannelKind, actuator: &Actuator, plant: Plant) -> Self {
-        Self {
-            kind,
-            id: actuator.id,
-            friction_nm_s_rad: actuator.kd_nm_s_rad,
-            mode: Mode::Disabled,
-            fed: SimTime::ZERO,
-            counter: 0,
-            plant,
-        }
+    /// A drive of `channel` as its bus has them, just switched on, that turns `plant`.
+    pub fn new(bus: &Bus, channel: &Channel, plant: Plant) -> Self {
+        let friction = Law {
+            kd_nm_s_rad: channel.kd_nm_s_rad.into(),
+            torque_limit_nm: f64::INFINITY,
+            ..Law::default()
+        };
+        Self { drive: Drive::new(bus, channel), friction, plant }
     }
 
     /// Its power is gone: no torque, and when it comes back it is as after power-on.
     pub fn cut_power(&mut self) {
-        (self.mode, self.counter) = (Mode::Disabled, 0);
+        self.drive.cut_power();
     }
 
     /// Whether it gives torque as a setpoint told it.
     pub fn is_driving(&self) -> bool {
-        matches!(self.mode, Mode::Following(_))
+        self.drive.law(&self.plant.shaft()).is_some()
+    }
+
+    /// The value of the setpoint in a frame for it, rad or rad/s of a wheel.
+    pub fn commanded(&self, frame: &AnyFrame) -> Option<f32> {
+        self.drive.commanded(frame)
     }
 
     /// A frame on the bus; the answer if it was for this servo.
-    pub fn on_frame(&mut self, now: SimTime, frame: &CanFrame) -> Option<CanFrame> {
-        if let Some((id, control)) = Control::decode(frame) {
-            if id != self.id {
-                return None;
-            }
-            match (control, self.mode) {
-                (Control::Disable, _) => self.mode = Mode::Disabled,
-                (Control::Enable, Mode::Disabled) => {
-                    self.mode = Mode::Waiting;
-                    self.fed = now;
-                }
-                (Control::Enable | Control::Query, _) => {}
-            }
-        } else {
-            let law = self.law_of(frame)?;
-            if matches!(self.mode, Mode::Waiting | Mode::Following(_)) {
-                self.mode = Mode::Following(law);
-                self.fed = now;
-            }
-        }
-        self.feedback().encode(self.id)
+    pub fn on_frame(&mut self, now: SimTime, frame: &AnyFrame) -> Option<AnyFrame> {
+        let (_, answer) = self.drive.on_frame(now.as_us(), frame, &self.plant.shaft())?;
+        answer
+    }
+
+    /// When it will say something by itself.
+    pub fn next_timer(&self) -> Option<SimTime> {
+        self.drive.next_timer_us().map(SimTime::from_us)
+    }
+
+    /// What it says by itself now; call again until there is nothing.
+    pub fn on_timer(&mut self, now: SimTime) -> Option<AnyFrame> {
+        self.drive.on_timer(now.as_us(), &self.plant.shaft())
     }
 
     /// Lets `dt_s` pass up to `now`.
     pub fn step(&mut self, now: SimTime, dt_s: f64) {
-        let enabled = matches!(self.mode, Mode::Waiting | Mode::Following(_));
-        if enabled && now - self.fed > WATCHDOG {
-            self.mode = Mode::TimedOut;
-        }
-        let law = match self.mode {
-            Mode::Following(law) => law,
-            Mode::Disabled | Mode::Waiting | Mode::TimedOut => PdLaw {
-                kd_nm_s_rad: self.friction_nm_s_rad,
-                torque_limit_nm: f64::INFINITY,
-                ..PdLaw::default()
-            },
-        };
-        self.plant.step(&law, dt_s);
-    }
-
-    /// The law of a setpoint for this servo.
-    fn law_of(&self, frame: &CanFrame) -> Option<PdLaw> {
-        let (id, law) = match self.kind {
-            ChannelKind::JointPosition => {
-                let (id, setpoint) = JointSetpoint::decode(frame)?;
-                let law = PdLaw {
-                    position_rad: setpoint.position_rad.into(),
-                    speed_rad_s: setpoint.velocity_rad_s.into(),
-                    kp_nm_rad: setpoint.kp_nm_rad.into(),
-                    kd_nm_s_rad: setpoint.kd_nm_s_rad.into(),
-                    torque_limit_nm: f64::INFINITY,
-                };
-                (id, law)
-            }
-            ChannelKind::WheelSpeed => {
-                let (id, setpoint) = WheelSetpoint::decode(frame)?;
-                let law = PdLaw {
-                    speed_rad_s: setpoint.speed_rad_s.into(),
-                    kd_nm_s_rad: setpoint.kd_nm_s_rad.into(),
-                    torque_limit_nm: setpoint.torque_limit_nm.into(),
-                    ..PdLaw::default()
-                };
-                (id, law)
-            }
-        };
-        (id == self.id).then_some(law)
-    }
-
-    fn feedback(&mut self) -> Feedback {
-        self.counter = self.counter.wrapping_add(1);
-        let position_rad = match self.kind {
-            ChannelKind::JointPosition => self.plant.position_rad,
-            ChannelKind::WheelSpeed => (self.plant.position_rad + PI).rem_euclid(2.0 * PI) - PI,
-        };
-        let driving = matches!(self.mode, Mode::Following(_));
-        let mut status = match self.mode {
-            Mode::Disabled => 0,
-            Mode::Waiting | Mode::Following(_) => ActuatorStatus::ENABLED,
-            Mode::TimedOut => ActuatorStatus::TIMED_OUT,
-        };
-        if driving && self.plant.torque_limited {
-            status |= ActuatorStatus::TORQUE_LIMITED;
-        }
-        Feedback {
-            position_rad: position_rad as f32,
-            velocity_rad_s: self.plant.speed_rad_s as f32,
-            torque_nm: if driving { self.plant.torque_nm as f32 } else { 0.0 },
-            status: ActuatorStatus(status),
-            counter: self.counter,
-        }
+        self.drive.on_time(now.as_us());
+        let law = self.drive.law(&self.plant.shaft());
+        self.plant.step(&law.unwrap_or(self.friction), dt_s);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rollwalk_protocol::actuator::{
+        ActuatorStatus, Control, Feedback, JointSetpoint, WheelSetpoint,
+    };
+    use rollwalk_protocol::can::CanFrame;
+    use rollwalk_protocol::config::ChannelKind;
+    use rollwalk_robot::Actuator;
+    use std::f64::consts::PI;
 
     const DT: SimTime = SimTime::from_us(250);
 
@@ -183,9 +100,16 @@ mod tests {
         }
     }
 
+    fn channel(kind: ChannelKind) -> Channel {
+        let Actuator { kp_nm_rad, kd_nm_s_rad, bus, id, .. } = actuator();
+        let (kp_nm_rad, kd_nm_s_rad) = (kp_nm_rad as f32, kd_nm_s_rad as f32);
+        let (min, max, max_rate, max_torque_nm) = (-1.0, 1.0, 8.0, 3.0);
+        Channel { kind, min, max, max_rate, max_torque_nm, kp_nm_rad, kd_nm_s_rad, bus, id }
+    }
+
     fn joint() -> Servo {
         let plant = Plant::new(&actuator(), 0.25);
-        Servo::new(ChannelKind::JointPosition, &actuator(), plant)
+        Servo::new(&Bus::default(), &channel(ChannelKind::JointPosition), plant)
     }
 
     fn setpoint(position_rad: f32, id: u8) -> CanFrame {
@@ -195,7 +119,8 @@ mod tests {
     }
 
     fn ask(servo: &mut Servo, now: SimTime, frame: CanFrame) -> Feedback {
-        Feedback::decode(&servo.on_frame(now, &frame).unwrap()).unwrap().1
+        let answer = servo.on_frame(now, &frame.into()).unwrap();
+        Feedback::decode(answer.standard().unwrap()).unwrap().1
     }
 
     /// Steps from `from` up to `to`, with `frame` every 5 ms if there is one.
@@ -205,7 +130,7 @@ mod tests {
             if let Some(frame) = frame
                 && (now - from).as_us().is_multiple_of(5000)
             {
-                servo.on_frame(now, &frame).unwrap();
+                servo.on_frame(now, &frame.into()).unwrap();
             }
             now = now + DT;
             servo.step(now, DT.as_s());
@@ -230,7 +155,7 @@ mod tests {
         let mut servo = joint();
         let [disable, enable, query] =
             [Control::Disable, Control::Enable, Control::Query].map(|c| c.encode(5).unwrap());
-        servo.on_frame(SimTime::ZERO, &enable).unwrap();
+        servo.on_frame(SimTime::ZERO, &enable.into()).unwrap();
         run(&mut servo, SimTime::ZERO, SimTime::from_ms(10), Some(setpoint(0.3, 5)));
         // Queries must not keep it alive.
         run(&mut servo, SimTime::from_ms(10), SimTime::from_ms(200), Some(query));
@@ -249,7 +174,7 @@ mod tests {
         let wheel = WheelSetpoint::default().encode(5).unwrap();
         let other = Control::Enable.encode(6).unwrap();
         for frame in [setpoint(0.0, 4), other, wheel, CanFrame::new(0x7FF, &[]).unwrap()] {
-            assert_eq!(servo.on_frame(SimTime::ZERO, &frame), None);
+            assert_eq!(servo.on_frame(SimTime::ZERO, &frame.into()), None);
         }
     }
 
@@ -268,10 +193,10 @@ mod tests {
     #[test]
     fn a_wheel_reaches_its_speed_within_its_torque_limit_and_reports_a_wrapped_angle() {
         let plant = Plant::new(&actuator(), 0.0);
-        let mut wheel = Servo::new(ChannelKind::WheelSpeed, &actuator(), plant);
+        let mut wheel = Servo::new(&Bus::default(), &channel(ChannelKind::WheelSpeed), plant);
         let frame =
             WheelSetpoint { speed_rad_s: 6.0, kd_nm_s_rad: 0.5, torque_limit_nm: 0.2 }.encode(5);
-        wheel.on_frame(SimTime::ZERO, &Control::Enable.encode(5).unwrap()).unwrap();
+        wheel.on_frame(SimTime::ZERO, &Control::Enable.encode(5).unwrap().into()).unwrap();
         run(&mut wheel, SimTime::ZERO, SimTime::from_ms(100), frame);
         // 0.2 N·m on 0.01 kg·m² for 0.1 s; the frame's torque step is a single-precision number.
         assert!((wheel.plant.speed_rad_s - 2.0).abs() < 1e-6);

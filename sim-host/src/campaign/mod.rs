@@ -145,10 +145,11 @@ impl Report {
 /// Runs a case with the firmware in this process. Also returns every frame of every bus.
 pub fn run(subject: &Subject, case: Case) -> (Report, Vec<LogEntry>) {
     let (config, settings) = (subject.config(), Settings::default());
+    let buses = subject.robot.controller_buses();
     let core = if case.scenario == Scenario::Flash {
-        Local::new(config, settings)
+        Local::new(config, buses, settings)
     } else {
-        Local::with_library(config, settings, &subject.library)
+        Local::with_library(config, buses, settings, &subject.library)
     };
     run_with(subject, case, core)
 }

@@ -14,7 +14,7 @@ pub mod stream;
 use crate::clock::SimTime;
 use crate::interface::Interface;
 use fastrand::Rng;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::{AnyFrame, CanFrame};
 use std::collections::BTreeMap;
 use stream::{Spoil, Stream};
 
@@ -123,7 +123,7 @@ impl Faults {
 
     /// A frame has crossed the bus. Returns it if it arrives at once and by itself; otherwise it comes
     /// out of [`Self::pop`], or never.
-    pub fn push(&mut self, now: SimTime, way: Way, frame: CanFrame) -> Option<CanFrame> {
+    pub fn push(&mut self, now: SimTime, way: Way, frame: AnyFrame) -> Option<AnyFrame> {
         if !self.is_spoilt(now, way) {
             return Some(frame);
         }
@@ -149,7 +149,7 @@ impl Faults {
     }
 
     /// A frame that comes out now.
-    pub fn pop(&mut self, now: SimTime, way: Way) -> Option<CanFrame> {
+    pub fn pop(&mut self, now: SimTime, way: Way) -> Option<AnyFrame> {
         self.streams.get_mut(&way)?.pop(now)
     }
 }
@@ -171,7 +171,7 @@ mod tests {
         let edges = std::iter::successors(Some(ms(0)), |&at| faults.next_edge(at));
         assert_eq!(edges.collect::<Vec<_>>(), [0, 10, 15, 20, 30].map(ms));
 
-        let frame = CanFrame::new(1, &[1]).unwrap();
+        let frame = CanFrame::new(1, &[1]).unwrap().into();
         for at in 0..40 {
             let arrives = faults.push(ms(at), Way::LinkToHost, frame).is_some();
             assert_eq!(arrives, !(10..20).contains(&at), "{at}");
@@ -188,7 +188,7 @@ mod tests {
         let mut faults = Faults::new(1);
         let hold = Harm::Stream(Way::ToActuators(0), Spoil::Hold);
         faults.add(Fault { harm: hold, from: ms(0), until: ms(10) });
-        let frame = |number| CanFrame::new(1, &[number]).unwrap();
+        let frame = |number| AnyFrame::from(CanFrame::new(1, &[number]).unwrap());
         assert_eq!(faults.push(ms(1), Way::ToActuators(0), frame(1)), None);
         assert_eq!(faults.next_due(), Some((ms(10), Way::ToActuators(0))));
         assert_eq!(faults.push(ms(10), Way::ToActuators(0), frame(2)), None);

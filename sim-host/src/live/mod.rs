@@ -16,7 +16,7 @@ pub mod whole;
 use crate::interface::Interface;
 use rollwalk_bus::link::LinkError;
 use rollwalk_bus::port::{Hub, Outlet, Port};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::AnyFrame;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -84,20 +84,20 @@ const WAITING: usize = 64;
 
 /// What waits for a busy bus, oldest first.
 #[derive(Default)]
-struct Waiting(VecDeque<CanFrame>);
+struct Waiting(VecDeque<AnyFrame>);
 
 impl Waiting {
-    fn push(&mut self, frame: CanFrame) {
+    fn push(&mut self, frame: impl Into<AnyFrame>) {
         if self.0.len() == WAITING {
             self.0.pop_front();
         }
-        self.0.push_back(frame);
+        self.0.push_back(frame.into());
     }
 
     /// Sends as much as the bus takes.
     fn send(&mut self, outlet: &mut dyn Outlet) -> Result<(), LinkError> {
         while let Some(frame) = self.0.front() {
-            match outlet.send(&(*frame).into()) {
+            match outlet.send(frame) {
                 Ok(()) => {
                     self.0.pop_front();
                 }

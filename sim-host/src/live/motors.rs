@@ -6,7 +6,6 @@ use crate::clock::{Periodic, SimTime};
 use crate::interface::Interface;
 use crate::rig::MOTOR_RATE_HZ;
 use rollwalk_bus::port::{Heard, Hub, Port};
-use rollwalk_protocol::can::AnyFrame;
 use std::time::{Duration, Instant};
 
 /// Weight and inertia on the joints are computed anew so often.
@@ -31,13 +30,19 @@ pub fn run(
     loop {
         // A full bus does not keep the load from being looked at.
         let is_due = Instant::now() >= next_load;
-        let heard = if is_due { None } else { hub.hear(next_load) };
+        let timer = body.next_timer().map(|at| start + Duration::from_micros(at.as_us()));
+        let heard =
+            if is_due { None } else { hub.hear(timer.map_or(next_load, |at| at.min(next_load))) };
         let now = SimTime::from_us(start.elapsed().as_micros() as u64);
         while steps.next() <= now {
             body.step(steps.next(), 1.0 / f64::from(MOTOR_RATE_HZ));
             steps.advance();
         }
+        while let Some((channel, frame)) = body.on_timer(now) {
+            waiting[usize::from(body.addresses()[channel].0)].push(frame);
+        }
         match heard {
+            None if !is_due => {}
             None => {
                 next_load = Instant::now() + LOAD_PERIOD;
                 body.update_loads();
@@ -47,7 +52,7 @@ pub fn run(
             }
             Some((bus, Err(error))) => kept[bus].lose(&mut hub, keeper, &error),
             Some((bus, Ok(heard))) => {
-                if let Heard::Frame(AnyFrame::Standard(frame)) = heard {
+                if let Heard::Frame(frame) = heard {
                     for channel in 0..body.addresses().len() {
                         if usize::from(body.addresses()[channel].0) == bus
                             && let Some(answer) = body.on_frame(channel, now, &frame)

@@ -31,8 +31,8 @@ pub fn run(
     loop {
         let now_us = offset_us + start.elapsed().as_micros() as u64;
         rig.run_until(SimTime::from_us(now_us));
-        while let Some(&frame) = inward.0.front()
-            && rig.send(&frame).is_ok()
+        while let Some(AnyFrame::Standard(frame)) = inward.0.front()
+            && rig.send(frame).is_ok()
         {
             inward.0.pop_front();
         }

@@ -6,6 +6,7 @@ mod flashing;
 mod operating;
 mod planted;
 mod playing;
+mod protocols;
 mod refusing;
 mod robot;
 mod serial_line;

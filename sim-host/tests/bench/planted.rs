@@ -43,7 +43,8 @@ fn reported(scenario: Scenario, seeds: u64, bug: impl Fn() -> Bug) -> BTreeSet<R
     let rules = (0..seeds).flat_map(|seed| {
         let case = Case { scenario, loss_per_mille: 0, seed };
         let config = subject.config();
-        let core = Local::with_library(config, Settings::default(), &subject.library);
+        let (buses, settings) = (subject.robot.controller_buses(), Settings::default());
+        let core = Local::with_library(config, buses, settings, &subject.library);
         let (report, _) = run_with(&subject, case, Planted { core, bug: bug() });
         report.violations.into_iter().map(|violation| violation.rule)
     });
