@@ -55,6 +55,9 @@ shipped!(
     "motions/table_2_1/skatebot_skating.toml",
     "motions/table_2_1/swizzlebot_forward.toml",
     "motions/table_2_1/swizzlebot_turn.toml",
+    "motions/test_leg_library.toml",
+    "motions/test_leg_roll.toml",
+    "motions/test_leg_stand.toml",
     "motions/trot.toml",
     "motions/turn_in_place.toml",
     "motions/walk.toml",
@@ -75,6 +78,7 @@ shipped!(
     "robots/swizzlebot2.toml",
     "robots/swizzlebot4.toml",
     "robots/swizzlebot5.toml",
+    "robots/test_leg.toml",
 );
 
 /// The library file that the demo plays.

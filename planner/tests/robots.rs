@@ -15,7 +15,7 @@ use std::path::Path;
 const CANNOT_DRIVE: &str = "car_tilted";
 
 /// All other robot files, with a motion file of each.
-const MOTIONS: [(&str, &str); 14] = [
+const MOTIONS: [(&str, &str); 15] = [
     ("agilebot", "slalom"),
     ("agilebot_sprint", "table_2_1/agilebot_start_stop"),
     ("anymal_wheels", "anymal_duck"),
@@ -30,6 +30,7 @@ const MOTIONS: [(&str, &str); 14] = [
     ("swizzlebot2", "swizzlebot2_forward"),
     ("swizzlebot4", "swizzlebot4_forward"),
     ("swizzlebot5", "swizzlebot5_forward"),
+    ("test_leg", "test_leg_roll"),
 ];
 
 fn text(folder: &str, name: &str) -> String {

@@ -79,6 +79,7 @@ fn all() -> Vec<(Robot, [usize; 3], std::ops::Range<f64>)> {
         "swizzlebot2": [8, 4, 8], 2.0..3.0;
         "swizzlebot4": [16, 4, 16], 3.5..4.5;
         "swizzlebot5": [20, 4, 20], 4.0..5.0;
+        "test_leg": [2, 1, 3], 2.5..3.5;
     }
 }
 

@@ -2,7 +2,8 @@
 //! result, nothing is written, and the message names file, place and what would be right.
 
 use crate::{desk, desk_with_shipped_files};
-use rollwalk_tests::Desk;
+use rollwalk_tests::{Desk, Outcome};
+use std::process::Command;
 
 #[test]
 fn a_missing_file_names_its_neighbours_and_what_to_type() {
@@ -33,6 +34,39 @@ fn a_file_of_another_kind_is_recognised() {
         desk.run(args).fails(1, &words);
     }
     assert!(!desk.path("x").exists());
+}
+
+/// Told on the desktop, not by the silence of a drive on the robot.
+#[test]
+fn a_drive_that_cannot_do_what_the_file_says_is_named_with_its_line() {
+    let file = "robots/test_leg.toml";
+    let speed = ("speed_max_rad_s = 8.0", "speed_max_rad_s = 60.0");
+    for (from, to, words) in [
+        (
+            speed.0,
+            speed.1,
+            &["joint `hip`", "is 60, which cannot be told to AK80-9", "at most 50 rad/s"][..],
+        ),
+        ("model = \"AK80-9\"\n#", "model = \"AK80\"\n#", &["bus 0: `model` cannot be", "`AK80-9`"]),
+        ("number = 1", "number = 2", &["bus 2: `number` is a bus that no motor is on"]),
+    ] {
+        let desk = desk_with_shipped_files();
+        desk.edit(file, from, to);
+        desk.run(&["robot", "check", file]).fails(1, &[words, &[file]].concat());
+        simulate(&desk, file).fails(1, words);
+    }
+    // What depends on the control rate.
+    let desk = desk_with_shipped_files();
+    desk.edit(file, "estimates_hz = 125", "estimates_hz = 50");
+    simulate(&desk, file).fails(1, &[file, "bus 1: poses have to be told at least 60 times"]);
+}
+
+/// Starts `rollwalk-sim`, which is to refuse the robot.
+fn simulate(desk: &Desk, robot: &str) -> Outcome {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
+    command.args([robot, "--bus", "sim:robot.sock"]).current_dir(desk.path("."));
+    command.env("COLUMNS", "1000").env("NO_COLOR", "1");
+    command.output().expect("the command starts").into()
 }
 
 #[test]
