@@ -13,6 +13,7 @@ mod operating;
 mod problem_files;
 mod readme;
 mod results;
+mod sending;
 mod simulated;
 mod solver_options;
 mod urdf;

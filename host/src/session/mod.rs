@@ -106,13 +106,12 @@ impl<B: LinkBus> Session<B> {
     /// Turns torque on in two steps and waits until the robot stands in the SAFE pose.
     pub fn arm(&mut self) -> Result<(), SessionError> {
         let nonce = self.arm_request()?;
-        self.command("arm", Action::ArmConfirm { nonce })?;
-        self.wait_for_state(State::Ready, STATE_TIMEOUT_US)
+        self.arm_confirm(nonce)
     }
 
-    /// The first step. Just after power-on and after a stop, actuators have not told yet how they are: for a
-    /// moment that is no reason to give up.
-    fn arm_request(&mut self) -> Result<u16, SessionError> {
+    /// The first step, which changes nothing yet: the nonce for [the second](Self::arm_confirm). Just after power-on
+    /// and after a stop, actuators have not told yet how they are: for a moment that is no reason to give up.
+    pub fn arm_request(&mut self) -> Result<u16, SessionError> {
         use CommandResult::{FaultPresent, PoseUnknown};
         let until_us = self.bus().now_us() + FEEDBACK_TIMEOUT_US;
         loop {
@@ -125,6 +124,13 @@ impl<B: LinkBus> Session<B> {
                 outcome => return outcome.map(|ack| ack.value),
             }
         }
+    }
+
+    /// The second step, and the wait until the robot stands in the SAFE pose. Unless it was refused, torque may be
+    /// on however this ends.
+    pub fn arm_confirm(&mut self, nonce: u16) -> Result<(), SessionError> {
+        self.command("arm", Action::ArmConfirm { nonce })?;
+        self.wait_for_state(State::Ready, STATE_TIMEOUT_US)
     }
 
     /// Asks for a motion by its code, at the speed it was planned for.

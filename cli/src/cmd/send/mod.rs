@@ -1,0 +1,156 @@
+//! `rollwalk send`: motions by code or name, one after the other.
+
+mod play;
+mod wanted;
+
+use crate::link::names::NamesArgs;
+use crate::link::{LinkArgs, LiveSession, ended};
+use crate::{Exit, interrupt, output};
+use miette::miette;
+use play::{play, send_only};
+use rollwalk_host::refusal::state_name;
+use rollwalk_host::session::SessionError;
+use rollwalk_protocol::wire::State;
+use wanted::{Chosen, Wanted, choose};
+
+/// The way home is looked at so often, µs; at a small part of the planned speed it takes long.
+const HOME_US: u64 = 30_000_000;
+
+/// Play motions by command code or name.
+///
+/// With --arm the robot is armed first, plays every motion in turn, returns to SAFE and is disarmed; until
+/// then this program is the host whose heartbeat the robot waits for, and Ctrl-C brings the robot home. Without
+/// it the robot must be armed already and kept so by another program, such as `rollwalk console`: each motion
+/// is sent, and this program ends when it is acknowledged.
+///
+/// A motion that loops is played for one round, or for the seconds after its colon.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk send --arm drive_1m walk:10 turn_in_place --bus can:can0
+  rollwalk send --arm 2 3:4.5 --speed 0.5 --bus serial:/dev/ttyUSB0
+  rollwalk send walk --bus sim           # while `rollwalk console --bus sim` holds the robot
+
+Names are those of the library that was built or flashed on this computer; for another, add --library.")]
+pub struct Args {
+    /// Motions: command codes or names, loops with seconds (walk:10).
+    #[arg(value_name = "MOTION", required = true)]
+    motions: Vec<Wanted>,
+    #[command(flatten)]
+    link: LinkArgs,
+    #[command(flatten)]
+    names: NamesArgs,
+    /// Arm first; at the end return to SAFE and disarm.
+    #[arg(long)]
+    arm: bool,
+    /// Part of the planned speed, 1/64 to 1.
+    #[arg(long, value_name = "PART", default_value = "1", value_parser = speed)]
+    speed: i8,
+}
+
+/// 64ths of the planned speed.
+fn speed(text: &str) -> Result<i8, String> {
+    let part = text.parse().ok().filter(|part: &f64| (1.0 / 64.0..=1.0).contains(part));
+    let part = part.ok_or("a part of the planned speed is a number from 0.016 (1/64) to 1")?;
+    Ok((part * 64.0).round() as i8)
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let mut session = args.link.connect()?;
+    let library = session.hello().library.ok_or_else(|| {
+        miette!(help = "rollwalk flash LIB.rwl --bus BUS", "the controller has no motion library")
+    })?;
+    let catalog = args.names.find(library)?;
+    // Names of another library may be right, its codes say nothing about this one.
+    let is_its_own = catalog.as_ref().is_some_and(|catalog| catalog.library == library);
+    let chosen = args.motions.iter().map(|wanted| choose(wanted, catalog.as_ref(), is_its_own));
+    let chosen: Vec<_> = chosen.collect::<miette::Result<_>>()?;
+    if !args.arm {
+        return match send_only(&mut session, args, &chosen) {
+            Ok(()) => Ok(Exit::Ok),
+            Err(error) => ended(&args.link, &error),
+        };
+    }
+    if let Some(catalog) = &catalog {
+        session.expect_robot(catalog.config_hash);
+    }
+    match session.arm_request() {
+        Ok(nonce) => arm_and_play(&mut session, args, nonce, &chosen),
+        Err(error) => ended(&args.link, &error),
+    }
+}
+
+/// From the second step of arming on the robot may have torque: whatever happens, it is brought home.
+fn arm_and_play(
+    session: &mut LiveSession,
+    args: &Args,
+    nonce: u16,
+    chosen: &[Chosen<'_>],
+) -> miette::Result<Exit> {
+    let outcome = match session.arm_confirm(nonce) {
+        // It has not been armed, or not by us.
+        Err(error @ SessionError::Refused { .. }) => return ended(&args.link, &error),
+        Err(error) => Err(error),
+        Ok(()) => {
+            output::say("armed");
+            play(session, args, chosen)
+        }
+    };
+    session.bus_mut().ignore_interrupts();
+    let home = if outcome.as_ref().is_err_and(is_down) { Ok(()) } else { go_home(session) };
+    let exit = match outcome {
+        Ok(()) if interrupt::requested() => Exit::Interrupted,
+        Ok(()) => Exit::Ok,
+        Err(error) => ended(&args.link, &error)?,
+    };
+    match home {
+        Ok(()) => Ok(exit),
+        Err(error) => {
+            let report = args.link.explain(&error).wrap_err("the robot was not brought home");
+            output::say(format_args!("{report:?}"));
+            Ok(Exit::NotDone)
+        }
+    }
+}
+
+/// Whether something has stopped the robot or lets it down: there is no way home from there.
+fn is_down(error: &SessionError) -> bool {
+    matches!(
+        error,
+        SessionError::WentElsewhere { status, .. }
+            if matches!(status.state, State::EStopped | State::TorqueOff | State::Damped)
+    )
+}
+
+/// Back to SAFE, and torque off. DISARM does both, from every state: RETURN is refused while the robot aligns.
+fn go_home(session: &mut LiveSession) -> Result<(), SessionError> {
+    if let Some(status) = session.status() {
+        output::say(format_args!("the robot is {}: returning to SAFE", state_name(status.state)));
+    }
+    let mut home = session.disarm();
+    // Leaving a robot that is still on its way would latch a lost host.
+    while let Err(SessionError::TookTooLong { status, .. }) = &home
+        && status.state == State::Returning
+    {
+        output::say("the robot is still on its way home");
+        home = session.wait_for_state(State::Disarmed, HOME_US);
+    }
+    if home.is_ok() {
+        output::say("disarmed");
+    }
+    home
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn speeds_are_parts_of_the_planned_one() {
+        assert_eq!([speed("1"), speed("0.5"), speed("0.016")], [Ok(64), Ok(32), Ok(1)]);
+        for wrong in ["0", "1.01", "-0.5", "NaN", "half"] {
+            speed(wrong).expect_err(wrong);
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! One motion after the other, and the wait for each.
+
+use super::Args;
+use super::wanted::Chosen;
+use crate::link::LiveSession;
+use crate::{interrupt, output};
+use rollwalk_host::catalog::Motion;
+use rollwalk_host::session::SessionError;
+use rollwalk_protocol::library::RATE_HZ;
+use rollwalk_protocol::wire::State;
+
+/// Longest wait for a motion to begin, beyond what the controller says, µs.
+const SLACK_US: u64 = 5_000_000;
+/// Time is given to a running motion in such portions, between which Ctrl-C is looked for, µs.
+const PORTION_US: u64 = 100_000;
+
+/// Sends the codes to a robot that another program keeps armed.
+///
+/// # Errors
+/// As of a session; and the robot has stopped.
+pub fn send_only(
+    session: &mut LiveSession,
+    args: &Args,
+    all: &[Chosen],
+) -> Result<(), SessionError> {
+    for chosen in all {
+        let ack = session.select_at(chosen.code, args.speed)?;
+        let seconds = f64::from(ack.value) / f64::from(RATE_HZ);
+        output::say(format_args!("{} begins in {seconds:.2} s", chosen.name()));
+        if all.len() > 1 {
+            let Some((node, motion)) = chosen.motion else { continue };
+            wait_for(session, chosen, node, ack.value)?;
+            finish(session, chosen, motion)?;
+        }
+    }
+    Ok(())
+}
+
+/// Plays all, one after the other.
+///
+/// # Errors
+/// As of a session; and the robot has stopped.
+pub fn play(session: &mut LiveSession, args: &Args, all: &[Chosen]) -> Result<(), SessionError> {
+    for chosen in all {
+        if interrupt::requested() {
+            break;
+        }
+        let ack = session.select_at(chosen.code, args.speed)?;
+        match chosen.motion {
+            Some((node, motion)) => {
+                wait_for(session, chosen, node, ack.value)?;
+                output::say(format_args!("playing {}", motion.name));
+                finish(session, chosen, motion)?;
+            }
+            // Without names nobody knows how long it is.
+            None => {
+                output::say(format_args!("playing {}", chosen.name()));
+                let begins_us = u64::from(ack.value) * 1_000_000 / u64::from(RATE_HZ);
+                run_for(session, begins_us + micros(chosen.seconds.unwrap_or(5.0)))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Waits until the motion is played.
+fn wait_for(
+    session: &mut LiveSession,
+    chosen: &Chosen,
+    node: usize,
+    frames: u16,
+) -> Result<(), SessionError> {
+    // At 1/64 of the speed frames take 64 times as long; what plays now may have to end first.
+    let longest_us = u64::from(frames) * 64 * 1_000_000 / u64::from(RATE_HZ) + SLACK_US;
+    session.wait_until(&format!("motion {}", chosen.name()), longest_us, |status| {
+        match status.state {
+            State::Playing | State::Ready | State::Paused | State::Aligning | State::Returning => {
+                (status.clip.map(usize::from) == Some(node)).then_some(true)
+            }
+            _ => Some(false),
+        }
+    })
+}
+
+/// Waits until a motion that ends has ended; gives a loop its time.
+fn finish(session: &mut LiveSession, chosen: &Chosen, motion: &Motion) -> Result<(), SessionError> {
+    let round = f64::from(motion.frames) / f64::from(RATE_HZ);
+    if motion.looping || chosen.seconds.is_some() {
+        return run_for(session, micros(chosen.seconds.unwrap_or(round)));
+    }
+    let last = motion.frames.saturating_sub(1);
+    let node = chosen.motion.map(|(node, _)| node);
+    session.wait_until(
+        &format!("the end of {}", motion.name),
+        micros(64.0 * round) + SLACK_US,
+        |status| {
+            let elsewhere = status.clip.map(usize::from) != node;
+            match status.state {
+                State::Ready => Some(true),
+                State::Playing | State::Paused => {
+                    (status.frame >= last || elsewhere).then_some(true)
+                }
+                State::Returning => None,
+                _ => Some(false),
+            }
+        },
+    )
+}
+
+/// Lets the robot go on; ends early with Ctrl-C, and when the robot stops by itself.
+fn run_for(session: &mut LiveSession, duration_us: u64) -> Result<(), SessionError> {
+    let mut left_us = duration_us;
+    while left_us > 0 && !interrupt::requested() {
+        let portion_us = left_us.min(PORTION_US);
+        session.run_for(portion_us)?;
+        left_us -= portion_us;
+        if let Some(status) = session.status()
+            && matches!(status.state, State::Damped | State::TorqueOff | State::EStopped)
+        {
+            let waited_for = "the end of the motion".into();
+            return Err(SessionError::WentElsewhere { waited_for, status });
+        }
+    }
+    Ok(())
+}
+
+fn micros(seconds: f64) -> u64 {
+    (seconds * 1e6) as u64
+}

@@ -1,0 +1,139 @@
+//! What is asked for, and what it is in the library that the controller has.
+
+use miette::miette;
+use rollwalk_host::catalog::{Catalog, Motion};
+use std::str::FromStr;
+
+/// A motion that is asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wanted {
+    motion: String,
+    seconds: Option<f64>,
+}
+
+impl FromStr for Wanted {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (motion, seconds) = match text.rsplit_once(':') {
+            None => (text, None),
+            Some((motion, seconds)) => {
+                let parsed = seconds.parse().ok().filter(|s: &f64| s.is_finite() && *s > 0.0);
+                let wrong = || format!("`{seconds}` is no number of seconds, as in walk:10");
+                (motion, Some(parsed.ok_or_else(wrong)?))
+            }
+        };
+        if motion.is_empty() {
+            return Err("which motion? A code or a name, as in walk:10".into());
+        }
+        Ok(Self { motion: motion.into(), seconds })
+    }
+}
+
+/// A motion to be played.
+pub struct Chosen<'a> {
+    /// Its command code.
+    pub code: u8,
+    /// How long it is to be played, if that was said.
+    pub seconds: Option<f64>,
+    /// What is known of it.
+    pub motion: Option<(usize, &'a Motion)>,
+}
+
+impl Chosen<'_> {
+    /// In words.
+    pub fn name(&self) -> String {
+        self.motion.map_or_else(|| format!("code {}", self.code), |(_, motion)| motion.name.clone())
+    }
+}
+
+/// The motion that is meant. With a catalog that is of the controller's own library, a code that it does not have is
+/// refused here, before anything moves.
+///
+/// # Errors
+/// There is none: with those that there are.
+pub fn choose<'a>(
+    wanted: &Wanted,
+    catalog: Option<&'a Catalog>,
+    is_its_own: bool,
+) -> miette::Result<Chosen<'a>> {
+    let Wanted { motion: text, seconds } = wanted;
+    let motions = || catalog.into_iter().flat_map(|catalog| catalog.motions.iter().enumerate());
+    if let Ok(code) = text.parse::<u8>() {
+        let motion = motions().find(|(_, motion)| motion.code == Some(code));
+        return match catalog.filter(|_| is_its_own && motion.is_none()) {
+            None => Ok(Chosen { code, seconds: *seconds, motion }),
+            Some(catalog) => Err(miette!(
+                help = format!("it has {}", codes(catalog)),
+                "the library of {} has no motion with code {code}",
+                catalog.robot
+            )),
+        };
+    }
+    let Some(catalog) = catalog else {
+        return Err(miette!(
+            help = "name the library, --library LIB.rwl, or give the motion's code",
+            "`{text}`: the names of the controller's library are not known on this computer"
+        ));
+    };
+    let found = motions().find(|(_, motion)| motion.name == *text);
+    match found.map(|found| (found, found.1.code)) {
+        Some((motion, Some(code))) => Ok(Chosen { code, seconds: *seconds, motion: Some(motion) }),
+        Some((_, None)) => {
+            Err(miette!("`{text}` has no command code: it is played on the way only"))
+        }
+        None => {
+            let names: Vec<_> = catalog.motions.iter().map(|motion| motion.name.as_str()).collect();
+            Err(miette!(
+                help = format!("it has {}", names.join(", ")),
+                "the library of {} has no motion `{text}`",
+                catalog.robot
+            ))
+        }
+    }
+}
+
+/// Codes with what they play.
+fn codes(catalog: &Catalog) -> String {
+    let known = |motion: &Motion| Some(format!("{} ({})", motion.code?, motion.name));
+    catalog.motions.iter().filter_map(known).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn motions_may_have_seconds() {
+        let wanted = |motion: &str, seconds| Wanted { motion: motion.into(), seconds };
+        assert_eq!("walk".parse(), Ok(wanted("walk", None)));
+        assert_eq!("3:4.5".parse(), Ok(wanted("3", Some(4.5))));
+        for wrong in ["walk:", "walk:-1", "walk:NaN", "walk:fast", ":3", ""] {
+            wrong.parse::<Wanted>().expect_err(wrong);
+        }
+    }
+
+    #[test]
+    fn a_code_counts_as_wrong_only_by_the_controllers_own_library() {
+        let motion =
+            |name: &str, code| Motion { name: name.into(), code, frames: 60, looping: false };
+        let catalog = Catalog {
+            robot: "pup".into(),
+            config_hash: 1,
+            library: 2,
+            motions: vec![motion("stand", Some(1)), motion("step", None), motion("walk", Some(4))],
+            transitions: Vec::new(),
+            safe: 0,
+            channels: Vec::new(),
+        };
+        let code = |code: &str, catalog, is_its_own| {
+            let chosen = choose(&code.parse().unwrap(), catalog, is_its_own);
+            chosen.map(|chosen| (chosen.code, chosen.motion.map(|(node, _)| node)))
+        };
+        assert_eq!(code("4", Some(&catalog), true).unwrap(), (4, Some(2)));
+        let error = code("99", Some(&catalog), true).unwrap_err();
+        assert_eq!(error.to_string(), "the library of pup has no motion with code 99");
+        assert_eq!(error.help().unwrap().to_string(), "it has 1 (stand), 4 (walk)");
+        assert_eq!(code("99", Some(&catalog), false).unwrap(), (99, None));
+        assert_eq!(code("99", None, false).unwrap(), (99, None));
+    }
+}

@@ -1,0 +1,82 @@
+//! A robot that `rollwalk send --arm` has armed is brought home, whatever comes between.
+
+use crate::simulated::{Robot, desk_with_library_file, on};
+use rollwalk_bus::link::LinkBus;
+use rollwalk_bus::port::Live;
+use rollwalk_bus::sim;
+use rollwalk_protocol::wire::{FromController, State, Status};
+use rollwalk_tests::{Desk, Outcome};
+use std::process::{Child, Command, Stdio};
+
+/// A robot with a library, on this computer's socket.
+fn robot(desk: &Desk) -> (Robot, String) {
+    let socket = format!("sim:{}", desk.path("robot.sock").display());
+    on(desk, &socket, &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    let robot = Robot::start(desk, &socket);
+    on(desk, &socket, &["flash", "legbot.rwl"]).succeeds();
+    (robot, socket)
+}
+
+/// Another program that listens to the robot.
+fn listener(desk: &Desk) -> Live {
+    Live::new(sim::connect(Some(&desk.path("robot.sock"))).expect("the robot is there"))
+}
+
+/// Waits for a status in this state.
+#[track_caller]
+fn wait_for(link: &mut Live, state: State) -> Status {
+    let until_us = link.now_us() + 60_000_000;
+    while let Some(frame) = link.receive(until_us).expect("the robot is there") {
+        if let Ok((_, FromController::Status(status))) = FromController::decode(&frame)
+            && status.state == state
+        {
+            return status;
+        }
+    }
+    panic!("the robot does not become {state:?}");
+}
+
+fn start(desk: &Desk, bus: &str, args: &[&str]) -> Child {
+    let mut command = desk.command(args);
+    command.env("ROLLWALK_BUS", bus).env("XDG_CACHE_HOME", desk.path("cache"));
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    command.spawn().expect("the command starts")
+}
+
+/// Ctrl-C, and how it ends.
+fn interrupted(child: Child) -> Outcome {
+    let id = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &id]).status().expect("kill").success());
+    child.wait_with_output().expect("it ends").into()
+}
+
+#[test]
+fn a_motion_that_is_refused_ends_at_home() {
+    let desk = desk_with_library_file();
+    let (_robot, bus) = robot(&desk);
+    // Codes that the library does not have are known before anything moves ...
+    let missing = ["no motion with code 99", "it has 1 (stand), 2 (rest)"];
+    on(&desk, &bus, &["send", "--arm", "2", "99"]).fails(1, &missing);
+    // ... but only where its names are.
+    let mut command = desk.command(&["send", "--arm", "2:0.3", "99"]);
+    command.env("ROLLWALK_BUS", &bus).env("XDG_CACHE_HOME", desk.path("elsewhere"));
+    let outcome = Outcome::from(command.output().expect("the command starts"));
+    outcome.fails(5, &["returning to SAFE", "disarmed", "no motion of the active library"]);
+    on(&desk, &bus, &["doctor"]).succeeds_with(0, &["nothing bars it from being armed"]);
+}
+
+#[test]
+fn ctrl_c_brings_a_robot_home_that_aligns_and_one_that_plays() {
+    let desk = desk_with_library_file();
+    let (_robot, bus) = robot(&desk);
+    let mut link = listener(&desk);
+    for state in [State::Aligning, State::Playing] {
+        let send = start(&desk, &bus, &["send", "--arm", "rest:60"]);
+        wait_for(&mut link, state);
+        let outcome = interrupted(send);
+        assert_eq!(outcome.code, 130, "{state:?}: {}", outcome.stderr);
+        assert!(outcome.stderr.ends_with("disarmed\n"), "{state:?}: {}", outcome.stderr);
+        let status = wait_for(&mut listener(&desk), State::Disarmed);
+        assert!(status.faults.is_empty(), "{state:?}: {status:?}");
+    }
+}
