@@ -40,7 +40,7 @@ pub enum Incoming {
     Parameter(ParameterAck),
     /// It has stopped.
     EstopAck(EstopAck),
-    /// It has answered a heartbeat: it is there and its clock is known.
+    /// It has answered a heartbeat, of a visitor's that of a host: it is there and its clock is known.
     Alive,
     /// The answer to a transport request.
     Response(Response),
@@ -111,10 +111,14 @@ impl Client {
         }
     }
 
-    /// A visitor: without heartbeat, so that a host that gets lost is still noticed; and so without commands,
-    /// which need the controller's clock.
+    /// A visitor: without heartbeat, so that a host that gets lost is still noticed. Commands need the controller's
+    /// clock, which it overhears from answers to a host: a visitor can command only beside one.
     pub fn visitor(node: Node) -> Self {
         Self { next_heartbeat_us: u64::MAX, ..Self::new(node) }
+    }
+
+    fn is_visitor(&self) -> bool {
+        self.next_heartbeat_us == u64::MAX
     }
 
     /// The controller's last status.
@@ -139,6 +143,11 @@ impl Client {
             return None;
         }
         match message {
+            // Of an answer that comes late the clock is behind, and what is dated by it expires the sooner.
+            FromController::HeartbeatReply(reply) if self.is_visitor() => {
+                self.clocks = Some((now_us, reply.controller_ms));
+                Some(Incoming::Alive)
+            }
             FromController::HeartbeatReply(reply) => {
                 let expected = self.heartbeat_seq.wrapping_sub(1);
                 (reply.seq == expected).then(|| {

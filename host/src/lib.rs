@@ -6,7 +6,7 @@
 //! | [`dbc`] | every frame signal by signal, and as a DBC file |
 //! | [`client`] | the protocol without clock or bus: frames and time in, frames out |
 //! | [`operator`] | somebody at a console: wishes, frames and time in, frames and what to show out |
-//! | [`discover`] | who is on the link |
+//! | [`discover`], [`overhear`] | who is on the link; who else talks to a controller |
 //! | [`catalog`] | names for the numbers of a library |
 //! | [`doctor`] | what is wrong with a robot, and how to clear it |
 //! | [`told`], [`telemetry`] | what a frame says by name; telemetry files for Foxglove |
@@ -20,6 +20,7 @@ pub mod dbc;
 pub mod discover;
 pub mod doctor;
 pub mod operator;
+pub mod overhear;
 pub mod refusal;
 pub mod session;
 pub mod telemetry;

@@ -4,7 +4,7 @@ use crate::simulated::{Robot, desk_with_library_file, on};
 use rollwalk_bus::link::LinkBus;
 use rollwalk_bus::port::Live;
 use rollwalk_bus::sim;
-use rollwalk_protocol::wire::{FromController, State, Status};
+use rollwalk_protocol::wire::{FromController, State, Status, ToController};
 use rollwalk_tests::{Desk, Outcome};
 use std::process::{Child, Command, Stdio};
 
@@ -79,4 +79,41 @@ fn ctrl_c_brings_a_robot_home_that_aligns_and_one_that_plays() {
         let status = wait_for(&mut listener(&desk), State::Disarmed);
         assert!(status.faults.is_empty(), "{state:?}: {status:?}");
     }
+}
+
+/// Numbers of the heartbeats that were sent so far.
+fn heartbeats(link: &mut Live) -> Vec<u8> {
+    let mut numbers = Vec::new();
+    let now_us = link.now_us();
+    while let Some(frame) = link.receive(now_us).expect("the robot is there") {
+        if let Ok((_, ToController::Heartbeat(heartbeat))) = ToController::decode(&frame) {
+            numbers.push(heartbeat.seq);
+        }
+    }
+    numbers
+}
+
+#[test]
+fn beside_a_host_orders_are_given_without_heartbeats_and_no_second_host_begins() {
+    let desk = desk_with_library_file();
+    let (_robot, bus) = robot(&desk);
+    let mut link = listener(&desk);
+    let host = start(&desk, &bus, &["send", "--arm", "rest:600"]);
+    wait_for(&mut link, State::Playing);
+    heartbeats(&mut link);
+    let run = |args: &[&str]| on(&desk, &bus, args);
+    run(&["gains", "set", "all", "--kp", "12.5"]).succeeds();
+    run(&["pause"]).succeeds();
+    for second in [&["send", "--arm", "stand"][..], &["flash", "legbot.rwl"]] {
+        let outcome = run(second);
+        assert!(outcome.stderr.contains("controller 1 has a host already"), "{}", outcome.stderr);
+    }
+    run(&["resume"]).succeeds();
+    run(&["send", "stand"]).succeeds();
+    run(&["return"]).succeeds();
+    let numbers = heartbeats(&mut link);
+    assert!(numbers.len() > 20, "{numbers:?}");
+    // One program's: the next is always one more.
+    assert!(numbers.windows(2).all(|two| two[1] == two[0].wrapping_add(1)), "{numbers:?}");
+    assert_eq!(interrupted(host).code, 130);
 }

@@ -121,7 +121,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Action::Show(args) => show(args),
         Action::Set(args) => set(args),
         Action::Reset(Link { link }) => {
-            let outcome = link.connect()?.reset_parameters();
+            let outcome = link.visit()?.reset_parameters();
             told(
                 link,
                 outcome,
@@ -129,7 +129,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             )
         }
         Action::Save(Link { link }) => {
-            let outcome = link.connect()?.save_parameters();
+            let outcome = link.visit()?.save_parameters();
             told(link, outcome, "saved")
         }
     }
@@ -143,7 +143,7 @@ fn told(link: &LinkArgs, outcome: Result<(), SessionError>, what: &str) -> miett
 }
 
 fn show(args: &Show) -> miette::Result<Exit> {
-    let mut session = args.link.connect()?;
+    let mut session = args.link.visit()?;
     let catalog = catalog(&session, &args.names)?;
     match read(&mut session, catalog.as_ref()) {
         Ok(shown) if args.json => output::print_json(&shown)?,
@@ -212,7 +212,7 @@ fn table(shown: &Shown) -> String {
 }
 
 fn set(args: &Set) -> miette::Result<Exit> {
-    let mut session = args.link.connect()?;
+    let mut session = args.link.visit()?;
     let catalog = catalog(&session, &args.names)?;
     let channels = chosen(&args.channel, session.hello().channels, catalog.as_ref())?;
     for &channel in &channels {

@@ -38,7 +38,7 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
     if order == Order::Estop {
         return stop(args);
     }
-    let mut session = args.link.connect()?;
+    let mut session = args.link.join()?;
     let outcome = match order {
         Order::Estop => unreachable!("stops do not wait for a connection"),
         Order::Clear => clear(&mut session),

@@ -56,12 +56,35 @@ impl LinkArgs {
         Ok(Interruptible::new(live))
     }
 
-    /// Opens the bus and connects to the controller.
+    /// Opens the bus and connects to the controller as its host: there must be no other.
     ///
     /// # Errors
-    /// As [`open`](Self::open); nobody answers, or another protocol.
+    /// As [`open`](Self::open); nobody answers, somebody else is its host, or another protocol.
     pub fn connect(&self) -> miette::Result<LiveSession> {
-        Session::connect(self.open()?, self.node).map_err(|error| self.explain(&error))
+        self.session(Session::connect_alone)
+    }
+
+    /// Opens the bus and connects to the controller for an order or two, beside its host if it has one.
+    ///
+    /// # Errors
+    /// As [`connect`](Self::connect), but for another host.
+    pub fn join(&self) -> miette::Result<LiveSession> {
+        self.session(Session::join)
+    }
+
+    /// Opens the bus and asks the controller who it is, for what needs no host.
+    ///
+    /// # Errors
+    /// As [`join`](Self::join).
+    pub fn visit(&self) -> miette::Result<LiveSession> {
+        self.session(Session::visit_in_pause)
+    }
+
+    fn session(
+        &self,
+        connect: impl FnOnce(Interruptible, Node) -> Result<LiveSession, SessionError>,
+    ) -> miette::Result<LiveSession> {
+        connect(self.open()?, self.node).map_err(|error| self.explain(&error))
     }
 
     /// What a failed session means for the one who typed the command.
@@ -71,8 +94,13 @@ impl LinkArgs {
             SessionError::Silent { what: "heartbeat", .. } => {
                 format!("rollwalk discover --bus {bus} lists the controllers on it")
             }
-            // It says itself what would be right.
-            SessionError::ParameterRefused { .. } => return miette!("{error}"),
+            SessionError::HasHost { .. } => {
+                "end that program first (a console?); `rollwalk estop`, `disarm`, `return`, `pause`, `resume`, `clear` \
+                 and `send` without --arm work beside it"
+                    .into()
+            }
+            // They say themselves what would be right.
+            SessionError::ParameterRefused { .. } | SessionError::Transferring { .. } => return miette!("{error}"),
             _ => format!("rollwalk doctor --bus {bus} says what is wrong and how to clear it"),
         };
         miette!(help = help, "{error}")

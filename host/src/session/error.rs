@@ -23,6 +23,20 @@ pub enum SessionError {
         /// What may be the cause: what is known to be wrong with the bus.
         why: String,
     },
+    /// Somebody else is its host.
+    #[error("controller {node} has a host already: another program sends it heartbeats")]
+    HasHost {
+        /// Its address.
+        node: u8,
+    },
+    /// A transport message of somebody else is on its way, which a request would destroy.
+    #[error(
+        "another program is in the middle of a transfer with controller {node}: try again after it"
+    )]
+    Transferring {
+        /// Its address.
+        node: u8,
+    },
     /// Host and controller do not speak the same protocol.
     #[error(
         "controller {node} speaks protocol {major}.{minor} (schema {schema_hash:08x}), this host \

@@ -9,12 +9,15 @@ mod exchange;
 mod flash;
 mod log;
 mod parameters;
+#[cfg(test)]
+pub(crate) mod tests;
 
 pub use error::SessionError;
 pub use flash::Progress;
 pub use log::History;
 
 use crate::client::{Client, Incoming};
+use crate::overhear;
 use exchange::Exchange;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_protocol::wire::transport::{Hello, Request, Response};
@@ -30,6 +33,8 @@ const CONNECT_TIMEOUT_US: u64 = 1_000_000;
 const HELLO_TIMEOUT_US: u64 = 150_000;
 /// So often it is asked for at most.
 const HELLO_SENDS: u32 = 20;
+/// Longest wait for the end of somebody else's transport messages, µs.
+const TRANSPORT_PATIENCE_US: u64 = 5_000_000;
 /// So long an emergency stop is repeated, µs: half of them may get lost on a link so bad that nothing else works.
 const STOP_TIMEOUT_US: u64 = 3_000_000;
 /// So long actuators may take to tell how they are, µs, ...
@@ -47,19 +52,56 @@ pub struct Session<B> {
 }
 
 impl<B: LinkBus> Session<B> {
-    /// Waits for the controller `node` on `bus` and asks who it is.
+    /// Waits for the controller `node` on `bus` and asks who it is. From here on this is its host: nobody else may be.
     pub fn connect(bus: B, node: Node) -> Result<Self, SessionError> {
-        let mut exchange = Exchange::new(bus, node, Client::new(node));
+        Self::alive(Exchange::new(bus, node, Client::new(node)), node)
+    }
+
+    /// As [`connect`](Self::connect), where somebody else may be the controller's host: listens first.
+    pub fn connect_alone(mut bus: B, node: Node) -> Result<Self, SessionError> {
+        if overhear::host(&mut bus, node)?.has_host() {
+            return Err(SessionError::HasHost { node: node.number() });
+        }
+        Self::connect(bus, node)
+    }
+
+    /// Connects beside the controller's host, if one is heard: no heartbeat goes out, so one of the host's that gets
+    /// lost is still noticed, and commands are dated by the clock that the controller tells it. Without a host as
+    /// [`connect`](Self::connect).
+    pub fn join(mut bus: B, node: Node) -> Result<Self, SessionError> {
+        let overheard = overhear::host(&mut bus, node)?;
+        if !overheard.has_host() {
+            return Self::connect(bus, node);
+        }
+        if overheard.has_transport() {
+            let overheard = overhear::pause(&mut bus, node, TRANSPORT_PATIENCE_US)?;
+            if !overheard.may_ask(bus.now_us()) {
+                return Err(SessionError::Transferring { node: node.number() });
+            }
+        }
+        Self::alive(Exchange::new(bus, node, Client::visitor(node)), node)
+    }
+
+    /// Asks the controller `node` who it is, without becoming its host. Parameters can be asked for and set, the robot
+    /// can be stopped; without a host whose clock is overheard it cannot be commanded.
+    pub fn visit(bus: B, node: Node) -> Result<Self, SessionError> {
+        Self::introduced(Exchange::new(bus, node, Client::visitor(node)), node)
+    }
+
+    /// As [`visit`](Self::visit), where transport messages of somebody else may be on their way: listens first.
+    pub fn visit_in_pause(mut bus: B, node: Node) -> Result<Self, SessionError> {
+        let overheard = overhear::pause(&mut bus, node, TRANSPORT_PATIENCE_US)?;
+        if !overheard.may_ask(bus.now_us()) {
+            return Err(SessionError::Transferring { node: node.number() });
+        }
+        Self::visit(bus, node)
+    }
+
+    fn alive(mut exchange: Exchange<B>, node: Node) -> Result<Self, SessionError> {
         exchange
             .pump(CONNECT_TIMEOUT_US, |incoming| (incoming == Incoming::Alive).then_some(()))?
             .ok_or_else(|| exchange.silent("heartbeat"))?;
         Self::introduced(exchange, node)
-    }
-
-    /// Asks the controller `node` who it is, without becoming its host: no heartbeat goes out, so one that gets
-    /// lost is still noticed. A visitor can look and stop the robot, but not command it.
-    pub fn visit(bus: B, node: Node) -> Result<Self, SessionError> {
-        Self::introduced(Exchange::new(bus, node, Client::visitor(node)), node)
     }
 
     fn introduced(mut exchange: Exchange<B>, node: Node) -> Result<Self, SessionError> {

@@ -12,7 +12,9 @@ use app::{App, Gamepad};
 use miette::miette;
 use ratatui::DefaultTerminal;
 use rollwalk_host::operator::View;
+use rollwalk_host::overhear;
 use rollwalk_host::refusal::state_name;
+use rollwalk_host::session::SessionError;
 use rollwalk_protocol::wire::State;
 use scene::Lookup;
 use std::io::{self, IsTerminal};
@@ -20,8 +22,8 @@ use std::path::PathBuf;
 
 /// Steer the robot from a terminal: state, faults, motion graph, joints, and a key for every motion.
 ///
-/// The console is the robot's host: it sends the heartbeat that an armed robot waits for. `q` brings the robot
-/// home and leaves; without a console the robot returns to SAFE by itself. SPACE or Esc is the emergency stop.
+/// The console is the robot's host, and there can be only one: it sends the heartbeat that an armed robot waits for.
+/// `q` brings the robot home and leaves; without a console the robot returns to SAFE by itself. SPACE or Esc is the emergency stop.
 /// `?` lists all keys.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
@@ -66,7 +68,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let gamepad =
         args.gamepad.as_deref().map(|device| Gamepad::open(device, args.mapping.as_deref()));
     let gamepad = gamepad.transpose()?;
-    let bus = args.link.live().map_err(|error| miette!(help = error.help, "{}", error.what))?;
+    let mut bus = args.link.live().map_err(|error| miette!(help = error.help, "{}", error.what))?;
+    let node = args.link.node;
+    // A bus that is lost by now is waited for by the console itself.
+    if overhear::host(&mut bus, node).is_ok_and(|overheard| overheard.has_host()) {
+        return Err(args.link.explain(&SessionError::HasHost { node: node.number() }));
+    }
     let mut app = App::new(&args.link, lookup, gamepad, bus);
     let terminal = ratatui::try_init().map_err(|error| miette!("the terminal refuses: {error}"))?;
     let mut terminal = Terminal(terminal);

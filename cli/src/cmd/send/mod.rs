@@ -19,9 +19,10 @@ const HOME_US: u64 = 30_000_000;
 /// Play motions by command code or name.
 ///
 /// With --arm the robot is armed first, plays every motion in turn, returns to SAFE and is disarmed; until
-/// then this program is the host whose heartbeat the robot waits for, and Ctrl-C brings the robot home. Without
-/// it the robot must be armed already and kept so by another program, such as `rollwalk console`: each motion
-/// is sent, and this program ends when it is acknowledged.
+/// then this program is the host whose heartbeat the robot waits for, and Ctrl-C brings the robot home. It is
+/// refused while another program is the host. Without --arm the robot must be armed already and kept so by another
+/// program, such as `rollwalk console`: each motion is sent without a heartbeat of this program, which ends when
+/// it is acknowledged.
 ///
 /// A motion that loops is played for one round, or for the seconds after its colon.
 #[derive(clap::Args)]
@@ -57,7 +58,7 @@ fn speed(text: &str) -> Result<i8, String> {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    let mut session = args.link.connect()?;
+    let mut session = if args.arm { args.link.connect()? } else { args.link.join()? };
     let library = session.hello().library.ok_or_else(|| {
         miette!(help = "rollwalk flash LIB.rwl --bus BUS", "the controller has no motion library")
     })?;

@@ -1,0 +1,196 @@
+//! What others say on the link to a controller, so that whoever comes later does not disturb them.
+//!
+//! Two nodes that send different data under one identifier destroy each other's frames (docs/wire-format.md), and a
+//! second host's heartbeats keep a robot going whose own host has died. So a program that may not be alone listens
+//! before it speaks: for the heartbeats of another host, and for transport messages of anybody.
+
+use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::{FromController, HOST_TIMEOUT_MS, Node, ToController};
+
+/// So long a host is listened for, µs: longer than a controller waits for a heartbeat. A robot whose host has just
+/// died has noticed by then, and heartbeats of ours hide nothing from it.
+const HOST_US: u64 = 1000 * HOST_TIMEOUT_MS as u64 + 50_000;
+/// Without a frame for so long no transport message is on its way, µs.
+const PAUSE_US: u64 = 500_000;
+
+/// What was overheard.
+#[derive(Clone, Debug)]
+pub struct Overheard {
+    node: Node,
+    /// Number of the last heartbeat.
+    heartbeat: Option<u8>,
+    has_host: bool,
+    has_controller: bool,
+    since_us: u64,
+    /// The last frame of a transport message, µs.
+    transport_us: Option<u64>,
+}
+
+impl Overheard {
+    /// Nothing yet, of the controller `node` and its hosts.
+    pub fn new(now_us: u64, node: Node) -> Self {
+        Self {
+            node,
+            heartbeat: None,
+            has_host: false,
+            has_controller: false,
+            since_us: now_us,
+            transport_us: None,
+        }
+    }
+
+    /// Takes note of somebody else's frame.
+    pub fn take(&mut self, now_us: u64, frame: &CanFrame) {
+        match ToController::decode(frame) {
+            Ok((to, ToController::Heartbeat(heartbeat)))
+                if to == self.node || to == Node::BROADCAST =>
+            {
+                // One may have waited in a queue for longer than its host has lived.
+                let before = self.heartbeat.replace(heartbeat.seq);
+                self.has_host |= before.is_some_and(|seq| seq != heartbeat.seq);
+            }
+            Ok((to, ToController::Transport)) if to == self.node => {
+                self.transport_us = Some(now_us);
+            }
+            _ => {}
+        }
+        if let Ok((from, message)) = FromController::decode(frame)
+            && from == self.node
+        {
+            self.has_controller = true;
+            if message == FromController::Transport {
+                self.transport_us = Some(now_us);
+            }
+        }
+    }
+
+    /// Whether somebody else is the controller's host.
+    pub fn has_host(&self) -> bool {
+        self.has_host
+    }
+
+    /// Whether the controller itself was heard.
+    pub fn has_controller(&self) -> bool {
+        self.has_controller
+    }
+
+    /// Whether transport messages were heard.
+    pub fn has_transport(&self) -> bool {
+        self.transport_us.is_some()
+    }
+
+    /// Whether a request would disturb nobody's transport message.
+    pub fn may_ask(&self, now_us: u64) -> bool {
+        now_us >= self.pause_us()
+    }
+
+    /// When it may be asked if nothing more is heard, µs.
+    fn pause_us(&self) -> u64 {
+        self.transport_us.unwrap_or(self.since_us).saturating_add(PAUSE_US)
+    }
+}
+
+/// Listens whether somebody else is the host of `node`. No longer than it takes; if there is none, long enough for a
+/// robot to notice that.
+///
+/// # Errors
+/// The bus is gone.
+pub fn host(bus: &mut impl LinkBus, node: Node) -> Result<Overheard, LinkError> {
+    listen(bus, node, HOST_US, |overheard, _| overheard.has_host())
+}
+
+/// Listens until nobody's transport message is on its way, for so long at most.
+///
+/// # Errors
+/// The bus is gone.
+pub fn pause(bus: &mut impl LinkBus, node: Node, patience_us: u64) -> Result<Overheard, LinkError> {
+    listen(bus, node, patience_us, Overheard::may_ask)
+}
+
+fn listen(
+    bus: &mut impl LinkBus,
+    node: Node,
+    patience_us: u64,
+    is_enough: impl Fn(&Overheard, u64) -> bool,
+) -> Result<Overheard, LinkError> {
+    let start_us = bus.now_us();
+    let end_us = start_us.saturating_add(patience_us);
+    let mut overheard = Overheard::new(start_us, node);
+    loop {
+        let now_us = bus.now_us();
+        if now_us >= end_us || is_enough(&overheard, now_us) {
+            return Ok(overheard);
+        }
+        let pause_us = Some(overheard.pause_us()).filter(|&pause_us| pause_us > now_us);
+        let until_us = end_us.min(pause_us.unwrap_or(end_us));
+        if let Some(frame) = bus.receive(until_us)? {
+            let now_us = bus.now_us();
+            overheard.take(now_us, &frame);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::tests::Wire;
+    use rollwalk_protocol::wire::{Heartbeat, State};
+
+    fn node() -> Node {
+        Node::new(1).unwrap()
+    }
+
+    fn heartbeat(seq: u8, node: Node) -> CanFrame {
+        Heartbeat { seq, host_ms: 50 * u32::from(seq) }.encode(node)
+    }
+
+    /// A bus on which these frames come, 50 ms apart.
+    fn heard(frames: impl IntoIterator<Item = CanFrame>) -> Wire {
+        let mut wire = Wire::silent();
+        for (at, frame) in (0..).zip(frames) {
+            wire.says(50_000 * at, frame);
+        }
+        wire
+    }
+
+    #[test]
+    fn a_host_is_who_sends_new_heartbeats_to_this_controller() {
+        let other = Node::new(2).unwrap();
+        let ours = |seq| heartbeat(seq, node());
+        let has_host = |mut wire: Wire| host(&mut wire, node()).unwrap().has_host();
+        assert!(has_host(heard([ours(7), ours(8)])));
+        assert!(has_host(heard((0..9).map(|seq| heartbeat(seq, Node::BROADCAST)))));
+        assert!(!has_host(heard((0..9).map(|seq| heartbeat(seq, other)))));
+        // What a host that is gone has left in a queue, and a frame that a bridge repeats.
+        assert!(!has_host(heard([ours(7)])));
+        assert!(!has_host(heard([ours(7); 9])));
+    }
+
+    #[test]
+    fn a_host_that_is_not_heard_is_listened_for_until_its_robot_has_noticed() {
+        let mut silent = Wire::silent();
+        assert!(!host(&mut silent, node()).unwrap().has_host());
+        assert!(silent.now_us() > 1000 * u64::from(HOST_TIMEOUT_MS));
+        let mut wire = heard((0..9).map(|seq| heartbeat(seq, node())));
+        host(&mut wire, node()).unwrap();
+        assert_eq!(wire.now_us(), 50_000);
+    }
+
+    #[test]
+    fn a_pause_is_half_a_second_without_a_transport_frame() {
+        let block = CanFrame::new(0x510, &[0x21, 1, 2, 3]).unwrap();
+        let mut wire = heard([block; 9]);
+        let overheard = pause(&mut wire, node(), 5_000_000).unwrap();
+        assert!(overheard.may_ask(wire.now_us()) && overheard.has_transport());
+        assert_eq!(wire.now_us(), 8 * 50_000 + PAUSE_US);
+        let mut busy = heard((0..40).map(|_| block));
+        let overheard = pause(&mut busy, node(), 1_000_000).unwrap();
+        assert!(!overheard.may_ask(busy.now_us()));
+        assert_eq!(busy.now_us(), 1_000_000);
+        let mut calm = heard([Wire::status(State::Ready)]);
+        let overheard = pause(&mut calm, node(), 5_000_000).unwrap();
+        assert!(overheard.has_controller() && !overheard.has_transport());
+        assert_eq!(calm.now_us(), PAUSE_US);
+    }
+}

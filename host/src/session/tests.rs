@@ -1,0 +1,128 @@
+//! Sessions on a bus of a test, where time passes only while somebody waits.
+
+use super::*;
+use rollwalk_bus::link::LinkError;
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::{
+    CommandAck, FaultBits, Heartbeat, HeartbeatReply, Severity, ToController,
+};
+use std::collections::VecDeque;
+
+/// What may answer a frame that is sent.
+type Answer = Box<dyn FnMut(&ToController) -> Option<CanFrame>>;
+
+/// A bus on which a controller and other programs say what a test has written down.
+pub struct Wire {
+    now_us: u64,
+    said: VecDeque<(u64, CanFrame)>,
+    /// What was sent, in order.
+    pub sent: Vec<ToController>,
+    answer: Answer,
+}
+
+pub fn node() -> Node {
+    Node::new(1).unwrap()
+}
+
+impl Wire {
+    /// Nobody says anything.
+    pub fn silent() -> Self {
+        Self::answering(|_| None)
+    }
+
+    /// A controller that answers.
+    pub fn answering(answer: impl FnMut(&ToController) -> Option<CanFrame> + 'static) -> Self {
+        let (said, sent) = (VecDeque::new(), Vec::new());
+        Self { now_us: 0, said, sent, answer: Box::new(answer) }
+    }
+
+    /// Somebody says this then, not before what else is to be said.
+    pub fn says(&mut self, at_us: u64, frame: CanFrame) {
+        self.said.push_back((at_us, frame));
+    }
+
+    /// A status of the controller.
+    pub fn status(state: State) -> CanFrame {
+        let (faults, severity) = (FaultBits::default(), Severity::None);
+        Status { state, severity, faults, clip: None, frame: 0, counter: 0, library: 0 }
+            .encode(node())
+    }
+}
+
+impl LinkBus for Wire {
+    fn now_us(&self) -> u64 {
+        self.now_us
+    }
+
+    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+        let (_, message) = ToController::decode(frame).expect("a frame of a host");
+        self.sent.push(message);
+        if let Some(answer) = (self.answer)(&message) {
+            self.said.push_front((self.now_us, answer));
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+        let frame = self.said.pop_front_if(|(at_us, _)| *at_us <= deadline_us);
+        self.now_us = self.now_us.max(frame.map_or(deadline_us, |(at_us, _)| at_us));
+        Ok(frame.map(|(_, frame)| frame))
+    }
+}
+
+/// Another program keeps the robot armed: its heartbeats, and what the controller answers to them.
+fn beside_a_host(wire: &mut Wire) {
+    for seq in 0..100 {
+        let at_us = 50_000 * u64::from(seq);
+        wire.says(at_us, Heartbeat { seq, host_ms: 0 }.encode(node()));
+        let controller_ms = 7000 + 50 * u32::from(seq);
+        wire.says(at_us + 500, HeartbeatReply { seq, controller_ms }.encode(node()));
+    }
+}
+
+fn is_heartbeat(message: &ToController) -> bool {
+    matches!(message, ToController::Heartbeat(_))
+}
+
+#[test]
+fn a_command_beside_a_host_is_dated_by_its_clock_and_no_heartbeat_goes_out() {
+    let mut wire = Wire::answering(|message| match message {
+        ToController::Command(command) => {
+            let (seq, kind) = (command.seq, command.action.kind());
+            let (result, state) = (CommandResult::Ok, State::Playing);
+            Some(CommandAck { seq, kind, result, state, motion: None, value: 0 }.encode(node()))
+        }
+        _ => None,
+    });
+    beside_a_host(&mut wire);
+    // Who it is, is the sessions' with a whole controller; here what comes before and after.
+    assert!(overhear::host(&mut wire, node()).unwrap().has_host());
+    let mut exchange = Exchange::new(wire, node(), Client::visitor(node()));
+    let alive = exchange.pump(CONNECT_TIMEOUT_US, |i| (i == Incoming::Alive).then_some(()));
+    assert_eq!(alive, Ok(Some(())));
+    exchange.command("pause", Action::Pause).unwrap();
+    let [ToController::Command(command)] = exchange.bus.sent[..] else {
+        panic!("{:?}", exchange.bus.sent)
+    };
+    // The answer to the second heartbeat, 50 ms after the first, and half a second.
+    assert_eq!(command.valid_until_ms, 7050 + 500);
+}
+
+#[test]
+fn a_second_host_is_refused_before_it_sends_anything() {
+    let mut wire = Wire::silent();
+    beside_a_host(&mut wire);
+    let error = Session::connect_alone(&mut wire, node()).err();
+    assert_eq!(error, Some(SessionError::HasHost { node: 1 }));
+    assert_eq!(wire.sent, []);
+}
+
+#[test]
+fn without_another_host_the_one_who_joins_is_it() {
+    let mut wire = Wire::silent();
+    assert!(
+        Session::join(&mut wire, node())
+            .is_err_and(|error| matches!(error, SessionError::Silent { what: "heartbeat", .. }))
+    );
+    assert!(!wire.sent.is_empty() && wire.sent.iter().all(is_heartbeat), "{:?}", wire.sent);
+}
