@@ -4,7 +4,8 @@ use super::scene::Names;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rollwalk_host::operator::Intent;
 
-/// A key that is held repeats itself, first after up to this long: only later the same key counts again, µs.
+/// A key that is held repeats itself, first after up to this long: only later the same key counts again, µs. Most
+/// terminals do not tell a repetition from a second press, so keys that calm the robot always count.
 const HELD_US: u64 = 700_000;
 /// A step of the speed, 64ths.
 const SPEED_STEP: i8 = 8;
@@ -23,7 +24,7 @@ pub enum Meaning {
 /// The keyboard.
 #[derive(Clone, Debug, Default)]
 pub struct Keyboard {
-    last: Option<(KeyCode, u64)>,
+    last: Option<(KeyCode, KeyModifiers, u64)>,
 }
 
 impl Keyboard {
@@ -38,11 +39,13 @@ impl Keyboard {
         if key.kind == KeyEventKind::Release {
             return None;
         }
-        let held = key.kind == KeyEventKind::Repeat
-            || self.last.is_some_and(|(code, at_us)| {
-                code == key.code && now_us.saturating_sub(at_us) < HELD_US
+        let is_repeated = key.kind == KeyEventKind::Repeat;
+        let is_held = is_repeated
+            || self.last.is_some_and(|(code, modifiers, at_us)| {
+                (code, modifiers) == (key.code, key.modifiers)
+                    && now_us.saturating_sub(at_us) < HELD_US
             });
-        self.last = Some((key.code, now_us));
+        self.last = Some((key.code, key.modifiers, now_us));
         let control = key.modifiers.contains(KeyModifiers::CONTROL);
         let speed = |by: i8| {
             // From the slowest on in whole steps.
@@ -59,20 +62,21 @@ impl Keyboard {
             KeyCode::Down => return Some(Meaning::Scroll(1)),
             KeyCode::PageUp => return Some(Meaning::Scroll(-10)),
             KeyCode::PageDown => return Some(Meaning::Scroll(10)),
-            _ if held => return None,
             _ => {}
         }
+        let is_command = control || key.modifiers.contains(KeyModifiers::ALT);
         let intent = match key.code {
-            KeyCode::Char('c') if control => Intent::Quit,
-            KeyCode::Char(_) if control || key.modifiers.contains(KeyModifiers::ALT) => {
-                return None;
-            }
+            KeyCode::Char('c') if control && !is_held => Intent::Quit,
+            KeyCode::Char(_) if is_command => return None,
+            KeyCode::Char('d') => Intent::Disarm,
+            KeyCode::Char('r') => Intent::Return,
+            // Pressed twice in a hurry it halts the robot; it goes on only by a press of its own.
+            KeyCode::Char('p') if is_held && !is_repeated => Intent::Pause,
+            _ if is_held => return None,
             KeyCode::Char('a') => Intent::Arm,
             KeyCode::Char('c') => Intent::Clear,
-            KeyCode::Char('d') => Intent::Disarm,
             KeyCode::Char('p') => Intent::PauseOrResume,
             KeyCode::Char('q') => Intent::Quit,
-            KeyCode::Char('r') => Intent::Return,
             KeyCode::Char(key) => Intent::Play { code: names.code_of(key)? },
             _ => return None,
         };
@@ -103,6 +107,38 @@ mod tests {
             let stop = Some(Meaning::Want(Intent::Estop));
             assert_eq!(press(&mut keyboard, at_us, ' '), stop);
         }
+    }
+
+    #[test]
+    fn keys_that_calm_the_robot_count_however_fast_they_come() {
+        let want = |intent| Some(Meaning::Want(intent));
+        let mut keyboard = Keyboard::default();
+        // Three times a second, by somebody in fear.
+        for (at_us, intent) in
+            [(0, Intent::PauseOrResume), (333_000, Intent::Pause), (666_000, Intent::Pause)]
+        {
+            assert_eq!(press(&mut keyboard, at_us, 'p'), want(intent));
+        }
+        assert_eq!(press(&mut keyboard, 2_000_000, 'p'), want(Intent::PauseOrResume));
+        for (key, intent) in [('r', Intent::Return), ('d', Intent::Disarm)] {
+            for at_us in [3_000_000, 3_033_000, 3_066_000] {
+                assert_eq!(press(&mut keyboard, at_us, key), want(intent));
+            }
+        }
+        // Where the terminal tells that it repeats itself, it is no press.
+        let mut repeated = KeyEvent::new(KeyCode::Char('p'), KeyModifiers::NONE);
+        repeated.kind = KeyEventKind::Repeat;
+        assert_eq!(keyboard.press(5_000_000, repeated, &Names::default(), 64), None);
+    }
+
+    #[test]
+    fn the_same_letter_with_another_modifier_is_another_key() {
+        let mut keyboard = Keyboard::default();
+        assert_eq!(press(&mut keyboard, 0, 'c'), Some(Meaning::Want(Intent::Clear)));
+        let quit = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
+        let meaning = keyboard.press(300_000, quit, &Names::default(), 64);
+        assert_eq!(meaning, Some(Meaning::Want(Intent::Quit)));
+        assert_eq!(keyboard.press(333_000, quit, &Names::default(), 64), None);
     }
 
     #[test]

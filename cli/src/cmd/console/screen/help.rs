@@ -10,7 +10,7 @@ SPACE Esc  EMERGENCY STOP: torque off at once, the robot falls
            c and then a lead out of it
 a          arm: torque on, it goes to SAFE slowly
 1 2 e f .. play a motion, see the list
-p          pause; once more: go on
+p          pause; once more after a moment: go on
 r          return to SAFE
 d          disarm: return to SAFE, then torque off
 c          clear an emergency stop or fault that has passed
