@@ -42,7 +42,7 @@ pub enum Command {
     Gains(gains::Args),
     Doctor(doctor::Args),
     Console(console::Args),
-    /// Stop the robot at once: torque off. Repeated until the controller acknowledges; `clear` leads out of it.
+    /// Stop the robot at once: torque off. Repeated until the controller acknowledges, or Ctrl-C; `clear` leads out of it.
     Estop(orders::Args),
     /// Leave an emergency stop or a fault that has passed; the robot can then be armed again.
     Clear(orders::Args),

@@ -1,13 +1,17 @@
 //! Short orders to a controller: `estop`, `clear`, `disarm`, `pause`, `resume`, `return`.
 
 use crate::link::{LinkArgs, LiveSession, ended};
-use crate::{Exit, output};
+use crate::{Exit, interrupt, output};
 use rollwalk_host::refusal::{fault_names, state_name};
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::{CommandResult, State};
+use std::thread;
+use std::time::Duration;
 
 /// Within this time a status comes, µs.
 const STATUS_US: u64 = 200_000;
+/// A bus that is lost while the robot is to be stopped is opened again so often.
+const REOPEN: Duration = Duration::from_millis(200);
 
 /// What is ordered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,10 +74,31 @@ fn clear(session: &mut LiveSession) -> Result<(), SessionError> {
     outcome
 }
 
-/// Nothing is asked first: the frame goes out at once, and again until it is acknowledged.
+/// Nothing is asked first: the frame goes out at once, and again until it is acknowledged or Ctrl-C ends it.
 fn stop(args: &Args) -> miette::Result<Exit> {
-    match Session::estop_at(args.link.open()?, args.link.node) {
-        Ok(()) => output::print("the robot is stopped, torque off").map(|()| Exit::Ok),
-        Err(error) => ended(&args.link, &error),
+    let link = &args.link;
+    let mut bus = link.open()?;
+    loop {
+        let unanswered = |error| {
+            output::say(format_args!("{error}\nThe stop goes on being sent; Ctrl-C ends that."))
+        };
+        match Session::estop_at(bus, link.node, unanswered) {
+            Ok(()) => {
+                return output::print("the robot is stopped, torque off").map(|()| Exit::Ok);
+            }
+            Err(SessionError::Link(error)) if !interrupt::requested() => {
+                output::say(format_args!("{error}; it is opened again, Ctrl-C ends that"));
+            }
+            Err(error) => return ended(link, &error),
+        }
+        bus = loop {
+            thread::sleep(REOPEN);
+            if interrupt::requested() {
+                return Ok(Exit::Interrupted);
+            }
+            if let Ok(bus) = link.open() {
+                break bus;
+            }
+        };
     }
 }

@@ -35,7 +35,8 @@ const HELLO_TIMEOUT_US: u64 = 150_000;
 const HELLO_SENDS: u32 = 20;
 /// Longest wait for the end of somebody else's transport messages, µs.
 const TRANSPORT_PATIENCE_US: u64 = 5_000_000;
-/// So long an emergency stop is repeated, µs: half of them may get lost on a link so bad that nothing else works.
+/// After so long without an answer to an emergency stop something must be wrong, µs: half of them may get lost on a
+/// link so bad that nothing else works.
 const STOP_TIMEOUT_US: u64 = 3_000_000;
 /// So long actuators may take to tell how they are, µs, ...
 const FEEDBACK_TIMEOUT_US: u64 = 500_000;
@@ -209,12 +210,24 @@ impl<B: LinkBus> Session<B> {
 
     /// Stops the robot and waits until the controller says that it has.
     pub fn estop(&mut self) -> Result<(), SessionError> {
-        stop(&mut self.exchange)
+        self.exchange.estop();
+        let stopped = is_stopped(&mut self.exchange)?;
+        stopped.then_some(()).ok_or_else(|| self.exchange.silent("emergency stop"))
     }
 
-    /// The same without asking anything first, and without becoming the robot's host.
-    pub fn estop_at(bus: B, node: Node) -> Result<(), SessionError> {
-        stop(&mut Exchange::new(bus, node, Client::visitor(node)))
+    /// The same without asking anything first, and without becoming the robot's host. It is repeated until it is
+    /// acknowledged or the bus is gone, however long that takes; `unanswered` is told why nobody may have heard it.
+    pub fn estop_at(
+        bus: B,
+        node: Node,
+        mut unanswered: impl FnMut(SessionError),
+    ) -> Result<(), SessionError> {
+        let mut exchange = Exchange::new(bus, node, Client::visitor(node));
+        exchange.estop();
+        while !is_stopped(&mut exchange)? {
+            unanswered(exchange.silent("emergency stop"));
+        }
+        Ok(())
     }
 
     /// Leaves a latched stop or fault in two steps and waits until the robot can be armed again.
@@ -294,12 +307,12 @@ impl<B: LinkBus> Session<B> {
     }
 }
 
-fn stop<B: LinkBus>(exchange: &mut Exchange<B>) -> Result<(), SessionError> {
-    exchange.estop();
+/// Repeats an emergency stop for a while; whether it was acknowledged.
+fn is_stopped<B: LinkBus>(exchange: &mut Exchange<B>) -> Result<bool, SessionError> {
     let stopped = exchange.pump(STOP_TIMEOUT_US, |incoming| {
         matches!(incoming, Incoming::EstopAck(_)).then_some(())
     })?;
-    stopped.ok_or_else(|| exchange.silent("emergency stop"))
+    Ok(stopped.is_some())
 }
 
 fn ask_hello<B: LinkBus>(exchange: &mut Exchange<B>) -> Result<Hello, SessionError> {

@@ -4,7 +4,7 @@ use super::*;
 use rollwalk_bus::link::LinkError;
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::{
-    CommandAck, FaultBits, Heartbeat, HeartbeatReply, Severity, ToController,
+    CommandAck, EstopAck, FaultBits, Heartbeat, HeartbeatReply, Severity, ToController,
 };
 use std::collections::VecDeque;
 
@@ -125,4 +125,19 @@ fn without_another_host_the_one_who_joins_is_it() {
             .is_err_and(|error| matches!(error, SessionError::Silent { what: "heartbeat", .. }))
     );
     assert!(!wire.sent.is_empty() && wire.sent.iter().all(is_heartbeat), "{:?}", wire.sent);
+}
+
+#[test]
+fn an_emergency_stop_goes_on_until_it_is_acknowledged() {
+    let mut stops = 0;
+    let mut wire = Wire::answering(move |message| {
+        stops += u32::from(*message == ToController::Estop);
+        // Five at once, then ten a second: after nine and a half seconds.
+        (stops == 100).then(|| EstopAck { state: State::EStopped }.encode(node()))
+    });
+    let mut told = Vec::new();
+    Session::estop_at(&mut wire, node(), |error| told.push(error)).unwrap();
+    assert_eq!(wire.sent, [ToController::Estop; 100]);
+    assert_eq!(told.len(), 3);
+    assert!(told[0].to_string().contains("(emergency stop): is it powered"), "{}", told[0]);
 }
