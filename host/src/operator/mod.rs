@@ -73,6 +73,8 @@ pub struct Operator {
     /// Nothing is ordered without a wish before this instant, µs.
     unasked_us: u64,
     bus_lost: Option<String>,
+    /// What the bus says is wrong with it.
+    complaint: Option<String>,
     /// The controller speaks another protocol: no heartbeat goes out, no command, only HELLO and the stop.
     visiting: bool,
     /// A frame that the bus did not take.
@@ -99,6 +101,7 @@ impl Operator {
             asked: None,
             unasked_us: 0,
             bus_lost: None,
+            complaint: None,
             visiting: false,
             unsent: None,
         }
@@ -124,6 +127,7 @@ impl Operator {
         if self.bus_lost.replace(why.to_owned()).is_none() {
             self.log.say(now_us, Weight::Warning, format!("the bus is lost: {why}"));
         }
+        self.complaint = None;
         self.heard.lose_contact();
         self.orders.forget(&mut self.client);
         self.unsent = None;
@@ -137,6 +141,23 @@ impl Operator {
         self.client.reset_transport();
         self.hello = None;
         self.ask_hello_us = 0;
+    }
+
+    /// What is wrong with a bus that is not lost, and what would help; `None` while nothing is known to be.
+    pub fn on_complaint(&mut self, now_us: u64, complaint: Option<String>) {
+        // Damaged frames are counted in it.
+        let kind = |complaint: &Option<String>| {
+            complaint.as_deref().map(|text| text.replace(|c: char| c.is_ascii_digit(), ""))
+        };
+        if kind(&self.complaint) != kind(&complaint) {
+            match &complaint {
+                Some(why) => self.log.say(now_us, Weight::Warning, why),
+                None => {
+                    self.log.say(now_us, Weight::Note, "nothing is wrong with the bus any more")
+                }
+            }
+        }
+        self.complaint = complaint;
     }
 
     /// Takes a frame of the link.
@@ -237,6 +258,7 @@ impl Operator {
             node: self.node.number(),
             link: self.heard.link(now_us, &self.client),
             bus_lost: self.bus_lost.clone(),
+            complaint: self.complaint.clone(),
             hello: self.hello,
             stranger: self.stranger(),
             status,

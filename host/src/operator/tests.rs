@@ -180,6 +180,24 @@ fn a_frame_that_the_bus_did_not_take_is_sent_again_but_not_after_a_stop() {
 }
 
 #[test]
+fn what_is_wrong_with_the_bus_is_said_once_and_shown_as_it_is() {
+    let mut desk = Desk::new();
+    let said = desk.operator.log.messages().len();
+    for damaged in [1, 9, 10] {
+        let why = Some(format!("{damaged} damaged frames on can0"));
+        desk.operator.on_complaint(desk.now_us, why.clone());
+        assert_eq!(desk.operator.view(desk.now_us).complaint, why);
+        assert_eq!(desk.last_words(), "1 damaged frames on can0");
+    }
+    desk.operator.on_complaint(desk.now_us, Some("can0 is bus-off".into()));
+    assert_eq!(desk.last_words(), "can0 is bus-off");
+    desk.operator.on_complaint(desk.now_us, None);
+    desk.operator.on_complaint(desk.now_us, None);
+    assert_eq!(desk.operator.log.messages().len(), said + 3);
+    assert_eq!(desk.operator.view(desk.now_us).complaint, None);
+}
+
+#[test]
 fn after_a_stop_it_takes_clearing_and_arming() {
     let mut desk = Desk::new();
     desk.want(Intent::Estop);

@@ -16,6 +16,8 @@ pub struct View {
     pub link: LinkView,
     /// Why the bus is lost, if it is.
     pub bus_lost: Option<String>,
+    /// What is wrong with the bus and what would help, if something is known to be.
+    pub complaint: Option<String>,
     /// Who the controller says it is.
     pub hello: Option<Hello>,
     /// Why this host must not arm it, if so.

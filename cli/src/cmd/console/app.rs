@@ -135,6 +135,9 @@ impl<'a> App<'a> {
             }
             if now_us >= draw_us {
                 draw_us = now_us + DRAW_US;
+                if let Some(bus) = &self.bus {
+                    self.operator.on_complaint(now_us, bus.complaint());
+                }
                 let view = self.operator.view(now_us);
                 let bus = self.link.bus.to_string();
                 let gamepad = self.gamepad.as_ref().map(|gamepad| gamepad.pad.words());

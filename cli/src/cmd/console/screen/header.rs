@@ -104,10 +104,13 @@ fn link(view: &View, width: usize) -> Line<'static> {
         return Line::styled(fit(&format!(" BUS LOST, trying again: {why}"), width), bad);
     }
     let age_s = view.link.status_age_us.map(|us| us as f64 * 1e-6);
+    let complaint = view.complaint.as_deref();
     if !view.link.contact {
-        let text = match age_s {
-            Some(age_s) => format!(" NO CONTACT for {age_s:.1} s"),
-            None => " no answer yet: is it powered, and on this bus?".into(),
+        let text = match (age_s, complaint) {
+            (Some(age_s), None) => format!(" NO CONTACT for {age_s:.1} s"),
+            (Some(age_s), Some(why)) => format!(" NO CONTACT for {age_s:.1} s: {why}"),
+            (None, None) => " no answer yet: is it powered, and on this bus?".into(),
+            (None, Some(why)) => format!(" no answer yet: {why}"),
         };
         return Line::styled(fit(&text, width), bad);
     }
@@ -116,7 +119,11 @@ fn link(view: &View, width: usize) -> Line<'static> {
     let (lost, all) = (view.link.lost, view.link.lost + view.link.received);
     let age_s = age_s.unwrap_or(0.0);
     let text = format!(" round trip {round_trip} ms, heard {age_s:.2} s ago, lost {lost} of {all}");
-    Line::from(fit(&text, width))
+    match complaint {
+        // How well it carries is in the way of why it does not.
+        Some(why) => Line::styled(fit(&format!(" BUS: {why}"), width), bad),
+        None => Line::from(fit(&text, width)),
+    }
 }
 
 fn doing(scene: &Scene) -> String {

@@ -98,6 +98,7 @@ fn view(state: State, clip: Option<u8>) -> View {
             lost: 2,
         },
         bus_lost: None,
+        complaint: None,
         hello: None,
         stranger: None,
         status: Some(status),
@@ -174,6 +175,26 @@ fn a_bus_that_is_lost_and_the_help() {
     compare("lost_80x24", &render(&lost, 80, 24));
     let small = render(&lost, 40, 8);
     assert!(small.contains("SPACE stops it"), "{small}");
+}
+
+#[test]
+fn what_is_wrong_with_the_bus_is_in_the_line_of_the_link() {
+    let names = names();
+    let mut view = view(State::Ready, None);
+    view.complaint = Some("can0 is bus-off: look for a wrong bitrate".into());
+    let link = |view: &View| {
+        let screen = render(&scene(view, &names), 80, 24);
+        screen.lines().nth(1).expect("the line of the link").to_owned()
+    };
+    let with_contact = link(&view);
+    assert!(with_contact.contains("BUS: can0 is bus-off"), "{with_contact}");
+    view.link.contact = false;
+    view.link.status_age_us = None;
+    let before = link(&view);
+    assert!(before.contains("no answer yet: can0 is bus-off"), "{before}");
+    view.link.status_age_us = Some(1_200_000);
+    let lost = link(&view);
+    assert!(lost.contains("NO CONTACT for 1.2 s: can0 is bus-off"), "{lost}");
 }
 
 /// Words say what colours say: a screen without any still tells states apart.
