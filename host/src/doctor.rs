@@ -74,6 +74,8 @@ pub struct Findings<'a> {
     pub heard: &'a Heard,
     /// Who the controller is; `None` when it does not answer.
     pub hello: Option<&'a Hello>,
+    /// It was not asked, because another program is in the middle of a transfer with it.
+    pub transferring: bool,
     /// What it remembers.
     pub history: Option<&'a History>,
     /// What the bus says of itself.
@@ -118,6 +120,11 @@ impl Findings<'_> {
         if let Some(complaint) = self.complaint {
             found.push(finding(Gravity::Wrong, complaint.to_owned(), String::new()));
         }
+        if self.transferring {
+            found.push(self.not_asked());
+            found.push(self.load());
+            return found;
+        }
         let (Some(hello), Some(status)) = (self.hello, self.heard.status) else {
             found.push(self.nobody());
             return found;
@@ -130,6 +137,12 @@ impl Findings<'_> {
         found.extend(self.host(&status));
         found.push(self.load());
         found
+    }
+
+    fn not_asked(&self) -> Finding {
+        let what = "another program is in the middle of a transfer with the controller, which a question would break off";
+        let help = format!("after it: rollwalk doctor --bus {}", self.bus);
+        finding(Gravity::Wrong, what.into(), help)
     }
 
     fn nobody(&self) -> Finding {
@@ -335,6 +348,7 @@ mod tests {
         let findings = Findings {
             heard,
             hello,
+            transferring: false,
             history: None,
             complaint: None,
             bitrate: 1_000_000,
@@ -351,6 +365,25 @@ mod tests {
         let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 2), Some(&hello()));
         assert!(text.contains("nothing bars it from being armed"), "{text}");
         assert!(!text.contains("Wrong"), "{text}");
+    }
+
+    #[test]
+    fn a_controller_that_was_not_asked_is_not_called_silent() {
+        let heard = heard(State::Disarmed, FaultBits::default(), 2);
+        let findings = Findings {
+            heard: &heard,
+            hello: None,
+            transferring: true,
+            history: None,
+            complaint: None,
+            bitrate: 1_000_000,
+            expected_config: None,
+            catalog: None,
+            bus: "can:can0",
+        };
+        let found = findings.diagnose();
+        assert!(found[0].what.contains("in the middle of a transfer"), "{found:?}");
+        assert!(!found.iter().any(|f| f.what.contains("does not answer")), "{found:?}");
     }
 
     #[test]

@@ -9,6 +9,7 @@ use miette::miette;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_bus::name::BusName;
 use rollwalk_host::doctor::{Finding, Findings, Gravity, Heard};
+use rollwalk_host::overhear::{self, Overheard};
 use rollwalk_host::refusal::{event_sentence, state_name};
 use rollwalk_host::session::{History, Session};
 use rollwalk_host::told::told;
@@ -18,6 +19,8 @@ use serde::Serialize;
 
 /// So long the bus is listened to, µs: twice what a fault needs to be told again.
 const LISTEN_US: u64 = 2_000_000;
+/// Longest wait for the end of other programs' transfers, µs.
+const PATIENCE_US: u64 = 5_000_000;
 /// Bitrate of a bus that nothing is said about, bit/s.
 const BITRATE: u32 = 1_000_000;
 
@@ -83,8 +86,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     });
     let expected = expected.transpose()?;
     let mut link = args.link.open()?;
-    let (heard, samples) = listen(args, &mut link)?;
-    let (hello, history) = ask(args, &mut link);
+    let (heard, samples, overheard) = listen(args, &mut link)?;
+    let transferring = !may_ask(args, &mut link, &overheard);
+    let (hello, history) = if transferring { (None, None) } else { ask(args, &mut link) };
     let complaint = link.complaint();
     if interrupt::requested() {
         return Ok(Exit::Interrupted);
@@ -96,6 +100,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let findings = Findings {
         heard: &heard,
         hello: hello.as_ref(),
+        transferring,
         history: history.as_ref(),
         complaint: complaint.as_deref(),
         bitrate,
@@ -113,11 +118,15 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     Ok(if wrong { Exit::NotDone } else { Exit::Ok })
 }
 
-/// What is on the bus, and one frame of each identifier.
-fn listen(args: &Args, bus: &mut Interruptible) -> miette::Result<(Heard, Vec<CanFrame>)> {
+/// What is on the bus, one frame of each identifier, and what others say to the controller.
+fn listen(
+    args: &Args,
+    bus: &mut Interruptible,
+) -> miette::Result<(Heard, Vec<CanFrame>, Overheard)> {
     output::say(format_args!("listening to {} for {} s", args.link.bus, LISTEN_US / 1_000_000));
     let (start_us, node) = (bus.now_us(), args.link.node.number());
     let (mut heard, mut samples) = (Heard::default(), Vec::<CanFrame>::new());
+    let mut overheard = Overheard::new(start_us, args.link.node);
     loop {
         match bus.receive(start_us + LISTEN_US) {
             Ok(Some(frame)) => {
@@ -125,6 +134,7 @@ fn listen(args: &Args, bus: &mut Interruptible) -> miette::Result<(Heard, Vec<Ca
                     samples.push(frame);
                 }
                 heard.take(node, &frame);
+                overheard.take(bus.now_us(), &frame);
             }
             Ok(None) => break,
             Err(_) if interrupt::requested() => break,
@@ -132,7 +142,14 @@ fn listen(args: &Args, bus: &mut Interruptible) -> miette::Result<(Heard, Vec<Ca
         }
     }
     heard.span_us = bus.now_us() - start_us;
-    Ok((heard, samples))
+    Ok((heard, samples, overheard))
+}
+
+/// Whether a question disturbs nobody's transfer; waits a moment for the end of one.
+fn may_ask(args: &Args, bus: &mut Interruptible, overheard: &Overheard) -> bool {
+    overheard.may_ask(bus.now_us())
+        || overhear::pause(bus, args.link.node, PATIENCE_US)
+            .is_ok_and(|overheard| overheard.may_ask(bus.now_us()))
 }
 
 /// Who the controller says it is, and what it remembers.

@@ -1,0 +1,127 @@
+//! The one question of a monitor, for names: which library the controller has. It disturbs nobody's transfer, and what
+//! is heard until it is answered is kept.
+
+use super::since_1970_us;
+use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_host::overhear;
+use rollwalk_host::session::Session;
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::Node;
+
+/// Longest wait for the end of other programs' transfers, µs.
+const PATIENCE_US: u64 = 5_000_000;
+
+/// A link of which every frame is kept, with its time since 1970 in µs.
+struct Kept<'a, B> {
+    bus: &'a mut B,
+    frames: &'a mut Vec<(u64, CanFrame)>,
+}
+
+impl<B: LinkBus> LinkBus for Kept<'_, B> {
+    fn now_us(&self) -> u64 {
+        self.bus.now_us()
+    }
+
+    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+        self.bus.send(frame)?;
+        self.frames.push((since_1970_us(), *frame));
+        Ok(())
+    }
+
+    fn complaint(&self) -> Option<String> {
+        self.bus.complaint()
+    }
+
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+        let frame = self.bus.receive(deadline_us)?;
+        self.frames.extend(frame.map(|frame| (since_1970_us(), frame)));
+        Ok(frame)
+    }
+}
+
+/// The identity of the library of controller `node`, if it is heard and says so before `end_us`. All that goes over the
+/// link meanwhile is added to `frames`.
+pub fn library(
+    bus: &mut impl LinkBus,
+    node: Node,
+    end_us: u64,
+    frames: &mut Vec<(u64, CanFrame)>,
+) -> Option<u32> {
+    let mut bus = Kept { bus, frames };
+    let patience_us = PATIENCE_US.min(end_us.saturating_sub(bus.now_us()));
+    let overheard = overhear::pause(&mut bus, node, patience_us).ok()?;
+    // A log that is played again says much and answers nothing, a controller that is off neither.
+    if !overheard.has_controller() || !overheard.may_ask(bus.now_us()) {
+        return None;
+    }
+    Session::visit(&mut bus, node).ok()?.hello().library
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_protocol::wire::{FaultBits, Severity, State, Status};
+
+    /// A bus on which a frame comes every 20 ms of its time.
+    struct Wire {
+        now_us: u64,
+        frame: CanFrame,
+        sent: Vec<CanFrame>,
+    }
+
+    impl LinkBus for Wire {
+        fn now_us(&self) -> u64 {
+            self.now_us
+        }
+
+        fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+            self.sent.push(*frame);
+            Ok(())
+        }
+
+        fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+            let next_us = (self.now_us / 20_000 + 1) * 20_000;
+            self.now_us = next_us.min(deadline_us);
+            Ok((next_us <= deadline_us).then_some(self.frame))
+        }
+    }
+
+    fn ask(frame: CanFrame, end_us: u64) -> (Wire, Vec<(u64, CanFrame)>) {
+        let mut wire = Wire { now_us: 0, frame, sent: Vec::new() };
+        let mut frames = Vec::new();
+        assert_eq!(library(&mut wire, Node::new(1).unwrap(), end_us, &mut frames), None);
+        (wire, frames)
+    }
+
+    fn status() -> CanFrame {
+        let (state, severity, faults) = (State::Ready, Severity::None, FaultBits::default());
+        Status { state, severity, faults, clip: None, frame: 0, counter: 0, library: 0 }
+            .encode(Node::new(1).unwrap())
+    }
+
+    #[test]
+    fn every_frame_is_kept_from_the_first_on_and_what_is_sent_too() {
+        let (wire, frames) = ask(status(), u64::MAX);
+        assert!(!wire.sent.is_empty());
+        let heard = (wire.now_us / 20_000) as usize;
+        assert_eq!(frames.len(), heard + wire.sent.len());
+        // It listens for half a second first.
+        assert!(frames[..25].iter().all(|(_, frame)| *frame == status()));
+    }
+
+    #[test]
+    fn nothing_is_asked_in_the_middle_of_a_transfer_or_of_nobody_or_when_time_is_up() {
+        let block = CanFrame::new(0x510, &[0x21, 1, 2, 3]).unwrap();
+        let foreign = CanFrame::new(0x123, &[1]).unwrap();
+        for (frame, end_us, lasts_us) in [
+            (block, u64::MAX, PATIENCE_US),
+            (foreign, u64::MAX, 500_000),
+            (status(), 300_000, 300_000),
+        ] {
+            let (wire, frames) = ask(frame, end_us);
+            assert_eq!(wire.sent, []);
+            assert_eq!(wire.now_us, lasts_us);
+            assert_eq!(frames.len() as u64, lasts_us / 20_000);
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! `rollwalk monitor`: listens to a link and tells what is said on it; writes logs and telemetry.
+
+mod ask;
+mod view;
+
+use crate::link::names::NamesArgs;
+use crate::link::{Interruptible, LinkArgs};
+use crate::packed::Packed;
+use crate::{Exit, files, interrupt, output};
+use miette::miette;
+use rollwalk_bus::candump::LogEntry;
+use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_bus::name::BusName;
+use rollwalk_host::catalog::Catalog;
+use rollwalk_host::telemetry::{Known, Telemetry};
+use rollwalk_host::told::{Told, told};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::config::RobotConfig;
+use serde::Serialize;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+use view::View;
+
+/// Silence is told after so long, µs.
+const SILENCE_US: u64 = 2_000_000;
+
+/// Listen to a robot: states, motions, commands, faults as they come; logs and telemetry.
+///
+/// A monitor is no host: it commands nothing, has no heartbeat, and does not keep a robot armed. On a serial line
+/// it hears the controller alone, and nobody else can use the line. Without --library it asks once which library the
+/// controller has, for the names of motions, when nobody else's transfer is on its way.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk monitor --bus can:can0
+  rollwalk monitor --bus can:can0 --joints
+  rollwalk monitor --bus can:can0 --log run.log --mcap run.mcap --library agilebot.rwl
+  rollwalk monitor --bus sim --json | jq 'select(.message == \"fault\")'
+
+A log is in candump's format: canplayer plays it again, docs/decode_log.py and cantools decode it with
+docs/rollwalk.dbc. Foxglove opens the MCAP file: /joint_states as measured, /planned_joint_states as planned.")]
+pub struct Args {
+    #[command(flatten)]
+    link: LinkArgs,
+    #[command(flatten)]
+    names: NamesArgs,
+    /// Show the joints once a second.
+    #[arg(long)]
+    joints: bool,
+    /// Write every frame of the link, as candump does.
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Write telemetry for Foxglove.
+    #[arg(long, value_name = "FILE")]
+    mcap: Option<PathBuf>,
+    /// End after so many seconds.
+    #[arg(long = "for", value_name = "SECONDS")]
+    seconds: Option<f64>,
+    /// Print a JSON object for each frame.
+    #[arg(long)]
+    json: bool,
+}
+
+/// A frame, as `--json` prints it.
+#[derive(Serialize)]
+struct Line<'a> {
+    /// Since 1970.
+    time_s: f64,
+    interface: &'a str,
+    id: u16,
+    data: String,
+    #[serde(flatten)]
+    told: Option<Told>,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let packed = match &args.names.library {
+        Some(path) => Some(Packed::read(path, args.names.robot.as_deref())?),
+        None => None,
+    };
+    let config = packed.as_ref().map(|packed| packed.robot.controller_config()).transpose();
+    let config = config.map_err(|error| miette!("{error}"))?;
+    let mut bus = args.link.open()?;
+    let log = args.log.as_deref().map(create).transpose()?;
+    let mcap = args.mcap.as_deref().map(create).transpose()?;
+    let (start_us, began_us) = (bus.now_us(), since_1970_us());
+    let end_us =
+        args.seconds.map_or(u64::MAX, |seconds| start_us.saturating_add((seconds * 1e6) as u64));
+    let mut before = Vec::new();
+    let catalog = match &packed {
+        Some(packed) => Some(packed.catalog()),
+        // Frames are printed without names.
+        None if args.json && mcap.is_none() => None,
+        None => {
+            let library = ask::library(&mut bus, args.link.node, end_us, &mut before);
+            library.map(|library| args.names.find(library)).transpose()?.flatten()
+        }
+    };
+    let known = known(catalog.as_ref(), packed.as_ref(), config.as_ref());
+    let mcap = mcap.map(|file| Telemetry::new(file, args.link.node, known)).transpose();
+    let mut sinks = Sinks {
+        interface: interface(&args.link.bus),
+        json: args.json,
+        log,
+        mcap: mcap.map_err(|error| miette!("{error}"))?,
+    };
+    let joints = args.joints && !args.json;
+    let mut view = View::new(catalog.as_ref(), joints, args.json, began_us);
+    let mut take = |at_us, frame: &CanFrame| {
+        sinks.take(at_us, frame)?;
+        view.take(at_us, args.link.node.number(), frame)
+    };
+    let outcome = before.iter().try_for_each(|(at_us, frame)| take(*at_us, frame));
+    let outcome = outcome.and_then(|()| listen(&mut bus, args, end_us, take));
+    sinks.finish()?;
+    match outcome {
+        Ok(()) => Ok(Exit::Ok),
+        Err(_) if interrupt::requested() => Ok(Exit::Ok),
+        Err(error) => Err(error),
+    }
+}
+
+fn since_1970_us() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_micros() as u64
+}
+
+fn known<'a>(
+    catalog: Option<&'a Catalog>,
+    packed: Option<&'a Packed>,
+    config: Option<&'a RobotConfig>,
+) -> Option<Known<'a>> {
+    let library = packed.zip(config).map(|(packed, config)| (packed.library(), config));
+    catalog.map(|catalog| Known { catalog, library })
+}
+
+fn listen(
+    bus: &mut Interruptible,
+    args: &Args,
+    end_us: u64,
+    mut take: impl FnMut(u64, &CanFrame) -> miette::Result<()>,
+) -> miette::Result<()> {
+    let down = |error: LinkError| miette!("{error}");
+    let mut silent_us = bus.now_us();
+    while bus.now_us() < end_us {
+        let deadline_us = end_us.min(silent_us.saturating_add(SILENCE_US));
+        match bus.receive(deadline_us).map_err(down)? {
+            Some(frame) => {
+                silent_us = bus.now_us();
+                take(since_1970_us(), &frame)?;
+            }
+            None if bus.now_us() >= silent_us.saturating_add(SILENCE_US)
+                && bus.now_us() < end_us =>
+            {
+                let why = bus.complaint().unwrap_or_else(|| "is the robot switched on?".into());
+                output::say(format_args!("silence on {}: {why}", args.link.bus));
+                // Once is enough.
+                silent_us = u64::MAX;
+            }
+            None => {}
+        }
+    }
+    Ok(())
+}
+
+/// How a log names the bus.
+fn interface(bus: &BusName) -> String {
+    match bus {
+        BusName::Can { interface, .. } => interface.clone(),
+        BusName::Sim { .. } => "sim0".into(),
+        BusName::Serial { .. } => "serial0".into(),
+        BusName::Slcan { .. } => "slcan0".into(),
+    }
+}
+
+fn create(path: &Path) -> miette::Result<BufWriter<File>> {
+    files::prepare(files::folder(path))?;
+    let file = File::create(path).map_err(|error| miette!("{}: {error}", path.display()))?;
+    Ok(BufWriter::new(file))
+}
+
+/// Where frames are written to.
+struct Sinks<'a> {
+    interface: String,
+    json: bool,
+    log: Option<BufWriter<File>>,
+    mcap: Option<Telemetry<'a, BufWriter<File>>>,
+}
+
+impl Sinks<'_> {
+    fn take(&mut self, at_us: u64, frame: &CanFrame) -> miette::Result<()> {
+        if let Some(log) = &mut self.log {
+            let interface = self.interface.as_str();
+            let entry = LogEntry { at_us, interface, frame: (*frame).into() };
+            writeln!(log, "{entry}").map_err(|error| miette!("the log: {error}"))?;
+        }
+        if let Some(mcap) = &mut self.mcap {
+            mcap.on_frame(at_us, frame).map_err(|error| miette!("the telemetry: {error}"))?;
+        }
+        if self.json {
+            let line = Line {
+                time_s: at_us as f64 * 1e-6,
+                interface: &self.interface,
+                id: frame.id(),
+                data: frame.data().iter().map(|byte| format!("{byte:02x}")).collect(),
+                told: told(frame).ok(),
+            };
+            output::print(&serde_json::to_string(&line).map_err(|error| miette!("{error}"))?)?;
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> miette::Result<()> {
+        if let Some(mut log) = self.log {
+            log.flush().map_err(|error| miette!("the log: {error}"))?;
+        }
+        if let Some(mcap) = self.mcap {
+            mcap.finish().map_err(|error| miette!("the telemetry: {error}"))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,172 @@
+//! What a monitor tells people: what has changed, and the joints.
+
+use crate::output;
+use rollwalk_host::catalog::Catalog;
+use rollwalk_host::refusal::{command_refusal, fault_names, state_name};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::{
+    Action, CommandResult, FaultBits, FaultReport, FromController, JointTelemetry, State, Status,
+    ToController,
+};
+use std::collections::BTreeMap;
+
+/// The joints are shown so often, µs.
+const JOINTS_PERIOD_US: u64 = 1_000_000;
+
+/// What is told people: what has changed.
+pub struct View<'a> {
+    catalog: Option<&'a Catalog>,
+    joints: bool,
+    quiet: bool,
+    /// When it began, µs since 1970, as all instants here.
+    start_us: u64,
+    state: Option<State>,
+    faults: FaultBits,
+    clip: Option<u8>,
+    /// The command that is not answered yet, by its number.
+    asked: Option<(u8, Action)>,
+    measured: BTreeMap<u8, JointTelemetry>,
+    shown_us: u64,
+}
+
+impl<'a> View<'a> {
+    /// Nothing heard yet; `quiet` says nothing at all.
+    pub fn new(catalog: Option<&'a Catalog>, joints: bool, quiet: bool, start_us: u64) -> Self {
+        Self {
+            catalog,
+            joints,
+            quiet,
+            start_us,
+            state: None,
+            faults: FaultBits::default(),
+            clip: None,
+            asked: None,
+            measured: BTreeMap::new(),
+            shown_us: start_us,
+        }
+    }
+
+    /// Takes a frame.
+    ///
+    /// # Errors
+    /// Nobody reads what is said.
+    pub fn take(&mut self, at_us: u64, node: u8, frame: &CanFrame) -> miette::Result<()> {
+        if self.quiet {
+            return Ok(());
+        }
+        if let Ok((to, message)) = ToController::decode(frame)
+            && (to.number() == node || to.number() == 15)
+        {
+            match message {
+                ToController::Estop => self.say(at_us, "EMERGENCY STOP is sent")?,
+                // A command that is repeated is told once.
+                ToController::Command(command)
+                    if self.asked != Some((command.seq, command.action)) =>
+                {
+                    self.asked = Some((command.seq, command.action));
+                }
+                _ => {}
+            }
+            return Ok(());
+        }
+        let Ok((from, message)) = FromController::decode(frame) else { return Ok(()) };
+        if from.number() != node {
+            return Ok(());
+        }
+        match message {
+            FromController::Status(status) => self.status(at_us, &status),
+            FromController::FaultReport(report) => self.fault(at_us, &report),
+            FromController::EstopAck(_) => self.say(at_us, "the emergency stop is acknowledged"),
+            FromController::CommandAck(ack) => {
+                let asked = self.asked.take().filter(|(seq, _)| *seq == ack.seq);
+                match asked {
+                    Some((_, action)) => self.command(at_us, action, ack.result),
+                    None => Ok(()),
+                }
+            }
+            FromController::JointTelemetry(joint) => {
+                self.measured.insert(joint.channel, joint);
+                self.show_joints(at_us)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn say(&self, at_us: u64, what: &str) -> miette::Result<()> {
+        let seconds = at_us.saturating_sub(self.start_us) as f64 * 1e-6;
+        output::print(&format!("{seconds:9.3} s  {what}"))
+    }
+
+    fn status(&mut self, at_us: u64, status: &Status) -> miette::Result<()> {
+        let clip = status.clip.filter(|_| status.state != State::Disarmed);
+        let is_new = self.state.replace(status.state) != Some(status.state);
+        let is_other = std::mem::replace(&mut self.clip, clip) != clip;
+        if is_new || is_other && clip.is_some() {
+            let clip = clip.map_or_else(String::new, |clip| format!(": {}", self.clip_name(clip)));
+            self.say(at_us, &format!("{}{clip}", state_name(status.state)))?;
+        }
+        if std::mem::replace(&mut self.faults, status.faults) != status.faults {
+            self.say(at_us, &format!("faults: {}", fault_names(status.faults)))?;
+        }
+        Ok(())
+    }
+
+    fn fault(&self, at_us: u64, report: &FaultReport) -> miette::Result<()> {
+        let faults = fault_names(FaultBits::default().with(report.fault));
+        let channel = report.channel.map_or_else(String::new, |channel| {
+            format!(" ({}, {})", self.channel_name(channel), report.value)
+        });
+        self.say(at_us, &format!("fault: {faults}{channel}"))
+    }
+
+    fn command(&self, at_us: u64, action: Action, result: CommandResult) -> miette::Result<()> {
+        let what = match action {
+            Action::Play { code, speed_64ths } => {
+                let motions = self.catalog.into_iter().flat_map(|catalog| &catalog.motions);
+                let name = motions.filter(|motion| motion.code == Some(code)).map(|m| &m.name);
+                let name = name.map(|name| format!(" ({name})")).next().unwrap_or_default();
+                format!("play {code}{name} at {speed_64ths}/64")
+            }
+            Action::Pause => "pause".into(),
+            Action::Resume => "resume".into(),
+            Action::Return => "return".into(),
+            Action::Disarm => "disarm".into(),
+            Action::ArmRequest => "arm".into(),
+            Action::ArmConfirm { .. } => "arm, confirmed".into(),
+            Action::ClearRequest => "clear".into(),
+            Action::ClearConfirm { .. } => "clear, confirmed".into(),
+            Action::Unknown { kind, .. } => format!("of unknown kind {kind}"),
+        };
+        match result {
+            CommandResult::Ok => self.say(at_us, &format!("command: {what}")),
+            _ => self.say(at_us, &format!("command: {what}: refused, {}", command_refusal(result))),
+        }
+    }
+
+    fn show_joints(&mut self, at_us: u64) -> miette::Result<()> {
+        if !self.joints || at_us.saturating_sub(self.shown_us) < JOINTS_PERIOD_US {
+            return Ok(());
+        }
+        self.shown_us = at_us;
+        let mut table = output::Table::new(["", "rad", "rad/s", "N·m"]);
+        for (&channel, joint) in &self.measured {
+            table.row([
+                self.channel_name(channel),
+                format!("{:.3}", joint.position_rad),
+                format!("{:.2}", joint.velocity_rad_s),
+                format!("{:.2}", joint.torque_nm),
+            ]);
+        }
+        output::print(&table.render())
+    }
+
+    fn clip_name(&self, clip: u8) -> String {
+        let name = self.catalog.and_then(|catalog| catalog.clip(clip));
+        name.unwrap_or_else(|| format!("clip {clip}"))
+    }
+
+    fn channel_name(&self, channel: u8) -> String {
+        let name = self.catalog.and_then(|c| c.channels.get(usize::from(channel)));
+        name.cloned().unwrap_or_else(|| format!("channel {channel}"))
+    }
+}
