@@ -6,6 +6,8 @@
 
 mod choices;
 mod cmd;
+#[cfg(test)]
+mod examples;
 mod exit;
 mod files;
 mod gamepad;

@@ -83,16 +83,16 @@ enum Part {
     Motors,
 }
 
+/// The command line; its long help ends with the exit codes.
+pub(crate) fn command_line() -> clap::Command {
+    let long_help = Cli::command().get_after_long_help().map(ToString::to_string);
+    Cli::command().after_long_help(format!("{}\n\n{}", long_help.unwrap_or_default(), exit::HELP))
+}
+
 /// Parses the command line and runs the robot.
 pub fn main() -> ExitCode {
     report_in_whole_lines();
-    let long_help = Cli::command().get_after_long_help().map(ToString::to_string);
-    let command = Cli::command().after_long_help(format!(
-        "{}\n\n{}",
-        long_help.unwrap_or_default(),
-        exit::HELP
-    ));
-    let cli = Cli::from_arg_matches(&command.get_matches());
+    let cli = Cli::from_arg_matches(&command_line().get_matches());
     end(run(&cli.unwrap_or_else(|error| error.exit())))
 }
 

@@ -33,7 +33,7 @@ const BITRATE: u32 = 1_000_000;
 #[command(after_long_help = "\
 Examples:
   rollwalk doctor --bus can:can0
-  rollwalk doctor --bus can:can0 --robot pup.toml     # is it this robot at all?
+  rollwalk doctor --bus can:can0 --expect pup.toml    # is it this robot at all?
   rollwalk doctor --bus sim --json | jq '.findings[] | select(.gravity == \"wrong\")'
 
 docs/faults.md has a page for every fault.")]
