@@ -74,10 +74,13 @@ fn end(outcome: miette::Result<Exit>) -> ExitCode {
         Ok(exit) => exit.into(),
         // Whoever read our output has seen enough (`| head`): not an error.
         Err(report) if report.is::<output::PipeClosed>() => Exit::Ok.into(),
-        Err(report) => {
-            output::say(format_args!("{report:?}"));
-            Exit::BadInput.into()
-        }
+        Err(report) => match report.downcast_ref() {
+            Some(link::Ended(exit)) => (*exit).into(),
+            None => {
+                output::say(format_args!("{report:?}"));
+                Exit::BadInput.into()
+            }
+        },
     }
 }
 

@@ -6,6 +6,7 @@ use rollwalk_bus::port::Live;
 use rollwalk_bus::sim;
 use rollwalk_protocol::wire::{FromController, State, Status, ToController};
 use rollwalk_tests::{Desk, Outcome};
+use std::os::unix::net::UnixListener;
 use std::process::{Child, Command, Stdio};
 
 /// A robot with a library, on this computer's socket.
@@ -105,8 +106,7 @@ fn beside_a_host_orders_are_given_without_heartbeats_and_no_second_host_begins()
     run(&["gains", "set", "all", "--kp", "12.5"]).succeeds();
     run(&["pause"]).succeeds();
     for second in [&["send", "--arm", "stand"][..], &["flash", "legbot.rwl"]] {
-        let outcome = run(second);
-        assert!(outcome.stderr.contains("controller 1 has a host already"), "{}", outcome.stderr);
+        run(second).fails(5, &["controller 1 has a host already", "end that program first"]);
     }
     run(&["resume"]).succeeds();
     run(&["send", "stand"]).succeeds();
@@ -116,4 +116,28 @@ fn beside_a_host_orders_are_given_without_heartbeats_and_no_second_host_begins()
     // One program's: the next is always one more.
     assert!(numbers.windows(2).all(|two| two[1] == two[0].wrapping_add(1)), "{numbers:?}");
     assert_eq!(interrupted(host).code, 130);
+}
+
+#[test]
+fn a_controller_that_does_not_answer_is_5_and_ctrl_c_is_130() {
+    let desk = desk_with_library_file();
+    let (robot, bus) = robot(&desk);
+    let absent = ["--node", "9"];
+    for command in
+        [&["pause"][..], &["send", "--arm", "1"], &["flash", "legbot.rwl"], &["gains", "show"]]
+    {
+        let outcome = on(&desk, &bus, &[command, &absent].concat());
+        outcome.fails(5, &["controller 9 does not answer"]);
+    }
+    drop(robot);
+    // Nobody at all: a socket that takes in and says nothing.
+    let path = desk.path("nobody.sock");
+    let nobody = UnixListener::bind(&path).expect("a socket");
+    let bus = format!("sim:{}", path.display());
+    for command in ["discover", "disarm", "gains", "estop"] {
+        let args = if command == "gains" { &["gains", "show"][..] } else { &[command] };
+        let child = start(&desk, &bus, args);
+        let _joined = nobody.accept().expect("it joins");
+        assert_eq!(interrupted(child).code, 130, "{command}");
+    }
 }

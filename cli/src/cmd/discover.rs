@@ -1,5 +1,6 @@
 //! `rollwalk discover`: which buses this computer has, and which controllers are on one.
 
+use crate::link::Interruptible;
 use crate::output::Table;
 use crate::{Exit, interrupt, output};
 use miette::miette;
@@ -43,16 +44,21 @@ struct Found {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
+    interrupt::listen();
     let port = open::open(&args.bus, 1);
     let port = port.map_err(|error| miette!(help = error.help, "{}", error.what))?;
-    interrupt::listen();
-    let mut bus = Live::new(port);
-    let controllers = discover(&mut bus, WAIT_US).map_err(|error| miette!("{error}"))?;
+    let mut bus = Interruptible::new(Live::new(port));
+    let controllers = match discover(&mut bus, WAIT_US) {
+        Ok(controllers) => controllers,
+        Err(_) if interrupt::requested() => return Ok(Exit::Interrupted),
+        Err(error) => return Err(miette!("{error}")),
+    };
     let mut found = Vec::new();
     for (number, uid, protocol_major) in controllers {
         let uid = uid.map(|byte| format!("{byte:02x}")).concat();
         let node = Node::new(number);
-        let hello = node.and_then(|node| Some(*Session::visit(&mut bus, node).ok()?.hello()));
+        let session = node.and_then(|node| Session::visit_in_pause(&mut bus, node).ok());
+        let hello = session.map(|session| *session.hello());
         found.push(Found {
             node: number,
             uid,
@@ -60,6 +66,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             config_hash: hello.map(|hello| format!("{:08x}", hello.config_hash)),
             library: hello.and_then(|hello| Some(format!("{:08x}", hello.library?))),
         });
+    }
+    if interrupt::requested() {
+        return Ok(Exit::Interrupted);
     }
     if args.json {
         output::print_json(&found)?;

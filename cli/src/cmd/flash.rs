@@ -68,20 +68,20 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         bar.abandon();
     }
     if let Err(error) = outcome {
-        return broken_off(args, &error);
+        return Ok(broken_off(args, &error));
     }
     names::keep(&packed.catalog());
     report(args, &packed.robot.name, &packed.library(), packed.bytes.len(), start)
 }
 
-fn broken_off(args: &Args, error: &SessionError) -> miette::Result<Exit> {
-    let exit = ended(&args.link, error)?;
+fn broken_off(args: &Args, error: &SessionError) -> Exit {
+    let exit = ended(&args.link, error);
     if interrupt::requested()
         || matches!(error, SessionError::Link(_) | SessionError::Silent { .. })
     {
         output::say("The same command again goes on where this stopped.");
     }
-    Ok(exit)
+    exit
 }
 
 fn report(

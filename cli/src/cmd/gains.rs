@@ -138,7 +138,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 fn told(link: &LinkArgs, outcome: Result<(), SessionError>, what: &str) -> miette::Result<Exit> {
     match outcome {
         Ok(()) => output::print(what).map(|()| Exit::Ok),
-        Err(error) => ended(link, &error),
+        Err(error) => Ok(ended(link, &error)),
     }
 }
 
@@ -148,7 +148,7 @@ fn show(args: &Show) -> miette::Result<Exit> {
     match read(&mut session, catalog.as_ref()) {
         Ok(shown) if args.json => output::print_json(&shown)?,
         Ok(shown) => output::print(&table(&shown))?,
-        Err(error) => return ended(&args.link, &error),
+        Err(error) => return Ok(ended(&args.link, &error)),
     }
     Ok(Exit::Ok)
 }
@@ -219,7 +219,7 @@ fn set(args: &Set) -> miette::Result<Exit> {
         for (parameter, value) in args.values.given() {
             if let Err(error) = session.set_parameter(parameter, channel, value) {
                 output::say(format_args!("channel {channel}, {parameter:?}:"));
-                return ended(&args.link, &error);
+                return Ok(ended(&args.link, &error));
             }
         }
     }

@@ -52,7 +52,7 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
         Order::Return => session.return_to_safe(),
     };
     if let Err(error) = outcome {
-        return ended(&args.link, &error);
+        return Ok(ended(&args.link, &error));
     }
     if let Some(status) = session.status() {
         let (state, faults) = (state_name(status.state), fault_names(status.faults));
@@ -89,7 +89,7 @@ fn stop(args: &Args) -> miette::Result<Exit> {
             Err(SessionError::Link(error)) if !interrupt::requested() => {
                 output::say(format_args!("{error}; it is opened again, Ctrl-C ends that"));
             }
-            Err(error) => return ended(link, &error),
+            Err(error) => return Ok(ended(link, &error)),
         }
         bus = loop {
             thread::sleep(REOPEN);

@@ -5,14 +5,14 @@ pub mod names;
 
 pub use interruptible::Interruptible;
 
-use crate::Exit;
-use crate::interrupt;
-use miette::{Report, miette};
+use crate::{Exit, interrupt, output};
+use miette::{Diagnostic, Report, miette};
 use rollwalk_bus::name::BusName;
 use rollwalk_bus::open::{self, OpenError};
 use rollwalk_bus::port::Live;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::Node;
+use thiserror::Error;
 
 /// Frames of ours that may be on their way: enough to keep a bus busy, few enough to leave nothing stale.
 const DEPTH: usize = 3;
@@ -51,15 +51,15 @@ impl LinkArgs {
     /// # Errors
     /// There is no such bus, or it cannot be used: with what to type.
     pub fn open(&self) -> miette::Result<Interruptible> {
-        let live = self.live().map_err(|error| miette!(help = error.help, "{}", error.what))?;
         interrupt::listen();
+        let live = self.live().map_err(|error| miette!(help = error.help, "{}", error.what))?;
         Ok(Interruptible::new(live))
     }
 
     /// Opens the bus and connects to the controller as its host: there must be no other.
     ///
     /// # Errors
-    /// As [`open`](Self::open); nobody answers, somebody else is its host, or another protocol.
+    /// As [`open`](Self::open); [`Ended`] if nobody answers, somebody else is its host, with another protocol or Ctrl-C.
     pub fn connect(&self) -> miette::Result<LiveSession> {
         self.session(Session::connect_alone)
     }
@@ -84,7 +84,7 @@ impl LinkArgs {
         &self,
         connect: impl FnOnce(Interruptible, Node) -> Result<LiveSession, SessionError>,
     ) -> miette::Result<LiveSession> {
-        connect(self.open()?, self.node).map_err(|error| self.explain(&error))
+        connect(self.open()?, self.node).map_err(|error| Ended(ended(self, &error)).into())
     }
 
     /// What a failed session means for the one who typed the command.
@@ -107,13 +107,17 @@ impl LinkArgs {
     }
 }
 
+/// A command has ended with its session, and why was said.
+#[derive(Debug, Error, Diagnostic)]
+#[error("the session ended")]
+pub struct Ended(pub Exit);
+
 /// How a command ends whose session failed: with Ctrl-C, or with what the session says.
-pub fn ended(args: &LinkArgs, error: &SessionError) -> miette::Result<Exit> {
+pub fn ended(args: &LinkArgs, error: &SessionError) -> Exit {
     if interrupt::requested() {
-        return Ok(Exit::Interrupted);
+        return Exit::Interrupted;
     }
-    Err(args.explain(error).wrap_err("the robot did not do it")).or_else(|report: Report| {
-        crate::output::say(format_args!("{report:?}"));
-        Ok(Exit::NotDone)
-    })
+    let report = args.explain(error).wrap_err("the robot did not do it");
+    output::say(format_args!("{report:?}"));
+    Exit::NotDone
 }

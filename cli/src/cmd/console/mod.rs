@@ -5,8 +5,8 @@ mod keys;
 mod scene;
 mod screen;
 
-use crate::link::LinkArgs;
 use crate::link::names::NamesArgs;
+use crate::link::{LinkArgs, ended};
 use crate::{Exit, output};
 use app::{App, Gamepad};
 use miette::miette;
@@ -72,7 +72,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let node = args.link.node;
     // A bus that is lost by now is waited for by the console itself.
     if overhear::host(&mut bus, node).is_ok_and(|overheard| overheard.has_host()) {
-        return Err(args.link.explain(&SessionError::HasHost { node: node.number() }));
+        return Ok(ended(&args.link, &SessionError::HasHost { node: node.number() }));
     }
     let mut app = App::new(&args.link, lookup, gamepad, bus);
     let terminal = ratatui::try_init().map_err(|error| miette!("the terminal refuses: {error}"))?;

@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if !args.arm {
         return match send_only(&mut session, args, &chosen) {
             Ok(()) => Ok(Exit::Ok),
-            Err(error) => ended(&args.link, &error),
+            Err(error) => Ok(ended(&args.link, &error)),
         };
     }
     if let Some(catalog) = &catalog {
@@ -78,7 +78,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     match session.arm_request() {
         Ok(nonce) => arm_and_play(&mut session, args, nonce, &chosen),
-        Err(error) => ended(&args.link, &error),
+        Err(error) => Ok(ended(&args.link, &error)),
     }
 }
 
@@ -91,7 +91,7 @@ fn arm_and_play(
 ) -> miette::Result<Exit> {
     let outcome = match session.arm_confirm(nonce) {
         // It has not been armed, or not by us.
-        Err(error @ SessionError::Refused { .. }) => return ended(&args.link, &error),
+        Err(error @ SessionError::Refused { .. }) => return Ok(ended(&args.link, &error)),
         Err(error) => Err(error),
         Ok(()) => {
             output::say("armed");
@@ -103,7 +103,7 @@ fn arm_and_play(
     let exit = match outcome {
         Ok(()) if interrupt::requested() => Exit::Interrupted,
         Ok(()) => Exit::Ok,
-        Err(error) => ended(&args.link, &error)?,
+        Err(error) => ended(&args.link, &error),
     };
     match home {
         Ok(()) => Ok(exit),
