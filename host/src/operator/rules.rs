@@ -185,7 +185,8 @@ impl Operator {
             return refused("the controller has not said yet which robot it is");
         }
         if let Some(Deadman::Released(let_go)) = self.deadman {
-            let home = order == Order::Return && let_go != LetGo::Pause;
+            // Where the deadman means something else, it would make a robot that is paused move.
+            let home = order == Order::Return && let_go == LetGo::Return;
             if order.moves() || order == Order::Return && !home {
                 return refused("hold the deadman");
             }

@@ -267,6 +267,24 @@ fn a_robot_that_moves_without_the_deadman_is_told_to_pause_until_it_does() {
 }
 
 #[test]
+fn a_paused_robot_goes_home_without_the_deadman_only_where_that_is_what_it_means() {
+    for (let_go, goes) in [(LetGo::Pause, false), (LetGo::Return, true), (LetGo::Disarm, false)] {
+        let mut desk = Desk::new();
+        desk.hear(status(State::Paused, 1).encode(node()));
+        desk.want(Intent::Deadman(Deadman::Released(let_go)));
+        desk.want(Intent::Return);
+        desk.poll();
+        let sent = desk.commands().iter().any(|command| command.action == Action::Return);
+        assert_eq!(sent, goes, "{let_go:?}: {}", desk.last_words());
+        // Torque off in the end: always.
+        desk.want(Intent::Disarm);
+        desk.pass(600_000);
+        let last = desk.commands().last().map(|command| command.action);
+        assert_eq!(last, Some(Action::Disarm), "{let_go:?}");
+    }
+}
+
+#[test]
 fn a_controller_of_another_protocol_hears_no_heartbeat_but_the_stop() {
     let mut desk = Desk::new();
     let mut other = desk.operator.hello.unwrap();
