@@ -1,6 +1,7 @@
 //! Gamepads of this computer, by Linux's evdev: found, and listened to by a thread that outlasts a plug that was
 //! pulled.
 
+use super::capabilities;
 use super::pad::{Event, normal};
 use evdev::{AbsoluteAxisCode, Device, EventSummary, KeyCode};
 use miette::miette;
@@ -16,6 +17,8 @@ use std::time::Duration;
 const RETRY: Duration = Duration::from_secs(1);
 /// Where devices are.
 const FOLDER: &str = "/dev/input";
+/// A device with one of these is a gamepad.
+pub(super) const BUTTONS: [KeyCode; 2] = [KeyCode::BTN_SOUTH, KeyCode::BTN_TRIGGER];
 
 /// A gamepad.
 #[derive(Clone, Debug)]
@@ -41,7 +44,10 @@ pub fn find(wanted: &str) -> miette::Result<Found> {
                 path.display(),
                 name(&device)
             )),
-            Err(error) if error.kind() == io::ErrorKind::PermissionDenied => Err(denied(path)),
+            Err(error) if is_denied(&error) && capabilities::has_buttons(path) == Some(false) => {
+                Err(miette!(help = listed(&gamepads().0), "{} is no gamepad", path.display()))
+            }
+            Err(error) if is_denied(&error) => Err(denied(path)),
             Err(error) => Err(miette!(help = listed(&gamepads().0), "{}: {error}", path.display())),
         };
     }
@@ -55,6 +61,10 @@ pub fn find(wanted: &str) -> miette::Result<Found> {
         )),
         _ => Err(miette!(help = listed(&all), "there are several gamepads: which one?")),
     }
+}
+
+fn is_denied(error: &io::Error) -> bool {
+    error.kind() == io::ErrorKind::PermissionDenied
 }
 
 fn denied(path: &Path) -> miette::Report {
@@ -73,7 +83,8 @@ fn listed(all: &[Found]) -> String {
     all.iter().map(line).collect::<Vec<_>>().join("\n")
 }
 
-/// All that can be read, and one device that cannot.
+/// All that can be read, and one gamepad that cannot. Of keyboards, which nobody else may read for good reason, nothing
+/// is said.
 fn gamepads() -> (Vec<Found>, Option<PathBuf>) {
     let (mut all, mut unreadable) = (Vec::new(), None);
     let entries = fs::read_dir(FOLDER).into_iter().flatten().flatten();
@@ -87,7 +98,7 @@ fn gamepads() -> (Vec<Found>, Option<PathBuf>) {
     for path in paths {
         match Device::open(&path) {
             Ok(device) if is_gamepad(&device) => all.push(found(&path, &device)),
-            Err(error) if error.kind() == io::ErrorKind::PermissionDenied => {
+            Err(error) if is_denied(&error) && capabilities::has_buttons(&path) == Some(true) => {
                 unreadable = Some(path);
             }
             _ => {}
@@ -98,9 +109,7 @@ fn gamepads() -> (Vec<Found>, Option<PathBuf>) {
 
 fn is_gamepad(device: &Device) -> bool {
     let keys = device.supported_keys();
-    keys.is_some_and(|keys| {
-        [KeyCode::BTN_SOUTH, KeyCode::BTN_TRIGGER].into_iter().any(|key| keys.contains(key))
-    })
+    keys.is_some_and(|keys| BUTTONS.into_iter().any(|key| keys.contains(key)))
 }
 
 fn name(device: &Device) -> String {

@@ -6,7 +6,10 @@
 //! | [`file`] | mapping files |
 //! | [`pad`] | from events to wishes; nothing moves without the deadman, and the stop always stops |
 //! | [`device`] | events of Linux |
+//! | `capabilities` | what Linux tells of a device that may not be read |
 
+#[cfg(target_os = "linux")]
+mod capabilities;
 #[cfg_attr(not(target_os = "linux"), path = "elsewhere.rs")]
 pub mod device;
 pub mod file;

@@ -1,0 +1,52 @@
+//! Which buttons a device has, by what the kernel tells everybody: also of a device that this user may not read.
+
+use super::device::BUTTONS;
+use std::fs;
+use std::path::Path;
+
+/// Where the kernel tells.
+const FOLDER: &str = "/sys/class/input";
+
+/// Whether a device of `/dev/input` has the buttons of a gamepad; `None` where nothing is told of it.
+pub fn has_buttons(device: &Path) -> Option<bool> {
+    let name = device.canonicalize().unwrap_or_else(|_| device.to_owned());
+    let file = Path::new(FOLDER).join(name.file_name()?).join("device/capabilities/key");
+    let keys = fs::read_to_string(file).ok()?;
+    Some(BUTTONS.iter().any(|button| is_set(&keys, usize::from(button.0))))
+}
+
+/// A bit of words in hexadecimal digits, the most significant word first, of a `long` each and without leading zeros.
+fn is_set(words: &str, bit: usize) -> bool {
+    let bits = usize::BITS as usize;
+    let word = words.split_whitespace().rev().nth(bit / bits);
+    let word = word.and_then(|word| usize::from_str_radix(word, 16).ok());
+    word.is_some_and(|word| word >> (bit % bits) & 1 == 1)
+}
+
+#[cfg(all(test, target_pointer_width = "64"))]
+mod tests {
+    use super::*;
+
+    fn is_gamepad(keys: &str) -> bool {
+        BUTTONS.iter().any(|button| is_set(keys, usize::from(button.0)))
+    }
+
+    #[test]
+    fn gamepads_are_told_from_keyboards_and_mice() {
+        // As Linux tells them of an Xbox and a DualShock controller, a joystick, ...
+        assert!(is_gamepad("7cdb000000000000 0 0 0 0\n"));
+        assert!(is_gamepad("7fdb000000000000 0 0 0 0\n"));
+        assert!(is_gamepad("fff00000000 0 0 0 0\n"));
+        // ... a keyboard, a mouse, a power button, and nothing.
+        assert!(!is_gamepad("402000000 3803078f800d001 feffffdfffefffff fffffffffffffffe\n"));
+        assert!(!is_gamepad("ffff0000 0 0 0 0\n"));
+        assert!(!is_gamepad("10000000000000 0\n"));
+        assert!(!is_gamepad("0\n"));
+        assert!(!is_gamepad(""));
+    }
+
+    #[test]
+    fn of_a_device_that_is_none_nothing_is_told() {
+        assert_eq!(has_buttons(Path::new("/dev/input/event-none")), None);
+    }
+}
