@@ -52,6 +52,14 @@ fn wait_for(interface: &str, there: bool) {
     panic!("{interface}: it should be {}", if there { "there" } else { "gone" });
 }
 
+/// Adds (`-A`) or deletes (`-D`) the rules that join the board's interface and `vcan0`. Other rules are not ours: the
+/// kernel may be somebody's who has some.
+fn join(what: &str) {
+    for (from, to) in [("slcan0", "vcan0"), ("vcan0", "slcan0")] {
+        run("cangw", &[what, "-s", from, "-d", to, "-e"]);
+    }
+}
+
 #[test]
 fn a_cortex_m4_behind_slcand_plays_is_stopped_cleared_and_plays_again() {
     let (board, line) = Beside::board();
@@ -66,15 +74,14 @@ fn a_cortex_m4_behind_slcand_plays_is_stopped_cleared_and_plays_again() {
     stand_and_stop("can:slcan0");
 
     // No loop: the kernel repeats a frame once.
-    run("cangw", &["-A", "-s", "slcan0", "-d", "vcan0", "-e"]);
-    run("cangw", &["-A", "-s", "vcan0", "-d", "slcan0", "-e"]);
+    join("-A");
     let candump = Beside::candump("vcan0", &desk().join(LOG));
     play_stop_clear_and_play();
     sleep(Duration::from_millis(200));
     drop(candump);
     keep(LOG);
 
-    run("cangw", &["-F"]);
+    join("-D");
     // Closes the channel. Its versions differ in how they end.
     slcand.interrupt();
     wait_for("slcan0", false);
