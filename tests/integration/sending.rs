@@ -108,7 +108,7 @@ fn beside_a_host_orders_are_given_without_heartbeats_and_no_second_host_begins()
     for second in [&["send", "--arm", "stand"][..], &["flash", "legbot.rwl"]] {
         run(second).fails(5, &["controller 1 has a host already", "end that program first"]);
     }
-    run(&["resume"]).succeeds();
+    assert!(run(&["resume"]).succeeds().contains("the robot is playing"));
     run(&["send", "stand"]).succeeds();
     run(&["return"]).succeeds();
     let numbers = heartbeats(&mut link);

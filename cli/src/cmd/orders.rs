@@ -54,6 +54,8 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
     if let Err(error) = outcome {
         return Ok(ended(&args.link, &error));
     }
+    // The last status may be older than the order; without another it is told as it is.
+    let _ = session.wait_until("its status", STATUS_US, |_| Some(true));
     if let Some(status) = session.status() {
         let (state, faults) = (state_name(status.state), fault_names(status.faults));
         output::print(&format!("the robot is {state} ({faults})"))?;
