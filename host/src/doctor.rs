@@ -282,7 +282,7 @@ impl Findings<'_> {
 
     fn load(&self) -> Finding {
         let percent = self.heard.load_percent(self.bitrate);
-        let what = format!("the link is {percent:.1} % full");
+        let what = format!("frames of the link fill {percent:.1} % of {} bit/s", self.bitrate);
         if percent > FULL_PERCENT {
             let help = "frames come late: see below who sends so much";
             return finding(Gravity::Wrong, what, help.into());

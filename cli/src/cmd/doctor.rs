@@ -7,7 +7,6 @@ use crate::output::Table;
 use crate::{Exit, interrupt, output};
 use miette::miette;
 use rollwalk_bus::link::LinkBus;
-use rollwalk_bus::name::BusName;
 use rollwalk_host::doctor::{Finding, Findings, Gravity, Heard};
 use rollwalk_host::overhear::{self, Overheard};
 use rollwalk_host::refusal::{event_sentence, state_name};
@@ -96,7 +95,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let library = hello.and_then(|hello| hello.library);
     let catalog = library.map(|library| args.names.find(library)).transpose()?.flatten();
     let bus = args.link.bus.to_string();
-    let bitrate = bitrate(&args.link.bus);
+    let bitrate = link.bitrate().unwrap_or(BITRATE);
     let findings = Findings {
         heard: &heard,
         hello: hello.as_ref(),
@@ -156,14 +155,6 @@ fn may_ask(args: &Args, bus: &mut Interruptible, overheard: &Overheard) -> bool 
 fn ask(args: &Args, bus: &mut Interruptible) -> (Option<Hello>, Option<History>) {
     let Ok(mut session) = Session::visit(bus, args.link.node) else { return (None, None) };
     (Some(*session.hello()), session.history().ok())
-}
-
-fn bitrate(bus: &BusName) -> u32 {
-    match bus {
-        BusName::Can { bitrate, .. } => bitrate.unwrap_or(BITRATE),
-        BusName::Slcan { bitrate, .. } => *bitrate,
-        BusName::Serial { .. } | BusName::Sim { .. } => BITRATE,
-    }
 }
 
 fn report(

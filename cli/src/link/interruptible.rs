@@ -21,6 +21,11 @@ impl Interruptible {
         Self { live, ignores: false }
     }
 
+    /// Bits per second on the bus, if they are known.
+    pub fn bitrate(&self) -> Option<u32> {
+        self.live.bitrate()
+    }
+
     /// From here on Ctrl-C ends nothing.
     pub fn ignore_interrupts(&mut self) {
         self.ignores = true;
