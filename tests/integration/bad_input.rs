@@ -61,6 +61,14 @@ fn a_drive_that_cannot_do_what_the_file_says_is_named_with_its_line() {
     simulate(&desk, file).fails(1, &[file, "bus 1: poses have to be told at least 60 times"]);
 }
 
+#[test]
+fn frames_of_another_maker_are_not_described_as_ours() {
+    let desk = desk_with_shipped_files();
+    desk.run(&["dbc", "robots/test_leg.toml", "--bus", "0"])
+        .fails(1, &["bus 0 of test_leg speaks AK80-9", "docs/actuators.md"]);
+    desk.run(&["dbc", "robots/test_leg.toml"]).succeeds();
+}
+
 /// Starts `rollwalk-sim`, which is to refuse the robot.
 fn simulate(desk: &Desk, robot: &str) -> Outcome {
     let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));

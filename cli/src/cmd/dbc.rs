@@ -4,6 +4,7 @@ use crate::inputs::Source;
 use crate::{Exit, files, output};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use rollwalk_host::dbc::{ChannelName, Database, RobotNames};
+use rollwalk_protocol::actuators::bus::Protocol;
 use rollwalk_protocol::wire::Node;
 use rollwalk_robot::{Actuator, Channel, Robot};
 use std::path::PathBuf;
@@ -59,12 +60,10 @@ fn bus() -> impl TypedValueParser<Value = Bus> {
 /// Runs the subcommand.
 ///
 /// # Errors
-/// A bus that the robot has not.
+/// A bus that the robot has not, or with actuators of another maker.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    let names = match &args.robot {
-        Some(path) => Some(names(&Source::Disk.robot(path)?)),
-        None => None,
-    };
+    let robot = args.robot.as_ref().map(|path| Source::Disk.robot(path)).transpose()?;
+    let names = robot.as_ref().map(names);
     let database = match (args.bus, &names) {
         (Bus::Link, None) => Database::link(),
         (Bus::Link, Some(names)) => {
@@ -81,6 +80,14 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             if !names.channels.iter().any(|channel| channel.bus == bus) {
                 let robot = &names.robot;
                 return Err(miette::miette!("{robot} has no actuators on bus {bus}"));
+            }
+            let kind = robot.as_ref().and_then(|robot| robot.buses.get(&bus));
+            if let Some(kind) = kind.filter(|kind| kind.protocol != Protocol::Rollwalk) {
+                let (robot, speaks) = (&names.robot, kind.protocol.name());
+                return Err(miette::miette!(
+                    help = "its frames are in docs/actuators.md, or in its maker's own DBC file",
+                    "bus {bus} of {robot} speaks {speaks}: only the Rollwalk profile is written"
+                ));
             }
             Database::actuators_of(bus, names)
         }
