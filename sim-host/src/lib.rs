@@ -70,3 +70,4 @@ pub mod remote;
 pub mod rig;
 pub mod servo;
 pub mod store;
+mod wire;

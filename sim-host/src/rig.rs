@@ -22,17 +22,17 @@
 //! ([`crate::remote`]) to which time and frames are carried.
 
 use crate::body::Body;
-use crate::bus::{BusStatistics, CanBus, DEFAULT_BITRATE, NodeId, TxPolicy};
+use crate::bus::{BusStatistics, DEFAULT_BITRATE, NodeId, TxPolicy};
 use crate::clock::{Periodic, SimTime};
 use crate::core::{Core, Local};
 use crate::faults::{Fault, Faults, Harm, Way};
 use crate::interface::{Interface, LogEntry};
 use crate::monitor::Monitor;
 use crate::record::{Recorder, TickRecord};
+use crate::wire::{ActuatorBus, Wire};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_firmware::player::Playing;
 use rollwalk_firmware::{BusState, Settings};
-use rollwalk_protocol::actuators::bus::{Bus, Protocol};
 use rollwalk_protocol::can::{AnyFrame, CanFrame, ExtendedFrame};
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::ClipId;
@@ -46,9 +46,6 @@ pub const MOTOR_RATE_HZ: u32 = 4000;
 
 /// Frames of a foreign node that wait: one on its way, and the next, so that it leaves no gap.
 const BABBLE_DEPTH: usize = 2;
-
-/// Frames that wait in any adapter of the controller at most.
-const MAX_DEPTH: usize = 64;
 
 /// Frames that wait in the host's CAN interface at most; the default of Linux (`txqueuelen`).
 const HOST_QUEUE: usize = 10;
@@ -108,82 +105,6 @@ struct Babbler {
     every: SimTime,
     next: SimTime,
     until: SimTime,
-}
-
-/// A bus and the controller's place on it.
-struct Wire {
-    bus: CanBus,
-    controller: NodeId,
-    /// Since when nobody acknowledges.
-    alone_since: Option<SimTime>,
-    /// The controller's end is off.
-    off: bool,
-}
-
-impl Wire {
-    fn new(bitrate: u32) -> Self {
-        let mut bus = CanBus::new(bitrate);
-        let controller = bus.add_node(TxPolicy::Queue { depth: MAX_DEPTH });
-        Self { bus, controller, alone_since: None, off: false }
-    }
-
-    /// Whether the controller's transmit buffer of `depth` frames has room.
-    fn is_free(&self, depth: usize) -> bool {
-        !self.off && self.bus.pending(self.controller) < depth.min(MAX_DEPTH)
-    }
-
-    /// Puts a frame into the controller's transmit buffer, which has room.
-    fn fill(&mut self, now: SimTime, frame: Option<impl Into<AnyFrame>>) {
-        if let Some(frame) = frame {
-            self.bus.post(now, self.controller, frame).expect("the buffer has room");
-        }
-    }
-
-    /// Somebody acknowledges, or nobody does.
-    fn connect(&mut self, now: SimTime, connected: bool) {
-        match (connected, self.alone_since) {
-            (false, None) => {
-                self.bus.disconnect(now);
-                self.alone_since = Some(now);
-            }
-            (true, Some(_)) => {
-                self.bus.reconnect(now);
-                self.alone_since = None;
-            }
-            _ => {}
-        }
-    }
-
-    /// The controller's end goes off: what it had to send is gone.
-    fn go_off(&mut self, now: SimTime) {
-        self.off = true;
-        // A frame of its own on its way is cut short.
-        self.bus.disconnect(now);
-        self.bus.cancel(self.controller);
-        if self.alone_since.is_none() {
-            self.bus.reconnect(now);
-        }
-    }
-}
-
-/// An actuator bus with node and channel of each servo on it.
-struct ActuatorBus {
-    wire: Wire,
-    servos: Vec<(NodeId, usize)>,
-    /// Its identifiers have 29 bits.
-    is_extended: bool,
-}
-
-impl ActuatorBus {
-    fn new(bus: &Bus) -> Self {
-        let is_extended = matches!(bus.protocol, Protocol::CyberGear(_));
-        Self { wire: Wire::new(bus.bit_rate), servos: Vec::new(), is_extended }
-    }
-
-    /// The node of a servo.
-    fn node_of(&self, channel: usize) -> Option<NodeId> {
-        self.servos.iter().find(|(_, of)| *of == channel).map(|(node, _)| *node)
-    }
 }
 
 /// Why a robot cannot be simulated in virtual time.

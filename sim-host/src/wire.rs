@@ -1,0 +1,86 @@
+//! The buses of a [`crate::rig`]: each with the controller's place on it, and those of its servos.
+
+use crate::bus::{CanBus, NodeId, TxPolicy};
+use crate::clock::SimTime;
+use rollwalk_protocol::actuators::bus::{Bus, Protocol};
+use rollwalk_protocol::can::AnyFrame;
+
+/// Frames that wait in any adapter of the controller at most.
+const MAX_DEPTH: usize = 64;
+
+/// A bus and the controller's place on it.
+pub struct Wire {
+    pub bus: CanBus,
+    /// The controller's place.
+    pub controller: NodeId,
+    /// Since when nobody acknowledges.
+    pub alone_since: Option<SimTime>,
+    /// The controller's end is off.
+    pub off: bool,
+}
+
+impl Wire {
+    pub fn new(bitrate: u32) -> Self {
+        let mut bus = CanBus::new(bitrate);
+        let controller = bus.add_node(TxPolicy::Queue { depth: MAX_DEPTH });
+        Self { bus, controller, alone_since: None, off: false }
+    }
+
+    /// Whether the controller's transmit buffer of `depth` frames has room.
+    pub fn is_free(&self, depth: usize) -> bool {
+        !self.off && self.bus.pending(self.controller) < depth.min(MAX_DEPTH)
+    }
+
+    /// Puts a frame into the controller's transmit buffer, which has room.
+    pub fn fill(&mut self, now: SimTime, frame: Option<impl Into<AnyFrame>>) {
+        if let Some(frame) = frame {
+            self.bus.post(now, self.controller, frame).expect("the buffer has room");
+        }
+    }
+
+    /// Somebody acknowledges, or nobody does.
+    pub fn connect(&mut self, now: SimTime, connected: bool) {
+        match (connected, self.alone_since) {
+            (false, None) => {
+                self.bus.disconnect(now);
+                self.alone_since = Some(now);
+            }
+            (true, Some(_)) => {
+                self.bus.reconnect(now);
+                self.alone_since = None;
+            }
+            _ => {}
+        }
+    }
+
+    /// The controller's end goes off: what it had to send is gone.
+    pub fn go_off(&mut self, now: SimTime) {
+        self.off = true;
+        // A frame of its own on its way is cut short.
+        self.bus.disconnect(now);
+        self.bus.cancel(self.controller);
+        if self.alone_since.is_none() {
+            self.bus.reconnect(now);
+        }
+    }
+}
+
+/// An actuator bus with node and channel of each servo on it.
+pub struct ActuatorBus {
+    pub wire: Wire,
+    pub servos: Vec<(NodeId, usize)>,
+    /// Its identifiers have 29 bits.
+    pub is_extended: bool,
+}
+
+impl ActuatorBus {
+    pub fn new(bus: &Bus) -> Self {
+        let is_extended = matches!(bus.protocol, Protocol::CyberGear(_));
+        Self { wire: Wire::new(bus.bit_rate), servos: Vec::new(), is_extended }
+    }
+
+    /// The node of a servo.
+    pub fn node_of(&self, channel: usize) -> Option<NodeId> {
+        self.servos.iter().find(|(_, of)| *of == channel).map(|(node, _)| *node)
+    }
+}
