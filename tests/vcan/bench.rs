@@ -98,9 +98,15 @@ impl Beside {
     /// A simulated robot that is ready.
     #[track_caller]
     pub fn robot(args: &[&str]) -> Self {
+        Self::robot_of(&robot(), args)
+    }
+
+    /// The same of another robot file.
+    #[track_caller]
+    pub fn robot_of(file: &Path, args: &[&str]) -> Self {
         warm();
         let mut command = Command::new(ROLLWALK_SIM);
-        command.arg(robot()).args(args);
+        command.arg(file).args(args);
         let robot = Self(command.spawn().expect("the robot starts"));
         sleep(Duration::from_millis(300));
         robot

@@ -1,5 +1,7 @@
 //! What runs while the interfaces are there.
 
+mod drives;
+
 use crate::bench::{Beside, desk, keep, library, log, rollwalk, run, states};
 use rollwalk_bus::candump::LogEntry;
 use rollwalk_protocol::wire::State;
