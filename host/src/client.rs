@@ -87,6 +87,8 @@ pub struct Client {
     /// From the last heartbeat that was answered to its answer, µs.
     round_trip_us: Option<u64>,
     stopping: Option<Stopping>,
+    /// No heartbeat goes out.
+    silent: bool,
     status: Option<Status>,
 }
 
@@ -107,6 +109,7 @@ impl Client {
             heartbeat_us: 0,
             round_trip_us: None,
             stopping: None,
+            silent: false,
             status: None,
         }
     }
@@ -134,6 +137,16 @@ impl Client {
     /// Whether an emergency stop is not acknowledged yet.
     pub fn is_stopping(&self) -> bool {
         self.stopping.is_some()
+    }
+
+    /// Sends no heartbeats from now on, or goes on with them: for a host that cannot know whether what it orders
+    /// gets through, and whose robot is to go home by itself.
+    pub fn set_silent(&mut self, silent: bool) {
+        self.silent = silent;
+    }
+
+    fn holds_heartbeats(&self) -> bool {
+        self.silent || self.stopping.is_some()
     }
 
     /// Takes a frame of the link. Frames of other nodes and damaged ones mean nothing.
@@ -192,7 +205,7 @@ impl Client {
         }
         // A host whose stop nobody acknowledges falls silent: if no stop gets through, no heartbeat must, so
         // that the controller takes torque off by itself.
-        if now_us >= self.next_heartbeat_us && self.stopping.is_none() {
+        if now_us >= self.next_heartbeat_us && !self.holds_heartbeats() {
             let heartbeat = Heartbeat { seq: self.heartbeat_seq, host_ms: (now_us / 1000) as u32 };
             self.heartbeat_seq = self.heartbeat_seq.wrapping_add(1);
             self.heartbeat_us = now_us;
@@ -214,7 +227,7 @@ impl Client {
         let estop = self.stopping.map_or(u64::MAX, |stopping| stopping.next_us);
         let transport =
             if self.transport.is_sending() { now_us + TRANSPORT_POLL_US } else { u64::MAX };
-        let heartbeat = if self.stopping.is_some() { u64::MAX } else { self.next_heartbeat_us };
+        let heartbeat = if self.holds_heartbeats() { u64::MAX } else { self.next_heartbeat_us };
         heartbeat.min(estop).min(transport)
     }
 
@@ -329,6 +342,17 @@ mod tests {
         let ack = EstopAck { state: State::EStopped };
         client.on_frame(now, &ack.encode(node()));
         assert!(matches!(frames(&mut client, now)[..], [ToController::Heartbeat(_)]));
+    }
+
+    #[test]
+    fn a_silent_host_sends_no_heartbeats_until_it_is_not() {
+        let mut client = Client::new(node());
+        frames(&mut client, 0);
+        client.set_silent(true);
+        assert_eq!(frames(&mut client, 500_000), []);
+        assert_eq!(client.next_poll_us(500_000), u64::MAX);
+        client.set_silent(false);
+        assert!(matches!(frames(&mut client, 500_000)[..], [ToController::Heartbeat(_)]));
     }
 
     #[test]

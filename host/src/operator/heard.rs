@@ -104,8 +104,8 @@ impl Heard {
     pub fn watch(&mut self, now_us: u64, log: &mut Log) -> bool {
         if self.contact == Some(true) && !self.in_contact(now_us) {
             self.contact = Some(false);
-            let text = "no contact: nothing was heard for 0.5 s; without heartbeats an armed robot \
-                        returns to SAFE by itself";
+            let text = "no contact: nothing was heard for 0.5 s; quit, or let go of the deadman, and an \
+                        armed robot returns to SAFE by itself";
             log.say(now_us, Weight::Warning, text);
             return true;
         }

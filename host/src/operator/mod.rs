@@ -9,7 +9,8 @@
 //! Three things bar motion whatever is wished: after an emergency stop, ours or not, both a wish to clear and a
 //! wish to arm; a deadman that is not held; and a controller of another protocol or robot. While the deadman is
 //! not held it is not one order that stops the robot but a condition: as long as the robot says that it moves it
-//! is told not to.
+//! is told not to. And nobody knows whether what is told gets through while nothing is heard: without contact
+//! and without the deadman, or leaving, no heartbeat goes out, and the robot goes home by itself.
 
 mod heard;
 mod intent;
@@ -77,6 +78,8 @@ pub struct Operator {
     complaint: Option<String>,
     /// The controller speaks another protocol: no heartbeat goes out, no command, only HELLO and the stop.
     visiting: bool,
+    /// No heartbeat goes out until the controller is heard again.
+    silent: bool,
     /// A frame that the bus did not take.
     unsent: Option<CanFrame>,
 }
@@ -103,6 +106,7 @@ impl Operator {
             bus_lost: None,
             complaint: None,
             visiting: false,
+            silent: false,
             unsent: None,
         }
     }
@@ -203,6 +207,7 @@ impl Operator {
 
     /// What to send now; call again until `None`. After a wish or a frame there may be something at once.
     pub fn poll(&mut self, now_us: u64) -> Option<CanFrame> {
+        self.watch_silence(now_us);
         if let Some(frame) = self.unsent.take() {
             return Some(frame);
         }
@@ -285,8 +290,30 @@ impl Operator {
         self.leaving
     }
 
+    /// A robot that is to halt, and of which nothing is heard, may not hear us either, or hear nothing but us. It
+    /// halts for certain when it hears no heartbeat. Holding the deadman again does not change that: only a sign
+    /// of life does.
+    fn watch_silence(&mut self, now_us: u64) {
+        if self.heard.in_contact(now_us) {
+            self.silent = false;
+        } else if self.leaving != Leaving::No || matches!(self.deadman, Some(Deadman::Released(_)))
+        {
+            if !self.silent && self.heard.state().is_some_and(has_torque) {
+                let text = "no heartbeats any more: an armed robot returns to SAFE by itself";
+                self.log.say(now_us, Weight::Warning, text);
+            }
+            self.silent = true;
+            // It may be a heartbeat.
+            self.unsent = None;
+        }
+        self.client.set_silent(self.silent);
+    }
+
     fn ask_hello(&mut self, now_us: u64) {
-        if self.hello.is_some() || now_us < self.ask_hello_us || !self.heard.in_contact(now_us) {
+        // A board with several ports tells how it is where it was spoken to last: a host that sends no heartbeats
+        // has to say something else to be told.
+        let may_ask = self.silent || self.heard.in_contact(now_us);
+        if self.hello.is_some() || now_us < self.ask_hello_us || !may_ask {
             return;
         }
         self.ask_hello_us = now_us + HELLO_US;

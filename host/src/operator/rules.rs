@@ -118,7 +118,7 @@ impl Operator {
                 let text = if self.heard.in_contact(now_us) && self.bus_lost.is_none() {
                     "going home: it returns to SAFE, then torque goes off"
                 } else {
-                    "no contact: it cannot be brought home; once more leaves at once"
+                    "no contact: once more leaves at once"
                 };
                 self.log.say(now_us, Weight::Note, text);
                 Leaving::WhenHome

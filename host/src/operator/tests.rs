@@ -52,9 +52,12 @@ impl Desk {
 
     fn poll(&mut self) -> Vec<ToController> {
         let mut new = Vec::new();
+        let released = matches!(self.operator.deadman, Some(Deadman::Released(_)));
+        let may_live = !released || self.operator.heard.in_contact(self.now_us);
         while let Some(frame) = self.operator.poll(self.now_us) {
             let message = ToController::decode(&frame).unwrap().1;
             if let ToController::Heartbeat(heartbeat) = message {
+                assert!(may_live, "a heartbeat without contact and without the deadman");
                 self.heartbeat = heartbeat.seq;
             }
             new.push(message);
@@ -282,6 +285,22 @@ fn a_paused_robot_goes_home_without_the_deadman_only_where_that_is_what_it_means
         let last = desk.commands().last().map(|command| command.action);
         assert_eq!(last, Some(Action::Disarm), "{let_go:?}");
     }
+}
+
+#[test]
+fn without_contact_and_without_the_deadman_it_is_silent_but_for_asking() {
+    let mut operator = Operator::new(node(), None);
+    operator.want(0, Intent::Deadman(Deadman::Released(LetGo::Pause)));
+    let mut desk = Desk { operator, now_us: 0, sent: Vec::new(), heartbeat: 0 };
+    desk.pass(1_200_000);
+    assert!(!desk.sent.is_empty(), "it asks: a board with several ports answers there");
+    assert!(desk.sent.iter().all(|&message| message == ToController::Transport));
+    desk.want(Intent::Deadman(Deadman::Held));
+    desk.sent.clear();
+    desk.pass(200_000);
+    assert_eq!(desk.sent, [], "what was held again brings nothing back");
+    desk.hear(status(State::Disarmed, 0).encode(node()));
+    assert!(matches!(desk.poll()[..], [ToController::Heartbeat(_), ..]), "{:?}", desk.sent);
 }
 
 #[test]

@@ -7,7 +7,11 @@ use rollwalk_bus::lossy::Lossy;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::operator::{Deadman, Intent, Leaving, LetGo, Operator, View};
 use rollwalk_protocol::library::{ClipId, Library, validate};
-use rollwalk_protocol::wire::{Fault, Node, State};
+use rollwalk_protocol::wire::{self, Node, State};
+use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::faults::stream::Spoil;
+use rollwalk_sim_host::faults::{Fault, Harm, Way};
+use rollwalk_sim_host::rig::Rig;
 
 /// A robot with its library on board, and an operator who has its names.
 struct Console<B> {
@@ -190,6 +194,38 @@ fn a_deadman_that_is_let_go_halts_or_returns_or_disarms() {
     }
 }
 
+/// The host's receiver is dead: what it sends arrives, and nothing comes back. Its heartbeats must not keep a loop going
+/// that it cannot be sure to have halted.
+#[test]
+fn a_robot_that_is_not_heard_any_more_goes_home_without_the_deadman_and_when_its_operator_leaves() {
+    for intent in [Intent::Deadman(Deadman::Released(LetGo::Pause)), Intent::Quit] {
+        let mut console = Console::new(rig());
+        console.want(Intent::Deadman(Deadman::Held));
+        console.want(Intent::Arm);
+        console.wait_for(State::Ready);
+        console.want(Intent::Play { code: ROLL });
+        console.wait("roll", |view| view.status.unwrap().clip == clip(ROLL));
+        let from = console.bus.now();
+        let until = from + SimTime::from_ms(13_000);
+        let harm = Harm::Stream(Way::LinkToHost, Spoil::Lose(1000));
+        console.bus.add_fault(Fault { harm, from, until });
+        console.run(2 * S);
+        let turns = |console: &Console<Rig>| console.bus.body().values()[2].abs() > 0.1;
+        assert!(turns(&console), "with the deadman held it goes on");
+        console.want(intent);
+        console.run(S);
+        // It cannot be taken back before the robot is heard.
+        console.want(Intent::Deadman(Deadman::Held));
+        console.run(9 * S);
+        assert!(!turns(&console), "{intent:?}");
+        assert!(console.bus.body().servos().iter().all(|servo| !servo.is_driving()));
+        console.run(2 * S);
+        let view = console.view();
+        assert_eq!(view.status.map(|status| status.state), Some(State::TorqueOff));
+        assert!(view.faults.iter().any(|fault| fault.fault == wire::Fault::HostLost));
+    }
+}
+
 /// The motion is acknowledged, but has not begun: there is nothing to pause yet.
 #[test]
 fn a_deadman_let_go_at_any_instant_halts_the_robot() {
@@ -227,7 +263,7 @@ fn a_robot_whose_operator_is_gone_returns_by_itself() {
     console.run(S);
     let view = console.view();
     assert_eq!(view.status.unwrap().state, State::TorqueOff);
-    assert!(view.faults.iter().any(|fault| fault.fault == Fault::HostLost && fault.present));
+    assert!(view.faults.iter().any(|fault| fault.fault == wire::Fault::HostLost && fault.present));
     console.want(Intent::Clear);
     console.wait_for(State::Disarmed);
     console.want(Intent::Arm);
