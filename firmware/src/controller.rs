@@ -260,6 +260,13 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.link.host_seen_us().is_none_or(|at| now_us.saturating_sub(at) > timeout)
     }
 
+    /// With torque on, a host that has been silent for too long is lost now.
+    pub(crate) fn notice_lost_host(&mut self, now_us: u64) {
+        if self.state().torque() != Torque::Off && self.host_silent(now_us) {
+            self.raise(now_us, Event::HostLost);
+        }
+    }
+
     fn watch_time(&mut self, now_us: u64) {
         if self.state().torque() != Torque::Off {
             self.bus_watch.watch(&mut self.events);

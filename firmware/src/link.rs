@@ -20,6 +20,8 @@ const STATUS_PERIOD_US: u64 = STATUS_PERIOD_MS as u64 * 1000;
 const REPORT_PERIOD_US: u64 = 1_000_000;
 /// Longest answer, bytes: a LOG with all that it may have.
 const MAX_RESPONSE: usize = 13 + LOG_ENTRY_BYTES * MAX_LOG_ENTRIES;
+/// A heartbeat is newer than another one if its number is ahead by so many at most, modulo 256.
+const MOST_AHEAD: u8 = 127;
 /// A message takes a few calls to move through the transport; after so many something is wrong.
 const MAX_POLLS: usize = 4;
 
@@ -46,7 +48,8 @@ pub(crate) struct Link {
     endpoint: Endpoint,
     estop_ack: bool,
     heartbeat: Option<HeartbeatReply>,
-    last_heartbeat: Option<(Heartbeat, u64)>,
+    /// Number of the last heartbeat that was a sign of life, and when it came, µs.
+    last_heartbeat: Option<(u8, u64)>,
     acks: Deque<CommandAck, 4>,
     parameter: Option<ParameterAck>,
     discovered: bool,
@@ -100,10 +103,17 @@ impl Link {
         self.discovered = true;
     }
 
-    /// Takes a heartbeat. A repeated one is answered but is no sign of life.
-    pub fn on_heartbeat(&mut self, now_us: u64, heartbeat: Heartbeat) {
-        if self.last_heartbeat.is_none_or(|(last, _)| last != heartbeat) {
-            self.last_heartbeat = Some((heartbeat, now_us));
+    /// Takes a heartbeat. One that is not ahead of the last one is answered but is no sign of life: whatever
+    /// repeats frames, one or its last few over and over, is no host. After `timeout_us` without a sign of life
+    /// the count begins anew: a robot with torque has gone home by then, and a host that was started again is heard.
+    pub fn on_heartbeat(&mut self, now_us: u64, heartbeat: Heartbeat, timeout_us: u32) {
+        let feeds = self.last_heartbeat.is_none_or(|(seq, at_us)| {
+            let ahead = heartbeat.seq.wrapping_sub(seq);
+            (1..=MOST_AHEAD).contains(&ahead)
+                || now_us.saturating_sub(at_us) > u64::from(timeout_us)
+        });
+        if feeds {
+            self.last_heartbeat = Some((heartbeat.seq, now_us));
         }
         let controller_ms = (now_us / 1000) as u32;
         self.heartbeat = Some(HeartbeatReply { seq: heartbeat.seq, controller_ms });

@@ -38,7 +38,12 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 self.raise(now_us, Event::EStop);
                 self.link.acknowledge_estop();
             }
-            ToController::Heartbeat(heartbeat) => self.link.on_heartbeat(now_us, heartbeat),
+            ToController::Heartbeat(heartbeat) => {
+                // One that comes too late must not hide that, even if it comes before the next tick.
+                self.notice_lost_host(now_us);
+                let timeout_us = self.machine.settings.heartbeat_timeout_us;
+                self.link.on_heartbeat(now_us, heartbeat, timeout_us);
+            }
             ToController::Command(command) => self.on_command(now_us, command),
             // A conversation is between two: what is for all could only collide in its answers.
             ToController::Transport if to == Node::BROADCAST => {}

@@ -231,14 +231,14 @@ fn a_robot_that_cannot_get_up_is_let_down() {
     let mut rig = Rig::booted();
     rig.arm();
     let mut strongest = 0.0f32;
-    for _ in 0..1000 {
+    for tick in 0..1000u16 {
         rig.servos[0].value = 0.9;
         rig.servos[0].setpoints.truncate(1);
         if rig.brain.state() == State::Damped {
             break;
         }
         rig.now_us += 8333;
-        let beat = Heartbeat { seq: rig.now_us as u8, host_ms: 0 };
+        let beat = Heartbeat { seq: tick as u8, host_ms: 0 };
         rig.send(&beat.encode(me()));
         rig.brain.tick(rig.now_us);
         for bus in 0..2 {

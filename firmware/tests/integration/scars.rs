@@ -69,6 +69,42 @@ fn scar_6_only_new_heartbeats_feed_the_watchdog_and_its_end_latches() {
     rig.run(500);
     assert_eq!(rig.brain.state(), State::TorqueOff, "it stays off when the host is back");
     assert!(rig.brain.faults().contains(Fault::HostLost));
+
+    // A bridge that says the last few over and over, wherever their numbers wrap, and in any order.
+    for pattern in [&[9, 10][..], &[10, 9], &[255, 0], &[254, 255, 0, 1], &[3, 90, 60, 120]] {
+        let mut rig = Rig::ready();
+        rig.play(CODE_WALK);
+        rig.run(200);
+        rig.host_alive = false;
+        let mut lost = None;
+        for tick in 0..100 {
+            let seq = pattern[tick % pattern.len()];
+            rig.send(&Heartbeat { seq, host_ms: seq.into() }.encode(me()));
+            rig.step();
+            lost = lost.or((rig.brain.state() == State::Returning).then_some(tick));
+        }
+        // 250 ms are 30 ticks of 120 Hz, and the first round of them may be new.
+        let in_time = lost.is_some_and(|tick| tick <= 31 + pattern.len());
+        assert!(in_time, "{pattern:?}: {lost:?}, {:?}", rig.brain.state());
+    }
+}
+
+/// Its counter begins at 0 wherever the one before had stopped.
+#[test]
+fn a_host_that_was_started_again_is_heard_within_the_timeout() {
+    for before in (0..=255).step_by(5) {
+        let mut rig = Rig::booted();
+        rig.host_alive = false;
+        rig.send(&Heartbeat { seq: before, host_ms: 5000 }.encode(me()));
+        let mut heard = None;
+        for beat in 0..12u8 {
+            rig.run(5);
+            rig.send(&Heartbeat { seq: beat, host_ms: 50 * u32::from(beat) }.encode(me()));
+            let ok = rig.command(Action::ArmRequest).result == CommandResult::Ok;
+            heard = heard.or((ok && beat > 6).then_some(beat));
+        }
+        assert_eq!(heard, Some(7), "after {before}");
+    }
 }
 
 /// Others say that all is well while the robot lies on the floor.

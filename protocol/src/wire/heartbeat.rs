@@ -9,7 +9,7 @@ const REPLY: Kind = Kind::new(1, 1);
 /// The host is there. Sent every [`super::HEARTBEAT_PERIOD_MS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heartbeat {
-    /// Goes up by one each time, and wraps. A heartbeat that equals the last one is a repeated frame
+    /// Goes up by one each time, and wraps. A heartbeat that is not ahead of the last one is a repeated frame
     /// and does not feed the watchdog.
     pub seq: u8,
     /// Host's clock, low 32 bits of ms.
