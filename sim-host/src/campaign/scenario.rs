@@ -148,7 +148,7 @@ impl Scenario {
     /// The losses that it is run with, of a thousand frames.
     pub fn losses(self) -> &'static [u16] {
         match self {
-            Self::EStop => &[0, 10, 30, 100, 300, 900],
+            Self::EStop => &[0, 10, 30, 100, 300, 900, 1000],
             // Without loss nothing goes wrong in it.
             Self::ActuatorLoss => &[10, 30, 100, 300],
             _ => &[0, 10, 30, 100, 300],

@@ -9,7 +9,7 @@ use crate::core::Core;
 use crate::faults::stream::Spoil;
 use crate::faults::{Fault, Faults, Harm, Way};
 use crate::interface::LogEntry;
-use crate::monitor::{Change, Monitor, Terms};
+use crate::monitor::{Change, Monitor, Terms, home};
 use crate::rig::Rig;
 use crate::servo;
 use fastrand::Rng;
@@ -19,6 +19,8 @@ use rollwalk_protocol::wire::{FaultBits, HEARTBEAT_PERIOD_MS, HOST_TIMEOUT_MS, S
 /// A robot that is told to stop has no torque after this, if its buses are well: two frames on their way,
 /// and "off" for each of its motors, are less than a millisecond; and a control period.
 const PROMPTLY: SimTime = SimTime::from_us(10_000);
+/// Three control periods: one until the next tick, and what rounding may make of it.
+const NOTICES_WITHIN: SimTime = SimTime::from_ms(25);
 /// Setpoints may still come from a bus that is not: as late as the worst of the scenarios makes them. Then the
 /// motors' own watchdogs end it.
 const STRAGGLERS: SimTime = SimTime::from_ms(200);
@@ -29,6 +31,17 @@ const HOPELESS: u16 = 500;
 const HOPELESS_FOR: SimTime = SimTime::from_ms(20_000);
 /// What lasts to the end.
 const FOREVER: SimTime = SimTime::from_ms(u64::MAX / 2_000_000);
+
+/// How a robot comes down whose host is lost.
+fn comes_down(subject: &Subject) -> home::Terms {
+    let settings = Settings::default();
+    home::Terms {
+        host_timeout: SimTime::from_ms(HOST_TIMEOUT_MS.into()),
+        notices_within: NOTICES_WITHIN,
+        way_home: subject.way_home + SimTime::from_us(settings.hold_us.into()),
+        damping: SimTime::from_us(settings.damping_us.into()),
+    }
+}
 
 /// After the first frame of an emergency stop was sent no motor has torque after this, whatever is lost: a
 /// host that stops sends no heartbeats until the stop is acknowledged, so the controller loses it, goes home,
@@ -62,6 +75,7 @@ pub fn tell<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<Log
         motors_off_within: if case.scenario.disturbs_actuators() { late } else { PROMPTLY },
         stopped_within: stopped_within(subject)
             + if case.scenario.disturbs_actuators() { late } else { SimTime::ZERO },
+        home: comes_down(subject),
     };
     rig.set_monitor(Monitor::new(subject.config(), terms));
     rig.set_faults(Faults::new(random.u64(..)));
@@ -196,8 +210,9 @@ impl<C: Core> Story<'_, C> {
             }
             Some(Host::Stops(_)) => {
                 // When nobody answers within a second the stop goes on with whatever is done next.
+                // Where all gets lost, until something gets through again.
                 if self.operator.session()?.estop().is_err() {
-                    self.operator.wait(stopped_within(self.subject));
+                    self.operator.wait(stopped_within(self.subject).max(HOPELESS_FOR));
                 }
             }
             Some(Host::Stays) | None => {}

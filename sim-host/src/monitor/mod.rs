@@ -8,14 +8,17 @@
 //! |---|---|
 //! | [`setpoints`] | limits, steps, and the first setpoint after torque-on |
 //! | [`commands`] | each command at most once, and none too late |
+//! | [`home`] | a robot whose host is lost, or that has a fault, comes down in time |
 
 pub mod commands;
+pub mod home;
 pub mod setpoints;
 
 use crate::body::Body;
 use crate::clock::SimTime;
 use crate::interface::Interface;
 use commands::Commands;
+use home::Home;
 use rollwalk_protocol::actuator::Control;
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::RobotConfig;
@@ -42,6 +45,11 @@ pub enum Rule {
     Intelligible,
     /// A motor gives torque too long after torque was to be off.
     StopsInTime,
+    /// It goes on although no heartbeat comes, or gives torque too long after the last one, or after it was to come
+    /// down for another reason.
+    GoesHome,
+    /// It tells a fault and is in a state in which it must not be with it.
+    HeedsFaults,
     /// A command was executed more than once.
     Once,
     /// A command was executed after its time.
@@ -76,6 +84,8 @@ pub struct Terms {
     /// After the host has begun to send an emergency stop, no motor gives torque for longer than this,
     /// whatever gets lost.
     pub stopped_within: SimTime,
+    /// How a robot comes down.
+    pub home: home::Terms,
 }
 
 /// Whether torque may be on, as far as it can be known outside.
@@ -126,6 +136,7 @@ pub struct Monitor {
     /// When the host began to send an emergency stop.
     stop_sent: Option<SimTime>,
     stopped_after: Option<SimTime>,
+    home: Home,
     setpoints: Setpoints,
     commands: Commands,
     clip: Option<u8>,
@@ -148,6 +159,7 @@ impl Monitor {
             enabled: false,
             stop_sent: None,
             stopped_after: None,
+            home: Home::new(terms.home, terms.motors_off_within),
             setpoints: Setpoints::new(config, terms.control_hz, terms.pose_age),
             commands: Commands::new(terms.codes.clone()),
             clip: None,
@@ -191,6 +203,7 @@ impl Monitor {
         }
         self.enabled = false;
         self.permits = 0;
+        self.home.is_down();
         self.setpoints.forget();
     }
 
@@ -235,7 +248,8 @@ impl Monitor {
                     }
                 }
             }
-            _ => {}
+            ToController::Heartbeat(heartbeat) => self.home.on_heartbeat(at, heartbeat.seq),
+            ToController::Transport | ToController::Parameter(_) | ToController::Discover => {}
         }
     }
 
@@ -276,6 +290,11 @@ impl Monitor {
             | State::TorqueOff
             | State::EStopped => self.turn_off(at),
             _ => {}
+        }
+        if self.torque != Torque::Off
+            && let Err((rule, what)) = self.home.on_status(at, state, faults)
+        {
+            self.report(at, rule, what);
         }
         if clip != self.clip {
             self.clip = clip;
@@ -321,7 +340,9 @@ impl Monitor {
     /// The motors have made a step.
     pub fn motors(&mut self, at: SimTime, body: &Body) {
         self.setpoints.motors(at, body);
-        if self.off_since.is_none() && self.stop_sent.is_none() && self.torque != Torque::Off {
+        self.home.pass(at);
+        let unwatched = self.off_since.is_none() && self.stop_sent.is_none();
+        if unwatched && self.torque != Torque::Off && !self.home.is_late(at) {
             return;
         }
         let driving = body.servos().iter().position(|servo| servo.is_driving());
@@ -333,6 +354,10 @@ impl Monitor {
             }
             return;
         };
+        if let Some(why) = self.home.take_late(at) {
+            let what = format!("motor {channel} gives torque {why}");
+            self.report(at, Rule::GoesHome, what);
+        }
         if self.torque == Torque::Off
             && let Some(since) = self.off_since
             && at - since > self.terms.motors_off_within

@@ -2,11 +2,12 @@
 //! it breaks: a monitor that finds nothing proves nothing.
 
 use rollwalk_bus::link::LinkError;
+use rollwalk_firmware::safety::State as ControllerState;
 use rollwalk_firmware::{BusState, Settings};
 use rollwalk_protocol::actuator::{Control, JointSetpoint, WheelSetpoint};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
-use rollwalk_protocol::wire::{Action, Command, CommandAck, ToController};
+use rollwalk_protocol::wire::{Action, Command, CommandAck, Fault, Node, State, ToController};
 use rollwalk_sim_host::campaign::scenario::Scenario;
 use rollwalk_sim_host::campaign::{Case, Subject, run_with};
 use rollwalk_sim_host::core::{Core, Local};
@@ -229,6 +230,78 @@ fn rubbish_on_an_actuator_bus_is_reported() {
     assert!(rules.contains(&Rule::Intelligible), "{rules:?}");
 }
 
+/// It lives on without heartbeats. With `tells` it says that it hears none.
+fn deaf_to_silence(tells: bool) -> Bug {
+    use rollwalk_protocol::wire::{FromController, Heartbeat, HeartbeatReply, Status};
+    let (mut beat, mut asked, mut heard_us, mut fed_us) = (0u8, 0u8, 0, 0);
+    Box::new(move |core, step| {
+        let mut step = step;
+        let now_us = step.now_us;
+        let mut feed = |to| {
+            beat = beat.wrapping_add(1);
+            Input::Link(Heartbeat { seq: beat, host_ms: 0 }.encode(to))
+        };
+        if let Some(Input::Link(frame)) = &step.input
+            && let Ok((to, ToController::Heartbeat(heartbeat))) = ToController::decode(frame)
+        {
+            (asked, heard_us) = (heartbeat.seq, now_us);
+            step.input = Some(feed(to));
+            fed_us = now_us;
+        }
+        if now_us > fed_us + 60_000 {
+            fed_us = now_us;
+            let input = Some(feed(Node::BROADCAST));
+            core.step(Step { now_us, input, free: Default::default() }).unwrap();
+        }
+        let mut stepped = core.step(step).unwrap();
+        stepped.link = stepped.link.map(|frame| match FromController::decode(&frame) {
+            Ok((from, FromController::HeartbeatReply(reply))) => {
+                HeartbeatReply { seq: asked, ..reply }.encode(from)
+            }
+            Ok((from, FromController::Status(status)))
+                if tells && now_us > heard_us + 250_000 && status.state == State::Playing =>
+            {
+                Status { faults: status.faults.with(Fault::HostLost), ..status }.encode(from)
+            }
+            _ => frame,
+        });
+        stepped
+    })
+}
+
+#[test]
+fn a_lost_host_that_is_ignored_is_reported() {
+    let rules = reported(Scenario::HostDead, 4, || deaf_to_silence(false));
+    assert!(rules.contains(&Rule::GoesHome), "{rules:?}");
+    assert!(!rules.contains(&Rule::HeedsFaults), "{rules:?}");
+}
+
+#[test]
+fn a_lost_host_that_is_told_but_ignored_is_reported() {
+    let rules = reported(Scenario::HostDead, 4, || deaf_to_silence(true));
+    assert!(rules.contains(&Rule::HeedsFaults), "{rules:?}");
+}
+
+/// It says that it lets the robot down, and keeps it up.
+#[test]
+fn a_robot_that_is_let_down_for_too_long_is_reported() {
+    let rules = reported(Scenario::HostDead, 4, || {
+        let mut held: Option<u64> = None;
+        Box::new(move |core, step| {
+            // Its clock stands still for two seconds.
+            let down = core.controller_mut().state() == ControllerState::Damped;
+            let since = *held.get_or_insert(step.now_us);
+            if !down {
+                held = None;
+            } else if step.now_us < since + 2_000_000 && step.input == Some(Input::Tick) {
+                return core.step(Step { now_us: since, ..step }).unwrap();
+            }
+            core.step(step).unwrap()
+        })
+    });
+    assert!(rules.contains(&Rule::GoesHome), "{rules:?}");
+}
+
 /// It plays a motion once more a second later, under a number that nobody has used, and keeps quiet.
 #[test]
 fn a_command_that_is_executed_twice_is_reported() {
@@ -244,7 +317,7 @@ fn a_command_that_is_executed_twice_is_reported() {
             if let Some((_, command)) = again.take_if(|(at, _)| step.now_us >= *at) {
                 let valid_until_ms = (step.now_us / 1000) as u16 + 100;
                 let command = Command { seq: (command.seq + 8) & 0xF, valid_until_ms, ..command };
-                let input = Input::Link(command.encode(rollwalk_protocol::wire::Node::BROADCAST));
+                let input = Input::Link(command.encode(Node::BROADCAST));
                 quiet = Some(command.seq);
                 let free = Default::default();
                 core.step(Step { input: Some(input), free, ..step }).unwrap();

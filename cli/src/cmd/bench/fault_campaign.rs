@@ -52,8 +52,8 @@ fn scenario(text: &str) -> Result<Scenario, String> {
 fn loss(text: &str) -> Result<u16, String> {
     let percent: Option<f64> = text.parse().ok();
     match percent.map(|percent| (10.0 * percent).round()) {
-        Some(per_mille) if (0.0..=900.0).contains(&per_mille) => Ok(per_mille as u16),
-        _ => Err("a loss is 0 to 90 percent".into()),
+        Some(per_mille) if (0.0..=1000.0).contains(&per_mille) => Ok(per_mille as u16),
+        _ => Err("a loss is 0 to 100 percent".into()),
     }
 }
 
