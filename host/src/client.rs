@@ -11,11 +11,13 @@ use rollwalk_protocol::wire::transport::{
 };
 use rollwalk_protocol::wire::{
     Action, Command, CommandAck, Estop, EstopAck, FaultReport, FromController, HEARTBEAT_PERIOD_MS,
-    Heartbeat, JointTelemetry, Node, ParameterAck, ParameterAction, ParameterRequest, Status,
+    Heartbeat, JointTelemetry, MOST_VALID_MS, Node, ParameterAck, ParameterAction,
+    ParameterRequest, Status,
 };
 
 /// How long a command stays valid, ms: covers its repetitions, not the operator's next idea.
 pub const COMMAND_LIFE_MS: u16 = 500;
+const _: () = assert!(COMMAND_LIFE_MS <= MOST_VALID_MS);
 /// The same, µs.
 pub(crate) const COMMAND_LIFE_US: u64 = COMMAND_LIFE_MS as u64 * 1000;
 /// An emergency stop goes out so often in quick succession, ...

@@ -36,8 +36,7 @@ fn refusals_have_reasons() {
 #[test]
 fn duplicate_command_not_executed_twice() {
     let mut rig = Rig::ready();
-    let mut command = rig.next_command(Action::Play { code: CODE_DRIVE, speed_64ths: 64 });
-    command.valid_until_ms += 20_000;
+    let command = rig.next_command(Action::Play { code: CODE_DRIVE, speed_64ths: 64 });
     let first = rig.repeat(command);
     assert_eq!(first.result, CommandResult::Ok);
     let mut drives = 0;
@@ -51,6 +50,20 @@ fn duplicate_command_not_executed_twice() {
         last = rig.clip();
     }
     assert_eq!(drives, 1);
+    assert_eq!(rig.brain.state(), State::Ready);
+}
+
+/// What never arrived waits in an adapter that was unplugged, and comes when the 16 bits of its time have gone round
+/// by half and more.
+#[test]
+fn a_command_that_waited_for_long_is_not_executed() {
+    let mut rig = Rig::ready();
+    let play = Action::Play { code: CODE_DRIVE, speed_64ths: 64 };
+    let waiting = rig.next_command(play);
+    for _ in 0..64 {
+        rig.run(120);
+        assert_eq!(rig.repeat(waiting).result, CommandResult::Expired, "{} µs", rig.now_us);
+    }
     assert_eq!(rig.brain.state(), State::Ready);
 }
 

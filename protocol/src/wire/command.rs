@@ -9,6 +9,9 @@ const ACK: Kind = Kind::new(3, 2);
 /// No motion, in the fields that name one.
 const NO_MOTION: u8 = 0xFF;
 
+/// A command must not be valid for longer than this, ms.
+pub const MOST_VALID_MS: u16 = 1000;
+
 /// Something that the controller shall do, once.
 ///
 /// A command is executed at most once: its sequence number tells a repetition, which is answered
@@ -20,7 +23,7 @@ pub struct Command {
     /// What to do.
     pub action: Action,
     /// Low 16 bits of the controller's clock in ms (see [`super::HeartbeatReply`]) up to which the
-    /// command may be executed; at most 32 s ahead.
+    /// command may be executed; at most [`MOST_VALID_MS`] ahead.
     pub valid_until_ms: u16,
 }
 
@@ -136,10 +139,11 @@ impl Command {
         Ok((node, Self { seq, action, valid_until_ms: u16::from_le_bytes([v0, v1]) }))
     }
 
-    /// Whether it is too late to execute it, by the controller's clock.
+    /// Whether it must not be executed now, by the controller's clock: it is too late, or valid for longer than
+    /// [`MOST_VALID_MS`], as no host makes them. Such a one has waited somewhere until the 16 bits went round.
     pub fn expired(self, now_us: u64) -> bool {
         let now_ms = (now_us / 1000) as u16;
-        (self.valid_until_ms.wrapping_sub(now_ms) as i16) < 0
+        self.valid_until_ms.wrapping_sub(now_ms) > MOST_VALID_MS
     }
 }
 

@@ -30,7 +30,7 @@ mod status;
 mod telemetry;
 pub mod transport;
 
-pub use command::{Action, Command, CommandAck, CommandResult};
+pub use command::{Action, Command, CommandAck, CommandResult, MOST_VALID_MS};
 pub use discovery::{Discover, Discovered};
 pub use dispatch::{FromController, ToController};
 pub use heartbeat::{Heartbeat, HeartbeatReply};

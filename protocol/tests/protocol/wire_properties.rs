@@ -138,6 +138,12 @@ fn commands_expire_by_the_low_bits_of_the_clock() {
     let command = |valid_until_ms| Command { seq: 0, action: Action::Pause, valid_until_ms };
     assert!(!command(1000).expired(1_000_999));
     assert!(command(1000).expired(1_001_000));
+    // For a second at most.
+    assert!(!command(2000).expired(1_000_000));
+    assert!(command(2000).expired(999_999));
+    // One that has waited, for as long as the number counts.
+    assert!((1_001..65_536).all(|ms| command(1000).expired(1000 * ms)));
+    assert!(!command(1000).expired(65_536_000));
     // Around the wrap at 65 536 ms.
     assert!(!command(100).expired(65_500_000));
     assert!(!command(100).expired(65_636_000));

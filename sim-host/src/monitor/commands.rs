@@ -5,10 +5,26 @@ use crate::clock::SimTime;
 use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
 use std::collections::VecDeque;
 
+/// A command, and when it expires, ms: not only the 16 bits of it that are sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Dated {
+    command: Command,
+    expires_ms: u64,
+}
+
+impl Dated {
+    /// One that is made at an instant expires soon before or after it.
+    fn at(at: SimTime, command: Command) -> Self {
+        let now_ms = at.as_us() / 1000;
+        let ahead_ms = command.valid_until_ms.wrapping_sub(now_ms as u16) as i16;
+        Self { command, expires_ms: now_ms.saturating_add_signed(ahead_ms.into()) }
+    }
+}
+
 /// A command that came to the controller, once or several times.
 #[derive(Clone, Copy, Debug)]
 struct Known {
-    command: Command,
+    dated: Dated,
     /// It came within its time at least once.
     in_time: bool,
     /// It was answered with "ok".
@@ -30,6 +46,8 @@ pub struct Commands {
     codes: Vec<u8>,
     /// How often each of them was begun.
     begun: Vec<usize>,
+    /// What the host has sent.
+    sent: Vec<Dated>,
     known: Vec<Known>,
     /// Answers come in this order; some are dropped when many wait.
     open: VecDeque<Open>,
@@ -41,19 +59,29 @@ impl Commands {
     /// None yet.
     pub fn new(codes: Vec<u8>) -> Self {
         let begun = vec![0; codes.len()];
-        Self { begun, codes, known: Vec::new(), open: VecDeque::new(), last_done: None }
+        let (sent, known) = (Vec::new(), Vec::new());
+        Self { begun, codes, sent, known, open: VecDeque::new(), last_done: None }
+    }
+
+    /// The host sends a command, for the first time or again.
+    pub fn is_sent(&mut self, at: SimTime, command: Command) {
+        let dated = Dated::at(at, command);
+        if !self.sent.contains(&dated) {
+            self.sent.push(dated);
+        }
     }
 
     /// A command comes to the controller. Whether it is another than all before.
     pub fn arrives(&mut self, at: SimTime, command: Command) -> bool {
-        let now_ms = (at.as_us() / 1000) as u16;
-        // By the shorter way round the 16 bits.
-        let in_time = command.valid_until_ms.wrapping_sub(now_ms) as i16 >= 0;
-        let known = self.known.iter().position(|known| known.command == command);
+        // However long it was under way. What the host has not sent is taken for new.
+        let sent = self.sent.iter().rev().find(|sent| sent.command == command);
+        let dated = sent.copied().unwrap_or(Dated::at(at, command));
+        let in_time = at.as_us() / 1000 <= dated.expires_ms;
+        let known = self.known.iter().position(|known| known.dated == dated);
         let place = known.unwrap_or(self.known.len());
         match known {
             Some(place) => self.known[place].in_time |= in_time,
-            None => self.known.push(Known { command, in_time, done: false }),
+            None => self.known.push(Known { dated, in_time, done: false }),
         }
         self.open.push_back(Open { known: place, in_time });
         known.is_none()
@@ -65,7 +93,7 @@ impl Commands {
     /// The rule that it breaks, and how.
     pub fn is_answered(&mut self, ack: CommandAck) -> Result<(), (Rule, String)> {
         let fits = |open: &Open| {
-            let Command { seq, action, .. } = self.known[open.known].command;
+            let Command { seq, action, .. } = self.known[open.known].dated.command;
             (seq, action.kind()) == (ack.seq, ack.kind)
         };
         let Some(place) = self.open.iter().position(fits) else {
@@ -76,7 +104,7 @@ impl Commands {
         if ack.result != CommandResult::Ok {
             return Ok(());
         }
-        let Known { command, done, .. } = &mut self.known[known];
+        let Known { dated: Dated { command, .. }, done, .. } = &mut self.known[known];
         match *done {
             // The last command again is answered again.
             true if self.last_done == Some(known) => Ok(()),
@@ -101,7 +129,8 @@ impl Commands {
         self.begun[clip] += 1;
         // That the answer has left says nothing: the link may be busy.
         let asks = |known: &&Known| {
-            let play = matches!(known.command.action, Action::Play { code: of, .. } if of == code);
+            let play =
+                matches!(known.dated.command.action, Action::Play { code: of, .. } if of == code);
             play && known.in_time
         };
         let (asked, begun) = (self.known.iter().filter(asks).count(), self.begun[clip]);
@@ -156,6 +185,20 @@ mod tests {
         assert_eq!(late, [None, Some(Rule::NotExpired)]);
         let again = verdicts(&[(500, play(1, 2), Done), (600, play(1, 2), Done)]);
         assert_eq!(again, [None, None]);
+    }
+
+    /// The 16 bits of its time have gone round.
+    #[test]
+    fn what_was_under_way_for_a_minute_is_late() {
+        let mut commands = Commands::new(vec![1, 2, 3]);
+        commands.is_sent(SimTime::ZERO, play(1, 2));
+        commands.arrives(SimTime::from_ms(65_600), play(1, 2));
+        let rule = commands.is_answered(answer(1, CommandResult::Ok)).unwrap_err().0;
+        assert_eq!(rule, Rule::NotExpired);
+        // The same bits once more, but another command.
+        commands.is_sent(SimTime::from_ms(131_072), play(1, 2));
+        commands.arrives(SimTime::from_ms(131_100), play(1, 2));
+        assert!(commands.is_answered(answer(1, CommandResult::Ok)).is_ok());
     }
 
     #[test]

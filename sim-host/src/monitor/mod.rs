@@ -209,10 +209,12 @@ impl Monitor {
 
     /// The host has put a frame into its interface.
     pub fn host_sends(&mut self, at: SimTime, frame: &CanFrame) {
-        if matches!(ToController::decode(frame), Ok((_, ToController::Estop)))
-            && self.stop_sent.is_none()
-        {
-            (self.stop_sent, self.stopped_after) = (Some(at), None);
+        match ToController::decode(frame) {
+            Ok((_, ToController::Estop)) if self.stop_sent.is_none() => {
+                (self.stop_sent, self.stopped_after) = (Some(at), None);
+            }
+            Ok((_, ToController::Command(command))) => self.commands.is_sent(at, command),
+            _ => {}
         }
     }
 
