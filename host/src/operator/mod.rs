@@ -133,8 +133,7 @@ impl Operator {
         }
         self.complaint = None;
         self.heard.lose_contact();
-        self.orders.forget(&mut self.client);
-        self.unsent = None;
+        self.forget_orders();
     }
 
     /// The bus is back.
@@ -238,8 +237,8 @@ impl Operator {
         }
     }
 
-    /// The bus did not take the last frame of [`poll`](Self::poll), which gives it once more unless an
-    /// emergency stop comes between.
+    /// The bus did not take the last frame of [`poll`](Self::poll), which gives it once more unless
+    /// something comes between that calms or stops the robot.
     pub fn not_sent(&mut self, frame: CanFrame) {
         self.unsent = Some(frame);
     }
@@ -328,7 +327,7 @@ impl Operator {
         self.ask_hello_us = now_us + HELLO_US;
         if let Some(why) = self.stranger() {
             self.log.say(now_us, Weight::Warning, why);
-            self.orders.forget(&mut self.client);
+            self.forget_orders();
         }
         let visiting = (hello.major, hello.schema_hash) != (PROTOCOL_MAJOR, SCHEMA_HASH);
         if visiting != self.visiting {
@@ -340,6 +339,19 @@ impl Operator {
                 self.client.estop(now_us);
             }
         }
+    }
+
+    /// No order is on its way or waits any more, also none that the bus has not taken.
+    fn forget_orders(&mut self) {
+        self.orders.forget(&mut self.client);
+        self.unsent = None;
+    }
+
+    /// No order that moves the robot is on its way or waits any more. What the bus has not taken may be one; whatever
+    /// else it is will be made again.
+    fn drop_moving(&mut self) {
+        self.orders.drop_moving(&mut self.client);
+        self.unsent = None;
     }
 
     /// What has become of an order.

@@ -51,7 +51,7 @@ impl Order {
     }
 
     /// Whether it calms the robot, and so does not wait for an order that moves it.
-    fn calms(self) -> bool {
+    pub fn calms(self) -> bool {
         matches!(self, Order::Pause | Order::Return | Order::Disarm)
     }
 

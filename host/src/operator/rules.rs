@@ -77,15 +77,14 @@ impl Operator {
             self.latch = Latch::Stopped;
             self.asked = None;
             // Not even a wish to clear, which was about something else.
-            self.orders.forget(&mut self.client);
+            self.forget_orders();
         }
     }
 
     fn estop(&mut self, now_us: u64) {
         self.latch = Latch::Stopped;
         self.asked = None;
-        self.unsent = None;
-        self.orders.forget(&mut self.client);
+        self.forget_orders();
         // A button that repeats itself says so once.
         if !self.client.is_stopping() {
             self.log.say(now_us, Weight::Warning, "EMERGENCY STOP");
@@ -99,7 +98,7 @@ impl Operator {
         }
         self.deadman = Some(deadman);
         if let Deadman::Released(_) = deadman {
-            self.orders.drop_moving(&mut self.client);
+            self.drop_moving();
             self.unasked_us = now_us;
         }
         if matches!(self.heard.state(), Some(State::Playing | State::Aligning | State::Paused)) {
@@ -113,7 +112,7 @@ impl Operator {
         let torque = self.heard.state().is_some_and(has_torque);
         self.leaving = match self.leaving {
             Leaving::No if torque && !self.visiting => {
-                self.orders.forget(&mut self.client);
+                self.forget_orders();
                 self.unasked_us = now_us;
                 let text = if self.heard.in_contact(now_us) && self.bus_lost.is_none() {
                     "going home: it returns to SAFE, then torque goes off"
@@ -131,6 +130,9 @@ impl Operator {
         match self.permit(order) {
             Ok(()) => {
                 self.unasked_us = self.unasked_us.max(now_us);
+                if order.calms() {
+                    self.drop_moving();
+                }
                 self.orders.give(now_us, order, false, &mut self.client);
             }
             Err(Barred::Refused(why)) => {

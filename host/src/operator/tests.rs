@@ -24,13 +24,15 @@ struct Desk {
     now_us: u64,
     sent: Vec<ToController>,
     heartbeat: u8,
+    /// The bus does not take the next command.
+    full: bool,
 }
 
 impl Desk {
     /// In contact with a controller, whose clock is known.
     fn new() -> Self {
         let operator = Operator::new(node(), None);
-        let mut desk = Self { operator, now_us: 0, sent: Vec::new(), heartbeat: 0 };
+        let mut desk = Self { operator, now_us: 0, sent: Vec::new(), heartbeat: 0, full: false };
         desk.poll();
         desk.reply();
         desk.hear(status(State::Ready, 0).encode(node()));
@@ -56,6 +58,10 @@ impl Desk {
         let may_live = !released || self.operator.heard.in_contact(self.now_us);
         while let Some(frame) = self.operator.poll(self.now_us) {
             let message = ToController::decode(&frame).unwrap().1;
+            if matches!(message, ToController::Command(_)) && std::mem::take(&mut self.full) {
+                self.operator.not_sent(frame);
+                break;
+            }
             if let ToController::Heartbeat(heartbeat) = message {
                 assert!(may_live, "a heartbeat without contact and without the deadman");
                 self.heartbeat = heartbeat.seq;
@@ -201,6 +207,37 @@ fn what_is_wrong_with_the_bus_is_said_once_and_shown_as_it_is() {
 }
 
 #[test]
+fn what_the_bus_did_not_take_does_not_move_the_robot_after_the_deadman_was_let_go() {
+    let let_go = Intent::Deadman(Deadman::Released(LetGo::Pause));
+    for intent in [Intent::Resume, Intent::Play { code: 3 }] {
+        let mut desk = Desk::new();
+        desk.want(Intent::Deadman(Deadman::Held));
+        desk.full = true;
+        desk.want(intent);
+        desk.poll();
+        desk.want(let_go);
+        desk.pass(300_000);
+        assert_eq!(desk.commands(), [], "{intent:?}");
+    }
+    // The second step of arming: also for a stop of somebody else's, for leaving, and for calming orders.
+    for intent in [Some(let_go), Some(Intent::Quit), Some(Intent::Disarm), None] {
+        let mut desk = Desk::new();
+        desk.want(Intent::Deadman(Deadman::Held));
+        desk.want(Intent::Arm);
+        desk.poll();
+        desk.full = true;
+        desk.answer(CommandResult::Ok, 777);
+        match intent {
+            Some(intent) => desk.want(intent),
+            None => desk.hear(status(State::EStopped, 1).encode(node())),
+        }
+        desk.pass(300_000);
+        let confirms = |command: &Command| matches!(command.action, Action::ArmConfirm { .. });
+        assert!(!desk.commands().iter().any(confirms), "{intent:?}: {:?}", desk.commands());
+    }
+}
+
+#[test]
 fn after_a_stop_it_takes_clearing_and_arming() {
     let mut desk = Desk::new();
     desk.want(Intent::Estop);
@@ -291,7 +328,7 @@ fn a_paused_robot_goes_home_without_the_deadman_only_where_that_is_what_it_means
 fn without_contact_and_without_the_deadman_it_is_silent_but_for_asking() {
     let mut operator = Operator::new(node(), None);
     operator.want(0, Intent::Deadman(Deadman::Released(LetGo::Pause)));
-    let mut desk = Desk { operator, now_us: 0, sent: Vec::new(), heartbeat: 0 };
+    let mut desk = Desk { operator, now_us: 0, sent: Vec::new(), heartbeat: 0, full: false };
     desk.pass(1_200_000);
     assert!(!desk.sent.is_empty(), "it asks: a board with several ports answers there");
     assert!(desk.sent.iter().all(|&message| message == ToController::Transport));
@@ -375,7 +412,8 @@ enum Happens {
     Time(u64),
     BusLost,
     BusBack,
-    NotSent,
+    /// The bus will not take the next command at once.
+    Full,
 }
 
 fn state() -> impl Strategy<Value = State> {
@@ -442,7 +480,7 @@ fn happens() -> impl Strategy<Value = Happens> {
         4 => (0u64..400_000).prop_map(Happens::Time),
         1 => Just(Happens::BusLost),
         1 => Just(Happens::BusBack),
-        1 => Just(Happens::NotSent),
+        1 => Just(Happens::Full),
     ]
 }
 
@@ -557,11 +595,7 @@ proptest! {
                 Happens::Time(us) => desk.pass(us),
                 Happens::BusLost => desk.operator.on_bus_lost(desk.now_us, "unplugged"),
                 Happens::BusBack => desk.operator.on_bus_back(desk.now_us),
-                Happens::NotSent => {
-                    if let Some(frame) = desk.operator.poll(desk.now_us) {
-                        desk.operator.not_sent(frame);
-                    }
-                }
+                Happens::Full => desk.full = true,
             }
             for message in &desk.sent[before..] {
                 watch.sent(message)?;

@@ -45,8 +45,10 @@ impl<B: LinkBus> Exchange<B> {
         self.client.status()
     }
 
-    /// Starts an emergency stop, which goes on until it is acknowledged.
+    /// Starts an emergency stop, which goes on until it is acknowledged. What the bus has not taken yet is not sent
+    /// before it, nor later.
     pub fn estop(&mut self) {
+        self.unsent = None;
         self.client.estop(self.bus.now_us());
     }
 

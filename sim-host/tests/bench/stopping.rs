@@ -2,13 +2,14 @@
 
 use crate::robot::SWING;
 use crate::{S, armed, connect, rig};
-use rollwalk_bus::link::LinkBus;
+use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::lossy::Lossy;
 use rollwalk_host::refusal::event_sentence;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::{Estop, EstopAck, Fault, LogEvent, Node, State};
 use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::rig::Rig;
 
 #[test]
 fn an_emergency_stop_takes_torque_off_and_stays_until_cleared() {
@@ -51,6 +52,43 @@ fn an_emergency_stop_overtakes_everything_that_waits_for_the_link() {
     // One frame of the flood under way, the stop, one frame that the controller already has in its
     // transmit buffer, the answer: of at most 135 bits each. The rest of the flood waits.
     assert!(rig.now() - posted < SimTime::from_us(4 * 135), "{:?}", rig.now() - posted);
+}
+
+/// A link that takes nothing for a while, and remembers what it took.
+struct Full {
+    rig: Rig,
+    full: bool,
+    taken: Vec<CanFrame>,
+}
+
+impl LinkBus for Full {
+    fn now_us(&self) -> u64 {
+        self.rig.now_us()
+    }
+
+    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+        if self.full {
+            return Err(LinkError::Busy);
+        }
+        self.taken.push(*frame);
+        self.rig.send(frame)
+    }
+
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+        self.rig.receive(deadline_us)
+    }
+}
+
+#[test]
+fn what_the_link_did_not_take_does_not_come_before_an_emergency_stop() {
+    let rig = armed().into_bus();
+    let mut session = connect(Full { rig, full: false, taken: Vec::new() });
+    session.bus_mut().full = true;
+    assert!(matches!(session.select(SWING), Err(SessionError::Silent { .. })));
+    (session.bus_mut().full, session.bus_mut().taken) = (false, Vec::new());
+    session.estop().unwrap();
+    let node = session.bus().rig.node();
+    assert_eq!(session.bus().taken.first(), Some(&Estop.encode(node)));
 }
 
 #[test]
