@@ -222,6 +222,9 @@ impl Operator {
                 && let Some((order, again_us)) = self.unasked(now_us)
             {
                 self.unasked_us = now_us + again_us;
+                if order.calms() {
+                    self.asked = None;
+                }
                 self.orders.give(now_us, order, true, &mut self.client);
             }
         }

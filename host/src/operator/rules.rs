@@ -133,6 +133,10 @@ impl Operator {
                 if order.calms() {
                     self.drop_moving();
                 }
+                // Whether it is answered or not: what was asked for before is not asked for any more.
+                if matches!(order, Order::Play { .. } | Order::Return | Order::Disarm) {
+                    self.asked = None;
+                }
                 self.orders.give(now_us, order, false, &mut self.client);
             }
             Err(Barred::Refused(why)) => {

@@ -306,6 +306,37 @@ fn a_robot_that_moves_without_the_deadman_is_told_to_pause_until_it_does() {
     assert_eq!(desk.commands().last().unwrap().action, Action::Disarm);
 }
 
+/// The robot may not have heard it, but whoever pushes the stick then does not mean the motion before.
+#[test]
+fn the_speed_does_not_bring_back_what_an_unanswered_order_has_ended() {
+    let playing = |counter| Status { clip: Some(2), ..status(State::Playing, counter) };
+    let codes = |desk: &Desk| {
+        let code = |command: &Command| match command.action {
+            Action::Play { code, speed_64ths } => Some((code, speed_64ths)),
+            _ => None,
+        };
+        desk.commands().iter().filter_map(code).collect::<Vec<_>>()
+    };
+    let orders = [None, Some(Intent::Return), Some(Intent::Disarm), Some(Intent::Play { code: 3 })];
+    for order in orders {
+        let mut desk = Desk::new();
+        desk.operator.set_catalog(Some(catalog()));
+        desk.want(Intent::Play { code: 2 });
+        desk.poll();
+        desk.answer(CommandResult::Ok, 0);
+        desk.hear(playing(1).encode(node()));
+        if let Some(order) = order {
+            desk.want(order);
+            desk.pass(600_000);
+        }
+        desk.hear(playing(2).encode(node()));
+        desk.sent.clear();
+        desk.want(Intent::Speed { sixty_fourths: 20 });
+        desk.pass(100_000);
+        assert_eq!(codes(&desk).contains(&(2, 20)), order.is_none(), "{order:?}");
+    }
+}
+
 #[test]
 fn a_paused_robot_goes_home_without_the_deadman_only_where_that_is_what_it_means() {
     for (let_go, goes) in [(LetGo::Pause, false), (LetGo::Return, true), (LetGo::Disarm, false)] {
