@@ -90,6 +90,15 @@ pub enum SessionError {
         /// Its answer.
         reply: Reply,
     },
+    /// After a transfer that it called good the controller has another library in use.
+    #[error(
+        "the controller has {} in use and not the library that was transferred: transfer it again",
+        found.map_or("no library".into(), |found| format!("library {found:08x}"))
+    )]
+    NotInUse {
+        /// Identity of the one in use.
+        found: Option<u32>,
+    },
     /// The robot went another way than the one that was waited for.
     #[error("waited for {waited_for}, but the robot is in state {:?}: {}", status.state, fault_names(status.faults))]
     WentElsewhere {

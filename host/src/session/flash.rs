@@ -7,6 +7,7 @@
 use super::{Session, SessionError, ask_hello};
 use rollwalk_bus::link::LinkBus;
 use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::library::identity;
 use rollwalk_protocol::wire::transport::{MAX_BLOCK, Reply, Request, Response, TransferResult};
 
 /// Longest wait for the answer to a block, µs.
@@ -40,12 +41,13 @@ impl<B: LinkBus> Session<B> {
     ) -> Result<(), SessionError> {
         let crc32c = crc32c(library);
         let len = u32::try_from(library.len()).unwrap_or(u32::MAX);
-        let begun = self.transfer(&Request::Begin { len, crc32c }, MEMORY_TIMEOUT_US)?;
+        let begun = self.transfer(&Request::Begin { len, crc32c }, len, MEMORY_TIMEOUT_US)?;
         self.send_blocks(library, begun.next as usize, &mut progress)?;
-        self.transfer(&Request::Finish, MEMORY_TIMEOUT_US)?;
-        self.transfer(&Request::Activate { crc32c }, MEMORY_TIMEOUT_US)?;
+        self.transfer(&Request::Finish, len, MEMORY_TIMEOUT_US)?;
+        self.transfer(&Request::Activate { crc32c }, len, MEMORY_TIMEOUT_US)?;
         self.hello = ask_hello(&mut self.exchange)?;
-        Ok(())
+        let found = self.hello.library;
+        if found == identity(library) { Ok(()) } else { Err(SessionError::NotInUse { found }) }
     }
 
     /// Sends what the controller does not have: everything from byte `done` on.
@@ -64,7 +66,8 @@ impl<B: LinkBus> Session<B> {
             progress(Progress { done, total });
             let bytes = &library[done..total.min(done + size)];
             let block = Request::Block { offset: done as u32, bytes };
-            let reply = self.exchange.respond_once(&block, BLOCK_TIMEOUT_US, reply_to(&block))?;
+            let wanted = reply_to(&block, total as u32);
+            let reply = self.exchange.respond_once(&block, BLOCK_TIMEOUT_US, wanted)?;
             let next = match reply {
                 None => done,
                 Some(Reply {
@@ -91,8 +94,14 @@ impl<B: LinkBus> Session<B> {
     }
 
     /// A transfer request to which `Ok` is the only good answer.
-    fn transfer(&mut self, request: &Request<'_>, timeout_us: u64) -> Result<Reply, SessionError> {
-        let reply = self.exchange.respond(request, timeout_us, REQUEST_SENDS, reply_to(request))?;
+    fn transfer(
+        &mut self,
+        request: &Request<'_>,
+        len: u32,
+        timeout_us: u64,
+    ) -> Result<Reply, SessionError> {
+        let wanted = reply_to(request, len);
+        let reply = self.exchange.respond(request, timeout_us, REQUEST_SENDS, wanted)?;
         match reply.result {
             TransferResult::Ok => Ok(reply),
             _ => Err(SessionError::LibraryRefused { reply }),
@@ -100,11 +109,18 @@ impl<B: LinkBus> Session<B> {
     }
 }
 
-/// Picks the answer to a request.
-fn reply_to(request: &Request<'_>) -> impl FnMut(Response) -> Option<Reply> + use<> {
+/// Picks the answer to a request about a file of `len` bytes. One to go on from, but beyond its end, is about another
+/// file, or damaged, and so is as good as lost.
+fn reply_to(request: &Request<'_>, len: u32) -> impl FnMut(Response) -> Option<Reply> + use<> {
     let kind = request.kind();
     move |response| match response {
-        Response::Reply(reply) if reply.request == kind => Some(reply),
+        Response::Reply(reply) if reply.request == kind => {
+            let goes_on = matches!(
+                reply.result,
+                TransferResult::Ok | TransferResult::OutOfOrder | TransferResult::BadCrc
+            );
+            (!goes_on || reply.next <= len).then_some(reply)
+        }
         _ => None,
     }
 }

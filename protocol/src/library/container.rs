@@ -59,6 +59,15 @@ pub(crate) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(four.try_into().ok()?))
 }
 
+/// The identity that a library has by its own footer, wherever more follows it in the file; `None` if this is none. That
+/// it is sound only validation can tell.
+pub fn identity(bytes: &[u8]) -> Option<u32> {
+    let len = usize::try_from(u32_at(bytes, 12)?).ok()?;
+    let footer = bytes.get(len.checked_sub(FOOTER_LEN)?..len)?;
+    let sound = bytes.starts_with(&HEADER_MAGIC) && footer.starts_with(&FOOTER_MAGIC);
+    u32_at(footer, 12).filter(|_| sound)
+}
+
 /// Header of a library of `len` bytes.
 pub(crate) fn header(len: u32) -> [u8; HEADER_LEN] {
     let mut h = [0; HEADER_LEN];

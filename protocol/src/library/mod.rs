@@ -48,6 +48,7 @@ mod writer;
 
 pub use attitude::Attitude;
 pub use check::Entry;
+pub use container::identity;
 pub use cursor::{Advance, ClipCursor, Unreadable};
 pub use encode::{encode, encode_with_attitudes};
 pub use reject::{Reject, Section, Why};

@@ -84,3 +84,72 @@ fn a_transfer_over_a_link_that_broke_is_taken_up_where_it_stopped() {
     assert_eq!(first, Some(512));
     session.arm().unwrap();
 }
+
+/// A link that changes frames.
+struct Lying<F> {
+    rig: Rig,
+    /// What becomes of a frame of the host, and what comes back instead of it.
+    sends: F,
+    answers: Vec<CanFrame>,
+    /// Of the first answer to a transfer request so many bytes are told to be there.
+    tells: Option<u16>,
+}
+
+impl<F: FnMut(&CanFrame) -> Vec<CanFrame>> LinkBus for Lying<F> {
+    fn now_us(&self) -> u64 {
+        self.rig.now_us()
+    }
+
+    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+        let answers = (self.sends)(frame);
+        if answers.is_empty() {
+            return self.rig.send(frame);
+        }
+        self.answers = answers;
+        Ok(())
+    }
+
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+        if !self.answers.is_empty() {
+            return Ok(Some(self.answers.remove(0)));
+        }
+        let Some(frame) = self.rig.receive(deadline_us)? else { return Ok(None) };
+        // First frame of a REPLY: length, type, request, result, three bytes of `next`.
+        if let &[0x10, 9, 0x90, request, result, _, _, last] = frame.data()
+            && let Some(next) = self.tells.take()
+        {
+            let [low, high] = next.to_le_bytes();
+            let data = [0x10, 9, 0x90, request, result, low, high, last];
+            return Ok(CanFrame::new(frame.id(), &data));
+        }
+        Ok(Some(frame))
+    }
+}
+
+#[test]
+fn an_answer_that_tells_more_than_there_is_counts_as_lost() {
+    let sends = |_: &CanFrame| Vec::new();
+    let tells = Some(60_000);
+    assert!(robot::library().len() < 60_000);
+    let mut session = connect(Lying { rig: rig(), sends, answers: Vec::new(), tells });
+    session.flash(&robot::library(), |_| {}).unwrap();
+    assert_eq!(session.bus().tells, None);
+}
+
+#[test]
+fn a_library_that_is_not_in_use_after_its_transfer_is_noticed() {
+    // Somebody answers ACTIVATE and does nothing.
+    let sends = |frame: &CanFrame| match frame.data() {
+        &[5, 0x13, ..] => {
+            let id = frame.id() | 1;
+            let first = CanFrame::new(id, &[0x10, 9, 0x90, 0x13, 0, 0, 0, 0]);
+            let last = CanFrame::new(id, &[0x21, 0, 0, 0]);
+            [first, last].into_iter().flatten().collect()
+        }
+        _ => Vec::new(),
+    };
+    let mut session = connect(Lying { rig: rig(), sends, answers: Vec::new(), tells: None });
+    let error = session.flash(&robot::library(), |_| {}).unwrap_err();
+    assert_eq!(error, SessionError::NotInUse { found: None });
+    assert_eq!(session.hello().library, None);
+}
