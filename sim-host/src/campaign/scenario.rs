@@ -56,7 +56,7 @@ pub enum Scenario {
     EStop,
     /// The library is transferred while frames are lost, repeated, damaged and late.
     Flash,
-    /// Several of these, one after the other and at the same time.
+    /// Several of these, one after the other and at the same time; of what the host does one.
     Chaos,
 }
 
@@ -307,9 +307,11 @@ impl Scenario {
             }
             Self::ActuatorLoss => {
                 ends = while_streaming;
+                // In chaos also where the link loses nothing.
+                let loss = loss_per_mille.max(10);
                 for bus in 0..buses {
                     for way in [Way::ToActuators(bus), Way::FromActuators(bus)] {
-                        add(Harm::Stream(way, Spoil::Lose(loss_per_mille)), ends);
+                        add(Harm::Stream(way, Spoil::Lose(loss)), ends);
                     }
                 }
                 allowed = UNREACHED;
@@ -363,10 +365,13 @@ impl Scenario {
                 required = if long { allowed } else { &[] };
             }
             Self::BridgeStall => {
-                let ways = if random.bool() { &link[..] } else { &link[..1] };
+                let ways = [&link[..], &link[..1], &link[1..]][random.usize(0..3)];
                 ways.iter().for_each(|&way| add(Harm::Stream(way, Spoil::Hold), until));
-                allowed = &[Bit::HostLost];
-                required = if long { allowed } else { &[] };
+                // A host that hears nothing is heard nevertheless.
+                if ways.contains(&Way::LinkToController) {
+                    allowed = &[Bit::HostLost];
+                    required = if long { allowed } else { &[] };
+                }
             }
             Self::EStop => {
                 plan.host = Host::Stops(start);
@@ -387,10 +392,14 @@ impl Scenario {
                         Self::BusOff,
                         Self::ActuatorDeaf,
                         Self::ActuatorDead,
+                        Self::ActuatorLoss,
                         Self::ActuatorDisorder,
                         Self::ActuatorCorruption,
                         Self::PowerCut,
+                        Self::HostDead,
+                        Self::HostStall,
                         Self::BridgeStall,
+                        Self::EStop,
                     ];
                     let one = choice[random.usize(0..choice.len())];
                     let start = start + between(random, 0, 1500);
@@ -429,5 +438,26 @@ fn adapter(random: &mut Rng) -> Adapter {
         depth: if random.bool() { 1 } else { random.usize(2..=16) },
         calls_back: random.bool(),
         alone: if random.bool() { BusState::NotAcknowledged } else { BusState::Passive },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::Subject;
+
+    #[test]
+    fn chaos_has_what_the_host_does_and_lost_frames_of_actuators_too() {
+        let config = Subject::one_leg().config();
+        let plans: Vec<Plan> = (0..200)
+            .map(|seed| Scenario::Chaos.plan(SimTime::ZERO, 0, &config, &mut Rng::with_seed(seed)))
+            .collect();
+        let hosts = |which: fn(&Host) -> bool| plans.iter().any(|plan| which(&plan.host));
+        assert!(hosts(|host| matches!(host, Host::Stays)));
+        assert!(hosts(|host| matches!(host, Host::Dies(..))));
+        assert!(hosts(|host| matches!(host, Host::Stalls(..))));
+        assert!(hosts(|host| matches!(host, Host::Stops(_))));
+        let mut harms = plans.iter().flat_map(|plan| &plan.faults).map(|fault| fault.harm);
+        assert!(harms.any(|harm| harm == Harm::Stream(Way::ToActuators(0), Spoil::Lose(10))));
     }
 }

@@ -82,8 +82,8 @@ pub struct Terms {
     /// After the controller knows that torque is to be off, no motor gives any for longer than this.
     pub motors_off_within: SimTime,
     /// After the host has begun to send an emergency stop, no motor gives torque for longer than this,
-    /// whatever gets lost.
-    pub stopped_within: SimTime,
+    /// whatever gets lost; `None` where that depends on what else is delayed.
+    pub stopped_within: Option<SimTime>,
     /// How a robot comes down.
     pub home: home::Terms,
 }
@@ -371,7 +371,7 @@ impl Monitor {
         }
         if let Some(sent) = self.stop_sent
             && self.stopped_after.is_none()
-            && at - sent > self.terms.stopped_within
+            && self.terms.stopped_within.is_some_and(|within| at - sent > within)
         {
             self.stopped_after = Some(at - sent);
             let late = (at - sent).as_us();
