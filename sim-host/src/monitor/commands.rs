@@ -27,8 +27,21 @@ struct Known {
     dated: Dated,
     /// It came within its time at least once.
     in_time: bool,
-    /// It was answered with "ok".
-    done: bool,
+    /// The first "ok" that it was answered with.
+    done: Option<CommandAck>,
+    goal: Goal,
+}
+
+/// What a command to play a motion may still bring about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Goal {
+    /// The motion may begin.
+    Open,
+    /// Another goal took its place when so many motions had begun. The motion may be the next to begin, for the
+    /// transition to it is finished first, and none after that.
+    Replaced { begun: usize },
+    /// The motion has begun, or torque went off.
+    Over,
 }
 
 /// A command that came and is not answered yet.
@@ -44,8 +57,8 @@ struct Open {
 pub struct Commands {
     /// Codes of the library's motions, in its order.
     codes: Vec<u8>,
-    /// How often each of them was begun.
-    begun: Vec<usize>,
+    /// How many motions have begun.
+    begun: usize,
     /// What the host has sent.
     sent: Vec<Dated>,
     known: Vec<Known>,
@@ -58,9 +71,8 @@ pub struct Commands {
 impl Commands {
     /// None yet.
     pub fn new(codes: Vec<u8>) -> Self {
-        let begun = vec![0; codes.len()];
         let (sent, known) = (Vec::new(), Vec::new());
-        Self { begun, codes, sent, known, open: VecDeque::new(), last_done: None }
+        Self { begun: 0, codes, sent, known, open: VecDeque::new(), last_done: None }
     }
 
     /// The host sends a command, for the first time or again.
@@ -81,7 +93,7 @@ impl Commands {
         let place = known.unwrap_or(self.known.len());
         match known {
             Some(place) => self.known[place].in_time |= in_time,
-            None => self.known.push(Known { dated, in_time, done: false }),
+            None => self.known.push(Known { dated, in_time, done: None, goal: Goal::Open }),
         }
         self.open.push_back(Open { known: place, in_time });
         known.is_none()
@@ -106,16 +118,37 @@ impl Commands {
         }
         let Known { dated: Dated { command, .. }, done, .. } = &mut self.known[known];
         match *done {
-            // The last command again is answered again.
-            true if self.last_done == Some(known) => Ok(()),
-            true => Err((Rule::Once, format!("{command:?} was done before another, and again"))),
-            false if !in_time => Err((Rule::NotExpired, format!("{command:?} is done too late"))),
-            false => {
-                *done = true;
+            // The last command again is answered again, and not executed: with the same answer.
+            Some(first) if self.last_done == Some(known) && first == ack => Ok(()),
+            Some(first) if self.last_done == Some(known) => {
+                Err((Rule::Once, format!("{command:?} was answered by {first:?}, then by {ack:?}")))
+            }
+            Some(_) => Err((Rule::Once, format!("{command:?} was done before another, and again"))),
+            None if !in_time => Err((Rule::NotExpired, format!("{command:?} is done too late"))),
+            None => {
+                *done = Some(ack);
                 self.last_done = Some(known);
+                if matches!(command.action, Action::Play { .. } | Action::Return) {
+                    self.replace_goals(known);
+                }
                 Ok(())
             }
         }
+    }
+
+    /// The goals of all commands that came before this one have another in their place.
+    fn replace_goals(&mut self, by: usize) {
+        let begun = self.begun;
+        for known in &mut self.known[..by] {
+            if known.goal == Goal::Open {
+                known.goal = Goal::Replaced { begun };
+            }
+        }
+    }
+
+    /// Torque is off: what was to be played is not played any more.
+    pub fn torque_is_off(&mut self) {
+        self.known.iter_mut().for_each(|known| known.goal = Goal::Over);
     }
 
     /// A clip begins.
@@ -124,21 +157,34 @@ impl Commands {
     /// The rule that it breaks, and how.
     pub fn is_played(&mut self, clip: u8) -> Result<(), (Rule, String)> {
         let clip = usize::from(clip);
-        // Into SAFE all ways lead, whatever was asked; the others have no code.
-        let Some(&code) = self.codes.get(clip).filter(|_| clip > 0) else { return Ok(()) };
-        self.begun[clip] += 1;
-        // That the answer has left says nothing: the link may be busy.
-        let asks = |known: &&Known| {
-            let play =
-                matches!(known.dated.command.action, Action::Play { code: of, .. } if of == code);
-            play && known.in_time
-        };
-        let (asked, begun) = (self.known.iter().filter(asks).count(), self.begun[clip]);
-        if begun <= asked {
+        // The others are transitions, which have no code.
+        let Some(&code) = self.codes.get(clip) else { return Ok(()) };
+        let begun = self.begun;
+        self.begun += 1;
+        // Into SAFE all ways lead, whatever was asked.
+        if clip == 0 {
             return Ok(());
         }
-        let what = format!("code {code} was asked for {asked} times and begun {begun} times");
-        Err((Rule::Once, what))
+        // That the answer has left says nothing: the link may be busy.
+        let asks = |known: &&mut Known| {
+            let play =
+                matches!(known.dated.command.action, Action::Play { code: of, .. } if of == code);
+            let may_begin = match known.goal {
+                Goal::Open => true,
+                Goal::Replaced { begun: then } => then == begun,
+                Goal::Over => false,
+            };
+            play && known.in_time && may_begin
+        };
+        match self.known.iter_mut().find(asks) {
+            Some(known) => {
+                known.goal = Goal::Over;
+                Ok(())
+            }
+            None => {
+                Err((Rule::Once, format!("code {code} begins, and nobody asks for it any more")))
+            }
+        }
     }
 }
 
@@ -211,6 +257,41 @@ mod tests {
         assert!(commands.is_played(0).is_ok() && commands.is_played(7).is_ok());
         assert!(commands.is_played(1).is_ok());
         assert_eq!(commands.is_played(1).unwrap_err().0, Rule::Once);
+        assert_eq!(commands.is_played(2).unwrap_err().0, Rule::Once);
+    }
+
+    #[test]
+    fn a_repeated_answer_is_the_first_once_more() {
+        let mut commands = Commands::new(vec![1, 2, 3]);
+        let first = answer(1, CommandResult::Ok);
+        let mut rule = |ack| {
+            commands.arrives(SimTime::ZERO, play(1, 2));
+            commands.is_answered(ack).err().map(|(rule, _)| rule)
+        };
+        assert_eq!([rule(first), rule(first)], [None, None]);
+        assert_eq!(rule(CommandAck { value: 3, ..first }), Some(Rule::Once));
+    }
+
+    #[test]
+    fn what_another_goal_has_replaced_begins_next_or_never() {
+        // Codes 1, 2, 3 are clips 0, 1, 2.
+        let replaced = || {
+            let mut commands = Commands::new(vec![1, 2, 3]);
+            for (seq, code) in [(1, 2), (2, 3)] {
+                commands.arrives(SimTime::ZERO, play(seq, code));
+                commands.is_answered(answer(seq, CommandResult::Ok)).unwrap();
+            }
+            commands
+        };
+        // Its transition had begun.
+        let mut commands = replaced();
+        assert!(commands.is_played(1).is_ok() && commands.is_played(2).is_ok());
+        assert_eq!(commands.is_played(1).unwrap_err().0, Rule::Once);
+        let mut commands = replaced();
+        assert!(commands.is_played(2).is_ok());
+        assert_eq!(commands.is_played(1).unwrap_err().0, Rule::Once);
+        let mut commands = replaced();
+        commands.torque_is_off();
         assert_eq!(commands.is_played(2).unwrap_err().0, Rule::Once);
     }
 }

@@ -204,6 +204,7 @@ impl Monitor {
         self.enabled = false;
         self.permits = 0;
         self.home.is_down();
+        self.commands.torque_is_off();
         self.setpoints.forget();
     }
 

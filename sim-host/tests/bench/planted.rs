@@ -40,9 +40,19 @@ impl Core for Planted {
 
 /// Rules that are reported within some runs.
 fn reported(scenario: Scenario, seeds: u64, bug: impl Fn() -> Bug) -> BTreeSet<Rule> {
+    reported_with(scenario, 0, seeds, bug)
+}
+
+/// The same with so many of a thousand frames of the link lost.
+fn reported_with(
+    scenario: Scenario,
+    loss_per_mille: u16,
+    seeds: u64,
+    bug: impl Fn() -> Bug,
+) -> BTreeSet<Rule> {
     let subject = Subject::one_leg();
     let rules = (0..seeds).flat_map(|seed| {
-        let case = Case { scenario, loss_per_mille: 0, seed };
+        let case = Case { scenario, loss_per_mille, seed };
         let config = subject.config();
         let (buses, settings) = (subject.robot.controller_buses(), Settings::default());
         let core = Local::with_library(config, buses, settings, &subject.library);
@@ -328,6 +338,31 @@ fn a_command_that_is_executed_twice_is_reported() {
                 && quiet == Some(ack.seq)
             {
                 (quiet, stepped.link) = (None, None);
+            }
+            stepped
+        })
+    });
+    assert!(rules.contains(&Rule::Once), "{rules:?}");
+}
+
+/// The last command that comes again is executed again: numbers are moved on by one with each repetition.
+#[test]
+fn a_last_command_that_is_executed_again_is_reported() {
+    let rules = reported_with(Scenario::Loss, 100, 4, || {
+        let (mut last, mut ahead, mut theirs) = (None::<Command>, 0u8, [0u8; 16]);
+        Box::new(move |core, step| {
+            let mut step = step;
+            if let (Some(command), Some(Input::Link(frame))) = (command_of(&step), &step.input) {
+                ahead = ahead.wrapping_add(u8::from(last.replace(command) == Some(command)));
+                let seq = command.seq.wrapping_add(ahead) & 0xF;
+                theirs[usize::from(seq)] = command.seq;
+                let (node, _) = Command::decode(frame).unwrap();
+                step.input = Some(Input::Link(Command { seq, ..command }.encode(node)));
+            }
+            let mut stepped = core.step(step).unwrap();
+            if let Some(Ok((node, ack))) = stepped.link.as_ref().map(CommandAck::decode) {
+                let seq = theirs[usize::from(ack.seq)];
+                stepped.link = Some(CommandAck { seq, ..ack }.encode(node));
             }
             stepped
         })
