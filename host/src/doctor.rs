@@ -216,10 +216,11 @@ impl Findings<'_> {
     fn detail(&self, report: &FaultReport) -> String {
         let value = match report.fault {
             Fault::HostLost | Fault::ActuatorSilent => format!("{:.1} s ago", report.value),
-            Fault::TrackingError => format!("off by {:.3}", report.value),
+            Fault::TrackingError => format!("off by {:.3} rad", report.value),
             Fault::OutOfLimits => format!("at {:.3} rad", report.value),
+            Fault::Tilt if report.value < 0.0 => "the IMU is silent".into(),
             Fault::Tilt => format!("by {:.2} rad", report.value),
-            Fault::Overrun => format!("by {:.4} s", report.value),
+            Fault::Overrun => format!("{:.4} s from one tick to the next", report.value),
             Fault::BusNoAck | Fault::BusPassive | Fault::BusOff => format!("bus {}", report.value),
             Fault::ActuatorFault => format!("status byte {:#04x}", report.value as u8),
             _ => String::new(),
@@ -396,6 +397,22 @@ mod tests {
                 "{text}"
             );
             assert!(text.contains("rollwalk clear --bus can:can0"), "{text}");
+        }
+    }
+
+    #[test]
+    fn values_of_faults_are_what_the_specification_says() {
+        let node = Node::new(1).unwrap();
+        for (fault, value, words) in [
+            (Fault::Tilt, -1.0, "the IMU is silent"),
+            (Fault::Tilt, 0.5, "by 0.50 rad"),
+            (Fault::Overrun, 0.08, "0.0800 s from one tick to the next"),
+        ] {
+            let mut heard = heard(State::Damped, FaultBits::default().with(fault), 2);
+            let report = FaultReport { counter: 0, fault, channel: None, value };
+            heard.take(1, &report.encode(node));
+            let told = diagnose(&heard, Some(&hello()));
+            assert!(told.contains(words), "{told}");
         }
     }
 
