@@ -9,7 +9,7 @@ const NONCE_LIFE_US: u64 = 2_000_000;
 /// What is to be done with a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
-    /// Execute it, then [`Gate::executed`].
+    /// Execute it, then [`Gate::answered`].
     Execute,
     /// Answer with this again: it was executed before.
     Repeat(CommandAck),

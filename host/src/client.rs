@@ -20,6 +20,10 @@ pub const COMMAND_LIFE_MS: u16 = 500;
 const _: () = assert!(COMMAND_LIFE_MS <= MOST_VALID_MS);
 /// The same, µs.
 pub(crate) const COMMAND_LIFE_US: u64 = COMMAND_LIFE_MS as u64 * 1000;
+/// Longest wait for the answer to a command before it is repeated, µs.
+pub(crate) const ACK_TIMEOUT_US: u64 = 60_000;
+/// A host that does not know where another stopped counting needs at most so many numbers until one counts as new.
+pub(crate) const SEQUENCE_TRIES: u32 = 9;
 /// An emergency stop goes out so often in quick succession, ...
 const ESTOP_BURST: u32 = 5;
 /// ... so far apart, µs, ...

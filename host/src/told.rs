@@ -205,24 +205,27 @@ fn by_parameter(node: Node, ack: &ParameterAck) -> Told {
     said("parameter_ack", node, fields)
 }
 
-/// Of the table in `docs/wire-format.md`.
+/// Kinds of commands, as in the table of `docs/wire-format.md`.
+pub(crate) const COMMAND_KINDS: [&str; 9] = [
+    "Play",
+    "Pause",
+    "Resume",
+    "Return",
+    "Disarm",
+    "ArmRequest",
+    "ArmConfirm",
+    "ClearRequest",
+    "ClearConfirm",
+];
+/// Kinds of requests about parameters.
+pub(crate) const PARAMETER_KINDS: [&str; 5] = ["Get", "Set", "Reset", "Save", "Origin"];
+
 fn command_kind(kind: u8) -> Value {
-    let names = [
-        "Play",
-        "Pause",
-        "Resume",
-        "Return",
-        "Disarm",
-        "ArmRequest",
-        "ArmConfirm",
-        "ClearRequest",
-        "ClearConfirm",
-    ];
-    kind_of(kind, &names)
+    kind_of(kind, &COMMAND_KINDS)
 }
 
 fn parameter_kind(kind: u8) -> Value {
-    kind_of(kind, &["Get", "Set", "Reset", "Save", "Origin"])
+    kind_of(kind, &PARAMETER_KINDS)
 }
 
 fn parameter_name(code: u8) -> Value {

@@ -2,6 +2,7 @@
 
 use super::layout::Layout;
 use super::{Database, Message, RobotNames, identifier, servo};
+use crate::told::{COMMAND_KINDS, PARAMETER_KINDS};
 use rollwalk_protocol::wire::{
     CommandResult, Fault, HEARTBEAT_PERIOD_MS, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, Parameter,
     ParameterResult, SCHEMA, SCHEMA_HASH, STATUS_PERIOD_MS, Severity, State,
@@ -157,21 +158,8 @@ fn numbered(kinds: &[&str]) -> Layout {
     layout.unsigned("kind", 4).names(listed(kinds))
 }
 
-const COMMANDS: [&str; 9] = [
-    "Play",
-    "Pause",
-    "Resume",
-    "Return",
-    "Disarm",
-    "ArmRequest",
-    "ArmConfirm",
-    "ClearRequest",
-    "ClearConfirm",
-];
-const PARAMETER_KINDS: [&str; 5] = ["Get", "Set", "Reset", "Save", "Origin"];
-
 fn command() -> Layout {
-    numbered(&COMMANDS)
+    numbered(&COMMAND_KINDS)
         .unsigned("code", 8)
         .comment("Of PLAY: command code of the motion")
         .steps("speed", 8, 1.0 / 64.0)
@@ -216,7 +204,7 @@ fn fault() -> Layout {
 }
 
 fn command_ack() -> Layout {
-    numbered(&COMMANDS)
+    numbered(&COMMAND_KINDS)
         .unsigned("result", 8)
         .names(coded(CommandResult::ALL, CommandResult::code))
         .unsigned("state", 8)

@@ -1,19 +1,12 @@
 //! Commands on their way: one at a time, repeated until it is answered or too old; one more may wait.
 
 use crate::catalog::Catalog;
-use crate::client::{COMMAND_LIFE_MS, Client};
+use crate::client::{ACK_TIMEOUT_US, COMMAND_LIFE_US, Client, SEQUENCE_TRIES};
 use crate::refusal::command_refusal;
 use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
 
-/// Without an answer a command is repeated so often, µs.
-const REPEAT_US: u64 = 60_000;
-/// No longer than it is valid, µs.
-const LIFE_US: u64 = COMMAND_LIFE_MS as u64 * 1000;
 /// One that waits is forgotten after so long, µs: nobody expects it any more.
 const WAIT_US: u64 = 1_000_000;
-/// A host that does not know where another stopped counting needs at most so many numbers until one
-/// counts as new.
-const SEQUENCE_TRIES: u32 = 9;
 
 /// What can be ordered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -177,7 +170,7 @@ impl Orders {
             && let Some(command) = client.command(now_us, order.first_step())
         {
             self.waiting = None;
-            let until_us = now_us + LIFE_US;
+            let until_us = now_us + COMMAND_LIFE_US;
             let (confirming, numbers) = (false, 1);
             let flight =
                 Flight { order, command, confirming, quiet, numbers, next_us: now_us, until_us };
@@ -186,7 +179,7 @@ impl Orders {
         if let Some(flight) = &mut self.flight
             && now_us >= flight.next_us
         {
-            flight.next_us = now_us + REPEAT_US;
+            flight.next_us = now_us + ACK_TIMEOUT_US;
             client.send_command(flight.command);
         }
         None
@@ -215,7 +208,7 @@ impl Orders {
         if let Some((action, confirming, numbers)) = next
             && let Some(command) = client.command(now_us, action)
         {
-            let until_us = now_us + LIFE_US;
+            let until_us = now_us + COMMAND_LIFE_US;
             let flight =
                 Flight { order, command, confirming, quiet, numbers, next_us: now_us, until_us };
             self.flight = Some(flight);

@@ -1,7 +1,7 @@
 //! One question, one answer: frames move until it is there, lost ones are sent again.
 
 use super::error::SessionError;
-use crate::client::{COMMAND_LIFE_US, Client, Incoming, Outgoing};
+use crate::client::{ACK_TIMEOUT_US, COMMAND_LIFE_US, Client, Incoming, Outgoing, SEQUENCE_TRIES};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::transport::{Request, Response};
@@ -9,15 +9,10 @@ use rollwalk_protocol::wire::{
     Action, CommandAck, CommandResult, Node, ParameterAck, ParameterAction, ParameterResult, Status,
 };
 
-/// Longest wait for the answer to a command before it is repeated, µs.
-const ACK_TIMEOUT_US: u64 = 60_000;
 /// A command is sent at most so often. It has expired before the last answer is given up: what was not
 /// answered is not executed later.
 const COMMAND_SENDS: u32 = 9;
 const _: () = assert!(ACK_TIMEOUT_US * COMMAND_SENDS as u64 > COMMAND_LIFE_US);
-/// A session that does not know where its predecessor stopped counting needs at most so many
-/// numbers until one counts as new.
-const SEQUENCE_TRIES: u32 = 9;
 /// A full transmit queue is tried again after so long, µs.
 const BUSY_RETRY_US: u64 = 500;
 
