@@ -13,8 +13,12 @@ use crate::monitor::{Change, Monitor, Terms, home};
 use crate::rig::Rig;
 use crate::servo;
 use fastrand::Rng;
+use rollwalk_bus::link::LinkBus;
 use rollwalk_firmware::Settings;
-use rollwalk_protocol::wire::{FaultBits, HEARTBEAT_PERIOD_MS, HOST_TIMEOUT_MS, State};
+use rollwalk_host::session::SessionError;
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::transport::Request;
+use rollwalk_protocol::wire::{Action, FaultBits, HEARTBEAT_PERIOD_MS, HOST_TIMEOUT_MS, State};
 
 /// A robot that is told to stop has no torque after this, if its buses are well: two frames on their way,
 /// and "off" for each of its motors, are less than a millisecond; and a control period.
@@ -239,6 +243,11 @@ impl<C: Core> Story<'_, C> {
             .collect();
         let session = self.operator.session()?;
         let state = session.status().map(|status| status.state);
+        if (14..=15).contains(&choice) && state == Some(State::Disarmed) {
+            let _ = self.confirm_what_is_void();
+            return Ok(());
+        }
+        let session = self.operator.session()?;
         let ready = matches!(state, Some(State::Ready | State::Playing | State::Paused));
         let _ = match choice {
             0..=7 if ready => session.select(code).map(|_| ()),
@@ -254,6 +263,26 @@ impl<C: Core> Story<'_, C> {
         // Whatever failed at once is not tried again at once.
         self.operator.wait(SimTime::from_ms(1));
         Ok(())
+    }
+
+    /// Asks for torque, makes the answer void, and confirms it. That it stays off is the monitor's to see.
+    fn confirm_what_is_void(&mut self) -> Result<(), SessionError> {
+        let (choice, span) = (self.random.u8(0..4), self.between(2010, 2500));
+        let node = self.bench.rig().node();
+        let mut bench = self.bench.clone();
+        let Ok(session) = self.operator.session() else { return Ok(()) };
+        let nonce = session.command("arm", Action::ArmRequest)?.value;
+        match choice {
+            0 => session.run_for(span.as_us())?,
+            1 => session.command("disarm", Action::Disarm).map(drop)?,
+            2 => session.command("arm", Action::ArmRequest).map(drop)?,
+            // A step of a transfer, whose answer nobody waits for.
+            _ => {
+                let id = 0x500 | u16::from(node.number()) << 4;
+                bench.send(&CanFrame::new(id, &[1, Request::Finish.kind()]).expect("2 bytes"))?;
+            }
+        }
+        session.command("arm", Action::ArmConfirm { nonce }).map(drop)
     }
 
     /// Whether the robot ended where it had to.

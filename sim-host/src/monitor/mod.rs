@@ -8,10 +8,12 @@
 //! |---|---|
 //! | [`setpoints`] | limits, steps, and the first setpoint after torque-on |
 //! | [`commands`] | each command at most once, and none too late |
+//! | [`nonces`] | torque comes on for a nonce that was told, once, and nothing has made void |
 //! | [`home`] | a robot whose host is lost, or that has a fault, comes down in time |
 
 pub mod commands;
 pub mod home;
+pub mod nonces;
 pub mod setpoints;
 
 use crate::body::Body;
@@ -19,12 +21,13 @@ use crate::clock::SimTime;
 use crate::interface::Interface;
 use commands::Commands;
 use home::Home;
+use nonces::Nonces;
 use rollwalk_protocol::actuator::Control;
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::tunnel::Input;
 use rollwalk_protocol::wire::{
-    Action, CommandResult, FaultBits, FromController, Node, State, Status, ToController,
+    Action, FaultBits, FromController, Node, State, Status, ToController,
 };
 use setpoints::Setpoints;
 
@@ -128,7 +131,7 @@ pub struct Monitor {
     /// Since when torque is to be off; `None` once that was checked.
     off_since: Option<SimTime>,
     /// The number that a second step of arming must repeat.
-    nonce: Option<u16>,
+    nonces: Nonces,
     /// Second steps of arming that have not led to anything yet.
     permits: u32,
     /// Actuators have been enabled since torque was last off.
@@ -154,7 +157,7 @@ impl Monitor {
         Self {
             torque: Torque::Off,
             off_since: None,
-            nonce: None,
+            nonces: Nonces::default(),
             permits: 0,
             enabled: false,
             stop_sent: None,
@@ -222,6 +225,7 @@ impl Monitor {
     /// An actuator bus of the controller goes off: an emergency stop.
     pub fn bus_goes_off(&mut self, at: SimTime) {
         self.seen.stops += 1;
+        self.nonces.void();
         self.turn_off(at);
     }
 
@@ -235,15 +239,14 @@ impl Monitor {
         match message {
             ToController::Estop => {
                 self.seen.stops += 1;
+                self.nonces.void();
                 self.turn_off(at);
             }
             ToController::Command(command) => {
                 self.seen.commands += u64::from(self.commands.arrives(at, command));
                 if let Action::ArmConfirm { nonce } = command.action
-                    && self.nonce == Some(nonce)
+                    && self.nonces.confirms(at, nonce)
                 {
-                    // Good once.
-                    self.nonce = None;
                     self.permits += 1;
                     if self.torque == Torque::Off {
                         (self.torque, self.off_since) = (Torque::Driven, None);
@@ -252,6 +255,10 @@ impl Monitor {
                 }
             }
             ToController::Heartbeat(heartbeat) => self.home.on_heartbeat(at, heartbeat.seq),
+            // What is for all is ignored.
+            ToController::Transport if to == self.terms.node => {
+                self.nonces.on_transport(frame.data());
+            }
             ToController::Transport | ToController::Parameter(_) | ToController::Discover => {}
         }
     }
@@ -269,10 +276,7 @@ impl Monitor {
         match message {
             FromController::Status(status) => self.on_status(at, status),
             FromController::CommandAck(ack) => {
-                // The first step of arming.
-                if ack.kind == Action::ArmRequest.kind() && ack.result == CommandResult::Ok {
-                    self.nonce = Some(ack.value);
-                }
+                self.nonces.on_ack(at, ack);
                 if let Err((rule, what)) = self.commands.is_answered(ack) {
                     self.report(at, rule, what);
                 }

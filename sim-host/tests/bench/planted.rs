@@ -370,6 +370,47 @@ fn a_last_command_that_is_executed_again_is_reported() {
     assert!(rules.contains(&Rule::Once), "{rules:?}");
 }
 
+/// It forgets that a nonce is void: for each second step it asks itself for a fresh one.
+#[test]
+fn a_void_nonce_that_is_taken_is_reported() {
+    let rules = reported(Scenario::Loss, 100, || {
+        let (mut last, mut ahead, mut theirs) = (None::<Command>, 0u8, [0u8; 16]);
+        Box::new(move |core, step| {
+            let mut step = step;
+            if let (Some(mut command), Some(Input::Link(frame))) = (command_of(&step), &step.input)
+            {
+                let (to, _) = Command::decode(frame).unwrap();
+                let is_new = last.replace(command) != Some(command);
+                let number = |seq: u8, ahead: u8| seq.wrapping_add(ahead) & 0xF;
+                if is_new && let Action::ArmConfirm { nonce } = &mut command.action {
+                    let (seq, action) = (number(command.seq, ahead), Action::ArmRequest);
+                    let request = Command { seq, action, ..command };
+                    let input = Some(Input::Link(request.encode(to)));
+                    let free = rollwalk_protocol::tunnel::Buses::default().with_link();
+                    let mut said = core.step(Step { input, free, ..step }).unwrap().link;
+                    while let Some(frame) = said {
+                        if let Ok((_, ack)) = CommandAck::decode(&frame) {
+                            *nonce = if ack.seq == seq { ack.value } else { *nonce };
+                        }
+                        said = core.step(Step { input: None, free, ..step }).unwrap().link;
+                    }
+                    ahead = ahead.wrapping_add(1);
+                }
+                let seq = number(command.seq, ahead);
+                theirs[usize::from(seq)] = command.seq;
+                step.input = Some(Input::Link(Command { seq, ..command }.encode(to)));
+            }
+            let mut stepped = core.step(step).unwrap();
+            if let Some(Ok((node, ack))) = stepped.link.as_ref().map(CommandAck::decode) {
+                let seq = theirs[usize::from(ack.seq)];
+                stepped.link = Some(CommandAck { seq, ..ack }.encode(node));
+            }
+            stepped
+        })
+    });
+    assert!(rules.contains(&Rule::NoTorqueUnlessArmed), "{rules:?}");
+}
+
 /// It does not look at how long a command is valid.
 #[test]
 fn a_command_that_is_executed_too_late_is_reported() {
