@@ -217,6 +217,17 @@ mod tests {
         )
     }
 
+    /// Bytes of messages: runs, steps and zeros.
+    static BYTES: [u8; 256 + MAX_MESSAGE] = {
+        let mut bytes = [0; 256 + MAX_MESSAGE];
+        let mut k = 0;
+        while k < bytes.len() {
+            bytes[k] = (k * k / 3) as u8;
+            k += 1;
+        }
+        bytes
+    };
+
     fn packet() -> impl Strategy<Value = Packet<'static>> {
         let link = (0u16..0x800, prop::collection::vec(any::<u8>(), 0..=8))
             .prop_map(|(id, data)| Packet::Link(CanFrame::new(id, &data).unwrap()));
@@ -235,8 +246,10 @@ mod tests {
                 })
             },
         );
-        let message = (0u16..0x800, prop::collection::vec(any::<u8>(), 1..=MAX_MESSAGE))
-            .prop_map(|(id, bytes)| Packet::Message { id, bytes: bytes.leak() });
+        let message = (0u16..0x800, 0..256usize, 1..=MAX_MESSAGE).prop_map(|(id, from, len)| {
+            let bytes = BYTES.get(from..from + len).unwrap();
+            Packet::Message { id, bytes }
+        });
         prop_oneof![link, message, Just(Packet::Ask), report]
     }
 
