@@ -228,14 +228,19 @@ pub fn log(path: &Path) -> Vec<LogEntry> {
     candump::parse(whole).expect("candump's format")
 }
 
-/// Every state and clip that the controller told, without repetitions.
-pub fn states(frames: &[LogEntry]) -> Vec<(State, Option<u8>)> {
+/// Every state and clip that the controller told.
+pub fn every_state(frames: &[LogEntry]) -> Vec<(State, Option<u8>)> {
     let statuses =
         frames.iter().filter_map(|entry| match FromController::decode(entry.frame.standard()?) {
             Ok((_, FromController::Status(status))) => Some((status.state, status.clip)),
             _ => None,
         });
-    let mut states: Vec<_> = statuses.collect();
+    statuses.collect()
+}
+
+/// The same without repetitions.
+pub fn states(frames: &[LogEntry]) -> Vec<(State, Option<u8>)> {
+    let mut states = every_state(frames);
     states.dedup();
     states
 }
