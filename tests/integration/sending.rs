@@ -141,3 +141,25 @@ fn a_controller_that_does_not_answer_is_5_and_ctrl_c_is_130() {
         assert_eq!(interrupted(child).code, 130, "{command}");
     }
 }
+
+#[test]
+fn what_another_program_paused_does_not_move_because_time_ran_out() {
+    let desk = desk_with_library_file();
+    let (_robot, bus) = robot(&desk);
+    let mut link = listener(&desk);
+    let send = start(&desk, &bus, &["send", "--arm", "rest:1"]);
+    wait_for(&mut link, State::Playing);
+    on(&desk, &bus, &["pause"]).succeeds();
+    wait_for(&mut link, State::Paused);
+    // Longer than the seconds that the motion has.
+    let until_us = link.now_us() + 3_000_000;
+    while let Some(frame) = link.receive(until_us).expect("the robot is there") {
+        if let Ok((_, FromController::Status(status))) = FromController::decode(&frame) {
+            assert_eq!(status.state, State::Paused, "nobody let it go on");
+        }
+    }
+    on(&desk, &bus, &["resume"]).succeeds();
+    let outcome = Outcome::from(send.wait_with_output().expect("it ends"));
+    assert_eq!(outcome.code, 0, "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("paused by another program"), "{}", outcome.stderr);
+}

@@ -7,7 +7,7 @@ use crate::{interrupt, output};
 use rollwalk_host::catalog::Motion;
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::library::RATE_HZ;
-use rollwalk_protocol::wire::State;
+use rollwalk_protocol::wire::{State, Status};
 
 /// Longest wait for a motion to begin, beyond what the controller says, µs.
 const SLACK_US: u64 = 5_000_000;
@@ -72,7 +72,7 @@ fn wait_for(
 ) -> Result<(), SessionError> {
     // At 1/64 of the speed frames take 64 times as long; what plays now may have to end first.
     let longest_us = u64::from(frames) * 64 * 1_000_000 / u64::from(RATE_HZ) + SLACK_US;
-    session.wait_until(&format!("motion {}", chosen.name()), longest_us, |status| {
+    wait_also_while_paused(session, &format!("motion {}", chosen.name()), longest_us, |status| {
         match status.state {
             State::Playing | State::Ready | State::Paused | State::Aligning | State::Returning => {
                 (status.clip.map(usize::from) == Some(node)).then_some(true)
@@ -90,7 +90,8 @@ fn finish(session: &mut LiveSession, chosen: &Chosen, motion: &Motion) -> Result
     }
     let last = motion.frames.saturating_sub(1);
     let node = chosen.motion.map(|(node, _)| node);
-    session.wait_until(
+    wait_also_while_paused(
+        session,
         &format!("the end of {}", motion.name),
         micros(64.0 * round) + SLACK_US,
         |status| {
@@ -107,13 +108,56 @@ fn finish(session: &mut LiveSession, chosen: &Chosen, motion: &Motion) -> Result
     )
 }
 
-/// Lets the robot go on; ends early with Ctrl-C, and when the robot stops by itself.
+/// Pauses, which are other programs'.
+#[derive(Default)]
+struct Pauses(bool);
+
+impl Pauses {
+    /// Whether the robot is paused; says so when it begins.
+    fn look(&mut self, status: Option<&Status>) -> bool {
+        let is_paused = status.is_some_and(|status| status.state == State::Paused);
+        if is_paused && !self.0 {
+            output::say(
+                "paused by another program; `rollwalk resume` lets it go on, Ctrl-C brings it home",
+            );
+        }
+        self.0 = is_paused;
+        is_paused
+    }
+}
+
+/// Waits; a pause is somebody's wish, and no time of it counts: what is paused must not move because time ran
+/// out.
+fn wait_also_while_paused(
+    session: &mut LiveSession,
+    what: &str,
+    longest_us: u64,
+    mut reached: impl FnMut(&Status) -> Option<bool>,
+) -> Result<(), SessionError> {
+    let mut pauses = Pauses::default();
+    loop {
+        let waited = session.wait_until(what, longest_us, |status| {
+            pauses.look(Some(status));
+            reached(status)
+        });
+        let paused = session.status().is_some_and(|status| status.state == State::Paused);
+        match waited {
+            Err(SessionError::TookTooLong { .. }) if paused => {}
+            waited => return waited,
+        }
+    }
+}
+
+/// Lets the robot go on for so long, pauses not counted; ends early with Ctrl-C, and when the robot stops by
+/// itself.
 fn run_for(session: &mut LiveSession, duration_us: u64) -> Result<(), SessionError> {
-    let mut left_us = duration_us;
+    let (mut left_us, mut pauses) = (duration_us, Pauses::default());
     while left_us > 0 && !interrupt::requested() {
         let portion_us = left_us.min(PORTION_US);
         session.run_for(portion_us)?;
-        left_us -= portion_us;
+        if !pauses.look(session.status().as_ref()) {
+            left_us -= portion_us;
+        }
         if let Some(status) = session.status()
             && matches!(status.state, State::Damped | State::TorqueOff | State::EStopped)
         {
