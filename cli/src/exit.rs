@@ -31,17 +31,24 @@ pub enum Exit {
     Interrupted,
 }
 
-impl From<Exit> for ExitCode {
-    fn from(exit: Exit) -> Self {
+impl Exit {
+    /// Its number.
+    pub fn code(self) -> u8 {
         // 2 is clap's for a wrong command line, 130 what shells report for an interrupt.
-        ExitCode::from(match exit {
+        match self {
             Exit::Ok => 0,
             Exit::BadInput => 1,
             Exit::NotConverged => 3,
             Exit::OutOfBounds => 4,
             Exit::NotDone => 5,
             Exit::Interrupted => 130,
-        })
+        }
+    }
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        ExitCode::from(exit.code())
     }
 }
 

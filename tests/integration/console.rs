@@ -46,3 +46,13 @@ fn a_robot_is_armed_played_stopped_and_left_by_keys() {
     let after = stty(&console.device, &["-a"]);
     assert!(after.contains(" icanon") && after.contains(" echo "), "{after}");
 }
+
+#[test]
+fn a_console_whose_terminal_is_gone_ends() {
+    let desk = desk_with_library_file();
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    let _robot = Robot::start(&desk, &bus);
+    let mut console = start(&desk, &bus);
+    console.shows("DISARMED");
+    assert_eq!(console.hang_up(), Some(5));
+}

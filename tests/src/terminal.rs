@@ -5,6 +5,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Read, Write};
 use std::num::NonZero;
 use std::process::{Child, Command};
+use std::thread;
 use std::time::{Duration, Instant};
 
 /// Longest wait for anything that comes by itself, on a machine that is busy.
@@ -48,6 +49,24 @@ impl Terminal {
     /// The terminal takes none.
     pub fn press(&mut self, keys: &str) {
         self.terminal.write_all(keys.as_bytes()).expect("the terminal takes keys");
+    }
+
+    /// Closes the terminal, as a connection that breaks does; the exit code of what was on it.
+    ///
+    /// # Panics
+    /// It does not end within a minute.
+    pub fn hang_up(mut self) -> Option<i32> {
+        let (near, _far) = TTYPort::pair().expect("a pseudo terminal");
+        // The last end that is not the program's.
+        drop(std::mem::replace(&mut self.terminal, near));
+        let start = Instant::now();
+        loop {
+            if let Some(status) = self.program.try_wait().expect("a child") {
+                return status.code();
+            }
+            assert!(start.elapsed() < LONG, "it does not end");
+            thread::sleep(Duration::from_millis(20));
+        }
     }
 
     /// Whether a full-screen program has the screen.

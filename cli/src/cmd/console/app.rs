@@ -6,6 +6,7 @@
 use super::keys::{Keyboard, Meaning};
 use super::scene::{Lookup, Names, Scene};
 use super::screen;
+use crate::Exit;
 use crate::gamepad::file::Motion;
 use crate::gamepad::pad::{self, Pad, Wish};
 use crate::gamepad::{self, device};
@@ -16,11 +17,11 @@ use ratatui::crossterm::event::{self, Event};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::Live;
 use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -31,6 +32,8 @@ const LOOK_US: u64 = 10_000;
 const DRAW_US: u64 = 50_000;
 /// A bus that is lost is opened again so often, µs.
 const REOPEN_US: u64 = 1_000_000;
+/// A console whose loop has not gone round for so long, while it was awake, is ended.
+const STUCK: Duration = Duration::from_secs(2);
 /// A full transmit queue is tried again after so long, µs.
 const BUSY_US: u64 = 500;
 
@@ -87,6 +90,24 @@ pub struct App<'a> {
     reopen_us: u64,
     /// Somebody else asks it to end: `kill`, or a system that goes down. Ctrl-C is a key here.
     asked_to_end: Arc<AtomicBool>,
+    /// How often the loop went round.
+    rounds: Arc<AtomicU64>,
+}
+
+/// Ends a console whose loop stands still: reading keys of a terminal that is gone never returns. Nobody holds
+/// the robot then, and it goes home by itself.
+fn watch(rounds: Arc<AtomicU64>) {
+    thread::spawn(move || {
+        let mut last = None;
+        loop {
+            thread::sleep(STUCK);
+            let now = Some(rounds.load(Ordering::Relaxed));
+            if now == last {
+                std::process::exit(Exit::NotDone.code().into());
+            }
+            last = now;
+        }
+    });
 }
 
 impl<'a> App<'a> {
@@ -97,10 +118,12 @@ impl<'a> App<'a> {
             operator.want(0, Intent::Deadman(gamepad.pad.released()));
         }
         let asked_to_end = Arc::default();
-        for signal in [SIGINT, SIGTERM, SIGHUP] {
+        for signal in [SIGINT, SIGTERM] {
             // Refused for signals that nobody may catch, of which these are none.
             let _ = flag::register(signal, Arc::clone(&asked_to_end));
         }
+        let rounds = Arc::default();
+        watch(Arc::clone(&rounds));
         Self {
             link,
             lookup,
@@ -115,6 +138,7 @@ impl<'a> App<'a> {
             started: Instant::now(),
             reopen_us: 0,
             asked_to_end,
+            rounds,
         }
     }
 
@@ -125,6 +149,7 @@ impl<'a> App<'a> {
     pub fn run(&mut self, terminal: &mut DefaultTerminal) -> miette::Result<View> {
         let mut draw_us = 0;
         loop {
+            self.rounds.fetch_add(1, Ordering::Relaxed);
             let now_us = self.now_us();
             self.read_gamepad(now_us);
             self.read_keys().map_err(|error| miette!("the terminal is gone: {error}"))?;
