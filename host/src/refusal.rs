@@ -47,7 +47,9 @@ pub fn parameter_refusal(result: ParameterResult, limit: f32) -> String {
 pub fn transfer_refusal(reply: &Reply) -> String {
     let sentence = match reply.result {
         TransferResult::Ok => "it answers, but does not take in what it is sent",
-        TransferResult::WrongState => "torque is on; disarm first",
+        TransferResult::WrongState => {
+            "it is not disarmed: disarm it first, or clear it if it has stopped"
+        }
         TransferResult::TooLong => "the library is larger than its memory",
         TransferResult::OutOfOrder => "a part of the library is missing before this one",
         TransferResult::BadCrc => "what it stored is not what was sent",

@@ -55,3 +55,14 @@ fn a_library_for_another_robot_and_a_bus_that_is_none_are_refused() {
     on(&desk, "slcan:/dev/null@123", &["doctor"]).fails(1, &["bitrate of 123 bit/s", "kbit/s"]);
     on(&desk, "sim", &["doctor", "--node", "15"]).fails(2, &["a number from 0 to 14"]);
 }
+
+#[test]
+fn all_gains_are_those_that_there_are() {
+    let desk = desk_with_shipped_files();
+    let socket = format!("sim:{}", desk.path("robot.sock").display());
+    let _robot = Robot::of(&desk, "robots/test_leg.toml", &socket);
+    let set = on(&desk, &socket, &["gains", "set", "all", "--kp", "20"]);
+    // A wheel has no stiffness.
+    assert!(set.stderr.contains("they have no such value: channel 2"), "{}", set.stderr);
+    assert!(set.succeeds().starts_with("2 value(s) set"));
+}

@@ -215,17 +215,40 @@ fn set(args: &Set) -> miette::Result<Exit> {
     let mut session = args.link.visit()?;
     let catalog = catalog(&session, &args.names)?;
     let channels = chosen(&args.channel, session.hello().channels, catalog.as_ref())?;
+    let name = |channel: u8| {
+        let names = catalog.as_ref().map(|catalog| &catalog.channels);
+        let name = names.and_then(|names| names.get(usize::from(channel)));
+        name.cloned().unwrap_or_else(|| format!("channel {channel}"))
+    };
+    let (mut set, mut without) = (0, Vec::new());
     for &channel in &channels {
         for (parameter, value) in args.values.given() {
-            if let Err(error) = session.set_parameter(parameter, channel, value) {
-                output::say(format_args!("channel {channel}, {parameter:?}:"));
-                return Ok(ended(&args.link, &error));
+            match session.set_parameter(parameter, channel, value) {
+                Ok(()) => set += 1,
+                // Wheels have no stiffness: `all` means those that have.
+                Err(SessionError::ParameterRefused {
+                    result: ParameterResult::NotSupported | ParameterResult::OutOfRange,
+                    value: 0.0,
+                    ..
+                }) if channels.len() > 1 => without.push(name(channel)),
+                Err(error) => {
+                    output::say(format_args!(
+                        "{}, {parameter:?}; {set} values were set, and `rollwalk gains reset` undoes that:",
+                        name(channel)
+                    ));
+                    return Ok(ended(&args.link, &error));
+                }
             }
         }
     }
-    let count = channels.len();
+    if !without.is_empty() {
+        output::say(format_args!(
+            "left out, since they have no such value: {}",
+            without.join(", ")
+        ));
+    }
     output::print(&format!(
-        "set for {count} channel(s), until the next power cycle; `gains save` keeps it"
+        "{set} value(s) set, until the next power cycle; `gains save` keeps them"
     ))?;
     Ok(Exit::Ok)
 }

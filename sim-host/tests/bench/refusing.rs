@@ -142,7 +142,7 @@ fn arming_without_a_library() {
 fn a_library_while_torque_is_on() {
     let mut session = armed();
     let error = session.flash(&robot::library(), |_| {}).unwrap_err();
-    assert!(error.to_string().ends_with("torque is on; disarm first"), "{error}");
+    assert!(error.to_string().contains("it is not disarmed: disarm it first"), "{error}");
 }
 
 #[test]
