@@ -163,3 +163,16 @@ fn what_another_program_paused_does_not_move_because_time_ran_out() {
     assert_eq!(outcome.code, 0, "{}", outcome.stderr);
     assert!(outcome.stderr.contains("paused by another program"), "{}", outcome.stderr);
 }
+
+#[test]
+fn a_robot_that_another_program_disarms_is_held_until_it_is_down() {
+    let desk = desk_with_library_file();
+    let (_robot, bus) = robot(&desk);
+    let send = start(&desk, &bus, &["send", "--arm", "rest:60"]);
+    wait_for(&mut listener(&desk), State::Playing);
+    on(&desk, &bus, &["disarm"]).succeeds();
+    let outcome = Outcome::from(send.wait_with_output().expect("it ends"));
+    assert!(outcome.stderr.contains("another program has disarmed it"), "{}", outcome.stderr);
+    assert_eq!(outcome.code, 5, "{}", outcome.stderr);
+    on(&desk, &bus, &["doctor"]).succeeds_with(0, &["nothing bars it from being armed"]);
+}

@@ -99,7 +99,12 @@ fn arm_and_play(
         }
     };
     session.bus_mut().ignore_interrupts();
-    let home = if outcome.as_ref().is_err_and(is_down) { Ok(()) } else { go_home(session) };
+    let home = if outcome.as_ref().is_err_and(is_down) {
+        see_down(session);
+        Ok(())
+    } else {
+        go_home(session)
+    };
     let exit = match outcome {
         Ok(()) if interrupt::requested() => Exit::Interrupted,
         Ok(()) => Exit::Ok,
@@ -122,6 +127,14 @@ fn is_down(error: &SessionError) -> bool {
         SessionError::WentElsewhere { status, .. }
             if matches!(status.state, State::EStopped | State::TorqueOff | State::Damped)
     )
+}
+
+/// Holds on to a robot that is let down until it is: a host that leaves it before would be one that is lost. What
+/// stopped it is told as the error.
+fn see_down(session: &mut LiveSession) {
+    if session.wait_for_state(State::Disarmed, HOME_US).is_ok() {
+        output::say("another program has disarmed it");
+    }
 }
 
 /// Back to SAFE, and torque off. DISARM does both, from every state: RETURN is refused while the robot aligns.
