@@ -18,7 +18,12 @@ use rollwalk_firmware::Settings;
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::transport::Request;
-use rollwalk_protocol::wire::{Action, FaultBits, HEARTBEAT_PERIOD_MS, HOST_TIMEOUT_MS, State};
+use rollwalk_protocol::wire::{
+    Action, CommandResult, FaultBits, FromController, HEARTBEAT_PERIOD_MS, HOST_TIMEOUT_MS, State,
+};
+
+/// A change is told within this: two control periods of 120 Hz.
+const TOLD_WITHIN: SimTime = SimTime::from_ms(17);
 
 /// A robot that is told to stop has no torque after this, if its buses are well: two frames on their way,
 /// and "off" for each of its motors, are less than a millisecond; and a control period.
@@ -106,6 +111,14 @@ pub fn tell<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<Log
     story.report()
 }
 
+/// So long it takes at most until a controller knows that an actuator is silent, and has told it.
+fn noticed_within() -> SimTime {
+    let Settings { silent_ticks, control_hz, .. } = Settings::default();
+    let period = SimTime::from_us(1_000_000 / u64::from(control_hz));
+    // The ticks that it may be silent, the one in which that is too long, and one to tell it.
+    (0..silent_ticks + 2).fold(SimTime::ZERO, |span, _| span + period)
+}
+
 struct Story<'a, C: Core> {
     subject: &'a Subject,
     case: Case,
@@ -187,6 +200,8 @@ impl<C: Core> Story<'_, C> {
             self.turn_of_the_host(&mut host)?;
             self.operator.wait(SimTime::from_ms(20));
         }
+        // What came last is told in the next control period, and is judged after that.
+        self.operator.wait(TOLD_WITHIN);
         Ok(())
     }
 
@@ -293,13 +308,16 @@ impl<C: Core> Story<'_, C> {
         let before = history.iter().rev().find(|change| change.at <= began);
         let later = history.iter().filter(|change| change.at > began);
         let told = later.fold(FaultBits::default(), |all, c| FaultBits(all.0 | c.faults.0));
-        let driven = before.is_some_and(|c| driven(c.state) && c.faults.is_empty());
+        let is_required = before.is_some_and(|c| driven(c.state) && c.faults.is_empty())
+            && !plan.required.is_empty()
+            // Whoever takes torque off before anybody could notice leaves nothing to be told.
+            && !disarms(rig.log(), began, began + noticed_within());
         let unexpected = FaultBits(told.0 & !plan.allowed.0);
         if !unexpected.is_empty() {
             let names: Vec<_> = unexpected.iter().collect();
             self.complaints.push(format!("told faults that nothing has caused: {names:?}"));
         }
-        if driven && !plan.required.is_empty() && plan.required.0 & told.0 == 0 {
+        if is_required && plan.required.0 & told.0 == 0 {
             let names: Vec<_> = plan.required.iter().collect();
             self.complaints.push(format!("did not tell any of {names:?}"));
         }
@@ -402,6 +420,18 @@ impl<C: Core> Story<'_, C> {
         let log = rig.log().to_vec();
         (report, log)
     }
+}
+
+/// Whether the controller says yes to a DISARM in this time.
+fn disarms(log: &[LogEntry], from: SimTime, until: SimTime) -> bool {
+    let span = from.as_us()..=until.as_us();
+    let frames = log.iter().filter(|entry| span.contains(&entry.at_us));
+    frames.filter_map(|entry| FromController::decode(entry.frame.standard()?).ok()).any(
+        |(_, message)| {
+            matches!(message, FromController::CommandAck(ack)
+            if ack.kind == Action::Disarm.kind() && ack.result == CommandResult::Ok)
+        },
+    )
 }
 
 fn driven(state: State) -> bool {

@@ -9,7 +9,7 @@ use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
 use rollwalk_protocol::wire::{Action, Command, CommandAck, Fault, Node, State, ToController};
 use rollwalk_sim_host::campaign::scenario::Scenario;
-use rollwalk_sim_host::campaign::{Case, Subject, run_with};
+use rollwalk_sim_host::campaign::{Case, Report, Subject, run_with};
 use rollwalk_sim_host::core::{Core, Local};
 use rollwalk_sim_host::monitor::Rule;
 use std::collections::BTreeSet;
@@ -50,16 +50,24 @@ fn reported_with(
     seeds: u64,
     bug: impl Fn() -> Bug,
 ) -> BTreeSet<Rule> {
+    let reports = runs(scenario, loss_per_mille, seeds, bug);
+    reports.flat_map(|report| report.violations).map(|violation| violation.rule).collect()
+}
+
+fn runs(
+    scenario: Scenario,
+    loss_per_mille: u16,
+    seeds: u64,
+    bug: impl Fn() -> Bug,
+) -> impl Iterator<Item = Report> {
     let subject = Subject::one_leg();
-    let rules = (0..seeds).flat_map(|seed| {
+    (0..seeds).map(move |seed| {
         let case = Case { scenario, loss_per_mille, seed };
         let config = subject.config();
         let (buses, settings) = (subject.robot.controller_buses(), Settings::default());
         let core = Local::with_library(config, buses, settings, &subject.library);
-        let (report, _) = run_with(&subject, case, Planted { core, bug: bug() });
-        report.violations.into_iter().map(|violation| violation.rule)
-    });
-    rules.collect()
+        run_with(&subject, case, Planted { core, bug: bug() }).0
+    })
 }
 
 /// A controller that does something else with what is sent to the actuators.
@@ -238,6 +246,30 @@ fn rubbish_on_an_actuator_bus_is_reported() {
         })
     });
     assert!(rules.contains(&Rule::Intelligible), "{rules:?}");
+}
+
+/// It heeds its faults and tells none of them.
+#[test]
+fn a_fault_that_is_not_told_is_reported() {
+    use rollwalk_protocol::wire::{FaultBits, FromController, Status};
+    let silence = || -> Bug {
+        Box::new(|core, step| {
+            let mut stepped = core.step(step).unwrap();
+            stepped.link = stepped.link.map(|frame| match FromController::decode(&frame) {
+                Ok((from, FromController::Status(status))) => {
+                    Status { faults: FaultBits::default(), ..status }.encode(from)
+                }
+                _ => frame,
+            });
+            stepped
+        })
+    };
+    for scenario in [Scenario::ActuatorDead, Scenario::EStop, Scenario::HostDead] {
+        let complaints: Vec<_> =
+            runs(scenario, 0, 4, silence).flat_map(|report| report.complaints).collect();
+        let untold = complaints.iter().any(|text| text.starts_with("did not tell any of"));
+        assert!(untold, "{scenario:?}: {complaints:?}");
+    }
 }
 
 /// It lives on without heartbeats. With `tells` it says that it hears none.
