@@ -59,6 +59,13 @@ pub struct Fault {
     pub until: SimTime,
 }
 
+impl Harm {
+    /// Whether the actuator of a channel neither hears nor answers.
+    pub fn silences(&self, channel: usize) -> bool {
+        [Self::Deaf(channel), Self::Unpowered(channel)].contains(self)
+    }
+}
+
 impl Fault {
     fn is_on(&self, now: SimTime) -> bool {
         self.from <= now && now < self.until

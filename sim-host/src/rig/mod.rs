@@ -21,19 +21,22 @@
 //! The controller itself is a [`Core`]: the firmware within this process, or a board elsewhere
 //! ([`crate::remote`]) to which time and frames are carried.
 
+mod frames;
+mod harm;
+
 use crate::body::Body;
 use crate::bus::{BusStatistics, DEFAULT_BITRATE, NodeId, TxPolicy};
 use crate::clock::{Periodic, SimTime};
 use crate::core::{Core, Local};
-use crate::faults::{Fault, Faults, Harm, Way};
+use crate::faults::{Faults, Way};
 use crate::interface::{Interface, LogEntry};
 use crate::monitor::Monitor;
 use crate::record::{Recorder, TickRecord};
 use crate::wire::{ActuatorBus, Wire};
 use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_firmware::Settings;
 use rollwalk_firmware::player::Playing;
-use rollwalk_firmware::{BusState, Settings};
-use rollwalk_protocol::can::{AnyFrame, CanFrame, ExtendedFrame};
+use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::ClipId;
 use rollwalk_protocol::tunnel::{Buses, Input, Step};
@@ -41,36 +44,15 @@ use rollwalk_protocol::wire::Node;
 use rollwalk_robot::{InvalidRobot, Robot};
 use std::collections::VecDeque;
 
+use frames::Noticed;
+pub use harm::Adapter;
+use harm::Babbler;
+
 /// Steps of the motors per second.
 pub const MOTOR_RATE_HZ: u32 = 4000;
 
-/// Frames of a foreign node that wait: one on its way, and the next, so that it leaves no gap.
-const BABBLE_DEPTH: usize = 2;
-
 /// Frames that wait in the host's CAN interface at most; the default of Linux (`txqueuelen`).
 const HOST_QUEUE: usize = 10;
-
-/// A frame that nobody acknowledges is sent so long until its sender is error-passive: 16 times, each up to
-/// 135 bits and an error frame of up to 31.
-const PASSIVE_AFTER: SimTime = SimTime::from_us(16 * (135 + 31));
-
-/// What stands between the controller and its actuator buses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Adapter {
-    /// Frames that wait in it at most.
-    pub depth: usize,
-    /// What nobody has acknowledged by the next control period is called back, as our boards do.
-    pub calls_back: bool,
-    /// What it says when nobody acknowledges: not all can tell that from other errors.
-    pub alone: BusState,
-}
-
-impl Default for Adapter {
-    /// What our boards do, but that a frame which nobody acknowledges stays.
-    fn default() -> Self {
-        Self { depth: 1, calls_back: false, alone: BusState::NotAcknowledged }
-    }
-}
 
 /// A robot, its controller and its buses.
 pub struct Rig<C = Local> {
@@ -95,16 +77,6 @@ pub struct Rig<C = Local> {
     edges_until: SimTime,
     babblers: Vec<Babbler>,
     monitor: Option<Box<Monitor>>,
-}
-
-/// A foreign node that talks without pause.
-struct Babbler {
-    node: NodeId,
-    bus: Interface,
-    frame: CanFrame,
-    every: SimTime,
-    next: SimTime,
-    until: SimTime,
 }
 
 /// Why a robot cannot be simulated in virtual time.
@@ -140,13 +112,6 @@ impl CannotSimulate {
             Err(Self::Serial { robot, bus, speaks })
         })
     }
-}
-
-/// What the controller notices.
-enum Noticed {
-    Input(Input),
-    /// A frame of an actuator bus with a 29-bit identifier.
-    Extended(u8, ExtendedFrame),
 }
 
 /// What happens next.
@@ -237,18 +202,6 @@ impl<C: Core> Rig<C> {
     /// From now on faults are these. To be told before the first of them is due.
     pub fn set_faults(&mut self, faults: Faults) {
         self.faults = faults;
-    }
-
-    /// One fault more; it begins after this instant.
-    pub fn add_fault(&mut self, fault: Fault) {
-        let from = fault.from.max(self.now + SimTime::from_ns(1));
-        let fault = Fault { from, ..fault };
-        if let Harm::Babble(bus, frame, every) = fault.harm {
-            let node = self.wire(bus).bus.add_node(TxPolicy::Queue { depth: BABBLE_DEPTH });
-            let (next, until) = (fault.from, fault.until);
-            self.babblers.push(Babbler { node, bus, frame, every, next, until });
-        }
-        self.faults.add(fault);
     }
 
     /// The faults and what they did.
@@ -438,95 +391,6 @@ impl<C: Core> Rig<C> {
         }
     }
 
-    /// Tells the controller how its actuator buses are, and starts those again that it wants started.
-    fn tell_bus_states(&mut self) -> Result<(), LinkError> {
-        if self.faults.all().next().is_none() {
-            return Ok(());
-        }
-        let (now, adapter) = (self.now, self.adapter);
-        let link = &self.link;
-        let waits = [link.controller, self.host].iter().any(|&node| link.bus.pending(node) > 0);
-        if link.alone_since.is_some() && waits {
-            self.faults.fire(now, |harm| *harm == Harm::NoAck(Interface::Link));
-        }
-        for (number, ActuatorBus { wire, servos, .. }) in (0..).zip(&mut self.actuator_buses) {
-            let mut state = if wire.off { BusState::Off } else { BusState::Active };
-            if let Some(since) = wire.alone_since
-                && wire.bus.pending(wire.controller) > 0
-                && !wire.off
-            {
-                self.faults.fire(now, |harm| match harm {
-                    Harm::NoAck(bus) => *bus == Interface::Actuator(number),
-                    Harm::Deaf(of) | Harm::Unpowered(of) => servos.iter().any(|(_, c)| c == of),
-                    _ => false,
-                });
-                if now - since >= PASSIVE_AFTER {
-                    state = adapter.alone;
-                }
-                if adapter.calls_back {
-                    wire.bus.cancel(wire.controller);
-                }
-            }
-            self.controller.on_bus_state(now.as_us(), number, state)?;
-            if wire.off && self.controller.take_bus_restart(number)? {
-                let short = self.faults.on(now).any(|harm| *harm == Harm::BusOff(number));
-                wire.off = short;
-                if short {
-                    self.faults.fire(now, |harm| *harm == Harm::BusOff(number));
-                    self.controller.on_bus_state(now.as_us(), number, BusState::Off)?;
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Brings about what changes at this instant.
-    fn begin_and_end_faults(&mut self) {
-        let (now, before) = (self.now, self.edges_until);
-        self.edges_until = now;
-        let began: Vec<Harm> = (self.faults.all())
-            .filter(|(fault, _)| before < fault.from && fault.from <= now)
-            .map(|(fault, _)| fault.harm)
-            .collect();
-        let on: Vec<Harm> = self.faults.on(now).copied().collect();
-        for (number, ActuatorBus { wire, servos, .. }) in (0..).zip(&mut self.actuator_buses) {
-            let silent = |channel| {
-                on.contains(&Harm::Deaf(channel)) || on.contains(&Harm::Unpowered(channel))
-            };
-            for &(node, channel) in servos.iter().filter(|(_, channel)| silent(*channel)) {
-                wire.bus.cancel(node);
-                if began.contains(&Harm::Unpowered(channel)) {
-                    self.body.cut_power(channel);
-                    self.faults.fire(now, |harm| *harm == Harm::Unpowered(channel));
-                }
-            }
-            let listens = servos.iter().any(|&(_, channel)| !silent(channel));
-            wire.connect(now, listens && !on.contains(&Harm::NoAck(Interface::Actuator(number))));
-            if began.contains(&Harm::BusOff(number)) {
-                wire.go_off(now);
-                self.faults.fire(now, |harm| *harm == Harm::BusOff(number));
-                if let Some(monitor) = &mut self.monitor {
-                    monitor.bus_goes_off(now);
-                }
-                // Told again in every control period; an error would show there.
-                let _ = self.controller.on_bus_state(now.as_us(), number, BusState::Off);
-            }
-        }
-        self.link.connect(now, !on.contains(&Harm::NoAck(Interface::Link)));
-    }
-
-    /// A foreign node talks.
-    fn babble(&mut self, index: usize) {
-        let now = self.now;
-        let &Babbler { node, bus, frame, every, .. } = &self.babblers[index];
-        self.babblers[index].next = now + every;
-        let wire = self.wire(bus);
-        if wire.bus.pending(node) < BABBLE_DEPTH {
-            wire.bus.post(now, node, frame).expect("there is room");
-            self.faults.fire(now, |harm| *harm == Harm::Babble(bus, frame, every));
-        }
-    }
-
     /// The earliest event; of those at the same instant the first in the documented order.
     fn next_event(&self) -> (SimTime, Next) {
         let link = self.link.bus.next_completion().map(|at| (at, Next::Link));
@@ -545,106 +409,6 @@ impl<C: Core> Rig<C> {
         // `min_by_key` returns the first of several minima.
         let events = frames.chain(faults).chain(drives).chain([motors, control]);
         events.min_by_key(|&(at, _)| at).expect("control never ends")
-    }
-
-    /// What drives say by themselves goes to their buses.
-    fn drives_say(&mut self, now: SimTime) {
-        while let Some((channel, frame)) = self.body.on_timer(now) {
-            let silent =
-                |harm: &Harm| [Harm::Deaf(channel), Harm::Unpowered(channel)].contains(harm);
-            if self.faults.on(now).any(silent) {
-                self.faults.fire(now, silent);
-                continue;
-            }
-            let (bus, _) = self.body.addresses()[channel];
-            let actuators = &mut self.actuator_buses[usize::from(bus)];
-            if let Some(node) = actuators.node_of(channel) {
-                let posted = actuators.wire.bus.post(now, node, frame);
-                posted.expect("a `Latest` node always takes frames");
-            }
-        }
-    }
-
-    /// What the controller notices of it.
-    fn end_link_frame(&mut self) -> Option<Noticed> {
-        let delivery = self.link.bus.next_delivery(self.now)?;
-        self.log.push(LogEntry {
-            at_us: delivery.at.as_us(),
-            interface: Interface::Link,
-            frame: delivery.frame,
-        });
-        if delivery.from == self.host {
-            return self.pass_on(Way::LinkToController, delivery.frame);
-        }
-        self.pass_on(Way::LinkToHost, delivery.frame);
-        // A foreign node's frame comes to both ends.
-        let foreign = delivery.from != self.link.controller;
-        foreign.then(|| self.pass_on(Way::LinkToController, delivery.frame))?
-    }
-
-    /// What the controller notices of it.
-    fn end_actuator_frame(&mut self, index: usize) -> Option<Noticed> {
-        let ActuatorBus { wire, servos, .. } = &mut self.actuator_buses[index];
-        let delivery = wire.bus.next_delivery(self.now)?;
-        let (frame, number) = (delivery.frame, index as u8);
-        let interface = Interface::Actuator(number);
-        self.log.push(LogEntry { at_us: delivery.at.as_us(), interface, frame });
-        let from_controller = delivery.from == wire.controller;
-        let from_servo = servos.iter().any(|&(node, _)| node == delivery.from);
-        // With its end off the controller hears nothing.
-        let hears = !from_controller && !wire.off;
-        if !from_servo {
-            self.pass_on(Way::ToActuators(number), frame);
-        }
-        hears.then(|| self.pass_on(Way::FromActuators(number), frame))?
-    }
-
-    /// A frame has crossed its bus. What the controller notices of it now.
-    fn pass_on(&mut self, way: Way, frame: AnyFrame) -> Option<Noticed> {
-        let frame = self.faults.push(self.now, way, frame)?;
-        self.arrive(way, &frame)
-    }
-
-    /// A frame is there. What the controller notices of it.
-    fn arrive(&mut self, way: Way, frame: &AnyFrame) -> Option<Noticed> {
-        match (way, frame) {
-            (Way::LinkToController, AnyFrame::Standard(frame)) => {
-                Some(Noticed::Input(Input::Link(*frame)))
-            }
-            (Way::FromActuators(bus), AnyFrame::Standard(frame)) => {
-                Some(Noticed::Input(Input::Actuator(bus, *frame)))
-            }
-            (Way::FromActuators(bus), AnyFrame::Extended(frame)) => {
-                Some(Noticed::Extended(bus, *frame))
-            }
-            (Way::LinkToHost, AnyFrame::Standard(frame)) => {
-                self.host_inbox.push_back(*frame);
-                None
-            }
-            // Nobody on the link takes any.
-            (Way::LinkToController | Way::LinkToHost, AnyFrame::Extended(_)) => None,
-            (Way::ToActuators(bus), frame) => {
-                self.reach_servos(bus, frame);
-                None
-            }
-        }
-    }
-
-    fn reach_servos(&mut self, bus: u8, frame: &AnyFrame) {
-        let now = self.now;
-        let ActuatorBus { wire, servos, .. } = &mut self.actuator_buses[usize::from(bus)];
-        for &(node, channel) in servos.iter() {
-            if let Some(value) = self.body.commanded(channel, frame) {
-                self.recorder.on_setpoint(channel, value);
-            }
-            let silent =
-                |harm: &Harm| [Harm::Deaf(channel), Harm::Unpowered(channel)].contains(harm);
-            if self.faults.on(now).any(silent) {
-                self.faults.fire(now, silent);
-            } else if let Some(answer) = self.body.on_frame(channel, now, frame) {
-                wire.bus.post(now, node, answer).expect("a `Latest` node always takes frames");
-            }
-        }
     }
 }
 

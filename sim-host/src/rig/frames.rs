@@ -1,0 +1,112 @@
+//! Where frames go at the end of their way: to the host, the servos, the monitor's log, or to the controller.
+
+use super::{Core, Interface, LogEntry, Rig, SimTime};
+use crate::faults::Way;
+use crate::wire::ActuatorBus;
+use rollwalk_protocol::can::{AnyFrame, ExtendedFrame};
+use rollwalk_protocol::tunnel::Input;
+
+/// What the controller notices.
+pub enum Noticed {
+    Input(Input),
+    /// A frame of an actuator bus with a 29-bit identifier.
+    Extended(u8, ExtendedFrame),
+}
+
+impl<C: Core> Rig<C> {
+    /// What drives say by themselves goes to their buses.
+    pub(super) fn drives_say(&mut self, now: SimTime) {
+        while let Some((channel, frame)) = self.body.on_timer(now) {
+            if self.faults.on(now).any(|harm| harm.silences(channel)) {
+                self.faults.fire(now, |harm| harm.silences(channel));
+                continue;
+            }
+            let (bus, _) = self.body.addresses()[channel];
+            let actuators = &mut self.actuator_buses[usize::from(bus)];
+            if let Some(node) = actuators.node_of(channel) {
+                let posted = actuators.wire.bus.post(now, node, frame);
+                posted.expect("a `Latest` node always takes frames");
+            }
+        }
+    }
+
+    /// What the controller notices of it.
+    pub(super) fn end_link_frame(&mut self) -> Option<Noticed> {
+        let delivery = self.link.bus.next_delivery(self.now)?;
+        self.log.push(LogEntry {
+            at_us: delivery.at.as_us(),
+            interface: Interface::Link,
+            frame: delivery.frame,
+        });
+        if delivery.from == self.host {
+            return self.pass_on(Way::LinkToController, delivery.frame);
+        }
+        self.pass_on(Way::LinkToHost, delivery.frame);
+        // A foreign node's frame comes to both ends.
+        let foreign = delivery.from != self.link.controller;
+        foreign.then(|| self.pass_on(Way::LinkToController, delivery.frame))?
+    }
+
+    /// What the controller notices of it.
+    pub(super) fn end_actuator_frame(&mut self, index: usize) -> Option<Noticed> {
+        let ActuatorBus { wire, servos, .. } = &mut self.actuator_buses[index];
+        let delivery = wire.bus.next_delivery(self.now)?;
+        let (frame, number) = (delivery.frame, index as u8);
+        let interface = Interface::Actuator(number);
+        self.log.push(LogEntry { at_us: delivery.at.as_us(), interface, frame });
+        let from_controller = delivery.from == wire.controller;
+        let from_servo = servos.iter().any(|&(node, _)| node == delivery.from);
+        // With its end off the controller hears nothing.
+        let hears = !from_controller && !wire.off;
+        if !from_servo {
+            self.pass_on(Way::ToActuators(number), frame);
+        }
+        hears.then(|| self.pass_on(Way::FromActuators(number), frame))?
+    }
+
+    /// A frame has crossed its bus. What the controller notices of it now.
+    fn pass_on(&mut self, way: Way, frame: AnyFrame) -> Option<Noticed> {
+        let frame = self.faults.push(self.now, way, frame)?;
+        self.arrive(way, &frame)
+    }
+
+    /// A frame is there. What the controller notices of it.
+    pub(super) fn arrive(&mut self, way: Way, frame: &AnyFrame) -> Option<Noticed> {
+        match (way, frame) {
+            (Way::LinkToController, AnyFrame::Standard(frame)) => {
+                Some(Noticed::Input(Input::Link(*frame)))
+            }
+            (Way::FromActuators(bus), AnyFrame::Standard(frame)) => {
+                Some(Noticed::Input(Input::Actuator(bus, *frame)))
+            }
+            (Way::FromActuators(bus), AnyFrame::Extended(frame)) => {
+                Some(Noticed::Extended(bus, *frame))
+            }
+            (Way::LinkToHost, AnyFrame::Standard(frame)) => {
+                self.host_inbox.push_back(*frame);
+                None
+            }
+            // Nobody on the link takes any.
+            (Way::LinkToController | Way::LinkToHost, AnyFrame::Extended(_)) => None,
+            (Way::ToActuators(bus), frame) => {
+                self.reach_servos(bus, frame);
+                None
+            }
+        }
+    }
+
+    fn reach_servos(&mut self, bus: u8, frame: &AnyFrame) {
+        let now = self.now;
+        let ActuatorBus { wire, servos, .. } = &mut self.actuator_buses[usize::from(bus)];
+        for &(node, channel) in servos.iter() {
+            if let Some(value) = self.body.commanded(channel, frame) {
+                self.recorder.on_setpoint(channel, value);
+            }
+            if self.faults.on(now).any(|harm| harm.silences(channel)) {
+                self.faults.fire(now, |harm| harm.silences(channel));
+            } else if let Some(answer) = self.body.on_frame(channel, now, frame) {
+                wire.bus.post(now, node, answer).expect("a `Latest` node always takes frames");
+            }
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! What goes wrong on the bench: faults that begin and end, foreign nodes that talk, and what an adapter
+//! tells the controller of its actuator buses. The faults themselves are [`crate::faults`].
+
+use super::{Core, Interface, LinkError, Rig, SimTime};
+use crate::bus::{NodeId, TxPolicy};
+use crate::faults::{Fault, Harm};
+use crate::wire::ActuatorBus;
+use rollwalk_firmware::BusState;
+use rollwalk_protocol::can::CanFrame;
+
+/// Frames of a foreign node that wait: one on its way, and the next, so that it leaves no gap.
+const BABBLE_DEPTH: usize = 2;
+
+/// A frame that nobody acknowledges is sent so long until its sender is error-passive: 16 times, each up to
+/// 135 bits and an error frame of up to 31.
+const PASSIVE_AFTER: SimTime = SimTime::from_us(16 * (135 + 31));
+
+/// What stands between the controller and its actuator buses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Adapter {
+    /// Frames that wait in it at most.
+    pub depth: usize,
+    /// What nobody has acknowledged by the next control period is called back, as our boards do.
+    pub calls_back: bool,
+    /// What it says when nobody acknowledges: not all can tell that from other errors.
+    pub alone: BusState,
+}
+
+impl Default for Adapter {
+    /// What our boards do, but that a frame which nobody acknowledges stays.
+    fn default() -> Self {
+        Self { depth: 1, calls_back: false, alone: BusState::NotAcknowledged }
+    }
+}
+
+/// A foreign node that talks without pause.
+pub struct Babbler {
+    node: NodeId,
+    bus: Interface,
+    frame: CanFrame,
+    every: SimTime,
+    pub next: SimTime,
+    pub until: SimTime,
+}
+
+impl<C: Core> Rig<C> {
+    /// One fault more; it begins after this instant.
+    pub fn add_fault(&mut self, fault: Fault) {
+        let from = fault.from.max(self.now + SimTime::from_ns(1));
+        let fault = Fault { from, ..fault };
+        if let Harm::Babble(bus, frame, every) = fault.harm {
+            let node = self.wire(bus).bus.add_node(TxPolicy::Queue { depth: BABBLE_DEPTH });
+            let (next, until) = (fault.from, fault.until);
+            self.babblers.push(Babbler { node, bus, frame, every, next, until });
+        }
+        self.faults.add(fault);
+    }
+
+    /// Tells the controller how its actuator buses are, and starts those again that it wants started.
+    pub(super) fn tell_bus_states(&mut self) -> Result<(), LinkError> {
+        if self.faults.all().next().is_none() {
+            return Ok(());
+        }
+        let (now, adapter) = (self.now, self.adapter);
+        let link = &self.link;
+        let waits = [link.controller, self.host].iter().any(|&node| link.bus.pending(node) > 0);
+        if link.alone_since.is_some() && waits {
+            self.faults.fire(now, |harm| *harm == Harm::NoAck(Interface::Link));
+        }
+        for (number, ActuatorBus { wire, servos, .. }) in (0..).zip(&mut self.actuator_buses) {
+            let mut state = if wire.off { BusState::Off } else { BusState::Active };
+            if let Some(since) = wire.alone_since
+                && wire.bus.pending(wire.controller) > 0
+                && !wire.off
+            {
+                self.faults.fire(now, |harm| match harm {
+                    Harm::NoAck(bus) => *bus == Interface::Actuator(number),
+                    _ => servos.iter().any(|&(_, channel)| harm.silences(channel)),
+                });
+                if now - since >= PASSIVE_AFTER {
+                    state = adapter.alone;
+                }
+                if adapter.calls_back {
+                    wire.bus.cancel(wire.controller);
+                }
+            }
+            self.controller.on_bus_state(now.as_us(), number, state)?;
+            if wire.off && self.controller.take_bus_restart(number)? {
+                let short = self.faults.on(now).any(|harm| *harm == Harm::BusOff(number));
+                wire.off = short;
+                if short {
+                    self.faults.fire(now, |harm| *harm == Harm::BusOff(number));
+                    self.controller.on_bus_state(now.as_us(), number, BusState::Off)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Brings about what changes at this instant.
+    pub(super) fn begin_and_end_faults(&mut self) {
+        let (now, before) = (self.now, self.edges_until);
+        self.edges_until = now;
+        let began: Vec<Harm> = (self.faults.all())
+            .filter(|(fault, _)| before < fault.from && fault.from <= now)
+            .map(|(fault, _)| fault.harm)
+            .collect();
+        let on: Vec<Harm> = self.faults.on(now).copied().collect();
+        for (number, ActuatorBus { wire, servos, .. }) in (0..).zip(&mut self.actuator_buses) {
+            let silent = |channel| on.iter().any(|harm| harm.silences(channel));
+            for &(node, channel) in servos.iter().filter(|(_, channel)| silent(*channel)) {
+                wire.bus.cancel(node);
+                if began.contains(&Harm::Unpowered(channel)) {
+                    self.body.cut_power(channel);
+                    self.faults.fire(now, |harm| *harm == Harm::Unpowered(channel));
+                }
+            }
+            let listens = servos.iter().any(|&(_, channel)| !silent(channel));
+            wire.connect(now, listens && !on.contains(&Harm::NoAck(Interface::Actuator(number))));
+            if began.contains(&Harm::BusOff(number)) {
+                wire.go_off(now);
+                self.faults.fire(now, |harm| *harm == Harm::BusOff(number));
+                if let Some(monitor) = &mut self.monitor {
+                    monitor.bus_goes_off(now);
+                }
+                // Told again in every control period; an error would show there.
+                let _ = self.controller.on_bus_state(now.as_us(), number, BusState::Off);
+            }
+        }
+        self.link.connect(now, !on.contains(&Harm::NoAck(Interface::Link)));
+    }
+
+    /// A foreign node talks.
+    pub(super) fn babble(&mut self, index: usize) {
+        let now = self.now;
+        let &Babbler { node, bus, frame, every, .. } = &self.babblers[index];
+        self.babblers[index].next = now + every;
+        let wire = self.wire(bus);
+        if wire.bus.pending(node) < BABBLE_DEPTH {
+            wire.bus.post(now, node, frame).expect("there is room");
+            self.faults.fire(now, |harm| *harm == Harm::Babble(bus, frame, every));
+        }
+    }
+}
