@@ -6,6 +6,7 @@ use evdev::{
     AbsInfo, AbsoluteAxisCode, AbsoluteAxisEvent, AttributeSet, KeyCode, KeyEvent, UinputAbsSetup,
 };
 use rollwalk_protocol::wire::State;
+use rollwalk_tests::terminal::Terminal;
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -63,6 +64,16 @@ impl Pad {
     }
 }
 
+/// From disarmed, with nothing held, to motion 3.
+fn hold_and_play(pad: &mut Pad, console: &mut Terminal) {
+    pad.key(DEADMAN, true);
+    console.shows("deadman held");
+    pad.press(START);
+    console.shows("READY");
+    pad.play_3();
+    console.shows("PLAYING");
+}
+
 #[test]
 fn nothing_moves_without_the_deadman_and_the_stop_needs_nothing() {
     let bus = "can:vcan0";
@@ -80,12 +91,7 @@ fn nothing_moves_without_the_deadman_and_the_stop_needs_nothing() {
     sleep(Duration::from_millis(500));
     console.shows("DISARMED");
 
-    pad.key(DEADMAN, true);
-    console.shows("deadman held");
-    pad.press(START);
-    console.shows("READY");
-    pad.play_3();
-    console.shows("PLAYING");
+    hold_and_play(&mut pad, &mut console);
     pad.key(DEADMAN, false);
     console.shows("PAUSED");
     // Holding it again moves nothing.
@@ -102,12 +108,7 @@ fn nothing_moves_without_the_deadman_and_the_stop_needs_nothing() {
 
     pad.press(CLEAR);
     console.shows("DISARMED");
-    pad.key(DEADMAN, true);
-    console.shows("deadman held");
-    pad.press(START);
-    console.shows("READY");
-    pad.play_3();
-    console.shows("PLAYING");
+    hold_and_play(&mut pad, &mut console);
     // Its plug is pulled, and put in again.
     drop(pad);
     console.shows("PAUSED");

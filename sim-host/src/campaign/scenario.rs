@@ -379,28 +379,10 @@ impl Scenario {
                 allowed = &[Bit::EStop, Bit::HostLost];
             }
             Self::Chaos => {
+                let choice: Vec<Self> = (Self::ALL.into_iter())
+                    .filter(|one| !matches!(one, Self::Loss | Self::Flash | Self::Chaos))
+                    .collect();
                 for _ in 0..random.usize(2..=4) {
-                    let choice = [
-                        Self::Repeats,
-                        Self::Reorder,
-                        Self::Delay,
-                        Self::Corruption,
-                        Self::BabbleLink,
-                        Self::BabbleActuators,
-                        Self::NoAck,
-                        Self::LinkUnplugged,
-                        Self::BusOff,
-                        Self::ActuatorDeaf,
-                        Self::ActuatorDead,
-                        Self::ActuatorLoss,
-                        Self::ActuatorDisorder,
-                        Self::ActuatorCorruption,
-                        Self::PowerCut,
-                        Self::HostDead,
-                        Self::HostStall,
-                        Self::BridgeStall,
-                        Self::EStop,
-                    ];
                     let one = choice[random.usize(0..choice.len())];
                     let start = start + between(random, 0, 1500);
                     one.add_to(plan, start, loss_per_mille, config, random);

@@ -9,6 +9,7 @@
 mod contents;
 mod emulator;
 mod image;
+mod limits;
 mod nucleo;
 mod scenario;
 mod sizes;

@@ -2,6 +2,7 @@
 
 use super::contents::{Sections, panic_paths, sections};
 use super::image::NUCLEO_G474RE;
+use super::limits::Limits;
 use super::shown;
 use super::sizes::MAX_STATIC_RAM;
 use std::fs;
@@ -44,13 +45,9 @@ pub fn report() -> Result<(), String> {
     );
     println!("panic paths    {:>7} (with one planted: {})", panics.len(), planted.len());
 
-    let mut failures = Vec::new();
-    if text > MAX_TEXT {
-        failures.push(format!("text: {text} B, at most {MAX_TEXT}"));
-    }
-    if data + bss > MAX_STATIC_RAM {
-        failures.push(format!("static RAM: {} B, at most {MAX_STATIC_RAM}", data + bss));
-    }
-    failures.extend(panics.iter().map(|symbol| format!("panic path: {symbol}")));
-    if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
+    let mut limits = Limits::default();
+    limits.bytes("text", text, MAX_TEXT);
+    limits.bytes("static RAM", data + bss, MAX_STATIC_RAM);
+    limits.no_panics(&panics);
+    limits.verdict()
 }

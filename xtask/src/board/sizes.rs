@@ -4,6 +4,7 @@
 use super::contents::{Sections, panic_paths, sections};
 use super::emulator::{Clock, instructions};
 use super::image::MPS2_AN386;
+use super::limits::Limits;
 use super::play;
 use std::fs;
 use std::path::Path;
@@ -77,27 +78,13 @@ pub fn report() -> Result<(), String> {
     );
     println!("panic paths    {:>7} (with one planted: {})", panics.len(), planted.len());
 
-    let mut failures = Vec::new();
-    if text > MAX_TEXT {
-        failures.push(format!("text: {text} B, at most {MAX_TEXT}"));
-    }
-    if every > MAX_TEXT_WITH_EVERY_LINE {
-        failures.push(format!(
-            "text with all actuator protocols: {every} B, at most {MAX_TEXT_WITH_EVERY_LINE}"
-        ));
-    }
-    if data + bss > MAX_STATIC_RAM {
-        failures.push(format!("static RAM: {} B, at most {MAX_STATIC_RAM}", data + bss));
-    }
-    for (what, count, most) in [
-        ("control tick, on average", mean_tick, MAX_MEAN_TICK),
-        ("control tick, at worst", worst_tick, MAX_TICK),
-        ("control period, at worst", worst_period, MAX_PERIOD),
-    ] {
-        if count > most {
-            failures.push(format!("{what}: {count:.0} instructions, at most {most}"));
-        }
-    }
-    failures.extend(panics.iter().map(|symbol| format!("panic path: {symbol}")));
-    if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
+    let mut limits = Limits::default();
+    limits.bytes("text", text, MAX_TEXT);
+    limits.bytes("text with all actuator protocols", every, MAX_TEXT_WITH_EVERY_LINE);
+    limits.bytes("static RAM", data + bss, MAX_STATIC_RAM);
+    limits.instructions("control tick, on average", mean_tick, MAX_MEAN_TICK);
+    limits.instructions("control tick, at worst", worst_tick, MAX_TICK);
+    limits.instructions("control period, at worst", worst_period, MAX_PERIOD);
+    limits.no_panics(&panics);
+    limits.verdict()
 }

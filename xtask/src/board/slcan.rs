@@ -3,6 +3,7 @@
 
 use super::contents::{Sections, panic_paths, sections};
 use super::image::MPS2_AN386_SLCAN;
+use super::limits::Limits;
 use super::shown;
 use super::sizes::{MAX_STATIC_RAM, MAX_TEXT, RAM};
 use std::fs;
@@ -30,13 +31,9 @@ pub fn report() -> Result<(), String> {
     println!("data + bss     {:>7} B of {MAX_STATIC_RAM} ({data} + {bss})", data + bss);
     println!("panic paths    {:>7}", panics.len());
 
-    let mut failures = Vec::new();
-    if text > MAX_TEXT {
-        failures.push(format!("text: {text} B, at most {MAX_TEXT}"));
-    }
-    if data + bss > MAX_STATIC_RAM {
-        failures.push(format!("static RAM: {} B, at most {MAX_STATIC_RAM}", data + bss));
-    }
-    failures.extend(panics.iter().map(|symbol| format!("panic path: {symbol}")));
-    if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
+    let mut limits = Limits::default();
+    limits.bytes("text", text, MAX_TEXT);
+    limits.bytes("static RAM", data + bss, MAX_STATIC_RAM);
+    limits.no_panics(&panics);
+    limits.verdict()
 }

@@ -1,0 +1,56 @@
+//! What an image must not exceed; every excess is told, not only the first.
+
+use std::fmt::Display;
+
+/// Excesses so far.
+#[derive(Default)]
+pub struct Limits(Vec<String>);
+
+impl Limits {
+    /// No more than `most` bytes of something.
+    pub fn bytes(&mut self, what: &str, taken: u64, most: u64) {
+        self.at_most(what, taken, most, "B");
+    }
+
+    /// No more than `most` instructions of something.
+    pub fn instructions(&mut self, what: &str, taken: f64, most: f64) {
+        self.at_most(what, taken.ceil(), most, "instructions");
+    }
+
+    /// Nothing that can panic.
+    pub fn no_panics(&mut self, symbols: &[String]) {
+        self.0.extend(symbols.iter().map(|symbol| format!("panic path: {symbol}")));
+    }
+
+    /// # Errors
+    /// All excesses, a line each.
+    pub fn verdict(self) -> Result<(), String> {
+        if self.0.is_empty() { Ok(()) } else { Err(self.0.join("\n")) }
+    }
+
+    fn at_most<T: PartialOrd + Display>(&mut self, what: &str, taken: T, most: T, unit: &str) {
+        if taken > most {
+            self.0.push(format!("{what}: {taken} {unit}, at most {most}"));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_that_is_above_its_limit_is_told() {
+        let mut limits = Limits::default();
+        limits.bytes("text", 65_536, 65_536);
+        assert_eq!(limits.verdict(), Ok(()));
+
+        let mut limits = Limits::default();
+        limits.bytes("text", 65_537, 65_536);
+        limits.instructions("tick", 16_000.6, 16_000.0);
+        limits.no_panics(&["unwrap_failed".to_owned()]);
+        let told = "text: 65537 B, at most 65536\ntick: 16001 instructions, at most 16000\n\
+                    panic path: unwrap_failed";
+        assert_eq!(limits.verdict(), Err(told.to_owned()));
+    }
+}
