@@ -71,14 +71,10 @@ impl CyberGearMotor {
         }
     }
 
-    fn value_of(&self, law: &Law) -> f32 {
-        (if self.is_wheel { law.speed_rad_s } else { law.position_rad }) as f32
-    }
-
     /// See [`crate::Drive::commanded`].
     pub fn commanded(&self, frame: &ExtendedFrame) -> Option<f32> {
         let (1, data16, data) = self.mine(frame)? else { return None };
-        Some(self.value_of(&self.setpoint(data16, data)))
+        Some(self.setpoint(data16, data).value(self.is_wheel))
     }
 
     /// See [`crate::Drive::on_frame`].
@@ -91,12 +87,7 @@ impl CyberGearMotor {
         let sent = match kind {
             1 => {
                 self.last = self.setpoint(data16, data);
-                Sent::Setpoint {
-                    value: self.value_of(&self.last),
-                    kp: self.last.kp_nm_rad as f32,
-                    kd: self.last.kd_nm_s_rad as f32,
-                    torque_nm: self.last.torque_nm as f32,
-                }
+                self.last.setpoint(self.is_wheel)
             }
             3 => {
                 self.enabled = true;
@@ -125,7 +116,12 @@ impl CyberGearMotor {
                 Sent::Mode
             }
             LIMIT_TORQUE => {
-                self.torque_limit_nm = f32::from_le_bytes(value).into();
+                // The manual's range is 0 to 12 N·m.
+                let limit_nm = f64::from(f32::from_le_bytes(value));
+                if !(0.0..=TORQUE_NM).contains(&limit_nm) {
+                    return Sent::Odd;
+                }
+                self.torque_limit_nm = limit_nm;
                 Sent::Limits
             }
             // Of the position mode, which is not simulated.

@@ -7,7 +7,6 @@
 use crate::{Law, Sent, Shaft, is_wheel};
 use rollwalk_protocol::actuators::bus::ControlLoop;
 use rollwalk_protocol::actuators::dynamixel::Dynamixels;
-use rollwalk_protocol::actuators::dynamixel::packet::{STATUS, packet};
 use rollwalk_protocol::config::Channel;
 use std::f64::consts::TAU;
 
@@ -19,6 +18,14 @@ const AMPERE: f64 = 2.69e-3;
 const CENTRE: i32 = 2048;
 /// A step of the bus watchdog, µs.
 const WATCHDOG_US: u64 = 20_000;
+
+/// How every packet begins, and with it what stuffing keeps out of the rest.
+const HEADER: [u8; 4] = [0xFF, 0xFF, 0xFD, 0];
+const STUFFED: &[u8] = &[0xFF, 0xFF, 0xFD];
+/// Address of all servos.
+const ALL: u8 = 0xFE;
+/// Instruction of answers.
+const STATUS: u8 = 0x55;
 
 /// What it follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,10 +83,8 @@ impl DynamixelServo {
     /// See [`crate::Drive::on_packet`]: sync writes and sync reads to all.
     pub fn on_packet(&mut self, now_us: u64, bytes: &[u8], shaft: &Shaft) -> (Vec<Sent>, Vec<u8>) {
         let nothing = (vec![], vec![]);
-        let [0xFF, 0xFF, 0xFD, 0, 0xFE, _, _, instruction, parameters @ .., _, _] = bytes else {
-            return nothing;
-        };
-        let &[a0, a1, n0, n1, ref rest @ ..] = parameters else { return nothing };
+        let Some(told) = unwrapped(bytes) else { return nothing };
+        let &[instruction, a0, a1, n0, n1, ref rest @ ..] = &told[..] else { return nothing };
         let (address, count) =
             (u16::from_le_bytes([a0, a1]), usize::from(u16::from_le_bytes([n0, n1])));
         match instruction {
@@ -107,11 +112,11 @@ impl DynamixelServo {
         let current = torque_nm / f64::from(self.kind.model.torque_nm_a) / AMPERE;
         let steps = |value: f64| value.round() as i32;
         // Error 0, current, velocity, position.
-        let mut data = vec![0];
+        let mut data = vec![STATUS, 0];
         data.extend((steps(current) as i16).to_le_bytes());
         data.extend(steps(shaft.speed_rad_s / RAD_S).to_le_bytes());
         data.extend((steps(shaft.position_rad / RAD) + CENTRE).to_le_bytes());
-        packet(self.id, STATUS, &data).map(|bytes| bytes.to_vec()).unwrap_or_default()
+        wrapped(self.id, &data)
     }
 
     fn write(&mut self, now_us: u64, address: u16, data: &[u8]) -> Option<Sent> {
@@ -160,10 +165,7 @@ impl DynamixelServo {
     }
 
     fn setpoint(&self) -> Sent {
-        let Law { position_rad, speed_rad_s, .. } = self.goal();
-        let value = if self.mode == Mode::Velocity { speed_rad_s } else { position_rad };
-        let (kp, kd) = self.gains;
-        Sent::Setpoint { value: value as f32, kp: kp as f32, kd: kd as f32, torque_nm: 0.0 }
+        self.goal().setpoint(self.mode == Mode::Velocity)
     }
 
     fn goal(&self) -> Law {
@@ -195,4 +197,57 @@ impl DynamixelServo {
     pub fn law(&self) -> Option<Law> {
         (self.enabled && !self.expired).then(|| self.goal())
     }
+}
+
+/// Instruction and parameters of a packet for all servos, if it is whole.
+fn unwrapped(bytes: &[u8]) -> Option<Vec<u8>> {
+    let (body, crc) = bytes.split_last_chunk()?;
+    let &[low, high, ref stuffed @ ..] = body.strip_prefix(&HEADER)?.strip_prefix(&[ALL])? else {
+        return None;
+    };
+    // Length: what comes after it, CRC included.
+    let whole = usize::from(u16::from_le_bytes([low, high])) == stuffed.len() + crc.len();
+    if !whole || crc16(body) != u16::from_le_bytes(*crc) {
+        return None;
+    }
+    let mut plain = Vec::new();
+    let mut bytes = stuffed.iter();
+    while let Some(&byte) = bytes.next() {
+        plain.push(byte);
+        if plain.ends_with(STUFFED) && bytes.next() != Some(&0xFD) {
+            return None;
+        }
+    }
+    Some(plain)
+}
+
+/// The packet of an answer: instruction and parameters with what is around them.
+fn wrapped(id: u8, plain: &[u8]) -> Vec<u8> {
+    let mut stuffed = Vec::new();
+    for &byte in plain {
+        stuffed.push(byte);
+        if stuffed.ends_with(STUFFED) {
+            stuffed.push(0xFD);
+        }
+    }
+    let [low, high] = (stuffed.len() as u16 + 2).to_le_bytes();
+    let body = [&HEADER[..], &[id, low, high], &stuffed].concat();
+    let crc = crc16(&body).to_le_bytes();
+    [&body[..], &crc].concat()
+}
+
+/// As the page `dxl/crc` has it: polynomial 0x8005, most significant bit first, from 0.
+pub(crate) fn crc16(bytes: &[u8]) -> u16 {
+    let mut crc = 0u16;
+    for byte in bytes {
+        crc ^= u16::from(*byte) << 8;
+        for _ in 0..8 {
+            let carry = crc & 0x8000 != 0;
+            crc <<= 1;
+            if carry {
+                crc ^= 0x8005;
+            }
+        }
+    }
+    crc
 }

@@ -67,6 +67,23 @@ pub struct Law {
     pub torque_limit_nm: f64,
 }
 
+impl Law {
+    /// What it is a setpoint of: rad, or rad/s of a wheel.
+    fn value(&self, is_wheel: bool) -> f32 {
+        (if is_wheel { self.speed_rad_s } else { self.position_rad }) as f32
+    }
+
+    /// A drive was sent it.
+    fn setpoint(&self, is_wheel: bool) -> Sent {
+        Sent::Setpoint {
+            value: self.value(is_wheel),
+            kp: self.kp_nm_rad as f32,
+            kd: self.kd_nm_s_rad as f32,
+            torque_nm: self.torque_nm as f32,
+        }
+    }
+}
+
 /// What was sent to a drive, as its documents name it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sent {

@@ -65,21 +65,22 @@ impl MaestroServo {
         let pulse = &self.board.pulse;
         let us = f64::from(quarters_us) / 4.0 - f64::from(pulse.centre_us);
         let value = us / f64::from(pulse.us_per_rad);
-        let (kp, kd) = self.gains;
-        let setpoint =
-            Sent::Setpoint { value: value as f32, kp: kp as f32, kd: kd as f32, torque_nm: 0.0 };
+        let setpoint = self.towards(value).setpoint(false);
         match self.target_rad.replace(value) {
             None => vec![Sent::Enable, setpoint],
             Some(_) => vec![setpoint],
         }
     }
 
+    fn towards(&self, position_rad: f64) -> Law {
+        let (kp_nm_rad, kd_nm_s_rad) = self.gains;
+        let torque_limit_nm = f64::INFINITY;
+        Law { position_rad, kp_nm_rad, kd_nm_s_rad, torque_limit_nm, ..Law::default() }
+    }
+
     /// See [`crate::Drive::law`].
     pub fn law(&self) -> Option<Law> {
-        let (kp_nm_rad, kd_nm_s_rad) = self.gains;
-        let position_rad = self.target_rad?;
-        let torque_limit_nm = f64::INFINITY;
-        Some(Law { position_rad, kp_nm_rad, kd_nm_s_rad, torque_limit_nm, ..Law::default() })
+        self.target_rad.map(|target_rad| self.towards(target_rad))
     }
 }
 

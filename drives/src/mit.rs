@@ -59,14 +59,10 @@ impl MitDrive {
         }
     }
 
-    fn value_of(&self, law: &Law) -> f32 {
-        (if self.is_wheel { law.speed_rad_s } else { law.position_rad }) as f32
-    }
-
     /// See [`crate::Drive::commanded`].
     pub fn commanded(&self, frame: &CanFrame) -> Option<f32> {
         let data = self.mine(frame).filter(|data| special(data).is_none())?;
-        Some(self.value_of(&self.setpoint(data)))
+        Some(self.setpoint(data).value(self.is_wheel))
     }
 
     /// See [`crate::Drive::on_frame`].
@@ -86,12 +82,7 @@ impl MitDrive {
             Some(_) => Sent::Odd,
             None => {
                 self.last = self.setpoint(data);
-                Sent::Setpoint {
-                    value: self.value_of(&self.last),
-                    kp: self.last.kp_nm_rad as f32,
-                    kd: self.last.kd_nm_s_rad as f32,
-                    torque_nm: self.last.torque_nm as f32,
-                }
+                self.last.setpoint(self.is_wheel)
             }
         };
         Some((sent, self.answer(shaft)))

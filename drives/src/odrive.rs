@@ -171,7 +171,11 @@ impl OdriveAxis {
                 Sent::Torque(self.input.2 as f32)
             }
             0x0F => {
-                self.limits = Some((float_at(data, 0)?, float_at(data, 4)?));
+                let limits = (float_at(data, 0)?, float_at(data, 4)?);
+                if limits.0 < 0.0 || limits.1 < 0.0 {
+                    return None;
+                }
+                self.limits = Some(limits);
                 Sent::Limits
             }
             0x18 => {

@@ -45,8 +45,7 @@ impl RollwalkServo {
 
     /// See [`crate::Drive::commanded`].
     pub fn commanded(&self, frame: &CanFrame) -> Option<f32> {
-        let law = self.law_of(frame)?;
-        Some((if self.is_wheel { law.speed_rad_s } else { law.position_rad }) as f32)
+        Some(self.law_of(frame)?.value(self.is_wheel))
     }
 
     /// See [`crate::Drive::on_frame`].
@@ -79,12 +78,7 @@ impl RollwalkServo {
                 self.mode = Mode::Following(law);
                 self.fed_us = now_us;
             }
-            Sent::Setpoint {
-                value: self.commanded(frame)?,
-                kp: law.kp_nm_rad as f32,
-                kd: law.kd_nm_s_rad as f32,
-                torque_nm: 0.0,
-            }
+            law.setpoint(self.is_wheel)
         };
         Some((sent, self.feedback(shaft).encode(self.id)?))
     }

@@ -2,11 +2,12 @@
 
 use crate::{Drive, Electronics, Sent, Shaft};
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Protocol};
+use rollwalk_protocol::actuators::cybergear::{CyberGear, SAMPLE_MAX_RAD};
 use rollwalk_protocol::actuators::dynamixel::{Dynamixels, packet::packet, table::XM430_W210};
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
-use rollwalk_protocol::can::{AnyFrame, CanFrame};
+use rollwalk_protocol::can::{AnyFrame, CanFrame, ExtendedFrame};
 use rollwalk_protocol::config::{Channel, ChannelKind};
 use std::f64::consts::TAU;
 
@@ -80,6 +81,44 @@ fn an_odrive_limits_the_speed_and_the_torque_that_its_loops_ask_for() {
     let speed = drive.law(&at(0.0)).unwrap();
     assert!((speed.speed_rad_s - 0.1 * TAU).abs() < 1e-6, "{speed:?}");
     assert!((speed.torque_nm + 0.2).abs() < 1e-6, "{speed:?}");
+}
+
+/// Less than none at all cannot be a limit: those that were set stay.
+#[test]
+fn an_odrive_takes_no_limit_below_0() {
+    let mut drive = odrive(Version::V06);
+    tell(&mut drive, 0x0F, &floats(0.5, 12.0));
+    tell(&mut drive, 0x07, &8u32.to_le_bytes());
+    let before = drive.law(&at(0.0));
+    for (turns_s, current_a) in
+        [(0.5, -1.0), (-0.5, 12.0), (f32::NAN, 12.0), (0.5, f32::NAN), (0.5, f32::INFINITY)]
+    {
+        let sent = tell(&mut drive, 0x0F, &floats(turns_s, current_a));
+        assert_eq!(sent, Sent::Odd, "{turns_s} {current_a}");
+        assert_eq!(drive.law(&at(0.0)), before, "{turns_s} {current_a}");
+    }
+}
+
+/// The manual's range of parameter 0x700B, 0 to 12 N·m.
+#[test]
+fn a_cybergear_takes_no_torque_limit_out_of_its_range() {
+    let gear = CyberGear { host: 0xFD, max_position_rad: SAMPLE_MAX_RAD };
+    let mut drive = drive(Protocol::CyberGear(gear));
+    let mut tell = |kind: u32, data: [u8; 8]| {
+        let frame = ExtendedFrame::new(kind << 24 | 0xFD << 8 | u32::from(ID), &data).unwrap();
+        let (sent, _) = drive.on_frame(0, &frame.into(), &at(0.0)).expect("it is for this motor");
+        (sent, drive.law(&at(0.0)).map(|law| law.torque_limit_nm))
+    };
+    let limit = |nm: f32| {
+        let [a, b, c, d] = nm.to_le_bytes();
+        [0x0B, 0x70, 0, 0, a, b, c, d]
+    };
+    assert_eq!(tell(3, [0; 8]), (Sent::Enable, Some(12.0)));
+    assert_eq!(tell(18, limit(2.5)), (Sent::Limits, Some(2.5)));
+    for nm in [-1.0, 12.5, f32::NAN, f32::INFINITY] {
+        assert_eq!(tell(18, limit(nm)), (Sent::Odd, Some(2.5)), "{nm}");
+    }
+    assert_eq!(tell(18, limit(0.0)), (Sent::Limits, Some(0.0)));
 }
 
 #[test]
@@ -172,6 +211,57 @@ fn a_dynamixel_whose_watchdog_has_expired_takes_no_goal_until_it_is_told_0() {
     drive.on_time(200_000);
     assert!(drive.law(&at(0.0)).is_some());
     assert_eq!(drive.on_packet(0, &[0xFF, 0xFF], &at(0.0)), (vec![], vec![]));
+}
+
+/// The e-Manual's ping of servo 1, and what a servo makes of packets that are not as Protocol 2.0 has them.
+#[test]
+fn a_dynamixel_takes_whole_packets_alone() {
+    let ping = [0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x03, 0x00, 0x01];
+    assert_eq!(crate::dynamixel::crc16(&ping).to_le_bytes(), [0x19, 0x4E]);
+
+    let model = Dynamixels { model: XM430_W210, watchdog_20ms: 0, return_delay_us: 0 };
+    let mut drive = drive(Protocol::Dynamixel(model));
+    let on = sync_write(64, &[1]);
+    let resummed = |mut bytes: Vec<u8>| {
+        bytes.truncate(bytes.len() - 2);
+        bytes.extend(crate::dynamixel::crc16(&bytes).to_le_bytes());
+        bytes
+    };
+    for index in 0..on.len() {
+        let mut wrong = on.clone();
+        wrong[index] ^= 1;
+        assert_eq!(drive.on_packet(0, &wrong, &at(0.0)), (vec![], vec![]), "byte {index}");
+    }
+    for length in [on.len() as u16 - 8, on.len() as u16 - 6, 0] {
+        let mut wrong = on.clone();
+        [wrong[5], wrong[6]] = length.to_le_bytes();
+        assert_eq!(drive.on_packet(0, &resummed(wrong), &at(0.0)), (vec![], vec![]), "{length}");
+    }
+    assert_eq!(drive.law(&at(0.0)), None);
+    assert_eq!(drive.on_packet(0, &on, &at(0.0)).0, [Sent::Enable]);
+
+    // −1 step of current and −3 of velocity have a header in them: FF FF, FD FF FF FF.
+    let torque_nm = -2.69e-3 * 3.0 / 2.3;
+    let shaft = Shaft { torque_nm, speed_rad_s: -3.0 * 0.229 * TAU / 60.0, ..at(0.0) };
+    let ask = packet(0xFE, 0x82, &[126, 0, 10, 0, ID]).unwrap();
+    let answer = [
+        &[0xFF, 0xFF, 0xFD, 0, ID, 15, 0, 0x55, 0][..],
+        &[0xFF, 0xFF, 0xFD, 0xFD, 0xFF, 0xFF, 0xFF, 0, 8, 0, 0],
+        &[0, 0],
+    ];
+    let (sent, said) = drive.on_packet(0, &ask, &shaft);
+    assert_eq!((sent, said), (vec![Sent::Query], resummed(answer.concat())));
+    // The same the other way round.
+    let goal = i32::from_le_bytes([0xFF, 0xFF, 0xFD, 0xFF]);
+    let stuffed = sync_write(116, &goal.to_le_bytes());
+    assert_eq!(stuffed.len(), 8 + 4 + 1 + 5 + 2);
+    assert!(matches!(drive.on_packet(0, &stuffed, &at(0.0)).0[..], [Sent::Setpoint { .. }]));
+    let goal_rad = f64::from(goal - 2048) / 4096.0 * TAU;
+    assert!((drive.law(&at(0.0)).unwrap().position_rad - goal_rad).abs() < 1e-9);
+    let mut bare = stuffed;
+    let stuffing = bare.windows(2).rposition(|two| two == [0xFD, 0xFD]).unwrap();
+    bare[stuffing + 1] = 0;
+    assert_eq!(drive.on_packet(0, &resummed(bare), &at(0.0)), (vec![], vec![]));
 }
 
 #[test]
