@@ -1,7 +1,8 @@
 //! What was commanded and what came of it, once per control period.
 //!
 //! The commanded values are decoded from the frames on the actuator buses, not taken from the
-//! firmware's memory: a lost, late or wrongly rounded setpoint shows. Of drives that are told torques alone
+//! firmware's memory: a lost, late or wrongly rounded setpoint shows. Where the controller closes the loop
+//! ([`ControlLoop::OnController`](rollwalk_protocol::actuators::bus::ControlLoop)) the bus carries torques, and
 //! nothing is known to be commanded.
 
 use crate::clock::SimTime;
@@ -20,17 +21,20 @@ pub struct TickRecord {
     /// Place in the clip, 60 Hz frames from its start.
     pub phase_frames: f64,
     /// Setpoints that were in force at the end of the period, in channel order: rad for a joint,
-    /// rad/s for a wheel. NaN for a channel that never had one.
+    /// rad/s for a wheel. NaN for a channel that never had one, as those that are told torques.
     pub commanded: Vec<f32>,
     /// What the motors were at `time_us`, in the same units: true values, not feedback frames.
     pub measured: Vec<f32>,
-    /// Setpoints that did not arrive within the period, so that an older one was in force.
+    /// Setpoints that did not arrive within the period, so that an older one was in force. None is missed by a
+    /// channel that is told torques.
     pub missed: usize,
 }
 
 /// Follows the setpoints on the actuator buses and keeps a record of each period.
 #[derive(Clone, Debug)]
 pub struct Recorder {
+    /// The channels that are told setpoints.
+    told: Vec<bool>,
     in_force: Vec<f32>,
     fresh: Vec<bool>,
     /// The period under way, without what was commanded.
@@ -39,15 +43,18 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// A recorder for a robot.
-    pub fn new(config: &RobotConfig) -> Self {
-        let count = config.channels.len();
-        let (in_force, fresh) = (vec![f32::NAN; count], vec![false; count]);
-        Self { in_force, fresh, under_way: None, records: Vec::new() }
+    /// A recorder for a robot: which of its channels are told setpoints, and not torques.
+    pub fn new(told: Vec<bool>) -> Self {
+        let (in_force, fresh) = (vec![f32::NAN; told.len()], vec![false; told.len()]);
+        Self { told, in_force, fresh, under_way: None, records: Vec::new() }
     }
 
-    /// A setpoint of the controller for `channel` has crossed its bus.
+    /// A setpoint of the controller for `channel` has crossed its bus. Some drives are told a torque by a setpoint
+    /// without gains: its position or speed means nothing.
     pub fn on_setpoint(&mut self, channel: usize, value: f32) {
+        if !self.told[channel] {
+            return;
+        }
         self.in_force[channel] = value;
         self.fresh[channel] = true;
     }
@@ -68,7 +75,8 @@ impl Recorder {
     pub fn end_period(&mut self) {
         if let Some(mut record) = self.under_way.take() {
             record.commanded.clone_from(&self.in_force);
-            record.missed = self.fresh.iter().filter(|&&fresh| !fresh).count();
+            let came = self.told.iter().zip(&self.fresh);
+            record.missed = came.filter(|&(&told, &fresh)| told && !fresh).count();
             self.records.push(record);
         }
         self.fresh.fill(false);
@@ -119,26 +127,14 @@ pub fn tracking_errors(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rollwalk_protocol::config::Channel;
+    use crate::one_leg;
 
-    fn config() -> RobotConfig {
-        let channel = |kind, bus, id| Channel {
-            kind,
-            min: -1.0,
-            max: 1.0,
-            max_rate: 5.0,
-            max_torque_nm: 3.0,
-            kp_nm_rad: 20.0,
-            kd_nm_s_rad: 0.5,
-            bus,
-            id,
-        };
-        let joint = channel(ChannelKind::JointPosition, 0, 3);
-        let wheel = channel(ChannelKind::WheelSpeed, 1, 3);
-        RobotConfig { robot: 0, channels: [joint, wheel].into_iter().collect() }
+    /// For the leg's hip, knee and wheel.
+    fn recorder() -> Recorder {
+        Recorder::new(vec![true; 3])
     }
 
-    fn period(recorder: &mut Recorder, frame: u16, measured: [f32; 2], setpoints: &[(usize, f32)]) {
+    fn period(recorder: &mut Recorder, frame: u16, measured: [f32; 3], setpoints: &[(usize, f32)]) {
         let playing = Playing { clip: ClipId(4), frame, phase: 0.5 };
         recorder.begin_period(SimTime::from_us(1000), playing, measured.to_vec());
         for (channel, value) in setpoints {
@@ -149,19 +145,34 @@ mod tests {
 
     #[test]
     fn a_setpoint_that_does_not_come_is_counted_and_the_older_one_stays_in_force() {
-        let mut recorder = Recorder::new(&config());
-        period(&mut recorder, 7, [0.0; 2], &[(0, 0.5), (1, -0.25)]);
-        period(&mut recorder, 8, [0.0; 2], &[(1, 0.5)]);
+        let mut recorder = recorder();
+        period(&mut recorder, 7, [0.0; 3], &[(0, 0.5), (1, 1.0), (2, -0.25)]);
+        period(&mut recorder, 8, [0.0; 3], &[(1, 1.0), (2, 0.5)]);
         let [first, second] = recorder.records() else { panic!("two periods") };
         assert_eq!((first.phase_frames, first.missed), (7.5, 0));
-        assert_eq!(first.commanded, [0.5, -0.25]);
+        assert_eq!(first.commanded, [0.5, 1.0, -0.25]);
         assert_eq!((second.phase_frames, second.missed), (8.5, 1));
-        assert_eq!(second.commanded, [0.5, 0.5]);
+        assert_eq!(second.commanded, [0.5, 1.0, 0.5]);
+    }
+
+    #[test]
+    fn a_channel_that_is_told_torques_has_no_setpoint_and_misses_none() {
+        let mut recorder = Recorder::new(vec![true, false, true]);
+        period(&mut recorder, 0, [0.5, 0.25, 0.0], &[(0, 0.5), (1, 0.0), (2, 0.0)]);
+        period(&mut recorder, 1, [0.5, 0.25, 0.0], &[(2, 0.0)]);
+        let missed: Vec<_> = recorder.records().iter().map(|record| record.missed).collect();
+        assert_eq!(missed, [0, 1]);
+        for record in recorder.records() {
+            assert!(record.commanded[1].is_nan(), "{record:?}");
+            assert_eq!((record.commanded[0], record.commanded[2]), (0.5, 0.0));
+        }
+        let errors = tracking_errors(&one_leg::config(), recorder.records());
+        assert_eq!(errors, BTreeMap::from([(ClipId(4), TrackingError::default())]));
     }
 
     #[test]
     fn a_period_without_playback_leaves_no_record() {
-        let mut recorder = Recorder::new(&config());
+        let mut recorder = recorder();
         recorder.on_setpoint(0, 0.5);
         recorder.end_period();
         assert!(recorder.records().is_empty());
@@ -169,12 +180,14 @@ mod tests {
 
     #[test]
     fn the_worst_error_is_kept_for_joints_and_wheels_apart() {
-        let mut recorder = Recorder::new(&config());
-        let setpoints = [(0, 0.5), (1, -0.25)];
-        for measured in [[0.5, -0.25], [0.375, -0.25], [0.5, -1.0], [0.5625, 0.0]] {
+        let mut recorder = recorder();
+        let setpoints = [(0, 0.5), (1, 1.0), (2, -0.25)];
+        for measured in
+            [[0.5, 1.0, -0.25], [0.375, 1.0, -0.25], [0.5, 1.0625, -1.0], [0.5625, 1.0, 0.0]]
+        {
             period(&mut recorder, 0, measured, &setpoints);
         }
-        let errors = tracking_errors(&config(), recorder.records());
+        let errors = tracking_errors(&one_leg::config(), recorder.records());
         let worst = TrackingError { joint_rad: 0.125, wheel_rad_s: 0.75 };
         assert_eq!(errors, BTreeMap::from([(ClipId(4), worst)]));
     }

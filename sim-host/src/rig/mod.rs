@@ -36,6 +36,7 @@ use crate::wire::{ActuatorBus, Wire};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::player::Playing;
+use rollwalk_protocol::actuators::bus::ControlLoop;
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::ClipId;
@@ -156,20 +157,24 @@ impl<C: Core> Rig<C> {
         let host = link.bus.add_node(TxPolicy::Queue { depth: HOST_QUEUE });
 
         let body = Body::new(robot);
+        let bus_of = |bus: u8| robot.buses.get(&bus).copied().unwrap_or_default();
         let count = body.addresses().iter().map(|&(bus, _)| usize::from(bus) + 1).max();
-        let mut actuator_buses: Vec<_> = (0..count.unwrap_or(0) as u8)
-            .map(|bus| ActuatorBus::new(&robot.buses.get(&bus).copied().unwrap_or_default()))
-            .collect();
+        let mut actuator_buses: Vec<_> =
+            (0..count.unwrap_or(0) as u8).map(|bus| ActuatorBus::new(&bus_of(bus))).collect();
         for (channel, &(bus, _)) in body.addresses().iter().enumerate() {
             let ActuatorBus { wire, servos, .. } = &mut actuator_buses[usize::from(bus)];
             servos.push((wire.bus.add_node(TxPolicy::Latest), channel));
         }
 
+        // Of a bus whose loop the controller closes, torques are all that is told.
+        let told = body.addresses().iter().map(|&(bus, _)| bus_of(bus).control);
+        let told = told.map(|control| control == ControlLoop::InDrive).collect();
+
         Ok(Self {
             now: SimTime::ZERO,
             controller,
             lost: None,
-            recorder: Recorder::new(&config),
+            recorder: Recorder::new(told),
             config,
             node: Node::new(settings.node).expect("the default address is one"),
             link,
