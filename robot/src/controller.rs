@@ -39,7 +39,32 @@ impl Channel<'_> {
 
     /// What the controller must know of it: limits, gains and address.
     pub fn config(&self) -> config::Channel {
-        config_of(self)
+        let actuator = self.actuator();
+        let (kind, min, max, max_rate) = match self {
+            Channel::Joint(joint) => (
+                ChannelKind::JointPosition,
+                joint.position_min_rad,
+                joint.position_max_rad,
+                actuator.speed_max_rad_s,
+            ),
+            Channel::Wheel(wheel, _) => {
+                let grip = wheel.friction_coefficient * GRAVITY_M_S2 / wheel.radius_m;
+                let spin_up = actuator.torque_max_nm / actuator.armature_kg_m2;
+                let speed = actuator.speed_max_rad_s;
+                (ChannelKind::WheelSpeed, -speed, speed, grip.min(spin_up))
+            }
+        };
+        config::Channel {
+            kind,
+            min: min as f32,
+            max: max as f32,
+            max_rate: max_rate as f32,
+            max_torque_nm: actuator.torque_max_nm as f32,
+            kp_nm_rad: actuator.kp_nm_rad as f32,
+            kd_nm_s_rad: actuator.kd_nm_s_rad as f32,
+            bus: actuator.bus,
+            id: actuator.id,
+        }
     }
 }
 
@@ -176,33 +201,4 @@ impl Robot {
 fn encoded(bus: (&u8, &Bus)) -> Vec<u8> {
     let mut buffer = [0; 64];
     postcard::to_slice(&bus, &mut buffer).expect("a bus has at most 40 bytes").to_vec()
-}
-
-fn config_of(channel: &Channel<'_>) -> config::Channel {
-    let actuator = channel.actuator();
-    let (kind, min, max, max_rate) = match channel {
-        Channel::Joint(joint) => (
-            ChannelKind::JointPosition,
-            joint.position_min_rad,
-            joint.position_max_rad,
-            actuator.speed_max_rad_s,
-        ),
-        Channel::Wheel(wheel, _) => {
-            let grip = wheel.friction_coefficient * GRAVITY_M_S2 / wheel.radius_m;
-            let spin_up = actuator.torque_max_nm / actuator.armature_kg_m2;
-            let speed = actuator.speed_max_rad_s;
-            (ChannelKind::WheelSpeed, -speed, speed, grip.min(spin_up))
-        }
-    };
-    config::Channel {
-        kind,
-        min: min as f32,
-        max: max as f32,
-        max_rate: max_rate as f32,
-        max_torque_nm: actuator.torque_max_nm as f32,
-        kp_nm_rad: actuator.kp_nm_rad as f32,
-        kd_nm_s_rad: actuator.kd_nm_s_rad as f32,
-        bus: actuator.bus,
-        id: actuator.id,
-    }
 }

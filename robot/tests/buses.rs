@@ -216,7 +216,6 @@ fn a_table_that_cannot_be_read_is_named() {
 
 #[test]
 fn a_bus_that_cannot_be_is_refused() {
-    assert_fault(4, MIT, "number = 4", "is 4", "0 to 3");
     assert_fault(2, MIT, "number = 2", "no motor is on", "leave the table out");
     assert_fault(
         0,
@@ -233,8 +232,50 @@ fn a_bus_that_cannot_be_is_refused() {
     assert_fault(1, &range, "max_position_rad", "is 12 rad", "12.5 and 12.566");
     let alone = "protocol = \"rollwalk\"\ncontrol = \"on_controller\"\n";
     assert_fault(0, alone, "control", "no torque can be told to Rollwalk", "leave it out");
+    // A bus that no controller has is a fault of the motor on it alone.
+    let text = ROBOT.replace("bus = 1", "bus = 4");
+    let error = Robot::from_toml("arm.toml", &format!("{text}\n[[bus]]\nnumber = 4\n{MIT}"));
+    let error = error.expect_err("it is wrong");
+    let found: Vec<_> = error.faults().map(|fault| (&fault.message, &fault.help)).collect();
+    assert_eq!(found.len(), 1, "{found:#?}");
+    assert!(found[0].0.contains("`wheel`: `bus` is 4"), "{found:#?}");
     let assumed = format!("{MIT}pose = \"assumed_safe\"\n");
     assert_fault(0, &assumed, "pose", "AK80-9 tells its own", "leave it out");
+}
+
+/// Robots in plan files are read without the reader of robot files: the same numbers are refused.
+#[test]
+fn numbers_that_no_drive_can_be_set_to_are_refused_from_json_too() {
+    let json = |lines: &str| serde_json::to_string(&read(1, lines).unwrap()).unwrap();
+    let maestro = Protocol::Maestro(Maestro {
+        device: Some(12),
+        crc: false,
+        set_multiple: true,
+        pulse: Pulse { limits_us: (500.0, 2500.0), ..Pulse::default() },
+    });
+    let text = ROBOT.replace("id = 70", "id = 3");
+    let mut board = Robot::from_toml("arm.toml", &text).unwrap();
+    board.buses.insert(0, Bus { protocol: maestro, ..Bus::default() });
+    let board = serde_json::to_string(&board).unwrap();
+    for (text, key, [last, beyond], expected) in [
+        (json(&format!("{MIT}master_id = 0\n")), "master", ["2047", "2048"], "`master_id` is 2048"),
+        (json(ODRIVE), "estimates_hz", ["1", "0"], "`estimates_hz` is 0 Hz"),
+        (json(ODRIVE), "estimates_hz", ["10000", "10001"], "`estimates_hz` is 10001 Hz"),
+        (json(DYNAMIXEL), "watchdog_20ms", ["127", "128"], "`watchdog_ms` is 2560 ms"),
+        (json(DYNAMIXEL), "return_delay_us", ["508", "509"], "`return_delay_us` is 509 µs"),
+        (board, "device", ["127", "128"], "`device` is 128"),
+    ] {
+        let (before, rest) = text.split_once(&format!("\"{key}\":")).unwrap();
+        let rest = rest.trim_start_matches(|c: char| c.is_ascii_digit());
+        let with = |number| {
+            let text = format!("{before}\"{key}\":{number}{rest}");
+            serde_json::from_str::<Robot>(&text).unwrap().validate()
+        };
+        assert_eq!(with(last), Ok(()), "{key}");
+        let error = with(beyond).expect_err("it is wrong");
+        assert_eq!(error.violations.len(), 1, "{error}");
+        assert!(error.to_string().contains(expected), "{error}");
+    }
 }
 
 /// What a controller would find out by the silence of a drive, and its self test does not look at.

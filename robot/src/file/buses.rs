@@ -3,6 +3,9 @@
 
 use super::read::Spans;
 use crate::document::Table;
+use crate::rules::buses::{
+    DEVICES, ESTIMATES_HZ, MASTER_IDS, RETURN_DELAYS_US, WATCHDOG_STEP_MS, WATCHDOGS_MS,
+};
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
 use rollwalk_protocol::actuators::cybergear::CyberGear;
 use rollwalk_protocol::actuators::dynamixel::{Dynamixels, table as dynamixel};
@@ -24,24 +27,20 @@ const PROTOCOLS: [&str; 6] = ["rollwalk", "mit", "odrive", "cybergear", "dynamix
 /// Fields that rules may find fault with.
 const FIELDS: [&str; 14] = [
     "number",
-    "protocol",
     "bit_rate",
     "control",
     "pose",
-    "model",
+    "master_id",
     "reduction",
     "torque_constant_nm_a",
     "estimates_hz",
     "max_position_rad",
     "watchdog_ms",
+    "return_delay_us",
+    "device",
     "us_per_rad",
     "pulse_us",
-    "master_id",
 ];
-
-/// The longest watchdog of a Dynamixel, ms, and its step.
-const WATCHDOG_MAX_MS: u32 = 2540;
-const WATCHDOG_STEP_MS: u32 = 20;
 
 pub(super) fn bus(mut table: Table<'_>) -> Option<BusItem> {
     let number = table.integer("number", 0..=255);
@@ -88,7 +87,7 @@ fn protocol(table: &Table<'_>, kind: &str) -> Option<Protocol> {
         "mit" => {
             let model = model(table, mit::MODELS, |model| model.name);
             let answers_from = if table.has("master_id") {
-                let id = table.integer("master_id", 0..=0x7FF);
+                let id = table.integer("master_id", MASTER_IDS);
                 id.and_then(|id| u16::try_from(id).ok()).map(AnswerId::Master)
             } else {
                 Some(AnswerId::Own)
@@ -99,7 +98,7 @@ fn protocol(table: &Table<'_>, kind: &str) -> Option<Protocol> {
             let version = table.choice("firmware", &["0.5", "0.6"]);
             let reduction = table.number("reduction");
             let torque_constant = table.number("torque_constant_nm_a");
-            let estimates_hz = table.integer("estimates_hz", 1..=10_000);
+            let estimates_hz = table.integer("estimates_hz", ESTIMATES_HZ);
             Protocol::Odrive(Odrive {
                 version: if version? == 0 { Version::V05 } else { Version::V06 },
                 reduction: reduction? as f32,
@@ -117,8 +116,8 @@ fn protocol(table: &Table<'_>, kind: &str) -> Option<Protocol> {
         }
         "dynamixel" => {
             let model = model(table, dynamixel::MODELS, |model| model.name);
-            let watchdog_ms = table.integer("watchdog_ms", 0..=WATCHDOG_MAX_MS);
-            let return_delay_us = table.integer("return_delay_us", 0..=508);
+            let watchdog_ms = table.integer("watchdog_ms", WATCHDOGS_MS);
+            let return_delay_us = table.integer("return_delay_us", RETURN_DELAYS_US);
             if watchdog_ms.is_some_and(|ms| !ms.is_multiple_of(WATCHDOG_STEP_MS)) {
                 let help = "its unit is 20 ms: give a multiple of that, or 0 for none";
                 table.fault("watchdog_ms", "is no whole number of units", "a multiple of 20", help);
@@ -132,7 +131,7 @@ fn protocol(table: &Table<'_>, kind: &str) -> Option<Protocol> {
         }
         _ => {
             let device = if table.has("device") {
-                table.integer("device", 0..=127).map(Some)
+                table.integer("device", DEVICES).map(Some)
             } else {
                 Some(None)
             };

@@ -3,25 +3,38 @@
 
 use super::{Check, Place};
 use crate::controller::Channel;
-use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, MAX_BUSES, Pose, Protocol};
+use rollwalk_protocol::actuators::Refusal;
+use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
 use rollwalk_protocol::actuators::cybergear::{self, CyberGear};
-use rollwalk_protocol::actuators::dynamixel::table::VELOCITY_STEP_RAD_S;
+use rollwalk_protocol::actuators::dynamixel::{Dynamixels, table::VELOCITY_STEP_RAD_S};
 use rollwalk_protocol::actuators::maestro::Maestro;
+use rollwalk_protocol::actuators::mit::{self, AnswerId, Mit};
 use rollwalk_protocol::actuators::odrive::Odrive;
-use rollwalk_protocol::actuators::{Refusal, mit};
+use std::ops::RangeInclusive;
 
 /// Bit rates of CAN that adapters and drives have.
 const CAN_BIT_RATES: [u32; 5] = [125_000, 250_000, 500_000, 800_000, 1_000_000];
+
+/// Identifiers of CAN frames, which mini cheetah drives may answer from.
+pub(crate) const MASTER_IDS: RangeInclusive<u32> = 0..=0x7FF;
+/// How often an ODrive can be set to send estimates, Hz: a period is whole milliseconds, and some to spare.
+pub(crate) const ESTIMATES_HZ: RangeInclusive<u32> = 1..=10_000;
+/// A step of a Dynamixel's bus watchdog, ms.
+pub(crate) const WATCHDOG_STEP_MS: u32 = 20;
+/// A Dynamixel's bus watchdog, ms: 127 steps at most.
+pub(crate) const WATCHDOGS_MS: RangeInclusive<u32> = 0..=127 * WATCHDOG_STEP_MS;
+/// Return Delay Time of a Dynamixel, µs: 254 steps of 2 at most.
+pub(crate) const RETURN_DELAYS_US: RangeInclusive<u32> = 0..=508;
+/// Device numbers of a Maestro: 7 bits.
+pub(crate) const DEVICES: RangeInclusive<u32> = 0..=127;
 
 impl Check<'_> {
     pub(super) fn buses(&mut self) {
         let robot = self.robot;
         for (&number, bus) in &robot.buses {
             self.at(Place::Bus(number), format!("bus {number}"));
-            if usize::from(number) >= MAX_BUSES {
-                let help = format!("buses with a protocol of their own are 0 to {}", MAX_BUSES - 1);
-                self.violated("number", format_args!("is {number}"), help);
-            } else if !robot.channels().any(|channel| channel.actuator().bus == number) {
+            // A motor on a bus that no controller has is found at the motor.
+            if !robot.channels().any(|channel| channel.actuator().bus == number) {
                 let help = "give it to a joint, a wheel or a limb, or leave the table out";
                 self.violated("number", "is a bus that no motor is on", help);
             }
@@ -53,8 +66,19 @@ impl Check<'_> {
             self.violated("pose", format!("is \"assumed_safe\", and {name} tells its own"), help);
         }
         match bus.protocol {
-            Protocol::Rollwalk | Protocol::Mit(_) | Protocol::Dynamixel(_) => {}
-            Protocol::Odrive(Odrive { reduction, torque_constant_nm_a, .. }) => {
+            Protocol::Rollwalk => {}
+            Protocol::Mit(Mit { answers_from, .. }) => {
+                if let AnswerId::Master(id) = answers_from {
+                    self.whole("master_id", id.into(), MASTER_IDS, "");
+                }
+            }
+            Protocol::Dynamixel(Dynamixels { watchdog_20ms, return_delay_us, .. }) => {
+                let watchdog_ms = u32::from(watchdog_20ms) * WATCHDOG_STEP_MS;
+                self.whole("watchdog_ms", watchdog_ms, WATCHDOGS_MS, " ms");
+                self.whole("return_delay_us", return_delay_us, RETURN_DELAYS_US, " µs");
+            }
+            Protocol::Odrive(Odrive { reduction, torque_constant_nm_a, estimates_hz, .. }) => {
+                self.whole("estimates_hz", estimates_hz, ESTIMATES_HZ, " Hz");
                 if !(1e-3..=1e3).contains(&reduction.abs()) {
                     let help = "turns of the motor for one of the joint, 0.001 to 1000; negative \
                                 where it turns the other way";
@@ -76,7 +100,10 @@ impl Check<'_> {
                     self.violated("max_position_rad", problem, help);
                 }
             }
-            Protocol::Maestro(Maestro { pulse, .. }) => {
+            Protocol::Maestro(Maestro { device, pulse, .. }) => {
+                if let Some(device) = device {
+                    self.whole("device", device.into(), DEVICES, "");
+                }
                 if !(1.0..=10_000.0).contains(&pulse.us_per_rad.abs()) {
                     let help = "µs for each rad, 1 to 10000; negative where it turns the other way";
                     self.violated("us_per_rad", format_args!("is {}", pulse.us_per_rad), help);
@@ -87,6 +114,14 @@ impl Check<'_> {
                     self.violated("pulse_us", format_args!("is [{least}, {most}]"), help);
                 }
             }
+        }
+    }
+
+    /// A whole number of a bus is within what its drives can be set to.
+    fn whole(&mut self, field: &'static str, value: u32, range: RangeInclusive<u32>, unit: &str) {
+        if !range.contains(&value) {
+            let help = format!("allowed is {} to {}{unit}", range.start(), range.end());
+            self.violated(field, format_args!("is {value}{unit}"), help);
         }
     }
 

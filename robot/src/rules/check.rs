@@ -5,6 +5,7 @@ use crate::controller::Channel;
 use crate::model::{Actuator, Contact, EndEffector, Joint, Link, Robot, RollingDrag};
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_protocol::actuator;
+use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use rollwalk_protocol::config::MAX_CHANNELS;
 use rollwalk_protocol::library::MAX_NAME;
 use std::collections::HashMap;
@@ -21,7 +22,7 @@ const SPEED_MAX_RAD_S: f64 = actuator::MAX_SPEED_RAD_S as f64;
 /// Strongest motor, N·m; larger numbers are usually N·mm.
 const TORQUE_MAX_NM: f64 = actuator::MAX_TORQUE_NM as f64;
 /// Actuator buses of one controller.
-const BUSES: u8 = 8;
+const BUSES: u8 = MAX_BUSES as u8;
 
 /// All rules that `robot` breaks, in the order of its items.
 pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {

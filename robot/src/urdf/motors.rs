@@ -8,6 +8,7 @@ use super::side::{ActuatorSide, MotorSide, Side};
 use super::xml::Joint;
 use crate::document::Span;
 use rollwalk_protocol::actuator::{MAX_KP_NM_RAD, MAX_SPEED_RAD_S, MAX_TORQUE_NM};
+use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use std::collections::{HashMap, HashSet};
 
 /// Speed limit where nobody gives one, rad/s.
@@ -74,7 +75,7 @@ impl<'s> Motors<'s> {
 
     /// Two limbs to a bus, as long as there are buses; numbers from 1.
     fn free_address(&mut self, limb: usize) -> (u32, u32) {
-        let bus = (limb / 2).min(7) as u32;
+        let bus = (limb / 2).min(MAX_BUSES - 1) as u32;
         let free = (1..=127).find(|&id| self.taken.insert((bus, id)));
         // No controller has so many channels: the rules refuse such a robot.
         (bus, free.unwrap_or(127))

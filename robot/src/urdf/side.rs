@@ -2,6 +2,7 @@
 
 use crate::document::{Document, Span, Table, alternatives};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use std::collections::BTreeMap;
 
 /// Everything in a side file; names are those of the URDF.
@@ -176,7 +177,7 @@ fn motor(table: &Table<'_>) -> MotorSide {
     let actuator = table.has("actuator").then(|| table.string("actuator")).flatten();
     let actuator = actuator.map(|name| (name, table.span_of("actuator")));
     let address = (table.has("bus") | table.has("id"))
-        .then(|| table.integer("bus", 0..=7).zip(table.integer("id", 0..=127)))
+        .then(|| table.integer("bus", 0..=MAX_BUSES as u32 - 1).zip(table.integer("id", 0..=127)))
         .flatten();
     MotorSide { actuator, address }
 }

@@ -144,7 +144,7 @@ fn side_files_that_do_not_fit() {
         &["`left_hip`", "`nominal_rad` is 40", "degrees"],
     );
     side("nominal_rad = 0.7", "nominal_rad = -1.5", &["`left_hip`", "within the limits"]);
-    side("bus = 3, id = 9", "bus = 9, id = 9", &["`bus` must be a whole number from 0 to 7"]);
+    side("bus = 3, id = 9", "bus = 4, id = 9", &["`bus` must be a whole number from 0 to 3"]);
     side("bus = 3, id = 9", "bus = 3", &["`id` is missing"]);
     side("armature_kg_m2 = 0.01", "armature_kg_m2 = 0.0", &["`armature_kg_m2` is 0"]);
     side("rolling_resistance = 0.02", "", &["`rolling_resistance` is missing"]);

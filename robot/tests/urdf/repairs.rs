@@ -213,3 +213,31 @@ fn the_documented_side_file_imports() {
     assert_eq!(joint(&robot, "left_knee").position_max_rad, -0.4);
     assert_eq!(robot.end_effectors.len(), 3);
 }
+
+/// A controller has four buses, and the limbs of a centipede are no reason not to import it.
+#[test]
+fn limbs_beyond_the_last_bus_share_it() {
+    let link = |name: &str, mass: f64| {
+        format!(
+            r#"<link name="{name}"><inertial><mass value="{mass}"/>
+            <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>"#
+        )
+    };
+    let (mut urdf, mut side) = (link("body", 5.0), String::new());
+    for leg in 0..10 {
+        urdf += &link(&format!("leg{leg}"), 0.5);
+        urdf += &format!(
+            r#"<joint name="hip{leg}" type="revolute"><parent link="body"/><child link="leg{leg}"/>
+            <origin xyz="{x} 0.1 0"/><axis xyz="0 1 0"/>
+            <limit lower="-1" upper="1" velocity="12" effort="20"/></joint>"#,
+            x = 0.1 * f64::from(leg),
+        );
+        side += &format!(
+            "[[end_effector]]\nname = \"foot{leg}\"\ncontact = \"point_foot\"\nlink = \"leg{leg}\"\n\
+             center_in_link_m = [0, 0, -0.2]\nradius_m = 0.02\nfriction_coefficient = 0.7\n"
+        );
+    }
+    let robot = good(&format!("<robot name=\"centipede\">{urdf}</robot>"), &side).robot;
+    let buses: Vec<_> = robot.joints.iter().map(|joint| joint.actuator.bus).collect();
+    assert_eq!(buses, [0, 0, 1, 1, 2, 2, 3, 3, 3, 3]);
+}
