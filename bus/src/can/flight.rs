@@ -5,6 +5,9 @@
 //! An interface whose frames stay away is stuck: briefly when an adapter stalls, for good when nobody
 //! acknowledges. Or the driver has lost them and takes others: so it is tried with one frame more, a few times
 //! and not for ever, for what it takes while nobody acknowledges is stale when somebody does again.
+//!
+//! Those that were given up for it may leave after all, first of all when a dead bus comes back. They are still
+//! ours, and must not be taken for what somebody else says.
 
 use rollwalk_protocol::can::AnyFrame;
 use std::collections::VecDeque;
@@ -18,7 +21,10 @@ const PROBES: u8 = 2;
 #[derive(Clone, Debug)]
 pub struct Flight {
     depth: usize,
+    /// Those that count, in the order in which they leave.
     frames: VecDeque<AnyFrame>,
+    /// Those before them that do not count any more, and may still leave.
+    given_up: VecDeque<AnyFrame>,
     /// When something left last, or the first of these was sent.
     since_us: u64,
     /// Frames that were tried since something left last.
@@ -28,7 +34,8 @@ pub struct Flight {
 impl Flight {
     /// None yet, and never more than `depth`.
     pub fn new(depth: usize) -> Self {
-        Self { depth: depth.max(1), frames: VecDeque::new(), since_us: 0, probes: 0 }
+        let (frames, given_up) = (VecDeque::new(), VecDeque::new());
+        Self { depth: depth.max(1), frames, given_up, since_us: 0, probes: 0 }
     }
 
     /// Whether there is room for another.
@@ -45,7 +52,7 @@ impl Flight {
     pub fn took_off(&mut self, now_us: u64, frame: AnyFrame) {
         if self.frames.len() >= self.depth {
             // Taken to be lost, for one that is tried.
-            self.frames.pop_front();
+            self.give_up(1);
             self.probes += 1;
             self.since_us = now_us;
         }
@@ -58,16 +65,36 @@ impl Flight {
     /// A frame was heard; whether it is one of ours that has left. Frames leave in their order, so those
     /// before it got lost.
     pub fn landed(&mut self, now_us: u64, frame: &AnyFrame) -> bool {
-        let Some(at) = self.frames.iter().position(|ours| ours == frame) else { return false };
-        self.frames.drain(..=at);
+        let find = |frames: &VecDeque<_>| frames.iter().position(|ours| ours == frame);
+        match (find(&self.given_up), find(&self.frames)) {
+            (None, None) => return false,
+            (None, Some(at)) => {
+                self.given_up.clear();
+                self.frames.drain(..=at);
+            }
+            (Some(at), later) => {
+                self.given_up.drain(..=at);
+                // It may be either. Up to the later one none counts, or there would never be room again if the
+                // earlier one is lost; and all are known, since they may still leave.
+                self.give_up(later.map_or(0, |later| later + 1));
+            }
+        }
         self.since_us = now_us;
         self.probes = 0;
         true
     }
 
+    /// The first `count` do not count any more.
+    fn give_up(&mut self, count: usize) {
+        self.given_up.extend(self.frames.drain(..count));
+        let too_many = self.given_up.len().saturating_sub(self.depth + usize::from(PROBES));
+        self.given_up.drain(..too_many);
+    }
+
     /// The interface has thrown away what it had.
     pub fn clear(&mut self) {
         self.frames.clear();
+        self.given_up.clear();
         self.probes = 0;
     }
 
@@ -114,6 +141,47 @@ mod tests {
         // The driver had lost the first one only.
         assert!(flight.landed(20_000_000, &frame(2)));
         assert!(flight.has_room());
+    }
+
+    #[test]
+    fn those_that_were_given_up_are_still_ours_when_they_leave_after_all() {
+        let mut flight = Flight::new(1);
+        // The first one, then two that are tried while nobody acknowledges.
+        for (id, now_us) in [(1, 0), (2, 1_100_000), (3, 2_200_000)] {
+            assert!(flight.has_room() || flight.may_try(now_us));
+            flight.took_off(now_us, frame(id));
+        }
+        // Now somebody does.
+        assert!(flight.landed(3_000_000, &frame(1)));
+        assert_eq!(flight.stuck_us(3_000_500), 500);
+        assert!(!flight.landed(3_000_600, &frame(1)), "somebody else says the same");
+        assert!(flight.landed(3_001_000, &frame(2)));
+        assert!(!flight.has_room());
+        assert!(flight.landed(3_002_000, &frame(3)));
+        assert!(flight.has_room());
+        assert!(!flight.landed(3_003_000, &frame(2)));
+    }
+
+    #[test]
+    fn of_equal_frames_either_may_have_got_lost() {
+        let stuck = || {
+            let mut flight = Flight::new(2);
+            for (id, now_us) in [(1, 0), (2, 0), (1, 1_100_000), (2, 2_200_000)] {
+                assert!(flight.has_room() || flight.may_try(now_us));
+                flight.took_off(now_us, frame(id));
+            }
+            flight
+        };
+        // None: all four are ours.
+        let mut flight = stuck();
+        assert!([1, 2, 1, 2].iter().all(|id| flight.landed(3_000_000, &frame(*id))));
+        assert!(flight.has_room());
+        // The first two: there is room as soon as the others have left.
+        let mut flight = stuck();
+        assert!([1, 2].iter().all(|id| flight.landed(3_000_000, &frame(*id))));
+        flight.took_off(3_000_000, frame(1));
+        assert!(flight.has_room());
+        assert!(flight.landed(3_001_000, &frame(1)));
     }
 
     #[test]
