@@ -2,8 +2,9 @@
 //! that passes on what is heard. [`Live`] makes the link of a session of one.
 //!
 //! No queue of ours lies between a program and its bus: an outlet takes a frame only when few others are still
-//! on their way, so that a value that has waited can be replaced by a newer one before it is sent, and nothing
-//! stale is left to be sent when a dead bus comes back.
+//! on their way, so that a value that has waited can be replaced by a newer one before it is sent, and little that
+//! is stale is left to be sent when a dead bus comes back. On a CAN interface a frame is on its way until it has left;
+//! on a serial line until the kernel has taken it, whose buffer comes on top. So commands expire by their date.
 
 use crate::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::{AnyFrame, CanFrame};
@@ -32,7 +33,7 @@ pub enum Heard {
 
 /// The way out onto a bus.
 pub trait Outlet: Send {
-    /// Whether it would take a frame now.
+    /// Whether it would take a frame now. One that has to say why it takes none any more would, too.
     fn is_free(&self) -> bool;
 
     /// Sends a frame.
@@ -44,7 +45,7 @@ pub trait Outlet: Send {
     /// Asks the board at the other end how it is; `false` when this kind of bus cannot ask.
     ///
     /// # Errors
-    /// The bus is gone.
+    /// As [`Self::send`].
     fn ask_report(&mut self) -> Result<bool, LinkError> {
         Ok(false)
     }
@@ -71,7 +72,7 @@ pub trait Outlet: Send {
 
 /// The way in from a bus.
 pub trait Inlet: Send {
-    /// What is heard next; `None` if nothing is for some tenths of a second.
+    /// What is heard next; `None` if nothing is for some hundredths of a second, so that whoever listens can end.
     ///
     /// # Errors
     /// The bus is gone.
@@ -84,6 +85,11 @@ pub struct Port {
     pub outlet: Box<dyn Outlet>,
     /// In.
     pub inlet: Box<dyn Inlet>,
+}
+
+/// Time since `start`, µs.
+pub(crate) fn since_us(start: Instant) -> u64 {
+    u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX)
 }
 
 /// Something heard on one of several buses.
@@ -209,7 +215,7 @@ impl Live {
     /// of bus cannot ask.
     ///
     /// # Errors
-    /// The bus is gone.
+    /// [`LinkError::Busy`] when too much is on its way already to ask now, otherwise why the bus is gone.
     pub fn report(&mut self, timeout: Duration) -> Result<Option<Report>, LinkError> {
         if !self.outlet().ask_report()? {
             return Ok(None);
@@ -244,7 +250,7 @@ impl Live {
 
 impl LinkBus for Live {
     fn now_us(&self) -> u64 {
-        u64::try_from(self.started.elapsed().as_micros()).unwrap_or(u64::MAX)
+        since_us(self.started)
     }
 
     fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {

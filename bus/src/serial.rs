@@ -6,7 +6,7 @@
 use crate::line::{LineWriter, read};
 use crate::link::LinkError;
 use crate::open::OpenError;
-use crate::port::{Heard, Inlet, Outlet, Port};
+use crate::port::{Heard, Inlet, Outlet, Port, since_us};
 use rollwalk_protocol::can::{AnyFrame, CanFrame};
 use rollwalk_protocol::serial::{Deframer, Gateway, Packet};
 use std::collections::VecDeque;
@@ -108,9 +108,13 @@ fn both_ends(
 ) -> Port {
     let writer = LineWriter::new(name, writer);
     let outlet = SerialOutlet { writer, gateway, started: Instant::now() };
+    Port { outlet: Box::new(outlet), inlet: Box::new(inlet(name, reader)) }
+}
+
+/// The way in alone.
+pub(crate) fn inlet<R: Read + Send + 'static>(name: &str, reader: R) -> impl Inlet + use<R> {
     let name = name.to_owned();
-    let inlet = SerialInlet { name, reader, deframer: Deframer::default(), heard: VecDeque::new() };
-    Port { outlet: Box::new(outlet), inlet: Box::new(inlet) }
+    SerialInlet { name, reader, deframer: Deframer::default(), heard: VecDeque::new() }
 }
 
 struct SerialOutlet {
@@ -126,13 +130,9 @@ fn write(writer: &mut LineWriter, packet: &Packet<'_>) -> Result<(), LinkError> 
     writer.put(&line)
 }
 
-fn since_us(start: Instant) -> u64 {
-    u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX)
-}
-
 impl Outlet for SerialOutlet {
     fn is_free(&self) -> bool {
-        self.writer.has_room()
+        self.writer.is_free()
     }
 
     fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {

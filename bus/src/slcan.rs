@@ -82,7 +82,7 @@ struct SlcanOutlet {
 
 impl Outlet for SlcanOutlet {
     fn is_free(&self) -> bool {
-        self.writer.has_room()
+        self.writer.is_free()
     }
 
     fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
@@ -113,7 +113,7 @@ impl Outlet for SlcanOutlet {
 impl Drop for SlcanOutlet {
     fn drop(&mut self) {
         // Otherwise what the adapter hears would wait in the line for whoever opens it next.
-        let _ = self.writer.put(&Said::Close.encode().unwrap_or_default());
+        self.writer.last(&Said::Close.encode().unwrap_or_default());
     }
 }
 

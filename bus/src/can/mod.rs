@@ -11,7 +11,7 @@ pub use interface::list;
 
 use crate::link::LinkError;
 use crate::open::OpenError;
-use crate::port::{Heard, Inlet, Outlet, Port};
+use crate::port::{Heard, Inlet, Outlet, Port, since_us};
 use flight::Flight;
 use health::Health;
 use rollwalk_protocol::can::{AnyFrame, CanFrame, ExtendedFrame};
@@ -23,7 +23,8 @@ use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A bus that takes nothing for so long is told to be dead, µs: longer than an adapter on USB stalls.
+/// When nothing leaves for so long, the bus is told to be one on which nobody acknowledges, µs: for drivers that do
+/// not say so. On a bus that works frames take a fraction of a millisecond each. Nothing is closed for it.
 const DEAD_US: u64 = 100_000;
 /// Longest wait for a frame before the state of the interface is looked at.
 const WAIT: Duration = Duration::from_millis(50);
@@ -85,7 +86,7 @@ impl Interface {
     }
 
     fn now_us(&self) -> u64 {
-        u64::try_from(self.started.elapsed().as_micros()).unwrap_or(u64::MAX)
+        since_us(self.started)
     }
 
     fn condition(&self) -> MutexGuard<'_, Condition> {
