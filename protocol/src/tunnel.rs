@@ -8,22 +8,20 @@
 //! The body of a [`packet`] begins with kind and sequence number; the answer repeats both.
 
 use crate::can::CanFrame;
-use crate::packet::{self, Reader};
+use crate::packet::{self, Reader, line_len};
 use heapless::Vec;
 
 /// Actuator buses at most.
 pub const MAX_ACTUATOR_BUSES: u8 = 8;
 /// Longest packet before it is stuffed: an answer with a frame for every bus has 122 bytes.
 const MAX_PACKET: usize = 128;
-/// Longest packet on the line: one byte of stuffing, one zero.
-const MAX_LINE: usize = MAX_PACKET + 2;
 
 const KIND_HELLO: u8 = 1;
 const KIND_STEP: u8 = 2;
 const KIND_FIGURES: u8 = 3;
 
 /// Bytes for the line, the ending zero included.
-pub type Line = Vec<u8, MAX_LINE>;
+pub type Line = Vec<u8, { line_len(MAX_PACKET) }>;
 /// Finds these packets on the line.
 pub type Deframer = packet::Deframer<MAX_PACKET>;
 type Writer = packet::Writer<MAX_PACKET>;

@@ -223,8 +223,10 @@ impl Actuators {
                     actuator.todo
                 } else if actuator.faulty() {
                     // Also one of the Rollwalk profile: an "enable" that came late over a bad bus has it time
-                    // out once it has confirmed that it is off. Some cannot be told to clear: they are asked by telling "off" again, and lose
-                    // a fault when it is over.
+                    // out once it has confirmed that it is off.
+                    //
+                    // Some cannot be told to clear: they are asked by telling "off" again, and lose a fault when
+                    // it is over.
                     Todo::of(Errand::ClearFaults)
                         .and_if(!line.can.tells_enabled, Errand::Disable)
                         .and_if(on_query, Errand::Query)

@@ -15,9 +15,9 @@ mod servos;
 mod store;
 
 use cortex_m_rt::entry;
+use rollwalk_firmware::bus::MAX_BUSES;
 use rollwalk_firmware::hal::slcan::Adapter;
 use rollwalk_firmware::{Controller, Settings};
-use rollwalk_protocol::tunnel::MAX_ACTUATOR_BUSES;
 use static_cell::StaticCell;
 
 use clock::Clock;
@@ -83,7 +83,7 @@ impl Board {
             self.controller.tick(now_us);
             any = true;
         }
-        for bus in 0..MAX_ACTUATOR_BUSES {
+        for bus in 0..MAX_BUSES as u8 {
             let Some(frame) = self.controller.poll_actuator(bus) else { continue };
             any = true;
             if let Some(answer) = self.servos.answer(bus, &frame) {
