@@ -5,6 +5,12 @@ use rollwalk_protocol::actuators::dynamixel::packet::{Deframer, Message, packet}
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::serial::{self, Gateway, Packet, Report};
 use rollwalk_protocol::tunnel::{self, Answer, Buses, Hello, Input, Request, Step, Stepped};
+use rollwalk_protocol::wire::Node;
+use rollwalk_protocol::wire::isotp::{Output, Timing};
+use rollwalk_protocol::wire::transport::{Endpoint, frame_to_host};
+
+/// Whose messages they are: `0x510` to it, `0x511` from it.
+const NODE: Node = Node::new(1).unwrap();
 
 /// Longest of what a packet may hold: see `packet`.
 const MAX_PARAMETERS: usize = 180;
@@ -101,18 +107,30 @@ fn link(line: &[u8], message: &[u8]) {
             again.iter().filter_map(|&b| other.push(b).map(<[u8]>::to_vec)).collect();
         assert_eq!(again, [body]);
         match packet {
-            Packet::Link(frame) => drop(gateway.send(0, &frame).map(|packet| packet.encode())),
+            Packet::Link(frame) => {
+                if let Some(packet) = gateway.send(0, &frame) {
+                    packet.encode().expect("what comes of frames fits");
+                }
+            }
             Packet::Message { id, bytes } => gateway.receive(id, bytes),
             Packet::Ask | Packet::Report(_) => {}
         }
         while gateway.poll(0).is_some() {}
     }
-    if let message @ [_, ..] = &message[..message.len().min(7)] {
-        gateway.receive(0x510, message);
-        let frame = gateway.poll(0).expect("flow control, or the message");
-        let frame = if frame.data()[0] >> 4 == 3 { gateway.poll(0) } else { Some(frame) };
-        assert_eq!(frame.expect("the message").data().get(1..), Some(message));
+    if message.is_empty() {
+        return;
     }
+    gateway.receive(0x510, message);
+    let mut controller = Endpoint::new(Timing::default());
+    while let Some(frame) = gateway.poll(0) {
+        assert_eq!(frame.id(), 0x510);
+        controller.on_frame(frame.data(), 0);
+        while let Output::Send(flow_control) = controller.poll(0) {
+            let frame = frame_to_host(NODE, &flow_control);
+            assert_eq!(gateway.send(0, &frame), None, "the line carries messages whole");
+        }
+    }
+    assert_eq!(controller.received(), message);
 }
 
 /// The first byte says whose line it is, the next one how much of the rest is the sound packet.
@@ -172,5 +190,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
     ];
     let line: Vec<u8> = packets.iter().flat_map(|p| p.encode().expect("fits")).collect();
     seeds.push([&[2, 2, 0x12, 7][..], &line, &line[..30], &[0], &line].concat());
+    // And after that a message of many frames.
+    seeds.push([&[2, 150][..], &[0x5A; 150], &line].concat());
     seeds
 }
