@@ -190,8 +190,11 @@ impl Board {
                 self.controller.on_link_frame(now_us, &frame);
             }
             Some(Packet::Message { id, bytes }) => {
-                turn_to(Way::Serial, &mut self.host, &mut self.gateway);
-                self.gateway.receive(id, bytes);
+                // Its identifier says whose it is.
+                if CanFrame::new(id, &[]).is_some_and(|frame| is_from_a_host(self.node, &frame)) {
+                    turn_to(Way::Serial, &mut self.host, &mut self.gateway);
+                    self.gateway.receive(id, bytes);
+                }
             }
             Some(Packet::Ask) => self.report_due = true,
             Some(Packet::Report(_)) | None => {}
