@@ -5,9 +5,10 @@ use crate::core::{Core, Local};
 use crate::interface::Interface;
 use rollwalk_bus::link::LinkError;
 use rollwalk_bus::port::{Heard, Hub, Port};
-use rollwalk_protocol::can::{AnyFrame, CanFrame};
+use rollwalk_protocol::can::AnyFrame;
 use rollwalk_protocol::serial::BusState;
 use rollwalk_protocol::tunnel::{Buses, Input, MAX_ACTUATOR_BUSES, Step, Stepped};
+use std::iter;
 use std::time::{Duration, Instant};
 
 /// Runs the controller until `goes_on` says no, which is asked once in every control period of `period`.
@@ -26,121 +27,301 @@ pub fn run(
     actuators: Vec<Port>,
     mut goes_on: impl FnMut(&mut Local) -> bool,
 ) -> Result<(), LinkError> {
-    assert!(actuators.len() <= usize::from(MAX_ACTUATOR_BUSES), "a controller has so many at most");
     let start = Instant::now();
-    let mut hub = Hub::new(std::iter::once(port).chain(actuators));
-    let mut link = Kept::new(Interface::Link, 0);
-    let mut buses: Vec<_> = (1..hub.outlets.len())
-        .map(|index| Kept::new(Interface::Actuator((index - 1) as u8), index))
-        .collect();
+    let mut board = Board::new(core, port, keeper, actuators);
     let mut next_tick = start;
     loop {
         // Time goes before frames: no bus is so full that it keeps the controller from its ticks.
         let is_due = Instant::now() >= next_tick;
-        let heard = if is_due { None } else { hub.hear(next_tick) };
+        let heard = if is_due { None } else { board.hub.hear(next_tick) };
         let now_us = start.elapsed().as_micros() as u64;
         let input = match heard {
+            Some((index, heard)) => board.hear(now_us, index, heard),
             None => {
                 // After a stall one tick is late, and none is made up for.
                 next_tick = (next_tick + period).max(Instant::now());
-                if !goes_on(core) {
+                if !goes_on(board.core) {
                     return Ok(());
                 }
-                for (number, bus) in (0..).zip(&mut buses) {
-                    let is_cleared = core.controller_mut().take_bus_restart(number);
-                    if bus.is_gone() && !(is_cleared && bus.reopen(&mut hub, keeper)) {
-                        core.controller_mut().on_bus_state(now_us, number, BusState::Off);
-                    }
-                }
+                board.watch_actuator_buses(now_us);
                 Some(Input::Tick)
             }
-            Some((0, heard)) => match heard {
-                Ok(Heard::Frame(AnyFrame::Standard(frame))) => Some(Input::Link(frame)),
-                Ok(_) => None,
-                Err(error) => {
-                    link.lose(&mut hub, keeper, &error);
-                    None
-                }
-            },
-            Some((index, heard)) => {
-                let bus = (index - 1) as u8;
-                match heard {
-                    Ok(Heard::Frame(AnyFrame::Standard(frame))) => {
-                        Some(Input::Actuator(bus, frame))
-                    }
-                    Ok(Heard::Frame(AnyFrame::Extended(frame))) => {
-                        core.controller_mut().on_extended_frame(now_us, bus, &frame);
-                        None
-                    }
-                    Ok(Heard::State(state)) => {
-                        core.controller_mut().on_bus_state(now_us, bus, state);
-                        None
-                    }
-                    Ok(Heard::Sent | Heard::Report(_) | Heard::Message(..)) => None,
-                    Err(error) => {
-                        buses[index - 1].lose(&mut hub, keeper, &error);
-                        core.controller_mut().on_bus_state(now_us, bus, BusState::Off);
-                        None
-                    }
-                }
+        };
+        board.step(now_us, input)?;
+    }
+}
+
+/// The controller and everything around it.
+struct Board<'a> {
+    core: &'a mut Local,
+    keeper: &'a mut dyn Reopen,
+    hub: Hub,
+    /// Of the hub's ports: first the link, then the actuator buses.
+    buses: Vec<Bus>,
+}
+
+struct Bus {
+    kept: Kept,
+    /// How it is, as it said last.
+    state: BusState,
+}
+
+/// Number of the actuator bus of a port, which the link is not.
+fn number(index: usize) -> Option<u8> {
+    index.checked_sub(1).map(|number| number as u8)
+}
+
+impl<'a> Board<'a> {
+    fn new(
+        core: &'a mut Local,
+        link: Port,
+        keeper: &'a mut dyn Reopen,
+        actuators: Vec<Port>,
+    ) -> Self {
+        let most = usize::from(MAX_ACTUATOR_BUSES);
+        assert!(actuators.len() <= most, "a controller has so many at most");
+        let hub = Hub::new(iter::once(link).chain(actuators));
+        let bus = |index| {
+            let interface = number(index).map_or(Interface::Link, Interface::Actuator);
+            Bus { kept: Kept::new(interface, index), state: BusState::Active }
+        };
+        let buses = (0..hub.outlets.len()).map(bus).collect();
+        Self { core, keeper, hub, buses }
+    }
+
+    /// What is heard on a bus; what the controller is to be told of it in its step.
+    fn hear(
+        &mut self,
+        now_us: u64,
+        index: usize,
+        heard: Result<Heard, LinkError>,
+    ) -> Option<Input> {
+        let heard = match heard {
+            Ok(heard) => heard,
+            Err(error) => {
+                self.lose(now_us, index, &error);
+                return None;
             }
         };
-        let has_link = link.is_there(&mut hub, keeper);
-        let mut sent = core.step(Step { now_us, input, free: free(&hub, has_link) })?;
+        let Some(bus) = number(index) else {
+            let Heard::Frame(AnyFrame::Standard(frame)) = heard else { return None };
+            return Some(Input::Link(frame));
+        };
+        match heard {
+            Heard::Frame(AnyFrame::Standard(frame)) => return Some(Input::Actuator(bus, frame)),
+            Heard::Frame(AnyFrame::Extended(frame)) => {
+                self.core.controller_mut().on_extended_frame(now_us, bus, &frame);
+            }
+            Heard::State(state) => {
+                self.buses[index].state = state;
+                self.core.controller_mut().on_bus_state(now_us, bus, state);
+            }
+            Heard::Sent | Heard::Report(_) | Heard::Message(..) => {}
+        }
+        None
+    }
+
+    /// How the actuator buses are, in every control period: an operator who clears a bus that is off makes the
+    /// controller believe that it is well, which only the bus itself can say. One that is gone is opened again then.
+    fn watch_actuator_buses(&mut self, now_us: u64) {
+        let buses = self.buses.iter_mut().enumerate();
+        for (number, bus) in buses.filter_map(|(index, bus)| Some((number(index)?, bus))) {
+            let controller = self.core.controller_mut();
+            let is_cleared = controller.take_bus_restart(number);
+            if is_cleared && bus.kept.is_gone() && bus.kept.reopen(&mut self.hub, self.keeper) {
+                bus.state = BusState::Active;
+            }
+            controller.on_bus_state(now_us, number, bus.state);
+        }
+    }
+
+    /// Tells the controller what happened, and sends what it has for the buses that would take it.
+    fn step(&mut self, now_us: u64, mut input: Option<Input>) -> Result<(), LinkError> {
+        // A link is opened again when it is time, whatever the operator says.
+        self.buses[0].kept.is_there(&mut self.hub, self.keeper);
         loop {
-            let (any, link_is) = send(&mut hub, core, &sent);
-            if let Err(error) = link_is {
-                link.lose(&mut hub, keeper, &error);
+            let step = Step { now_us, input: input.take(), free: self.free() };
+            let stepped = self.core.step(step)?;
+            if !self.send(now_us, &stepped) {
+                return Ok(());
             }
-            if !any {
-                break;
-            }
-            sent = core.step(Step { now_us, input: None, free: free(&hub, has_link) })?;
         }
     }
-}
 
-/// Buses that would take a frame.
-fn free(hub: &Hub, has_link: bool) -> Buses {
-    let mut free = Buses::default();
-    for (index, _) in hub.outlets.iter().enumerate().filter(|(_, outlet)| outlet.is_free()) {
-        free = match index {
-            0 if !has_link => free,
-            0 => free.with_link(),
-            _ => free.with_actuator((index - 1) as u8),
-        };
+    /// Buses that would take a frame; none that is gone.
+    fn free(&self) -> Buses {
+        let outlets = self.hub.outlets.iter().enumerate().filter(|(_, outlet)| outlet.is_free());
+        outlets.fold(Buses::default(), |free, (index, _)| match number(index) {
+            None => free.with_link(),
+            Some(number) => free.with_actuator(number),
+        })
     }
-    free
-}
 
-/// Sends what the controller has for each bus; whether it had anything, and how the link is.
-fn send(hub: &mut Hub, core: &mut Local, stepped: &Stepped) -> (bool, Result<(), LinkError>) {
-    let mut any = false;
-    let mut link = Ok(());
-    if let Some(frame) = &stepped.link {
-        any = true;
-        link = match put(hub, 0, frame) {
-            Err(LinkError::Busy) => Ok(()),
-            put => put,
-        };
-    }
-    for (bus, frame) in stepped.actuators.iter().enumerate() {
-        if let Some(frame) = frame {
-            any = true;
-            // A bus that is gone says so itself, to whoever listens to it.
-            let _ = put(hub, 1 + bus, frame);
-        }
-        if bus + 1 < hub.outlets.len() && hub.outlets[1 + bus].is_free() {
-            let extended = core.controller_mut().poll_extended(bus as u8);
-            if let Some(frame) = extended {
+    /// Sends what the controller has for each bus; whether it had anything.
+    fn send(&mut self, now_us: u64, stepped: &Stepped) -> bool {
+        let mut any = false;
+        for (index, frame) in iter::once(&stepped.link).chain(&stepped.actuators).enumerate() {
+            if let Some(frame) = frame {
                 any = true;
-                let _ = hub.outlets[1 + bus].send(&frame.into());
+                self.put(now_us, index, &(*frame).into());
+            }
+            if let Some(number) = number(index)
+                && self.hub.outlets.get(index).is_some_and(|outlet| outlet.is_free())
+                && let Some(frame) = self.core.controller_mut().poll_extended(number)
+            {
+                any = true;
+                self.put(now_us, index, &frame.into());
             }
         }
+        any
     }
-    (any, link)
+
+    fn put(&mut self, now_us: u64, index: usize, frame: &AnyFrame) {
+        let Some(outlet) = self.hub.outlets.get_mut(index) else { return };
+        match outlet.send(frame) {
+            Ok(()) | Err(LinkError::Busy) => {}
+            Err(error) => self.lose(now_us, index, &error),
+        }
+    }
+
+    /// A bus is gone.
+    fn lose(&mut self, now_us: u64, index: usize, error: &LinkError) {
+        let bus = &mut self.buses[index];
+        bus.kept.lose(&mut self.hub, self.keeper, error);
+        if let Some(number) = number(index) {
+            bus.state = BusState::Off;
+            self.core.controller_mut().on_bus_state(now_us, number, BusState::Off);
+        }
+    }
 }
 
-fn put(hub: &mut Hub, outlet: usize, frame: &CanFrame) -> Result<(), LinkError> {
-    hub.outlets.get_mut(outlet).map_or(Ok(()), |outlet| outlet.send(&(*frame).into()))
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::one_leg;
+    use rollwalk_bus::port::{Inlet, Outlet};
+    use rollwalk_firmware::Settings;
+    use rollwalk_firmware::safety::State;
+    use rollwalk_protocol::can::CanFrame;
+    use rollwalk_protocol::wire::{
+        Action, Command, CommandAck, CommandResult, Fault, FromController, Node,
+    };
+    use std::sync::mpsc::{Receiver, Sender, channel};
+    use std::thread;
+
+    /// Where a bus's frames go.
+    struct To(Sender<CanFrame>);
+
+    impl Outlet for To {
+        fn is_free(&self) -> bool {
+            true
+        }
+
+        fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
+            let AnyFrame::Standard(frame) = frame else { panic!("the robot has none of these") };
+            self.0.send(*frame).map_err(|_| LinkError::Down("it takes nothing any more".into()))
+        }
+    }
+
+    /// Nothing is heard but what the test says.
+    struct Silence;
+
+    impl Inlet for Silence {
+        fn hear(&mut self) -> Result<Option<Heard>, LinkError> {
+            thread::sleep(Duration::from_millis(10));
+            Ok(None)
+        }
+    }
+
+    /// A bus, and what goes out on it; it takes nothing any more when that is dropped.
+    fn bus() -> (Port, Receiver<CanFrame>) {
+        let (to, sent) = channel();
+        (Port { outlet: Box::new(To(to)), inlet: Box::new(Silence) }, sent)
+    }
+
+    /// Notes what is lost, and opens nothing again.
+    #[derive(Default)]
+    struct Lost(Vec<Interface>);
+
+    impl Reopen for Lost {
+        fn lost(&mut self, bus: Interface, _why: &LinkError) {
+            self.0.push(bus);
+        }
+
+        fn reopen(&mut self, _bus: Interface) -> Option<Port> {
+            None
+        }
+    }
+
+    fn core() -> Local {
+        Local::new(one_leg::config(), one_leg::robot().controller_buses(), Settings::default())
+    }
+
+    /// Control periods from `now_us` on, and when they are over.
+    fn periods(board: &mut Board<'_>, now_us: u64, count: u64) -> u64 {
+        for k in 0..count {
+            board.watch_actuator_buses(now_us + 10_000 * k);
+            board.step(now_us + 10_000 * k, Some(Input::Tick)).unwrap();
+        }
+        now_us + 10_000 * count
+    }
+
+    /// A command of the host's, and what it is answered.
+    fn command(
+        board: &mut Board<'_>,
+        link: &Receiver<CanFrame>,
+        now_us: u64,
+        (seq, action): (u8, Action),
+    ) -> CommandAck {
+        let valid_until_ms = (now_us / 1000) as u16 + 500;
+        let frame = Command { seq, action, valid_until_ms }.encode(Node::new(1).unwrap());
+        board.step(now_us, Some(Input::Link(frame))).unwrap();
+        let acks = link.try_iter().filter_map(|frame| match FromController::decode(&frame) {
+            Ok((_, FromController::CommandAck(ack))) => Some(ack),
+            _ => None,
+        });
+        let ack = acks.last().unwrap();
+        assert_eq!((ack.seq, ack.result), (seq, CommandResult::Ok));
+        ack
+    }
+
+    #[test]
+    fn an_actuator_bus_that_takes_nothing_any_more_is_lost() {
+        let ((link, _host), (first, _motors), (second, gone)) = (bus(), bus(), bus());
+        let (mut core, mut lost) = (core(), Lost::default());
+        let mut board = Board::new(&mut core, link, &mut lost, vec![first, second]);
+        let now_us = periods(&mut board, 0, 10);
+        assert!(!board.core.controller_mut().faults().contains(Fault::BusOff));
+        drop(gone);
+        periods(&mut board, now_us, 100);
+        assert!(board.core.controller_mut().faults().contains(Fault::BusOff));
+        drop(board);
+        assert_eq!(lost.0, [Interface::Actuator(1)]);
+    }
+
+    #[test]
+    fn to_clear_a_bus_that_is_off_does_not_make_it_well() {
+        let ((link, host), (first, _motors), (second, _more)) = (bus(), bus(), bus());
+        let (mut core, mut lost) = (core(), Lost::default());
+        let mut board = Board::new(&mut core, link, &mut lost, vec![first, second]);
+        let mut now_us = periods(&mut board, 0, 10);
+        assert_eq!(board.core.controller_mut().state(), State::Disarmed);
+        board.hear(now_us, 2, Ok(Heard::State(BusState::Off)));
+        for (state, seq) in [(State::EStopped, 1), (State::Disarmed, 3)] {
+            now_us = periods(&mut board, now_us, 10);
+            assert_eq!(board.core.controller_mut().state(), State::EStopped);
+            let ack = command(&mut board, &host, now_us, (seq, Action::ClearRequest));
+            let confirm = Action::ClearConfirm { nonce: ack.value };
+            command(&mut board, &host, now_us, (seq + 1, confirm));
+            now_us = periods(&mut board, now_us, 10);
+            let controller = board.core.controller_mut();
+            assert_eq!(controller.state(), state);
+            let is_off = controller.faults().contains(Fault::BusOff);
+            assert_eq!(is_off, state == State::EStopped);
+            // Before the second time it says that it is well.
+            board.hear(now_us, 2, Ok(Heard::State(BusState::Active)));
+        }
+        drop(board);
+        assert!(lost.0.is_empty(), "an interface that is off is still there");
+    }
 }
