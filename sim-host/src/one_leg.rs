@@ -148,20 +148,13 @@ pub fn library_for(config: &RobotConfig) -> Vec<u8> {
     let still = [POSE; 6].concat();
     let (swell_up, swell_down, spin_up, spin_down) =
         (swell(true), swell(false), spin(true), spin(false));
-    let edge = |from, exit_frame, to, entry_frame, frames| TransitionSpec {
-        from,
-        exit_frame,
-        to,
-        entry_frame,
-        frames,
-    };
     let transitions = [
-        edge(0, 1, 1, 0, &swell_up),
-        edge(1, 0, 0, 0, &swell_down),
-        edge(0, 1, 2, 0, &spin_up),
-        edge(2, 0, 0, 0, &spin_down),
-        edge(0, 1, 3, 0, &still),
-        edge(3, 90, 0, 0, &still),
+        TransitionSpec::new(0, 1, 1, 0, &swell_up),
+        TransitionSpec::new(1, 0, 0, 0, &swell_down),
+        TransitionSpec::new(0, 1, 2, 0, &spin_up),
+        TransitionSpec::new(2, 0, 0, 0, &spin_down),
+        TransitionSpec::new(0, 1, 3, 0, &still),
+        TransitionSpec::new(3, 90, 0, 0, &still),
     ];
     let spec = LibrarySpec { config, motions: &motions, transitions: &transitions, safe: 0 };
     let mut bytes = vec![0; 1 << 16];

@@ -165,18 +165,11 @@ fn build_told(
     let out_of_drive = transition(STAND, entry);
     let into_walk = slower(transition(STAND, walk_at(f32::from(WALK_ENTRY))));
     let out_of_walk = slower(transition(walk_at(f32::from(WALK_EXIT)), entry));
-    let edge = |from, exit_frame, to, entry_frame, frames| TransitionSpec {
-        from,
-        exit_frame,
-        to,
-        entry_frame,
-        frames,
-    };
     let transitions = [
-        edge(0, last, 1, 0, &still[..]),
-        edge(1, DRIVE_FRAMES - 1, 0, 0, &out_of_drive[..]),
-        edge(0, last, 2, WALK_ENTRY, &into_walk[..]),
-        edge(2, WALK_EXIT, 0, 0, &out_of_walk[..]),
+        TransitionSpec::new(0, last, 1, 0, &still[..]),
+        TransitionSpec::new(1, DRIVE_FRAMES - 1, 0, 0, &out_of_drive[..]),
+        TransitionSpec::new(0, last, 2, WALK_ENTRY, &into_walk[..]),
+        TransitionSpec::new(2, WALK_EXIT, 0, 0, &out_of_walk[..]),
     ];
     let spec = LibrarySpec { config, motions: &motions, transitions: &transitions, safe: 0 };
     let mut bytes = vec![0; 64 * 1024];

@@ -9,10 +9,10 @@
 //! lie between two codes; a wheel's torque makes up for the rounding of its speed, see
 //! [`Mit::emit`](ActuatorProtocol::emit).
 
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
 use super::fixed::{Signed, Unsigned};
-use super::named;
+use super::named::{self, Named};
 use super::{
     ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Gains, JointSetpoint,
     Order, Refusal, Told, Traffic, Watchdog, WheelSetpoint, without,
@@ -30,15 +30,11 @@ pub struct Model {
     pub max_torque_nm: f32,
 }
 
-impl Serialize for Model {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name)
-    }
-}
+impl Named for Model {
+    const ALL: &'static [Self] = &MODELS;
 
-impl<'de> Deserialize<'de> for Model {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        named::deserialize(deserializer, &MODELS, |model| model.name)
+    fn name(&self) -> &'static str {
+        self.name
     }
 }
 
@@ -79,6 +75,7 @@ pub enum AnswerId {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mit {
     /// Their model.
+    #[serde(with = "named")]
     pub model: Model,
     /// Where their answers come from.
     pub answers_from: AnswerId,

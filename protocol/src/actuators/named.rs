@@ -1,34 +1,42 @@
-//! Models of actuators in files: by their names.
+//! Models of actuators in files: by their names. For fields: `#[serde(with = "named")]`.
 
 use core::fmt;
+use core::marker::PhantomData;
 
-use serde::Deserializer;
 use serde::de::{Error, Unexpected, Visitor};
+use serde::{Deserializer, Serializer};
 
-/// The one of `models` that a file names.
-pub fn deserialize<'de, M: Copy, D: Deserializer<'de>>(
-    deserializer: D,
-    models: &'static [M],
-    name: fn(&M) -> &'static str,
-) -> Result<M, D::Error> {
-    deserializer.deserialize_str(Named { models, name })
+/// A model that files name.
+pub trait Named: Copy + 'static {
+    /// All of them.
+    const ALL: &'static [Self];
+
+    /// Its name.
+    fn name(&self) -> &'static str;
 }
 
-struct Named<M: 'static> {
-    models: &'static [M],
-    name: fn(&M) -> &'static str,
+/// Writes the name.
+pub fn serialize<M: Named, S: Serializer>(model: &M, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(model.name())
 }
 
-impl<M: Copy> Visitor<'_> for Named<M> {
+/// The model that a file names.
+pub fn deserialize<'de, M: Named, D: Deserializer<'de>>(deserializer: D) -> Result<M, D::Error> {
+    deserializer.deserialize_str(ByName(PhantomData))
+}
+
+struct ByName<M>(PhantomData<M>);
+
+impl<M: Named> Visitor<'_> for ByName<M> {
     type Value = M;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("one of")?;
-        self.models.iter().try_for_each(|model| write!(f, " {}", (self.name)(model)))
+        M::ALL.iter().try_for_each(|model| write!(f, " {}", model.name()))
     }
 
     fn visit_str<E: Error>(self, given: &str) -> Result<M, E> {
-        let found = self.models.iter().find(|model| (self.name)(model) == given);
+        let found = M::ALL.iter().find(|model| model.name() == given);
         found.copied().ok_or_else(|| E::invalid_value(Unexpected::Str(given), &self))
     }
 }

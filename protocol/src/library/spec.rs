@@ -53,6 +53,19 @@ pub struct TransitionSpec<'a> {
     pub frames: &'a [f32],
 }
 
+impl<'a> TransitionSpec<'a> {
+    /// From frame `exit_frame` of motion `from` to frame `entry_frame` of motion `to`.
+    pub const fn new(
+        from: usize,
+        exit_frame: u16,
+        to: usize,
+        entry_frame: u16,
+        frames: &'a [f32],
+    ) -> Self {
+        Self { from, exit_frame, to, entry_frame, frames }
+    }
+}
+
 /// A clip of a [`LibrarySpec`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClipRef {

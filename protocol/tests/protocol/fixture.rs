@@ -101,18 +101,11 @@ impl Fixture {
     }
 
     pub fn transitions(&self) -> [TransitionSpec<'_>; 4] {
-        let edge = |from, exit_frame, to, entry_frame, frames| TransitionSpec {
-            from,
-            exit_frame,
-            to,
-            entry_frame,
-            frames,
-        };
         [
-            edge(0, 0, 1, 0, &self.to_trot),
-            edge(1, TROT_EXIT, 0, 0, &self.from_trot),
-            edge(0, 0, 2, 0, &self.to_drive),
-            edge(2, 129, 0, 0, &self.from_drive),
+            TransitionSpec::new(0, 0, 1, 0, &self.to_trot),
+            TransitionSpec::new(1, TROT_EXIT, 0, 0, &self.from_trot),
+            TransitionSpec::new(0, 0, 2, 0, &self.to_drive),
+            TransitionSpec::new(2, 129, 0, 0, &self.from_drive),
         ]
     }
 

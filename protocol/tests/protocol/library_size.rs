@@ -27,13 +27,12 @@ fn bytes_per_second(joints: u8, wheels: u8) -> f32 {
     let frame = |k: usize| &gait[k * stand.len()..(k + 1) * stand.len()];
     let into = crate::fixture::blend(60, &stand, frame(0));
     let out = crate::fixture::blend(60, frame(0), &stand);
-    let edge =
-        |from, to, frames| TransitionSpec { from, exit_frame: 0, to, entry_frame: 0, frames };
     let motions = [
         MotionSpec { name: "stand", code: 0, looping: true, frames: &stand },
         MotionSpec { name: "gait", code: 1, looping: true, frames: &gait },
     ];
-    let transitions = [edge(0, 1, &into[..]), edge(1, 0, &out[..])];
+    let transitions =
+        [TransitionSpec::new(0, 0, 1, 0, &into), TransitionSpec::new(1, 0, 0, 0, &out)];
     let bytes = encode_vec(&LibrarySpec {
         config: &config,
         motions: &motions,

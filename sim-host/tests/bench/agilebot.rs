@@ -35,17 +35,13 @@ fn library(robot: &Robot) -> Vec<u8> {
     let ease_in: Vec<f32> = (0..=40).flat_map(|k| frame(ease(k as f32 / 40.0))).collect();
     let ease_out: Vec<f32> = (0..=40).flat_map(|k| frame(-ease(1.0 - k as f32 / 40.0))).collect();
     let motion = |name, code, looping, frames| MotionSpec { name, code, looping, frames };
-    let edge = |from, exit_frame, to, frames| TransitionSpec {
-        from,
-        exit_frame,
-        to,
-        entry_frame: 0,
-        frames,
-    };
     let spec = LibrarySpec {
         config: &config,
         motions: &[motion("stand", STAND, false, &stand), motion("squat", SQUAT, true, &squat)],
-        transitions: &[edge(0, 1, 1, &ease_in), edge(1, 0, 0, &ease_out)],
+        transitions: &[
+            TransitionSpec::new(0, 1, 1, 0, &ease_in),
+            TransitionSpec::new(1, 0, 0, 0, &ease_out),
+        ],
         safe: 0,
     };
     let mut bytes = vec![0; 1 << 16];

@@ -45,14 +45,10 @@ fn large_library() -> Vec<u8> {
         for k in 0..count {
             let code = 10 + k as u8;
             motions.push(MotionSpec { name: names[k], code, looping: false, frames: &clips[k] });
-            let edge = |from, exit_frame, to| TransitionSpec {
-                from,
-                exit_frame,
-                to,
-                entry_frame: 0,
-                frames: &still,
-            };
-            transitions.extend([edge(0, 1, 1 + k), edge(1 + k, 3599, 0)]);
+            transitions.extend([
+                TransitionSpec::new(0, 1, 1 + k, 0, &still),
+                TransitionSpec::new(1 + k, 3599, 0, 0, &still),
+            ]);
         }
         let spec =
             LibrarySpec { config: &config, motions: &motions, transitions: &transitions, safe: 0 };

@@ -10,6 +10,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::fixed::nearest;
+use super::named;
 use super::traffic::serial_bits;
 use super::{
     ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Order, Packet, Refusal,
@@ -27,6 +28,7 @@ use table::{CENTRE, CURRENT_STEP_A, Model, STEPS_PER_TURN, VELOCITY_STEP_RAD_S};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dynamixels {
     /// Their model.
+    #[serde(with = "named")]
     pub model: Model,
     /// Bus watchdog while torque is on: 1 to 127 times 20 ms; 0 is none.
     pub watchdog_20ms: u8,

@@ -5,9 +5,7 @@
 
 use core::f32::consts::TAU;
 
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-use crate::actuators::named;
+use crate::actuators::named::Named;
 
 /// Operating mode, 1 byte, only while torque is off: 0 current, 1 velocity, 3 position, 4 extended
 /// position, 5 current-based position, 16 PWM.
@@ -71,15 +69,11 @@ pub struct Model {
     pub torque_nm_a: f32,
 }
 
-impl Serialize for Model {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name)
-    }
-}
+impl Named for Model {
+    const ALL: &'static [Self] = &MODELS;
 
-impl<'de> Deserialize<'de> for Model {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        named::deserialize(deserializer, &MODELS, |model| model.name)
+    fn name(&self) -> &'static str {
+        self.name
     }
 }
 
