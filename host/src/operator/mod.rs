@@ -300,13 +300,15 @@ impl Operator {
             self.silent = false;
         } else if self.leaving != Leaving::No || matches!(self.deadman, Some(Deadman::Released(_)))
         {
-            if !self.silent && self.heard.state().is_some_and(has_torque) {
-                let text = "no heartbeats any more: an armed robot returns to SAFE by itself";
-                self.log.say(now_us, Weight::Warning, text);
+            if !self.silent {
+                // It may be a heartbeat. Afterwards none is made, and what waits then may be a stop.
+                self.unsent = None;
+                if self.heard.state().is_some_and(has_torque) {
+                    let text = "no heartbeats any more: an armed robot returns to SAFE by itself";
+                    self.log.say(now_us, Weight::Warning, text);
+                }
             }
             self.silent = true;
-            // It may be a heartbeat.
-            self.unsent = None;
         }
         self.client.set_silent(self.silent);
     }
