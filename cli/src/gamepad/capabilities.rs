@@ -11,8 +11,12 @@ const FOLDER: &str = "/sys/class/input";
 pub fn has_buttons(device: &Path) -> Option<bool> {
     let name = device.canonicalize().unwrap_or_else(|_| device.to_owned());
     let file = Path::new(FOLDER).join(name.file_name()?).join("device/capabilities/key");
-    let keys = fs::read_to_string(file).ok()?;
-    Some(BUTTONS.iter().any(|button| is_set(&keys, usize::from(button.0))))
+    fs::read_to_string(file).ok().map(|keys| is_gamepad(&keys))
+}
+
+/// Whether these are the keys of a gamepad.
+fn is_gamepad(keys: &str) -> bool {
+    BUTTONS.iter().any(|button| is_set(keys, usize::from(button.0)))
 }
 
 /// A bit of words in hexadecimal digits, the most significant word first, of a `long` each and without leading zeros.
@@ -26,10 +30,6 @@ fn is_set(words: &str, bit: usize) -> bool {
 #[cfg(all(test, target_pointer_width = "64"))]
 mod tests {
     use super::*;
-
-    fn is_gamepad(keys: &str) -> bool {
-        BUTTONS.iter().any(|button| is_set(keys, usize::from(button.0)))
-    }
 
     #[test]
     fn gamepads_are_told_from_keyboards_and_mice() {

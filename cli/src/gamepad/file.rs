@@ -318,29 +318,26 @@ BTN_NORTH = "play 12"
             ("\"pause\"", "\"stop\"", "`released` cannot be \"stop\"", "`pause`"),
             ("dead_zone = 0.1", "dead_zone = 1.5", "`dead_zone` is 1.5", "0 to 0.9"),
             ("rest = 0.5", "rest = 0", "`rest` is 0", "of the planned speed"),
-            ("released = \"pause\"", "relaesed = \"pause\"", "`released` is missing", "`pause`"),
+            (
+                "released = \"pause\"",
+                "relaesed = \"pause\"",
+                "`released` is missing",
+                "`released`?",
+            ),
             ("[deadman]", "[daedman]", "`deadman` is missing", "`deadman`"),
         ] {
             assert!(RIGHT.contains(from), "{from}");
             let found = faults(&RIGHT.replace(from, to));
-            let hit = found
-                .iter()
-                .any(|(m, h)| m.contains(message) && (h.contains(help) || found.len() > 1));
-            assert!(hit, "{to}: {found:?}");
+            assert!(found.iter().any(|(m, _)| m.contains(message)), "{to}: {found:?}");
+            assert!(found.iter().any(|(_, h)| h.contains(help)), "{to}: {found:?}");
         }
     }
 
     #[test]
     fn shipped_mappings_are_right() {
-        let mut devices = Vec::new();
         for (path, text) in crate::shipped::gamepads() {
-            let mapping = Mapping::from_toml(&path.to_string_lossy(), text)
+            Mapping::from_toml(&path.to_string_lossy(), text)
                 .unwrap_or_else(|error| panic!("{error}"));
-            devices.extend(mapping.devices);
-        }
-        // None is made for a device of another.
-        for (index, device) in devices.iter().enumerate() {
-            assert!(!devices[..index].iter().any(|d| d.contains(device) || device.contains(d)));
         }
     }
 }

@@ -57,7 +57,7 @@ pub enum Wish {
 #[derive(Clone, Debug)]
 pub struct Pad {
     mapping: Mapping,
-    name: Option<String>,
+    is_there: bool,
     down: BTreeSet<Input>,
     /// Down since before they count.
     stale: BTreeSet<Input>,
@@ -71,7 +71,7 @@ impl Pad {
     pub fn new(mapping: Mapping) -> Self {
         Self {
             mapping,
-            name: None,
+            is_there: false,
             down: BTreeSet::new(),
             stale: BTreeSet::new(),
             held: false,
@@ -83,9 +83,10 @@ impl Pad {
     /// The gamepad in a few words.
     pub fn words(&self) -> String {
         let hold = self.mapping.deadman.input;
-        match self.name {
-            Some(_) => format!("gamepad {}, hold {hold}", self.mapping.name),
-            None => "GAMEPAD GONE".into(),
+        if self.is_there {
+            format!("gamepad {}, hold {hold}", self.mapping.name)
+        } else {
+            "GAMEPAD GONE".into()
         }
     }
 
@@ -102,10 +103,10 @@ impl Pad {
     pub fn on_event(&mut self, now_us: u64, event: Event) -> Vec<Wish> {
         self.heard_us = now_us;
         match event {
-            Event::Found { name, buttons, axes } => self.found(name, &buttons, &axes),
+            Event::Found { name, buttons, axes } => self.found(&name, &buttons, &axes),
             Event::Gone(why) => self.gone(&why),
             // One that is gone tells nothing.
-            Event::Button { .. } | Event::Axis { .. } if self.name.is_none() => Vec::new(),
+            Event::Button { .. } | Event::Axis { .. } if !self.is_there => Vec::new(),
             Event::Button { number, down } => self.press(Input::Button(number), down),
             Event::Axis { axis, value } => self.push(axis, value),
         }
@@ -124,7 +125,7 @@ impl Pad {
         vec![self.let_go(), Wish::Say(text, true)]
     }
 
-    fn found(&mut self, name: String, buttons: &[u16], axes: &[(u16, f32)]) -> Vec<Wish> {
+    fn found(&mut self, name: &str, buttons: &[u16], axes: &[(u16, f32)]) -> Vec<Wish> {
         self.down = buttons.iter().map(|&number| Input::Button(number)).collect();
         for &(axis, value) in axes {
             for push in [Push { axis, positive: true }, Push { axis, positive: false }] {
@@ -143,7 +144,7 @@ impl Pad {
         }
         wishes.push(self.let_go());
         wishes.push(Wish::Say(format!("gamepad: {name}"), false));
-        self.name = Some(name);
+        self.is_there = true;
         let axes: BTreeMap<_, _> = axes.iter().copied().collect();
         if let Some(Speed { push, .. }) = self.mapping.speed
             && let Some(&value) = axes.get(&push.axis)
@@ -157,7 +158,7 @@ impl Pad {
         self.held = false;
         self.down.clear();
         self.stale.clear();
-        if self.name.take().is_none() {
+        if !std::mem::take(&mut self.is_there) {
             return Vec::new();
         }
         vec![self.let_go(), Wish::Say(format!("the gamepad is gone: {why}"), true)]

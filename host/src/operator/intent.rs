@@ -14,8 +14,6 @@ pub enum Intent {
     PauseOrResume,
     /// Halt where the motion is.
     Pause,
-    /// Go on.
-    Resume,
     /// To SAFE.
     Return,
     /// To SAFE, then torque off.

@@ -44,7 +44,6 @@ impl Operator {
                 self.order(now_us, if paused { Order::Resume } else { Order::Pause });
             }
             Intent::Pause => self.order(now_us, Order::Pause),
-            Intent::Resume => self.order(now_us, Order::Resume),
             Intent::Return => self.order(now_us, Order::Return),
             Intent::Disarm => self.order(now_us, Order::Disarm),
             Intent::Arm => self.order(now_us, Order::Arm),
