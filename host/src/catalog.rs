@@ -47,6 +47,12 @@ pub struct Transition {
     pub to: usize,
 }
 
+/// What a channel is called, of which `names` are the first ones.
+pub fn channel_name(names: &[String], channel: u8) -> String {
+    let name = names.get(usize::from(channel));
+    name.cloned().unwrap_or_else(|| format!("channel {channel}"))
+}
+
 impl Catalog {
     /// The catalog of a validated library, for the robot with these names; `None` when the library has no
     /// names.

@@ -3,14 +3,13 @@
 //! A pure function of [`Findings`]: whoever has a bus collects them.
 
 use crate::advice;
-use crate::catalog::Catalog;
+use crate::catalog::{Catalog, channel_name};
 use crate::refusal::{event_sentence, fault_names, state_name};
 use crate::session::History;
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::transport::Hello;
 use rollwalk_protocol::wire::{
     Fault, FaultBits, FaultReport, FromController, JointTelemetry, LogEntry, State, Status,
-    ToController,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -29,23 +28,16 @@ pub struct Heard {
     pub faults: BTreeMap<u8, FaultReport>,
     /// What each channel measures.
     pub joints: BTreeMap<u8, JointTelemetry>,
-    /// Heartbeats of hosts.
-    pub heartbeats: u64,
     /// How long it was, µs.
     pub span_us: u64,
 }
 
 impl Heard {
-    /// Takes note of a frame of controller `node` or its hosts.
+    /// Takes note of a frame of the link to controller `node`.
     pub fn take(&mut self, node: u8, frame: &CanFrame) {
         let (frames, bits) = self.by_id.entry(frame.id()).or_default();
         *frames += 1;
         *bits += u64::from(frame.exact_bits());
-        if let Ok((to, ToController::Heartbeat(_))) = ToController::decode(frame)
-            && to.number() == node
-        {
-            self.heartbeats += 1;
-        }
         match FromController::decode(frame) {
             Ok((from, message)) if from.number() == node => match message {
                 FromController::Status(status) => self.status = Some(status),
@@ -72,6 +64,8 @@ impl Heard {
 pub struct Findings<'a> {
     /// What was heard.
     pub heard: &'a Heard,
+    /// Somebody is the controller's host: [`Overheard::has_host`](crate::overhear::Overheard::has_host).
+    pub has_host: bool,
     /// Who the controller is; `None` when it does not answer.
     pub hello: Option<&'a Hello>,
     /// It was not asked, because another program is in the middle of a transfer with it.
@@ -275,7 +269,7 @@ impl Findings<'_> {
             status.state,
             State::Aligning | State::Ready | State::Playing | State::Paused | State::Returning
         );
-        (armed && self.heard.heartbeats == 0).then(|| {
+        (armed && !self.has_host).then(|| {
             let what = "no host holds the robot: it will return to SAFE and let itself down";
             finding(Gravity::Wrong, what.into(), "rollwalk console keeps it armed".into())
         })
@@ -297,8 +291,7 @@ impl Findings<'_> {
     }
 
     fn channel(&self, channel: u8) -> String {
-        let name = self.catalog.and_then(|c| c.channels.get(usize::from(channel)));
-        name.cloned().unwrap_or_else(|| format!("channel {channel}"))
+        channel_name(self.catalog.map_or(&[], |catalog| &catalog.channels), channel)
     }
 }
 
@@ -345,9 +338,10 @@ mod tests {
         heard
     }
 
-    fn diagnose(heard: &Heard, hello: Option<&Hello>) -> String {
-        let findings = Findings {
+    fn findings<'a>(heard: &'a Heard, hello: Option<&'a Hello>) -> Findings<'a> {
+        Findings {
             heard,
+            has_host: false,
             hello,
             transferring: false,
             history: None,
@@ -356,7 +350,14 @@ mod tests {
             expected_config: Some(7),
             catalog: None,
             bus: "can:can0",
-        };
+        }
+    }
+
+    fn diagnose(heard: &Heard, hello: Option<&Hello>) -> String {
+        text(&findings(heard, hello))
+    }
+
+    fn text(findings: &Findings<'_>) -> String {
         let found = findings.diagnose();
         found.iter().map(|f| format!("{:?}: {} -> {}\n", f.gravity, f.what, f.help)).collect()
     }
@@ -371,18 +372,7 @@ mod tests {
     #[test]
     fn a_controller_that_was_not_asked_is_not_called_silent() {
         let heard = heard(State::Disarmed, FaultBits::default(), 2);
-        let findings = Findings {
-            heard: &heard,
-            hello: None,
-            transferring: true,
-            history: None,
-            complaint: None,
-            bitrate: 1_000_000,
-            expected_config: None,
-            catalog: None,
-            bus: "can:can0",
-        };
-        let found = findings.diagnose();
+        let found = Findings { transferring: true, ..findings(&heard, None) }.diagnose();
         assert!(found[0].what.contains("in the middle of a transfer"), "{found:?}");
         assert!(!found.iter().any(|f| f.what.contains("does not answer")), "{found:?}");
     }
@@ -428,8 +418,12 @@ mod tests {
 
     #[test]
     fn a_robot_that_nobody_holds_and_another_robot_are_noticed() {
-        let text = diagnose(&heard(State::Ready, FaultBits::default(), 2), Some(&hello()));
-        assert!(text.contains("no host holds the robot"), "{text}");
+        let (heard_ready, ours) = (heard(State::Ready, FaultBits::default(), 2), hello());
+        let nobody = findings(&heard_ready, Some(&ours));
+        let told = text(&nobody);
+        assert!(told.contains("no host holds the robot"), "{told}");
+        let told = text(&Findings { has_host: true, ..nobody });
+        assert!(!told.contains("no host"), "{told}");
         let other = Hello { config_hash: 8, ..hello() };
         let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 2), Some(&other));
         assert!(text.contains("this is another robot"), "{text}");

@@ -11,6 +11,8 @@ use rollwalk_protocol::wire::{FromController, HOST_TIMEOUT_MS, Node, ToControlle
 /// So long a host is listened for, µs: longer than a controller waits for a heartbeat. A robot whose host has just
 /// died has noticed by then, and heartbeats of ours hide nothing from it.
 const HOST_US: u64 = 1000 * HOST_TIMEOUT_MS as u64 + 50_000;
+/// Longest wait for the end of other programs' transport messages, µs.
+pub const PATIENCE_US: u64 = 5_000_000;
 /// Without a frame for so long no transport message is on its way, µs.
 const PAUSE_US: u64 = 500_000;
 
@@ -75,11 +77,6 @@ impl Overheard {
         self.has_controller
     }
 
-    /// Whether transport messages were heard.
-    pub fn has_transport(&self) -> bool {
-        self.transport_us.is_some()
-    }
-
     /// Whether a request would disturb nobody's transport message.
     pub fn may_ask(&self, now_us: u64) -> bool {
         now_us >= self.pause_us()
@@ -97,26 +94,29 @@ impl Overheard {
 /// # Errors
 /// The bus is gone.
 pub fn host(bus: &mut impl LinkBus, node: Node) -> Result<Overheard, LinkError> {
-    listen(bus, node, HOST_US, |overheard, _| overheard.has_host())
+    let overheard = Overheard::new(bus.now_us(), node);
+    listen(bus, overheard, HOST_US, |overheard, _| overheard.has_host())
 }
 
-/// Listens until nobody's transport message is on its way, for so long at most.
+/// Goes on listening until nobody's transport message is on its way, for so long at most.
 ///
 /// # Errors
 /// The bus is gone.
-pub fn pause(bus: &mut impl LinkBus, node: Node, patience_us: u64) -> Result<Overheard, LinkError> {
-    listen(bus, node, patience_us, Overheard::may_ask)
+pub fn pause(
+    bus: &mut impl LinkBus,
+    overheard: Overheard,
+    patience_us: u64,
+) -> Result<Overheard, LinkError> {
+    listen(bus, overheard, patience_us, Overheard::may_ask)
 }
 
 fn listen(
     bus: &mut impl LinkBus,
-    node: Node,
+    mut overheard: Overheard,
     patience_us: u64,
     is_enough: impl Fn(&Overheard, u64) -> bool,
 ) -> Result<Overheard, LinkError> {
-    let start_us = bus.now_us();
-    let end_us = start_us.saturating_add(patience_us);
-    let mut overheard = Overheard::new(start_us, node);
+    let end_us = bus.now_us().saturating_add(patience_us);
     loop {
         let now_us = bus.now_us();
         if now_us >= end_us || is_enough(&overheard, now_us) {
@@ -143,6 +143,10 @@ mod tests {
 
     fn heartbeat(seq: u8, node: Node) -> CanFrame {
         Heartbeat { seq, host_ms: 50 * u32::from(seq) }.encode(node)
+    }
+
+    fn nothing_yet() -> Overheard {
+        Overheard::new(0, node())
     }
 
     /// A bus on which these frames come, 50 ms apart.
@@ -181,16 +185,19 @@ mod tests {
     fn a_pause_is_half_a_second_without_a_transport_frame() {
         let block = CanFrame::new(0x510, &[0x21, 1, 2, 3]).unwrap();
         let mut wire = heard([block; 9]);
-        let overheard = pause(&mut wire, node(), 5_000_000).unwrap();
-        assert!(overheard.may_ask(wire.now_us()) && overheard.has_transport());
+        let overheard = pause(&mut wire, nothing_yet(), PATIENCE_US).unwrap();
+        assert!(overheard.may_ask(wire.now_us()));
         assert_eq!(wire.now_us(), 8 * 50_000 + PAUSE_US);
         let mut busy = heard((0..40).map(|_| block));
-        let overheard = pause(&mut busy, node(), 1_000_000).unwrap();
+        let overheard = pause(&mut busy, nothing_yet(), 1_000_000).unwrap();
         assert!(!overheard.may_ask(busy.now_us()));
         assert_eq!(busy.now_us(), 1_000_000);
         let mut calm = heard([Wire::status(State::Ready)]);
-        let overheard = pause(&mut calm, node(), 5_000_000).unwrap();
-        assert!(overheard.has_controller() && !overheard.has_transport());
+        let overheard = pause(&mut calm, nothing_yet(), PATIENCE_US).unwrap();
+        assert!(overheard.has_controller());
+        assert_eq!(calm.now_us(), PAUSE_US);
+        // What was listened before counts.
+        pause(&mut calm, overheard, PATIENCE_US).unwrap();
         assert_eq!(calm.now_us(), PAUSE_US);
     }
 }

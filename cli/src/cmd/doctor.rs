@@ -18,8 +18,6 @@ use serde::Serialize;
 
 /// So long the bus is listened to, µs: twice what a fault needs to be told again.
 const LISTEN_US: u64 = 2_000_000;
-/// Longest wait for the end of other programs' transfers, µs.
-const PATIENCE_US: u64 = 5_000_000;
 /// Bitrate of a bus that nothing is said about, bit/s.
 const BITRATE: u32 = 1_000_000;
 
@@ -86,7 +84,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let expected = expected.transpose()?;
     let mut link = args.link.open()?;
     let (heard, samples, overheard) = listen(args, &mut link)?;
-    let transferring = !may_ask(args, &mut link, &overheard);
+    let has_host = overheard.has_host();
+    let transferring = !may_ask(&mut link, overheard);
     let (hello, history) = if transferring { (None, None) } else { ask(args, &mut link) };
     let complaint = link.complaint();
     if interrupt::requested() {
@@ -98,6 +97,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let bitrate = link.bitrate().unwrap_or(BITRATE);
     let findings = Findings {
         heard: &heard,
+        has_host,
         hello: hello.as_ref(),
         transferring,
         history: history.as_ref(),
@@ -145,10 +145,9 @@ fn listen(
 }
 
 /// Whether a question disturbs nobody's transfer; waits a moment for the end of one.
-fn may_ask(args: &Args, bus: &mut Interruptible, overheard: &Overheard) -> bool {
-    overheard.may_ask(bus.now_us())
-        || overhear::pause(bus, args.link.node, PATIENCE_US)
-            .is_ok_and(|overheard| overheard.may_ask(bus.now_us()))
+fn may_ask(bus: &mut Interruptible, overheard: Overheard) -> bool {
+    overhear::pause(bus, overheard, overhear::PATIENCE_US)
+        .is_ok_and(|overheard| overheard.may_ask(bus.now_us()))
 }
 
 /// Who the controller says it is, and what it remembers.

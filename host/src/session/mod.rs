@@ -17,7 +17,7 @@ pub use flash::Progress;
 pub use log::History;
 
 use crate::client::{Client, Incoming};
-use crate::overhear;
+use crate::overhear::{self, Overheard};
 use exchange::Exchange;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_protocol::wire::transport::{Hello, Request, Response};
@@ -33,8 +33,6 @@ const CONNECT_TIMEOUT_US: u64 = 1_000_000;
 const HELLO_TIMEOUT_US: u64 = 150_000;
 /// So often it is asked for at most.
 const HELLO_SENDS: u32 = 20;
-/// Longest wait for the end of somebody else's transport messages, µs.
-const TRANSPORT_PATIENCE_US: u64 = 5_000_000;
 /// After so long without an answer to an emergency stop something must be wrong, µs: half of them may get lost on a
 /// link so bad that nothing else works.
 const STOP_TIMEOUT_US: u64 = 3_000_000;
@@ -66,20 +64,15 @@ impl<B: LinkBus> Session<B> {
         Self::connect(bus, node)
     }
 
-    /// Connects beside the controller's host, if one is heard: no heartbeat goes out, so one of the host's that gets
-    /// lost is still noticed, and commands are dated by the clock that the controller tells it. Without a host as
-    /// [`connect`](Self::connect).
+    /// Connects beside the controller's host, if one is heard, in a pause of its transport messages: no heartbeat goes
+    /// out, so one of the host's that gets lost is still noticed, and commands are dated by the clock that the controller
+    /// tells it. Without a host as [`connect`](Self::connect).
     pub fn join(mut bus: B, node: Node) -> Result<Self, SessionError> {
         let overheard = overhear::host(&mut bus, node)?;
         if !overheard.has_host() {
             return Self::connect(bus, node);
         }
-        if overheard.has_transport() {
-            let overheard = overhear::pause(&mut bus, node, TRANSPORT_PATIENCE_US)?;
-            if !overheard.may_ask(bus.now_us()) {
-                return Err(SessionError::Transferring { node: node.number() });
-            }
-        }
+        wait_for_pause(&mut bus, node, overheard)?;
         Self::alive(Exchange::new(bus, node, Client::visitor(node)), node)
     }
 
@@ -91,10 +84,8 @@ impl<B: LinkBus> Session<B> {
 
     /// As [`visit`](Self::visit), where transport messages of somebody else may be on their way: listens first.
     pub fn visit_in_pause(mut bus: B, node: Node) -> Result<Self, SessionError> {
-        let overheard = overhear::pause(&mut bus, node, TRANSPORT_PATIENCE_US)?;
-        if !overheard.may_ask(bus.now_us()) {
-            return Err(SessionError::Transferring { node: node.number() });
-        }
+        let overheard = Overheard::new(bus.now_us(), node);
+        wait_for_pause(&mut bus, node, overheard)?;
         Self::visit(bus, node)
     }
 
@@ -305,6 +296,17 @@ impl<B: LinkBus> Session<B> {
         }
         Err(SessionError::OtherRobot { node: self.exchange.node(), found, expected })
     }
+}
+
+/// Listens until a question breaks off nobody's transport message.
+fn wait_for_pause(
+    bus: &mut impl LinkBus,
+    node: Node,
+    overheard: Overheard,
+) -> Result<(), SessionError> {
+    let overheard = overhear::pause(bus, overheard, overhear::PATIENCE_US)?;
+    let may_ask = overheard.may_ask(bus.now_us());
+    may_ask.then_some(()).ok_or(SessionError::Transferring { node: node.number() })
 }
 
 /// Repeats an emergency stop for a while; whether it was acknowledged.

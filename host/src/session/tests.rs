@@ -17,6 +17,7 @@ pub struct Wire {
     said: VecDeque<(u64, CanFrame)>,
     /// What was sent, in order.
     pub sent: Vec<ToController>,
+    first_sent_us: Option<u64>,
     answer: Answer,
 }
 
@@ -33,7 +34,7 @@ impl Wire {
     /// A controller that answers.
     pub fn answering(answer: impl FnMut(&ToController) -> Option<CanFrame> + 'static) -> Self {
         let (said, sent) = (VecDeque::new(), Vec::new());
-        Self { now_us: 0, said, sent, answer: Box::new(answer) }
+        Self { now_us: 0, said, sent, first_sent_us: None, answer: Box::new(answer) }
     }
 
     /// Somebody says this then, not before what else is to be said.
@@ -56,6 +57,7 @@ impl LinkBus for Wire {
 
     fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
         let (_, message) = ToController::decode(frame).expect("a frame of a host");
+        self.first_sent_us.get_or_insert(self.now_us);
         self.sent.push(message);
         if let Some(answer) = (self.answer)(&message) {
             self.said.push_front((self.now_us, answer));
@@ -115,6 +117,26 @@ fn a_second_host_is_refused_before_it_sends_anything() {
     let error = Session::connect_alone(&mut wire, node()).err();
     assert_eq!(error, Some(SessionError::HasHost { node: 1 }));
     assert_eq!(wire.sent, []);
+}
+
+/// Between two blocks of a transfer a controller may write its flash for a while.
+#[test]
+fn beside_a_host_nothing_is_asked_before_half_a_second_without_transport_frames() {
+    let block = CanFrame::new(0x510, &[0x21, 1, 2, 3]).unwrap();
+    for (block_us, asked_us) in [(None, 500_000), (Some(200_000), 700_000)] {
+        let mut wire = Wire::silent();
+        for seq in 0..100 {
+            let at_us = 50_000 * u64::from(seq);
+            wire.says(at_us, Heartbeat { seq, host_ms: 0 }.encode(node()));
+            if block_us == Some(at_us) {
+                wire.says(at_us, block);
+            }
+            wire.says(at_us + 500, HeartbeatReply { seq, controller_ms: 0 }.encode(node()));
+        }
+        Session::join(&mut wire, node()).err().expect("it does not answer");
+        // With the next sign of life.
+        assert_eq!(wire.first_sent_us, Some(asked_us + 500));
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use crate::inputs::Source;
 use crate::link::names::{self, NamesArgs};
 use crate::packed::Packed;
 use crate::shipped;
-use rollwalk_host::catalog::Catalog;
+use rollwalk_host::catalog::{Catalog, channel_name};
 use rollwalk_host::operator::View;
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_robot::Robot;
@@ -83,8 +83,7 @@ impl Names {
 
     /// Name of a channel.
     pub fn channel(&self, channel: u8) -> String {
-        let name = self.channels.get(usize::from(channel));
-        name.map_or_else(|| format!("channel {channel}"), Clone::clone)
+        channel_name(&self.channels, channel)
     }
 }
 

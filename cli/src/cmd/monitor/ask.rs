@@ -3,13 +3,10 @@
 
 use super::since_1970_us;
 use rollwalk_bus::link::{LinkBus, LinkError};
-use rollwalk_host::overhear;
+use rollwalk_host::overhear::{self, Overheard};
 use rollwalk_host::session::Session;
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::Node;
-
-/// Longest wait for the end of other programs' transfers, µs.
-const PATIENCE_US: u64 = 5_000_000;
 
 /// A link of which every frame is kept, with its time since 1970 in µs.
 struct Kept<'a, B> {
@@ -48,8 +45,9 @@ pub fn library(
     frames: &mut Vec<(u64, CanFrame)>,
 ) -> Option<u32> {
     let mut bus = Kept { bus, frames };
-    let patience_us = PATIENCE_US.min(end_us.saturating_sub(bus.now_us()));
-    let overheard = overhear::pause(&mut bus, node, patience_us).ok()?;
+    let now_us = bus.now_us();
+    let patience_us = overhear::PATIENCE_US.min(end_us.saturating_sub(now_us));
+    let overheard = overhear::pause(&mut bus, Overheard::new(now_us, node), patience_us).ok()?;
     // A log that is played again says much and answers nothing, a controller that is off neither.
     if !overheard.has_controller() || !overheard.may_ask(bus.now_us()) {
         return None;
@@ -114,7 +112,7 @@ mod tests {
         let block = CanFrame::new(0x510, &[0x21, 1, 2, 3]).unwrap();
         let foreign = CanFrame::new(0x123, &[1]).unwrap();
         for (frame, end_us, lasts_us) in [
-            (block, u64::MAX, PATIENCE_US),
+            (block, u64::MAX, overhear::PATIENCE_US),
             (foreign, u64::MAX, 500_000),
             (status(), 300_000, 300_000),
         ] {

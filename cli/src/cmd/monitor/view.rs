@@ -1,12 +1,12 @@
 //! What a monitor tells people: what has changed, and the joints.
 
 use crate::output;
-use rollwalk_host::catalog::Catalog;
+use rollwalk_host::catalog::{Catalog, channel_name};
 use rollwalk_host::refusal::{command_refusal, fault_names, state_name};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::{
-    Action, CommandResult, FaultBits, FaultReport, FromController, JointTelemetry, State, Status,
-    ToController,
+    Action, CommandResult, FaultBits, FaultReport, FromController, JointTelemetry, Node, State,
+    Status, ToController,
 };
 use std::collections::BTreeMap;
 
@@ -55,14 +55,12 @@ impl<'a> View<'a> {
             return Ok(());
         }
         if let Ok((to, message)) = ToController::decode(frame)
-            && (to.number() == node || to.number() == 15)
+            && (to.number() == node || to == Node::BROADCAST)
         {
             match message {
                 ToController::Estop => self.say(at_us, "EMERGENCY STOP is sent")?,
-                // A command that is repeated is told once.
-                ToController::Command(command)
-                    if self.asked != Some((command.seq, command.action)) =>
-                {
+                // Told with its answer.
+                ToController::Command(command) => {
                     self.asked = Some((command.seq, command.action));
                 }
                 _ => {}
@@ -166,7 +164,6 @@ impl<'a> View<'a> {
     }
 
     fn channel_name(&self, channel: u8) -> String {
-        let name = self.catalog.and_then(|c| c.channels.get(usize::from(channel)));
-        name.cloned().unwrap_or_else(|| format!("channel {channel}"))
+        channel_name(self.catalog.map_or(&[], |catalog| &catalog.channels), channel)
     }
 }
