@@ -65,4 +65,11 @@ fn all_gains_are_those_that_there_are() {
     // A wheel has no stiffness.
     assert!(set.stderr.contains("they have no such value: channel 2"), "{}", set.stderr);
     assert!(set.succeeds().starts_with("2 value(s) set"));
+    let set = on(&desk, &socket, &["gains", "set", "all", "--kp", "20", "--kd", "1"]);
+    assert!(set.stderr.trim_end().ends_with("no such value: channel 2"), "{}", set.stderr);
+    // Nobody has it, but that is not why.
+    for wrong in ["--kp=-1", "--kd=-1", "--kp=NaN"] {
+        let refused = on(&desk, &socket, &["gains", "set", "all", wrong]);
+        refused.fails(5, &["channel 0", "the value is no number, or beyond"]);
+    }
 }

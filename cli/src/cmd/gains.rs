@@ -5,7 +5,7 @@ use crate::link::{LinkArgs, LiveSession, ended};
 use crate::output::Table;
 use crate::{Exit, output};
 use miette::miette;
-use rollwalk_host::catalog::Catalog;
+use rollwalk_host::catalog::{Catalog, channel_name};
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::wire::{Parameter, ParameterOrigin, ParameterResult};
 use serde::Serialize;
@@ -216,24 +216,24 @@ fn set(args: &Set) -> miette::Result<Exit> {
     let catalog = catalog(&session, &args.names)?;
     let channels = chosen(&args.channel, session.hello().channels, catalog.as_ref())?;
     let name = |channel: u8| {
-        let names = catalog.as_ref().map(|catalog| &catalog.channels);
-        let name = names.and_then(|names| names.get(usize::from(channel)));
-        name.cloned().unwrap_or_else(|| format!("channel {channel}"))
+        channel_name(catalog.as_ref().map_or(&[], |catalog| &catalog.channels), channel)
     };
-    let (mut set, mut without) = (0, Vec::new());
+    let (mut set, mut without) = (0, Vec::<String>::new());
     for &channel in &channels {
         for (parameter, value) in args.values.given() {
             match session.set_parameter(parameter, channel, value) {
                 Ok(()) => set += 1,
-                // Wheels have no stiffness: `all` means those that have.
-                Err(SessionError::ParameterRefused {
-                    result: ParameterResult::NotSupported | ParameterResult::OutOfRange,
-                    value: 0.0,
-                    ..
-                }) if channels.len() > 1 => without.push(name(channel)),
+                // `all` means those that have it.
+                Err(error) if channels.len() > 1 && has_none(&error, value) => {
+                    // Once for stiffness and damping.
+                    if without.last() != Some(&name(channel)) {
+                        without.push(name(channel));
+                    }
+                }
                 Err(error) => {
                     output::say(format_args!(
-                        "{}, {parameter:?}; {set} values were set, and `rollwalk gains reset` undoes that:",
+                        "{}, {parameter:?}; {set} value(s) were set before; `rollwalk gains reset` sets all to the robot \
+                         file's:",
                         name(channel)
                     ));
                     return Ok(ended(&args.link, &error));
@@ -251,6 +251,17 @@ fn set(args: &Set) -> miette::Result<Exit> {
         "{set} value(s) set, until the next power cycle; `gains save` keeps them"
     ))?;
     Ok(Exit::Ok)
+}
+
+/// Whether a value was refused because the channel has no such value, as wheels have no stiffness.
+fn has_none(error: &SessionError, wanted: f32) -> bool {
+    let SessionError::ParameterRefused { result, value, .. } = error else { return false };
+    match result {
+        ParameterResult::NotSupported => true,
+        // More than 0 is too much. Less than 0 crosses 0 as well, whatever the channel has.
+        ParameterResult::OutOfRange => *value == 0.0 && wanted > 0.0,
+        _ => false,
+    }
 }
 
 /// The channels that are meant.
