@@ -10,7 +10,7 @@ Exit codes:
   1    bad input, or a file that cannot be read or written
   2    wrong command line
   3    the optimiser did not converge; the plan was written and says why
-  4    a measured error exceeds its stated bound
+  4    a measured error exceeds its stated bound; a rule of the fault campaign is broken
   5    the robot did not do it: it refused, stopped, or does not answer
   130  interrupted with Ctrl-C";
 
@@ -23,7 +23,7 @@ pub enum Exit {
     BadInput,
     /// The optimiser ended without meeting every constraint.
     NotConverged,
-    /// A measured error exceeds its stated bound.
+    /// A measured error exceeds its stated bound; a rule of the fault campaign is broken.
     OutOfBounds,
     /// The robot refused, stopped, or does not answer.
     NotDone,

@@ -1,4 +1,4 @@
-//! The robots and motions that ship with rollwalk, carried in the binary, so that `rollwalk demo`
+//! The robots, motions and mappings of gamepads that ship with rollwalk, carried in the binary, so that `rollwalk demo`
 //! runs in any folder.
 
 use std::path::Path;

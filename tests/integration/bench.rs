@@ -22,10 +22,10 @@ fn row<'a>(text: &'a str, titles: &[&str], name: &str) -> Vec<&'a str> {
     row
 }
 
-/// Asserts that the Markdown file says what stdout did and that these plots are whole; returns the rows of
-/// the JSON file.
+/// Asserts that the Markdown file says what stdout did and that these plots are whole; returns what the JSON file
+/// has.
 #[track_caller]
-fn written(desk: &Desk, stdout: &str, name: &str, plots: &[&str]) -> Vec<Value> {
+fn written(desk: &Desk, stdout: &str, name: &str, plots: &[&str]) -> Value {
     let markdown = desk.read_text(&format!("out/{name}.md"));
     assert_eq!(markdown, format!("```\n{}\n```\n", stdout.trim_end()));
     for plot in plots {
@@ -35,6 +35,15 @@ fn written(desk: &Desk, stdout: &str, name: &str, plots: &[&str]) -> Vec<Value> 
     }
     let json = desk.read_text(&format!("out/{name}.json"));
     serde_json::from_str(&json).unwrap_or_else(|error| panic!("{error} in {json}"))
+}
+
+/// The same of a file of rows.
+#[track_caller]
+fn written_rows(desk: &Desk, stdout: &str, name: &str, plots: &[&str]) -> Vec<Value> {
+    match written(desk, stdout, name, plots) {
+        Value::Array(rows) => rows,
+        other => panic!("no rows: {other}"),
+    }
 }
 
 #[test]
@@ -51,7 +60,7 @@ fn table_2_1_counts_what_it_solves() {
     let row = row(&text, &titles, "agilebot_turn");
     assert_eq!([row[4], row[9]], ["2/2", "2/2"]);
     assert!(text.contains("yes every seed of every row is solved"), "{text}");
-    let rows = written(&desk, &text, "table-2-1", &[]);
+    let rows = written_rows(&desk, &text, "table-2-1", &[]);
     assert_eq!(rows.len(), 1, "the whole name, not swizzlebot_turn");
     assert_eq!((&rows[0]["solved"], &rows[0]["samples"]), (&2.into(), &row[1].parse().unwrap()));
     assert!(rows[0]["worst_level"].as_f64() <= Some(0.2) && rows[0]["cold_cpu_s_max"].is_f64());
@@ -66,7 +75,7 @@ fn samples_has_a_row_for_each_number() {
         row(&text, &titles, samples);
     }
     assert!(text.contains("grows as samples^"), "{text}");
-    let rows = written(&desk, &text, "samples", &["out/samples.svg"]);
+    let rows = written_rows(&desk, &text, "samples", &["out/samples.svg"]);
     let samples: Vec<_> = rows.iter().map(|row| &row["samples"]).collect();
     assert_eq!(samples, [12, 24]);
     assert!(rows.iter().all(|row| row["solved"] == true && row["cpu_s"].as_f64() > Some(0.0)));
@@ -91,7 +100,7 @@ fn figure_2_3_has_every_method() {
     }
     let plots =
         ["iterations", "time"].map(|what| format!("out/figure-2-3-creature3_walk-{what}.svg"));
-    let rows = written(&desk, &text, "figure-2-3", &plots.each_ref().map(String::as_str));
+    let rows = written_rows(&desk, &text, "figure-2-3", &plots.each_ref().map(String::as_str));
     assert_eq!(rows.len(), methods.len());
     assert_eq!(rows[3]["solve"]["iterations"], 30);
     let first = desk.read_text(&plots[0]);
@@ -107,7 +116,7 @@ fn figure_3_2_compares_starts() {
     for start in ["warm start", "warm start, literal"] {
         assert!(text.contains(start), "{text}");
     }
-    let rows = written(&desk, &text, "figure-3-2", &["out/figure-3-2-trot.svg"]);
+    let rows = written_rows(&desk, &text, "figure-3-2", &["out/figure-3-2-trot.svg"]);
     let kinds: Vec<_> = rows.iter().map(|row| &row["solve"]["start"]["kind"]).collect();
     assert_eq!(kinds, ["standing", "warm", "warm"]);
     assert!(!text.contains("flying_trot"), "the whole name, not a part of another");
@@ -122,7 +131,7 @@ fn table_3_2_sets_its_means_beside_the_thesis() {
     let row = row(&text, &titles, "5");
     assert_eq!([row[1], row[3], row[5], row[6]], ["0.300", "0.68", "23.9", "1/1"]);
     assert!(row[2].parse::<f64>().unwrap() > 0.0 && text.contains("of 1 starts"), "{text}");
-    let rows = written(&desk, &text, "table-3-2", &[]);
+    let rows = written_rows(&desk, &text, "table-3-2", &[]);
     assert_eq!((&rows[0]["motors_a_leg"], &rows[0]["solved"]), (&5.into(), &1.into()));
 }
 
@@ -135,7 +144,7 @@ fn table_3_3_finds_a_speed_that_holds() {
     // The shipped motion, or one step of a quarter beyond it; the wheels' servos end at 0.34 m/s.
     let speed: f64 = row[1].parse().unwrap();
     assert!((0.2..0.34).contains(&speed) && row[2] == "0.338", "{row:?}");
-    let rows = written(&desk, &text, "table-3-3", &[]);
+    let rows = written_rows(&desk, &text, "table-3-3", &[]);
     assert_eq!((rows.len(), &rows[0]["thesis_m_s"]), (1, &0.338.into()));
     assert!((rows[0]["top_speed_m_s"].as_f64().unwrap() - speed).abs() < 1e-3);
 }
@@ -148,7 +157,7 @@ fn library_format_keeps_what_was_measured_on_real_plans() {
     for (name, clips, measured) in [("agilebot_library", 12, 8175.0), ("swizzlebot", 9, 3729.0)] {
         let text = bench(&desk, &["library-format", "--only", name]).succeeds();
         assert!(text.contains("yes every clip is at least 5 times smaller"), "{text}");
-        let rows = written(&desk, &text, "library-format", &[]);
+        let rows = written_rows(&desk, &text, "library-format", &[]);
         assert_eq!((rows.len(), rows[0]["clips"].as_array().unwrap().len()), (1, clips));
         let bytes = |packing: &str| rows[0]["bytes"][packing].as_f64().unwrap();
         let near = measured * 0.97..measured * 1.03;
@@ -187,20 +196,25 @@ fn fault_campaign_counts_outcomes_and_repeats_a_run() {
     let desk = desk();
     let campaign = ["fault-campaign", "--scenario", "estop", "--loss", "0", "--loss", "30"];
     let text = bench(&desk, &[&campaign[..], &["--seeds", "2"]].concat()).succeeds();
-    assert!(text.contains("4 runs of") && text.contains(" 0 broken"), "{text}");
-    let rows = written(&desk, &text, "fault-campaign", &[]);
-    let results = Value::Array(rows);
-    assert_eq!(results[1]["outcomes"]["stopped"], 2);
-    assert!(results[1]["frames_lost"].as_u64() > Some(0), "{results}");
+    assert!(text.contains("4 runs in") && text.contains(" 0 broken"), "{text}");
+    let results = written(&desk, &text, "fault-campaign", &[]);
+    assert_eq!((&results["runs"], &results["broken"]), (&4.into(), &Value::Array(Vec::new())));
+    assert_eq!(results["rows"][1]["outcomes"]["stopped"], 2);
+    assert!(results["rows"][1]["frames_lost"].as_u64() > Some(0), "{results}");
 
     let one = ["fault-campaign", "--scenario", "estop", "--loss", "30", "--seed", "1"];
     let log = |name: &str| {
-        bench(&desk, &[&one[..], &["--json", "--log", name]].concat()).succeeds();
+        let told = bench(&desk, &[&one[..], &["--log", name]].concat()).succeeds();
+        assert!(told.contains("1 run in"), "{told}");
         desk.read_text(name)
     };
     let first = log("first.log");
     assert!(first.contains(" link0 010#"), "the stop is in it");
     assert!(first == log("second.log"));
+    // A closer look at one run leaves what the campaign has found.
+    assert_eq!(written(&desk, &text, "fault-campaign", &[]), results);
     bench(&desk, &["fault-campaign", "--scenario", "sabotage"]).fails(2, &["sabotage", "bus-off"]);
+    let no_loss = bench(&desk, &["fault-campaign", "--scenario", "estop", "--loss", "31"]);
+    no_loss.fails(1, &["has this loss", "estop has 0, "]);
     bench(&desk, &["fault-campaign", "--log", "x.log"]).fails(2, &["--scenario"]);
 }

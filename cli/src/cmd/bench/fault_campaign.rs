@@ -32,9 +32,6 @@ pub struct Args {
     /// The first seed. Otherwise they begin at 0.
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
-    /// Prints JSON.
-    #[arg(long)]
-    json: bool,
     /// Writes every frame of a single run, in the format of candump.
     #[arg(long, value_name = "FILE", requires_all = ["scenario", "loss", "seed"])]
     log: Option<PathBuf>,
@@ -79,6 +76,8 @@ struct Row {
 /// A run in which something was wrong.
 #[derive(Serialize)]
 struct Broken {
+    #[serde(skip)]
+    case: Case,
     scenario: &'static str,
     loss_percent: f64,
     seed: u64,
@@ -98,16 +97,35 @@ struct Results {
 pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
     let cases = cases(args);
     if let (Some(&case), 1) = (cases.front(), cases.len()) {
-        return one(case, args, out);
+        return one(case, args.log.as_deref());
     }
     if args.log.is_some() {
         return Err(miette!("--log is for a single run: one scenario, one loss, one seed"));
     }
     if cases.is_empty() {
-        return Err(miette!("no scenario that was asked for has this loss"));
+        return Err(miette!(
+            help = losses(&args.scenario),
+            "no scenario that was asked for has this loss"
+        ));
     }
     let (table, broken) = all(&cases);
-    finish(&table, broken, args, out)
+    let results = Results::new(&table, broken);
+    publish(out, "fault-campaign", &text(&results), &results)?;
+    Ok(finish(&results))
+}
+
+/// The scenarios that were asked for: all, if none was named.
+fn chosen(named: &[Scenario]) -> impl Iterator<Item = Scenario> {
+    Scenario::ALL.into_iter().filter(|scenario| named.is_empty() || named.contains(scenario))
+}
+
+/// Which losses there are.
+fn losses(named: &[Scenario]) -> String {
+    let line = |scenario: Scenario| {
+        let losses: Vec<_> = scenario.losses().iter().map(|&l| percent(l).to_string()).collect();
+        format!("{} has {} %", scenario.name(), losses.join(", "))
+    };
+    chosen(named).map(line).collect::<Vec<_>>().join("\n")
 }
 
 /// All runs that were asked for.
@@ -115,10 +133,7 @@ fn cases(args: &Args) -> VecDeque<Case> {
     let first = args.seed.unwrap_or(0);
     let seeds = args.seeds.unwrap_or(if args.seed.is_some() { 1 } else { SEEDS });
     let mut cases = VecDeque::new();
-    for scenario in Scenario::ALL {
-        if !args.scenario.is_empty() && !args.scenario.contains(&scenario) {
-            continue;
-        }
+    for scenario in chosen(&args.scenario) {
         for &loss_per_mille in scenario.losses() {
             if args.loss.is_empty() || args.loss.contains(&loss_per_mille) {
                 let case = |seed| Case { scenario, loss_per_mille, seed };
@@ -130,17 +145,19 @@ fn cases(args: &Args) -> VecDeque<Case> {
 }
 
 /// A single run, with everything that there is to tell.
-fn one(case: Case, args: &Args, out: &Path) -> miette::Result<Exit> {
+/// What a campaign has written stays: this is how one looks closer at a run of it.
+fn one(case: Case, path: Option<&Path>) -> miette::Result<Exit> {
     let (report, log) = campaign::run(&Subject::one_leg(), case);
-    if let Some(path) = &args.log {
+    if let Some(path) = path {
         let mut text = Vec::new();
         candump::write(&log, &mut text).expect("memory takes whatever is written");
         files::write(path, &text)?;
     }
     let mut table = table::Table::default();
     table.add(&report);
-    let broken = wrong(&report);
-    finish(&table, broken.into_iter().collect(), args, out)
+    let results = Results::new(&table, wrong(&report).into_iter().collect());
+    output::print(&text(&results))?;
+    Ok(finish(&results))
 }
 
 /// All runs, on all cores, until they are done or somebody has had enough.
@@ -184,7 +201,7 @@ fn all(cases: &VecDeque<Case>) -> (table::Table, Vec<Broken>) {
             }
         }
     });
-    broken.sort_by(|a, b| (a.scenario, a.seed).cmp(&(b.scenario, b.seed)));
+    broken.sort_by_key(|broken| broken.case);
     (table, broken)
 }
 
@@ -203,29 +220,24 @@ fn broken_run(case: Case, wrong: Vec<String>) -> Broken {
     let again = format!(
         "rollwalk bench fault-campaign --scenario {scenario} --loss {loss_percent} --seed {seed} --log run.log"
     );
-    Broken { scenario, loss_percent, seed, wrong, again }
+    Broken { case, scenario, loss_percent, seed, wrong, again }
 }
 
-fn finish(
-    table: &table::Table,
-    broken: Vec<Broken>,
-    args: &Args,
-    out: &Path,
-) -> miette::Result<Exit> {
-    let rows: Vec<Row> =
-        table.rows().map(|(scenario, loss, row)| make_row(scenario, loss, row)).collect();
-    let results = Results {
-        runs: rows.iter().map(|row| row.runs).sum(),
-        virtual_s: table.rows().map(|(_, _, row)| row.virtual_s).sum(),
-        rows,
-        broken,
-    };
-    let text = text(&results);
-    if args.json {
-        output::print_json(&results)?;
-    } else {
-        publish(out, "fault-campaign", &text, &results.rows)?;
+impl Results {
+    fn new(table: &table::Table, broken: Vec<Broken>) -> Self {
+        let rows: Vec<Row> =
+            table.rows().map(|(scenario, loss, row)| make_row(scenario, loss, row)).collect();
+        Self {
+            runs: rows.iter().map(|row| row.runs).sum(),
+            virtual_s: table.rows().map(|(_, _, row)| row.virtual_s).sum(),
+            rows,
+            broken,
+        }
     }
+}
+
+/// Says which runs are broken and how to repeat them.
+fn finish(results: &Results) -> Exit {
     for broken in &results.broken {
         output::say(format_args!(
             "{}, {} % loss, seed {}: {}\n  again: {}",
@@ -236,11 +248,11 @@ fn finish(
             broken.again
         ));
     }
-    Ok(match (results.broken.is_empty(), interrupt::requested()) {
+    match (results.broken.is_empty(), interrupt::requested()) {
         (false, _) => Exit::OutOfBounds,
         (true, true) => Exit::Interrupted,
         (true, false) => Exit::Ok,
-    })
+    }
 }
 
 fn make_row(scenario: Scenario, loss_per_mille: u16, row: &table::Row) -> Row {
@@ -286,9 +298,10 @@ fn text(results: &Results) -> String {
     let Results { runs, virtual_s, broken, .. } = results;
     let sum = |of: fn(&Row) -> u64| results.rows.iter().map(of).sum::<u64>();
     format!(
-        "{}\n\n{runs} runs of {:.1} h together, {} broken. Looked at {} setpoints and {} commands; {} frames \
+        "{}\n\n{} in {:.1} h of virtual time, {} broken. Looked at {} setpoints and {} commands; {} frames \
          were lost, other faults fired {} times.",
         table.render(),
+        if *runs == 1 { "1 run".into() } else { format!("{runs} runs") },
         virtual_s / 3600.0,
         broken.len(),
         sum(|row| row.setpoints),

@@ -17,17 +17,21 @@ use crate::{Exit, files, interrupt, output};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Re-run the thesis's tables and figures, and measure the library format.
+/// Re-run the thesis's tables and figures, measure the library format, and run the fault campaign.
 ///
-/// Every solve runs on one thread and is measured in CPU time of that thread. Results go to stdout and,
-/// as Markdown, JSON and SVG, to the output folder. What each shows: docs/benchmarks.md.
+/// Every solve runs on one thread and is measured in CPU time of that thread; the fault campaign, which measures
+/// none, runs on all cores. Results go to stdout and, as Markdown, JSON and SVG, to the output folder. What each
+/// shows: docs/benchmarks.md.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
   rollwalk bench table-2-1 --out bench
   rollwalk bench table-2-1 --seeds 3 --only skatebot_skating --out bench
   rollwalk bench samples --out bench
+  rollwalk bench figure-2-3 --out bench
   rollwalk bench figure-3-2 --only trot --out bench
+  rollwalk bench table-3-2 --out bench
+  rollwalk bench table-3-3 --out bench
   rollwalk bench library-format --out bench
   rollwalk bench fault-campaign --seeds 100 --out bench
   rollwalk bench fault-campaign --scenario estop --loss 90 --seed 7 --log run.log")]
