@@ -110,6 +110,20 @@ fn beside_a_host_orders_are_given_without_heartbeats_and_no_second_host_begins()
     }
     assert!(run(&["resume"]).succeeds().contains("the robot is playing"));
     run(&["send", "stand"]).succeeds();
+    // The end of each is waited for but of the last, with names and without.
+    let named = run(&["send", "rest:0.3", "stand"]);
+    assert!(named.stderr.starts_with("playing rest\nstand begins in "), "{}", named.stderr);
+    named.succeeds();
+    let mut nameless = desk.command(&["send", "2:0.3", "1"]);
+    nameless.env("ROLLWALK_BUS", &bus).env("XDG_CACHE_HOME", desk.path("elsewhere"));
+    let nameless = Outcome::from(nameless.output().expect("the command starts"));
+    assert!(
+        nameless.stderr.starts_with("playing code 2\ncode 1 begins in "),
+        "{}",
+        nameless.stderr
+    );
+    nameless.succeeds();
+    run(&["send", "stand", "rest:9"]).fails(1, &["`rest:9`", "without --arm nobody here ends"]);
     run(&["return"]).succeeds();
     let numbers = heartbeats(&mut link);
     assert!(numbers.len() > 20, "{numbers:?}");

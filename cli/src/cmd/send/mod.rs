@@ -7,7 +7,7 @@ use crate::link::names::NamesArgs;
 use crate::link::{LinkArgs, LiveSession, ended};
 use crate::{Exit, interrupt, output};
 use miette::miette;
-use play::{play, send_only};
+use play::play;
 use rollwalk_host::refusal::state_name;
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::wire::State;
@@ -21,16 +21,17 @@ const HOME_US: u64 = 30_000_000;
 /// With --arm the robot is armed first, plays every motion in turn, returns to SAFE and is disarmed; until
 /// then this program is the host whose heartbeat the robot waits for, and Ctrl-C brings the robot home. It is
 /// refused while another program is the host. Without --arm the robot must be armed already and kept so by another
-/// program, such as `rollwalk console`: each motion is sent without a heartbeat of this program, which ends when
-/// it is acknowledged.
+/// program, such as `rollwalk console`: motions are sent without a heartbeat of this program, which waits for the
+/// end of each but the last, and ends when that one is acknowledged.
 ///
-/// A motion that loops is played for one round, or for the seconds after its colon.
+/// A motion that loops is played for one round, or for the seconds after its colon; the last one without --arm until
+/// another is asked for.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
   rollwalk send --arm drive_1m walk:10 turn_in_place --bus can:can0
   rollwalk send --arm 2 3:4.5 --speed 0.5 --bus serial:/dev/ttyUSB0
-  rollwalk send walk --bus sim           # while `rollwalk console --bus sim` holds the robot
+  rollwalk send turn_in_place walk --bus sim      # while `rollwalk console --bus sim` holds the robot
 
 Names are those of the library that was built or flashed on this computer; for another, add --library.")]
 pub struct Args {
@@ -58,6 +59,12 @@ fn speed(text: &str) -> Result<i8, String> {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
+    if let (false, Some(last)) = (args.arm, args.motions.last().filter(|last| last.has_seconds())) {
+        return Err(miette!(
+            help = "leave its seconds out, or say which motion comes after them",
+            "`{last}`: without --arm nobody here ends the last motion"
+        ));
+    }
     let mut session = if args.arm { args.link.connect()? } else { args.link.join()? };
     let library = session.hello().library.ok_or_else(|| {
         miette!(help = "rollwalk flash LIB.rwl --bus BUS", "the controller has no motion library")
@@ -68,7 +75,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let chosen = args.motions.iter().map(|wanted| choose(wanted, catalog.as_ref(), is_its_own));
     let chosen: Vec<_> = chosen.collect::<miette::Result<_>>()?;
     if !args.arm {
-        return match send_only(&mut session, args, &chosen) {
+        return match play(&mut session, args.speed, false, &chosen) {
+            Ok(()) if interrupt::requested() => Ok(Exit::Interrupted),
             Ok(()) => Ok(Exit::Ok),
             Err(error) => Ok(ended(&args.link, &error)),
         };
@@ -95,7 +103,7 @@ fn arm_and_play(
         Err(error) => Err(error),
         Ok(()) => {
             output::say("armed");
-            play(session, args, chosen)
+            play(session, args.speed, true, chosen)
         }
     };
     session.bus_mut().ignore_interrupts();

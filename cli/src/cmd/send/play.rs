@@ -1,6 +1,5 @@
 //! One motion after the other, and the wait for each.
 
-use super::Args;
 use super::wanted::Chosen;
 use crate::link::LiveSession;
 use crate::{interrupt, output};
@@ -14,38 +13,28 @@ const SLACK_US: u64 = 5_000_000;
 /// Time is given to a running motion in such portions, between which Ctrl-C is looked for, µs.
 const PORTION_US: u64 = 100_000;
 
-/// Sends the codes to a robot that another program keeps armed.
+/// Plays all, one after the other, and waits for the end of each. The last of a robot that another program holds goes
+/// on without us.
 ///
 /// # Errors
 /// As of a session; and the robot has stopped.
-pub fn send_only(
+pub fn play(
     session: &mut LiveSession,
-    args: &Args,
-    all: &[Chosen],
+    speed_64ths: i8,
+    holds: bool,
+    all: &[Chosen<'_>],
 ) -> Result<(), SessionError> {
-    for chosen in all {
-        let ack = session.select_at(chosen.code, args.speed)?;
-        let seconds = f64::from(ack.value) / f64::from(RATE_HZ);
-        output::say(format_args!("{} begins in {seconds:.2} s", chosen.name()));
-        if all.len() > 1 {
-            let Some((node, motion)) = chosen.motion else { continue };
-            wait_for(session, chosen, node, ack.value)?;
-            finish(session, chosen, motion)?;
-        }
-    }
-    Ok(())
-}
-
-/// Plays all, one after the other.
-///
-/// # Errors
-/// As of a session; and the robot has stopped.
-pub fn play(session: &mut LiveSession, args: &Args, all: &[Chosen]) -> Result<(), SessionError> {
-    for chosen in all {
+    for (chosen, left) in all.iter().zip((0..all.len()).rev()) {
         if interrupt::requested() {
             break;
         }
-        let ack = session.select_at(chosen.code, args.speed)?;
+        let ack = session.select_at(chosen.code, speed_64ths)?;
+        let begins_us = u64::from(ack.value) * 1_000_000 / u64::from(RATE_HZ);
+        if left == 0 && !holds {
+            let begins_s = begins_us as f64 * 1e-6;
+            output::say(format_args!("{} begins in {begins_s:.2} s", chosen.name()));
+            break;
+        }
         match chosen.motion {
             Some((node, motion)) => {
                 wait_for(session, chosen, node, ack.value)?;
@@ -55,7 +44,6 @@ pub fn play(session: &mut LiveSession, args: &Args, all: &[Chosen]) -> Result<()
             // Without names nobody knows how long it is.
             None => {
                 output::say(format_args!("playing {}", chosen.name()));
-                let begins_us = u64::from(ack.value) * 1_000_000 / u64::from(RATE_HZ);
                 run_for(session, begins_us + micros(chosen.seconds.unwrap_or(5.0)))?;
             }
         }

@@ -2,6 +2,7 @@
 
 use miette::miette;
 use rollwalk_host::catalog::{Catalog, Motion};
+use std::fmt;
 use std::str::FromStr;
 
 /// A motion that is asked for.
@@ -9,6 +10,20 @@ use std::str::FromStr;
 pub struct Wanted {
     motion: String,
     seconds: Option<f64>,
+}
+
+impl Wanted {
+    /// Whether it says how long the motion is to be played.
+    pub fn has_seconds(&self) -> bool {
+        self.seconds.is_some()
+    }
+}
+
+impl fmt::Display for Wanted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.motion)?;
+        self.seconds.map_or(Ok(()), |seconds| write!(f, ":{seconds}"))
+    }
 }
 
 impl FromStr for Wanted {
