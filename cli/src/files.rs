@@ -1,8 +1,8 @@
 //! Reading with errors that help, and writing that never leaves half a file.
 
-use miette::Diagnostic;
-use std::fs;
-use std::io::{self, Write};
+use miette::{Diagnostic, Report};
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -119,19 +119,33 @@ pub fn write(path: &Path, content: &[u8]) -> miette::Result<()> {
         temporary.persist(path).map_err(|error| error.error)?;
         Ok(())
     };
-    attempt()
-        .map_err(|reason| FileError::Io { action: "write", path: path.to_owned(), reason }.into())
+    attempt().map_err(|reason| cannot_write(path, reason))
+}
+
+/// A file that grows while something runs; folders are made as needed. Whoever writes to it flushes it in the end:
+/// otherwise nobody learns that its last part was not written.
+pub fn create(path: &Path) -> miette::Result<BufWriter<File>> {
+    let attempt = || -> io::Result<_> {
+        fs::create_dir_all(folder(path))?;
+        Ok(BufWriter::new(File::create(path)?))
+    };
+    attempt().map_err(|reason| cannot_write(path, reason))
+}
+
+/// Why a file cannot be written.
+pub fn cannot_write(path: &Path, reason: io::Error) -> Report {
+    FileError::Io { action: "write", path: path.to_owned(), reason }.into()
 }
 
 /// Temporary files are private to their user; results are to be readable by all.
 #[cfg(unix)]
-fn share_like_a_new_file(file: &fs::File) -> io::Result<()> {
+fn share_like_a_new_file(file: &File) -> io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
     file.set_permissions(fs::Permissions::from_mode(0o644))
 }
 
 #[cfg(not(unix))]
-fn share_like_a_new_file(_: &fs::File) -> io::Result<()> {
+fn share_like_a_new_file(_: &File) -> io::Result<()> {
     Ok(())
 }
 

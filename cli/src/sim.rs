@@ -2,6 +2,7 @@
 
 use crate::cmd::buses::Examined;
 use crate::inputs::Source;
+use crate::link::cannot_open;
 use crate::{Exit, end, exit, files, interrupt, output, report_in_whole_lines};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
 use miette::{IntoDiagnostic, miette};
@@ -160,7 +161,11 @@ fn run_whole(robot: &Robot, bus: &BusName, log: Option<&Path>) -> miette::Result
         },
     );
     outcome.map_err(|error| miette!("{error}"))?;
-    failed.map_or(Ok(()), Err)
+    match (failed, log) {
+        (Some(error), _) => Err(error),
+        (None, Some(log)) => log.finish(),
+        (None, None) => Ok(()),
+    }
 }
 
 fn run_controller(robot: &Robot, bus: &BusName, actuators: &[BusName]) -> miette::Result<()> {
@@ -199,7 +204,7 @@ fn ready(robot: &Robot, bus: &BusName) {
 
 /// The robot's end of the link.
 fn port(bus: &BusName) -> miette::Result<Port> {
-    open_link(bus).map_err(|error| miette!(help = error.help, "{}", error.what))
+    open_link(bus).map_err(cannot_open)
 }
 
 fn open_link(bus: &BusName) -> Result<Port, OpenError> {
@@ -262,10 +267,7 @@ fn at_rates(robot: &Robot, names: &[BusName]) -> Vec<BusName> {
 }
 
 fn ports(names: &[BusName]) -> miette::Result<Vec<Port>> {
-    let open = |name| {
-        let port = open::open(name, ACTUATOR_DEPTH);
-        port.map_err(|error| miette!(help = error.help, "{}", error.what))
-    };
+    let open = |name| open::open(name, ACTUATOR_DEPTH).map_err(cannot_open);
     names.iter().map(open).collect()
 }
 
@@ -308,14 +310,33 @@ struct Log {
 
 impl Log {
     fn create(path: &Path) -> miette::Result<Self> {
-        files::prepare(files::folder(path))?;
-        let file = File::create(path).map_err(|error| miette!("{}: {error}", path.display()))?;
-        Ok(Self { path: path.to_owned(), file: BufWriter::new(file) })
+        Ok(Self { path: path.to_owned(), file: files::create(path)? })
     }
 
     fn write(&mut self, entries: &[LogEntry]) -> miette::Result<()> {
         let write = |entry: &LogEntry| writeln!(self.file, "{entry}");
         let written = entries.iter().try_for_each(write);
-        written.map_err(|error| miette!("{}: {error}", self.path.display()))
+        written.map_err(|error| files::cannot_write(&self.path, error))
+    }
+
+    /// Writes what waits still.
+    fn finish(mut self) -> miette::Result<()> {
+        self.file.flush().map_err(|error| files::cannot_write(&self.path, error))
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+    use rollwalk_protocol::can::CanFrame;
+
+    #[test]
+    fn a_log_whose_end_the_disk_does_not_take_says_so() {
+        let mut log = Log::create(Path::new("/dev/full")).unwrap();
+        let frame = CanFrame::new(0x310, &[1]).unwrap().into();
+        // It waits for more.
+        log.write(&[LogEntry { at_us: 0, interface: Interface::Link, frame }]).unwrap();
+        let error = log.finish().unwrap_err().to_string();
+        assert!(error.starts_with("cannot write /dev/full: No space left"), "{error}");
     }
 }

@@ -1,6 +1,6 @@
 //! `rollwalk discover`: which buses this computer has, and which controllers are on one.
 
-use crate::link::Interruptible;
+use crate::link::{Interruptible, cannot_open};
 use crate::output::Table;
 use crate::{Exit, interrupt, output};
 use miette::miette;
@@ -45,8 +45,7 @@ struct Found {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     interrupt::listen();
-    let port = open::open(&args.bus, 1);
-    let port = port.map_err(|error| miette!(help = error.help, "{}", error.what))?;
+    let port = open::open(&args.bus, 1).map_err(cannot_open)?;
     let mut bus = Interruptible::new(Live::new(port));
     let controllers = match discover(&mut bus, WAIT_US) {
         Ok(controllers) => controllers,

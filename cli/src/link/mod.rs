@@ -34,6 +34,11 @@ fn node(text: &str) -> Result<Node, String> {
         .ok_or_else(|| "an address is a number from 0 to 14; `rollwalk discover` lists them".into())
 }
 
+/// A bus that cannot be used, with what to type.
+pub fn cannot_open(error: OpenError) -> Report {
+    miette!(help = error.help, "{}", error.what)
+}
+
 /// A session on a bus of this computer.
 pub type LiveSession = Session<Interruptible>;
 
@@ -52,7 +57,7 @@ impl LinkArgs {
     /// There is no such bus, or it cannot be used: with what to type.
     pub fn open(&self) -> miette::Result<Interruptible> {
         interrupt::listen();
-        let live = self.live().map_err(|error| miette!(help = error.help, "{}", error.what))?;
+        let live = self.live().map_err(cannot_open)?;
         Ok(Interruptible::new(live))
     }
 

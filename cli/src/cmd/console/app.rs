@@ -6,12 +6,11 @@
 use super::keys::{Keyboard, Meaning};
 use super::scene::{Lookup, Names, Scene};
 use super::screen;
-use crate::Exit;
 use crate::gamepad::file::Motion;
 use crate::gamepad::pad::{self, Pad, Wish};
 use crate::gamepad::{self, device};
 use crate::link::LinkArgs;
-use miette::miette;
+use crate::{Exit, output};
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event};
 use rollwalk_bus::link::{LinkBus, LinkError};
@@ -19,6 +18,7 @@ use rollwalk_bus::port::Live;
 use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -34,6 +34,8 @@ const DRAW_US: u64 = 50_000;
 const REOPEN_US: u64 = 1_000_000;
 /// A console whose loop has not gone round for so long, while it was awake, is ended.
 const STUCK: Duration = Duration::from_secs(2);
+/// It has so long to say why.
+const FAREWELL: Duration = Duration::from_millis(100);
 /// A full transmit queue is tried again after so long, µs.
 const BUSY_US: u64 = 500;
 
@@ -94,8 +96,16 @@ pub struct App<'a> {
     rounds: Arc<AtomicU64>,
 }
 
-/// Ends a console whose loop stands still: reading keys of a terminal that is gone never returns. Nobody holds
-/// the robot then, and it goes home by itself.
+/// How a console ends whose terminal takes or gives nothing any more: nobody holds the robot then.
+pub fn terminal_gone(why: &str) -> Exit {
+    output::say(format_args!(
+        "the terminal is gone, {why}: without heartbeat an armed robot returns to SAFE by itself"
+    ));
+    Exit::NotDone
+}
+
+/// Ends a console whose loop stands still: reading keys of a terminal that is gone never returns, nor does drawing
+/// on one that stands still itself. That one has its keys as before, if it ever goes on; it takes no other screen.
 fn watch(rounds: Arc<AtomicU64>) {
     thread::spawn(move || {
         let mut last = None;
@@ -103,11 +113,19 @@ fn watch(rounds: Arc<AtomicU64>) {
             thread::sleep(STUCK);
             let now = Some(rounds.load(Ordering::Relaxed));
             if now == last {
+                let _ = ratatui::crossterm::terminal::disable_raw_mode();
+                // Messages may go where the screen does.
+                thread::spawn(|| terminal_gone("or stands still"));
+                thread::sleep(FAREWELL);
                 std::process::exit(Exit::NotDone.code().into());
             }
             last = now;
         }
     });
+}
+
+fn us_since(start: Instant) -> u64 {
+    u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX)
 }
 
 impl<'a> App<'a> {
@@ -145,14 +163,14 @@ impl<'a> App<'a> {
     /// Runs until the operator leaves; how everything was then.
     ///
     /// # Errors
-    /// The terminal is gone. The robot returns to SAFE by itself.
-    pub fn run(&mut self, terminal: &mut DefaultTerminal) -> miette::Result<View> {
+    /// The terminal is gone: see [`terminal_gone`].
+    pub fn run(&mut self, terminal: &mut DefaultTerminal) -> io::Result<View> {
         let mut draw_us = 0;
         loop {
             self.rounds.fetch_add(1, Ordering::Relaxed);
             let now_us = self.now_us();
             self.read_gamepad(now_us);
-            self.read_keys().map_err(|error| miette!("the terminal is gone: {error}"))?;
+            self.read_keys()?;
             self.look_names(now_us);
             self.send(now_us);
             if self.operator.leaving() == Leaving::Now {
@@ -174,18 +192,17 @@ impl<'a> App<'a> {
                     help: self.help,
                     scroll: self.scroll,
                 };
-                let drawn = terminal.draw(|frame| screen::draw(frame, &scene));
-                drawn.map_err(|error| miette!("the terminal is gone: {error}"))?;
+                terminal.draw(|frame| screen::draw(frame, &scene))?;
             }
             self.hear();
         }
     }
 
     fn now_us(&self) -> u64 {
-        u64::try_from(self.started.elapsed().as_micros()).unwrap_or(u64::MAX)
+        us_since(self.started)
     }
 
-    fn read_keys(&mut self) -> std::io::Result<()> {
+    fn read_keys(&mut self) -> io::Result<()> {
         if self.asked_to_end.swap(false, Ordering::Relaxed) {
             self.operator.want(self.now_us(), Intent::Quit);
         }
@@ -294,9 +311,7 @@ impl<'a> App<'a> {
         loop {
             match bus.receive(until_us) {
                 Ok(Some(frame)) => {
-                    let elapsed = self.started.elapsed().as_micros();
-                    let now_us = u64::try_from(elapsed).unwrap_or(u64::MAX);
-                    self.operator.on_frame(now_us, &frame);
+                    self.operator.on_frame(us_since(self.started), &frame);
                     // What else is there already; an answer may be due at once.
                     if bus.now_us() >= until_us {
                         return;

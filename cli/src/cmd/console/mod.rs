@@ -6,9 +6,9 @@ mod scene;
 mod screen;
 
 use crate::link::names::NamesArgs;
-use crate::link::{LinkArgs, ended};
+use crate::link::{LinkArgs, cannot_open, ended};
 use crate::{Exit, output};
-use app::{App, Gamepad};
+use app::{App, Gamepad, terminal_gone};
 use miette::miette;
 use ratatui::DefaultTerminal;
 use rollwalk_host::operator::View;
@@ -47,7 +47,8 @@ pub struct Args {
     mapping: Option<PathBuf>,
 }
 
-/// A terminal that is put right again however this ends; a panic does the same by a hook of ratatui.
+/// A terminal that is put right again when this ends; a panic does the same by a hook of ratatui. Where even that would
+/// wait for the terminal, it gets back its keys alone: `app::watch`.
 struct Terminal(DefaultTerminal);
 
 impl Drop for Terminal {
@@ -68,7 +69,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let gamepad =
         args.gamepad.as_deref().map(|device| Gamepad::open(device, args.mapping.as_deref()));
     let gamepad = gamepad.transpose()?;
-    let mut bus = args.link.live().map_err(|error| miette!(help = error.help, "{}", error.what))?;
+    let mut bus = args.link.live().map_err(cannot_open)?;
     let node = args.link.node;
     // A bus that is lost by now is waited for by the console itself.
     if overhear::host(&mut bus, node).is_ok_and(|overheard| overheard.has_host()) {
@@ -79,7 +80,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut terminal = Terminal(terminal);
     let outcome = app.run(&mut terminal.0);
     drop(terminal);
-    Ok(farewell(&outcome?))
+    Ok(match outcome {
+        Ok(view) => farewell(&view),
+        Err(error) => terminal_gone(&error.to_string()),
+    })
 }
 
 /// How the robot was left.

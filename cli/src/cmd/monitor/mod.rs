@@ -19,7 +19,7 @@ use rollwalk_protocol::config::RobotConfig;
 use serde::Serialize;
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 use view::View;
 
@@ -30,7 +30,8 @@ const SILENCE_US: u64 = 2_000_000;
 ///
 /// A monitor is no host: it commands nothing, has no heartbeat, and does not keep a robot armed. On a serial line
 /// it hears the controller alone, and nobody else can use the line. Without --library it asks once which library the
-/// controller has, for the names of motions, when nobody else's transfer is on its way.
+/// controller has, for the names of motions, when nobody else's transfer is on its way; with --json, which prints no
+/// names, only for --mcap.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -84,8 +85,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let config = packed.as_ref().map(|packed| packed.robot.controller_config()).transpose();
     let config = config.map_err(|error| miette!("{error}"))?;
     let mut bus = args.link.open()?;
-    let log = args.log.as_deref().map(create).transpose()?;
-    let mcap = args.mcap.as_deref().map(create).transpose()?;
+    let log = args.log.as_deref().map(files::create).transpose()?;
+    let mcap = args.mcap.as_deref().map(files::create).transpose()?;
     let (start_us, began_us) = (bus.now_us(), since_1970_us());
     let end_us =
         args.seconds.map_or(u64::MAX, |seconds| start_us.saturating_add((seconds * 1e6) as u64));
@@ -107,8 +108,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         log,
         mcap: mcap.map_err(|error| miette!("{error}"))?,
     };
-    let joints = args.joints && !args.json;
-    let mut view = View::new(catalog.as_ref(), joints, args.json, began_us);
+    let mut view = View::new(catalog.as_ref(), args.joints, args.json, began_us);
     let mut take = |at_us, frame: &CanFrame| {
         sinks.take(at_us, frame)?;
         view.take(at_us, args.link.node.number(), frame)
@@ -173,12 +173,6 @@ fn interface(bus: &BusName) -> String {
         BusName::Serial { .. } => "serial0".into(),
         BusName::Slcan { .. } => "slcan0".into(),
     }
-}
-
-fn create(path: &Path) -> miette::Result<BufWriter<File>> {
-    files::prepare(files::folder(path))?;
-    let file = File::create(path).map_err(|error| miette!("{}: {error}", path.display()))?;
-    Ok(BufWriter::new(file))
 }
 
 /// Where frames are written to.
