@@ -45,6 +45,25 @@ fn words_end_where_the_explanation_or_the_shell_begins() {
     }
 }
 
+/// Commands that have no example in their help or in that of the command that they are a part of.
+fn without_examples(command: &clap::Command, typed: &str, above: &str) -> Vec<String> {
+    let help = command.get_after_long_help().map_or_else(String::new, ToString::to_string);
+    if command.has_subcommands() {
+        let below = |below| (below, format!("{typed} {}", clap::Command::get_name(below)));
+        let below = command.get_subcommands().map(below);
+        return below.flat_map(|(below, typed)| without_examples(below, &typed, &help)).collect();
+    }
+    let is_of_it =
+        |words: Vec<String>| format!("{} ", words.join(" ")).starts_with(&format!("{typed} "));
+    let has_one = examples(&format!("{above}\n{help}")).into_iter().any(is_of_it);
+    if has_one { Vec::new() } else { vec![typed.to_owned()] }
+}
+
+#[test]
+fn every_command_has_an_example() {
+    assert_eq!(without_examples(&command_line(), "rollwalk", ""), [""; 0]);
+}
+
 #[test]
 fn every_example_is_understood() {
     let mut texts = Vec::new();

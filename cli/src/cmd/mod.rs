@@ -43,16 +43,22 @@ pub enum Command {
     Doctor(doctor::Args),
     Console(console::Args),
     /// Stop the robot at once: torque off. Repeated until the controller acknowledges, or Ctrl-C; `clear` leads out of it.
+    #[command(after_long_help = "Examples:\n  rollwalk estop --bus can:can0")]
     Estop(orders::Args),
     /// Leave an emergency stop or a fault that has passed; the robot can then be armed again.
+    #[command(after_long_help = "Examples:\n  rollwalk clear --bus can:can0")]
     Clear(orders::Args),
     /// Return to SAFE and turn torque off.
+    #[command(after_long_help = "Examples:\n  rollwalk disarm --bus can:can0")]
     Disarm(orders::Args),
     /// Hold the robot where its motion is.
+    #[command(after_long_help = "Examples:\n  rollwalk pause --bus can:can0")]
     Pause(orders::Args),
     /// Go on after a pause.
+    #[command(after_long_help = "Examples:\n  rollwalk resume --bus can:can0")]
     Resume(orders::Args),
     /// Return to the safe motion and stay there.
+    #[command(after_long_help = "Examples:\n  rollwalk return --bus can:can0")]
     Return(orders::Args),
     Dbc(dbc::Args),
     Failsafe(failsafe::Args),
@@ -81,7 +87,7 @@ impl Command {
             Command::Doctor(args) => doctor::run(args),
             Command::Gains(args) => gains::run(args),
             Command::Console(args) => console::run(args),
-            Command::Estop(args) => orders::run(Order::Estop, args),
+            Command::Estop(args) => orders::stop(args),
             Command::Clear(args) => orders::run(Order::Clear, args),
             Command::Disarm(args) => orders::run(Order::Disarm, args),
             Command::Pause(args) => orders::run(Order::Pause, args),

@@ -13,11 +13,9 @@ const STATUS_US: u64 = 200_000;
 /// A bus that is lost while the robot is to be stopped is opened again so often.
 const REOPEN: Duration = Duration::from_millis(200);
 
-/// What is ordered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What is ordered, but for a stop, which is [`stop`].
+#[derive(Clone, Copy, Debug)]
 pub enum Order {
-    /// Torque off at once.
-    Estop,
     /// Leave a latched stop.
     Clear,
     /// Back to SAFE, then torque off.
@@ -39,12 +37,8 @@ pub struct Args {
 
 /// Runs the subcommand.
 pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
-    if order == Order::Estop {
-        return stop(args);
-    }
     let mut session = args.link.join()?;
     let outcome = match order {
-        Order::Estop => unreachable!("stops do not wait for a connection"),
         Order::Clear => clear(&mut session),
         Order::Disarm => session.disarm(),
         Order::Pause => session.pause(),
@@ -76,8 +70,8 @@ fn clear(session: &mut LiveSession) -> Result<(), SessionError> {
     outcome
 }
 
-/// Nothing is asked first: the frame goes out at once, and again until it is acknowledged or Ctrl-C ends it.
-fn stop(args: &Args) -> miette::Result<Exit> {
+/// Runs `estop`. Nothing is asked first: the frame goes out at once, and again until it is acknowledged or Ctrl-C ends it.
+pub fn stop(args: &Args) -> miette::Result<Exit> {
     let link = &args.link;
     let mut bus = link.open()?;
     loop {
