@@ -113,10 +113,16 @@ impl Commands {
         };
         let Open { known, in_time } = self.open[place];
         self.open.drain(..=place);
+        let Known { dated: Dated { command, .. }, done, goal, .. } = &mut self.known[known];
         if ack.result != CommandResult::Ok {
+            // These two may answer a copy of one that was done, or that comes in its time after this.
+            let of_a_copy =
+                matches!(ack.result, CommandResult::OutOfOrder | CommandResult::Expired);
+            if done.is_none() && !of_a_copy {
+                *goal = Goal::Over;
+            }
             return Ok(());
         }
-        let Known { dated: Dated { command, .. }, done, .. } = &mut self.known[known];
         match *done {
             // The last command again is answered again, and not executed: with the same answer.
             Some(first) if self.last_done == Some(known) && first == ack => Ok(()),
@@ -258,6 +264,20 @@ mod tests {
         assert!(commands.is_played(1).is_ok());
         assert_eq!(commands.is_played(1).unwrap_err().0, Rule::Once);
         assert_eq!(commands.is_played(2).unwrap_err().0, Rule::Once);
+    }
+
+    #[test]
+    fn what_was_refused_does_not_begin_later() {
+        use CommandResult::{Expired, OutOfOrder, WrongState};
+        let begins = |refusal| {
+            let mut commands = Commands::new(vec![1, 2, 3]);
+            commands.arrives(SimTime::ZERO, play(1, 2));
+            commands.is_answered(answer(1, refusal)).unwrap();
+            commands.is_played(1).err().map(|(rule, _)| rule)
+        };
+        assert_eq!(begins(WrongState), Some(Rule::Once));
+        // A copy of one that is done may be answered so.
+        assert_eq!([OutOfOrder, Expired].map(begins), [None, None]);
     }
 
     #[test]

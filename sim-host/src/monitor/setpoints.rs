@@ -19,6 +19,22 @@ const POSE_ROUNDING_RAD: f64 = 1.5 * POSITION_STEP_RAD as f64;
 /// Steps of the motors between two looks at them: 2 ms.
 const STEPS_PER_LOOK: u32 = 8;
 
+/// What an actuator is told.
+#[derive(Clone, Copy, Debug)]
+enum Told {
+    Joint(JointSetpoint),
+    Wheel(WheelSetpoint),
+}
+
+impl Told {
+    /// With the actuator's number on its bus.
+    fn decode(frame: &CanFrame) -> Option<(u8, Self)> {
+        let joint = || JointSetpoint::decode(frame).map(|(id, joint)| (id, Self::Joint(joint)));
+        let wheel = || WheelSetpoint::decode(frame).map(|(id, wheel)| (id, Self::Wheel(wheel)));
+        joint().or_else(wheel)
+    }
+}
+
 /// What a channel was told last.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Last {
@@ -85,12 +101,15 @@ impl Setpoints {
         damped: bool,
         body: &Body,
     ) -> Result<bool, (Rule, String)> {
-        let (id, value, kp) = match (JointSetpoint::decode(frame), WheelSetpoint::decode(frame)) {
-            (Some((id, joint)), _) => (id, joint.position_rad, Some(joint.kp_nm_rad)),
-            (_, Some((id, wheel))) => (id, wheel.speed_rad_s, None),
-            _ => return Err((Rule::Intelligible, format!("{frame:?} on bus {bus}"))),
+        let Some((id, told)) = Told::decode(frame) else {
+            return Err((Rule::Intelligible, format!("{frame:?} on bus {bus}")));
         };
-        let kind = if kp.is_some() { ChannelKind::JointPosition } else { ChannelKind::WheelSpeed };
+        let (kind, value, kp) = match told {
+            Told::Joint(joint) => {
+                (ChannelKind::JointPosition, joint.position_rad, Some(joint.kp_nm_rad))
+            }
+            Told::Wheel(wheel) => (ChannelKind::WheelSpeed, wheel.speed_rad_s, None),
+        };
         let channel = self.channel(bus, id).filter(|&c| self.config.channels[c].kind == kind);
         let channel = channel
             .ok_or_else(|| (Rule::Intelligible, format!("no {kind:?} {id} on bus {bus}")))?;
@@ -98,7 +117,7 @@ impl Setpoints {
         let tick = self.tick(at);
         let last = self.last[channel].replace(Last { value, tick });
 
-        within(&limits, channel, frame, value, last)?;
+        within(&limits, channel, &told, last)?;
         if damped && kp.is_some_and(|kp| kp > 0.0) {
             return Err((Rule::DampedIsDamped, format!("channel {channel}: kp {kp:?}")));
         }
@@ -176,11 +195,14 @@ fn resolution(limits: &Channel) -> f32 {
 fn within(
     limits: &Channel,
     channel: usize,
-    frame: &CanFrame,
-    value: f32,
+    told: &Told,
     last: Option<Last>,
 ) -> Result<(), (Rule, String)> {
-    let fail = |what: &str| Err((Rule::Limits, format!("channel {channel}: {what}: {frame:?}")));
+    let fail = |what: &str| Err((Rule::Limits, format!("channel {channel}: {what}: {told:?}")));
+    let (value, kp, kd) = match told {
+        Told::Joint(joint) => (joint.position_rad, joint.kp_nm_rad, joint.kd_nm_s_rad),
+        Told::Wheel(wheel) => (wheel.speed_rad_s, 0.0, wheel.kd_nm_s_rad),
+    };
     let rounding = 0.51 * resolution(limits);
     let before = last.map_or(value, |last| last.value);
     let (low, high) = (limits.min.min(before), limits.max.max(before));
@@ -189,19 +211,15 @@ fn within(
         return fail("out of range");
     }
     let (kp_most, kd_most) = (GAIN_RATIO * limits.kp_nm_rad, GAIN_RATIO * limits.kd_nm_s_rad);
-    let (kp, kd) = if let Some((_, joint)) = JointSetpoint::decode(frame) {
-        if joint.velocity_rad_s.abs() > limits.max_rate + SPEED_STEP_RAD_S {
+    match told {
+        Told::Joint(joint) if joint.velocity_rad_s.abs() > limits.max_rate + SPEED_STEP_RAD_S => {
             return fail("too fast");
         }
-        (joint.kp_nm_rad, joint.kd_nm_s_rad)
-    } else if let Some((_, wheel)) = WheelSetpoint::decode(frame) {
-        if wheel.torque_limit_nm > limits.max_torque_nm + TORQUE_STEP_NM {
+        Told::Wheel(wheel) if wheel.torque_limit_nm > limits.max_torque_nm + TORQUE_STEP_NM => {
             return fail("too much torque");
         }
-        (0.0, wheel.kd_nm_s_rad)
-    } else {
-        return fail("no setpoint");
-    };
+        _ => {}
+    }
     if kp > kp_most + KP_STEP_NM_RAD || kd > kd_most + KD_STEP_NM_S_RAD {
         return fail("gains beyond those of the robot");
     }
