@@ -24,7 +24,6 @@ use crate::monitor::{Seen, Violation};
 use crate::one_leg;
 use rollwalk_firmware::Settings;
 use rollwalk_protocol::config::RobotConfig;
-use rollwalk_protocol::wire::FaultBits;
 use rollwalk_robot::Robot;
 use scenario::Scenario;
 
@@ -127,8 +126,6 @@ pub struct Report {
     pub fired: [u64; 2],
     /// What the monitor looked at.
     pub seen: Seen,
-    /// All faults that the controller told after the fault began.
-    pub told: FaultBits,
     /// How long after the host's first emergency stop the motors were without torque.
     pub stopped_after: Option<SimTime>,
     /// Virtual time that it took.

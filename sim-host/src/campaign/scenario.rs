@@ -404,7 +404,7 @@ fn bits(faults: &[Bit]) -> FaultBits {
 }
 
 /// So many milliseconds, more or less.
-fn between(random: &mut Rng, least_ms: u64, most_ms: u64) -> SimTime {
+pub(super) fn between(random: &mut Rng, least_ms: u64, most_ms: u64) -> SimTime {
     SimTime::from_us(random.u64(1000 * least_ms..=1000 * most_ms))
 }
 

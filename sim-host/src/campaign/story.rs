@@ -2,12 +2,12 @@
 
 use super::bench::Bench;
 use super::operator::{Operator, Stuck};
-use super::scenario::{Host, Plan, Scenario};
+use super::scenario::{self, Host, Plan, Scenario};
 use super::{Case, Outcome, Report, Subject};
 use crate::clock::SimTime;
 use crate::core::Core;
 use crate::faults::stream::Spoil;
-use crate::faults::{Fault, Faults, Harm, Way};
+use crate::faults::{Fault, Harm, Way};
 use crate::interface::LogEntry;
 use crate::monitor::{Change, Monitor, Terms, home};
 use crate::rig::Rig;
@@ -16,37 +16,40 @@ use fastrand::Rng;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_firmware::Settings;
 use rollwalk_host::session::SessionError;
-use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::wire::transport::Request;
+use rollwalk_protocol::wire::isotp::{Output, Timing};
+use rollwalk_protocol::wire::transport::{Endpoint, Request, frame_to_controller};
 use rollwalk_protocol::wire::{
     Action, CommandResult, FaultBits, FromController, HEARTBEAT_PERIOD_MS, HOST_TIMEOUT_MS, State,
 };
 
-/// A change is told within this: two control periods of 120 Hz.
-const TOLD_WITHIN: SimTime = SimTime::from_ms(17);
-
 /// A robot that is told to stop has no torque after this, if its buses are well: two frames on their way,
 /// and "off" for each of its motors, are less than a millisecond; and a control period.
 const PROMPTLY: SimTime = SimTime::from_us(10_000);
-/// Three control periods: one until the next tick, and what rounding may make of it.
-const NOTICES_WITHIN: SimTime = SimTime::from_ms(25);
 /// Setpoints may still come from a bus that is not: as late as the worst of the scenarios makes them. Then the
 /// motors' own watchdogs end it.
 const STRAGGLERS: SimTime = SimTime::from_ms(200);
-/// A transfer is tried so long under whatever goes wrong, before only the way of the operator remains.
-const FLASH_FOR: SimTime = SimTime::from_ms(10_000);
+/// During a transfer frames get lost so long; then it has to succeed within ...
+const FLASH_LOSES_FOR: SimTime = SimTime::from_ms(20_000);
+/// ... this time from when the fault began.
+const FLASH_GIVES_UP_AFTER: SimTime = SimTime::from_ms(30_000);
 /// With more loss than this nothing can be done but stop: it begins when the fault does, and ends.
 const HOPELESS: u16 = 500;
 const HOPELESS_FOR: SimTime = SimTime::from_ms(20_000);
 /// What lasts to the end.
 const FOREVER: SimTime = SimTime::from_ms(u64::MAX / 2_000_000);
 
+/// So many control periods, rounded up.
+fn periods(count: u64) -> SimTime {
+    SimTime::from_us((count * 1_000_000).div_ceil(Settings::default().control_hz.into()))
+}
+
 /// How a robot comes down whose host is lost.
 fn comes_down(subject: &Subject) -> home::Terms {
     let settings = Settings::default();
     home::Terms {
         host_timeout: SimTime::from_ms(HOST_TIMEOUT_MS.into()),
-        notices_within: NOTICES_WITHIN,
+        // One until the next tick, and what rounding may make of it.
+        notices_within: periods(3),
         way_home: subject.way_home + SimTime::from_us(settings.hold_us.into()),
         damping: SimTime::from_us(settings.damping_us.into()),
     }
@@ -69,8 +72,8 @@ pub fn tell<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<Log
     let mut random = Rng::with_seed(case.seed ^ u64::from(case.loss_per_mille) << 48);
     let mut rig = Rig::with_core(&subject.robot, core).expect("the robot is sound");
     let late = servo::WATCHDOG + STRAGGLERS;
-    // Two control periods, and one until it has crossed the bus.
-    let pose_age = SimTime::from_ms(25);
+    // Two, and one until it has crossed the bus.
+    let pose_age = periods(3);
     let terms = Terms {
         control_hz: Settings::default().control_hz.into(),
         node: rig.node(),
@@ -90,7 +93,7 @@ pub fn tell<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<Log
         home: comes_down(subject),
     };
     rig.set_monitor(Monitor::new(subject.config(), terms));
-    rig.set_faults(Faults::new(random.u64(..)));
+    rig.set_fault_seed(random.u64(..));
 
     let bench = Bench::new(rig);
     let operator = Operator::new(&bench);
@@ -111,12 +114,10 @@ pub fn tell<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<Log
     story.report()
 }
 
-/// So long it takes at most until a controller knows that an actuator is silent, and has told it.
+/// So long it takes at most until a controller knows that an actuator is silent, and has told it: the ticks that
+/// it may be silent, the one in which that is too long, and one to tell it.
 fn noticed_within() -> SimTime {
-    let Settings { silent_ticks, control_hz, .. } = Settings::default();
-    let period = SimTime::from_us(1_000_000 / u64::from(control_hz));
-    // The ticks that it may be silent, the one in which that is too long, and one to tell it.
-    (0..silent_ticks + 2).fold(SimTime::ZERO, |span, _| span + period)
+    periods(u64::from(Settings::default().silent_ticks) + 2)
 }
 
 struct Story<'a, C: Core> {
@@ -139,7 +140,8 @@ impl<C: Core> Story<'_, C> {
         let flashes = self.case.scenario == Scenario::Flash;
         let hopeless = self.case.loss_per_mille > HOPELESS;
         if flashes {
-            self.lose(SimTime::ZERO, FLASH_FOR + FLASH_FOR);
+            self.lose(SimTime::ZERO, FLASH_LOSES_FOR);
+            // No torque is on, so no fault has to be told: nothing to judge but the transfer.
             return self.flash().and_then(|()| self.come_back());
         }
         if !hopeless {
@@ -161,7 +163,7 @@ impl<C: Core> Story<'_, C> {
     }
 
     fn between(&mut self, least_ms: u64, most_ms: u64) -> SimTime {
-        SimTime::from_us(self.random.u64(1000 * least_ms..=1000 * most_ms))
+        scenario::between(&mut self.random, least_ms, most_ms)
     }
 
     /// The loss that all scenarios have.
@@ -201,7 +203,7 @@ impl<C: Core> Story<'_, C> {
             self.operator.wait(SimTime::from_ms(20));
         }
         // What came last is told in the next control period, and is judged after that.
-        self.operator.wait(TOLD_WITHIN);
+        self.operator.wait(periods(2));
         Ok(())
     }
 
@@ -293,8 +295,11 @@ impl<C: Core> Story<'_, C> {
             2 => session.command("arm", Action::ArmRequest).map(drop)?,
             // A step of a transfer, whose answer nobody waits for.
             _ => {
-                let id = 0x500 | u16::from(node.number()) << 4;
-                bench.send(&CanFrame::new(id, &[1, Request::Finish.kind()]).expect("2 bytes"))?;
+                let mut transport = Endpoint::new(Timing::default());
+                transport.send(&[Request::Finish.kind()]).expect("nothing else is on its way");
+                if let Output::Send(pdu) = transport.poll(bench.now_us()) {
+                    bench.send(&frame_to_controller(node, &pdu))?;
+                }
             }
         }
         session.command("arm", Action::ArmConfirm { nonce }).map(drop)
@@ -347,10 +352,9 @@ impl<C: Core> Story<'_, C> {
         self.operator.session()?;
         let start = self.bench.now() + self.between(1, 30);
         self.plan(disturbance, start);
-        let gives_up = start + FLASH_FOR;
         let library = &self.subject.library;
         let mut failed = false;
-        while self.bench.now() < gives_up + FLASH_FOR + FLASH_FOR {
+        while self.bench.now() < start + FLASH_GIVES_UP_AFTER {
             let session = self.operator.session()?;
             match session.flash(library, |_| {}) {
                 Ok(()) => {
@@ -405,7 +409,6 @@ impl<C: Core> Story<'_, C> {
             complaints.push(format!("the monitor has looked at nothing: {seen:?}"));
         }
         let history = monitor.history();
-        let later = history.iter().filter(|change| change.at > self.began);
         let report = Report {
             case: self.case,
             outcome: self.outcome(history),
@@ -413,7 +416,6 @@ impl<C: Core> Story<'_, C> {
             complaints,
             fired: [sum(losses), sum(others)],
             seen,
-            told: later.fold(FaultBits::default(), |all, c| FaultBits(all.0 | c.faults.0)),
             stopped_after: monitor.stopped_after(),
             took: rig.now(),
         };

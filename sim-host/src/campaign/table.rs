@@ -26,13 +26,6 @@ pub struct Row {
     pub virtual_s: f64,
 }
 
-impl Row {
-    /// Runs that went out so.
-    pub fn count(&self, outcome: Outcome) -> u64 {
-        self.outcomes.get(&outcome).copied().unwrap_or(0)
-    }
-}
-
 /// All runs.
 #[derive(Clone, Debug, Default)]
 pub struct Table {

@@ -134,12 +134,11 @@ impl Faults {
         if !self.is_spoilt(now, way) {
             return Some(frame);
         }
-        let on = |(_, (fault, _)): &(usize, &(Fault, u64))| {
-            fault.is_on(now) && matches!(fault.harm, Harm::Stream(on, _) if on == way)
-        };
-        let (indices, spoils): (Vec<_>, Vec<_>) = (self.schedule.iter().enumerate().filter(on))
+        let (indices, spoils): (Vec<_>, Vec<_>) = (self.schedule.iter().enumerate())
             .filter_map(|(index, (fault, _))| match fault.harm {
-                Harm::Stream(_, spoil) => Some((index, (spoil, fault.until))),
+                Harm::Stream(on, spoil) if on == way && fault.is_on(now) => {
+                    Some((index, (spoil, fault.until)))
+                }
                 _ => None,
             })
             .unzip();

@@ -204,9 +204,9 @@ impl<C: Core> Rig<C> {
         self.host = self.link.bus.add_node(TxPolicy::Queue { depth: HOST_QUEUE });
     }
 
-    /// From now on faults are these. To be told before the first of them is due.
-    pub fn set_faults(&mut self, faults: Faults) {
-        self.faults = faults;
+    /// Where all that is random in faults comes from. To be told before the first of them is added.
+    pub fn set_fault_seed(&mut self, seed: u64) {
+        self.faults = Faults::new(seed);
     }
 
     /// The faults and what they did.

@@ -1,11 +1,10 @@
 //! The way of a library over links that are slow to take frames, or break.
 
-use crate::{connect, rig, robot};
+use crate::{connect, rig, robot, transport_frames};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::Node;
-use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::rig::Rig;
 
 /// A link whose transmit queue is full at every other try.
@@ -51,14 +50,6 @@ impl LinkBus for Breaking {
     }
 }
 
-/// Frames of the host's transport on the link.
-fn transport_frames(rig: &Rig) -> usize {
-    let id = 0x500 | u16::from(rig.node().number()) << 4;
-    let on_link = rig.log().iter().filter(|entry| entry.interface == Interface::Link);
-    let frames = on_link.filter_map(|entry| entry.frame.standard());
-    frames.filter(|frame| frame.id() == id).count()
-}
-
 #[test]
 fn a_frame_that_finds_the_queue_full_is_kept() {
     let mut plain = connect(rig());
@@ -66,7 +57,8 @@ fn a_frame_that_finds_the_queue_full_is_kept() {
     let mut busy = connect(Busy { rig: rig(), tries: 0 });
     busy.flash(&robot::library(), |_| {}).unwrap();
     let (plain, busy) = (plain.into_bus(), busy.into_bus());
-    assert_eq!(transport_frames(&busy.rig), transport_frames(&plain), "none was sent again");
+    let frames = |rig| transport_frames(rig).count();
+    assert_eq!(frames(&busy.rig), frames(&plain), "none was sent again");
 }
 
 #[test]

@@ -8,7 +8,6 @@ mod planted;
 mod playing;
 mod protocols;
 mod refusing;
-mod robot;
 mod serial_line;
 mod standing;
 mod stopping;
@@ -17,7 +16,10 @@ mod tuning;
 
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::session::Session;
-use rollwalk_protocol::wire::Node;
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::{Node, ToController};
+use rollwalk_sim_host::interface::Interface;
+use rollwalk_sim_host::one_leg as robot;
 use rollwalk_sim_host::rig::Rig;
 
 /// A second in microseconds.
@@ -29,6 +31,13 @@ fn rig() -> Rig {
 
 fn connect<B: LinkBus>(bus: B) -> Session<B> {
     Session::connect(bus, Node::new(1).unwrap()).unwrap()
+}
+
+/// Frames of the host's transport on the link.
+fn transport_frames(rig: &Rig) -> impl Iterator<Item = &CanFrame> {
+    let on_link = rig.log().iter().filter(|entry| entry.interface == Interface::Link);
+    let frames = on_link.filter_map(|entry| entry.frame.standard());
+    frames.filter(|frame| matches!(ToController::decode(frame), Ok((_, ToController::Transport))))
 }
 
 /// With the library on board, torque on, standing in SAFE.

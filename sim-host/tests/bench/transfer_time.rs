@@ -2,6 +2,7 @@
 
 use crate::robot::{self, STAND};
 use crate::serial_line::{BYTE_US, SerialLine};
+use crate::transport_frames;
 
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_host::session::Session;
@@ -10,7 +11,6 @@ use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::library::{LibrarySpec, MotionSpec, TransitionSpec, encode, validate};
 use rollwalk_protocol::wire::Node;
 use rollwalk_sim_host::clock::SimTime;
-use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::rig::Rig;
 
 const SIZE: usize = 64 << 10;
@@ -72,10 +72,7 @@ fn on_can_at_1_mbit_a_transfer_takes_at_most_half_again_of_the_bus_s_own_time() 
     let rig = session.into_bus();
     let took = (rig.now() - before).as_s();
     // Seven bytes in each frame, one after the other, without anybody's answer.
-    let id = 0x500 | u16::from(rig.node().number()) << 4;
-    let ours = rig.log().iter().filter(|entry| entry.interface == Interface::Link);
-    let ours = ours.filter_map(|entry| entry.frame.standard()).filter(|frame| frame.id() == id);
-    let bits: u64 = ours.map(|frame| u64::from(frame.exact_bits())).sum();
+    let bits: u64 = transport_frames(&rig).map(|frame| u64::from(frame.exact_bits())).sum();
     let theory = bits as f64 * 1e-6;
     println!("{} B in {took:.3} s, {theory:.3} s of frames: {:.3}", library.len(), took / theory);
     assert!(took < 1.5 * theory, "{took} s, {theory} s of frames");
