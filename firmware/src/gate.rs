@@ -3,6 +3,9 @@
 
 use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
 
+/// From a nonce to the next: odd, so that all come before one comes again, and not small, so that neighbours
+/// are unlike.
+const NONCE_STEP: u16 = 0x9E37;
 /// How long a nonce can be confirmed, µs.
 const NONCE_LIFE_US: u64 = 2_000_000;
 
@@ -44,7 +47,8 @@ pub(crate) struct Gate {
     /// had it has expired, so whatever is older is refused for that.
     known: [Option<Command>; NUMBERS],
     nonce: Option<Nonce>,
-    drawn: u32,
+    /// The last nonce that was drawn.
+    drawn: Option<u16>,
 }
 
 impl Gate {
@@ -88,12 +92,12 @@ impl Gate {
     }
 
     /// A new nonce; the one before is void. Not a secret: it proves that whoever confirms has heard
-    /// the answer to a request made just now.
+    /// the answer to a request made just now. None comes again before all 65,536 have been drawn.
     pub fn draw(&mut self, now_us: u64, permit: Permit) -> u16 {
-        self.drawn = self.drawn.wrapping_add(1);
-        // Multiplicative hashing (Knuth): consecutive draws and times give unlike numbers.
-        let mixed = (now_us as u32 ^ self.drawn.rotate_left(16)).wrapping_mul(0x9E37_79B1);
-        let value = (mixed >> 16) as u16;
+        // The first is another after each start: multiplicative hashing (Knuth) of the time.
+        let first = || ((now_us as u32).wrapping_mul(0x9E37_79B1) >> 16) as u16;
+        let value = self.drawn.map_or_else(first, |last| last.wrapping_add(NONCE_STEP));
+        self.drawn = Some(value);
         self.nonce = Some(Nonce { permit, value, until_us: now_us.saturating_add(NONCE_LIFE_US) });
         value
     }
@@ -234,6 +238,18 @@ mod tests {
         let nonce = gate.draw(10, Permit::Arm);
         gate.void();
         assert!(!gate.redeem(11, Permit::Arm, nonce));
-        assert_ne!(gate.draw(10, Permit::Arm), gate.draw(10, Permit::Arm));
+    }
+
+    /// A copy of a confirmation from before would be good again.
+    #[test]
+    fn no_nonce_comes_again_before_all_others() {
+        let mut gate = Gate::default();
+        let mut seen = [false; 1 << 16];
+        for draw in 0..1 << 16 {
+            // At times of which no two are alike, and others that are.
+            let now_us = draw % 40_000 * 58_123;
+            let nonce = gate.draw(now_us, Permit::Arm);
+            assert!(!core::mem::replace(&mut seen[usize::from(nonce)], true), "{draw}: {nonce}");
+        }
     }
 }
