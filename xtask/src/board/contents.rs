@@ -1,7 +1,11 @@
 //! What is in an image: how much of each memory, and whether anything can panic.
 
+use super::image::Image;
+use super::shown;
 use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, elf};
+use std::fs;
 use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 /// Parts of the names of everything that begins a panic.
 const PANICKING: [&str; 4] = ["9panicking", "rust_begin_unwind", "unwrap_failed", "expect_failed"];
@@ -14,6 +18,36 @@ pub struct Sections {
     pub data: u64,
     /// Variables that start as zero, and those that start as nothing.
     pub bss: u64,
+}
+
+/// A release image, built, and what is in it.
+pub struct Contents {
+    pub path: PathBuf,
+    pub sections: Sections,
+    /// Symbols that lead to a panic.
+    pub panics: Vec<String>,
+}
+
+impl Contents {
+    /// Builds an image and looks into it; `ram` is where its own variables are. Looks first whether a panic that
+    /// is planted in it would show.
+    ///
+    /// # Errors
+    /// The planted panic does not show, or the compiler's verdict.
+    pub fn of(image: &Image, ram: Range<u64>) -> Result<Self, String> {
+        if panic_paths(&read(&image.build(&["planted-panic"])?)?)?.is_empty() {
+            return Err("a panic was planted in the image, and its symbols do not show it".into());
+        }
+        let path = image.build(&[])?;
+        let bytes = read(&path)?;
+        let (sections, panics) = (sections(&bytes, ram)?, panic_paths(&bytes)?);
+        Ok(Self { path, sections, panics })
+    }
+}
+
+/// The bytes of an image.
+pub fn read(path: &Path) -> Result<Vec<u8>, String> {
+    fs::read(path).map_err(|error| format!("{}: {error}", shown(path)))
 }
 
 /// Measures an image; `ram` is where its own variables are.
@@ -40,7 +74,7 @@ pub fn sections(image: &[u8], ram: Range<u64>) -> Result<Sections, String> {
 }
 
 /// Symbols of the image that lead to a panic.
-pub fn panic_paths(image: &[u8]) -> Result<Vec<String>, String> {
+fn panic_paths(image: &[u8]) -> Result<Vec<String>, String> {
     let file = object::File::parse(image).map_err(|error| format!("the image: {error}"))?;
     let names: Vec<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
     if !names.iter().any(|name| name.contains("CONTROLLER")) {

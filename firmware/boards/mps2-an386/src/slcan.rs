@@ -79,6 +79,11 @@ impl Board {
     fn drive(&mut self) -> bool {
         let now_us = self.clock.now_us();
         let mut any = false;
+        #[cfg(feature = "planted-panic")]
+        {
+            static WHETHER: [bool; 2] = [false, true];
+            any |= WHETHER[usize::from(now_us as u8)];
+        }
         if self.clock.begun() {
             self.controller.tick(now_us);
             any = true;
