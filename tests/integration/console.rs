@@ -1,14 +1,11 @@
 //! The console on a terminal, by its keys.
 
-use crate::simulated::{Robot, desk_with_library_file, on};
-use rollwalk_tests::Desk;
+use crate::simulated::{Robot, command_on, desk_with_library_file, on};
 use rollwalk_tests::terminal::{Terminal, stty};
-use std::process::Command;
+use rollwalk_tests::{Desk, signal};
 
 fn start(desk: &Desk, bus: &str) -> Terminal {
-    let mut command = desk.command(&["console"]);
-    command.env("ROLLWALK_BUS", bus).env("XDG_CACHE_HOME", desk.path("cache"));
-    Terminal::start(command)
+    Terminal::start(command_on(desk, bus, &["console"]))
 }
 
 #[test]
@@ -39,8 +36,7 @@ fn a_robot_is_armed_played_stopped_and_left_by_keys() {
     console.shows("DISARMED");
     let during = stty(&console.device, &["-g"]);
     assert_ne!(before, during, "it takes the terminal");
-    let id = console.program.id().to_string();
-    assert!(Command::new("kill").args(["-TERM", &id]).status().expect("kill").success());
+    signal(&console.program, "TERM");
     assert_eq!(console.ends(), Some(0));
     assert!(!console.is_taken(), "the screen is the shell's again");
     let after = stty(&console.device, &["-a"]);

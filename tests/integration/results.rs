@@ -167,8 +167,7 @@ fn an_interrupted_solve_writes_nothing_and_exits_with_130() {
         let mut line = String::new();
         std::io::BufRead::read_line(&mut stderr, &mut line).unwrap();
     }
-    let interrupt = ["-INT", &child.id().to_string()].map(str::to_owned);
-    assert!(std::process::Command::new("kill").args(interrupt).status().unwrap().success());
+    rollwalk_tests::signal(&child, "INT");
     let mut rest = String::new();
     std::io::Read::read_to_string(&mut stderr, &mut rest).unwrap();
     let status = child.wait().unwrap();

@@ -1,13 +1,13 @@
 //! A robot that `rollwalk send --arm` has armed is brought home, whatever comes between.
 
-use crate::simulated::{Robot, desk_with_library_file, on};
+use crate::simulated::{Robot, command_on, desk_with_library_file, on};
 use rollwalk_bus::link::LinkBus;
 use rollwalk_bus::port::Live;
 use rollwalk_bus::sim;
 use rollwalk_protocol::wire::{FromController, State, Status, ToController};
-use rollwalk_tests::{Desk, Outcome};
+use rollwalk_tests::{Desk, Outcome, signal};
 use std::os::unix::net::UnixListener;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 
 /// A robot with a library, on this computer's socket.
 fn robot(desk: &Desk) -> (Robot, String) {
@@ -38,16 +38,14 @@ fn wait_for(link: &mut Live, state: State) -> Status {
 }
 
 fn start(desk: &Desk, bus: &str, args: &[&str]) -> Child {
-    let mut command = desk.command(args);
-    command.env("ROLLWALK_BUS", bus).env("XDG_CACHE_HOME", desk.path("cache"));
+    let mut command = command_on(desk, bus, args);
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     command.spawn().expect("the command starts")
 }
 
 /// Ctrl-C, and how it ends.
 fn interrupted(child: Child) -> Outcome {
-    let id = child.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &id]).status().expect("kill").success());
+    signal(&child, "INT");
     child.wait_with_output().expect("it ends").into()
 }
 
@@ -59,8 +57,8 @@ fn a_motion_that_is_refused_ends_at_home() {
     let missing = ["no motion with code 99", "it has 1 (stand), 2 (rest)"];
     on(&desk, &bus, &["send", "--arm", "2", "99"]).fails(1, &missing);
     // ... but only where its names are.
-    let mut command = desk.command(&["send", "--arm", "2:0.3", "99"]);
-    command.env("ROLLWALK_BUS", &bus).env("XDG_CACHE_HOME", desk.path("elsewhere"));
+    let mut command = command_on(&desk, &bus, &["send", "--arm", "2:0.3", "99"]);
+    command.env("XDG_CACHE_HOME", desk.path("elsewhere"));
     let outcome = Outcome::from(command.output().expect("the command starts"));
     outcome.fails(5, &["returning to SAFE", "disarmed", "no motion of the active library"]);
     on(&desk, &bus, &["doctor"]).succeeds_with(0, &["nothing bars it from being armed"]);

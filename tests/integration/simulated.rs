@@ -45,11 +45,16 @@ impl Drop for Robot {
     }
 }
 
-/// A command of ours on `bus`.
-pub fn on(desk: &Desk, bus: &str, args: &[&str]) -> Outcome {
+/// A command of ours on `bus`, to be started; the desk has its cache.
+pub fn command_on(desk: &Desk, bus: &str, args: &[&str]) -> Command {
     let mut command = desk.command(args);
     command.env("ROLLWALK_BUS", bus).env("XDG_CACHE_HOME", desk.path("cache"));
-    command.output().expect("the command starts").into()
+    command
+}
+
+/// The same, run to its end.
+pub fn on(desk: &Desk, bus: &str, args: &[&str]) -> Outcome {
+    command_on(desk, bus, args).output().expect("the command starts").into()
 }
 
 /// A desk with the library file of LegBot that stands and rests.

@@ -6,8 +6,19 @@ pub mod terminal;
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output};
 use tempfile::TempDir;
+
+/// Sends a signal to a program, as `INT` for Ctrl-C.
+///
+/// # Panics
+/// There is no such program any more.
+#[track_caller]
+pub fn signal(program: &Child, name: &str) {
+    let mut kill = Command::new("kill");
+    kill.args([format!("-{name}"), program.id().to_string()]);
+    assert!(kill.status().expect("kill").success(), "kill -{name}");
+}
 
 /// A temporary folder in which commands run.
 pub struct Desk {

@@ -5,11 +5,13 @@ use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Read, Write};
 use std::num::NonZero;
 use std::process::{Child, Command};
-use std::thread;
 use std::time::{Duration, Instant};
 
 /// Longest wait for anything that comes by itself, on a machine that is busy.
 const LONG: Duration = Duration::from_secs(60);
+
+/// Nothing that comes within this is nothing that is there.
+const POLL: Duration = Duration::from_millis(20);
 
 /// A program, and the terminal that it is on. Killed when dropped.
 pub struct Terminal {
@@ -30,7 +32,7 @@ impl Terminal {
     /// It does not start.
     pub fn start(mut command: Command) -> Self {
         let (mut terminal, line) = TTYPort::pair().expect("a pseudo terminal");
-        terminal.set_timeout(Duration::from_millis(20)).expect("a timeout");
+        terminal.set_timeout(POLL).expect("a timeout");
         let device = line.name().expect("a name");
         let end = || OpenOptions::new().read(true).write(true).open(&device).expect("its device");
         let (input, output, held) = (end(), end(), end());
@@ -56,17 +58,12 @@ impl Terminal {
     /// # Panics
     /// It does not end within a minute.
     pub fn hang_up(mut self) -> Option<i32> {
-        let (near, _far) = TTYPort::pair().expect("a pseudo terminal");
+        // In its place one on which nobody says anything.
+        let (mut near, _far) = TTYPort::pair().expect("a pseudo terminal");
+        near.set_timeout(POLL).expect("a timeout");
         // The last end that is not the program's.
         drop(std::mem::replace(&mut self.terminal, near));
-        let start = Instant::now();
-        loop {
-            if let Some(status) = self.program.try_wait().expect("a child") {
-                return status.code();
-            }
-            assert!(start.elapsed() < LONG, "it does not end");
-            thread::sleep(Duration::from_millis(20));
-        }
+        self.ends()
     }
 
     /// Whether a full-screen program has the screen.
@@ -74,11 +71,15 @@ impl Terminal {
         self.screen.screen().alternate_screen()
     }
 
-    fn read(&mut self) {
+    /// What has been printed since comes to the screen; whether there was any.
+    fn read(&mut self) -> bool {
         let mut bytes = [0; 4096];
         match self.terminal.read(&mut bytes) {
-            Ok(count) => self.screen.process(&bytes[..count]),
-            Err(error) if error.kind() == ErrorKind::TimedOut => {}
+            Ok(count) => {
+                self.screen.process(&bytes[..count]);
+                true
+            }
+            Err(error) if error.kind() == ErrorKind::TimedOut => false,
             Err(error) => panic!("the terminal: {error}"),
         }
     }
@@ -89,6 +90,8 @@ impl Terminal {
     /// It does not within a minute.
     #[track_caller]
     pub fn shows(&mut self, words: &str) {
+        // The screen as it is now, and not when it was looked at last.
+        while self.read() {}
         let start = Instant::now();
         while !self.screen.screen().contents().contains(words) {
             let shown = self.screen.screen().contents();
@@ -108,7 +111,7 @@ impl Terminal {
             self.read();
             if let Some(status) = self.program.try_wait().expect("a child") {
                 // What it said last.
-                self.read();
+                while self.read() {}
                 return status.code();
             }
             assert!(start.elapsed() < LONG, "it does not end");

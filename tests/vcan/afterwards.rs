@@ -164,7 +164,7 @@ fn cantools_decodes_every_frame_of_the_actuator_buses() {
 #[test]
 fn the_telemetry_holds_joint_states_as_measured_and_as_planned() {
     let bytes = fs::read(results().join("monitor.mcap")).expect("the telemetry");
-    let mut measured = 0;
+    let (mut measured, mut compared) = (0, 0);
     let mut worst_rad = 0.0_f64;
     let mut last = None::<Value>;
     for message in mcap::MessageStream::new(&bytes).expect("an MCAP file") {
@@ -183,6 +183,7 @@ fn the_telemetry_holds_joint_states_as_measured_and_as_planned() {
                     if let (Some(plan), Some(is)) =
                         (plan["position"].as_f64(), is["position"].as_f64())
                     {
+                        compared += 1;
                         worst_rad = worst_rad.max((plan - is).abs());
                     }
                 }
@@ -190,8 +191,11 @@ fn the_telemetry_holds_joint_states_as_measured_and_as_planned() {
             _ => {}
         }
     }
-    println!("{measured} joint states, at most {worst_rad:.3} rad from the plan");
+    println!(
+        "{measured} joint states; {compared} positions at most {worst_rad:.3} rad from the plan"
+    );
     assert!(measured > 100, "{measured}");
+    assert!(compared > 100, "{compared}");
     // A status is up to 50 ms old, and joints turn with up to 6 rad/s; a wrong order would be off by more.
     assert!(worst_rad < 0.35, "{worst_rad}");
 }

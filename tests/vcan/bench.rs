@@ -3,7 +3,7 @@
 use rollwalk_bus::candump::{self, LogEntry};
 use rollwalk_protocol::wire::{FromController, State};
 use rollwalk_tests::terminal::Terminal;
-use rollwalk_tests::{Outcome, checkout};
+use rollwalk_tests::{Outcome, checkout, signal};
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -68,11 +68,15 @@ fn warm() {
 /// A command of ours, run to its end.
 #[track_caller]
 pub fn rollwalk(args: &[&str]) -> Outcome {
+    ours(args).output().expect("the command starts").into()
+}
+
+fn ours(args: &[&str]) -> Command {
     warm();
     let mut command = Command::new(ROLLWALK);
     // Names of motions are to come from the library alone.
     command.args(args).env("XDG_CACHE_HOME", "/nonexistent");
-    command.output().expect("the command starts").into()
+    command
 }
 
 /// Somebody else's command that must succeed.
@@ -172,16 +176,15 @@ impl Beside {
 
     /// A command of ours.
     pub fn rollwalk(args: &[&str]) -> Self {
-        warm();
-        let mut command = Command::new(ROLLWALK);
-        command.args(args).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut command = ours(args);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
         Self(command.spawn().expect("the command starts"))
     }
 
     /// Ends it as Ctrl-C does, and tells how it ended.
     #[track_caller]
     pub fn interrupt(mut self) -> i32 {
-        run("kill", &["-INT", &self.0.id().to_string()]);
+        signal(&self.0, "INT");
         self.code()
     }
 

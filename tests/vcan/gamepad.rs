@@ -24,10 +24,9 @@ struct Pad(VirtualDevice);
 impl Pad {
     fn plug_in() -> Self {
         let mut keys = AttributeSet::<KeyCode>::new();
-        for key in [KeyCode::BTN_SOUTH, START, CLEAR, DEADMAN, ESTOP, PAUSE, KeyCode::BTN_MODE] {
-            keys.insert(key);
-        }
-        for key in [KeyCode::BTN_SELECT, KeyCode::BTN_WEST] {
+        let others =
+            [KeyCode::BTN_SOUTH, KeyCode::BTN_WEST, KeyCode::BTN_SELECT, KeyCode::BTN_MODE];
+        for key in [START, CLEAR, DEADMAN, ESTOP, PAUSE].into_iter().chain(others) {
             keys.insert(key);
         }
         let axis =
