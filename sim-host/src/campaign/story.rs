@@ -105,6 +105,7 @@ pub fn tell<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<Log
         random,
         began: SimTime::ZERO,
         losses: 0,
+        host_failed: false,
         complaints: Vec::new(),
         transfer: None,
     };
@@ -130,6 +131,8 @@ struct Story<'a, C: Core> {
     began: SimTime,
     /// The first so many faults are the loss that all scenarios have.
     losses: usize,
+    /// Something was wrong with the host, which is none of those faults.
+    host_failed: bool,
     complaints: Vec<String>,
     /// What became of a transfer.
     transfer: Option<Outcome>,
@@ -225,6 +228,7 @@ impl<C: Core> Story<'_, C> {
             self.began = self.bench.now();
         }
         let now = self.bench.now();
+        self.host_failed = true;
         match host.take() {
             Some(Host::Dies(from, until)) => {
                 self.operator.quit();
@@ -398,7 +402,8 @@ impl<C: Core> Story<'_, C> {
         if !losses.is_empty() && sum(losses) == 0 {
             complaints.push("no frame was lost".into());
         }
-        if !others.is_empty() && sum(others) == 0 {
+        // Frames of a host that stands still cannot be held up.
+        if !others.is_empty() && sum(others) == 0 && !self.host_failed {
             complaints.push("no fault has fired".into());
         }
         if self.case.scenario == Scenario::EStop && monitor.stopped_after().is_none() {

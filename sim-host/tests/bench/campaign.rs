@@ -29,12 +29,12 @@ fn whatever_goes_wrong_the_rules_hold_and_there_is_a_way_back() {
 }
 
 /// The first was judged before the STATUS that tells the stop. In the second the operator's DISARM comes before
-/// anybody can have missed the actuator.
+/// anybody can have missed the actuator. In the third a bridge holds frames back while the host sends none.
 #[test]
-fn a_run_is_judged_by_what_could_be_told() {
+fn a_run_is_judged_by_what_could_happen() {
     let subject = Subject::one_leg();
     for (scenario, loss_per_mille, seed) in
-        [(Scenario::EStop, 30, 279), (Scenario::ActuatorDead, 300, 250)]
+        [(Scenario::EStop, 30, 279), (Scenario::ActuatorDead, 300, 250), (Scenario::Chaos, 30, 853)]
     {
         let (report, _) = run(&subject, Case { scenario, loss_per_mille, seed });
         assert!(report.is_clean(), "{report:#?}");
