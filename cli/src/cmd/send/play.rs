@@ -106,7 +106,7 @@ impl Pauses {
         let is_paused = status.is_some_and(|status| status.state == State::Paused);
         if is_paused && !self.0 {
             output::say(
-                "paused by another program; `rollwalk resume` lets it go on, Ctrl-C brings it home",
+                "paused by another program; `rollwalk resume` lets it go on, `rollwalk return` brings it home",
             );
         }
         self.0 = is_paused;
