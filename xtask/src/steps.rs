@@ -118,10 +118,7 @@ pub fn run(only: Option<Step>) -> Result<(), String> {
                  \n    cargo xtask test --only {name}\n"
             )
         })?;
-        // The tests come last and end with cargo's own summary lines, which carry their time.
-        if *step != Step::Test {
-            eprintln!("== {} ok in {seconds:.1} s", step.name());
-        }
+        eprintln!("== {} ok in {seconds:.1} s", step.name());
     }
     Ok(())
 }
