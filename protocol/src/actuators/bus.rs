@@ -78,7 +78,11 @@ impl Bus {
             tell(Command::Torque { torque_nm })?;
             return tell(Command::Torque { torque_nm: -torque_nm });
         }
-        for (value, slope) in [(limits.min, -limits.max_rate), (limits.max, limits.max_rate)] {
+        // Who is told no limit gives what its own scale has: the channel's is within that.
+        let most_nm = if can.torque && can.limits == Told::Never { torque_nm } else { 0.0 };
+        for (value, slope, torque_nm) in
+            [(limits.min, -limits.max_rate, -most_nm), (limits.max, limits.max_rate, most_nm)]
+        {
             tell(if wheel {
                 Command::EnableWheel
             } else {
@@ -86,11 +90,11 @@ impl Bus {
             })?;
             for gains in gains.clone() {
                 let told = (can.gains == Told::EachTime).then_some(gains);
-                let limit = (can.limits == Told::EachTime).then_some(torque_nm);
+                let limit = (can.limits == Told::EachTime).then_some(limits.max_torque_nm);
                 tell(if wheel {
                     Command::Wheel(WheelSetpoint {
                         speed_rad_s: value,
-                        torque_nm: 0.0,
+                        torque_nm,
                         kd_nm_s_rad: told.map(|gains| gains.kd_nm_s_rad),
                         torque_limit_nm: limit,
                     })
@@ -98,7 +102,7 @@ impl Bus {
                     Command::Joint(JointSetpoint {
                         position_rad: value,
                         speed_rad_s: slope,
-                        torque_nm: 0.0,
+                        torque_nm,
                         gains: told,
                     })
                 })?;
