@@ -1,7 +1,9 @@
 //! What is in an image: how much of each memory, and whether anything can panic.
 
 use super::image::Image;
+use super::limits::Limits;
 use super::shown;
+use super::sizes::MAX_STATIC_RAM;
 use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, elf};
 use std::fs;
 use std::ops::Range;
@@ -42,6 +44,16 @@ impl Contents {
         let bytes = read(&path)?;
         let (sections, panics) = (sections(&bytes, ram)?, panic_paths(&bytes)?);
         Ok(Self { path, sections, panics })
+    }
+
+    /// What every image is held to: code and constants of `max_text` bytes, static RAM, and no panics.
+    pub fn limits(&self, max_text: u64) -> Limits {
+        let Sections { text, data, bss } = self.sections;
+        let mut limits = Limits::default();
+        limits.bytes("text", text, max_text);
+        limits.bytes("static RAM", data + bss, MAX_STATIC_RAM);
+        limits.no_panics(&self.panics);
+        limits
     }
 }
 

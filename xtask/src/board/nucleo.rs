@@ -2,7 +2,6 @@
 
 use super::contents::{Contents, Sections};
 use super::image::NUCLEO_G474RE;
-use super::limits::Limits;
 use super::shown;
 use super::sizes::MAX_STATIC_RAM;
 use std::ops::Range;
@@ -22,10 +21,10 @@ const STACK_BYTES: u64 = 32 << 10;
 /// # Errors
 /// What is above its limit, or the compiler's verdict.
 pub fn report() -> Result<(), String> {
-    let Contents { path, sections: Sections { text, data, bss }, panics } =
-        Contents::of(&NUCLEO_G474RE, RAM)?;
+    let contents = Contents::of(&NUCLEO_G474RE, RAM)?;
+    let Contents { path, sections: Sections { text, data, bss }, panics } = &contents;
 
-    println!("nucleo-g474re, release: {}", shown(&path));
+    println!("nucleo-g474re, release: {}", shown(path));
     println!("text           {text:>7} B of {MAX_TEXT}, in {FLASH_BYTES} of flash");
     println!(
         "data + bss     {:>7} B of {MAX_STATIC_RAM} ({data} + {bss}), in {} of RAM, {STACK_BYTES} of \
@@ -35,9 +34,5 @@ pub fn report() -> Result<(), String> {
     );
     println!("panic paths    {:>7} (one that was planted was found)", panics.len());
 
-    let mut limits = Limits::default();
-    limits.bytes("text", text, MAX_TEXT);
-    limits.bytes("static RAM", data + bss, MAX_STATIC_RAM);
-    limits.no_panics(&panics);
-    limits.verdict()
+    contents.limits(MAX_TEXT).verdict()
 }

@@ -4,7 +4,6 @@
 use super::contents::{Contents, Sections, read, sections};
 use super::emulator::{Clock, instructions};
 use super::image::MPS2_AN386;
-use super::limits::Limits;
 use super::play;
 
 /// Most bytes of code and constants.
@@ -30,9 +29,9 @@ pub const RAM: std::ops::Range<u64> = 0x2000_0000..0x2000_8000;
 /// What is above its limit, or failed.
 pub fn report() -> Result<(), String> {
     let every = sections(&read(&MPS2_AN386.build(&["every-line"])?)?, RAM)?.text;
-    let Contents { path, sections: Sections { text, data, bss }, panics } =
-        Contents::of(&MPS2_AN386, RAM)?;
-    let figures = play(&path, Clock::Instructions)?;
+    let contents = Contents::of(&MPS2_AN386, RAM)?;
+    let Contents { path, sections: Sections { text, data, bss }, panics } = &contents;
+    let figures = play(path, Clock::Instructions)?;
 
     let mean = |all: u64, count: u32| instructions(all as f64 / f64::from(count.max(1)));
     let worst_period = instructions(figures.worst_period.into());
@@ -67,13 +66,10 @@ pub fn report() -> Result<(), String> {
     );
     println!("panic paths    {:>7} (one that was planted was found)", panics.len());
 
-    let mut limits = Limits::default();
-    limits.bytes("text", text, MAX_TEXT);
+    let mut limits = contents.limits(MAX_TEXT);
     limits.bytes("text with all actuator protocols", every, MAX_TEXT_WITH_EVERY_LINE);
-    limits.bytes("static RAM", data + bss, MAX_STATIC_RAM);
     limits.instructions("control tick, on average", mean_tick, MAX_MEAN_TICK);
     limits.instructions("control tick, at worst", worst_tick, MAX_TICK);
     limits.instructions("control period, at worst", worst_period, MAX_PERIOD);
-    limits.no_panics(&panics);
     limits.verdict()
 }

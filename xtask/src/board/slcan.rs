@@ -3,7 +3,6 @@
 
 use super::contents::{Contents, Sections};
 use super::image::MPS2_AN386_SLCAN;
-use super::limits::Limits;
 use super::shown;
 use super::sizes::{MAX_STATIC_RAM, MAX_TEXT, RAM};
 use std::path::PathBuf;
@@ -21,16 +20,12 @@ pub fn build() -> Result<PathBuf, String> {
 /// # Errors
 /// What is above its limit, or the compiler's verdict.
 pub fn report() -> Result<(), String> {
-    let Contents { path, sections: Sections { text, data, bss }, panics } =
-        Contents::of(&MPS2_AN386_SLCAN, RAM)?;
-    println!("mps2-an386-slcan, release: {}", shown(&path));
+    let contents = Contents::of(&MPS2_AN386_SLCAN, RAM)?;
+    let Contents { path, sections: Sections { text, data, bss }, panics } = &contents;
+    println!("mps2-an386-slcan, release: {}", shown(path));
     println!("text           {text:>7} B of {MAX_TEXT}");
     println!("data + bss     {:>7} B of {MAX_STATIC_RAM} ({data} + {bss})", data + bss);
     println!("panic paths    {:>7} (one that was planted was found)", panics.len());
 
-    let mut limits = Limits::default();
-    limits.bytes("text", text, MAX_TEXT);
-    limits.bytes("static RAM", data + bss, MAX_STATIC_RAM);
-    limits.no_panics(&panics);
-    limits.verdict()
+    contents.limits(MAX_TEXT).verdict()
 }
