@@ -4,7 +4,7 @@ use super::{Coding, Database, Message, Order, Presence, Signal};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-/// No node in particular.
+/// The format's own word for no node in particular.
 const ANYONE: &str = "Vector__XXX";
 
 pub(super) fn dbc(database: &Database) -> String {

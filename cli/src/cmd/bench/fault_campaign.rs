@@ -29,7 +29,8 @@ pub struct Args {
     /// Only this loss, in percent of the link's frames; may be given several times.
     #[arg(long, value_name = "PERCENT", value_parser = loss)]
     loss: Vec<u16>,
-    /// The first seed. Otherwise they begin at 0.
+    /// The first seed. Otherwise they begin at 0. A single run, of one scenario with one loss, writes no file but
+    /// that of `--log`.
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
     /// Writes every frame of a single run, in the format of candump.
