@@ -350,7 +350,7 @@ def check(plan):
 
         for j, (foot, e) in enumerate(zip(feet, s["end_effectors"])):
             name, f, radius = foot["name"], e["force_n"], foot["radius_m"]
-            stands, wheel = e["contact"], foot["contact"]["kind"] != "point_foot"
+            stands, wheel = e["contact"], "axis_in_link" in foot["contact"]
             rolling, axis, to_contact = wheel_frame(e["tilt_rad"], e["yaw_rad"], radius)
             if not wheel:
                 to_contact = [0, 0, -radius]
@@ -371,7 +371,7 @@ def check(plan):
             else:
                 table.see("swing force", norm(f), 0.2, "N", i, name)
 
-            if foot["contact"]["kind"] == "actuated_wheel":
+            if "actuator" in foot["contact"]:
                 limit = foot["contact"]["actuator"]["torque_max_nm"]
                 beyond = max(abs(wheel_torque(foot, e)) - limit, 0)
                 table.see("wheel torque", beyond, 0.1 * limit, "N m", i, name)
@@ -420,17 +420,18 @@ def check(plan):
             beyond = max(abs(q_next - q) / h - limit, 0)
             table.see("joint speed", beyond, 0.1 * limit, "rad/s", i, joint["name"])
         for foot, e, e2, j in zip(feet, s["end_effectors"], after["end_effectors"], range(len(feet))):
-            name, radius, kind = foot["name"], foot["radius_m"], foot["contact"]["kind"]
+            name, radius, contact = foot["name"], foot["radius_m"], foot["contact"]
+            wheel, driven, free = (key in contact for key in ("axis_in_link", "actuator", "drag"))
             tilt, yaw = 0.5 * (e["tilt_rad"] + e2["tilt_rad"]), 0.5 * (e["yaw_rad"] + e2["yaw_rad"])
             rolling, axis, _ = wheel_frame(tilt, yaw, radius)
             speed = e["wheel_speed_rad_s"]
 
             # No slip, Eq. 2.8 at the interval's middle: (e' - e) / h = omega r t, and 0 for a foot.
             # Free wheels and blades leave the ground and come down along their direction, too.
-            landing = "drag" in foot["contact"] and e["contact"] != e2["contact"]
+            landing = free and e["contact"] != e2["contact"]
             if e["contact"] and e2["contact"] or landing:
                 slip = scale(sub(e2["position_m"], e["position_m"]), 1 / h)
-                if kind != "point_foot":
+                if wheel:
                     slip = sub(slip, scale(rolling, speed * radius))
                 kind_of_slip = "landing slip" if landing else "slip"
                 table.see(kind_of_slip, math.hypot(slip[0], slip[1]) * 1e3, 5, "mm/s", i, name)
@@ -440,9 +441,9 @@ def check(plan):
             link_in, link_out = poses[k][foot["link"]][0], poses[k + 1][foot["link"]][0]
             turn = scale(rotation_vector(matmul(link_out, transpose(link_in))), 1 / h)
             needed = speed + (e2["yaw_rad"] - e["yaw_rad"]) / h * axis[2] - dot(turn, axis)
-            if kind == "welded_wheel" or motion["held_wheels"][j]:
+            if wheel and not driven and not free or motion["held_wheels"][j]:
                 table.see("held wheel", abs(needed) * radius * 1e3, 5, "mm/s", i, name)
-            if kind == "actuated_wheel":
+            if driven:
                 motor = e["motor_speed_rad_s"]
                 table.see("motor against wheel", abs(motor - needed) * radius * 1e3, 5, "mm/s", i, name)
                 limit = foot["contact"]["actuator"]["speed_max_rad_s"]

@@ -7,7 +7,7 @@
 use crate::motion::Ends;
 use crate::plan::Plan;
 use crate::sample::PlanSpline;
-use rollwalk_robot::{Contact, Robot};
+use rollwalk_robot::Robot;
 use serde::Serialize;
 use thiserror::Error;
 
@@ -106,7 +106,7 @@ fn columns(robot: &Robot) -> Vec<String> {
     for end_effector in &robot.end_effectors {
         let foot = ["contact", "x_m", "y_m", "z_m", "fx_n", "fy_n", "fz_n"];
         let wheel = ["tilt_rad", "yaw_rad", "wheel_rad_s", "motor_rad_s"];
-        let wheel = if end_effector.contact == Contact::PointFoot { &[][..] } else { &wheel[..] };
+        let wheel = if end_effector.contact.rolls() { &wheel[..] } else { &[][..] };
         columns
             .extend(foot.iter().chain(wheel).map(|what| format!("{}_{what}", end_effector.name)));
     }
@@ -126,7 +126,7 @@ fn row(spline: &PlanSpline, time_s: f64) -> Vec<f64> {
     {
         row.push(f64::from(u8::from(e.contact)));
         row.extend(e.position_m.iter().chain(&e.force_n));
-        if end_effector.contact != Contact::PointFoot {
+        if end_effector.contact.rolls() {
             row.extend([e.tilt_rad, e.yaw_rad, e.wheel_speed_rad_s, e.motor_speed_rad_s]);
         }
     }

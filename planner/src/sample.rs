@@ -25,7 +25,7 @@ use crate::plan::{EndEffectorSample, Placement, Plan, Sample};
 use crate::state::{ContactFrame, tilt_and_yaw};
 use curves::Curves;
 use nalgebra::{Complex, DVector, UnitQuaternion, Vector3};
-use rollwalk_robot::{Contact, EndEffector, Robot};
+use rollwalk_robot::{EndEffector, Robot};
 use spline::Spline;
 
 /// A plan as a function of time.
@@ -167,13 +167,13 @@ impl PlanSpline {
             .enumerate()
             .map(|(j, end_effector)| {
                 let mount = &pose.end_effectors[j];
-                let (tilt_rad, yaw_rad) = match end_effector.contact {
-                    Contact::PointFoot => (0.0, 0.0),
-                    _ => tilt_and_yaw(&mount.axis, self.yaw_rad[i][j] + placement.yaw_rad),
-                };
-                let frame = match end_effector.contact {
-                    Contact::PointFoot => ContactFrame::foot(end_effector.radius_m),
-                    _ => ContactFrame::wheel(end_effector.radius_m, tilt_rad, yaw_rad),
+                let radius_m = end_effector.radius_m;
+                let (tilt_rad, yaw_rad, frame) = if end_effector.contact.rolls() {
+                    let near = self.yaw_rad[i][j] + placement.yaw_rad;
+                    let (tilt_rad, yaw_rad) = tilt_and_yaw(&mount.axis, near);
+                    (tilt_rad, yaw_rad, ContactFrame::wheel(radius_m, tilt_rad, yaw_rad))
+                } else {
+                    (0.0, 0.0, ContactFrame::foot(radius_m))
                 };
                 let force = self.force_n[i][j].lerp(&self.force_n[i + 1][j], u);
                 EndEffectorSample {

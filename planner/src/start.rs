@@ -132,7 +132,7 @@ fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
 /// Whether an end effector touches the ground at times and rolls freely there.
 fn rolls_freely(robot: &Robot, motion: &Motion, j: usize) -> bool {
     let held = motion.held_wheels.get(j).copied().unwrap_or(false);
-    let free = robot.end_effectors[j].contact.free_rolling().is_some() && !held;
+    let free = robot.end_effectors[j].contact.drag().is_some() && !held;
     free && motion.stance.iter().any(|stance| stance[j])
 }
 

@@ -61,7 +61,7 @@ fn with_lines(robot: &Robot) -> Robot {
     let mut robot = Robot { name: format!("{}_lines", robot.name), ..robot.clone() };
     robot.joints.iter_mut().for_each(|joint| with_line(&mut joint.actuator));
     for end_effector in &mut robot.end_effectors {
-        if let Contact::ActuatedWheel { actuator, .. } = &mut end_effector.contact {
+        if let Some(actuator) = end_effector.contact.actuator_mut() {
             with_line(actuator);
         }
     }
@@ -100,8 +100,8 @@ fn changed(
 ) -> Robot {
     let no_drag = RollingDrag { rolling_resistance: 0.0, rolling_drag_s_m: 0.0 };
     let ends = robot.end_effectors.iter().flat_map(|ee| {
-        let axis = ee.contact.wheel_axis_in_link().copied().unwrap_or_else(Vector3::y);
-        change(ee.clone(), axis, ee.contact.free_rolling().unwrap_or(no_drag))
+        let axis = ee.contact.axis_in_link().copied().unwrap_or_else(Vector3::y);
+        change(ee.clone(), axis, ee.contact.drag().unwrap_or(no_drag))
     });
     Robot { name: format!("{}_{how}", robot.name), end_effectors: ends.collect(), ..robot.clone() }
 }

@@ -68,7 +68,7 @@ impl Layout {
             scale.extend([1.0; 3]);
             let force = scale.len();
             scale.extend([force_scale; 3]);
-            let wheel = (ee.contact != rollwalk_robot::Contact::PointFoot).then(|| {
+            let wheel = ee.contact.rolls().then(|| {
                 let speed = scale.len();
                 // A rim speed of 1 m/s.
                 scale.extend([1.0 / ee.radius_m, 1.0, 1.0]);

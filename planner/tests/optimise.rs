@@ -186,7 +186,7 @@ fn skates_push_off_along_their_blades() {
     let mut robot = ROBOT.clone();
     robot.name = "skater".into();
     for skate in &mut robot.end_effectors {
-        let axis_in_link = *skate.contact.wheel_axis_in_link().unwrap();
+        let axis_in_link = *skate.contact.axis_in_link().unwrap();
         let drag = RollingDrag { rolling_resistance: 0.01, rolling_drag_s_m: 0.02 };
         skate.contact = Contact::Skate { axis_in_link, blade_length_m: 0.1, drag };
         skate.center_in_link_m.z += 0.3 - skate.radius_m;

@@ -1,12 +1,10 @@
 //! The robot as its controller sees it: channels in order, and the configuration derived from them.
 
-use crate::model::{Actuator, Contact, EndEffector, Joint, Robot, RollingDrag};
+use crate::model::{Actuator, EndEffector, Joint, Robot};
 use crate::rules::{self, InvalidRobot};
-use nalgebra::Vector3;
 use rollwalk_protocol::actuators::bus::{Bus, Buses, MAX_BUSES};
 use rollwalk_protocol::config::{self, ChannelKind, RobotConfig, robot_id};
 use rollwalk_protocol::crc::crc32c_append;
-use std::f64::consts::FRAC_PI_2;
 
 /// Standard gravity, m/s².
 const GRAVITY_M_S2: f64 = 9.806_65;
@@ -64,73 +62,6 @@ impl Channel<'_> {
             kd_nm_s_rad: actuator.kd_nm_s_rad as f32,
             bus: actuator.bus,
             id: actuator.id,
-        }
-    }
-}
-
-impl Contact {
-    /// The motor of a driven wheel.
-    pub fn actuator(&self) -> Option<&Actuator> {
-        match self {
-            Contact::ActuatedWheel { actuator, .. } => Some(actuator),
-            Contact::PointFoot
-            | Contact::WeldedWheel { .. }
-            | Contact::PassiveWheel { .. }
-            | Contact::Skate { .. } => None,
-        }
-    }
-
-    /// Drag of a contact that rolls or glides freely (Eq. 2.6); none for feet, driven and welded wheels.
-    pub fn free_rolling(&self) -> Option<RollingDrag> {
-        match self {
-            Contact::PassiveWheel { drag, .. } | Contact::Skate { drag, .. } => Some(*drag),
-            Contact::PointFoot | Contact::WeldedWheel { .. } | Contact::ActuatedWheel { .. } => {
-                None
-            }
-        }
-    }
-
-    /// Unit axis of a wheel or blade in the link frame; none for a foot.
-    pub fn wheel_axis_in_link(&self) -> Option<&Vector3<f64>> {
-        match self {
-            Contact::PointFoot => None,
-            Contact::WeldedWheel { axis_in_link }
-            | Contact::ActuatedWheel { axis_in_link, .. }
-            | Contact::PassiveWheel { axis_in_link, .. }
-            | Contact::Skate { axis_in_link, .. } => Some(axis_in_link),
-        }
-    }
-}
-
-/// Where the blade of a skate is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Blade {
-    /// Unit vector from the centre of curvature to the blade's middle, in the link frame: opposite to
-    /// the link's z axis, square to the axis across the blade.
-    pub middle_in_link: Vector3<f64>,
-    /// How far the contact may be from the middle along the blade, R sin(L / 2R), m.
-    pub reach_m: f64,
-}
-
-impl EndEffector {
-    /// The blade of a skate; none for others.
-    pub fn blade(&self) -> Option<Blade> {
-        let Contact::Skate { axis_in_link, blade_length_m, .. } = &self.contact else {
-            return None;
-        };
-        let down = axis_in_link * axis_in_link.z - Vector3::z();
-        let half_angle = (0.5 * blade_length_m / self.radius_m).min(FRAC_PI_2);
-        Some(Blade {
-            middle_in_link: down.try_normalize(1e-6)?,
-            reach_m: self.radius_m * half_angle.sin(),
-        })
-    }
-
-    /// Radius around the contact point that other end effectors keep clear of, m (Eq. 2.10: r).
-    pub fn clearance_radius_m(&self) -> f64 {
-        match self.contact {
-            Contact::Skate { blade_length_m, .. } => 0.5 * blade_length_m,
-            _ => self.radius_m,
         }
     }
 }

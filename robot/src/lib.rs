@@ -4,6 +4,7 @@
 //! the simulated robot and (as [`rollwalk_protocol::config::RobotConfig`]) the firmware share.
 //! Frames, units and orders: `docs/conventions.md`.
 
+mod contact;
 mod controller;
 pub mod document;
 mod file;
@@ -12,6 +13,7 @@ mod pose;
 mod rules;
 pub mod urdf;
 
-pub use controller::{Blade, Channel};
-pub use model::{Actuator, Contact, EndEffector, Joint, Link, Robot, RollingDrag, TorqueSpeedLine};
+pub use contact::{Blade, Contact, RollingDrag};
+pub use controller::Channel;
+pub use model::{Actuator, EndEffector, Joint, Link, Robot, TorqueSpeedLine};
 pub use rules::{InvalidRobot, Place, Violation};

@@ -1,5 +1,6 @@
 //! The validated robot: plain data, indices instead of names, SI units.
 
+use crate::contact::Contact;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rollwalk_protocol::actuators::bus::Bus;
 use serde::{Deserialize, Serialize};
@@ -107,51 +108,4 @@ pub struct EndEffector {
     pub friction_coefficient: f64,
     /// What kind of contact it makes.
     pub contact: Contact,
-}
-
-/// Kind of end effector (thesis sec. 2.4.1).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case")]
-pub enum Contact {
-    /// A small sphere that does not slip.
-    PointFoot,
-    /// A wheel that is fixed to its link: a foot that rolls only as the link turns (LegBot).
-    WeldedWheel {
-        /// Unit wheel axis in the link frame (â).
-        axis_in_link: Vector3<f64>,
-    },
-    /// A wheel turned by a motor.
-    ActuatedWheel {
-        /// Unit wheel axis in the link frame (â).
-        axis_in_link: Vector3<f64>,
-        /// The wheel's motor.
-        actuator: Actuator,
-    },
-    /// A wheel that turns freely.
-    PassiveWheel {
-        /// Unit wheel axis in the link frame (â).
-        axis_in_link: Vector3<f64>,
-        /// What slows it down.
-        drag: RollingDrag,
-    },
-    /// The blade of an ice skate: glides freely along itself, not across. To the physics it is a free
-    /// wheel whose radius is that of the blade's curvature.
-    Skate {
-        /// Unit vector across the blade in the link frame (â).
-        axis_in_link: Vector3<f64>,
-        /// Length of the blade, m: what other end effectors must keep clear of.
-        blade_length_m: f64,
-        /// What slows it down.
-        drag: RollingDrag,
-    },
-}
-
-/// Drag of a free wheel or blade along its rolling direction: f·t = −f_n (c_rr s(v) + c_v v) for a
-/// rolling velocity v and its sign s.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RollingDrag {
-    /// The part that does not depend on speed, c_rr.
-    pub rolling_resistance: f64,
-    /// The part that grows with speed, c_v, s/m.
-    pub rolling_drag_s_m: f64,
 }

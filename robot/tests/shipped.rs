@@ -116,7 +116,7 @@ fn robots_stand_level_on_lateral_wheels_with_the_com_between_them() {
             assert!((contact.z - contacts[0].z).abs() < 1e-12, "{}: {contact}", robot.name);
         }
         for wheel in &robot.end_effectors {
-            let Some(axis) = wheel.contact.wheel_axis_in_link() else { continue };
+            let Some(axis) = wheel.contact.axis_in_link() else { continue };
             let axis = links[wheel.link] * axis;
             assert!((axis - Vector3::y()).amax() < 1e-12, "{}: {axis}", wheel.name);
         }

@@ -7,7 +7,7 @@ use crate::inputs::Source;
 use crate::output::Table;
 use crate::{Exit, output};
 use miette::IntoDiagnostic;
-use rollwalk_robot::{Actuator, Contact, Robot};
+use rollwalk_robot::{Actuator, Robot};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -75,7 +75,7 @@ fn mass_kg(robot: &Robot) -> f64 {
 
 /// The robot for people: tree, joints, end effectors.
 pub(super) fn describe(robot: &Robot) -> String {
-    let wheels = robot.end_effectors.iter().filter(|e| e.contact != Contact::PointFoot).count();
+    let wheels = robot.end_effectors.iter().filter(|e| e.contact.rolls()).count();
     let mut text = format!(
         "{}: {:.3} kg, {} links, {} joints, {} wheels, {} feet\n\n",
         robot.name,
@@ -123,17 +123,11 @@ pub(super) fn describe(robot: &Robot) -> String {
         "bus:id",
     ]);
     for end in &robot.end_effectors {
-        let (kind, motor) = match &end.contact {
-            Contact::PointFoot => ("foot", None),
-            Contact::ActuatedWheel { actuator, .. } => ("driven wheel", Some(actuator)),
-            Contact::WeldedWheel { .. } => ("welded wheel", None),
-            Contact::PassiveWheel { .. } => ("free wheel", None),
-            Contact::Skate { .. } => ("skate", None),
-        };
+        let motor = end.contact.actuator();
         let of_motor = |show: &dyn Fn(&Actuator) -> String| motor.map_or("–".into(), show);
         contacts.row([
             end.name.clone(),
-            kind.into(),
+            end.contact.kind().into(),
             format!("{:.4}", end.radius_m),
             format!("{:.2}", end.friction_coefficient),
             of_motor(&|motor| format!("{:.2}", motor.speed_max_rad_s)),

@@ -178,7 +178,7 @@ impl Model {
 
     /// Wheel axis in the mounting link, `None` for a foot.
     pub fn wheel_axis_in_link(&self, index: usize) -> Option<Vector3<f64>> {
-        self.robot.end_effectors[index].contact.wheel_axis_in_link().copied()
+        self.robot.end_effectors[index].contact.axis_in_link().copied()
     }
 
     /// Forward kinematics with derivatives at `q`.

@@ -5,8 +5,8 @@
 
 use super::{Ends, HeightLimit, Moment, Motion, Subject, Target};
 use crate::swing;
+use rollwalk_robot::Robot;
 use rollwalk_robot::document::Table;
-use rollwalk_robot::{Contact, Robot};
 use std::f64::consts::TAU;
 
 /// Greatest height of a swing, m, as for `swing_height_m`.
@@ -161,7 +161,7 @@ fn check_swing(
             );
         }
     }
-    let still = foot.contact == Contact::PointFoot && stands_throughout(motion, j, moment);
+    let still = !foot.contact.rolls() && stands_throughout(motion, j, moment);
     let moving = target.velocity_m_s.into_iter().flatten().any(|speed| speed != 0.0);
     if still && moving {
         let help = format!("a standing point foot stays where it is: {}", swings(motion, j));
@@ -325,14 +325,14 @@ fn check_way(table: &Table<'_>, motion: &Motion, robot: &Robot, index: usize) ->
         }
         // The foot may be ahead first and behind then; a wheel rolls a turn more as its link pitches.
         let sway_m = 2.0 * reach_m(robot, target.of, j) + slack_m;
-        let rolls_m = match &foot.contact {
-            Contact::PointFoot => 0.0,
-            Contact::WeldedWheel { .. } => TAU * foot.radius_m,
-            Contact::ActuatedWheel { .. } if motion.held_wheels[j] => TAU * foot.radius_m,
-            Contact::ActuatedWheel { actuator, .. } => {
-                foot.radius_m * (TAU + actuator.speed_max_rad_s * time_s)
-            }
-            Contact::PassiveWheel { .. } | Contact::Skate { .. } => continue,
+        let rolls_m = if !foot.contact.rolls() {
+            0.0
+        } else if foot.contact.rolls_with_link() || motion.held_wheels[j] {
+            TAU * foot.radius_m
+        } else if let Some(actuator) = foot.contact.actuator() {
+            foot.radius_m * (TAU + actuator.speed_max_rad_s * time_s)
+        } else {
+            continue;
         };
         if distance_m > sway_m + rolls_m {
             let help = format!(

@@ -3,8 +3,8 @@
 use super::{Ends, Goal, Motion};
 use super::{choreography_check, choreography_file, footfall, wheels};
 use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
+use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, DocumentError, Table, alternatives};
-use rollwalk_robot::{Contact, Robot};
 use std::f64::consts::TAU;
 
 /// Samples per second when a motion file does not say.
@@ -268,31 +268,26 @@ fn check_goal(root: &Table<'_>, motion: &Motion, robot: &Robot) {
         if steps(index) || !moves {
             continue;
         }
-        match &foot.contact {
-            Contact::WeldedWheel { .. } => wheels::check_reach(root, motion, foot, distance_m),
-            _ if motion.held_wheels[index] => wheels::check_reach(root, motion, foot, distance_m),
-            Contact::PointFoot => {
-                let help =
-                    "a standing point foot stays where it is: give it a swing, or drop the goal";
-                let problem = format!("cannot be reached: `{}` never leaves the ground", foot.name);
-                root.fault("goal", problem, "moves a foot that stands", help);
+        if foot.contact.rolls_with_link() || motion.held_wheels[index] {
+            wheels::check_reach(root, motion, foot, distance_m);
+        } else if !foot.contact.rolls() {
+            let help = "a standing point foot stays where it is: give it a swing, or drop the goal";
+            let problem = format!("cannot be reached: `{}` never leaves the ground", foot.name);
+            root.fault("goal", problem, "moves a foot that stands", help);
+        } else if let Some(actuator) = foot.contact.actuator() {
+            let speed_m_s = foot.radius_m * actuator.speed_max_rad_s;
+            let needed_s = distance_m / speed_m_s;
+            if motion.duration_s < needed_s {
+                let problem = format!(
+                    "is {} s for {distance_m} m on the wheel of `{}`",
+                    motion.duration_s, foot.name
+                );
+                let help = format!(
+                    "at its {speed_m_s:.3} m/s (radius × speed limit) that takes {needed_s:.2} s, \
+                     and more with start and stop"
+                );
+                root.fault("duration_s", problem, "too short", help);
             }
-            Contact::ActuatedWheel { actuator, .. } => {
-                let speed_m_s = foot.radius_m * actuator.speed_max_rad_s;
-                let needed_s = distance_m / speed_m_s;
-                if motion.duration_s < needed_s {
-                    let problem = format!(
-                        "is {} s for {distance_m} m on the wheel of `{}`",
-                        motion.duration_s, foot.name
-                    );
-                    let help = format!(
-                        "at its {speed_m_s:.3} m/s (radius × speed limit) that takes {needed_s:.2} s, \
-                         and more with start and stop"
-                    );
-                    root.fault("duration_s", problem, "too short", help);
-                }
-            }
-            Contact::PassiveWheel { .. } | Contact::Skate { .. } => {}
         }
     }
 }

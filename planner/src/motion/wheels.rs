@@ -3,7 +3,7 @@
 
 use super::{Ends, Motion};
 use rollwalk_robot::document::{Document, Table, alternatives};
-use rollwalk_robot::{Contact, EndEffector, Robot};
+use rollwalk_robot::{EndEffector, Robot};
 use std::f64::consts::PI;
 
 const KEY: &str = "wheels";
@@ -12,9 +12,8 @@ impl Motion {
     /// Which end effectors have a wheel that does not turn relative to its link: welded to it, or held
     /// still by the motion.
     pub fn still_wheels(&self, robot: &Robot) -> Vec<bool> {
-        let welded = |foot: &EndEffector| matches!(foot.contact, Contact::WeldedWheel { .. });
         let feet = robot.end_effectors.iter().zip(&self.held_wheels);
-        feet.map(|(foot, &held)| held || welded(foot)).collect()
+        feet.map(|(foot, &held)| held || foot.contact.rolls_with_link()).collect()
     }
 }
 

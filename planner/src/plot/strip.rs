@@ -8,7 +8,6 @@ use crate::plan::{Plan, Sample};
 use crate::sample::PlanSpline;
 use crate::state::ContactFrame;
 use nalgebra::{DVector, Rotation3, Unit, Vector3};
-use rollwalk_robot::Contact;
 use svg::Document;
 use svg::node::element::{Circle, Ellipse, Group, Line, Path, Text};
 
@@ -169,7 +168,7 @@ impl Figure<'_> {
                     .set("fill-opacity", 0.55),
             );
         }
-        if end_effector.contact == Contact::PointFoot {
+        if !end_effector.contact.rolls() {
             let dot = Circle::new().set("cx", px(x)).set("cy", px(y)).set("r", px(radius.max(2.5)));
             group = group.add(dot.set("fill", "#102a43"));
         } else {

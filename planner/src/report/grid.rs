@@ -5,7 +5,6 @@ use crate::motion::Ends;
 use crate::plan::{Plan, Sample};
 use crate::state::ContactFrame;
 use nalgebra::{DVector, Vector3};
-use rollwalk_robot::Contact;
 
 /// One state of a timeline.
 pub struct State<'a> {
@@ -94,9 +93,12 @@ impl<'a> State<'a> {
             .end_effectors
             .iter()
             .zip(&sample.end_effectors)
-            .map(|(e, s)| match e.contact {
-                Contact::PointFoot => ContactFrame::foot(e.radius_m),
-                _ => ContactFrame::wheel(e.radius_m, s.tilt_rad, s.yaw_rad),
+            .map(|(e, s)| {
+                if e.contact.rolls() {
+                    ContactFrame::wheel(e.radius_m, s.tilt_rad, s.yaw_rad)
+                } else {
+                    ContactFrame::foot(e.radius_m)
+                }
             })
             .collect();
         Self { sample, pose: model.pose(&q), frames }

@@ -6,7 +6,7 @@ use crate::state::{ContactFrame, rolling_direction};
 use crate::terms::level;
 use crate::variables::GRAVITY_M_S2;
 use nalgebra::Vector3;
-use rollwalk_robot::{Contact, EndEffector};
+use rollwalk_robot::EndEffector;
 
 const MM: f64 = 1000.0;
 
@@ -139,7 +139,7 @@ fn rolling_force(timeline: &Timeline) -> Worst {
     let mut worst = Worst::of("free-wheel traction", "Eq. 2.6", "N", Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j)) {
-            let Some(drag) = foot.contact.free_rolling() else { continue };
+            let Some(drag) = foot.contact.drag() else { continue };
             let f = w.here.force(j);
             let rolling_m_s = w.here.sample.end_effectors[j].wheel_speed_rad_s * foot.radius_m;
             let resistance = drag.rolling_resistance
@@ -172,7 +172,7 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let h = timeline.spacing_s();
     for w in timeline.intervals() {
         for (j, foot) in feet(timeline) {
-            let row = match (w.here.stands(j), w.after.stands(j), foot.contact.free_rolling()) {
+            let row = match (w.here.stands(j), w.after.stands(j), foot.contact.drag()) {
                 (true, true, _) => &mut slip,
                 // What glides leaves the ground and comes down along its direction.
                 (true, false, Some(_)) | (false, true, Some(_)) => &mut landing,
@@ -180,12 +180,11 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
             };
             let moved = (w.after.contact(j) - w.here.contact(j)) / h;
             let [here, after] = [w.here, w.after].map(|s| &s.sample.end_effectors[j]);
-            let rolled = match foot.contact {
-                Contact::PointFoot => Vector3::zeros(),
-                _ => {
-                    let direction = rolling_direction(0.5 * (here.yaw_rad + after.yaw_rad));
-                    direction * (here.wheel_speed_rad_s * foot.radius_m)
-                }
+            let rolled = if foot.contact.rolls() {
+                let direction = rolling_direction(0.5 * (here.yaw_rad + after.yaw_rad));
+                direction * (here.wheel_speed_rad_s * foot.radius_m)
+            } else {
+                Vector3::zeros()
             };
             let slipped = (moved - rolled).xy().norm();
             row.see(slipped * MM, level::SLIP_M_S * MM, &w, Some(&foot.name));
@@ -256,7 +255,7 @@ fn blade_contact(timeline: &Timeline) -> Worst {
 fn wheel_axis(timeline: &Timeline) -> Worst {
     let mut worst = Worst::of("wheel axis", "Eq. 2.13", "rad", Grid::Samples);
     for w in timeline.samples() {
-        for (j, foot) in feet(timeline).filter(|(_, e)| e.contact != Contact::PointFoot) {
+        for (j, foot) in feet(timeline).filter(|(_, e)| e.contact.rolls()) {
             let off = (w.here.pose.end_effectors[j].axis - w.here.frames[j].axis).norm();
             worst.see(off, level::AXIS_RAD, &w, Some(&foot.name));
         }

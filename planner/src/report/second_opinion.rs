@@ -89,8 +89,7 @@ fn of_every_kind() -> Plan {
         flags[3] = false;
         sample.end_effectors[3].contact = false;
     }
-    let Contact::ActuatedWheel { actuator, .. } = &mut ends[0].contact else { unreachable!() };
-    weak(actuator);
+    weak(ends[0].contact.actuator_mut().expect("a driven wheel"));
     // Choreography on and between samples, with the half intervals at the ends.
     plan.motion.targets = test_robots::targets();
     plan.motion.heights = test_robots::heights();

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::test_plans;
+use rollwalk_robot::Contact;
 
 fn plans() -> [Plan; 3] {
     [test_plans::start_stop(), test_plans::cruise(), test_plans::cruise_middle()]

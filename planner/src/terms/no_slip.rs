@@ -27,7 +27,7 @@ impl Term for NoSlip {
         let [_, here, after] = window.states;
         out.set(1.0, level::SLIP_M_S, Role::Equality);
         for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
-            let free = problem.model.robot().end_effectors[j].contact.free_rolling().is_some();
+            let free = problem.model.robot().end_effectors[j].contact.drag().is_some();
             match (window.stance(1, j), window.stance(2, j)) {
                 (true, true) => {}
                 (true, false) | (false, true) if free => {}

@@ -3,7 +3,6 @@
 use crate::formulation::{About, Span, Term};
 use crate::model::{BASE_POSITION, BASE_YAW, JOINTS};
 use crate::rows::{Role, RowWriter, Window};
-use rollwalk_robot::Contact;
 
 /// Ground forces near an even share of the weight among the feet in stance, in units of Mg/n. Decides
 /// whether a plan survives soft servos.
@@ -34,8 +33,7 @@ impl Term for EvenForce {
             if !window.stance(1, j) {
                 continue;
             }
-            let contact = &problem.model.robot().end_effectors[j].contact;
-            let free_wheel = matches!(contact, Contact::PassiveWheel { .. });
+            let free_wheel = problem.model.robot().end_effectors[j].contact.freewheels();
             let weights = &problem.weights;
             let weight = if free_wheel { weights.free_wheel_force } else { weights.force };
             let role = Role::Cost { weight: weight * problem.per_time(0) };

@@ -27,7 +27,7 @@ impl Term for Traction {
         for (j, ee) in problem.model.robot().end_effectors.iter().enumerate() {
             let vars = problem.layout.end_effectors[j];
             let (Some(drag), Some(wheel), true) =
-                (ee.contact.free_rolling(), vars.wheel, window.stance(1, j))
+                (ee.contact.drag(), vars.wheel, window.stance(1, j))
             else {
                 continue;
             };

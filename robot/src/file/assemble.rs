@@ -10,8 +10,9 @@ use super::read::{
     ActuatorItem, ContactItem, EndEffectorItem, Items, JointItem, LimbItem, LinkItem, MotorItem,
     Parts, Spans,
 };
+use crate::contact::Contact;
 use crate::document::{Document, Span, alternatives};
-use crate::model::{Actuator, Contact, EndEffector, Joint, Link, Robot};
+use crate::model::{Actuator, EndEffector, Joint, Link, Robot};
 use crate::rules::Place;
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use std::collections::BTreeMap;

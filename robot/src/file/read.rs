@@ -2,8 +2,9 @@
 
 use super::buses::{self, BusItem};
 use super::parts::{self, MassProperties};
+use crate::contact::RollingDrag;
 use crate::document::{Document, Span, Table};
-use crate::model::{RollingDrag, TorqueSpeedLine};
+use crate::model::TorqueSpeedLine;
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 

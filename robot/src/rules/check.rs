@@ -1,8 +1,9 @@
 //! The walk over a robot that collects every broken rule.
 
 use super::{Place, Violation};
+use crate::contact::RollingDrag;
 use crate::controller::Channel;
-use crate::model::{Actuator, Contact, EndEffector, Joint, Link, Robot, RollingDrag};
+use crate::model::{Actuator, EndEffector, Joint, Link, Robot};
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_protocol::actuator;
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
@@ -322,32 +323,28 @@ impl Check<'_> {
         }
         self.vector("center_in_link_m", &end_effector.center_in_link_m);
         let mm = "; millimetres need dividing by 1000";
-        let skate = matches!(end_effector.contact, Contact::Skate { .. });
-        let largest_m = if skate { LENGTH_MAX_M } else { 1.0 };
+        let contact = &end_effector.contact;
+        let blade_length_m = contact.blade_length_m();
+        let largest_m = if blade_length_m.is_some() { LENGTH_MAX_M } else { 1.0 };
         self.range("radius_m", end_effector.radius_m, Bound::Above(0.0), largest_m, "m", mm);
         let friction = end_effector.friction_coefficient;
         self.range("friction_coefficient", friction, Bound::Above(0.0), 2.0, "", "");
-        match &end_effector.contact {
-            Contact::PointFoot => {}
-            Contact::ActuatedWheel { axis_in_link, actuator } => {
-                self.unit_axis("axis_in_link", axis_in_link);
-                self.actuator(actuator);
+        if let Some(axis_in_link) = contact.axis_in_link() {
+            self.unit_axis("axis_in_link", axis_in_link);
+            if blade_length_m.is_some() && axis_in_link.z.abs() > 0.95 {
+                let help =
+                    "a blade is below its link: the axis across it is no vertical of the link";
+                self.violated("axis_in_link", format_args!("is {}", show(axis_in_link)), help);
             }
-            Contact::WeldedWheel { axis_in_link } => self.unit_axis("axis_in_link", axis_in_link),
-            Contact::PassiveWheel { axis_in_link, drag } => {
-                self.unit_axis("axis_in_link", axis_in_link);
-                self.drag(drag);
-            }
-            Contact::Skate { axis_in_link, blade_length_m, drag } => {
-                self.unit_axis("axis_in_link", axis_in_link);
-                if axis_in_link.z.abs() > 0.95 {
-                    let help =
-                        "a blade is below its link: the axis across it is no vertical of the link";
-                    self.violated("axis_in_link", format_args!("is {}", show(axis_in_link)), help);
-                }
-                self.range("blade_length_m", *blade_length_m, Bound::Above(0.0), 1.0, "m", mm);
-                self.drag(drag);
-            }
+        }
+        if let Some(actuator) = contact.actuator() {
+            self.actuator(actuator);
+        }
+        if let Some(blade_length_m) = blade_length_m {
+            self.range("blade_length_m", blade_length_m, Bound::Above(0.0), 1.0, "m", mm);
+        }
+        if let Some(drag) = contact.drag() {
+            self.drag(&drag);
         }
     }
 

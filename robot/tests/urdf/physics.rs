@@ -3,8 +3,8 @@
 use super::oracle::{Truth, truth};
 use super::{SIDE, URDF, good};
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use rollwalk_robot::Robot;
 use rollwalk_robot::urdf::{Text, import, survey};
-use rollwalk_robot::{Contact, Robot};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -87,7 +87,7 @@ fn the_rover_is_what_its_urdf_says_at_any_angles() {
             let center = poses[end.link] * Point3::from(end.center_in_link_m);
             let expected = truth.point(link, in_link);
             assert!((center.coords - expected).amax() < 1e-10, "{link}: {center} {expected}");
-            if let Some(axis) = end.contact.wheel_axis_in_link() {
+            if let Some(axis) = end.contact.axis_in_link() {
                 let sign = if link == "left_wheel" { 1.0 } else { -1.0 };
                 let far = truth.point(link, [0.0, sign, 0.0]) - expected;
                 assert!((poses[end.link].rotation * axis - far).amax() < 1e-10, "{link}");
@@ -109,9 +109,9 @@ fn values_of_urdf_and_side_file_arrive() {
     assert_eq!(hip.actuator.armature_kg_m2, 0.01);
     // Documented default: full torque at 0.05 rad.
     assert_eq!(hip.actuator.kp_nm_rad, 400.0);
-    let Contact::ActuatedWheel { actuator, .. } = &robot.end_effectors[2].contact else { panic!() };
+    let actuator = robot.end_effectors[2].contact.actuator().unwrap();
     assert_eq!((actuator.kp_nm_rad, actuator.kd_nm_s_rad, actuator.torque_max_nm), (0.0, 0.5, 5.0));
-    assert!(matches!(robot.end_effectors[3].contact, Contact::PassiveWheel { .. }));
+    assert!(robot.end_effectors[3].contact.freewheels());
 }
 
 #[test]

@@ -9,7 +9,7 @@ use crate::{Exit, interrupt};
 use rollwalk_planner::Options;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::report::{Grid, Report};
-use rollwalk_robot::{Contact, EndEffector, Robot};
+use rollwalk_robot::{EndEffector, Robot};
 use serde::Serialize;
 use std::path::Path;
 
@@ -103,7 +103,7 @@ fn holds(run: &Run) -> bool {
 }
 
 fn drag_that_grows(end_effector: &mut EndEffector) {
-    if let Contact::PassiveWheel { drag, .. } = &mut end_effector.contact {
+    if let Some(drag) = end_effector.contact.drag_mut() {
         drag.rolling_drag_s_m = drag.rolling_drag_s_m.max(DRAG_S_M);
     }
 }

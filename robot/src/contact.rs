@@ -1,0 +1,188 @@
+//! End effectors that touch the ground: the kinds of contact and what each can do.
+//!
+//! Only this crate tells the kinds apart. All other code asks for a capability (an axis, a motor, a
+//! drag), so that a new kind is defined here, in the reader of robot files (`file/`) and nowhere else.
+
+use crate::model::{Actuator, EndEffector};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::FRAC_PI_2;
+
+/// Kind of end effector (thesis sec. 2.4.1).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Contact {
+    /// A small sphere that does not slip.
+    PointFoot,
+    /// A wheel that is fixed to its link: a foot that rolls only as the link turns (LegBot).
+    WeldedWheel {
+        /// Unit wheel axis in the link frame (â).
+        axis_in_link: Vector3<f64>,
+    },
+    /// A wheel turned by a motor.
+    ActuatedWheel {
+        /// Unit wheel axis in the link frame (â).
+        axis_in_link: Vector3<f64>,
+        /// The wheel's motor.
+        actuator: Actuator,
+    },
+    /// A wheel that turns freely.
+    PassiveWheel {
+        /// Unit wheel axis in the link frame (â).
+        axis_in_link: Vector3<f64>,
+        /// What slows it down.
+        drag: RollingDrag,
+    },
+    /// The blade of an ice skate: glides freely along itself, not across. To the physics it is a free
+    /// wheel whose radius is that of the blade's curvature.
+    Skate {
+        /// Unit vector across the blade in the link frame (â).
+        axis_in_link: Vector3<f64>,
+        /// Length of the blade, m: what other end effectors must keep clear of.
+        blade_length_m: f64,
+        /// What slows it down.
+        drag: RollingDrag,
+    },
+}
+
+/// Drag of a free wheel or blade along its rolling direction: f·t = −f_n (c_rr s(v) + c_v v) for a
+/// rolling velocity v and its sign s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RollingDrag {
+    /// The part that does not depend on speed, c_rr.
+    pub rolling_resistance: f64,
+    /// The part that grows with speed, c_v, s/m.
+    pub rolling_drag_s_m: f64,
+}
+
+/// Capabilities of a kind of contact.
+struct Capabilities<'c> {
+    kind: &'static str,
+    axis_in_link: Option<&'c Vector3<f64>>,
+    actuator: Option<&'c Actuator>,
+    drag: Option<RollingDrag>,
+    blade_length_m: Option<f64>,
+}
+
+impl Contact {
+    fn capabilities(&self) -> Capabilities<'_> {
+        let foot = Capabilities {
+            kind: "foot",
+            axis_in_link: None,
+            actuator: None,
+            drag: None,
+            blade_length_m: None,
+        };
+        match self {
+            Contact::PointFoot => foot,
+            Contact::WeldedWheel { axis_in_link } => {
+                Capabilities { kind: "welded wheel", axis_in_link: Some(axis_in_link), ..foot }
+            }
+            Contact::ActuatedWheel { axis_in_link, actuator } => Capabilities {
+                kind: "driven wheel",
+                axis_in_link: Some(axis_in_link),
+                actuator: Some(actuator),
+                ..foot
+            },
+            Contact::PassiveWheel { axis_in_link, drag } => Capabilities {
+                kind: "free wheel",
+                axis_in_link: Some(axis_in_link),
+                drag: Some(*drag),
+                ..foot
+            },
+            Contact::Skate { axis_in_link, blade_length_m, drag } => Capabilities {
+                kind: "skate",
+                axis_in_link: Some(axis_in_link),
+                drag: Some(*drag),
+                blade_length_m: Some(*blade_length_m),
+                ..foot
+            },
+        }
+    }
+
+    /// Name of the kind in tables, such as `driven wheel`.
+    pub fn kind(&self) -> &'static str {
+        self.capabilities().kind
+    }
+
+    /// Unit axis of a wheel, or across a blade, in the link frame (â); none for a foot.
+    pub fn axis_in_link(&self) -> Option<&Vector3<f64>> {
+        self.capabilities().axis_in_link
+    }
+
+    /// Whether the contact point can move along the ground without slip: every wheel and blade, welded
+    /// wheels included. Such a contact has tilt, yaw and spin.
+    pub fn rolls(&self) -> bool {
+        self.axis_in_link().is_some()
+    }
+
+    /// Whether the wheel is fixed to its link, so that it rolls only as the link turns.
+    pub fn rolls_with_link(&self) -> bool {
+        self.rolls() && self.actuator().is_none() && self.drag().is_none()
+    }
+
+    /// Whether it is a wheel that turns freely on its axle; blades are none.
+    pub fn freewheels(&self) -> bool {
+        self.drag().is_some() && self.blade_length_m().is_none()
+    }
+
+    /// Motor of a driven wheel.
+    pub fn actuator(&self) -> Option<&Actuator> {
+        self.capabilities().actuator
+    }
+
+    /// Motor of a driven wheel, to be changed.
+    pub fn actuator_mut(&mut self) -> Option<&mut Actuator> {
+        match self {
+            Contact::ActuatedWheel { actuator, .. } => Some(actuator),
+            _ => None,
+        }
+    }
+
+    /// Drag of a contact that rolls or glides freely (Eq. 2.6); none for feet, driven and welded wheels.
+    pub fn drag(&self) -> Option<RollingDrag> {
+        self.capabilities().drag
+    }
+
+    /// Drag of a contact that rolls or glides freely, to be changed.
+    pub fn drag_mut(&mut self) -> Option<&mut RollingDrag> {
+        match self {
+            Contact::PassiveWheel { drag, .. } | Contact::Skate { drag, .. } => Some(drag),
+            _ => None,
+        }
+    }
+
+    /// Length of the blade of a skate, m.
+    pub fn blade_length_m(&self) -> Option<f64> {
+        self.capabilities().blade_length_m
+    }
+}
+
+/// Geometry of the blade of a skate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Blade {
+    /// Unit vector from the centre of curvature to the blade's middle, in the link frame: opposite to
+    /// the link's z axis, square to the axis across the blade.
+    pub middle_in_link: Vector3<f64>,
+    /// Largest distance of the contact from the middle along the blade, R sin(L / 2R), m.
+    pub reach_m: f64,
+}
+
+impl EndEffector {
+    /// Geometry of the blade of a skate; none for others.
+    pub fn blade(&self) -> Option<Blade> {
+        let axis_in_link = self.contact.axis_in_link()?;
+        let blade_length_m = self.contact.blade_length_m()?;
+        let down = axis_in_link * axis_in_link.z - Vector3::z();
+        let half_angle = (0.5 * blade_length_m / self.radius_m).min(FRAC_PI_2);
+        Some(Blade {
+            middle_in_link: down.try_normalize(1e-6)?,
+            reach_m: self.radius_m * half_angle.sin(),
+        })
+    }
+
+    /// Radius around the contact point that other end effectors keep clear of, m (Eq. 2.10: r).
+    pub fn clearance_radius_m(&self) -> f64 {
+        self.contact.blade_length_m().map_or(self.radius_m, |length_m| 0.5 * length_m)
+    }
+}
