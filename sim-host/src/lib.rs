@@ -9,12 +9,11 @@
 //! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle; their drives are [`rollwalk_drives`] |
 //! | [`live`] | in real time: the whole robot, its controller or its motors on buses of this computer |
 //! | [`faults`] | what can go wrong on the buses and at their ends, by a schedule |
-//! | [`monitor`] | who looks at every frame and says what must not be |
-//! | [`campaign`], [`one_leg`] | runs with faults, thousands of them, and the robot that they are made with |
+//! | [`one_leg`] | a small robot with a library, for tests and fault campaigns |
 //! | [`record`] | what was commanded on the buses and what came of it |
 //!
-//! The host's end is `rollwalk-host`, which cannot tell a [`rig::Rig`] from a robot; a campaign plays the host
-//! with it.
+//! The host's end is `rollwalk-host`, which cannot tell a [`rig::Rig`] from a robot. Whoever checks a
+//! run frame by frame is a [`rig::Observer`], like the monitor of the fault campaign.
 //!
 //! What is simulated: the buses to the bit (arbitration, stuff bits, CRC, intermission), the drives'
 //! protocols, watchdogs, control laws and limits, and for every joint the inertia and weight of what
@@ -55,14 +54,12 @@
 
 pub mod body;
 pub mod bus;
-pub mod campaign;
 pub mod clock;
 pub mod core;
 pub mod faults;
 pub mod interface;
 pub mod live;
 pub mod load;
-pub mod monitor;
 pub mod one_leg;
 pub mod plant;
 pub mod record;

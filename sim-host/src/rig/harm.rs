@@ -120,8 +120,8 @@ impl<C: Core> Rig<C> {
             if began.contains(&Harm::BusOff(number)) {
                 wire.go_off(now);
                 self.faults.fire(now, |harm| *harm == Harm::BusOff(number));
-                if let Some(monitor) = &mut self.monitor {
-                    monitor.bus_goes_off(now);
+                if let Some(observer) = &mut self.observer {
+                    observer.bus_goes_off(now);
                 }
                 // Told again in every control period; an error would show there.
                 let _ = self.controller.on_bus_state(now.as_us(), number, BusState::Off);

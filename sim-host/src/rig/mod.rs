@@ -23,6 +23,7 @@
 
 mod frames;
 mod harm;
+mod observer;
 
 use crate::body::Body;
 use crate::bus::{BusStatistics, DEFAULT_BITRATE, NodeId, TxPolicy};
@@ -30,7 +31,6 @@ use crate::clock::{Periodic, SimTime};
 use crate::core::{Core, Local};
 use crate::faults::{Faults, Way};
 use crate::interface::{Interface, LogEntry};
-use crate::monitor::Monitor;
 use crate::record::{Recorder, TickRecord};
 use crate::wire::{ActuatorBus, Wire};
 use rollwalk_bus::link::{LinkBus, LinkError};
@@ -48,6 +48,7 @@ use std::collections::VecDeque;
 use frames::Noticed;
 pub use harm::Adapter;
 use harm::Babbler;
+pub use observer::Observer;
 
 /// Steps of the motors per second.
 pub const MOTOR_RATE_HZ: u32 = 4000;
@@ -77,7 +78,7 @@ pub struct Rig<C = Local> {
     /// Up to here faults have begun and ended.
     edges_until: SimTime,
     babblers: Vec<Babbler>,
-    monitor: Option<Box<Monitor>>,
+    observer: Option<Box<dyn Observer>>,
 }
 
 /// Why a robot cannot be simulated in virtual time.
@@ -189,7 +190,7 @@ impl<C: Core> Rig<C> {
             faults: Faults::default(),
             edges_until: SimTime::ZERO,
             babblers: Vec::new(),
-            monitor: None,
+            observer: None,
         })
     }
 
@@ -214,14 +215,9 @@ impl<C: Core> Rig<C> {
         &self.faults
     }
 
-    /// Has somebody look at every frame from now on.
-    pub fn set_monitor(&mut self, monitor: Monitor) {
-        self.monitor = Some(Box::new(monitor));
-    }
-
-    /// Who looks at every frame.
-    pub fn monitor(&self) -> Option<&Monitor> {
-        self.monitor.as_deref()
+    /// Shows every frame and every step of the motors to an observer from now on.
+    pub fn set_observer(&mut self, observer: impl Observer + 'static) {
+        self.observer = Some(Box::new(observer));
     }
 
     fn wire(&mut self, bus: Interface) -> &mut Wire {
@@ -317,8 +313,8 @@ impl<C: Core> Rig<C> {
             Next::Motors => {
                 self.motor_step.advance();
                 self.body.step(at, 1.0 / f64::from(MOTOR_RATE_HZ));
-                if let Some(monitor) = &mut self.monitor {
-                    monitor.motors(at, &self.body);
+                if let Some(observer) = &mut self.observer {
+                    observer.motors(at, &self.body);
                 }
                 return true;
             }
@@ -348,8 +344,8 @@ impl<C: Core> Rig<C> {
             }
             None => None,
         };
-        if let (Some(monitor), Some(input)) = (&mut self.monitor, input) {
-            monitor.controller_gets(at, &input);
+        if let (Some(observer), Some(input)) = (&mut self.observer, input) {
+            observer.controller_gets(at, &input);
         }
         loop {
             let depth = self.adapter.depth;
@@ -369,11 +365,11 @@ impl<C: Core> Rig<C> {
                 let playing = Playing { clip: ClipId(clip), frame, phase };
                 self.recorder.begin_period(at, playing, self.body.values());
             }
-            if let Some(monitor) = &mut self.monitor {
+            if let Some(observer) = &mut self.observer {
                 let actuators = (0..).map(Interface::Actuator).zip(sent.actuators);
                 for (bus, frame) in actuators.chain([(Interface::Link, sent.link)]) {
                     if let Some(frame) = frame {
-                        monitor.controller_sends(at, bus, &frame, &self.body);
+                        observer.controller_sends(at, bus, &frame, &self.body);
                     }
                 }
             }
@@ -424,8 +420,8 @@ impl<C: Core> LinkBus for Rig<C> {
 
     fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
         let queued = self.link.bus.post(self.now, self.host, *frame);
-        if let (Some(monitor), Ok(())) = (&mut self.monitor, &queued) {
-            monitor.host_sends(self.now, frame);
+        if let (Some(observer), Ok(())) = (&mut self.observer, &queued) {
+            observer.host_sends(self.now, frame);
         }
         queued.map_err(|_| LinkError::Busy)
     }

@@ -1,10 +1,8 @@
 //! The simulated robot end to end: a library flashed over the bus and played by code.
 
 mod agilebot;
-mod campaign;
 mod flashing;
 mod operating;
-mod planted;
 mod playing;
 mod protocols;
 mod refusing;

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 /// Every library crate with the workspace crates that it may depend on. What is not listed, the
 /// binaries and the tests at the end of the data flow, may depend on all.
-const ALLOWED: [(&str, &[&str]); 8] = [
+const ALLOWED: [(&str, &[&str]); 9] = [
     ("rollwalk-protocol", &[]),
     ("rollwalk-firmware", &["rollwalk-protocol"]),
     ("rollwalk-drives", &["rollwalk-protocol"]),
@@ -12,22 +12,32 @@ const ALLOWED: [(&str, &[&str]); 8] = [
     ("rollwalk-planner", &["rollwalk-protocol", "rollwalk-robot"]),
     ("rollwalk-bus", &["rollwalk-protocol"]),
     ("rollwalk-host", &["rollwalk-bus", "rollwalk-protocol"]),
-    // Its campaign and its tests play the host.
     (
         "rollwalk-sim-host",
         &[
             "rollwalk-bus",
             "rollwalk-drives",
             "rollwalk-firmware",
+            "rollwalk-protocol",
+            "rollwalk-robot",
+        ],
+    ),
+    (
+        "rollwalk-campaign",
+        &[
+            "rollwalk-bus",
+            "rollwalk-firmware",
             "rollwalk-host",
             "rollwalk-protocol",
             "rollwalk-robot",
+            "rollwalk-sim-host",
         ],
     ),
 ];
 
 /// What only a crate's tests may depend on.
-const ALLOWED_FOR_TESTS: [(&str, &str); 1] = [("rollwalk-firmware", "rollwalk-drives")];
+const ALLOWED_FOR_TESTS: [(&str, &str); 2] =
+    [("rollwalk-firmware", "rollwalk-drives"), ("rollwalk-sim-host", "rollwalk-host")];
 
 /// Dependencies against the arrows, in the output of `cargo metadata --no-deps`. Those of tests and
 /// build scripts count as well.

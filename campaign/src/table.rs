@@ -2,7 +2,7 @@
 
 use super::scenario::Scenario;
 use super::{Case, Outcome, Report};
-use crate::clock::SimTime;
+use rollwalk_sim_host::clock::SimTime;
 use std::collections::BTreeMap;
 
 /// The runs of a scenario with a loss.

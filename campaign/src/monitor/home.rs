@@ -2,8 +2,8 @@
 //! and both end without torque in time.
 
 use super::Rule;
-use crate::clock::SimTime;
 use rollwalk_protocol::wire::{Fault, FaultBits, State};
+use rollwalk_sim_host::clock::SimTime;
 
 /// With one of these a robot with torque is damped.
 const DAMP: [Fault; 7] = [

@@ -1,8 +1,10 @@
 //! The fault campaign in small: every scenario with every loss, and that a run is the same every time.
 
+mod planted;
+
 use rollwalk_bus::candump;
-use rollwalk_sim_host::campaign::scenario::Scenario;
-use rollwalk_sim_host::campaign::{Case, Outcome, Subject, run};
+use rollwalk_campaign::scenario::Scenario;
+use rollwalk_campaign::{Case, Outcome, Subject, run};
 
 /// Seeds of each scenario and loss.
 const SEEDS: u64 = 4;

@@ -16,9 +16,6 @@ pub mod home;
 pub mod nonces;
 pub mod setpoints;
 
-use crate::body::Body;
-use crate::clock::SimTime;
-use crate::interface::Interface;
 use commands::Commands;
 use home::Home;
 use nonces::Nonces;
@@ -29,6 +26,10 @@ use rollwalk_protocol::tunnel::Input;
 use rollwalk_protocol::wire::{
     Action, FaultBits, FromController, Node, State, Status, ToController,
 };
+use rollwalk_sim_host::body::Body;
+use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::interface::Interface;
+use rollwalk_sim_host::rig::Observer;
 use setpoints::Setpoints;
 
 /// What must never be.
@@ -211,66 +212,6 @@ impl Monitor {
         self.setpoints.forget();
     }
 
-    /// The host has put a frame into its interface.
-    pub fn host_sends(&mut self, at: SimTime, frame: &CanFrame) {
-        match ToController::decode(frame) {
-            Ok((_, ToController::Estop)) if self.stop_sent.is_none() => {
-                (self.stop_sent, self.stopped_after) = (Some(at), None);
-            }
-            Ok((_, ToController::Command(command))) => self.commands.is_sent(at, command),
-            _ => {}
-        }
-    }
-
-    /// An actuator bus of the controller goes off: an emergency stop.
-    pub fn bus_goes_off(&mut self, at: SimTime) {
-        self.seen.stops += 1;
-        self.nonces.void();
-        self.turn_off(at);
-    }
-
-    /// Something comes to the controller.
-    pub fn controller_gets(&mut self, at: SimTime, input: &Input) {
-        let Input::Link(frame) = input else { return };
-        let Ok((to, message)) = ToController::decode(frame) else { return };
-        if to != self.terms.node && to != Node::BROADCAST {
-            return;
-        }
-        match message {
-            ToController::Estop => {
-                self.seen.stops += 1;
-                self.nonces.void();
-                self.turn_off(at);
-            }
-            ToController::Command(command) => {
-                self.seen.commands += u64::from(self.commands.arrives(at, command));
-                if let Action::ArmConfirm { nonce } = command.action
-                    && self.nonces.confirms(at, nonce)
-                {
-                    self.permits += 1;
-                    if self.torque == Torque::Off {
-                        (self.torque, self.off_since) = (Torque::Driven, None);
-                        self.stop_sent = None;
-                    }
-                }
-            }
-            ToController::Heartbeat(heartbeat) => self.home.on_heartbeat(at, heartbeat.seq),
-            // What is for all is ignored.
-            ToController::Transport if to == self.terms.node => {
-                self.nonces.on_transport(frame.data());
-            }
-            ToController::Transport | ToController::Parameter(_) | ToController::Discover => {}
-        }
-    }
-
-    /// A frame leaves the controller for a bus; what waits in the bus's interface has left it before.
-    pub fn controller_sends(&mut self, at: SimTime, bus: Interface, frame: &CanFrame, body: &Body) {
-        match bus {
-            Interface::Link => self.controller_says(at, frame),
-            Interface::Actuator(bus) => self.controller_orders(at, bus, frame, body),
-        }
-    }
-
     fn controller_says(&mut self, at: SimTime, frame: &CanFrame) {
         let Ok((_, message)) = FromController::decode(frame) else { return };
         match message {
@@ -343,9 +284,66 @@ impl Monitor {
             self.report(at, Rule::NoTorqueUnlessArmed, what);
         }
     }
+}
 
-    /// The motors have made a step.
-    pub fn motors(&mut self, at: SimTime, body: &Body) {
+impl Observer for Monitor {
+    fn host_sends(&mut self, at: SimTime, frame: &CanFrame) {
+        match ToController::decode(frame) {
+            Ok((_, ToController::Estop)) if self.stop_sent.is_none() => {
+                (self.stop_sent, self.stopped_after) = (Some(at), None);
+            }
+            Ok((_, ToController::Command(command))) => self.commands.is_sent(at, command),
+            _ => {}
+        }
+    }
+
+    fn controller_gets(&mut self, at: SimTime, input: &Input) {
+        let Input::Link(frame) = input else { return };
+        let Ok((to, message)) = ToController::decode(frame) else { return };
+        if to != self.terms.node && to != Node::BROADCAST {
+            return;
+        }
+        match message {
+            ToController::Estop => {
+                self.seen.stops += 1;
+                self.nonces.void();
+                self.turn_off(at);
+            }
+            ToController::Command(command) => {
+                self.seen.commands += u64::from(self.commands.arrives(at, command));
+                if let Action::ArmConfirm { nonce } = command.action
+                    && self.nonces.confirms(at, nonce)
+                {
+                    self.permits += 1;
+                    if self.torque == Torque::Off {
+                        (self.torque, self.off_since) = (Torque::Driven, None);
+                        self.stop_sent = None;
+                    }
+                }
+            }
+            ToController::Heartbeat(heartbeat) => self.home.on_heartbeat(at, heartbeat.seq),
+            // What is for all is ignored.
+            ToController::Transport if to == self.terms.node => {
+                self.nonces.on_transport(frame.data());
+            }
+            ToController::Transport | ToController::Parameter(_) | ToController::Discover => {}
+        }
+    }
+
+    fn controller_sends(&mut self, at: SimTime, bus: Interface, frame: &CanFrame, body: &Body) {
+        match bus {
+            Interface::Link => self.controller_says(at, frame),
+            Interface::Actuator(bus) => self.controller_orders(at, bus, frame, body),
+        }
+    }
+
+    fn bus_goes_off(&mut self, at: SimTime) {
+        self.seen.stops += 1;
+        self.nonces.void();
+        self.turn_off(at);
+    }
+
+    fn motors(&mut self, at: SimTime, body: &Body) {
         self.setpoints.motors(at, body);
         self.home.pass(at);
         let unwatched = self.off_since.is_none() && self.stop_sent.is_none();

@@ -3,9 +3,9 @@
 //! Only what is certain outside counts: a nonce is younger than its acknowledgement makes it, and what is void here
 //! is void there. Parameters make a nonce void as well; that is left to the firmware's own tests.
 
-use crate::clock::SimTime;
 use rollwalk_protocol::wire::transport::Request;
 use rollwalk_protocol::wire::{Action, CommandAck, CommandResult};
+use rollwalk_sim_host::clock::SimTime;
 
 /// A nonce can be confirmed for so long.
 const LIFE: SimTime = SimTime::from_ms(2000);

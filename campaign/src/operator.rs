@@ -1,10 +1,10 @@
 //! A person at the host's end: asks again, connects again, and knows what to do in which state.
 
 use super::bench::Bench;
-use crate::clock::SimTime;
-use crate::core::Core;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::{Node, State};
+use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::core::Core;
 
 /// So long it is tried to get an answer at all.
 const CONNECT_WITHIN: SimTime = SimTime::from_ms(60_000);

@@ -1,15 +1,15 @@
 //! What goes wrong in a run: faults with beginning and end, made from a random number.
 
-use crate::clock::SimTime;
-use crate::faults::stream::Spoil;
-use crate::faults::{Fault, Harm, Way};
-use crate::interface::Interface;
-use crate::rig::Adapter;
 use fastrand::Rng;
 use rollwalk_firmware::BusState;
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::wire::{Fault as Bit, FaultBits};
+use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::faults::stream::Spoil;
+use rollwalk_sim_host::faults::{Fault, Harm, Way};
+use rollwalk_sim_host::interface::Interface;
+use rollwalk_sim_host::rig::Adapter;
 
 /// What goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -426,7 +426,7 @@ fn adapter(random: &mut Rng) -> Adapter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::campaign::Subject;
+    use crate::Subject;
 
     #[test]
     fn chaos_has_what_the_host_does_and_lost_frames_of_actuators_too() {

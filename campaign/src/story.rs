@@ -4,14 +4,7 @@ use super::bench::Bench;
 use super::operator::{Operator, Stuck};
 use super::scenario::{self, Host, Plan, Scenario};
 use super::{Case, Outcome, Report, Subject};
-use crate::clock::SimTime;
-use crate::core::Core;
-use crate::faults::stream::Spoil;
-use crate::faults::{Fault, Harm, Way};
-use crate::interface::LogEntry;
 use crate::monitor::{Change, Monitor, Terms, home};
-use crate::rig::Rig;
-use crate::servo;
 use fastrand::Rng;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_firmware::Settings;
@@ -21,6 +14,15 @@ use rollwalk_protocol::wire::transport::{Endpoint, Request, frame_to_controller}
 use rollwalk_protocol::wire::{
     Action, CommandResult, FaultBits, FromController, HEARTBEAT_PERIOD_MS, HOST_TIMEOUT_MS, State,
 };
+use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::core::Core;
+use rollwalk_sim_host::faults::stream::Spoil;
+use rollwalk_sim_host::faults::{Fault, Harm, Way};
+use rollwalk_sim_host::interface::LogEntry;
+use rollwalk_sim_host::rig::Rig;
+use rollwalk_sim_host::servo;
+use std::cell::RefCell;
+use std::rc::Rc;
 
 /// A robot that is told to stop has no torque after this, if its buses are well: two frames on their way,
 /// and "off" for each of its motors, are less than a millisecond; and a control period.
@@ -92,7 +94,8 @@ pub fn tell<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<Log
         ),
         home: comes_down(subject),
     };
-    rig.set_monitor(Monitor::new(subject.config(), terms));
+    let monitor = Rc::new(RefCell::new(Monitor::new(subject.config(), terms)));
+    rig.set_observer(Rc::clone(&monitor));
     rig.set_fault_seed(random.u64(..));
 
     let bench = Bench::new(rig);
@@ -101,6 +104,7 @@ pub fn tell<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<Log
         subject,
         case,
         bench,
+        monitor,
         operator,
         random,
         began: SimTime::ZERO,
@@ -125,6 +129,7 @@ struct Story<'a, C: Core> {
     subject: &'a Subject,
     case: Case,
     bench: Bench<C>,
+    monitor: Rc<RefCell<Monitor>>,
     operator: Operator<C>,
     random: Rng,
     /// When the fault began.
@@ -312,7 +317,8 @@ impl<C: Core> Story<'_, C> {
     /// Whether the robot ended where it had to.
     fn judge(&mut self, plan: &Plan) {
         let rig = self.bench.rig();
-        let history = rig.monitor().map_or(&[][..], Monitor::history);
+        let monitor = self.monitor.borrow();
+        let history = monitor.history();
         let began = self.began;
         let before = history.iter().rev().find(|change| change.at <= began);
         let later = history.iter().filter(|change| change.at > began);
@@ -394,7 +400,7 @@ impl<C: Core> Story<'_, C> {
     fn report(mut self) -> (Report, Vec<LogEntry>) {
         self.operator.quit();
         let rig = self.bench.rig();
-        let monitor = rig.monitor().expect("it was set");
+        let monitor = self.monitor.borrow();
         let fired: Vec<u64> = rig.faults().all().map(|(_, fired)| fired).collect();
         let (losses, others) = fired.split_at(self.losses);
         let sum = |counts: &[u64]| counts.iter().sum::<u64>();

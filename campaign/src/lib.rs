@@ -1,7 +1,7 @@
 //! Runs in which something goes wrong, and what must hold in each of them.
 //!
 //! A run is a story in virtual time: connect, arm, play motions by code, a fault, what follows, and the way
-//! back to playing. [`crate::monitor`] looks at every frame of it. All of it follows from scenario, loss and
+//! back to playing. [`monitor`] looks at every frame of it. All of it follows from scenario, loss and
 //! seed, so whatever happens can be made to happen again. The document is `docs/fault-campaign.md`.
 //!
 //! | module | is |
@@ -9,22 +9,24 @@
 //! | [`scenario`] | what goes wrong |
 //! | [`operator`], [`mod@bench`] | who does what at the host's end, and the robot that both share |
 //! | [`story`] | one run |
+//! | [`monitor`] | the rules, checked on every frame and every step of the motors |
 //! | [`table`] | what came of many |
 
 pub mod bench;
+pub mod monitor;
 pub mod operator;
 pub mod scenario;
 pub mod story;
 pub mod table;
 
-use crate::clock::SimTime;
-use crate::core::{Core, Local};
-use crate::interface::LogEntry;
 use crate::monitor::{Seen, Violation};
-use crate::one_leg;
 use rollwalk_firmware::Settings;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_robot::Robot;
+use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::core::{Core, Local};
+use rollwalk_sim_host::interface::LogEntry;
+use rollwalk_sim_host::one_leg;
 use scenario::Scenario;
 
 /// The robot and library of a campaign.

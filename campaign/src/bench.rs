@@ -1,10 +1,10 @@
 //! The robot of a run, shared by the host that talks to it and the story that disturbs it.
 
-use crate::clock::SimTime;
-use crate::core::Core;
-use crate::rig::Rig;
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::CanFrame;
+use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::core::Core;
+use rollwalk_sim_host::rig::Rig;
 use std::cell::{RefCell, RefMut};
 use std::rc::Rc;
 

@@ -1,8 +1,8 @@
 //! Commands against what came of them: each at most once, in order, and none after its time.
 
 use super::Rule;
-use crate::clock::SimTime;
 use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
+use rollwalk_sim_host::clock::SimTime;
 use std::collections::VecDeque;
 
 /// A command, and when it expires, ms: not only the 16 bits of it that are sent.

@@ -2,19 +2,19 @@
 //! it breaks: a monitor that finds nothing proves nothing.
 
 use rollwalk_bus::link::LinkError;
+use rollwalk_campaign::monitor::Rule;
+use rollwalk_campaign::scenario::Scenario;
+use rollwalk_campaign::{Case, Report, Subject, run_with};
 use rollwalk_firmware::safety::State as ControllerState;
 use rollwalk_firmware::{BusState, Settings};
 use rollwalk_protocol::actuator::{Control, JointSetpoint, WheelSetpoint};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
 use rollwalk_protocol::wire::{Action, Command, CommandAck, Fault, Node, State, ToController};
-use rollwalk_sim_host::campaign::scenario::Scenario;
-use rollwalk_sim_host::campaign::{Case, Report, Subject, run_with};
 use rollwalk_sim_host::core::{Core, Local};
-use rollwalk_sim_host::monitor::Rule;
 use std::collections::BTreeSet;
 
-use crate::robot::BOW;
+use rollwalk_sim_host::one_leg::BOW;
 
 /// What a controller does wrong.
 type Bug = Box<dyn FnMut(&mut Local, Step) -> Stepped>;

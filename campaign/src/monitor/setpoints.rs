@@ -1,14 +1,14 @@
 //! Setpoints against the robot's limits, each against the one before, the first against the pose.
 
 use super::Rule;
-use crate::body::Body;
-use crate::clock::SimTime;
 use rollwalk_protocol::actuator::{
     JointSetpoint, KD_STEP_NM_S_RAD, KP_STEP_NM_RAD, POSITION_STEP_RAD, SPEED_STEP_RAD_S,
     TORQUE_STEP_NM, WHEEL_SPEED_STEP_RAD_S, WheelSetpoint,
 };
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
+use rollwalk_sim_host::body::Body;
+use rollwalk_sim_host::clock::SimTime;
 use std::collections::VecDeque;
 
 /// Gains may be raised at run time to so many times those of the robot (docs/parameters.md).
