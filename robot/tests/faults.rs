@@ -253,6 +253,28 @@ fn missing_fields() {
 }
 
 #[test]
+fn all_mistakes_are_found_at_once_and_none_in_their_train() {
+    let text = ROBOT
+        .replacen("name = \"arm\"", "nam = \"arm\"", 1)
+        .replacen("kp_nm_rad = 50.0", "kp_nm_rad = \"50\"", 1)
+        .replacen("link = \"arm\"", "link = \"amr\"", 1)
+        .replacen("template = \"leg\"", "template = \"lag\"", 2)
+        .replacen("nominal_rad = 0.1", "nominal_rad = nan", 1);
+    let error = Robot::from_toml("tiny.toml", &text).unwrap_err();
+    let found: Vec<_> = error.faults().map(|fault| fault.message.as_str()).collect();
+    // Whether a name is known is a question once all items have theirs; the template has no limb left.
+    assert_eq!(
+        found,
+        [
+            "actuator `servo`: `kp_nm_rad` must be a finite number",
+            "link number 2: `name` is missing",
+            "link number 2: unknown key `nam`",
+            "joint `*_hip`: `nominal_rad` must be a finite number",
+        ]
+    );
+}
+
+#[test]
 fn wrong_types() {
     assert_fault(
         "mass_kg = 1.0",

@@ -11,7 +11,7 @@ use toml::de::{DeString, DeTable, DeValue};
 ///
 /// Getters note a fault and return `None` when the value is missing or wrong. Ask for every key
 /// that the table may have, then call [`Table::done`], which rejects the others.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Table<'d> {
     document: &'d Document<'d>,
     table: &'d DeTable<'d>,
@@ -59,6 +59,11 @@ impl<'d> Table<'d> {
         self.what = what.into();
     }
 
+    /// Name of the table in faults.
+    pub fn what(&self) -> &str {
+        &self.what
+    }
+
     /// Where the table begins: its header, or its braces.
     pub fn span(&self) -> Span {
         self.span.clone()
@@ -71,7 +76,22 @@ impl<'d> Table<'d> {
 
     /// Where the value of a key is; the table's header if it is absent.
     pub fn span_of(&self, key: &str) -> Span {
-        self.table.get(key).map_or_else(|| self.span(), Spanned::span)
+        self.find(key).unwrap_or_else(|| self.span())
+    }
+
+    /// Where the value of a key is, if it is present.
+    pub fn find(&self, key: &str) -> Option<Span> {
+        self.table.get(key).map(Spanned::span)
+    }
+
+    /// Value of an optional key; the default also in place of a faulty one.
+    pub fn optional<T>(
+        &self,
+        key: &'static str,
+        default: T,
+        read: impl FnOnce(&Self, &'static str) -> Option<T>,
+    ) -> T {
+        if self.has(key) { read(self, key).unwrap_or(default) } else { default }
     }
 
     /// All keys with their values, for tables whose keys are names and whose values are strings.

@@ -1,12 +1,14 @@
 //! Robot files: TOML text to a validated [`Robot`]. The format is described in
 //! `docs/robot-files.md`; `robots/agilebot.toml` is the worked example.
 //!
-//! Three steps: [`read`] turns tables into items with spans, [`assemble`] places limbs and resolves
-//! names to indices, and [`crate::rules`] judges the result. Faults of all steps point into the text.
+//! [`read`] builds the robot from the tables, limbs from templates ([`group`]), and
+//! [`crate::rules`] judges the result. Faults of both point into the text ([`places`]).
 
-mod assemble;
 mod buses;
+mod fields;
+mod group;
 pub(crate) mod parts;
+mod places;
 mod read;
 
 use crate::document::{Document, DocumentError};
@@ -21,9 +23,7 @@ impl Robot {
     /// look at the whole robot are checked once the items themselves are readable.
     pub fn from_toml(file_name: &str, text: &str) -> Result<Self, DocumentError> {
         let document = Document::parse(file_name, text)?;
-        let items = read::items(&document);
-        let assembled = items.and_then(|items| assemble::robot(&document, items));
-        let robot = assembled.filter(|_| document.is_clean()).map(|(robot, places)| {
+        let robot = read::robot(&document).map(|(robot, places)| {
             for violation in rules::violations(&robot) {
                 let span = places.span(violation.place, violation.field);
                 document.fault(span, violation.message, "here", violation.help);

@@ -4,7 +4,7 @@ use crate::document::Table;
 use nalgebra::{Matrix3, Vector3};
 
 /// Mass, centre of mass and inertia about it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MassProperties {
     pub mass_kg: f64,
     pub com_m: Vector3<f64>,
@@ -29,25 +29,19 @@ pub(crate) fn sum(parts: &[MassProperties]) -> MassProperties {
 }
 
 /// Reads one entry of `parts`: a mass, a place and a homogeneous box or cylinder along a link axis.
-pub(super) fn read(part: Table<'_>) -> Option<MassProperties> {
-    let mass = part.number_in("mass_kg", 1e-6..=1000.0, "kg");
-    let com = part.numbers::<3>("at_m");
-    let shapes = ["box_m", "cylinder_x_m", "cylinder_y_m", "cylinder_z_m"];
-    let given: Vec<_> = shapes.into_iter().filter(|shape| part.has(shape)).collect();
+pub(super) fn read(part: Table<'_>) -> MassProperties {
+    let mass_kg = part.number_in("mass_kg", 1e-6..=1000.0, "kg").unwrap_or_default();
+    let com_m = part.numbers::<3>("at_m").unwrap_or_default().into();
+    let shapes = ["cylinder_x_m", "cylinder_y_m", "cylinder_z_m", "box_m"];
+    let given: Vec<_> = (0..shapes.len()).filter(|&shape| part.has(shapes[shape])).collect();
     let diagonal_per_kg = match given[..] {
-        ["box_m"] => part.numbers("box_m").map(|[x, y, z]: [f64; 3]| {
+        [3] => part.numbers("box_m").map(|[x, y, z]: [f64; 3]| {
             Vector3::new(y * y + z * z, x * x + z * z, x * x + y * y) / 12.0
         }),
-        [cylinder] => part.numbers(cylinder).map(|[radius, length]: [f64; 2]| {
+        [axis] => part.numbers(shapes[axis]).map(|[radius, length]: [f64; 2]| {
             let across = radius * radius / 4.0 + length * length / 12.0;
-            let along = radius * radius / 2.0;
             let mut diagonal = Vector3::repeat(across);
-            let axis = ["cylinder_x_m", "cylinder_y_m", "cylinder_z_m"];
-            for (index, name) in axis.into_iter().enumerate() {
-                if name == cylinder {
-                    diagonal[index] = along;
-                }
-            }
+            diagonal[axis] = radius * radius / 2.0;
             diagonal
         }),
         _ => {
@@ -61,12 +55,11 @@ pub(super) fn read(part: Table<'_>) -> Option<MassProperties> {
         && !(diagonal.min() > 0.0 && diagonal.max() <= 100.0)
     {
         let help = "sizes are above 0 and below 10 m; millimetres need dividing by 1000";
-        part.fault(shape, "has no sensible size", "in metres", help);
+        part.fault(shapes[*shape], "has no sensible size", "in metres", help);
     }
     part.done();
-    let (mass_kg, com) = (mass?, com?);
-    let inertia_kg_m2 = Matrix3::from_diagonal(&(diagonal_per_kg? * mass_kg));
-    Some(MassProperties { mass_kg, com_m: Vector3::from(com), inertia_kg_m2 })
+    let inertia_kg_m2 = Matrix3::from_diagonal(&(diagonal_per_kg.unwrap_or_default() * mass_kg));
+    MassProperties { mass_kg, com_m, inertia_kg_m2 }
 }
 
 #[cfg(test)]

@@ -1,0 +1,120 @@
+//! Fields of a robot file's tables. A faulty value is noted and read as 0 or as empty.
+
+use super::parts::{self, MassProperties};
+use crate::contact::RollingDrag;
+use crate::document::Table;
+use crate::model::{Actuator, TorqueSpeedLine};
+use nalgebra::{Matrix3, Vector3};
+use std::f64::consts::TAU;
+
+const INERTIA: &str = "inertia_in_link_kg_m2";
+
+/// Reads the item's name and lets faults use it.
+pub(super) fn named(table: &mut Table<'_>, kind: &str) -> String {
+    let name = table.string("name");
+    if let Some(name) = &name {
+        table.call(format!("{kind} `{name}`"));
+    }
+    name.unwrap_or_default()
+}
+
+pub(super) fn number(table: &Table<'_>, key: &'static str) -> f64 {
+    table.number(key).unwrap_or_default()
+}
+
+pub(super) fn vector(table: &Table<'_>, key: &'static str) -> Vector3<f64> {
+    table.numbers::<3>(key).unwrap_or_default().into()
+}
+
+pub(super) fn byte(table: &Table<'_>, key: &'static str) -> u8 {
+    let byte = table.integer(key, 0..=255).map(u8::try_from);
+    byte.and_then(Result::ok).unwrap_or_default()
+}
+
+/// Mass properties of a link: those of its parts, or as they are written.
+pub(super) fn mass(table: &Table<'_>) -> MassProperties {
+    if table.has("parts") {
+        let tables = table.tables("parts");
+        if tables.is_empty() {
+            table.fault("parts", "is empty", "no parts", "give at least one part");
+        }
+        return parts::sum(&tables.into_iter().map(parts::read).collect::<Vec<_>>());
+    }
+    if !["mass_kg", "com_in_link_m", INERTIA].into_iter().any(|key| table.has(key)) {
+        let help =
+            "give `parts = [...]`, or `mass_kg`, `com_in_link_m` and `inertia_in_link_kg_m2`";
+        table.fault("parts", "is missing", "needs mass properties", help);
+        return MassProperties::default();
+    }
+    let mass_kg = number(table, "mass_kg");
+    let com_m = vector(table, "com_in_link_m");
+    let [xx, yy, zz, xy, xz, yz] = table.numbers::<6>(INERTIA).unwrap_or_default();
+    let inertia_kg_m2 = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+    MassProperties { mass_kg, com_m, inertia_kg_m2 }
+}
+
+/// Roll, pitch and yaw of a joint frame; 0 where the key is absent.
+pub(super) fn rpy(table: &Table<'_>) -> [f64; 3] {
+    let angles = table.optional("origin_rpy_rad", [0.0; 3], Table::numbers);
+    if angles.iter().any(|angle| angle.abs() > TAU) {
+        let help = "roll, pitch and yaw are in radians: 90 degrees are 1.5708";
+        table.fault("origin_rpy_rad", "has an angle above 2π", "radians?", help);
+    }
+    angles
+}
+
+/// Reads a direction of any length and makes it a unit vector.
+pub(super) fn axis(table: &Table<'_>, key: &'static str) -> Vector3<f64> {
+    let Some(axis) = table.numbers::<3>(key) else { return Vector3::zeros() };
+    let unit = Vector3::from(axis).try_normalize(1e-6);
+    if unit.is_none() {
+        let help = "an axis is a direction such as [0, 1, 0]; its length does not matter";
+        table.fault(key, "is zero", "has no direction", help);
+    }
+    unit.unwrap_or_default()
+}
+
+pub(super) fn drag(table: &Table<'_>) -> RollingDrag {
+    RollingDrag {
+        rolling_resistance: number(table, "rolling_resistance"),
+        rolling_drag_s_m: table.optional("rolling_drag_s_m", 0.0, Table::number),
+    }
+}
+
+/// Reads a data sheet: the fields of a motor that do not depend on where it is mounted.
+pub(super) fn data_sheet(table: &Table<'_>) -> Actuator {
+    let actuator = Actuator {
+        model: table.string("model").unwrap_or_default(),
+        speed_max_rad_s: number(table, "speed_max_rad_s"),
+        torque_max_nm: number(table, "torque_max_nm"),
+        kp_nm_rad: number(table, "kp_nm_rad"),
+        kd_nm_s_rad: number(table, "kd_nm_s_rad"),
+        armature_kg_m2: number(table, "armature_kg_m2"),
+        torque_speed: torque_speed(table),
+        bus: 0,
+        id: 0,
+    };
+    table.done();
+    actuator
+}
+
+/// Reads the torque-speed line of a data sheet: both of its ends or neither.
+fn torque_speed(table: &Table<'_>) -> Option<TorqueSpeedLine> {
+    let keys = ["stall_torque_nm", "no_load_speed_rad_s"];
+    match keys.map(|key| table.has(key)) {
+        [false, false] => None,
+        [true, true] => {
+            let [stall_torque_nm, no_load_speed_rad_s] = keys.map(|key| number(table, key));
+            Some(TorqueSpeedLine { stall_torque_nm, no_load_speed_rad_s })
+        }
+        [stall, _] => {
+            let (given, missing) = if stall { (keys[0], keys[1]) } else { (keys[1], keys[0]) };
+            let help =
+                format!("a torque-speed line has two ends: give `{missing}` too, or neither");
+            table.fault(given, format_args!("is given without `{missing}`"), "half a line", help);
+            // A value that is no number is a fault of its own.
+            number(table, given);
+            None
+        }
+    }
+}

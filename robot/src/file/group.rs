@@ -1,0 +1,79 @@
+//! Limbs: templates placed on a link of the robot, mirrored on its right side.
+//!
+//! A template describes a left limb. A right limb is its mirror image in the plane y = 0: positions
+//! and frames are reflected, and axes turn into −M·axis (M = diag(1, −1, 1)), so that equal joint
+//! angles give mirrored poses and limits stay as they are. A lateral wheel axis stays +y.
+
+use super::fields::{byte, named, vector};
+use crate::document::Table;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+/// A limb: a template placed on a link.
+#[derive(Debug)]
+pub(super) struct Limb<'d> {
+    pub name: String,
+    pub template: String,
+    pub parent: String,
+    pub origin_m: Vector3<f64>,
+    pub mirrored: bool,
+    pub bus: u8,
+    pub first_id: u8,
+    pub table: Table<'d>,
+}
+
+impl<'d> Limb<'d> {
+    pub fn read(mut table: Table<'d>) -> Self {
+        let limb = Limb {
+            name: named(&mut table, "limb"),
+            template: table.string("template").unwrap_or_default(),
+            parent: table.string("parent").unwrap_or_default(),
+            origin_m: vector(&table, "origin_in_parent_m"),
+            mirrored: table.choice("side", &["left", "right"]) == Some(1),
+            bus: byte(&table, "bus"),
+            first_id: byte(&table, "first_id"),
+            table,
+        };
+        limb.table.done();
+        limb
+    }
+}
+
+/// Tables of links, joints and end effectors: the robot's own, or those of a template.
+#[derive(Debug)]
+pub(super) struct Group<'g, 'd> {
+    pub table: &'g Table<'d>,
+    pub is_template: bool,
+    /// Where a template is placed; none for the robot's own tables.
+    pub limb: Option<&'g Limb<'d>>,
+}
+
+impl Group<'_, '_> {
+    pub fn name(&self, name: &str) -> String {
+        self.limb.map_or_else(|| name.to_owned(), |limb| name.replace('*', &limb.name))
+    }
+
+    fn mirrored(&self) -> bool {
+        self.limb.is_some_and(|limb| limb.mirrored)
+    }
+
+    pub fn point(&self, point: Vector3<f64>) -> Vector3<f64> {
+        if self.mirrored() { Vector3::new(point.x, -point.y, point.z) } else { point }
+    }
+
+    pub fn axis(&self, axis: Vector3<f64>) -> Vector3<f64> {
+        if self.mirrored() { Vector3::new(-axis.x, axis.y, -axis.z) } else { axis }
+    }
+
+    pub fn rotation(&self, [roll, pitch, yaw]: [f64; 3]) -> UnitQuaternion<f64> {
+        let side = if self.mirrored() { -1.0 } else { 1.0 };
+        UnitQuaternion::from_euler_angles(side * roll, pitch, side * yaw)
+    }
+
+    pub fn inertia(&self, inertia: Matrix3<f64>) -> Matrix3<f64> {
+        if !self.mirrored() {
+            return inertia;
+        }
+        let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
+        mirror * inertia * mirror
+    }
+}

@@ -1,0 +1,65 @@
+//! Spans of a robot's items and fields in its file, for the rules, which know neither.
+
+use crate::document::{Span, Table};
+use crate::rules::Place;
+use std::collections::BTreeMap;
+
+/// Tables that an item was read from.
+#[derive(Debug)]
+pub(super) struct Source<'d> {
+    /// The item's own table.
+    pub item: Table<'d>,
+    /// Data sheet of its motor.
+    pub sheet: Option<Table<'d>>,
+    /// Limb that gives its motor an address.
+    pub limb: Option<Table<'d>>,
+}
+
+impl<'d> Source<'d> {
+    pub fn of(item: Table<'d>) -> Self {
+        Self { item, sheet: None, limb: None }
+    }
+
+    /// Span of a field's value, or of the item if the field is not written.
+    fn span(&self, field: &str) -> Span {
+        // Faults about addresses belong where the limb states them.
+        match (&self.limb, field) {
+            (Some(limb), "bus") => return limb.span_of("bus"),
+            (Some(limb), "id") => return limb.span_of("first_id"),
+            _ => {}
+        }
+        let mut tables = std::iter::once(&self.item).chain(&self.sheet);
+        tables.find_map(|table| table.find(field)).unwrap_or_else(|| self.item.span())
+    }
+}
+
+/// Tables of all items of a robot, in the robot's order.
+#[derive(Debug)]
+pub(super) struct Places<'d> {
+    pub root: Table<'d>,
+    pub links: Vec<Source<'d>>,
+    pub joints: Vec<Source<'d>>,
+    pub end_effectors: Vec<Source<'d>>,
+    pub buses: BTreeMap<u8, Source<'d>>,
+}
+
+impl<'d> Places<'d> {
+    pub fn new(root: Table<'d>) -> Self {
+        let buses = BTreeMap::new();
+        Self { root, links: vec![], joints: vec![], end_effectors: vec![], buses }
+    }
+
+    /// Span of a field, or of its item if the field is not written.
+    pub fn span(&self, place: Place, field: &str) -> Span {
+        let source = match place {
+            Place::Robot if field == "name" => None,
+            // What is missing or too many has no single place: show the start of the file.
+            Place::Robot => return 0..0,
+            Place::Link(index) => self.links.get(index),
+            Place::Joint(index) => self.joints.get(index),
+            Place::EndEffector(index) => self.end_effectors.get(index),
+            Place::Bus(number) => self.buses.get(&number),
+        };
+        source.map_or_else(|| self.root.span_of("name"), |source| source.span(field))
+    }
+}
