@@ -1,4 +1,4 @@
-//! From wherever the robot stands to the SAFE pose: one smooth ramp for all channels.
+//! Ramp from the measured pose to the SAFE pose, for all channels at once.
 //!
 //! The ramp is the minimum-jerk quintic from the measured pose to the entry pose, at rest at both
 //! ends. All channels arrive together; the slowest one decides the duration.
@@ -11,7 +11,7 @@ use crate::limiter::Target;
 /// Peak speed of the quintic on a unit interval, s'(1/2) = 30/16.
 const PEAK_SPEED: f32 = 1.875;
 
-/// Shortest ramp, s: a robot that already stands right still gets a defined start.
+/// Shortest ramp, s, also for a robot that already stands in SAFE.
 const MIN_DURATION_S: f32 = 0.25;
 
 /// A ramp under way.
@@ -43,7 +43,7 @@ impl Ramp {
         Self { duration_s: needed.fold(MIN_DURATION_S, f32::max), ends, period_s, ticks: 0 }
     }
 
-    /// Targets at the present moment; the first are the measured pose at rest.
+    /// Targets at the current time; the first are the measured pose at rest.
     pub fn target(&self, channel: usize) -> Option<Target> {
         let &(from, to) = self.ends.get(channel)?;
         let u = (self.elapsed_s() / self.duration_s).min(1.0);
@@ -54,7 +54,7 @@ impl Ramp {
         Some(Target { value, slope: rate * (to - from) })
     }
 
-    /// Lets a control period pass.
+    /// Advances by one control period.
     pub fn advance(&mut self) {
         self.ticks = self.ticks.saturating_add(1);
     }
@@ -92,7 +92,7 @@ mod tests {
     }
 
     proptest! {
-        /// Starts where the robot stands, ends where it shall stand, and is never faster than told.
+        /// Starts at the measured pose, ends at the goal, and never exceeds the speed limit.
         #[test]
         fn is_gentle(from in prop::array::uniform2(-3.0f32..3.0), to in prop::array::uniform2(-3.0f32..3.0), speed in 0.2f32..8.0) {
             let period = 1.0 / 120.0;

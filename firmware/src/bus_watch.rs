@@ -1,10 +1,10 @@
-//! How the actuator buses are, as their controllers see it: what [`crate::Controller::on_bus_state`] is
-//! told.
+//! Error states of the actuator buses, as their CAN controllers report them to
+//! [`crate::Controller::on_bus_state`].
 //!
-//! A CAN controller counts errors. A frame that nobody acknowledges makes it error-passive and no more,
-//! so motor power that is off looks like that; errors on the line make it go off. It must stay off:
-//! with automatic recovery it would send what it was told last as soon as the short is gone. The
-//! operator's two-step clear is what starts it again, by way of [`BusWatch::take_restart`].
+//! A CAN controller counts errors. Unacknowledged frames make it error-passive, never bus-off, so that is what
+//! missing motor power looks like; errors on the line make it bus-off. It must stay off: automatic recovery would
+//! send a stale setpoint as soon as the short is gone. Only the operator's two-step clear restarts it, through
+//! [`BusWatch::take_restart`].
 
 use rollwalk_protocol::serial::BusState;
 use rollwalk_protocol::wire::{Fault, FaultBits};
@@ -12,7 +12,7 @@ use rollwalk_protocol::wire::{Fault, FaultBits};
 use crate::bus::MAX_BUSES;
 use crate::safety::{Event, EventSet};
 
-/// For so many ticks nobody may acknowledge: an adapter that hiccups is not a power failure.
+/// Ticks without acknowledgement until it counts as a fault: shorter interruptions are an adapter's.
 const NO_ACK_TICKS: u8 = 3;
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -40,7 +40,7 @@ impl Bus {
 pub(crate) struct BusWatch([Bus; MAX_BUSES]);
 
 impl BusWatch {
-    /// Takes note of how a bus is; whether that is news. Numbers that no bus has are ignored.
+    /// Records the state of a bus; returns whether it changed. Unknown bus numbers are ignored.
     pub fn observe(&mut self, bus: u8, state: BusState) -> bool {
         match self.0.get_mut(usize::from(bus)) {
             Some(bus) if bus.state != state => {
@@ -51,19 +51,19 @@ impl BusWatch {
         }
     }
 
-    /// A control period has passed.
+    /// Advances by one control period.
     pub fn age(&mut self) {
         for bus in &mut self.0 {
             bus.ticks = bus.ticks.saturating_add(1);
         }
     }
 
-    /// Raises what is wrong while torque is on.
+    /// Raises the events of bus faults while torque is on.
     pub fn watch(&self, events: &mut EventSet) {
         self.0.iter().filter_map(Bus::fault).for_each(|(_, event)| events.insert(event));
     }
 
-    /// What stands in the way of torque.
+    /// Faults that prevent arming.
     pub fn faults(&self) -> FaultBits {
         let faults = self.0.iter().filter_map(Bus::fault);
         faults.fold(FaultBits::default(), |all, (fault, _)| all.with(fault))
@@ -75,14 +75,14 @@ impl BusWatch {
         u8::try_from(self.0.iter().position(is_it)?).ok()
     }
 
-    /// The operator has cleared: buses that are off may start again.
+    /// Permits buses that are off to restart, after the operator's clear.
     pub fn allow_restart(&mut self) {
         for bus in &mut self.0 {
             bus.restart = bus.state == BusState::Off;
         }
     }
 
-    /// Whether a bus is to be started again; once.
+    /// Whether to restart a bus; true once after each permission.
     pub fn take_restart(&mut self, bus: u8) -> bool {
         match self.0.get_mut(usize::from(bus)) {
             Some(bus) if bus.restart => {

@@ -1,4 +1,4 @@
-//! The controller: joins state machine, motion, library and link, and knows what time it is.
+//! The controller: connects state machine, motion, library and link, and runs the timers.
 
 use rollwalk_protocol::actuators::Packet;
 use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
@@ -38,32 +38,31 @@ pub struct Controller<S, P = NoParameters> {
     pub(crate) journal: Journal,
     safety: StateMachine,
     events: EventSet,
-    /// Since when it is in this state.
+    /// Time at which the current state was entered.
     since_us: u64,
-    /// Since when SAFE is held in Returning.
+    /// Time since which SAFE is held in Returning.
     held_since_us: Option<u64>,
-    /// The last tick, and how long after the one before it came.
+    /// Time of the last tick and the interval before it.
     last_tick_us: Option<u64>,
     pub(crate) tick_gap_us: u64,
     ticks_to_frame: u16,
 }
 
 impl<S: LibraryStore> Controller<S> {
-    /// A controller that has not started: the first [`tick`](Self::tick) examines configuration and
-    /// library. Unusable ones do not fail here; they show as a fault and cannot be armed.
-    /// It has no memory for parameters.
+    /// A controller in [`State::Boot`], without memory for parameters. The first [`tick`](Self::tick) checks
+    /// configuration and library; an unusable one raises a fault and prevents arming.
     pub fn new(config: RobotConfig, store: S, settings: Settings) -> Self {
         Self::with_buses(config, Buses::new(), store, settings)
     }
 
-    /// The same, told what the actuators of its buses speak.
+    /// As [`Controller::new`], with the actuator protocols of its buses.
     pub fn with_buses(config: RobotConfig, buses: Buses, store: S, settings: Settings) -> Self {
         Self::with_parameters(config, buses, store, NoParameters, settings)
     }
 }
 
 impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
-    /// As [`Controller::with_buses`], with gains and limits that outlast a power cycle.
+    /// As [`Controller::with_buses`], with a store that keeps gains and limits over a power cycle.
     pub fn with_parameters(
         config: RobotConfig,
         buses: Buses,
@@ -92,12 +91,12 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         }
     }
 
-    /// The stores of library and parameters, as they are.
+    /// The stores of library and parameters.
     pub fn into_stores(self) -> (S, P) {
         (self.shelf.into_store(), self.tuning.into_store())
     }
 
-    /// Takes a frame of actuator bus `bus`.
+    /// Processes a frame of actuator bus `bus`.
     pub fn on_actuator_frame(&mut self, _now_us: u64, bus: u8, frame: &CanFrame) {
         self.motion.actuators.receive(&self.machine.config, bus, frame);
     }
@@ -107,27 +106,27 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.motion.actuators.receive_extended(&self.machine.config, bus, frame);
     }
 
-    /// Takes bytes of serial line `bus`, in any portions.
+    /// Processes bytes of serial line `bus`, in portions of any size.
     pub fn on_serial(&mut self, _now_us: u64, bus: u8, bytes: &[u8]) {
         self.motion.actuators.receive_serial(&self.machine.config, bus, bytes);
     }
 
-    /// Takes note of how an actuator bus is: on change, or in every control period. A bus that is off
-    /// takes the torque away before this returns; until [`Self::take_bus_restart`] it must stay off.
+    /// Records the error state of an actuator bus; call on change, or in every control period. Bus-off switches
+    /// torque off before this returns; the bus must stay off until [`Self::take_bus_restart`].
     pub fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) {
         if self.bus_watch.observe(bus, state) && state == BusState::Off {
             self.raise(now_us, Event::BusOff);
         }
     }
 
-    /// Takes the direction of up in the body frame (x forward, y left, z to the robot's top), of any
-    /// length, as a filter over an IMU's gyroscope and accelerometer tells it. Ten times a second at
-    /// least, and best in every control period.
+    /// Records the direction of up in the body frame (x forward, y left, z to the robot's top), of any
+    /// length, from a filter over an IMU's gyroscope and accelerometer. Call at 10 Hz at least, preferably
+    /// in every control period.
     pub fn on_attitude(&mut self, now_us: u64, up_body: [f32; 3]) {
         self.tilt.observe(now_us, up_body);
     }
 
-    /// What the body's attitude should be now: as the clip that plays says, and before that as SAFE.
+    /// Expected attitude of the body: that of the playing clip, before that the one of SAFE.
     pub(crate) fn expected_attitude(&self) -> Attitude {
         let clip = |library: &Library<'_>| match self.motion.playing() {
             Some(playing) => playing.clip,
@@ -137,19 +136,17 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         told.unwrap_or(Attitude::LEVEL)
     }
 
-    /// Whether an actuator bus that is off is to be started again, because the operator has cleared the
-    /// fault. Says so once.
+    /// Whether to restart an actuator bus that is off, because the operator has cleared the fault; true once.
     pub fn take_bus_restart(&mut self, bus: u8) -> bool {
         self.bus_watch.take_restart(bus)
     }
 
-    /// Emergency stop by the board itself: torque is off when this returns.
+    /// Emergency stop by the board's own input: torque is off when this returns.
     pub fn estop(&mut self, now_us: u64) {
         self.raise(now_us, Event::EStop);
     }
 
-    /// A control period has passed: computes the next setpoints. To be called at
-    /// [`Settings::control_hz`].
+    /// Advances by one control period and computes the next setpoints. Call at [`Settings::control_hz`].
     pub fn tick(&mut self, now_us: u64) {
         if self.state() == State::Boot {
             self.events.insert(Event::Started);
@@ -186,18 +183,18 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.motion.actuators.poll_extended(&self.machine.config, bus)
     }
 
-    /// The next packet for serial line `bus`. To be asked again once the packet has been sent; `None`
-    /// also while servos may be answering.
+    /// The next packet for serial line `bus`. Poll again once the packet has been sent; `None` also while
+    /// servos may be answering.
     pub fn poll_serial(&mut self, bus: u8) -> Option<Packet> {
         self.motion.actuators.poll_serial(&self.machine.config, bus)
     }
 
-    /// Where the controller stands.
+    /// The current state.
     pub fn state(&self) -> State {
         self.safety.state()
     }
 
-    /// Faults since the last clear, and what is wrong with the library.
+    /// Latched faults, and those of the library.
     pub fn faults(&self) -> FaultBits {
         let started = !matches!(self.state(), State::Boot | State::SelfTest);
         let mut faults = self.safety.latched();
@@ -210,33 +207,33 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         faults
     }
 
-    /// What is being played; `None` unless it plays.
+    /// Clip and frame that are playing; `None` outside of playback.
     pub fn playing(&self) -> Option<Playing> {
         self.motion.playing()
     }
 
-    /// The target that was put into a channel's mailbox last; `None` since torque went off.
+    /// The latest target in a channel's mailbox; `None` while torque is off.
     pub fn setpoint(&self, channel: usize) -> Option<Target> {
         self.motion.emitted(channel)
     }
 
-    /// The robot that it controls.
+    /// The robot's configuration.
     pub fn config(&self) -> &RobotConfig {
         &self.machine.config
     }
 
-    /// The library that it plays.
+    /// The active library.
     pub fn library(&self) -> Option<Library<'_>> {
         self.shelf.library()
     }
 
-    /// Whether the library is on trial: if no motion of it is played to its end within a few boots, the
-    /// one before it is taken into use again.
+    /// Whether the library is on trial: unless one of its motions is played to the end within a few boots, the
+    /// previous library is activated again.
     pub fn library_on_trial(&self) -> bool {
         self.shelf.on_trial()
     }
 
-    /// Ends a library's trial before it has played; only while disarmed.
+    /// Confirms a library on trial without playing it; only while disarmed.
     pub fn confirm_library(&mut self) -> Result<(), StoreError> {
         if self.state() != State::Disarmed {
             return Err(StoreError::NotSealed);
@@ -244,7 +241,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.shelf.confirm()
     }
 
-    /// Frames of the link that arrived damaged.
+    /// Count of damaged frames on the link.
     pub fn damaged_link_frames(&self) -> u32 {
         self.link.damaged_frames
     }
@@ -254,13 +251,13 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.shelf.reject()
     }
 
-    /// Whether the host has been silent for too long.
+    /// Whether the host's heartbeat has timed out.
     pub(crate) fn host_silent(&self, now_us: u64) -> bool {
         let timeout = u64::from(self.machine.settings.heartbeat_timeout_us);
         self.link.host_seen_us().is_none_or(|at| now_us.saturating_sub(at) > timeout)
     }
 
-    /// With torque on, a host that has been silent for too long is lost now.
+    /// Raises `HostLost` if the heartbeat has timed out while torque is on.
     pub(crate) fn notice_lost_host(&mut self, now_us: u64) {
         if self.state().torque() != Torque::Off && self.host_silent(now_us) {
             self.raise(now_us, Event::HostLost);
@@ -285,8 +282,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         let elapsed = |since: u64, limit: u32| now_us.saturating_sub(since) >= u64::from(limit);
         match self.state() {
             State::Returning => {
-                // An operator who disarms waits for it. When the host was lost nobody may know that
-                // the robot is about to sink: SAFE is held for a moment first.
+                // An operator who disarms expects the robot to sink. After a lost host bystanders may not:
+                // SAFE is held for a moment first.
                 let hold = if self.safety.latched().is_empty() { 0 } else { settings.hold_us };
                 if self.held_since_us.is_some_and(|since| elapsed(since, hold)) {
                     self.events.insert(Event::HoldElapsed);
@@ -302,17 +299,17 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         }
     }
 
-    /// Something happened: handled before this returns.
+    /// Raises an event and handles it before returning.
     pub(crate) fn raise(&mut self, now_us: u64, event: Event) {
         self.events.insert(event);
         self.settle(now_us);
     }
 
-    /// Lets the state machine handle what was raised, most severe first.
+    /// Handles the raised events, most severe first.
     fn settle(&mut self, now_us: u64) {
         let mut first = true;
         while let Some(event) = self.events.pop() {
-            // Those after it may have been overtaken by what it did.
+            // Its action may have superseded the remaining events.
             debug_assert!(
                 !first || self.safety.can_arise(event),
                 "{event:?} in {:?}",
@@ -326,7 +323,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             }
             self.shelf.observe(event);
             if self.state() != before || event == Event::EStop {
-                // What was asked for in another state, or before a stop, cannot be confirmed now.
+                // A nonce requested in another state, or before a stop, is void.
                 self.gate.void();
             }
             if self.state() != before {

@@ -1,26 +1,25 @@
-//! The gate for commands: each one at most once, in order, in time, and the dangerous ones in two
-//! steps.
+//! Admission of commands: each one at most once, in order and unexpired; ARM and CLEAR in two steps, with a nonce.
 
 use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
 
-/// From a nonce to the next: odd, so that all come before one comes again, and not small, so that neighbours
-/// are unlike.
+/// Increment between nonces: odd, so that the sequence has full period, and large, so that successive nonces differ
+/// in many bits.
 const NONCE_STEP: u16 = 0x9E37;
-/// How long a nonce can be confirmed, µs.
+/// Lifetime of a nonce, µs.
 const NONCE_LIFE_US: u64 = 2_000_000;
 
-/// What is to be done with a command.
+/// Decision on a received command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
-    /// Execute it, then [`Gate::answered`].
+    /// Execute it, then call [`Gate::answered`].
     Execute,
-    /// Answer with this again: it was executed before.
+    /// Repeat this answer: the command has been executed before.
     Repeat(CommandAck),
-    /// Answer with this result and do nothing.
+    /// Refuse it with this result.
     Refuse(CommandResult),
 }
 
-/// What a nonce is for.
+/// Command that a nonce confirms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Permit {
     /// Torque on.
@@ -36,10 +35,10 @@ struct Nonce {
     until_us: u64,
 }
 
-/// Sequence numbers that there are.
+/// Count of sequence numbers.
 const NUMBERS: usize = 16;
 
-/// Remembers the commands that may still come again, the answer to the last, and the nonce that is out.
+/// Recent commands, the answer to the latest, and the pending nonce.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Gate {
     last: Option<(Command, CommandAck)>,
@@ -52,7 +51,7 @@ pub(crate) struct Gate {
 }
 
 impl Gate {
-    /// Judges a command that came in.
+    /// Decides on a received command.
     pub fn judge(&self, now_us: u64, command: Command) -> Verdict {
         if let Some((last, ack)) = self.last {
             // Ahead by 1 to 8 is newer; sequence numbers go round at 16.
@@ -76,8 +75,7 @@ impl Gate {
         self.known.get(usize::from(command.seq)).is_some_and(|known| *known == Some(command))
     }
 
-    /// Remembers a command and its answer. What is too late, or was overtaken by others, is not the last
-    /// one: those after it are counted from the one before.
+    /// Records a command and its answer. Expired and superseded commands do not advance the sequence.
     pub fn answered(&mut self, now_us: u64, command: Command, ack: CommandAck) {
         if command.expired(now_us) {
             return;
@@ -91,8 +89,8 @@ impl Gate {
         }
     }
 
-    /// A new nonce; the one before is void. Not a secret: it proves that whoever confirms has heard
-    /// the answer to a request made just now. None comes again before all 65,536 have been drawn.
+    /// Draws a new nonce and voids the one before. It is not a secret: it proves that the confirming host received
+    /// the answer to a recent request. The sequence repeats only after all 65,536 values.
     pub fn draw(&mut self, now_us: u64, permit: Permit) -> u16 {
         // The first is another after each start: multiplicative hashing (Knuth) of the time.
         let first = || ((now_us as u32).wrapping_mul(0x9E37_79B1) >> 16) as u16;
@@ -102,14 +100,14 @@ impl Gate {
         value
     }
 
-    /// Whether the nonce is the one that is out. It is void afterwards, right or wrong.
+    /// Whether `value` is the pending nonce; voids it in either case.
     pub fn redeem(&mut self, now_us: u64, permit: Permit, value: u16) -> bool {
         self.nonce.take().is_some_and(|nonce| {
             nonce.permit == permit && nonce.value == value && now_us <= nonce.until_us
         })
     }
 
-    /// Makes the nonce void: what it was asked for no longer holds.
+    /// Voids the nonce, because its preconditions changed.
     pub fn void(&mut self) {
         self.nonce = None;
     }

@@ -1,8 +1,7 @@
-//! What happened to the controller: the last changes of its state and the last faults that appeared, for a
-//! host that asks afterwards.
+//! Log of the last state changes and faults, for a host that connects afterwards.
 //!
-//! In RAM: a reset forgets it. What changes nothing leaves no entry, so neither repeated frames nor a fault
-//! that lasts push out what tells why the robot stopped.
+//! Kept in RAM until a reset. Only changes are recorded, so neither repeated frames nor a lasting fault displace the
+//! entries that explain why the robot stopped.
 
 use rollwalk_protocol::wire::{Log, LogEntry, LogEvent, MAX_LOG_ENTRIES};
 
@@ -10,14 +9,14 @@ use crate::controller::Controller;
 use crate::safety::{Event, State};
 use crate::store::{LibraryStore, ParameterStore};
 
-/// A change of state or a fault that appeared; made an entry of the link when somebody asks for it.
+/// A state change or a new fault; converted to a log entry of the link on request.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Note {
     at_us: u64,
     event: Event,
     before: State,
     after: State,
-    /// As told by FAULT.
+    /// As reported by FAULT.
     channel: Option<u8>,
     value: f32,
 }
@@ -36,7 +35,7 @@ impl Note {
     }
 }
 
-/// The last notes, each at its number modulo their count.
+/// Ring buffer of the last notes, each at its number modulo the capacity.
 #[derive(Clone, Debug)]
 pub(crate) struct Journal {
     notes: [Option<Note>; MAX_LOG_ENTRIES],
@@ -55,10 +54,10 @@ impl Journal {
         self.next = self.next.wrapping_add(1);
     }
 
-    /// What there is from number `since` on.
+    /// Entries from number `since` on.
     pub fn tell(&self, now_us: u64, since: u32) -> Log {
         let oldest = self.next.saturating_sub(MAX_LOG_ENTRIES as u32);
-        // A number that is still to come is one from before a reset: there is nothing after it.
+        // A number that has not been reached yet dates from before a reset: no entry follows it.
         let first = since.max(oldest).min(self.next);
         let mut log = Log::new((now_us / 1000) as u32, first, self.next);
         for number in first..self.next {
@@ -71,8 +70,8 @@ impl Journal {
 }
 
 impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
-    /// An event has led from one state to another, or is a fault that is new. To be told before anything
-    /// is done about it: afterwards nobody knows any more which joint was furthest from its setpoint.
+    /// Records an event that changed the state, or a new fault. Must be called before the reaction is carried out:
+    /// afterwards the joint furthest from its setpoint can no longer be determined.
     pub(crate) fn note(&mut self, at_us: u64, event: Event, before: State) {
         let details = event.fault().map(|fault| self.details(at_us, fault));
         let (channel, value) = details.unwrap_or((None, 0.0));

@@ -2,18 +2,18 @@
 //!
 //! ```text
 //! link frames ──> Controller ──> link frames
-//!                  │  messages: what was said, and the answer  (gate: once, in order, in time)
-//!                  │  link:     what is to be said, and when
-//!                  │  safety:   what may happen                (pure state machine)
-//!                  │  motion:   what the actuators do          (align or walk ─> player, then
+//!                  │  messages: decodes requests and answers    (gate: once, in order, unexpired)
+//!                  │  link:     transmit scheduler of the host link
+//!                  │  safety:   states, events, transitions     (pure state machine)
+//!                  │  motion:   setpoints of the actuators      (align or player, then
 //!                  │                                            limiter ─> actuators' mailboxes)
-//!                  │  tuning:   gains and limits, set and kept
-//!                  │  journal:  what happened, for whoever asks later
-//!                  └─ transfer: the library, in its store
+//!                  │  tuning:   gains and torque limits at run time
+//!                  │  journal:  log of state changes and faults
+//!                  └─ transfer: receives libraries into the store
 //! ```
 //!
 //! Sans-IO: frames and the time go in, frames come out. No clock, no allocation, no `unsafe`, no
-//! panic whatever comes in. What it does when is told in `docs/playback-and-safety.md`.
+//! panic on any input. `docs/playback-and-safety.md` specifies the behaviour.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -1,16 +1,16 @@
-//! The last stage before the wire: whatever comes in, what goes out is within the robot's limits.
+//! Last stage before the wire: clamps every setpoint to the robot's limits.
 //!
 //! Per channel and tick: a value that is not finite holds the last one, the value is brought into
 //! its range, then no further from the last value than the rate limit allows. A channel emits
-//! nothing before it has been told where it stands ([`Limiter::start`]), so the first setpoint
-//! after torque-on is the measured pose, not a remembered one.
+//! nothing before [`Limiter::start`] sets its measured value, so the first setpoint after torque-on is the
+//! measured pose, not a remembered one.
 //!
 //! A joint that starts outside its range (a leg resting on its stop) is not thrown into it: it may
 //! stay or follow its target inwards, never further out.
 
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS};
 
-/// What a channel shall do next, before the gains.
+/// Target of a channel, without gains.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Target {
     /// Joint angle, rad, or wheel speed, rad/s.
@@ -32,12 +32,12 @@ impl Limiter {
         Self { period_s, last: [None; MAX_CHANNELS] }
     }
 
-    /// Forgets where the channels stand: nothing is emitted until they are started again.
+    /// Resets all channels: none emits a setpoint until it is started again.
     pub fn stop(&mut self) {
         self.last = [None; MAX_CHANNELS];
     }
 
-    /// Tells that a channel stands at a measured value, rad or rad/s. Ignored when not finite.
+    /// Starts a channel at its measured value, rad or rad/s. Ignored when not finite.
     pub fn start(&mut self, channel: usize, measured: f32) {
         if let Some(last) = self.last.get_mut(channel)
             && measured.is_finite()
@@ -46,7 +46,7 @@ impl Limiter {
         }
     }
 
-    /// Where a channel was sent last, or started; `None` when it was not started.
+    /// The last emitted value, or the measured one after a start; `None` when the channel is stopped.
     pub fn last(&self, channel: usize) -> Option<f32> {
         self.last.get(channel).copied().flatten()
     }

@@ -1,8 +1,8 @@
-//! What is to be said on the link, and when.
+//! Transmit scheduler of the host link: status, faults, answers and telemetry, the most urgent first.
 //!
-//! Answers wait here until the bus takes them, the most urgent first. All but the answers to
-//! commands are latest values or flags, and those are a few at most: whoever floods the controller
-//! with requests gets the latest answers, and nothing grows.
+//! Messages wait here until the bus accepts them. Acknowledgements of commands have a short queue; everything else
+//! is a latest value or a flag, so a host that floods the controller with requests receives the latest answers and
+//! memory stays bounded.
 
 use heapless::Deque;
 use rollwalk_protocol::can::CanFrame;
@@ -16,16 +16,16 @@ use rollwalk_protocol::wire::{
 /// Telemetry messages of each 60 Hz frame: 240 a second, 6 % of a 500 kbit/s bus.
 const TELEMETRY_PER_FRAME: u8 = 4;
 const STATUS_PERIOD_US: u64 = STATUS_PERIOD_MS as u64 * 1000;
-/// A fault that lasts is reported again after so long, µs.
+/// Interval at which a lasting fault is reported again, µs.
 const REPORT_PERIOD_US: u64 = 1_000_000;
-/// Longest answer, bytes: a LOG with all that it may have.
+/// Longest answer, bytes: a LOG with the maximum number of entries.
 const MAX_RESPONSE: usize = 13 + LOG_ENTRY_BYTES * MAX_LOG_ENTRIES;
-/// A heartbeat is newer than another one if its number is ahead by so many at most, modulo 256.
+/// Largest difference, modulo 256, by which the number of a newer heartbeat may be ahead.
 const MOST_AHEAD: u8 = 127;
-/// A message takes a few calls to move through the transport; after so many something is wrong.
+/// Most polls that a message may need to pass through the transport; more indicate an internal error.
 const MAX_POLLS: usize = 4;
 
-/// Something to say that depends on how the controller is when it is said.
+/// A message whose content is sampled at the moment of transmission.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Say {
     EstopAck,
@@ -48,7 +48,7 @@ pub(crate) struct Link {
     endpoint: Endpoint,
     estop_ack: bool,
     heartbeat: Option<HeartbeatReply>,
-    /// Number of the last heartbeat that was a sign of life, and when it came, µs.
+    /// Number and time, µs, of the last heartbeat that fed the watchdog.
     last_heartbeat: Option<(u8, u64)>,
     acks: Deque<CommandAck, 4>,
     parameter: Option<ParameterAck>,
@@ -90,7 +90,7 @@ impl Link {
         }
     }
 
-    /// Whether a message to `to` is for us. With an unusable address we still hear what is for all.
+    /// Whether a message to `to` is for this node. With an unusable address only broadcasts are.
     pub fn is_for_us(&self, to: Node) -> bool {
         to == Node::BROADCAST || self.node == Some(to)
     }
@@ -103,9 +103,9 @@ impl Link {
         self.discovered = true;
     }
 
-    /// Takes a heartbeat. One that is not ahead of the last one is answered but is no sign of life: whatever
-    /// repeats frames, one or its last few over and over, is no host. After `timeout_us` without a sign of life
-    /// the count begins anew: a robot with torque has gone home by then, and a host that was started again is heard.
+    /// Processes a heartbeat. One that is not ahead of the last one is answered but does not feed the watchdog: a
+    /// bridge that repeats its last frames is no host. After `timeout_us` without a valid heartbeat any number is
+    /// accepted: a robot with torque has returned to SAFE by then, and a restarted host can connect.
     pub fn on_heartbeat(&mut self, now_us: u64, heartbeat: Heartbeat, timeout_us: u32) {
         let feeds = self.last_heartbeat.is_none_or(|(seq, at_us)| {
             let ahead = heartbeat.seq.wrapping_sub(seq);
@@ -119,7 +119,7 @@ impl Link {
         self.heartbeat = Some(HeartbeatReply { seq: heartbeat.seq, controller_ms });
     }
 
-    /// When the host gave its last sign of life, µs.
+    /// Time of the last heartbeat that fed the watchdog, µs.
     pub fn host_seen_us(&self) -> Option<u64> {
         self.last_heartbeat.map(|(_, at)| at)
     }
@@ -132,12 +132,12 @@ impl Link {
         let _ = self.acks.push_back(ack);
     }
 
-    /// A host that asks again before it took the answer gets the later one.
+    /// Replaces an answer that has not been sent yet.
     pub fn acknowledge_parameter(&mut self, ack: ParameterAck) {
         self.parameter = Some(ack);
     }
 
-    /// Takes a frame of the transport; whether a request is now complete.
+    /// Processes a transport frame; returns whether it completed a request.
     pub fn on_transport(&mut self, now_us: u64, data: &[u8]) -> bool {
         self.endpoint.on_frame(data, now_us) == Event::Received
     }
@@ -147,8 +147,8 @@ impl Link {
         self.endpoint.received()
     }
 
-    /// Answers a request. A host asks one thing at a time: when it asks again, it has not got the answer
-    /// to what it asked before, and does not wait for it any more.
+    /// Answers a request. A host has one request pending at a time: a new one means that it no longer waits
+    /// for the answer to the one before.
     #[inline(never)]
     pub fn respond(&mut self, response: &Response) {
         let mut bytes = [0; MAX_RESPONSE];
@@ -164,14 +164,14 @@ impl Link {
         self.telemetry_left = TELEMETRY_PER_FRAME;
     }
 
-    /// Reports a fault although it is no news, because something was refused for it.
+    /// Reports known faults again, because a command was refused for them.
     pub fn report(&mut self, faults: FaultBits) {
         self.reports.0 |= faults.0;
     }
 
-    /// Once per control period: is a status message due, or a fault report?
+    /// Schedules status messages and fault reports; call once per control period.
     pub fn observe(&mut self, now_us: u64, status: Status) {
-        // The frame counts on all the time; that alone is no change.
+        // The frame number advances all the time; that alone is no change.
         let essence = |s: Status| (s.state, s.severity, s.faults, s.clip, s.library);
         let changed = self.last_status.map(essence) != Some(essence(status));
         self.last_status = Some(status);
@@ -183,7 +183,7 @@ impl Link {
         }
     }
 
-    /// What to say next, most urgent first.
+    /// The next message to send, most urgent first.
     pub fn next(&mut self, now_us: u64, channels: u8) -> Option<Say> {
         let node = self.node?;
         if core::mem::take(&mut self.estop_ack) {
@@ -225,8 +225,8 @@ impl Link {
     }
 }
 
-/// Whether it is time again for something periodic. Keeps the average rate whatever the rate at
-/// which it is asked, and makes up for nothing after a gap.
+/// Whether a periodic message is due. Keeps the average rate at any polling rate; periods missed in a gap are
+/// dropped.
 fn due(at_us: &mut u64, now_us: u64, period_us: u64) -> bool {
     let due = now_us >= *at_us;
     if due {

@@ -1,4 +1,4 @@
-//! The controller's side of every message on the link: what comes in, and what is answered.
+//! Messages of the host link: decodes requests and commands, executes them and produces the answers.
 
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::library::{FORMAT_MAJOR, FORMAT_MINOR, NodeId};
@@ -16,11 +16,11 @@ use crate::player::PLANNED_SPEED_64THS;
 use crate::safety::{Event, State, Torque};
 use crate::store::{LibraryStore, ParameterStore};
 
-/// What an accepted command has to say besides "ok": the motion, and a nonce or a number of frames.
+/// Values acknowledged with an accepted command: the motion, and a nonce or a number of frames.
 type Done = (Option<NodeId>, u16);
 
 impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
-    /// Takes a frame of the link. Frames of others are ignored, damaged ones counted.
+    /// Processes a frame of the link. Frames for other nodes are ignored, damaged ones counted.
     pub fn on_link_frame(&mut self, now_us: u64, frame: &CanFrame) {
         let (to, message) = match ToController::decode(frame) {
             Ok(received) => received,
@@ -39,13 +39,13 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 self.link.acknowledge_estop();
             }
             ToController::Heartbeat(heartbeat) => {
-                // One that comes too late must not hide that, even if it comes before the next tick.
+                // A late heartbeat must not hide the timeout, even if it arrives before the next tick.
                 self.notice_lost_host(now_us);
                 let timeout_us = self.machine.settings.heartbeat_timeout_us;
                 self.link.on_heartbeat(now_us, heartbeat, timeout_us);
             }
             ToController::Command(command) => self.on_command(now_us, command),
-            // A conversation is between two: what is for all could only collide in its answers.
+            // The transport is point to point: answers to a broadcast would collide.
             ToController::Transport if to == Node::BROADCAST => {}
             ToController::Transport => {
                 if self.link.on_transport(now_us, frame.data()) {
@@ -61,7 +61,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     pub fn poll_link(&mut self, now_us: u64) -> Option<CanFrame> {
         let node = self.link.node?;
         let channels = self.machine.config.channels.len() as u8;
-        // Of telemetry some has nothing to tell; of everything else the first is the one.
+        // Channels without telemetry are skipped; all other messages are sent as they come.
         for _ in 0..=channels {
             let frame = match self.link.next(now_us, channels)? {
                 Say::EstopAck => Some(EstopAck { state: self.state().into() }.encode(node)),
@@ -120,7 +120,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 self.go(now_us, safe.ok_or(CommandResult::NoLibrary))
             }
             Action::Disarm => {
-                // Whoever was about to arm has changed their mind.
+                // The operator who was about to arm has changed their mind.
                 self.gate.void();
                 self.raise(now_us, Event::Disarm);
                 Ok(NOTHING_TO_SAY)
@@ -164,7 +164,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         if good { Ok(()) } else { Err(CommandResult::WrongNonce) }
     }
 
-    /// Whether torque may go on now. What stands in the way is also reported as a fault.
+    /// Whether arming is possible now. Conditions that prevent it are also reported as faults.
     fn may_arm(&mut self, now_us: u64) -> Result<(), CommandResult> {
         let obstacle = |fault| (CommandResult::FaultPresent, FaultBits::default().with(fault));
         let (result, faults) = if self.state() != State::Disarmed {
@@ -184,7 +184,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         } else if self.motion.actuators.health().faulty {
             obstacle(Fault::ActuatorFault)
         } else if !self.motion.actuators_heard(&self.machine)
-            // One that has missed "off" would go on from what it was told before.
+            // An actuator that missed "off" would resume its previous setpoint.
             || !self.motion.actuators.all_known_off()
         {
             (CommandResult::PoseUnknown, FaultBits::default().with(Fault::ActuatorSilent))
@@ -197,7 +197,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         Err(result)
     }
 
-    /// A command that leads from one state to another is for the first; in the second it is done.
+    /// Accepts a transition in state `from`; in state `to` it is already done.
     fn may(&self, from: State, to: State) -> Result<(), CommandResult> {
         match self.state() {
             state if state == from || state == to => Ok(()),
@@ -229,7 +229,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         Ok(done)
     }
 
-    /// Sends the player to a node, if it may be sent anywhere.
+    /// Sends the player to a node, if the state permits it.
     fn go(
         &mut self,
         now_us: u64,
@@ -244,7 +244,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         let frames =
             self.motion.set_goal(&library, node).map_err(|_| CommandResult::Unreachable)?;
         let moves = !self.motion.rests_in_safe(&library);
-        // RETURN from a halt; nothing changes for whoever has not paused.
+        // RETURN from a halt; without a pause this has no effect.
         self.raise(now_us, Event::ResumeAsked);
         if moves {
             self.raise(now_us, Event::MotionStarted);
@@ -269,7 +269,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             }),
             Ok(Request::Log { since }) => return self.tell(now_us, since),
             Ok(request) => {
-                // Whoever was about to arm had another library in mind.
+                // The operator who was about to arm expected another library.
                 self.gate.void();
                 Response::Reply(self.shelf.handle(&request, may_write, config))
             }
@@ -281,14 +281,14 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.link.respond(&response);
     }
 
-    /// Apart from the others: below them lies the deepest of the stack, where libraries are validated, and this
-    /// answer is the longest.
+    /// A function of its own: this is the longest answer, and the other requests lead to the deepest stack, where
+    /// libraries are validated.
     #[inline(never)]
     fn tell(&mut self, now_us: u64, since: u32) {
         self.link.respond(&Response::Log(self.journal.tell(now_us, since)));
     }
 
-    /// How the controller is, as it is said on the link.
+    /// The STATUS message.
     pub(crate) fn status(&self, counter: u8) -> Status {
         let playing = self.playing();
         let faults = self.faults();
@@ -320,7 +320,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         Some(FaultReport { counter, fault, channel, value })
     }
 
-    /// What a fault is about, and by how much, as things stand.
+    /// Channel and current value of a fault.
     pub(crate) fn details(&self, now_us: u64, fault: Fault) -> (Option<u8>, f32) {
         let about = self.motion.details(&self.machine, fault);
         match fault {
@@ -329,7 +329,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 (None, since.map_or(0.0, |us| us as f32 * 1e-6))
             }
             Fault::Tilt => {
-                // Minus one for an IMU that is silent.
+                // Minus one for an IMU without fresh measurements.
                 let awake = self.tilt.is_awake(now_us);
                 let excess = self.tilt.excess_rad(&self.expected_attitude());
                 (None, excess.filter(|_| awake).unwrap_or(-1.0))

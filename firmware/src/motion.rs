@@ -1,8 +1,8 @@
-//! What moves the actuators: enabling, alignment, playback, damping, off.
+//! Setpoints of the actuators: enabling, alignment, playback, damping, off.
 //!
-//! A stage for each torque state of the state machine. Whatever the stage, a target reaches a
-//! mailbox only through the limiter, and the limiter lets nothing through for a channel whose
-//! measured pose it has not been given since torque was last off.
+//! One stage for each torque state of the state machine. In every stage a target reaches a mailbox only through the
+//! limiter, and the limiter passes nothing for a channel whose measured pose it has not received since torque was
+//! last off.
 
 use heapless::Vec;
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
@@ -19,7 +19,7 @@ use crate::safety::{Event, EventSet};
 use crate::settings::Settings;
 use crate::walk::GoalError;
 
-/// In torque-off states each actuator is asked for its pose so often, Hz.
+/// Rate at which each actuator is queried for its pose while torque is off, Hz.
 const QUERY_HZ: u16 = 20;
 
 #[derive(Clone, Debug)]
@@ -32,21 +32,21 @@ enum Stage {
     Damped,
 }
 
-/// Robot and settings: what does not change while the controller runs.
+/// Robot and settings: constant while the controller runs.
 pub(crate) struct Machine {
     pub config: RobotConfig,
     pub buses: Buses,
     pub settings: Settings,
 }
 
-/// The moving side of the controller.
+/// Motion stage with its ramp, player, limiter and actuators.
 pub(crate) struct Motion {
     stage: Stage,
     limiter: Limiter,
     pub actuators: Actuators,
     pub parameters: Parameters,
     emitted: [Option<Target>; MAX_CHANNELS],
-    /// For how many ticks some joint has been far from its setpoint.
+    /// Ticks for which some joint has been far from its setpoint.
     behind_ticks: u32,
     ticks_to_query: u16,
 }
@@ -64,12 +64,12 @@ impl Motion {
         }
     }
 
-    /// The target that went to the actuator last; `None` since torque went off.
+    /// The latest target sent to the actuator; `None` while torque is off.
     pub fn emitted(&self, channel: usize) -> Option<Target> {
         self.emitted.get(channel).copied().flatten()
     }
 
-    /// What is being played.
+    /// Clip and frame that are playing.
     pub fn playing(&self) -> Option<Playing> {
         match &self.stage {
             Stage::Playing(player) => Some(player.playing()),
@@ -77,11 +77,11 @@ impl Motion {
         }
     }
 
-    /// Feedback at most so many ticks old is there unless an actuator is silent.
+    /// Age in ticks beyond which feedback counts as missing.
     fn patience_ticks(&self, machine: &Machine) -> u16 {
         match self.stage {
-            // While torque is off they are asked now and then only, and when enabling starts the
-            // last answer may be as old as that.
+            // While torque is off the actuators are queried at a low rate, and when enabling starts the
+            // last answer may be one query interval old.
             Stage::Off | Stage::Enabling { .. } => {
                 let query_ticks = machine.settings.control_hz / QUERY_HZ;
                 query_ticks.saturating_mul(2).saturating_add(FRESH_TICKS)
@@ -90,12 +90,12 @@ impl Motion {
         }
     }
 
-    /// Whether every actuator has lately told its pose.
+    /// Whether the pose of every actuator is fresh.
     pub fn actuators_heard(&self, machine: &Machine) -> bool {
         self.actuators.health().heard_within(self.patience_ticks(machine))
     }
 
-    /// A joint that was measured far outside its range, or not at all.
+    /// A joint whose measured position is missing or far outside its range.
     pub fn implausible(&self, machine: &Machine) -> Option<usize> {
         let slack = machine.settings.out_of_range_rad;
         machine.config.channels.iter().enumerate().position(|(i, channel)| {
@@ -106,7 +106,7 @@ impl Motion {
         })
     }
 
-    /// The channel that a fault is about, and its value, as a fault report tells it.
+    /// Channel and value of a fault, for its report.
     pub fn details(&self, machine: &Machine, fault: Fault) -> Option<(u8, f32)> {
         let mut channels = 0..machine.config.channels.len();
         let (channel, value) = match fault {
@@ -117,7 +117,7 @@ impl Motion {
             Fault::ActuatorFault => {
                 let status = |i| self.actuators.feedback(i).map(|f| f.status);
                 let faulty = |&i: &usize| status(i).is_some_and(|s| s.faulty());
-                // Once torque was taken off it says nothing that one is off.
+                // After torque-off, a disabled actuator is no sign of a fault.
                 let off = |&i: &usize| {
                     !matches!(self.stage, Stage::Off) && status(i).is_some_and(|s| !s.enabled())
                 };
@@ -138,14 +138,14 @@ impl Motion {
         Some((u8::try_from(channel).ok()?, value))
     }
 
-    /// How far a joint was measured from its last setpoint, rad.
+    /// Distance between a joint's measured position and its last setpoint, rad.
     fn lag_rad(&self, machine: &Machine, channel: usize) -> Option<f32> {
         let joint = machine.config.channels.get(channel)?.kind == ChannelKind::JointPosition;
         let setpoint = self.limiter.last(channel).filter(|_| joint)?;
         Some((setpoint - self.actuators.measured(&machine.config, channel)?).abs())
     }
 
-    /// Torque off at once.
+    /// Switches torque off at once.
     pub fn cut(&mut self) {
         self.stage = Stage::Off;
         self.limiter.stop();
@@ -154,12 +154,12 @@ impl Motion {
         self.ticks_to_query = 0;
     }
 
-    /// Enable, then ramp from the measured pose to SAFE.
+    /// Enables the actuators, then ramps from the measured pose to SAFE.
     pub fn align(&mut self) {
         self.stage = Stage::Enabling { ticks: 0 };
     }
 
-    /// Play, starting at rest in SAFE.
+    /// Starts playback at rest in SAFE.
     pub fn hold_safe(
         &mut self,
         machine: &Machine,
@@ -171,14 +171,14 @@ impl Motion {
         Ok(())
     }
 
-    /// Send the player to SAFE.
+    /// Sends the player to SAFE.
     pub fn route_to_safe(&mut self, library: Option<Library<'_>>) -> Result<(), Unreadable> {
         let library = library.ok_or(Unreadable)?;
         self.resume();
         self.set_goal(&library, library.safe_node()).map(|_| ()).map_err(|_| Unreadable)
     }
 
-    /// Ask the player for a motion. Frames until it starts.
+    /// Requests a motion from the player; returns the frames until it starts.
     pub fn set_goal(&mut self, library: &Library<'_>, goal: NodeId) -> Result<u16, GoalError> {
         match &mut self.stage {
             Stage::Playing(player) => {
@@ -189,21 +189,21 @@ impl Motion {
         }
     }
 
-    /// Sets the speed of playback, in 64ths of the planned one.
+    /// Sets the playback speed, in 64ths of the planned one.
     pub fn set_speed(&mut self, speed_64ths: u8) {
         if let Stage::Playing(player) = &mut self.stage {
             player.set_speed(speed_64ths);
         }
     }
 
-    /// Lets playback come to a halt.
+    /// Slows playback down to a halt.
     pub fn pause(&mut self) {
         if let Stage::Playing(player) = &mut self.stage {
             player.halt();
         }
     }
 
-    /// Lets playback go on.
+    /// Resumes playback.
     pub fn resume(&mut self) {
         if let Stage::Playing(player) = &mut self.stage {
             player.go_on();
@@ -215,7 +215,7 @@ impl Motion {
         matches!(&self.stage, Stage::Playing(player) if player.rests_in_safe(library))
     }
 
-    /// Let joints go, damped, and brake wheels.
+    /// Damps joints without stiffness and brakes wheels.
     pub fn damp(&mut self, machine: &Machine) {
         for i in 0..machine.config.channels.len() {
             if self.limiter.last(i).is_none()
@@ -224,18 +224,18 @@ impl Motion {
                 self.limiter.start(i, measured);
             }
         }
-        // An enable that has not left would come after the decision to let go.
+        // A pending enable would be sent after the decision to damp.
         self.actuators.drop_orders();
         self.stage = Stage::Damped;
     }
 
-    /// A control period has passed, feedback may be missing.
+    /// Checks feedback once per control period.
     pub fn watch(&mut self, machine: &Machine, events: &mut EventSet) {
         self.actuators.age();
         self.parameters.advance(&machine.config);
         let torque_must_be_on = match self.stage {
             Stage::Off => return,
-            // Let down while they were being enabled, some were never on.
+            // Damped while they were being enabled, some actuators were never on.
             Stage::Enabling { .. } | Stage::Damped => false,
             Stage::Ramping { .. } | Stage::Playing(_) => true,
         };
@@ -250,7 +250,7 @@ impl Motion {
         self.watch_following(machine, events);
     }
 
-    /// A leg that is held fast is not pushed for long.
+    /// Raises `NotFollowing` after a joint was far from its setpoint for too long.
     fn watch_following(&mut self, machine: &Machine, events: &mut EventSet) {
         let Machine { config, settings, .. } = machine;
         let far =
@@ -263,7 +263,7 @@ impl Motion {
         }
     }
 
-    /// Puts into the mailboxes what the actuators shall do for the next period.
+    /// Writes the setpoints of the next control period into the mailboxes.
     pub fn drive(
         &mut self,
         machine: &Machine,
@@ -358,7 +358,7 @@ impl Motion {
     fn emit_damping(&mut self, machine: &Machine) {
         for (i, channel) in machine.config.channels.iter().enumerate() {
             let value = match channel.kind {
-                // Without stiffness the position does not matter; staying put, it never jumps.
+                // Without stiffness the position has no effect; the last one never jumps.
                 ChannelKind::JointPosition => self.limiter.last(i),
                 ChannelKind::WheelSpeed => Some(0.0),
             };
@@ -385,7 +385,7 @@ impl Motion {
         }
     }
 
-    /// Actuators that do not know where they are: taken to be in SAFE.
+    /// Assumes SAFE as the pose of actuators that measure none.
     fn assume_safe(&mut self, library: Option<Library<'_>>) {
         let mut safe = [0.0; MAX_CHANNELS];
         if self.actuators.pose_is_assumed()
@@ -405,7 +405,7 @@ impl Motion {
     }
 }
 
-/// Whether every joint was measured near the end of the ramp.
+/// Whether every joint is measured near the end of the ramp.
 fn arrived(machine: &Machine, ramp: &Ramp, actuators: &Actuators) -> bool {
     machine.config.channels.iter().enumerate().all(|(i, channel)| {
         let error = ramp.target(i).zip(actuators.measured(&machine.config, i));

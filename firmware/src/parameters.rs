@@ -1,8 +1,8 @@
-//! Gains and torque limits as they are now: the robot's configuration, or what was set since.
+//! Gains and torque limits in force: those of the robot's configuration, or values set at run time.
 //!
-//! What is set is checked against the configuration: a gain may be raised to a multiple of what the
-//! robot was designed with, a torque limit only be lowered, because that is what libraries are
-//! validated against. While torque is on a change takes [`RAMP_US`], so that nothing kicks.
+//! New values are checked against the configuration: a gain may be raised to a multiple of the configured one; a
+//! torque limit may only be lowered, because libraries are validated against it. While torque is on, a change takes
+//! effect as a ramp of [`RAMP_US`], so that no joint jerks.
 
 use heapless::Vec;
 use rollwalk_protocol::actuator::{MAX_KD_NM_S_RAD, MAX_KP_NM_RAD};
@@ -12,14 +12,12 @@ use rollwalk_protocol::wire::{Parameter, ParameterResult};
 use crate::settings::Settings;
 use crate::store::{PARAMETERS, ParameterSet};
 
-/// A change while torque is on takes so long, µs: long against the servos' own dynamics, short for
-/// whoever waits for it.
+/// Duration of a change while torque is on, µs: long against the servos' dynamics, short for the operator.
 const RAMP_US: u32 = 500_000;
-/// A torque limit cannot be lowered below this part of the configured one: the damped stop needs
-/// some.
+/// Least torque limit as a part of the configured one: the damped stop needs some torque.
 const LEAST_TORQUE: f32 = 0.1;
 
-/// A value on its way.
+/// A value on its ramp.
 #[derive(Clone, Copy, Debug, Default)]
 struct Ramp {
     from: f32,
@@ -32,8 +30,8 @@ impl Ramp {
         Self { from: to, to, ticks_left: 0 }
     }
 
-    /// The value now, between both ends.
-    // Rarely done: once in the image instead of where it is called.
+    /// The current value on the ramp.
+    // Called rarely: kept once in the image instead of inlined.
     #[inline(never)]
     fn now(&self, ramp_ticks: u16) -> f32 {
         if self.ticks_left == 0 {
@@ -45,30 +43,29 @@ impl Ramp {
     }
 }
 
-/// Why a parameter cannot be set, and the limit that it went beyond, otherwise 0.
+/// Reason for refusing a parameter, and the violated limit, otherwise 0.
 pub(crate) type Refusal = (ParameterResult, f32);
 
 /// The parameters of all channels.
 #[derive(Clone, Debug)]
 pub(crate) struct Parameters {
     channels: Vec<[Ramp; PARAMETERS], MAX_CHANNELS>,
-    /// What the channels are held with now: those of the configuration, with these parameters. Made when
-    /// something changes, for it is wanted in every control period.
+    /// Channels in force: the configuration with these parameters. Cached, because every control period reads it.
     driven: Vec<Channel, MAX_CHANNELS>,
     ramp_ticks: u16,
-    /// Until the last of them has arrived.
+    /// Ticks until the last ramp ends.
     moving_ticks: u16,
 }
 
 impl Parameters {
-    /// Those of the configuration.
+    /// The configuration's parameters.
     pub fn new(config: &RobotConfig, settings: &Settings) -> Self {
         let ramp_ticks = u16::try_from(settings.ticks(RAMP_US)).unwrap_or(u16::MAX).max(1);
         let channels = gathered(config.channels.iter().map(|c| configured(c).map(Ramp::at)));
         Self { channels, driven: config.channels.clone(), ramp_ticks, moving_ticks: 0 }
     }
 
-    /// A control period has passed.
+    /// Advances the ramps by one control period.
     pub fn advance(&mut self, config: &RobotConfig) {
         if self.moving_ticks == 0 {
             return;
@@ -93,20 +90,19 @@ impl Parameters {
         }
     }
 
-    /// What a channel is held with now.
+    /// Parameters in force for a driven channel.
     pub fn driven(&self, channel: usize) -> Option<&Channel> {
         self.driven.get(channel)
     }
 
-    /// What a channel is damped with. The damped stop is not tuned: it damps as the robot was designed to,
-    /// within the torque limit that is in force.
+    /// Parameters of a damped channel: the configured kd, not the tuned one, within the torque limit in force.
     pub fn damped(&self, config: &RobotConfig, channel: usize) -> Option<Channel> {
         let configured = config.channels.get(channel)?;
         let max_torque_nm = self.driven(channel)?.max_torque_nm;
         Some(Channel { max_torque_nm, ..*configured })
     }
 
-    /// What a parameter was set to, even if it is still on its way there.
+    /// Goal value of a parameter, even while its ramp runs.
     pub fn get(&self, parameter: u8, channel: u8) -> Result<f32, Refusal> {
         let values = self.channels.get(usize::from(channel)).ok_or(UNKNOWN_CHANNEL)?;
         values.get(usize::from(parameter)).map(|ramp| ramp.to).ok_or(UNKNOWN_PARAMETER)
@@ -129,7 +125,7 @@ impl Parameters {
         let ramp = values.get_mut(usize::from(parameter)).ok_or(UNKNOWN_PARAMETER)?;
         // −0 is 0.
         let to = value + 0.0;
-        // A repeated value leaves a ramp alone, so that asking again and again does not delay it.
+        // A repeated value does not restart the ramp, so repeated requests do not delay it.
         if to != ramp.to {
             *ramp = Ramp { from: ramp.now(ramp_ticks), to, ticks_left: ramp_ticks };
             self.moving_ticks = ramp_ticks;
@@ -141,7 +137,7 @@ impl Parameters {
         Ok(to)
     }
 
-    /// All back to the configuration: at once, or in a ramp while `driven`.
+    /// Resets all to the configuration: at once, or in a ramp while `driven`.
     pub fn reset(&mut self, config: &RobotConfig, driven: bool) {
         let ramp_ticks = self.ramp_ticks;
         self.moving_ticks = ramp_ticks;
@@ -154,14 +150,14 @@ impl Parameters {
         self.apply(config);
     }
 
-    /// All that is set, for a store.
+    /// All values, for a store.
     pub fn all(&self, config: &RobotConfig) -> ParameterSet {
         let values = gathered(self.channels.iter().map(|values| values.map(|ramp| ramp.to)));
         ParameterSet { config_hash: config.hash(), values }
     }
 
-    /// Takes a set that was kept, as a whole or not at all; whether it fits the configuration and
-    /// its ranges.
+    /// Restores a stored set as a whole or not at all; returns whether it fits the configuration and its
+    /// ranges.
     pub fn restore(
         &mut self,
         config: &RobotConfig,
@@ -213,7 +209,7 @@ fn check(
     Err((ParameterResult::OutOfRange, if value < least { least } else { most }))
 }
 
-/// What there is of each channel: `collect` has a panic for more than fit, of which there are none.
+/// Collects one value per channel; `collect` would add a panic path for an overflow that cannot happen.
 fn gathered<T>(of_channels: impl Iterator<Item = T>) -> Vec<T, MAX_CHANNELS> {
     let mut all = Vec::new();
     for of_channel in of_channels {
@@ -305,7 +301,7 @@ mod tests {
         }
     }
 
-    /// Whatever the ratio and the configuration: what is allowed can be told to the servo.
+    /// With any ratio and configuration, an allowed gain fits the scale of a setpoint.
     #[test]
     fn gains_stay_within_the_scale_of_a_setpoint() {
         let mut config = config();

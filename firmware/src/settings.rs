@@ -1,4 +1,4 @@
-//! What can be set about a controller besides the robot itself.
+//! Settings of a controller that do not belong to the robot's configuration.
 
 use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_protocol::wire::HOST_TIMEOUT_MS;
@@ -8,13 +8,13 @@ use rollwalk_protocol::wire::HOST_TIMEOUT_MS;
 pub struct Settings {
     /// Address on the link, 0 to 14.
     pub node: u8,
-    /// Serial number of the hardware, told when the host asks who is there.
+    /// Serial number of the hardware, reported in answer to DISCOVER.
     pub uid: [u8; 6],
     /// Rate at which [`crate::Controller::tick`] is called, Hz: a multiple of 60, at most 960.
     pub control_hz: u16,
-    /// The host is lost when no heartbeat came for so long, µs.
+    /// Timeout of the host's heartbeat, µs.
     pub heartbeat_timeout_us: u32,
-    /// An actuator is lost when it gave no feedback for so many ticks.
+    /// Ticks without feedback after which an actuator counts as lost.
     pub silent_ticks: u16,
     /// Fastest joint while aligning, rad/s.
     pub align_speed_rad_s: f32,
@@ -27,21 +27,21 @@ pub struct Settings {
     pub follow_tolerance_rad: f32,
     /// ... and how long it may be further, µs: something holds it then.
     pub follow_patience_us: u32,
-    /// The control loop was too slow when a tick comes so long after the one before, µs.
+    /// Longest interval between ticks, µs; a longer one is an overrun.
     pub overrun_us: u32,
     /// How far outside its range a joint may be measured for arming, rad: beyond that the
     /// measurement, or the zero of the servo, is wrong.
     pub out_of_range_rad: f32,
     /// How far a gain may be raised at run time, as a multiple of the configured one, 1 or more.
     pub max_gain_ratio: f32,
-    /// An IMU must tell the tilt: without it arming is refused, and its silence counts as a lean.
+    /// Whether an IMU is required: without it arming is refused, and stale measurements count as a lean.
     pub imu_required: bool,
     /// Tilted by more than the motion makes it and this, rad, the robot returns to SAFE. Infinite:
     /// it does not.
     pub lean_rad: f32,
     /// Tilted by more than this it is let down damped: nothing can save it. Infinite: it is not.
     pub tip_rad: f32,
-    /// For so long it must be tilted, µs: a push is no fall.
+    /// Time beyond either angle before the controller reacts, µs.
     pub tilt_patience_us: u32,
     /// How long SAFE is held after the host was lost, µs.
     pub hold_us: u32,
@@ -75,7 +75,7 @@ impl Default for Settings {
     }
 }
 
-/// Name of a setting, and what it must be.
+/// An invalid setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SettingsError {
     /// Field of [`Settings`].
@@ -85,7 +85,7 @@ pub struct SettingsError {
 }
 
 impl Settings {
-    /// Checks that a controller can run with these.
+    /// Checks all settings.
     pub fn check(&self) -> Result<(), SettingsError> {
         let fail = |field, must| Err(SettingsError { field, must });
         let positive = |x: f32| x > 0.0 && x.is_finite();

@@ -1,7 +1,7 @@
-//! Where the motion library lives: a memory that the transfer service writes and the player reads.
+//! Memory of the motion library: written by the transfer service, read by the player.
 //!
-//! The controller writes only while disarmed. Bytes that are played are bytes that were validated as
-//! they stand: whoever overwrites the library in use makes the controller forget it first.
+//! The controller writes only while disarmed. It plays only bytes that it has validated in place: a write to the
+//! library in use invalidates it first.
 //!
 //! [`FlashStore`] keeps two libraries in NOR flash, safe against power cuts, or in a [`RamFlash`] that
 //! stands for it; [`RamStore`] keeps one in RAM.
@@ -39,27 +39,27 @@ pub trait LibraryStore {
     /// Largest library, bytes.
     fn capacity(&self) -> usize;
 
-    /// Makes room for a library of `len` bytes with that CRC-32C, and says how many of its first
-    /// bytes are here already, from a transfer that broke off.
+    /// Makes room for a library of `len` bytes with that CRC-32C. Returns the count of its leading bytes that an
+    /// interrupted transfer has already stored.
     fn begin(&mut self, len: usize, crc32c: u32) -> Result<usize, StoreError>;
 
-    /// Writes `data` at `offset` of the library on its way: no further than the bytes that are here
-    /// already, and what is here is not written again.
+    /// Writes `data` at `offset` of the incoming library. `offset` is at most the count of stored bytes; bytes that
+    /// are already stored are skipped.
     fn write(&mut self, offset: usize, data: &[u8]) -> Result<(), StoreError>;
 
-    /// All is written: checks what the memory holds now, and opens it to [`Self::received`].
+    /// Checks the complete library in memory and opens it to [`Self::received`].
     fn seal(&mut self) -> Result<(), StoreError>;
 
     /// The library that was sealed last; empty when there is none.
     fn received(&self) -> &[u8];
 
-    /// Takes the sealed library into use, on trial if the store knows such a thing.
+    /// Activates the sealed library, on trial if the store supports that.
     fn activate(&mut self) -> Result<(), StoreError>;
 
-    /// Drops the library on its way: it is not what it was said to be.
+    /// Drops the incoming library after a failed check.
     fn abandon(&mut self);
 
-    /// The library as it would be played; empty when there is none.
+    /// The active library; empty when there is none.
     fn bytes(&self) -> &[u8];
 
     /// Whether [`Self::bytes`] outlast a transfer, until [`Self::activate`].
@@ -67,24 +67,23 @@ pub trait LibraryStore {
         false
     }
 
-    /// Whether the library in use is one on trial, which gives way to the one before unless it is
-    /// confirmed in time.
+    /// Whether the active library is on trial and will be rolled back unless it is confirmed in time.
     fn on_trial(&self) -> bool {
         false
     }
 
-    /// The library in use has proved itself and stays.
+    /// Confirms the active library; it is no longer on trial.
     fn confirm(&mut self) -> Result<(), StoreError> {
         Ok(())
     }
 
-    /// The library in use was refused: takes the one before it into use, if there is one.
+    /// Reactivates the previous library after the active one was refused; returns whether there is one.
     fn roll_back(&mut self) -> bool {
         false
     }
 }
 
-/// Why a store refused.
+/// Reason for which a store refused a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreError {
     /// The library is larger than the store, or the write leaves the library.

@@ -1,29 +1,29 @@
-//! Is the body tilted as the motion that plays makes it? Told by an IMU, if there is one.
+//! Tilt protection: compares the body's attitude, measured by an optional IMU, with that of the playing clip.
 //!
-//! The adapter tells which way is up, from a filter that fuses gyroscope and accelerometer; an
-//! accelerometer alone takes every step of the robot for a tilt. The library tells which way up is in
-//! each clip, and how far it strays from there; a library that does not tell is taken to be level.
+//! The adapter supplies the direction of up from a filter that fuses gyroscope and accelerometer; an accelerometer
+//! alone mistakes every step for a tilt. The library contains the mean direction of up of each clip and the largest
+//! deviation from it; without an entry a clip counts as level.
 
 use rollwalk_protocol::library::Attitude;
 
 use crate::safety::{Event, EventSet};
 use crate::settings::Settings;
 
-/// An IMU that has been silent for so long does not know any more, µs.
+/// Age after which an IMU measurement is stale, µs.
 const STALE_US: u64 = 100_000;
 
-/// What the IMU told last, and how that compares.
+/// The latest IMU measurement and the time spent beyond each angle.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TiltWatch {
     told: Option<([f32; 3], u64)>,
-    /// Ticks for which the body has been tilted beyond the first and beyond the second angle.
+    /// Ticks spent beyond the first and beyond the second angle.
     leaning_ticks: u32,
     tipped_ticks: u32,
 }
 
 impl TiltWatch {
-    /// Takes the direction of up in the body frame, of any length. What is no direction is no sign of
-    /// life.
+    /// Records the direction of up in the body frame, of any length. Vectors without a direction are ignored and do
+    /// not refresh the measurement.
     pub fn observe(&mut self, now_us: u64, up_body: [f32; 3]) {
         let length = length(up_body);
         if length > 1e-3 && length.is_finite() {
@@ -31,17 +31,17 @@ impl TiltWatch {
         }
     }
 
-    /// Whether there is an IMU, as far as is known.
+    /// Whether an IMU has ever delivered a measurement.
     pub fn is_there(&self) -> bool {
         self.told.is_some()
     }
 
-    /// Whether the IMU has told lately.
+    /// Whether the latest measurement is fresh.
     pub fn is_awake(&self, now_us: u64) -> bool {
         self.told.is_some_and(|(_, at)| now_us.saturating_sub(at) <= STALE_US)
     }
 
-    /// How far the body is tilted from what a clip expects, rad, beyond what it strays by itself.
+    /// Tilt beyond the clip's own deviation, rad.
     pub fn excess_rad(&self, expected: &Attitude) -> Option<f32> {
         let (up, _) = self.told?;
         let cosine: f32 = up.iter().zip(&expected.up_body).map(|(a, b)| a * b).sum();
@@ -50,7 +50,7 @@ impl TiltWatch {
         Some((angle - expected.spread_rad).max(0.0))
     }
 
-    /// A control period has passed in which the body should have been as `expected`.
+    /// Advances by one control period in which the clip's attitude was `expected`.
     pub fn watch(
         &mut self,
         now_us: u64,

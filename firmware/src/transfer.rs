@@ -1,9 +1,8 @@
-//! The library and how it gets here: transfer in blocks, check, activation.
+//! Library transfer: blocks, check, activation.
 //!
-//! The only place that writes the store. Before a library changes, the proof that its bytes are valid
-//! is dropped; it comes back by validating what the store reads back. A store that keeps the library in
-//! use while the next one arrives goes on offering it, and takes the next one on trial: it is confirmed
-//! once a motion of it was played and SAFE was reached again.
+//! The only writer of the store. Before a library changes, the proof of its validity is dropped; validating the bytes
+//! read back from the store restores it. A store with two slots keeps the active library playable during a transfer
+//! and takes the new one on trial: it is confirmed once one of its motions has been played and SAFE is reached again.
 
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::{ClipId, Index, Library, Reject, Why, validate};
@@ -12,7 +11,7 @@ use rollwalk_protocol::wire::transport::{Reply, Request, TransferResult};
 use crate::safety::{Event, State};
 use crate::store::{LibraryStore, StoreError};
 
-/// A transfer: what was announced and how much of it is here.
+/// A transfer: announced length and CRC, and received bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Transfer {
     len: u32,
@@ -20,7 +19,7 @@ struct Transfer {
     next: u32,
 }
 
-/// How far the library in use has proved itself.
+/// Progress of the active library's trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Proof {
     None,
@@ -29,16 +28,16 @@ enum Proof {
     Played,
 }
 
-/// The store, what is in it, and what is on its way.
+/// The store, its library, and the transfer in progress.
 pub(crate) struct Shelf<S> {
     store: S,
     active: Option<Index>,
     transfer: Option<Transfer>,
-    /// Checked, not yet in use.
+    /// Checked, not yet active.
     finished: Option<Index>,
     reject: Option<Reject>,
     proof: Proof,
-    /// What is in use could not be played: it is validated again in the next self test.
+    /// The active library could not be played: the next self test validates it again.
     suspect: bool,
 }
 
@@ -56,28 +55,28 @@ impl<S: LibraryStore> Shelf<S> {
         }
     }
 
-    /// The store, as it is.
+    /// The store.
     pub fn into_store(self) -> S {
         self.store
     }
 
-    /// The library in use.
+    /// The active library.
     pub fn library(&self) -> Option<Library<'_>> {
         Library::open(self.store.bytes(), self.active.as_ref()?)
     }
 
-    /// Why the store's content was refused.
+    /// Reason for which the store's content was refused.
     pub fn reject(&self) -> Option<Reject> {
         self.reject
     }
 
-    /// The library that was refused is one for another robot.
+    /// Whether the library was refused because it is for another robot.
     pub fn is_for_another_robot(&self) -> bool {
         matches!(self.reject, Some(Reject { why: Why::WrongRobot { .. }, .. }))
     }
 
-    /// After power-on: takes what the store holds into use if it is valid. A library on trial that is
-    /// not gives way to the one before.
+    /// Activates the store's library after power-on if it is valid. An invalid library on trial is rolled
+    /// back.
     pub fn load(&mut self, config: &RobotConfig) {
         if core::mem::take(&mut self.suspect) {
             self.active = None;
@@ -92,12 +91,12 @@ impl<S: LibraryStore> Shelf<S> {
         }
     }
 
-    /// Takes note of what happens while the library is played.
+    /// Records events during playback.
     pub fn observe(&mut self, event: Event) {
         self.suspect |= event == Event::PlaybackFailed;
         self.proof = match (event, self.proof) {
             (Event::MotionStarted, Proof::None) => Proof::Asked,
-            // Called back before it had left.
+            // Sent back to SAFE before it had left.
             (Event::SafeReached, Proof::Asked) => Proof::None,
             (Event::SafeReached, Proof::Playing) => Proof::Played,
             (event, _) if event.fault().is_some() => Proof::None,
@@ -105,7 +104,7 @@ impl<S: LibraryStore> Shelf<S> {
         };
     }
 
-    /// Takes note of the clip that plays.
+    /// Records the clip that plays.
     pub fn see(&mut self, clip: ClipId) {
         let left_safe = |library: Library<'_>| library.safe_node().clip() != clip;
         if self.proof == Proof::Asked && self.library().is_some_and(left_safe) {
@@ -113,16 +112,16 @@ impl<S: LibraryStore> Shelf<S> {
         }
     }
 
-    /// Once per control period: confirms a library on trial that has proved itself, as soon as the
-    /// store may be written.
+    /// Confirms a library on trial that has completed a motion, as soon as the store may be written; call once per
+    /// control period.
     pub fn settle(&mut self, state: State) {
         if state == State::Disarmed && self.proof == Proof::Played {
-            // If the memory fails it stays on trial, and the next motion tries again.
+            // If the memory fails it stays on trial; the next motion tries again.
             let _ = self.confirm();
         }
     }
 
-    /// The library in use stays.
+    /// Confirms the active library.
     pub fn confirm(&mut self) -> Result<(), StoreError> {
         self.proof = Proof::None;
         if self.store.on_trial() {
@@ -133,17 +132,17 @@ impl<S: LibraryStore> Shelf<S> {
         Ok(())
     }
 
-    /// Whether the library in use is on trial.
+    /// Whether the active library is on trial.
     pub fn on_trial(&self) -> bool {
         self.store.on_trial()
     }
 
-    /// First byte of the transfer that is not here yet.
+    /// Offset of the first missing byte of the transfer.
     pub fn next(&self) -> u32 {
         self.transfer.map_or(0, |transfer| transfer.next)
     }
 
-    /// Carries out a transfer request. `may_write` while torque is off and nobody is arming.
+    /// Carries out a transfer request. `may_write` while torque is off and arming has not begun.
     pub fn handle(
         &mut self,
         request: &Request<'_>,
@@ -169,7 +168,7 @@ impl<S: LibraryStore> Shelf<S> {
 
     fn begin(&mut self, len: u32, crc32c: u32, config: &RobotConfig) -> TransferResult {
         if self.transfer.is_some_and(|t| (t.len, t.crc32c) == (len, crc32c)) {
-            // The same again: goes on where it was left.
+            // The same again: resumes.
             return TransferResult::Ok;
         }
         let size = usize::try_from(len).unwrap_or(usize::MAX);
@@ -183,7 +182,7 @@ impl<S: LibraryStore> Shelf<S> {
         self.proof = Proof::None;
         let begun = self.store.begin(size, crc32c);
         if self.store.keeps_library() {
-            // The same as before, or the one before it when that was on trial.
+            // The same library as before, or the one before it when that was on trial.
             self.load(config);
         }
         match begun {
@@ -217,7 +216,7 @@ impl<S: LibraryStore> Shelf<S> {
                 TransferResult::Ok
             }
             Err(error) => {
-                // What was written before can be gone on from, after another Begin.
+                // Another Begin can resume from the bytes written before.
                 self.transfer = None;
                 result(error)
             }
@@ -229,7 +228,7 @@ impl<S: LibraryStore> Shelf<S> {
         if transfer.next < transfer.len {
             return Ok(TransferResult::Incomplete);
         }
-        // Read back from the store: what counts is what is there, not what came over the bus.
+        // Validated as read back from the store, not as received over the bus.
         if let Err(error) = self.store.seal() {
             self.forget();
             return Ok(result(error));
@@ -264,7 +263,7 @@ impl<S: LibraryStore> Shelf<S> {
         }
     }
 
-    /// The library on its way is not what it should be.
+    /// Drops the incoming library after a failed check.
     fn forget(&mut self) {
         self.finished = None;
         self.transfer = None;
@@ -272,7 +271,7 @@ impl<S: LibraryStore> Shelf<S> {
         self.store.abandon();
     }
 
-    /// The store's only place for a library changes.
+    /// Invalidates the active library, because the store's only slot changes.
     fn leave_library(&mut self) {
         if !self.store.keeps_library() {
             self.active = None;

@@ -1,4 +1,4 @@
-//! ISO-TP: an end that is told anything, and two ends over a bus that loses, repeats and swaps frames.
+//! ISO-TP: one end that receives arbitrary frames, and two ends over a bus that loses, repeats and swaps frames.
 //!
 //! The first must stay within its room and be of use again once the noise is over. The second must
 //! deliver what was sent or an error, never anything else.

@@ -36,7 +36,7 @@ fn a_file_of_another_kind_is_recognised() {
     assert!(!desk.path("x").exists());
 }
 
-/// Told on the desktop, not by the silence of a drive on the robot.
+/// Reported on the desktop, not by a silent drive on the robot.
 #[test]
 fn a_drive_that_cannot_do_what_the_file_says_is_named_with_its_line() {
     let file = "robots/test_leg.toml";

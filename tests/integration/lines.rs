@@ -27,7 +27,7 @@ fn device() -> (String, TTYPort) {
     (device.name().expect("a name"), far)
 }
 
-/// Bytes that came; none if nothing did for a while, or nobody has the device open.
+/// Received bytes; none after a timeout, or if no program has the device open.
 fn heard(line: &mut TTYPort) -> Vec<u8> {
     let mut bytes = [0; 512];
     match line.read(&mut bytes) {
@@ -111,7 +111,7 @@ fn a_robot_behind_an_slcan_adapter_is_flashed_and_played() {
     flash_and_play(&desk, &format!("slcan:{name}"));
 }
 
-/// The superuser may use every device, so under one somebody else tries.
+/// The superuser may use every device, so under the superuser the test runs as another user.
 #[test]
 fn whoever_may_not_use_a_device_is_told_what_to_type() {
     let (name, _far) = device();

@@ -1,13 +1,13 @@
-//! A controller without CAN as an SLCAN adapter: its link on any serial line, for `slcand` and other hosts that
-//! know Lawicel's protocol.
+//! SLCAN adapter on the controller's side: the host link over a serial line, for `slcand` and other hosts that speak
+//! Lawicel's protocol.
 //!
-//! To the host it is an adapter on a bus that has one other member. Bytes go in, the link's frames and answers
-//! come out; a frame for the host becomes a line as long as the channel is open.
+//! The host sees an adapter on a bus with one other node, the controller. [`Adapter::push`] turns bytes into frames
+//! and answers; [`Adapter::line`] turns a frame for the host into a line while the channel is open.
 
 use rollwalk_protocol::can::{AnyFrame, CanFrame};
 use rollwalk_protocol::slcan::{Line, Reader, Said};
 
-/// Version of hardware and software, as Lawicel's own adapters tell it, and a serial number.
+/// Version of hardware and software in the format of Lawicel's adapters, and a serial number.
 const VERSION: &[u8] = b"V1010\r";
 const SERIAL_NUMBER: &[u8] = b"N0001\r";
 /// Lawicel's status flags: none, and bit 3, data overrun.
@@ -22,21 +22,21 @@ pub struct Adapter {
     lost: bool,
 }
 
-/// What a line of the host comes to.
+/// Result of a line from the host.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Heard {
     /// A frame for the controller.
     pub frame: Option<CanFrame>,
-    /// What the host is told.
+    /// Answer to the host.
     pub answer: Line,
 }
 
 impl Adapter {
-    /// Takes a byte of the host; says what it completes.
+    /// Processes a byte from the host; returns the result of the line that it completes.
     pub fn push(&mut self, byte: u8) -> Option<Heard> {
         let ends = byte == b'\r';
         let said = self.reader.push(byte);
-        // What is no line was skipped up to its end: that is a no as well.
+        // An overlong line was skipped up to its end and is refused.
         let (frame, answer) = match (said, ends) {
             (Some(said), _) => self.obey(said),
             (None, true) => (None, no()),
@@ -48,7 +48,7 @@ impl Adapter {
     fn obey(&mut self, said: Said) -> (Option<CanFrame>, Line) {
         let done = match said {
             Said::Frame(AnyFrame::Standard(frame)) if self.open => return (Some(frame), yes()),
-            // Onto the bus, where nobody takes it.
+            // The link has no node for such frames.
             Said::Frame(AnyFrame::Extended(_)) => self.open,
             Said::Frame(AnyFrame::Standard(_)) => false,
             Said::Bitrate(_) => !self.open,
@@ -67,13 +67,12 @@ impl Adapter {
         (None, if done { yes() } else { no() })
     }
 
-    /// The line for a frame of the controller; `None` while the host has not opened the channel: such a frame
-    /// was on a bus where it does not take part.
+    /// The line for a frame of the controller; `None` while the channel is closed.
     pub fn line(&self, frame: &CanFrame) -> Option<Line> {
         if self.open { Said::Frame((*frame).into()).encode() } else { None }
     }
 
-    /// Bytes of the host were lost. It is told when it asks for the status flags.
+    /// Records that bytes of the host were lost; the status flags report it.
     pub fn lost(&mut self) {
         self.lost = true;
     }

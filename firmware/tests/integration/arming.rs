@@ -178,7 +178,7 @@ fn an_actuator_that_is_on_after_all_is_not_armed() {
 }
 
 /// Found by the fault campaign: an "enable" that a bad bus delivers late comes after the actuator has
-/// confirmed that it is off; it waits for setpoints, times out, and nobody told it "off" again.
+/// confirmed that it is off; it waits for setpoints and times out, and no "off" was sent again.
 #[test]
 fn an_actuator_that_timed_out_after_it_was_off_can_be_armed() {
     let mut rig = Rig::booted();

@@ -138,7 +138,7 @@ fn each_section_of_the_runbook_says_what_an_operator_needs() {
     }
 }
 
-/// Settings go by their names, and the values told of them are the defaults.
+/// Settings appear by their names, and the documented values are the defaults.
 #[test]
 fn the_runbook_speaks_of_settings_that_there_are() {
     let settings = format!("{:?}", Settings::default());

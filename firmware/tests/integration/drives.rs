@@ -8,7 +8,7 @@ use rollwalk_protocol::config::{Channel, ChannelKind};
 
 use crate::rig::Brain;
 
-/// A motor with what it is told. It is where it was sent at once, so it shows every step; with an
+/// A motor and its setpoint. It reaches every setpoint at once, so it shows every step; with an
 /// inertia it is moved by torque alone.
 #[derive(Clone, Debug)]
 pub struct Motor {
@@ -47,7 +47,7 @@ impl Motor {
         }
     }
 
-    /// It is told to give a torque.
+    /// Its setpoint is a torque.
     fn push(&mut self, torque_nm: f32) {
         self.log.push(Sent::Torque(torque_nm));
         if self.enabled {

@@ -202,7 +202,7 @@ fn what_ends_before_the_robot_stands_is_told_too() {
     assert_eq!((why.fault, why.after), (Some(Fault::Internal), State::TorqueOff.into()));
 }
 
-/// Of two faults both are told, each once; what lasts or is repeated tells nothing new.
+/// Two faults are both recorded, each once; lasting and repeated ones add no entry.
 #[test]
 fn what_is_no_news_leaves_no_entry() {
     let mut rig = Rig::ready();

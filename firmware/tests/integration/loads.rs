@@ -1,4 +1,4 @@
-//! Buses that cannot carry what they would have to, or actuators that cannot be told it: refused.
+//! Overloaded buses and setpoints that an actuator's protocol cannot carry are refused.
 
 use rollwalk_firmware::bus::{Bus, Buses, ControlLoop, MAX_BUSES, Protocol};
 use rollwalk_firmware::load::{BusLoad, BusProblem, examine};

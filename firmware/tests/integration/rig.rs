@@ -31,7 +31,7 @@ pub struct Servo {
     pub value: f32,
     pub enabled: bool,
     pub powered: bool,
-    /// Something holds it at this value, whatever it is told.
+    /// Holds it at this value against every setpoint.
     pub jammed_at: Option<f32>,
     /// Answers, but does not turn its torque on.
     pub refuses: bool,

@@ -107,7 +107,7 @@ fn a_host_that_was_started_again_is_heard_within_the_timeout() {
     }
 }
 
-/// Others say that all is well while the robot lies on the floor.
+/// Other firmware reports no fault while the robot lies on the floor.
 #[test]
 fn scar_7_any_fault_shows_in_the_status_word() {
     type Cause = fn(&mut Rig);

@@ -1,4 +1,4 @@
-//! The controller closes the loop: drives are told torques, and joints with inertia follow.
+//! Control loop on the controller: drives receive torques, and joints with inertia follow.
 
 use rollwalk_drives::Sent;
 use rollwalk_firmware::bus::{Bus, ControlLoop, Protocol};

@@ -26,7 +26,7 @@ enum Bug {
     TwoUnits,
     /// One place only, erased and written again.
     InPlace,
-    /// A set whose checksum is wrong is believed.
+    /// A set with a wrong checksum is accepted.
     BelieveAnything,
 }
 
@@ -57,7 +57,7 @@ impl Record<SET_LEN> for Gullible {
 struct Report {
     cuts: usize,
     second_cuts: usize,
-    /// Cuts after which the new set was there, though its owner was not told so.
+    /// Cuts after which the new set was stored although its save was not acknowledged.
     early: usize,
 }
 
@@ -69,7 +69,7 @@ struct Bench<const W: usize, const E: usize> {
 }
 
 impl<const W: usize, const E: usize> Bench<W, E> {
-    /// Saves the new set; whether its owner was told that it is there.
+    /// Saves the new set; returns whether the save was acknowledged.
     fn save(&self, flash: Nor<W, E>) -> (Nor<W, E>, bool) {
         let mut store = FlashParameters::mount(flash).unwrap();
         if self.bug == Bug::EraseNewest {

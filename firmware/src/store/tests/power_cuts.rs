@@ -29,7 +29,7 @@ enum Bug {
     EraseNewestRecord,
 }
 
-/// What the host was told before the power failed.
+/// Answers that the host received before the power failed.
 #[derive(Clone, Copy, Default)]
 struct Told {
     activating: bool,
