@@ -30,7 +30,7 @@ pub enum Contact {
     PassiveWheel {
         /// Unit wheel axis in the link frame (â).
         axis_in_link: Vector3<f64>,
-        /// What slows it down.
+        /// Rolling resistance and drag.
         drag: RollingDrag,
     },
     /// The blade of an ice skate: glides freely along itself, not across. To the physics it is a free
@@ -38,12 +38,16 @@ pub enum Contact {
     Skate {
         /// Unit vector across the blade in the link frame (â).
         axis_in_link: Vector3<f64>,
-        /// Length of the blade, m: what other end effectors must keep clear of.
+        /// Length of the blade, m; other end effectors keep clear of it.
         blade_length_m: f64,
-        /// What slows it down.
+        /// Rolling resistance and drag.
         drag: RollingDrag,
     },
 }
+
+/// Kinds of contact as robot files spell them.
+pub(crate) const KINDS: [&str; 5] =
+    ["point_foot", "welded_wheel", "actuated_wheel", "passive_wheel", "skate"];
 
 /// Drag of a free wheel or blade along its rolling direction: f·t = −f_n (c_rr s(v) + c_v v) for a
 /// rolling velocity v and its sign s.

@@ -1,4 +1,4 @@
-//! The robot as its controller sees it: channels in order, and the configuration derived from them.
+//! The controller's view of a robot: channels in order, and the configuration derived from them.
 
 use crate::model::{Actuator, EndEffector, Joint, Robot};
 use crate::rules::{self, InvalidRobot};
@@ -35,7 +35,7 @@ impl Channel<'_> {
         }
     }
 
-    /// What the controller must know of it: limits, gains and address.
+    /// Limits, gains and address, for the controller.
     pub fn config(&self) -> config::Channel {
         let actuator = self.actuator();
         let (kind, min, max, max_rate) = match self {
@@ -97,15 +97,14 @@ impl Robot {
         self.end_effectors.iter().position(|end_effector| end_effector.name == name)
     }
 
-    /// What the controller must know: limits, gains and addresses of every channel, in order.
+    /// Configuration of the controller: limits, gains and addresses of every channel, in order.
     ///
-    /// Gears are reduced to what the controller enforces. A joint moves no faster than its actuator's
+    /// Data sheets are reduced to the limits that the controller enforces. A joint moves no faster than its actuator's
     /// speed limit. A wheel changes speed no faster than its tyre can push the robot or its motor
     /// can spin up its own rotor: min(μ g / r, torque / armature).
     ///
-    /// A robot on other buses is another robot: what its controller was told to speak is part of who it is
-    /// ([`RobotConfig::robot`]), so that neither its library nor its saved gains are taken by a controller
-    /// that speaks something else.
+    /// The robot's identity ([`RobotConfig::robot`]) covers its buses, so that a controller that speaks
+    /// other protocols accepts neither the robot's library nor its saved gains.
     ///
     /// # Errors
     /// The rules that the robot breaks; a robot with more channels than a controller has is invalid.
@@ -118,7 +117,7 @@ impl Robot {
         Ok(RobotConfig { robot, channels })
     }
 
-    /// What the controller must know of its actuator buses. Of a valid robot.
+    /// Actuator buses of a valid robot, for the controller.
     pub fn controller_buses(&self) -> Buses {
         let count = self.buses.keys().max().map_or(0, |last| usize::from(*last) + 1);
         // `validate` has bounded the numbers, so that none is dropped here.
@@ -128,7 +127,7 @@ impl Robot {
     }
 }
 
-/// A bus with its number, in bytes that tell it from every other.
+/// Unique encoding of a bus with its number.
 fn encoded(bus: (&u8, &Bus)) -> Vec<u8> {
     let mut buffer = [0; 64];
     postcard::to_slice(&bus, &mut buffer).expect("a bus has at most 40 bytes").to_vec()

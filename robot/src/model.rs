@@ -17,7 +17,7 @@ pub struct Robot {
     pub joints: Vec<Joint>,
     /// Feet and wheels, in file order.
     pub end_effectors: Vec<EndEffector>,
-    /// What the actuators of a bus speak, by its number; those of other buses the Rollwalk profile.
+    /// Protocols and settings of actuator buses by number; other buses speak the Rollwalk profile.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub buses: BTreeMap<u8, Bus>,
 }
@@ -64,11 +64,11 @@ pub struct Joint {
 pub struct Actuator {
     /// Model name, such as `XM430-W210-T`.
     pub model: String,
-    /// Speed limit at the output that plans must respect, rad/s.
+    /// Speed limit at the output, rad/s.
     pub speed_max_rad_s: f64,
     /// Torque limit at the output, N·m.
     pub torque_max_nm: f64,
-    /// How torque falls with speed; `None` where the data sheet does not say.
+    /// Torque-speed line; `None` if the data sheet has none.
     pub torque_speed: Option<TorqueSpeedLine>,
     /// Default proportional gain, N·m/rad (joints; 0 for wheels).
     pub kp_nm_rad: f64,
@@ -76,7 +76,7 @@ pub struct Actuator {
     pub kd_nm_s_rad: f64,
     /// Inertia of rotor and gearbox seen at the output, kg·m².
     pub armature_kg_m2: f64,
-    /// Actuator bus of the controller that the motor hangs on.
+    /// Number of the motor's bus at the controller.
     pub bus: u8,
     /// Address of the motor on that bus.
     pub id: u8,
@@ -106,6 +106,6 @@ pub struct EndEffector {
     pub radius_m: f64,
     /// Coulomb friction coefficient against the ground (Eq. 2.5: μ).
     pub friction_coefficient: f64,
-    /// What kind of contact it makes.
+    /// Kind of contact.
     pub contact: Contact,
 }

@@ -1,11 +1,11 @@
-//! How poses are written in files: a position and a quaternion with w first, as everywhere in this
-//! project (nalgebra's own form has w last).
+//! Poses in files: a position and a quaternion with w first, as everywhere in this project (nalgebra's
+//! own form has w last).
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Deviation from unit length up to which a quaternion is taken as it is.
+/// Largest deviation of a quaternion from unit length.
 const UNIT_TOLERANCE: f64 = 1e-6;
 
 #[derive(Serialize, Deserialize)]

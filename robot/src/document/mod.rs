@@ -1,12 +1,12 @@
 //! TOML text with spans, and faults that point into it.
 //!
-//! Robot, motion and library files are read through this module, so that each of their faults shows
-//! file, line and field and says what would be right. Nothing here touches the file system: the
+//! Readers of robot, motion and library files share this module, so that each of their faults shows
+//! file, line and field and what would be right. Nothing here touches the file system: the
 //! caller brings name and text.
 //!
 //! Reading collects faults rather than stopping at the first: a [`Table`] getter that finds a wrong
 //! value notes a [`Fault`] and returns `None`; [`Document::finish`] then yields the value or all
-//! faults in file order. A table complains about keys that nobody asked for ([`Table::done`]).
+//! faults in file order. [`Table::done`] rejects keys that no getter asked for.
 
 mod suggest;
 mod table;
@@ -24,17 +24,17 @@ use toml::de::DeTable;
 /// Byte range in the text of a document.
 pub type Span = Range<usize>;
 
-/// Syntax faults that are told: a text that is not TOML at all has one on every line.
+/// Most syntax faults in a report: a text that is not TOML at all has one on every line.
 const SYNTAX_FAULTS_MAX: usize = 3;
 
-/// One thing that is wrong in a document.
+/// A mistake in a document.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
     /// What is wrong, naming the item and the field.
     pub message: String,
     /// Short note at the offending text.
     pub label: String,
-    /// Where it is.
+    /// Span of the offending text.
     pub span: Span,
     /// Line of the span's start, counted from 1.
     pub line: usize,
@@ -80,7 +80,7 @@ impl Diagnostic for Fault {
     }
 }
 
-/// A document that could not be accepted: its text and everything that is wrong with it.
+/// A rejected document: its text and all faults in it.
 #[derive(Clone, Debug)]
 pub struct DocumentError {
     source: NamedSource<String>,

@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue};
 
-/// A table of a [`Document`], with the name under which faults speak of it.
+/// A table of a [`Document`], with its name in faults.
 ///
 /// Getters note a fault and return `None` when the value is missing or wrong. Ask for every key
 /// that the table may have, then call [`Table::done`], which rejects the others.
@@ -25,7 +25,7 @@ pub struct Table<'d> {
 pub struct NamedNumber<'d> {
     /// The key.
     pub name: &'d str,
-    /// Where the key is.
+    /// Span of the key.
     pub name_span: Span,
     /// The value, finite.
     pub number: f64,
@@ -36,11 +36,11 @@ pub struct NamedNumber<'d> {
 pub struct NamedString<'d> {
     /// The key.
     pub name: &'d str,
-    /// Where the key is.
+    /// Span of the key.
     pub name_span: Span,
     /// The value.
     pub text: &'d str,
-    /// Where the value is.
+    /// Span of the value.
     pub text_span: Span,
 }
 
@@ -54,7 +54,7 @@ impl<'d> Table<'d> {
         Self { document, table, span, what, asked: RefCell::new(Vec::new()) }
     }
 
-    /// Gives the table a better name once its own name has been read.
+    /// Renames the table in faults, once its own name has been read.
     pub fn call(&mut self, what: impl Into<String>) {
         self.what = what.into();
     }
@@ -64,7 +64,7 @@ impl<'d> Table<'d> {
         &self.what
     }
 
-    /// Where the table begins: its header, or its braces.
+    /// Span of the table's header, or of its braces.
     pub fn span(&self) -> Span {
         self.span.clone()
     }
@@ -74,27 +74,26 @@ impl<'d> Table<'d> {
         self.raw(key).is_some()
     }
 
-    /// Where the value of a key is; the table's header if it is absent.
+    /// Span of the value of a key; of the table's header if it is absent.
     pub fn span_of(&self, key: &str) -> Span {
         self.find(key).unwrap_or_else(|| self.span())
     }
 
-    /// Where the value of a key is, if it is present.
+    /// Span of the value of a key, if it is present.
     pub fn find(&self, key: &str) -> Option<Span> {
         self.table.get(key).map(Spanned::span)
     }
 
-    /// Value of an optional key; the default also in place of a faulty one.
-    pub fn optional<T>(
+    /// Value of an optional key as `read` reads it; `None` if it is absent or faulty.
+    pub fn given<T>(
         &self,
         key: &'static str,
-        default: T,
         read: impl FnOnce(&Self, &'static str) -> Option<T>,
-    ) -> T {
-        if self.has(key) { read(self, key).unwrap_or(default) } else { default }
+    ) -> Option<T> {
+        if self.has(key) { read(self, key) } else { None }
     }
 
-    /// All keys with their values, for tables whose keys are names and whose values are strings.
+    /// Entries of a table whose keys are names and whose values are strings.
     /// Read such a table with this alone, without [`Table::done`].
     pub fn named_strings(&self) -> Vec<NamedString<'d>> {
         let read = |(key, value): (&'d Spanned<DeString<'d>>, &'d Spanned<DeValue<'d>>)| {
@@ -105,7 +104,7 @@ impl<'d> Table<'d> {
         self.table.iter().filter_map(read).collect()
     }
 
-    /// All keys with their values, for tables whose keys are names and whose values are numbers.
+    /// Entries of a table whose keys are names and whose values are numbers.
     /// Read such a table with this alone, without [`Table::done`].
     pub fn named_numbers(&self) -> Vec<NamedNumber<'d>> {
         let read = |(key, value): (&'d Spanned<DeString<'d>>, &'d Spanned<DeValue<'d>>)| {

@@ -1,5 +1,5 @@
-//! Reads the `[[bus]]` tables of a robot file: what the actuators of a bus speak. Whether a robot can use
-//! them is up to [`crate::rules`].
+//! `[[bus]]` tables of a robot file: protocol and settings of each actuator bus. [`crate::rules`] checks
+//! whether they suit the robot.
 
 use super::fields::byte;
 use crate::document::Table;
@@ -45,7 +45,7 @@ pub(super) fn read(mut table: Table<'_>) -> Option<(u8, Bus, Table<'_>)> {
 
 /// Whether an optional key has the second of two values; the first is the default.
 fn second(table: &Table<'_>, key: &'static str, values: [&'static str; 2]) -> bool {
-    table.optional(key, 0, |table, key| table.choice(key, &values)) == 1
+    table.given(key, |table, key| table.choice(key, &values)) == Some(1)
 }
 
 /// Reads the keys that belong to a protocol.
@@ -56,10 +56,10 @@ fn protocol(table: &Table<'_>, kind: &str) -> Protocol {
         "rollwalk" => Protocol::Rollwalk,
         "mit" => Protocol::Mit(Mit {
             model: model(table, mit::MODELS, |model| model.name),
-            answers_from: table.optional("master_id", AnswerId::Own, |table, key| {
-                let id = table.integer(key, MASTER_IDS)?;
-                u16::try_from(id).ok().map(AnswerId::Master)
-            }),
+            answers_from: table
+                .given("master_id", |table, key| table.integer(key, MASTER_IDS))
+                .and_then(|id| u16::try_from(id).ok())
+                .map_or(AnswerId::Own, AnswerId::Master),
         }),
         "odrive" => {
             let version = table.choice("firmware", &["0.5", "0.6"]);
@@ -88,11 +88,11 @@ fn protocol(table: &Table<'_>, kind: &str) -> Protocol {
             })
         }
         _ => Protocol::Maestro(Maestro {
-            device: table.optional("device", None, |table, key| {
-                Some(u8::try_from(table.integer(key, DEVICES)?).ok())
-            }),
-            crc: table.optional("crc", false, Table::boolean),
-            set_multiple: table.optional("set_multiple", true, Table::boolean),
+            device: table
+                .given("device", |table, key| table.integer(key, DEVICES))
+                .and_then(|device| u8::try_from(device).ok()),
+            crc: table.given("crc", Table::boolean).unwrap_or(false),
+            set_multiple: table.given("set_multiple", Table::boolean).unwrap_or(true),
             pulse: pulse(table),
         }),
     }
@@ -107,15 +107,14 @@ fn model<M: Copy, const N: usize>(
     models[table.choice("model", &names).unwrap_or_default()]
 }
 
-/// The pulses of a Maestro's servos; what is not given is as most servos have it.
+/// Pulses of a Maestro's servos; the defaults are those of most servos.
 fn pulse(table: &Table<'_>) -> Pulse {
     let usual = Pulse::default();
-    let number = |table: &Table<'_>, key| table.number(key).map(|given| given as f32);
+    let number = |key| table.given(key, Table::number).map(|given| given as f32);
+    let limits_us = table.given("pulse_us", Table::numbers::<2>);
     Pulse {
-        centre_us: table.optional("centre_us", usual.centre_us, number),
-        us_per_rad: table.optional("us_per_rad", usual.us_per_rad, number),
-        limits_us: table.optional("pulse_us", usual.limits_us, |table, key| {
-            table.numbers::<2>(key).map(|[least, most]| (least as f32, most as f32))
-        }),
+        centre_us: number("centre_us").unwrap_or(usual.centre_us),
+        us_per_rad: number("us_per_rad").unwrap_or(usual.us_per_rad),
+        limits_us: limits_us.map_or(usual.limits_us, |us| us.map(|us| us as f32).into()),
     }
 }

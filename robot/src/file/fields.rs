@@ -55,7 +55,7 @@ pub(super) fn mass(table: &Table<'_>) -> MassProperties {
 
 /// Roll, pitch and yaw of a joint frame; 0 where the key is absent.
 pub(super) fn rpy(table: &Table<'_>) -> [f64; 3] {
-    let angles = table.optional("origin_rpy_rad", [0.0; 3], Table::numbers);
+    let angles = table.given("origin_rpy_rad", Table::numbers::<3>).unwrap_or_default();
     if angles.iter().any(|angle| angle.abs() > TAU) {
         let help = "roll, pitch and yaw are in radians: 90 degrees are 1.5708";
         table.fault("origin_rpy_rad", "has an angle above 2π", "radians?", help);
@@ -77,7 +77,7 @@ pub(super) fn axis(table: &Table<'_>, key: &'static str) -> Vector3<f64> {
 pub(super) fn drag(table: &Table<'_>) -> RollingDrag {
     RollingDrag {
         rolling_resistance: number(table, "rolling_resistance"),
-        rolling_drag_s_m: table.optional("rolling_drag_s_m", 0.0, Table::number),
+        rolling_drag_s_m: table.given("rolling_drag_s_m", Table::number).unwrap_or_default(),
     }
 }
 

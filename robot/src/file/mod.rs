@@ -19,8 +19,8 @@ impl Robot {
     /// Reads and validates a robot file. `file_name` is for messages only.
     ///
     /// # Errors
-    /// Everything that is wrong with the file, each fault with its place and a help line. Rules that
-    /// look at the whole robot are checked once the items themselves are readable.
+    /// All faults of the file, each with its place and a help line. Rules of the robot are checked once
+    /// the file has no other faults.
     pub fn from_toml(file_name: &str, text: &str) -> Result<Self, DocumentError> {
         let document = Document::parse(file_name, text)?;
         let robot = read::robot(&document).map(|(robot, places)| {

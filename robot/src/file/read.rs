@@ -9,7 +9,7 @@ use super::fields::{axis, byte, data_sheet, drag, mass, named, number, rpy, vect
 use super::group::{Group, Limb};
 use super::parts::MassProperties;
 use super::places::{Places, Source};
-use crate::contact::Contact;
+use crate::contact::{Contact, KINDS};
 use crate::document::{Document, Span, Table, alternatives};
 use crate::model::{Actuator, EndEffector, Joint, Link, Robot};
 use nalgebra::{Isometry3, Translation3, Vector3};
@@ -156,10 +156,9 @@ impl<'r, 'd> Reader<'r, 'd> {
         let center_m = vector(&table, "center_in_link_m");
         let [radius_m, friction_coefficient] =
             ["radius_m", "friction_coefficient"].map(|key| number(&table, key));
-        let kinds = ["point_foot", "welded_wheel", "actuated_wheel", "passive_wheel", "skate"];
         // Without a kind, nobody knows which keys belong here.
-        let Some(kind) = table.choice("contact", &kinds) else { return };
-        let contact = self.contact(kinds[kind], group, &table, ids);
+        let Some(kind) = table.choice("contact", &KINDS) else { return };
+        let contact = self.contact(KINDS[kind], group, &table, ids);
         table.done();
         let Some((contact, sheet)) = contact else { return };
         self.robot.end_effectors.push(EndEffector {

@@ -1,5 +1,5 @@
-//! Rules about actuator buses: what a bus is, and whether its actuators can be told all that the limits
-//! of their channels allow.
+//! Rules of actuator buses: settings within the ranges of their protocol, and limits of channels within
+//! the ranges of the protocol's frames.
 
 use super::{Check, Place};
 use crate::controller::Channel;
@@ -17,13 +17,13 @@ const CAN_BIT_RATES: [u32; 5] = [125_000, 250_000, 500_000, 800_000, 1_000_000];
 
 /// Identifiers of CAN frames, which mini cheetah drives may answer from.
 pub(crate) const MASTER_IDS: RangeInclusive<u32> = 0..=0x7FF;
-/// How often an ODrive can be set to send estimates, Hz: a period is whole milliseconds, and some to spare.
+/// Rates of an ODrive's estimates, Hz: periods are whole milliseconds.
 pub(crate) const ESTIMATES_HZ: RangeInclusive<u32> = 1..=10_000;
-/// A step of a Dynamixel's bus watchdog, ms.
+/// Step of a Dynamixel's bus watchdog, ms.
 pub(crate) const WATCHDOG_STEP_MS: u32 = 20;
-/// A Dynamixel's bus watchdog, ms: 127 steps at most.
+/// Bus watchdog of a Dynamixel, ms: up to 127 steps.
 pub(crate) const WATCHDOGS_MS: RangeInclusive<u32> = 0..=127 * WATCHDOG_STEP_MS;
-/// Return Delay Time of a Dynamixel, µs: 254 steps of 2 at most.
+/// Return Delay Time of a Dynamixel, µs: up to 254 steps of 2 µs.
 pub(crate) const RETURN_DELAYS_US: RangeInclusive<u32> = 0..=508;
 /// Device numbers of a Maestro: 7 bits.
 pub(crate) const DEVICES: RangeInclusive<u32> = 0..=127;
@@ -42,7 +42,7 @@ impl Check<'_> {
         }
     }
 
-    /// What a bus is, by itself.
+    /// Settings of one bus.
     fn bus(&mut self, bus: &Bus) {
         let can = bus.protocol.capabilities();
         let name = bus.protocol.name();
@@ -117,7 +117,7 @@ impl Check<'_> {
         }
     }
 
-    /// A whole number of a bus is within what its drives can be set to.
+    /// A whole number within the range of a drive's setting.
     fn whole(&mut self, field: &'static str, value: u32, range: RangeInclusive<u32>, unit: &str) {
         if !range.contains(&value) {
             let help = format!("allowed is {} to {}{unit}", range.start(), range.end());
@@ -125,8 +125,9 @@ impl Check<'_> {
         }
     }
 
-    /// Whether what a channel's limits allow can be told. Its numbers and its bus are sound.
-    pub(super) fn tellable(&mut self, channel: &Channel<'_>) {
+    /// Limits, gains and address of a channel within the ranges of its bus's protocol. Assumes that its
+    /// numbers and its bus break no other rule.
+    pub(super) fn protocol_ranges(&mut self, channel: &Channel<'_>) {
         let config = channel.config();
         let bus = self.robot.buses.get(&config.bus).copied().unwrap_or_default();
         let Err(refusal) = bus.can_drive(&config) else { return };
@@ -153,12 +154,12 @@ impl Check<'_> {
             }
         };
         let problem = format!("is {value}, which cannot be told to {speaker}");
-        self.violated(field, problem, most_of(&bus.protocol, field));
+        self.violated(field, problem, protocol_limit(&bus.protocol, field));
     }
 }
 
-/// What can be told at most.
-fn most_of(protocol: &Protocol, field: &str) -> String {
+/// Help: the range of a field in a protocol's frames.
+fn protocol_limit(protocol: &Protocol, field: &str) -> String {
     let can = protocol.capabilities();
     let upto = |most: f32, unit: &str| format!("at most {most} {unit}");
     match (field, protocol) {

@@ -1,4 +1,4 @@
-//! The walk over a robot that collects every broken rule.
+//! All rules of a robot, item by item; collects every violation.
 
 use super::{Place, Violation};
 use crate::contact::RollingDrag;
@@ -17,8 +17,8 @@ use std::fmt;
 const LENGTH_MAX_M: f64 = 10.0;
 /// Heaviest link, kg.
 const MASS_MAX_KG: f64 = 1000.0;
-/// Fastest motor, rad/s; larger numbers are usually rev/min. This and the next follow from what
-/// frames to actuators can say.
+/// Fastest motor, rad/s; larger numbers are usually rev/min. This and the next are the ranges of the
+/// Rollwalk profile's frames.
 const SPEED_MAX_RAD_S: f64 = actuator::MAX_SPEED_RAD_S as f64;
 /// Strongest motor, N·m; larger numbers are usually N·mm.
 const TORQUE_MAX_NM: f64 = actuator::MAX_TORQUE_NM as f64;
@@ -43,7 +43,7 @@ pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
     }
     check.addresses();
     check.buses();
-    // What a motor can be told is a question once its numbers and those of its bus are sound.
+    // Ranges of protocols are compared with numbers that are sound themselves.
     if check.found.is_empty() {
         check.drivable();
     }
@@ -355,10 +355,9 @@ impl Check<'_> {
     }
 
     fn drivable(&mut self) {
-        let motors: Vec<_> = motors(self.robot).collect();
-        for (place, what, channel) in motors {
+        for (place, what, channel) in motors(self.robot) {
             self.at(place, what);
-            self.tellable(&channel);
+            self.protocol_ranges(&channel);
         }
     }
 
@@ -381,7 +380,7 @@ impl Check<'_> {
     }
 }
 
-/// Every motor with its place and what messages call it.
+/// All motors with their places and names in messages.
 fn motors(robot: &Robot) -> impl Iterator<Item = (Place, String, Channel<'_>)> {
     let joints = robot.joints.iter().enumerate().map(|(index, joint)| {
         (Place::Joint(index), format!("joint `{}`", joint.name), Channel::Joint(joint))

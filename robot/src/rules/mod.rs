@@ -1,4 +1,4 @@
-//! What makes a robot valid: every rule, once, whatever the robot was read from.
+//! Rules of a valid robot, whatever it was read from.
 //!
 //! Robot files (spans known) and robots inside plan files (no spans) pass the same rules. A
 //! violation names its place and its field as robot files spell it; [`crate::file`] turns these
@@ -34,9 +34,9 @@ pub struct Violation {
     pub place: Place,
     /// The field, as robot files spell it.
     pub field: &'static str,
-    /// What is wrong, naming the item.
+    /// The mistake, naming the item.
     pub message: String,
-    /// What would be right.
+    /// Help: a right value.
     pub help: String,
 }
 

@@ -16,7 +16,7 @@ const GYRATION_MIN_M: f64 = 1e-3;
 /// Radius of gyration below which a body counts as having none, m.
 const GYRATION_NONE_M: f64 = 1e-4;
 
-/// Everything that moves as one.
+/// Links that move as one rigid body.
 #[derive(Debug)]
 pub(super) struct Body {
     /// URDF links of the body; the first one names it and gives its frame.
@@ -45,7 +45,7 @@ pub(super) struct Bodies {
     pub places: Vec<Option<(usize, Isometry3<f64>)>>,
 }
 
-/// What is rigid beside fixed joints, and how the root stands.
+/// Joints that become rigid beside fixed ones, and the root's orientation.
 #[derive(Debug, Default)]
 pub(super) struct Rigid {
     /// Locked joints with their angle, or distance in m.
@@ -56,7 +56,7 @@ pub(super) struct Rigid {
     pub body_from_root: UnitQuaternion<f64>,
 }
 
-/// Merges what is rigid.
+/// Merges links that rigid joints connect.
 pub(super) fn merge(
     urdf: &Urdf,
     graph: &Graph,
@@ -160,7 +160,7 @@ fn placed(mass: MassProperties, pose: &Isometry3<f64>) -> MassProperties {
     }
 }
 
-/// The nearest inertia that a rigid body can have, and what was changed.
+/// The nearest inertia that a rigid body can have, and a note of the change.
 ///
 /// Moments of (nearly) 0 are raised to m·(1 mm)². A moment above the sum of the others gives a third of
 /// the excess to each of them: the smallest change of the tensor that keeps its axes.

@@ -16,10 +16,10 @@ use std::collections::HashMap;
 
 /// Standard gravity, m/s².
 const GRAVITY_M_S2: f64 = 9.806_65;
-/// Limit of a joint that turns without end: 2π, less than which it stays when written with twelve digits.
+/// Limit of a joint that turns without end: below 2π also when written with twelve digits.
 pub(super) const TURN_RAD: f64 = std::f64::consts::TAU - 1e-6;
 
-/// Everything that a conversion looks at.
+/// Inputs of a conversion.
 struct Conversion<'a, 't> {
     urdf: &'a Urdf,
     side: &'a Side,
@@ -29,7 +29,7 @@ struct Conversion<'a, 't> {
     notes: &'a mut Notes<'t>,
 }
 
-/// Builds the draft; what is wrong is noted where it is to be put right.
+/// Builds the draft; notes faults in the file to correct.
 pub(super) fn convert(
     urdf: &Urdf,
     graph: &Graph,
@@ -98,8 +98,8 @@ impl Conversion<'_, '_> {
                 side: given.map(|given| given.span.clone()),
             });
         }
-        self.say_limits(&endless);
-        self.say_pose(&unposed);
+        self.warn_endless(&endless);
+        self.warn_unposed(&unposed);
         let ends: Vec<_> = self.side.end_effectors.iter().collect();
         let end_effectors = ends
             .into_iter()
@@ -175,7 +175,7 @@ impl Conversion<'_, '_> {
     ) -> Option<(f64, f64)> {
         let (mut lower, mut upper) = match (joint.kind, joint.limit.lower, joint.limit.upper) {
             (Kind::Continuous, _, _) | (_, None, None) => (-TURN_RAD, TURN_RAD),
-            // What is not written is 0 in URDF.
+            // Absent limits are 0 in URDF.
             (_, lower, upper) => (lower.unwrap_or(0.0), upper.unwrap_or(0.0)),
         };
         let (min, max) = given.map_or((None, None), |given| (given.min_rad, given.max_rad));
@@ -213,14 +213,14 @@ impl Conversion<'_, '_> {
         None
     }
 
-    fn say_limits(&mut self, endless: &[&Joint]) {
+    fn warn_endless(&mut self, endless: &[&Joint]) {
         if let Some(first) = endless.first() {
             let names = some_names(endless.iter().map(|joint| &joint.name));
             self.notes.warn(&first.span, format_args!("joint {names}: no position limits within a turn: taken as ±2π; give `position_min_rad` and `position_max_rad` in the side file where the robot is narrower"));
         }
     }
 
-    fn say_pose(&mut self, unposed: &[(&Joint, f64)]) {
+    fn warn_unposed(&mut self, unposed: &[(&Joint, f64)]) {
         if let Some((first, _)) = unposed.first() {
             let names = some_names(unposed.iter().map(|(joint, _)| &joint.name));
             let shown: Vec<_> = unposed.iter().take(4).map(|(_, angle)| show(*angle)).collect();

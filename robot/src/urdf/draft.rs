@@ -1,5 +1,4 @@
-//! The robot file before it is text: what stands in it, and which line of URDF or side file is to blame
-//! for each item.
+//! A robot file before it is text: its items, each with the line of URDF or side file that it comes from.
 
 use crate::document::Span;
 use crate::file::parts::MassProperties;
@@ -7,7 +6,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use super::side::NUMBERS;
 
-/// The place that an item comes from.
+/// Source of an item.
 #[derive(Clone, Debug)]
 pub(super) enum Origin {
     Urdf(Span),
@@ -71,9 +70,9 @@ pub(super) struct DraftJoint {
     pub max_rad: f64,
     pub nominal_rad: f64,
     pub motor: Motor,
-    /// Where the URDF has it.
+    /// Span in the URDF.
     pub urdf: Span,
-    /// Where the side file speaks of it.
+    /// Span in the side file, if it is there.
     pub side: Option<Span>,
 }
 

@@ -10,7 +10,7 @@ use roxmltree::Node;
 const EXPAND: &str =
     "macros must be expanded first: `xacro robot.urdf.xacro > robot.urdf` (ROS package xacro)";
 
-/// Element readers that note what is wrong.
+/// Readers of elements; they note faults.
 pub(super) struct Reader<'n, 't> {
     pub notes: &'n mut Notes<'t>,
 }
@@ -161,7 +161,7 @@ impl Reader<'_, '_> {
                 ("izz", 2, 2),
             ];
             for (name, row, column) in names {
-                // What is not written is 0, as for other readers; the physics is judged later.
+                // Absent moments are 0, as for other readers; rules check the physics later.
                 let value = self.number(inertia, name).unwrap_or(0.0);
                 tensor[(row, column)] = value;
                 tensor[(column, row)] = value;

@@ -1,11 +1,11 @@
-//! A draft to the text of a robot file, and from places in that text back to what they come from.
+//! A draft to the text of a robot file, with the source of each part of the text.
 
 use super::draft::{Draft, DraftSheet, Motor, Origin};
 use super::side::NUMBERS;
 use std::fmt::Write;
 use std::ops::Range;
 
-/// The text, and which item of the sources each part of it comes from.
+/// The text of a robot file and the sources of its parts.
 #[derive(Debug)]
 pub(super) struct Emitted {
     pub text: String,
@@ -126,7 +126,7 @@ pub(super) fn quoted(text: &str) -> String {
     quoted
 }
 
-/// Text that may stand in a comment: without what ends it.
+/// Text for a comment: without control characters, which would end it.
 pub(super) fn comment(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

@@ -1,5 +1,5 @@
-//! What a URDF looks like it means: which joints to lock, which continuous leaves are wheels, which
-//! leaf links are feet. Guesses go into the template of the side file, for a person to judge.
+//! Guesses about a URDF: joints to lock, wheels among continuous leaves, feet among leaf links. They go
+//! into the template of the side file, for a person to check.
 
 use super::bodies::{Bodies, Rigid, merge};
 use super::notes::Notes;
@@ -25,13 +25,13 @@ pub(super) struct End {
     /// Centre in that link.
     pub center_in_link_m: Vector3<f64>,
     pub radius_m: f64,
-    /// Whether the URDF tells the radius.
+    /// Whether the radius comes from the URDF.
     pub measured: bool,
     pub passive: bool,
     pub tip: Tip,
 }
 
-/// Joints that cannot stay as they are, with their locked position.
+/// Joints of kinds that robot files do not have, with their locked position.
 pub(super) fn locks(urdf: &Urdf, tree: &Tree) -> Vec<(usize, f64)> {
     let locked = |&index: &usize| {
         let joint = &urdf.joints[index];
@@ -50,8 +50,8 @@ pub(super) fn locks(urdf: &Urdf, tree: &Tree) -> Vec<(usize, f64)> {
     tree.order.iter().filter_map(locked).collect()
 }
 
-/// Axles of what looks like wheels: continuous leaves about a horizontal axis that are called so, have a
-/// round shape about the axis, or have their centre of mass on it.
+/// Axles of likely wheels: continuous leaves about a horizontal axis that have a wheel's name, a round
+/// shape about the axis, or their centre of mass on it.
 pub(super) fn axles(urdf: &Urdf, graph: &Graph, tree: &Tree, rigid: &Rigid) -> Vec<usize> {
     // Warnings belong to the import itself.
     let bodies = merge(urdf, graph, tree, rigid, &mut Notes::new("", ""));

@@ -1,9 +1,9 @@
-//! URDF import: a URDF and a side file, which says what URDF lacks, become the text of a robot file.
+//! URDF import: a URDF and a side file with what URDF lacks become the text of a robot file.
 //!
 //! Text in, text and warnings out. Six steps: `xml` reads the URDF, `tree` makes a tree of it, `side`
 //! reads the side file, `bodies` merges what is rigid, `convert` drafts the robot file and `emit`
-//! writes it. The result passes every rule of robot files before anyone sees it. [`survey`] tells
-//! what a URDF has in it and writes a first side file. Described in `docs/urdf-import.md`.
+//! writes it. The result passes every rule of robot files. [`survey`] lists the contents of a URDF and
+//! writes a first side file. Described in `docs/urdf-import.md`.
 
 mod bodies;
 mod convert;
@@ -37,7 +37,7 @@ pub struct Imported {
     pub toml: String,
     /// The robot in it.
     pub robot: Robot,
-    /// What was changed or assumed, each with its place.
+    /// Changes and assumptions, each with its place.
     pub warnings: Vec<String>,
 }
 
@@ -53,7 +53,7 @@ pub struct Text<'t> {
 /// Makes a robot file of a URDF with the help of a side file.
 ///
 /// # Errors
-/// Everything that is wrong with the one file or the other, each fault with its place and a help line.
+/// All faults of the URDF or of the side file, each with its place and a help line.
 pub fn import(urdf: Text<'_>, side: Text<'_>) -> Result<Imported, DocumentError> {
     xml::check_size(urdf.name, urdf.text)?;
     let text = xml::declare_prefixes(urdf.text);
@@ -72,15 +72,15 @@ pub fn import(urdf: Text<'_>, side: Text<'_>) -> Result<Imported, DocumentError>
     match Robot::from_toml("the imported robot", &emitted.text) {
         Ok(robot) => Ok(Imported { toml: emitted.text, robot, warnings: notes.warnings }),
         Err(error) => {
-            blame(&error, &emitted, &mut notes, &document);
+            attribute(&error, &emitted, &mut notes, &document);
             notes.check()?;
             document.finish(None)
         }
     }
 }
 
-/// Moves the faults of the robot file to the items of URDF and side file that they come from.
-fn blame(error: &DocumentError, emitted: &Emitted, notes: &mut Notes<'_>, side: &Document<'_>) {
+/// Attributes the faults of the robot file to the items of URDF and side file that they come from.
+fn attribute(error: &DocumentError, emitted: &Emitted, notes: &mut Notes<'_>, side: &Document<'_>) {
     for fault in error.faults() {
         let holds =
             |(part, _): &&(std::ops::Range<usize>, Origin)| part.contains(&fault.span.start);
@@ -92,7 +92,7 @@ fn blame(error: &DocumentError, emitted: &Emitted, notes: &mut Notes<'_>, side: 
             Some((_, Origin::Side(span))) => {
                 side.fault(span.clone(), fault.message, "comes from here", fault.help);
             }
-            // Actuators and the robot as a whole: the side file is where they are put right.
+            // Actuators and the robot as a whole are corrected in the side file.
             None => side.fault(0..0, fault.message, "in the imported robot", fault.help),
         }
     }

@@ -1,4 +1,4 @@
-//! Motors of joints and wheels: what the URDF says of them, what the side file adds, and defaults.
+//! Motors of joints and wheels: from the URDF, the side file, and defaults.
 //! The defaults are documented in `docs/urdf-import.md`.
 
 use super::draft::{DraftSheet, Motor, Sheet};
@@ -9,11 +9,11 @@ use super::xml::Joint;
 use crate::document::Span;
 use rollwalk_protocol::actuator::{MAX_KP_NM_RAD, MAX_SPEED_RAD_S, MAX_TORQUE_NM};
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
-/// Speed limit where nobody gives one, rad/s.
+/// Default speed limit, rad/s.
 const SPEED_RAD_S: f64 = 10.0;
-/// Torque limit where nobody gives one: the robot's weight on this lever, m.
+/// Default torque limit: the robot's weight on this lever, m.
 const LEVER_M: f64 = 0.1;
 /// Stiffness per torque limit, 1/rad: full torque at 0.05 rad.
 const KP_PER_TORQUE: f64 = 20.0;
@@ -23,7 +23,7 @@ const ARMATURE_PER_TORQUE: f64 = 1e-3;
 const DAMPING: f64 = 1.5;
 /// Time constant of a wheel's speed on the rotor alone, s.
 const WHEEL_TIME_S: f64 = 0.01;
-/// Name of the table whose values stand in for what the URDF lacks.
+/// Name of the table with defaults for limits that the URDF lacks.
 const DEFAULT: &str = "default";
 
 /// Gives motors their data sheets and addresses.
@@ -35,7 +35,7 @@ pub(super) struct Motors<'s> {
     names: Names,
     /// Addresses in use.
     taken: HashSet<(u32, u32)>,
-    /// Warnings and the joints that they are about, in order of appearance.
+    /// Warnings with their joints, in order of appearance.
     remarks: Vec<(String, Vec<(Span, String)>)>,
 }
 
@@ -120,7 +120,7 @@ impl<'s> Motors<'s> {
                 Some(0.0) | None => format!("has no <limit {key}>"),
                 Some(bad) => format!("has {key}=\"{bad}\", outside 0 to {max} {unit}"),
             };
-            // What the side file fills in needs no remark, what it overrules does.
+            // A value of the side file needs no remark unless it overrides one of the URDF.
             if from == "a default" || written.is_some_and(|written| written != 0.0) {
                 remark(format!(
                     "{problem}: `{field}` is {taken:.3} {unit}, {from}; say what is right in an [actuator.NAME] of the side file"
@@ -168,14 +168,14 @@ impl<'s> Motors<'s> {
         }
     }
 
-    /// Tells every remark once, with the joints that it is about.
+    /// Warns of every remark once, with its joints.
     pub fn remark(self, notes: &mut Notes<'_>) {
-        let mut told = HashMap::new();
+        let mut known = HashSet::new();
         for (message, about) in self.remarks {
             let names: Vec<_> = about.iter().take(4).map(|(_, name)| format!("`{name}`")).collect();
             let more = about.len() - names.len();
             let and = if more > 0 { format!(" and {more} more") } else { String::new() };
-            if told.insert(message.clone(), ()).is_none() {
+            if known.insert(message.clone()) {
                 notes.warn(
                     &about[0].0,
                     format_args!("motor of {}{and} {message}", names.join(", ")),

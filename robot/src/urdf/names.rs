@@ -5,7 +5,7 @@ use crate::document::Span;
 use rollwalk_protocol::library::MAX_NAME;
 use std::collections::HashSet;
 
-/// The names of one kind of item so far.
+/// Names of one kind of item that are in use.
 #[derive(Debug, Default)]
 pub(super) struct Names {
     taken: HashSet<String>,
@@ -20,7 +20,7 @@ pub(super) fn allowed(written: &str) -> String {
 }
 
 impl Names {
-    /// The name for `written`, which is told when it had to change.
+    /// An allowed name for `written`; warns of a change.
     pub fn give(
         &mut self,
         kind: &str,

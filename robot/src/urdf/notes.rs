@@ -1,9 +1,9 @@
-//! What reading a URDF file found: faults, which end the import, and warnings, which do not.
+//! Findings in a URDF file: faults, which end the import, and warnings, which do not.
 
 use crate::document::{DocumentError, Fault, Span, line_at};
 use std::fmt::Display;
 
-/// Faults told at most: a file that is wrong throughout has thousands.
+/// Most faults in a report: a file that is wrong throughout has thousands.
 const FAULTS_MAX: usize = 20;
 
 /// Faults and warnings about one URDF text.

@@ -1,5 +1,5 @@
-//! Which joints do not move: those that the side file locks and the axles of its wheels. Joints of kinds
-//! that robot files do not have must be among them.
+//! Joints that become rigid: those that the side file locks, and the axles of its wheels. Joints of
+//! kinds that robot files do not have must be among them.
 
 use super::bodies::Rigid;
 use super::convert::key;
@@ -10,7 +10,7 @@ use super::xml::{Kind, Urdf};
 use crate::document::{Document, alternatives};
 use std::collections::{HashMap, HashSet};
 
-/// Looks up what the side file says of joints; notes what is wrong.
+/// Looks up the joints that the side file names; notes faults.
 pub(super) fn rigid(
     urdf: &Urdf,
     graph: &Graph,

@@ -1,11 +1,11 @@
-//! The side file: what a URDF does not say. Format: `docs/urdf-import.md`.
+//! The side file, which adds what a URDF lacks. Format: `docs/urdf-import.md`.
 
+use crate::contact::KINDS;
 use crate::document::{Document, Span, Table, alternatives};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
-use std::collections::BTreeMap;
 
-/// Everything in a side file; names are those of the URDF.
+/// Contents of a side file; names are those of the URDF.
 #[derive(Debug)]
 pub(super) struct Side {
     pub name: Option<String>,
@@ -26,7 +26,7 @@ pub(super) struct Lock {
     pub position: f64,
 }
 
-/// `[actuator.NAME]`: what is not given comes from the URDF or from a default.
+/// `[actuator.NAME]`: absent values come from the URDF or from a default.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ActuatorSide {
     pub name: String,
@@ -82,53 +82,41 @@ pub(super) struct EndEffectorSide {
     pub motor: MotorSide,
 }
 
-/// Kinds of contact that robot files know.
-const CONTACTS: [&str; 5] =
-    ["point_foot", "welded_wheel", "actuated_wheel", "passive_wheel", "skate"];
-
 /// Reads all tables; `None` if any of them has a fault.
 pub(super) fn read(document: &Document<'_>) -> Option<Side> {
     let root = document.root();
-    let name = root.has("name").then(|| root.string("name"));
-    let base = root.has("root").then(|| (root.string("root"), root.span_of("root")));
+    let name = root.given("name", Table::string);
+    let base = root.given("root", named);
     let body_from_root = axes(&root);
-    let locks = root.has("lock").then(|| root.table("lock")).flatten();
-    let locks = locks.map_or_else(Vec::new, |table| {
+    let locks = root.given("lock", Table::table).map_or_else(Vec::new, |table| {
         let entries = table.named_numbers().into_iter();
         entries
             .map(|e| Lock { joint: e.name.to_owned(), span: e.name_span, position: e.number })
             .collect()
     });
-    let actuators: Vec<_> = root
-        .named_tables("actuator")
-        .into_iter()
-        .map(|(name, table)| actuator(name, &table))
-        .collect();
-    let joints: Vec<_> =
-        root.named_tables("joint").into_iter().map(|(name, table)| joint(name, &table)).collect();
-    let known: BTreeMap<_, _> = actuators.iter().map(|a| (a.name.as_str(), ())).collect();
+    let tables = root.named_tables("actuator").into_iter();
+    let actuators: Vec<_> = tables.map(|(name, table)| actuator(name, &table)).collect();
+    let tables = root.named_tables("joint").into_iter();
+    let joints: Vec<_> = tables.map(|(name, table)| joint(name, &table)).collect();
     let end_effectors: Vec<_> =
         root.tables("end_effector").into_iter().filter_map(end_effector).collect();
     root.done();
+    let mut known: Vec<_> = actuators.iter().map(|a| a.name.as_str()).collect();
+    known.sort_unstable();
     let motors = joints.iter().map(|j| &j.motor).chain(end_effectors.iter().map(|e| &e.motor));
     for (name, span) in motors.filter_map(|motor| motor.actuator.clone()) {
-        if !known.contains_key(name.as_str()) {
-            let help = alternatives(&name, known.keys().copied());
-            document.fault(
-                span,
-                format!("there is no actuator `{name}`"),
-                "unknown actuator",
-                help,
-            );
+        if !known.contains(&name.as_str()) {
+            let message = format!("there is no actuator `{name}`");
+            let help = alternatives(&name, known.iter().copied());
+            document.fault(span, message, "unknown actuator", help);
         }
     }
     if !document.is_clean() {
         return None;
     }
-    let root = base.and_then(|(name, span)| Some((name?, span)));
     Some(Side {
-        name: name.flatten(),
-        root,
+        name,
+        root: base,
         body_from_root: body_from_root?,
         locks,
         actuators,
@@ -137,8 +125,9 @@ pub(super) fn read(document: &Document<'_>) -> Option<Side> {
     })
 }
 
-fn number(table: &Table<'_>, key: &'static str) -> Option<f64> {
-    table.has(key).then(|| table.number(key)).flatten()
+/// A name with its place.
+fn named(table: &Table<'_>, key: &'static str) -> Option<(String, Span)> {
+    Some((table.string(key)?, table.span_of(key)))
 }
 
 /// The turn from root axes to x forward, z up, from `forward` and `up`.
@@ -167,15 +156,14 @@ fn axes(root: &Table<'_>) -> Option<UnitQuaternion<f64>> {
 }
 
 fn actuator(name: &str, table: &Table<'_>) -> ActuatorSide {
-    let model = table.has("model").then(|| table.string("model")).flatten();
-    let numbers = NUMBERS.map(|key| number(table, key));
+    let model = table.given("model", Table::string);
+    let numbers = NUMBERS.map(|key| table.given(key, Table::number));
     table.done();
     ActuatorSide { name: name.to_owned(), span: table.span(), model, numbers }
 }
 
 fn motor(table: &Table<'_>) -> MotorSide {
-    let actuator = table.has("actuator").then(|| table.string("actuator")).flatten();
-    let actuator = actuator.map(|name| (name, table.span_of("actuator")));
+    let actuator = table.given("actuator", named);
     let address = (table.has("bus") | table.has("id"))
         .then(|| table.integer("bus", 0..=MAX_BUSES as u32 - 1).zip(table.integer("id", 0..=127)))
         .flatten();
@@ -183,8 +171,8 @@ fn motor(table: &Table<'_>) -> MotorSide {
 }
 
 fn joint(name: &str, table: &Table<'_>) -> JointSide {
-    let [min_rad, max_rad, nominal_rad] =
-        ["position_min_rad", "position_max_rad", "nominal_rad"].map(|key| number(table, key));
+    let [min_rad, max_rad, nominal_rad] = ["position_min_rad", "position_max_rad", "nominal_rad"]
+        .map(|key| table.given(key, Table::number));
     let motor = motor(table);
     table.done();
     JointSide { joint: name.to_owned(), span: table.span(), min_rad, max_rad, nominal_rad, motor }
@@ -193,13 +181,15 @@ fn joint(name: &str, table: &Table<'_>) -> JointSide {
 fn end_effector(mut table: Table<'_>) -> Option<EndEffectorSide> {
     let name = table.string("name")?;
     table.call(format!("end effector `{name}`"));
-    let contact = CONTACTS[table.choice("contact", &CONTACTS)?];
+    let contact = KINDS[table.choice("contact", &KINDS)?];
     let wheel = contact != "point_foot";
     let wheel_joint = wheel && table.has("wheel_joint");
-    let named = |key| table.string(key).map(|name| (name, table.span_of(key)));
-    let (link, wheel_joint) =
-        if wheel_joint { (None, named("wheel_joint")) } else { (named("link"), None) };
-    let center = table.has("center_in_link_m").then(|| table.numbers("center_in_link_m"));
+    let (link, wheel_joint) = if wheel_joint {
+        (None, named(&table, "wheel_joint"))
+    } else {
+        (named(&table, "link"), None)
+    };
+    let center_m = table.given("center_in_link_m", Table::numbers);
     let radius = table.number("radius_m");
     let friction = table.number("friction_coefficient");
     let axis = (wheel && link.is_some()).then(|| table.numbers("axis_in_link").map(Vector3::from));
@@ -208,8 +198,9 @@ fn end_effector(mut table: Table<'_>) -> Option<EndEffectorSide> {
         "skate" => &["blade_length_m", "rolling_resistance", "rolling_drag_s_m"],
         _ => &[],
     };
-    // What robot files require of these, they say themselves.
-    let numbers = numbers.iter().filter_map(|key| Some((*key, number(&table, key)?))).collect();
+    // The reader of robot files checks which of these are required.
+    let numbers =
+        numbers.iter().filter_map(|key| Some((*key, table.given(key, Table::number)?))).collect();
     let motor = if contact == "actuated_wheel" { motor(&table) } else { MotorSide::default() };
     table.done();
     Some(EndEffectorSide {
@@ -218,7 +209,7 @@ fn end_effector(mut table: Table<'_>) -> Option<EndEffectorSide> {
         contact,
         link,
         wheel_joint,
-        center_m: center.flatten(),
+        center_m,
         radius_m: radius?,
         friction: friction?,
         axis: axis.flatten(),

@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, DVector, Isometry3, Point3, Unit, Vector3};
 const BENT: f64 = 0.8;
 /// First guess: the hip forward or back by this, the knee twice as much the other way, rad.
 const BEND_RAD: f64 = 0.6;
-/// Distance of the foot from its place that counts as there, m.
+/// Largest distance of a foot from its goal, m.
 const MISS_M: f64 = 0.005;
 /// Damping of the least squares, m.
 const DAMPING_M: f64 = 0.02;
@@ -21,7 +21,7 @@ const WEIGHTS: Vector3<f64> = Vector3::new(1.0, 0.1, 1.0);
 /// Steps of the least squares; it needs about ten.
 const STEPS: usize = 200;
 
-/// A joint as the stance needs it.
+/// Axis and limits of a joint.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Turn {
     pub axis: Unit<Vector3<f64>>,
@@ -29,7 +29,7 @@ pub(super) struct Turn {
     pub max_rad: f64,
 }
 
-/// A foot or wheel: its body, its centre there, its radius.
+/// A foot or wheel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tip {
     pub body: usize,
@@ -138,7 +138,7 @@ fn leg(bodies: &Bodies, turns: &[Turn], straight: &[f64], tip: &Tip) -> Option<L
     Some(Leg { hip_m: points[0], chain, bending, tip_m, length_m })
 }
 
-/// Damped least squares from a bent leg to the goal; the angles and how far off they are.
+/// Damped least squares from a bent leg to the goal; the angles and the remaining distance, m.
 fn reach(
     bodies: &Bodies,
     turns: &[Turn],

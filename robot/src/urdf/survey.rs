@@ -1,4 +1,4 @@
-//! What is in a URDF, and a first side file for it.
+//! Survey of a URDF: its contents, and a first side file for it.
 
 use super::bodies::{Rigid, merge};
 use super::convert::TURN_RAD;
@@ -10,24 +10,24 @@ use super::{Text, template, tree, xml};
 use crate::document::DocumentError;
 use serde::Serialize;
 
-/// What was found in a URDF.
+/// Contents of a URDF, with guesses.
 #[derive(Clone, Debug, Serialize)]
 pub struct Survey {
     /// Name of the robot.
     pub name: String,
     /// The link taken as the body.
     pub root: String,
-    /// Mass of everything that hangs on it, kg.
+    /// Mass of its tree, kg.
     pub mass_kg: f64,
     /// Its links, parents first.
     pub links: Vec<String>,
     /// Its joints but the fixed ones, parents first.
     pub joints: Vec<SurveyJoint>,
-    /// What looks like feet and wheels.
+    /// Likely feet and wheels.
     pub end_effectors: Vec<SurveyEnd>,
     /// Height of the body's origin above the ground in the proposed standing pose, m; none without feet.
     pub standing_height_m: Option<f64>,
-    /// What deserves a look.
+    /// Warnings.
     pub warnings: Vec<String>,
     /// The proposed side file.
     #[serde(skip)]
@@ -43,7 +43,7 @@ pub struct SurveyJoint {
     pub kind: String,
     /// Limits, rad or m, as written.
     pub limits: [Option<f64>; 2],
-    /// What the proposed side file makes of it.
+    /// Treatment in the proposed side file.
     pub proposal: String,
 }
 
@@ -58,16 +58,16 @@ pub struct SurveyEnd {
     pub contact: String,
     /// Radius, m.
     pub radius_m: f64,
-    /// Whether the URDF tells the radius.
+    /// Whether the radius comes from the URDF.
     pub measured: bool,
     /// Centre in the frame of the root, in the proposed standing pose, m.
     pub center_m: [f64; 3],
 }
 
-/// Looks at a URDF and proposes a side file.
+/// Surveys a URDF and proposes a side file.
 ///
 /// # Errors
-/// Everything that is wrong with the URDF.
+/// All faults of the URDF.
 pub fn survey(urdf: Text<'_>) -> Result<Survey, DocumentError> {
     xml::check_size(urdf.name, urdf.text)?;
     let text = xml::declare_prefixes(urdf.text);
@@ -174,7 +174,8 @@ fn turn(joint: &Joint) -> Turn {
     Turn { axis: joint.axis, min_rad, max_rad }
 }
 
-/// `front_left` and so on for four ends in four corners, which named gaits need; else the links' names.
+/// Names of end effectors: `front_left` and so on for four in four corners, which named gaits need; else
+/// those of their links.
 fn end_names(stance: &Stance, ends: &[End], urdf: &xml::Urdf) -> Vec<String> {
     let count = stance.tips_m.len() as f64;
     let middle_m = stance.tips_m.iter().map(|tip| tip.x).sum::<f64>() / count;

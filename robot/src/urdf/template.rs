@@ -8,7 +8,7 @@ use super::survey::contact;
 use super::xml::{Joint, Urdf};
 use std::fmt::Write;
 
-/// What the template says.
+/// Contents of the template.
 pub(super) struct Content<'a> {
     pub file_name: &'a str,
     pub urdf: &'a Urdf,

@@ -20,7 +20,7 @@ pub(super) struct Graph {
     pub roots: Vec<usize>,
 }
 
-/// A root and what hangs on it.
+/// A root and its tree of joints.
 #[derive(Debug)]
 pub(super) struct Tree {
     pub root: usize,
@@ -28,7 +28,7 @@ pub(super) struct Tree {
     pub order: Vec<usize>,
 }
 
-/// Resolves names; notes duplicates, strangers and loops.
+/// Resolves names; notes duplicates, unknown names and loops.
 pub(super) fn graph(urdf: &Urdf, notes: &mut Notes<'_>) -> Option<Graph> {
     let mut link_index = HashMap::new();
     for (index, link) in urdf.links.iter().enumerate() {
@@ -85,7 +85,7 @@ pub(super) fn graph(urdf: &Urdf, notes: &mut Notes<'_>) -> Option<Graph> {
         reached[root] = true;
         graph.tree(root).order.iter().for_each(|&joint| reached[graph.ends[joint].1] = true);
     }
-    // Walking up from a link ends at a root, or goes round in a loop.
+    // From a link, parents lead to a root or round a loop.
     if let Some(link) = reached.iter().position(|reached| !reached) {
         let link = &urdf.links[link];
         let message = format!("link `{}` hangs on a loop of joints, not on a root", link.name);
@@ -97,7 +97,7 @@ pub(super) fn graph(urdf: &Urdf, notes: &mut Notes<'_>) -> Option<Graph> {
 }
 
 impl Graph {
-    /// What hangs on `root`. Every link has one carrier, so that the walk ends.
+    /// The tree of `root`. Every link is the child of one joint, so that the search ends.
     pub fn tree(&self, root: usize) -> Tree {
         let mut order = Vec::new();
         let mut open: Vec<usize> = self.leaving[root].iter().rev().copied().collect();

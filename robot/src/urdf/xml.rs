@@ -1,6 +1,8 @@
-//! URDF text to links and joints, each with its place in the text. Nothing is resolved yet: names are
-//! names. Tags that say nothing about mass, geometry or joints (gazebo, transmission, material, sensor)
-//! are passed over, as are meshes.
+//! URDF text to links and joints, each with its place in the text; names are not resolved yet. Ignores
+//! meshes, and tags without mass, geometry or joints (gazebo, transmission, material, sensor).
+//!
+//! Not `urdf-rs`: its errors have no position and it stops at the first, accepts NaN, and does not
+//! tell an absent limit from 0.
 
 use super::elements::Reader;
 use super::notes::Notes;
@@ -16,7 +18,7 @@ const NODES_MAX: u32 = 1 << 20;
 /// Namespace of prefixes that the file uses without declaring them.
 const UNDECLARED: &str = "urn:undeclared";
 
-/// A URDF file as it is written.
+/// Contents of a URDF file.
 #[derive(Debug, Default)]
 pub(super) struct Urdf {
     pub name: String,
@@ -42,7 +44,7 @@ pub(super) struct Shape {
     pub solid: Solid,
 }
 
-/// The solids that tell a radius.
+/// Solids with a radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Solid {
     Sphere {
@@ -80,7 +82,7 @@ pub(super) struct Joint {
     pub limit: Limit,
 }
 
-/// A `<limit>`; what is not written is none.
+/// A `<limit>`; absent attributes are `None`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Limit {
     pub lower: Option<f64>,
@@ -89,8 +91,8 @@ pub(super) struct Limit {
     pub effort: Option<f64>,
 }
 
-/// Declares the prefixes that a file uses without declaring them, as other URDF readers do silently.
-/// Lines stay what they were.
+/// Declares the XML prefixes that a file uses without declaring them, which other URDF readers accept.
+/// Keeps line numbers.
 pub(super) fn declare_prefixes(text: &str) -> String {
     let mut text = text.to_owned();
     // Each round declares one prefix; files have a handful.
@@ -109,7 +111,7 @@ fn parse(text: &str) -> Result<Document<'_>, Error> {
     )
 }
 
-/// Refuses what is too large to be a robot before anything walks over it.
+/// Rejects texts that are too large for a robot, before parsing.
 pub(super) fn check_size(file_name: &str, text: &str) -> Result<(), DocumentError> {
     if text.len() <= TEXT_MAX {
         return Ok(());
@@ -163,8 +165,8 @@ pub(super) fn read(notes: &mut Notes<'_>) -> Result<Urdf, DocumentError> {
     Ok(urdf)
 }
 
-/// Whether an element is a macro or its call. A declared but unused prefix is harmless: expanded files
-/// keep it.
+/// Whether an element is a macro or its call. A declared but unused prefix does not matter: expanded
+/// files keep it.
 fn is_xacro(node: Node<'_, '_>) -> bool {
     let prefix = node.is_element() && {
         let written = &node.document().input_text()[node.range()];
