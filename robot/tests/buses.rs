@@ -129,7 +129,7 @@ fn buses_without_a_table_speak_the_rollwalk_profile() {
     assert!(Robot::from_toml("arm.toml", ROBOT).unwrap().controller_buses().is_empty());
 }
 
-/// A controller that speaks something else is another robot's; one that says the same in more words is not.
+/// Other protocols make another robot; defaults that are written out do not.
 #[test]
 fn what_a_bus_speaks_is_part_of_the_configuration() {
     let hash =
@@ -298,7 +298,7 @@ fn what_an_actuator_cannot_be_told_is_found_at_the_motor() {
         ("torque_max_nm = 1.5", "torque_max_nm = 13.0", CYBERGEAR, "at most 12 N·m"),
         ("torque_max_nm = 1.5", "torque_max_nm = 4.5", DYNAMIXEL, "at most 4.18"),
         ("kd_nm_s_rad = 1.0", "kd_nm_s_rad = 5.5", MIT, "at most 5 N·m·s/rad"),
-        // It is told no limit: what it gives is what its scale has.
+        // No frame limits its torque: it gives up to the end of its scale.
         ("torque_max_nm = 1.5", "torque_max_nm = 18.5", MIT, "at most 18 N·m"),
         ("kd_nm_s_rad = 1.0", "kd_nm_s_rad = 0", ODRIVE, "give kd above 0"),
         ("speed_max_rad_s = 5.0", "speed_max_rad_s = 9.0", DYNAMIXEL, "at most 7.91"),

@@ -33,7 +33,7 @@ pub(super) fn read(mut table: Table<'_>) -> Option<(u8, Bus, Table<'_>)> {
     };
     let on_controller = second(&table, "control", ["in_drive", "on_controller"]);
     let assumed_safe = second(&table, "pose", ["measured", "assumed_safe"]);
-    // Without a protocol, nobody knows which keys belong here.
+    // Which keys are allowed depends on the protocol.
     if protocol.is_some() {
         table.done();
     }

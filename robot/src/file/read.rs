@@ -156,7 +156,7 @@ impl<'r, 'd> Reader<'r, 'd> {
         let center_m = vector(&table, "center_in_link_m");
         let [radius_m, friction_coefficient] =
             ["radius_m", "friction_coefficient"].map(|key| number(&table, key));
-        // Without a kind, nobody knows which keys belong here.
+        // Which keys are allowed depends on the kind.
         let Some(kind) = table.choice("contact", &KINDS) else { return };
         let contact = self.contact(KINDS[kind], group, &table, ids);
         table.done();

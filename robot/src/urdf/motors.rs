@@ -170,17 +170,11 @@ impl<'s> Motors<'s> {
 
     /// Warns of every remark once, with its joints.
     pub fn remark(self, notes: &mut Notes<'_>) {
-        let mut known = HashSet::new();
         for (message, about) in self.remarks {
             let names: Vec<_> = about.iter().take(4).map(|(_, name)| format!("`{name}`")).collect();
             let more = about.len() - names.len();
             let and = if more > 0 { format!(" and {more} more") } else { String::new() };
-            if known.insert(message.clone()) {
-                notes.warn(
-                    &about[0].0,
-                    format_args!("motor of {}{and} {message}", names.join(", ")),
-                );
-            }
+            notes.warn(&about[0].0, format_args!("motor of {}{and} {message}", names.join(", ")));
         }
     }
 }

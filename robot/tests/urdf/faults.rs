@@ -1,14 +1,14 @@
-//! Every class of mistake gets an error that names file, place and value and says what would be right.
+//! Every class of mistake gets an error that names file, place, value and a remedy.
 
 use super::{SIDE, URDF, edited, imported};
 
 #[track_caller]
 fn refused(urdf: &str, side: &str, words: &[&str]) {
     let error = imported(urdf, side).expect_err("a mistake");
-    let told: Vec<_> = error.faults().map(|fault| format!("{fault} ({})", fault.help)).collect();
-    let told = format!("{}: {}", error.file_name(), told.join("\n"));
+    let found: Vec<_> = error.faults().map(|fault| format!("{fault} ({})", fault.help)).collect();
+    let found = format!("{}: {}", error.file_name(), found.join("\n"));
     for word in words {
-        assert!(told.contains(word), "{word:?} is missing in\n{told}");
+        assert!(found.contains(word), "{word:?} is missing in\n{found}");
     }
 }
 

@@ -1,4 +1,4 @@
-//! Imported robots weigh what the URDF says and have their parts where it says, at any joint angles.
+//! Imported robots have the masses of the URDF and its geometry at any joint angles.
 
 use super::oracle::{Truth, truth};
 use super::{SIDE, URDF, good};

@@ -144,7 +144,7 @@ fn motors_without_limits_get_documented_ones() {
 }
 
 #[test]
-fn poses_that_nobody_gives_are_next_to_zero() {
+fn default_poses_are_next_to_zero() {
     let side = edited(SIDE, "left_knee = { nominal_rad = -1.4 }", "");
     let robot = warns(URDF, &side, &["`left_knee`", "no `nominal_rad`", "-0.3"]);
     assert_eq!(joint(&robot, "left_knee").nominal_rad, -0.3);
@@ -204,7 +204,7 @@ fn undeclared_prefixes_do_not_hurt() {
     assert_eq!(good(&urdf, SIDE).robot, good(URDF, SIDE).robot);
 }
 
-/// The worked example of the documentation imports, and says what it is meant to say.
+/// The worked example of the documentation imports, with the values in it.
 #[test]
 fn the_documented_side_file_imports() {
     let page = include_str!("../../../docs/urdf-import.md");
