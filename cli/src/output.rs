@@ -46,6 +46,13 @@ pub struct Table {
     rows: Vec<Vec<String>>,
 }
 
+/// Of rows, the first of which has the titles.
+impl From<Vec<Vec<String>>> for Table {
+    fn from(rows: Vec<Vec<String>>) -> Self {
+        Self { rows }
+    }
+}
+
 impl Table {
     /// A table with these column titles.
     pub fn new<const N: usize>(titles: [&str; N]) -> Self {

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 /// Every library crate with the workspace crates that it may depend on. What is not listed, the
 /// binaries and the tests at the end of the data flow, may depend on all.
-const ALLOWED: [(&str, &[&str]); 9] = [
+const ALLOWED: [(&str, &[&str]); 10] = [
     ("rollwalk-protocol", &[]),
     ("rollwalk-firmware", &["rollwalk-protocol"]),
     ("rollwalk-drives", &["rollwalk-protocol"]),
@@ -31,6 +31,16 @@ const ALLOWED: [(&str, &[&str]); 9] = [
             "rollwalk-protocol",
             "rollwalk-robot",
             "rollwalk-sim-host",
+        ],
+    ),
+    (
+        "rollwalk-bench",
+        &[
+            "rollwalk-bus",
+            "rollwalk-campaign",
+            "rollwalk-planner",
+            "rollwalk-protocol",
+            "rollwalk-robot",
         ],
     ),
 ];

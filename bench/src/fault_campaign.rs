@@ -1,8 +1,6 @@
 //! `rollwalk bench fault-campaign`: faults on the simulated buses, thousands of runs, and what held in them.
 
-use super::publish;
-use crate::output::{self, Table};
-use crate::{Exit, files, interrupt};
+use crate::{Block, Findings, Program, Verdict};
 use miette::miette;
 use rollwalk_bus::candump;
 use rollwalk_campaign::scenario::Scenario;
@@ -10,7 +8,7 @@ use rollwalk_campaign::{self as campaign, Case, Outcome, Report, Subject, table}
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
 use std::panic;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Mutex, mpsc};
 use std::thread;
 
@@ -95,10 +93,10 @@ struct Results {
 }
 
 /// Runs the benchmark.
-pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
+pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
     let cases = cases(args);
     if let (Some(&case), 1) = (cases.front(), cases.len()) {
-        return one(case, args.log.as_deref());
+        return Ok(Some(one(case, args.log.clone())));
     }
     if args.log.is_some() {
         return Err(miette!("--log is for a single run: one scenario, one loss, one seed"));
@@ -109,10 +107,11 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
             "no scenario that was asked for has this loss"
         ));
     }
-    let (table, broken) = all(&cases);
-    let results = Results::new(&table, broken);
-    publish(out, "fault-campaign", &text(&results), &results)?;
-    Ok(finish(&results))
+    let (table, broken) = all(&cases, program);
+    let findings = Results::new(&table, broken).findings();
+    let interrupted = findings.verdict == Verdict::Passed && program.interrupted();
+    let verdict = if interrupted { Verdict::Interrupted } else { findings.verdict };
+    Ok(Some(Findings { verdict, ..findings }))
 }
 
 /// The scenarios that were asked for: all, if none was named.
@@ -145,24 +144,22 @@ fn cases(args: &Args) -> VecDeque<Case> {
     cases
 }
 
-/// A single run, with everything that there is to tell.
-/// What a campaign has written stays: this is how one looks closer at a run of it.
-fn one(case: Case, path: Option<&Path>) -> miette::Result<Exit> {
+/// A single run, with its log. It leaves the files of a campaign as they are: it is a closer look at one of its runs.
+fn one(case: Case, path: Option<PathBuf>) -> Findings {
     let (report, log) = campaign::run(&Subject::one_leg(), case);
-    if let Some(path) = path {
+    let log = path.map(|path| {
         let mut text = Vec::new();
         candump::write(&log, &mut text).expect("memory takes whatever is written");
-        files::write(path, &text)?;
-    }
+        (path, text)
+    });
     let mut table = table::Table::default();
     table.add(&report);
     let results = Results::new(&table, wrong(&report).into_iter().collect());
-    output::print(&text(&results))?;
-    Ok(finish(&results))
+    Findings { record: None, log, ..results.findings() }
 }
 
-/// All runs, on all cores, until they are done or somebody has had enough.
-fn all(cases: &VecDeque<Case>) -> (table::Table, Vec<Broken>) {
+/// All runs, on all cores, until they are done or interrupted.
+fn all(cases: &VecDeque<Case>, program: &dyn Program) -> (table::Table, Vec<Broken>) {
     let left = Mutex::new(cases.clone());
     let (mut table, mut broken) = (table::Table::default(), Vec::new());
     let total = cases.len();
@@ -173,7 +170,7 @@ fn all(cases: &VecDeque<Case>) -> (table::Table, Vec<Broken>) {
             let (sender, left) = (sender.clone(), &left);
             scope.spawn(move || {
                 let subject = Subject::one_leg();
-                while !interrupt::requested() {
+                while !program.interrupted() {
                     let Some(case) = left.lock().ok().and_then(|mut left| left.pop_front()) else {
                         break;
                     };
@@ -198,7 +195,7 @@ fn all(cases: &VecDeque<Case>) -> (table::Table, Vec<Broken>) {
             }
             if done % 500 == 0 {
                 let bad = broken.len();
-                output::say(format_args!("{done} of {total} runs, {bad} broken"));
+                program.say(&format!("{done} of {total} runs, {bad} broken"));
             }
         }
     });
@@ -235,24 +232,66 @@ impl Results {
             broken,
         }
     }
-}
 
-/// Says which runs are broken and how to repeat them.
-fn finish(results: &Results) -> Exit {
-    for broken in &results.broken {
-        output::say(format_args!(
-            "{}, {} % loss, seed {}: {}\n  again: {}",
-            broken.scenario,
-            broken.loss_percent,
-            broken.seed,
-            broken.wrong.join("; "),
-            broken.again
-        ));
+    fn findings(&self) -> Findings {
+        let failure = |broken: &Broken| {
+            format!(
+                "{}, {} % loss, seed {}: {}\n  again: {}",
+                broken.scenario,
+                broken.loss_percent,
+                broken.seed,
+                broken.wrong.join("; "),
+                broken.again
+            )
+        };
+        let failures: Vec<_> = self.broken.iter().map(failure).collect();
+        let verdict = if failures.is_empty() { Verdict::Passed } else { Verdict::OutOfBounds };
+        let blocks = vec![self.table(), self.summary()];
+        Findings { failures, verdict, ..Findings::new("fault-campaign", blocks, self) }
     }
-    match (results.broken.is_empty(), interrupt::requested()) {
-        (false, _) => Exit::OutOfBounds,
-        (true, true) => Exit::Interrupted,
-        (true, false) => Exit::Ok,
+
+    fn table(&self) -> Block {
+        let [on, home, down, stopped, sent, later] = Outcome::ALL.map(Outcome::name);
+        let mut table = crate::table([
+            "scenario",
+            "loss",
+            "runs",
+            on,
+            home,
+            down,
+            stopped,
+            sent,
+            later,
+            "worst stop",
+            "broken",
+        ]);
+        for row in &self.rows {
+            let count = |outcome: Outcome| {
+                row.outcomes.get(outcome.name()).map_or(String::new(), u64::to_string)
+            };
+            let mut cells =
+                vec![row.scenario.into(), format!("{} %", row.loss_percent), row.runs.to_string()];
+            cells.extend(Outcome::ALL.map(count));
+            cells.push(row.worst_stop_ms.map_or(String::new(), |ms| format!("{ms:.1} ms")));
+            cells.push(row.broken.to_string());
+            table.push(cells);
+        }
+        Block::Table(table)
+    }
+
+    fn summary(&self) -> Block {
+        let sum = |of: fn(&Row) -> u64| self.rows.iter().map(of).sum::<u64>();
+        Block::Text(format!(
+            "{} in {:.1} h of virtual time, {} broken. Looked at {} setpoints and {} commands; {} frames \
+             were lost, other faults fired {} times.",
+            if self.runs == 1 { "1 run".into() } else { format!("{} runs", self.runs) },
+            self.virtual_s / 3600.0,
+            self.broken.len(),
+            sum(|row| row.setpoints),
+            sum(|row| row.commands),
+            sum(|row| row.frames_lost),
+            sum(|row| row.faults_fired),
+        ))
     }
 }
 
@@ -270,44 +309,4 @@ fn make_row(scenario: Scenario, loss_per_mille: u16, row: &table::Row) -> Row {
         commands: row.commands,
         worst_stop_ms: row.worst_stop.map(|stop| 1e3 * stop.as_s()),
     }
-}
-
-fn text(results: &Results) -> String {
-    let [on, home, down, stopped, sent, later] = Outcome::ALL.map(Outcome::name);
-    let titles =
-        ["scenario", "loss", "runs", on, home, down, stopped, sent, later, "worst stop", "broken"];
-    let mut table = Table::new(titles);
-    for row in &results.rows {
-        let count = |outcome| match row.outcomes.get(outcome) {
-            Some(count) => count.to_string(),
-            None => String::new(),
-        };
-        table.row([
-            row.scenario.into(),
-            format!("{} %", row.loss_percent),
-            row.runs.to_string(),
-            count(on),
-            count(home),
-            count(down),
-            count(stopped),
-            count(sent),
-            count(later),
-            row.worst_stop_ms.map_or(String::new(), |ms| format!("{ms:.1} ms")),
-            row.broken.to_string(),
-        ]);
-    }
-    let Results { runs, virtual_s, broken, .. } = results;
-    let sum = |of: fn(&Row) -> u64| results.rows.iter().map(of).sum::<u64>();
-    format!(
-        "{}\n\n{} in {:.1} h of virtual time, {} broken. Looked at {} setpoints and {} commands; {} frames \
-         were lost, other faults fired {} times.",
-        table.render(),
-        if *runs == 1 { "1 run".into() } else { format!("{runs} runs") },
-        virtual_s / 3600.0,
-        broken.len(),
-        sum(|row| row.setpoints),
-        sum(|row| row.commands),
-        sum(|row| row.frames_lost),
-        sum(|row| row.faults_fired),
-    )
 }

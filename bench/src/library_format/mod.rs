@@ -2,21 +2,17 @@
 
 mod packing;
 
-use super::only::Only;
-use super::publish;
-use crate::inputs::Source;
-use crate::output::Table;
-use crate::planning::plan_all;
-use crate::{Exit, output};
+use crate::only::Only;
+use crate::{Block, Findings, Program, Table, Verdict, verdicts};
 use miette::{IntoDiagnostic, miette};
 use packing::Bytes;
-use rollwalk_planner::library::{ClipStats, frames};
+use rollwalk_planner::library::{BuiltLibrary, ClipStats, frames};
 use rollwalk_planner::plan::Plan;
 use rollwalk_protocol::library::{ClipId, Library, RATE_HZ, validate};
+use rollwalk_robot::Robot;
 use serde::Serialize;
-use std::path::Path;
 
-const LIBRARIES: [&str; 5] = [
+pub const LIBRARIES: [&str; 5] = [
     "motions/agilebot_library.toml",
     "motions/agilebot_skills_library.toml",
     "motions/swizzlebot_library.toml",
@@ -29,11 +25,16 @@ const CHANNELS: f64 = 16.0;
 const TIMES: f64 = 5.0;
 const JOINT_ERROR_MRAD: f64 = 0.5;
 
-/// What to run.
-#[derive(clap::Args)]
-pub struct Args {
-    #[command(flatten)]
-    only: Only,
+/// A library with the plans that it was packed from.
+pub struct PlannedLibrary {
+    /// Name of the library.
+    pub name: String,
+    /// Its robot.
+    pub robot: Robot,
+    /// Plans of its clips: motions, then transitions.
+    pub plans: Vec<Plan>,
+    /// The plans, packed.
+    pub built: BuiltLibrary,
 }
 
 /// One clip, measured.
@@ -70,59 +71,57 @@ struct Row {
 }
 
 /// Runs the benchmark.
-pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
+pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings>> {
     let mut rows = Vec::new();
-    for file in args.only.choose(&LIBRARIES, |file| file)? {
-        output::say(format_args!("{file}"));
-        match measure(Path::new(file))? {
-            Some(row) => rows.push(row),
-            None => return Ok(Exit::Interrupted),
+    for file in only.choose(&LIBRARIES, |file| file)? {
+        program.say(file);
+        match program.library(file)? {
+            Some(library) => rows.push(measure(&library)?),
+            None => return Ok(None),
         }
     }
-    let mut text = String::new();
+    let mut blocks = Vec::new();
     for row in &rows {
         let Row { library, joints, wheels, .. } = row;
-        text += &format!("{library}: {joints} joints, {wheels} wheels\n\n{}\n\n", clip_table(row));
+        blocks.push(Block::Text(format!("{library}: {joints} joints, {wheels} wheels")));
+        blocks.push(Block::Table(clip_table(row)));
     }
-    let (verdicts, passed) = verdicts(&rows);
-    text += &format!(
-        "All clips of a library, bytes a second for {CHANNELS} channels\n\n{}\n\n\
-         B/s: bytes for a second of 60 frames. clips: blocks of the motion library with headers, keyframes and \
+    let (targets, passed) = verdicts(targets(&rows));
+    blocks.push(Block::Text(format!(
+        "All clips of a library, bytes a second for {CHANNELS} channels"
+    )));
+    blocks.push(Block::Table(library_table(&rows)));
+    blocks.push(Block::Text(format!(
+        "B/s: bytes for a second of 60 frames. clips: blocks of the motion library with headers, keyframes and \
          CRCs.\nfile: all of the file. f32: raw. postcard: varints of the quanta's first differences; + zstd: those \
          at level 19.\nzstd 3, 19: of f32, clip by clip; one: all clips as one, level 19; i16: of the quanta, level \
          19. times: f32 over\nclips; least: of the worst clip; file: f32 over the whole file. mrad, rad/s: worst \
-         error of a joint and of a wheel.\nns/frame: CPU time to read a frame.\n\n{verdicts}",
-        library_table(&rows)
-    );
-    publish(out, "library-format", &text, &rows)?;
-    Ok(if passed { Exit::Ok } else { Exit::NotConverged })
+         error of a joint and of a wheel.\nns/frame: CPU time to read a frame.\n\n{targets}"
+    )));
+    let verdict = if passed { Verdict::Passed } else { Verdict::NotConverged };
+    Ok(Some(Findings { verdict, ..Findings::new("library-format", blocks, &rows) }))
 }
 
-/// Plans and packs a library and everything it is compared with. `None` after Ctrl-C.
-fn measure(file: &Path) -> miette::Result<Option<Row>> {
-    let library = Source::Shipped.library(file)?;
-    let Some(plans) = plan_all(&library, false)? else { return Ok(None) };
-    if let Some(failure) = plans.failures().first() {
-        return Err(miette!("{}: {failure}", file.display()));
-    }
-    let built = plans.pack(&library)?;
-    let config = library.robot.controller_config().into_diagnostic()?;
+/// Measures a library and everything it is compared with.
+fn measure(library: &PlannedLibrary) -> miette::Result<Row> {
+    let PlannedLibrary { name, robot, plans, built } = library;
+    let config = robot.controller_config().into_diagnostic()?;
     let index = validate(&built.bytes, &config).into_diagnostic()?;
     let packed = Library::open(&built.bytes, &index).ok_or_else(|| miette!("not this library"))?;
     let mut all = Vec::new();
     let mut bytes = Bytes::default();
     let mut clips = Vec::new();
-    for (number, (planned, stats)) in (0u8..).zip(plans.all().zip(&built.clips)) {
-        let raw = raw(&planned.plan)?;
+    for (number, (plan, stats)) in (0u8..).zip(plans.iter().zip(&built.clips)) {
+        let raw = raw(plan)?;
         let quanta = packing::quanta(&packed, ClipId(number))?;
         let clip = clip(stats, Bytes::of(stats.bytes, &raw, &quanta)?);
         all.extend(raw);
         bytes += clip.bytes;
         clips.push(clip);
     }
-    let joints = library.robot.joints.len();
-    Ok(Some(Row {
-        library: library.file.name.clone(),
+    let joints = robot.joints.len();
+    Ok(Row {
+        library: name.clone(),
         joints,
         wheels: packed.channel_count() - joints,
         seconds: clips.iter().map(|clip| clip.seconds).sum(),
@@ -132,7 +131,7 @@ fn measure(file: &Path) -> miette::Result<Option<Row>> {
         times_smaller: all.len() as f64 / built.bytes.len() as f64,
         read_ns_per_frame: packing::read_ns_per_frame(&packed)?,
         clips,
-    }))
+    })
 }
 
 fn clip(stats: &ClipStats, bytes: Bytes) -> Clip {
@@ -155,14 +154,14 @@ fn raw(plan: &Plan) -> miette::Result<Vec<u8>> {
 }
 
 /// The clips of a library in bytes a second of its own channels.
-fn clip_table(row: &Row) -> String {
-    let mut table = Table::new([
+fn clip_table(row: &Row) -> Table {
+    let mut table = crate::table([
         "clip", "frames", "s", "B/s", "f32", "postcard", "+ zstd", "zstd 3", "zstd 19", "i16",
         "times", "mrad", "rad/s",
     ]);
     for clip in &row.clips {
         let rate = |bytes: usize| format!("{:.0}", bytes as f64 / clip.seconds);
-        table.row([
+        table.push(vec![
             clip.name.clone(),
             clip.frames.to_string(),
             format!("{:.2}", clip.seconds),
@@ -178,12 +177,12 @@ fn clip_table(row: &Row) -> String {
             format!("{:.5}", clip.worst_wheel_error_rad_s),
         ]);
     }
-    table.render()
+    table
 }
 
 /// The libraries in bytes a second for [`CHANNELS`] channels.
-fn library_table(rows: &[Row]) -> String {
-    let mut table = Table::new([
+fn library_table(rows: &[Row]) -> Table {
+    let mut table = crate::table([
         "library", "channels", "s", "clips", "file", "f32", "postcard", "+ zstd", "zstd 3",
         "zstd 19", "one", "i16", "times", "least", "file", "mrad", "rad/s", "ns/frame",
     ]);
@@ -192,7 +191,7 @@ fn library_table(rows: &[Row]) -> String {
         let rate = |bytes: usize| {
             format!("{:.0}", bytes as f64 / row.seconds * CHANNELS / channels as f64)
         };
-        table.row([
+        table.push(vec![
             row.library.clone(),
             channels.to_string(),
             format!("{:.1}", row.seconds),
@@ -213,16 +212,16 @@ fn library_table(rows: &[Row]) -> String {
             format!("{:.0}", row.read_ns_per_frame),
         ]);
     }
-    table.render()
+    table
 }
 
-/// What was to be shown, and whether all of it holds.
-fn verdicts(rows: &[Row]) -> (String, bool) {
+/// The targets, each with whether it is met.
+fn targets(rows: &[Row]) -> [(String, bool); 3] {
     let clips = || rows.iter().flat_map(|row| &row.clips);
     let file = least(rows.iter().map(|row| row.times_smaller));
     let clip = least(clips().map(|clip| clip.times_smaller));
     let error = most(clips().map(|clip| clip.worst_joint_error_mrad));
-    let checks = [
+    [
         (
             format!("every file is at least {TIMES} times smaller than f32: {file:.1}"),
             file >= TIMES,
@@ -235,11 +234,7 @@ fn verdicts(rows: &[Row]) -> (String, bool) {
             format!("every joint is within {JOINT_ERROR_MRAD} mrad of its plan: {error:.3}"),
             error <= JOINT_ERROR_MRAD,
         ),
-    ];
-    let lines = checks
-        .each_ref()
-        .map(|(text, holds)| format!("{} {text}", if *holds { "yes" } else { "NO " }));
-    (lines.join("\n"), checks.iter().all(|(_, holds)| *holds))
+    ]
 }
 
 fn least(values: impl Iterator<Item = f64>) -> f64 {
@@ -253,13 +248,6 @@ fn most(values: impl Iterator<Item = f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_binary_carries_every_row() {
-        for file in LIBRARIES {
-            Source::Shipped.library(Path::new(file)).unwrap();
-        }
-    }
 
     /// A library of one clip with so many bytes, of 1000 as `f32`, and this error.
     fn row(clip_bytes: usize, file_bytes: usize, error_mrad: f64) -> Row {
@@ -288,13 +276,13 @@ mod tests {
 
     #[test]
     fn each_target_can_be_missed() {
-        assert!(verdicts(&[row(190, 200, 0.5)]).1);
+        assert!(verdicts(targets(&[row(190, 200, 0.5)])).1);
         for (missed, rows) in [
             ("every file", [row(190, 200, 0.4), row(199, 201, 0.4)]),
             ("every clip", [row(201, 200, 0.4), row(190, 200, 0.4)]),
             ("every joint", [row(190, 200, 0.4), row(190, 200, 0.501)]),
         ] {
-            let (text, passed) = verdicts(&rows);
+            let (text, passed) = verdicts(targets(&rows));
             assert!(!passed && text.matches("NO ").count() == 1, "{text}");
             assert!(text.contains(&format!("NO  {missed}")), "{text}");
         }
@@ -303,8 +291,7 @@ mod tests {
     #[test]
     fn totals_are_for_16_channels() {
         let table = library_table(&[row(190, 200, 0.4)]);
-        let cells: Vec<&str> = table.lines().nth(2).unwrap().split_whitespace().collect();
         // Four channels for half a second: eight times as much for 16 and a second.
-        assert_eq!(cells[..6], ["robot", "4", "0.5", "1520", "1600", "8000"]);
+        assert_eq!(table[1][..6], ["robot", "4", "0.5", "1520", "1600", "8000"]);
     }
 }

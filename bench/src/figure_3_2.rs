@@ -1,22 +1,16 @@
 //! Figure 3.2 of the thesis: its warm start against none, on walking, trotting and harder gaits.
 
-use super::chart::{self, Curve, Labels};
-use super::only::Only;
-use super::publish;
-use crate::inputs::Source;
-use crate::output::{self, Table};
-use crate::{Exit, interrupt};
+use crate::chart::{self, Curve, Labels};
+use crate::only::Only;
+use crate::{Block, Findings, Program, table, unless_interrupted};
 use cpu_time::ThreadTime;
-use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::SolveSummary;
 use rollwalk_planner::start::{Start, WarmStart};
 use rollwalk_planner::{Options, optimise};
 use serde::Serialize;
-use std::ops::ControlFlow;
-use std::path::Path;
 
 /// Motion files.
-const GAITS: [&str; 6] = ["trot", "walk", "walk_held", "flying_trot", "pronk", "pace"];
+pub const GAITS: [&str; 6] = ["trot", "walk", "walk_held", "flying_trot", "pronk", "pace"];
 const STARTS: [(&str, Start); 3] = [
     ("standing", Start::Standing),
     ("warm start", Start::Warm(WarmStart { literal: false })),
@@ -33,12 +27,12 @@ struct Row {
 }
 
 /// Runs the benchmark.
-pub fn run(only: &Only, out: &Path) -> miette::Result<Exit> {
-    let mut table = Table::new(["gait", "start", "status", "iterations", "CPU ms"]);
-    let mut rows = Vec::new();
+pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings>> {
+    let mut table = table(["gait", "start", "status", "iterations", "CPU ms"]);
+    let (mut rows, mut charts) = (Vec::new(), Vec::new());
     for gait in only.choose(&GAITS, |gait| gait)? {
-        let (robot, motion) = Source::Shipped.motion(Path::new(&format!("motions/{gait}.toml")))?;
-        output::say(&motion.name);
+        let (robot, motion) = program.motion(&format!("motions/{gait}.toml"))?;
+        program.say(&motion.name);
         let mut curves: Vec<Curve> = Vec::new();
         for (name, start) in STARTS {
             let options = Options { start, ..Options::default() };
@@ -46,17 +40,13 @@ pub fn run(only: &Only, out: &Path) -> miette::Result<Exit> {
             let mut states = Vec::new();
             let plan = optimise(&robot, &motion, &options, &mut |progress| {
                 states.push((1e3 * clock.elapsed().as_secs_f64(), progress.worst_level));
-                if interrupt::requested() {
-                    ControlFlow::Break(())
-                } else {
-                    ControlFlow::Continue(())
-                }
+                unless_interrupted(program)
             });
-            if interrupt::requested() {
-                return Ok(Exit::Interrupted);
+            if program.interrupted() {
+                return Ok(None);
             }
             let cpu_ms = 1e3 * clock.elapsed().as_secs_f64();
-            table.row([
+            table.push(vec![
                 motion.name.clone(),
                 name.into(),
                 format!("{:?}", plan.solve.status),
@@ -71,23 +61,16 @@ pub fn run(only: &Only, out: &Path) -> miette::Result<Exit> {
             });
             curves.push((name.into(), states));
         }
-        draw(&motion, out, &curves)?;
+        let labels = Labels {
+            title: &format!("{}: with and without the warm start", motion.name),
+            x: "CPU time, ms",
+            y: "worst constraint of the problem at hand over its level",
+        };
+        charts.push((format!("figure-3-2-{}.svg", motion.name), chart::draw(&labels, &curves)?));
     }
-    let text = format!(
-        "{}\n\nThe thesis reports a trot in 5 s with the warm start against 9.5 s without, and no walk within a \
+    let text = "The thesis reports a trot in 5 s with the warm start against 9.5 s without, and no walk within a \
          minute without.\nHere Gauss-Newton with multipliers plans both from standing in fewer iterations \
-         than the warm start itself takes; it pays where standing\nends in a bad minimum. Iterations of the warm start include those of its four steps.",
-        table.render()
-    );
-    publish(out, "figure-3-2", &text, &rows)?;
-    Ok(Exit::Ok)
-}
-
-fn draw(motion: &Motion, out: &Path, curves: &[Curve]) -> miette::Result<()> {
-    let labels = Labels {
-        title: &format!("{}: with and without the warm start", motion.name),
-        x: "CPU time, ms",
-        y: "worst constraint of the problem at hand over its level",
-    };
-    chart::draw(&out.join(format!("figure-3-2-{}.svg", motion.name)), &labels, true, curves)
+         than the warm start itself takes; it pays where standing\nends in a bad minimum. Iterations of the warm start include those of its four steps.";
+    let blocks = vec![Block::Table(table), Block::Text(text.into())];
+    Ok(Some(Findings { charts, ..Findings::new("figure-3-2", blocks, &rows) }))
 }

@@ -1,15 +1,11 @@
 //! Cost against the number of samples: the same drive, sampled 12 to 240 times.
 
-use super::chart::{self, Labels};
-use super::{measure, publish};
-use crate::inputs::Source;
-use crate::output::{self, Table};
-use crate::{Exit, interrupt};
+use crate::chart::{self, Labels};
+use crate::{Block, Findings, Program, measure, table};
 use rollwalk_planner::Options;
 use serde::Serialize;
-use std::path::Path;
 
-const MOTION: &str = "motions/walk.toml";
+pub const MOTION: &str = "motions/walk.toml";
 const SAMPLES: [usize; 7] = [12, 24, 48, 72, 96, 120, 240];
 /// Samples in one stride: longer motions repeat it.
 const STRIDE: usize = 12;
@@ -40,9 +36,9 @@ struct Row {
 }
 
 /// Runs the benchmark.
-pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
-    let (robot, stride) = Source::Shipped.motion(Path::new(MOTION))?;
-    let mut table = Table::new(["samples", "iterations", "CPU ms", "ms/iteration", "µs/sample"]);
+pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
+    let (robot, stride) = program.motion(MOTION)?;
+    let mut table = table(["samples", "iterations", "CPU ms", "ms/iteration", "µs/sample"]);
     let mut rows = Vec::new();
     let (mut whole, mut single) = (Vec::new(), Vec::new());
     for &samples in &args.samples {
@@ -53,13 +49,13 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
         motion.stance =
             (0..samples).map(|i| pattern[(i % STRIDE) * pattern.len() / STRIDE].clone()).collect();
         motion.duration_s = stride.duration_s * strides;
-        let run = measure::cold(&robot, &motion, &Options::default());
-        if interrupt::requested() {
-            return Ok(Exit::Interrupted);
+        let run = measure::cold(program, &robot, &motion, &Options::default());
+        if program.interrupted() {
+            return Ok(None);
         }
-        output::say(format_args!("{samples} samples: {:?}", run.plan().solve.status));
+        program.say(&format!("{samples} samples: {:?}", run.plan().solve.status));
         let per_iteration = 1e3 * run.cpu_s / run.iterations as f64;
-        table.row([
+        table.push(vec![
             samples.to_string(),
             run.iterations.to_string(),
             format!("{:.1}", 1e3 * run.cpu_s),
@@ -71,19 +67,16 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
         whole.push((samples as f64, 1e3 * run.cpu_s));
         single.push((samples as f64, per_iteration));
     }
-    let slope = exponent(&single);
-    let growth = slope
-        .map(|slope| format!("\n\nCPU time of an iteration grows as samples^{slope:.2}."))
-        .unwrap_or_default();
-    let text = format!(
-        "Walking, one stride of {STRIDE} samples after the other.\n\n{}{growth}",
-        table.render()
-    );
+    let title = format!("Walking, one stride of {STRIDE} samples after the other.");
+    let mut blocks = vec![Block::Text(title), Block::Table(table)];
+    if let Some(slope) = exponent(&single) {
+        let growth = format!("CPU time of an iteration grows as samples^{slope:.2}.");
+        blocks.push(Block::Text(growth));
+    }
     let labels = Labels { title: "Cost against samples", x: "samples", y: "CPU time, ms" };
     let curves = [("whole solve".to_owned(), whole), ("one iteration".to_owned(), single)];
-    chart::draw(&out.join("samples.svg"), &labels, true, &curves)?;
-    publish(out, "samples", &text, &rows)?;
-    Ok(Exit::Ok)
+    let charts = vec![("samples.svg".to_owned(), chart::draw(&labels, &curves)?)];
+    Ok(Some(Findings { charts, ..Findings::new("samples", blocks, &rows) }))
 }
 
 /// Slope of the least-squares line through the logarithms; of at least two different numbers.

@@ -1,17 +1,12 @@
 //! Figure 2.3 of the thesis: how fast its Newton methods, L-BFGS and ours converge.
 
-use super::chart::{self, Curve, Labels};
-use super::only::Only;
-use super::publish;
-use crate::inputs::Source;
-use crate::output::{self, Table};
-use crate::{Exit, interrupt};
+use crate::chart::{self, Curve, Labels};
+use crate::only::Only;
+use crate::{Block, Findings, Program, table, unless_interrupted};
 use cpu_time::ThreadTime;
 use rollwalk_planner::plan::SolveSummary;
 use rollwalk_planner::{Method, Options, optimise};
 use serde::Serialize;
-use std::ops::ControlFlow;
-use std::path::Path;
 
 const METHODS: [(Method, &str); 4] = [
     (Method::GaussNewton, "Gauss-Newton with multipliers"),
@@ -19,7 +14,7 @@ const METHODS: [(Method, &str); 4] = [
     (Method::NewtonTrue, "Newton, true Hessian"),
     (Method::Lbfgs, "L-BFGS"),
 ];
-const MOTIONS: [&str; 2] =
+pub const MOTIONS: [&str; 2] =
     ["motions/table_2_1/swizzlebot_forward.toml", "motions/table_2_1/creature3_walk.toml"];
 /// A plan is physically credible when its worst constraint is this part of its level.
 const CREDIBLE: f64 = 1.0;
@@ -46,12 +41,11 @@ struct Row {
 }
 
 /// Runs the benchmark.
-pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
-    let mut text = String::new();
-    let mut rows = Vec::new();
+pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
+    let (mut blocks, mut rows, mut charts) = (Vec::new(), Vec::new(), Vec::new());
     for file in args.only.choose(&MOTIONS, |file| file)? {
-        let (robot, motion) = Source::Shipped.motion(Path::new(file))?;
-        let mut table = Table::new([
+        let (robot, motion) = program.motion(file)?;
+        let mut table = table([
             "method",
             "iterations",
             "CPU s",
@@ -62,7 +56,7 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
         ]);
         let (mut by_iteration, mut by_time): (Vec<Curve>, Vec<Curve>) = (Vec::new(), Vec::new());
         for (method, name) in METHODS {
-            output::say(format_args!("{} with {name}", motion.name));
+            program.say(&format!("{} with {name}", motion.name));
             let mut options = Options { seed: 1, ..Options::default() };
             options.settings.method = method;
             let factor = if method == Method::Lbfgs { 10 } else { 1 };
@@ -72,18 +66,14 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
             let plan = optimise(&robot, &motion, &options, &mut |progress| {
                 let cpu_s = clock.elapsed().as_secs_f64();
                 states.push((progress.iteration as f64, cpu_s, progress.worst_level));
-                if interrupt::requested() {
-                    ControlFlow::Break(())
-                } else {
-                    ControlFlow::Continue(())
-                }
+                unless_interrupted(program)
             });
-            if interrupt::requested() {
-                return Ok(Exit::Interrupted);
+            if program.interrupted() {
+                return Ok(None);
             }
             let credible = states.iter().find(|state| state.2 <= CREDIBLE);
             let or_never = |value: Option<String>| value.unwrap_or("never".into());
-            table.row([
+            table.push(vec![
                 name.into(),
                 plan.solve.iterations.to_string(),
                 format!("{:.2}", clock.elapsed().as_secs_f64()),
@@ -102,7 +92,8 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
             by_iteration.push((name.into(), states.iter().map(|s| (s.0, s.2)).collect()));
             by_time.push((name.into(), states.iter().map(|s| (s.1.max(1e-4), s.2)).collect()));
         }
-        text += &format!("{} on {}\n\n{}\n\n", motion.name, robot.name, table.render());
+        blocks.push(Block::Text(format!("{} on {}", motion.name, robot.name)));
+        blocks.push(Block::Table(table));
         for (curves, what, x) in
             [(&by_iteration, "iterations", "iteration"), (&by_time, "time", "CPU time, s")]
         {
@@ -111,15 +102,15 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
                 x,
                 y: "worst constraint over its credible level",
             };
-            let path = out.join(format!("figure-2-3-{}-{what}.svg", motion.name));
-            chart::draw(&path, &labels, true, curves)?;
+            let name = format!("figure-2-3-{}-{what}.svg", motion.name);
+            charts.push((name, chart::draw(&labels, curves)?));
         }
     }
-    text += "The methods of the thesis minimise its penalty energy (weight 10000, goals 50), ours the same\n\
+    let text = "The methods of the thesis minimise its penalty energy (weight 10000, goals 50), ours the same\n\
              constraints with multipliers, so the common measure is the worst constraint or goal as a part \
              of the\nlevel up to which a plan is physically credible. Second derivatives come from \
              differences of exact\ngradients, which makes a Newton iteration dearer than the thesis's closed \
              forms: compare iterations, not\nCPU time, between the two.";
-    publish(out, "figure-2-3", &text, &rows)?;
-    Ok(Exit::Ok)
+    blocks.push(Block::Text(text.into()));
+    Ok(Some(Findings { charts, ..Findings::new("figure-2-3", blocks, &rows) }))
 }

@@ -1,18 +1,13 @@
 //! Table 3.2 of the thesis: SwizzleBots with two to five motors a leg at 0.3 m/s.
 
-use super::measure;
-use super::only::Only;
-use super::publish;
-use crate::inputs::Source;
-use crate::output::Table;
-use crate::{Exit, interrupt};
+use crate::only::Only;
+use crate::{Block, Findings, Program, Verdict, measure, table};
 use rollwalk_planner::Options;
 use rollwalk_planner::plan::Plan;
 use serde::Serialize;
-use std::path::Path;
 
 /// Motion file, motors a leg, and the thesis's mean joint speed, rad/s, and acceleration, rad/s².
-const ROWS: [(&str, usize, [f64; 2]); 4] = [
+pub const ROWS: [(&str, usize, [f64; 2]); 4] = [
     ("motions/swizzlebot2_forward.toml", 2, [4.87, 4408.22]),
     ("motions/swizzlebot3_forward.toml", 3, [3.26, 2572.32]),
     ("motions/swizzlebot4_forward.toml", 4, [3.07, 1870.08]),
@@ -43,8 +38,8 @@ struct Row {
 }
 
 /// Runs the benchmark.
-pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
-    let mut table = Table::new([
+pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
+    let mut table = table([
         "motors a leg",
         "speed m/s",
         "joint speed",
@@ -58,12 +53,14 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
     for &(file, motors, [thesis_speed, thesis_acceleration]) in
         args.only.choose(&ROWS, |row| row.0)?
     {
-        let (robot, motion) = Source::Shipped.motion(Path::new(file))?;
+        let (robot, motion) = program.motion(file)?;
         let runs: Vec<_> = (0..args.seeds)
-            .map(|seed| measure::cold(&robot, &motion, &Options { seed, ..Options::default() }))
+            .map(|seed| {
+                measure::cold(program, &robot, &motion, &Options { seed, ..Options::default() })
+            })
             .collect();
-        if interrupt::requested() {
-            return Ok(Exit::Interrupted);
+        if program.interrupted() {
+            return Ok(None);
         }
         let solved: Vec<_> = runs.iter().filter(|run| run.solved()).collect();
         let energy = |plan: &Plan| plan.solve.energy;
@@ -80,7 +77,7 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
             seeds: runs.len(),
             solved: solved.len(),
         });
-        table.row([
+        table.push(vec![
             motors.to_string(),
             format!("{forward:.3}"),
             format!("{speed:.2}"),
@@ -91,13 +88,13 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
         ]);
     }
     let text = format!(
-        "{}\n\njoint speed, rad/s: mean over joints and samples of |Δq|/h; joint acceleration, rad/s²: of \
+        "joint speed, rad/s: mean over joints and samples of |Δq|/h; joint acceleration, rad/s²: of \
          |Δ²q|/h².\nThe plan of least energy of {} starts.",
-        table.render(),
         args.seeds
     );
-    publish(out, "table-3-2", &text, &rows)?;
-    Ok(if solved_all { Exit::Ok } else { Exit::NotConverged })
+    let verdict = if solved_all { Verdict::Passed } else { Verdict::NotConverged };
+    let blocks = vec![Block::Table(table), Block::Text(text)];
+    Ok(Some(Findings { verdict, ..Findings::new("table-3-2", blocks, &rows) }))
 }
 
 /// Mean joint speed and acceleration over a cycle, and the speed of the centre of mass, m/s.

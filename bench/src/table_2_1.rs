@@ -1,14 +1,10 @@
 //! Table 2.1 of the thesis: the motions of six robots.
 
-use super::measure::{self, Run, median};
-use super::only::Only;
-use super::publish;
-use crate::inputs::Source;
-use crate::output::{self, Table};
-use crate::{Exit, interrupt};
+use crate::measure::{self, Run, median};
+use crate::only::Only;
+use crate::{Block, Findings, Program, Table, Verdict, verdicts};
 use rollwalk_planner::{ACCEPTED_LEVEL, Options};
 use serde::Serialize;
-use std::path::Path;
 
 /// Re-plans follow a goal that is this much of the first one.
 const EDIT: f64 = 0.9;
@@ -19,7 +15,7 @@ const MUST: [f64; 2] = [0.100, 0.020];
 const AIM: [f64; 2] = [0.040, 0.010];
 
 /// The rows: motion file and the thesis's time, s; it gives none for choreographed motions.
-const ROWS: &[(&str, Option<f64>)] = &[
+pub const ROWS: &[(&str, Option<f64>)] = &[
     ("motions/table_2_1/swizzlebot_forward.toml", Some(4.5)),
     ("motions/table_2_1/swizzlebot_turn.toml", Some(3.4)),
     ("motions/table_2_1/creature3_walk.toml", Some(1.3)),
@@ -66,40 +62,50 @@ struct Row {
 }
 
 /// Runs the benchmark.
-pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
+pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
     let mut rows = Vec::new();
     for (file, thesis_s) in args.only.choose(ROWS, |row| row.0)? {
-        if interrupt::requested() {
+        if program.interrupted() {
             break;
         }
-        output::say(format_args!("{file}: {} seeds", args.seeds));
-        rows.push(row(Path::new(file), *thesis_s, args.seeds)?);
+        program.say(&format!("{file}: {} seeds", args.seeds));
+        rows.push(row(program, file, *thesis_s, args.seeds)?);
     }
     if rows.is_empty() {
-        return Ok(Exit::Interrupted);
+        return Ok(None);
     }
-    let (verdicts, passed) = verdicts(&rows);
-    let text = format!("{}\n\n{verdicts}", table(&rows));
-    publish(out, "table-2-1", &text, &rows)?;
-    Ok(match (interrupt::requested(), passed) {
-        (true, _) => Exit::Interrupted,
-        (false, true) => Exit::Ok,
-        (false, false) => Exit::OutOfBounds,
-    })
+    let legend = format!(
+        "iter, max: iterations, median and worst seed. cold, max, cpu: CPU time, ms. again: planned \
+         again with\n{EDIT} of the goal, from the cold plan. /s: ms of CPU time per second of motion. level: \
+         worst residual as a\npart of its credible level. goal err: part of the goal."
+    );
+    let (targets, passed) = verdicts(targets(&rows));
+    let blocks = vec![Block::Table(table(&rows)), Block::Text(legend), Block::Text(targets)];
+    let verdict = match (program.interrupted(), passed) {
+        (true, _) => Verdict::Interrupted,
+        (false, true) => Verdict::Passed,
+        (false, false) => Verdict::OutOfBounds,
+    };
+    Ok(Some(Findings { verdict, ..Findings::new("table-2-1", blocks, &rows) }))
 }
 
-fn row(file: &Path, thesis_s: Option<f64>, seeds: u64) -> miette::Result<Row> {
-    let (robot, motion) = Source::Shipped.motion(file)?;
+fn row(
+    program: &dyn Program,
+    file: &str,
+    thesis_s: Option<f64>,
+    seeds: u64,
+) -> miette::Result<Row> {
+    let (robot, motion) = program.motion(file)?;
     let edited = measure::goal_times(&motion, EDIT);
     let mut cold: Vec<Run> = Vec::new();
     let mut again: Vec<Run> = Vec::new();
     for seed in 0..seeds {
-        if interrupt::requested() {
+        if program.interrupted() {
             break;
         }
         let options = Options { seed, ..Options::default() };
-        let run = measure::cold(&robot, &motion, &options);
-        let replanned = measure::again(&run.solution, &robot, &edited, &options);
+        let run = measure::cold(program, &robot, &motion, &options);
+        let replanned = measure::again(program, &run.solution, &robot, &edited, &options);
         again.push(replanned.map_err(|error| miette::miette!("{error}"))?);
         cold.push(run);
     }
@@ -123,14 +129,14 @@ fn row(file: &Path, thesis_s: Option<f64>, seeds: u64) -> miette::Result<Row> {
     })
 }
 
-fn table(rows: &[Row]) -> String {
-    let mut table = Table::new([
+fn table(rows: &[Row]) -> Table {
+    let mut table = crate::table([
         "motion", "T", "horizon", "thesis", "solved", "iter", "max", "cold", "max", "again",
         "iter", "cpu", "cold/s", "again/s", "level", "goal err",
     ]);
     for row in rows {
         let ms = |seconds: f64| format!("{:.1}", 1e3 * seconds);
-        table.row([
+        table.push(vec![
             row.motion.clone(),
             row.samples.to_string(),
             format!("{:.1} s", row.horizon_s),
@@ -149,68 +155,41 @@ fn table(rows: &[Row]) -> String {
             format!("{:.1e}", row.goal_error),
         ]);
     }
-    format!(
-        "{}\n\niter, max: iterations, median and worst seed. cold, max, cpu: CPU time, ms. again: planned \
-         again with\n{EDIT} of the goal, from the cold plan. /s: ms of CPU time per second of motion. level: \
-         worst residual as a\npart of its credible level. goal err: part of the goal.",
-        table.render()
-    )
+    table
 }
 
-/// What was to be shown, and whether all of it that must hold does.
-fn verdicts(rows: &[Row]) -> (String, bool) {
+/// The targets that must hold, each with whether it does.
+fn targets(rows: &[Row]) -> [(String, bool); 6] {
     let every = |holds: fn(&Row) -> bool| rows.iter().all(holds);
-    let per_second = [
-        median(rows.iter().map(|row| row.cold_cpu_s_median / row.horizon_s)),
-        median(rows.iter().map(|row| row.replan_cpu_s_median / row.horizon_s)),
-    ];
-    let mut lines = Vec::new();
-    let mut passed = true;
-    let mut check = |text: String, holds: bool| {
-        passed &= holds;
-        lines.push(format!("{} {text}", if holds { "yes" } else { "NO " }));
-    };
-    check(
-        "every seed of every row is solved, cold and again".into(),
-        every(|row| row.solved == row.seeds && row.replan_solved == row.seeds),
-    );
-    check(
-        "every solve is faster than its own horizon".into(),
-        every(|row| row.cold_cpu_s_max < row.horizon_s),
-    );
-    check(
-        format!("residuals are at most {ACCEPTED_LEVEL} of their levels"),
-        every(|row| row.worst_level <= ACCEPTED_LEVEL),
-    );
-    check(
-        format!("goals are met to {:.1} %", 1e2 * GOAL_ERROR),
-        every(|row| row.goal_error <= GOAL_ERROR),
-    );
-    for (k, what) in ["cold", "again"].into_iter().enumerate() {
-        check(
-            format!(
-                "{what}: median {:.1} ms per second of motion, at most {:.0} (aim {:.0}: {})",
-                1e3 * per_second[k],
-                1e3 * MUST[k],
-                1e3 * AIM[k],
-                if per_second[k] <= AIM[k] { "reached" } else { "missed" }
-            ),
-            per_second[k] <= MUST[k],
+    let cpu = |k: usize, what: &str, of: fn(&Row) -> f64| {
+        let per_second = median(rows.iter().map(|row| of(row) / row.horizon_s));
+        let text = format!(
+            "{what}: median {:.1} ms per second of motion, at most {:.0} (aim {:.0}: {})",
+            1e3 * per_second,
+            1e3 * MUST[k],
+            1e3 * AIM[k],
+            if per_second <= AIM[k] { "reached" } else { "missed" }
         );
-    }
-    (lines.join("\n"), passed)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::ROWS;
-    use crate::inputs::Source;
-    use std::path::Path;
-
-    #[test]
-    fn the_binary_carries_every_row() {
-        for (file, _) in ROWS {
-            Source::Shipped.motion(Path::new(file)).unwrap();
-        }
-    }
+        (text, per_second <= MUST[k])
+    };
+    [
+        (
+            "every seed of every row is solved, cold and again".into(),
+            every(|row| row.solved == row.seeds && row.replan_solved == row.seeds),
+        ),
+        (
+            "every solve is faster than its own horizon".into(),
+            every(|row| row.cold_cpu_s_max < row.horizon_s),
+        ),
+        (
+            format!("residuals are at most {ACCEPTED_LEVEL} of their levels"),
+            every(|row| row.worst_level <= ACCEPTED_LEVEL),
+        ),
+        (
+            format!("goals are met to {:.1} %", 1e2 * GOAL_ERROR),
+            every(|row| row.goal_error <= GOAL_ERROR),
+        ),
+        cpu(0, "cold", |row| row.cold_cpu_s_median),
+        cpu(1, "again", |row| row.replan_cpu_s_median),
+    ]
 }

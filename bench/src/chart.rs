@@ -2,9 +2,8 @@
 
 use miette::miette;
 use plotters::coord::Shift;
-use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
 use plotters::prelude::*;
-use std::path::Path;
+use std::ops::Range;
 
 /// A curve: name and points.
 pub type Curve = (String, Vec<(f64, f64)>);
@@ -28,12 +27,11 @@ const COLORS: [RGBColor; 6] = [
     RGBColor(90, 90, 90),
 ];
 
-/// Draws curves of positive values with a logarithmic vertical axis, and a logarithmic horizontal one
-/// if `log_x`.
+/// Draws curves of positive values over logarithmic axes, as the text of an SVG file.
 ///
 /// # Errors
-/// The file cannot be written.
-pub fn draw(path: &Path, labels: &Labels, log_x: bool, curves: &[Curve]) -> miette::Result<()> {
+/// What plotters reports.
+pub fn draw(labels: &Labels, curves: &[Curve]) -> miette::Result<String> {
     let points = || curves.iter().flat_map(|(_, points)| points).filter(|p| p.1 > 0.0);
     let range = |pick: fn(&(f64, f64)) -> f64| {
         points()
@@ -41,58 +39,44 @@ pub fn draw(path: &Path, labels: &Labels, log_x: bool, curves: &[Curve]) -> miet
             .fold((f64::INFINITY, 0.0f64), |(low, high), value| (low.min(value), high.max(value)))
     };
     let ((x0, x1), (y0, y1)) = (range(|p| p.0), range(|p| p.1));
-    let root = SVGBackend::new(path, (760, 460)).into_drawing_area();
-    let failed = |error: String| miette!("cannot write {}: {error}", path.display());
-    root.fill(&WHITE).map_err(|error| failed(error.to_string()))?;
-    let vertical = (0.7 * y0..1.4 * y1).log_scale();
-    let drawn = if log_x {
-        plot(&root, labels, (0.85 * x0..1.18 * x1).log_scale(), vertical, curves)
-    } else {
-        plot(&root, labels, 0.0..1.02 * x1, vertical, curves)
-    };
-    drawn.map_err(failed)?;
-    root.present().map_err(|error| failed(error.to_string()))
+    let mut svg = String::new();
+    let root = SVGBackend::with_string(&mut svg, (760, 460)).into_drawing_area();
+    plot(&root, labels, [0.85 * x0..1.18 * x1, 0.7 * y0..1.4 * y1], curves)
+        .and_then(|()| root.present())
+        .map_err(|error| miette!("cannot draw {}: {error}", labels.title))?;
+    drop(root);
+    Ok(svg)
 }
 
-fn plot<X, Y, CX, CY>(
-    root: &DrawingArea<SVGBackend, Shift>,
+fn plot<'a>(
+    root: &DrawingArea<SVGBackend<'a>, Shift>,
     labels: &Labels,
-    x: CX,
-    y: CY,
+    [x, y]: [Range<f64>; 2],
     curves: &[Curve],
-) -> Result<(), String>
-where
-    X: Ranged<ValueType = f64> + ValueFormatter<f64>,
-    Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
-    CX: AsRangedCoord<CoordDescType = X, Value = f64>,
-    CY: AsRangedCoord<CoordDescType = Y, Value = f64>,
-{
-    let text = |error: DrawingAreaErrorKind<_>| format!("{error:?}");
+) -> Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>> {
+    root.fill(&WHITE)?;
     let mut chart = ChartBuilder::on(root)
         .caption(labels.title, ("sans-serif", 16))
         .margin(12)
         .x_label_area_size(40)
         .y_label_area_size(64)
-        .build_cartesian_2d(x, y)
-        .map_err(text)?;
+        .build_cartesian_2d(x.log_scale(), y.log_scale())?;
     chart
         .configure_mesh()
         .x_desc(labels.x)
         .y_desc(labels.y)
         .y_label_formatter(&|value| format!("{value:.0e}"))
         .light_line_style(WHITE)
-        .draw()
-        .map_err(text)?;
+        .draw()?;
     for ((name, points), color) in curves.iter().zip(COLORS.iter().cycle()) {
         let shown = || points.iter().copied().filter(|p| p.1 > 0.0);
         chart
-            .draw_series(LineSeries::new(shown(), color.stroke_width(2)))
-            .map_err(text)?
+            .draw_series(LineSeries::new(shown(), color.stroke_width(2)))?
             .label(name)
             .legend(|(x, y)| PathElement::new([(x, y), (x + 16, y)], color.stroke_width(2)));
         if points.len() <= 40 {
             let dots = shown().map(|point| Circle::new(point, 3, color.filled()));
-            chart.draw_series(dots).map_err(text)?;
+            chart.draw_series(dots)?;
         }
     }
     chart
@@ -100,5 +84,4 @@ where
         .border_style(BLACK.mix(0.3))
         .background_style(WHITE.mix(0.9))
         .draw()
-        .map_err(text)
 }

@@ -1,13 +1,14 @@
 //! Solves on one thread, measured in its CPU time.
 
-use crate::interrupt;
-use crate::race::HOPELESS;
+use crate::{Program, unless_interrupted};
 use cpu_time::ThreadTime;
 use rollwalk_planner::motion::{Ends, Goal, Motion};
 use rollwalk_planner::plan::{Ending, Plan, Status};
-use rollwalk_planner::{Options, Progress, ReplanError, Solution, optimise_solution, start};
+use rollwalk_planner::{Options, ReplanError, Solution, optimise_solution, start};
 use rollwalk_robot::Robot;
-use std::ops::ControlFlow;
+
+/// As many of the first starts may look impossible; then the request is given up, as on the command line.
+const HOPELESS: usize = 2;
 
 /// A solve with what it cost.
 pub struct Run {
@@ -31,19 +32,15 @@ impl Run {
     }
 }
 
-/// Ends a solve after Ctrl-C.
-pub fn watch(_: &Progress) -> ControlFlow<()> {
-    if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-}
-
 /// Plans from nothing: the candidate starts one after the other until one decides.
-pub fn cold(robot: &Robot, motion: &Motion, options: &Options) -> Run {
+pub fn cold(program: &dyn Program, robot: &Robot, motion: &Motion, options: &Options) -> Run {
     let clock = ThreadTime::now();
     let mut iterations = 0;
     let mut last = None;
     let mut hopeless = 0;
     for (index, candidate) in start::candidates(robot, motion, options).into_iter().enumerate() {
-        let solution = optimise_solution(robot, motion, &candidate, &mut watch);
+        let solution =
+            optimise_solution(robot, motion, &candidate, &mut |_| unless_interrupted(program));
         iterations += solution.plan.solve.iterations;
         let ending = solution.plan.solve.ending();
         hopeless += usize::from(ending == Ending::Hopeless && index < HOPELESS);
@@ -62,13 +59,14 @@ pub fn cold(robot: &Robot, motion: &Motion, options: &Options) -> Run {
 /// # Errors
 /// As [`Solution::replan`].
 pub fn again(
+    program: &dyn Program,
     solution: &Solution,
     robot: &Robot,
     motion: &Motion,
     options: &Options,
 ) -> Result<Run, ReplanError> {
     let clock = ThreadTime::now();
-    let solution = solution.replan(robot, motion, options, &mut watch)?;
+    let solution = solution.replan(robot, motion, options, &mut |_| unless_interrupted(program))?;
     let iterations = solution.plan.solve.iterations;
     Ok(Run { solution, iterations, cpu_s: clock.elapsed().as_secs_f64() })
 }

@@ -1,20 +1,16 @@
 //! Table 3.3 of the thesis: top speeds, found by asking for more and more.
 
-use super::measure::{self, Run};
-use super::only::Only;
-use super::publish;
-use crate::inputs::Source;
-use crate::output::{self, Table};
-use crate::{Exit, interrupt};
+use crate::measure::{self, Run};
+use crate::only::Only;
+use crate::{Block, Findings, Program, table};
 use rollwalk_planner::Options;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::report::{Grid, Report};
 use rollwalk_robot::{EndEffector, Robot};
 use serde::Serialize;
-use std::path::Path;
 
 /// Motion file, name and measured speed in the thesis, m/s.
-const ROWS: [(&str, &str, f64); 5] = [
+pub const ROWS: [(&str, &str, f64); 5] = [
     ("motions/walk_held.toml", "AgileBot walking", 0.1483),
     ("motions/roll.toml", "AgileBot rolling", 0.3380),
     ("motions/walk_and_roll.toml", "AgileBot walking & rolling", 0.4762),
@@ -56,17 +52,17 @@ struct Row {
 }
 
 /// Runs the benchmark.
-pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
-    let mut table = Table::new(["motion", "top speed m/s", "thesis m/s", "stopped by"]);
+pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
+    let mut table = table(["motion", "top speed m/s", "thesis m/s", "stopped by"]);
     let mut rows = Vec::new();
     for &(file, name, thesis) in args.only.choose(&ROWS, |row| row.0)? {
-        let (mut robot, motion) = Source::Shipped.motion(Path::new(file))?;
+        let (mut robot, motion) = program.motion(file)?;
         robot.end_effectors.iter_mut().for_each(drag_that_grows);
         let motion = refined(motion);
-        output::say(name);
-        let (speed, stopped) = top_speed(&robot, &motion, args.steps);
-        if interrupt::requested() {
-            return Ok(Exit::Interrupted);
+        program.say(name);
+        let (speed, stopped) = top_speed(program, &robot, &motion, args.steps);
+        if program.interrupted() {
+            return Ok(None);
         }
         rows.push(Row {
             motion: name,
@@ -74,18 +70,17 @@ pub fn run(args: &Args, out: &Path) -> miette::Result<Exit> {
             thesis_m_s: thesis,
             stopped_by: stopped.clone(),
         });
-        table.row([name.into(), format!("{speed:.3}"), format!("{thesis:.3}"), stopped]);
+        table.push(vec![name.into(), format!("{speed:.3}"), format!("{thesis:.3}"), stopped]);
     }
     let text = format!(
-        "{}\n\nThe fastest periodic plan with the given footfalls and period that meets every constraint, \
+        "The fastest periodic plan with the given footfalls and period that meets every constraint, \
          also between samples: \
          joint and wheel\nspeed limits, torque limits and torque-speed lines of the servos, friction, \
          rolling resistance of free wheels\nof c_rr + {DRAG_S_M} s/m times the speed. Within {:.0} %; a local search, so a lower bound.",
-        table.render(),
         1e2 * (FINEST - 1.0)
     );
-    publish(out, "table-3-3", &text, &rows)?;
-    Ok(Exit::Ok)
+    let blocks = vec![Block::Table(table), Block::Text(text)];
+    Ok(Some(Findings::new("table-3-3", blocks, &rows)))
 }
 
 /// The motion with at least [`SAMPLES`] samples: fast plans on few samples cut corners between them.
@@ -109,27 +104,26 @@ fn drag_that_grows(end_effector: &mut EndEffector) {
 }
 
 /// Top speed, m/s, and the worst constraint of the first distance that failed.
-fn top_speed(robot: &Robot, motion: &Motion, steps: usize) -> (f64, String) {
+fn top_speed(program: &dyn Program, robot: &Robot, motion: &Motion, steps: usize) -> (f64, String) {
     let speed = |factor: f64| {
         let distance_m = motion.goal.forward_m.unwrap_or(0.0);
         factor * distance_m / motion.duration_s
     };
-    let first = measure::cold(robot, motion, &Options::default());
+    let first = measure::cold(program, robot, motion, &Options::default());
     if !holds(&first) {
         return (0.0, first.plan().solve.worst_constraint.clone());
     }
     let (mut best, mut factor, mut step) = (first.solution, 1.0, STEP);
     let mut stopped = "-".to_owned();
     for _ in 0..steps {
-        if step <= FINEST || speed(factor) >= ENOUGH_M_S || interrupt::requested() {
+        if step <= FINEST || speed(factor) >= ENOUGH_M_S || program.interrupted() {
             break;
         }
         let faster = measure::goal_times(motion, factor * step);
-        let again = measure::again(&best, robot, &faster, &Options::default()).ok();
-        let runs =
-            again.into_iter().chain((0..SEEDS).map(|seed| {
-                measure::cold(robot, &faster, &Options { seed, ..Options::default() })
-            }));
+        let again = measure::again(program, &best, robot, &faster, &Options::default()).ok();
+        let runs = again.into_iter().chain((0..SEEDS).map(|seed| {
+            measure::cold(program, robot, &faster, &Options { seed, ..Options::default() })
+        }));
         let mut failed = None;
         let mut solved = None;
         for run in runs {

@@ -1,0 +1,187 @@
+//! Benchmarks: the tables and figures of the thesis on this machine, the library format on real plans, and the
+//! fault campaign.
+//!
+//! A benchmark is a pure measurement. What it needs from outside (shipped motions, progress lines, Ctrl-C) comes
+//! through [`Program`]; what it finds is a value, [`Findings`], which `rollwalk bench` prints and writes. What each
+//! benchmark shows: `docs/benchmarks.md`.
+
+mod chart;
+mod fault_campaign;
+mod figure_2_3;
+mod figure_3_2;
+mod library_format;
+mod measure;
+mod only;
+mod samples;
+mod table_2_1;
+mod table_3_2;
+mod table_3_3;
+
+pub use library_format::PlannedLibrary;
+
+use rollwalk_planner::motion::Motion;
+use rollwalk_robot::Robot;
+use serde::Serialize;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+/// A benchmark with its options.
+#[derive(clap::Subcommand)]
+pub enum Benchmark {
+    /// Table 2.1: its motions, several seeds each, cold and planned again after an edit.
+    #[command(name = "table-2-1")]
+    Table21(table_2_1::Args),
+    /// Cost against the number of samples, 12 to 240.
+    Samples(samples::Args),
+    /// Figure 2.3: Hessians, L-BFGS and Gauss-Newton with multipliers.
+    #[command(name = "figure-2-3")]
+    Figure23(figure_2_3::Args),
+    /// Figure 3.2: the thesis's warm start against none.
+    #[command(name = "figure-3-2")]
+    Figure32(only::Only),
+    /// Table 3.2: SwizzleBots with two to five motors a leg.
+    #[command(name = "table-3-2")]
+    Table32(table_3_2::Args),
+    /// Table 3.3: top speeds of walking, rolling, swizzling and skating.
+    #[command(name = "table-3-3")]
+    Table33(table_3_3::Args),
+    /// The motion library on the shipped libraries: bytes a second against raw f32, postcard and zstd.
+    #[command(name = "library-format")]
+    LibraryFormat(only::Only),
+    /// Faults on the simulated buses: losses and scenarios against outcomes, rules checked on every frame.
+    #[command(name = "fault-campaign")]
+    FaultCampaign(fault_campaign::Args),
+}
+
+impl Benchmark {
+    /// Runs the benchmark. `None` if it was interrupted before it had found anything.
+    ///
+    /// # Errors
+    /// A row or case that does not exist, or what `program` reports.
+    pub fn run(&self, program: &dyn Program) -> miette::Result<Option<Findings>> {
+        match self {
+            Self::Table21(args) => table_2_1::run(args, program),
+            Self::Samples(args) => samples::run(args, program),
+            Self::Figure23(args) => figure_2_3::run(args, program),
+            Self::Figure32(only) => figure_3_2::run(only, program),
+            Self::Table32(args) => table_3_2::run(args, program),
+            Self::Table33(args) => table_3_3::run(args, program),
+            Self::LibraryFormat(only) => library_format::run(only, program),
+            Self::FaultCampaign(args) => fault_campaign::run(args, program),
+        }
+    }
+}
+
+/// What a benchmark needs from the program that runs it.
+pub trait Program: Sync {
+    /// A shipped motion and its robot, by the motion file's path in the checkout.
+    ///
+    /// # Errors
+    /// There is no such file.
+    fn motion(&self, file: &str) -> miette::Result<(Robot, Motion)>;
+
+    /// A shipped library, planned and packed; `None` after an interrupt.
+    ///
+    /// # Errors
+    /// There is no such file, or a plan that did not converge.
+    fn library(&self, file: &str) -> miette::Result<Option<PlannedLibrary>>;
+
+    /// Whether the user wants the benchmark to end.
+    fn interrupted(&self) -> bool;
+
+    /// Shows a line of progress.
+    fn say(&self, line: &str);
+}
+
+/// Tells a solve to go on until the user interrupts it.
+fn unless_interrupted(program: &dyn Program) -> ControlFlow<()> {
+    if program.interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}
+
+/// What a benchmark found.
+pub struct Findings {
+    /// Text and tables, for people.
+    pub blocks: Vec<Block>,
+    /// The same for the output folder; `None` of a closer look at a single run, which leaves the folder as it is.
+    pub record: Option<Record>,
+    /// Charts, by file name in the output folder.
+    pub charts: Vec<(String, String)>,
+    /// A log that the options ask for, and where to write it.
+    pub log: Option<(PathBuf, Vec<u8>)>,
+    /// What went wrong, and how to repeat it.
+    pub failures: Vec<String>,
+    /// Whether it found what it should.
+    pub verdict: Verdict,
+}
+
+/// The files of a benchmark.
+pub struct Record {
+    /// Stem of the Markdown and the JSON file.
+    pub name: &'static str,
+    /// Every number, as JSON.
+    pub json: String,
+}
+
+/// A paragraph of findings.
+pub enum Block {
+    /// Lines of text.
+    Text(String),
+    /// A table.
+    Table(Table),
+}
+
+/// A table of cells; the first row has the titles.
+pub type Table = Vec<Vec<String>>;
+
+/// How a benchmark ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It found what it should.
+    Passed,
+    /// A plan did not converge, or a file is larger than it should be.
+    NotConverged,
+    /// A measured value exceeds its bound.
+    OutOfBounds,
+    /// The user ended it.
+    Interrupted,
+}
+
+impl Findings {
+    fn new(name: &'static str, blocks: Vec<Block>, rows: &impl Serialize) -> Self {
+        let json = serde_json::to_string_pretty(rows).expect("numbers and names become JSON");
+        Self {
+            blocks,
+            record: Some(Record { name, json }),
+            charts: Vec::new(),
+            log: None,
+            failures: Vec::new(),
+            verdict: Verdict::Passed,
+        }
+    }
+}
+
+/// A table with these titles and no rows yet.
+fn table<const N: usize>(titles: [&str; N]) -> Table {
+    vec![titles.map(str::to_owned).to_vec()]
+}
+
+/// A line for each target, and whether all of them are met.
+fn verdicts<const N: usize>(checks: [(String, bool); N]) -> (String, bool) {
+    let line =
+        |(text, holds): &(String, bool)| format!("{} {text}", if *holds { "yes" } else { "NO " });
+    (checks.each_ref().map(line).join("\n"), checks.iter().all(|(_, holds)| *holds))
+}
+
+/// Motion files that benchmarks read, by their path in the checkout.
+pub fn motions() -> impl Iterator<Item = String> {
+    let gaits = figure_3_2::GAITS.map(|gait| format!("motions/{gait}.toml"));
+    let rows = table_2_1::ROWS.iter().map(|row| row.0);
+    let rows = rows.chain(table_3_2::ROWS.map(|row| row.0)).chain(table_3_3::ROWS.map(|row| row.0));
+    let others = figure_2_3::MOTIONS.into_iter().chain([samples::MOTION]);
+    rows.chain(others).map(str::to_owned).chain(gaits)
+}
+
+/// Library files that benchmarks read, by their path in the checkout.
+pub fn libraries() -> impl Iterator<Item = &'static str> {
+    library_format::LIBRARIES.into_iter()
+}
