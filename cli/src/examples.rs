@@ -39,7 +39,7 @@ fn words_end_where_the_explanation_or_the_shell_begins() {
     for (line, expected) in [
         ("rollwalk plan a.toml -v      every iteration", &["rollwalk", "plan", "a.toml", "-v"][..]),
         ("rollwalk gains reset # what the file says", &["rollwalk", "gains", "reset"]),
-        ("rollwalk failsafe 'path Ready' | dot", &["rollwalk", "failsafe", "path Ready"]),
+        ("rollwalk plot 'my plan.json' | less", &["rollwalk", "plot", "my plan.json"]),
     ] {
         assert_eq!(words(line), expected);
     }

@@ -19,7 +19,6 @@ fn help_teaches_by_example_and_documents_exit_codes() {
         &["robot", "check"],
         &["library", "build"],
         &["library", "inspect"],
-        &["failsafe"],
         &["console"],
     ] {
         let help = desk.run(&[command, &["--help"]].concat()).succeeds();

@@ -6,7 +6,6 @@ mod blame;
 mod command_line;
 mod console;
 mod demo;
-mod failsafe;
 mod libraries;
 mod lines;
 mod operating;

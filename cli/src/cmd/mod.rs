@@ -9,7 +9,6 @@ mod demo;
 mod discover;
 mod doctor;
 mod export;
-mod failsafe;
 mod flash;
 mod gains;
 mod import;
@@ -61,7 +60,6 @@ pub enum Command {
     #[command(after_long_help = "Examples:\n  rollwalk return --bus can:can0")]
     Return(orders::Args),
     Dbc(dbc::Args),
-    Failsafe(failsafe::Args),
     Bench(bench::Args),
     Completions(completions::Args),
 }
@@ -94,7 +92,6 @@ impl Command {
             Command::Resume(args) => orders::run(Order::Resume, args),
             Command::Return(args) => orders::run(Order::Return, args),
             Command::Dbc(args) => dbc::run(args),
-            Command::Failsafe(args) => failsafe::run(args),
             Command::Bench(args) => bench::run(args),
             Command::Completions(args) => completions::run(args, root),
         }
