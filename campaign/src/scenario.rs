@@ -4,7 +4,7 @@ use fastrand::Rng;
 use rollwalk_firmware::BusState;
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::RobotConfig;
-use rollwalk_protocol::wire::{Fault as Bit, FaultBits};
+use rollwalk_protocol::faults::{Fault as Bit, FaultBits};
 use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::faults::stream::Spoil;
 use rollwalk_sim_host::faults::{Fault, Harm, Way};

@@ -9,10 +9,11 @@ use fastrand::Rng;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_firmware::Settings;
 use rollwalk_host::session::SessionError;
+use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::wire::isotp::{Output, Timing};
 use rollwalk_protocol::wire::transport::{Endpoint, Request, frame_to_controller};
 use rollwalk_protocol::wire::{
-    Action, CommandResult, FaultBits, FromController, HEARTBEAT_PERIOD_MS, HOST_TIMEOUT_MS, State,
+    Action, CommandResult, FromController, HEARTBEAT_PERIOD_MS, HOST_TIMEOUT_MS, State,
 };
 use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::core::Core;

@@ -6,11 +6,11 @@
 //! send a stale setpoint as soon as the short is gone. Only the operator's two-step clear restarts it, through
 //! [`BusWatch::take_restart`].
 
+use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 use rollwalk_protocol::serial::BusState;
-use rollwalk_protocol::wire::{Fault, FaultBits};
 
 use crate::bus::MAX_BUSES;
-use crate::safety::{Event, EventSet};
+use crate::safety::EventSet;
 
 /// Ticks without acknowledgement until it counts as a fault: shorter interruptions are an adapter's.
 const NO_ACK_TICKS: u8 = 3;

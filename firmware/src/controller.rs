@@ -3,9 +3,10 @@
 use rollwalk_protocol::actuators::Packet;
 use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
 use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 use rollwalk_protocol::library::{Attitude, Library, Reject};
 use rollwalk_protocol::serial::BusState;
-use rollwalk_protocol::wire::{Fault, FaultBits};
+use rollwalk_protocol::wire::{State, Torque};
 
 use crate::actuators::load::loads;
 use crate::bus::Buses;
@@ -16,7 +17,7 @@ use crate::limiter::Target;
 use crate::link::Link;
 use crate::motion::{Machine, Motion};
 use crate::player::{PLANNED_SPEED_64THS, Playing};
-use crate::safety::{Action, Event, EventSet, State, StateMachine, Torque};
+use crate::safety::{Action, EventSet, StateMachine};
 use crate::settings::Settings;
 use crate::store::{LibraryStore, NoParameters, ParameterStore, StoreError};
 use crate::tilt::TiltWatch;

@@ -6,11 +6,12 @@
 
 use heapless::Deque;
 use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::wire::isotp::{Event, Output, Timing};
 use rollwalk_protocol::wire::transport::{Endpoint, Response, frame_to_host};
 use rollwalk_protocol::wire::{
-    CommandAck, FaultBits, Heartbeat, HeartbeatReply, LOG_ENTRY_BYTES, MAX_LOG_ENTRIES, Node,
-    ParameterAck, STATUS_PERIOD_MS, Status,
+    CommandAck, Heartbeat, HeartbeatReply, LOG_ENTRY_BYTES, MAX_LOG_ENTRIES, Node, ParameterAck,
+    STATUS_PERIOD_MS, Status,
 };
 
 /// Telemetry messages of each 60 Hz frame: 240 a second, 6 % of a 500 kbit/s bus.

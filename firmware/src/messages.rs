@@ -1,19 +1,19 @@
 //! Messages of the host link: decodes requests and commands, executes them and produces the answers.
 
 use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 use rollwalk_protocol::library::{FORMAT_MAJOR, FORMAT_MINOR, NodeId};
 use rollwalk_protocol::wire::transport::{Hello, MAX_BLOCK, Reply, TransferResult, TransportError};
 use rollwalk_protocol::wire::{
-    Action, Command, CommandAck, CommandResult, DecodeError, Discovered, EstopAck, Fault,
-    FaultBits, FaultReport, JointTelemetry, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, Request,
-    Response, SCHEMA_HASH, Status, ToController,
+    Action, Command, CommandAck, CommandResult, DecodeError, Discovered, EstopAck, FaultReport,
+    JointTelemetry, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, Request, Response, SCHEMA_HASH, State,
+    Status, ToController, Torque,
 };
 
 use crate::controller::Controller;
 use crate::gate::{Permit, Verdict};
 use crate::link::Say;
 use crate::player::PLANNED_SPEED_64THS;
-use crate::safety::{Event, State, Torque};
 use crate::store::{LibraryStore, ParameterStore};
 
 /// Values acknowledged with an accepted command: the motion, and a nonce or a number of frames.
@@ -64,7 +64,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         // Channels without telemetry are skipped; all other messages are sent as they come.
         for _ in 0..=channels {
             let frame = match self.link.next(now_us, channels)? {
-                Say::EstopAck => Some(EstopAck { state: self.state().into() }.encode(node)),
+                Say::EstopAck => Some(EstopAck { state: self.state() }.encode(node)),
                 Say::HeartbeatReply(reply) => Some(reply.encode(node)),
                 Say::FaultReport { bit, counter } => {
                     self.fault_report(now_us, bit, counter).map(|report| report.encode(node))
@@ -103,7 +103,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             seq: command.seq,
             kind: command.action.kind(),
             result,
-            state: self.state().into(),
+            state: self.state(),
             motion: motion.map(|node| node.0),
             value,
         };
@@ -267,7 +267,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 max_block: MAX_BLOCK as u16,
                 channels: config.channels.len() as u8,
             }),
-            Ok(Request::Log { since }) => return self.tell(now_us, since),
+            Ok(Request::Log { since }) => return self.send_log(now_us, since),
             Ok(request) => {
                 // The operator who was about to arm expected another library.
                 self.gate.void();
@@ -284,8 +284,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     /// A function of its own: this is the longest answer, and the other requests lead to the deepest stack, where
     /// libraries are validated.
     #[inline(never)]
-    fn tell(&mut self, now_us: u64, since: u32) {
-        self.link.respond(&Response::Log(self.journal.tell(now_us, since)));
+    fn send_log(&mut self, now_us: u64, since: u32) {
+        self.link.respond(&Response::Log(self.journal.since(now_us, since)));
     }
 
     /// The STATUS message.
@@ -293,7 +293,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         let playing = self.playing();
         let faults = self.faults();
         Status {
-            state: self.state().into(),
+            state: self.state(),
             severity: self.state().severity(faults),
             faults,
             clip: playing.map(|p| p.clip.0),

@@ -6,8 +6,8 @@
 
 use heapless::Vec;
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
+use rollwalk_protocol::faults::{Event, Fault};
 use rollwalk_protocol::library::{Library, NodeId, Unreadable};
-use rollwalk_protocol::wire::Fault;
 
 use crate::actuators::{Actuators, FRESH_TICKS, Hold};
 use crate::align::Ramp;
@@ -15,7 +15,7 @@ use crate::bus::Buses;
 use crate::limiter::{Limiter, Target};
 use crate::parameters::Parameters;
 use crate::player::{Player, Playing};
-use crate::safety::{Event, EventSet};
+use crate::safety::EventSet;
 use crate::settings::Settings;
 use crate::walk::GoalError;
 

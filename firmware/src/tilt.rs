@@ -6,8 +6,9 @@
 
 use rollwalk_protocol::library::Attitude;
 
-use crate::safety::{Event, EventSet};
+use crate::safety::EventSet;
 use crate::settings::Settings;
+use rollwalk_protocol::faults::Event;
 
 /// Age after which an IMU measurement is stale, µs.
 const STALE_US: u64 = 100_000;

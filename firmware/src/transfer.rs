@@ -8,8 +8,9 @@ use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::{ClipId, Index, Library, Reject, Why, validate};
 use rollwalk_protocol::wire::transport::{Reply, Request, TransferResult};
 
-use crate::safety::{Event, State};
 use crate::store::{LibraryStore, StoreError};
+use rollwalk_protocol::faults::Event;
+use rollwalk_protocol::wire::State;
 
 /// A transfer: announced length and CRC, and received bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,11 +4,11 @@
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::{
     Parameter, ParameterAck, ParameterAction, ParameterOrigin, ParameterRequest, ParameterResult,
+    State, Torque,
 };
 
 use crate::controller::Controller;
 use crate::parameters::Refusal;
-use crate::safety::{State, Torque};
 use crate::store::{LibraryStore, ParameterStore};
 
 /// The store of parameters, and what was asked last.

@@ -3,10 +3,9 @@
 //! limits; an emergency stop stops at once, and from everywhere there is a way back.
 
 use arbitrary::{Result, Unstructured};
-use rollwalk_firmware::safety::State;
 use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
 use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::wire::{Action, ParameterAction, Request};
+use rollwalk_protocol::wire::{Action, ParameterAction, Request, State};
 
 use crate::deeds::{Deed, act, assert_way_home};
 use crate::rig::Rig;

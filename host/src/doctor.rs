@@ -2,14 +2,14 @@
 //!
 //! A pure function of [`Findings`]: whoever has a bus collects them.
 
-use crate::advice;
 use crate::catalog::{Catalog, channel_name};
-use crate::refusal::{event_sentence, fault_names, state_name};
+use crate::describe::{event_sentence, fault_report, report_details, state_name};
 use crate::session::History;
 use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::transport::Hello;
 use rollwalk_protocol::wire::{
-    Fault, FaultBits, FaultReport, FromController, JointTelemetry, LogEntry, State, Status,
+    FaultReport, FromController, JointTelemetry, LogEntry, State, Status,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -200,28 +200,11 @@ impl Findings<'_> {
     }
 
     fn fault(&self, fault: Fault) -> Finding {
-        let name = fault_names(FaultBits::default().with(fault));
-        let detail = self.heard.faults.get(&fault.code()).map(|report| self.detail(report));
-        let what = format!("fault {}: {name}{}", fault.code(), detail.unwrap_or_default());
-        let help = format!("{} (docs/faults.md, {} {fault:?})", advice::about(fault), fault.code());
-        finding(Gravity::Wrong, what, help)
-    }
-
-    fn detail(&self, report: &FaultReport) -> String {
-        let value = match report.fault {
-            Fault::HostLost | Fault::ActuatorSilent => format!("{:.1} s ago", report.value),
-            Fault::TrackingError => format!("off by {:.3} rad", report.value),
-            Fault::OutOfLimits => format!("at {:.3} rad", report.value),
-            Fault::Tilt if report.value < 0.0 => "the IMU is silent".into(),
-            Fault::Tilt => format!("by {:.2} rad", report.value),
-            Fault::Overrun => format!("{:.4} s from one tick to the next", report.value),
-            Fault::BusNoAck | Fault::BusPassive | Fault::BusOff => format!("bus {}", report.value),
-            Fault::ActuatorFault => format!("status byte {:#04x}", report.value as u8),
-            _ => String::new(),
-        };
-        let channel = report.channel.map(|channel| self.channel(channel));
-        let parts: Vec<_> = channel.into_iter().chain([value]).filter(|p| !p.is_empty()).collect();
-        if parts.is_empty() { String::new() } else { format!(" ({})", parts.join(", ")) }
+        let (code, report) = (fault.code(), self.heard.faults.get(&fault.code()));
+        let channel = report.and_then(|report| self.channel_of(report.channel));
+        let described = fault_report(fault, channel, report.map(|report| report.value));
+        let help = format!("{} (docs/faults.md, {code} {fault:?})", fault.description().advice);
+        finding(Gravity::Wrong, format!("fault {code}: {described}"), help)
     }
 
     /// Channels of which nothing is told: nobody knows where they are.
@@ -259,8 +242,7 @@ impl Findings<'_> {
     /// What an entry of the controller's log says beyond its event.
     pub fn entry_detail(&self, entry: &LogEntry) -> String {
         entry.fault.map_or_else(String::new, |fault| {
-            let (channel, value) = (entry.channel, entry.value);
-            self.detail(&FaultReport { counter: 0, fault, channel, value })
+            report_details(fault, self.channel_of(entry.channel), Some(entry.value))
         })
     }
 
@@ -290,6 +272,10 @@ impl Findings<'_> {
         name.unwrap_or_else(|| format!("clip {clip}"))
     }
 
+    fn channel_of(&self, channel: Option<u8>) -> Option<String> {
+        channel.map(|channel| self.channel(channel))
+    }
+
     fn channel(&self, channel: u8) -> String {
         channel_name(self.catalog.map_or(&[], |catalog| &catalog.channels), channel)
     }
@@ -302,7 +288,8 @@ fn finding(gravity: Gravity, what: String, help: String) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rollwalk_protocol::wire::{Node, Severity};
+    use rollwalk_protocol::faults::{FaultBits, Severity};
+    use rollwalk_protocol::wire::Node;
 
     fn hello() -> Hello {
         Hello {
@@ -387,22 +374,6 @@ mod tests {
                 "{text}"
             );
             assert!(text.contains("rollwalk clear --bus can:can0"), "{text}");
-        }
-    }
-
-    #[test]
-    fn values_of_faults_are_what_the_specification_says() {
-        let node = Node::new(1).unwrap();
-        for (fault, value, words) in [
-            (Fault::Tilt, -1.0, "the IMU is silent"),
-            (Fault::Tilt, 0.5, "by 0.50 rad"),
-            (Fault::Overrun, 0.08, "0.0800 s from one tick to the next"),
-        ] {
-            let mut heard = heard(State::Damped, FaultBits::default().with(fault), 2);
-            let report = FaultReport { counter: 0, fault, channel: None, value };
-            heard.take(1, &report.encode(node));
-            let told = diagnose(&heard, Some(&hello()));
-            assert!(told.contains(words), "{told}");
         }
     }
 

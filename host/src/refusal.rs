@@ -1,7 +1,7 @@
 //! Sentences for the numbers in which a controller says no.
 
 use rollwalk_protocol::wire::transport::{Reply, TransferResult};
-use rollwalk_protocol::wire::{CommandResult, Fault, FaultBits, LogEvent, ParameterResult, State};
+use rollwalk_protocol::wire::{CommandResult, ParameterResult};
 
 /// Why a command was not executed, and what would help.
 pub fn command_refusal(result: CommandResult) -> &'static str {
@@ -111,81 +111,6 @@ fn why_sentence(code: u8) -> String {
     known.to_owned()
 }
 
-/// A state in words, after "the robot is".
-pub fn state_name(state: State) -> &'static str {
-    match state {
-        State::Boot => "starting",
-        State::SelfTest => "testing itself",
-        State::Disarmed => "disarmed",
-        State::Aligning => "aligning",
-        State::Ready => "ready",
-        State::Playing => "playing",
-        State::Paused => "paused",
-        State::Returning => "returning to SAFE",
-        State::Damped => "damped",
-        State::TorqueOff => "stopped, torque off",
-        State::EStopped => "stopped by an emergency stop",
-    }
-}
-
-/// What happened, by [`LogEvent::code`].
-pub fn event_sentence(code: u8) -> String {
-    let known = match LogEvent::from_code(code) {
-        Some(LogEvent::EStop) => "emergency stop",
-        Some(LogEvent::BusOff) => "an actuator bus has gone off",
-        Some(LogEvent::SelfTestFailed) => "its configuration or settings cannot be used",
-        Some(LogEvent::FeedbackLost) => "an actuator did not answer",
-        Some(LogEvent::ActuatorFault) => "an actuator reported a fault or dropped its torque",
-        Some(LogEvent::NotAcknowledged) => "nobody acknowledged on an actuator bus",
-        Some(LogEvent::BusPassive) => "an actuator bus has become error-passive",
-        Some(LogEvent::Tipped) => "the body was about to fall over",
-        Some(LogEvent::NotFollowing) => "a joint did not follow",
-        Some(LogEvent::PlaybackFailed) => "the library could not be played",
-        Some(LogEvent::Overrun) => "the control loop came too late",
-        Some(LogEvent::AlignFailed) => "the SAFE pose was not reached in time",
-        Some(LogEvent::HostLost) => "the host's heartbeat was lost",
-        Some(LogEvent::Leaning) => "the body was tilted otherwise than its motion makes it",
-        Some(LogEvent::Disarm) => "it was told to disarm",
-        Some(LogEvent::ClearConfirmed) => "the operator cleared",
-        Some(LogEvent::ArmConfirmed) => "it was armed",
-        Some(LogEvent::Started) => "it was switched on or reset",
-        Some(LogEvent::SelfTestPassed) => "the self test passed",
-        Some(LogEvent::Aligned) => "the SAFE pose was reached",
-        Some(LogEvent::MotionStarted) => "it was sent to a motion",
-        Some(LogEvent::PauseAsked) => "it was told to pause",
-        Some(LogEvent::ResumeAsked) => "it was told to go on",
-        Some(LogEvent::SafeReached) => "the safe motion was reached",
-        Some(LogEvent::HoldElapsed) => "SAFE was held long enough",
-        Some(LogEvent::DampingElapsed) => "its joints were damped long enough",
-        Some(LogEvent::FaultFree) => "torque was off and no fault left",
-        None => return format!("something that this host does not know (event {code})"),
-    };
-    known.to_owned()
-}
-
-/// Faults in words, separated by commas; `no fault` for an empty set.
-pub fn fault_names(faults: FaultBits) -> String {
-    let name = |fault| match fault {
-        Fault::NoLibrary => "no valid library",
-        Fault::ConfigMismatch => "library for another robot",
-        Fault::HostLost => "heartbeat lost",
-        Fault::ActuatorSilent => "an actuator does not answer",
-        Fault::ActuatorFault => "an actuator reports a fault",
-        Fault::TrackingError => "a joint or wheel does not follow",
-        Fault::OutOfLimits => "a joint is outside its limits",
-        Fault::Tilt => "the body is tilted",
-        Fault::BusNoAck => "nobody acknowledges on an actuator bus",
-        Fault::BusPassive => "a bus is error-passive",
-        Fault::BusOff => "a bus is off",
-        Fault::EStop => "emergency stop",
-        Fault::Overrun => "the control loop missed its time",
-        Fault::LibraryUnreadable => "the library cannot be read",
-        Fault::Internal => "internal error",
-    };
-    let names: Vec<_> = faults.iter().map(name).collect();
-    if names.is_empty() { "no fault".to_owned() } else { names.join(", ") }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -212,12 +137,5 @@ mod tests {
                 assert!(sentence.contains(&section.to_string()), "{sentence}");
             }
         }
-    }
-
-    #[test]
-    fn faults_are_named() {
-        let faults = FaultBits::default().with(Fault::HostLost).with(Fault::EStop);
-        assert_eq!(fault_names(faults), "heartbeat lost, emergency stop");
-        assert_eq!(fault_names(FaultBits::default()), "no fault");
     }
 }

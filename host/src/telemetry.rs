@@ -9,7 +9,7 @@
 //! Everything is JSON, in radians, rad/s and N·m.
 
 use crate::catalog::Catalog;
-use crate::told::{Told, told};
+use crate::decode::decode;
 use mcap::records::MessageHeader;
 use mcap::{McapResult, WriteOptions, Writer};
 use rollwalk_protocol::can::CanFrame;
@@ -117,12 +117,11 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
     /// # Errors
     /// What the file says.
     pub fn on_frame(&mut self, at_us: u64, frame: &CanFrame) -> McapResult<()> {
-        if let Ok(told) = told(frame)
-            && told.node == self.node.number()
-            && let Some(&topic) = self.topics.get(told.message)
+        if let Ok(decoded) = decode(frame)
+            && decoded.node == self.node.number()
+            && let Some(&topic) = self.topics.get(decoded.message)
         {
-            let Told { signals, .. } = told;
-            self.write(topic, at_us, &signals)?;
+            self.write(topic, at_us, &decoded.signals)?;
         }
         match FromController::decode(frame) {
             Ok((node, FromController::JointTelemetry(joint))) if node == self.node => {

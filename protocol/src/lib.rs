@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | [`config`] | the robot as the controller sees it, and its hash | |
 //! | [`library`] | the motion library (`.rwl`): encoder, validator, read view, frame decoder | `docs/motion-library.md` |
+//! | [`faults`] | the catalogue of faults and of the events that raise them | `docs/faults.md` |
 //! | [`wire`] | messages between host and controller, and the transport of long ones | `docs/wire-format.md` |
 //! | [`actuator`] | messages between controller and servos or wheel drives | `docs/wire-format.md` |
 //! | [`actuators`] | the protocols of servos and wheel drives, this and those of other makers | `docs/actuators.md` |
@@ -27,6 +28,7 @@ pub mod actuators;
 pub mod can;
 pub mod config;
 pub mod crc;
+pub mod faults;
 pub mod library;
 pub mod packet;
 pub mod serial;

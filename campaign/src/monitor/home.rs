@@ -2,23 +2,9 @@
 //! and both end without torque in time.
 
 use super::Rule;
-use rollwalk_protocol::wire::{Fault, FaultBits, State};
+use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
+use rollwalk_protocol::wire::State;
 use rollwalk_sim_host::clock::SimTime;
-
-/// With one of these a robot with torque is damped.
-const DAMP: [Fault; 7] = [
-    Fault::ActuatorSilent,
-    Fault::ActuatorFault,
-    Fault::TrackingError,
-    Fault::BusNoAck,
-    Fault::BusPassive,
-    Fault::Overrun,
-    Fault::LibraryUnreadable,
-];
-/// With one of these it goes home at least.
-const RETURN: [Fault; 2] = [Fault::HostLost, Fault::Tilt];
-/// With one of these it has no torque.
-const STOP: [Fault; 2] = [Fault::BusOff, Fault::EStop];
 
 /// A heartbeat is new if its number is ahead of the last one's by so many at most.
 const MOST_AHEAD: u8 = 127;
@@ -115,24 +101,22 @@ impl Home {
         state: State,
         faults: FaultBits,
     ) -> Result<(), (Rule, String)> {
-        let has = |some: &[Fault]| some.iter().any(|&fault| faults.contains(fault));
+        let called_for = faults.iter().map(Fault::least_severity).max().unwrap_or(Severity::None);
         self.has_torque = true;
-        let fits = match state {
-            State::Aligning | State::Ready | State::Playing | State::Paused => {
-                !has(&STOP) && !has(&DAMP) && !has(&RETURN)
-            }
-            State::Returning => !has(&STOP) && !has(&DAMP),
-            State::Damped => !has(&STOP),
-            _ => true,
+        let under_way = match state {
+            State::Aligning | State::Ready | State::Playing | State::Paused => Severity::Notice,
+            State::Returning => Severity::Return,
+            State::Damped => Severity::Damp,
+            _ => Severity::EStop,
         };
-        if !fits {
+        if called_for > under_way {
             let what = format!("{state:?} with {:?}", faults.iter().collect::<Vec<_>>());
             return Err((Rule::HeedsFaults, what));
         }
         let Terms { notices_within, way_home, damping, .. } = self.terms;
         match state {
             // Whoever disarms may have asked for slowness.
-            State::Returning if has(&RETURN) => {
+            State::Returning if called_for == Severity::Return => {
                 self.must_end(at, way_home + damping, "after it went home for a fault");
             }
             State::Damped => self.must_end(at, damping, "after it was to be let down"),
@@ -225,16 +209,18 @@ mod tests {
     #[test]
     fn states_fit_the_faults() {
         let broken = Some(Rule::HeedsFaults);
-        for fault in RETURN {
+        for fault in [Fault::HostLost, Fault::Tilt] {
             assert_eq!(rule(&mut home(), 1, State::Ready, &[fault]), broken);
             assert_eq!(rule(&mut home(), 1, State::Returning, &[fault]), None);
         }
-        for fault in DAMP {
+        for fault in [Fault::ActuatorSilent, Fault::TrackingError, Fault::BusNoAck, Fault::Overrun]
+        {
             assert_eq!(rule(&mut home(), 1, State::Returning, &[fault]), broken);
             assert_eq!(rule(&mut home(), 1, State::Damped, &[fault]), None);
         }
-        for fault in STOP {
+        for fault in [Fault::BusOff, Fault::EStop] {
             assert_eq!(rule(&mut home(), 1, State::Damped, &[fault]), broken);
         }
+        assert_eq!(rule(&mut home(), 1, State::Ready, &[Fault::NoLibrary]), None);
     }
 }

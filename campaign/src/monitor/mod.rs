@@ -22,10 +22,9 @@ use nonces::Nonces;
 use rollwalk_protocol::actuator::Control;
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::tunnel::Input;
-use rollwalk_protocol::wire::{
-    Action, FaultBits, FromController, Node, State, Status, ToController,
-};
+use rollwalk_protocol::wire::{Action, FromController, Node, State, Status, ToController};
 use rollwalk_sim_host::body::Body;
 use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::interface::Interface;

@@ -5,12 +5,12 @@ use rollwalk_bus::link::LinkError;
 use rollwalk_campaign::monitor::Rule;
 use rollwalk_campaign::scenario::Scenario;
 use rollwalk_campaign::{Case, Report, Subject, run_with};
-use rollwalk_firmware::safety::State as ControllerState;
 use rollwalk_firmware::{BusState, Settings};
 use rollwalk_protocol::actuator::{Control, JointSetpoint, WheelSetpoint};
 use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
-use rollwalk_protocol::wire::{Action, Command, CommandAck, Fault, Node, State, ToController};
+use rollwalk_protocol::wire::{Action, Command, CommandAck, Node, State, ToController};
 use rollwalk_sim_host::core::{Core, Local};
 use std::collections::BTreeSet;
 
@@ -260,7 +260,8 @@ fn rubbish_on_an_actuator_bus_is_reported() {
 /// It heeds its faults and tells none of them.
 #[test]
 fn a_fault_that_is_not_told_is_reported() {
-    use rollwalk_protocol::wire::{FaultBits, FromController, Status};
+    use rollwalk_protocol::faults::FaultBits;
+    use rollwalk_protocol::wire::{FromController, Status};
     let silence = || -> Bug {
         Box::new(|core, step| {
             let mut stepped = core.step(step).unwrap();
@@ -340,7 +341,7 @@ fn a_robot_that_is_let_down_for_too_long_is_reported() {
         let mut held: Option<u64> = None;
         Box::new(move |core, step| {
             // Its clock stands still for two seconds.
-            let down = core.controller_mut().state() == ControllerState::Damped;
+            let down = core.controller_mut().state() == State::Damped;
             let since = *held.get_or_insert(step.now_us);
             if !down {
                 held = None;

@@ -7,11 +7,11 @@ use crate::output::Table;
 use crate::{Exit, interrupt, output};
 use miette::miette;
 use rollwalk_bus::link::LinkBus;
+use rollwalk_host::decode::decode;
+use rollwalk_host::describe::{event_sentence, state_name};
 use rollwalk_host::doctor::{Finding, Findings, Gravity, Heard};
 use rollwalk_host::overhear::{self, Overheard};
-use rollwalk_host::refusal::{event_sentence, state_name};
 use rollwalk_host::session::{History, Session};
-use rollwalk_host::told::told;
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::transport::Hello;
 use serde::Serialize;
@@ -174,7 +174,7 @@ fn report(
     let seconds = heard.span_us.max(1) as f64 * 1e-6;
     let load = heard.by_id.iter().map(|(&id, &(frames, bits))| Load {
         id: format!("{id:03X}"),
-        message: samples.iter().find(|f| f.id() == id).and_then(|f| Some(told(f).ok()?.message)),
+        message: samples.iter().find(|f| f.id() == id).and_then(|f| Some(decode(f).ok()?.message)),
         per_second: frames as f64 / seconds,
         percent: 100.0 * bits as f64 / (f64::from(bitrate) * seconds),
     });

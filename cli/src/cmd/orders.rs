@@ -2,7 +2,7 @@
 
 use crate::link::{LinkArgs, LiveSession, ended};
 use crate::{Exit, interrupt, output};
-use rollwalk_host::refusal::{fault_names, state_name};
+use rollwalk_host::describe::{fault_names, state_name};
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::{CommandResult, State};
 use std::thread;

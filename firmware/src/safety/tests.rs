@@ -3,18 +3,8 @@
 use super::*;
 
 #[test]
-fn listed_in_their_order() {
-    for (i, s) in STATES.iter().enumerate() {
-        assert_eq!(*s as usize, i);
-    }
-    for (i, e) in EVENTS.iter().enumerate() {
-        assert_eq!(*e as usize, i);
-    }
-}
-
-#[test]
 fn estop_stops_from_every_state_in_one_step() {
-    for s in STATES {
+    for &s in State::ALL {
         for e in [Event::EStop, Event::BusOff] {
             assert_eq!(step(s, e), (State::EStopped, Action::CutTorque));
         }
@@ -23,8 +13,8 @@ fn estop_stops_from_every_state_in_one_step() {
 
 #[test]
 fn torque_comes_on_only_by_arming_from_disarmed() {
-    for s in STATES {
-        for e in EVENTS {
+    for &s in State::ALL {
+        for &e in Event::ALL {
             let (next, action) = step(s, e);
             if s.torque() == Torque::Off && next.torque() != Torque::Off {
                 assert_eq!((s, e), (State::Disarmed, Event::ArmConfirmed));
@@ -38,15 +28,15 @@ fn torque_comes_on_only_by_arming_from_disarmed() {
 }
 
 /// Which states can be reached from one, along events that `may` allows.
-fn reachable(from: State, may: impl Fn(State, Event) -> bool) -> [bool; STATES.len()] {
-    let mut seen = [false; STATES.len()];
+fn reachable(from: State, may: impl Fn(State, Event) -> bool) -> [bool; State::ALL.len()] {
+    let mut seen = [false; State::ALL.len()];
     let mut stack = heapless::Vec::<State, 512>::new();
     stack.push(from).unwrap();
     while let Some(s) = stack.pop() {
         if core::mem::replace(&mut seen[s as usize], true) {
             continue;
         }
-        for e in EVENTS.into_iter().filter(|&e| may(s, e)) {
+        for e in Event::ALL.iter().copied().filter(|&e| may(s, e)) {
             let next = step(s, e).0;
             if !seen[next as usize] {
                 stack.push(next).unwrap();
@@ -58,14 +48,14 @@ fn reachable(from: State, may: impl Fn(State, Event) -> bool) -> [bool; STATES.l
 
 #[test]
 fn every_state_is_reachable_from_boot() {
-    assert_eq!(reachable(State::Boot, |_, _| true), [true; STATES.len()]);
+    assert_eq!(reachable(State::Boot, |_, _| true), [true; State::ALL.len()]);
 }
 
 #[test]
 fn no_path_to_torque_skips_aligning() {
-    for from in STATES.into_iter().filter(|s| s.torque() == Torque::Off) {
+    for from in State::ALL.iter().copied().filter(|s| s.torque() == Torque::Off) {
         let seen = reachable(from, |s, _| s != State::Aligning);
-        for s in STATES.into_iter().filter(|&s| seen[s as usize]) {
+        for s in State::ALL.iter().copied().filter(|&s| seen[s as usize]) {
             assert!(s.torque() == Torque::Off || s == State::Aligning, "{from:?} to {s:?}");
         }
     }
@@ -73,13 +63,14 @@ fn no_path_to_torque_skips_aligning() {
 
 #[test]
 fn every_state_reaches_torque_off() {
-    for from in STATES {
+    for &from in State::ALL {
         let seen = reachable(from, |_, e| e != Event::EStop && e != Event::BusOff);
         let off = [State::TorqueOff, State::EStopped].map(|s| seen[s as usize]);
         assert!(off.contains(&true), "{from:?}");
         // Where torque is on it needs nobody's command.
         let seen = reachable(from, |_, e| e.severity() == Severity::None && !by_command(e));
-        let idle = STATES.into_iter().any(|s| seen[s as usize] && s.torque() == Torque::Off);
+        let idle =
+            State::ALL.iter().copied().any(|s| seen[s as usize] && s.torque() == Torque::Off);
         let held = matches!(from, State::Aligning | State::Ready | State::Playing | State::Paused);
         assert!(idle || held, "{from:?} waits for somebody");
     }
@@ -95,8 +86,8 @@ fn by_command(e: Event) -> bool {
 
 #[test]
 fn every_loss_of_torque_is_acted_on_and_no_step_gains_torque_back() {
-    for s in STATES {
-        for e in EVENTS {
+    for &s in State::ALL {
+        for &e in Event::ALL {
             let (next, action) = step(s, e);
             match (s.torque(), next.torque()) {
                 (Torque::Driven | Torque::Damped, Torque::Off) => {
@@ -114,7 +105,7 @@ fn every_loss_of_torque_is_acted_on_and_no_step_gains_torque_back() {
 /// has to be there for the robot to end without torque.
 #[test]
 fn without_a_host_every_state_ends_without_torque() {
-    for start in STATES {
+    for &start in State::ALL {
         let mut s = start;
         for e in [
             Event::HostLost,
@@ -131,7 +122,7 @@ fn without_a_host_every_state_ends_without_torque() {
 
 #[test]
 fn latched_states_leave_only_by_clearing_into_the_self_test() {
-    for e in EVENTS {
+    for &e in Event::ALL {
         let (next, _) = step(State::EStopped, e);
         let expected = if e == Event::ClearConfirmed { State::SelfTest } else { State::EStopped };
         assert_eq!(next, expected);
@@ -149,21 +140,12 @@ fn depth(s: State) -> Severity {
     }
 }
 
-#[test]
-fn events_are_ordered_by_severity_and_every_fault_has_one() {
-    let rank = |e: Event| e.severity().code();
-    assert!(EVENTS.is_sorted_by_key(|&e| core::cmp::Reverse(rank(e))));
-    for e in EVENTS {
-        assert_eq!(e.severity() != Severity::None, e.fault().is_some() || e == Event::Disarm);
-    }
-}
-
 /// While torque is driven every fault that can happen there gets the reaction that it calls for or
 /// a stronger one.
 #[test]
 fn a_fault_gets_at_least_its_reaction() {
-    for s in STATES.into_iter().filter(|s| s.torque() == Torque::Driven) {
-        for e in EVENTS.into_iter().filter(|e| e.severity() != Severity::None) {
+    for s in State::ALL.iter().copied().filter(|s| s.torque() == Torque::Driven) {
+        for e in Event::ALL.iter().copied().filter(|e| e.severity() != Severity::None) {
             let elsewhere = match e {
                 Event::SelfTestFailed => s != State::SelfTest,
                 Event::AlignFailed => s != State::Aligning,
@@ -178,8 +160,8 @@ fn a_fault_gets_at_least_its_reaction() {
 /// A milder trigger that comes with or after a severe one must not soften the outcome.
 #[test]
 fn the_most_severe_trigger_wins() {
-    let faults = || EVENTS.into_iter().filter(|e| e.severity() != Severity::None);
-    for s in STATES {
+    let faults = || Event::ALL.iter().copied().filter(|e| e.severity() != Severity::None);
+    for &s in State::ALL {
         for a in faults() {
             for b in faults() {
                 let alone = depth(step(s, a).0).code();
@@ -192,14 +174,14 @@ fn the_most_severe_trigger_wins() {
 
 #[test]
 fn faults_latch_until_they_are_cleared() {
-    for from in STATES {
-        for fault in EVENTS.into_iter().filter(|e| e.fault().is_some()) {
+    for &from in State::ALL {
+        for fault in Event::ALL.iter().copied().filter(|e| e.fault().is_some()) {
             let mut machine = StateMachine::new(from);
             machine.handle(fault);
             let bits = FaultBits::default().with(fault.fault().unwrap());
             assert_eq!(machine.latched(), bits);
             let cleared_in = |s| matches!(s, State::TorqueOff | State::EStopped);
-            for e in EVENTS.into_iter().filter(|e| e.fault().is_none()) {
+            for e in Event::ALL.iter().copied().filter(|e| e.fault().is_none()) {
                 let before = machine;
                 machine.handle(e);
                 let cleared = e == Event::ClearConfirmed && cleared_in(before.state());
@@ -217,9 +199,9 @@ fn safe_is_held_from_reaching_it_to_leaving() {
     assert!(!machine.can_arise(Event::HoldElapsed));
     machine.handle(Event::SafeReached);
     machine.handle(Event::SafeReached);
-    assert!(machine.is_holding() && machine.can_arise(Event::HoldElapsed));
+    assert!(machine.holding && machine.can_arise(Event::HoldElapsed));
     machine.handle(Event::HoldElapsed);
-    assert!(!machine.is_holding() && machine.state() == State::Damped);
+    assert!(!machine.holding && machine.state() == State::Damped);
 }
 
 #[test]
@@ -236,13 +218,14 @@ fn with_a_fault_latched_it_stays_without_torque() {
 
 #[test]
 fn the_set_hands_out_by_severity_whatever_the_order() {
-    for a in EVENTS {
-        for b in EVENTS {
+    for &a in Event::ALL {
+        for &b in Event::ALL {
             let mut set = EventSet::default();
             set.insert(a);
             set.insert(b);
-            assert_eq!(set.pop(), Some(a.min(b)));
-            assert_eq!(set.pop(), (a != b).then_some(a.max(b)));
+            let rank = |e: &Event| (core::cmp::Reverse(e.severity()), e.code());
+            assert_eq!(set.pop(), [a, b].into_iter().min_by_key(rank));
+            assert_eq!(set.pop(), [a, b].into_iter().max_by_key(rank).filter(|_| a != b));
             assert_eq!(set.pop(), None);
         }
     }

@@ -1,17 +1,16 @@
 //! From power-on to the SAFE pose, and what must be so before torque goes on.
 
+use crate::rig::{Rig, me};
+use crate::robot::*;
 use rollwalk_firmware::Settings;
-use rollwalk_firmware::safety::{State, Torque};
 use rollwalk_protocol::actuator::{
     ActuatorStatus, Control, JointSetpoint, KD_STEP_NM_S_RAD, KP_STEP_NM_RAD, POSITION_STEP_RAD,
     WheelSetpoint,
 };
 use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::library::ClipId;
-use rollwalk_protocol::wire::{Action, CommandResult, Fault, FromController, Heartbeat};
-
-use crate::rig::{Rig, me};
-use crate::robot::*;
+use rollwalk_protocol::wire::{Action, CommandResult, FromController, Heartbeat, State, Torque};
 
 fn is_setpoint(frame: &CanFrame) -> bool {
     JointSetpoint::decode(frame).is_some() || WheelSetpoint::decode(frame).is_some()

@@ -1,9 +1,10 @@
 //! What can happen to a controller on the bench, one after the other. Random tests and a fuzz target draw
 //! from these.
 
-use rollwalk_firmware::safety::{State, Torque};
 use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::wire::{Action, CommandResult, ParameterAction, ParameterResult, Request};
+use rollwalk_protocol::wire::{
+    Action, CommandResult, ParameterAction, ParameterResult, Request, State, Torque,
+};
 
 use crate::rig::Rig;
 use crate::robot::*;

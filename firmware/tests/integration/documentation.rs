@@ -1,59 +1,127 @@
-//! The tables of `docs/playback-and-safety.md` are those of the code, and `docs/faults.md` names its
-//! faults, events and settings.
+//! The tables of `docs/playback-and-safety.md` and `docs/wire-format.md` are those of the code, and
+//! `docs/faults.md` names its faults, events and settings.
 
-use std::fmt::Write;
+use std::cmp::Reverse;
+use std::{env, fs, iter};
 
 use rollwalk_firmware::Settings;
-use rollwalk_firmware::safety::{Action, EVENTS, Event, STATES, State, Torque, step};
-use rollwalk_protocol::wire::{Fault, LogEvent, Severity};
+use rollwalk_firmware::safety::{Action, step};
+use rollwalk_protocol::faults::{Description, Event, Fault, Quantity, Severity};
+use rollwalk_protocol::wire::{State, Torque};
 
-const PAGE: &str = include_str!("../../../docs/playback-and-safety.md");
-
-/// The lines between `<!-- name -->` and the next comment.
-fn block(name: &str) -> &str {
+/// The text of a page between `<!-- name -->` and the next comment.
+fn block<'a>(page: &'a str, name: &str) -> &'a str {
     let start = format!("<!-- {name} -->\n");
-    let from = PAGE.find(&start).unwrap_or_else(|| panic!("no `{start}`")) + start.len();
-    let rest = &PAGE[from..];
-    rest[..rest.find("<!--").expect("an end mark")].trim()
+    let (_, rest) = page.split_once(&start).unwrap_or_else(|| panic!("no `{start}`"));
+    rest.split_once("<!--").expect("an end mark").0.trim()
 }
 
+/// With `ROLLWALK_UPDATE_DOCS` set the tables are written instead.
 #[test]
-fn the_table_of_states_is_that_of_the_code() {
-    let mut table = String::from("| code | state | torque | motions |\n|---|---|---|---|");
-    for s in STATES {
+fn the_tables_are_those_of_the_code() {
+    for (page, tables) in [
+        (
+            "playback-and-safety.md",
+            &[("states", states()), ("transitions", transitions()), ("events", reactions())][..],
+        ),
+        ("wire-format.md", &[("faults", faults()), ("events", events())]),
+    ] {
+        let path = format!("{}/../docs/{page}", env!("CARGO_MANIFEST_DIR"));
+        let mut text = fs::read_to_string(&path).unwrap().replace("\r\n", "\n");
+        for (name, table) in tables {
+            if env::var_os("ROLLWALK_UPDATE_DOCS").is_some() {
+                let start = format!("<!-- {name} -->\n");
+                text = text.replacen(&(start.clone() + block(&text, name)), &(start + table), 1);
+                fs::write(&path, &text).unwrap();
+            }
+            assert_eq!(
+                block(&text, name),
+                table,
+                "docs/{page} is not up to date; write its tables with\n\n    \
+                 ROLLWALK_UPDATE_DOCS=1 cargo test -p rollwalk-firmware\n"
+            );
+        }
+    }
+}
+
+/// A table in Markdown.
+fn table(head: &str, rows: impl IntoIterator<Item = String>) -> String {
+    let rule = "|---".repeat(head.matches('|').count() - 1) + "|";
+    iter::once(head.to_owned()).chain([rule]).chain(rows).collect::<Vec<_>>().join("\n")
+}
+
+fn states() -> String {
+    let row = |s: &State| {
         let torque = match s.torque() {
             Torque::Off => "off",
             Torque::Damped => "damped",
             Torque::Driven => "driven",
         };
         let motions = if s.accepts_motions() { "accepted" } else { "refused" };
-        write!(
-            table,
-            "\n| {} | {s:?} | {torque} | {motions} |",
-            rollwalk_protocol::wire::State::from(s).code()
-        )
-        .unwrap();
-    }
-    assert_eq!(block("states"), table, "the page should hold:\n{table}");
+        format!("| {} | {s:?} | {torque} | {motions} |", s.code())
+    };
+    table("| code | state | torque | motions |", State::ALL.iter().map(row))
 }
 
-#[test]
-fn the_table_of_transitions_is_that_of_the_code() {
-    let mut table = String::from("| state | event | next | action |\n|---|---|---|---|");
-    let everywhere = |e: &Event| STATES.map(|s| step(s, *e)).windows(2).all(|w| w[0] == w[1]);
-    for e in EVENTS.into_iter().filter(everywhere) {
-        let (next, action) = step(State::Boot, e);
-        write!(table, "\n| every | {e:?} | {next:?} | {action:?} |").unwrap();
+/// Events, in the order in which the controller handles those that arrive together.
+fn by_severity() -> Vec<Event> {
+    let mut events = Event::ALL.to_vec();
+    events.sort_by_key(|event| Reverse(event.severity()));
+    events
+}
+
+fn transitions() -> String {
+    let row = |from: &str, event: Event, (next, action): (State, Action)| {
+        format!("| {from} | {event:?} | {next:?} | {action:?} |")
+    };
+    let (everywhere, some): (Vec<_>, Vec<_>) = by_severity().into_iter().partition(|&event| {
+        State::ALL.iter().all(|&state| step(state, event) == step(State::Boot, event))
+    });
+    let mut rows: Vec<_> =
+        everywhere.into_iter().map(|event| row("every", event, step(State::Boot, event))).collect();
+    for &state in State::ALL {
+        let led = some.iter().map(|&event| (event, step(state, event)));
+        let led = led.filter(|&(_, to)| to != (state, Action::None));
+        rows.extend(led.map(|(event, to)| row(&format!("{state:?}"), event, to)));
     }
-    for s in STATES {
-        for e in EVENTS.into_iter().filter(|e| !everywhere(e)) {
-            let (next, action) = step(s, e);
-            if (next, action) != (s, Action::None) {
-                write!(table, "\n| {s:?} | {e:?} | {next:?} | {action:?} |").unwrap();
+    table("| state | event | next | action |", rows)
+}
+
+fn reactions() -> String {
+    let row = |event: &Event| {
+        let fault = event.fault().map_or(String::new(), |f| format!("{} {f:?}", f.code()));
+        format!("| {event:?} | {} | {fault} | {} |", severity(*event), event.description())
+    };
+    let severe = by_severity().into_iter().filter(|event| event.severity() != Severity::None);
+    let rows: Vec<_> = severe.map(|event| row(&event)).collect();
+    table("| event | severity | fault | |", rows)
+}
+
+fn faults() -> String {
+    let row = |fault: &Fault| {
+        let Description { name, channel, value, .. } = fault.description();
+        let value = value.map_or(String::new(), |quantity| match quantity {
+            Quantity::Seconds(what) | Quantity::Radians(what) => {
+                format!("{} {what}", quantity.unit())
             }
-        }
-    }
-    assert_eq!(block("transitions"), table, "the page should hold:\n{table}");
+            Quantity::RadiansUnless(what, otherwise) => {
+                format!("{} {what}; negative: {otherwise}", quantity.unit())
+            }
+            Quantity::Number(what) => format!("number of the {what}"),
+            Quantity::Flags(what) => what.to_owned(),
+        });
+        format!("| {} | {fault:?} | {name} | {channel} | {value} |", fault.code())
+    };
+    table("| bit | fault | | channel | value |", Fault::ALL.iter().map(row))
+}
+
+/// The events of LOG and the faults that they raise.
+fn events() -> String {
+    let row = |event: &Event| {
+        let fault = event.fault().map_or(String::new(), |fault| fault.code().to_string());
+        format!("| {} | {event:?} | {} | {fault} |", event.code(), event.description())
+    };
+    table("| code | event | | fault |", Event::ALL.iter().map(row))
 }
 
 #[test]
@@ -65,7 +133,8 @@ fn every_scar_has_its_test() {
         include_str!("../../src/store/tests/power_cuts.rs"),
         include_str!("../../../protocol/tests/protocol/actuators_mit.rs"),
     ];
-    let scars: Vec<&str> = block("scars").lines().skip(2).collect();
+    let page = include_str!("../../../docs/playback-and-safety.md");
+    let scars: Vec<&str> = block(page, "scars").lines().skip(2).collect();
     assert_eq!(scars.len(), 10);
     for (i, scar) in scars.into_iter().enumerate() {
         let test = scar.split('`').nth(1).expect("a test in backticks");
@@ -99,10 +168,10 @@ fn the_runbook_has_a_section_for_each_bit_with_the_events_that_raise_it() {
     assert_eq!(titles, expected);
     for (bit, (title, text)) in (0..16).zip(sections()) {
         let raises = |e: &Event| e.fault().is_some_and(|fault| fault.code() == bit);
-        let mut expected: Vec<_> = EVENTS
-            .into_iter()
-            .filter(raises)
-            .map(|e| format!("Event: {e:?}, severity {}.", severity(e)))
+        let mut expected: Vec<_> = Event::ALL
+            .iter()
+            .filter(|e| raises(e))
+            .map(|&e| format!("Event: {e:?}, severity {}.", severity(e)))
             .collect();
         if expected.is_empty() {
             expected.push("Event: none.".into());
@@ -127,7 +196,7 @@ fn each_section_of_the_runbook_says_what_an_operator_needs() {
     for (title, text) in sections().into_iter().filter(|(title, _)| !title.ends_with("reserved")) {
         let mut rest = text;
         for part in
-            ["Means", "The robot", "FAULT tells", "Look at, in this order", "Go on", "Do not"]
+            ["Means", "The robot", "FAULT reports", "Look at, in this order", "Go on", "Do not"]
         {
             let (_, after) = rest
                 .split_once(&format!("\n**{part}:**"))
@@ -169,24 +238,4 @@ fn the_runbook_speaks_of_settings_that_there_are() {
     };
     let angles = [follow_tolerance_rad, align_tolerance_rad, out_of_range_rad, lean_rad, tip_rad];
     assert_eq!(angles, [0.8, 0.35, 0.2, 0.35, 0.8], "docs/faults.md tells other values");
-}
-
-/// The events of LOG and the faults that they are, with the codes of the link.
-#[test]
-fn the_table_of_events_is_that_of_the_code() {
-    let page = include_str!("../../../docs/wire-format.md");
-    let (_, table) = page.split_once("| event | | fault |\n|---|---|---|\n").expect("the table");
-    let rows: Vec<Vec<&str>> = table
-        .lines()
-        .take_while(|line| line.starts_with('|'))
-        .map(|line| line.split('|').map(str::trim).collect())
-        .collect();
-    assert_eq!(rows.len(), EVENTS.len());
-    for (row, event) in rows.into_iter().zip(EVENTS) {
-        let code = LogEvent::from(event).code();
-        let name = row[2].split(':').next().unwrap_or_default();
-        let fault = event.fault().map_or(String::new(), |fault| fault.code().to_string());
-        let expected = (code.to_string(), format!("{event:?}"), fault);
-        assert_eq!((row[1].to_owned(), name.to_owned(), row[3].to_owned()), expected);
-    }
 }

@@ -4,11 +4,11 @@
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
 };
-use rollwalk_firmware::safety::State;
+
 use rollwalk_firmware::store::{FlashParameters, FlashStore, LibraryStore, MappedFlash};
 use rollwalk_protocol::crc::crc32c;
 use rollwalk_protocol::wire::transport::{MAX_BLOCK, TransferResult};
-use rollwalk_protocol::wire::{Action, Request};
+use rollwalk_protocol::wire::{Action, Request, State};
 
 use crate::rig::Rig;
 use crate::robot::*;

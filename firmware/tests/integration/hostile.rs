@@ -3,10 +3,10 @@
 //! never lost.
 
 use proptest::prelude::*;
-use rollwalk_firmware::safety::State;
+
 use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
 use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::wire::{Action, ParameterAction};
+use rollwalk_protocol::wire::{Action, ParameterAction, State};
 
 use crate::deeds::{Deed, act, assert_way_home};
 use crate::rig::Rig;
@@ -133,7 +133,7 @@ fn the_sequences_reach_every_state() {
     use proptest::strategy::ValueTree;
     use proptest::test_runner::TestRunner;
     let mut runner = TestRunner::deterministic();
-    let mut seen = std::collections::BTreeSet::new();
+    let mut seen = std::collections::HashSet::new();
     for _ in 0..200 {
         let deeds = prop::collection::vec(honest(), 1..60).new_tree(&mut runner).unwrap().current();
         let mut rig = Rig::new(Some(&library()));

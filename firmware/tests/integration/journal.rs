@@ -1,15 +1,14 @@
 //! What the controller tells afterwards: why it stopped, to a host that was not there.
 
-use rollwalk_firmware::safety::State;
-use rollwalk_firmware::{BusState, Settings};
-use rollwalk_protocol::actuator::ActuatorStatus;
-use rollwalk_protocol::crc::crc32c;
-use rollwalk_protocol::wire::transport::TransferResult;
-use rollwalk_protocol::wire::{Action, Fault, Log, LogEntry, LogEvent, Request, Response};
-
 use crate::rig::Rig;
 use crate::robot::*;
 use crate::transfer::result;
+use rollwalk_firmware::{BusState, Settings};
+use rollwalk_protocol::actuator::ActuatorStatus;
+use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::faults::{Event, Fault};
+use rollwalk_protocol::wire::transport::TransferResult;
+use rollwalk_protocol::wire::{Action, Log, LogEntry, Request, Response, State};
 
 fn ask(rig: &mut Rig, since: u32) -> Log {
     match rig.request(&Request::Log { since }) {
@@ -22,8 +21,8 @@ fn entries(rig: &mut Rig) -> Vec<LogEntry> {
     ask(rig, 0).entries().map(|(_, entry)| entry).collect()
 }
 
-fn events(entries: &[LogEntry]) -> Vec<LogEvent> {
-    entries.iter().map(|entry| LogEvent::from_code(entry.event).unwrap()).collect()
+fn events(entries: &[LogEntry]) -> Vec<Event> {
+    entries.iter().map(|entry| Event::from_code(entry.event).unwrap()).collect()
 }
 
 /// The one entry about a fault.
@@ -58,7 +57,7 @@ fn a_day_from_power_on_to_disarm() {
     rig.run_until(State::Disarmed, 3000);
     let log = ask(&mut rig, 0);
     let all: Vec<_> = log.entries().map(|(_, entry)| entry).collect();
-    use LogEvent::*;
+    use Event::*;
     let expected = [
         Started,
         SelfTestPassed,
@@ -91,9 +90,9 @@ fn disarm(rig: &mut Rig) {
 
 #[test]
 fn each_way_to_stop_leaves_the_entry_that_tells_why() {
-    use LogEvent::*;
+    use Event::*;
     use State::*;
-    type Row = (Cause, LogEvent, State, Option<Fault>, Option<u8>, std::ops::RangeInclusive<f32>);
+    type Row = (Cause, Event, State, Option<Fault>, Option<u8>, std::ops::RangeInclusive<f32>);
     let rows: [Row; 14] = [
         (Rig::estop, EStop, EStopped, Some(Fault::EStop), None, 0.0..=0.0),
         (|rig| rig.brain.estop(rig.now_us), EStop, EStopped, Some(Fault::EStop), None, 0.0..=0.0),
@@ -177,7 +176,7 @@ fn each_way_to_stop_leaves_the_entry_that_tells_why() {
         rig.run(2000);
         let all: Vec<_> = ask(&mut rig, since).entries().map(|(_, entry)| entry).collect();
         let why = all.first().unwrap_or_else(|| panic!("nothing about {event:?}"));
-        let told = (LogEvent::from_code(why.event), why.before, why.after, why.fault, why.channel);
+        let told = (Event::from_code(why.event), why.before, why.after, why.fault, why.channel);
         let expected = (Some(event), Playing.into(), after.into(), fault, channel);
         assert_eq!(told, expected, "{all:?}");
         assert!(value.contains(&why.value), "{why:?}");
@@ -191,14 +190,14 @@ fn what_ends_before_the_robot_stands_is_told_too() {
     rig.arm();
     rig.run(2000);
     let why = fault(&mut rig);
-    assert_eq!(LogEvent::from_code(why.event), Some(LogEvent::AlignFailed));
+    assert_eq!(Event::from_code(why.event), Some(Event::AlignFailed));
     assert_eq!((why.fault, why.after), (Some(Fault::TrackingError), State::Damped.into()));
 
     let settings = Settings { control_hz: 50, ..Settings::default() };
     let mut rig = Rig::with(config(), settings, Some(&library()));
     rig.run(20);
     let why = fault(&mut rig);
-    assert_eq!(LogEvent::from_code(why.event), Some(LogEvent::SelfTestFailed));
+    assert_eq!(Event::from_code(why.event), Some(Event::SelfTestFailed));
     assert_eq!((why.fault, why.after), (Some(Fault::Internal), State::TorqueOff.into()));
 }
 
@@ -214,7 +213,7 @@ fn what_is_no_news_leaves_no_entry() {
         rig.step();
     }
     let all = entries(&mut rig);
-    use LogEvent::*;
+    use Event::*;
     let expected = [FeedbackLost, HostLost, DampingElapsed, EStop];
     assert_eq!(events(&all)[4..], expected, "{all:?}");
     let lost = all[5];

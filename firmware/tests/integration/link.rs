@@ -1,14 +1,13 @@
 //! What is said on the link: commands and their answers, status, fault reports.
 
-use rollwalk_firmware::safety::State;
-use rollwalk_protocol::actuator::ActuatorStatus;
-use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::wire::{
-    Action, CommandResult, Discover, Discovered, Fault, FaultReport, FromController, Node, Severity,
-};
-
 use crate::rig::{Rig, me};
 use crate::robot::*;
+use rollwalk_protocol::actuator::ActuatorStatus;
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::faults::{Fault, Severity};
+use rollwalk_protocol::wire::{
+    Action, CommandResult, Discover, Discovered, FaultReport, FromController, Node, State,
+};
 
 #[test]
 fn refusals_have_reasons() {

@@ -2,12 +2,12 @@
 
 use rollwalk_firmware::bus::{Bus, Buses, ControlLoop, MAX_BUSES, Protocol};
 use rollwalk_firmware::load::{BusLoad, BusProblem, examine};
-use rollwalk_firmware::safety::State;
 use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::actuators::Refusal;
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::Version;
 use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::wire::State;
 
 use crate::protocols::{cybergear, dynamixel, maestro, mit, odrive};
 use crate::rig::Rig;
@@ -137,5 +137,5 @@ fn the_self_test_fails() {
     rig.buses_up = false;
     rig.run(5);
     assert_eq!(rig.brain.state(), State::TorqueOff);
-    assert!(rig.brain.faults().contains(rollwalk_protocol::wire::Fault::Internal));
+    assert!(rig.brain.faults().contains(rollwalk_protocol::faults::Fault::Internal));
 }

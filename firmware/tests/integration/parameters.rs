@@ -1,12 +1,12 @@
 //! Gains and torque limits at run time: checked, smooth while driven, and kept over a power cycle.
 
 use proptest::prelude::*;
-use rollwalk_firmware::safety::State;
+
 use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::actuator::KP_STEP_NM_RAD;
 use rollwalk_protocol::wire::{
     Action, CommandResult, FromController, Parameter, ParameterAck, ParameterAction,
-    ParameterOrigin, ParameterRequest, ParameterResult,
+    ParameterOrigin, ParameterRequest, ParameterResult, State,
 };
 
 use crate::flash;

@@ -1,14 +1,13 @@
 //! Slower, to a halt, and on: playback time is scaled, and nothing gets past the limits on the way.
 
-use proptest::prelude::*;
-use rollwalk_firmware::player::{PLANNED_SPEED_64THS, Player};
-use rollwalk_firmware::safety::State;
-use rollwalk_protocol::config::ChannelKind;
-use rollwalk_protocol::library::{Library, validate};
-use rollwalk_protocol::wire::{Action, CommandResult, Severity};
-
 use crate::rig::Rig;
 use crate::robot::*;
+use proptest::prelude::*;
+use rollwalk_firmware::player::{PLANNED_SPEED_64THS, Player};
+use rollwalk_protocol::config::ChannelKind;
+use rollwalk_protocol::faults::Severity;
+use rollwalk_protocol::library::{Library, validate};
+use rollwalk_protocol::wire::{Action, CommandResult, State};
 
 /// In the middle of the gait.
 fn walking() -> Rig {

@@ -1,8 +1,11 @@
 //! The controller with drives of every protocol: arm, align, play, stop.
 
+use crate::drives::Drive;
+use crate::flash;
+use crate::rig::Rig;
+use crate::robot::{self, CODE_DRIVE, CODE_WALK, STAND};
 use rollwalk_drives::{Electronics, Sent};
 use rollwalk_firmware::bus::{Bus, Buses, Pose, Protocol};
-use rollwalk_firmware::safety::State;
 use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::actuators::cybergear::{CyberGear, TABLE_MAX_RAD};
 use rollwalk_protocol::actuators::dynamixel::{Dynamixels, table};
@@ -10,12 +13,8 @@ use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
-use rollwalk_protocol::wire::{CommandResult, Fault, Parameter, ParameterAction, ParameterResult};
-
-use crate::drives::Drive;
-use crate::flash;
-use crate::rig::Rig;
-use crate::robot::{self, CODE_DRIVE, CODE_WALK, STAND};
+use rollwalk_protocol::faults::Fault;
+use rollwalk_protocol::wire::{CommandResult, Parameter, ParameterAction, ParameterResult, State};
 
 pub fn mit(model: usize, answers_from: AnswerId) -> Protocol {
     Protocol::Mit(Mit { model: MODELS[model], answers_from })

@@ -1,6 +1,8 @@
 //! A controller on a bench: ideal servos, a host, and a monitor that looks at every frame.
 
-use rollwalk_firmware::safety::{State, Torque};
+use crate::drives::Drives;
+use crate::flash::{self, Flash};
+use crate::robot;
 use rollwalk_firmware::store::{FlashParameters, FlashStore};
 use rollwalk_firmware::{Buses, Controller, Settings};
 use rollwalk_protocol::actuator::{
@@ -9,17 +11,14 @@ use rollwalk_protocol::actuator::{
 };
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
+use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::isotp::{Event, Output, Timing};
 use rollwalk_protocol::wire::transport::{Endpoint, frame_to_controller};
 use rollwalk_protocol::wire::{
-    Action, Command, CommandAck, CommandResult, Estop, Fault, FaultReport, FromController,
+    Action, Command, CommandAck, CommandResult, Estop, FaultReport, FromController,
     HEARTBEAT_PERIOD_MS, Heartbeat, Node, ParameterAck, ParameterAction, ParameterRequest, Request,
-    Response, Status,
+    Response, State, Status, Torque,
 };
-
-use crate::drives::Drives;
-use crate::flash::{self, Flash};
-use crate::robot;
 
 pub type Brain = Controller<FlashStore<Flash>, FlashParameters<Flash>>;
 

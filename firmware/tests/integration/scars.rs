@@ -1,16 +1,13 @@
 //! What went wrong with others, and must not here. `docs/playback-and-safety.md` lists every scar with
 //! the test that has its number; those that are not here stand with what they are about.
 
-use proptest::prelude::*;
-use rollwalk_firmware::BusState;
-use rollwalk_firmware::safety::State;
-use rollwalk_protocol::actuator::ActuatorStatus;
-use rollwalk_protocol::wire::{
-    Action, CommandResult, Discover, Estop, Fault, Heartbeat, Node, Severity,
-};
-
 use crate::rig::{Rig, me};
 use crate::robot::*;
+use proptest::prelude::*;
+use rollwalk_firmware::BusState;
+use rollwalk_protocol::actuator::ActuatorStatus;
+use rollwalk_protocol::faults::{Fault, Severity};
+use rollwalk_protocol::wire::{Action, CommandResult, Discover, Estop, Heartbeat, Node, State};
 
 /// Others check the first setpoint when it is out already, and go on with a motion that was aborted.
 #[test]

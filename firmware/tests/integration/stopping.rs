@@ -1,15 +1,14 @@
 //! Stopping, losing things, going home: each rule as a story on the bench.
 
-use rollwalk_firmware::BusState;
-use rollwalk_firmware::safety::State;
-use rollwalk_protocol::actuator::{ActuatorStatus, Control, JointSetpoint, WheelSetpoint};
-use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::wire::{
-    Action, CommandResult, Estop, Fault, FromController, Heartbeat, Node, Severity,
-};
-
 use crate::rig::{Rig, me};
 use crate::robot::*;
+use rollwalk_firmware::BusState;
+use rollwalk_protocol::actuator::{ActuatorStatus, Control, JointSetpoint, WheelSetpoint};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::faults::{Fault, Severity};
+use rollwalk_protocol::wire::{
+    Action, CommandResult, Estop, FromController, Heartbeat, Node, State,
+};
 
 #[test]
 fn scar_1_stale_command_after_power_return() {

@@ -1,11 +1,10 @@
 //! An IMU tells that the body is tilted otherwise than the motion makes it.
 
-use rollwalk_firmware::Settings;
-use rollwalk_firmware::safety::State;
-use rollwalk_protocol::wire::{Action, CommandResult, Fault};
-
 use crate::rig::Rig;
 use crate::robot::*;
+use rollwalk_firmware::Settings;
+use rollwalk_protocol::faults::Fault;
+use rollwalk_protocol::wire::{Action, CommandResult, State};
 
 fn up(pitch_rad: f32) -> [f32; 3] {
     [-9.81 * pitch_rad.sin(), 0.0, 9.81 * pitch_rad.cos()]

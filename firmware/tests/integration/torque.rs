@@ -1,15 +1,14 @@
 //! Control loop on the controller: drives receive torques, and joints with inertia follow.
 
-use rollwalk_drives::Sent;
-use rollwalk_firmware::bus::{Bus, ControlLoop, Protocol};
-use rollwalk_firmware::safety::State;
-use rollwalk_protocol::actuators::mit::AnswerId;
-use rollwalk_protocol::actuators::odrive::Version;
-use rollwalk_protocol::wire::{CommandResult, Fault};
-
 use crate::protocols::{aligned, bench_of, cybergear, dynamixel, mit, odrive, slow_down};
 use crate::rig::Rig;
 use crate::robot::{self, CODE_DRIVE, STAND};
+use rollwalk_drives::Sent;
+use rollwalk_firmware::bus::{Bus, ControlLoop, Protocol};
+use rollwalk_protocol::actuators::mit::AnswerId;
+use rollwalk_protocol::actuators::odrive::Version;
+use rollwalk_protocol::faults::Fault;
+use rollwalk_protocol::wire::{CommandResult, State};
 
 /// The inertia of everything, kg·m².
 const INERTIA: f32 = 0.05;

@@ -1,14 +1,13 @@
 //! The library over the link.
 
-use rollwalk_firmware::safety::State;
-use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::crc::crc32c;
-use rollwalk_protocol::library::validate;
-use rollwalk_protocol::wire::transport::{MAX_BLOCK, TransferResult};
-use rollwalk_protocol::wire::{Action, CommandResult, Fault, Request, Response};
-
 use crate::rig::{Rig, me};
 use crate::robot::*;
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::faults::Fault;
+use rollwalk_protocol::library::validate;
+use rollwalk_protocol::wire::transport::{MAX_BLOCK, TransferResult};
+use rollwalk_protocol::wire::{Action, CommandResult, Request, Response, State};
 
 pub fn result(response: Response) -> TransferResult {
     match response {

@@ -1,6 +1,7 @@
 //! Fields one after the other, the way the format page writes them down.
 
 use super::{Coding, Order, Presence, Signal};
+use std::borrow::Cow;
 
 /// The fields of a message so far, and where the next one begins.
 #[derive(Clone, Debug, Default)]
@@ -82,7 +83,7 @@ impl Layout {
             max,
             unit: "",
             names: Vec::new(),
-            comment: "",
+            comment: Cow::default(),
             presence: Presence::Always,
         });
         self.at += bits;
@@ -100,8 +101,8 @@ impl Layout {
     }
 
     /// Meaning of the field before.
-    pub fn comment(self, text: &'static str) -> Self {
-        self.last(|signal| signal.comment = text)
+    pub fn comment(self, text: impl Into<Cow<'static, str>>) -> Self {
+        self.last(|signal| signal.comment = text.into())
     }
 
     /// Range of the field before.

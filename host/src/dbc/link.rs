@@ -2,10 +2,10 @@
 
 use super::layout::Layout;
 use super::{Database, Message, RobotNames, identifier, servo};
-use crate::told::{COMMAND_KINDS, PARAMETER_KINDS};
+use rollwalk_protocol::faults::{Fault, Quantity, Severity};
 use rollwalk_protocol::wire::{
-    CommandResult, Fault, HEARTBEAT_PERIOD_MS, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, Parameter,
-    ParameterResult, SCHEMA, SCHEMA_HASH, STATUS_PERIOD_MS, Severity, State,
+    CommandResult, HEARTBEAT_PERIOD_MS, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, Parameter,
+    ParameterResult, SCHEMA, SCHEMA_HASH, STATUS_PERIOD_MS, State,
 };
 use std::fmt::Debug;
 
@@ -41,6 +41,21 @@ struct Kind {
 }
 
 const HOST: &str = "host";
+
+/// Kinds of commands, as in the table of `docs/wire-format.md`.
+const COMMAND_KINDS: [&str; 9] = [
+    "Play",
+    "Pause",
+    "Resume",
+    "Return",
+    "Disarm",
+    "ArmRequest",
+    "ArmConfirm",
+    "ClearRequest",
+    "ClearConfirm",
+];
+/// Kinds of requests about parameters.
+const PARAMETER_KINDS: [&str; 5] = ["Get", "Set", "Reset", "Save", "Origin"];
 
 pub(super) fn database(controllers: Controllers<'_>) -> Database {
     let (addresses, names) = match controllers {
@@ -200,7 +215,25 @@ fn fault() -> Layout {
             .names(coded(Fault::ALL, Fault::code)),
     )
     .float("value")
-    .comment("docs/wire-format.md says of what, for each fault")
+    .comment(fault_values())
+}
+
+/// Meanings of the value of a fault report, by fault.
+fn fault_values() -> String {
+    let of = |fault: &Fault| {
+        let quantity = fault.description().value?;
+        let what = match quantity {
+            Quantity::Seconds(what) | Quantity::Radians(what) => {
+                format!("{} {what}", quantity.unit())
+            }
+            Quantity::RadiansUnless(what, negative) => {
+                format!("{} {what}, negative: {negative}", quantity.unit())
+            }
+            Quantity::Number(what) | Quantity::Flags(what) => what.to_owned(),
+        };
+        Some(format!("{fault:?}: {what}"))
+    };
+    Fault::ALL.iter().filter_map(of).collect::<Vec<_>>().join("; ")
 }
 
 fn command_ack() -> Layout {

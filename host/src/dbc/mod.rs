@@ -22,6 +22,7 @@ mod write;
 pub use extract::Value;
 
 use rollwalk_protocol::wire::Node;
+use std::borrow::Cow;
 
 /// What a robot file tells: names instead of numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -100,7 +101,7 @@ pub struct Signal {
     /// Names of numbers.
     pub names: Vec<(u64, String)>,
     /// What it means.
-    pub comment: &'static str,
+    pub comment: Cow<'static, str>,
     /// When it is there.
     pub presence: Presence,
 }

@@ -3,8 +3,9 @@
 use super::log::{Log, Weight};
 use super::view::{FaultView, JointView, LinkView};
 use crate::client::Client;
-use crate::refusal::{fault_names, state_name};
-use rollwalk_protocol::wire::{Fault, FaultBits, FaultReport, JointTelemetry, State, Status};
+use crate::describe::{fault_names, state_name};
+use rollwalk_protocol::faults::{Fault, FaultBits};
+use rollwalk_protocol::wire::{FaultReport, JointTelemetry, State, Status};
 use std::collections::BTreeMap;
 
 /// Without a status for so long there is no contact, µs.
@@ -85,8 +86,8 @@ impl Heard {
         let latched = self.status().is_some_and(|status| status.faults.contains(report.fault));
         let recent = known.is_some_and(|(at_us, _)| now_us.saturating_sub(at_us) < TOLD_US);
         if !latched && !recent {
-            let faults = FaultBits::default().with(report.fault);
-            log.say(now_us, Weight::Warning, format!("it says: {}", fault_names(faults)));
+            let name = report.fault.description().name;
+            log.say(now_us, Weight::Warning, format!("it says: {name}"));
         }
     }
 

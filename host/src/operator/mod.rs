@@ -25,9 +25,9 @@ pub use intent::{Deadman, Intent, LetGo};
 pub use log::{Message, Weight};
 pub use view::{FaultView, JointView, Leaving, LinkView, View};
 
-use crate::advice;
 use crate::catalog::Catalog;
 use crate::client::{Client, Incoming, Outgoing};
+use crate::describe;
 use heard::Heard;
 use log::Log;
 use orders::{Ended, Order, Orders, Outcome};
@@ -256,8 +256,7 @@ impl Operator {
     pub fn view(&self, now_us: u64) -> View {
         let status = self.heard.status();
         let advice = match status {
-            Some(status) => advice::first(status.faults)
-                .map_or_else(|| advice::in_state(status.state), advice::about),
+            Some(status) => describe::advice(status.state, status.faults),
             None => "wait: the controller was not heard yet",
         };
         View {

@@ -3,9 +3,10 @@
 use super::*;
 use proptest::prelude::*;
 use rollwalk_protocol::actuator::ActuatorStatus;
+use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::{
-    Action, Command, CommandResult, Estop, EstopAck, Fault, FaultBits, FaultReport, HeartbeatReply,
-    JointTelemetry, Severity, Status, ToController,
+    Action, Command, CommandResult, Estop, EstopAck, FaultReport, HeartbeatReply, JointTelemetry,
+    Status, ToController,
 };
 
 fn node() -> Node {

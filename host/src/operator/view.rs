@@ -1,8 +1,9 @@
 //! What there is to show: a value, made from the operator's state at an instant.
 
 use super::log::Message;
+use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::transport::Hello;
-use rollwalk_protocol::wire::{Fault, JointTelemetry, Status};
+use rollwalk_protocol::wire::{JointTelemetry, Status};
 use std::collections::{BTreeMap, VecDeque};
 
 /// All there is to show.

@@ -1,6 +1,7 @@
 //! Why a session could not do what it was asked, in sentences for the operator.
 
-use crate::refusal::{command_refusal, fault_names, parameter_refusal, transfer_refusal};
+use crate::describe::fault_names;
+use crate::refusal::{command_refusal, parameter_refusal, transfer_refusal};
 use rollwalk_bus::link::LinkError;
 use rollwalk_protocol::wire::transport::Reply;
 use rollwalk_protocol::wire::{

@@ -60,9 +60,9 @@ impl<B: LinkBus> Session<B> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rollwalk_protocol::wire::LogEvent;
+    use rollwalk_protocol::faults::Event;
 
-    fn entry(at_ms: u32, event: LogEvent, before: State, after: State) -> LogEntry {
+    fn entry(at_ms: u32, event: Event, before: State, after: State) -> LogEntry {
         LogEntry {
             at_ms,
             event: event.code(),
@@ -76,16 +76,16 @@ mod tests {
 
     #[test]
     fn the_last_stop_is_the_one_after_which_the_robot_followed_no_motions() {
-        let first = entry(u32::MAX, LogEvent::Tipped, State::Playing, State::Damped);
-        let lost = entry(20, LogEvent::HostLost, State::Paused, State::Returning);
+        let first = entry(u32::MAX, Event::Tipped, State::Playing, State::Damped);
+        let lost = entry(20, Event::HostLost, State::Paused, State::Returning);
         let mut history = History { now_ms: 30, entries: vec![] };
         assert_eq!(history.last_stop(), None);
         history.entries = vec![
             (7, first),
-            (8, entry(10, LogEvent::DampingElapsed, State::Damped, State::TorqueOff)),
-            (9, entry(12, LogEvent::PauseAsked, State::Playing, State::Paused)),
+            (8, entry(10, Event::DampingElapsed, State::Damped, State::TorqueOff)),
+            (9, entry(12, Event::PauseAsked, State::Playing, State::Paused)),
             (10, lost),
-            (11, entry(25, LogEvent::HoldElapsed, State::Returning, State::Damped)),
+            (11, entry(25, Event::HoldElapsed, State::Returning, State::Damped)),
         ];
         assert_eq!(history.last_stop(), Some(&lost));
         assert_eq!(history.age_ms(&lost), 10);

@@ -3,9 +3,8 @@
 use super::*;
 use rollwalk_bus::link::LinkError;
 use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::wire::{
-    CommandAck, EstopAck, FaultBits, Heartbeat, HeartbeatReply, Severity, ToController,
-};
+use rollwalk_protocol::faults::{FaultBits, Severity};
+use rollwalk_protocol::wire::{CommandAck, EstopAck, Heartbeat, HeartbeatReply, ToController};
 use std::collections::VecDeque;
 
 /// What may answer a frame that is sent.

@@ -5,6 +5,7 @@ use rollwalk_protocol::actuator::{
     ActuatorStatus, Control, Feedback, JointSetpoint, WheelSetpoint,
 };
 use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::isotp::{Endpoint, Output, Timing};
 use rollwalk_protocol::wire::transport::{frame_to_controller, frame_to_host};
 use rollwalk_protocol::wire::*;

@@ -1,6 +1,7 @@
-//! What a controller remembers of what happened to it: for a host that asks afterwards why it stopped.
+//! The controller's log: recent changes of state and faults, for a host that asks afterwards why it stopped.
 
-use super::{Fault, State, coded};
+use super::State;
+use crate::faults::Fault;
 
 /// Most entries of a [`Log`] message.
 pub const MAX_LOG_ENTRIES: usize = 16;
@@ -10,78 +11,18 @@ pub const LOG_ENTRY_BYTES: usize = 12;
 /// No fault, no channel.
 const NONE: u8 = 0xFF;
 
-coded! {
-    /// What made a controller change its state, or raised a fault.
-    LogEvent {
-        /// Emergency stop, from the link or from the board.
-        EStop = 0,
-        /// An actuator bus is off.
-        BusOff = 1,
-        /// Configuration or settings cannot be used.
-        SelfTestFailed = 2,
-        /// An actuator does not answer.
-        FeedbackLost = 3,
-        /// An actuator reports a fault or has dropped its torque.
-        ActuatorFault = 4,
-        /// Nobody acknowledges on an actuator bus.
-        NotAcknowledged = 5,
-        /// An actuator bus is error-passive.
-        BusPassive = 6,
-        /// The body is tilted too far to be saved.
-        Tipped = 7,
-        /// A joint was far from its setpoint for too long.
-        NotFollowing = 8,
-        /// The library could not be played.
-        PlaybackFailed = 9,
-        /// The control loop came too late.
-        Overrun = 10,
-        /// The SAFE pose was not reached in time.
-        AlignFailed = 11,
-        /// The host's heartbeat stopped.
-        HostLost = 12,
-        /// The body is tilted further than its motion makes it.
-        Leaning = 13,
-        /// Command DISARM.
-        Disarm = 14,
-        /// Command CLEAR, second step.
-        ClearConfirmed = 15,
-        /// Command ARM, second step.
-        ArmConfirmed = 16,
-        /// Power-on or reset.
-        Started = 17,
-        /// The self test has passed.
-        SelfTestPassed = 18,
-        /// The SAFE pose is reached.
-        Aligned = 19,
-        /// Command PLAY, or RETURN from elsewhere.
-        MotionStarted = 20,
-        /// Command PAUSE.
-        PauseAsked = 21,
-        /// Command RESUME, or RETURN from a pause.
-        ResumeAsked = 22,
-        /// The safe motion is reached.
-        SafeReached = 23,
-        /// SAFE was held long enough.
-        HoldElapsed = 24,
-        /// Joints were damped long enough.
-        DampingElapsed = 25,
-        /// Torque is off and no fault is latched.
-        FaultFree = 26,
-    }
-}
-
 /// A change of state, or a fault that appeared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LogEntry {
     /// Controller's clock, low 32 bits of ms.
     pub at_ms: u32,
-    /// Code of what happened ([`LogEvent::code`]); a later version may have more of them.
+    /// [`Event::code`](crate::faults::Event::code); a later version may have more of them.
     pub event: u8,
     /// State before it, ...
     pub before: State,
     /// ... and after it.
     pub after: State,
-    /// The fault that it is.
+    /// Fault that the event raised.
     pub fault: Option<Fault>,
     /// As in [`super::FaultReport`].
     pub channel: Option<u8>,
@@ -116,7 +57,7 @@ impl LogEntry {
     }
 }
 
-/// A part of what a controller remembers, oldest first.
+/// A part of the log, oldest first.
 ///
 /// Entries are numbered from 0 at power-on. A controller keeps the last of them: what was asked for
 /// before [`first`](Self::first) is forgotten.

@@ -34,12 +34,12 @@ pub use command::{Action, Command, CommandAck, CommandResult, MOST_VALID_MS};
 pub use discovery::{Discover, Discovered};
 pub use dispatch::{FromController, ToController};
 pub use heartbeat::{Heartbeat, HeartbeatReply};
-pub use log::{LOG_ENTRY_BYTES, Log, LogEntry, LogEvent, MAX_LOG_ENTRIES};
+pub use log::{LOG_ENTRY_BYTES, Log, LogEntry, MAX_LOG_ENTRIES};
 pub use parameter::{
     Parameter, ParameterAck, ParameterAction, ParameterOrigin, ParameterRequest, ParameterResult,
 };
 pub use safety::{Estop, EstopAck};
-pub use status::{Fault, FaultBits, FaultReport, Severity, State, Status};
+pub use status::{FaultReport, State, Status, Torque};
 pub use telemetry::JointTelemetry;
 pub use transport::{Request, Response};
 
@@ -192,7 +192,7 @@ macro_rules! coded {
             pub const ALL: &'static [Self] = &[$(Self::$variant,)*];
 
             /// Number on the wire.
-            pub fn code(self) -> u8 {
+            pub const fn code(self) -> u8 {
                 self as u8
             }
 
@@ -206,4 +206,4 @@ macro_rules! coded {
         }
     };
 }
-use coded;
+pub(crate) use coded;

@@ -6,24 +6,24 @@ use crate::can::CanFrame;
 const ESTOP: Kind = Kind::new(0, 0);
 const ESTOP_ACK: Kind = Kind::new(0, 1);
 
-/// Stop. The identifier alone says it: any payload is accepted, so that the simplest device on the
-/// bus can send it. Senders repeat it 5 times at 5 ms, then every 100 ms until acknowledged.
+/// Emergency stop. The identifier alone counts: any payload is accepted, so that the simplest device on
+/// the bus can send it. Senders repeat it 5 times at 5 ms, then every 100 ms until acknowledged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Estop;
 
 impl Estop {
-    /// Without payload.
+    /// A frame without payload.
     pub fn encode(self, to: Node) -> CanFrame {
         CanFrame::known(ESTOP.id(to), [])
     }
 
-    /// Whom it is for.
+    /// Receiver and message.
     pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
         Ok((ESTOP.node(frame)?, Estop))
     }
 }
 
-/// The controller has stopped, and stays so until it is told otherwise in two steps.
+/// Acknowledgement of a stop, which latches until the operator clears it in two steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EstopAck {
     /// State after the stop.

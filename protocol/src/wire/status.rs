@@ -1,133 +1,96 @@
-//! Class 3: how the controller is.
+//! Class 3: controller status and fault reports.
 
 use super::{DecodeError, Kind, Node, coded};
 use crate::can::CanFrame;
+use crate::faults::{Fault, FaultBits, Severity};
 
 const STATUS: Kind = Kind::new(3, 0);
 const FAULT: Kind = Kind::new(3, 1);
 
-/// No clip, no channel.
+/// Code for no clip and for no channel.
 const NONE: u8 = 0xFF;
 
 coded! {
     /// State of the controller.
     State {
-        /// Just started.
+        /// Before the first tick.
         Boot = 0,
-        /// Checks itself, its library and its actuators.
+        /// Examines configuration, settings and library.
         SelfTest = 1,
-        /// Torque off, ready to be armed.
+        /// No torque; a library may be written, arming is possible.
         Disarmed = 2,
-        /// Moves slowly from the measured pose to the safe pose.
+        /// Moves slowly from the measured pose to the SAFE pose.
         Aligning = 3,
-        /// Stands in the safe pose, waits for a command.
+        /// Holds the SAFE node of the motion graph.
         Ready = 4,
-        /// Plays a motion or a transition.
+        /// Plays motions and transitions of the graph.
         Playing = 5,
-        /// Holds in the middle of a motion.
+        /// Holds still within a motion.
         Paused = 6,
-        /// On its way to the safe motion.
+        /// Follows the graph to SAFE without accepting motions, then holds there for a moment.
         Returning = 7,
-        /// No stiffness, damping only.
+        /// Joints free but damped (kp 0), so that the robot sinks instead of falling.
         Damped = 8,
-        /// Torque taken away after a fault; latched.
+        /// No torque; waits for a clear when a fault is latched.
         TorqueOff = 9,
-        /// Emergency stop; latched.
+        /// No torque; latched until the operator clears it.
         EStopped = 10,
     }
 }
 
-coded! {
-    /// The strongest reaction that is called for; the most severe wins.
-    Severity {
-        /// All is well.
-        None = 0,
-        /// Something to know about; the robot goes on.
-        Notice = 1,
-        /// Hold and return to the safe motion.
-        Return = 2,
-        /// Damp all joints.
-        Damp = 3,
-        /// Torque off.
-        TorqueOff = 4,
-        /// Emergency stop.
-        EStop = 5,
+/// Torque of the actuators in a state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Torque {
+    /// Disabled.
+    Off,
+    /// Damping only.
+    Damped,
+    /// Follow setpoints.
+    Driven,
+}
+
+impl State {
+    /// Torque of the actuators.
+    pub fn torque(self) -> Torque {
+        match self {
+            Self::Boot | Self::SelfTest | Self::Disarmed | Self::TorqueOff | Self::EStopped => {
+                Torque::Off
+            }
+            Self::Damped => Torque::Damped,
+            Self::Aligning | Self::Ready | Self::Playing | Self::Paused | Self::Returning => {
+                Torque::Driven
+            }
+        }
+    }
+
+    /// Whether motion commands are accepted.
+    pub fn accepts_motions(self) -> bool {
+        matches!(self, Self::Ready | Self::Playing)
+    }
+
+    /// The reaction under way with these faults, or else [`Severity::Notice`] that there are some.
+    pub fn severity(self, faults: FaultBits) -> Severity {
+        match self {
+            Self::EStopped => Severity::EStop,
+            _ if faults.is_empty() => Severity::None,
+            Self::TorqueOff => Severity::TorqueOff,
+            Self::Damped => Severity::Damp,
+            Self::Returning => Severity::Return,
+            _ => Severity::Notice,
+        }
     }
 }
 
-coded! {
-    /// Faults by their bit in [`FaultBits`].
-    Fault {
-        /// No library, or it was refused.
-        NoLibrary = 0,
-        /// The library is for another robot configuration.
-        ConfigMismatch = 1,
-        /// The host's heartbeat stopped.
-        HostLost = 2,
-        /// An actuator does not answer.
-        ActuatorSilent = 3,
-        /// An actuator reports a fault.
-        ActuatorFault = 4,
-        /// A joint or wheel does not follow.
-        TrackingError = 5,
-        /// A measured position is outside its limits.
-        OutOfLimits = 6,
-        /// The body is tilted further than its motion makes it.
-        Tilt = 7,
-        /// Nobody acknowledges on an actuator bus.
-        BusNoAck = 9,
-        /// A bus is error-passive.
-        BusPassive = 10,
-        /// A bus is off.
-        BusOff = 11,
-        /// An emergency stop was received.
-        EStop = 12,
-        /// The control loop missed its time.
-        Overrun = 13,
-        /// The library changed or cannot be read during playback.
-        LibraryUnreadable = 14,
-        /// A state that should not be possible.
-        Internal = 15,
-    }
-}
-
-/// A set of faults. Any fault anywhere shows here.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FaultBits(pub u16);
-
-impl FaultBits {
-    /// The set with this fault.
-    #[must_use]
-    pub fn with(self, fault: Fault) -> Self {
-        Self(self.0 | 1 << fault.code())
-    }
-
-    /// Whether the fault is in the set.
-    pub fn contains(self, fault: Fault) -> bool {
-        self.0 >> fault.code() & 1 != 0
-    }
-
-    /// No fault.
-    pub fn is_empty(self) -> bool {
-        self.0 == 0
-    }
-
-    /// The faults of the set.
-    pub fn iter(self) -> impl Iterator<Item = Fault> {
-        Fault::ALL.iter().copied().filter(move |&fault| self.contains(fault))
-    }
-}
-
-/// How the controller is, every [`super::STATUS_PERIOD_MS`] and on change.
+/// Controller status, sent every [`super::STATUS_PERIOD_MS`] and on change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Status {
     /// State.
     pub state: State,
-    /// Strongest reaction that is called for.
+    /// Reaction under way.
     pub severity: Severity,
     /// All faults.
     pub faults: FaultBits,
-    /// Clip that is played: motions, then transitions, as in the library.
+    /// Clip being played: motions, then transitions, as in the library.
     pub clip: Option<u8>,
     /// Frame of that clip, 0 to 4095.
     pub frame: u16,
@@ -166,17 +129,16 @@ impl Status {
     }
 }
 
-/// One fault in detail, when it appears and once a second while it lasts.
+/// One fault in detail, sent when it appears and once a second while it lasts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaultReport {
     /// One more (and around) with each report.
     pub counter: u8,
     /// The fault.
     pub fault: Fault,
-    /// Channel that it is about.
+    /// Channel concerned, as [`Fault::description`] says.
     pub channel: Option<u8>,
-    /// The offending value in SI units, 0 when there is none; `docs/wire-format.md` says which for
-    /// each fault.
+    /// Offending value in SI units, as [`Fault::description`] says; 0 when there is none.
     pub value: f32,
 }
 

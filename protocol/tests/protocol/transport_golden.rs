@@ -2,11 +2,10 @@
 //! updates.
 
 use proptest::prelude::*;
+use rollwalk_protocol::faults::{Event, Fault};
 use rollwalk_protocol::library::{Reject, Section, Why};
 use rollwalk_protocol::wire::transport::*;
-use rollwalk_protocol::wire::{
-    Fault, LOG_ENTRY_BYTES, Log, LogEntry, LogEvent, MAX_LOG_ENTRIES, State,
-};
+use rollwalk_protocol::wire::{LOG_ENTRY_BYTES, Log, LogEntry, MAX_LOG_ENTRIES, State};
 
 fn hex(bytes: Option<&[u8]>) -> String {
     bytes.expect("fits").iter().map(|b| format!("{b:02x}")).collect()
@@ -72,7 +71,7 @@ fn responses() {
 fn log() {
     let lost = LogEntry {
         at_ms: 0x0403_0201,
-        event: LogEvent::HostLost.code(),
+        event: Event::HostLost.code(),
         before: State::Playing,
         after: State::Returning,
         fault: Some(Fault::HostLost),
@@ -80,7 +79,7 @@ fn log() {
         value: 0.25,
     };
     let silent = LogEntry {
-        event: LogEvent::FeedbackLost.code(),
+        event: Event::FeedbackLost.code(),
         before: State::Returning,
         after: State::Damped,
         fault: Some(Fault::ActuatorSilent),
@@ -89,7 +88,7 @@ fn log() {
         ..lost
     };
     let off = LogEntry {
-        event: LogEvent::DampingElapsed.code(),
+        event: Event::DampingElapsed.code(),
         before: State::Damped,
         after: State::TorqueOff,
         fault: None,

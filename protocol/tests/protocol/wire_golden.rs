@@ -4,6 +4,7 @@
 
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::faults::{Event, Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::*;
 
 /// Identifier and payload as hexadecimal digits.
@@ -204,7 +205,7 @@ fn codes_are_pinned() {
          12 FaultPresent, 13 BadSpeed",
     );
     check(
-        LogEvent::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
+        Event::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
         "0 EStop, 1 BusOff, 2 SelfTestFailed, 3 FeedbackLost, 4 ActuatorFault, 5 NotAcknowledged, \
          6 BusPassive, 7 Tipped, 8 NotFollowing, 9 PlaybackFailed, 10 Overrun, 11 AlignFailed, \
          12 HostLost, 13 Leaning, 14 Disarm, 15 ClearConfirmed, 16 ArmConfirmed, 17 Started, \

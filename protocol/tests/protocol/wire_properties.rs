@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::crc::crc8_with_id;
+use rollwalk_protocol::faults::{Fault, FaultBits};
 use rollwalk_protocol::wire::*;
 
 use crate::encode_again::{encode_from, encode_to};

@@ -201,10 +201,10 @@ mod tests {
     use crate::one_leg;
     use rollwalk_bus::port::{Inlet, Outlet};
     use rollwalk_firmware::Settings;
-    use rollwalk_firmware::safety::State;
     use rollwalk_protocol::can::CanFrame;
+    use rollwalk_protocol::faults::Fault;
     use rollwalk_protocol::wire::{
-        Action, Command, CommandAck, CommandResult, Fault, FromController, Node,
+        Action, Command, CommandAck, CommandResult, FromController, Node, State,
     };
     use std::sync::mpsc::{Receiver, Sender, channel};
     use std::thread;

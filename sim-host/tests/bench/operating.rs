@@ -6,8 +6,9 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::lossy::Lossy;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::operator::{Deadman, Intent, Leaving, LetGo, Operator, View};
+use rollwalk_protocol::faults;
 use rollwalk_protocol::library::{ClipId, Library, validate};
-use rollwalk_protocol::wire::{self, Node, State};
+use rollwalk_protocol::wire::{Node, State};
 use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::faults::stream::Spoil;
 use rollwalk_sim_host::faults::{Fault, Harm, Way};
@@ -222,7 +223,7 @@ fn a_robot_that_is_not_heard_any_more_goes_home_without_the_deadman_and_when_its
         console.run(2 * S);
         let view = console.view();
         assert_eq!(view.status.map(|status| status.state), Some(State::TorqueOff));
-        assert!(view.faults.iter().any(|fault| fault.fault == wire::Fault::HostLost));
+        assert!(view.faults.iter().any(|fault| fault.fault == faults::Fault::HostLost));
     }
 }
 
@@ -263,7 +264,9 @@ fn a_robot_whose_operator_is_gone_returns_by_itself() {
     console.run(S);
     let view = console.view();
     assert_eq!(view.status.unwrap().state, State::TorqueOff);
-    assert!(view.faults.iter().any(|fault| fault.fault == wire::Fault::HostLost && fault.present));
+    assert!(
+        view.faults.iter().any(|fault| fault.fault == faults::Fault::HostLost && fault.present)
+    );
     console.want(Intent::Clear);
     console.wait_for(State::Disarmed);
     console.want(Intent::Arm);

@@ -4,10 +4,11 @@ use crate::robot::SWING;
 use crate::{S, armed, connect, rig};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::lossy::Lossy;
-use rollwalk_host::refusal::event_sentence;
+use rollwalk_host::describe::event_sentence;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::can::CanFrame;
-use rollwalk_protocol::wire::{Estop, EstopAck, Fault, LogEvent, Node, State};
+use rollwalk_protocol::faults::{Event, Fault};
+use rollwalk_protocol::wire::{Estop, EstopAck, Node, State};
 use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::rig::Rig;
 
@@ -166,7 +167,7 @@ fn who_connects_later_is_told_why_the_robot_stopped() {
     let history = session.history().unwrap();
     assert!(session.bus().lost() > 0);
     let why = *history.last_stop().expect("a stop");
-    assert_eq!(LogEvent::from_code(why.event), Some(LogEvent::HostLost));
+    assert_eq!(Event::from_code(why.event), Some(Event::HostLost));
     assert_eq!((why.before, why.after), (State::Playing, State::Returning));
     assert_eq!(why.fault, Some(Fault::HostLost));
     assert!((0.25..0.3).contains(&why.value), "{why:?}");

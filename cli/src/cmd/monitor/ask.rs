@@ -58,7 +58,8 @@ pub fn library(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rollwalk_protocol::wire::{FaultBits, Severity, State, Status};
+    use rollwalk_protocol::faults::{FaultBits, Severity};
+    use rollwalk_protocol::wire::{State, Status};
 
     /// A bus on which a frame comes every 20 ms of its time.
     struct Wire {

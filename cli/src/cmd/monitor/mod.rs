@@ -12,8 +12,8 @@ use rollwalk_bus::candump::LogEntry;
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::name::BusName;
 use rollwalk_host::catalog::Catalog;
+use rollwalk_host::decode::{DecodedFrame, decode};
 use rollwalk_host::telemetry::{Known, Telemetry};
-use rollwalk_host::told::{Told, told};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::RobotConfig;
 use serde::Serialize;
@@ -73,7 +73,7 @@ struct Line<'a> {
     id: u16,
     data: String,
     #[serde(flatten)]
-    told: Option<Told>,
+    decoded: Option<DecodedFrame>,
 }
 
 /// Runs the subcommand.
@@ -199,7 +199,7 @@ impl Sinks<'_> {
                 interface: &self.interface,
                 id: frame.id(),
                 data: frame.data().iter().map(|byte| format!("{byte:02x}")).collect(),
-                told: told(frame).ok(),
+                decoded: decode(frame).ok(),
             };
             output::print(&serde_json::to_string(&line).map_err(|error| miette!("{error}"))?)?;
         }

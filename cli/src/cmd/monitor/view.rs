@@ -2,11 +2,13 @@
 
 use crate::output;
 use rollwalk_host::catalog::{Catalog, channel_name};
-use rollwalk_host::refusal::{command_refusal, fault_names, state_name};
+use rollwalk_host::describe::{fault_names, fault_report, state_name};
+use rollwalk_host::refusal::command_refusal;
 use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::wire::{
-    Action, CommandResult, FaultBits, FaultReport, FromController, JointTelemetry, Node, State,
-    Status, ToController,
+    Action, CommandResult, FaultReport, FromController, JointTelemetry, Node, State, Status,
+    ToController,
 };
 use std::collections::BTreeMap;
 
@@ -110,11 +112,9 @@ impl<'a> View<'a> {
     }
 
     fn fault(&self, at_us: u64, report: &FaultReport) -> miette::Result<()> {
-        let faults = fault_names(FaultBits::default().with(report.fault));
-        let channel = report.channel.map_or_else(String::new, |channel| {
-            format!(" ({}, {})", self.channel_name(channel), report.value)
-        });
-        self.say(at_us, &format!("fault: {faults}{channel}"))
+        let channel = report.channel.map(|channel| self.channel_name(channel));
+        let described = fault_report(report.fault, channel, Some(report.value));
+        self.say(at_us, &format!("fault: {described}"))
     }
 
     fn command(&self, at_us: u64, action: Action, result: CommandResult) -> miette::Result<()> {

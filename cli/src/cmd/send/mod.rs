@@ -8,7 +8,7 @@ use crate::link::{LinkArgs, LiveSession, ended};
 use crate::{Exit, interrupt, output};
 use miette::miette;
 use play::play;
-use rollwalk_host::refusal::state_name;
+use rollwalk_host::describe::state_name;
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::wire::State;
 use wanted::{Chosen, Wanted, choose};

@@ -13,11 +13,11 @@ mod store;
 mod uart;
 
 use cortex_m_rt::entry;
-use rollwalk_firmware::safety::State;
 use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::tunnel::{
     Answer, Deframer, Figures, Hello, Input, MAX_ACTUATOR_BUSES, Request, Step, Stepped,
 };
+use rollwalk_protocol::wire::State;
 use static_cell::StaticCell;
 
 use cost::Cost;

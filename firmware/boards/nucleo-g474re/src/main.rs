@@ -21,12 +21,11 @@ use cortex_m_rt::entry;
 use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::{Peripherals, peripherals};
 use rollwalk_firmware::periods::Periods;
-use rollwalk_firmware::safety::{State, Torque};
 use rollwalk_firmware::store::{FlashParameters, FlashStore};
 use rollwalk_firmware::{Buses, Controller, Settings};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::serial::{BusState, Gateway, Packet, Report, Reset};
-use rollwalk_protocol::wire::{Node, ToController};
+use rollwalk_protocol::wire::{Node, State, ToController, Torque};
 use static_cell::StaticCell;
 
 use can::Bus;

@@ -8,8 +8,8 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 use rollwalk_host::operator::{FaultView, Leaving, View};
-use rollwalk_host::refusal::fault_names;
-use rollwalk_protocol::wire::{Fault, FaultBits, Severity, State};
+use rollwalk_protocol::faults::{Quantity, Severity};
+use rollwalk_protocol::wire::State;
 
 /// Columns of the state.
 const STATE_WIDTH: u16 = 20;
@@ -172,16 +172,14 @@ pub fn draw_faults(frame: &mut Frame, scene: &Scene, area: Rect) {
     frame.render_widget(Paragraph::new(vec![first, next]), area);
 }
 
-/// A fault with where it is and how much.
+/// A fault with its channel and, where it has a unit, its value: in short, as lines are.
 fn words(scene: &Scene, fault: &FaultView) -> String {
-    let mut words = fault_names(FaultBits::default().with(fault.fault));
-    if let Some(channel) = fault.channel {
-        words = format!("{words}, {}", scene.names.channel(channel));
+    let description = fault.fault.description();
+    let channel = fault.channel.map(|channel| format!(", {}", scene.names.channel(channel)));
+    let words = description.name.to_owned() + &channel.unwrap_or_default();
+    let unit = description.value.map_or("", Quantity::unit);
+    match fault.value {
+        Some(value) if !unit.is_empty() => format!("{words} ({value:.2} {unit})"),
+        _ => words,
     }
-    let unit = match fault.fault {
-        Fault::HostLost | Fault::ActuatorSilent | Fault::Overrun => " s",
-        Fault::TrackingError | Fault::OutOfLimits | Fault::Tilt => " rad",
-        _ => return words,
-    };
-    fault.value.map_or(words.clone(), |value| format!("{words} ({value:.2}{unit})"))
 }

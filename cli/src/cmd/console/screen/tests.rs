@@ -8,7 +8,8 @@ use ratatui::backend::TestBackend;
 use rollwalk_host::catalog::{Catalog, Motion, Transition};
 use rollwalk_host::operator::{FaultView, JointView, Leaving, LinkView, Message, View, Weight};
 use rollwalk_protocol::actuator::ActuatorStatus;
-use rollwalk_protocol::wire::{Fault, FaultBits, JointTelemetry, Severity, State, Status};
+use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
+use rollwalk_protocol::wire::{JointTelemetry, State, Status};
 use std::collections::BTreeMap;
 use std::{env, fs};
 

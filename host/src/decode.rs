@@ -1,0 +1,159 @@
+//! Frames of the link as named signals, for logs that people and programs read.
+//!
+//! The codecs check a frame; names, units and enumerations are those of [`Database::link`], of which
+//! `docs/rollwalk.dbc` is made.
+
+use crate::dbc::{Database, Message};
+use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::wire::{DecodeError, FromController, ToController};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+static MESSAGES: LazyLock<BTreeMap<u16, Message>> = LazyLock::new(|| {
+    Database::link().messages.into_iter().map(|message| (message.id, message)).collect()
+});
+
+/// A decoded frame.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DecodedFrame {
+    /// Name of the message, as in the schema: `status`.
+    pub message: &'static str,
+    /// Address of the controller; 15 for all.
+    pub node: u8,
+    /// Signals by name; none of frames that carry a part of a longer message.
+    pub signals: BTreeMap<&'static str, Value>,
+}
+
+/// Value of a signal.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Value {
+    /// A number, in the unit of the signal.
+    Number(f64),
+    /// One of an enumeration.
+    Name(String),
+    /// A set of names.
+    Names(Vec<String>),
+    /// No clip, no channel.
+    None,
+}
+
+/// Decodes a frame of the link.
+///
+/// # Errors
+/// It is no frame of the link, or a damaged one.
+pub fn decode(frame: &CanFrame) -> Result<DecodedFrame, DecodeError> {
+    let (node, from_controller) = match ToController::decode(frame) {
+        Err(DecodeError::OtherMessage) => {
+            let (node, message) = FromController::decode(frame)?;
+            (node, Some(message))
+        }
+        from_host => (from_host?.0, None),
+    };
+    let message = MESSAGES.get(&frame.id()).ok_or(DecodeError::OtherMessage)?;
+    let mut signals = BTreeMap::new();
+    if !message.schema.starts_with("transport") {
+        let shown = message.values(frame.data()).into_iter().filter(|value| {
+            let name = value.signal.name.as_str();
+            name != "crc8" && !name.starts_with("fault_") && !name.starts_with("status_")
+        });
+        signals.extend(shown.map(|value| {
+            let shown = match value.name() {
+                Some("none") => Value::None,
+                Some(name) => Value::Name(name.to_owned()),
+                None => Value::Number(value.number),
+            };
+            (value.signal.name.as_str(), shown)
+        }));
+    }
+    // Flags together, and digits for the bytes of a serial number.
+    match from_controller {
+        Some(FromController::Status(status)) => {
+            let faults = status.faults.iter().map(|fault| format!("{fault:?}")).collect();
+            signals.insert("faults", Value::Names(faults));
+        }
+        Some(FromController::JointTelemetry(joint)) => {
+            signals.insert("status", Value::Number(joint.status.0.into()));
+        }
+        Some(FromController::Discovered(discovered)) => {
+            let uid = discovered.uid.map(|byte| format!("{byte:02x}")).concat();
+            signals.insert("uid", Value::Name(uid));
+        }
+        _ => {}
+    }
+    Ok(DecodedFrame { message: message.schema, node: node.number(), signals })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_protocol::actuator::ActuatorStatus;
+    use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
+    use rollwalk_protocol::wire::{
+        Action, Command, Discovered, Estop, JointTelemetry, Node, State, Status,
+    };
+
+    fn node() -> Node {
+        Node::new(3).unwrap()
+    }
+
+    fn json(frame: &CanFrame) -> String {
+        serde_json::to_string(&decode(frame).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn what_a_controller_sends() {
+        let status = Status {
+            state: State::Playing,
+            severity: Severity::Notice,
+            faults: FaultBits::default().with(Fault::Tilt),
+            clip: None,
+            frame: 7,
+            counter: 2,
+            library: 0x68,
+        };
+        assert_eq!(
+            json(&status.encode(node())),
+            r#"{"message":"status","node":3,"signals":{"clip":null,"counter":2.0,"faults":["Tilt"],"frame":7.0,"library":104.0,"severity":"Notice","state":"Playing"}}"#
+        );
+        let joint = JointTelemetry {
+            channel: 4,
+            position_rad: -0.5,
+            velocity_rad_s: 0.25,
+            torque_nm: 1.5,
+            status: ActuatorStatus(3),
+        };
+        assert_eq!(
+            json(&joint.encode(node())),
+            r#"{"message":"joint","node":3,"signals":{"channel":4.0,"position":-0.5,"status":3.0,"torque":1.5,"velocity":0.25}}"#
+        );
+        let discovered = Discovered { uid: [0, 1, 2, 0xa, 0xb, 0xff], protocol_major: 1 };
+        assert_eq!(
+            json(&discovered.encode(node())),
+            r#"{"message":"discovered","node":3,"signals":{"protocol_major":1.0,"uid":"0001020a0bff"}}"#
+        );
+    }
+
+    #[test]
+    fn what_a_host_sends() {
+        let action = Action::Play { code: 2, speed_64ths: 32 };
+        let frame = Command { seq: 5, action, valid_until_ms: 9 }.encode(node());
+        assert_eq!(
+            json(&frame),
+            r#"{"message":"command","node":3,"signals":{"arg":0.0,"code":2.0,"kind":"Play","seq":5.0,"speed":0.5,"valid_until_ms":9.0}}"#
+        );
+        let stop = Estop.encode(Node::BROADCAST);
+        assert_eq!(json(&stop), r#"{"message":"estop","node":15,"signals":{}}"#);
+        let part = CanFrame::new(0x530, &[0x02, 0x01, 0x01]).unwrap();
+        assert_eq!(json(&part), r#"{"message":"transport_to_controller","node":3,"signals":{}}"#);
+
+        let mut data = [0; 8];
+        data.copy_from_slice(frame.data());
+        data[3] ^= 1;
+        let damaged = CanFrame::new(frame.id(), &data).unwrap();
+        assert_eq!(decode(&damaged), Err(DecodeError::BadCrc));
+        let servo = CanFrame::new(0x185, &[0; 8]).unwrap();
+        assert!(decode(&servo).is_err());
+    }
+}
