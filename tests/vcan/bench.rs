@@ -1,4 +1,4 @@
-//! Programs that run beside a test, and what frames of the link say.
+//! Programs that run beside a test, and the states in a log of the link.
 
 use rollwalk_bus::candump::{self, LogEntry};
 use rollwalk_protocol::wire::{FromController, State};
@@ -14,15 +14,59 @@ use std::time::{Duration, Instant};
 
 const ROLLWALK: &str = env!("CARGO_BIN_EXE_rollwalk-under-test");
 const ROLLWALK_SIM: &str = env!("CARGO_BIN_EXE_rollwalk-sim-under-test");
-/// Longest wait for anything that ends by itself. Of the clock of the interfaces, which no load disturbs.
-const LONG: Duration = Duration::from_secs(120);
+/// Longest wait for a program that ends by itself, by the clock of the interfaces, which no load disturbs.
+pub const LONG: Duration = Duration::from_secs(120);
 
-/// Where what is found is kept.
+/// Robot and lengths of a run of the tests: `cargo xtask test` runs the short one, `cargo xtask nightly` and
+/// `cargo xtask vcan` the full one. Both libraries have the same codes: 1 and 2 end at rest, 3 and 4 loop.
+pub struct Suite {
+    /// Robot file, below the checkout.
+    pub robot: &'static str,
+    /// Motions 4 and 3, with the seconds that each is played.
+    pub loops: [&'static str; 2],
+    /// Blocks of the library's transfer before its adapter is unplugged.
+    pub blocks_before_unplugging: usize,
+    /// Least frames in the log of the link.
+    pub least_link_frames: usize,
+    /// Least frames in the log of each actuator bus.
+    pub least_actuator_frames: usize,
+    /// Least joint states, measured and planned, in the telemetry.
+    pub least_joint_states: usize,
+}
+
+const SHORT: Suite = Suite {
+    robot: "tests/vcan/leg/robot.toml",
+    loops: ["4:1", "3:1"],
+    blocks_before_unplugging: 40,
+    least_link_frames: 400,
+    least_actuator_frames: 2_000,
+    least_joint_states: 40,
+};
+
+const FULL: Suite = Suite {
+    robot: "robots/agilebot.toml",
+    loops: ["4:3", "3:3"],
+    blocks_before_unplugging: 300,
+    least_link_frames: 1_000,
+    least_actuator_frames: 10_000,
+    least_joint_states: 100,
+};
+
+/// The suite that `cargo xtask` asks for.
+pub fn suite() -> &'static Suite {
+    match std::env::var("ROLLWALK_SUITE").as_deref() {
+        Ok("short") => &SHORT,
+        Ok("full") => &FULL,
+        other => panic!("ROLLWALK_SUITE is {other:?}: `cargo xtask vcan` sets it"),
+    }
+}
+
+/// Folder of the logs that are kept.
 pub fn results() -> PathBuf {
     std::env::var_os("ROLLWALK_RESULTS").expect("`cargo xtask vcan` names the folder").into()
 }
 
-/// A folder in memory: what is written while time counts must not wait for a disk.
+/// A folder in memory, so that no log waits for a disk while time counts.
 pub fn desk() -> &'static Path {
     static DESK: OnceLock<PathBuf> = OnceLock::new();
     DESK.get_or_init(|| {
@@ -33,27 +77,28 @@ pub fn desk() -> &'static Path {
     })
 }
 
-/// Keeps a file of the desk.
+/// Copies a file of the desk to the results.
 pub fn keep(name: &str) {
     fs::copy(desk().join(name), results().join(name)).expect("the file is kept");
 }
 
-const LIBRARY: &str = "agilebot.rwl";
+const LIBRARY: &str = "library.rwl";
 
-/// The demo's motion library.
+/// The suite's motion library.
 pub fn library() -> PathBuf {
     desk().join(LIBRARY)
 }
 
-pub fn robot() -> PathBuf {
-    checkout().join("robots/agilebot.toml")
+/// The suite's robot file.
+fn robot() -> PathBuf {
+    checkout().join(suite().robot)
 }
 
-/// Reads programs once, so that nothing waits for a disk while time goes on.
+/// Reads programs into the page cache, so that nothing waits for a disk later.
 fn warm() {
     static WARM: Once = Once::new();
     WARM.call_once(|| {
-        let names = ["candump", "canplayer", "cansend", "cangw", "slcand", "qemu-system-arm", "ip"];
+        let names = ["candump", "canplayer", "cansend", "cangw", "slcand", "ip"];
         let others = names.map(|name| format!("/usr/bin/{name}"));
         for program in others.iter().map(String::as_str).chain([ROLLWALK, ROLLWALK_SIM]) {
             let _ = fs::read(program);
@@ -71,6 +116,18 @@ pub fn rollwalk(args: &[&str]) -> Outcome {
     ours(args).output().expect("the command starts").into()
 }
 
+/// `rollwalk flash` of the suite's library, run to its end.
+#[track_caller]
+pub fn flash(bus: &str) -> Outcome {
+    flash_command(bus).output().expect("the command starts").into()
+}
+
+fn flash_command(bus: &str) -> Command {
+    let mut command = ours(&["flash", "--bus", bus, "--robot"]);
+    command.arg(robot()).arg(library());
+    command
+}
+
 fn ours(args: &[&str]) -> Command {
     warm();
     let mut command = Command::new(ROLLWALK);
@@ -79,7 +136,7 @@ fn ours(args: &[&str]) -> Command {
     command
 }
 
-/// Somebody else's command that must succeed.
+/// A command of the system, which must succeed.
 #[track_caller]
 pub fn run(program: &str, args: &[&str]) {
     let output = Command::new(program).args(args).output().expect(program);
@@ -92,6 +149,7 @@ pub fn console(bus: &str, gamepad: &str) -> Terminal {
     warm();
     let mut command = Command::new(ROLLWALK);
     command.args(["console", "--bus", bus, "--gamepad", gamepad, "--library"]).arg(library());
+    command.arg("--robot").arg(robot());
     Terminal::start(command)
 }
 
@@ -105,7 +163,7 @@ impl Beside {
         Self::robot_of(&robot(), args)
     }
 
-    /// The same of another robot file.
+    /// A simulated robot of this file that is ready.
     #[track_caller]
     pub fn robot_of(file: &Path, args: &[&str]) -> Self {
         warm();
@@ -132,6 +190,7 @@ impl Beside {
     #[track_caller]
     pub fn board() -> (Self, String) {
         warm();
+        let _ = fs::read("/usr/bin/qemu-system-arm");
         let mut command = Command::new("qemu-system-arm");
         command.args([
             "-M",
@@ -166,9 +225,9 @@ impl Beside {
     pub fn monitor(args: &[&str], lines: &Path) -> Self {
         warm();
         let file = File::create(lines).expect("the file");
-        let library = library();
         let mut command = Command::new(ROLLWALK);
-        command.args(["monitor", "--json", "--library"]).arg(library).args(args).stdout(file);
+        command.args(["monitor", "--json", "--library"]).arg(library());
+        command.arg("--robot").arg(robot()).args(args).stdout(file);
         let monitor = Self(command.spawn().expect("the monitor starts"));
         sleep(Duration::from_millis(300));
         monitor
@@ -176,19 +235,27 @@ impl Beside {
 
     /// A command of ours.
     pub fn rollwalk(args: &[&str]) -> Self {
-        let mut command = ours(args);
+        Self::piped(ours(args))
+    }
+
+    /// `rollwalk flash` of the suite's library.
+    pub fn flash(bus: &str) -> Self {
+        Self::piped(flash_command(bus))
+    }
+
+    fn piped(mut command: Command) -> Self {
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         Self(command.spawn().expect("the command starts"))
     }
 
-    /// Ends it as Ctrl-C does, and tells how it ended.
+    /// Ends it as Ctrl-C does; its exit code.
     #[track_caller]
     pub fn interrupt(mut self) -> i32 {
         signal(&self.0, "INT");
         self.code()
     }
 
-    /// Waits until it has ended, and tells all about it.
+    /// Waits for its end; its exit code and output.
     #[track_caller]
     pub fn outcome(mut self) -> Outcome {
         self.code();
@@ -231,7 +298,7 @@ pub fn log(path: &Path) -> Vec<LogEntry> {
     candump::parse(whole).expect("candump's format")
 }
 
-/// Every state and clip that the controller told.
+/// State and clip of every status of the controller.
 pub fn every_state(frames: &[LogEntry]) -> Vec<(State, Option<u8>)> {
     let statuses =
         frames.iter().filter_map(|entry| match FromController::decode(entry.frame.standard()?) {
@@ -241,7 +308,7 @@ pub fn every_state(frames: &[LogEntry]) -> Vec<(State, Option<u8>)> {
     statuses.collect()
 }
 
-/// The same without repetitions.
+/// States and clips of the controller without repetitions.
 pub fn states(frames: &[LogEntry]) -> Vec<(State, Option<u8>)> {
     let mut states = every_state(frames);
     states.dedup();

@@ -1,7 +1,7 @@
 //! On `can0` and `can1`: two cards on one bus, with a driver, a bitrate and a transmit queue as adapters have
 //! them. They are the virtual machine's; no machine is without.
 
-use crate::bench::{Beside, desk, library, log, rollwalk, run};
+use crate::bench::{Beside, desk, flash, library, log, rollwalk, run};
 use rollwalk_tests::Outcome;
 use std::thread::sleep;
 use std::time::Duration;
@@ -15,6 +15,7 @@ fn type_what_it_says(outcome: &Outcome) {
 }
 
 #[test]
+#[ignore = "needs CAN interfaces: cargo xtask vcan"]
 fn what_is_wrong_with_an_interface_is_gone_when_one_has_typed_what_it_says() {
     let discover = |bus: &str| rollwalk(&["discover", "--bus", bus]);
     let nobody = |bus: &str| discover(bus).fails(5, &["nobody answers"]);
@@ -39,6 +40,7 @@ fn what_is_wrong_with_an_interface_is_gone_when_one_has_typed_what_it_says() {
 
 /// The kernel keeps ten frames for such an interface, and refuses the next; none of ours ever is.
 #[test]
+#[ignore = "needs CAN interfaces: cargo xtask vcan"]
 fn a_transfer_goes_through_a_driver_s_short_queue() {
     for name in ["can0", "can1"] {
         run(
@@ -49,15 +51,14 @@ fn a_transfer_goes_through_a_driver_s_short_queue() {
     let robot = Beside::robot(&["--bus", "can:can1@1000000"]);
     let transfer = desk().join("hardware.log");
     let candump = Beside::candump("can1", &transfer);
-    let library = library();
-    rollwalk(&["flash", library.to_str().unwrap(), "--bus", "can:can0"]).succeeds();
+    flash("can:can0").succeeds();
     rollwalk(&["send", "--arm", "stand", "--bus", "can:can0"]).succeeds();
     sleep(Duration::from_millis(100));
     drop(candump);
     let frames = log(&transfer);
     let blocks = frames.iter().filter_map(|entry| entry.frame.standard());
     let blocks = blocks.filter(|frame| frame.id() == 0x510).count();
-    assert!(blocks * 7 > std::fs::metadata(&library).unwrap().len() as usize, "{blocks} frames");
+    assert!(blocks * 7 > std::fs::metadata(library()).unwrap().len() as usize, "{blocks} frames");
     assert_eq!(robot.interrupt(), 0);
     for name in ["can0", "can1"] {
         run("ip", &["link", "set", name, "down"]);

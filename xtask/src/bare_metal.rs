@@ -1,7 +1,7 @@
 //! Builds the controller's crates for the Cortex-M4F, where there is neither std nor alloc.
 //!
-//! The rustup target is installed when missing. Where rustup cannot download it, Debian's own
-//! compiler, which ships with matching sources of `core`, builds the same crates.
+//! rustup installs the target when it is missing. Where rustup cannot download it, Debian's compiler, which comes
+//! with the sources of `core`, builds the same crates.
 
 use crate::debian;
 use crate::shell::{self, cargo, command};
@@ -14,29 +14,29 @@ const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "l
 const DEBIAN_CARGO: &str = "/usr/bin/cargo";
 const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
 
-/// `cargo build --release` for the target, to be completed and run, and where the artefacts will be.
+/// A `cargo build --release` for the target, to be completed by the caller.
 pub struct Build {
-    /// The command.
+    /// Command without packages.
     pub cargo: Command,
-    /// Their folder.
+    /// Folder of the programs that it builds.
     pub artefacts: PathBuf,
 }
 
 /// Builds the controller's crates.
 ///
 /// # Errors
-/// The compiler's verdict, or the one command to run when no toolchain could be had.
+/// The compiler's errors, or the command that installs a toolchain.
 pub fn check() -> Result<(), String> {
     shell::run(build()?.cargo.args(CRATES))
 }
 
-/// A build with the first toolchain that can.
+/// A build with rustup's toolchain or, without its target, Debian's.
 ///
 /// # Errors
-/// The one command to run when no toolchain could be had.
+/// The command that installs a toolchain.
 pub fn build() -> Result<Build, String> {
     let rustup = rustup_target();
-    // Each has a folder of its own: the artefacts of the two compilers do not mix.
+    // A folder for each: the artefacts of the two compilers do not mix.
     let folder = shell::target_folder().join(if rustup { "bare-metal" } else { "debian" });
     let artefacts = folder.join(TARGET).join("release");
     let args = ["build", "--release", "--target", TARGET];
@@ -53,8 +53,8 @@ pub fn build() -> Result<Build, String> {
         )
     })?;
     let mut cargo = command(DEBIAN_CARGO, &args);
-    // Debian's stable compiler needs leave to build `core`. Its version may trail the one that the
-    // host crates ask for; these crates use nothing that new.
+    // RUSTC_BOOTSTRAP lets a stable compiler build `core`. Debian's may be older than the workspace's minimum, which
+    // these crates do not need.
     cargo.args(["-Z", "build-std=core", "--ignore-rust-version", "--target-dir"]).arg(folder);
     cargo.env("RUSTC_BOOTSTRAP", "1").env("RUSTC", DEBIAN_RUSTC);
     cargo.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", "ld.lld");
@@ -62,7 +62,7 @@ pub fn build() -> Result<Build, String> {
     Ok(Build { cargo, artefacts })
 }
 
-/// Whether the target's `core` is installed for the toolchain in use, now or after asking rustup.
+/// Whether the toolchain in use has the target's `core`; asks rustup to install it.
 fn rustup_target() -> bool {
     let installed = || {
         shell::output(&mut command("rustup", &["target", "list", "--installed"]))
@@ -72,7 +72,7 @@ fn rustup_target() -> bool {
         || (shell::run(&mut command("rustup", &["target", "add", TARGET])).is_ok() && installed())
 }
 
-/// Takes away what rustup's cargo leaves in the environment of the programs that it runs.
+/// Removes the variables by which rustup's cargo selects its own toolchain.
 fn without_rustup(command: &mut Command) {
     for name in ["CARGO", "RUSTUP_TOOLCHAIN", "RUSTUP_HOME", "RUSTC_WRAPPER", "RUSTDOC"] {
         command.env_remove(name);

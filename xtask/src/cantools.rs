@@ -1,23 +1,24 @@
-//! The DBC files in `docs/` against cantools: installed next to the build, for this check alone.
+//! The DBC files in `docs/` as cantools reads them; cantools is installed below the target folder.
 
-use crate::{debian, shell};
+use crate::{debian, shell, workspace};
 use std::env;
 use std::ffi::OsString;
 use std::path::Path;
 
-/// Known to work, with Python from 3.10 on.
+/// Works with Python 3.10 and later.
 const CANTOOLS: &str = "cantools==45.1.0";
 
-/// Decodes a frame of every message with cantools and compares.
+/// Decodes a frame of every message with cantools and compares with our decoder.
 ///
 /// # Errors
-/// What differs, or the command that installs what is missing.
+/// The differences, or the command that installs what is missing.
 pub fn check() -> Result<(), String> {
-    let args = ["test", "--package", "rollwalk-host", "--test", "host", "--", "--ignored"];
-    shell::run(shell::cargo(&args).env("PYTHONPATH", path()?))
+    let programs = workspace::programs()?;
+    let tests = workspace::find(&programs, "host", "host", true)?;
+    shell::run(tests.command(&["--ignored"]).env("PYTHONPATH", path()?))
 }
 
-/// `PYTHONPATH` with cantools, which is installed if it is missing.
+/// `PYTHONPATH` with cantools, installed if it is missing.
 ///
 /// # Errors
 /// The command that installs what is missing.

@@ -1,5 +1,5 @@
-//! Debian packages that a step needs: installed when root, named with the one command otherwise; or
-//! downloaded without being installed.
+//! Debian packages that a step needs: installed when run as root, otherwise the error is the command that installs
+//! them; or downloaded without being installed.
 
 use crate::shell::{self, command};
 use std::fs;
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Makes sure that packages are installed.
 ///
 /// # Errors
-/// The one command that installs them, when this user or machine cannot.
+/// The command that installs them, when this user or machine cannot.
 pub fn need(packages: &[&str]) -> Result<(), String> {
     let installed = || {
         packages.iter().all(|package| {
@@ -31,10 +31,10 @@ pub fn need(packages: &[&str]) -> Result<(), String> {
     Err(format!("sudo apt-get {}", install.join(" ")))
 }
 
-/// What the package manager knows about the version of a package that it would install.
+/// Control data of the version of a package that would be installed.
 ///
 /// # Errors
-/// It knows no such package, even after an update.
+/// The package is unknown even after an update of the package lists.
 pub fn control(package: &str) -> Result<String, String> {
     let show = || {
         let mut show = command("apt-cache", &["show", "--no-all-versions", package]);
@@ -45,10 +45,10 @@ pub fn control(package: &str) -> Result<String, String> {
     })
 }
 
-/// Downloads a package into a folder of its own, goes on where an earlier download stopped, and checks it.
+/// Downloads and verifies a package into a folder of its own; resumes a partial download.
 ///
 /// # Errors
-/// The package manager's, even after an update.
+/// The package manager's, even after an update of the package lists.
 pub fn download(package: &str, version: &str, folder: &Path) -> Result<PathBuf, String> {
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let get = || {
@@ -64,7 +64,7 @@ pub fn download(package: &str, version: &str, folder: &Path) -> Result<PathBuf, 
 
 const UPDATE: &str = "sudo apt-get update";
 
-/// Gets the lists of packages, if this user may.
+/// Updates the package lists; only root may.
 fn update() -> bool {
     let is_root = shell::output(&mut command("id", &["-u"])).is_ok_and(|id| id.trim() == "0");
     is_root && shell::run(&mut command("apt-get", &["update"])).is_ok()

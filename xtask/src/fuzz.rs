@@ -1,23 +1,25 @@
 //! Builds and runs the fuzz targets of `fuzz/`, as cargo-fuzz would, without having to install it.
 //!
-//! libFuzzer needs nothing of the compiler but its coverage pass, which stable has; the C++ compiler is
-//! for libFuzzer itself. No sanitizer: there is no unsafe code to sanitise, and Miri looks at what the
-//! dependencies have. A target that finds something names the input and the command that repeats it.
+//! libFuzzer needs the compiler's coverage pass, which stable has, and a C++ compiler for itself. No sanitizer: our
+//! code has no unsafe blocks, and Miri checks those of the dependencies. A target that finds a bug names the input and
+//! the command that repeats it.
 
 use crate::shell::{self, command, workspace_root};
+use crate::steps::Extent;
 use crate::{debian, fuzz_log, parallel};
 use clap::ValueEnum;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Seconds that each target runs in `cargo xtask test`.
-const STEP_SECONDS: u32 = 30;
-/// Seconds in which the planted bug must be found; it takes one.
+/// Seconds of each target in `cargo xtask test`, after its seeds.
+const SHORT_SECONDS: u32 = 5;
+/// Seconds of each target otherwise.
+pub const FULL_SECONDS: u32 = 600;
+/// Longest time until the planted bug is found, seconds; it takes one.
 const PLANTED_SECONDS: u32 = 60;
 
-/// Coverage by edges, counted in bytes, and comparisons, so that the fuzzer learns what was compared
-/// with. What cargo-fuzz passes, too.
+/// Coverage counters of edges, and comparisons with their operands; the flags of cargo-fuzz.
 const RUSTFLAGS: [&str; 7] = [
     "--cfg fuzzing",
     "-Cpasses=sancov-module",
@@ -25,16 +27,16 @@ const RUSTFLAGS: [&str; 7] = [
     "-Cllvm-args=-sanitizer-coverage-inline-8bit-counters",
     "-Cllvm-args=-sanitizer-coverage-pc-table",
     "-Cllvm-args=-sanitizer-coverage-trace-compares",
-    // Branches that are folded away are not seen.
+    // A folded branch would have no counter.
     "-Cllvm-args=-simplifycfg-branch-fold-threshold=0",
 ];
 
-/// What is fuzzed: the programs of `fuzz/src/bin/`.
+/// A fuzz target: a program of `fuzz/src/bin/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Target {
-    /// Validation of motion libraries, and what plays of them.
+    /// Validation and playback of motion libraries.
     Library,
-    /// A controller, and all that can happen to it.
+    /// A controller with random messages, feedback and times.
     Dispatcher,
     /// The library store in flash.
     Slots,
@@ -57,7 +59,7 @@ impl Target {
         self.to_possible_value().expect("no target is hidden").get_name().to_owned()
     }
 
-    /// Longest input: as much as the target can make use of, for short ones are run more often.
+    /// Longest input, bytes: what the target makes use of. Short inputs run more often.
     fn max_len(self) -> u32 {
         match self {
             Target::Library => 2048,
@@ -69,10 +71,10 @@ impl Target {
     }
 }
 
-/// Runs one target, or all of them, for so many seconds each; or one on a single input.
+/// Runs one target, or all of them, for `seconds` each; or one target on a single input.
 ///
 /// # Errors
-/// What was found, by which input.
+/// The findings with their inputs.
 pub fn run(target: Option<Target>, seconds: u32, input: Option<&Path>) -> Result<(), String> {
     let fuzz = Fuzz::build()?;
     match (target, input) {
@@ -83,17 +85,18 @@ pub fn run(target: Option<Target>, seconds: u32, input: Option<&Path>) -> Result
     }
 }
 
-/// The step of `cargo xtask test`.
+/// Lints the targets, checks that a planted bug is found, and runs every target.
 ///
 /// # Errors
-/// What was found, by which input; or that the fuzzer is blind.
-pub fn check() -> Result<(), String> {
+/// The findings with their inputs; or the planted bug was not found.
+pub fn check(extent: Extent) -> Result<(), String> {
     let fuzz = Fuzz::build()?;
     let mut clippy = shell::cargo(&["clippy", "--manifest-path", "fuzz/Cargo.toml"]);
     clippy.arg("--target-dir").arg(&fuzz.folder).args(["--", "-D", "warnings"]);
     shell::run(&mut clippy)?;
-    fuzz.sees()?;
-    fuzz.all(&real_targets(), STEP_SECONDS)
+    fuzz.find_planted_bug()?;
+    let seconds = if extent == Extent::Short { SHORT_SECONDS } else { FULL_SECONDS };
+    fuzz.all(&real_targets(), seconds)
 }
 
 fn real_targets() -> Vec<Target> {
@@ -102,7 +105,7 @@ fn real_targets() -> Vec<Target> {
 
 /// The built targets.
 struct Fuzz {
-    /// Below cargo's own folder: what was built, seeds and logs.
+    /// Programs, seeds and logs, below the target folder.
     folder: PathBuf,
     programs: PathBuf,
 }
@@ -133,7 +136,7 @@ impl Fuzz {
         if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
     }
 
-    /// Runs one target from its seeds and from what earlier runs kept.
+    /// Runs one target from its seeds and the corpus of earlier runs; a summary.
     fn fuzz(&self, target: Target, seconds: u32) -> Result<String, String> {
         let name = target.name();
         let (ended_well, log) = self.start(target, seconds)?;
@@ -144,13 +147,13 @@ impl Fuzz {
             .ok_or_else(|| format!("fuzz target {name} ended without having run:\n{log}"))
     }
 
-    /// Whether it ended without a finding, and what libFuzzer wrote.
+    /// Whether the target ended without a finding, and the log of libFuzzer.
     fn start(&self, target: Target, seconds: u32) -> Result<(bool, String), String> {
         let name = target.name();
         let seeds = emptied(&self.folder.join("seeds").join(&name))?;
         let program = self.programs.join(&name);
-        let mut sower = command(&path(&program), &[] as &[&str]);
-        shell::output(sower.env("ROLLWALK_FUZZ_SEEDS", &seeds))?;
+        let mut write_seeds = command(&path(&program), &[] as &[&str]);
+        shell::output(write_seeds.env("ROLLWALK_FUZZ_SEEDS", &seeds))?;
         let corpus = kept("corpus", &name)?;
         let artifacts = kept("artifacts", &name)?;
         let log_path = self.folder.join(format!("{name}.log"));
@@ -161,7 +164,7 @@ impl Fuzz {
         run.arg(format!("-artifact_prefix={}/", path(&artifacts)));
         run.arg(format!("-max_total_time={seconds}"));
         run.arg(format!("-max_len={}", target.max_len()));
-        // The same every time, from the same corpus. An input that takes a minute hangs.
+        // Repeatable from the same corpus. An input that takes a minute hangs.
         run.args(["-seed=1", "-timeout=60", "-rss_limit_mb=1024", "-print_final_stats=1"]);
         let status = run.stdout(log).stderr(errors).status();
         let status = status.map_err(|error| failed(&program, &error))?;
@@ -175,11 +178,11 @@ impl Fuzz {
         shell::run(command(&program, &[path(&input)]).env("RUST_BACKTRACE", "1"))
     }
 
-    /// Whether a bug would be found at all, reported, and repeated by what is reported.
-    fn sees(&self) -> Result<(), String> {
+    /// Checks that a planted bug is found and reported, and that the reported input repeats it.
+    fn find_planted_bug(&self) -> Result<(), String> {
         let name = Target::Planted.name();
         let artifacts = emptied(&workspace_root().join("fuzz/artifacts").join(&name))?;
-        // From nothing, not from what was found the last time.
+        // From an empty corpus, not from the last run's.
         emptied(&workspace_root().join("fuzz/corpus").join(&name))?;
         let (ended_well, log) = self.start(Target::Planted, PLANTED_SECONDS)?;
         let blind = |why: &str| Err(format!("{why}, so the fuzzer is blind:\n{log}"));
@@ -200,14 +203,14 @@ impl Fuzz {
     }
 }
 
-/// This machine's target, of the compiler in use.
+/// Target triple of this machine.
 fn host() -> Result<String, String> {
     let version = shell::output(&mut command("rustc", &["-vV"]))?;
     let host = version.lines().find_map(|line| line.strip_prefix("host: "));
     host.map(str::to_owned).ok_or_else(|| format!("rustc -vV names no host:\n{version}"))
 }
 
-/// A folder of `fuzz/` that outlasts a run, as cargo-fuzz has it.
+/// A folder of `fuzz/` that is kept between runs, named as cargo-fuzz does.
 fn kept(what: &str, target: &str) -> Result<PathBuf, String> {
     let folder = workspace_root().join("fuzz").join(what).join(target);
     std::fs::create_dir_all(&folder).map_err(|error| failed(&folder, &error))?;

@@ -1,6 +1,6 @@
-//! Reads what libFuzzer writes: how far it came, and what it found.
+//! Reader of libFuzzer's log: coverage reached, and findings.
 
-/// How far a run came that found nothing; `None` when it did not run.
+/// Inputs, coverage and corpus of a run without findings; `None` when it did not run.
 pub fn summary(target: &str, log: &str) -> Option<String> {
     // #5789  DONE   cov: 674 ft: 2779 corp: 285/45Kb lim: 787 exec/s: 275 rss: 29Mb
     let done = log.lines().rev().find(|line| line.starts_with('#') && line.contains("DONE"))?;
@@ -15,18 +15,18 @@ pub fn summary(target: &str, log: &str) -> Option<String> {
     Some(format!("{target}: {inputs}, {edges} edges, {features} features, {kept} inputs kept"))
 }
 
-/// How many inputs were run.
+/// Number of inputs that ran.
 pub fn inputs(log: &str) -> String {
     let count = log.lines().find_map(|line| line.strip_prefix("stat::number_of_executed_units:"));
     format!("{} inputs", count.map_or("no", str::trim))
 }
 
-/// Where the input is that broke it.
+/// Path of the input that made the target fail.
 pub fn artifact(log: &str) -> Option<&str> {
     log.lines().find_map(|line| line.split_once("Test unit written to ").map(|(_, path)| path))
 }
 
-/// What broke, by which input, and how to see it again.
+/// Description of a finding: panic, input, and the command that repeats it.
 pub fn finding(target: &str, log: &str) -> String {
     let mut lines = log.lines();
     let panic = lines.by_ref().find(|line| line.contains("panicked at"));
@@ -34,7 +34,7 @@ pub fn finding(target: &str, log: &str) -> String {
         lines.take_while(|line| !line.starts_with("stack backtrace")).collect();
     let what = match panic {
         Some(panic) => format!("{panic}\n{}", message.join("\n")),
-        // Out of memory, too slow, or it did not even start.
+        // Out of memory, too slow, or not started at all.
         None => {
             let tail: Vec<&str> = log.lines().rev().take(30).collect();
             tail.into_iter().rev().collect::<Vec<_>>().join("\n")
@@ -48,7 +48,7 @@ pub fn finding(target: &str, log: &str) -> String {
         ),
         None => "libFuzzer kept no input".into(),
     };
-    format!("fuzz target {target} found something:\n{what}\n{again}")
+    format!("fuzz target {target} failed:\n{what}\n{again}")
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
-//! `cargo xtask`: what the README and CI run.
+//! `cargo xtask`: the development tasks of the workspace; the README and CI run `cargo xtask test`.
 //!
-//! `cargo xtask test` is the whole check, step by step; [`steps`] lists the steps, [`tidy`] holds the
-//! house rules that no compiler checks, [`bare_metal`] builds the controller's crates for the Cortex-M4.
-//! [`board`] builds the board images, measures them, and runs the one that an emulator can; [`fuzz`]
-//! looks for inputs that break protocol and firmware; [`vcan`] runs a command where there is SocketCAN.
+//! [`steps`] has the steps of `cargo xtask test` and `cargo xtask nightly`, [`quick`] the check of a change in one
+//! crate. [`tidy`] checks the house rules, [`bare_metal`] builds the controller's crates for the Cortex-M4, [`board`]
+//! builds, measures and emulates the board images, [`fuzz`] and [`miri`] test protocol and firmware, [`vcan`] runs a
+//! command on a machine with SocketCAN.
 
 mod bare_metal;
 mod board;
@@ -12,15 +12,19 @@ mod debian;
 mod fuzz;
 mod fuzz_log;
 mod miri;
-mod nightly;
 mod parallel;
+mod quick;
 mod shell;
 mod steps;
 mod tidy;
+mod toolchain;
 mod vcan;
+mod workspace;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
+use steps::nightly::NightlyStep;
+use steps::test::TestStep;
 
 /// Development tasks of the Rollwalk workspace.
 #[derive(Parser)]
@@ -33,12 +37,21 @@ struct Cli {
 #[derive(Subcommand)]
 enum Task {
     /// Check everything that a change must pass: formatting, house rules, lints, docs, the bare-metal
-    /// build and all tests. Stops at the first failure and says how to run that step alone.
+    /// build and all tests. Stops at the first failure; prints the seconds of every step.
     Test {
         /// Run one step only.
         #[arg(long, value_name = "STEP")]
-        only: Option<steps::Step>,
+        only: Option<TestStep>,
     },
+    /// Run the long forms of the tests: hours. Goes on after a failure; prints the seconds of every step.
+    Nightly {
+        /// Run one step only.
+        #[arg(long, value_name = "STEP")]
+        only: Option<NightlyStep>,
+    },
+    /// Check a change while working on it: formatting, house rules, clippy, and the tests of the changed crates and
+    /// of those that depend on them.
+    Quick(quick::Options),
     /// Build a board's image. mps2-an386 boots in QEMU and plays the demo library, every frame on every
     /// bus compared with the host's simulation; mps2-an386-slcan is measured, for `cargo xtask vcan`;
     /// nucleo-g474re is measured, for probe-rs to flash.
@@ -55,23 +68,25 @@ enum Task {
     Sizes,
     /// Fuzz protocol and firmware: one target, or all of them, as many at a time as there are cores.
     Fuzz {
-        /// What to fuzz.
+        /// The target.
         target: Option<fuzz::Target>,
-        /// How long each target runs.
-        #[arg(long, default_value_t = 600)]
+        /// Seconds of each target.
+        #[arg(long, default_value_t = fuzz::FULL_SECONDS)]
         seconds: u32,
-        /// Run this one input only, one that was found.
+        /// Run this input only.
         #[arg(long, value_name = "FILE")]
         input: Option<std::path::PathBuf>,
     },
-    /// Run the tests on real CAN interfaces where there is SocketCAN, with vcan0, vcan1 and vcan2: here, or in a
-    /// virtual machine with Debian's kernel. With a command, run that there and end with its exit status.
+    /// Run the full tests on real CAN interfaces vcan0, vcan1 and vcan2: here if this kernel has them, otherwise in a
+    /// virtual machine with Debian's kernel. With a command, run that instead and exit with its status.
     Vcan(vcan::Options),
 }
 
 fn main() -> ExitCode {
     let outcome = match Cli::parse().task {
         Task::Test { only } => steps::run(only),
+        Task::Nightly { only } => steps::run(only),
+        Task::Quick(options) => quick::run(&options),
         Task::Board { board, port } => board::run(board, port.as_deref()),
         Task::Sizes => board::sizes(),
         Task::Fuzz { target, seconds, input } => fuzz::run(target, seconds, input.as_deref()),

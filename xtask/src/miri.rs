@@ -1,29 +1,37 @@
-//! Runs tests of protocol and firmware in Miri: no undefined behaviour in what they use, and every
-//! check of a debug build; the firmware and golden bytes as on a big-endian machine.
+//! Runs tests of protocol and firmware in Miri, which finds undefined behaviour and emulates a big-endian machine.
 //!
-//! Both crates forbid unsafe code, so what Miri can find is in their dependencies, as they use them.
-//! It is a hundred times slower than a processor: random tests draw once, exhaustive ones take samples
-//! (`cfg(miri)`), and what simulates minutes of a robot stays out. Isolated from the machine, it does
-//! the same every time.
+//! Both crates forbid unsafe code, so undefined behaviour can only come from their dependencies. Miri is a hundred
+//! times slower than a processor: random tests draw once, exhaustive ones take samples (`cfg(miri)`), and tests that
+//! simulate minutes of a robot are left out. It is isolated from the machine, so every run is the same.
 
-use crate::{nightly, parallel, shell};
+use crate::steps::Extent;
+use crate::{parallel, shell, toolchain};
 use std::time::Instant;
 
-/// What we send and store is little-endian on every machine; this one is not.
+/// Big-endian, while our formats are little-endian on every machine.
 const BIG_ENDIAN: &str = "s390x-unknown-linux-gnu";
 
-/// What is run.
+/// One call of `cargo miri test`.
 struct Run {
     name: &'static str,
     /// Arguments of `cargo miri test`.
     cargo: &'static [&'static str],
-    /// Tests to run, or all.
+    /// Parts of the names of the tests to run; empty for all.
     only: &'static [&'static str],
-    /// Tests that take minutes in Miri.
+    /// Parts of the names of tests that take minutes in Miri.
     skip: &'static [&'static str],
 }
 
-const RUNS: [Run; 5] = [
+/// Formats that must not depend on the machine: what `cargo xtask test` runs.
+const SHORT: [Run; 1] = [Run {
+    name: "golden bytes, big-endian",
+    cargo: &["-p", "rollwalk-protocol", "--test", "protocol", "--target", BIG_ENDIAN],
+    only: &["golden"],
+    skip: &[],
+}];
+
+/// What `cargo xtask nightly` runs besides.
+const LONG: [Run; 4] = [
     Run {
         name: "firmware",
         // On x86, libm takes its square roots in assembly, which Miri does not know.
@@ -68,53 +76,50 @@ const RUNS: [Run; 5] = [
         skip: &["traffic_is_the_worst_case"],
     },
     Run { name: "protocol", cargo: &["-p", "rollwalk-protocol", "--lib"], only: &[], skip: &[] },
-    // From power-on through arming and its interruption: what there is of the controller, once.
+    // From power-on through arming to its interruption: every part of the controller, once.
     Run {
         name: "controller",
         cargo: &["-p", "rollwalk-firmware", "--test", "integration"],
         only: &["a_change_of_mind_while_actuators"],
         skip: &[],
     },
-    Run {
-        name: "golden bytes, big-endian",
-        cargo: &["-p", "rollwalk-protocol", "--test", "protocol", "--target", BIG_ENDIAN],
-        only: &["golden"],
-        skip: &[],
-    },
 ];
 
-/// Runs them, as many at a time as there are cores.
+/// Runs tests in Miri, as many runs at a time as there are cores.
 ///
 /// # Errors
-/// What Miri said of those that fail; or the command that installs Miri.
-pub fn check() -> Result<(), String> {
-    nightly::need(&["miri", "rust-src"])?;
-    for target in [&[][..], &["--target", BIG_ENDIAN]] {
-        shell::run(nightly::cargo(&["miri", "setup"]).args(target))?;
+/// Miri's messages about the runs that fail; or the command that installs Miri.
+pub fn check(extent: Extent) -> Result<(), String> {
+    toolchain::need_nightly(&["miri", "rust-src"])?;
+    let long: &[Run] = if extent == Extent::Full { &LONG } else { &[] };
+    if extent == Extent::Full {
+        shell::run(&mut toolchain::nightly_cargo(&["miri", "setup"]))?;
     }
-    let failures = parallel::each(&RUNS, run);
+    shell::run(&mut toolchain::nightly_cargo(&["miri", "setup", "--target", BIG_ENDIAN]))?;
+    let runs: Vec<&Run> = long.iter().chain(&SHORT).collect();
+    let failures = parallel::each(&runs, |run| run_tests(run));
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
 }
 
-/// One of them; says how many tests passed.
-fn run(run: &Run) -> Result<(), String> {
+/// Runs the tests and prints how many passed.
+fn run_tests(run: &Run) -> Result<(), String> {
     let start = Instant::now();
-    let mut miri = nightly::cargo(&["miri", "test"]);
+    let mut miri = toolchain::nightly_cargo(&["miri", "test"]);
     miri.args(run.cargo).arg("--target-dir").arg(shell::target_folder().join("miri"));
     miri.arg("--").args(run.only).args(run.skip.iter().flat_map(|test| ["--skip", test]));
-    // A file of former failures is looked for, and may be missing.
+    // proptest looks for a file of former failures, which may be missing.
     miri.env("MIRIFLAGS", "-Zmiri-isolation-error=hide -Zmiri-env-forward=PROPTEST_CASES");
     miri.env("PROPTEST_CASES", "1");
-    let said = shell::output(&mut miri).map_err(|why| format!("Miri, {}: {why}", run.name))?;
-    let passed: usize = said.lines().filter_map(passed).sum();
+    let output = shell::output(&mut miri).map_err(|why| format!("Miri, {}: {why}", run.name))?;
+    let passed: usize = output.lines().filter_map(passed).sum();
     if passed == 0 {
-        return Err(format!("Miri, {}: no test was run:\n{said}", run.name));
+        return Err(format!("Miri, {}: no test was run:\n{output}", run.name));
     }
     eprintln!("{}: {passed} tests in {:.0} s", run.name, start.elapsed().as_secs_f64());
     Ok(())
 }
 
-/// From `test result: ok. 12 passed; 0 failed; ...`.
+/// Number of passed tests in `test result: ok. 12 passed; 0 failed; ...`.
 fn passed(line: &str) -> Option<usize> {
     let rest = line.strip_prefix("test result: ok. ")?;
     rest.split_once(" passed")?.0.parse().ok()

@@ -1,8 +1,8 @@
-//! Work for as many cores as there are.
+//! Parallel work on all cores.
 
 use std::sync::Mutex;
 
-/// Does `work` on each of `all`, in their order, as many at a time as there are cores. What failed.
+/// Applies `work` to each item, in order, as many at a time as there are cores; returns the failures.
 pub fn each<T: Sync>(all: &[T], work: impl Fn(&T) -> Result<(), String> + Sync) -> Vec<String> {
     let waiting = Mutex::new(all.iter());
     let failures = Mutex::new(Vec::new());

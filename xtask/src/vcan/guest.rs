@@ -1,11 +1,11 @@
 //! The virtual machine: Debian's kernel in QEMU, with this machine's files.
 //!
-//! Its clock counts instructions, 1 ns each (`-icount`), and does not wait while it is idle. So
-//! programs in it meet their deadlines however loaded this machine is: they run on one processor of
-//! 1000 MIPS that nobody else uses, only that a second there may take several here, or a hundredth.
+//! Its clock counts instructions, 1 ns each (`-icount`), and skips idle time. Programs in it meet their deadlines however
+//! loaded this machine is: they have a processor of 1000 MIPS to themselves, whose second may take several seconds here,
+//! or a hundredth of one.
 //!
-//! What idles for the host's disk sees its clock jump to the next timer, however far that is. So read
-//! what matters before it matters, and write to memory, which is anywhere but in the results.
+//! While it waits for the host's disk, its clock jumps to the next timer. So read files before time matters, and write
+//! to memory: anywhere but in the results.
 
 use super::{RESULTS, cache, init, kernel::Kernel, script, spawn, status, wait};
 use crate::{debian, shell};
@@ -20,31 +20,31 @@ use tempfile::TempDir;
 const PROGRAM: &str = "qemu-system-x86_64";
 const PACKAGES: [&str; 6] =
     ["busybox-static", "cpio", "iproute2", "kmod", "qemu-system-x86", "xz-utils"];
-/// Memory, for its processes and for what they write. The host gives it when it is first used.
+/// Memory, for its processes and the files that they write. The host allocates it on first use.
 const MEMORY: &str = "2G";
-/// Oldest processor with what current builds of numpy take (x86-64-v2); newer ones boot more slowly.
+/// Oldest processor with the instructions of current builds of numpy (x86-64-v2); newer ones boot more slowly.
 const PROCESSOR: &str = "Nehalem";
-/// As [`guest`](self) says. 4 ns or 8 ns for an instruction would only make its processor slower:
-/// a second at a given rate of frames costs the same here.
+/// See [`guest`](self). 4 ns or 8 ns for an instruction would only make its processor slower: a second at a given rate
+/// of frames takes as long here.
 const CLOCK: &str = "shift=0,sleep=off";
-/// Ends at once when it panics, and spends no instructions on the leaks of a real processor.
+/// Ends at once when it panics; no mitigations, because an emulated processor leaks nothing.
 const KERNEL_ARGS: &str = "console=ttyS0 quiet panic=-1 mitigations=off";
-/// Lines of its console that are shown when it fails.
+/// Last lines of its console, shown when it fails.
 const CONSOLE_LINES: usize = 50;
 
 /// A virtual machine, ready to be started once.
 pub struct Guest {
     kernel: PathBuf,
     initramfs: PathBuf,
-    /// What this machine and the virtual one tell each other.
+    /// Files that this machine and the virtual one exchange.
     folder: TempDir,
 }
 
 impl Guest {
-    /// Gets and packs what it takes.
+    /// Gets the kernel and packs the first file system.
     ///
     /// # Errors
-    /// The one command that installs what is missing, or what went wrong.
+    /// The command that installs what is missing, or the packer's error.
     pub fn prepare() -> Result<Self, String> {
         debian::need(&PACKAGES).map_err(|install| {
             format!(
@@ -62,7 +62,7 @@ impl Guest {
     /// Runs a command and returns its exit status.
     ///
     /// # Errors
-    /// The virtual machine ended or was stopped before the command came to its end.
+    /// The virtual machine ended or was stopped before the command ended.
     pub fn run(
         self,
         command: &[String],

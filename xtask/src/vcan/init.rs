@@ -7,13 +7,13 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 const INIT: &str = include_str!("init.sh");
-/// Where Debian's busybox-static has it.
+/// Path in Debian's package busybox-static.
 const BUSYBOX: &str = "/bin/busybox";
 
-/// Packs it in a folder. It takes a second, so that nothing stale is worth keeping.
+/// Packs it in a folder. That takes a second, so it is not kept between runs.
 ///
 /// # Errors
-/// The file system's, or a packer's.
+/// The file system's, or the packer's.
 pub fn pack(kernel: &Kernel, folder: &Path) -> Result<PathBuf, String> {
     let tree = folder.join("initramfs");
     let failed = |error: std::io::Error| format!("{}: {error}", tree.display());

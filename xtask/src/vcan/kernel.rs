@@ -1,29 +1,29 @@
 //! Debian's kernel, downloaded and unpacked below the target folder, never installed.
 //!
-//! Its folder is named after package and version, so that a new one replaces nothing that is in use.
+//! Its folder is named after package and version, so that a new version does not replace a kernel in use.
 
 use crate::shell::{self, command};
 use crate::{debian, vcan};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What depends on Debian's current kernel, by its version.
+/// Package that depends on Debian's current kernel.
 const META_PACKAGE: &str = "linux-image-amd64";
 const PREFIX: &str = "linux-image-";
 
 /// An unpacked kernel.
 pub struct Kernel {
-    /// Where it is unpacked.
+    /// Folder with its files.
     pub folder: PathBuf,
-    /// What it calls itself: `uname -r`.
+    /// Its release, as in `uname -r`.
     pub release: String,
 }
 
 impl Kernel {
-    /// The current one, from the cache or downloaded.
+    /// The current kernel, from the cache or downloaded.
     ///
     /// # Errors
-    /// What the package manager said.
+    /// The package manager's.
     pub fn get() -> Result<Self, String> {
         let control = debian::control(META_PACKAGE)?;
         let Some((package, version)) = dependency(&control) else {
@@ -45,13 +45,13 @@ impl Kernel {
         Ok(Self { folder, release })
     }
 
-    /// The kernel itself.
+    /// Path of the kernel image.
     pub fn image(&self) -> PathBuf {
         self.folder.join("boot").join(format!("vmlinuz-{}", self.release))
     }
 }
 
-/// Unpacks completely or not at all: a run that is stopped leaves nothing that looks whole.
+/// Unpacks completely or not at all: an interrupted run leaves no folder of this name.
 fn unpack(archive: &Path, folder: &Path, release: &str) -> Result<(), String> {
     let part = folder.with_extension("part");
     if part.exists() {

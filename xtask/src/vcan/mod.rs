@@ -1,11 +1,11 @@
-//! `cargo xtask vcan`: a command on a machine with real SocketCAN: `vcan0`, `vcan1` and `vcan2`.
+//! `cargo xtask vcan`: runs a command on a machine with real SocketCAN: `vcan0`, `vcan1` and `vcan2`.
 //!
 //! ```text
 //! place: this kernel has vcan? ── yes ──> here
 //!           └─ no ──> kernel (Debian's) + modules ──> initramfs ──> guest (QEMU) ──> status
 //! ```
 //!
-//! A machine of its own has a clock of its own, too: see [`guest`].
+//! The virtual machine has a clock of its own: see [`guest`].
 
 mod guest;
 mod init;
@@ -17,6 +17,7 @@ mod status;
 mod suite;
 
 use crate::shell;
+use crate::steps::Extent;
 use guest::Guest;
 use place::Place;
 use std::fs;
@@ -26,25 +27,25 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-/// The interfaces that a command finds, up and with the kernel's own settings.
+/// The interfaces of a command, up and with the kernel's default settings.
 const INTERFACES: [&str; 3] = ["vcan0", "vcan1", "vcan2"];
-/// Where a command is told that what it writes is kept.
+/// Environment variable with the folder whose files are kept.
 const RESULTS: &str = "ROLLWALK_RESULTS";
 
-/// What is run, and how.
+/// Options of the command.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Run in the virtual machine even if this kernel has vcan: there, a loaded host does not show.
+    /// Run in the virtual machine even if this kernel has vcan: its clock does not depend on the load of this machine.
     #[arg(long)]
     guest: bool,
-    /// A folder to keep what the command writes into it, `ROLLWALK_RESULTS` for the command. All else
-    /// that it writes in the virtual machine is gone with it.
+    /// A folder that keeps what the command writes into it, `ROLLWALK_RESULTS` for the command. Other files that it
+    /// writes in the virtual machine are lost.
     #[arg(long, value_name = "FOLDER")]
     results: Option<PathBuf>,
-    /// Seconds of this machine's time after which it is stopped, and has failed.
+    /// Timeout in seconds of this machine's clock.
     #[arg(long, value_name = "SECONDS", default_value_t = 600)]
     timeout: u64,
-    /// The command with its arguments; the tests of `tests/vcan/` without one.
+    /// The command with its arguments; by default the full tests of `tests/vcan/`.
     #[arg(last = true)]
     command: Vec<String>,
 }
@@ -55,24 +56,24 @@ impl Options {
     }
 }
 
-/// Runs the tests on real CAN interfaces, as a step of all tests.
+/// Runs the tests on real CAN interfaces.
 ///
 /// # Errors
-/// What failed, or the one command that installs what is missing.
-pub fn check() -> Result<(), String> {
-    suite::run(place::decide()?)
+/// The tests that failed, or the command that installs what is missing.
+pub fn check(extent: Extent) -> Result<(), String> {
+    suite::run(place::decide()?, extent)
 }
 
-/// Runs the command, or the tests, where there is SocketCAN, and returns its exit status.
+/// Runs the command, or the full tests, where there is SocketCAN, and returns its exit status.
 ///
 /// # Errors
-/// There is no such place, with the one command that makes one; or the command did not end.
+/// The command that installs what is missing; or the command did not end.
 pub fn run(options: &Options) -> Result<ExitCode, String> {
     ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed))
         .map_err(|error| format!("no handler for Ctrl-C: {error}"))?;
     let command = &options.command;
     if command.is_empty() {
-        return suite::run(options.place()?).map(|()| ExitCode::SUCCESS);
+        return suite::run(options.place()?, Extent::Full).map(|()| ExitCode::SUCCESS);
     }
     let results = options.results.as_deref().map(absolute).transpose()?;
     let timeout = Duration::from_secs(options.timeout);
@@ -99,10 +100,10 @@ fn spawn(command: &mut Command) -> Result<Child, String> {
     command.spawn().map_err(|error| format!("`{name}` could not be started: {error}"))
 }
 
-/// Set by Ctrl-C, so that what has been begun is ended and cleared away.
+/// Set by Ctrl-C: the running command is ended and its folder removed.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// Waits for the end of a process, or ends it.
+/// Waits for the end of a process; kills it at the timeout or on Ctrl-C.
 fn wait(mut child: Child, timeout: Duration) -> Result<std::process::ExitStatus, String> {
     let start = Instant::now();
     loop {
@@ -125,14 +126,14 @@ fn wait(mut child: Child, timeout: Duration) -> Result<std::process::ExitStatus,
     }
 }
 
-/// A folder that exists, by a name that holds everywhere.
+/// Absolute path of a folder, which is created if it is missing.
 fn absolute(folder: &Path) -> Result<PathBuf, String> {
     let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
     fs::create_dir_all(folder).map_err(failed)?;
     folder.canonicalize().map_err(failed)
 }
 
-/// What is kept between runs.
+/// Folder of kernels and results, kept between runs.
 fn cache() -> Result<PathBuf, String> {
     absolute(&shell::target_folder().join("vcan"))
 }

@@ -5,8 +5,8 @@ use crate::shell;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-/// The host's files and a port for output, then CAN. `can-gw` and the broadcast manager are for tools
-/// of can-utils and python-can; `kvaser_pci` is the driver of the machine's two cards; gamepads come from `uinput`.
+/// Modules of the host's files and of the output port, then CAN. `can-gw` and `can-bcm` are for tools of can-utils and
+/// python-can, `kvaser_pci` drives the two cards, `uinput` makes gamepads.
 const WANTED: [&str; 16] = [
     "virtio_pci",
     "virtio_console",
@@ -26,7 +26,7 @@ const WANTED: [&str; 16] = [
     "uinput",
 ];
 
-/// Files of the modules in an order in which they can be inserted.
+/// Files of the modules, in the order of insertion.
 ///
 /// # Errors
 /// The kernel does not have one of them.
@@ -39,7 +39,7 @@ pub fn files(kernel: &Kernel) -> Result<Vec<PathBuf>, String> {
     Ok(in_order(&answers))
 }
 
-/// What `modprobe --show-depends` would insert, each once; what is built in needs no file.
+/// Files that `modprobe --show-depends` lists, each once; built-in modules have none.
 fn in_order(answers: &str) -> Vec<PathBuf> {
     let mut seen = BTreeSet::new();
     let inserted = answers.lines().filter_map(|line| line.strip_prefix("insmod "));

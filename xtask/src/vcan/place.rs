@@ -1,22 +1,22 @@
-//! Where a command runs: on this machine if its kernel has vcan, else in a virtual one.
+//! The machine that runs a command: this one if its kernel has vcan, otherwise a virtual one.
 
 use super::INTERFACES;
 use crate::shell;
 use std::fs;
 
-/// Where a command runs.
+/// The machine that runs a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// On this machine.
+    /// This machine.
     Here,
-    /// On a virtual one.
+    /// A virtual machine.
     Guest,
 }
 
-/// Decides, and makes the interfaces if they can be made here.
+/// Chooses the machine, and makes the interfaces here if this kernel can.
 ///
 /// # Errors
-/// An interface is there and is not what its name says.
+/// An interface has the name of a CAN interface, but is none.
 pub fn decide() -> Result<Place, String> {
     for name in INTERFACES {
         if !ready(name)? && !make(name) {
@@ -26,7 +26,7 @@ pub fn decide() -> Result<Place, String> {
     Ok(Place::Here)
 }
 
-/// Whether an interface is there and up.
+/// Whether an interface exists and is up.
 fn ready(name: &str) -> Result<bool, String> {
     let read = |file: &str| fs::read_to_string(format!("/sys/class/net/{name}/{file}"));
     let (Ok(kind), Ok(flags)) = (read("type"), read("flags")) else { return Ok(false) };

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-/// What a command finds in the guest as it is here; names that begin with [`OURS`] come with it.
+/// Environment variables that are passed on to the guest, besides those that begin with [`OURS`].
 const PASSED_ON: [&str; 10] = [
     "PATH",
     "HOME",
@@ -33,7 +33,7 @@ pub fn of(
     script + "exec " + &words.join(" ") + "\n"
 }
 
-/// A word that the shell takes as it is.
+/// A word in quotes for the shell.
 fn quoted(word: &str) -> String {
     format!("'{}'", word.replace('\'', r"'\''"))
 }

@@ -1,22 +1,22 @@
-//! Exit statuses: a command's is passed on, and where there is none, there is no success.
+//! Exit statuses of commands; a missing status counts as a failure.
 
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
 
-/// What shells add to the number of the signal that ended a command.
+/// Offset of the exit code of a command that a signal ended, as in shells.
 const SIGNALLED: i32 = 128;
 
 /// The status in the file that the guest writes at its end.
 ///
 /// # Errors
-/// There is none, or half of one.
+/// The file is missing or incomplete.
 pub fn of_guest(file: Option<&str>) -> Result<u8, String> {
     let text = file.ok_or("the virtual machine ended before the command did")?;
     let number = text.strip_suffix('\n').and_then(|number| number.parse().ok());
     number.ok_or_else(|| format!("the virtual machine left {text:?} instead of an exit status"))
 }
 
-/// The status of a command that ran here, as a shell counts them.
+/// The exit code of a command that ran here, as in shells.
 ///
 /// # Errors
 /// It neither exited nor was it ended by a signal.

@@ -1,83 +1,115 @@
-//! The tests of `tests/vcan/`: where there is SocketCAN what needs it, and here what other programs make of the logs.
+//! The tests of `tests/vcan/`, run where there is SocketCAN; then, here, other programs read the logs of those tests.
 
 use super::{Place, RESULTS, guest::Guest, here};
+use crate::steps::Extent;
+use crate::workspace::{self, Program};
 use crate::{board, cantools, debian, shell};
-use serde_json::Value;
-use std::ffi::OsString;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
-/// What the tests call.
-const PACKAGES: [&str; 3] = ["can-utils", "iproute2", "qemu-system-arm"];
-/// The library that is flashed.
-const LIBRARY: &str = "motions/agilebot_library.toml";
-/// The tests that need a kernel with CAN, and those that need cards and gamepads, which only the virtual machine has.
-const ON_VCAN: [&str; 2] = ["board::", "on_vcan::"];
-const ON_HARDWARE: [&str; 2] = ["gamepad::", "on_hardware::"];
-/// Longest time of this machine, loaded as it may be.
+/// Packages with programs that the tests call.
+const PACKAGES: [&str; 2] = ["can-utils", "iproute2"];
+/// Longest time of this machine, which may be loaded.
 const TIMEOUT: Duration = Duration::from_secs(2400);
 
-/// Runs everything; what is found is kept below the target folder.
+/// Selection of tests. The modules are those of `tests/vcan/`; `tests/vcan/bench.rs` has the robots.
+struct Suite {
+    /// Value of `ROLLWALK_SUITE`.
+    name: &'static str,
+    /// Library file that is built and flashed.
+    library: &'static str,
+    /// Modules that need a kernel with vcan.
+    on_vcan: &'static [&'static str],
+    /// Tests that read logs which this suite does not write.
+    skip: &'static [&'static str],
+}
+
+/// Three motors and motions of a second.
+const SHORT: Suite = Suite {
+    name: "short",
+    library: "tests/vcan/leg/library.toml",
+    on_vcan: &["on_vcan::"],
+    skip: &["--skip", "the_board_played"],
+};
+
+/// The demo's robot with its twenty motors; also the emulated board, an emulator within the virtual machine.
+const FULL: Suite = Suite {
+    name: "full",
+    library: "motions/agilebot_library.toml",
+    on_vcan: &["board::", "on_vcan::"],
+    skip: &[],
+};
+
+/// Modules that need CAN cards and gamepads, which only the virtual machine has.
+const ON_HARDWARE: [&str; 2] = ["gamepad::", "on_hardware::"];
+
+/// Runs a suite; its logs stay below the target folder.
 ///
 /// # Errors
-/// What failed, or the one command that installs what is missing.
-pub fn run(place: Place) -> Result<(), String> {
-    debian::need(&PACKAGES).map_err(|install| {
+/// The tests that failed, or the command that installs what is missing.
+pub fn run(place: Place, extent: Extent) -> Result<(), String> {
+    let suite = if extent == Extent::Short { &SHORT } else { &FULL };
+    let emulator: &[&str] = if extent == Extent::Short { &[] } else { &["qemu-system-arm"] };
+    debian::need(&[&PACKAGES, emulator].concat()).map_err(|install| {
         format!("the tests on CAN interfaces take packages. On Debian:\n\n    {install}")
     })?;
-    let results = super::absolute(&shell::target_folder().join("vcan/results"))?;
-    let library = results.join("agilebot.rwl");
-    let mut build = shell::cargo(&["run", "--quiet", "--release", "--package", "rollwalk"]);
-    build.args(["--bin", "rollwalk", "--", "library", "build", LIBRARY, "-o"]).arg(&library);
+    let results = super::absolute(&shell::target_folder().join("vcan").join(suite.name))?;
+    let programs = workspace::programs()?;
+    let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
+    let root = shell::workspace_root();
+    let mut build = rollwalk.command(&["library", "build"]);
+    build.arg(root.join(suite.library)).arg("-o").arg(results.join("library.rwl"));
     shell::output(&mut build)?;
+    if extent == Extent::Full {
+        let image = board::slcan_image()?;
+        fs::copy(&image, results.join("board.elf"))
+            .map_err(|error| format!("{}: {error}", image.display()))?;
+    }
 
-    let image = board::slcan_image()?;
-    fs::copy(&image, results.join("board.elf"))
-        .map_err(|error| format!("{}: {error}", image.display()))?;
+    let tests = workspace::find(&programs, "tests", "vcan", true)?;
+    match place {
+        Place::Here => {
+            suite.run_in(Place::Here, tests, suite.on_vcan, &results)?;
+            suite.run_in(Place::Guest, tests, &ON_HARDWARE, &results)?;
+        }
+        Place::Guest => {
+            let all = [suite.on_vcan, &ON_HARDWARE].concat();
+            suite.run_in(Place::Guest, tests, &all, &results)?;
+        }
+    }
+    suite.read_logs(tests, &results)
+}
 
-    let tests = tests()?;
-    let run_in = |place: Place, modules: &[&str]| {
-        let command = std::iter::once(tests.to_string_lossy().into_owned());
-        let words = [modules, &["--test-threads", "1", "--nocapture"]].concat();
-        let command: Vec<_> = command.chain(words.into_iter().map(String::from)).collect();
+impl Suite {
+    /// Runs the tests of some modules, one after the other.
+    fn run_in(
+        &self,
+        place: Place,
+        tests: &Program,
+        modules: &[&str],
+        results: &Path,
+    ) -> Result<(), String> {
+        let variable = format!("ROLLWALK_SUITE={}", self.name);
+        let program = tests.path.to_string_lossy();
+        let options = ["--ignored", "--test-threads", "1", "--nocapture"];
+        let words = [&["env", &variable, &program], modules, &options].concat();
+        let command: Vec<String> = words.into_iter().map(String::from).collect();
         let code = match place {
-            Place::Here => here(&command, Some(&results), TIMEOUT)?,
-            Place::Guest => Guest::prepare()?.run(&command, Some(&results), TIMEOUT)?,
+            Place::Here => here(&command, Some(results), TIMEOUT)?,
+            Place::Guest => Guest::prepare()?.run(&command, Some(results), TIMEOUT)?,
         };
         if code == 0 {
             Ok(())
         } else {
             Err(format!("tests on CAN interfaces failed (exit code {code})"))
         }
-    };
-    match place {
-        Place::Here => {
-            run_in(Place::Here, &ON_VCAN)?;
-            run_in(Place::Guest, &ON_HARDWARE)?;
-        }
-        Place::Guest => run_in(Place::Guest, &[&ON_VCAN[..], &ON_HARDWARE].concat())?,
     }
-    look_at(&tests, &results)
-}
 
-/// What python-can, cantools and an MCAP reader make of the logs.
-fn look_at(tests: &Path, results: &Path) -> Result<(), String> {
-    let mut command = shell::command(&tests.to_string_lossy(), &["afterwards::", "--nocapture"]);
-    command.env(RESULTS, results).env("PYTHONPATH", cantools::path()?);
-    shell::run(&mut command)
-}
-
-/// Builds the tests.
-fn tests() -> Result<PathBuf, String> {
-    let mut build = shell::cargo(&["test", "--package", "rollwalk-tests", "--features", "vcan"]);
-    build.args(["--test", "vcan", "--no-run", "--message-format", "json"]);
-    let messages = shell::output(&mut build)?;
-    let mut executables = messages.lines().filter_map(|line| {
-        let message: Value = serde_json::from_str(line).ok()?;
-        let is_it = message["target"]["name"] == "vcan" && message["profile"]["test"] == true;
-        is_it.then(|| message["executable"].as_str().map(OsString::from)).flatten()
-    });
-    let found = executables.next_back().map(PathBuf::from);
-    found.ok_or_else(|| "cargo built no tests called vcan".into())
+    /// Reads the logs with python-can, cantools and an MCAP reader.
+    fn read_logs(&self, tests: &Program, results: &Path) -> Result<(), String> {
+        let mut command = tests.command(&["afterwards::", "--include-ignored", "--nocapture"]);
+        command.args(self.skip).env("ROLLWALK_SUITE", self.name);
+        shell::run(command.env(RESULTS, results).env("PYTHONPATH", cantools::path()?))
+    }
 }

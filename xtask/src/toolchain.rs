@@ -1,25 +1,26 @@
-//! The nightly toolchain, for what only it can do: Miri.
+//! Parts of the Rust toolchain that are installed when they are missing: components of the one in use, and nightly,
+//! which alone has Miri.
 
 use crate::shell::{self, command};
 use std::process::Command;
 
 /// Cargo of the nightly toolchain.
-pub fn cargo(args: &[&str]) -> Command {
+pub fn nightly_cargo(args: &[&str]) -> Command {
     let mut words = vec!["run", "nightly", "cargo"];
     words.extend(args);
     let mut cargo = command("rustup", &words);
-    // What the cargo that runs this task has left behind belongs to another toolchain.
+    // Variables of the cargo that runs this task name its own toolchain.
     for name in ["RUSTUP_TOOLCHAIN", "CARGO", "RUSTC", "RUSTDOC", "RUSTC_WRAPPER"] {
         cargo.env_remove(name);
     }
     cargo
 }
 
-/// Makes sure that nightly is installed with these components.
+/// Makes sure that the nightly toolchain is installed with these components.
 ///
 /// # Errors
 /// The one command that installs them, when this machine cannot.
-pub fn need(components: &[&str]) -> Result<(), String> {
+pub fn need_nightly(components: &[&str]) -> Result<(), String> {
     let installed = || {
         let list = ["component", "list", "--toolchain", "nightly", "--installed"];
         shell::output(&mut command("rustup", &list)).is_ok_and(|list| {
@@ -38,4 +39,18 @@ pub fn need(components: &[&str]) -> Result<(), String> {
     }
     let why = done.err().map_or_else(String::new, |why| format!("{why}\n"));
     Err(format!("{why}Miri needs the nightly toolchain:\n\n    rustup {}", install.join(" ")))
+}
+
+/// Makes sure that the toolchain in use has a component that rustup's minimal profile leaves out.
+///
+/// # Errors
+/// The one command that installs it, when this machine cannot.
+pub fn need_component(component: &str) -> Result<(), String> {
+    let subcommand = if component == "rustfmt" { "fmt" } else { component };
+    if shell::succeeds(&mut shell::cargo(&[subcommand, "--version"])) {
+        return Ok(());
+    }
+    shell::run(&mut command("rustup", &["component", "add", component])).map_err(|why| {
+        format!("{why}\n{component} is needed; install it with `rustup component add {component}`")
+    })
 }

@@ -1,0 +1,62 @@
+//! The steps of `cargo xtask nightly`: the long forms of what `cargo xtask test` samples.
+
+use super::{Extent, Step};
+use crate::{board, fuzz, miri, shell, vcan};
+use clap::ValueEnum;
+
+/// Random seeds of the fault campaign.
+const CAMPAIGN_SEEDS: &str = "1000";
+
+/// A step of the nightly command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum NightlyStep {
+    /// AgileBot with its twenty motors on real CAN interfaces, and the emulated board behind `slcand`.
+    Vcan,
+    /// The whole demo on the emulated board, over its UART.
+    BoardUart,
+    /// Flash, RAM, stack and instructions of the emulated board's image.
+    Sizes,
+    /// Tests of protocol and firmware in Miri.
+    Miri,
+    /// Every fuzz target for ten minutes.
+    Fuzz,
+    /// A thousand random faults and combinations of them.
+    FaultCampaign,
+}
+
+impl Step for NightlyStep {
+    const COMMAND: &'static str = "nightly";
+    const CONTINUES: bool = true;
+
+    fn title(&self) -> &'static str {
+        match self {
+            Self::Vcan => "AgileBot and the emulated board on real CAN interfaces",
+            Self::BoardUart => "the whole demo on the emulated board over its UART",
+            Self::Sizes => "sizes and instructions of the emulated board's image",
+            Self::Miri => "tests of protocol and firmware in Miri",
+            Self::Fuzz => "fuzz targets, ten minutes each",
+            Self::FaultCampaign => "fault campaign with 1,000 seeds",
+        }
+    }
+
+    fn check(&self) -> Result<(), String> {
+        match self {
+            Self::Vcan => vcan::check(Extent::Full),
+            Self::BoardUart => board::run(board::Board::Mps2An386, None),
+            Self::Sizes => board::sizes(),
+            Self::Miri => miri::check(Extent::Full),
+            Self::Fuzz => fuzz::check(Extent::Full),
+            Self::FaultCampaign => {
+                let out = shell::target_folder().join("fault-campaign");
+                let run = ["run", "--release", "--package", "rollwalk", "--bin", "rollwalk", "--"];
+                let mut campaign = shell::cargo(&run);
+                campaign.args(["bench", "fault-campaign", "--seeds", CAMPAIGN_SEEDS]);
+                shell::run(campaign.arg("--out").arg(out))
+            }
+        }
+    }
+
+    fn is_beside(&self) -> bool {
+        *self == Self::Vcan
+    }
+}

@@ -1,0 +1,209 @@
+//! Runs steps one after the other, or beside each other, and accounts for their time.
+
+use crate::shell;
+use std::fs::{self, File};
+use std::path::PathBuf;
+use std::process::Child;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+/// The steps of a command so far.
+pub struct Run {
+    command: &'static str,
+    /// Number of steps to come, for the headings.
+    total: usize,
+    start: Instant,
+    begun: usize,
+    rows: Vec<Row>,
+    beside: Vec<Beside>,
+    failures: Vec<String>,
+}
+
+/// A line of the table.
+struct Row {
+    name: String,
+    seconds: f64,
+    remark: &'static str,
+}
+
+/// A step in a process of its own.
+struct Beside {
+    name: String,
+    log: PathBuf,
+    stop: Arc<AtomicBool>,
+    /// Ends with the process: whether it succeeded, and its seconds.
+    waiter: JoinHandle<(bool, f64)>,
+}
+
+impl Run {
+    /// No step yet of `total` steps of `cargo xtask COMMAND`.
+    pub fn new(command: &'static str, total: usize) -> Self {
+        let (rows, beside, failures) = (Vec::new(), Vec::new(), Vec::new());
+        Self { command, total, start: Instant::now(), begun: 0, rows, beside, failures }
+    }
+
+    /// Runs a step and returns whether it passed.
+    pub fn step(
+        &mut self,
+        name: &str,
+        title: &str,
+        check: impl FnOnce() -> Result<(), String>,
+    ) -> bool {
+        self.begin(name, title);
+        let start = Instant::now();
+        let outcome = check();
+        let seconds = start.elapsed().as_secs_f64();
+        let passed = outcome.is_ok();
+        match outcome {
+            Ok(()) => eprintln!("== {name} ok in {seconds:.1} s"),
+            Err(why) => self.fail(name, seconds, &why),
+        }
+        self.add(name, seconds, if passed { "" } else { "FAILED" });
+        passed
+    }
+
+    /// Starts a step in a process of its own; [`finish`](Self::finish) prints its output. Returns whether it started.
+    pub fn beside(&mut self, name: &str, title: &str) -> bool {
+        self.begin(name, title);
+        match Beside::start(self.command, name) {
+            Ok(beside) => {
+                eprintln!("== {name} runs beside the next steps");
+                self.beside.push(beside);
+                true
+            }
+            Err(why) => {
+                self.fail(name, 0.0, &why);
+                false
+            }
+        }
+    }
+
+    /// Ends the steps that still run beside the others.
+    pub fn stop(&self) {
+        self.beside.iter().for_each(|beside| beside.stop.store(true, Ordering::Relaxed));
+    }
+
+    /// Waits for the steps beside the others and prints the table.
+    ///
+    /// # Errors
+    /// The failed steps, with the commands that run them alone.
+    pub fn finish(mut self) -> Result<(), String> {
+        for beside in std::mem::take(&mut self.beside) {
+            let Beside { name, log, stop, waiter } = beside;
+            let (passed, seconds) = waiter.join().expect("the waiting thread does not panic");
+            let stopped = stop.load(Ordering::Relaxed) && !passed;
+            eprintln!("\n== output of {name}, which ran beside others");
+            eprintln!("{}", String::from_utf8_lossy(&fs::read(&log).unwrap_or_default()));
+            let remark = match (passed, stopped) {
+                (true, _) => "beside others",
+                (false, true) => "stopped",
+                (false, false) => "FAILED",
+            };
+            if !passed && !stopped {
+                self.fail(&name, seconds, "its output is above");
+            }
+            self.add(&name, seconds, remark);
+        }
+        eprintln!("\n{}", table(&self.rows, self.start.elapsed().as_secs_f64()));
+        if self.failures.is_empty() { Ok(()) } else { Err(self.failures.join("\n")) }
+    }
+
+    fn begin(&mut self, name: &str, title: &str) {
+        self.begun += 1;
+        eprintln!("\n== {}/{} {name}: {title}", self.begun, self.total);
+    }
+
+    fn add(&mut self, name: &str, seconds: f64, remark: &'static str) {
+        self.rows.push(Row { name: name.into(), seconds, remark });
+    }
+
+    fn fail(&mut self, name: &str, seconds: f64, why: &str) {
+        eprintln!("\n{why}\n\n== {name} FAILED after {seconds:.1} s");
+        self.failures
+            .push(format!("step `{name}` failed: cargo xtask {} --only {name}", self.command));
+    }
+}
+
+impl Beside {
+    fn start(command: &str, name: &str) -> Result<Self, String> {
+        let failed = |error: std::io::Error| format!("no process for the step: {error}");
+        let folder = shell::target_folder().join("steps");
+        fs::create_dir_all(&folder).map_err(failed)?;
+        let log = folder.join(format!("{command}-{name}.log"));
+        let output = File::create(&log).map_err(failed)?;
+        let errors = output.try_clone().map_err(failed)?;
+        let program = std::env::current_exe().map_err(failed)?;
+        let mut process = shell::command(&program.to_string_lossy(), &[command, "--only", name]);
+        let child = process.stdout(output).stderr(errors).spawn().map_err(failed)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = stop.clone();
+        let waiter = thread::spawn(move || wait(child, &stopped));
+        Ok(Self { name: name.into(), log, stop, waiter })
+    }
+}
+
+/// Waits for the end of a process or of the need for it; whether it succeeded, and its seconds.
+fn wait(mut child: Child, stop: &AtomicBool) -> (bool, f64) {
+    let start = Instant::now();
+    loop {
+        let ended = child.try_wait();
+        let seconds = start.elapsed().as_secs_f64();
+        match ended {
+            Ok(Some(status)) => return (status.success(), seconds),
+            Ok(None) if !stop.load(Ordering::Relaxed) => thread::sleep(Duration::from_millis(50)),
+            _ => {
+                // It may have ended by itself.
+                let _ = child.kill();
+                let _ = child.wait();
+                return (false, seconds);
+            }
+        }
+    }
+}
+
+/// Seconds of each step and of all of them.
+fn table(rows: &[Row], total: f64) -> String {
+    let mut lines = vec![format!("{:<16} {:>8}", "step", "seconds")];
+    lines.extend(rows.iter().map(|Row { name, seconds, remark }| {
+        format!("{name:<16} {seconds:>8.1} {remark}").trim_end().to_owned()
+    }));
+    lines.push(format!("{:<16} {total:>8.1}", "total"));
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failure_is_counted_and_the_next_step_runs() {
+        let mut run = Run::new("test", 2);
+        assert!(!run.step("one", "fails", || Err("why".into())));
+        assert!(run.step("two", "passes", || Ok(())));
+        assert_eq!(run.finish(), Err("step `one` failed: cargo xtask test --only one".into()));
+        assert_eq!(Run::new("test", 0).finish(), Ok(()));
+    }
+
+    #[test]
+    fn the_table_has_a_line_for_each_step() {
+        let row = |name: &str, seconds, remark| Row { name: name.into(), seconds, remark };
+        let rows = [row("fmt", 1.26, ""), row("vcan", 180.0, "beside others")];
+        let lines = [
+            "step              seconds",
+            "fmt                   1.3",
+            "vcan                180.0 beside others",
+            "total               200.0",
+        ];
+        assert_eq!(table(&rows, 200.0), lines.join("\n"));
+    }
+
+    #[test]
+    fn a_process_is_stopped_when_nobody_needs_it() {
+        let sleep = || shell::command("sleep", &["60"]).spawn().expect("sleep");
+        assert!(!wait(sleep(), &AtomicBool::new(true)).0);
+        let ended = shell::command("true", &[] as &[&str]).spawn().expect("true");
+        assert!(wait(ended, &AtomicBool::new(false)).0);
+    }
+}

@@ -1,0 +1,123 @@
+//! The steps of `cargo xtask test`, in the order in which they fail fastest.
+
+use super::{Extent, Step};
+use crate::{
+    bare_metal, board, cantools, debian, fuzz, miri, shell, tidy, toolchain, vcan, workspace,
+};
+use clap::ValueEnum;
+
+/// A step of the test command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum TestStep {
+    /// Formatting, as `rustfmt.toml` says.
+    Fmt,
+    /// House rules that no compiler checks.
+    Tidy,
+    /// Clippy over every target, warnings denied.
+    Clippy,
+    /// Documentation of every crate, warnings denied.
+    Doc,
+    /// Every program and test of the workspace, built for the steps that follow.
+    Build,
+    /// Tools and a simulated robot with three motors on real CAN interfaces.
+    Vcan,
+    /// `rollwalk-protocol` and `rollwalk-firmware` for the Cortex-M4, without std.
+    NoStd,
+    /// Board images: size, no panics, and the emulated one against the host simulation.
+    Board,
+    /// Every fuzz target for a few seconds; a planted bug.
+    Fuzz,
+    /// Golden bytes in Miri, on a big-endian machine.
+    Miri,
+    /// DBC files as cantools reads them.
+    Dbc,
+    /// All tests of all crates.
+    Test,
+}
+
+impl Step for TestStep {
+    const COMMAND: &'static str = "test";
+    const CONTINUES: bool = false;
+
+    fn title(&self) -> &'static str {
+        match self {
+            Self::Fmt => "formatting",
+            Self::Tidy => "house rules",
+            Self::Clippy => "clippy, warnings denied",
+            Self::Doc => "documentation, warnings denied",
+            Self::Build => "programs and tests of the workspace",
+            Self::Vcan => "tools and a small robot on real CAN interfaces",
+            Self::NoStd => "protocol and firmware for the Cortex-M4 (no_std)",
+            Self::Board => "board images, one of them emulated",
+            Self::Fuzz => "fuzz targets, a few seconds each",
+            Self::Miri => "golden bytes in Miri, big-endian",
+            Self::Dbc => "DBC files as cantools reads them",
+            Self::Test => "all tests",
+        }
+    }
+
+    fn check(&self) -> Result<(), String> {
+        match self {
+            Self::Fmt => format(),
+            Self::Tidy => tidy::check(&shell::workspace_root()),
+            Self::Clippy => clippy(),
+            Self::Doc => {
+                let mut doc = workspace::cargo(&["doc", "--no-deps"]);
+                shell::run(doc.env("RUSTDOCFLAGS", "-D warnings"))
+            }
+            Self::Build => workspace::programs().map(drop),
+            Self::Vcan => vcan::check(Extent::Short),
+            Self::NoStd => bare_metal::check(),
+            Self::Board => {
+                board::run(board::Board::NucleoG474re, None)?;
+                board::run(board::Board::Mps2An386Slcan, None)?;
+                board::sizes()
+            }
+            Self::Fuzz => fuzz::check(Extent::Short),
+            Self::Miri => miri::check(Extent::Short),
+            Self::Dbc => cantools::check(),
+            Self::Test => {
+                need_python()?;
+                shell::run(&mut workspace::cargo(&["test", "--no-fail-fast"]))
+            }
+        }
+    }
+
+    /// The virtual machine has one processor; the steps after it leave the other core idle at times.
+    fn is_beside(&self) -> bool {
+        *self == Self::Vcan
+    }
+}
+
+/// Checks the formatting of the workspace and of the fuzz targets.
+///
+/// # Errors
+/// The files that differ.
+pub fn format() -> Result<(), String> {
+    toolchain::need_component("rustfmt")?;
+    shell::run(&mut shell::cargo(&["fmt", "--all", "--check"]))?;
+    let fuzz = ["fmt", "--manifest-path", "fuzz/Cargo.toml", "--check"];
+    shell::run(&mut shell::cargo(&fuzz))
+}
+
+/// Runs clippy over the workspace.
+///
+/// # Errors
+/// Its warnings.
+pub fn clippy() -> Result<(), String> {
+    toolchain::need_component("clippy")?;
+    shell::run(workspace::cargo(&["clippy", "--all-targets"]).args(["--", "-D", "warnings"]))
+}
+
+/// Makes sure that there is Python for the independent check of plans, `docs/check_plan.py`, which tests call.
+///
+/// # Errors
+/// The command that installs it.
+pub fn need_python() -> Result<(), String> {
+    if shell::succeeds(&mut shell::command("python3", &["--version"])) {
+        return Ok(());
+    }
+    debian::need(&["python3"]).map_err(|install| {
+        format!("the tests need python3, any version from 3.9 on. On Debian:\n\n    {install}")
+    })
+}
