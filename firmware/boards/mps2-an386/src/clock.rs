@@ -16,7 +16,7 @@ const VALUE: *mut u32 = 0x4000_0004 as *mut u32;
 const RELOAD: *mut u32 = 0x4000_0008 as *mut u32;
 const CTRL_ENABLE: u32 = 1 << 0;
 
-/// A control period has begun and was not seen yet.
+/// A control period has begun, and [`Clock::begun`] has not reported it yet.
 static BEGUN: AtomicBool = AtomicBool::new(false);
 
 /// The clock. There is one; it is made once, by `main`.
@@ -26,7 +26,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// Starts it, with so many control periods a second.
+    /// Starts it with `control_hz` control periods a second.
     pub fn start(mut systick: SYST, control_hz: u16) -> Self {
         // SAFETY: registers of this board, which nothing else uses.
         unsafe {
@@ -42,7 +42,7 @@ impl Clock {
         Self { counts: 0, last: u32::MAX }
     }
 
-    /// Time since the start, µs. To be asked every two minutes at least, or the counter has gone round.
+    /// Time since the start, µs. Needs a call every two minutes at least, before the counter wraps.
     pub fn now_us(&mut self) -> u64 {
         // SAFETY: as above.
         let value = unsafe { read_volatile(VALUE) };
@@ -51,12 +51,12 @@ impl Clock {
         self.counts / COUNTS_PER_US
     }
 
-    /// Whether a control period has begun since the last call that said so.
+    /// Whether a control period has begun since the last call that returned true.
     pub fn begun(&mut self) -> bool {
         BEGUN.swap(false, Ordering::AcqRel)
     }
 
-    /// Whether the next [`Self::begun`] will say so.
+    /// Whether the next [`Self::begun`] will return true.
     pub fn is_due(&self) -> bool {
         BEGUN.load(Ordering::Acquire)
     }

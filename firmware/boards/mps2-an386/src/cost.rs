@@ -1,15 +1,15 @@
-//! What control periods cost, in counts of SysTick. Under QEMU's `-icount` those are instructions.
+//! Cost of control periods in counts of SysTick: instructions, under QEMU's `-icount`.
 
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use rollwalk_protocol::tunnel::Figures;
 
-/// SysTick counts down from here; the longest thing that is measured must be shorter.
+/// SysTick counts down from here; every measured span must be shorter.
 const RELOAD: u32 = 0x00FF_FFFF;
 
-/// The counter and what it has counted.
+/// The counter and the figures so far.
 pub struct Cost {
-    /// Runs only while something is measured: an emulated processor that sleeps shall have no timer.
+    /// Runs only during a measurement: an emulated processor that sleeps shall have no timer.
     timer: SYST,
     figures: Figures,
     /// The period under way.

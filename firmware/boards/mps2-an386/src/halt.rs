@@ -1,4 +1,4 @@
-//! The end: nothing is sent any more, so the actuators' own watchdogs take the torque away.
+//! The halt: no frame leaves the board any more, so the actuators' own watchdogs take the torque away.
 
 use core::panic::PanicInfo;
 
@@ -10,8 +10,7 @@ pub fn halt() -> ! {
     }
 }
 
-/// A panic is a fault that nobody foresaw: no frame leaves the board after it. The symbol check keeps
-/// a release from having one.
+/// Halts after a panic. The symbol check keeps a release from having one.
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     halt()

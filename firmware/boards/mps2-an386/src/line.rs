@@ -1,5 +1,5 @@
-//! UART 0 as a line in real time: bytes are taken by interrupt, and sent as the hardware has room, so that a
-//! host that does not read stops nothing but what is for it.
+//! UART 0 as a line in real time: an interrupt receives bytes, and bytes are sent as the hardware has room, so that a
+//! host that does not read delays its own frames only.
 
 use crate::registers::{
     BAUDDIV, CTRL, CTRL_RX_ENABLE, CTRL_RX_INTERRUPT, CTRL_TX_ENABLE, DATA, DIVISOR, INTERRUPT,
@@ -19,13 +19,12 @@ use static_cell::StaticCell;
 const CTRL_TX_INTERRUPT: u32 = 1 << 2;
 const INTERRUPT_TX: u32 = 1 << 0;
 
-/// Room for two frames: what waits longer is better asked for later.
+/// Room for two frames: others wait in the controller, where newer ones replace them.
 const SEND_BYTES: usize = 2 * FRAME_BYTES;
 /// Longest line of the link: `t`, identifier, length, 8 bytes.
 const FRAME_BYTES: usize = 22;
 
-/// What was received and not yet looked at: 100 ms at the 10 kB/s that QEMU delivers; while a library is checked
-/// nothing is fetched.
+/// Receive queue: 100 ms at the 10 kB/s that QEMU delivers, because nothing is fetched while a library is checked.
 static RECEIVED: StaticCell<Queue<u8, 1024>> = StaticCell::new();
 /// The interrupt's end of it.
 static WRITER: Mutex<Cell<Option<Producer<'static, u8>>>> = Mutex::new(Cell::new(None));
@@ -91,7 +90,7 @@ impl Line {
         self.work();
     }
 
-    /// Hands the hardware what it has room for.
+    /// Hands bytes to the hardware while it has room.
     pub fn work(&mut self) {
         while has_room()
             && let Some(byte) = self.waiting.pop_front()

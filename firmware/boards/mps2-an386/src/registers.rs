@@ -1,4 +1,4 @@
-//! Registers of UART 0, Arm's CMSDK APB UART, and what its drivers share.
+//! Registers of UART 0, Arm's CMSDK APB UART, and its receive interrupt.
 
 use cortex_m::interrupt::InterruptNumber;
 

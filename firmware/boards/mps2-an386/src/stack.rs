@@ -1,4 +1,4 @@
-//! How deep the stack was: it is painted at the start, and what was painted over was used.
+//! Depth of the stack: memory is painted at the start, and the stack has reached the bytes that lost their paint.
 
 use core::arch::asm;
 use core::ptr::{read_volatile, write_volatile};

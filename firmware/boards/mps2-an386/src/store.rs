@@ -4,12 +4,12 @@ use core::cell::UnsafeCell;
 use core::sync::atomic::{AtomicBool, Ordering};
 use rollwalk_firmware::store::{FlashStore, RamFlash};
 
-/// As large as that of the host's simulation: what a controller says of itself must be the same.
+/// As large as that of the host's simulation: a controller reports it, and both must report the same.
 const CAPACITY: usize = (2 << 20) + (8 << 10);
 /// Starts that a library on trial is given.
 const TRIAL_BOOTS: u8 = 3;
 
-/// What the board keeps libraries in.
+/// The board's store of libraries.
 pub type BoardStore = FlashStore<RamFlash<&'static mut [u8; CAPACITY]>>;
 
 struct Psram(UnsafeCell<[u8; CAPACITY]>);
@@ -22,7 +22,7 @@ unsafe impl Sync for Psram {}
 static PSRAM: Psram = Psram(UnsafeCell::new([0; CAPACITY]));
 static TAKEN: AtomicBool = AtomicBool::new(false);
 
-/// The store with what the memory holds; the first time only.
+/// Mounts the store with the libraries in memory; the first time only.
 pub fn mount() -> Option<BoardStore> {
     if TAKEN.swap(true, Ordering::AcqRel) {
         return None;

@@ -22,7 +22,7 @@ impl Clock {
         Self { high: 0, last: 0 }
     }
 
-    /// Now. To be asked more often than once in 71 minutes, which is what 32 bits hold.
+    /// Present time. Needs a call at least every 71 minutes, before 32 bits wrap.
     pub fn now_us(&mut self) -> u64 {
         let low = pac::TIM5.cnt().read();
         if low < self.last {

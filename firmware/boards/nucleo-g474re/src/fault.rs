@@ -17,7 +17,7 @@ pub fn halt() -> ! {
     }
 }
 
-/// A panic is a fault that nobody foresaw. The symbol check keeps a release from having one.
+/// Stops after a panic. The symbol check keeps a release from having one.
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     halt()

@@ -14,7 +14,7 @@ use static_cell::StaticCell;
 
 const BAUD: u32 = 1_000_000;
 
-/// What was received and not yet looked at: 5 ms of a line that never rests.
+/// Receive queue: 5 ms of a line that never rests.
 static RECEIVED: StaticCell<Queue<u8, 512>> = StaticCell::new();
 /// The interrupt's end of it.
 static WRITER: Mutex<Cell<Option<Producer<'static, u8>>>> = Mutex::new(Cell::new(None));
@@ -82,7 +82,7 @@ impl Serial {
         }
     }
 
-    /// Hands the hardware what it has room for.
+    /// Hands bytes to the hardware while it has room.
     pub fn work(&mut self) {
         while let Some(&byte) = self.line.get(self.sent)
             && LPUART1.isr().read().txe()
@@ -99,7 +99,7 @@ fn LPUART1() {
         let mut writer = WRITER.borrow(cs).take();
         while LPUART1.isr().read().rxne() {
             let byte = LPUART1.rdr().read().dr() as u8;
-            // What finds no room is lost, and the checksum of its packet tells.
+            // A byte without room is lost, and the checksum of its packet shows that.
             let _ = writer.as_mut().map(|writer| writer.enqueue(byte));
         }
         WRITER.borrow(cs).set(writer);
