@@ -4,7 +4,7 @@
 //! | module | is |
 //! |---|---|
 //! | [`rig`], [`store`] | controller, buses and motors, stepped in one fixed order |
-//! | [`core`], [`remote`] | the controller: firmware in this process, or a board over a serial line |
+//! | [`core`] | the controller: firmware in this process, or anything else that answers its steps |
 //! | [`bus`], [`interface`], [`clock`] | a bus exact to the bit, the buses' names, virtual time |
 //! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle; their drives are [`rollwalk_drives`] |
 //! | [`live`] | in real time: the whole robot, its controller or its motors on buses of this computer |
@@ -63,7 +63,6 @@ pub mod load;
 pub mod one_leg;
 pub mod plant;
 pub mod record;
-pub mod remote;
 pub mod rig;
 pub mod servo;
 pub mod store;

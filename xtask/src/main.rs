@@ -52,20 +52,27 @@ enum Task {
     /// Check a change while working on it: formatting, house rules, clippy, and the tests of the changed crates and
     /// of those that depend on them.
     Quick(quick::Options),
-    /// Build a board's image. mps2-an386 boots in QEMU and plays the demo library, every frame on every
-    /// bus compared with the host's simulation; mps2-an386-slcan is measured, for `cargo xtask vcan`;
-    /// nucleo-g474re is measured, for probe-rs to flash.
+    /// Build a board's image. mps2-an386 boots in QEMU, replays the demo from its memory and plays a short motion
+    /// over its UART, every frame compared with the host's simulation; mps2-an386-slcan is measured, for
+    /// `cargo xtask vcan`; nucleo-g474re is measured, for probe-rs to flash.
     Board {
         /// The board.
         board: board::Board,
-        /// Serial port of a nucleo-g474re with the image on it: ask it how it is and transfer the
-        /// demo library. Torque stays off.
+        /// Serial port of a nucleo-g474re with the image on it: print its report and transfer the demo library.
+        /// Torque stays off.
         #[arg(long, value_name = "DEVICE")]
         port: Option<std::path::PathBuf>,
+        /// Play the whole demo over the UART of the emulated mps2-an386: minutes.
+        #[arg(long, conflicts_with = "port")]
+        demo_over_uart: bool,
     },
-    /// Print what the image of mps2-an386 takes: flash, RAM, stack, instructions; and check that
-    /// nothing in it can panic.
-    Sizes,
+    /// Print the sizes of the image of mps2-an386: flash, RAM, stack, instructions; and check that nothing in it can
+    /// panic.
+    Sizes {
+        /// Print one JSON object: text_bytes, static_ram_bytes, stack_bytes, instructions_per_tick.
+        #[arg(long)]
+        json: bool,
+    },
     /// Fuzz protocol and firmware: one target, or all of them, as many at a time as there are cores.
     Fuzz {
         /// The target.
@@ -87,8 +94,10 @@ fn main() -> ExitCode {
         Task::Test { only } => steps::run(only),
         Task::Nightly { only } => steps::run(only),
         Task::Quick(options) => quick::run(&options),
-        Task::Board { board, port } => board::run(board, port.as_deref()),
-        Task::Sizes => board::sizes(),
+        Task::Board { board, port, demo_over_uart } => {
+            board::run(board, port.as_deref(), demo_over_uart)
+        }
+        Task::Sizes { json } => board::sizes(json),
         Task::Fuzz { target, seconds, input } => fuzz::run(target, seconds, input.as_deref()),
         Task::Vcan(options) => return exit(vcan::run(&options)),
     };

@@ -1,5 +1,9 @@
-//! The robot as constants, and the linker script.
+//! Hands `memory.x` and the start-up code's linker script to the linker.
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    rollwalk_board_build::prepare("../../../robots/agilebot.toml")
+fn main() {
+    println!("cargo:rustc-link-search={}", env!("CARGO_MANIFEST_DIR"));
+    println!("cargo:rustc-link-arg-bins=-Tlink.x");
+    for file in ["memory.x", "build.rs"] {
+        println!("cargo:rerun-if-changed={file}");
+    }
 }

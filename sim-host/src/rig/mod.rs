@@ -18,8 +18,8 @@
 //! bus, taken from the controller when the one before has left, so that nothing stale waits in hardware.
 //! An [`Adapter`] may be worse than that.
 //!
-//! The controller itself is a [`Core`]: the firmware within this process, or a board elsewhere
-//! ([`crate::remote`]) to which time and frames are carried.
+//! The controller itself is a [`Core`]: the firmware within this process, or a board elsewhere to which time and
+//! frames are carried.
 
 mod frames;
 mod harm;

@@ -1,6 +1,5 @@
-//! What is in an image: how much of each memory, and whether anything can panic.
+//! Contents of an image: bytes of each memory, and symbols that lead to a panic.
 
-use super::image::Image;
 use super::limits::Limits;
 use super::shown;
 use super::sizes::MAX_STATIC_RAM;
@@ -22,7 +21,7 @@ pub struct Sections {
     pub bss: u64,
 }
 
-/// A release image, built, and what is in it.
+/// Contents of a release image.
 pub struct Contents {
     pub path: PathBuf,
     pub sections: Sections,
@@ -31,22 +30,21 @@ pub struct Contents {
 }
 
 impl Contents {
-    /// Builds an image and looks into it; `ram` is where its own variables are. Looks first whether a panic that
-    /// is planted in it would show.
+    /// Reads an image; `ram` is where its own variables are, and `panicking` an image of the same workspace that can
+    /// panic: if its symbols do not show that, nobody's would.
     ///
     /// # Errors
-    /// The planted panic does not show, or the compiler's verdict.
-    pub fn of(image: &Image, ram: Range<u64>) -> Result<Self, String> {
-        if panic_paths(&read(&image.build(&["planted-panic"])?)?)?.is_empty() {
-            return Err("a panic was planted in the image, and its symbols do not show it".into());
+    /// The panics of `panicking` do not show, or a file that cannot be read.
+    pub fn read(path: PathBuf, panicking: &[u8], ram: Range<u64>) -> Result<Self, String> {
+        if panic_paths(panicking)?.is_empty() {
+            return Err("an image that can panic has no symbol that shows it".into());
         }
-        let path = image.build(&[])?;
         let bytes = read(&path)?;
         let (sections, panics) = (sections(&bytes, ram)?, panic_paths(&bytes)?);
         Ok(Self { path, sections, panics })
     }
 
-    /// What every image is held to: code and constants of `max_text` bytes, static RAM, and no panics.
+    /// Limits of every image: `max_text` bytes of code and constants, static RAM, and no panics.
     pub fn limits(&self, max_text: u64) -> Limits {
         let Sections { text, data, bss } = self.sections;
         let mut limits = Limits::default();

@@ -1,4 +1,4 @@
-//! What an image must not exceed; every excess is told, not only the first.
+//! Limits of an image; the verdict lists every excess.
 
 use std::fmt::Display;
 
@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_that_is_above_its_limit_is_told() {
+    fn the_verdict_lists_every_excess() {
         let mut limits = Limits::default();
         limits.bytes("text", 65_536, 65_536);
         assert_eq!(limits.verdict(), Ok(()));
@@ -49,8 +49,8 @@ mod tests {
         limits.bytes("text", 65_537, 65_536);
         limits.instructions("tick", 16_000.6, 16_000.0);
         limits.no_panics(&["unwrap_failed".to_owned()]);
-        let told = "text: 65537 B, at most 65536\ntick: 16001 instructions, at most 16000\n\
+        let excesses = "text: 65537 B, at most 65536\ntick: 16001 instructions, at most 16000\n\
                     panic path: unwrap_failed";
-        assert_eq!(limits.verdict(), Err(told.to_owned()));
+        assert_eq!(limits.verdict(), Err(excesses.to_owned()));
     }
 }

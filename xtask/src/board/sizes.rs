@@ -1,70 +1,85 @@
-//! What the image takes: flash, RAM, stack and instructions, each against its limit; and that nothing
-//! in it can panic.
+//! Sizes of the emulated board's image: flash, RAM, stack and instructions, each against its limit, and no panics.
+//!
+//! Flash and RAM are those of the image that answers over the UART; stack and instructions are counted in the replay
+//! image, where the same controller gets its requests from memory.
 
+use super::bench::Bench;
 use super::contents::{Contents, Sections, read, sections};
-use super::emulator::{Clock, instructions};
-use super::image::MPS2_AN386;
-use super::play;
+use super::image::{MPS2_AN386, MPS2_AN386_REPLAY};
+use serde_json::json;
 
 /// Most bytes of code and constants.
 pub const MAX_TEXT: u64 = 64 << 10;
-/// The same with lines for every actuator protocol, which the board has not: what it takes today, and a
-/// little more.
+/// The same with lines for every actuator protocol, which the board has not: today's size and a little more.
 const MAX_TEXT_WITH_EVERY_LINE: u64 = 73 << 10;
 /// Most bytes of static variables.
 pub const MAX_STATIC_RAM: u64 = 16 << 10;
-/// Instructions of a control tick that we aim at: 1 kHz on a 170 MHz part with room to spare.
+/// Aim for the instructions of a control tick: 1 kHz on a 170 MHz part with room to spare.
 const AIM: f64 = 10_000.0;
-/// What it takes today and a tenth more: more than that is a step back. The worst tick goes to another clip
-/// and on to its next frame.
+/// Today's counts and a tenth more: above that is a step back. The worst tick goes to another clip and on to its
+/// next frame.
 const MAX_MEAN_TICK: f64 = 9_900.0;
 const MAX_TICK: f64 = 16_000.0;
 const MAX_PERIOD: f64 = 46_000.0;
 /// The image's own RAM (`memory.x`); what lies above stands for external memory.
 pub const RAM: std::ops::Range<u64> = 0x2000_0000..0x2000_8000;
 
-/// Builds and runs the image and prints the figures.
+/// Builds the images, replays the demo and prints the figures, as a table or as JSON.
 ///
 /// # Errors
-/// What is above its limit, or failed.
-pub fn report() -> Result<(), String> {
-    let every = sections(&read(&MPS2_AN386.build(&["every-line"])?)?, RAM)?.text;
-    let contents = Contents::of(&MPS2_AN386, RAM)?;
-    let Contents { path, sections: Sections { text, data, bss }, panics } = &contents;
-    let figures = play(path, Clock::Instructions)?;
+/// Every figure above its limit; or a failure of compiler, emulator or bench.
+pub fn report(is_json: bool) -> Result<(), String> {
+    measure(&Bench::build()?, is_json)
+}
 
-    let mean = |all: u64, count: u32| instructions(all as f64 / f64::from(count.max(1)));
-    let worst_period = instructions(figures.worst_period.into());
-    println!("mps2-an386, release, 20 actuators at 120 Hz");
-    println!("text           {text:>7} B of {MAX_TEXT}");
-    println!(
-        "               {every:>7} B with serial lines and 29-bit buses, all actuator protocols in: aim of \
-         {MAX_TEXT} {}",
-        if every <= MAX_TEXT { "reached" } else { "missed" }
-    );
-    println!("data + bss     {:>7} B of {MAX_STATIC_RAM} ({data} + {bss})", data + bss);
-    println!(
-        "deepest stack  {:>7} B, {} B while it started",
-        figures.stack_bytes, figures.start_stack_bytes
-    );
-    let worst_tick = instructions(figures.worst_tick.into());
-    let mean_tick = mean(figures.all_ticks, figures.periods);
-    let verdict = |count: f64| if count <= AIM { "reached" } else { "missed" };
-    println!(
-        "control tick   {mean_tick:>7.0} instructions on average over {}: aim of {AIM} {}",
-        figures.periods,
-        verdict(mean_tick)
-    );
-    println!(
-        "               {worst_tick:>7.0} at worst, of at most {MAX_TICK}: aim {}",
-        verdict(worst_tick)
-    );
-    println!(
-        "control period {:>7.0} instructions on average, {worst_period:.0} at worst, of at most {MAX_PERIOD}: \
-         the tick, 20 feedbacks, 20 setpoints and the link's frames, commands included",
-        mean(figures.all_periods, figures.periods.saturating_sub(1)),
-    );
-    println!("panic paths    {:>7} (one that was planted was found)", panics.len());
+/// The same with a bench.
+pub fn measure(bench: &Bench, is_json: bool) -> Result<(), String> {
+    let every = sections(&read(&MPS2_AN386.build_with("every-line")?)?, RAM)?.text;
+    let replay = MPS2_AN386_REPLAY.build()?;
+    let contents = Contents::read(MPS2_AN386.build()?, &read(&replay)?, RAM)?;
+    let figures = bench.replay(&replay)?;
+    let [mean_tick, worst_tick] =
+        [figures.number("mean_tick_instructions")?, figures.number("worst_tick_instructions")?];
+    let [mean_period, worst_period] =
+        [figures.number("mean_period_instructions")?, figures.number("worst_period_instructions")?];
+    let [stack, start_stack] =
+        [figures.number("stack_bytes")?, figures.number("start_stack_bytes")?];
+    let Contents { sections: Sections { text, data, bss }, panics, .. } = &contents;
+
+    if is_json {
+        let json = json!({
+            "text_bytes": text,
+            "static_ram_bytes": data + bss,
+            "stack_bytes": stack.max(start_stack) as u64,
+            "instructions_per_tick": mean_tick.round() as u64,
+        });
+        println!("{json}");
+    } else {
+        let verdict = |is_reached: bool| if is_reached { "reached" } else { "missed" };
+        println!("mps2-an386, release, 20 actuators at 120 Hz");
+        println!("text           {text:>7} B of {MAX_TEXT}");
+        println!(
+            "               {every:>7} B with serial lines and 29-bit buses, all actuator protocols in: aim \
+             of {MAX_TEXT} {}",
+            verdict(every <= MAX_TEXT)
+        );
+        println!("data + bss     {:>7} B of {MAX_STATIC_RAM} ({data} + {bss})", data + bss);
+        println!("deepest stack  {stack:>7} B, {start_stack} B while it started");
+        println!(
+            "control tick   {mean_tick:>7.0} instructions on average over {}: aim of {AIM} {}",
+            figures.number("periods")?,
+            verdict(mean_tick <= AIM)
+        );
+        println!(
+            "               {worst_tick:>7.0} at worst, of at most {MAX_TICK}: aim {}",
+            verdict(worst_tick <= AIM)
+        );
+        println!(
+            "control period {mean_period:>7.0} instructions on average, {worst_period:.0} at worst, of at most \
+             {MAX_PERIOD}: the tick, 20 feedbacks, 20 setpoints and the link's frames, commands included"
+        );
+        println!("panic paths    {:>7} (those of the replay image were found)", panics.len());
+    }
 
     let mut limits = contents.limits(MAX_TEXT);
     limits.bytes("text with all actuator protocols", every, MAX_TEXT_WITH_EVERY_LINE);

@@ -42,8 +42,8 @@ impl Step for NightlyStep {
     fn check(&self) -> Result<(), String> {
         match self {
             Self::Vcan => vcan::check(Extent::Full),
-            Self::BoardUart => board::run(board::Board::Mps2An386, None),
-            Self::Sizes => board::sizes(),
+            Self::BoardUart => board::demo_over_uart(),
+            Self::Sizes => board::sizes(false),
             Self::Miri => miri::check(Extent::Full),
             Self::Fuzz => fuzz::check(Extent::Full),
             Self::FaultCampaign => {

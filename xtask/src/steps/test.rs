@@ -68,11 +68,7 @@ impl Step for TestStep {
             Self::Build => workspace::programs().map(drop),
             Self::Vcan => vcan::check(Extent::Short),
             Self::NoStd => bare_metal::check(),
-            Self::Board => {
-                board::run(board::Board::NucleoG474re, None)?;
-                board::run(board::Board::Mps2An386Slcan, None)?;
-                board::sizes()
-            }
+            Self::Board => board::check(),
             Self::Fuzz => fuzz::check(Extent::Short),
             Self::Miri => miri::check(Extent::Short),
             Self::Dbc => cantools::check(),

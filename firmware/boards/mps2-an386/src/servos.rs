@@ -1,8 +1,8 @@
 //! Perfect servos of the Rollwalk profile, simulated in the image, because its UART carries the link and no
-//! actuator bus: a joint is where it was told to be and a wheel turns as it was told to, at once and without
-//! torque. Nothing here says anything about a motor.
+//! actuator bus: a joint is at its setpoint and a wheel turns at its setpoint, at once and without torque. This is no
+//! model of a motor.
 
-use crate::robot::CHANNELS;
+use crate::agilebot::CHANNELS;
 use rollwalk_protocol::actuator::{
     ActuatorStatus, Control, Feedback, JointSetpoint, WheelSetpoint,
 };
@@ -15,7 +15,7 @@ pub struct Servos([Servo; CHANNELS.len()]);
 struct Servo {
     bus: u8,
     id: u8,
-    /// What it measures. A wheel's angle stays 0.
+    /// Its measurements. A wheel's angle stays 0.
     feedback: Feedback,
 }
 
@@ -31,49 +31,49 @@ impl Servos {
         }))
     }
 
-    /// What is answered to a frame on a bus.
+    /// The answer to a frame on a bus.
     pub fn answer(&mut self, bus: u8, frame: &CanFrame) -> Option<CanFrame> {
-        let (id, told) = told(frame)?;
+        let (id, command) = command(frame)?;
         let servo = self.0.iter_mut().find(|servo| (servo.bus, servo.id) == (bus, id))?;
-        servo.obey(told);
+        servo.obey(command);
         servo.feedback.counter = servo.feedback.counter.wrapping_add(1);
         servo.feedback.encode(id)
     }
 }
 
-/// What one of them is told.
-enum Told {
+/// Command for one of them.
+enum Command {
     Control(Control),
     Joint(JointSetpoint),
     Wheel(WheelSetpoint),
 }
 
-fn told(frame: &CanFrame) -> Option<(u8, Told)> {
-    let control = || Control::decode(frame).map(|(id, control)| (id, Told::Control(control)));
-    let joint = || JointSetpoint::decode(frame).map(|(id, joint)| (id, Told::Joint(joint)));
-    let wheel = || WheelSetpoint::decode(frame).map(|(id, wheel)| (id, Told::Wheel(wheel)));
+fn command(frame: &CanFrame) -> Option<(u8, Command)> {
+    let control = || Control::decode(frame).map(|(id, control)| (id, Command::Control(control)));
+    let joint = || JointSetpoint::decode(frame).map(|(id, joint)| (id, Command::Joint(joint)));
+    let wheel = || WheelSetpoint::decode(frame).map(|(id, wheel)| (id, Command::Wheel(wheel)));
     control().or_else(joint).or_else(wheel)
 }
 
 impl Servo {
-    fn obey(&mut self, told: Told) {
+    fn obey(&mut self, command: Command) {
         let feedback = &mut self.feedback;
-        match told {
-            Told::Control(Control::Query) => {}
-            Told::Control(control) => {
+        match command {
+            Command::Control(Control::Query) => {}
+            Command::Control(control) => {
                 let enabled = control == Control::Enable;
                 feedback.status = ActuatorStatus(if enabled { ActuatorStatus::ENABLED } else { 0 });
                 feedback.velocity_rad_s = 0.0;
             }
             _ if !feedback.status.enabled() => {}
-            Told::Joint(joint) => {
+            Command::Joint(joint) => {
                 // Without stiffness it is damped: nothing moves it.
                 if joint.kp_nm_rad > 0.0 {
                     feedback.position_rad = joint.position_rad;
                 }
                 feedback.velocity_rad_s = joint.velocity_rad_s;
             }
-            Told::Wheel(wheel) => feedback.velocity_rad_s = wheel.speed_rad_s,
+            Command::Wheel(wheel) => feedback.velocity_rad_s = wheel.speed_rad_s,
         }
     }
 }

@@ -6,11 +6,12 @@
 #![no_std]
 #![no_main]
 
+#[path = "../../agilebot.rs"]
+mod agilebot;
 mod clock;
 mod halt;
 mod line;
 mod registers;
-mod robot;
 mod servos;
 mod store;
 
@@ -30,20 +31,19 @@ static CONTROLLER: StaticCell<Controller<BoardStore>> = StaticCell::new();
 #[entry]
 fn main() -> ! {
     let Some(peripherals) = cortex_m::Peripherals::take() else { halt::halt() };
-    let Some(config) = robot::config() else { halt::halt() };
     let Some(store) = store::mount() else { halt::halt() };
     let settings = Settings::default();
-    let build = || Controller::new(config, store, settings);
+    let build = || Controller::new(agilebot::config(), store, settings);
     let Some(controller) = CONTROLLER.try_init_with(build) else { halt::halt() };
     let Some(line) = Line::new() else { halt::halt() };
     let clock = Clock::start(peripherals.SYST, settings.control_hz);
     let adapter = Adapter::default();
     let mut board = Board { controller, servos: Servos::new(), line, adapter, clock };
     loop {
-        let heard = board.take_in();
+        let received = board.take_in();
         let moved = board.drive();
         board.give_out();
-        if !heard && !moved {
+        if !received && !moved {
             board.rest();
         }
     }
@@ -59,15 +59,15 @@ struct Board {
 }
 
 impl Board {
-    /// What the host says, up to the next end of a line; whether there was any.
+    /// Takes bytes of the host up to the next end of a line; whether there was one.
     fn take_in(&mut self) -> bool {
         if self.line.has_lost() {
             self.adapter.lost();
         }
         while let Some(byte) = self.line.receive() {
-            let Some(heard) = self.adapter.push(byte) else { continue };
-            self.line.send(&heard.answer);
-            if let Some(frame) = heard.frame {
+            let Some(request) = self.adapter.push(byte) else { continue };
+            self.line.send(&request.answer);
+            if let Some(frame) = request.frame {
                 self.controller.on_link_frame(self.clock.now_us(), &frame);
             }
             return true;
@@ -75,15 +75,10 @@ impl Board {
         false
     }
 
-    /// The control period, and a frame for a servo on each bus with its answer; whether there was any.
+    /// Runs the control period, and one frame with its answer on each actuator bus; whether there was either.
     fn drive(&mut self) -> bool {
         let now_us = self.clock.now_us();
         let mut any = false;
-        #[cfg(feature = "planted-panic")]
-        {
-            static WHETHER: [bool; 2] = [false, true];
-            any |= WHETHER[usize::from(now_us as u8)];
-        }
         if self.clock.begun() {
             self.controller.tick(now_us);
             any = true;
@@ -98,8 +93,7 @@ impl Board {
         any
     }
 
-    /// To the host, as long as there is room: what waits for it waits in the controller, where it is replaced
-    /// by what is newer.
+    /// Sends frames to the host while there is room: others wait in the controller, where newer ones replace them.
     fn give_out(&mut self) {
         self.line.work();
         while self.line.is_free()
@@ -111,7 +105,7 @@ impl Board {
         }
     }
 
-    /// Until an interrupt. None is lost between the question and the sleep: one that is pending ends it.
+    /// Sleeps until an interrupt. None is lost between the check and the sleep: a pending one ends it.
     fn rest(&mut self) {
         cortex_m::interrupt::free(|_| {
             if !self.line.is_busy() && !self.clock.is_due() {

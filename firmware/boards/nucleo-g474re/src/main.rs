@@ -7,13 +7,14 @@
 #![no_std]
 #![no_main]
 
+#[path = "../../agilebot.rs"]
+mod agilebot;
 mod can;
 mod chip;
 mod clock;
 mod estop;
 mod fault;
 mod flash;
-mod robot;
 mod serial;
 mod watchdog;
 
@@ -56,11 +57,13 @@ fn main() -> ! {
     let period_us = 1_000_000 / u32::from(settings.control_hz.max(1));
     // A period that was missed is one too many.
     let settings = Settings { overrun_us: period_us * 3 / 2, ..settings };
-    let Some(config) = robot::config() else { fault::halt() };
     let Some((library, parameters)) = flash::parts() else { fault::halt() };
     let Ok(library) = FlashStore::mount(library, TRIAL_BOOTS) else { fault::halt() };
     let Ok(parameters) = FlashParameters::mount(parameters) else { fault::halt() };
-    let build = || Controller::with_parameters(config, Buses::new(), library, parameters, settings);
+    let build = || {
+        let config = agilebot::config();
+        Controller::with_parameters(config, Buses::new(), library, parameters, settings)
+    };
     let Some(controller) = CONTROLLER.try_init_with(build) else { fault::halt() };
 
     let Some(serial) = Serial::new(p.PA3, p.PA2) else { fault::halt() };
@@ -102,15 +105,14 @@ fn main() -> ! {
     board.run()
 }
 
-/// Where the host was heard last: it is answered there.
+/// Where the host's last message came from: it is answered there.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Way {
     Can,
     Serial,
 }
 
-/// Whether a frame is a host's and for us. What others on the link say to one another says nothing of where our
-/// host is.
+/// Whether a frame is a host's and for this controller. Other frames on the link do not show where the host is.
 fn is_from_a_host(node: u8, frame: &CanFrame) -> bool {
     ToController::decode(frame)
         .is_ok_and(|(to, _)| to.number() == node || to == Node::BROADCAST)
@@ -137,7 +139,7 @@ struct Board {
     host: Way,
     contact: Contact,
     light: Output<'static>,
-    /// What the actuators were allowed when it was looked at last.
+    /// Torque at the last check.
     torque: Torque,
     periods: Periods,
     period_us: u64,
@@ -189,7 +191,7 @@ impl Board {
                 self.controller.on_link_frame(now_us, &frame);
             }
             Some(Packet::Message { id, bytes }) => {
-                // Its identifier says whose it is.
+                // Its identifier names sender and receiver.
                 if CanFrame::new(id, &[]).is_some_and(|frame| is_from_a_host(self.node, &frame)) {
                     turn_to(Way::Serial, &mut self.host, &mut self.gateway);
                     self.gateway.receive(id, bytes);
@@ -203,7 +205,7 @@ impl Board {
         }
     }
 
-    /// When torque has just been switched off, what waits on an actuator bus is from before.
+    /// Cancels frames that wait on the actuator buses when torque has just been switched off: they are from before.
     fn watch_torque(&mut self) {
         let torque = self.controller.state().torque();
         if torque == Torque::Off && self.torque != Torque::Off {
@@ -212,7 +214,7 @@ impl Board {
         self.torque = torque;
     }
 
-    /// A control period has begun, after `missed` ones that nobody saw.
+    /// Runs a control period, after `missed` ones that went by unnoticed.
     fn tick(&mut self, now_us: u64, missed: u64) {
         self.report.missed_periods =
             self.report.missed_periods.saturating_add(u32::try_from(missed).unwrap_or(u32::MAX));

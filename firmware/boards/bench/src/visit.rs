@@ -1,30 +1,27 @@
-//! A flashed NUCLEO-G474RE at its serial port: how it is, and a library for it. Torque stays off.
+//! A flashed NUCLEO-G474RE at its serial port: prints its report and transfers a library. Torque stays off.
 
-use super::{MOTIONS, ROBOT, library, out, shown};
-use crate::shell;
 use rollwalk_bus::{port::Live, serial};
 use rollwalk_host::session::Session;
 use rollwalk_protocol::serial::{BusState, Report, Reset};
 use rollwalk_protocol::wire::Node;
 use rollwalk_robot::Robot;
-use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-/// What the firmware sets its port to.
+/// Baud rate of the firmware's port.
 const BAUD: u32 = 1_000_000;
-/// What the firmware calls itself on the link, as `Settings::default` says.
+/// The firmware's address on the link (`Settings::default`).
 const NODE: u8 = 1;
 /// Longest wait for the report.
 const TIMEOUT: Duration = Duration::from_secs(1);
 /// Lowest brown-out reset level that suits a supply of 3.3 V.
 const BROWN_OUT_LEVEL: u8 = 4;
 
-/// Asks the board at `port` how it is and transfers the demo library.
+/// Checks the report of the board at `port` and transfers a library.
 ///
 /// # Errors
-/// What the board says that is not as it should be, or the line does not let through.
-pub fn report(port: &Path) -> Result<(), String> {
+/// A value of the report that is not acceptable, or a failure of the line.
+pub fn run(robot: &Robot, port: &Path, library: &[u8]) -> Result<(), String> {
     let name = port.display();
     let mut link = Live::new(serial::open(port, BAUD).map_err(|error| error.to_string())?);
     let report = link.report(TIMEOUT).map_err(|error| format!("{name}: {error}"))?;
@@ -35,13 +32,10 @@ pub fn report(port: &Path) -> Result<(), String> {
     })?;
     print(&report);
 
-    let text = fs::read_to_string(shell::workspace_root().join(ROBOT))
-        .map_err(|error| format!("{ROBOT}: {error}"))?;
-    let robot = Robot::from_toml(ROBOT, &text).map_err(|error| format!("{ROBOT}: {error}"))?;
-    let config = robot.controller_config().map_err(|error| format!("{ROBOT}: {error}"))?;
+    let config = robot.controller_config().map_err(|error| error.to_string())?;
     if report.config_hash != config.hash() {
         return Err(format!(
-            "the image is for robot {:08x}, {ROBOT} is {:08x}: flash the image again",
+            "the image is for robot {:08x}, not {:08x}: flash the image again",
             report.config_hash,
             config.hash()
         ));
@@ -53,13 +47,11 @@ pub fn report(port: &Path) -> Result<(), String> {
         ));
     }
 
-    let folder = out()?;
-    let library = library(&folder)?;
     let node = Node::new(NODE).ok_or("the firmware's node")?;
     let mut session = Session::connect(link, node).map_err(|error| error.to_string())?;
     println!("connected; {:?}", session.status().map(|status| status.state));
-    session.flash(&library, |_| {}).map_err(|error| error.to_string())?;
-    println!("{MOTIONS} in {}: transferred, checked, taken into use", shown(&folder));
+    session.flash(library, |_| {}).map_err(|error| error.to_string())?;
+    println!("library of {} bytes: transferred, checked, taken into use", library.len());
     Ok(())
 }
 

@@ -1,4 +1,4 @@
-//! What is done with the robot: flash the library, arm, play every motion by its code, return, disarm.
+//! The scenario: flash the library, arm, play every motion by its code there and back, return, disarm.
 
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::library::{Library, NodeId, RATE_HZ, validate};
@@ -17,10 +17,10 @@ struct Motion {
     duration_us: u64,
 }
 
-/// Runs it on a robot that has just been switched on; `say` hears what was done.
+/// Runs the scenario on a robot that has just been switched on; `say` gets a line for each part.
 ///
 /// # Errors
-/// What the controller refused, or where the robot did not get.
+/// The controller's refusal, or the motion that did not begin.
 pub fn run<C: Core>(rig: Rig<C>, library: &[u8], say: impl Fn(&str)) -> Result<Rig<C>, String> {
     let motions = motions(&rig, library)?;
     let node = rig.node();

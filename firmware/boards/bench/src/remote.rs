@@ -1,11 +1,12 @@
-//! A controller on a board at the other end of a serial line, or of what an emulator makes of one.
+//! A controller on a board at the other end of a serial line, or of an emulator's.
 //!
-//! The board answers questions and does nothing by itself (docs: [`rollwalk_protocol::tunnel`]); so
-//! time stands still for it while the host works, and a run is the same every time.
+//! The board answers requests and does nothing by itself ([`rollwalk_protocol::tunnel`]), so its time stands still
+//! while the host works, and every run is the same.
 
-use crate::core::Core;
+use crate::quiet::Quiet;
 use rollwalk_bus::link::LinkError;
-use rollwalk_protocol::tunnel::{Answer, Buses, Deframer, Figures, Hello, Request, Step, Stepped};
+use rollwalk_protocol::tunnel::{Answer, Deframer, Hello, Request, Step, Stepped};
+use rollwalk_sim_host::core::Core;
 use std::io::{Read, Write};
 
 /// A board.
@@ -14,14 +15,11 @@ pub struct Remote<T> {
     deframer: Deframer,
     sequence: u8,
     steps: u64,
-    playing: Option<(u8, u16, f32)>,
-    /// Buses for which it had nothing to send, and cannot have before it is told something.
-    silent: Buses,
+    quiet: Quiet,
 }
 
 impl<T: Read + Write> Remote<T> {
-    /// Asks the board at the other end who it is. A read that takes too long must fail: set a
-    /// timeout.
+    /// Connects to the board at the other end and asks for its identity. The line needs a read timeout.
     ///
     /// # Errors
     /// The line failed, or what answers is no board of this protocol.
@@ -31,22 +29,10 @@ impl<T: Read + Write> Remote<T> {
             deframer: Deframer::default(),
             sequence: 0,
             steps: 0,
-            playing: None,
-            silent: Buses::default(),
+            quiet: Quiet::default(),
         };
         match remote.ask(Request::Hello)? {
             Answer::Hello(hello) => Ok((remote, hello)),
-            other => Err(out_of_turn(&other)),
-        }
-    }
-
-    /// What control periods cost the board so far, and its stack.
-    ///
-    /// # Errors
-    /// The line failed, or the board answers something else.
-    pub fn figures(&mut self) -> Result<Figures, LinkError> {
-        match self.ask(Request::Figures)? {
-            Answer::Figures(figures) => Ok(figures),
             other => Err(out_of_turn(&other)),
         }
     }
@@ -84,31 +70,19 @@ impl<T: Read + Write> Remote<T> {
 
 impl<T: Read + Write> Core for Remote<T> {
     fn step(&mut self, step: Step) -> Result<Stepped, LinkError> {
-        // Whether a bus has something to send changes when something happens, not while it waits.
-        if step.input.is_none() && step.free.without(self.silent).is_empty() {
-            return Ok(Stepped { playing: self.playing, ..Stepped::default() });
+        if let Some(stepped) = self.quiet.answer(&step) {
+            return Ok(stepped);
         }
         let stepped = match self.ask(Request::Step(step))? {
             Answer::Stepped(stepped) => stepped,
             other => return Err(out_of_turn(&other)),
         };
         self.steps += 1;
-        self.playing = stepped.playing;
-        if step.input.is_some() {
-            self.silent = Buses::default();
-        }
-        if step.free.link() && stepped.link.is_none() {
-            self.silent = self.silent.with_link();
-        }
-        for (bus, frame) in (0..).zip(&stepped.actuators) {
-            if step.free.actuator(bus) && frame.is_none() {
-                self.silent = self.silent.with_actuator(bus);
-            }
-        }
+        self.quiet.after(&step, &stepped);
         Ok(stepped)
     }
 }
 
 fn out_of_turn(answer: &Answer) -> LinkError {
-    LinkError::Down(format!("the board answered {answer:?}, which was not asked"))
+    LinkError::Down(format!("the board answered another request: {answer:?}"))
 }

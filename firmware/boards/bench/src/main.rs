@@ -1,0 +1,110 @@
+//! The bench for board images: writes the configuration that they hold, and runs the demo with the controller on a
+//! board and with the same firmware in this process, frame by frame.
+//!
+//! ```text
+//! host session ── simulated buses and motors ── firmware in this process ──> script ──> board's memory: replay
+//!                                            └─ board, over its UART     ──> log, compared with the firmware's
+//! ```
+//!
+//! `cargo xtask` builds the images and calls this program, which needs QEMU for the emulated board.
+
+mod config;
+mod emulator;
+mod quiet;
+mod remote;
+mod replay;
+mod scenario;
+mod script;
+mod short_library;
+mod uart;
+mod visit;
+
+use clap::{Parser, Subcommand};
+use rollwalk_robot::Robot;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Compares board images with the simulation.
+#[derive(Parser)]
+#[command(name = "rollwalk-board-bench")]
+struct Cli {
+    /// The robot that the images are built for.
+    #[arg(long, default_value = "robots/agilebot.toml", global = true)]
+    robot: PathBuf,
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Print the robot's controller configuration as the Rust module that the images include.
+    Config,
+    /// Replay a library's scenario from the emulated board's memory; print what it cost as JSON.
+    Replay {
+        /// Image with the replay.
+        image: PathBuf,
+        /// Library to flash and play.
+        library: PathBuf,
+        /// Folder for the script.
+        #[arg(long)]
+        out: PathBuf,
+    },
+    /// Run a scenario on the emulated board over its UART and compare the logs of all buses.
+    Uart {
+        /// Image that answers over the UART.
+        image: PathBuf,
+        /// Library to flash and play; without one, a short motion made for this.
+        #[arg(long)]
+        library: Option<PathBuf>,
+        /// Folder for the logs.
+        #[arg(long)]
+        out: PathBuf,
+    },
+    /// Print the report of a board at a serial port and transfer a library; torque stays off.
+    Visit {
+        /// Serial port.
+        port: PathBuf,
+        /// Library to transfer.
+        library: PathBuf,
+    },
+}
+
+fn main() -> ExitCode {
+    match run(&Cli::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("{failure}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(cli: &Cli) -> Result<(), String> {
+    let name = cli.robot.display().to_string();
+    let text = String::from_utf8_lossy(&read(&cli.robot)?).into_owned();
+    let robot = Robot::from_toml(&name, &text).map_err(|error| format!("{name}: {error}"))?;
+    match &cli.task {
+        Task::Config => config::module(&name, &robot).map(|module| print!("{module}")),
+        Task::Replay { image, library, out } => replay::run(&robot, image, &read(library)?, out),
+        Task::Uart { image, library, out } => {
+            let library = match library {
+                Some(path) => read(path)?,
+                None => short_library::encoded(&robot)?,
+            };
+            uart::run(&robot, image, &library, out)
+        }
+        Task::Visit { port, library } => visit::run(&robot, port, &read(library)?),
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, String> {
+    fs::read(path).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    let written = path.parent().map_or(Ok(()), fs::create_dir_all);
+    written
+        .and_then(|()| fs::write(path, bytes))
+        .map_err(|error| format!("{}: {error}", path.display()))
+}

@@ -1,0 +1,126 @@
+//! Replay: the scenario's script in the emulated board's memory, every answer compared there with the firmware's in
+//! this process.
+
+use crate::script::{Recording, Script};
+use crate::{emulator, scenario, write};
+use rollwalk_firmware::Settings;
+use rollwalk_protocol::tunnel::{Answer, Deframer, Figures, Hello, Stepped};
+use rollwalk_robot::Robot;
+use rollwalk_sim_host::core::Local;
+use rollwalk_sim_host::rig::Rig;
+use serde_json::json;
+use std::path::Path;
+use std::time::Instant;
+
+/// Result of a replay.
+struct Replayed {
+    /// Identity of the image, with the steps that it made: up to the first wrong answer, that one included.
+    hello: Hello,
+    figures: Figures,
+    /// The wrong answer.
+    wrong: Option<Stepped>,
+}
+
+/// Records the scenario, replays it on an image, and prints steps and cost as JSON. Before that a script with a wrong
+/// frame must be found out.
+///
+/// # Errors
+/// The first difference, or what failed.
+pub fn run(robot: &Robot, image: &Path, library: &[u8], out: &Path) -> Result<(), String> {
+    let (script, robot_s) = record(robot, library)?;
+    let frames = script.frames();
+    eprintln!(
+        "recorded {} steps, {frames} frames, {robot_s:.1} s of the robot's time",
+        script.len()
+    );
+
+    let (number, corrupted) = script.corrupted().ok_or("no frame to corrupt in the script")?;
+    let replayed = replay(image, &corrupted, &out.join("corrupted.script"))?;
+    match difference(&corrupted, &replayed) {
+        Some(_) if replayed.hello.steps as usize == number => {}
+        _ => {
+            return Err(format!(
+                "one bit was wrong in step {number} of the script, and the replay ended after step \
+                 {} without finding it",
+                replayed.hello.steps
+            ));
+        }
+    }
+
+    let start = Instant::now();
+    let replayed = replay(image, &script, &out.join("demo.script"))?;
+    let config = robot.controller_config().map_err(|error| error.to_string())?;
+    if replayed.hello.config_hash != config.hash() {
+        let (image, robot) = (replayed.hello.config_hash, config.hash());
+        return Err(format!("the image is for robot {image:08x}, not {robot:08x}"));
+    }
+    if let Some(difference) = difference(&script, &replayed) {
+        return Err(difference);
+    }
+    eprintln!(
+        "replayed in {:.1} s; every answer is the simulation's, byte by byte; a script with one wrong bit \
+         was found out",
+        start.elapsed().as_secs_f64()
+    );
+    let Figures { periods, start_stack_bytes, stack_bytes, .. } = replayed.figures;
+    let figures = replayed.figures;
+    let mean = |all: u64, count: u32| emulator::instructions(all as f64 / f64::from(count.max(1)));
+    println!(
+        "{}",
+        json!({
+            "steps": script.len(),
+            "frames": frames,
+            "robot_s": robot_s,
+            "periods": periods,
+            "mean_tick_instructions": mean(figures.all_ticks, periods),
+            "worst_tick_instructions": emulator::instructions(figures.worst_tick.into()),
+            "mean_period_instructions": mean(figures.all_periods, periods.saturating_sub(1)),
+            "worst_period_instructions": emulator::instructions(figures.worst_period.into()),
+            "start_stack_bytes": start_stack_bytes,
+            "stack_bytes": stack_bytes,
+        })
+    );
+    Ok(())
+}
+
+/// Runs the scenario around the firmware in this process; the script and how long it takes the robot, s.
+fn record(robot: &Robot, library: &[u8]) -> Result<(Script, f64), String> {
+    let config = robot.controller_config().map_err(|error| error.to_string())?;
+    let core = Local::new(config, robot.controller_buses(), Settings::default());
+    let rig = Rig::with_core(robot, Recording::new(core)).map_err(|error| error.to_string())?;
+    let mut rig = scenario::run(rig, library, |_| {})?;
+    let robot_s = rig.now().as_s();
+    Ok((rig.core_mut().script().clone(), robot_s))
+}
+
+fn replay(image: &Path, script: &Script, path: &Path) -> Result<Replayed, String> {
+    write(path, &script.encode()?)?;
+    let said = emulator::replay(image, path)?;
+    let mut deframer = Deframer::default();
+    let (mut hello, mut figures, mut wrong) = (None, None, None);
+    for byte in said {
+        match deframer.push(byte).and_then(Answer::decode) {
+            Some((_, Answer::Hello(answer))) => hello = Some(answer),
+            Some((_, Answer::Figures(answer))) => figures = Some(answer),
+            Some((_, Answer::Stepped(answer))) => wrong = Some(answer),
+            None => {}
+        }
+    }
+    let (Some(hello), Some(figures)) = (hello, figures) else {
+        return Err("the board ended without a report".into());
+    };
+    Ok(Replayed { hello, figures, wrong })
+}
+
+/// The first step in which board and script differ.
+fn difference(script: &Script, replayed: &Replayed) -> Option<String> {
+    let steps = replayed.hello.steps as usize;
+    if let Some(wrong) = replayed.wrong {
+        let expected = script.expected(steps);
+        return Some(format!(
+            "board and simulation differ in step {steps}\n  board:    {wrong:?}\n  expected: {expected:?}"
+        ));
+    }
+    let all = script.len();
+    (steps != all).then(|| format!("the board made {steps} of {all} steps"))
+}

@@ -1,0 +1,102 @@
+//! The controller on the emulated board: makes the steps that it is asked for, and counts their cost.
+
+use crate::agilebot;
+use crate::cost::Cost;
+use crate::stack;
+use crate::store::{self, BoardStore};
+use cortex_m::Peripherals;
+use rollwalk_firmware::{Controller, Settings};
+use rollwalk_protocol::tunnel::{
+    Answer, Figures, Hello, Input, MAX_ACTUATOR_BUSES, Request, Step, Stepped,
+};
+use rollwalk_protocol::wire::State;
+use static_cell::StaticCell;
+
+static CONTROLLER: StaticCell<Controller<BoardStore>> = StaticCell::new();
+
+/// The controller and its cost.
+pub struct Board {
+    controller: &'static mut Controller<BoardStore>,
+    cost: Cost,
+    steps: u32,
+    start_stack_bytes: u32,
+}
+
+impl Board {
+    /// Makes the controller, once, and measures the stack that this takes.
+    pub fn start(peripherals: Peripherals) -> Option<Self> {
+        let store = store::mount()?;
+        let build = || Controller::new(agilebot::config(), store, Settings::default());
+        let controller = CONTROLLER.try_init_with(build)?;
+        let start_stack_bytes = stack::deepest();
+        stack::paint();
+        let cost = Cost::new(peripherals.SYST);
+        Some(Self { controller, cost, steps: 0, start_stack_bytes })
+    }
+
+    /// Answers a request.
+    pub fn answer(&mut self, request: Request) -> Answer {
+        match request {
+            Request::Hello => Answer::Hello(Hello {
+                config_hash: self.controller.config().hash(),
+                steps: self.steps,
+            }),
+            Request::Step(step) => Answer::Stepped(self.step(step)),
+            Request::Figures => {
+                let (start_stack_bytes, stack_bytes) = (self.start_stack_bytes, stack::deepest());
+                let figures = self.cost.figures();
+                Answer::Figures(Figures { start_stack_bytes, stack_bytes, ..figures })
+            }
+        }
+    }
+
+    fn step(&mut self, Step { now_us, input, free }: Step) -> Stepped {
+        let Self { controller, cost, steps, .. } = self;
+        *steps = steps.wrapping_add(1);
+        match input {
+            None => {}
+            // The self test of the first one is no part of a control period either.
+            Some(Input::Tick) if controller.state() == State::Boot => controller.tick(now_us),
+            Some(Input::Tick) => cost.of_tick(|| controller.tick(now_us)),
+            // While it is disarmed a library is checked in here: no part of a control period.
+            Some(Input::Link(frame)) if controller.state() == State::Disarmed => {
+                controller.on_link_frame(now_us, &frame);
+            }
+            Some(Input::Link(frame)) => cost.of(|| controller.on_link_frame(now_us, &frame)),
+            Some(Input::Actuator(bus, frame)) => {
+                cost.of(|| controller.on_actuator_frame(now_us, bus, &frame));
+            }
+        }
+        let mut stepped = Stepped::default();
+        if free.link() {
+            stepped.link = cost.of(|| controller.poll_link(now_us));
+        }
+        for (bus, slot) in (0..MAX_ACTUATOR_BUSES).zip(&mut stepped.actuators) {
+            if free.actuator(bus) {
+                *slot = cost.of(|| controller.poll_actuator(bus));
+            }
+        }
+        stepped.playing = controller.playing().map(|p| (p.clip.0, p.frame, p.phase));
+        #[cfg(feature = "every-line")]
+        every_line(controller, now_us, input);
+        stepped
+    }
+}
+
+/// Serves serial lines and buses with 29-bit identifiers, as a board that has them would: `cargo xtask sizes` counts
+/// their code.
+#[cfg(feature = "every-line")]
+fn every_line(controller: &mut Controller<BoardStore>, now_us: u64, input: Option<Input>) {
+    use core::hint::black_box;
+    use rollwalk_protocol::can::ExtendedFrame;
+    if let Some(Input::Actuator(bus, frame)) = input {
+        controller.on_serial(now_us, bus, frame.data());
+        if let Some(frame) = ExtendedFrame::new(frame.id().into(), frame.data()) {
+            controller.on_extended_frame(now_us, bus, &frame);
+        }
+    }
+    for bus in 0..MAX_ACTUATOR_BUSES {
+        black_box(controller.poll_serial(bus));
+        black_box(controller.poll_extended(bus));
+    }
+}

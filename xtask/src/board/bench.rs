@@ -1,0 +1,99 @@
+//! The bench around a board (`firmware/boards/bench`), a program of the workspace: builds it, runs it, and hands it
+//! images and the demo's library.
+
+use super::shown;
+use crate::workspace::{self, Program};
+use crate::{debian, shell};
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const MOTIONS: &str = "motions/agilebot_library.toml";
+const QEMU: &str = "qemu-system-arm";
+
+/// Cost of the demo on the emulated board.
+pub struct Figures(Value);
+
+impl Figures {
+    /// A number of the bench's report.
+    ///
+    /// # Errors
+    /// The report lacks it.
+    pub fn number(&self, name: &str) -> Result<f64, String> {
+        self.0[name].as_f64().ok_or_else(|| format!("the bench reports no {name}"))
+    }
+}
+
+/// The bench with what it needs.
+pub struct Bench {
+    program: PathBuf,
+    /// The demo's library.
+    library: PathBuf,
+    /// Output directory.
+    out: PathBuf,
+}
+
+impl Bench {
+    /// Builds the bench, and the demo's library with the command line.
+    ///
+    /// # Errors
+    /// The compiler's verdict, or a motion without a plan.
+    pub fn build() -> Result<Self, String> {
+        let out = shell::target_folder().join("board");
+        fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", shown(&out)))?;
+        let programs = workspace::programs()?;
+        let find = |folder, name| workspace::find(&programs, folder, name, false).cloned();
+        let Program { path: program, .. } = find("firmware/boards/bench", "rollwalk-board-bench")?;
+        let Program { path: rollwalk, .. } = find("tests", "rollwalk-under-test")?;
+        let library = out.join("agilebot.rwl");
+        let mut build = shell::command(&rollwalk.to_string_lossy(), &["library", "build", MOTIONS]);
+        shell::output(build.arg("-o").arg(&library))?;
+        Ok(Self { program, library, out })
+    }
+
+    /// Replays the demo from the memory of the emulated board.
+    ///
+    /// # Errors
+    /// The first difference from the simulation, or a failure of the bench.
+    pub fn replay(&self, image: &Path) -> Result<Figures, String> {
+        need_qemu()?;
+        let mut replay = self.command("replay");
+        replay.arg(image).arg(&self.library).arg("--out").arg(&self.out);
+        let report = shell::output(replay.stderr(std::process::Stdio::inherit()))?;
+        serde_json::from_str(&report).map(Figures).map_err(|error| format!("the bench: {error}"))
+    }
+
+    /// Runs a short scenario on the emulated board over its UART, or the whole demo.
+    ///
+    /// # Errors
+    /// The first difference from the simulation, or a failure of the bench.
+    pub fn uart(&self, image: &Path, is_whole: bool) -> Result<(), String> {
+        need_qemu()?;
+        let mut uart = self.command("uart");
+        uart.arg(image).arg("--out").arg(&self.out);
+        if is_whole {
+            uart.arg("--library").arg(&self.library);
+        }
+        shell::run(&mut uart)
+    }
+
+    /// Prints the report of a NUCLEO-G474RE at a serial port and transfers the demo's library.
+    ///
+    /// # Errors
+    /// A report that is not acceptable, or a failure of the line.
+    pub fn visit(&self, port: &Path) -> Result<(), String> {
+        shell::run(self.command("visit").arg(port).arg(&self.library))
+    }
+
+    fn command(&self, task: &str) -> std::process::Command {
+        shell::command(&self.program.to_string_lossy(), &[task])
+    }
+}
+
+fn need_qemu() -> Result<(), String> {
+    if shell::succeeds(&mut shell::command(QEMU, &["--version"])) {
+        return Ok(());
+    }
+    debian::need(&[QEMU])
+        .map_err(|install| format!("the board runs in QEMU. On Debian:\n\n    {install}"))
+}
