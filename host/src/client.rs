@@ -1,8 +1,8 @@
-//! The host's side of the link without bus or clock: frames and the time go in, frames come out.
+//! The host's end of the link without bus or clock: frames and the time go in, frames come out.
 //!
 //! Keeps the heartbeat going, follows the controller's clock and state, numbers commands, repeats an
-//! emergency stop until it is acknowledged, and carries transport messages. What is to be done in
-//! which order is [`crate::session`]'s business.
+//! emergency stop until it is acknowledged, and carries transport messages. [`crate::session`] and
+//! [`crate::operator`] decide what to send.
 
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::isotp::{self, IsoTpError, Output, SendError, Timing};
@@ -15,53 +15,53 @@ use rollwalk_protocol::wire::{
     ParameterRequest, Status,
 };
 
-/// How long a command stays valid, ms: covers its repetitions, not the operator's next idea.
+/// Validity of a command, ms: covers its repetitions.
 pub const COMMAND_LIFE_MS: u16 = 500;
 const _: () = assert!(COMMAND_LIFE_MS <= MOST_VALID_MS);
-/// The same, µs.
+/// Validity of a command, µs.
 pub(crate) const COMMAND_LIFE_US: u64 = COMMAND_LIFE_MS as u64 * 1000;
-/// Longest wait for the answer to a command before it is repeated, µs.
+/// Retransmission interval of an unanswered command, µs.
 pub(crate) const ACK_TIMEOUT_US: u64 = 60_000;
-/// A host that does not know where another stopped counting needs at most so many numbers until one counts as new.
+/// Most sequence numbers until one counts as new, for a host that does not know the last one.
 pub(crate) const SEQUENCE_TRIES: u32 = 9;
-/// An emergency stop goes out so often in quick succession, ...
+/// Number of emergency stops in the first burst.
 const ESTOP_BURST: u32 = 5;
-/// ... so far apart, µs, ...
+/// Interval of emergency stops in the burst, µs.
 const ESTOP_BURST_PERIOD_US: u64 = 5_000;
-/// ... and then every so often until it is acknowledged, µs.
+/// Interval of emergency stops after the burst until one is acknowledged, µs.
 const ESTOP_PERIOD_US: u64 = 100_000;
-/// While a transport message is on its way its timers are looked at so often, µs.
+/// Poll interval of the transport while a message is in flight, µs.
 const TRANSPORT_POLL_US: u64 = 1_000;
 
-/// What came from the controller.
+/// A message of the controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Incoming {
-    /// How it is.
+    /// Status.
     Status(Status),
-    /// A fault in detail.
+    /// Fault report.
     Fault(FaultReport),
     /// The answer to a command.
     Ack(CommandAck),
-    /// What became of a request about parameters.
+    /// The answer to a parameter request.
     Parameter(ParameterAck),
-    /// It has stopped.
+    /// The acknowledgement of an emergency stop.
     EstopAck(EstopAck),
-    /// It has answered a heartbeat, of a visitor's that of a host: it is there and its clock is known.
+    /// The answer to a heartbeat, for a visitor to that of a host: the controller's clock is known.
     Alive,
     /// The answer to a transport request.
     Response(Response),
     /// A transport message failed in either direction.
     TransportFailed(IsoTpError),
-    /// What a joint or wheel does.
+    /// Telemetry of a joint or wheel.
     Joint(JointTelemetry),
 }
 
-/// What the client wants to happen.
+/// An output of the client.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outgoing {
     /// Send this frame.
     Frame(CanFrame),
-    /// Know that a transport message failed because time ran out.
+    /// A transport message timed out.
     TransportFailed(IsoTpError),
 }
 

@@ -60,9 +60,9 @@ pub fn fault_report(fault: Fault, channel: Option<String>, value: Option<f32>) -
 /// Channel and value of a fault report in parentheses; empty without both.
 pub fn report_details(fault: Fault, channel: Option<String>, value: Option<f32>) -> String {
     let value = fault.description().value.zip(value).map(|(quantity, value)| match quantity {
-        Quantity::RadiansUnless(_, otherwise) if value < 0.0 => otherwise.to_owned(),
-        Quantity::Seconds(what) | Quantity::Radians(what) | Quantity::RadiansUnless(what, _) => {
-            format!("{value:.3} {} {what}", quantity.unit())
+        Quantity::MeasuredUnless(_, _, otherwise) if value < 0.0 => otherwise.to_owned(),
+        Quantity::Measured(unit, what) | Quantity::MeasuredUnless(unit, what, _) => {
+            format!("{value:.3} {unit} {what}")
         }
         Quantity::Number(what) => format!("{what} {value}"),
         Quantity::Flags(what) => format!("{what} {:#04x}", value as u8),

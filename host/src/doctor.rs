@@ -1,6 +1,6 @@
-//! What is wrong with a robot, and how to clear it: from what was heard on the link and what the controller says.
+//! Diagnosis of a robot, and how to clear its faults: from the traffic on the link and the controller's answers.
 //!
-//! A pure function of [`Findings`]: whoever has a bus collects them.
+//! A pure function of [`Findings`], which the caller collects from a bus.
 
 use crate::catalog::{Catalog, channel_name};
 use crate::describe::{event_sentence, fault_report, report_details, state_name};
@@ -9,31 +9,31 @@ use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::transport::Hello;
 use rollwalk_protocol::wire::{
-    FaultReport, FromController, JointTelemetry, LogEntry, State, Status,
+    FaultReport, FromController, JointTelemetry, LogEntry, State, Status, Torque,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// Share of the bus above which frames come late, percent.
+/// Bus load above which frames come late, percent.
 const FULL_PERCENT: f64 = 70.0;
 
-/// What was heard on the link for a while.
+/// Traffic on the link over a span of time.
 #[derive(Clone, Debug, Default)]
-pub struct Heard {
+pub struct Traffic {
     /// Frames and bits by identifier.
     pub by_id: BTreeMap<u16, (u64, u64)>,
-    /// The last of each.
+    /// Last status.
     pub status: Option<Status>,
-    /// Faults in detail, by fault.
+    /// Last report of each fault, by code.
     pub faults: BTreeMap<u8, FaultReport>,
-    /// What each channel measures.
+    /// Last telemetry of each channel.
     pub joints: BTreeMap<u8, JointTelemetry>,
-    /// How long it was, µs.
+    /// The span, µs.
     pub span_us: u64,
 }
 
-impl Heard {
-    /// Takes note of a frame of the link to controller `node`.
+impl Traffic {
+    /// Takes a frame of the link to controller `node`.
     pub fn take(&mut self, node: u8, frame: &CanFrame) {
         let (frames, bits) = self.by_id.entry(frame.id()).or_default();
         *frames += 1;
@@ -53,38 +53,38 @@ impl Heard {
         }
     }
 
-    /// Share of the bus that was used, percent.
+    /// Bus load, percent.
     pub fn load_percent(&self, bitrate: u32) -> f64 {
         let bits: u64 = self.by_id.values().map(|(_, bits)| bits).sum();
         100.0 * bits as f64 / (f64::from(bitrate) * self.span_us.max(1) as f64 * 1e-6)
     }
 }
 
-/// All that is known.
+/// Input of a diagnosis.
 pub struct Findings<'a> {
-    /// What was heard.
-    pub heard: &'a Heard,
-    /// Somebody is the controller's host: [`Overheard::has_host`](crate::overhear::Overheard::has_host).
+    /// Traffic on the link.
+    pub heard: &'a Traffic,
+    /// Whether the controller has a host: [`Overheard::has_host`](crate::overhear::Overheard::has_host).
     pub has_host: bool,
-    /// Who the controller is; `None` when it does not answer.
+    /// The controller's identity; `None` when it does not answer.
     pub hello: Option<&'a Hello>,
-    /// It was not asked, because another program is in the middle of a transfer with it.
+    /// Whether another program is in the middle of a transfer with the controller, which was therefore not asked.
     pub transferring: bool,
-    /// What it remembers.
+    /// The controller's log.
     pub history: Option<&'a History>,
-    /// What the bus says of itself.
+    /// Diagnosis of the bus adapter.
     pub complaint: Option<&'a str>,
     /// Bitrate of the link, bit/s.
     pub bitrate: u32,
-    /// Hash of the configuration that the robot must have.
+    /// Hash of the configuration in the robot file.
     pub expected_config: Option<u32>,
-    /// Names.
+    /// Names of motions and channels.
     pub catalog: Option<&'a Catalog>,
-    /// How commands name the bus.
+    /// The bus as written on the command line.
     pub bus: &'a str,
 }
 
-/// How bad something is.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Gravity {
@@ -99,16 +99,16 @@ pub enum Gravity {
 /// A finding: a sentence, and what to do about it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// How bad it is.
+    /// Severity.
     pub gravity: Gravity,
-    /// What it is.
+    /// Finding.
     pub what: String,
-    /// What to do or to type; empty when nothing is to be done.
+    /// Remedy or command to type; empty without.
     pub help: String,
 }
 
 impl Findings<'_> {
-    /// Everything worth saying, in the order in which to look at it.
+    /// All findings, in the order in which to look at them.
     pub fn diagnose(&self) -> Vec<Finding> {
         let mut found = Vec::new();
         if let Some(complaint) = self.complaint {
@@ -207,7 +207,7 @@ impl Findings<'_> {
         finding(Gravity::Wrong, format!("fault {code}: {described}"), help)
     }
 
-    /// Channels of which nothing is told: nobody knows where they are.
+    /// Channels without telemetry, whose position is unknown.
     fn silent_channels(&self, hello: &Hello, status: &Status) -> Option<Finding> {
         let silent = (0..hello.channels).filter(|channel| !self.heard.joints.contains_key(channel));
         let silent: Vec<_> = silent.map(|channel| self.channel(channel)).collect();
@@ -239,7 +239,7 @@ impl Findings<'_> {
         Some(finding(Gravity::Note, what, String::new()))
     }
 
-    /// What an entry of the controller's log says beyond its event.
+    /// Channel and value of a log entry.
     pub fn entry_detail(&self, entry: &LogEntry) -> String {
         entry.fault.map_or_else(String::new, |fault| {
             report_details(fault, self.channel_of(entry.channel), Some(entry.value))
@@ -247,11 +247,7 @@ impl Findings<'_> {
     }
 
     fn host(&self, status: &Status) -> Option<Finding> {
-        let armed = matches!(
-            status.state,
-            State::Aligning | State::Ready | State::Playing | State::Paused | State::Returning
-        );
-        (armed && !self.has_host).then(|| {
+        (status.state.torque() == Torque::Driven && !self.has_host).then(|| {
             let what = "no host holds the robot: it will return to SAFE and let itself down";
             finding(Gravity::Wrong, what.into(), "rollwalk console keeps it armed".into())
         })
@@ -305,9 +301,9 @@ mod tests {
         }
     }
 
-    fn heard(state: State, faults: FaultBits, joints: u8) -> Heard {
+    fn heard(state: State, faults: FaultBits, joints: u8) -> Traffic {
         let node = Node::new(1).unwrap();
-        let mut heard = Heard { span_us: 1_000_000, ..Heard::default() };
+        let mut heard = Traffic { span_us: 1_000_000, ..Traffic::default() };
         let severity = Severity::None;
         let status =
             Status { state, severity, faults, clip: None, frame: 0, counter: 0, library: 5 };
@@ -325,7 +321,7 @@ mod tests {
         heard
     }
 
-    fn findings<'a>(heard: &'a Heard, hello: Option<&'a Hello>) -> Findings<'a> {
+    fn findings<'a>(heard: &'a Traffic, hello: Option<&'a Hello>) -> Findings<'a> {
         Findings {
             heard,
             has_host: false,
@@ -340,7 +336,7 @@ mod tests {
         }
     }
 
-    fn diagnose(heard: &Heard, hello: Option<&Hello>) -> String {
+    fn diagnose(heard: &Traffic, hello: Option<&Hello>) -> String {
         text(&findings(heard, hello))
     }
 
@@ -383,7 +379,7 @@ mod tests {
         assert!(text.contains("not channel 1 tells its position"), "{text}");
         let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 0), Some(&hello()));
         assert!(text.contains("no actuator tells its position"), "{text}");
-        let text = diagnose(&Heard::default(), None);
+        let text = diagnose(&Traffic::default(), None);
         assert!(text.contains("nothing on the bus at all"), "{text}");
     }
 

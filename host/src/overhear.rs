@@ -1,4 +1,4 @@
-//! What others say on the link to a controller, so that whoever comes later does not disturb them.
+//! Listening before talking: detects another host and transport messages of others on the link.
 //!
 //! Two nodes that send different data under one identifier destroy each other's frames (docs/wire-format.md), and a
 //! second host's heartbeats keep a robot going whose own host has died. So a program that may not be alone listens
@@ -8,15 +8,15 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::wire::{FromController, HOST_TIMEOUT_MS, Node, ToController};
 
-/// So long a host is listened for, µs: longer than a controller waits for a heartbeat. A robot whose host has just
-/// died has noticed by then, and heartbeats of ours hide nothing from it.
+/// Time to listen for another host, µs: longer than the heartbeat timeout, so that a robot whose host has just died
+/// has noticed before our heartbeats begin.
 const HOST_US: u64 = 1000 * HOST_TIMEOUT_MS as u64 + 50_000;
-/// Longest wait for the end of other programs' transport messages, µs.
+/// Timeout for the end of other programs' transport messages, µs.
 pub const PATIENCE_US: u64 = 5_000_000;
-/// Without a frame for so long no transport message is on its way, µs.
+/// Silence after which no transport message is in flight, µs.
 const PAUSE_US: u64 = 500_000;
 
-/// What was overheard.
+/// Traffic of others with a controller.
 #[derive(Clone, Debug)]
 pub struct Overheard {
     node: Node,
@@ -30,7 +30,7 @@ pub struct Overheard {
 }
 
 impl Overheard {
-    /// Nothing yet, of the controller `node` and its hosts.
+    /// Nothing heard yet of controller `node` and its hosts.
     pub fn new(now_us: u64, node: Node) -> Self {
         Self {
             node,
@@ -42,7 +42,7 @@ impl Overheard {
         }
     }
 
-    /// Takes note of somebody else's frame.
+    /// Takes a frame of another node.
     pub fn take(&mut self, now_us: u64, frame: &CanFrame) {
         match ToController::decode(frame) {
             Ok((to, ToController::Heartbeat(heartbeat)))
@@ -67,7 +67,7 @@ impl Overheard {
         }
     }
 
-    /// Whether somebody else is the controller's host.
+    /// Whether the controller has another host.
     pub fn has_host(&self) -> bool {
         self.has_host
     }
@@ -77,19 +77,18 @@ impl Overheard {
         self.has_controller
     }
 
-    /// Whether a request would disturb nobody's transport message.
+    /// Whether a request would not break off a transport message.
     pub fn may_ask(&self, now_us: u64) -> bool {
         now_us >= self.pause_us()
     }
 
-    /// When it may be asked if nothing more is heard, µs.
+    /// Earliest instant of a request if nothing more is heard, µs.
     fn pause_us(&self) -> u64 {
         self.transport_us.unwrap_or(self.since_us).saturating_add(PAUSE_US)
     }
 }
 
-/// Listens whether somebody else is the host of `node`. No longer than it takes; if there is none, long enough for a
-/// robot to notice that.
+/// Listens for another host of `node`, until it is heard or a robot without one has noticed that.
 ///
 /// # Errors
 /// The bus is gone.
@@ -98,7 +97,7 @@ pub fn host(bus: &mut impl LinkBus, node: Node) -> Result<Overheard, LinkError> 
     listen(bus, overheard, HOST_US, |overheard, _| overheard.has_host())
 }
 
-/// Goes on listening until nobody's transport message is on its way, for so long at most.
+/// Listens until no transport message is in flight, or the patience is over.
 ///
 /// # Errors
 /// The bus is gone.

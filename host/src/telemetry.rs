@@ -2,7 +2,7 @@
 //!
 //! | topic | schema | when |
 //! |---|---|---|
-//! | `/joint_states` | `foxglove.JointStates` | when every channel has been told once more |
+//! | `/joint_states` | `foxglove.JointStates` | when every channel has reported once more |
 //! | `/planned_joint_states` | `foxglove.JointStates` | at every status while a known library is played |
 //! | `/status`, `/fault`, `/command`, `/command_ack` | the message of that name | with it |
 //!
@@ -15,13 +15,13 @@ use mcap::{McapResult, WriteOptions, Writer};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::library::{ClipCursor, ClipId, Library};
-use rollwalk_protocol::wire::{FromController, JointTelemetry, Node, State, Status};
+use rollwalk_protocol::wire::{FromController, JointTelemetry, Node, State, Status, Torque};
 use serde::Serialize;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
-/// What is known of the robot beyond the link.
+/// Knowledge of the robot beyond the link.
 pub struct Known<'a> {
     /// Names of its channels.
     pub catalog: &'a Catalog,
@@ -29,8 +29,8 @@ pub struct Known<'a> {
     pub library: Option<(Library<'a>, &'a RobotConfig)>,
 }
 
-/// Messages that are written as they are told.
-const AS_TOLD: [&str; 4] = ["status", "fault", "command", "command_ack"];
+/// Messages that are written as decoded.
+const DECODED: [&str; 4] = ["status", "fault", "command", "command_ack"];
 
 /// A telemetry file that is being written.
 pub struct Telemetry<'a, W: Write + Seek> {
@@ -41,7 +41,7 @@ pub struct Telemetry<'a, W: Write + Seek> {
     planned_topic: u16,
     topics: BTreeMap<&'static str, u16>,
     sequence: u32,
-    /// What was told last of each channel.
+    /// Last telemetry of each channel.
     measured: BTreeMap<u8, JointTelemetry>,
     last_channel: Option<u8>,
 }
@@ -85,7 +85,7 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
         let measured_topic = writer.add_channel(states, "/joint_states", "json", &none)?;
         let planned_topic = writer.add_channel(states, "/planned_joint_states", "json", &none)?;
         let mut topics = BTreeMap::new();
-        for message in AS_TOLD {
+        for message in DECODED {
             let schema = json!({ "type": "object", "title": message }).to_string();
             let schema = writer.add_schema(
                 &format!("rollwalk.{message}"),
@@ -112,7 +112,7 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
         })
     }
 
-    /// Takes note of a frame of the link, heard at `at_us` microseconds since 1970.
+    /// Takes a frame of the link, received at `at_us` microseconds since 1970.
     ///
     /// # Errors
     /// What the file says.
@@ -160,10 +160,7 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
     }
 
     fn on_status(&mut self, at_us: u64, status: &Status) -> McapResult<()> {
-        let plays = matches!(
-            status.state,
-            State::Ready | State::Playing | State::Paused | State::Returning
-        );
+        let plays = status.state != State::Aligning && status.state.torque() == Torque::Driven;
         let (Some(clip), true) = (status.clip, plays) else { return Ok(()) };
         let Some(Known { library: Some((library, config)), .. }) = &self.known else {
             return Ok(());
@@ -171,7 +168,7 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
         let mut values = vec![0.0; library.channel_count()];
         let decoded = ClipCursor::new(library, ClipId(clip), status.frame)
             .and_then(|cursor| cursor.frame_into(library, &mut values));
-        // Another library than that of the controller has no such frame.
+        // Such a frame is missing in a library other than the controller's.
         if decoded.is_err() {
             return Ok(());
         }

@@ -77,12 +77,10 @@ pub struct Description {
 /// Meaning of the value in a fault report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
-    /// Seconds, and since when.
-    Seconds(&'static str),
-    /// Radians, and from where.
-    Radians(&'static str),
-    /// Radians, and from where; a negative value has this meaning instead.
-    RadiansUnless(&'static str, &'static str),
+    /// A quantity with this unit, in ASCII, and what it is.
+    Measured(&'static str, &'static str),
+    /// As [`Measured`](Self::Measured); a negative value has the last meaning instead.
+    MeasuredUnless(&'static str, &'static str, &'static str),
     /// Number of something.
     Number(&'static str),
     /// Byte of flags.
@@ -90,11 +88,10 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// Unit of the value, in ASCII; empty for numbers and flags.
+    /// Unit of the value; empty for numbers and flags.
     pub const fn unit(self) -> &'static str {
         match self {
-            Self::Seconds(_) => "s",
-            Self::Radians(_) | Self::RadiansUnless(..) => "rad",
+            Self::Measured(unit, _) | Self::MeasuredUnless(unit, ..) => unit,
             Self::Number(_) | Self::Flags(_) => "",
         }
     }
@@ -155,21 +152,23 @@ impl Fault {
             }
         };
         let (channel, value) = match self {
-            Self::HostLost => ("", Some(Quantity::Seconds("since the last heartbeat"))),
+            Self::HostLost => ("", Some(Quantity::Measured("s", "since the last heartbeat"))),
             Self::ActuatorSilent => {
-                ("longest silent", Some(Quantity::Seconds("since its last feedback")))
+                ("longest silent", Some(Quantity::Measured("s", "since its last feedback")))
             }
             Self::ActuatorFault => ("first with a fault", Some(Quantity::Flags("status byte"))),
             Self::TrackingError => {
-                ("furthest from its setpoint", Some(Quantity::Radians("from its setpoint")))
+                ("furthest from its setpoint", Some(Quantity::Measured("rad", "from its setpoint")))
             }
-            Self::OutOfLimits => ("first outside its limits", Some(Quantity::Radians("measured"))),
+            Self::OutOfLimits => {
+                ("first outside its limits", Some(Quantity::Measured("rad", "measured")))
+            }
             Self::Tilt => {
                 let tilt = "beyond the tilt of its motion";
-                ("", Some(Quantity::RadiansUnless(tilt, "the IMU is silent")))
+                ("", Some(Quantity::MeasuredUnless("rad", tilt, "the IMU is silent")))
             }
             Self::BusNoAck | Self::BusPassive | Self::BusOff => ("", Some(Quantity::Number("bus"))),
-            Self::Overrun => ("", Some(Quantity::Seconds("from one tick to the next"))),
+            Self::Overrun => ("", Some(Quantity::Measured("s", "from one tick to the next"))),
             Self::NoLibrary
             | Self::ConfigMismatch
             | Self::EStop

@@ -9,7 +9,7 @@ use miette::miette;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::decode::decode;
 use rollwalk_host::describe::{event_sentence, state_name};
-use rollwalk_host::doctor::{Finding, Findings, Gravity, Heard};
+use rollwalk_host::doctor::{Finding, Findings, Gravity, Traffic};
 use rollwalk_host::overhear::{self, Overheard};
 use rollwalk_host::session::{History, Session};
 use rollwalk_protocol::can::CanFrame;
@@ -117,22 +117,22 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     Ok(if wrong { Exit::NotDone } else { Exit::Ok })
 }
 
-/// What is on the bus, one frame of each identifier, and what others say to the controller.
+/// Listens to the bus: its traffic, one frame of each identifier, and other hosts of the controller.
 fn listen(
     args: &Args,
     bus: &mut Interruptible,
-) -> miette::Result<(Heard, Vec<CanFrame>, Overheard)> {
+) -> miette::Result<(Traffic, Vec<CanFrame>, Overheard)> {
     output::say(format_args!("listening to {} for {} s", args.link.bus, LISTEN_US / 1_000_000));
     let (start_us, node) = (bus.now_us(), args.link.node.number());
-    let (mut heard, mut samples) = (Heard::default(), Vec::<CanFrame>::new());
+    let (mut traffic, mut samples) = (Traffic::default(), Vec::<CanFrame>::new());
     let mut overheard = Overheard::new(start_us, args.link.node);
     loop {
         match bus.receive(start_us + LISTEN_US) {
             Ok(Some(frame)) => {
-                if !heard.by_id.contains_key(&frame.id()) {
+                if !traffic.by_id.contains_key(&frame.id()) {
                     samples.push(frame);
                 }
-                heard.take(node, &frame);
+                traffic.take(node, &frame);
                 overheard.take(bus.now_us(), &frame);
             }
             Ok(None) => break,
@@ -140,17 +140,17 @@ fn listen(
             Err(error) => return Err(miette!("{error}")),
         }
     }
-    heard.span_us = bus.now_us() - start_us;
-    Ok((heard, samples, overheard))
+    traffic.span_us = bus.now_us() - start_us;
+    Ok((traffic, samples, overheard))
 }
 
-/// Whether a question disturbs nobody's transfer; waits a moment for the end of one.
+/// Whether a request would not break off a transfer; waits a moment for the end of one.
 fn may_ask(bus: &mut Interruptible, overheard: Overheard) -> bool {
     overhear::pause(bus, overheard, overhear::PATIENCE_US)
         .is_ok_and(|overheard| overheard.may_ask(bus.now_us()))
 }
 
-/// Who the controller says it is, and what it remembers.
+/// The controller's identity and log.
 fn ask(args: &Args, bus: &mut Interruptible) -> (Option<Hello>, Option<History>) {
     let Ok(mut session) = Session::visit(bus, args.link.node) else { return (None, None) };
     (Some(*session.hello()), session.history().ok())
@@ -159,7 +159,7 @@ fn ask(args: &Args, bus: &mut Interruptible) -> (Option<Hello>, Option<History>)
 fn report(
     findings: &Findings<'_>,
     history: Option<&History>,
-    heard: &Heard,
+    heard: &Traffic,
     samples: &[CanFrame],
     bitrate: u32,
 ) -> Report {

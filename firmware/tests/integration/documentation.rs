@@ -101,11 +101,9 @@ fn faults() -> String {
     let row = |fault: &Fault| {
         let Description { name, channel, value, .. } = fault.description();
         let value = value.map_or(String::new(), |quantity| match quantity {
-            Quantity::Seconds(what) | Quantity::Radians(what) => {
-                format!("{} {what}", quantity.unit())
-            }
-            Quantity::RadiansUnless(what, otherwise) => {
-                format!("{} {what}; negative: {otherwise}", quantity.unit())
+            Quantity::Measured(unit, what) => format!("{unit} {what}"),
+            Quantity::MeasuredUnless(unit, what, otherwise) => {
+                format!("{unit} {what}; negative: {otherwise}")
             }
             Quantity::Number(what) => format!("number of the {what}"),
             Quantity::Flags(what) => what.to_owned(),

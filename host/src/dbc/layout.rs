@@ -130,7 +130,7 @@ impl Layout {
         })
     }
 
-    /// The field before tells which of the others there are.
+    /// Makes the field before the selector of the others.
     pub fn selects(self) -> Self {
         self.last(|signal| signal.presence = Presence::Selector)
     }

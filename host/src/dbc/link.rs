@@ -223,11 +223,9 @@ fn fault_values() -> String {
     let of = |fault: &Fault| {
         let quantity = fault.description().value?;
         let what = match quantity {
-            Quantity::Seconds(what) | Quantity::Radians(what) => {
-                format!("{} {what}", quantity.unit())
-            }
-            Quantity::RadiansUnless(what, negative) => {
-                format!("{} {what}, negative: {negative}", quantity.unit())
+            Quantity::Measured(unit, what) => format!("{unit} {what}"),
+            Quantity::MeasuredUnless(unit, what, negative) => {
+                format!("{unit} {what}, negative: {negative}")
             }
             Quantity::Number(what) | Quantity::Flags(what) => what.to_owned(),
         };

@@ -1,5 +1,5 @@
-//! Every frame of the link and of the Rollwalk servo profile, signal by signal, and what tools for CAN
-//! read of it: a database in the DBC format.
+//! Every frame of the link and of the Rollwalk servo profile, signal by signal, as a table and as a DBC file for
+//! CAN tools.
 //!
 //! | module | is |
 //! |---|---|
@@ -24,7 +24,7 @@ pub use extract::Value;
 use rollwalk_protocol::wire::Node;
 use std::borrow::Cow;
 
-/// What a robot file tells: names instead of numbers.
+/// Names of a robot file for the numbers on the buses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RobotNames {
     /// Of the robot.
@@ -71,7 +71,7 @@ pub enum Coding {
 pub enum Presence {
     /// It is.
     Always,
-    /// It is, and tells which of the others are.
+    /// It is, and selects which of the others are.
     Selector,
     /// When the selector has this value.
     When(u64),
@@ -121,7 +121,7 @@ pub struct Message {
     pub sender: Option<String>,
     /// Node that it is for; `None` for all.
     pub receiver: Option<String>,
-    /// It comes every so often, ms; 0 when it does not.
+    /// Period, ms; 0 of messages without.
     pub period_ms: u16,
     /// What it is for.
     pub comment: &'static str,
@@ -146,7 +146,7 @@ impl Database {
         link::database(link::Controllers::All)
     }
 
-    /// The link with the controller of one robot: telemetry is told by the names of its joints.
+    /// The link with the controller of one robot: telemetry has the names of its joints.
     pub fn link_of(node: Node, names: &RobotNames) -> Self {
         link::database(link::Controllers::One(node, names))
     }

@@ -61,10 +61,10 @@ fn definition(signal: &Signal) -> String {
     )
 }
 
-/// Messages and signals at one address speak for those at all others, which would be told the same.
+/// Comments at the first address only: they are the same at all others.
 fn comments(t: &mut String, database: &Database) {
-    let mut told = BTreeSet::new();
-    for message in database.messages.iter().filter(|message| told.insert(message.schema)) {
+    let mut described = BTreeSet::new();
+    for message in database.messages.iter().filter(|message| described.insert(message.schema)) {
         let _ = writeln!(t, "CM_ BO_ {} \"{}\";", message.id, message.comment);
         for Signal { name, comment, .. } in message.signals.iter().filter(|s| !s.comment.is_empty())
         {

@@ -1,6 +1,6 @@
-//! What an operator can want.
+//! Inputs of an operator.
 
-/// What the operator wants.
+/// An input of the operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Intent {
     /// Torque on, in two steps.
@@ -27,7 +27,7 @@ pub enum Intent {
         /// The speed.
         sixty_fourths: i8,
     },
-    /// The deadman is pressed, let go or gone; before the first of these there is none.
+    /// State of the deadman; before the first there is none.
     Deadman(Deadman),
     /// Go home and leave; a second time leave at once.
     Quit,
@@ -38,11 +38,11 @@ pub enum Intent {
 pub enum Deadman {
     /// It is held.
     Held,
-    /// It is not, or nobody knows.
+    /// It is not, or its state is unknown.
     Released(LetGo),
 }
 
-/// What a robot that moves does when the deadman is let go. One that aligns is always disarmed.
+/// Reaction of a moving robot to a released deadman. One that aligns is always disarmed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LetGo {
     /// It halts where it is.

@@ -1,16 +1,16 @@
-//! What the operator is told, with times: the last of it is kept.
+//! Messages to the operator, with times.
 
 use std::collections::VecDeque;
 
-/// So many messages are kept.
+/// Number of messages kept.
 const KEPT: usize = 200;
 
-/// How much a message matters.
+/// Importance of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weight {
     /// Something went as it should.
     Note,
-    /// A wish was not fulfilled.
+    /// A command was refused.
     Refused,
     /// Something is wrong.
     Warning,
@@ -21,9 +21,9 @@ pub enum Weight {
 pub struct Message {
     /// When, µs.
     pub at_us: u64,
-    /// How much it matters.
+    /// Importance.
     pub weight: Weight,
-    /// What is said.
+    /// The message.
     pub text: String,
 }
 
@@ -32,7 +32,7 @@ pub struct Message {
 pub struct Log(VecDeque<Message>);
 
 impl Log {
-    /// Says something.
+    /// Adds a message.
     pub fn say(&mut self, at_us: u64, weight: Weight, text: impl Into<String>) {
         if self.0.len() == KEPT {
             self.0.pop_front();
@@ -40,7 +40,7 @@ impl Log {
         self.0.push_back(Message { at_us, weight, text: text.into() });
     }
 
-    /// All that is kept, oldest first.
+    /// The messages kept, oldest first.
     pub fn messages(&self) -> &VecDeque<Message> {
         &self.0
     }

@@ -1,19 +1,17 @@
-//! Somebody at a console or gamepad, without either: wishes, frames and the time go in, frames and what to show
-//! come out. Nothing here blocks.
+//! The logic of an operator's console, without terminal, gamepad or bus: intents, frames and the time go in,
+//! frames and a [`View`] come out. Nothing here blocks.
 //!
-//! Keeps the heartbeat going, so whoever polls an [`Operator`] is the robot's host. One command is on its way at
-//! a time, repeated with the same number until it is answered or too old; of several motions that are asked for
-//! the newest counts. What calms the robot does not wait for what moves it, and an emergency stop waits for
-//! nothing.
+//! An [`Operator`] sends heartbeats, so it is the robot's host while it is polled. One command is in flight at a
+//! time, repeated with the same number until it is answered or expires; a newer motion supersedes a waiting one.
+//! Stopping commands pre-empt motion commands, and an emergency stop pre-empts everything.
 //!
-//! Three things bar motion whatever is wished: after an emergency stop, ours or not, both a wish to clear and a
-//! wish to arm; a deadman that is not held; and a controller of another protocol or robot. While the deadman is
-//! not held it is not one order that stops the robot but a condition: as long as the robot says that it moves it
-//! is told not to. And nobody knows whether what is told gets through while nothing is heard: without contact
-//! and without the deadman, or leaving, no heartbeat goes out, and the robot goes home by itself.
+//! Three interlocks bar motion: after an emergency stop, until the operator has cleared and armed; a deadman that
+//! is not held; a controller of another protocol or robot. A released deadman is a condition, not one command: as
+//! long as STATUS reports motion, stopping commands repeat. Without contact no command is known to arrive: then a
+//! released deadman, or leaving, withholds heartbeats, and the robot returns to SAFE by itself.
 
-mod heard;
 mod intent;
+mod link_status;
 mod log;
 mod orders;
 mod rules;
@@ -28,28 +26,28 @@ pub use view::{FaultView, JointView, Leaving, LinkView, View};
 use crate::catalog::Catalog;
 use crate::client::{Client, Incoming, Outgoing};
 use crate::describe;
-use heard::Heard;
+use link_status::LinkStatus;
 use log::Log;
 use orders::{Ended, Order, Orders, Outcome};
 use rollwalk_protocol::can::CanFrame;
 use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_protocol::wire::transport::{Hello, Request, Response};
 use rollwalk_protocol::wire::{
-    CommandAck, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State,
+    CommandAck, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State, Torque,
 };
 use rules::Latch;
 
-/// The controller is asked who it is so often until it says so, µs.
+/// Interval between HELLO requests until the controller answers, µs.
 const HELLO_US: u64 = 500_000;
-/// A robot that moves without the deadman is told to pause so often, µs, ...
+/// Repeat interval of PAUSE while the deadman is released, µs.
 const PAUSE_US: u64 = 100_000;
-/// ... and one that is to go home so often, µs.
+/// Repeat interval of RETURN and DISARM while the deadman is released or the operator leaves, µs.
 const HOME_US: u64 = 1_000_000;
-/// While a loop plays another speed is asked for at most so often, µs.
+/// Least interval between changes of speed while a loop plays, µs.
 const SPEED_US: u64 = 200_000;
-/// Time is looked at so often, µs.
+/// Longest interval between polls, µs.
 const TICK_US: u64 = 20_000;
-/// 64ths of the planned speed that are all of it.
+/// The planned speed in 64ths.
 const FULL_SPEED: i8 = 64;
 
 /// The operator of one controller.
@@ -57,11 +55,11 @@ const FULL_SPEED: i8 = 64;
 pub struct Operator {
     client: Client,
     node: Node,
-    /// Hash of the configuration that the controller must have, if any will not do.
+    /// Required hash of the controller's configuration; `None` accepts any.
     config_hash: Option<u32>,
     catalog: Option<Catalog>,
     orders: Orders,
-    heard: Heard,
+    link: LinkStatus,
     log: Log,
     hello: Option<Hello>,
     ask_hello_us: u64,
@@ -69,23 +67,23 @@ pub struct Operator {
     deadman: Option<Deadman>,
     leaving: Leaving,
     speed_64ths: i8,
-    /// The motion that was asked for last, and at which speed.
+    /// Code and speed of the last accepted motion command.
     asked: Option<(u8, i8)>,
-    /// Nothing is ordered without a wish before this instant, µs.
-    unasked_us: u64,
+    /// Earliest instant of the next automatic command, µs.
+    automatic_us: u64,
     bus_lost: Option<String>,
-    /// What the bus says is wrong with it.
+    /// Diagnosis of the bus adapter.
     complaint: Option<String>,
-    /// The controller speaks another protocol: no heartbeat goes out, no command, only HELLO and the stop.
+    /// The controller speaks another protocol: only HELLO and ESTOP are sent.
     visiting: bool,
-    /// No heartbeat goes out until the controller is heard again.
+    /// Heartbeats are withheld until the controller is heard again.
     silent: bool,
-    /// A frame that the bus did not take.
+    /// A frame that the bus refused.
     unsent: Option<CanFrame>,
 }
 
 impl Operator {
-    /// An operator who has not heard from the controller yet. With `config_hash` only that robot is armed.
+    /// An operator without contact yet. With `config_hash` it arms that robot only.
     pub fn new(node: Node, config_hash: Option<u32>) -> Self {
         Self {
             client: Client::new(node),
@@ -93,7 +91,7 @@ impl Operator {
             config_hash,
             catalog: None,
             orders: Orders::default(),
-            heard: Heard::default(),
+            link: LinkStatus::default(),
             log: Log::default(),
             hello: None,
             ask_hello_us: 0,
@@ -102,7 +100,7 @@ impl Operator {
             leaving: Leaving::No,
             speed_64ths: FULL_SPEED,
             asked: None,
-            unasked_us: 0,
+            automatic_us: 0,
             bus_lost: None,
             complaint: None,
             visiting: false,
@@ -111,32 +109,32 @@ impl Operator {
         }
     }
 
-    /// Names of the controller's library, for messages; which of its motions are loops.
+    /// Sets the catalog of the controller's library: names for messages, and which motions loop.
     pub fn set_catalog(&mut self, catalog: Option<Catalog>) {
         self.catalog = catalog;
     }
 
-    /// Who the controller says it is.
+    /// The controller's identity.
     pub fn hello(&self) -> Option<&Hello> {
         self.hello.as_ref()
     }
 
-    /// Says something to the operator.
+    /// Shows a message to the operator.
     pub fn say(&mut self, now_us: u64, weight: Weight, text: impl Into<String>) {
         self.log.say(now_us, weight, text);
     }
 
-    /// The bus is gone, and why. An emergency stop that is not acknowledged goes out when it is back.
+    /// Handles the loss of the bus. An unacknowledged emergency stop goes out when it is back.
     pub fn on_bus_lost(&mut self, now_us: u64, why: &str) {
         if self.bus_lost.replace(why.to_owned()).is_none() {
             self.log.say(now_us, Weight::Warning, format!("the bus is lost: {why}"));
         }
         self.complaint = None;
-        self.heard.lose_contact();
+        self.link.lose_contact();
         self.forget_orders();
     }
 
-    /// The bus is back.
+    /// Handles the return of the bus.
     pub fn on_bus_back(&mut self, now_us: u64) {
         if self.bus_lost.take().is_some() {
             self.log.say(now_us, Weight::Note, "the bus is back");
@@ -146,9 +144,9 @@ impl Operator {
         self.ask_hello_us = 0;
     }
 
-    /// What is wrong with a bus that is not lost, and what would help; `None` while nothing is known to be.
+    /// Takes a diagnosis of the bus and what would help; `None` for a sound bus.
     pub fn on_complaint(&mut self, now_us: u64, complaint: Option<String>) {
-        // Damaged frames are counted in it.
+        // Counts of damaged frames in it change all the time.
         let kind = |complaint: &Option<String>| {
             complaint.as_deref().map(|text| text.replace(|c: char| c.is_ascii_digit(), ""))
         };
@@ -167,23 +165,23 @@ impl Operator {
     pub fn on_frame(&mut self, now_us: u64, frame: &CanFrame) {
         match self.client.on_frame(now_us, frame) {
             Some(Incoming::Status(status)) => {
-                self.heard.on_status(now_us, status, &mut self.log);
+                self.link.on_status(now_us, status, &mut self.log);
                 if status.state == State::EStopped {
                     self.stopped();
                 }
                 let library = self.hello.and_then(|hello| hello.library);
                 if library.map_or(0, |library| library as u8) != status.library {
-                    // It has another one than it said.
+                    // The library has changed since HELLO.
                     self.hello = None;
                 }
-                // Without a fault it goes on from there to Disarmed.
+                // Without a fault the state goes on to Disarmed.
                 let passing = status.state == State::TorqueOff && status.faults.is_empty();
                 if self.leaving == Leaving::WhenHome && !has_torque(status.state) && !passing {
                     self.leaving = Leaving::Now;
                 }
             }
-            Some(Incoming::Fault(report)) => self.heard.on_fault(now_us, report, &mut self.log),
-            Some(Incoming::Joint(joint)) => self.heard.on_joint(now_us, joint),
+            Some(Incoming::Fault(report)) => self.link.on_fault(now_us, report, &mut self.log),
+            Some(Incoming::Joint(joint)) => self.link.on_joint(now_us, joint),
             Some(Incoming::EstopAck(_)) => {
                 self.stopped();
                 self.log.say(now_us, Weight::Note, "the emergency stop is acknowledged");
@@ -204,25 +202,25 @@ impl Operator {
         }
     }
 
-    /// What to send now; call again until `None`. After a wish or a frame there may be something at once.
+    /// Next frame to send at `now_us`; call until `None`, also after an intent or a frame.
     pub fn poll(&mut self, now_us: u64) -> Option<CanFrame> {
-        self.watch_silence(now_us);
+        self.update_silence(now_us);
         if let Some(frame) = self.unsent.take() {
             return Some(frame);
         }
-        if self.heard.watch(now_us, &mut self.log) {
-            // When it is heard again it may be another one.
+        if self.link.watch(now_us, &mut self.log) {
+            // After a loss of contact another controller may answer.
             self.hello = None;
         }
         if self.bus_lost.is_none() {
             self.ask_hello(now_us);
             if !self.visiting
                 && self.orders.current().is_none()
-                && now_us >= self.unasked_us
-                && let Some((order, again_us)) = self.unasked(now_us)
+                && now_us >= self.automatic_us
+                && let Some((order, again_us)) = self.automatic(now_us)
             {
-                self.unasked_us = now_us + again_us;
-                if order.calms() {
+                self.automatic_us = now_us + again_us;
+                if order.stops() {
                     self.asked = None;
                 }
                 self.orders.give(now_us, order, true, &mut self.client);
@@ -234,27 +232,27 @@ impl Operator {
         loop {
             match self.client.poll(now_us)? {
                 Outgoing::Frame(frame) => return Some(frame),
-                // It is asked again.
+                // HELLO is repeated.
                 Outgoing::TransportFailed(_) => {}
             }
         }
     }
 
-    /// The bus did not take the last frame of [`poll`](Self::poll), which gives it once more unless
-    /// something comes between that calms or stops the robot.
+    /// Returns a frame that the bus refused; [`poll`](Self::poll) gives it once more unless a stopping command
+    /// comes first.
     pub fn not_sent(&mut self, frame: CanFrame) {
         self.unsent = Some(frame);
     }
 
-    /// When [`poll`](Self::poll) has something to do next, at the latest.
+    /// Latest instant of the next [`poll`](Self::poll).
     pub fn next_poll_us(&self, now_us: u64) -> u64 {
         let next_us = self.client.next_poll_us(now_us).min(self.orders.next_us());
         next_us.min(now_us + TICK_US)
     }
 
-    /// What there is to show.
+    /// The state of everything that a console shows.
     pub fn view(&self, now_us: u64) -> View {
-        let status = self.heard.status();
+        let status = self.link.status();
         let advice = match status {
             Some(status) => describe::advice(status.state, status.faults),
             None => "wait: the controller was not heard yet",
@@ -262,15 +260,15 @@ impl Operator {
         View {
             now_us,
             node: self.node.number(),
-            link: self.heard.link(now_us, &self.client),
+            link: self.link.link(now_us, &self.client),
             bus_lost: self.bus_lost.clone(),
             complaint: self.complaint.clone(),
             hello: self.hello,
             stranger: self.stranger(),
             status,
-            faults: self.heard.faults(now_us),
+            faults: self.link.faults(now_us),
             advice,
-            joints: self.heard.joints(now_us),
+            joints: self.link.joints(now_us),
             speed_64ths: self.speed_64ths,
             asked: self.asked,
             asking: self.orders.current().map(|order| order.words(self.catalog.as_ref())),
@@ -281,7 +279,7 @@ impl Operator {
         }
     }
 
-    /// Part of the planned speed that motions are asked for at, in 64ths.
+    /// Commanded speed in 64ths of the planned one.
     pub fn speed_64ths(&self) -> i8 {
         self.speed_64ths
     }
@@ -291,18 +289,18 @@ impl Operator {
         self.leaving
     }
 
-    /// A robot that is to halt, and of which nothing is heard, may not hear us either, or hear nothing but us. It
-    /// halts for certain when it hears no heartbeat. Holding the deadman again does not change that: only a sign
-    /// of life does.
-    fn watch_silence(&mut self, now_us: u64) {
-        if self.heard.in_contact(now_us) {
+    /// Withholds heartbeats from a robot that must stop but is not heard: commands may not reach it, or nothing but
+    /// our frames does. Without heartbeats it stops for certain. Holding the deadman again does not change that,
+    /// only a frame of the controller does.
+    fn update_silence(&mut self, now_us: u64) {
+        if self.link.in_contact(now_us) {
             self.silent = false;
         } else if self.leaving != Leaving::No || matches!(self.deadman, Some(Deadman::Released(_)))
         {
             if !self.silent {
-                // It may be a heartbeat. Afterwards none is made, and what waits then may be a stop.
+                // May be a heartbeat; a frame refused later is none, and may be a stop.
                 self.unsent = None;
-                if self.heard.state().is_some_and(has_torque) {
+                if self.link.state().is_some_and(has_torque) {
                     let text = "no heartbeats any more: an armed robot returns to SAFE by itself";
                     self.log.say(now_us, Weight::Warning, text);
                 }
@@ -313,16 +311,16 @@ impl Operator {
     }
 
     fn ask_hello(&mut self, now_us: u64) {
-        // A board with several ports tells how it is where it was spoken to last: a host that sends no heartbeats
-        // has to say something else to be told.
-        let may_ask = self.silent || self.heard.in_contact(now_us);
+        // A board with several ports sends STATUS to the port of the last frame it received: without heartbeats,
+        // HELLO is that frame.
+        let may_ask = self.silent || self.link.in_contact(now_us);
         if self.hello.is_some() || now_us < self.ask_hello_us || !may_ask {
             return;
         }
         self.ask_hello_us = now_us + HELLO_US;
         self.client.reset_transport();
         let request = Request::Hello { major: PROTOCOL_MAJOR, minor: PROTOCOL_MINOR };
-        // Nothing else is on its way, and what does not get through is asked again.
+        // No other request is in flight, and a lost one is repeated.
         let _ = self.client.request(&request);
     }
 
@@ -345,20 +343,20 @@ impl Operator {
         }
     }
 
-    /// No order is on its way or waits any more, also none that the bus has not taken.
+    /// Drops every command: in flight, waiting, or refused by the bus.
     fn forget_orders(&mut self) {
         self.orders.forget(&mut self.client);
         self.unsent = None;
     }
 
-    /// No order that moves the robot is on its way or waits any more. What the bus has not taken may be one; whatever
-    /// else it is will be made again.
+    /// Drops every command that moves the robot, and the frame that the bus refused: it may be one, and any other is
+    /// made again.
     fn drop_moving(&mut self) {
         self.orders.drop_moving(&mut self.client);
         self.unsent = None;
     }
 
-    /// What has become of an order.
+    /// Reports the outcome of an order.
     fn end(&mut self, now_us: u64, ended: Ended) {
         let Ended { order, outcome, quiet } = ended;
         let words = order.words(self.catalog.as_ref());
@@ -404,12 +402,12 @@ impl Operator {
         words.to_owned()
     }
 
-    /// What is to be ordered without a wish, and after how long again.
-    fn unasked(&self, now_us: u64) -> Option<(Order, u64)> {
-        if !self.heard.in_contact(now_us) {
+    /// Command that the situation calls for without an intent, and the interval after which it repeats, µs.
+    fn automatic(&self, now_us: u64) -> Option<(Order, u64)> {
+        if !self.link.in_contact(now_us) {
             return None;
         }
-        let status = self.heard.status()?;
+        let status = self.link.status()?;
         if self.leaving == Leaving::WhenHome {
             let coming =
                 matches!(status.state, State::Returning | State::Damped | State::TorqueOff);
@@ -425,7 +423,7 @@ impl Operator {
                 _ => None,
             };
         }
-        // A loop changes its speed while it plays; what ends would be played once more.
+        // Only a loop may change its speed while it plays: any other motion would be played once more.
         let (code, speed_64ths) = self.asked?;
         let catalog = self.catalog.as_ref()?;
         let clip = status.clip.map(usize::from)?;
@@ -440,15 +438,5 @@ impl Operator {
 }
 
 fn has_torque(state: State) -> bool {
-    match state {
-        State::Boot | State::SelfTest | State::Disarmed | State::TorqueOff | State::EStopped => {
-            false
-        }
-        State::Aligning
-        | State::Ready
-        | State::Playing
-        | State::Paused
-        | State::Returning
-        | State::Damped => true,
-    }
+    state.torque() != Torque::Off
 }

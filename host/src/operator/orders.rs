@@ -1,14 +1,14 @@
-//! Commands on their way: one at a time, repeated until it is answered or too old; one more may wait.
+//! Command queue: one in flight, repeated until it is answered or expires, and one waiting.
 
 use crate::catalog::Catalog;
 use crate::client::{ACK_TIMEOUT_US, COMMAND_LIFE_US, Client, SEQUENCE_TRIES};
 use crate::refusal::command_refusal;
 use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
 
-/// One that waits is forgotten after so long, µs: nobody expects it any more.
+/// Timeout of a waiting order, µs.
 const WAIT_US: u64 = 1_000_000;
 
-/// What can be ordered.
+/// A command of the operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     Play {
@@ -38,13 +38,13 @@ impl Order {
         }
     }
 
-    /// Whether it makes a robot move that would not.
+    /// Whether it can start motion.
     pub fn moves(self) -> bool {
         matches!(self, Order::Play { .. } | Order::Resume | Order::Arm)
     }
 
-    /// Whether it calms the robot, and so does not wait for an order that moves it.
-    pub fn calms(self) -> bool {
+    /// Whether it stops motion, and so pre-empts commands that start it.
+    pub fn stops(self) -> bool {
         matches!(self, Order::Pause | Order::Return | Order::Disarm)
     }
 
@@ -68,7 +68,7 @@ impl Order {
     }
 }
 
-/// A command on its way.
+/// A command in flight.
 #[derive(Clone, Copy, Debug)]
 struct Flight {
     order: Order,
@@ -81,7 +81,7 @@ struct Flight {
     until_us: u64,
 }
 
-/// An order that waits for the one on its way.
+/// An order waiting for the one in flight.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     order: Order,
@@ -89,16 +89,16 @@ struct Waiting {
     until_us: u64,
 }
 
-/// How an order ended.
+/// An order that is over.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ended {
     pub order: Order,
     pub outcome: Outcome,
-    /// Nobody asked for it, so nobody waits for an answer.
+    /// Sent without an intent: its outcome is not reported.
     pub quiet: bool,
 }
 
-/// What became of an order.
+/// Outcome of an order.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     Done(CommandAck),
@@ -122,27 +122,27 @@ impl Orders {
         self.flight.map(|flight| flight.order).or(waiting)
     }
 
-    /// When a command has to be repeated.
+    /// Instant of the next repetition, µs.
     pub fn next_us(&self) -> u64 {
         self.flight.map_or(u64::MAX, |flight| flight.next_us)
     }
 
-    /// Gives an order. The newest counts: it takes the place of one that waits, and one that calms the robot also
-    /// of one that moves it and is on its way.
+    /// Queues an order. It supersedes the waiting one, and a stopping command also
+    /// that of a motion command in flight.
     pub fn give(&mut self, now_us: u64, order: Order, quiet: bool, client: &mut Client) {
-        if order.calms() {
+        if order.stops() {
             self.drop_moving(client);
         }
         self.waiting = Some(Waiting { order, quiet, until_us: now_us + WAIT_US });
     }
 
-    /// Forgets everything.
+    /// Drops everything.
     pub fn forget(&mut self, client: &mut Client) {
         *self = Self::default();
         client.withdraw_command();
     }
 
-    /// Forgets what would move the robot.
+    /// Drops motion commands.
     pub fn drop_moving(&mut self, client: &mut Client) {
         if self.flight.is_some_and(|flight| flight.order.moves()) {
             self.flight = None;
@@ -151,7 +151,7 @@ impl Orders {
         self.waiting = self.waiting.filter(|waiting| !waiting.order.moves());
     }
 
-    /// Sends what is due; says what ended without an answer.
+    /// Sends what is due; returns an order that timed out.
     pub fn poll(&mut self, now_us: u64, client: &mut Client) -> Option<Ended> {
         if let Some(flight) = self.flight.filter(|flight| now_us >= flight.until_us) {
             self.flight = None;
@@ -185,7 +185,7 @@ impl Orders {
         None
     }
 
-    /// Takes an answer; says what ended with it.
+    /// Takes an answer; returns the order that it ends.
     pub fn on_ack(&mut self, now_us: u64, ack: CommandAck, client: &mut Client) -> Option<Ended> {
         let flight = self.flight.take_if(|flight| {
             (ack.seq, ack.kind) == (flight.command.seq, flight.command.action.kind())
@@ -199,7 +199,7 @@ impl Orders {
             (CommandResult::Ok, Order::Clear) if !flight.confirming => {
                 Some((Action::ClearConfirm { nonce: ack.value }, true, 1))
             }
-            // It was not executed: the same once more, with the next number.
+            // Not executed: repeated with the next number.
             (CommandResult::OutOfOrder, _) if flight.numbers < SEQUENCE_TRIES => {
                 Some((flight.command.action, flight.confirming, flight.numbers + 1))
             }

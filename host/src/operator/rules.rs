@@ -1,4 +1,4 @@
-//! Wishes: which become orders, and what bars the others.
+//! Interlocks: which intents become orders, and what bars the others.
 
 use super::log::Weight;
 use super::orders::Order;
@@ -6,7 +6,7 @@ use super::view::Leaving;
 use super::{Deadman, Intent, LetGo, Operator, has_torque};
 use rollwalk_protocol::wire::{PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State};
 
-/// What an emergency stop leaves behind: the operator has to want both to clear and to arm before anything moves.
+/// Interlock after an emergency stop: the operator has to clear and to arm before anything moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Latch {
     /// Nothing is barred.
@@ -28,7 +28,7 @@ impl Latch {
 }
 
 impl Operator {
-    /// Takes a wish.
+    /// Takes an intent.
     pub fn want(&mut self, now_us: u64, intent: Intent) {
         match intent {
             Intent::Estop => self.estop(now_us),
@@ -40,7 +40,7 @@ impl Operator {
                 self.order(now_us, Order::Play { code, speed_64ths });
             }
             Intent::PauseOrResume => {
-                let paused = self.heard.state() == Some(State::Paused);
+                let paused = self.link.state() == Some(State::Paused);
                 self.order(now_us, if paused { Order::Resume } else { Order::Pause });
             }
             Intent::Pause => self.order(now_us, Order::Pause),
@@ -51,7 +51,7 @@ impl Operator {
         }
     }
 
-    /// Why this host must not arm the controller, if so.
+    /// Why this host must not arm the controller.
     pub(super) fn stranger(&self) -> Option<String> {
         let hello = self.hello?;
         if (hello.major, hello.schema_hash) != (PROTOCOL_MAJOR, SCHEMA_HASH) {
@@ -70,12 +70,12 @@ impl Operator {
         ))
     }
 
-    /// The robot is stopped, whoever did it.
+    /// Handles an emergency stop, whoever sent it.
     pub(super) fn stopped(&mut self) {
         if self.latch != Latch::Stopped {
             self.latch = Latch::Stopped;
             self.asked = None;
-            // Not even a wish to clear, which was about something else.
+            // Also CLEAR, which was meant for something else.
             self.forget_orders();
         }
     }
@@ -84,7 +84,7 @@ impl Operator {
         self.latch = Latch::Stopped;
         self.asked = None;
         self.forget_orders();
-        // A button that repeats itself says so once.
+        // Repeated presses are one message.
         if !self.client.is_stopping() {
             self.log.say(now_us, Weight::Warning, "EMERGENCY STOP");
         }
@@ -98,9 +98,9 @@ impl Operator {
         self.deadman = Some(deadman);
         if let Deadman::Released(_) = deadman {
             self.drop_moving();
-            self.unasked_us = now_us;
+            self.automatic_us = now_us;
         }
-        if matches!(self.heard.state(), Some(State::Playing | State::Aligning | State::Paused)) {
+        if matches!(self.link.state(), Some(State::Playing | State::Aligning | State::Paused)) {
             let held = deadman == Deadman::Held;
             let text = if held { "the deadman is held" } else { "the deadman was let go" };
             self.log.say(now_us, Weight::Note, text);
@@ -108,12 +108,12 @@ impl Operator {
     }
 
     fn quit(&mut self, now_us: u64) {
-        let torque = self.heard.state().is_some_and(has_torque);
+        let torque = self.link.state().is_some_and(has_torque);
         self.leaving = match self.leaving {
             Leaving::No if torque && !self.visiting => {
                 self.forget_orders();
-                self.unasked_us = now_us;
-                let text = if self.heard.in_contact(now_us) && self.bus_lost.is_none() {
+                self.automatic_us = now_us;
+                let text = if self.link.in_contact(now_us) && self.bus_lost.is_none() {
                     "going home: it returns to SAFE, then torque goes off"
                 } else {
                     "no contact: once more leaves at once"
@@ -128,11 +128,11 @@ impl Operator {
     fn order(&mut self, now_us: u64, order: Order) {
         match self.permit(order) {
             Ok(()) => {
-                self.unasked_us = self.unasked_us.max(now_us);
-                if order.calms() {
+                self.automatic_us = self.automatic_us.max(now_us);
+                if order.stops() {
                     self.drop_moving();
                 }
-                // Whether it is answered or not: what was asked for before is not asked for any more.
+                // Supersedes the motion before, whether it is answered or not.
                 if matches!(order, Order::Play { .. } | Order::Return | Order::Disarm) {
                     self.asked = None;
                 }
@@ -162,7 +162,7 @@ impl Operator {
         if self.leaving != Leaving::No && order != Order::Disarm {
             return refused("the robot is on its way home");
         }
-        let state = self.heard.state();
+        let state = self.link.state();
         match (order, self.latch) {
             (Order::Disarm, _) => return Ok(()),
             (Order::Clear, Latch::Stopped) => {
@@ -190,7 +190,7 @@ impl Operator {
             return refused("the controller has not said yet which robot it is");
         }
         if let Some(Deadman::Released(let_go)) = self.deadman {
-            // Where the deadman means something else, it would make a robot that is paused move.
+            // With another reaction configured, RETURN would move a paused robot.
             let home = order == Order::Return && let_go == LetGo::Return;
             if order.moves() || order == Order::Return && !home {
                 return refused("hold the deadman");
@@ -200,9 +200,9 @@ impl Operator {
     }
 }
 
-/// Why a wish does not become an order.
+/// Why an intent does not become an order.
 enum Barred {
-    /// Something bars it.
+    /// An interlock bars it.
     Refused(String),
     /// It is fulfilled already.
     NeedsNothing(Latch, &'static str),

@@ -63,7 +63,7 @@ impl Desk {
     fn poll(&mut self) -> Vec<ToController> {
         let mut new = Vec::new();
         let released = matches!(self.operator.deadman, Some(Deadman::Released(_)));
-        let may_live = !released || self.operator.heard.in_contact(self.now_us);
+        let may_live = !released || self.operator.link.in_contact(self.now_us);
         while let Some(frame) = self.operator.poll(self.now_us) {
             let message = ToController::decode(&frame).unwrap().1;
             if matches!(message, ToController::Command(_)) && std::mem::take(&mut self.full) {

@@ -1,4 +1,4 @@
-//! What there is to show: a value, made from the operator's state at an instant.
+//! Everything that a console shows: a snapshot of the operator's state.
 
 use super::log::Message;
 use rollwalk_protocol::faults::Fault;
@@ -6,36 +6,36 @@ use rollwalk_protocol::wire::transport::Hello;
 use rollwalk_protocol::wire::{JointTelemetry, Status};
 use std::collections::{BTreeMap, VecDeque};
 
-/// All there is to show.
+/// A snapshot for the console.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
     /// The instant, µs.
     pub now_us: u64,
     /// The controller's address.
     pub node: u8,
-    /// How well the link carries.
+    /// Quality of the link.
     pub link: LinkView,
-    /// Why the bus is lost, if it is.
+    /// Cause of the loss of the bus, if it is lost.
     pub bus_lost: Option<String>,
-    /// What is wrong with the bus and what would help, if something is known to be.
+    /// Diagnosis of the bus and what would help.
     pub complaint: Option<String>,
-    /// Who the controller says it is.
+    /// The controller's identity.
     pub hello: Option<Hello>,
-    /// Why this host must not arm it, if so.
+    /// Why this host must not arm the controller.
     pub stranger: Option<String>,
-    /// Its last status.
+    /// Last status of the controller.
     pub status: Option<Status>,
-    /// Faults that are present or were told a moment ago.
+    /// Faults that are present or recently refused ARM.
     pub faults: Vec<FaultView>,
     /// What to do next, without naming keys.
     pub advice: &'static str,
     /// Joints and wheels by channel.
     pub joints: BTreeMap<u8, JointView>,
-    /// Part of the planned speed that motions are asked for at, in 64ths.
+    /// Commanded speed in 64ths of the planned one.
     pub speed_64ths: i8,
-    /// Code of the motion that was asked for last, and its speed in 64ths.
+    /// Code and speed, in 64ths, of the last accepted motion command.
     pub asked: Option<(u8, i8)>,
-    /// What is being asked for right now.
+    /// The command in flight or waiting.
     pub asking: Option<String>,
     /// An emergency stop was sent and is not acknowledged yet.
     pub stopping: bool,
@@ -43,44 +43,44 @@ pub struct View {
     pub deadman_held: Option<bool>,
     /// Whether the operator is leaving.
     pub leaving: Leaving,
-    /// What was said, oldest first.
+    /// Messages, oldest first.
     pub messages: VecDeque<Message>,
 }
 
-/// How well the link carries.
+/// Quality of the link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkView {
-    /// The controller was heard within half a second.
+    /// Whether the last status is recent.
     pub contact: bool,
     /// From a heartbeat to its answer, µs.
     pub round_trip_us: Option<u64>,
-    /// Since the last status, µs.
+    /// Age of the last status, µs.
     pub status_age_us: Option<u64>,
-    /// Status frames that arrived.
+    /// Status frames received.
     pub received: u64,
-    /// Status frames that did not, by their counter.
+    /// Status frames lost, by their counter.
     pub lost: u64,
 }
 
 /// A fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaultView {
-    /// Which.
+    /// The fault.
     pub fault: Fault,
-    /// Whether the status word has it; if not it was told because arming was refused.
+    /// Whether STATUS has it; otherwise it refused ARM.
     pub present: bool,
-    /// Channel that it is about.
+    /// Channel of its report.
     pub channel: Option<u8>,
-    /// The offending value, SI units; `None` before its details are known.
+    /// Value of its report; `None` before a report.
     pub value: Option<f32>,
 }
 
 /// A joint or wheel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointView {
-    /// What was told last.
-    pub told: JointTelemetry,
-    /// Since then, µs.
+    /// Last telemetry.
+    pub telemetry: JointTelemetry,
+    /// Its age, µs.
     pub age_us: u64,
 }
 
@@ -89,8 +89,8 @@ pub struct JointView {
 pub enum Leaving {
     /// No.
     No,
-    /// As soon as the robot is home, without torque.
+    /// Once the robot has reached SAFE and torque is off.
     WhenHome,
-    /// Torque is off: nothing keeps the operator any more.
+    /// At once: torque is off, or the operator insists.
     Now,
 }

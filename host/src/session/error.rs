@@ -1,4 +1,4 @@
-//! Why a session could not do what it was asked, in sentences for the operator.
+//! Errors of a session, in sentences for the operator.
 
 use crate::describe::fault_names;
 use crate::refusal::{command_refusal, parameter_refusal, transfer_refusal};
@@ -8,7 +8,7 @@ use rollwalk_protocol::wire::{
     CommandResult, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterResult, SCHEMA_HASH, Status,
 };
 
-/// Why the robot did not do what it was asked.
+/// Failure of a session.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SessionError {
     /// The bus itself failed.
@@ -19,18 +19,18 @@ pub enum SessionError {
     Silent {
         /// Its address.
         node: u8,
-        /// What was asked.
+        /// The request, in words.
         what: &'static str,
-        /// What may be the cause: what is known to be wrong with the bus.
+        /// Likely cause: the diagnosis of the bus.
         why: String,
     },
-    /// Somebody else is its host.
+    /// The controller has another host.
     #[error("controller {node} has a host already: another program sends it heartbeats")]
     HasHost {
         /// Its address.
         node: u8,
     },
-    /// A transport message of somebody else is on its way, which a request would destroy.
+    /// Another program's transport message is in flight, which a request would break off.
     #[error(
         "another program is in the middle of a transfer with controller {node}: try again after it"
     )]
@@ -54,7 +54,7 @@ pub enum SessionError {
         /// Its schema hash.
         schema_hash: u32,
     },
-    /// The controller is not that of the robot that the host has a file of.
+    /// The controller is configured for another robot than the host.
     #[error(
         "controller {node} is configured for another robot (hash {found:08x}) than the given robot \
          file describes ({expected:08x}): give the file that its firmware was built from"
@@ -70,7 +70,7 @@ pub enum SessionError {
     /// A command was refused.
     #[error("the controller refused to {what}: {}", command_refusal(*result))]
     Refused {
-        /// What was asked.
+        /// The request, in words.
         what: &'static str,
         /// Its answer.
         result: CommandResult,
@@ -78,7 +78,7 @@ pub enum SessionError {
     /// A request about parameters was refused.
     #[error("the controller refused to {what}: {}", parameter_refusal(*result, *value))]
     ParameterRefused {
-        /// What was asked.
+        /// The request, in words.
         what: &'static str,
         /// Its answer.
         result: ParameterResult,
@@ -100,22 +100,22 @@ pub enum SessionError {
         /// Identity of the one in use.
         found: Option<u32>,
     },
-    /// The robot went another way than the one that was waited for.
+    /// The robot went to a state from which it does not reach the awaited one.
     #[error("waited for {waited_for}, but the robot is in state {:?}: {}", status.state, fault_names(status.faults))]
     WentElsewhere {
-        /// What was waited for.
+        /// The awaited state, in words.
         waited_for: String,
-        /// How the robot is.
+        /// Last status.
         status: Status,
     },
-    /// What was waited for did not happen in time.
+    /// The robot did not reach the awaited state in time.
     #[error("waited {waited_s} s for {waited_for}, but the robot is still in state {:?}: {}", status.state, fault_names(status.faults))]
     TookTooLong {
-        /// What was waited for.
+        /// The awaited state, in words.
         waited_for: String,
-        /// How long, s.
+        /// The timeout, s.
         waited_s: f64,
-        /// How the robot is.
+        /// Last status.
         status: Status,
     },
 }

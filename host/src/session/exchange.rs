@@ -1,4 +1,4 @@
-//! One question, one answer: frames move until it is there, lost ones are sent again.
+//! Request and answer over a bus: moves frames until the answer arrives, and repeats what gets lost.
 
 use super::error::SessionError;
 use crate::client::{ACK_TIMEOUT_US, COMMAND_LIFE_US, Client, Incoming, Outgoing, SEQUENCE_TRIES};
@@ -9,19 +9,19 @@ use rollwalk_protocol::wire::{
     Action, CommandAck, CommandResult, Node, ParameterAck, ParameterAction, ParameterResult, Status,
 };
 
-/// A command is sent at most so often. It has expired before the last answer is given up: what was not
-/// answered is not executed later.
+/// Most transmissions of a command. It expires before the last answer times out, so an unanswered command is not
+/// executed later.
 const COMMAND_SENDS: u32 = 9;
 const _: () = assert!(ACK_TIMEOUT_US * COMMAND_SENDS as u64 > COMMAND_LIFE_US);
-/// A full transmit queue is tried again after so long, µs.
+/// Retry interval of a full transmit queue, µs.
 const BUSY_RETRY_US: u64 = 500;
 
-/// A bus and the client that talks on it.
+/// A bus and the client on it.
 pub(super) struct Exchange<B> {
     pub bus: B,
     client: Client,
     node: Node,
-    /// A frame that found the transmit queue full.
+    /// A frame refused by a full transmit queue.
     unsent: Option<CanFrame>,
 }
 
@@ -40,8 +40,7 @@ impl<B: LinkBus> Exchange<B> {
         self.client.status()
     }
 
-    /// Starts an emergency stop, which goes on until it is acknowledged. What the bus has not taken yet is not sent
-    /// before it, nor later.
+    /// Starts an emergency stop, repeated until it is acknowledged. A frame refused by the bus is dropped.
     pub fn estop(&mut self) {
         self.unsent = None;
         self.client.estop(self.bus.now_us());
@@ -113,8 +112,7 @@ impl<B: LinkBus> Exchange<B> {
         Err(SessionError::ParameterRefused { what, result, value: 0.0 })
     }
 
-    /// Sends a transport request until `wanted` takes an answer, so often at most. All requests may be
-    /// repeated.
+    /// Sends a transport request up to `sends` times until `wanted` takes an answer. All requests may be repeated.
     pub fn respond<T>(
         &mut self,
         request: &Request<'_>,
@@ -155,7 +153,7 @@ impl<B: LinkBus> Exchange<B> {
         SessionError::Silent { node: self.node.number(), what, why }
     }
 
-    /// Lets time pass, frames go out and come in, for so long or until `wanted` takes something.
+    /// Moves frames for a while or until `wanted` takes a message.
     pub fn pump<T>(
         &mut self,
         timeout_us: u64,
@@ -181,8 +179,8 @@ impl<B: LinkBus> Exchange<B> {
         }
     }
 
-    /// Sends what the client has to send, up to a full queue or a failed message. Also says when to
-    /// try again if the queue is full.
+    /// Sends what the client has to send, up to a full queue or a failed message; with a full queue also returns when
+    /// to try again.
     fn send_all(&mut self) -> Result<(Option<Incoming>, Option<u64>), SessionError> {
         let now_us = self.bus.now_us();
         loop {

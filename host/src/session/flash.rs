@@ -1,8 +1,7 @@
-//! The transfer of a motion library: announced, sent in blocks, checked, taken into use.
+//! Transfer of a motion library: BEGIN, blocks, FINISH, ACTIVATE.
 //!
-//! A block that gets lost is sent again, in smaller pieces: a frame lost from a long message costs
-//! the whole message, so on a bad link short ones get further. What gets through makes the blocks grow
-//! again.
+//! A lost block is repeated at half the size: a frame lost from a long message costs the whole message, so on a
+//! bad link short ones get further. Each answer makes blocks grow again.
 
 use super::{Session, SessionError, ask_hello};
 use rollwalk_bus::link::LinkBus;
@@ -10,18 +9,18 @@ use rollwalk_protocol::crc::crc32c;
 use rollwalk_protocol::library::identity;
 use rollwalk_protocol::wire::transport::{MAX_BLOCK, Reply, Request, Response, TransferResult};
 
-/// Longest wait for the answer to a block, µs.
+/// Timeout of a block, µs.
 const BLOCK_TIMEOUT_US: u64 = 250_000;
-/// Longest wait for the answer to a request after which memory is erased or read, µs.
+/// Timeout of requests that erase or read memory, µs.
 const MEMORY_TIMEOUT_US: u64 = 5_000_000;
-/// Another request is sent at most so often.
+/// Most transmissions of any other request.
 const REQUEST_SENDS: u32 = 5;
-/// Blocks never get smaller than this, and grow by it, bytes.
+/// Least size of a block, and step by which blocks grow, bytes.
 const SMALLEST_BLOCK: usize = 32;
-/// So often in a row a block may get lost.
+/// Most losses of a block in a row.
 const LOST_BLOCKS: u32 = 16;
 
-/// How far a transfer is.
+/// Progress of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
     /// Bytes that the controller has.
@@ -31,9 +30,8 @@ pub struct Progress {
 }
 
 impl<B: LinkBus> Session<B> {
-    /// Transfers a library, has it checked and takes it into use. `progress` is called after every
-    /// block. The controller must be disarmed. A transfer that was broken off is taken up where it
-    /// stopped.
+    /// Transfers, checks and activates a library; the controller must be disarmed. `progress` is called after every
+    /// block. An interrupted transfer resumes where it stopped.
     pub fn flash(
         &mut self,
         library: &[u8],
@@ -93,7 +91,7 @@ impl<B: LinkBus> Session<B> {
         Ok(())
     }
 
-    /// A transfer request to which `Ok` is the only good answer.
+    /// Sends a transfer request; any answer but `Ok` is an error.
     fn transfer(
         &mut self,
         request: &Request<'_>,
@@ -109,8 +107,8 @@ impl<B: LinkBus> Session<B> {
     }
 }
 
-/// Picks the answer to a request about a file of `len` bytes. One to go on from, but beyond its end, is about another
-/// file, or damaged, and so is as good as lost.
+/// Picks the answer to a request about a file of `len` bytes. One with `next` beyond its end is about another file, or
+/// damaged, and counts as lost.
 fn reply_to(request: &Request<'_>, len: u32) -> impl FnMut(Response) -> Option<Reply> + use<> {
     let kind = request.kind();
     move |response| match response {

@@ -1,27 +1,26 @@
-//! What happened to the controller while nobody was listening.
+//! Reading the controller's log.
 
 use super::{HELLO_SENDS, HELLO_TIMEOUT_US, Session, SessionError};
 use rollwalk_bus::link::LinkBus;
 use rollwalk_protocol::wire::transport::{Request, Response};
 use rollwalk_protocol::wire::{Log, LogEntry, State};
 
-/// What a controller remembers.
+/// The controller's log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct History {
-    /// Controller's clock when it told, low 32 bits of ms.
+    /// Controller's clock when it answered, low 32 bits of ms.
     pub now_ms: u32,
     /// Changes of its state and faults that appeared, oldest first, with their numbers since power-on.
     pub entries: Vec<(u32, LogEntry)>,
 }
 
 impl History {
-    /// How long ago an entry was written when the controller told it, ms.
+    /// Age of an entry when the controller answered, ms.
     pub fn age_ms(&self, entry: &LogEntry) -> u32 {
         self.now_ms.wrapping_sub(entry.at_ms)
     }
 
-    /// The entry that tells why the robot stopped last: the last one that led out of where it follows
-    /// motions.
+    /// The entry that explains the last stop: the last one that led out of Ready, Playing or Paused.
     pub fn last_stop(&self) -> Option<&LogEntry> {
         let stops = |entry: &&LogEntry| follows(entry.before) && !follows(entry.after);
         self.entries.iter().rev().map(|(_, entry)| entry).find(stops)
@@ -34,7 +33,7 @@ fn follows(state: State) -> bool {
 }
 
 impl<B: LinkBus> Session<B> {
-    /// Asks what happened since power-on, as far as the controller remembers. Possible in every state.
+    /// Reads the log since power-on, as far as the controller keeps it. Possible in every state.
     pub fn history(&mut self) -> Result<History, SessionError> {
         let mut since = 0;
         let mut entries = Vec::new();
@@ -48,11 +47,11 @@ impl<B: LinkBus> Session<B> {
                     }
                 })?;
             entries.extend(log.entries());
-            let told = log.first.saturating_add(log.encoded().len() as u32);
-            if told >= log.next || told <= since {
+            let read = log.first.saturating_add(log.encoded().len() as u32);
+            if read >= log.next || read <= since {
                 return Ok(History { now_ms: log.now_ms, entries });
             }
-            since = told;
+            since = read;
         }
     }
 }

@@ -28,35 +28,34 @@ use rollwalk_protocol::wire::{
 
 /// Longest wait for a sign of life, µs.
 const CONNECT_TIMEOUT_US: u64 = 1_000_000;
-/// Longest wait for the controller's name, µs: it is half a dozen frames, and asked for again when one of them
-/// gets lost.
+/// Timeout of HELLO, µs: its answer is half a dozen frames, and the request is repeated when one gets lost.
 const HELLO_TIMEOUT_US: u64 = 150_000;
-/// So often it is asked for at most.
+/// Most HELLO requests.
 const HELLO_SENDS: u32 = 20;
-/// After so long without an answer to an emergency stop something must be wrong, µs: half of them may get lost on a
-/// link so bad that nothing else works.
+/// Timeout of an emergency stop, µs: half of the frames may get lost on a link so bad that nothing else works.
 const STOP_TIMEOUT_US: u64 = 3_000_000;
-/// So long actuators may take to tell how they are, µs, ...
+/// Timeout for feedback of all actuators, µs.
 const FEEDBACK_TIMEOUT_US: u64 = 500_000;
-/// ... and so often that is looked for, µs.
+/// Interval of attempts to arm until then, µs.
 const FEEDBACK_RETRY_US: u64 = 50_000;
-/// Longest time to align, to return to SAFE, to let down gently, µs.
+/// Timeout of aligning, returning to SAFE and damping, µs.
 const STATE_TIMEOUT_US: u64 = 30_000_000;
+
 /// A host connected to one controller.
 pub struct Session<B> {
     exchange: Exchange<B>,
     hello: Hello,
-    /// Hash of the configuration of the robot that this must be.
+    /// Required hash of the controller's configuration.
     expected_config: Option<u32>,
 }
 
 impl<B: LinkBus> Session<B> {
-    /// Waits for the controller `node` on `bus` and asks who it is. From here on this is its host: nobody else may be.
+    /// Connects to the controller `node` as its only host, and reads its identity.
     pub fn connect(bus: B, node: Node) -> Result<Self, SessionError> {
         Self::alive(Exchange::new(bus, node, Client::new(node)), node)
     }
 
-    /// As [`connect`](Self::connect), where somebody else may be the controller's host: listens first.
+    /// Connects as [`connect`](Self::connect) unless the controller has another host: listens first.
     pub fn connect_alone(mut bus: B, node: Node) -> Result<Self, SessionError> {
         if overhear::host(&mut bus, node)?.has_host() {
             return Err(SessionError::HasHost { node: node.number() });
@@ -64,9 +63,9 @@ impl<B: LinkBus> Session<B> {
         Self::connect(bus, node)
     }
 
-    /// Connects beside the controller's host, if one is heard, in a pause of its transport messages: no heartbeat goes
-    /// out, so one of the host's that gets lost is still noticed, and commands are dated by the clock that the controller
-    /// tells it. Without a host as [`connect`](Self::connect).
+    /// Connects beside the controller's host, in a pause of its transport messages: without heartbeats, so that the
+    /// host's absence would still be noticed, and with the clock of the replies to it. Without a host, connects as
+    /// [`connect`](Self::connect).
     pub fn join(mut bus: B, node: Node) -> Result<Self, SessionError> {
         let overheard = overhear::host(&mut bus, node)?;
         if !overheard.has_host() {
@@ -76,13 +75,13 @@ impl<B: LinkBus> Session<B> {
         Self::alive(Exchange::new(bus, node, Client::visitor(node)), node)
     }
 
-    /// Asks the controller `node` who it is, without becoming its host. Parameters can be asked for and set, the robot
-    /// can be stopped; without a host whose clock is overheard it cannot be commanded.
+    /// Reads the identity of controller `node` without becoming its host. Parameters can be read and set, the robot can
+    /// be stopped; commands need a host beside it, whose clock is overheard.
     pub fn visit(bus: B, node: Node) -> Result<Self, SessionError> {
         Self::introduced(Exchange::new(bus, node, Client::visitor(node)), node)
     }
 
-    /// As [`visit`](Self::visit), where transport messages of somebody else may be on their way: listens first.
+    /// Visits as [`visit`](Self::visit) in a pause of others' transport messages: listens first.
     pub fn visit_in_pause(mut bus: B, node: Node) -> Result<Self, SessionError> {
         let overheard = Overheard::new(bus.now_us(), node);
         wait_for_pause(&mut bus, node, overheard)?;
@@ -106,18 +105,18 @@ impl<B: LinkBus> Session<B> {
         Ok(Self { exchange, hello, expected_config: None })
     }
 
-    /// The bus, to be changed.
+    /// Mutable access to the bus.
     pub fn bus_mut(&mut self) -> &mut B {
         &mut self.exchange.bus
     }
 
-    /// Who the controller said it is, and which library it has.
+    /// The controller's identity and library.
     pub fn hello(&self) -> &Hello {
         &self.hello
     }
 
-    /// Which robot this must be: [`RobotConfig::hash`](rollwalk_protocol::config::RobotConfig::hash) of
-    /// its file. Torque is not turned on for any other.
+    /// Sets the robot that this must be, by [`RobotConfig::hash`](rollwalk_protocol::config::RobotConfig::hash):
+    /// no other is armed.
     pub fn expect_robot(&mut self, config_hash: u32) {
         self.expected_config = Some(config_hash);
     }
@@ -143,8 +142,8 @@ impl<B: LinkBus> Session<B> {
         self.arm_confirm(nonce)
     }
 
-    /// The first step, which changes nothing yet: the nonce for [the second](Self::arm_confirm). Just after power-on
-    /// and after a stop, actuators have not told yet how they are: for a moment that is no reason to give up.
+    /// First step of arming: the nonce for [the second](Self::arm_confirm). Retries for a moment, because just after
+    /// power-on and after a stop there is no feedback of the actuators yet.
     pub fn arm_request(&mut self) -> Result<u16, SessionError> {
         use CommandResult::{FaultPresent, PoseUnknown};
         let until_us = self.bus().now_us() + FEEDBACK_TIMEOUT_US;
@@ -160,19 +159,19 @@ impl<B: LinkBus> Session<B> {
         }
     }
 
-    /// The second step, and the wait until the robot stands in the SAFE pose. Unless it was refused, torque may be
-    /// on however this ends.
+    /// Second step of arming, until the robot stands in the SAFE pose. Unless it was refused, torque may be on even
+    /// after an error.
     pub fn arm_confirm(&mut self, nonce: u16) -> Result<(), SessionError> {
         self.command("arm", Action::ArmConfirm { nonce })?;
         self.wait_for_state(State::Ready, STATE_TIMEOUT_US)
     }
 
-    /// Asks for a motion by its code, at the speed it was planned for.
+    /// Commands a motion by its code, at the planned speed.
     pub fn select(&mut self, code: u8) -> Result<CommandAck, SessionError> {
         self.select_at(code, 64)
     }
 
-    /// Asks for a motion by its code, at so many 64ths of the planned speed, 1 to 64.
+    /// Commands a motion by its code, at a speed of 1 to 64 64ths of the planned one.
     pub fn select_at(&mut self, code: u8, speed_64ths: i8) -> Result<CommandAck, SessionError> {
         self.command("play this code", Action::Play { code, speed_64ths })
     }
@@ -199,15 +198,15 @@ impl<B: LinkBus> Session<B> {
         self.wait_for_state(State::Disarmed, STATE_TIMEOUT_US)
     }
 
-    /// Stops the robot and waits until the controller says that it has.
+    /// Sends an emergency stop and waits for its acknowledgement.
     pub fn estop(&mut self) -> Result<(), SessionError> {
         self.exchange.estop();
         let stopped = is_stopped(&mut self.exchange)?;
         stopped.then_some(()).ok_or_else(|| self.exchange.silent("emergency stop"))
     }
 
-    /// The same without asking anything first, and without becoming the robot's host. It is repeated until it is
-    /// acknowledged or the bus is gone, however long that takes; `unanswered` is told why nobody may have heard it.
+    /// Sends an emergency stop without connecting first, and repeats it until it is acknowledged or the bus is gone;
+    /// `unanswered` receives the likely cause each time that the acknowledgement is overdue.
     pub fn estop_at(
         bus: B,
         node: Node,
@@ -228,13 +227,13 @@ impl<B: LinkBus> Session<B> {
         self.wait_for_state(State::Disarmed, STATE_TIMEOUT_US)
     }
 
-    /// Lets the robot go on for a while.
+    /// Keeps the session alive for a while.
     pub fn run_for(&mut self, duration_us: u64) -> Result<(), SessionError> {
         self.exchange.pump(duration_us, |_| None::<()>).map(|_| ())
     }
 
-    /// Waits until the controller reports a state. Ends early when the robot is on its way to where
-    /// it will not come from by itself.
+    /// Waits until the controller reports a state. Ends early in a state that the robot does not leave towards it by
+    /// itself.
     pub fn wait_for_state(&mut self, state: State, timeout_us: u64) -> Result<(), SessionError> {
         self.wait_until(&format!("state {state:?}"), timeout_us, |status| {
             if status.state == state {
@@ -249,8 +248,8 @@ impl<B: LinkBus> Session<B> {
         })
     }
 
-    /// Waits for a status that `judge` calls the one that is waited for, `Some(true)`, or one from
-    /// which it will not come, `Some(false)`. `waited_for` completes "waited for ...".
+    /// Waits for a status on which `judge` decides: `Some(true)` for success, `Some(false)` if it has become
+    /// impossible. `waited_for` completes "waited for ...".
     pub fn wait_until(
         &mut self,
         waited_for: &str,
@@ -286,7 +285,7 @@ impl<B: LinkBus> Session<B> {
         self.exchange.command(what, action)
     }
 
-    /// Asks the controller once more who it is: it may be another one by now, or another image.
+    /// Reads the identity once more: the controller or its image may have been exchanged.
     fn check_robot(&mut self) -> Result<(), SessionError> {
         let Some(expected) = self.expected_config else { return Ok(()) };
         self.hello = ask_hello(&mut self.exchange)?;
@@ -298,7 +297,7 @@ impl<B: LinkBus> Session<B> {
     }
 }
 
-/// Listens until a question breaks off nobody's transport message.
+/// Listens for a pause in others' transport messages.
 fn wait_for_pause(
     bus: &mut impl LinkBus,
     node: Node,

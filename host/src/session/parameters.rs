@@ -1,4 +1,4 @@
-//! Gains and torque limits of servos: told, set, and kept over a power cycle.
+//! Gains and torque limits of servos: reading, setting, and saving them over a power cycle.
 
 use super::{Session, SessionError};
 use rollwalk_bus::link::LinkBus;

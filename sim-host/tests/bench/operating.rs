@@ -143,7 +143,7 @@ fn a_loop_changes_its_speed_while_it_plays() {
     }
     console.run(2 * S);
     assert_eq!(console.view().asked, Some((ROLL, 32)));
-    let wheel = console.view().joints[&2].told;
+    let wheel = console.view().joints[&2].telemetry;
     // A step of telemetry is 2 mrad/s; it follows a constant speed.
     assert!((wheel.velocity_rad_s - 0.5 * robot::ROLL_RAD_S).abs() < 0.02, "{wheel:?}");
 }
@@ -240,7 +240,7 @@ fn a_deadman_let_go_at_any_instant_halts_the_robot() {
         console.want(Intent::Deadman(Deadman::Released(LetGo::Pause)));
         console.run(3 * S);
         assert!(matches!(console.state(), State::Paused | State::Ready), "{delay_us} µs");
-        let wheel = console.view().joints[&2].told.velocity_rad_s;
+        let wheel = console.view().joints[&2].telemetry.velocity_rad_s;
         assert!(wheel.abs() < 0.02, "{delay_us} µs: {wheel}");
     }
 }

@@ -49,11 +49,11 @@ fn row(
     wheel: bool,
     width: usize,
 ) -> Line<'static> {
-    let told = joint.told;
-    let outside =
-        range.is_some_and(|r| told.position_rad < r.min_rad || told.position_rad > r.max_rad);
+    let telemetry = joint.telemetry;
+    let outside = range
+        .is_some_and(|r| telemetry.position_rad < r.min_rad || telemetry.position_rad > r.max_rad);
     let old = joint.age_us > OLD_US;
-    let (mark, style) = if told.status.faulty() {
+    let (mark, style) = if telemetry.status.faulty() {
         ('!', Style::new().fg(Color::Red))
     } else if outside {
         ('>', Style::new().fg(Color::Yellow))
@@ -63,7 +63,7 @@ fn row(
         (' ', Style::new())
     };
     let bar = match range {
-        Some(range) => bar(told.position_rad, range, width),
+        Some(range) => bar(telemetry.position_rad, range, width),
         None if wheel => fit("wheel", width),
         None => fit("", width),
     };
@@ -71,7 +71,7 @@ fn row(
     Line::styled(
         format!(
             "{mark} {name} {:>6.2} {bar} {:>6.2} {:>6.2}{age_s:>5.1}",
-            told.position_rad, told.velocity_rad_s, told.torque_nm
+            telemetry.position_rad, telemetry.velocity_rad_s, telemetry.torque_nm
         ),
         style,
     )

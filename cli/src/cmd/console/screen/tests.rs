@@ -78,7 +78,7 @@ fn view(state: State, clip: Option<u8>) -> View {
         library: 0xcd,
     };
     let joint = |channel: u8| JointView {
-        told: JointTelemetry {
+        telemetry: JointTelemetry {
             channel,
             position_rad: -1.1 + 0.2 * f32::from(channel),
             velocity_rad_s: 0.25 * f32::from(channel),
@@ -232,7 +232,7 @@ proptest! {
         let mut view = view(State::Playing, clip);
         view.status = view.status.map(|status| Status { frame, ..status });
         for joint in view.joints.values_mut() {
-            joint.told.position_rad = position_rad;
+            joint.telemetry.position_rad = position_rad;
         }
         let scene = Scene { scroll, help, ..scene(&view, &names) };
         if width > 0 && height > 0 {

@@ -1,4 +1,4 @@
-//! What the controller has told: state, faults, joints, and how well the link carries it.
+//! The controller as last heard: status, fault reports, joints, and the quality of the link.
 
 use super::log::{Log, Weight};
 use super::view::{FaultView, JointView, LinkView};
@@ -8,19 +8,19 @@ use rollwalk_protocol::faults::{Fault, FaultBits};
 use rollwalk_protocol::wire::{FaultReport, JointTelemetry, State, Status};
 use std::collections::BTreeMap;
 
-/// Without a status for so long there is no contact, µs.
+/// Age of the last STATUS at which contact is lost, µs.
 const CONTACT_US: u64 = 500_000;
-/// Status frames come at least so often; after a longer silence nobody knows how many were lost, µs.
+/// Time in which the 4-bit counter of STATUS wraps, µs: after a longer gap losses cannot be counted.
 const COUNTED_US: u64 = 16 * 45_000;
-/// A fault that does not latch, told because ARM was refused, is shown for so long, µs.
-const TOLD_US: u64 = 5_000_000;
+/// Time for which a fault that only refused ARM is shown, µs.
+const SHOWN_US: u64 = 5_000_000;
 
-/// What the controller has told.
+/// The controller as last heard.
 #[derive(Clone, Debug, Default)]
-pub struct Heard {
-    /// The last status, and when, µs.
+pub struct LinkStatus {
+    /// The last status and its time of arrival, µs.
     status: Option<(u64, Status)>,
-    /// Whether there is contact, as the operator was told last; `None` before the first.
+    /// Contact as last reported to the operator; `None` before the first.
     contact: Option<bool>,
     reports: BTreeMap<u8, (u64, FaultReport)>,
     joints: BTreeMap<u8, (u64, JointTelemetry)>,
@@ -28,7 +28,7 @@ pub struct Heard {
     lost: u64,
 }
 
-impl Heard {
+impl LinkStatus {
     /// The last status.
     pub fn status(&self) -> Option<Status> {
         self.status.map(|(_, status)| status)
@@ -39,12 +39,12 @@ impl Heard {
         self.status().map(|status| status.state)
     }
 
-    /// Whether the controller was heard a moment ago.
+    /// Whether the last status is recent.
     pub fn in_contact(&self, now_us: u64) -> bool {
         self.status.is_some_and(|(at_us, _)| now_us.saturating_sub(at_us) < CONTACT_US)
     }
 
-    /// Notes how it is; what has changed is said.
+    /// Takes a status; reports changes to the operator.
     pub fn on_status(&mut self, now_us: u64, status: Status, log: &mut Log) {
         let before = self.status.replace((now_us, status));
         self.received += 1;
@@ -80,28 +80,28 @@ impl Heard {
         }
     }
 
-    /// Notes a fault in detail.
+    /// Takes a fault report.
     pub fn on_fault(&mut self, now_us: u64, report: FaultReport, log: &mut Log) {
         let known = self.reports.insert(report.fault.code(), (now_us, report));
         let latched = self.status().is_some_and(|status| status.faults.contains(report.fault));
-        let recent = known.is_some_and(|(at_us, _)| now_us.saturating_sub(at_us) < TOLD_US);
+        let recent = known.is_some_and(|(at_us, _)| now_us.saturating_sub(at_us) < SHOWN_US);
         if !latched && !recent {
             let name = report.fault.description().name;
             log.say(now_us, Weight::Warning, format!("it says: {name}"));
         }
     }
 
-    /// Notes what a joint or wheel does.
+    /// Takes the telemetry of a joint or wheel.
     pub fn on_joint(&mut self, now_us: u64, joint: JointTelemetry) {
         self.joints.insert(joint.channel, (now_us, joint));
     }
 
-    /// The bus is gone, and with it the contact: somebody has said so already.
+    /// Drops contact with the bus, whose loss was reported already.
     pub fn lose_contact(&mut self) {
         self.contact = self.contact.map(|_| false);
     }
 
-    /// Says when contact is lost, and whether it was just now.
+    /// Reports a loss of contact; whether it happened just now.
     pub fn watch(&mut self, now_us: u64, log: &mut Log) -> bool {
         if self.contact == Some(true) && !self.in_contact(now_us) {
             self.contact = Some(false);
@@ -113,12 +113,12 @@ impl Heard {
         false
     }
 
-    /// Faults that are present or were told a moment ago.
+    /// Faults that are present or recently refused ARM.
     pub fn faults(&self, now_us: u64) -> Vec<FaultView> {
         let latched = self.status().map_or(FaultBits::default(), |status| status.faults);
         let view = |&fault: &Fault| {
             let report = self.reports.get(&fault.code()).filter(|(at_us, _)| {
-                latched.contains(fault) || now_us.saturating_sub(*at_us) < TOLD_US
+                latched.contains(fault) || now_us.saturating_sub(*at_us) < SHOWN_US
             });
             let present = latched.contains(fault);
             (present || report.is_some()).then(|| FaultView {
@@ -133,13 +133,13 @@ impl Heard {
 
     /// Joints and wheels by channel.
     pub fn joints(&self, now_us: u64) -> BTreeMap<u8, JointView> {
-        let view = |(&channel, &(at_us, told)): (&u8, &(u64, JointTelemetry))| {
-            (channel, JointView { told, age_us: now_us.saturating_sub(at_us) })
+        let view = |(&channel, &(at_us, telemetry)): (&u8, &(u64, JointTelemetry))| {
+            (channel, JointView { telemetry, age_us: now_us.saturating_sub(at_us) })
         };
         self.joints.iter().map(view).collect()
     }
 
-    /// How well the link carries.
+    /// Quality of the link.
     pub fn link(&self, now_us: u64, client: &Client) -> LinkView {
         LinkView {
             contact: self.in_contact(now_us),
