@@ -3,7 +3,7 @@
 //! One line a frame: `(1700000000.123456) can0 123#DEADBEEF`, identifiers of 29 bits with eight digits.
 //! The time is seconds since 1970, or in a simulation since its start.
 
-use rollwalk_protocol::can::{AnyFrame, CanFrame, ExtendedFrame};
+use rollwalk_protocol::can::Frame;
 use std::fmt;
 use std::io;
 use std::str::FromStr;
@@ -19,18 +19,13 @@ pub struct LogEntry<I = String> {
     /// The bus; its name has no spaces.
     pub interface: I,
     /// The frame.
-    pub frame: AnyFrame,
+    pub frame: Frame,
 }
 
 impl<I: fmt::Display> fmt::Display for LogEntry<I> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (s, fraction) = (self.at_us / 1_000_000, self.at_us % 1_000_000);
-        write!(f, "({s:010}.{fraction:06}) {} ", self.interface)?;
-        match &self.frame {
-            AnyFrame::Standard(frame) => write!(f, "{:03X}#", frame.id())?,
-            AnyFrame::Extended(frame) => write!(f, "{:08X}#", frame.id())?,
-        }
-        self.frame.data().iter().try_for_each(|byte| write!(f, "{byte:02X}"))
+        write!(f, "({s:010}.{fraction:06}) {} {}", self.interface, self.frame)
     }
 }
 
@@ -83,9 +78,9 @@ fn parse_line<I: FromStr<Err: fmt::Display>>(text: &str) -> Result<Option<LogEnt
     }
     let data = parse_bytes(data).ok_or("data that is not pairs of hexadecimal digits")?;
     let frame = if digits.len() == 3 {
-        CanFrame::new(id as u16, &data).map(AnyFrame::from)
+        Frame::standard(id as u16, &data)
     } else {
-        ExtendedFrame::new(id, &data).map(AnyFrame::from)
+        Frame::extended(id, &data)
     };
     let frame = frame.ok_or("an id above 7FF or 1FFFFFFF or more than 8 data bytes")?;
     Ok(Some(LogEntry { at_us, interface, frame }))
@@ -114,13 +109,13 @@ mod tests {
         let entry = LogEntry {
             at_us: 1_700_000_000_123_456,
             interface: "can0",
-            frame: CanFrame::new(0x123, &[0xDE, 0xAD, 0xBE, 0xEF]).unwrap().into(),
+            frame: Frame::standard(0x123, &[0xDE, 0xAD, 0xBE, 0xEF]).unwrap(),
         };
         assert_eq!(entry.to_string(), "(1700000000.123456) can0 123#DEADBEEF");
-        let extended = ExtendedFrame::new(0x123, &[1]).unwrap().into();
+        let extended = Frame::extended(0x123, &[1]).unwrap();
         let entry = LogEntry { frame: extended, ..entry };
         assert_eq!(entry.to_string(), "(1700000000.123456) can0 00000123#01");
-        let frame = CanFrame::new(0x0F0, &[]).unwrap().into();
+        let frame = Frame::standard(0x0F0, &[]).unwrap();
         let stop = LogEntry { at_us: 1234, interface: "link0".into(), frame };
         assert_eq!(text_of(&[stop]), "(0000000000.001234) link0 0F0#\n");
     }
@@ -156,11 +151,11 @@ mod tests {
         assert_eq!(entries.iter().map(|entry| entry.at_us).collect::<Vec<_>>(), [1_000_008]);
     }
 
-    fn frame() -> impl Strategy<Value = AnyFrame> {
+    fn frame() -> impl Strategy<Value = Frame> {
         let data = || prop::collection::vec(any::<u8>(), 0..=8);
         prop_oneof![
-            (0u16..0x800, data()).prop_map(|(id, d)| CanFrame::new(id, &d).unwrap().into()),
-            (0u32..1 << 29, data()).prop_map(|(id, d)| ExtendedFrame::new(id, &d).unwrap().into()),
+            (0u16..0x800, data()).prop_map(|(id, d)| Frame::standard(id, &d).unwrap()),
+            (0u32..1 << 29, data()).prop_map(|(id, d)| Frame::extended(id, &d).unwrap()),
         ]
     }
 

@@ -1,6 +1,6 @@
 //! The host's end of the link bus: what a session needs, whatever carries the frames.
 
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 
 /// Why a frame did not go out, or none can come in.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -22,7 +22,7 @@ pub trait LinkBus {
     fn now_us(&self) -> u64;
 
     /// Queues a frame.
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError>;
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError>;
 
     /// What is known to be wrong with the bus, and what would help: for messages about a controller that
     /// does not answer.
@@ -31,7 +31,7 @@ pub trait LinkBus {
     }
 
     /// The next frame from the controller, or `None` if none comes until `deadline_us`.
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError>;
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError>;
 }
 
 /// Borrowed, so that a bus outlives what is done with it.
@@ -40,7 +40,7 @@ impl<B: LinkBus + ?Sized> LinkBus for &mut B {
         (**self).now_us()
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         (**self).send(frame)
     }
 
@@ -48,7 +48,7 @@ impl<B: LinkBus + ?Sized> LinkBus for &mut B {
         (**self).complaint()
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         (**self).receive(deadline_us)
     }
 }

@@ -1,7 +1,7 @@
 //! A link that loses frames: a bus around a bus.
 
 use crate::link::{LinkBus, LinkError};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 
 /// Loses a part of the frames in both directions, at random but always the same for a seed.
 #[derive(Clone, Debug)]
@@ -45,11 +45,11 @@ impl<B: LinkBus> LinkBus for Lossy<B> {
         self.bus.now_us()
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         if self.loses() { Ok(()) } else { self.bus.send(frame) }
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         loop {
             match self.bus.receive(deadline_us)? {
                 Some(_) if self.loses() => {}

@@ -7,7 +7,7 @@
 //! on a serial line until the kernel has taken it, whose buffer comes on top. So commands expire by their date.
 
 use crate::link::{LinkBus, LinkError};
-use rollwalk_protocol::can::{AnyFrame, CanFrame};
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{BusState, Report};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 #[derive(Clone, Debug, PartialEq)]
 pub enum Heard {
     /// Somebody else's frame.
-    Frame(AnyFrame),
+    Frame(Frame),
     /// A frame of ours has left; there is room for another.
     Sent,
     /// The interface is in another error state.
@@ -40,7 +40,7 @@ pub trait Outlet: Send {
     ///
     /// # Errors
     /// [`LinkError::Busy`] when too many are on their way already, otherwise why the bus is gone.
-    fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError>;
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError>;
 
     /// Asks the board at the other end how it is; `false` when this kind of bus cannot ask.
     ///
@@ -55,7 +55,7 @@ pub trait Outlet: Send {
 
     /// A frame that did not come over the bus, but is as good as one that did: of a message that came whole, or
     /// flow control for one that goes whole.
-    fn poll_inward(&mut self) -> Option<CanFrame> {
+    fn poll_inward(&mut self) -> Option<Frame> {
         None
     }
 
@@ -157,7 +157,7 @@ impl Hub {
             let mut inward =
                 inward.filter_map(|(index, outlet)| Some((index, outlet.poll_inward()?)));
             if let Some((index, frame)) = inward.next() {
-                return Some((index, Ok(Heard::Frame(frame.into()))));
+                return Some((index, Ok(Heard::Frame(frame))));
             }
             // Nobody is disconnected while this has a sender itself.
             let wait = deadline.saturating_duration_since(Instant::now());
@@ -185,7 +185,7 @@ impl Outlet for Closed {
         false
     }
 
-    fn send(&mut self, _frame: &AnyFrame) -> Result<(), LinkError> {
+    fn send(&mut self, _frame: &Frame) -> Result<(), LinkError> {
         Err(LinkError::Down("it is closed".into()))
     }
 }
@@ -194,7 +194,7 @@ impl Outlet for Closed {
 pub struct Live {
     hub: Hub,
     /// Frames that came while something else was waited for.
-    frames: VecDeque<CanFrame>,
+    frames: VecDeque<Frame>,
     /// Why the bus is gone, from then on.
     lost: Option<LinkError>,
     started: Instant,
@@ -224,7 +224,9 @@ impl Live {
         while let Some(heard) = self.next(deadline)? {
             match heard {
                 Heard::Report(report) => return Ok(Some(report)),
-                Heard::Frame(AnyFrame::Standard(frame)) => self.frames.push_back(frame),
+                Heard::Frame(frame) if frame.standard_id().is_some() => {
+                    self.frames.push_back(frame)
+                }
                 _ => {}
             }
         }
@@ -253,17 +255,19 @@ impl LinkBus for Live {
         since_us(self.started)
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
-        self.outlet().send(&AnyFrame::from(*frame))
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
+        self.outlet().send(frame)
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         if let Some(frame) = self.frames.pop_front() {
             return Ok(Some(frame));
         }
         let deadline = self.started + Duration::from_micros(deadline_us);
         while let Some(heard) = self.next(deadline)? {
-            if let Heard::Frame(AnyFrame::Standard(frame)) = heard {
+            if let Heard::Frame(frame) = heard
+                && frame.standard_id().is_some()
+            {
                 return Ok(Some(frame));
             }
         }

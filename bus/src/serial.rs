@@ -7,7 +7,7 @@ use crate::line::{LineWriter, read};
 use crate::link::LinkError;
 use crate::open::OpenError;
 use crate::port::{Heard, Inlet, Outlet, Port, since_us};
-use rollwalk_protocol::can::{AnyFrame, CanFrame};
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{Deframer, Gateway, Packet};
 use std::collections::VecDeque;
 use std::fs;
@@ -135,13 +135,13 @@ impl Outlet for SerialOutlet {
         self.writer.is_free()
     }
 
-    fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
-        let AnyFrame::Standard(frame) = frame else {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
+        if frame.standard_id().is_none() {
             let name = self.writer.name();
             return Err(LinkError::Down(format!(
                 "{name} carries no frames with 29-bit identifiers"
             )));
-        };
+        }
         // Before the gateway takes note of the frame.
         self.writer.ready()?;
         let packet = match &mut self.gateway {
@@ -161,7 +161,7 @@ impl Outlet for SerialOutlet {
         }
     }
 
-    fn poll_inward(&mut self) -> Option<CanFrame> {
+    fn poll_inward(&mut self) -> Option<Frame> {
         self.gateway.as_mut()?.poll(since_us(self.started))
     }
 }
@@ -180,7 +180,7 @@ impl<R: Read + Send> Inlet for SerialInlet<R> {
             let count = read(&self.name, &mut self.reader, &mut bytes)?;
             for &byte in &bytes[..count] {
                 match self.deframer.push(byte).and_then(Packet::decode) {
-                    Some(Packet::Link(frame)) => self.heard.push_back(Heard::Frame(frame.into())),
+                    Some(Packet::Link(frame)) => self.heard.push_back(Heard::Frame(frame)),
                     Some(Packet::Message { id, bytes }) => {
                         self.heard.push_back(Heard::Message(id, bytes.to_vec()));
                     }
@@ -230,7 +230,7 @@ mod tests {
                 Packet::Message { id, bytes } => vec![Packet::Message { id: id + 1, bytes }],
                 Packet::Ask => {
                     let report = Report { reset: Reset::Pin, uptime_ms: 7, ..Report::default() };
-                    let frame = CanFrame::new(0x123, &[1]).unwrap();
+                    let frame = Frame::standard(0x123, &[1]).unwrap();
                     vec![Packet::Link(frame), Packet::Report(report)]
                 }
                 Packet::Report(_) => panic!("the host has nothing to report"),
@@ -246,8 +246,8 @@ mod tests {
         line.shutdown(std::net::Shutdown::Both).unwrap();
     }
 
-    fn next(frame: &CanFrame) -> CanFrame {
-        CanFrame::new(frame.id() + 1, frame.data()).unwrap()
+    fn next(frame: &Frame) -> Frame {
+        Frame::standard(frame.standard_id().unwrap() + 1, frame.data()).unwrap()
     }
 
     #[test]
@@ -257,7 +257,7 @@ mod tests {
         let mut link = Live::new(port("the line", host.try_clone().unwrap(), host));
         let soon = LONG.as_micros() as u64;
 
-        let frame = CanFrame::new(0x40, &[1, 0, 3]).unwrap();
+        let frame = Frame::standard(0x40, &[1, 0, 3]).unwrap();
         link.send(&frame).unwrap();
         assert_eq!(link.receive(soon), Ok(Some(next(&frame))));
         assert_eq!(link.receive(link.now_us()), Ok(None));
@@ -265,7 +265,7 @@ mod tests {
         let report = link.report(LONG).unwrap().unwrap();
         assert_eq!((report.reset, report.uptime_ms), (Reset::Pin, 7));
         // What came before the report is still there.
-        assert_eq!(link.receive(0).unwrap().unwrap().id(), 0x123);
+        assert_eq!(link.receive(0).unwrap().unwrap().standard_id(), Some(0x123));
 
         link.send(&frame).unwrap();
         board.join().unwrap();
@@ -290,7 +290,7 @@ mod tests {
                 link.send(&frame_to_controller(node, &pdu)).unwrap();
             }
             let frame = link.receive(LONG.as_micros() as u64).unwrap().unwrap();
-            assert_eq!(frame.id(), 0x521);
+            assert_eq!(frame.standard_id(), Some(0x521));
             if endpoint.on_frame(frame.data(), 0) == Event::Received {
                 break;
             }

@@ -7,7 +7,7 @@ use crate::link::LinkError;
 use crate::open::OpenError;
 use crate::port::{Heard, Inlet, Outlet, Port};
 use crate::serial;
-use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::Packet;
 use std::env;
 use std::fs;
@@ -87,7 +87,7 @@ pub fn serve(socket: Option<&Path>) -> Result<Port, OpenError> {
     Ok(Port { outlet: Box::new(outlet), inlet: Box::new(SimInlet { heard }) })
 }
 
-fn accept(listener: &UnixListener, members: &Members, to: &Sender<AnyFrame>) {
+fn accept(listener: &UnixListener, members: &Members, to: &Sender<Frame>) {
     for (number, stream) in (0..).zip(listener.incoming()) {
         let joined = stream.and_then(|stream| {
             let reader = stream.try_clone()?;
@@ -115,8 +115,7 @@ fn accept(listener: &UnixListener, members: &Members, to: &Sender<AnyFrame>) {
 }
 
 /// Tells a frame to all but one.
-fn tell(members: &Members, frame: &AnyFrame, but: Option<u64>) {
-    let AnyFrame::Standard(frame) = frame else { return };
+fn tell(members: &Members, frame: &Frame, but: Option<u64>) {
     let Some(line) = Packet::Link(*frame).encode() else { return };
     let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
     members.retain_mut(|(number, stream)| {
@@ -145,7 +144,7 @@ impl Outlet for SimOutlet {
         true
     }
 
-    fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         tell(&self.members, frame, None);
         Ok(())
     }
@@ -159,7 +158,7 @@ impl Drop for SimOutlet {
 }
 
 struct SimInlet {
-    heard: Receiver<AnyFrame>,
+    heard: Receiver<Frame>,
 }
 
 impl Inlet for SimInlet {
@@ -179,12 +178,12 @@ mod tests {
     use super::*;
     use crate::link::LinkBus;
     use crate::port::Live;
-    use rollwalk_protocol::can::CanFrame;
+    use rollwalk_protocol::can::Frame;
 
     const LONG_US: u64 = 60_000_000;
 
-    fn frame(id: u16) -> CanFrame {
-        CanFrame::new(id, &[1, 0]).unwrap()
+    fn frame(id: u16) -> Frame {
+        Frame::standard(id, &[1, 0]).unwrap()
     }
 
     #[test]

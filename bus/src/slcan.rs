@@ -5,7 +5,7 @@ use crate::link::LinkError;
 use crate::open::OpenError;
 use crate::port::{Heard, Inlet, Outlet, Port};
 use crate::serial::open_device;
-use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::slcan::{Reader, Said, bitrate_digit};
 use std::collections::VecDeque;
 use std::io::{Read, Write};
@@ -85,7 +85,7 @@ impl Outlet for SlcanOutlet {
         self.writer.is_free()
     }
 
-    fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         self.writer.put(&Said::Frame(*frame).encode().unwrap_or_default())
     }
 
@@ -153,7 +153,7 @@ mod tests {
     use super::*;
     use crate::link::LinkBus;
     use crate::port::Live;
-    use rollwalk_protocol::can::CanFrame;
+    use rollwalk_protocol::can::Frame;
     use std::os::unix::net::UnixStream;
 
     #[test]
@@ -162,7 +162,7 @@ mod tests {
         let port = port("the adapter", host.try_clone().unwrap(), host, 8, 1_000_000);
         let mut link = Live::new(port.unwrap());
         assert!(link.complaint().unwrap().contains("nothing that a CAN adapter says"));
-        link.send(&CanFrame::new(0x123, &[0xAB]).unwrap()).unwrap();
+        link.send(&Frame::standard(0x123, &[0xAB]).unwrap()).unwrap();
         let expected = b"\rC\rS8\rO\rt1231AB\r";
         let mut said = vec![0; expected.len()];
         adapter.read_exact(&mut said).unwrap();
@@ -171,7 +171,7 @@ mod tests {
         adapter.write_all(b"\r\r\x07t3212").unwrap();
         adapter.write_all(b"0102\r").unwrap();
         let frame = link.receive(u64::MAX >> 1).unwrap().unwrap();
-        assert_eq!((frame.id(), frame.data()), (0x321, &[1, 2][..]));
+        assert_eq!(frame, Frame::standard(0x321, &[1, 2]).unwrap());
         assert!(link.complaint().unwrap().contains("the adapter refuses frames"));
 
         drop(link);

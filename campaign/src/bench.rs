@@ -1,7 +1,7 @@
 //! The robot of a run, shared by the host that talks to it and the story that disturbs it.
 
 use rollwalk_bus::link::{LinkBus, LinkError};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::core::Core;
 use rollwalk_sim_host::rig::Rig;
@@ -48,11 +48,11 @@ impl<C: Core> LinkBus for Bench<C> {
         self.rig().now_us()
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         self.rig().send(frame)
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         self.rig().receive(deadline_us)
     }
 }

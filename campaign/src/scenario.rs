@@ -2,7 +2,7 @@
 
 use fastrand::Rng;
 use rollwalk_firmware::BusState;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::faults::{Fault as Bit, FaultBits};
 use rollwalk_sim_host::clock::SimTime;
@@ -409,9 +409,9 @@ pub(super) fn between(random: &mut Rng, least_ms: u64, most_ms: u64) -> SimTime 
 }
 
 /// A frame that means nothing.
-fn noise(id: u16, random: &mut Rng) -> CanFrame {
+fn noise(id: u16, random: &mut Rng) -> Frame {
     let data: Vec<u8> = (0..random.usize(0..=8)).map(|_| random.u8(..)).collect();
-    CanFrame::new(id, &data).expect("8 bytes at most")
+    Frame::standard(id, &data).expect("8 bytes at most")
 }
 
 /// One of those that there are.

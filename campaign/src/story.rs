@@ -440,12 +440,10 @@ impl<C: Core> Story<'_, C> {
 fn disarms(log: &[LogEntry], from: SimTime, until: SimTime) -> bool {
     let span = from.as_us()..=until.as_us();
     let frames = log.iter().filter(|entry| span.contains(&entry.at_us));
-    frames.filter_map(|entry| FromController::decode(entry.frame.standard()?).ok()).any(
-        |(_, message)| {
-            matches!(message, FromController::CommandAck(ack)
+    frames.filter_map(|entry| FromController::decode(&entry.frame).ok()).any(|(_, message)| {
+        matches!(message, FromController::CommandAck(ack)
             if ack.kind == Action::Disarm.kind() && ack.result == CommandResult::Ok)
-        },
-    )
+    })
 }
 
 fn driven(state: State) -> bool {

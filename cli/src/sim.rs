@@ -296,7 +296,7 @@ impl Teller {
 
 /// State and faults, when the frame is a status.
 fn status(entry: &LogEntry) -> Option<(State, FaultBits)> {
-    let frame = entry.frame.standard()?;
+    let frame = &entry.frame;
     match FromController::decode(frame) {
         Ok((_, FromController::Status(status))) => Some((status.state, status.faults)),
         _ => None,
@@ -329,12 +329,12 @@ impl Log {
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
     use super::*;
-    use rollwalk_protocol::can::CanFrame;
+    use rollwalk_protocol::can::Frame;
 
     #[test]
     fn a_log_whose_end_the_disk_does_not_take_says_so() {
         let mut log = Log::create(Path::new("/dev/full")).unwrap();
-        let frame = CanFrame::new(0x310, &[1]).unwrap().into();
+        let frame = Frame::standard(0x310, &[1]).unwrap();
         // It waits for more.
         log.write(&[LogEntry { at_us: 0, interface: Interface::Link, frame }]).unwrap();
         let error = log.finish().unwrap_err().to_string();

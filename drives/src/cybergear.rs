@@ -4,7 +4,7 @@
 use crate::scale::{code, share, value};
 use crate::{Law, Sent, Shaft, is_wheel};
 use rollwalk_protocol::actuators::cybergear::CyberGear;
-use rollwalk_protocol::can::ExtendedFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
 
 const SPEED_RAD_S: f64 = 30.0;
@@ -51,9 +51,9 @@ impl CyberGearMotor {
     }
 
     /// Type, data and the eight bytes of a frame for it.
-    fn mine(&self, frame: &ExtendedFrame) -> Option<(u8, u16, [u8; 8])> {
-        let (kind, data16, target) =
-            ((frame.id() >> 24) as u8, (frame.id() >> 8) as u16, frame.id() as u8);
+    fn mine(&self, frame: &Frame) -> Option<(u8, u16, [u8; 8])> {
+        let id = frame.extended_id()?;
+        let (kind, data16, target) = ((id >> 24) as u8, (id >> 8) as u16, id as u8);
         // What motors send has a master's number there, or their own behind it.
         let command = target == self.id && !matches!(kind, 2 | 21);
         command.then(|| Some((kind, data16, frame.data().try_into().ok()?)))?
@@ -72,17 +72,13 @@ impl CyberGearMotor {
     }
 
     /// See [`crate::Drive::commanded`].
-    pub fn commanded(&self, frame: &ExtendedFrame) -> Option<f32> {
+    pub fn commanded(&self, frame: &Frame) -> Option<f32> {
         let (1, data16, data) = self.mine(frame)? else { return None };
         Some(self.setpoint(data16, data).value(self.is_wheel))
     }
 
     /// See [`crate::Drive::on_frame`].
-    pub fn on_frame(
-        &mut self,
-        frame: &ExtendedFrame,
-        shaft: &Shaft,
-    ) -> Option<(Sent, Option<ExtendedFrame>)> {
+    pub fn on_frame(&mut self, frame: &Frame, shaft: &Shaft) -> Option<(Sent, Option<Frame>)> {
         let (kind, data16, data) = self.mine(frame)?;
         let sent = match kind {
             1 => {
@@ -131,7 +127,7 @@ impl CyberGearMotor {
     }
 
     /// What it answers to every command.
-    pub fn feedback(&self, shaft: &Shaft) -> ExtendedFrame {
+    pub fn feedback(&self, shaft: &Shaft) -> Frame {
         let mode = if self.enabled { 2u32 } else { 0 };
         let id = 2 << 24
             | mode << 22
@@ -146,7 +142,7 @@ impl CyberGearMotor {
             TEMPERATURE,
         ];
         let bytes: Vec<u8> = words.iter().flat_map(|&word| (word as u16).to_be_bytes()).collect();
-        ExtendedFrame::new(id, &bytes).expect("an identifier of 29 bits and 8 bytes")
+        Frame::extended(id, &bytes).expect("an identifier of 29 bits and 8 bytes")
     }
 
     /// See [`crate::Drive::law`].

@@ -17,7 +17,7 @@
 //! temperatures, the errors that a drive finds by itself, and profiles of its own.
 
 use rollwalk_protocol::actuators::bus::{Bus, Protocol};
-use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind};
 
 pub mod cybergear;
@@ -186,24 +186,22 @@ impl Drive {
     pub fn on_frame(
         &mut self,
         now_us: u64,
-        frame: &AnyFrame,
+        frame: &Frame,
         shaft: &Shaft,
-    ) -> Option<(Sent, Option<AnyFrame>)> {
-        match (&mut self.electronics, frame) {
-            (Electronics::Rollwalk(servo), AnyFrame::Standard(frame)) => {
+    ) -> Option<(Sent, Option<Frame>)> {
+        match &mut self.electronics {
+            Electronics::Rollwalk(servo) => {
                 let (sent, answer) = servo.on_frame(now_us, frame, shaft)?;
-                Some((sent, Some(answer.into())))
+                Some((sent, Some(answer)))
             }
-            (Electronics::Mit(drive), AnyFrame::Standard(frame)) => {
+            Electronics::Mit(drive) => {
                 let (sent, answer) = drive.on_frame(frame, shaft)?;
-                Some((sent, Some(answer.into())))
+                Some((sent, Some(answer)))
             }
-            (Electronics::Odrive(axis), AnyFrame::Standard(frame)) => {
-                axis.on_frame(frame).map(|sent| (sent, None))
-            }
-            (Electronics::CyberGear(motor), AnyFrame::Extended(frame)) => {
+            Electronics::Odrive(axis) => axis.on_frame(frame).map(|sent| (sent, None)),
+            Electronics::CyberGear(motor) => {
                 let (sent, answer) = motor.on_frame(frame, shaft)?;
-                Some((sent, answer.map(AnyFrame::from)))
+                Some((sent, answer))
             }
             _ => None,
         }
@@ -220,12 +218,12 @@ impl Drive {
 
     /// The value of the setpoint in a frame for this drive, rad or rad/s of a wheel; none in another frame.
     /// Without any effect.
-    pub fn commanded(&self, frame: &AnyFrame) -> Option<f32> {
-        match (&self.electronics, frame) {
-            (Electronics::Rollwalk(servo), AnyFrame::Standard(frame)) => servo.commanded(frame),
-            (Electronics::Mit(drive), AnyFrame::Standard(frame)) => drive.commanded(frame),
-            (Electronics::Odrive(axis), AnyFrame::Standard(frame)) => axis.commanded(frame),
-            (Electronics::CyberGear(motor), AnyFrame::Extended(frame)) => motor.commanded(frame),
+    pub fn commanded(&self, frame: &Frame) -> Option<f32> {
+        match &self.electronics {
+            Electronics::Rollwalk(servo) => servo.commanded(frame),
+            Electronics::Mit(drive) => drive.commanded(frame),
+            Electronics::Odrive(axis) => axis.commanded(frame),
+            Electronics::CyberGear(motor) => motor.commanded(frame),
             _ => None,
         }
     }
@@ -239,9 +237,9 @@ impl Drive {
     }
 
     /// What it says by itself at this time; call again until there is nothing.
-    pub fn on_timer(&mut self, now_us: u64, shaft: &Shaft) -> Option<AnyFrame> {
+    pub fn on_timer(&mut self, now_us: u64, shaft: &Shaft) -> Option<Frame> {
         match &mut self.electronics {
-            Electronics::Odrive(axis) => axis.on_timer(now_us, shaft).map(AnyFrame::from),
+            Electronics::Odrive(axis) => axis.on_timer(now_us, shaft),
             _ => None,
         }
     }

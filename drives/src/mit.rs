@@ -4,7 +4,7 @@
 use crate::scale::{code, share, value};
 use crate::{Law, Sent, Shaft, is_wheel};
 use rollwalk_protocol::actuators::mit::{AnswerId, Mit};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
 
 const POSITION_RAD: f64 = 12.5;
@@ -42,8 +42,8 @@ impl MitDrive {
     }
 
     /// The eight bytes of a frame for it.
-    fn mine(&self, frame: &CanFrame) -> Option<[u8; 8]> {
-        (frame.id() == u16::from(self.id)).then(|| frame.data().try_into().ok())?
+    fn mine(&self, frame: &Frame) -> Option<[u8; 8]> {
+        (frame.standard_id() == Some(self.id.into())).then(|| frame.data().try_into().ok())?
     }
 
     fn setpoint(&self, data: [u8; 8]) -> Law {
@@ -60,13 +60,13 @@ impl MitDrive {
     }
 
     /// See [`crate::Drive::commanded`].
-    pub fn commanded(&self, frame: &CanFrame) -> Option<f32> {
+    pub fn commanded(&self, frame: &Frame) -> Option<f32> {
         let data = self.mine(frame).filter(|data| special(data).is_none())?;
         Some(self.setpoint(data).value(self.is_wheel))
     }
 
     /// See [`crate::Drive::on_frame`].
-    pub fn on_frame(&mut self, frame: &CanFrame, shaft: &Shaft) -> Option<(Sent, CanFrame)> {
+    pub fn on_frame(&mut self, frame: &Frame, shaft: &Shaft) -> Option<(Sent, Frame)> {
         let data = self.mine(frame)?;
         let sent = match special(&data) {
             // It follows what it was sent last.
@@ -88,7 +88,7 @@ impl MitDrive {
         Some((sent, self.answer(shaft)))
     }
 
-    fn answer(&self, shaft: &Shaft) -> CanFrame {
+    fn answer(&self, shaft: &Shaft) -> Frame {
         let torque_nm = if self.enabled { shaft.torque_nm } else { 0.0 };
         let p = code(shaft.position_rad, POSITION_RAD, 16);
         let v = code(shaft.speed_rad_s, self.max_speed_rad_s(), 12);
@@ -96,9 +96,9 @@ impl MitDrive {
         let low = (v << 4) as u8 | (t >> 8) as u8;
         let six = [self.id, (p >> 8) as u8, p as u8, (v >> 4) as u8, low, t as u8];
         let frame = match self.model.answers_from {
-            AnswerId::Master(master) => CanFrame::new(master, &six),
+            AnswerId::Master(master) => Frame::standard(master, &six),
             AnswerId::Own => {
-                CanFrame::new(self.id.into(), &[&six[..], &[TEMPERATURE_C, self.error]].concat())
+                Frame::standard(self.id.into(), &[&six[..], &[TEMPERATURE_C, self.error]].concat())
             }
         };
         frame.expect("an identifier of 11 bits and at most 8 bytes")

@@ -6,7 +6,7 @@
 
 use crate::{Law, Sent, Shaft};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
 use std::f64::consts::TAU;
 
@@ -87,12 +87,13 @@ impl OdriveAxis {
         (self.position_gain.unwrap_or(20.0) * kd, kd)
     }
 
-    fn command(&self, frame: &CanFrame) -> Option<u16> {
-        (frame.id() >> 5 == u16::from(self.node)).then_some(frame.id() & 0x1F)
+    fn command(&self, frame: &Frame) -> Option<u16> {
+        let id = frame.standard_id()?;
+        (id >> 5 == u16::from(self.node)).then_some(id & 0x1F)
     }
 
     /// See [`crate::Drive::commanded`].
-    pub fn commanded(&self, frame: &CanFrame) -> Option<f32> {
+    pub fn commanded(&self, frame: &Frame) -> Option<f32> {
         let command = self.command(frame)?;
         let (position_rad, speed_rad_s, _) = self.inputs(command, frame.data())?;
         match command {
@@ -124,7 +125,7 @@ impl OdriveAxis {
     }
 
     /// See [`crate::Drive::on_frame`]. A frame that is too short is ignored.
-    pub fn on_frame(&mut self, frame: &CanFrame) -> Option<Sent> {
+    pub fn on_frame(&mut self, frame: &Frame) -> Option<Sent> {
         let (command, data) = (self.command(frame)?, frame.data());
         // What it says itself.
         if matches!(command, 0x01 | 0x03 | 0x09 | 0x14 | 0x15 | 0x1C) {
@@ -241,7 +242,7 @@ impl OdriveAxis {
     }
 
     /// See [`crate::Drive::on_timer`].
-    pub fn on_timer(&mut self, now_us: u64, shaft: &Shaft) -> Option<CanFrame> {
+    pub fn on_timer(&mut self, now_us: u64, shaft: &Shaft) -> Option<Frame> {
         let index = self.due_us.iter().position(|due| *due <= now_us)?;
         let timer = Timer::ALL[index];
         // After a pause one is late, and none is made up for.
@@ -250,7 +251,7 @@ impl OdriveAxis {
         Some(self.tell(timer, shaft))
     }
 
-    fn tell(&self, timer: Timer, shaft: &Shaft) -> CanFrame {
+    fn tell(&self, timer: Timer, shaft: &Shaft) -> Frame {
         let two = |a: f64, b: f64| {
             let [a, b] = [a, b].map(|x| (x as f32).to_le_bytes());
             [a, b].concat()
@@ -273,7 +274,7 @@ impl OdriveAxis {
             }
         };
         let id = u16::from(self.node) << 5 | command;
-        CanFrame::new(id, &data).expect("an identifier of 11 bits and 8 bytes")
+        Frame::standard(id, &data).expect("an identifier of 11 bits and 8 bytes")
     }
 }
 

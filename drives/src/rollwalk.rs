@@ -8,7 +8,7 @@ use crate::{Law, Sent, Shaft, is_wheel};
 use rollwalk_protocol::actuator::{
     ActuatorStatus, Control, Feedback, JointSetpoint, WheelSetpoint,
 };
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
 use std::f64::consts::PI;
 
@@ -44,17 +44,12 @@ impl RollwalkServo {
     }
 
     /// See [`crate::Drive::commanded`].
-    pub fn commanded(&self, frame: &CanFrame) -> Option<f32> {
+    pub fn commanded(&self, frame: &Frame) -> Option<f32> {
         Some(self.law_of(frame)?.value(self.is_wheel))
     }
 
     /// See [`crate::Drive::on_frame`].
-    pub fn on_frame(
-        &mut self,
-        now_us: u64,
-        frame: &CanFrame,
-        shaft: &Shaft,
-    ) -> Option<(Sent, CanFrame)> {
+    pub fn on_frame(&mut self, now_us: u64, frame: &Frame, shaft: &Shaft) -> Option<(Sent, Frame)> {
         let sent = if let Some((id, control)) = Control::decode(frame) {
             if id != self.id {
                 return None;
@@ -100,7 +95,7 @@ impl RollwalkServo {
     }
 
     /// The law of a setpoint for this servo.
-    fn law_of(&self, frame: &CanFrame) -> Option<Law> {
+    fn law_of(&self, frame: &Frame) -> Option<Law> {
         let (id, law) = if self.is_wheel {
             let (id, setpoint) = WheelSetpoint::decode(frame)?;
             let law = Law {

@@ -7,7 +7,7 @@ use rollwalk_protocol::actuators::dynamixel::{Dynamixels, packet::packet, table:
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
-use rollwalk_protocol::can::{AnyFrame, CanFrame, ExtendedFrame};
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind};
 use std::f64::consts::TAU;
 
@@ -40,8 +40,8 @@ fn at(position_rad: f64) -> Shaft {
     Shaft { position_rad, ..Shaft::default() }
 }
 
-fn frame(id: u16, data: &[u8]) -> AnyFrame {
-    CanFrame::new(id, data).unwrap().into()
+fn frame(id: u16, data: &[u8]) -> Frame {
+    Frame::standard(id, data).unwrap()
 }
 
 fn tell(drive: &mut Drive, command: u16, data: &[u8]) -> Sent {
@@ -105,8 +105,8 @@ fn a_cybergear_takes_no_torque_limit_out_of_its_range() {
     let gear = CyberGear { host: 0xFD, max_position_rad: SAMPLE_MAX_RAD };
     let mut drive = drive(Protocol::CyberGear(gear));
     let mut tell = |kind: u32, data: [u8; 8]| {
-        let frame = ExtendedFrame::new(kind << 24 | 0xFD << 8 | u32::from(ID), &data).unwrap();
-        let (sent, _) = drive.on_frame(0, &frame.into(), &at(0.0)).expect("it is for this motor");
+        let frame = Frame::extended(kind << 24 | 0xFD << 8 | u32::from(ID), &data).unwrap();
+        let (sent, _) = drive.on_frame(0, &frame, &at(0.0)).expect("it is for this motor");
         (sent, drive.law(&at(0.0)).map(|law| law.torque_limit_nm))
     };
     let limit = |nm: f32| {
@@ -158,8 +158,8 @@ fn an_odrive_speaks_as_often_as_it_was_set_to() {
     let mut now_us = 0;
     while now_us < 1_000_000 {
         now_us = now_us.max(drive.next_timer_us().unwrap());
-        let Some(AnyFrame::Standard(frame)) = drive.on_timer(now_us, &at(0.5)) else { panic!() };
-        counts[usize::from(frame.id() & 0x1F)] += 1;
+        let id = drive.on_timer(now_us, &at(0.5)).unwrap().standard_id().unwrap();
+        counts[usize::from(id & 0x1F)] += 1;
     }
     assert!(counts[0x01].abs_diff(10) <= 1, "{counts:?}");
     assert!(counts[0x09].abs_diff(100) <= 1 && counts[0x14].abs_diff(100) <= 1, "{counts:?}");

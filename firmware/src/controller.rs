@@ -1,7 +1,7 @@
 //! The controller: connects state machine, motion, library and link, and runs the timers.
 
 use rollwalk_protocol::actuators::Packet;
-use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 use rollwalk_protocol::library::{Attitude, Library, Reject};
@@ -98,13 +98,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     /// Processes a frame of actuator bus `bus`.
-    pub fn on_actuator_frame(&mut self, _now_us: u64, bus: u8, frame: &CanFrame) {
+    pub fn on_actuator_frame(&mut self, _now_us: u64, bus: u8, frame: &Frame) {
         self.motion.actuators.receive(&self.machine.config, bus, frame);
-    }
-
-    /// The same of a bus whose frames have 29-bit identifiers.
-    pub fn on_extended_frame(&mut self, _now_us: u64, bus: u8, frame: &ExtendedFrame) {
-        self.motion.actuators.receive_extended(&self.machine.config, bus, frame);
     }
 
     /// Processes bytes of serial line `bus`, in portions of any size.
@@ -175,13 +170,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     /// The next frame for actuator bus `bus`, if there is one.
-    pub fn poll_actuator(&mut self, bus: u8) -> Option<CanFrame> {
+    pub fn poll_actuator(&mut self, bus: u8) -> Option<Frame> {
         self.motion.actuators.poll(&self.machine.config, bus)
-    }
-
-    /// The same for a bus whose frames have 29-bit identifiers.
-    pub fn poll_extended(&mut self, bus: u8) -> Option<ExtendedFrame> {
-        self.motion.actuators.poll_extended(&self.machine.config, bus)
     }
 
     /// The next packet for serial line `bus`. Poll again once the packet has been sent; `None` also while

@@ -5,7 +5,7 @@
 //! memory stays bounded.
 
 use heapless::Deque;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::wire::isotp::{Event, Output, Timing};
 use rollwalk_protocol::wire::transport::{Endpoint, Response, frame_to_host};
@@ -36,7 +36,7 @@ pub(crate) enum Say {
     CommandAck(CommandAck),
     ParameterAck(ParameterAck),
     Telemetry { channel: u8 },
-    Frame(CanFrame),
+    Frame(Frame),
     Discovered,
 }
 

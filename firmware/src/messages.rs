@@ -1,6 +1,6 @@
 //! Messages of the host link: decodes requests and commands, executes them and produces the answers.
 
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 use rollwalk_protocol::library::{FORMAT_MAJOR, FORMAT_MINOR, NodeId};
 use rollwalk_protocol::wire::transport::{Hello, MAX_BLOCK, Reply, TransferResult, TransportError};
@@ -21,7 +21,7 @@ type Done = (Option<NodeId>, u16);
 
 impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     /// Processes a frame of the link. Frames for other nodes are ignored, damaged ones counted.
-    pub fn on_link_frame(&mut self, now_us: u64, frame: &CanFrame) {
+    pub fn on_link_frame(&mut self, now_us: u64, frame: &Frame) {
         let (to, message) = match ToController::decode(frame) {
             Ok(received) => received,
             Err(DecodeError::OtherMessage) => return,
@@ -58,7 +58,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     /// The next frame for the link, if there is one.
-    pub fn poll_link(&mut self, now_us: u64) -> Option<CanFrame> {
+    pub fn poll_link(&mut self, now_us: u64) -> Option<Frame> {
         let node = self.link.node?;
         let channels = self.machine.config.channels.len() as u8;
         // Channels without telemetry are skipped; all other messages are sent as they come.

@@ -1,7 +1,7 @@
 //! The controller's side of requests about gains and limits: each once, answered always, and kept
 //! in the store when asked to.
 
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{
     Parameter, ParameterAck, ParameterAction, ParameterOrigin, ParameterRequest, ParameterResult,
     State, Torque,
@@ -14,7 +14,7 @@ use crate::store::{LibraryStore, ParameterStore};
 /// The store of parameters, and what was asked last.
 pub(crate) struct Tuning<P> {
     store: P,
-    last: Option<(CanFrame, ParameterAck)>,
+    last: Option<(Frame, ParameterAck)>,
     origin: ParameterOrigin,
     loaded: bool,
 }
@@ -30,7 +30,7 @@ impl<P: ParameterStore> Tuning<P> {
     }
 
     /// The answer to a request that is not to be executed: executed before, or too old.
-    fn known(&self, frame: &CanFrame, seq: u8) -> Option<Result<ParameterAck, Refusal>> {
+    fn known(&self, frame: &Frame, seq: u8) -> Option<Result<ParameterAck, Refusal>> {
         let (last, ack) = self.last?;
         // As for commands: ahead by 1 to 8 is newer; sequence numbers go round at 16.
         match seq.wrapping_sub(ack.seq) & 0xF {
@@ -66,7 +66,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     /// Takes a request, which came in `frame`.
-    pub(crate) fn on_parameter(&mut self, frame: &CanFrame, request: ParameterRequest) {
+    pub(crate) fn on_parameter(&mut self, frame: &Frame, request: ParameterRequest) {
         let outcome = match self.tuning.known(frame, request.seq) {
             Some(Ok(ack)) => {
                 self.link.acknowledge_parameter(ack);

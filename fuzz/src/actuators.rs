@@ -15,7 +15,7 @@ use rollwalk_protocol::actuators::{
     ActuatorProtocol, Command, Feedback, Gains, JointSetpoint, Order, Packet, Refusal,
     WheelSetpoint,
 };
-use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
+use rollwalk_protocol::can::Frame;
 
 /// The protocols, with settings that the input chooses.
 struct All {
@@ -150,20 +150,21 @@ fn send<P: ActuatorProtocol>(
 }
 
 fn tell(all: &All, orders: &[Order]) {
-    let hears = |frame: &CanFrame| {
+    let hears = |frame: &Frame| {
         assert_finite(RollwalkServos.decode(frame));
         assert_finite(all.mit.decode(frame));
         assert_finite(all.odrive.decode(frame));
     };
-    send(&RollwalkServos, orders, CanFrame::exact_bits, hears);
-    send(&all.mit, orders, CanFrame::exact_bits, |frame| {
+    send(&RollwalkServos, orders, Frame::exact_bits, hears);
+    send(&all.mit, orders, Frame::exact_bits, |frame| {
         // Told as codes, or a command.
-        let codes = Codes::of(frame).map(|codes| codes.frame(frame.id() as u8));
+        let codes =
+            Codes::of(frame).map(|codes| codes.frame(frame.standard_id().unwrap_or(0) as u8));
         assert!(codes.is_none_or(|again| again == *frame));
         hears(frame);
     });
-    send(&all.odrive, orders, CanFrame::exact_bits, hears);
-    send(&all.cybergear, orders, ExtendedFrame::exact_bits, |frame| {
+    send(&all.odrive, orders, Frame::exact_bits, hears);
+    send(&all.cybergear, orders, Frame::exact_bits, |frame| {
         assert_finite(all.cybergear.decode(frame));
     });
     let serial = |packet: &Packet| 10 * packet.len() as u32;
@@ -183,7 +184,7 @@ fn tell(all: &All, orders: &[Order]) {
 }
 
 /// The Rollwalk profile's frames say what they say exactly.
-fn check_profile(frame: &CanFrame) {
+fn check_profile(frame: &Frame) {
     use actuator::{Control, Feedback, JointSetpoint, WheelSetpoint};
     if let Some((id, told)) = Control::decode(frame) {
         assert_eq!(told.encode(id).as_ref(), Some(frame));
@@ -203,12 +204,12 @@ fn check_profile(frame: &CanFrame) {
 }
 
 fn hear(all: &All, id: u32, data: &[u8]) {
-    let frame = CanFrame::new(id as u16 & 0x7FF, data).expect("11 bits and 8 bytes");
+    let frame = Frame::standard(id as u16 & 0x7FF, data).expect("11 bits and 8 bytes");
     check_profile(&frame);
     assert_finite(RollwalkServos.decode(&frame));
     assert_finite(all.mit.decode(&frame));
     assert_finite(all.odrive.decode(&frame));
-    let extended = ExtendedFrame::new(id & 0x1FFF_FFFF, data).expect("29 bits and 8 bytes");
+    let extended = Frame::extended(id & 0x1FFF_FFFF, data).expect("29 bits and 8 bytes");
     assert_finite(all.cybergear.decode(&extended));
     let _ = all.cybergear.parameter(&extended);
     if let Ok(answer) = data.try_into() {

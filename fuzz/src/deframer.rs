@@ -2,7 +2,7 @@
 //! of the link: what is taken was there, and a sound packet is found whatever came before it.
 
 use rollwalk_protocol::actuators::dynamixel::packet::{Deframer, Message, packet};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{self, Gateway, Packet, Report};
 use rollwalk_protocol::tunnel::{self, Answer, Buses, Hello, Input, Request, Step, Stepped};
 use rollwalk_protocol::wire::Node;
@@ -123,7 +123,7 @@ fn link(line: &[u8], message: &[u8]) {
     gateway.receive(0x510, message);
     let mut controller = Endpoint::new(Timing::default());
     while let Some(frame) = gateway.poll(0) {
-        assert_eq!(frame.id(), 0x510);
+        assert_eq!(frame.standard_id(), Some(0x510));
         controller.on_frame(frame.data(), 0);
         while let Output::Send(flow_control) = controller.poll(0) {
             let frame = frame_to_host(NODE, &flow_control);
@@ -158,7 +158,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
         seed(&[&nested[..nested.len() - 1], &one]),
         seed(&[&long, &one]),
     ];
-    let frame = CanFrame::new(0x185, &[1, 2, 0, 0, 5, 6, 7, 8]).expect("a frame");
+    let frame = Frame::standard(0x185, &[1, 2, 0, 0, 5, 6, 7, 8]).expect("a frame");
     let free = Buses::default().with_link().with_actuator(1);
     let step = |input| Request::Step(Step { now_us: 8333, input, free });
     let inputs =
@@ -180,7 +180,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
         seeds.push([&[1, body.len() as u8][..], &body, &line, &line[..3], &[0], &line].concat());
     }
     // A message and the start of one that is segmented, which no sound end of a line sends.
-    let first = CanFrame::new(0x511, &[0x10, 20, 1, 2, 3, 4, 5, 6]).expect("a frame");
+    let first = Frame::standard(0x511, &[0x10, 20, 1, 2, 3, 4, 5, 6]).expect("a frame");
     let packets = [
         Packet::Link(frame),
         Packet::Link(first),

@@ -4,7 +4,7 @@
 
 use arbitrary::{Result, Unstructured};
 use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{Action, ParameterAction, Request, State};
 
 use crate::deeds::{Deed, act, assert_way_home};
@@ -42,14 +42,14 @@ mod tag {
     pub const TIME: u8 = 19;
 }
 
-fn frame(u: &mut Unstructured<'_>) -> Result<CanFrame> {
+fn frame(u: &mut Unstructured<'_>) -> Result<Frame> {
     let chosen = u.arbitrary::<u8>()?;
     let id = match KNOWN.get(usize::from(chosen % 16)) {
         Some(&id) => id,
         None => u.arbitrary::<u16>()? & 0x7FF,
     };
     let len = usize::from(u.arbitrary::<u8>()? % 9).min(u.len());
-    Ok(CanFrame::new(id, u.bytes(len)?).expect("11 bits and 8 bytes"))
+    Ok(Frame::standard(id, u.bytes(len)?).expect("11 bits and 8 bytes"))
 }
 
 fn action(u: &mut Unstructured<'_>) -> Result<Action> {
@@ -87,7 +87,7 @@ fn parameter(u: &mut Unstructured<'_>) -> Result<ParameterAction> {
 }
 
 /// A lying actuator: any measurement, any status, in a frame that decodes.
-fn feedback(u: &mut Unstructured<'_>) -> Result<CanFrame> {
+fn feedback(u: &mut Unstructured<'_>) -> Result<Frame> {
     let feedback = Feedback {
         position_rad: f32::from(u.arbitrary::<i8>()?) / 20.0,
         velocity_rad_s: f32::from(u.arbitrary::<i8>()?) / 2.0,

@@ -2,7 +2,7 @@
 //! and from a controller.
 
 use arbitrary::{Result, Unstructured};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::crc::{crc8_with_id, crc32c};
 use rollwalk_protocol::wire::transport::{MAX_MESSAGE, Reply, TransferResult};
 use rollwalk_protocol::wire::*;
@@ -16,15 +16,15 @@ const MESSAGE: u8 = 2;
 const SEALED_BLOCK: u8 = 3;
 
 /// Fields that a message does not use may have had any value.
-fn same_but_for_ignored_bits(again: CanFrame, frame: CanFrame) -> bool {
-    let kind = frame.id() & 0x70F;
+fn same_but_for_ignored_bits(again: Frame, frame: Frame) -> bool {
+    let kind = frame.standard_id().unwrap_or_default() & 0x70F;
     let unknown = |known| frame.data().get(1).is_some_and(|byte| byte >> 4 > known);
     let unknown = kind == 0x200 && unknown(8) || kind == 0x600 && unknown(4);
     let nan = matches!(kind, 0x301 | 0x600 | 0x601);
     unknown || nan || again == frame
 }
 
-fn check_frame(frame: CanFrame) {
+fn check_frame(frame: Frame) {
     let (to, from) = (ToController::decode(&frame), FromController::decode(&frame));
     if let Ok((node, message)) = to
         && let Some(again) = encode_to(node, message)
@@ -52,7 +52,7 @@ fn frames(u: &mut Unstructured<'_>, seal: bool) -> Result<()> {
         if seal && let Some((crc, rest)) = data.split_first_mut() {
             *crc = crc8_with_id(id, rest);
         }
-        check_frame(CanFrame::new(id, &data).expect("11 bits and 8 bytes"));
+        check_frame(Frame::standard(id, &data).expect("11 bits and 8 bytes"));
     }
     Ok(())
 }
@@ -107,7 +107,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
     for how in [FRAMES, SEALED_FRAMES] {
         let mut seed = vec![how];
         for frame in &frames {
-            seed.extend(frame.id().to_le_bytes());
+            seed.extend(frame.standard_id().unwrap_or_default().to_le_bytes());
             seed.push(frame.data().len() as u8);
             seed.extend(frame.data());
         }

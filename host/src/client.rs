@@ -4,7 +4,7 @@
 //! emergency stop until it is acknowledged, and carries transport messages. [`crate::session`] and
 //! [`crate::operator`] decide what to send.
 
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::isotp::{self, IsoTpError, Output, SendError, Timing};
 use rollwalk_protocol::wire::transport::{
     Endpoint, MAX_MESSAGE, Request, Response, frame_to_controller,
@@ -60,7 +60,7 @@ pub enum Incoming {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outgoing {
     /// Send this frame.
-    Frame(CanFrame),
+    Frame(Frame),
     /// A transport message timed out.
     TransportFailed(IsoTpError),
 }
@@ -83,9 +83,9 @@ pub struct Client {
     command_seq: u8,
     /// When the last command of each sequence number has expired, µs.
     expired_us: [u64; 16],
-    command: Option<CanFrame>,
+    command: Option<Frame>,
     parameter_seq: u8,
-    parameter: Option<CanFrame>,
+    parameter: Option<Frame>,
     /// Host's time in µs and controller's time in ms when the last heartbeat was answered.
     clocks: Option<(u64, u32)>,
     /// When the last heartbeat went out, µs.
@@ -156,7 +156,7 @@ impl Client {
     }
 
     /// Takes a frame of the link. Frames of other nodes and damaged ones mean nothing.
-    pub fn on_frame(&mut self, now_us: u64, frame: &CanFrame) -> Option<Incoming> {
+    pub fn on_frame(&mut self, now_us: u64, frame: &Frame) -> Option<Incoming> {
         let (node, message) = FromController::decode(frame).ok()?;
         if node != self.node {
             return None;
@@ -400,7 +400,7 @@ mod tests {
         let mut damaged = [0; 2];
         damaged.copy_from_slice(ack.encode(node()).data());
         damaged[0] ^= 1;
-        let damaged = CanFrame::new(ack.encode(node()).id(), &damaged).unwrap();
+        let damaged = Frame::new(ack.encode(node()).id(), &damaged).unwrap();
         assert_eq!(client.on_frame(0, &damaged), None);
     }
 }

@@ -4,7 +4,7 @@
 //! `docs/rollwalk.dbc` is made.
 
 use crate::dbc::{Database, Message};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{DecodeError, FromController, ToController};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -43,7 +43,7 @@ pub enum Value {
 ///
 /// # Errors
 /// It is no frame of the link, or a damaged one.
-pub fn decode(frame: &CanFrame) -> Result<DecodedFrame, DecodeError> {
+pub fn decode(frame: &Frame) -> Result<DecodedFrame, DecodeError> {
     let (node, from_controller) = match ToController::decode(frame) {
         Err(DecodeError::OtherMessage) => {
             let (node, message) = FromController::decode(frame)?;
@@ -51,7 +51,8 @@ pub fn decode(frame: &CanFrame) -> Result<DecodedFrame, DecodeError> {
         }
         from_host => (from_host?.0, None),
     };
-    let message = MESSAGES.get(&frame.id()).ok_or(DecodeError::OtherMessage)?;
+    let message =
+        frame.standard_id().and_then(|id| MESSAGES.get(&id)).ok_or(DecodeError::OtherMessage)?;
     let mut signals = BTreeMap::new();
     if !message.schema.starts_with("transport") {
         let shown = message.values(frame.data()).into_iter().filter(|value| {
@@ -98,7 +99,7 @@ mod tests {
         Node::new(3).unwrap()
     }
 
-    fn json(frame: &CanFrame) -> String {
+    fn json(frame: &Frame) -> String {
         serde_json::to_string(&decode(frame).unwrap()).unwrap()
     }
 
@@ -145,15 +146,15 @@ mod tests {
         );
         let stop = Estop.encode(Node::BROADCAST);
         assert_eq!(json(&stop), r#"{"message":"estop","node":15,"signals":{}}"#);
-        let part = CanFrame::new(0x530, &[0x02, 0x01, 0x01]).unwrap();
+        let part = Frame::standard(0x530, &[0x02, 0x01, 0x01]).unwrap();
         assert_eq!(json(&part), r#"{"message":"transport_to_controller","node":3,"signals":{}}"#);
 
         let mut data = [0; 8];
         data.copy_from_slice(frame.data());
         data[3] ^= 1;
-        let damaged = CanFrame::new(frame.id(), &data).unwrap();
+        let damaged = Frame::new(frame.id(), &data).unwrap();
         assert_eq!(decode(&damaged), Err(DecodeError::BadCrc));
-        let servo = CanFrame::new(0x185, &[0; 8]).unwrap();
+        let servo = Frame::standard(0x185, &[0; 8]).unwrap();
         assert!(decode(&servo).is_err());
     }
 }

@@ -5,7 +5,7 @@
 use crate::catalog::{Catalog, channel_name};
 use crate::describe::{event_sentence, fault_report, report_details, state_name};
 use crate::session::History;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::transport::Hello;
 use rollwalk_protocol::wire::{
@@ -34,8 +34,9 @@ pub struct Traffic {
 
 impl Traffic {
     /// Takes a frame of the link to controller `node`.
-    pub fn take(&mut self, node: u8, frame: &CanFrame) {
-        let (frames, bits) = self.by_id.entry(frame.id()).or_default();
+    pub fn take(&mut self, node: u8, frame: &Frame) {
+        let Some(id) = frame.standard_id() else { return };
+        let (frames, bits) = self.by_id.entry(id).or_default();
         *frames += 1;
         *bits += u64::from(frame.exact_bits());
         match FromController::decode(frame) {

@@ -5,7 +5,7 @@
 //! before it speaks: for the heartbeats of another host, and for transport messages of anybody.
 
 use rollwalk_bus::link::{LinkBus, LinkError};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{FromController, HOST_TIMEOUT_MS, Node, ToController};
 
 /// Time to listen for another host, µs: longer than the heartbeat timeout, so that a robot whose host has just died
@@ -43,7 +43,7 @@ impl Overheard {
     }
 
     /// Takes a frame of another node.
-    pub fn take(&mut self, now_us: u64, frame: &CanFrame) {
+    pub fn take(&mut self, now_us: u64, frame: &Frame) {
         match ToController::decode(frame) {
             Ok((to, ToController::Heartbeat(heartbeat)))
                 if to == self.node || to == Node::BROADCAST =>
@@ -140,7 +140,7 @@ mod tests {
         Node::new(1).unwrap()
     }
 
-    fn heartbeat(seq: u8, node: Node) -> CanFrame {
+    fn heartbeat(seq: u8, node: Node) -> Frame {
         Heartbeat { seq, host_ms: 50 * u32::from(seq) }.encode(node)
     }
 
@@ -149,7 +149,7 @@ mod tests {
     }
 
     /// A bus on which these frames come, 50 ms apart.
-    fn heard(frames: impl IntoIterator<Item = CanFrame>) -> Wire {
+    fn heard(frames: impl IntoIterator<Item = Frame>) -> Wire {
         let mut wire = Wire::silent();
         for (at, frame) in (0..).zip(frames) {
             wire.says(50_000 * at, frame);
@@ -182,7 +182,7 @@ mod tests {
 
     #[test]
     fn a_pause_is_half_a_second_without_a_transport_frame() {
-        let block = CanFrame::new(0x510, &[0x21, 1, 2, 3]).unwrap();
+        let block = Frame::standard(0x510, &[0x21, 1, 2, 3]).unwrap();
         let mut wire = heard([block; 9]);
         let overheard = pause(&mut wire, nothing_yet(), PATIENCE_US).unwrap();
         assert!(overheard.may_ask(wire.now_us()));

@@ -12,7 +12,7 @@ use crate::catalog::Catalog;
 use crate::decode::decode;
 use mcap::records::MessageHeader;
 use mcap::{McapResult, WriteOptions, Writer};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::library::{ClipCursor, ClipId, Library};
 use rollwalk_protocol::wire::{FromController, JointTelemetry, Node, State, Status, Torque};
@@ -116,7 +116,7 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
     ///
     /// # Errors
     /// What the file says.
-    pub fn on_frame(&mut self, at_us: u64, frame: &CanFrame) -> McapResult<()> {
+    pub fn on_frame(&mut self, at_us: u64, frame: &Frame) -> McapResult<()> {
         if let Ok(decoded) = decode(frame)
             && decoded.node == self.node.number()
             && let Some(&topic) = self.topics.get(decoded.message)

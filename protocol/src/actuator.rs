@@ -13,7 +13,7 @@
 //! answers `None`, a configuration that passed [`crate::config::RobotConfig::check`] never gets
 //! there with values within its limits.
 
-use crate::can::CanFrame;
+use crate::can::Frame;
 
 /// Largest address of an actuator.
 pub const MAX_ID: u8 = 0x7F;
@@ -92,8 +92,8 @@ fn address(base: u16, id: u8) -> Option<u16> {
 }
 
 /// Address and payload of a frame of kind `base` with exactly `N` bytes.
-fn split<const N: usize>(frame: &CanFrame, base: u16) -> Option<(u8, [u8; N])> {
-    let id = frame.id();
+fn split<const N: usize>(frame: &Frame, base: u16) -> Option<(u8, [u8; N])> {
+    let id = frame.standard_id()?;
     let of_kind = id & !u16::from(MAX_ID) == base;
     let data = frame.data().try_into().ok()?;
     of_kind.then_some(((id & u16::from(MAX_ID)) as u8, data))
@@ -115,17 +115,17 @@ pub struct JointSetpoint {
 impl JointSetpoint {
     /// `[position i16 0.2 mrad][velocity i16 2 mrad/s][kp u16 0.01 N·m/rad][kd u16 0.001 N·m·s/rad]`.
     /// `None` when a value is no number or beyond its scale, or `id` above [`MAX_ID`].
-    pub fn encode(&self, id: u8) -> Option<CanFrame> {
+    pub fn encode(&self, id: u8) -> Option<Frame> {
         let [p0, p1] = i16_steps(self.position_rad, POSITION_STEPS)?.to_le_bytes();
         let [v0, v1] = i16_steps(self.velocity_rad_s, SPEED_STEPS)?.to_le_bytes();
         let [kp0, kp1] = u16_steps(self.kp_nm_rad, KP_STEPS)?.to_le_bytes();
         let [kd0, kd1] = u16_steps(self.kd_nm_s_rad, KD_STEPS)?.to_le_bytes();
         let id = address(JOINT_SETPOINT, id)?;
-        Some(CanFrame::known(id, [p0, p1, v0, v1, kp0, kp1, kd0, kd1]))
+        Some(Frame::known(id, [p0, p1, v0, v1, kp0, kp1, kd0, kd1]))
     }
 
     /// Address and setpoint; `None` for any other frame.
-    pub fn decode(frame: &CanFrame) -> Option<(u8, Self)> {
+    pub fn decode(frame: &Frame) -> Option<(u8, Self)> {
         let (id, [p0, p1, v0, v1, kp0, kp1, kd0, kd1]) = split(frame, JOINT_SETPOINT)?;
         let setpoint = Self {
             position_rad: signed(p0, p1, POSITION_STEPS)?,
@@ -151,16 +151,16 @@ pub struct WheelSetpoint {
 impl WheelSetpoint {
     /// `[speed i32 0.1 mrad/s][kd u16 0.001 N·m·s/rad][torque limit u16 5 mN·m]`.
     /// `None` when a value is no number or beyond its scale, or `id` above [`MAX_ID`].
-    pub fn encode(&self, id: u8) -> Option<CanFrame> {
+    pub fn encode(&self, id: u8) -> Option<Frame> {
         let [s0, s1, s2, s3] = steps(self.speed_rad_s, WHEEL_SPEED_STEPS, i32::MAX)?.to_le_bytes();
         let [kd0, kd1] = u16_steps(self.kd_nm_s_rad, KD_STEPS)?.to_le_bytes();
         let [t0, t1] = u16_steps(self.torque_limit_nm, TORQUE_STEPS)?.to_le_bytes();
         let id = address(WHEEL_SETPOINT, id)?;
-        Some(CanFrame::known(id, [s0, s1, s2, s3, kd0, kd1, t0, t1]))
+        Some(Frame::known(id, [s0, s1, s2, s3, kd0, kd1, t0, t1]))
     }
 
     /// Address and setpoint; `None` for any other frame.
-    pub fn decode(frame: &CanFrame) -> Option<(u8, Self)> {
+    pub fn decode(frame: &Frame) -> Option<(u8, Self)> {
         let (id, [s0, s1, s2, s3, kd0, kd1, t0, t1]) = split(frame, WHEEL_SETPOINT)?;
         let raw = i32::from_le_bytes([s0, s1, s2, s3]);
         if raw == i32::MIN {
@@ -189,17 +189,17 @@ pub enum Control {
 
 impl Control {
     /// One byte: 0 disable, 1 enable, 2 query. `None` when `id` is above [`MAX_ID`].
-    pub fn encode(self, id: u8) -> Option<CanFrame> {
+    pub fn encode(self, id: u8) -> Option<Frame> {
         let byte = match self {
             Control::Disable => 0,
             Control::Enable => 1,
             Control::Query => 2,
         };
-        Some(CanFrame::known(address(CONTROL, id)?, [byte]))
+        Some(Frame::known(address(CONTROL, id)?, [byte]))
     }
 
     /// Address and command; `None` for any other frame.
-    pub fn decode(frame: &CanFrame) -> Option<(u8, Self)> {
+    pub fn decode(frame: &Frame) -> Option<(u8, Self)> {
         let (id, [byte]) = split(frame, CONTROL)?;
         let control = match byte {
             0 => Control::Disable,
@@ -262,16 +262,16 @@ pub struct Feedback {
 impl Feedback {
     /// `[position i16 0.2 mrad][velocity i16 2 mrad/s][torque i16 5 mN·m][status u8][counter u8]`.
     /// Measurements beyond their scale saturate. `None` when `id` is above [`MAX_ID`].
-    pub fn encode(&self, id: u8) -> Option<CanFrame> {
+    pub fn encode(&self, id: u8) -> Option<Frame> {
         let [p0, p1] = measured(self.position_rad, POSITION_STEPS).to_le_bytes();
         let [v0, v1] = measured(self.velocity_rad_s, SPEED_STEPS).to_le_bytes();
         let [t0, t1] = measured(self.torque_nm, TORQUE_STEPS).to_le_bytes();
         let data = [p0, p1, v0, v1, t0, t1, self.status.0, self.counter];
-        Some(CanFrame::known(address(FEEDBACK, id)?, data))
+        Some(Frame::known(address(FEEDBACK, id)?, data))
     }
 
     /// Address and feedback; `None` for any other frame.
-    pub fn decode(frame: &CanFrame) -> Option<(u8, Self)> {
+    pub fn decode(frame: &Frame) -> Option<(u8, Self)> {
         let (id, [p0, p1, v0, v1, t0, t1, status, counter]) = split(frame, FEEDBACK)?;
         let feedback = Self {
             position_rad: signed(p0, p1, POSITION_STEPS)?,

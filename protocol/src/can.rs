@@ -1,31 +1,81 @@
 //! A CAN frame as a value: what every bus, simulated or real, carries; and its length in bits.
 
-/// A classic CAN 2.0A data frame with an 11-bit identifier.
+use core::fmt;
+
+pub use embedded_can::{ExtendedId, Id, StandardId};
+
+/// A classic CAN 2.0 data frame with an identifier of 11 or 29 bits.
+///
+/// Identifiers of different lengths are never equal, whatever their numbers: decoders ask for
+/// [`Self::standard_id`] or [`Self::extended_id`], and get nothing from a frame of the other kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct CanFrame {
-    id: u16,
+pub struct Frame {
+    /// The identifier, with [`EXTENDED`] for one of 29 bits: half of the size of an `Id`.
+    raw: u32,
     len: u8,
     data: [u8; 8],
 }
 
-impl CanFrame {
-    /// A frame, or `None` when `id` needs more than 11 bits or `data` is longer than 8 bytes.
-    pub fn new(id: u16, data: &[u8]) -> Option<Self> {
-        let (data, len) = payload(data)?;
-        (id < 0x800).then_some(Self { id, len, data })
+/// Set in the identifiers of 29 bits.
+const EXTENDED: u32 = 1 << 31;
+
+impl Frame {
+    /// A frame, or `None` when `data` is longer than 8 bytes.
+    pub fn new(id: impl Into<Id>, data: &[u8]) -> Option<Self> {
+        // Byte by byte: copying slices can panic, as far as an optimiser for size can see.
+        let mut bytes = [0; 8];
+        bytes.iter_mut().zip(data).for_each(|(slot, byte)| *slot = *byte);
+        let raw = match id.into() {
+            Id::Standard(id) => id.as_raw().into(),
+            Id::Extended(id) => id.as_raw() | EXTENDED,
+        };
+        let len = data.len() as u8;
+        (data.len() <= bytes.len()).then_some(Self { raw, len, data: bytes })
     }
 
-    /// A frame of this crate's own making: the id's excess bits are dropped.
+    /// A frame, or `None` when `id` needs more than 11 bits or `data` is longer than 8 bytes.
+    pub fn standard(id: u16, data: &[u8]) -> Option<Self> {
+        Self::new(StandardId::new(id)?, data)
+    }
+
+    /// A frame, or `None` when `id` needs more than 29 bits or `data` is longer than 8 bytes.
+    pub fn extended(id: u32, data: &[u8]) -> Option<Self> {
+        Self::new(ExtendedId::new(id)?, data)
+    }
+
+    /// A frame of this crate's own making: excess bits of the 11-bit identifier are dropped.
     pub(crate) fn known<const N: usize>(id: u16, data: [u8; N]) -> Self {
+        Self::of_known((id & 0x7FF).into(), data)
+    }
+
+    /// As [`Self::known`], with a 29-bit identifier.
+    pub(crate) fn known_extended<const N: usize>(id: u32, data: [u8; N]) -> Self {
+        Self::of_known(id & 0x1FFF_FFFF | EXTENDED, data)
+    }
+
+    fn of_known<const N: usize>(raw: u32, data: [u8; N]) -> Self {
         const { assert!(N <= 8, "a classic frame has 8 bytes at most") };
         let mut bytes = [0; 8];
         bytes.iter_mut().zip(data).for_each(|(slot, byte)| *slot = byte);
-        Self { id: id & 0x7FF, len: N as u8, data: bytes }
+        Self { raw, len: N as u8, data: bytes }
     }
 
-    /// The 11-bit identifier; lower is more urgent.
-    pub fn id(&self) -> u16 {
-        self.id
+    /// The identifier; lower is more urgent, as `Id` orders them.
+    pub fn id(&self) -> Id {
+        match self.extended_id() {
+            None => StandardId::new(self.raw as u16).unwrap_or(StandardId::MAX).into(),
+            Some(id) => ExtendedId::new(id).unwrap_or(ExtendedId::MAX).into(),
+        }
+    }
+
+    /// The 11-bit identifier; `None` for a frame with a 29-bit one.
+    pub fn standard_id(&self) -> Option<u16> {
+        (self.raw & EXTENDED == 0).then_some(self.raw as u16)
+    }
+
+    /// The 29-bit identifier; `None` for a frame with an 11-bit one.
+    pub fn extended_id(&self) -> Option<u32> {
+        (self.raw & EXTENDED != 0).then_some(self.raw & !EXTENDED)
     }
 
     /// The payload, 0 to 8 bytes.
@@ -36,10 +86,18 @@ impl CanFrame {
     /// Bits on the wire from the start of frame to the end of the three bits of space after it,
     /// stuff bits included.
     pub fn exact_bits(&self) -> u32 {
-        // Start of frame, identifier, RTR, IDE and reserved bit (all 0), length, data, CRC-15: the
-        // part that is stuffed. 12 + 3 + 4 + 64 + 15 bits at most.
         let mut bits = Stuffed::default();
-        bits.push(u32::from(self.id), 12);
+        match self.id() {
+            // Start of frame (0) and identifier.
+            Id::Standard(id) => bits.push(u32::from(id.as_raw()), 12),
+            // Start of frame and 11 bits of the identifier; SRR and IDE (both 1); its other 18 bits.
+            Id::Extended(id) => {
+                bits.push(id.as_raw() >> 18, 12);
+                bits.push(0b11, 2);
+                bits.push(id.as_raw(), 18);
+            }
+        }
+        // RTR and two reserved bits, or RTR, IDE and a reserved one (all 0); length; data; CRC-15.
         bits.push(u32::from(self.len), 7);
         self.data().iter().for_each(|&byte| bits.push(u32::from(byte), 8));
         let crc = bits.crc;
@@ -48,107 +106,14 @@ impl CanFrame {
     }
 }
 
-/// The bytes and how many there are, at most 8. Byte by byte: copying slices can panic, as far as an
-/// optimiser for size can see.
-fn payload(from: &[u8]) -> Option<([u8; 8], u8)> {
-    let mut data = [0; 8];
-    data.iter_mut().zip(from).for_each(|(slot, byte)| *slot = *byte);
-    (from.len() <= data.len()).then_some((data, from.len() as u8))
-}
-
-/// A classic CAN 2.0B data frame with a 29-bit identifier.
-///
-/// A type of its own: what listens to 11-bit identifiers cannot take one of these by mistake.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct ExtendedFrame {
-    id: u32,
-    len: u8,
-    data: [u8; 8],
-}
-
-impl ExtendedFrame {
-    /// A frame, or `None` when `id` needs more than 29 bits or `data` is longer than 8 bytes.
-    pub fn new(id: u32, data: &[u8]) -> Option<Self> {
-        let (data, len) = payload(data)?;
-        (id < 0x2000_0000).then_some(Self { id, len, data })
-    }
-
-    /// A frame of this crate's own making: the id's excess bits are dropped.
-    pub(crate) fn known(id: u32, data: [u8; 8]) -> Self {
-        Self { id: id & 0x1FFF_FFFF, len: 8, data }
-    }
-
-    /// The 29-bit identifier; lower is more urgent.
-    pub fn id(&self) -> u32 {
-        self.id
-    }
-
-    /// The payload, 0 to 8 bytes.
-    pub fn data(&self) -> &[u8] {
-        self.data.get(..usize::from(self.len)).unwrap_or(&self.data)
-    }
-
-    /// Bits on the wire from the start of frame to the end of the three bits of space after it,
-    /// stuff bits included.
-    pub fn exact_bits(&self) -> u32 {
-        // Start of frame and 11 bits of the identifier; SRR and IDE (both 1); its other 18 bits;
-        // RTR and two reserved bits (all 0), length; data; CRC-15.
-        let mut bits = Stuffed::default();
-        bits.push(self.id >> 18, 12);
-        bits.push(0b11, 2);
-        bits.push(self.id, 18);
-        bits.push(u32::from(self.len), 7);
-        self.data().iter().for_each(|&byte| bits.push(u32::from(byte), 8));
-        let crc = bits.crc;
-        bits.push(u32::from(crc), 15);
-        bits.count + UNSTUFFED_BITS
-    }
-}
-
-/// A classic data frame with an identifier of either length.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum AnyFrame {
-    /// With an 11-bit identifier.
-    Standard(CanFrame),
-    /// With a 29-bit identifier.
-    Extended(ExtendedFrame),
-}
-
-impl AnyFrame {
-    /// The payload, 0 to 8 bytes.
-    pub fn data(&self) -> &[u8] {
-        match self {
-            Self::Standard(frame) => frame.data(),
-            Self::Extended(frame) => frame.data(),
+/// As `candump` writes it: `123#DEADBEEF`, eight digits for a 29-bit identifier.
+impl fmt::Display for Frame {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.id() {
+            Id::Standard(id) => write!(f, "{:03X}#", id.as_raw())?,
+            Id::Extended(id) => write!(f, "{:08X}#", id.as_raw())?,
         }
-    }
-
-    /// The frame, if its identifier has 11 bits.
-    pub fn standard(&self) -> Option<&CanFrame> {
-        match self {
-            Self::Standard(frame) => Some(frame),
-            Self::Extended(_) => None,
-        }
-    }
-
-    /// Bits on the wire, as [`CanFrame::exact_bits`].
-    pub fn exact_bits(&self) -> u32 {
-        match self {
-            Self::Standard(frame) => frame.exact_bits(),
-            Self::Extended(frame) => frame.exact_bits(),
-        }
-    }
-}
-
-impl From<CanFrame> for AnyFrame {
-    fn from(frame: CanFrame) -> Self {
-        Self::Standard(frame)
-    }
-}
-
-impl From<ExtendedFrame> for AnyFrame {
-    fn from(frame: ExtendedFrame) -> Self {
-        Self::Extended(frame)
+        self.data().iter().try_for_each(|byte| write!(f, "{byte:02X}"))
     }
 }
 
@@ -159,15 +124,17 @@ const UNSTUFFED_BITS: u32 = 13;
 /// (Davis et al. 2007, "Controller Area Network schedulability analysis"). `len` above 8 counts
 /// as 8.
 pub const fn worst_case_bits(len: u8) -> u32 {
-    let data = 8 * if len > 8 { 8 } else { len as u32 };
-    let stuffed = 34 + data;
-    stuffed + (stuffed - 1) / 4 + UNSTUFFED_BITS
+    worst_case(34, len)
 }
 
 /// As [`worst_case_bits`], of a frame with a 29-bit identifier.
 pub const fn worst_case_bits_extended(len: u8) -> u32 {
-    let data = 8 * if len > 8 { 8 } else { len as u32 };
-    let stuffed = 54 + data;
+    worst_case(54, len)
+}
+
+/// With `around` stuffed bits besides the data.
+const fn worst_case(around: u32, len: u8) -> u32 {
+    let stuffed = around + 8 * if len > 8 { 8 } else { len as u32 };
     stuffed + (stuffed - 1) / 4 + UNSTUFFED_BITS
 }
 
@@ -227,11 +194,21 @@ mod tests {
 
     #[test]
     fn identifiers_and_payloads_that_do_not_fit_are_no_frames() {
-        assert!(CanFrame::new(0x7FF, &[0; 8]).is_some());
-        assert!(CanFrame::new(0x800, &[]).is_none());
-        assert!(ExtendedFrame::new(0x1FFF_FFFF, &[0; 8]).is_some());
-        assert!(ExtendedFrame::new(0x2000_0000, &[]).is_none());
-        assert!(ExtendedFrame::new(0, &[0; 9]).is_none());
+        assert!(Frame::standard(0x7FF, &[0; 8]).is_some());
+        assert!(Frame::standard(0x800, &[]).is_none());
+        assert!(Frame::extended(0x1FFF_FFFF, &[0; 8]).is_some());
+        assert!(Frame::extended(0x2000_0000, &[]).is_none());
+        assert!(Frame::extended(0, &[0; 9]).is_none());
+    }
+
+    #[test]
+    fn identifiers_of_different_lengths_are_different() {
+        let (short, long) = (Frame::standard(7, &[1]).unwrap(), Frame::extended(7, &[1]).unwrap());
+        assert_ne!(short, long);
+        assert_ne!(short.id(), long.id());
+        assert_eq!((short.standard_id(), short.extended_id()), (Some(7), None));
+        assert_eq!((long.standard_id(), long.extended_id()), (None, Some(7)));
+        assert_eq!(std::format!("{short} {long}"), "007#01 00000007#01");
     }
 
     /// Second algorithm: builds the bit string, divides polynomials on it, then stuffs it.
@@ -268,7 +245,7 @@ mod tests {
     proptest! {
         #[test]
         fn bits_agree_with_the_bit_string(id in 0u16..0x800, data in proptest::collection::vec(prop_oneof![any::<u8>(), Just(0), Just(255)], 0..=8)) {
-            let frame = CanFrame::new(id, &data).unwrap();
+            let frame = Frame::standard(id, &data).unwrap();
             let bits = frame.exact_bits();
             prop_assert_eq!(bits, reference_bits(std::format!("0{id:011b}000"), &data));
             prop_assert!(bits <= worst_case_bits(data.len() as u8));
@@ -277,7 +254,7 @@ mod tests {
 
         #[test]
         fn bits_of_extended_frames_agree_too(id in prop_oneof![0u32..1 << 29, Just(0), Just(0x1FFF_FFFF)], data in proptest::collection::vec(prop_oneof![any::<u8>(), Just(0), Just(255)], 0..=8)) {
-            let frame = ExtendedFrame::new(id, &data).unwrap();
+            let frame = Frame::extended(id, &data).unwrap();
             let bits = frame.exact_bits();
             let header = std::format!("0{:011b}11{:018b}000", id >> 18, id & 0x3FFFF);
             prop_assert_eq!(bits, reference_bits(header, &data));

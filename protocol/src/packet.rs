@@ -3,7 +3,7 @@
 //! A packet is `body · CRC-32C (little-endian)`, stuffed by COBS (Cheshire and Baker 1997) and ended by a
 //! zero byte.
 
-use crate::can::CanFrame;
+use crate::can::Frame;
 use crate::crc::crc32c;
 use cobs::{DecodeResult, DecoderState};
 use heapless::Vec;
@@ -25,8 +25,9 @@ impl<const N: usize> Writer<N> {
         self.0.extend_from_slice(bytes).ok()
     }
 
-    pub(crate) fn frame(&mut self, frame: &CanFrame) -> Option<()> {
-        let [low, high] = frame.id().to_le_bytes();
+    /// `None` for a frame with a 29-bit identifier: no packet carries those.
+    pub(crate) fn frame(&mut self, frame: &Frame) -> Option<()> {
+        let [low, high] = frame.standard_id()?.to_le_bytes();
         self.put(&[low, high, frame.data().len() as u8])?;
         self.put(frame.data())
     }
@@ -58,11 +59,11 @@ impl Reader<'_> {
         self.take().map(u32::from_le_bytes)
     }
 
-    pub(crate) fn frame(&mut self) -> Option<CanFrame> {
+    pub(crate) fn frame(&mut self) -> Option<Frame> {
         let [low, high, len] = self.take()?;
         let (data, rest) = self.0.split_at_checked(len.into())?;
         self.0 = rest;
-        CanFrame::new(u16::from_le_bytes([low, high]), data)
+        Frame::standard(u16::from_le_bytes([low, high]), data)
     }
 }
 

@@ -5,7 +5,7 @@
 //! does the segmenting. The host can also ask how the board is; the controller's own messages know nothing of
 //! reset causes and error counters.
 
-use crate::can::CanFrame;
+use crate::can::Frame;
 use crate::packet::{self, CRC_LEN, Reader, line_len};
 use crate::wire::transport::MAX_MESSAGE;
 use heapless::Vec;
@@ -36,7 +36,7 @@ pub const BUSES: usize = 3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packet<'a> {
     /// A frame of the link, either way; none of the transport's.
-    Link(CanFrame),
+    Link(Frame),
     /// A message of the transport, whole.
     Message {
         /// Identifier of the frames that would carry it on CAN.
@@ -230,7 +230,7 @@ mod tests {
 
     fn packet() -> impl Strategy<Value = Packet<'static>> {
         let link = (0u16..0x800, prop::collection::vec(any::<u8>(), 0..=8))
-            .prop_map(|(id, data)| Packet::Link(CanFrame::new(id, &data).unwrap()));
+            .prop_map(|(id, data)| Packet::Link(Frame::standard(id, &data).unwrap()));
         let report = (0u8..5, any::<u8>(), any::<[u32; 5]>(), [bus(), bus(), bus()]).prop_map(
             |(reset, brown_out_level, words, buses)| {
                 let [config_hash, uptime_ms, missed_periods, longest_tick_us, broken_words] = words;
@@ -265,7 +265,7 @@ mod tests {
         // The checksum by another program; firmware/boards/README.md shows these bytes.
         let line = Packet::Ask.encode().unwrap();
         assert_eq!(line.as_slice(), [0x06, 0x11, 0x3D, 0x17, 0x48, 0xB0, 0x00]);
-        let frame = CanFrame::new(0x0A5, &[7]).unwrap();
+        let frame = Frame::standard(0x0A5, &[7]).unwrap();
         let line = Packet::Link(frame).encode().unwrap();
         let crc = crate::crc::crc32c(&[16, 0xA5, 0, 1, 7]).to_le_bytes();
         assert!(!crc.contains(&0));

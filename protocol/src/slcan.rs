@@ -4,7 +4,7 @@
 //! `t1232AABB` is a frame with an identifier of 11 bits, two bytes of data, `T` one of 29 bits. An
 //! adapter answers a bare carriage return for yes, a bell for no.
 
-use crate::can::{AnyFrame, CanFrame, ExtendedFrame};
+use crate::can::{Frame, Id};
 use heapless::Vec;
 
 /// Ends a line, and alone says yes.
@@ -21,7 +21,7 @@ pub type Line = Vec<u8, MAX_LINE>;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Said {
     /// A frame: from a host to be sent, from an adapter received.
-    Frame(AnyFrame),
+    Frame(Frame),
     /// Host: the bus has this bitrate, by Lawicel's digit 0 to 8 (10, 20, 50, 100, 125, 250, 500, 800,
     /// 1000 kbit/s).
     Bitrate(u8),
@@ -49,14 +49,14 @@ impl Said {
         let mut line = Line::new();
         match self {
             Self::Frame(frame) => {
-                match frame {
-                    AnyFrame::Standard(frame) => {
+                match frame.id() {
+                    Id::Standard(id) => {
                         line.push(b't').ok()?;
-                        digits(&mut line, u32::from(frame.id()), 3)?;
+                        digits(&mut line, u32::from(id.as_raw()), 3)?;
                     }
-                    AnyFrame::Extended(frame) => {
+                    Id::Extended(id) => {
                         line.push(b'T').ok()?;
-                        digits(&mut line, frame.id(), 8)?;
+                        digits(&mut line, id.as_raw(), 8)?;
                     }
                 }
                 digits(&mut line, frame.data().len() as u32, 1)?;
@@ -132,12 +132,12 @@ fn said(line: &[u8]) -> Option<Said> {
         (b't', _) => {
             let (id, data, len) = frame(rest, 3)?;
             let data = data.get(..len)?;
-            CanFrame::new(id as u16, data).map(|frame| Said::Frame(frame.into()))
+            Frame::standard(id as u16, data).map(Said::Frame)
         }
         (b'T', _) => {
             let (id, data, len) = frame(rest, 8)?;
             let data = data.get(..len)?;
-            ExtendedFrame::new(id, data).map(|frame| Said::Frame(frame.into()))
+            Frame::extended(id, data).map(Said::Frame)
         }
         (b'S', [digit @ b'0'..=b'8']) => Some(Said::Bitrate(digit - b'0')),
         (b'O', []) => Some(Said::Open),
@@ -178,7 +178,7 @@ mod tests {
     }
 
     fn standard(id: u16, data: &[u8]) -> Said {
-        Said::Frame(CanFrame::new(id, data).unwrap().into())
+        Said::Frame(Frame::standard(id, data).unwrap())
     }
 
     /// Examples of the manual, and what `slcand -o -s8` sends first.
@@ -186,8 +186,8 @@ mod tests {
     fn lines_of_the_manual() {
         assert_eq!(read(b"t10021133\r"), [standard(0x100, &[0x11, 0x33])]);
         assert_eq!(read(b"t1230\r"), [standard(0x123, &[])]);
-        let extended = ExtendedFrame::new(0x100, &[0x11, 0x33]).unwrap();
-        assert_eq!(read(b"T0000010021133\r"), [Said::Frame(extended.into())]);
+        let extended = Frame::extended(0x100, &[0x11, 0x33]).unwrap();
+        assert_eq!(read(b"T0000010021133\r"), [Said::Frame(extended)]);
         assert_eq!(read(b"C\rS8\rO\r"), [Said::Close, Said::Bitrate(8), Said::Open]);
         assert_eq!(read(b"\rz\r\x07"), [Said::Yes, Said::Yes, Said::No]);
         assert_eq!(read(b"V\rN\r"), [Said::Other(b'V'), Said::Other(b'N')]);
@@ -215,11 +215,11 @@ mod tests {
         }
     }
 
-    fn frame() -> impl Strategy<Value = AnyFrame> {
+    fn frame() -> impl Strategy<Value = Frame> {
         let data = || prop::collection::vec(any::<u8>(), 0..=8);
         prop_oneof![
-            (0u16..0x800, data()).prop_map(|(id, d)| CanFrame::new(id, &d).unwrap().into()),
-            (0u32..1 << 29, data()).prop_map(|(id, d)| ExtendedFrame::new(id, &d).unwrap().into()),
+            (0u16..0x800, data()).prop_map(|(id, d)| Frame::standard(id, &d).unwrap()),
+            (0u32..1 << 29, data()).prop_map(|(id, d)| Frame::extended(id, &d).unwrap()),
         ]
     }
 

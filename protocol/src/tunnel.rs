@@ -7,7 +7,7 @@
 //!
 //! The body of a [`packet`] begins with kind and sequence number; the answer repeats both.
 
-use crate::can::CanFrame;
+use crate::can::Frame;
 use crate::packet::{self, Reader, line_len};
 use heapless::Vec;
 
@@ -54,9 +54,9 @@ pub enum Input {
     /// A control period has passed.
     Tick,
     /// A frame from the host.
-    Link(CanFrame),
+    Link(Frame),
     /// A frame of an actuator bus, below [`MAX_ACTUATOR_BUSES`].
-    Actuator(u8, CanFrame),
+    Actuator(u8, Frame),
 }
 
 /// A set of buses.
@@ -119,9 +119,9 @@ pub struct Hello {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stepped {
     /// A frame for the link.
-    pub link: Option<CanFrame>,
+    pub link: Option<Frame>,
     /// A frame for each actuator bus.
-    pub actuators: [Option<CanFrame>; MAX_ACTUATOR_BUSES as usize],
+    pub actuators: [Option<Frame>; MAX_ACTUATOR_BUSES as usize],
     /// Clip, frame and phase of what is being played.
     pub playing: Option<(u8, u16, f32)>,
 }
@@ -279,7 +279,7 @@ impl Answer {
     }
 }
 
-fn bus_frame(packet: &mut Writer, bus: u8, frame: &CanFrame) -> Option<()> {
+fn bus_frame(packet: &mut Writer, bus: u8, frame: &Frame) -> Option<()> {
     packet.put(&[bus])?;
     packet.frame(frame)
 }
@@ -294,9 +294,9 @@ mod tests {
         bytes.iter().filter_map(|&byte| deframer.push(byte).map(<[u8]>::to_vec)).collect()
     }
 
-    fn frame() -> impl Strategy<Value = CanFrame> {
+    fn frame() -> impl Strategy<Value = Frame> {
         (0u16..0x800, prop::collection::vec(any::<u8>(), 0..=8))
-            .prop_map(|(id, data)| CanFrame::new(id, &data).unwrap())
+            .prop_map(|(id, data)| Frame::standard(id, &data).unwrap())
     }
 
     fn request() -> impl Strategy<Value = Request> {

@@ -4,7 +4,7 @@ use crate::clock::SimTime;
 use crate::load::joint_loads;
 use crate::plant::Plant;
 use crate::servo::Servo;
-use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_robot::{Channel, Robot};
 
 /// The motors of a robot whose body is held level and still.
@@ -81,12 +81,12 @@ impl Body {
     }
 
     /// Hands a frame to the servo of `channel`; its answer, if it was meant.
-    pub fn on_frame(&mut self, channel: usize, now: SimTime, frame: &AnyFrame) -> Option<AnyFrame> {
+    pub fn on_frame(&mut self, channel: usize, now: SimTime, frame: &Frame) -> Option<Frame> {
         self.servos[channel].on_frame(now, frame)
     }
 
     /// The value of the setpoint in a frame for the servo of `channel`.
-    pub fn commanded(&self, channel: usize, frame: &AnyFrame) -> Option<f32> {
+    pub fn commanded(&self, channel: usize, frame: &Frame) -> Option<f32> {
         self.servos[channel].commanded(frame)
     }
 
@@ -96,7 +96,7 @@ impl Body {
     }
 
     /// What a servo says by itself now, and its channel; call again until there is nothing.
-    pub fn on_timer(&mut self, now: SimTime) -> Option<(usize, AnyFrame)> {
+    pub fn on_timer(&mut self, now: SimTime) -> Option<(usize, Frame)> {
         let mut servos = self.servos.iter_mut().enumerate();
         servos.find_map(|(channel, servo)| Some((channel, servo.on_timer(now)?)))
     }

@@ -3,7 +3,7 @@
 //! The bus is pulled, not pushed: [`CanBus::next_delivery`] moves the bus on to the next completed
 //! frame and returns it; the caller hands it to the receivers, who may post answers at that instant,
 //! and pulls again. At every instant at which the bus is idle and frames are pending, the lowest id
-//! wins and occupies the bus for its exact length ([`AnyFrame::exact_bits`]), the last three bits of
+//! wins and occupies the bus for its exact length ([`Frame::exact_bits`]), the last three bits of
 //! which are intermission: receivers have the frame before them, the bus is idle after them.
 //!
 //! A node keeps its pending frames by the [`TxPolicy`] it was built with. Frames leave a node lowest
@@ -13,7 +13,7 @@
 //! first goes first, where a real bus would see an error.
 
 use crate::clock::SimTime;
-use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::can::{Frame, Id};
 use std::collections::BTreeMap;
 
 /// Recessive bits that separate two frames.
@@ -22,27 +22,6 @@ const INTERMISSION_BITS: u32 = 3;
 /// Index of a node on its bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct NodeId(usize);
-
-/// An identifier. The lower is the more urgent; of two with the same first eleven bits, that without more.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Identifier {
-    /// The first eleven bits.
-    pub base: u16,
-    /// The eighteen others, of an identifier of 29 bits.
-    pub extension: Option<u32>,
-}
-
-impl From<&AnyFrame> for Identifier {
-    fn from(frame: &AnyFrame) -> Self {
-        match frame {
-            AnyFrame::Standard(frame) => Self { base: frame.id(), extension: None },
-            AnyFrame::Extended(frame) => {
-                let (base, extension) = ((frame.id() >> 18) as u16, frame.id() & 0x3_FFFF);
-                Self { base, extension: Some(extension) }
-            }
-        }
-    }
-}
 
 /// What a node does with frames that wait for the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,7 +52,7 @@ pub struct Delivery {
     /// Who sent it; everybody else receives it.
     pub from: NodeId,
     /// The frame.
-    pub frame: AnyFrame,
+    pub frame: Frame,
 }
 
 /// What one id did on the bus.
@@ -91,7 +70,7 @@ pub struct IdStatistics {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BusStatistics {
     /// By id, most urgent first.
-    pub by_id: BTreeMap<Identifier, IdStatistics>,
+    pub by_id: BTreeMap<Id, IdStatistics>,
     /// Pending frames that gave way to a newer one of the same id ([`TxPolicy::Latest`]).
     pub replaced: u64,
 }
@@ -133,13 +112,13 @@ impl BusStatistics {
 /// A frame that waits for the bus.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
-    frame: AnyFrame,
+    frame: Frame,
     posted: SimTime,
 }
 
 impl Pending {
-    fn id(&self) -> Identifier {
-        Identifier::from(&self.frame)
+    fn id(&self) -> Id {
+        self.frame.id()
     }
 }
 
@@ -197,13 +176,7 @@ impl CanBus {
     }
 
     /// `node` wants `frame` sent, as of `now`. All deliveries up to `now` must have been pulled.
-    pub fn post(
-        &mut self,
-        now: SimTime,
-        node: NodeId,
-        frame: impl Into<AnyFrame>,
-    ) -> Result<(), QueueFull> {
-        let frame = frame.into();
+    pub fn post(&mut self, now: SimTime, node: NodeId, frame: Frame) -> Result<(), QueueFull> {
         // A frame that won the bus before this instant is out of reach: it can be neither replaced
         // nor overtaken any more.
         if self.in_flight.is_none()
@@ -278,7 +251,7 @@ impl CanBus {
         };
         let Flight { from, pending: Pending { frame, posted }, end } = flight;
         let busy = self.bits(frame.exact_bits());
-        let id = self.statistics.by_id.entry(Identifier::from(&frame)).or_default();
+        let id = self.statistics.by_id.entry(frame.id()).or_default();
         id.frames += 1;
         id.busy = id.busy + busy;
         id.worst_latency = id.worst_latency.max(end - posted);
@@ -332,12 +305,12 @@ struct Winner {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
+    use rollwalk_protocol::can::Frame;
 
     const KEEP: TxPolicy = TxPolicy::Queue { depth: 64 };
 
-    fn frame(id: u16, data: &[u8]) -> CanFrame {
-        CanFrame::new(id, data).unwrap()
+    fn frame(id: u16, data: &[u8]) -> Frame {
+        Frame::standard(id, data).unwrap()
     }
 
     fn us(us: u64) -> SimTime {
@@ -351,7 +324,7 @@ mod tests {
     }
 
     fn id(delivery: &Delivery) -> u16 {
-        Identifier::from(&delivery.frame).base
+        delivery.frame.standard_id().unwrap()
     }
 
     #[test]
@@ -376,19 +349,16 @@ mod tests {
     fn long_identifiers_take_their_bits_and_their_turn() {
         let mut bus = CanBus::new(DEFAULT_BITRATE);
         let node = bus.add_node(KEEP);
-        let long = |id| ExtendedFrame::new(id, &[]).unwrap();
+        let long = |id| Frame::extended(id, &[]).unwrap();
         let base = 0x2AA << 18;
-        for frame in [AnyFrame::from(long(base | 1)), long(base).into(), frame(0x2AA, &[]).into()] {
+        for frame in [long(base | 1), long(base), frame(0x2AA, &[])] {
             bus.post(us(0), node, frame).unwrap();
         }
         bus.post(us(0), node, long(0x2A9 << 18 | 0x3_FFFF)).unwrap();
         let sent: Vec<_> = std::iter::from_fn(|| bus.next_delivery(us(1000))).collect();
-        let ids: Vec<_> = sent.iter().map(|d| Identifier::from(&d.frame)).collect();
-        let id = |base, extension| Identifier { base, extension };
-        assert_eq!(
-            ids,
-            [id(0x2A9, Some(0x3_FFFF)), id(0x2AA, None), id(0x2AA, Some(0)), id(0x2AA, Some(1))]
-        );
+        let frames: Vec<_> = sent.iter().map(|d| d.frame).collect();
+        let first = long(0x2A9 << 18 | 0x3_FFFF);
+        assert_eq!(frames, [first, frame(0x2AA, &[]), long(base), long(base | 1)]);
         // The lengths that the frames count for themselves, against a second algorithm in `rollwalk_protocol`.
         let mut end = 0;
         for delivery in sent {

@@ -3,7 +3,6 @@
 use crate::store::{self, SimParameters, SimStore};
 use rollwalk_bus::link::LinkError;
 use rollwalk_firmware::{BusState, Buses, Controller, Settings};
-use rollwalk_protocol::can::ExtendedFrame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
 
@@ -14,28 +13,6 @@ pub trait Core {
     /// # Errors
     /// It is out of reach.
     fn step(&mut self, step: Step) -> Result<Stepped, LinkError>;
-
-    /// Tells it of a frame with a 29-bit identifier on an actuator bus.
-    ///
-    /// # Errors
-    /// It is out of reach, or cannot be told.
-    fn on_extended(
-        &mut self,
-        now_us: u64,
-        bus: u8,
-        frame: &ExtendedFrame,
-    ) -> Result<(), LinkError> {
-        let _ = (now_us, frame);
-        Err(LinkError::Down(format!("a board that has no 29-bit identifiers on bus {bus}")))
-    }
-
-    /// A frame with a 29-bit identifier that it sends on an actuator bus that can take one.
-    ///
-    /// # Errors
-    /// It is out of reach, or cannot be asked.
-    fn poll_extended(&mut self, bus: u8) -> Result<Option<ExtendedFrame>, LinkError> {
-        Err(LinkError::Down(format!("a board that has no 29-bit identifiers on bus {bus}")))
-    }
 
     /// Tells it how an actuator bus is.
     ///
@@ -121,20 +98,6 @@ impl Core for Local {
         }
         let playing = controller.playing().map(|p| (p.clip.0, p.frame, p.phase));
         Ok(Stepped { link, actuators, playing })
-    }
-
-    fn on_extended(
-        &mut self,
-        now_us: u64,
-        bus: u8,
-        frame: &ExtendedFrame,
-    ) -> Result<(), LinkError> {
-        self.controller.on_extended_frame(now_us, bus, frame);
-        Ok(())
-    }
-
-    fn poll_extended(&mut self, bus: u8) -> Result<Option<ExtendedFrame>, LinkError> {
-        Ok(self.controller.poll_extended(bus))
     }
 
     fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) -> Result<(), LinkError> {

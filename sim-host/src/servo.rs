@@ -8,7 +8,7 @@ use crate::clock::SimTime;
 use crate::plant::Plant;
 use rollwalk_drives::{Drive, Law, rollwalk};
 use rollwalk_protocol::actuators::bus::Bus;
-use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
 
 /// Longest time without a setpoint before an enabled servo of the Rollwalk profile gives up.
@@ -45,12 +45,12 @@ impl Servo {
     }
 
     /// The value of the setpoint in a frame for it, rad or rad/s of a wheel.
-    pub fn commanded(&self, frame: &AnyFrame) -> Option<f32> {
+    pub fn commanded(&self, frame: &Frame) -> Option<f32> {
         self.drive.commanded(frame)
     }
 
     /// A frame on the bus; the answer if it was for this servo.
-    pub fn on_frame(&mut self, now: SimTime, frame: &AnyFrame) -> Option<AnyFrame> {
+    pub fn on_frame(&mut self, now: SimTime, frame: &Frame) -> Option<Frame> {
         let (_, answer) = self.drive.on_frame(now.as_us(), frame, &self.plant.shaft())?;
         answer
     }
@@ -61,7 +61,7 @@ impl Servo {
     }
 
     /// What it says by itself now; call again until there is nothing.
-    pub fn on_timer(&mut self, now: SimTime) -> Option<AnyFrame> {
+    pub fn on_timer(&mut self, now: SimTime) -> Option<Frame> {
         self.drive.on_timer(now.as_us(), &self.plant.shaft())
     }
 
@@ -79,7 +79,7 @@ mod tests {
     use rollwalk_protocol::actuator::{
         ActuatorStatus, Control, Feedback, JointSetpoint, WheelSetpoint,
     };
-    use rollwalk_protocol::can::CanFrame;
+    use rollwalk_protocol::can::Frame;
     use rollwalk_protocol::config::ChannelKind;
     use rollwalk_robot::Actuator;
     use std::f64::consts::PI;
@@ -112,25 +112,25 @@ mod tests {
         Servo::new(&Bus::default(), &channel(ChannelKind::JointPosition), plant)
     }
 
-    fn setpoint(position_rad: f32, id: u8) -> CanFrame {
+    fn setpoint(position_rad: f32, id: u8) -> Frame {
         JointSetpoint { position_rad, velocity_rad_s: 0.0, kp_nm_rad: 20.0, kd_nm_s_rad: 0.5 }
             .encode(id)
             .unwrap()
     }
 
-    fn ask(servo: &mut Servo, now: SimTime, frame: CanFrame) -> Feedback {
-        let answer = servo.on_frame(now, &frame.into()).unwrap();
-        Feedback::decode(answer.standard().unwrap()).unwrap().1
+    fn ask(servo: &mut Servo, now: SimTime, frame: Frame) -> Feedback {
+        let answer = servo.on_frame(now, &frame).unwrap();
+        Feedback::decode(&answer).unwrap().1
     }
 
     /// Steps from `from` up to `to`, with `frame` every 5 ms if there is one.
-    fn run(servo: &mut Servo, from: SimTime, to: SimTime, frame: Option<CanFrame>) {
+    fn run(servo: &mut Servo, from: SimTime, to: SimTime, frame: Option<Frame>) {
         let mut now = from;
         while now < to {
             if let Some(frame) = frame
                 && (now - from).as_us().is_multiple_of(5000)
             {
-                servo.on_frame(now, &frame.into()).unwrap();
+                servo.on_frame(now, &frame).unwrap();
             }
             now = now + DT;
             servo.step(now, DT.as_s());
@@ -155,7 +155,7 @@ mod tests {
         let mut servo = joint();
         let [disable, enable, query] =
             [Control::Disable, Control::Enable, Control::Query].map(|c| c.encode(5).unwrap());
-        servo.on_frame(SimTime::ZERO, &enable.into()).unwrap();
+        servo.on_frame(SimTime::ZERO, &enable).unwrap();
         run(&mut servo, SimTime::ZERO, SimTime::from_ms(10), Some(setpoint(0.3, 5)));
         // Queries must not keep it alive.
         run(&mut servo, SimTime::from_ms(10), SimTime::from_ms(200), Some(query));
@@ -173,8 +173,8 @@ mod tests {
         let mut servo = joint();
         let wheel = WheelSetpoint::default().encode(5).unwrap();
         let other = Control::Enable.encode(6).unwrap();
-        for frame in [setpoint(0.0, 4), other, wheel, CanFrame::new(0x7FF, &[]).unwrap()] {
-            assert_eq!(servo.on_frame(SimTime::ZERO, &frame.into()), None);
+        for frame in [setpoint(0.0, 4), other, wheel, Frame::standard(0x7FF, &[]).unwrap()] {
+            assert_eq!(servo.on_frame(SimTime::ZERO, &frame), None);
         }
     }
 
@@ -196,7 +196,7 @@ mod tests {
         let mut wheel = Servo::new(&Bus::default(), &channel(ChannelKind::WheelSpeed), plant);
         let frame =
             WheelSetpoint { speed_rad_s: 6.0, kd_nm_s_rad: 0.5, torque_limit_nm: 0.2 }.encode(5);
-        wheel.on_frame(SimTime::ZERO, &Control::Enable.encode(5).unwrap().into()).unwrap();
+        wheel.on_frame(SimTime::ZERO, &Control::Enable.encode(5).unwrap()).unwrap();
         run(&mut wheel, SimTime::ZERO, SimTime::from_ms(100), frame);
         // 0.2 N·m on 0.01 kg·m² for 0.1 s; the frame's torque step is a single-precision number.
         assert!((wheel.plant.speed_rad_s - 2.0).abs() < 1e-6);

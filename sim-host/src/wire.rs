@@ -2,8 +2,8 @@
 
 use crate::bus::{CanBus, NodeId, TxPolicy};
 use crate::clock::SimTime;
-use rollwalk_protocol::actuators::bus::{Bus, Protocol};
-use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::actuators::bus::Bus;
+use rollwalk_protocol::can::Frame;
 
 /// Frames that wait in any adapter of the controller at most.
 const MAX_DEPTH: usize = 64;
@@ -32,7 +32,7 @@ impl Wire {
     }
 
     /// Puts a frame into the controller's transmit buffer, which has room.
-    pub fn fill(&mut self, now: SimTime, frame: Option<impl Into<AnyFrame>>) {
+    pub fn fill(&mut self, now: SimTime, frame: Option<Frame>) {
         if let Some(frame) = frame {
             self.bus.post(now, self.controller, frame).expect("the buffer has room");
         }
@@ -69,14 +69,11 @@ impl Wire {
 pub struct ActuatorBus {
     pub wire: Wire,
     pub servos: Vec<(NodeId, usize)>,
-    /// Its identifiers have 29 bits.
-    pub is_extended: bool,
 }
 
 impl ActuatorBus {
     pub fn new(bus: &Bus) -> Self {
-        let is_extended = matches!(bus.protocol, Protocol::CyberGear(_));
-        Self { wire: Wire::new(bus.bit_rate), servos: Vec::new(), is_extended }
+        Self { wire: Wire::new(bus.bit_rate), servos: Vec::new() }
     }
 
     /// The node of a servo.

@@ -5,7 +5,6 @@ use crate::simulated::{Robot, desk_with_library_file, on};
 use rollwalk_bus::link::LinkBus;
 use rollwalk_bus::port::Live;
 use rollwalk_bus::sim;
-use rollwalk_protocol::can::AnyFrame;
 use rollwalk_protocol::slcan::{Reader, Said};
 use rollwalk_tests::{Desk, Outcome};
 use serialport::{SerialPort, TTYPort};
@@ -79,7 +78,7 @@ fn adapter(mut line: TTYPort, mut link: Live) {
         loop {
             for said in heard(&mut line).iter().filter_map(|&byte| reader.push(byte)) {
                 let answer = match said {
-                    Said::Frame(AnyFrame::Standard(frame)) if is_open => {
+                    Said::Frame(frame) if is_open => {
                         link.send(&frame).map_or(Said::No, |()| Said::Yes)
                     }
                     Said::Bitrate(8) => Said::Yes,
@@ -93,7 +92,7 @@ fn adapter(mut line: TTYPort, mut link: Live) {
             }
             while let Ok(Some(frame)) = link.receive(link.now_us()) {
                 if is_open {
-                    let _ = line.write_all(&Said::Frame(frame.into()).encode().unwrap());
+                    let _ = line.write_all(&Said::Frame(frame).encode().unwrap());
                 }
             }
         }

@@ -300,11 +300,10 @@ pub fn log(path: &Path) -> Vec<LogEntry> {
 
 /// State and clip of every status of the controller.
 pub fn every_state(frames: &[LogEntry]) -> Vec<(State, Option<u8>)> {
-    let statuses =
-        frames.iter().filter_map(|entry| match FromController::decode(entry.frame.standard()?) {
-            Ok((_, FromController::Status(status))) => Some((status.state, status.clip)),
-            _ => None,
-        });
+    let statuses = frames.iter().filter_map(|entry| match FromController::decode(&entry.frame) {
+        Ok((_, FromController::Status(status))) => Some((status.state, status.clip)),
+        _ => None,
+    });
     statuses.collect()
 }
 

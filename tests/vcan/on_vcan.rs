@@ -170,7 +170,7 @@ fn an_adapter_that_is_unplugged_in_a_transfer_is_said_and_the_robot_outlives_it(
     let candump = Beside::candump("vcan5", &transfer);
     let robot = Beside::robot(&["--bus", "can:vcan5"]);
     let unplugged = Beside::flash("can:vcan5");
-    let is_block = |entry: &LogEntry| entry.frame.standard().is_some_and(|f| f.id() == 0x510);
+    let is_block = |entry: &LogEntry| entry.frame.standard_id() == Some(0x510);
     let (start, blocks) = (Instant::now(), suite().blocks_before_unplugging);
     while log(&transfer).iter().filter(|entry| is_block(entry)).count() < blocks {
         assert!(start.elapsed() < LONG, "no transfer");

@@ -9,7 +9,7 @@
 //! Those that were given up for it may leave after all, first of all when a dead bus comes back. They are still
 //! ours, and must not be taken for what somebody else says.
 
-use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::can::Frame;
 use std::collections::VecDeque;
 
 /// After so long with nothing leaving, another frame may be tried, µs.
@@ -22,9 +22,9 @@ const PROBES: u8 = 2;
 pub struct Flight {
     depth: usize,
     /// Those that count, in the order in which they leave.
-    frames: VecDeque<AnyFrame>,
+    frames: VecDeque<Frame>,
     /// Those before them that do not count any more, and may still leave.
-    given_up: VecDeque<AnyFrame>,
+    given_up: VecDeque<Frame>,
     /// When something left last, or the first of these was sent.
     since_us: u64,
     /// Frames that were tried since something left last.
@@ -49,7 +49,7 @@ impl Flight {
     }
 
     /// A frame was handed to the kernel.
-    pub fn took_off(&mut self, now_us: u64, frame: AnyFrame) {
+    pub fn took_off(&mut self, now_us: u64, frame: Frame) {
         if self.frames.len() >= self.depth {
             // Taken to be lost, for one that is tried.
             self.give_up(1);
@@ -64,7 +64,7 @@ impl Flight {
 
     /// A frame was heard; whether it is one of ours that has left. Frames leave in their order, so those
     /// before it got lost.
-    pub fn landed(&mut self, now_us: u64, frame: &AnyFrame) -> bool {
+    pub fn landed(&mut self, now_us: u64, frame: &Frame) -> bool {
         let find = |frames: &VecDeque<_>| frames.iter().position(|ours| ours == frame);
         match (find(&self.given_up), find(&self.frames)) {
             (None, None) => return false,
@@ -107,10 +107,10 @@ impl Flight {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rollwalk_protocol::can::CanFrame;
+    use rollwalk_protocol::can::Frame;
 
-    fn frame(id: u16) -> AnyFrame {
-        CanFrame::new(id, &[1]).unwrap().into()
+    fn frame(id: u16) -> Frame {
+        Frame::standard(id, &[1]).unwrap()
     }
 
     #[test]

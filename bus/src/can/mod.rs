@@ -14,11 +14,9 @@ use crate::open::OpenError;
 use crate::port::{Heard, Inlet, Outlet, Port, since_us};
 use flight::Flight;
 use health::Health;
-use rollwalk_protocol::can::{AnyFrame, CanFrame, ExtendedFrame};
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::BusState;
-use socketcan::{
-    CanDataFrame, EmbeddedFrame, ExtendedId, Id, ShouldRetry, Socket, SocketOptions, StandardId,
-};
+use socketcan::{CanDataFrame, EmbeddedFrame, ShouldRetry, Socket, SocketOptions};
 use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -122,7 +120,7 @@ impl Outlet for CanOutlet {
         self.0.condition().takes(self.0.now_us())
     }
 
-    fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         let now_us = self.0.now_us();
         let mut condition = self.0.condition();
         if !condition.takes(now_us) {
@@ -195,20 +193,12 @@ impl Inlet for CanInlet {
     }
 }
 
-fn to_socket(frame: &AnyFrame) -> CanDataFrame {
-    let (id, data) = match frame {
-        AnyFrame::Standard(frame) => (StandardId::new(frame.id()).map(Id::Standard), frame.data()),
-        AnyFrame::Extended(frame) => (ExtendedId::new(frame.id()).map(Id::Extended), frame.data()),
-    };
-    let frame = id.and_then(|id| CanDataFrame::new(id, data));
-    frame.expect("a frame has an identifier of 11 or 29 bits and at most 8 bytes")
+fn to_socket(frame: &Frame) -> CanDataFrame {
+    CanDataFrame::new(frame.id(), frame.data()).expect("a frame has at most 8 bytes")
 }
 
-fn from_socket(frame: &CanDataFrame) -> Option<AnyFrame> {
-    match frame.id() {
-        Id::Standard(id) => CanFrame::new(id.as_raw(), frame.data()).map(AnyFrame::from),
-        Id::Extended(id) => ExtendedFrame::new(id.as_raw(), frame.data()).map(AnyFrame::from),
-    }
+fn from_socket(frame: &CanDataFrame) -> Option<Frame> {
+    Frame::new(frame.id(), frame.data())
 }
 
 #[cfg(test)]
@@ -217,10 +207,10 @@ mod tests {
 
     #[test]
     fn frames_are_the_same_on_both_sides_of_the_socket() {
-        let standard = CanFrame::new(0x7FF, &[1, 2, 3, 4, 5, 6, 7, 8]).unwrap().into();
-        let extended = ExtendedFrame::new(0x1FFF_FFFF, &[]).unwrap().into();
+        let standard = Frame::standard(0x7FF, &[1, 2, 3, 4, 5, 6, 7, 8]).unwrap();
+        let extended = Frame::extended(0x1FFF_FFFF, &[]).unwrap();
         // The same number, but another frame.
-        let short = ExtendedFrame::new(0x7FF, &[9]).unwrap().into();
+        let short = Frame::extended(0x7FF, &[9]).unwrap();
         for frame in [standard, extended, short] {
             assert_eq!(from_socket(&to_socket(&frame)), Some(frame));
         }

@@ -20,7 +20,7 @@ use commands::Commands;
 use home::Home;
 use nonces::Nonces;
 use rollwalk_protocol::actuator::Control;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::tunnel::Input;
@@ -211,7 +211,7 @@ impl Monitor {
         self.setpoints.forget();
     }
 
-    fn controller_says(&mut self, at: SimTime, frame: &CanFrame) {
+    fn controller_says(&mut self, at: SimTime, frame: &Frame) {
         let Ok((_, message)) = FromController::decode(frame) else { return };
         match message {
             FromController::Status(status) => self.on_status(at, status),
@@ -251,7 +251,7 @@ impl Monitor {
         }
     }
 
-    fn controller_orders(&mut self, at: SimTime, bus: u8, frame: &CanFrame, body: &Body) {
+    fn controller_orders(&mut self, at: SimTime, bus: u8, frame: &Frame, body: &Body) {
         if let Some((id, control)) = Control::decode(frame) {
             match control {
                 Control::Query => return,
@@ -286,7 +286,7 @@ impl Monitor {
 }
 
 impl Observer for Monitor {
-    fn host_sends(&mut self, at: SimTime, frame: &CanFrame) {
+    fn host_sends(&mut self, at: SimTime, frame: &Frame) {
         match ToController::decode(frame) {
             Ok((_, ToController::Estop)) if self.stop_sent.is_none() => {
                 (self.stop_sent, self.stopped_after) = (Some(at), None);
@@ -329,7 +329,7 @@ impl Observer for Monitor {
         }
     }
 
-    fn controller_sends(&mut self, at: SimTime, bus: Interface, frame: &CanFrame, body: &Body) {
+    fn controller_sends(&mut self, at: SimTime, bus: Interface, frame: &Frame, body: &Body) {
         match bus {
             Interface::Link => self.controller_says(at, frame),
             Interface::Actuator(bus) => self.controller_orders(at, bus, frame, body),

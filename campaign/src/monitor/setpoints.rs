@@ -5,7 +5,7 @@ use rollwalk_protocol::actuator::{
     JointSetpoint, KD_STEP_NM_S_RAD, KP_STEP_NM_RAD, POSITION_STEP_RAD, SPEED_STEP_RAD_S,
     TORQUE_STEP_NM, WHEEL_SPEED_STEP_RAD_S, WheelSetpoint,
 };
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
 use rollwalk_sim_host::body::Body;
 use rollwalk_sim_host::clock::SimTime;
@@ -28,7 +28,7 @@ enum Told {
 
 impl Told {
     /// With the actuator's number on its bus.
-    fn decode(frame: &CanFrame) -> Option<(u8, Self)> {
+    fn decode(frame: &Frame) -> Option<(u8, Self)> {
         let joint = || JointSetpoint::decode(frame).map(|(id, joint)| (id, Self::Joint(joint)));
         let wheel = || WheelSetpoint::decode(frame).map(|(id, wheel)| (id, Self::Wheel(wheel)));
         joint().or_else(wheel)
@@ -97,7 +97,7 @@ impl Setpoints {
         &mut self,
         at: SimTime,
         bus: u8,
-        frame: &CanFrame,
+        frame: &Frame,
         damped: bool,
         body: &Body,
     ) -> Result<bool, (Rule, String)> {

@@ -7,7 +7,7 @@ use rollwalk_campaign::scenario::Scenario;
 use rollwalk_campaign::{Case, Report, Subject, run_with};
 use rollwalk_firmware::{BusState, Settings};
 use rollwalk_protocol::actuator::{Control, JointSetpoint, WheelSetpoint};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
 use rollwalk_protocol::wire::{Action, Command, CommandAck, Node, State, ToController};
@@ -71,7 +71,7 @@ fn runs(
 }
 
 /// A controller that does something else with what is sent to the actuators.
-fn on_its_way(change: impl Fn() -> Box<dyn FnMut(CanFrame) -> Option<CanFrame>>) -> Bug {
+fn on_its_way(change: impl Fn() -> Box<dyn FnMut(Frame) -> Option<Frame>>) -> Bug {
     let mut change = change();
     Box::new(move |core, step| {
         let mut stepped = core.step(step).unwrap();
@@ -83,7 +83,7 @@ fn on_its_way(change: impl Fn() -> Box<dyn FnMut(CanFrame) -> Option<CanFrame>>)
 }
 
 /// A controller that sends a frame on bus 0 some time after it was stopped.
-fn after_a_stop(frame: impl Fn(CanFrame) -> CanFrame + Copy + 'static) -> Bug {
+fn after_a_stop(frame: impl Fn(Frame) -> Frame + Copy + 'static) -> Bug {
     let (mut stopped_us, mut last) = (None, None);
     Box::new(move |core, step| {
         if is_stop(&step) {
@@ -113,7 +113,7 @@ fn command_of(step: &Step) -> Option<Command> {
 }
 
 /// The frame with another setpoint for a joint; others as they are.
-fn joint(frame: CanFrame, change: impl FnOnce(&mut JointSetpoint)) -> CanFrame {
+fn joint(frame: Frame, change: impl FnOnce(&mut JointSetpoint)) -> Frame {
     let Some((id, mut setpoint)) = JointSetpoint::decode(&frame) else { return frame };
     change(&mut setpoint);
     setpoint.encode(id).unwrap()
@@ -168,7 +168,7 @@ fn motors_that_are_not_told_to_stop_are_reported() {
             stopped |= is_stop(&step);
             let mut stepped = core.step(step).unwrap();
             let disables =
-                |frame: &CanFrame| matches!(Control::decode(frame), Some((_, Control::Disable)));
+                |frame: &Frame| matches!(Control::decode(frame), Some((_, Control::Disable)));
             for frame in stepped.actuators.iter_mut().filter(|_| stopped) {
                 *frame = frame.filter(|frame| !disables(frame));
             }
@@ -250,7 +250,7 @@ fn rubbish_on_an_actuator_bus_is_reported() {
             let mut count = 0;
             Box::new(move |frame| {
                 count += 1;
-                if count == 300 { CanFrame::new(0x7FF, &[0]) } else { Some(frame) }
+                if count == 300 { Frame::standard(0x7FF, &[0]) } else { Some(frame) }
             })
         })
     });

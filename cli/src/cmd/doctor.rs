@@ -12,7 +12,7 @@ use rollwalk_host::describe::{event_sentence, state_name};
 use rollwalk_host::doctor::{Finding, Findings, Gravity, Traffic};
 use rollwalk_host::overhear::{self, Overheard};
 use rollwalk_host::session::{History, Session};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::transport::Hello;
 use serde::Serialize;
 
@@ -121,15 +121,15 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 fn listen(
     args: &Args,
     bus: &mut Interruptible,
-) -> miette::Result<(Traffic, Vec<CanFrame>, Overheard)> {
+) -> miette::Result<(Traffic, Vec<Frame>, Overheard)> {
     output::say(format_args!("listening to {} for {} s", args.link.bus, LISTEN_US / 1_000_000));
     let (start_us, node) = (bus.now_us(), args.link.node.number());
-    let (mut traffic, mut samples) = (Traffic::default(), Vec::<CanFrame>::new());
+    let (mut traffic, mut samples) = (Traffic::default(), Vec::<Frame>::new());
     let mut overheard = Overheard::new(start_us, args.link.node);
     loop {
         match bus.receive(start_us + LISTEN_US) {
             Ok(Some(frame)) => {
-                if !traffic.by_id.contains_key(&frame.id()) {
+                if frame.standard_id().is_some_and(|id| !traffic.by_id.contains_key(&id)) {
                     samples.push(frame);
                 }
                 traffic.take(node, &frame);
@@ -160,7 +160,7 @@ fn report(
     findings: &Findings<'_>,
     history: Option<&History>,
     heard: &Traffic,
-    samples: &[CanFrame],
+    samples: &[Frame],
     bitrate: u32,
 ) -> Report {
     let log = history.into_iter().flat_map(|history| {
@@ -174,7 +174,10 @@ fn report(
     let seconds = heard.span_us.max(1) as f64 * 1e-6;
     let load = heard.by_id.iter().map(|(&id, &(frames, bits))| Load {
         id: format!("{id:03X}"),
-        message: samples.iter().find(|f| f.id() == id).and_then(|f| Some(decode(f).ok()?.message)),
+        message: samples
+            .iter()
+            .find(|f| f.standard_id() == Some(id))
+            .and_then(|f| Some(decode(f).ok()?.message)),
         per_second: frames as f64 / seconds,
         percent: 100.0 * bits as f64 / (f64::from(bitrate) * seconds),
     });

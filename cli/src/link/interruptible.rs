@@ -3,7 +3,7 @@
 use crate::interrupt;
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::Live;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 
 /// Ctrl-C is looked for so often, µs.
 const LOOK_US: u64 = 50_000;
@@ -37,11 +37,11 @@ impl LinkBus for Interruptible {
         self.live.now_us()
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         self.live.send(frame)
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         loop {
             if interrupt::requested() && !self.ignores {
                 return Err(LinkError::Down("interrupted".into()));

@@ -6,7 +6,9 @@
 use rollwalk_protocol::actuator::Feedback;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
 use rollwalk_protocol::actuators::dynamixel::packet::Deframer;
-use rollwalk_protocol::actuators::{ActuatorProtocol, Answers, Capabilities, Order, Told};
+use rollwalk_protocol::actuators::rollwalk::RollwalkServos;
+use rollwalk_protocol::actuators::{ActuatorProtocol, Answers, Capabilities, Order, Refusal, Told};
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, RobotConfig};
 
 use super::actuator::Actuator;
@@ -185,32 +187,37 @@ pub fn channels(mut bits: u32) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Frame `n` of an order, and how many there are. None when it cannot be told.
-pub fn nth<P: ActuatorProtocol>(protocol: &P, order: &Order, n: u8) -> (Option<P::Sent>, u8) {
+/// Hands `send` the frames of an order; none on a serial line.
+fn emit(protocol: &Protocol, order: &Order, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
+    match protocol {
+        Protocol::Rollwalk => RollwalkServos.emit(order, send),
+        Protocol::Mit(codec) => codec.emit(order, send),
+        Protocol::Odrive(codec) => codec.emit(order, send),
+        Protocol::CyberGear(codec) => codec.emit(order, send),
+        Protocol::Dynamixel(_) | Protocol::Maestro(_) => Ok(()),
+    }
+}
+
+/// Frame `n` of an order, and how many there are; none for an order that the protocol refuses.
+fn nth(protocol: &Protocol, order: &Order, n: u8) -> (Option<Frame>, u8) {
     let (mut frame, mut count) = (None, 0u8);
-    let told = protocol.emit(order, &mut |sent| {
+    let result = emit(protocol, order, &mut |sent| {
         if count == n {
             frame = Some(sent);
         }
         count = count.saturating_add(1);
     });
-    if told.is_ok() { (frame, count) } else { (None, 0) }
+    if result.is_ok() { (frame, count) } else { (None, 0) }
 }
 
 impl Actuators {
-    /// The next frame for a bus, as `encode` has frame `n` of an order, and how many there are; it
-    /// answers `None` for a bus that carries no such frames.
-    pub(super) fn next_frame<F>(
-        &mut self,
-        config: &RobotConfig,
-        bus: u8,
-        encode: impl Fn(&Protocol, &Order, u8) -> Option<(Option<F>, u8)>,
-    ) -> Option<F> {
+    /// The next frame for a bus: torque switches first.
+    pub fn poll(&mut self, config: &RobotConfig, bus: u8) -> Option<Frame> {
         // Every turn ends an order, if it does not return.
         loop {
             let line = self.lines.get_mut(usize::from(bus))?;
             // A board asks for frames far more often than there are any.
-            if line.idle {
+            if line.idle || line.bus.protocol.is_serial() {
                 return None;
             }
             let Some(begun) = line.due(&self.list) else {
@@ -220,7 +227,7 @@ impl Actuators {
             let channel = begun.channels.trailing_zeros() as usize;
             let order = order(&self.list, config, &line.bus, &line.can, begun.about, channel);
             let (frame, frames) = match order {
-                Some(order) => encode(&line.bus.protocol, &order, begun.left)?,
+                Some(order) => nth(&line.bus.protocol, &order, begun.left),
                 None => (None, 0),
             };
             line.left(&mut self.list, begun, frames);

@@ -17,7 +17,7 @@ use heapless::Vec;
 use rollwalk_protocol::actuator::Feedback;
 use rollwalk_protocol::actuators::bus::{Buses, ControlLoop, MAX_BUSES, Protocol};
 use rollwalk_protocol::actuators::{self, ActuatorProtocol, Answers, Command, Gains, Told};
-use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
 
 use rollwalk_protocol::wire::Parameter;
@@ -84,7 +84,7 @@ impl Actuators {
     }
 
     /// Takes a frame of an actuator bus; frames that are no feedback of ours are ignored.
-    pub fn receive(&mut self, config: &RobotConfig, bus: u8, frame: &CanFrame) {
+    pub fn receive(&mut self, config: &RobotConfig, bus: u8, frame: &Frame) {
         let Some(line) = self.line(bus) else { return };
         let told = match &line.bus.protocol {
             Protocol::Rollwalk => {
@@ -98,16 +98,10 @@ impl Actuators {
             }
             Protocol::Mit(p) => p.decode(frame),
             Protocol::Odrive(p) => p.decode(frame),
-            Protocol::CyberGear(_) | Protocol::Dynamixel(_) | Protocol::Maestro(_) => return,
+            Protocol::CyberGear(p) => p.decode(frame),
+            Protocol::Dynamixel(_) | Protocol::Maestro(_) => return,
         };
         self.hear(config, bus, told);
-    }
-
-    /// The same, of a bus with 29-bit identifiers.
-    pub fn receive_extended(&mut self, config: &RobotConfig, bus: u8, frame: &ExtendedFrame) {
-        if let Some(Protocol::CyberGear(p)) = self.line(bus).map(|line| line.bus.protocol) {
-            self.hear(config, bus, p.decode(frame));
-        }
     }
 
     fn hear(&mut self, config: &RobotConfig, bus: u8, told: Option<(u8, actuators::Feedback)>) {
@@ -332,25 +326,6 @@ impl Actuators {
         if line.pose_is_assumed() && setpoint.is_some() {
             actuator.assume(target.value);
         }
-    }
-
-    /// The next frame for a bus: torque switches first.
-    pub fn poll(&mut self, config: &RobotConfig, bus: u8) -> Option<CanFrame> {
-        use rollwalk_protocol::actuators::rollwalk::RollwalkServos;
-        self.next_frame(config, bus, |protocol, order, n| match protocol {
-            Protocol::Rollwalk => Some(line::nth(&RollwalkServos, order, n)),
-            Protocol::Mit(p) => Some(line::nth(p, order, n)),
-            Protocol::Odrive(p) => Some(line::nth(p, order, n)),
-            Protocol::CyberGear(_) | Protocol::Dynamixel(_) | Protocol::Maestro(_) => None,
-        })
-    }
-
-    /// The next frame for a bus with 29-bit identifiers.
-    pub fn poll_extended(&mut self, config: &RobotConfig, bus: u8) -> Option<ExtendedFrame> {
-        self.next_frame(config, bus, |protocol, order, n| match protocol {
-            Protocol::CyberGear(p) => Some(line::nth(p, order, n)),
-            _ => None,
-        })
     }
 }
 

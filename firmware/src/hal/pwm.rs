@@ -9,7 +9,7 @@
 use embedded_hal::pwm::SetDutyCycle;
 use rollwalk_protocol::actuator::{ActuatorStatus, Control, Feedback, JointSetpoint};
 use rollwalk_protocol::actuators::maestro::Pulse;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 
 /// A servo and the output that it hangs on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,7 +71,7 @@ impl<P: SetDutyCycle> PwmServo<P> {
     }
 
     /// A frame of its bus: does what it says and answers. `None` if it is for another actuator.
-    pub fn on_frame(&mut self, frame: &CanFrame) -> Option<CanFrame> {
+    pub fn on_frame(&mut self, frame: &Frame) -> Option<Frame> {
         if let Some((id, control)) = Control::decode(frame) {
             if id != self.settings.id {
                 return None;
@@ -136,7 +136,7 @@ impl<P: SetDutyCycle> PwmServo<P> {
         self.status = if off.is_ok() { status } else { ActuatorStatus(ActuatorStatus::HARDWARE) };
     }
 
-    fn feedback(&mut self) -> Option<CanFrame> {
+    fn feedback(&mut self) -> Option<Frame> {
         self.counter = self.counter.wrapping_add(1);
         let feedback = Feedback {
             position_rad: self.position_rad,
@@ -214,7 +214,7 @@ mod tests {
     }
 
     impl Bench<'_> {
-        fn tell(&mut self, frame: CanFrame) -> Feedback {
+        fn tell(&mut self, frame: Frame) -> Feedback {
             Feedback::decode(&self.servo.on_frame(&frame).expect("an answer")).unwrap().1
         }
 

@@ -4,7 +4,7 @@
 //! The host sees an adapter on a bus with one other node, the controller. [`Adapter::push`] turns bytes into frames
 //! and answers; [`Adapter::line`] turns a frame for the host into a line while the channel is open.
 
-use rollwalk_protocol::can::{AnyFrame, CanFrame};
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::slcan::{Line, Reader, Said};
 
 /// Version of hardware and software in the format of Lawicel's adapters, and a serial number.
@@ -26,7 +26,7 @@ pub struct Adapter {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Heard {
     /// A frame for the controller.
-    pub frame: Option<CanFrame>,
+    pub frame: Option<Frame>,
     /// Answer to the host.
     pub answer: Line,
 }
@@ -45,12 +45,13 @@ impl Adapter {
         Some(Heard { frame, answer })
     }
 
-    fn obey(&mut self, said: Said) -> (Option<CanFrame>, Line) {
+    fn obey(&mut self, said: Said) -> (Option<Frame>, Line) {
         let done = match said {
-            Said::Frame(AnyFrame::Standard(frame)) if self.open => return (Some(frame), yes()),
-            // The link has no node for such frames.
-            Said::Frame(AnyFrame::Extended(_)) => self.open,
-            Said::Frame(AnyFrame::Standard(_)) => false,
+            // The link has no node for frames with 29-bit identifiers.
+            Said::Frame(frame) if self.open => {
+                return (frame.standard_id().map(|_| frame), yes());
+            }
+            Said::Frame(_) => false,
             Said::Bitrate(_) => !self.open,
             Said::Open => !core::mem::replace(&mut self.open, true),
             Said::Close => core::mem::take(&mut self.open),
@@ -68,8 +69,8 @@ impl Adapter {
     }
 
     /// The line for a frame of the controller; `None` while the channel is closed.
-    pub fn line(&self, frame: &CanFrame) -> Option<Line> {
-        if self.open { Said::Frame((*frame).into()).encode() } else { None }
+    pub fn line(&self, frame: &Frame) -> Option<Line> {
+        if self.open { Said::Frame(*frame).encode() } else { None }
     }
 
     /// Records that bytes of the host were lost; the status flags report it.
@@ -98,14 +99,14 @@ mod tests {
     use std::vec::Vec;
 
     /// Frames and answers.
-    fn told(adapter: &mut Adapter, bytes: &[u8]) -> (Vec<CanFrame>, Vec<u8>) {
+    fn told(adapter: &mut Adapter, bytes: &[u8]) -> (Vec<Frame>, Vec<u8>) {
         let heard: Vec<_> = bytes.iter().filter_map(|&byte| adapter.push(byte)).collect();
         let answers = heard.iter().flat_map(|heard| heard.answer.clone()).collect();
         (heard.iter().filter_map(|heard| heard.frame).collect(), answers)
     }
 
-    fn frame() -> CanFrame {
-        CanFrame::new(0x123, &[0xAA, 0xBB]).unwrap()
+    fn frame() -> Frame {
+        Frame::standard(0x123, &[0xAA, 0xBB]).unwrap()
     }
 
     /// What `slcand -o -c -s8` begins with, on an adapter that is closed, and once more.

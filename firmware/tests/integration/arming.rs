@@ -7,12 +7,12 @@ use rollwalk_protocol::actuator::{
     ActuatorStatus, Control, JointSetpoint, KD_STEP_NM_S_RAD, KP_STEP_NM_RAD, POSITION_STEP_RAD,
     WheelSetpoint,
 };
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::library::ClipId;
 use rollwalk_protocol::wire::{Action, CommandResult, FromController, Heartbeat, State, Torque};
 
-fn is_setpoint(frame: &CanFrame) -> bool {
+fn is_setpoint(frame: &Frame) -> bool {
     JointSetpoint::decode(frame).is_some() || WheelSetpoint::decode(frame).is_some()
 }
 

@@ -1,7 +1,7 @@
 //! What can happen to a controller on the bench, one after the other. Random tests and a fuzz target draw
 //! from these.
 
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{
     Action, CommandResult, ParameterAction, ParameterResult, Request, State, Torque,
 };
@@ -19,8 +19,8 @@ pub enum Deed {
     Arm,
     Clear,
     Replay(u8),
-    Link(CanFrame),
-    Actuator(u8, CanFrame),
+    Link(Frame),
+    Actuator(u8, Frame),
     Transfer(Vec<u8>),
     Begin(u32),
     Flash,

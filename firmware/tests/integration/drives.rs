@@ -3,7 +3,7 @@
 
 use rollwalk_drives::{Electronics, Law, Sent, Shaft};
 use rollwalk_firmware::bus::{Bus, MAX_BUSES, Protocol};
-use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind};
 
 use crate::rig::Brain;
@@ -183,7 +183,7 @@ impl Drive {
         }
     }
 
-    fn on_frame(&mut self, now_us: u64, frame: AnyFrame) -> Option<AnyFrame> {
+    fn on_frame(&mut self, now_us: u64, frame: Frame) -> Option<Frame> {
         let (sent, answer) = self.inner.on_frame(now_us, &frame, &self.motor.shaft())?;
         self.obey(sent);
         answer.filter(|_| !self.mute)
@@ -214,7 +214,7 @@ impl Drives {
                 let shaft = drive.motor.shaft();
                 while let Some(frame) = drive.inner.on_timer(now_us, &shaft) {
                     if !drive.mute {
-                        hear(brain, now_us, bus, frame);
+                        brain.on_actuator_frame(now_us, bus, &frame);
                     }
                 }
             }
@@ -224,11 +224,10 @@ impl Drives {
     /// Carries one frame or packet, and the answers to it; `false` when there is none.
     pub fn pass(&mut self, brain: &mut Brain, now_us: u64, bus: u8) -> bool {
         let list = self.list.iter_mut().filter(|d| d.motor.channel.bus == bus && d.powered);
-        let standard = brain.poll_actuator(bus).map(AnyFrame::from);
-        if let Some(frame) = standard.or_else(|| brain.poll_extended(bus).map(AnyFrame::from)) {
+        if let Some(frame) = brain.poll_actuator(bus) {
             let answers: Vec<_> = list.filter_map(|d| d.on_frame(now_us, frame)).collect();
             for answer in answers {
-                hear(brain, now_us, bus, answer);
+                brain.on_actuator_frame(now_us, bus, &answer);
             }
         } else if let Some(packet) = brain.poll_serial(bus) {
             let mut answers = vec![];
@@ -255,12 +254,5 @@ impl Drives {
 
     pub fn clear_logs(&mut self) {
         self.list.iter_mut().for_each(|d| d.motor.log.clear());
-    }
-}
-
-fn hear(brain: &mut Brain, now_us: u64, bus: u8, frame: AnyFrame) {
-    match frame {
-        AnyFrame::Standard(frame) => brain.on_actuator_frame(now_us, bus, &frame),
-        AnyFrame::Extended(frame) => brain.on_extended_frame(now_us, bus, &frame),
     }
 }

@@ -5,25 +5,25 @@
 use proptest::prelude::*;
 
 use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{Action, ParameterAction, State};
 
 use crate::deeds::{Deed, act, assert_way_home};
 use crate::rig::Rig;
 use crate::robot::*;
 
-fn frame() -> impl Strategy<Value = CanFrame> {
+fn frame() -> impl Strategy<Value = Frame> {
     let any_id = 0u16..0x800;
     // Mostly identifiers that mean something to the controller.
     let known = prop::sample::select(vec![
         0x010u16, 0x0F0, 0x110, 0x1F0, 0x210, 0x510, 0x610, 0x710, 0x7F0,
     ]);
     (prop_oneof![any_id, known], prop::collection::vec(any::<u8>(), 0..=8))
-        .prop_map(|(id, data)| CanFrame::new(id, &data).unwrap())
+        .prop_map(|(id, data)| Frame::standard(id, &data).unwrap())
 }
 
 /// A lying actuator: any measurement, any status, in a frame that decodes.
-fn feedback() -> impl Strategy<Value = (u8, CanFrame)> {
+fn feedback() -> impl Strategy<Value = (u8, Frame)> {
     let measured = (-7.0f32..7.0, -70.0f32..70.0, any::<u8>(), any::<u8>());
     (0u8..3, 1u8..3, measured).prop_map(
         |(bus, id, (position_rad, velocity_rad_s, status, counter))| {

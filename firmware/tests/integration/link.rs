@@ -3,7 +3,7 @@
 use crate::rig::{Rig, me};
 use crate::robot::*;
 use rollwalk_protocol::actuator::ActuatorStatus;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Fault, Severity};
 use rollwalk_protocol::wire::{
     Action, CommandResult, Discover, Discovered, FaultReport, FromController, Node, State,
@@ -74,11 +74,11 @@ fn damaged_frames_are_counted_and_do_nothing() {
         let mut data = [0; 8];
         data.copy_from_slice(good.data());
         data[bit / 8] ^= 1 << (bit % 8);
-        rig.send(&CanFrame::new(good.id(), &data).unwrap());
+        rig.send(&Frame::new(good.id(), &data).unwrap());
     }
     assert_eq!(rig.brain.damaged_link_frames(), 64);
     // Telemetry of another controller on the same bus is not damaged, only not ours.
-    rig.send(&CanFrame::new(0x450, &[1, 2, 3]).unwrap());
+    rig.send(&Frame::standard(0x450, &[1, 2, 3]).unwrap());
     assert_eq!(rig.brain.damaged_link_frames(), 64);
     assert_eq!(rig.brain.state(), State::Ready);
 }
@@ -203,9 +203,9 @@ fn a_question_to_all_is_answered_by_its_own_address_and_no_conversation_is_with_
     assert_eq!(answers.collect::<Vec<_>>(), [answer, answer]);
 
     // HELLO_REQUEST in a single frame.
-    let hello = |id| CanFrame::new(id, &[3, 1, 1, 0]).unwrap();
+    let hello = |id| Frame::standard(id, &[3, 1, 1, 0]).unwrap();
     rig.brain.on_link_frame(rig.now_us, &hello(0x5F0));
     assert_eq!(rig.brain.poll_link(rig.now_us), None);
     rig.brain.on_link_frame(rig.now_us, &hello(0x510));
-    assert_eq!(rig.brain.poll_link(rig.now_us).map(|frame| frame.id()), Some(0x511));
+    assert_eq!(rig.brain.poll_link(rig.now_us).and_then(|frame| frame.standard_id()), Some(0x511));
 }

@@ -336,14 +336,14 @@ fn a_drive_that_reports_a_fault_damps_all() {
 fn a_fault_that_is_told_once_is_heard() {
     let mut rig = playing(cybergear());
     let id = u32::from(rig.drives.list[0].motor.channel.id);
-    let fault = rollwalk_protocol::can::ExtendedFrame::new(
+    let fault = rollwalk_protocol::can::Frame::extended(
         21 << 24 | id << 8 | 0xFD,
         &[0, 1, 0, 0, 0, 0, 0, 0],
     );
-    rig.brain.on_extended_frame(rig.now_us, 0, &fault.unwrap());
+    rig.brain.on_actuator_frame(rig.now_us, 0, &fault.unwrap());
     let drive = &rig.drives.list[0];
     let Electronics::CyberGear(motor) = &drive.inner.electronics else { unreachable!() };
-    rig.brain.on_extended_frame(rig.now_us, 0, &motor.feedback(&drive.motor.shaft()));
+    rig.brain.on_actuator_frame(rig.now_us, 0, &motor.feedback(&drive.motor.shaft()));
     rig.run(1);
     assert_eq!(rig.brain.state(), State::Damped);
 }
@@ -372,7 +372,7 @@ fn only_a_pose_is_a_sign_of_life() {
     rig.drives.list[0].powered = false;
     for _ in 0..100 {
         let alive =
-            rollwalk_protocol::can::CanFrame::new(id | 1, &[0, 0, 0, 0, 8, 0, 0, 0]).unwrap();
+            rollwalk_protocol::can::Frame::standard(id | 1, &[0, 0, 0, 0, 8, 0, 0, 0]).unwrap();
         rig.brain.on_actuator_frame(rig.now_us, 0, &alive);
         rig.step();
     }

@@ -9,7 +9,7 @@ use rollwalk_protocol::actuator::{
     ActuatorStatus, Control, Feedback, JointSetpoint, KD_STEP_NM_S_RAD, KP_STEP_NM_RAD,
     POSITION_STEP_RAD, SPEED_STEP_RAD_S, WHEEL_SPEED_STEP_RAD_S, WheelSetpoint,
 };
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::isotp::{Event, Output, Timing};
@@ -58,7 +58,7 @@ impl Servo {
         }
     }
 
-    pub fn feedback(&mut self) -> CanFrame {
+    pub fn feedback(&mut self) -> Frame {
         self.counter = self.counter.wrapping_add(1);
         let wheel = self.channel.kind == ChannelKind::WheelSpeed;
         let feedback = Feedback {
@@ -154,7 +154,7 @@ pub struct Rig {
     pub host_alive: bool,
     /// Whether feedback comes from the servos alone, so that the first setpoint must be their pose.
     pub trust_pose: bool,
-    sent: Vec<CanFrame>,
+    sent: Vec<Frame>,
     pub heard: Heard,
     ticks: u32,
     heartbeat_seq: u8,
@@ -259,7 +259,7 @@ impl Rig {
         panic!("{state:?} not reached, but {:?}", self.brain.state());
     }
 
-    pub fn send(&mut self, frame: &CanFrame) {
+    pub fn send(&mut self, frame: &Frame) {
         self.brain.on_link_frame(self.now_us, frame);
         self.listen();
     }
@@ -464,7 +464,7 @@ impl Rig {
         }
     }
 
-    fn deliver(&mut self, bus: u8, frame: &CanFrame) {
+    fn deliver(&mut self, bus: u8, frame: &Frame) {
         let (tick, period) = (self.ticks, self.settings.period_s());
         let (state, trust) = (self.brain.state(), self.trust_pose);
         let (id, servo);
@@ -504,7 +504,7 @@ impl Rig {
         }
         if servo.powered {
             let answer = servo.feedback();
-            assert_eq!(answer.id() & 0x7F, u16::from(id));
+            assert_eq!(answer.standard_id().unwrap() & 0x7F, u16::from(id));
             self.brain.on_actuator_frame(self.now_us, bus, &answer);
         }
     }

@@ -53,7 +53,7 @@ fn scar_6_only_new_heartbeats_feed_the_watchdog_and_its_end_latches() {
         let len = damaged.data().len();
         data[..len].copy_from_slice(damaged.data());
         data[1] = tick;
-        damaged = rollwalk_protocol::can::CanFrame::new(damaged.id(), &data[..len]).unwrap();
+        damaged = rollwalk_protocol::can::Frame::new(damaged.id(), &data[..len]).unwrap();
         rig.send(&damaged);
         rig.send(&Discover.encode(Node::BROADCAST));
         rig.command(Action::Unknown { kind: 12 });

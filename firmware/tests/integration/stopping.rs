@@ -4,7 +4,7 @@ use crate::rig::{Rig, me};
 use crate::robot::*;
 use rollwalk_firmware::BusState;
 use rollwalk_protocol::actuator::{ActuatorStatus, Control, JointSetpoint, WheelSetpoint};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Fault, Severity};
 use rollwalk_protocol::wire::{
     Action, CommandResult, Estop, FromController, Heartbeat, Node, State,
@@ -191,7 +191,7 @@ fn estop_stops_in_one_tick_from_every_state() {
         }
         let id = Estop.encode(me()).id();
         let heard = rig.heard.len();
-        rig.send(&CanFrame::new(id, &[1, 2, 3]).unwrap());
+        rig.send(&Frame::new(id, &[1, 2, 3]).unwrap());
         assert_eq!(rig.brain.state(), State::EStopped, "from {state:?}");
         assert!(rig.heard[heard..].iter().any(|(_, m)| matches!(m, FromController::EstopAck(_))));
         let frame = rig.brain.poll_actuator(0).expect("off, at once");

@@ -2,7 +2,7 @@
 
 use crate::rig::{Rig, me};
 use crate::robot::*;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::crc::crc32c;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::library::validate;
@@ -42,11 +42,11 @@ fn who_asks_again_is_answered_although_the_last_answer_was_not_taken() {
     // It fits into one frame, and its answer does not.
     let mut pdu = vec![message.len() as u8];
     pdu.extend_from_slice(message);
-    let frame = CanFrame::new(0x500 | u16::from(me().number()) << 4, &pdu).unwrap();
+    let frame = Frame::standard(0x500 | u16::from(me().number()) << 4, &pdu).unwrap();
     for _ in 0..3 {
         rig.brain.on_link_frame(rig.now_us, &frame);
         let answers = std::iter::from_fn(|| rig.brain.poll_link(rig.now_us));
-        let transport = answers.filter(|f| f.id() & 0x70F == 0x501);
+        let transport = answers.filter(|f| f.standard_id().unwrap() & 0x70F == 0x501);
         let heads: Vec<u8> = transport.map(|frame| frame.data()[0] >> 4).collect();
         assert_eq!(heads, [1], "a first frame, which nobody takes");
         rig.now_us += 100_000;

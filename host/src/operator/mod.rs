@@ -29,7 +29,7 @@ use crate::describe;
 use link_status::LinkStatus;
 use log::Log;
 use orders::{Ended, Order, Orders, Outcome};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_protocol::wire::transport::{Hello, Request, Response};
 use rollwalk_protocol::wire::{
@@ -79,7 +79,7 @@ pub struct Operator {
     /// Heartbeats are withheld until the controller is heard again.
     silent: bool,
     /// A frame that the bus refused.
-    unsent: Option<CanFrame>,
+    unsent: Option<Frame>,
 }
 
 impl Operator {
@@ -162,7 +162,7 @@ impl Operator {
     }
 
     /// Takes a frame of the link.
-    pub fn on_frame(&mut self, now_us: u64, frame: &CanFrame) {
+    pub fn on_frame(&mut self, now_us: u64, frame: &Frame) {
         match self.client.on_frame(now_us, frame) {
             Some(Incoming::Status(status)) => {
                 self.link.on_status(now_us, status, &mut self.log);
@@ -203,7 +203,7 @@ impl Operator {
     }
 
     /// Next frame to send at `now_us`; call until `None`, also after an intent or a frame.
-    pub fn poll(&mut self, now_us: u64) -> Option<CanFrame> {
+    pub fn poll(&mut self, now_us: u64) -> Option<Frame> {
         self.update_silence(now_us);
         if let Some(frame) = self.unsent.take() {
             return Some(frame);
@@ -240,7 +240,7 @@ impl Operator {
 
     /// Returns a frame that the bus refused; [`poll`](Self::poll) gives it once more unless a stopping command
     /// comes first.
-    pub fn not_sent(&mut self, frame: CanFrame) {
+    pub fn not_sent(&mut self, frame: Frame) {
         self.unsent = Some(frame);
     }
 

@@ -87,7 +87,7 @@ impl Desk {
         self.hear(reply.encode(node()));
     }
 
-    fn hear(&mut self, frame: CanFrame) {
+    fn hear(&mut self, frame: Frame) {
         self.operator.on_frame(self.now_us, &frame);
     }
 
@@ -454,7 +454,7 @@ fn lost_frames_faults_and_silence_are_told() {
 #[derive(Clone, Debug)]
 enum Happens {
     Wish(Intent),
-    Frame(CanFrame),
+    Frame(Frame),
     /// The last command is answered.
     Answer(CommandResult, u16),
     Reply,
@@ -510,7 +510,7 @@ fn happens() -> impl Strategy<Value = Happens> {
         JointTelemetry { channel, position_rad, velocity_rad_s, torque_nm, status }.encode(node())
     });
     let any_frame = (0u16..0x800, prop::collection::vec(any::<u8>(), 0..=8))
-        .prop_map(|(id, data)| CanFrame::new(id, &data).unwrap());
+        .prop_map(|(id, data)| Frame::standard(id, &data).unwrap());
     let frame = prop_oneof![
         4 => status.prop_map(|status| status.encode(node())),
         1 => state().prop_map(|state| EstopAck { state }.encode(node())),

@@ -3,7 +3,7 @@
 use super::error::SessionError;
 use crate::client::{ACK_TIMEOUT_US, COMMAND_LIFE_US, Client, Incoming, Outgoing, SEQUENCE_TRIES};
 use rollwalk_bus::link::{LinkBus, LinkError};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::transport::{Request, Response};
 use rollwalk_protocol::wire::{
     Action, CommandAck, CommandResult, Node, ParameterAck, ParameterAction, ParameterResult, Status,
@@ -22,7 +22,7 @@ pub(super) struct Exchange<B> {
     client: Client,
     node: Node,
     /// A frame refused by a full transmit queue.
-    unsent: Option<CanFrame>,
+    unsent: Option<Frame>,
 }
 
 impl<B: LinkBus> Exchange<B> {

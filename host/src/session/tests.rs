@@ -2,18 +2,18 @@
 
 use super::*;
 use rollwalk_bus::link::LinkError;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{FaultBits, Severity};
 use rollwalk_protocol::wire::{CommandAck, EstopAck, Heartbeat, HeartbeatReply, ToController};
 use std::collections::VecDeque;
 
 /// What may answer a frame that is sent.
-type Answer = Box<dyn FnMut(&ToController) -> Option<CanFrame>>;
+type Answer = Box<dyn FnMut(&ToController) -> Option<Frame>>;
 
 /// A bus on which a controller and other programs say what a test has written down.
 pub struct Wire {
     now_us: u64,
-    said: VecDeque<(u64, CanFrame)>,
+    said: VecDeque<(u64, Frame)>,
     /// What was sent, in order.
     pub sent: Vec<ToController>,
     first_sent_us: Option<u64>,
@@ -31,18 +31,18 @@ impl Wire {
     }
 
     /// A controller that answers.
-    pub fn answering(answer: impl FnMut(&ToController) -> Option<CanFrame> + 'static) -> Self {
+    pub fn answering(answer: impl FnMut(&ToController) -> Option<Frame> + 'static) -> Self {
         let (said, sent) = (VecDeque::new(), Vec::new());
         Self { now_us: 0, said, sent, first_sent_us: None, answer: Box::new(answer) }
     }
 
     /// Somebody says this then, not before what else is to be said.
-    pub fn says(&mut self, at_us: u64, frame: CanFrame) {
+    pub fn says(&mut self, at_us: u64, frame: Frame) {
         self.said.push_back((at_us, frame));
     }
 
     /// A status of the controller.
-    pub fn status(state: State) -> CanFrame {
+    pub fn status(state: State) -> Frame {
         let (faults, severity) = (FaultBits::default(), Severity::None);
         Status { state, severity, faults, clip: None, frame: 0, counter: 0, library: 0 }
             .encode(node())
@@ -54,7 +54,7 @@ impl LinkBus for Wire {
         self.now_us
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         let (_, message) = ToController::decode(frame).expect("a frame of a host");
         self.first_sent_us.get_or_insert(self.now_us);
         self.sent.push(message);
@@ -64,7 +64,7 @@ impl LinkBus for Wire {
         Ok(())
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         let frame = self.said.pop_front_if(|(at_us, _)| *at_us <= deadline_us);
         self.now_us = self.now_us.max(frame.map_or(deadline_us, |(at_us, _)| at_us));
         Ok(frame.map(|(_, frame)| frame))
@@ -121,7 +121,7 @@ fn a_second_host_is_refused_before_it_sends_anything() {
 /// Between two blocks of a transfer a controller may write its flash for a while.
 #[test]
 fn beside_a_host_nothing_is_asked_before_half_a_second_without_transport_frames() {
-    let block = CanFrame::new(0x510, &[0x21, 1, 2, 3]).unwrap();
+    let block = Frame::standard(0x510, &[0x21, 1, 2, 3]).unwrap();
     for (block_us, asked_us) in [(None, 500_000), (Some(200_000), 700_000)] {
         let mut wire = Wire::silent();
         for seq in 0..100 {

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// What the frame says by the table is what was put in.
 fn check(database: &Database, (schema, frame, expected): &Sample) {
-    let message = database.messages.iter().find(|message| message.id == frame.id());
+    let message = database.messages.iter().find(|message| Some(message.id) == frame.standard_id());
     let message = message.unwrap_or_else(|| panic!("no message for {frame:?}"));
     assert_eq!(message.schema, *schema);
     assert!(frame.data().len() <= usize::from(message.len), "{}", message.name);

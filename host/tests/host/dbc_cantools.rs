@@ -58,7 +58,7 @@ fn cantools_reads_what_the_codecs_write() {
     for ((_, (schema, frame, expected)), line) in samples.iter().zip(&decoded) {
         let name = line["message"].as_str().unwrap();
         assert!(name.starts_with(&schema.to_uppercase()), "{line}");
-        assert_eq!(line["id"], u64::from(frame.id()));
+        assert_eq!(line["id"], u64::from(frame.standard_id().unwrap()));
         let signals = line["signals"].as_object().unwrap();
         assert_eq!(signals.len(), expected.len(), "{line}");
         for (name, value) in expected {

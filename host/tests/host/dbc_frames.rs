@@ -4,14 +4,14 @@ use proptest::prelude::*;
 use rollwalk_protocol::actuator::{
     ActuatorStatus, Control, Feedback, JointSetpoint, WheelSetpoint,
 };
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::isotp::{Endpoint, Output, Timing};
 use rollwalk_protocol::wire::transport::{frame_to_controller, frame_to_host};
 use rollwalk_protocol::wire::*;
 
 /// The name in the schema, the frame, and what its signals must say.
-pub type Sample = (&'static str, CanFrame, Vec<(String, f64)>);
+pub type Sample = (&'static str, Frame, Vec<(String, f64)>);
 
 fn node() -> impl Strategy<Value = Node> {
     (0u8..15).prop_map(|number| Node::new(number).unwrap())
@@ -43,7 +43,7 @@ fn says<const N: usize>(values: [(&str, f64); N]) -> Vec<(String, f64)> {
     values.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
-fn sealed(schema: &'static str, frame: CanFrame, mut values: Vec<(String, f64)>) -> Sample {
+fn sealed(schema: &'static str, frame: Frame, mut values: Vec<(String, f64)>) -> Sample {
     values.push(("crc8".into(), f64::from(frame.data()[0])));
     (schema, frame, values)
 }

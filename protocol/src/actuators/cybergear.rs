@@ -11,7 +11,7 @@ use super::{
     ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Gains, JointSetpoint,
     Order, Refusal, Told, Traffic, Watchdog, without,
 };
-use crate::can::{ExtendedFrame, worst_case_bits_extended};
+use crate::can::{Frame, worst_case_bits_extended};
 
 /// The largest position as the manual's tables have it, rad: 4π.
 pub const TABLE_MAX_RAD: f32 = 4.0 * core::f32::consts::PI;
@@ -73,50 +73,50 @@ const TORQUE: Signed = Signed { max: MAX_TORQUE_NM, bits: 16 };
 const KP: Unsigned = Unsigned { max: 500.0, bits: 16 };
 const KD: Unsigned = Unsigned { max: 5.0, bits: 16 };
 
-fn frame(kind: u8, data16: u16, target: u8, data: [u8; 8]) -> ExtendedFrame {
+fn frame(kind: u8, data16: u16, target: u8, data: [u8; 8]) -> Frame {
     let id = u32::from(kind) << 24 | u32::from(data16) << 8 | u32::from(target);
-    ExtendedFrame::known(id, data)
+    Frame::known_extended(id, data)
 }
 
 impl CyberGear {
-    fn command(&self, kind: u8, motor: u8, first: u8) -> ExtendedFrame {
+    fn command(&self, kind: u8, motor: u8, first: u8) -> Frame {
         frame(kind, u16::from(self.host), motor, [first, 0, 0, 0, 0, 0, 0, 0])
     }
 
     /// Asks who is there: answered with type 0 and the controller's 64-bit number.
-    pub fn get_id(&self, motor: u8) -> ExtendedFrame {
+    pub fn get_id(&self, motor: u8) -> Frame {
         self.command(GET_ID, motor, 0)
     }
 
     /// Makes the present position 0, until power goes. Never while torque is on: the setpoint that it
     /// holds stays, and the joint moves there.
-    pub fn zero_here(&self, motor: u8) -> ExtendedFrame {
+    pub fn zero_here(&self, motor: u8) -> Frame {
         self.command(SET_ZERO, motor, 1)
     }
 
     /// Asks for a parameter: see [`parameter`](Self::parameter).
-    pub fn read(&self, motor: u8, index: u16) -> ExtendedFrame {
+    pub fn read(&self, motor: u8, index: u16) -> Frame {
         let [i0, i1] = index.to_le_bytes();
         frame(READ_PARAMETER, u16::from(self.host), motor, [i0, i1, 0, 0, 0, 0, 0, 0])
     }
 
     /// Writes a parameter, until power goes. Floats as `f32::to_le_bytes`, bytes as the first of
     /// four.
-    pub fn write(&self, motor: u8, index: u16, value: [u8; 4]) -> ExtendedFrame {
+    pub fn write(&self, motor: u8, index: u16, value: [u8; 4]) -> Frame {
         let [i0, i1] = index.to_le_bytes();
         let [a, b, c, d] = value;
         frame(WRITE_PARAMETER, u16::from(self.host), motor, [i0, i1, 0, 0, a, b, c, d])
     }
 
     /// Motor, index and value of the answer to [`read`](Self::read).
-    pub fn parameter(&self, received: &ExtendedFrame) -> Option<(u8, u16, [u8; 4])> {
-        let (READ_PARAMETER, data16, target) = parts(received) else { return None };
+    pub fn parameter(&self, received: &Frame) -> Option<(u8, u16, [u8; 4])> {
+        let (READ_PARAMETER, data16, target) = parts(received)? else { return None };
         let &[i0, i1, _, _, a, b, c, d] = received.data() else { return None };
         let to_us = target == self.host;
         to_us.then_some((data16 as u8, u16::from_le_bytes([i0, i1]), [a, b, c, d]))
     }
 
-    fn control(&self, motor: u8, joint: &JointSetpoint) -> Result<ExtendedFrame, Refusal> {
+    fn control(&self, motor: u8, joint: &JointSetpoint) -> Result<Frame, Refusal> {
         let gains = joint.gains.ok_or(Refusal::Missing("gains"))?;
         let beyond = Refusal::OutOfRange;
         let position = Signed { max: self.max_position_rad, bits: 16 };
@@ -132,7 +132,7 @@ impl CyberGear {
     }
 
     /// Torque and nothing else.
-    fn free(&self, motor: u8, position_rad: f32, torque_nm: f32) -> Result<ExtendedFrame, Refusal> {
+    fn free(&self, motor: u8, position_rad: f32, torque_nm: f32) -> Result<Frame, Refusal> {
         let gains = Some(Gains { kp_nm_rad: 0.0, kd_nm_s_rad: 0.0 });
         let speed_rad_s = 0.0;
         self.control(motor, &JointSetpoint { position_rad, speed_rad_s, torque_nm, gains })
@@ -148,14 +148,14 @@ impl CyberGear {
 }
 
 /// Type, data and target of an identifier.
-fn parts(frame: &ExtendedFrame) -> (u8, u16, u8) {
-    let id = frame.id();
-    ((id >> 24) as u8, (id >> 8) as u16, id as u8)
+fn parts(frame: &Frame) -> Option<(u8, u16, u8)> {
+    let id = frame.extended_id()?;
+    Some(((id >> 24) as u8, (id >> 8) as u16, id as u8))
 }
 
 impl ActuatorProtocol for CyberGear {
-    type Sent = ExtendedFrame;
-    type Received = ExtendedFrame;
+    type Sent = Frame;
+    type Received = Frame;
 
     fn capabilities(&self) -> Capabilities {
         Capabilities {
@@ -181,7 +181,7 @@ impl ActuatorProtocol for CyberGear {
     }
 
     /// Enabling selects the operation control mode, and sends a limp setpoint before and after.
-    fn emit(&self, order: &Order, send: &mut dyn FnMut(ExtendedFrame)) -> Result<(), Refusal> {
+    fn emit(&self, order: &Order, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
         let motor = order.id;
         super::address(motor, 0x7F)?;
         let limp = match order.command {
@@ -234,8 +234,8 @@ impl ActuatorProtocol for CyberGear {
         Ok(())
     }
 
-    fn decode(&self, received: &ExtendedFrame) -> Option<(u8, Feedback)> {
-        let (kind, data16, target) = parts(received);
+    fn decode(&self, received: &Frame) -> Option<(u8, Feedback)> {
+        let (kind, data16, target) = parts(received)?;
         let &[a, b, c, d, e, f, g, h] = received.data() else { return None };
         // The manual has the fault frame's addresses as in a command; a motor's own come from it.
         let motor = if target == self.host { data16 as u8 } else { target };

@@ -17,7 +17,7 @@ use super::{
     ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Gains, JointSetpoint,
     Order, Refusal, Told, Traffic, Watchdog, WheelSetpoint, without,
 };
-use crate::can::{CanFrame, worst_case_bits};
+use crate::can::{Frame, worst_case_bits};
 
 /// Ranges of a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,8 +90,8 @@ const POSITION: Signed = Signed { max: MAX_POSITION_RAD, bits: 16 };
 const KP: Unsigned = Unsigned { max: MAX_KP_NM_RAD, bits: 12 };
 const KD: Unsigned = Unsigned { max: MAX_KD_NM_S_RAD, bits: 12 };
 
-fn special(id: u8, last: u8) -> CanFrame {
-    CanFrame::known(u16::from(id), [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last])
+fn special(id: u8, last: u8) -> Frame {
+    Frame::known(u16::from(id), [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last])
 }
 
 /// Codes of a setpoint.
@@ -112,7 +112,7 @@ pub struct Codes {
 impl Codes {
     /// The frame. Never one of the commands: the setpoints with the same bytes, everything at its
     /// largest, are sent with a little less torque.
-    pub fn frame(self, id: u8) -> CanFrame {
+    pub fn frame(self, id: u8) -> Frame {
         let Codes { position, speed, kp, kd, torque } = self;
         let [p1, p0] = position.to_be_bytes();
         let low4 = |x: u16| (x & 0xF) as u8;
@@ -130,11 +130,12 @@ impl Codes {
         let command = head == [0xFF; 7] && (ENTER..=ZERO).contains(&torque_low);
         let last = if command { ENTER - 1 } else { torque_low };
         let [b0, b1, b2, b3, b4, b5, b6] = head;
-        CanFrame::known(u16::from(id), [b0, b1, b2, b3, b4, b5, b6, last])
+        Frame::known(u16::from(id), [b0, b1, b2, b3, b4, b5, b6, last])
     }
 
     /// The codes of a setpoint; `None` for commands and other frames. What a drive would read.
-    pub fn of(frame: &CanFrame) -> Option<Codes> {
+    pub fn of(frame: &Frame) -> Option<Codes> {
+        frame.standard_id()?;
         let data: [u8; 8] = frame.data().try_into().ok()?;
         let bits = u64::from_be_bytes(data);
         if matches!(data, [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, ENTER..=ZERO]) {
@@ -198,7 +199,7 @@ impl Mit {
 
     /// Makes the present position 0. Never while torque is on: the setpoint that it holds stays, and
     /// the joint moves there.
-    pub fn zero_here(id: u8) -> CanFrame {
+    pub fn zero_here(id: u8) -> Frame {
         special(id, ZERO)
     }
 }
@@ -216,8 +217,8 @@ fn faults_of(error: u8) -> Faults {
 }
 
 impl ActuatorProtocol for Mit {
-    type Sent = CanFrame;
-    type Received = CanFrame;
+    type Sent = Frame;
+    type Received = Frame;
 
     fn capabilities(&self) -> Capabilities {
         Capabilities {
@@ -244,7 +245,7 @@ impl ActuatorProtocol for Mit {
 
     /// Enabling sends a limp setpoint before and after: a drive remembers the last setpoint, and
     /// would follow it.
-    fn emit(&self, order: &Order, send: &mut dyn FnMut(CanFrame)) -> Result<(), Refusal> {
+    fn emit(&self, order: &Order, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
         let id = order.id;
         super::address(id, 0x7F)?;
         let enable = |position_rad: f32| Ok(self.limp(position_rad)?.frame(id));
@@ -282,13 +283,13 @@ impl ActuatorProtocol for Mit {
         Ok(())
     }
 
-    fn decode(&self, received: &CanFrame) -> Option<(u8, Feedback)> {
+    fn decode(&self, received: &Frame) -> Option<(u8, Feedback)> {
         let [id, p1, p0, v, v_t, t, rest @ ..] = received.data() else { return None };
         let from = match self.answers_from {
             AnswerId::Master(master) => master,
             AnswerId::Own => u16::from(*id),
         };
-        if received.id() != from {
+        if received.standard_id() != Some(from) {
             return None;
         }
         let speed = u16::from(*v) << 4 | u16::from(v_t >> 4);

@@ -16,7 +16,7 @@ use super::{
     ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Gains, Order, Refusal,
     Told, Traffic, Watchdog, without,
 };
-use crate::can::{CanFrame, worst_case_bits};
+use crate::can::{Frame, worst_case_bits};
 
 /// Firmware of the drives: heartbeats and error bits differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -98,8 +98,8 @@ const ERRORS_06: [(u32, Faults); 7] = [
     (0x0200_0000, Faults::ESTOPPED),                  // estop requested
 ];
 
-fn frame<const N: usize>(node: u8, command: u16, data: [u8; N]) -> CanFrame {
-    CanFrame::known(u16::from(node) << 5 | command, data)
+fn frame<const N: usize>(node: u8, command: u16, data: [u8; N]) -> Frame {
+    Frame::known(u16::from(node) << 5 | command, data)
 }
 
 fn eight(low: [u8; 4], high: [u8; 4]) -> [u8; 8] {
@@ -107,11 +107,11 @@ fn eight(low: [u8; 4], high: [u8; 4]) -> [u8; 8] {
     [a, b, c, d, e, f, g, h]
 }
 
-fn floats(node: u8, command: u16, low: f32, high: f32) -> CanFrame {
+fn floats(node: u8, command: u16, low: f32, high: f32) -> Frame {
     frame(node, command, eight(low.to_le_bytes(), high.to_le_bytes()))
 }
 
-fn integers(node: u8, command: u16, low: u32, high: u32) -> CanFrame {
+fn integers(node: u8, command: u16, low: u32, high: u32) -> Frame {
     frame(node, command, eight(low.to_le_bytes(), high.to_le_bytes()))
 }
 
@@ -126,12 +126,12 @@ fn positive(value: f32, name: &'static str) -> Result<f32, Refusal> {
 }
 
 /// The emergency stop of an axis: torque off, and an error until [`Command::ClearFaults`].
-pub fn estop(node: u8) -> CanFrame {
+pub fn estop(node: u8) -> Frame {
     frame(node, ESTOP, [])
 }
 
 impl Odrive {
-    fn state(&self, node: u8, state: u32) -> CanFrame {
+    fn state(&self, node: u8, state: u32) -> Frame {
         frame(node, SET_AXIS_STATE, state.to_le_bytes())
     }
 
@@ -142,7 +142,7 @@ impl Odrive {
         position_rad: f32,
         speed_rad_s: f32,
         torque_nm: f32,
-    ) -> Result<CanFrame, Refusal> {
+    ) -> Result<Frame, Refusal> {
         let turns = number(position_rad * self.reduction / TAU, "position")?;
         let steps = |value: f32, name| {
             nearest(value * FEED_FORWARD_STEPS, -32767, 32767)
@@ -154,20 +154,20 @@ impl Odrive {
         Ok(frame(node, SET_INPUT_POS, eight(turns.to_le_bytes(), [v0, v1, t0, t1])))
     }
 
-    fn speed(&self, node: u8, speed_rad_s: f32, torque_nm: f32) -> Result<CanFrame, Refusal> {
+    fn speed(&self, node: u8, speed_rad_s: f32, torque_nm: f32) -> Result<Frame, Refusal> {
         let turns_s = number(speed_rad_s * self.reduction / TAU, "speed")?;
         let torque_nm = number(torque_nm / self.reduction, "torque")?;
         Ok(floats(node, SET_INPUT_VEL, turns_s, torque_nm))
     }
 
-    fn torque(&self, node: u8, torque_nm: f32) -> Result<CanFrame, Refusal> {
+    fn torque(&self, node: u8, torque_nm: f32) -> Result<Frame, Refusal> {
         let torque_nm = number(torque_nm / self.reduction, "torque")?;
         Ok(frame(node, SET_INPUT_TORQUE, torque_nm.to_le_bytes()))
     }
 
     /// ODrive's cascade is torque = g_v (g_p (q* − q) + q̇* − q̇): g_v is kd, and g_p is kp / kd. The
     /// integral gain goes to 0.
-    fn gains(&self, node: u8, gains: Gains) -> Result<[CanFrame; 2], Refusal> {
+    fn gains(&self, node: u8, gains: Gains) -> Result<[Frame; 2], Refusal> {
         let kd = positive(gains.kd_nm_s_rad, "kd")?;
         if gains.kp_nm_rad < 0.0 {
             return Err(Refusal::OutOfRange("kp"));
@@ -181,7 +181,7 @@ impl Odrive {
         ])
     }
 
-    fn limits(&self, node: u8, speed_rad_s: f32, torque_nm: f32) -> Result<CanFrame, Refusal> {
+    fn limits(&self, node: u8, speed_rad_s: f32, torque_nm: f32) -> Result<Frame, Refusal> {
         let reduction = self.reduction.abs();
         let turns_s = positive(speed_rad_s * reduction / TAU, "speed")?;
         let current_a = positive(torque_nm / reduction / self.torque_constant_nm_a, "torque")?;
@@ -224,8 +224,8 @@ fn two_floats(data: [u8; 8]) -> Option<(f32, f32)> {
 }
 
 impl ActuatorProtocol for Odrive {
-    type Sent = CanFrame;
-    type Received = CanFrame;
+    type Sent = Frame;
+    type Received = Frame;
 
     fn capabilities(&self) -> Capabilities {
         Capabilities {
@@ -249,7 +249,7 @@ impl ActuatorProtocol for Odrive {
         }
     }
 
-    fn emit(&self, order: &Order, send: &mut dyn FnMut(CanFrame)) -> Result<(), Refusal> {
+    fn emit(&self, order: &Order, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
         let node = order.id;
         super::address(node, MAX_NODE)?;
         let mode = |mode| integers(node, SET_CONTROLLER_MODE, mode, PASSTHROUGH);
@@ -295,11 +295,12 @@ impl ActuatorProtocol for Odrive {
         Ok(())
     }
 
-    fn decode(&self, received: &CanFrame) -> Option<(u8, Feedback)> {
+    fn decode(&self, received: &Frame) -> Option<(u8, Feedback)> {
         let data: [u8; 8] = received.data().try_into().ok()?;
-        let node = (received.id() >> 5) as u8;
+        let id = received.standard_id()?;
+        let node = (id >> 5) as u8;
         let nothing = Feedback::default();
-        let feedback = match (received.id() & 0x1F, self.version) {
+        let feedback = match (id & 0x1F, self.version) {
             (HEARTBEAT, _) => self.heartbeat(data),
             (ENCODER_ESTIMATES, _) => {
                 let (turns, turns_s) = two_floats(data)?;

@@ -5,7 +5,7 @@ use super::{
     Traffic, Watchdog, without_torque,
 };
 use crate::actuator::{self, ActuatorStatus, Control};
-use crate::can::{CanFrame, worst_case_bits};
+use crate::can::{Frame, worst_case_bits};
 
 /// Servos and wheel drives of the Rollwalk profile.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,7 +19,7 @@ const FAULTS: [(u32, Faults); 4] = [
     (ActuatorStatus::HARDWARE as u32, Faults::OTHER),
 ];
 
-fn frame(id: u8, command: &Command) -> Result<CanFrame, Refusal> {
+fn frame(id: u8, command: &Command) -> Result<Frame, Refusal> {
     let control = |control: Control| control.encode(id).ok_or(Refusal::Address);
     match *command {
         // Disabling clears a timeout. Enabling forgets earlier setpoints, so it needs no pose.
@@ -53,8 +53,8 @@ fn frame(id: u8, command: &Command) -> Result<CanFrame, Refusal> {
 }
 
 impl ActuatorProtocol for RollwalkServos {
-    type Sent = CanFrame;
-    type Received = CanFrame;
+    type Sent = Frame;
+    type Received = Frame;
 
     fn capabilities(&self) -> Capabilities {
         Capabilities {
@@ -81,13 +81,13 @@ impl ActuatorProtocol for RollwalkServos {
         }
     }
 
-    fn emit(&self, order: &Order, send: &mut dyn FnMut(CanFrame)) -> Result<(), Refusal> {
+    fn emit(&self, order: &Order, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
         super::address(order.id, actuator::MAX_ID)?;
         send(frame(order.id, &order.command)?);
         Ok(())
     }
 
-    fn decode(&self, received: &CanFrame) -> Option<(u8, Feedback)> {
+    fn decode(&self, received: &Frame) -> Option<(u8, Feedback)> {
         let (id, told) = actuator::Feedback::decode(received)?;
         let feedback = Feedback {
             position_rad: Some(told.position_rad),

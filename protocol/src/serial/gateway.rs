@@ -6,7 +6,7 @@
 //! bytes around it. Sessions and controllers know nothing of it: to them either end is a CAN bus.
 
 use super::Packet;
-use crate::can::CanFrame;
+use crate::can::Frame;
 use crate::wire::isotp::{Event, Output, Timing};
 use crate::wire::transport::{Endpoint, partner};
 
@@ -30,11 +30,10 @@ impl Default for Gateway {
 impl Gateway {
     /// This end sends a frame. What the line is to carry: the frame, the message that it completes, or nothing.
     /// [`Self::poll`] afterwards.
-    pub fn send(&mut self, now_us: u64, frame: &CanFrame) -> Option<Packet<'_>> {
-        let id = frame.id();
-        if partner(id).is_none() {
+    pub fn send(&mut self, now_us: u64, frame: &Frame) -> Option<Packet<'_>> {
+        let Some(id) = frame.standard_id().filter(|&id| partner(id).is_some()) else {
             return Some(Packet::Link(*frame));
-        }
+        };
         self.talk_as(id);
         let whole = self.endpoint.on_frame(frame.data(), now_us) == Event::Received;
         whole.then(|| Packet::Message { id, bytes: self.endpoint.received() })
@@ -52,7 +51,7 @@ impl Gateway {
     }
 
     /// The next frame for this end; call again until `None`.
-    pub fn poll(&mut self, now_us: u64) -> Option<CanFrame> {
+    pub fn poll(&mut self, now_us: u64) -> Option<Frame> {
         // A message that failed is given up, and one that was to follow it may come.
         for _ in 0..3 {
             match self.endpoint.poll(now_us) {
@@ -88,7 +87,7 @@ mod tests {
     /// A program that speaks ISO-TP, at its end of a line.
     struct Program {
         endpoint: Endpoint,
-        frame: fn(Node, &Pdu) -> CanFrame,
+        frame: fn(Node, &Pdu) -> Frame,
         gateway: Gateway,
         line: Deframer,
         heard: Vec<Vec<u8>>,
@@ -97,7 +96,7 @@ mod tests {
     }
 
     impl Program {
-        fn new(frame: fn(Node, &Pdu) -> CanFrame) -> Self {
+        fn new(frame: fn(Node, &Pdu) -> Frame) -> Self {
             let (gateway, line) = (Gateway::default(), Deframer::default());
             let endpoint = Endpoint::new(Timing::default());
             Self { endpoint, frame, gateway, line, heard: Vec::new(), packets: 0 }
@@ -189,7 +188,7 @@ mod tests {
     fn other_frames_cross_as_they_are() {
         let mut gateway = Gateway::default();
         for id in [0x030, 0x130, 0x234, 0x512, 0x7FF] {
-            let frame = CanFrame::new(id, &[0x10, 9, 1, 2, 3, 4, 5, 6]).unwrap();
+            let frame = Frame::standard(id, &[0x10, 9, 1, 2, 3, 4, 5, 6]).unwrap();
             assert_eq!(gateway.send(0, &frame), Some(Packet::Link(frame)));
             assert_eq!(gateway.poll(0), None);
         }

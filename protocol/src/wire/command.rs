@@ -1,7 +1,7 @@
 //! Class 2: what the host asks for, and the answer, which it always gets.
 
 use super::{DecodeError, Kind, Node, State, coded};
-use crate::can::CanFrame;
+use crate::can::Frame;
 
 const COMMAND: Kind = Kind::new(2, 0);
 const ACK: Kind = Kind::new(3, 2);
@@ -87,7 +87,7 @@ impl Action {
 impl Command {
     /// `[crc8][seq 4 low bits, kind 4 high bits][code u8][speed i8/64][arg u16][valid until u16 ms]`;
     /// fields that an action does not have are 0.
-    pub fn encode(self, to: Node) -> CanFrame {
+    pub fn encode(self, to: Node) -> Frame {
         let (code, speed, arg) = match self.action {
             Action::Play { code, speed_64ths } => (code, speed_64ths, 0),
             Action::ArmConfirm { nonce } | Action::ClearConfirm { nonce } => (0, 0, nonce),
@@ -101,7 +101,7 @@ impl Command {
 
     /// Addressee and command. A field that its action does not have, but that is not 0, is a
     /// [`DecodeError::BadValue`].
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, head, code, speed, a0, a1, v0, v1]) = COMMAND.unseal(frame)?;
         let arg = u16::from_le_bytes([a0, a1]);
         let (seq, kind) = (head & 0xF, head >> 4);
@@ -201,7 +201,7 @@ pub struct CommandAck {
 
 impl CommandAck {
     /// `[crc8][seq 4 low bits, kind 4 high bits][result u8][state u8][motion u8, 255 none][value u16]`
-    pub fn encode(self, from: Node) -> CanFrame {
+    pub fn encode(self, from: Node) -> Frame {
         let head = self.seq & 0xF | self.kind << 4;
         let [v0, v1] = self.value.to_le_bytes();
         let motion = self.motion.unwrap_or(NO_MOTION);
@@ -209,7 +209,7 @@ impl CommandAck {
     }
 
     /// Sender and answer.
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, head, result, state, motion, v0, v1]) = ACK.unseal(frame)?;
         let ack = Self {
             seq: head & 0xF,

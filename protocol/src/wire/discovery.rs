@@ -1,7 +1,7 @@
 //! Class 7: who is there.
 
 use super::{DecodeError, Kind, Node};
-use crate::can::CanFrame;
+use crate::can::Frame;
 
 const DISCOVER: Kind = Kind::new(7, 0);
 const DISCOVERED: Kind = Kind::new(7, 1);
@@ -12,12 +12,12 @@ pub struct Discover;
 
 impl Discover {
     /// Without payload.
-    pub fn encode(self, to: Node) -> CanFrame {
-        CanFrame::known(DISCOVER.id(to), [])
+    pub fn encode(self, to: Node) -> Frame {
+        Frame::known(DISCOVER.id(to), [])
     }
 
     /// Addressee.
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, []) = DISCOVER.plain(frame)?;
         Ok((node, Discover))
     }
@@ -34,13 +34,13 @@ pub struct Discovered {
 
 impl Discovered {
     /// `[uid 6 bytes][protocol major u8]`
-    pub fn encode(self, from: Node) -> CanFrame {
+    pub fn encode(self, from: Node) -> Frame {
         let [a, b, c, d, e, f] = self.uid;
-        CanFrame::known(DISCOVERED.id(from), [a, b, c, d, e, f, self.protocol_major])
+        Frame::known(DISCOVERED.id(from), [a, b, c, d, e, f, self.protocol_major])
     }
 
     /// Sender and answer.
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [a, b, c, d, e, f, protocol_major]) = DISCOVERED.plain(frame)?;
         Ok((node, Self { uid: [a, b, c, d, e, f], protocol_major }))
     }

@@ -5,7 +5,7 @@ use super::{
     Command, CommandAck, DecodeError, Discover, Discovered, Estop, EstopAck, FaultReport,
     Heartbeat, HeartbeatReply, JointTelemetry, Node, ParameterAck, ParameterRequest, Status,
 };
-use crate::can::CanFrame;
+use crate::can::Frame;
 
 /// A message that a controller may receive.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,8 +27,8 @@ pub enum ToController {
 impl ToController {
     /// Addressee and message. Errors: [`DecodeError::OtherMessage`] for frames of other kinds,
     /// which are to be ignored; the others for damaged frames, which are to be counted.
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
-        match frame.id() & 0x70F {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
+        match frame.standard_id().ok_or(DecodeError::OtherMessage)? & 0x70F {
             0x000 => Estop::decode(frame).map(|(node, _)| (node, Self::Estop)),
             0x100 => Heartbeat::decode(frame).map(|(node, m)| (node, Self::Heartbeat(m))),
             0x200 => Command::decode(frame).map(|(node, m)| (node, Self::Command(m))),
@@ -65,8 +65,8 @@ pub enum FromController {
 
 impl FromController {
     /// Sender and message. Errors as for [`ToController::decode`].
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
-        match frame.id() & 0x70F {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
+        match frame.standard_id().ok_or(DecodeError::OtherMessage)? & 0x70F {
             0x001 => EstopAck::decode(frame).map(|(node, m)| (node, Self::EstopAck(m))),
             0x101 => HeartbeatReply::decode(frame).map(|(node, m)| (node, Self::HeartbeatReply(m))),
             0x300 => Status::decode(frame).map(|(node, m)| (node, Self::Status(m))),

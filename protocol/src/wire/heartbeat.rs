@@ -1,7 +1,7 @@
 //! Class 1: the host is there, and what time it is.
 
 use super::{DecodeError, Kind, Node};
-use crate::can::CanFrame;
+use crate::can::Frame;
 
 const HEARTBEAT: Kind = Kind::new(1, 0);
 const REPLY: Kind = Kind::new(1, 1);
@@ -18,13 +18,13 @@ pub struct Heartbeat {
 
 impl Heartbeat {
     /// `[crc8][seq u8][host ms u32]`
-    pub fn encode(self, to: Node) -> CanFrame {
+    pub fn encode(self, to: Node) -> Frame {
         let [t0, t1, t2, t3] = self.host_ms.to_le_bytes();
         HEARTBEAT.seal(to, [0, self.seq, t0, t1, t2, t3])
     }
 
     /// Addressee and message.
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, seq, t0, t1, t2, t3]) = HEARTBEAT.unseal(frame)?;
         Ok((node, Self { seq, host_ms: u32::from_le_bytes([t0, t1, t2, t3]) }))
     }
@@ -42,13 +42,13 @@ pub struct HeartbeatReply {
 
 impl HeartbeatReply {
     /// `[crc8][seq u8][controller ms u32]`
-    pub fn encode(self, from: Node) -> CanFrame {
+    pub fn encode(self, from: Node) -> Frame {
         let [t0, t1, t2, t3] = self.controller_ms.to_le_bytes();
         REPLY.seal(from, [0, self.seq, t0, t1, t2, t3])
     }
 
     /// Sender and message.
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, seq, t0, t1, t2, t3]) = REPLY.unseal(frame)?;
         Ok((node, Self { seq, controller_ms: u32::from_le_bytes([t0, t1, t2, t3]) }))
     }

@@ -9,7 +9,7 @@
 //! [`IsoTpError`] on the side that notices and with a timeout on the other; what to do then is up to
 //! the caller. Frames are not padded.
 
-use crate::can::CanFrame;
+use crate::can::Frame;
 use thiserror::Error;
 
 /// Longest message that ISO-TP over classic frames can carry.
@@ -59,8 +59,8 @@ impl Pdu {
     }
 
     /// As a frame; excess bits of the identifier are dropped.
-    pub fn frame(&self, id: u16) -> CanFrame {
-        CanFrame::new(id & 0x7FF, self.data()).unwrap_or(CanFrame::known(id, self.data))
+    pub fn frame(&self, id: u16) -> Frame {
+        Frame::standard(id & 0x7FF, self.data()).unwrap_or(Frame::known(id, self.data))
     }
 }
 

@@ -14,7 +14,7 @@
 //! | 7 | [`Discover`], [`Discovered`] | both | |
 //!
 //! A receiver dispatches with [`ToController::decode`] or [`FromController::decode`]. Every message
-//! has `encode(node) -> CanFrame` and `decode(&CanFrame) -> Result<(Node, Self), DecodeError>`.
+//! has `encode(node) -> Frame` and `decode(&Frame) -> Result<(Node, Self), DecodeError>`.
 //! Integers are little-endian. Layouts are normative in `docs/wire-format.md`; [`SCHEMA`] lists
 //! them in short, and its hash is part of HELLO.
 
@@ -43,7 +43,7 @@ pub use status::{FaultReport, State, Status, Torque};
 pub use telemetry::JointTelemetry;
 pub use transport::{Request, Response};
 
-use crate::can::CanFrame;
+use crate::can::Frame;
 use crate::crc::crc8_with_id;
 use thiserror::Error;
 
@@ -147,33 +147,33 @@ impl Kind {
     }
 
     /// The node, when the frame is of this kind.
-    fn node(self, frame: &CanFrame) -> Result<Node, DecodeError> {
-        let id = frame.id();
+    fn node(self, frame: &Frame) -> Result<Node, DecodeError> {
+        let id = frame.standard_id().ok_or(DecodeError::OtherMessage)?;
         let fits = id & 0x70F == u16::from(self.class) << 8 | u16::from(self.message);
         fits.then_some(Node((id >> 4) as u8 & 0xF)).ok_or(DecodeError::OtherMessage)
     }
 
     /// Node and payload of a frame of this kind without checksum.
-    fn plain<const N: usize>(self, frame: &CanFrame) -> Result<(Node, [u8; N]), DecodeError> {
+    fn plain<const N: usize>(self, frame: &Frame) -> Result<(Node, [u8; N]), DecodeError> {
         let node = self.node(frame)?;
         let data = frame.data().try_into().map_err(|_| DecodeError::BadLength)?;
         Ok((node, data))
     }
 
     /// The frame with `data`, whose first byte is replaced by the checksum.
-    fn seal<const N: usize>(self, node: Node, mut data: [u8; N]) -> CanFrame {
+    fn seal<const N: usize>(self, node: Node, mut data: [u8; N]) -> Frame {
         let id = self.id(node);
         if let Some((crc, rest)) = data.split_first_mut() {
             *crc = crc8_with_id(id, rest);
         }
-        CanFrame::known(id, data)
+        Frame::known(id, data)
     }
 
     /// Node and payload of a sealed frame.
-    fn unseal<const N: usize>(self, frame: &CanFrame) -> Result<(Node, [u8; N]), DecodeError> {
+    fn unseal<const N: usize>(self, frame: &Frame) -> Result<(Node, [u8; N]), DecodeError> {
         let (node, data) = self.plain::<N>(frame)?;
         match data.split_first() {
-            Some((&crc, rest)) if crc == crc8_with_id(frame.id(), rest) => Ok((node, data)),
+            Some((&crc, rest)) if crc == crc8_with_id(self.id(node), rest) => Ok((node, data)),
             _ => Err(DecodeError::BadCrc),
         }
     }

@@ -4,7 +4,7 @@
 //! last one, and one that comes late is out of order.
 
 use super::{DecodeError, Kind, Node, coded};
-use crate::can::CanFrame;
+use crate::can::Frame;
 
 const REQUEST: Kind = Kind::new(6, 0);
 const ACK: Kind = Kind::new(6, 1);
@@ -91,7 +91,7 @@ impl ParameterAction {
 impl ParameterRequest {
     /// `[crc8][seq 4 low bits, kind 4 high bits][parameter 4 low bits, 0][channel u8][value f32]`;
     /// fields that an action does not have are 0.
-    pub fn encode(self, to: Node) -> CanFrame {
+    pub fn encode(self, to: Node) -> Frame {
         let (parameter, channel, value) = match self.action {
             ParameterAction::Get { parameter, channel } => (parameter, channel, 0.0),
             ParameterAction::Set { parameter, channel, value } => (parameter, channel, value),
@@ -104,7 +104,7 @@ impl ParameterRequest {
 
     /// Addressee and request. A field that its action does not have, but that is not 0, is a
     /// [`DecodeError::BadValue`].
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, head, parameter, channel, a, b, c, d]) = REQUEST.unseal(frame)?;
         let (seq, kind) = (head & 0xF, head >> 4);
         let value = [a, b, c, d];
@@ -189,7 +189,7 @@ pub struct ParameterAck {
 impl ParameterAck {
     /// `[crc8][seq 4 low bits, kind 4 high bits][parameter 4 low bits, result 4 high bits]`
     /// `[channel u8, 255 none][value f32]`
-    pub fn encode(self, from: Node) -> CanFrame {
+    pub fn encode(self, from: Node) -> Frame {
         let head = self.seq & 0xF | self.kind << 4;
         let what = self.parameter & 0xF | self.result.code() << 4;
         let [a, b, c, d] = self.value.to_le_bytes();
@@ -197,7 +197,7 @@ impl ParameterAck {
     }
 
     /// Sender and answer.
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, head, what, channel, a, b, c, d]) = ACK.unseal(frame)?;
         let ack = Self {
             seq: head & 0xF,

@@ -1,7 +1,7 @@
 //! Class 0: the emergency stop.
 
 use super::{DecodeError, Kind, Node, State};
-use crate::can::CanFrame;
+use crate::can::Frame;
 
 const ESTOP: Kind = Kind::new(0, 0);
 const ESTOP_ACK: Kind = Kind::new(0, 1);
@@ -13,12 +13,12 @@ pub struct Estop;
 
 impl Estop {
     /// A frame without payload.
-    pub fn encode(self, to: Node) -> CanFrame {
-        CanFrame::known(ESTOP.id(to), [])
+    pub fn encode(self, to: Node) -> Frame {
+        Frame::known(ESTOP.id(to), [])
     }
 
     /// Receiver and message.
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         Ok((ESTOP.node(frame)?, Estop))
     }
 }
@@ -32,12 +32,12 @@ pub struct EstopAck {
 
 impl EstopAck {
     /// `[crc8][state u8]`
-    pub fn encode(self, from: Node) -> CanFrame {
+    pub fn encode(self, from: Node) -> Frame {
         ESTOP_ACK.seal(from, [0, self.state.code()])
     }
 
     /// Sender and message.
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, state]) = ESTOP_ACK.unseal(frame)?;
         let state = State::from_code(state).ok_or(DecodeError::BadValue)?;
         Ok((node, Self { state }))

@@ -1,7 +1,7 @@
 //! Class 3: controller status and fault reports.
 
 use super::{DecodeError, Kind, Node, coded};
-use crate::can::CanFrame;
+use crate::can::Frame;
 use crate::faults::{Fault, FaultBits, Severity};
 
 const STATUS: Kind = Kind::new(3, 0);
@@ -104,7 +104,7 @@ impl Status {
     /// `[crc8][state 4 low bits, severity 4 high bits][faults u16][clip u8, 255 none]
     /// [frame 12 low bits, counter 4 high bits: u16][library u8]`. A frame above 4095 is sent as
     /// 4095.
-    pub fn encode(self, from: Node) -> CanFrame {
+    pub fn encode(self, from: Node) -> Frame {
         let [f0, f1] = self.faults.0.to_le_bytes();
         let place = self.frame.min(0xFFF) | u16::from(self.counter & 0xF) << 12;
         let [p0, p1] = place.to_le_bytes();
@@ -113,7 +113,7 @@ impl Status {
     }
 
     /// Sender and status.
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, head, f0, f1, clip, p0, p1, library]) = STATUS.unseal(frame)?;
         let place = u16::from_le_bytes([p0, p1]);
         let status = Self {
@@ -144,14 +144,14 @@ pub struct FaultReport {
 
 impl FaultReport {
     /// `[crc8][counter u8][fault u8][channel u8, 255 none][value f32]`
-    pub fn encode(self, from: Node) -> CanFrame {
+    pub fn encode(self, from: Node) -> Frame {
         let [v0, v1, v2, v3] = self.value.to_le_bytes();
         let channel = self.channel.unwrap_or(NONE);
         FAULT.seal(from, [0, self.counter, self.fault.code(), channel, v0, v1, v2, v3])
     }
 
     /// Sender and report.
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, counter, fault, channel, v0, v1, v2, v3]) = FAULT.unseal(frame)?;
         let report = Self {
             counter,

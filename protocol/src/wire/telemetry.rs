@@ -4,7 +4,7 @@ use super::{DecodeError, Kind, Node};
 use crate::actuator::{
     ActuatorStatus, POSITION_STEPS, SPEED_STEPS, TORQUE_STEPS, measured, signed,
 };
-use crate::can::CanFrame;
+use crate::can::Frame;
 
 const JOINT: Kind = Kind::new(4, 0);
 
@@ -26,15 +26,15 @@ pub struct JointTelemetry {
 impl JointTelemetry {
     /// `[channel u8][position i16 0.2 mrad][velocity i16 2 mrad/s][torque i16 5 mN·m][status u8]`.
     /// Values beyond their scale saturate.
-    pub fn encode(self, from: Node) -> CanFrame {
+    pub fn encode(self, from: Node) -> Frame {
         let [p0, p1] = measured(self.position_rad, POSITION_STEPS).to_le_bytes();
         let [v0, v1] = measured(self.velocity_rad_s, SPEED_STEPS).to_le_bytes();
         let [t0, t1] = measured(self.torque_nm, TORQUE_STEPS).to_le_bytes();
-        CanFrame::known(JOINT.id(from), [self.channel, p0, p1, v0, v1, t0, t1, self.status.0])
+        Frame::known(JOINT.id(from), [self.channel, p0, p1, v0, v1, t0, t1, self.status.0])
     }
 
     /// Sender and measurements.
-    pub fn decode(frame: &CanFrame) -> Result<(Node, Self), DecodeError> {
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [channel, p0, p1, v0, v1, t0, t1, status]) = JOINT.plain(frame)?;
         let bad = DecodeError::BadValue;
         let telemetry = Self {

@@ -20,7 +20,7 @@
 
 use super::isotp;
 use super::{Kind, LOG_ENTRY_BYTES, Log, Node, coded};
-use crate::can::CanFrame;
+use crate::can::Frame;
 use crate::crc::crc32c;
 use crate::library::Reject;
 
@@ -36,12 +36,12 @@ pub const MAX_MESSAGE: usize = 9 + MAX_BLOCK;
 pub type Endpoint = isotp::Endpoint<MAX_MESSAGE>;
 
 /// The frame of an [`Endpoint`]'s output from the host to a controller.
-pub fn frame_to_controller(to: Node, pdu: &isotp::Pdu) -> CanFrame {
+pub fn frame_to_controller(to: Node, pdu: &isotp::Pdu) -> Frame {
     pdu.frame(TO_CONTROLLER.id(to))
 }
 
 /// The frame of an [`Endpoint`]'s output from a controller to the host.
-pub fn frame_to_host(from: Node, pdu: &isotp::Pdu) -> CanFrame {
+pub fn frame_to_host(from: Node, pdu: &isotp::Pdu) -> Frame {
     pdu.frame(TO_HOST.id(from))
 }
 

@@ -13,18 +13,10 @@ use rollwalk_protocol::actuators::{
     ActuatorProtocol, Answers, Command, Faults, Feedback, Gains, JointSetpoint, Order, Packet,
     Refusal, Told, WheelSetpoint,
 };
-use rollwalk_protocol::can::{CanFrame, ExtendedFrame};
+use rollwalk_protocol::can::Frame;
 
-fn hex(data: &[u8]) -> String {
-    data.iter().map(|b| format!("{b:02x}")).collect()
-}
-
-pub fn can_text(frame: &CanFrame) -> String {
-    format!("{:03x}#{}", frame.id(), hex(frame.data()))
-}
-
-pub fn extended_text(frame: &ExtendedFrame) -> String {
-    format!("{:08x}#{}", frame.id(), hex(frame.data()))
+pub fn can_text(frame: &Frame) -> String {
+    frame.to_string().to_lowercase()
 }
 
 /// What one command sends; nothing when it is refused.
@@ -65,11 +57,11 @@ const MAESTRO: Maestro = Maestro {
 macro_rules! with_all {
     ($check:ident) => {{
         let serial = |packet: &Packet| 10 * packet.len() as u32;
-        $check(&RollwalkServos, "rollwalk", CanFrame::exact_bits);
-        $check(&MIT, "mit", CanFrame::exact_bits);
-        $check(&ODRIVE, "odrive 0.6", CanFrame::exact_bits);
-        $check(&Odrive { version: Version::V05, ..ODRIVE }, "odrive 0.5", CanFrame::exact_bits);
-        $check(&CYBERGEAR, "cybergear", ExtendedFrame::exact_bits);
+        $check(&RollwalkServos, "rollwalk", Frame::exact_bits);
+        $check(&MIT, "mit", Frame::exact_bits);
+        $check(&ODRIVE, "odrive 0.6", Frame::exact_bits);
+        $check(&Odrive { version: Version::V05, ..ODRIVE }, "odrive 0.5", Frame::exact_bits);
+        $check(&CYBERGEAR, "cybergear", Frame::exact_bits);
         $check(&DYNAMIXEL, "dynamixel", serial);
         $check(&MAESTRO, "maestro", serial);
     }};
@@ -270,7 +262,7 @@ fn rollwalk_profile_behind_the_trait() {
     assert_eq!(text(Command::Joint(go)), "105#78ece803d007f401");
     let roll = wheel(-7.5, Some(0.2), Some(1.0));
     assert_eq!(text(Command::Wheel(roll)), "205#08dbfeffc800c800");
-    let feedback = CanFrame::new(0x185, &[0x88, 0x13, 0, 0, 0xC8, 0, 0x11, 7]).unwrap();
+    let feedback = Frame::standard(0x185, &[0x88, 0x13, 0, 0, 0xC8, 0, 0x11, 7]).unwrap();
     let expected = Feedback {
         position_rad: Some(1.0),
         speed_rad_s: Some(0.0),
@@ -353,8 +345,8 @@ proptest! {
     /// Any frame: feedback or none.
     #[test]
     fn any_frame_does(id in 0u32..1 << 29, data in proptest::collection::vec(prop_oneof![any::<u8>(), Just(0xFF), Just(0x7F)], 0..=8)) {
-        let frame = CanFrame::new(id as u16 & 0x7FF, &data).unwrap();
-        let master = CanFrame::new(0, &data).unwrap();
+        let frame = Frame::standard(id as u16 & 0x7FF, &data).unwrap();
+        let master = Frame::standard(0, &data).unwrap();
         for frame in [frame, master] {
             prop_assert!(finite(RollwalkServos.decode(&frame)) && finite(MIT.decode(&frame)));
             // Huge floats, which gearing makes larger, and no gearing at all.
@@ -363,8 +355,18 @@ proptest! {
                 prop_assert!(finite(drive.decode(&frame)));
             }
         }
-        let extended = ExtendedFrame::new(id, &data).unwrap();
+        let extended = Frame::extended(id, &data).unwrap();
         prop_assert!(finite(CYBERGEAR.decode(&extended)));
         let _ = CYBERGEAR.parameter(&extended);
+        // The same number with as many bits as the other drives' identifiers have is nobody's.
+        prop_assert_eq!(CYBERGEAR.decode(&frame), None);
+        for id in [id & 0x7FF, (id & 0x7FF) << 18, id] {
+            let extended = Frame::extended(id, &data).unwrap();
+            for drive in [MIT, Mit { answers_from: AnswerId::Own, ..MIT }] {
+                prop_assert_eq!(drive.decode(&extended), None);
+            }
+            prop_assert_eq!(ODRIVE.decode(&extended), None);
+            prop_assert_eq!(RollwalkServos.decode(&extended), None);
+        }
     }
 }

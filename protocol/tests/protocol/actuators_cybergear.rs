@@ -1,26 +1,26 @@
 //! CyberGear against its manual, section 4.1: identifiers, scales, bits.
 
-use crate::actuators_all::{extended_text, joint, sent, wheel};
+use crate::actuators_all::{can_text, joint, sent, wheel};
 use proptest::prelude::*;
 use rollwalk_protocol::actuators::cybergear::{
     CyberGear, MECHANICAL_POSITION, SAMPLE_MAX_RAD, TABLE_MAX_RAD,
 };
 use rollwalk_protocol::actuators::{ActuatorProtocol, Command, Faults, Refusal};
-use rollwalk_protocol::can::ExtendedFrame;
+use rollwalk_protocol::can::Frame;
 
 const MOTORS: CyberGear = CyberGear { host: 0xFD, max_position_rad: TABLE_MAX_RAD };
 
 fn frames(command: Command) -> Vec<String> {
-    sent(&MOTORS, 0x7F, command).unwrap().iter().map(extended_text).collect()
+    sent(&MOTORS, 0x7F, command).unwrap().iter().map(can_text).collect()
 }
 
 /// Types 0, 3, 4, 6 (4.1.1, 4.1.4 to 4.1.6): bits 28 to 24 the type, 15 to 8 the host, 7 to 0 the motor.
 #[test]
 fn commands() {
-    assert_eq!(extended_text(&MOTORS.get_id(0x7F)), "0000fd7f#0000000000000000");
+    assert_eq!(can_text(&MOTORS.get_id(0x7F)), "0000fd7f#0000000000000000");
     assert_eq!(frames(Command::Disable), ["0400fd7f#0000000000000000"]);
     assert_eq!(frames(Command::ClearFaults), ["0400fd7f#0100000000000000"]);
-    assert_eq!(extended_text(&MOTORS.zero_here(0x7F)), "0600fd7f#0100000000000000");
+    assert_eq!(can_text(&MOTORS.zero_here(0x7F)), "0600fd7f#0100000000000000");
     let limp = "0180007f#8000800000000000";
     let enable = ["1200fd7f#0570000000000000", limp, "0300fd7f#0000000000000000", limp];
     assert_eq!(frames(Command::EnableWheel), enable);
@@ -60,8 +60,7 @@ fn setpoints_from_end_to_end() {
 fn the_two_position_scales_of_the_manual() {
     let sample = CyberGear { max_position_rad: SAMPLE_MAX_RAD, ..MOTORS };
     let end = joint(12.5, 0.0, 0.0, Some((0.0, 0.0)));
-    let text =
-        |motors: &CyberGear| extended_text(&sent(motors, 1, Command::Joint(end)).unwrap()[0]);
+    let text = |motors: &CyberGear| can_text(&sent(motors, 1, Command::Joint(end)).unwrap()[0]);
     assert_eq!(text(&sample), "01800001#ffff800000000000");
     assert_eq!(text(&MOTORS), "01800001#ff52800000000000");
 }
@@ -75,9 +74,9 @@ fn parameters() {
         assert!(sent(&MOTORS, 1, Command::Limits { speed_rad_s, torque_nm }).is_err());
     }
     let read = MOTORS.read(0x7F, MECHANICAL_POSITION);
-    assert_eq!(extended_text(&read), "1100fd7f#1970000000000000");
+    assert_eq!(can_text(&read), "1100fd7f#1970000000000000");
     let data = [0x19, 0x70, 0, 0, 0, 0, 0x80, 0x3F];
-    let answer = ExtendedFrame::new(0x1100_7FFD, &data).unwrap();
+    let answer = Frame::extended(0x1100_7FFD, &data).unwrap();
     let value = 1.0f32.to_le_bytes();
     assert_eq!(MOTORS.parameter(&answer), Some((0x7F, MECHANICAL_POSITION, value)));
     assert_eq!(MOTORS.parameter(&read), None);
@@ -87,7 +86,7 @@ fn parameters() {
 #[test]
 fn feedback() {
     let data = [0xFF, 0xFF, 0, 0, 0xFF, 0xFF, 0x01, 0x4D];
-    let told = |id| MOTORS.decode(&ExtendedFrame::new(id, &data).unwrap());
+    let told = |id| MOTORS.decode(&Frame::extended(id, &data).unwrap());
     let (motor, running) = told(0x0280_7FFD).unwrap();
     assert_eq!(motor, 0x7F);
     assert_eq!(running.position_rad, Some(TABLE_MAX_RAD));
@@ -124,7 +123,7 @@ fn fault_frames() {
             (0, Faults::NONE),
         ] {
             let [a, b, c, d] = value.to_le_bytes();
-            let frame = ExtendedFrame::new(id, &[a, b, c, d, 0, 0, 0, 0]).unwrap();
+            let frame = Frame::extended(id, &[a, b, c, d, 0, 0, 0, 0]).unwrap();
             let (motor, told) = MOTORS.decode(&frame).unwrap();
             assert_eq!((motor, told.faults), (0x7F, Some(fault)), "{value:x}");
         }
@@ -135,11 +134,11 @@ proptest! {
     #[test]
     fn measurements_and_setpoints_share_their_scales(p in -12.5f32..12.5, v in -30.0f32..30.0, t in -12.0f32..12.0) {
         let frame = sent(&MOTORS, 1, Command::Joint(joint(p, v, t, Some((1.0, 1.0))))).unwrap()[0];
-        let torque = (frame.id() >> 8) as u16;
+        let torque = (frame.extended_id().unwrap() >> 8) as u16;
         let mut data = [0; 8];
         data[..4].copy_from_slice(&frame.data()[..4]);
         data[4..6].copy_from_slice(&torque.to_be_bytes());
-        let (_, told) = MOTORS.decode(&ExtendedFrame::new(0x0280_01FD, &data).unwrap()).unwrap();
+        let (_, told) = MOTORS.decode(&Frame::extended(0x0280_01FD, &data).unwrap()).unwrap();
         // Half a step and the roundings of f32.
         let near = |told: Option<f32>, meant: f32, max: f32| (told.unwrap() - meant).abs() <= 0.51 * 2.0 * max / 65535.0;
         prop_assert!(near(told.position_rad, p, TABLE_MAX_RAD));

@@ -7,7 +7,7 @@ use rollwalk_protocol::actuators::mit::{AnswerId, Codes, MODELS, Mit, Model};
 use rollwalk_protocol::actuators::{
     ActuatorProtocol, Command, Faults, Feedback, Gains, JointSetpoint, Refusal, WheelSetpoint,
 };
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 
 fn drive(name: &str) -> Mit {
     let model = *MODELS.iter().find(|m| m.name == name).unwrap();
@@ -81,7 +81,7 @@ fn fields_are_where_the_documents_have_them() {
 #[test]
 fn answers_of_all_lengths() {
     let ak = drive("AK80-9");
-    let frame = |data: &[u8]| CanFrame::new(0, data).unwrap();
+    let frame = |data: &[u8]| Frame::standard(0, data).unwrap();
     let long = [5, 0xFF, 0xFF, 0x00, 0x0F, 0xFF, 41, 1];
     let (id, told) = ak.decode(&frame(&long)).unwrap();
     let expected = Feedback {
@@ -100,11 +100,11 @@ fn answers_of_all_lengths() {
     }
     assert_eq!(ak.decode(&frame(&long[..5])), None);
     // From another identifier it is a setpoint of ours that came back, or another master's.
-    let own = CanFrame::new(5, &long).unwrap();
+    let own = Frame::standard(5, &long).unwrap();
     assert_eq!(ak.decode(&own), None);
     let ak = Mit { answers_from: AnswerId::Own, ..ak };
     assert_eq!(ak.decode(&own), Some((5, expected)));
-    assert_eq!(ak.decode(&CanFrame::new(4, &long).unwrap()), None);
+    assert_eq!(ak.decode(&Frame::standard(4, &long).unwrap()), None);
 }
 
 fn setpoints(model: Model) -> impl Strategy<Value = JointSetpoint> {

@@ -5,7 +5,7 @@ use crate::actuators_all::{can_text, joint, sent, wheel};
 use proptest::prelude::*;
 use rollwalk_protocol::actuators::odrive::{Odrive, Version, estop};
 use rollwalk_protocol::actuators::{ActuatorProtocol, Command, Faults, Gains, Refusal};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use std::f32::consts::TAU;
 
 const DRIVE: Odrive =
@@ -18,7 +18,7 @@ fn frames(drive: &Odrive, id: u8, command: Command) -> Vec<String> {
 }
 
 fn told(drive: &Odrive, id: u16, data: [u8; 8]) -> (u8, rollwalk_protocol::actuators::Feedback) {
-    drive.decode(&CanFrame::new(id, &data).unwrap()).unwrap()
+    drive.decode(&Frame::standard(id, &data).unwrap()).unwrap()
 }
 
 /// "An axis id of 0x01 with a command of 0x0C would result in 0x2C" (can-protocol). Position as a
@@ -82,7 +82,7 @@ fn gains_of_the_cascade() {
     assert_eq!(can_text(&frames[0]), "03a#00002042");
     let speed_gain = f32::from_le_bytes(frames[1].data()[..4].try_into().unwrap());
     assert!((speed_gain - 0.5 * TAU / 4.0).abs() < 1e-6);
-    assert_eq!((frames[1].id(), &frames[1].data()[4..]), (0x3B, &[0; 4][..]));
+    assert_eq!((frames[1].standard_id(), &frames[1].data()[4..]), (Some(0x3B), &[0; 4][..]));
     for (kp, kd) in [(1.0, 0.0), (-1.0, 1.0), (f32::NAN, 1.0), (1.0, f32::INFINITY)] {
         let gains = Command::Gains(Gains { kp_nm_rad: kp, kd_nm_s_rad: kd });
         assert!(matches!(sent(&DRIVE, 1, gains), Err(Refusal::OutOfRange(_))), "{kp} {kd}");
@@ -147,11 +147,11 @@ fn what_it_measures() {
     assert_eq!(told(&geared, 0x023, [0, 1, 0, 0, 0, 0, 0, 0]).1.faults, Some(Faults::BAD_VOLTAGE));
     // In 0.5 these are sensorless estimates, ADC voltages and errors of the motor.
     for id in [0x035, 0x03C, 0x023] {
-        assert_eq!(DRIVE.decode(&CanFrame::new(id, &two(1.0, 1.0)).unwrap()), None);
+        assert_eq!(DRIVE.decode(&Frame::standard(id, &two(1.0, 1.0)).unwrap()), None);
     }
-    let lost = CanFrame::new(0x029, &two(f32::NAN, 0.0)).unwrap();
+    let lost = Frame::standard(0x029, &two(f32::NAN, 0.0)).unwrap();
     assert_eq!(PRO.decode(&lost), None);
-    assert_eq!(PRO.decode(&CanFrame::new(0x029, &[0; 7]).unwrap()), None);
+    assert_eq!(PRO.decode(&Frame::standard(0x029, &[0; 7]).unwrap()), None);
 }
 
 /// Any frame feeds the watchdog of a drive, so nothing may be sent only to ask.
@@ -175,7 +175,7 @@ proptest! {
         let drive = Odrive { reduction, ..DRIVE };
         let position = turns * TAU / reduction;
         let frame = sent(&drive, 1, Command::Joint(joint(position, 0.0, 0.0, None))).unwrap()[0];
-        let estimates = CanFrame::new(0x029, frame.data()).unwrap();
+        let estimates = Frame::standard(0x029, frame.data()).unwrap();
         // The feed-forwards are 0, and so is the speed.
         let (_, told) = drive.decode(&estimates).unwrap();
         prop_assert!((told.position_rad.unwrap() - position).abs() <= 1e-6 * position.abs());

@@ -1,10 +1,10 @@
 //! Decoded messages of the link, encoded again; the fuzz targets use it as well.
 
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::*;
 
 /// The frame of a message to a controller that was decoded; `None` for those that are any bytes.
-pub fn encode_to(node: Node, message: ToController) -> Option<CanFrame> {
+pub fn encode_to(node: Node, message: ToController) -> Option<Frame> {
     Some(match message {
         ToController::Heartbeat(m) => m.encode(node),
         ToController::Command(m) => m.encode(node),
@@ -16,7 +16,7 @@ pub fn encode_to(node: Node, message: ToController) -> Option<CanFrame> {
 }
 
 /// The same of one from a controller.
-pub fn encode_from(node: Node, message: FromController) -> Option<CanFrame> {
+pub fn encode_from(node: Node, message: FromController) -> Option<Frame> {
     Some(match message {
         FromController::EstopAck(m) => m.encode(node),
         FromController::HeartbeatReply(m) => m.encode(node),

@@ -3,14 +3,13 @@
 //! new version.
 
 use rollwalk_protocol::actuator::ActuatorStatus;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Event, Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::*;
 
 /// Identifier and payload as hexadecimal digits.
-fn text(frame: CanFrame) -> String {
-    let data: String = frame.data().iter().map(|b| format!("{b:02x}")).collect();
-    format!("{:03x}#{data}", frame.id())
+fn text(frame: Frame) -> String {
+    frame.to_string().to_lowercase()
 }
 
 fn node() -> Node {
@@ -33,7 +32,7 @@ fn estop() {
     let frame = Estop.encode(Node::BROADCAST);
     assert_eq!(text(frame), "0f0#");
     assert_eq!(Estop::decode(&frame), Ok((Node::BROADCAST, Estop)));
-    let any_payload = CanFrame::new(0x030, &[1, 2, 3]).unwrap();
+    let any_payload = Frame::standard(0x030, &[1, 2, 3]).unwrap();
     assert_eq!(Estop::decode(&any_payload), Ok((node(), Estop)));
     let ack = EstopAck { state: State::EStopped };
     assert_eq!(text(ack.encode(node())), "031#9e0a");

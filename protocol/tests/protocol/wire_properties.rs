@@ -1,7 +1,7 @@
 //! Any frame: decoded to a message that encodes to the same frame again, or refused. Never a panic.
 
 use proptest::prelude::*;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::crc::crc8_with_id;
 use rollwalk_protocol::faults::{Fault, FaultBits};
 use rollwalk_protocol::wire::*;
@@ -9,7 +9,7 @@ use rollwalk_protocol::wire::*;
 use crate::encode_again::{encode_from, encode_to};
 
 /// A frame of a known message more often than not, its checksum good half of the time.
-fn frame() -> impl Strategy<Value = CanFrame> {
+fn frame() -> impl Strategy<Value = Frame> {
     let kinds = vec![
         0x000, 0x001, 0x100, 0x101, 0x200, 0x300, 0x301, 0x302, 0x400, 0x600, 0x601, 0x700, 0x701,
     ];
@@ -20,15 +20,16 @@ fn frame() -> impl Strategy<Value = CanFrame> {
         if seal && let Some((crc, rest)) = data.split_first_mut() {
             *crc = crc8_with_id(id, rest);
         }
-        CanFrame::new(id, &data).unwrap()
+        Frame::standard(id, &data).unwrap()
     })
 }
 
 /// Fields that a message does not use may have had any value.
-fn same_but_for_ignored_bits(again: CanFrame, frame: CanFrame) -> bool {
-    let unknown_command = frame.id() & 0x70F == 0x200 && frame.data()[1] >> 4 > 8;
-    let unknown_parameter = frame.id() & 0x70F == 0x600 && frame.data()[1] >> 4 > 4;
-    let nan = matches!(frame.id() & 0x70F, 0x301 | 0x600 | 0x601);
+fn same_but_for_ignored_bits(again: Frame, frame: Frame) -> bool {
+    let kind = frame.standard_id().unwrap() & 0x70F;
+    let unknown_command = kind == 0x200 && frame.data()[1] >> 4 > 8;
+    let unknown_parameter = kind == 0x600 && frame.data()[1] >> 4 > 4;
+    let nan = matches!(kind, 0x301 | 0x600 | 0x601);
     unknown_command || unknown_parameter || nan || again == frame
 }
 
@@ -55,6 +56,17 @@ proptest! {
         );
     }
 
+    /// Identifiers of 29 bits belong to drives: none says anything on the link, whatever its number.
+    #[test]
+    fn no_message_has_an_identifier_of_29_bits(frame in frame(), low in 0u32..1 << 18) {
+        let id = u32::from(frame.standard_id().unwrap());
+        for id in [id, id << 18, id << 18 | low] {
+            let extended = Frame::extended(id, frame.data()).unwrap();
+            prop_assert_eq!(ToController::decode(&extended), Err(DecodeError::OtherMessage));
+            prop_assert_eq!(FromController::decode(&extended), Err(DecodeError::OtherMessage));
+        }
+    }
+
     /// A sealed frame with up to two damaged bits, or under another identifier, is refused.
     #[test]
     fn damage_is_noticed(
@@ -68,10 +80,10 @@ proptest! {
         if a != b {
             data[b / 8] ^= 1 << (b % 8);
         }
-        let damaged = CanFrame::new(frame.id(), &data).unwrap();
+        let damaged = Frame::new(frame.id(), &data).unwrap();
         prop_assert_eq!(Heartbeat::decode(&damaged), Err(DecodeError::BadCrc));
-        let elsewhere = CanFrame::new(id, frame.data()).unwrap();
-        if id & 0x70F == 0x100 && id != frame.id() {
+        let elsewhere = Frame::standard(id, frame.data()).unwrap();
+        if id & 0x70F == 0x100 && Some(id) != frame.standard_id() {
             prop_assert_eq!(Heartbeat::decode(&elsewhere), Err(DecodeError::BadCrc));
         }
     }
@@ -91,7 +103,7 @@ fn unused_fields_must_be_zero() {
         let mut data = [0; 8];
         data[1..].copy_from_slice(&rest);
         data[0] = crc8_with_id(id, &rest);
-        CanFrame::new(id, &data).unwrap()
+        Frame::standard(id, &data).unwrap()
     };
     for kind in 0..=8u8 {
         for at in 1..5 {
@@ -113,7 +125,7 @@ fn unused_fields_of_parameter_requests_must_be_zero() {
     let id = 0x610;
     let sealed = |rest: [u8; 7]| {
         let data = [&[crc8_with_id(id, &rest)], &rest[..]].concat();
-        CanFrame::new(id, &data).unwrap()
+        Frame::standard(id, &data).unwrap()
     };
     for kind in 0..=4u8 {
         for (at, byte) in [(1, 1), (1, 0x10), (2, 1), (3, 1), (4, 1), (5, 1), (6, 1)] {

@@ -14,7 +14,7 @@ pub mod stream;
 use crate::clock::SimTime;
 use crate::interface::Interface;
 use fastrand::Rng;
-use rollwalk_protocol::can::{AnyFrame, CanFrame};
+use rollwalk_protocol::can::Frame;
 use std::collections::BTreeMap;
 use stream::{Spoil, Stream};
 
@@ -37,7 +37,7 @@ pub enum Harm {
     /// Frames get lost, late or damaged behind the bus.
     Stream(Way, Spoil),
     /// A foreign node sends this frame over and over, so often.
-    Babble(Interface, CanFrame, SimTime),
+    Babble(Interface, Frame, SimTime),
     /// Nobody acknowledges on this bus: what has been sent is sent again and again.
     NoAck(Interface),
     /// The controller's end of an actuator bus goes off, as after a short.
@@ -130,7 +130,7 @@ impl Faults {
 
     /// A frame has crossed the bus. Returns it if it arrives at once and by itself; otherwise it comes
     /// out of [`Self::pop`], or never.
-    pub fn push(&mut self, now: SimTime, way: Way, frame: AnyFrame) -> Option<AnyFrame> {
+    pub fn push(&mut self, now: SimTime, way: Way, frame: Frame) -> Option<Frame> {
         if !self.is_spoilt(now, way) {
             return Some(frame);
         }
@@ -155,7 +155,7 @@ impl Faults {
     }
 
     /// A frame that comes out now.
-    pub fn pop(&mut self, now: SimTime, way: Way) -> Option<AnyFrame> {
+    pub fn pop(&mut self, now: SimTime, way: Way) -> Option<Frame> {
         self.streams.get_mut(&way)?.pop(now)
     }
 }
@@ -177,7 +177,7 @@ mod tests {
         let edges = std::iter::successors(Some(ms(0)), |&at| faults.next_edge(at));
         assert_eq!(edges.collect::<Vec<_>>(), [0, 10, 15, 20, 30].map(ms));
 
-        let frame = CanFrame::new(1, &[1]).unwrap().into();
+        let frame = Frame::standard(1, &[1]).unwrap();
         for at in 0..40 {
             let arrives = faults.push(ms(at), Way::LinkToHost, frame).is_some();
             assert_eq!(arrives, !(10..20).contains(&at), "{at}");
@@ -194,7 +194,7 @@ mod tests {
         let mut faults = Faults::new(1);
         let hold = Harm::Stream(Way::ToActuators(0), Spoil::Hold);
         faults.add(Fault { harm: hold, from: ms(0), until: ms(10) });
-        let frame = |number| AnyFrame::from(CanFrame::new(1, &[number]).unwrap());
+        let frame = |number| Frame::from(Frame::standard(1, &[number]).unwrap());
         assert_eq!(faults.push(ms(1), Way::ToActuators(0), frame(1)), None);
         assert_eq!(faults.next_due(), Some((ms(10), Way::ToActuators(0))));
         assert_eq!(faults.push(ms(10), Way::ToActuators(0), frame(2)), None);

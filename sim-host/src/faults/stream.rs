@@ -5,7 +5,7 @@
 
 use crate::clock::SimTime;
 use fastrand::Rng;
-use rollwalk_protocol::can::{AnyFrame, CanFrame, ExtendedFrame};
+use rollwalk_protocol::can::Frame;
 
 /// Frames that wait to be overtaken go on after this at the latest.
 const OVERTAKEN_WITHIN: SimTime = SimTime::from_ms(100);
@@ -36,7 +36,7 @@ struct Late {
     /// Others that go first, before it is due.
     behind: u32,
     order: u64,
-    frame: AnyFrame,
+    frame: Frame,
 }
 
 /// Frames between two places, in one direction.
@@ -62,7 +62,7 @@ impl Stream {
     pub fn push(
         &mut self,
         now: SimTime,
-        frame: AnyFrame,
+        frame: Frame,
         spoils: impl Iterator<Item = (Spoil, SimTime)>,
         random: &mut Rng,
         mut fired: impl FnMut(usize),
@@ -121,7 +121,7 @@ impl Stream {
     }
 
     /// The next frame that is due; call again until `None`.
-    pub fn pop(&mut self, now: SimTime) -> Option<AnyFrame> {
+    pub fn pop(&mut self, now: SimTime) -> Option<Frame> {
         let due = self.late.iter().enumerate().filter(|(_, late)| late.due <= now);
         let (index, _) = due.min_by_key(|(_, late)| (late.due, late.order))?;
         let gone = self.late.swap_remove(index);
@@ -140,17 +140,13 @@ fn hits(random: &mut Rng, per_mille: u16) -> bool {
 }
 
 /// Changes the payload; whether there was any.
-fn change(frame: &mut AnyFrame, with: impl FnOnce(&mut Vec<u8>)) -> bool {
+fn change(frame: &mut Frame, with: impl FnOnce(&mut Vec<u8>)) -> bool {
     let mut data = frame.data().to_vec();
     if data.is_empty() {
         return false;
     }
     with(&mut data);
-    let changed = match frame {
-        AnyFrame::Standard(frame) => CanFrame::new(frame.id(), &data).map(AnyFrame::from),
-        AnyFrame::Extended(frame) => ExtendedFrame::new(frame.id(), &data).map(AnyFrame::from),
-    };
-    *frame = changed.expect("no longer than it was");
+    *frame = Frame::new(frame.id(), &data).expect("no longer than it was");
     true
 }
 
@@ -184,7 +180,7 @@ mod tests {
         for k in 0..400 {
             let now = ms(k);
             if k < 100 {
-                let frame = CanFrame::new(0x123, &[k as u8, 0]).unwrap().into();
+                let frame = Frame::standard(0x123, &[k as u8, 0]).unwrap();
                 let spoils = [(spoil, until)].into_iter().filter(|_| now < until);
                 stream.push(now, frame, spoils, &mut random, |_| fired += 1);
             }
@@ -255,7 +251,7 @@ mod tests {
     fn damage_is_damage_and_a_cut_is_shorter() {
         let mut random = Rng::with_seed(1);
         for spoil in [Spoil::Damage(1000), Spoil::Cut(1000)] {
-            let frame: AnyFrame = CanFrame::new(0x123, &[1, 2, 3]).unwrap().into();
+            let frame = Frame::standard(0x123, &[1, 2, 3]).unwrap();
             for _ in 0..1000 {
                 let mut stream = Stream::default();
                 let mut fired = false;
@@ -263,11 +259,11 @@ mod tests {
                 stream.push(ms(0), frame, spoils, &mut random, |_| fired = true);
                 let out = stream.pop(ms(0)).unwrap();
                 assert!(fired && out != frame);
-                assert_eq!(out.standard().unwrap().id(), 0x123);
+                assert_eq!(out.id(), frame.id());
                 assert_eq!(out.data().len() < 3, spoil == Spoil::Cut(1000));
             }
             // There is nothing to damage.
-            let empty = CanFrame::new(0x123, &[]).unwrap().into();
+            let empty = Frame::standard(0x123, &[]).unwrap();
             let mut stream = Stream::default();
             let spoils = std::iter::once((spoil, FOREVER));
             stream.push(ms(0), empty, spoils, &mut random, |_| panic!("nothing happened"));

@@ -5,7 +5,7 @@ use crate::core::{Core, Local};
 use crate::interface::Interface;
 use rollwalk_bus::link::LinkError;
 use rollwalk_bus::port::{Heard, Hub, Port};
-use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::BusState;
 use rollwalk_protocol::tunnel::{Buses, Input, MAX_ACTUATOR_BUSES, Step, Stepped};
 use std::iter;
@@ -104,14 +104,11 @@ impl<'a> Board<'a> {
             }
         };
         let Some(bus) = number(index) else {
-            let Heard::Frame(AnyFrame::Standard(frame)) = heard else { return None };
+            let Heard::Frame(frame) = heard else { return None };
             return Some(Input::Link(frame));
         };
         match heard {
-            Heard::Frame(AnyFrame::Standard(frame)) => return Some(Input::Actuator(bus, frame)),
-            Heard::Frame(AnyFrame::Extended(frame)) => {
-                self.core.controller_mut().on_extended_frame(now_us, bus, &frame);
-            }
+            Heard::Frame(frame) => return Some(Input::Actuator(bus, frame)),
             Heard::State(state) => {
                 self.buses[index].state = state;
                 self.core.controller_mut().on_bus_state(now_us, bus, state);
@@ -163,20 +160,13 @@ impl<'a> Board<'a> {
         for (index, frame) in iter::once(&stepped.link).chain(&stepped.actuators).enumerate() {
             if let Some(frame) = frame {
                 any = true;
-                self.put(now_us, index, &(*frame).into());
-            }
-            if let Some(number) = number(index)
-                && self.hub.outlets.get(index).is_some_and(|outlet| outlet.is_free())
-                && let Some(frame) = self.core.controller_mut().poll_extended(number)
-            {
-                any = true;
-                self.put(now_us, index, &frame.into());
+                self.put(now_us, index, frame);
             }
         }
         any
     }
 
-    fn put(&mut self, now_us: u64, index: usize, frame: &AnyFrame) {
+    fn put(&mut self, now_us: u64, index: usize, frame: &Frame) {
         let Some(outlet) = self.hub.outlets.get_mut(index) else { return };
         match outlet.send(frame) {
             Ok(()) | Err(LinkError::Busy) => {}
@@ -201,7 +191,7 @@ mod tests {
     use crate::one_leg;
     use rollwalk_bus::port::{Inlet, Outlet};
     use rollwalk_firmware::Settings;
-    use rollwalk_protocol::can::CanFrame;
+    use rollwalk_protocol::can::Frame;
     use rollwalk_protocol::faults::Fault;
     use rollwalk_protocol::wire::{
         Action, Command, CommandAck, CommandResult, FromController, Node, State,
@@ -210,15 +200,14 @@ mod tests {
     use std::thread;
 
     /// Where a bus's frames go.
-    struct To(Sender<CanFrame>);
+    struct To(Sender<Frame>);
 
     impl Outlet for To {
         fn is_free(&self) -> bool {
             true
         }
 
-        fn send(&mut self, frame: &AnyFrame) -> Result<(), LinkError> {
-            let AnyFrame::Standard(frame) = frame else { panic!("the robot has none of these") };
+        fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
             self.0.send(*frame).map_err(|_| LinkError::Down("it takes nothing any more".into()))
         }
     }
@@ -234,7 +223,7 @@ mod tests {
     }
 
     /// A bus, and what goes out on it; it takes nothing any more when that is dropped.
-    fn bus() -> (Port, Receiver<CanFrame>) {
+    fn bus() -> (Port, Receiver<Frame>) {
         let (to, sent) = channel();
         (Port { outlet: Box::new(To(to)), inlet: Box::new(Silence) }, sent)
     }
@@ -269,7 +258,7 @@ mod tests {
     /// A command of the host's, and what it is answered.
     fn command(
         board: &mut Board<'_>,
-        link: &Receiver<CanFrame>,
+        link: &Receiver<Frame>,
         now_us: u64,
         (seq, action): (u8, Action),
     ) -> CommandAck {

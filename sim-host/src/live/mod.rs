@@ -16,7 +16,7 @@ pub mod whole;
 use crate::interface::Interface;
 use rollwalk_bus::link::LinkError;
 use rollwalk_bus::port::{Hub, Outlet, Port};
-use rollwalk_protocol::can::AnyFrame;
+use rollwalk_protocol::can::Frame;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -84,14 +84,14 @@ const WAITING: usize = 64;
 
 /// What waits for a busy bus, oldest first.
 #[derive(Default)]
-struct Waiting(VecDeque<AnyFrame>);
+struct Waiting(VecDeque<Frame>);
 
 impl Waiting {
-    fn push(&mut self, frame: impl Into<AnyFrame>) {
+    fn push(&mut self, frame: Frame) {
         if self.0.len() == WAITING {
             self.0.pop_front();
         }
-        self.0.push_back(frame.into());
+        self.0.push_back(frame);
     }
 
     /// Sends as much as the bus takes.

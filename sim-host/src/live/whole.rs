@@ -6,7 +6,6 @@ use crate::interface::{Interface, LogEntry};
 use crate::rig::Rig;
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::{Heard, Hub, Port};
-use rollwalk_protocol::can::AnyFrame;
 use std::time::{Duration, Instant};
 
 /// Longest time that the simulation falls behind while nothing is heard.
@@ -31,7 +30,7 @@ pub fn run(
     loop {
         let now_us = offset_us + start.elapsed().as_micros() as u64;
         rig.run_until(SimTime::from_us(now_us));
-        while let Some(AnyFrame::Standard(frame)) = inward.0.front()
+        while let Some(frame) = inward.0.front()
             && rig.send(frame).is_ok()
         {
             inward.0.pop_front();
@@ -51,7 +50,7 @@ pub fn run(
         let mut deadline = Instant::now() + STEP;
         while let Some((_, heard)) = hub.hear(deadline) {
             match heard {
-                Ok(Heard::Frame(AnyFrame::Standard(frame))) => inward.push(frame),
+                Ok(Heard::Frame(frame)) if frame.standard_id().is_some() => inward.push(frame),
                 Ok(_) => {}
                 Err(error) => link.lose(&mut hub, keeper, &error),
             }

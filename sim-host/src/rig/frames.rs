@@ -3,15 +3,8 @@
 use super::{Core, Interface, LogEntry, Rig, SimTime};
 use crate::faults::Way;
 use crate::wire::ActuatorBus;
-use rollwalk_protocol::can::{AnyFrame, ExtendedFrame};
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::tunnel::Input;
-
-/// What the controller notices.
-pub enum Noticed {
-    Input(Input),
-    /// A frame of an actuator bus with a 29-bit identifier.
-    Extended(u8, ExtendedFrame),
-}
 
 impl<C: Core> Rig<C> {
     /// What drives say by themselves goes to their buses.
@@ -31,7 +24,7 @@ impl<C: Core> Rig<C> {
     }
 
     /// What the controller notices of it.
-    pub(super) fn end_link_frame(&mut self) -> Option<Noticed> {
+    pub(super) fn end_link_frame(&mut self) -> Option<Input> {
         let delivery = self.link.bus.next_delivery(self.now)?;
         self.log.push(LogEntry {
             at_us: delivery.at.as_us(),
@@ -48,7 +41,7 @@ impl<C: Core> Rig<C> {
     }
 
     /// What the controller notices of it.
-    pub(super) fn end_actuator_frame(&mut self, index: usize) -> Option<Noticed> {
+    pub(super) fn end_actuator_frame(&mut self, index: usize) -> Option<Input> {
         let ActuatorBus { wire, servos, .. } = &mut self.actuator_buses[index];
         let delivery = wire.bus.next_delivery(self.now)?;
         let (frame, number) = (delivery.frame, index as u8);
@@ -65,37 +58,30 @@ impl<C: Core> Rig<C> {
     }
 
     /// A frame has crossed its bus. What the controller notices of it now.
-    fn pass_on(&mut self, way: Way, frame: AnyFrame) -> Option<Noticed> {
+    fn pass_on(&mut self, way: Way, frame: Frame) -> Option<Input> {
         let frame = self.faults.push(self.now, way, frame)?;
         self.arrive(way, &frame)
     }
 
     /// A frame is there. What the controller notices of it.
-    pub(super) fn arrive(&mut self, way: Way, frame: &AnyFrame) -> Option<Noticed> {
-        match (way, frame) {
-            (Way::LinkToController, AnyFrame::Standard(frame)) => {
-                Some(Noticed::Input(Input::Link(*frame)))
-            }
-            (Way::FromActuators(bus), AnyFrame::Standard(frame)) => {
-                Some(Noticed::Input(Input::Actuator(bus, *frame)))
-            }
-            (Way::FromActuators(bus), AnyFrame::Extended(frame)) => {
-                Some(Noticed::Extended(bus, *frame))
-            }
-            (Way::LinkToHost, AnyFrame::Standard(frame)) => {
+    pub(super) fn arrive(&mut self, way: Way, frame: &Frame) -> Option<Input> {
+        match way {
+            // Nobody on the link takes 29-bit identifiers.
+            Way::LinkToController | Way::LinkToHost if frame.standard_id().is_none() => None,
+            Way::LinkToController => Some(Input::Link(*frame)),
+            Way::FromActuators(bus) => Some(Input::Actuator(bus, *frame)),
+            Way::LinkToHost => {
                 self.host_inbox.push_back(*frame);
                 None
             }
-            // Nobody on the link takes any.
-            (Way::LinkToController | Way::LinkToHost, AnyFrame::Extended(_)) => None,
-            (Way::ToActuators(bus), frame) => {
+            Way::ToActuators(bus) => {
                 self.reach_servos(bus, frame);
                 None
             }
         }
     }
 
-    fn reach_servos(&mut self, bus: u8, frame: &AnyFrame) {
+    fn reach_servos(&mut self, bus: u8, frame: &Frame) {
         let now = self.now;
         let ActuatorBus { wire, servos, .. } = &mut self.actuator_buses[usize::from(bus)];
         for &(node, channel) in servos.iter() {

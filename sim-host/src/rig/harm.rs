@@ -6,7 +6,7 @@ use crate::bus::{NodeId, TxPolicy};
 use crate::faults::{Fault, Harm};
 use crate::wire::ActuatorBus;
 use rollwalk_firmware::BusState;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 
 /// Frames of a foreign node that wait: one on its way, and the next, so that it leaves no gap.
 const BABBLE_DEPTH: usize = 2;
@@ -37,7 +37,7 @@ impl Default for Adapter {
 pub struct Babbler {
     node: NodeId,
     bus: Interface,
-    frame: CanFrame,
+    frame: Frame,
     every: SimTime,
     pub next: SimTime,
     pub until: SimTime,

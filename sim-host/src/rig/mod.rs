@@ -37,7 +37,7 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::player::Playing;
 use rollwalk_protocol::actuators::bus::ControlLoop;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::ClipId;
 use rollwalk_protocol::tunnel::{Buses, Input, Step};
@@ -45,7 +45,6 @@ use rollwalk_protocol::wire::Node;
 use rollwalk_robot::{InvalidRobot, Robot};
 use std::collections::VecDeque;
 
-use frames::Noticed;
 pub use harm::Adapter;
 use harm::Babbler;
 pub use observer::Observer;
@@ -66,7 +65,7 @@ pub struct Rig<C = Local> {
     node: Node,
     link: Wire,
     host: NodeId,
-    host_inbox: VecDeque<CanFrame>,
+    host_inbox: VecDeque<Frame>,
     actuator_buses: Vec<ActuatorBus>,
     body: Body,
     motor_step: Periodic,
@@ -322,10 +321,10 @@ impl<C: Core> Rig<C> {
                 self.control_period.advance();
                 self.body.update_loads();
                 self.recorder.end_period();
-                Some(Noticed::Input(Input::Tick))
+                Some(Input::Tick)
             }
         };
-        let is_tick = matches!(noticed, Some(Noticed::Input(Input::Tick)));
+        let is_tick = matches!(noticed, Some(Input::Tick));
         let told = if is_tick { self.tell_bus_states() } else { Ok(()) };
         if let Err(error) = told.and_then(|()| self.tell(at, noticed)) {
             self.lost = Some(error);
@@ -335,15 +334,7 @@ impl<C: Core> Rig<C> {
     }
 
     /// Tells the controller what happened, and puts on the buses what it sends.
-    fn tell(&mut self, at: SimTime, noticed: Option<Noticed>) -> Result<(), LinkError> {
-        let mut input = match noticed {
-            Some(Noticed::Input(input)) => Some(input),
-            Some(Noticed::Extended(bus, frame)) => {
-                self.controller.on_extended(at.as_us(), bus, &frame)?;
-                None
-            }
-            None => None,
-        };
+    fn tell(&mut self, at: SimTime, mut input: Option<Input>) -> Result<(), LinkError> {
         if let (Some(observer), Some(input)) = (&mut self.observer, input) {
             observer.controller_gets(at, &input);
         }
@@ -377,14 +368,7 @@ impl<C: Core> Rig<C> {
             for (actuators, frame) in self.actuator_buses.iter_mut().zip(sent.actuators) {
                 actuators.wire.fill(at, frame);
             }
-            let mut any = sent.actuators.iter().any(Option::is_some);
-            for (bus, actuators) in (0..).zip(&mut self.actuator_buses) {
-                if actuators.is_extended && actuators.wire.is_free(depth) {
-                    let frame = self.controller.poll_extended(bus)?;
-                    any |= frame.is_some();
-                    actuators.wire.fill(at, frame);
-                }
-            }
+            let any = sent.actuators.iter().any(Option::is_some);
             // A deeper buffer takes more at once.
             if depth == 1 || !any {
                 return Ok(());
@@ -418,7 +402,7 @@ impl<C: Core> LinkBus for Rig<C> {
         self.now.as_us()
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         let queued = self.link.bus.post(self.now, self.host, *frame);
         if let (Some(observer), Ok(())) = (&mut self.observer, &queued) {
             observer.host_sends(self.now, frame);
@@ -426,7 +410,7 @@ impl<C: Core> LinkBus for Rig<C> {
         queued.map_err(|_| LinkError::Busy)
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         let deadline = SimTime::from_us(deadline_us);
         while self.host_inbox.is_empty() && self.step(deadline) {}
         if let Some(error) = &self.lost {

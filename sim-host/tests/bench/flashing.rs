@@ -3,7 +3,7 @@
 use crate::{connect, rig, robot, transport_frames};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_host::session::{Session, SessionError};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::Node;
 use rollwalk_sim_host::rig::Rig;
 
@@ -18,12 +18,12 @@ impl LinkBus for Busy {
         self.rig.now_us()
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         self.tries += 1;
         if self.tries % 2 == 1 { Err(LinkError::Busy) } else { self.rig.send(frame) }
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         self.rig.receive(deadline_us)
     }
 }
@@ -39,12 +39,12 @@ impl LinkBus for Breaking {
         self.rig.now_us()
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         self.left = self.left.saturating_sub(1);
         if self.left == 0 { Ok(()) } else { self.rig.send(frame) }
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         let frame = self.rig.receive(deadline_us)?;
         Ok(frame.filter(|_| self.left > 0))
     }
@@ -82,17 +82,17 @@ struct Lying<F> {
     rig: Rig,
     /// What becomes of a frame of the host, and what comes back instead of it.
     sends: F,
-    answers: Vec<CanFrame>,
+    answers: Vec<Frame>,
     /// Of the first answer to a transfer request so many bytes are told to be there.
     tells: Option<u16>,
 }
 
-impl<F: FnMut(&CanFrame) -> Vec<CanFrame>> LinkBus for Lying<F> {
+impl<F: FnMut(&Frame) -> Vec<Frame>> LinkBus for Lying<F> {
     fn now_us(&self) -> u64 {
         self.rig.now_us()
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         let answers = (self.sends)(frame);
         if answers.is_empty() {
             return self.rig.send(frame);
@@ -101,7 +101,7 @@ impl<F: FnMut(&CanFrame) -> Vec<CanFrame>> LinkBus for Lying<F> {
         Ok(())
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         if !self.answers.is_empty() {
             return Ok(Some(self.answers.remove(0)));
         }
@@ -112,7 +112,7 @@ impl<F: FnMut(&CanFrame) -> Vec<CanFrame>> LinkBus for Lying<F> {
         {
             let [low, high] = next.to_le_bytes();
             let data = [0x10, 9, 0x90, request, result, low, high, last];
-            return Ok(CanFrame::new(frame.id(), &data));
+            return Ok(Frame::new(frame.id(), &data));
         }
         Ok(Some(frame))
     }
@@ -120,7 +120,7 @@ impl<F: FnMut(&CanFrame) -> Vec<CanFrame>> LinkBus for Lying<F> {
 
 #[test]
 fn an_answer_that_tells_more_than_there_is_counts_as_lost() {
-    let sends = |_: &CanFrame| Vec::new();
+    let sends = |_: &Frame| Vec::new();
     let tells = Some(60_000);
     assert!(robot::library().len() < 60_000);
     let mut session = connect(Lying { rig: rig(), sends, answers: Vec::new(), tells });
@@ -131,11 +131,11 @@ fn an_answer_that_tells_more_than_there_is_counts_as_lost() {
 #[test]
 fn a_library_that_is_not_in_use_after_its_transfer_is_noticed() {
     // Somebody answers ACTIVATE and does nothing.
-    let sends = |frame: &CanFrame| match frame.data() {
+    let sends = |frame: &Frame| match frame.data() {
         &[5, 0x13, ..] => {
-            let id = frame.id() | 1;
-            let first = CanFrame::new(id, &[0x10, 9, 0x90, 0x13, 0, 0, 0, 0]);
-            let last = CanFrame::new(id, &[0x21, 0, 0, 0]);
+            let id = frame.standard_id().unwrap() | 1;
+            let first = Frame::standard(id, &[0x10, 9, 0x90, 0x13, 0, 0, 0, 0]);
+            let last = Frame::standard(id, &[0x21, 0, 0, 0]);
             [first, last].into_iter().flatten().collect()
         }
         _ => Vec::new(),

@@ -14,7 +14,7 @@ mod tuning;
 
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::session::Session;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{Node, ToController};
 use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::one_leg as robot;
@@ -32,9 +32,9 @@ fn connect<B: LinkBus>(bus: B) -> Session<B> {
 }
 
 /// Frames of the host's transport on the link.
-fn transport_frames(rig: &Rig) -> impl Iterator<Item = &CanFrame> {
+fn transport_frames(rig: &Rig) -> impl Iterator<Item = &Frame> {
     let on_link = rig.log().iter().filter(|entry| entry.interface == Interface::Link);
-    let frames = on_link.filter_map(|entry| entry.frame.standard());
+    let frames = on_link.map(|entry| &entry.frame);
     frames.filter(|frame| matches!(ToController::decode(frame), Ok((_, ToController::Transport))))
 }
 

@@ -10,7 +10,6 @@ use rollwalk_protocol::actuators::cybergear::{CyberGear, SAMPLE_MAX_RAD};
 use rollwalk_protocol::actuators::dynamixel::{Dynamixels, table::XM430_W210};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
-use rollwalk_protocol::can::AnyFrame;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::library::ClipId;
 use rollwalk_protocol::wire::State;
@@ -222,7 +221,7 @@ fn cybergears_speak_with_identifiers_of_29_bits_and_others_do_not() {
     let extended = |rig: &Rig, bus| {
         let frames = rig.log().iter().filter(|entry| entry.interface == Interface::Actuator(bus));
         let frames: Vec<_> = frames.map(|entry| entry.frame).collect();
-        let count = frames.iter().filter(|f| matches!(f, AnyFrame::Extended(_))).count();
+        let count = frames.iter().filter(|f| f.extended_id().is_some()).count();
         (count, frames.len())
     };
     let mut session = armed(&leg([cybergear(), mit(4, AnswerId::Own)]));

@@ -4,7 +4,7 @@ use crate::robot::{self, SWING};
 use crate::{armed, connect, rig};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_host::session::{Session, SessionError};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::crc::crc32c;
 use rollwalk_protocol::wire::{Action, CommandResult, Node, State};
 use rollwalk_sim_host::rig::Rig;
@@ -76,17 +76,17 @@ impl LinkBus for Newer {
         self.0.now_us()
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         self.0.send(frame)
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         let frame = self.0.receive(deadline_us)?;
         Ok(frame.map(|frame| match *frame.data() {
             // First frame of a long message: its length in two bytes, HELLO's type, the version.
-            [0x10, low, 0x81, major, a, b, c, d] if frame.id() == 0x511 => {
+            [0x10, low, 0x81, major, a, b, c, d] if frame.standard_id() == Some(0x511) => {
                 let data = [0x10, low, 0x81, major + 1, a, b, c, d];
-                CanFrame::new(frame.id(), &data).expect("as long as before")
+                Frame::new(frame.id(), &data).expect("as long as before")
             }
             _ => frame,
         }))

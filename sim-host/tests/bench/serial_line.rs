@@ -1,7 +1,7 @@
 //! A robot at a serial line of 1 Mbaud, in virtual time: every byte takes its ten bits, each direction on its own.
 
 use rollwalk_bus::link::{LinkBus, LinkError};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{Deframer, Gateway, Line, Packet};
 use rollwalk_sim_host::rig::Rig;
 use std::collections::VecDeque;
@@ -22,7 +22,7 @@ pub struct SerialLine {
     to_host: Direction,
     to_controller: Direction,
     /// For the controller.
-    frames: VecDeque<CanFrame>,
+    frames: VecDeque<Frame>,
 }
 
 #[derive(Default)]
@@ -47,7 +47,7 @@ impl Direction {
     }
 
     /// What has arrived; messages go to `gateway`.
-    fn take(&mut self, now_us: u64, gateway: &mut Gateway) -> Option<CanFrame> {
+    fn take(&mut self, now_us: u64, gateway: &mut Gateway) -> Option<Frame> {
         let (_, line) = self.on_the_way.pop_front_if(|(at_us, _)| *at_us <= now_us)?;
         let packet = line.iter().fold(None, |found, &byte| {
             assert!(found.is_none(), "one packet");
@@ -101,7 +101,7 @@ impl LinkBus for SerialLine {
         self.rig.now_us()
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         let now_us = self.now_us();
         if let Some(packet) = self.host.send(now_us, frame) {
             self.bytes += self.to_controller.put(now_us, &packet);
@@ -109,7 +109,7 @@ impl LinkBus for SerialLine {
         Ok(())
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         loop {
             let now_us = self.now_us();
             let came = self.to_host.take(now_us, &mut self.host);

@@ -10,11 +10,11 @@ use rollwalk_sim_host::rig::Rig;
 fn is_asked_for_its_pose_and_gets_no_setpoint() {
     let mut rig = Rig::new(&robot::robot()).unwrap();
     rig.run_until(SimTime::from_ms(500));
-    let frames = || rig.log().iter().filter_map(|entry| entry.frame.standard());
+    let frames = || rig.log().iter().map(|entry| &entry.frame);
     assert!(frames().any(|frame| Control::decode(frame).is_some()));
     for bus in [0, 1] {
         let on_bus = |entry: &&LogEntry| entry.interface == Interface::Actuator(bus);
-        let mut frames = rig.log().iter().filter(on_bus).filter_map(|e| e.frame.standard());
+        let mut frames = rig.log().iter().filter(on_bus).map(|e| &e.frame);
         assert!(frames.any(|frame| Feedback::decode(frame).is_some()));
     }
     let setpoint =

@@ -6,7 +6,7 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::lossy::Lossy;
 use rollwalk_host::describe::event_sentence;
 use rollwalk_host::session::{Session, SessionError};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Event, Fault};
 use rollwalk_protocol::wire::{Estop, EstopAck, Node, State};
 use rollwalk_sim_host::clock::SimTime;
@@ -37,7 +37,7 @@ fn an_emergency_stop_overtakes_everything_that_waits_for_the_link() {
     let mut rig = armed().into_bus();
     let node = Node::new(1).unwrap();
     // Somebody floods the link with the least urgent frames there are.
-    let flood = CanFrame::new(0x7FF, &[0; 8]).unwrap();
+    let flood = Frame::standard(0x7FF, &[0; 8]).unwrap();
     while rig.send(&flood).is_ok() {}
     // The host's own queue is full of it; the stop gets the first place that becomes free.
     while rig.send(&Estop.encode(node)).is_err() {
@@ -59,7 +59,7 @@ fn an_emergency_stop_overtakes_everything_that_waits_for_the_link() {
 struct Full {
     rig: Rig,
     full: bool,
-    taken: Vec<CanFrame>,
+    taken: Vec<Frame>,
 }
 
 impl LinkBus for Full {
@@ -67,7 +67,7 @@ impl LinkBus for Full {
         self.rig.now_us()
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         if self.full {
             return Err(LinkError::Busy);
         }
@@ -75,7 +75,7 @@ impl LinkBus for Full {
         self.rig.send(frame)
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         self.rig.receive(deadline_us)
     }
 }

@@ -6,7 +6,7 @@ use crate::transport_frames;
 
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_host::session::Session;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 
 use rollwalk_protocol::library::{LibrarySpec, MotionSpec, TransitionSpec, encode, validate};
 use rollwalk_protocol::wire::Node;
@@ -106,14 +106,14 @@ impl<B: LinkBus> LinkBus for Cut<B> {
         self.bus.now_us()
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         if self.has.get() >= self.at {
             return Err(LinkError::Down("cut".into()));
         }
         self.bus.send(frame)
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         self.bus.receive(deadline_us)
     }
 }

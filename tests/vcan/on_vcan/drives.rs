@@ -4,7 +4,6 @@
 use super::{ACTUATORS, LINK, on_link};
 use crate::bench::{Beside, desk, log, rollwalk};
 use rollwalk_bus::candump::LogEntry;
-use rollwalk_protocol::can::AnyFrame;
 use rollwalk_tests::checkout;
 use std::fs;
 use std::path::PathBuf;
@@ -42,8 +41,8 @@ fn leg(name: &str, wheel: Option<&str>) -> (PathBuf, PathBuf) {
 
 /// The payloads of frames with 11-bit identifiers of which `id` is true, in their order.
 fn sent(frames: &[LogEntry], id: impl Fn(u16) -> bool) -> Vec<Vec<u8>> {
-    let standard = frames.iter().filter_map(|entry| entry.frame.standard());
-    standard.filter(|frame| id(frame.id())).map(|frame| frame.data().to_vec()).collect()
+    let those = frames.iter().filter(|entry| entry.frame.standard_id().is_some_and(&id));
+    those.map(|entry| entry.frame.data().to_vec()).collect()
 }
 
 /// A motor program, a controller program, and a host; returns what was on the wheel's bus.
@@ -101,17 +100,14 @@ fn ak_drives_and_an_odrive_play_are_stopped_and_play_again() {
     assert!(axis_states.starts_with(&[1, 8, 1, 8]), "{axis_states:?}");
     // Estimates 125 times a second, speeds 120 times while it is driven; it is asked for nothing.
     assert!(of(0x09).len() > 1000 && of(0x0D).len() > 300, "{} {}", of(0x09).len(), of(0x0D).len());
-    assert!(frames.iter().all(|entry| entry.frame.standard().is_some()));
+    assert!(frames.iter().all(|entry| entry.frame.standard_id().is_some()));
 }
 
 #[test]
 #[ignore = "needs CAN interfaces: cargo xtask vcan"]
 fn a_cybergear_has_identifiers_of_29_bits() {
     let frames = armed_played_stopped_and_played_again("cybergear", Some(CYBERGEAR));
-    let ids = frames.iter().map(|entry| match entry.frame {
-        AnyFrame::Extended(frame) => frame.id(),
-        AnyFrame::Standard(frame) => panic!("{frame:?} on a bus with 29-bit identifiers"),
-    });
+    let ids = frames.iter().map(|entry| entry.frame.extended_id().expect("29 bits"));
     let ids: Vec<u32> = ids.collect();
     let of_type = |kind: u32| ids.iter().filter(move |id| **id >> 24 == kind);
     assert!((2..=6).contains(&of_type(3).count()), "{} times enabled", of_type(3).count());

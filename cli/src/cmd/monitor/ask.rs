@@ -5,13 +5,13 @@ use super::since_1970_us;
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_host::overhear::{self, Overheard};
 use rollwalk_host::session::Session;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::Node;
 
 /// A link of which every frame is kept, with its time since 1970 in µs.
 struct Kept<'a, B> {
     bus: &'a mut B,
-    frames: &'a mut Vec<(u64, CanFrame)>,
+    frames: &'a mut Vec<(u64, Frame)>,
 }
 
 impl<B: LinkBus> LinkBus for Kept<'_, B> {
@@ -19,7 +19,7 @@ impl<B: LinkBus> LinkBus for Kept<'_, B> {
         self.bus.now_us()
     }
 
-    fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         self.bus.send(frame)?;
         self.frames.push((since_1970_us(), *frame));
         Ok(())
@@ -29,7 +29,7 @@ impl<B: LinkBus> LinkBus for Kept<'_, B> {
         self.bus.complaint()
     }
 
-    fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         let frame = self.bus.receive(deadline_us)?;
         self.frames.extend(frame.map(|frame| (since_1970_us(), frame)));
         Ok(frame)
@@ -42,7 +42,7 @@ pub fn library(
     bus: &mut impl LinkBus,
     node: Node,
     end_us: u64,
-    frames: &mut Vec<(u64, CanFrame)>,
+    frames: &mut Vec<(u64, Frame)>,
 ) -> Option<u32> {
     let mut bus = Kept { bus, frames };
     let now_us = bus.now_us();
@@ -64,8 +64,8 @@ mod tests {
     /// A bus on which a frame comes every 20 ms of its time.
     struct Wire {
         now_us: u64,
-        frame: CanFrame,
-        sent: Vec<CanFrame>,
+        frame: Frame,
+        sent: Vec<Frame>,
     }
 
     impl LinkBus for Wire {
@@ -73,26 +73,26 @@ mod tests {
             self.now_us
         }
 
-        fn send(&mut self, frame: &CanFrame) -> Result<(), LinkError> {
+        fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
             self.sent.push(*frame);
             Ok(())
         }
 
-        fn receive(&mut self, deadline_us: u64) -> Result<Option<CanFrame>, LinkError> {
+        fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
             let next_us = (self.now_us / 20_000 + 1) * 20_000;
             self.now_us = next_us.min(deadline_us);
             Ok((next_us <= deadline_us).then_some(self.frame))
         }
     }
 
-    fn ask(frame: CanFrame, end_us: u64) -> (Wire, Vec<(u64, CanFrame)>) {
+    fn ask(frame: Frame, end_us: u64) -> (Wire, Vec<(u64, Frame)>) {
         let mut wire = Wire { now_us: 0, frame, sent: Vec::new() };
         let mut frames = Vec::new();
         assert_eq!(library(&mut wire, Node::new(1).unwrap(), end_us, &mut frames), None);
         (wire, frames)
     }
 
-    fn status() -> CanFrame {
+    fn status() -> Frame {
         let (state, severity, faults) = (State::Ready, Severity::None, FaultBits::default());
         Status { state, severity, faults, clip: None, frame: 0, counter: 0, library: 0 }
             .encode(Node::new(1).unwrap())
@@ -110,8 +110,8 @@ mod tests {
 
     #[test]
     fn nothing_is_asked_in_the_middle_of_a_transfer_or_of_nobody_or_when_time_is_up() {
-        let block = CanFrame::new(0x510, &[0x21, 1, 2, 3]).unwrap();
-        let foreign = CanFrame::new(0x123, &[1]).unwrap();
+        let block = Frame::standard(0x510, &[0x21, 1, 2, 3]).unwrap();
+        let foreign = Frame::standard(0x123, &[1]).unwrap();
         for (frame, end_us, lasts_us) in [
             (block, u64::MAX, overhear::PATIENCE_US),
             (foreign, u64::MAX, 500_000),

@@ -14,7 +14,7 @@ use rollwalk_bus::name::BusName;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::decode::{DecodedFrame, decode};
 use rollwalk_host::telemetry::{Known, Telemetry};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
 use serde::Serialize;
 use std::fs::File;
@@ -70,7 +70,7 @@ struct Line<'a> {
     /// Since 1970.
     time_s: f64,
     interface: &'a str,
-    id: u16,
+    id: Option<u16>,
     data: String,
     #[serde(flatten)]
     decoded: Option<DecodedFrame>,
@@ -109,7 +109,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         mcap: mcap.map_err(|error| miette!("{error}"))?,
     };
     let mut view = View::new(catalog.as_ref(), args.joints, args.json, began_us);
-    let mut take = |at_us, frame: &CanFrame| {
+    let mut take = |at_us, frame: &Frame| {
         sinks.take(at_us, frame)?;
         view.take(at_us, args.link.node.number(), frame)
     };
@@ -140,7 +140,7 @@ fn listen(
     bus: &mut Interruptible,
     args: &Args,
     end_us: u64,
-    mut take: impl FnMut(u64, &CanFrame) -> miette::Result<()>,
+    mut take: impl FnMut(u64, &Frame) -> miette::Result<()>,
 ) -> miette::Result<()> {
     let down = |error: LinkError| miette!("{error}");
     let mut silent_us = bus.now_us();
@@ -184,10 +184,10 @@ struct Sinks<'a> {
 }
 
 impl Sinks<'_> {
-    fn take(&mut self, at_us: u64, frame: &CanFrame) -> miette::Result<()> {
+    fn take(&mut self, at_us: u64, frame: &Frame) -> miette::Result<()> {
         if let Some(log) = &mut self.log {
             let interface = self.interface.as_str();
-            let entry = LogEntry { at_us, interface, frame: (*frame).into() };
+            let entry = LogEntry { at_us, interface, frame: *frame };
             writeln!(log, "{entry}").map_err(|error| miette!("the log: {error}"))?;
         }
         if let Some(mcap) = &mut self.mcap {
@@ -197,7 +197,7 @@ impl Sinks<'_> {
             let line = Line {
                 time_s: at_us as f64 * 1e-6,
                 interface: &self.interface,
-                id: frame.id(),
+                id: frame.standard_id(),
                 data: frame.data().iter().map(|byte| format!("{byte:02x}")).collect(),
                 decoded: decode(frame).ok(),
             };

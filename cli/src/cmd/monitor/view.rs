@@ -4,7 +4,7 @@ use crate::output;
 use rollwalk_host::catalog::{Catalog, channel_name};
 use rollwalk_host::describe::{fault_names, fault_report, state_name};
 use rollwalk_host::refusal::command_refusal;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::wire::{
     Action, CommandResult, FaultReport, FromController, JointTelemetry, Node, State, Status,
@@ -52,7 +52,7 @@ impl<'a> View<'a> {
     ///
     /// # Errors
     /// Nobody reads what is said.
-    pub fn take(&mut self, at_us: u64, node: u8, frame: &CanFrame) -> miette::Result<()> {
+    pub fn take(&mut self, at_us: u64, node: u8, frame: &Frame) -> miette::Result<()> {
         if self.quiet {
             return Ok(());
         }

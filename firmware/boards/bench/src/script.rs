@@ -2,7 +2,7 @@
 
 use crate::quiet::Quiet;
 use rollwalk_bus::link::LinkError;
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::tunnel::{Answer, Request, Step, Stepped};
 use rollwalk_sim_host::core::Core;
 
@@ -63,7 +63,7 @@ impl Script {
         let (number, frame) = frames.find(|(_, frame)| !frame.data().is_empty())?;
         let mut data = frame.data().to_vec();
         *data.last_mut()? ^= 1;
-        *frame = CanFrame::new(frame.id(), &data)?;
+        *frame = Frame::new(frame.id(), &data)?;
         Some((number, script))
     }
 }
@@ -111,12 +111,12 @@ mod tests {
     use rollwalk_protocol::tunnel::{Buses, Deframer, Input};
 
     /// Sends one frame on actuator bus 0 after every tick.
-    struct Ticking(Option<CanFrame>);
+    struct Ticking(Option<Frame>);
 
     impl Core for Ticking {
         fn step(&mut self, step: Step) -> Result<Stepped, LinkError> {
             if step.input.is_some() {
-                self.0 = CanFrame::new(0x101, &[step.now_us as u8, 2]);
+                self.0 = Frame::standard(0x101, &[step.now_us as u8, 2]);
             }
             let mut stepped = Stepped::default();
             if step.free.actuator(0) {
@@ -173,7 +173,7 @@ mod tests {
         let mut recording = Recording::new(Ticking(None));
         let step = Step { now_us: 0, input: None, free: Buses::default().with_actuator(0) };
         recording.step(step).unwrap();
-        recording.core.0 = CanFrame::new(1, &[]);
+        recording.core.0 = Frame::standard(1, &[]);
         assert!(recording.step(step).is_err());
     }
 }

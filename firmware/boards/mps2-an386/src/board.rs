@@ -88,15 +88,10 @@ impl Board {
 #[cfg(feature = "every-line")]
 fn every_line(controller: &mut Controller<BoardStore>, now_us: u64, input: Option<Input>) {
     use core::hint::black_box;
-    use rollwalk_protocol::can::ExtendedFrame;
     if let Some(Input::Actuator(bus, frame)) = input {
         controller.on_serial(now_us, bus, frame.data());
-        if let Some(frame) = ExtendedFrame::new(frame.id().into(), frame.data()) {
-            controller.on_extended_frame(now_us, bus, &frame);
-        }
     }
     for bus in 0..MAX_ACTUATOR_BUSES {
         black_box(controller.poll_serial(bus));
-        black_box(controller.poll_extended(bus));
     }
 }

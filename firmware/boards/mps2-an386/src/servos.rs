@@ -6,7 +6,7 @@ use crate::agilebot::CHANNELS;
 use rollwalk_protocol::actuator::{
     ActuatorStatus, Control, Feedback, JointSetpoint, WheelSetpoint,
 };
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind};
 
 /// All servos of the robot.
@@ -32,7 +32,7 @@ impl Servos {
     }
 
     /// The answer to a frame on a bus.
-    pub fn answer(&mut self, bus: u8, frame: &CanFrame) -> Option<CanFrame> {
+    pub fn answer(&mut self, bus: u8, frame: &Frame) -> Option<Frame> {
         let (id, command) = command(frame)?;
         let servo = self.0.iter_mut().find(|servo| (servo.bus, servo.id) == (bus, id))?;
         servo.obey(command);
@@ -48,7 +48,7 @@ enum Command {
     Wheel(WheelSetpoint),
 }
 
-fn command(frame: &CanFrame) -> Option<(u8, Command)> {
+fn command(frame: &Frame) -> Option<(u8, Command)> {
     let control = || Control::decode(frame).map(|(id, control)| (id, Command::Control(control)));
     let joint = || JointSetpoint::decode(frame).map(|(id, joint)| (id, Command::Joint(joint)));
     let wheel = || WheelSetpoint::decode(frame).map(|(id, wheel)| (id, Command::Wheel(wheel)));

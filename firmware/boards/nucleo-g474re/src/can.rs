@@ -19,7 +19,7 @@ use embassy_stm32::pac::can::Fdcan;
 use embassy_stm32::pac::can::vals::{Anfe, Anfs, Lec, Tfqm};
 use embassy_stm32::pac::fdcanram::Fdcanram;
 use embassy_stm32::{Peri, pac};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{BusReport, BusState};
 
 /// Of all buses.
@@ -128,7 +128,7 @@ impl Bus {
     }
 
     /// The next frame that was received.
-    pub fn receive(&mut self) -> Option<CanFrame> {
+    pub fn receive(&mut self) -> Option<Frame> {
         let Port { regs, ram } = self.port;
         let fifo = regs.rxfs(0).read();
         if fifo.rfl() {
@@ -149,7 +149,7 @@ impl Bus {
         regs.rxfa(0).write(|w| w.set_fai(index));
         // Remote frames and 29-bit identifiers are filtered out. A length above 8 means 8.
         let id = (header >> 18) & 0x7FF;
-        CanFrame::new(id as u16, data.get(..length as usize).unwrap_or(&data))
+        Frame::standard(id as u16, data.get(..length as usize).unwrap_or(&data))
     }
 
     /// Whether a frame can be sent now.
@@ -159,13 +159,15 @@ impl Bus {
     }
 
     /// Sends a frame, if [`Self::is_free`].
-    pub fn send(&mut self, now_us: u64, frame: &CanFrame) {
+    pub fn send(&mut self, now_us: u64, frame: &Frame) {
+        // This board's robots have drives with 11-bit identifiers.
+        let Some(id) = frame.standard_id() else { return };
         let Port { regs, ram } = self.port;
         let mut data = [0; 8];
         data.iter_mut().zip(frame.data()).for_each(|(slot, byte)| *slot = *byte);
         let [a, b, c, d, e, f, g, h] = data;
         let words = [
-            u32::from(frame.id()) << 18,
+            u32::from(id) << 18,
             (frame.data().len() as u32) << 16,
             u32::from_le_bytes([a, b, c, d]),
             u32::from_le_bytes([e, f, g, h]),

@@ -24,7 +24,7 @@ use embassy_stm32::{Peripherals, peripherals};
 use rollwalk_firmware::periods::Periods;
 use rollwalk_firmware::store::{FlashParameters, FlashStore};
 use rollwalk_firmware::{Buses, Controller, Settings};
-use rollwalk_protocol::can::CanFrame;
+use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{BusState, Gateway, Packet, Report, Reset};
 use rollwalk_protocol::wire::{Node, State, ToController, Torque};
 use static_cell::StaticCell;
@@ -113,7 +113,7 @@ enum Way {
 }
 
 /// Whether a frame is a host's and for this controller. Other frames on the link do not show where the host is.
-fn is_from_a_host(node: u8, frame: &CanFrame) -> bool {
+fn is_from_a_host(node: u8, frame: &Frame) -> bool {
     ToController::decode(frame)
         .is_ok_and(|(to, _)| to.number() == node || to == Node::BROADCAST)
 }
@@ -192,7 +192,7 @@ impl Board {
             }
             Some(Packet::Message { id, bytes }) => {
                 // Its identifier names sender and receiver.
-                if CanFrame::new(id, &[]).is_some_and(|frame| is_from_a_host(self.node, &frame)) {
+                if Frame::standard(id, &[]).is_some_and(|frame| is_from_a_host(self.node, &frame)) {
                     turn_to(Way::Serial, &mut self.host, &mut self.gateway);
                     self.gateway.receive(id, bytes);
                 }
