@@ -71,7 +71,7 @@ fn cantools_decodes_every_frame_to_what_the_monitor_printed() {
         messages.insert(message.to_owned());
     }
     assert!(
-        ours.len() > suite().least_link_frames && theirs.len() - ours.len() < 1000,
+        ours.len() > 1000 && theirs.len() - ours.len() < 1000,
         "{} {}",
         ours.len(),
         theirs.len()
@@ -199,9 +199,8 @@ fn the_telemetry_holds_joint_states_as_measured_and_as_planned() {
     println!(
         "{measured} joint states; {compared} positions at most {worst_rad:.3} rad from the plan"
     );
-    let least = suite().least_joint_states;
-    assert!(measured > least, "{measured}");
-    assert!(compared > least, "{compared}");
+    assert!(measured > 100, "{measured}");
+    assert!(compared > 100, "{compared}");
     // A status is up to 50 ms old, and joints turn with up to 6 rad/s; a wrong order would be off by more.
     assert!(worst_rad < 0.35, "{worst_rad}");
 }

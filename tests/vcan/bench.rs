@@ -26,30 +26,22 @@ pub struct Suite {
     pub loops: [&'static str; 2],
     /// Blocks of the library's transfer before its adapter is unplugged.
     pub blocks_before_unplugging: usize,
-    /// Least frames in the log of the link.
-    pub least_link_frames: usize,
     /// Least frames in the log of each actuator bus.
     pub least_actuator_frames: usize,
-    /// Least joint states, measured and planned, in the telemetry.
-    pub least_joint_states: usize,
 }
 
 const SHORT: Suite = Suite {
     robot: "tests/vcan/leg/robot.toml",
     loops: ["4:1", "3:1"],
     blocks_before_unplugging: 40,
-    least_link_frames: 400,
     least_actuator_frames: 2_000,
-    least_joint_states: 40,
 };
 
 const FULL: Suite = Suite {
     robot: "robots/agilebot.toml",
     loops: ["4:3", "3:3"],
     blocks_before_unplugging: 300,
-    least_link_frames: 1_000,
     least_actuator_frames: 10_000,
-    least_joint_states: 100,
 };
 
 /// The suite that `cargo xtask` asks for.
