@@ -180,7 +180,7 @@ fn run_controller(robot: &Robot, bus: &BusName, actuators: &[BusName]) -> miette
     let mut lost = Lost { link: Some(bus), actuators, says: true };
     let outcome = controller::run(&mut core, period, port, &mut lost, ports, |core| {
         let controller = core.controller_mut();
-        teller.tell(controller.state().into(), controller.faults());
+        teller.tell(controller.state(), controller.faults());
         !interrupt::requested()
     });
     outcome.map_err(|error| miette!("{error}"))

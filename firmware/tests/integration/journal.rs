@@ -177,7 +177,7 @@ fn each_way_to_stop_leaves_the_entry_that_tells_why() {
         let all: Vec<_> = ask(&mut rig, since).entries().map(|(_, entry)| entry).collect();
         let why = all.first().unwrap_or_else(|| panic!("nothing about {event:?}"));
         let told = (Event::from_code(why.event), why.before, why.after, why.fault, why.channel);
-        let expected = (Some(event), Playing.into(), after.into(), fault, channel);
+        let expected = (Some(event), Playing, after, fault, channel);
         assert_eq!(told, expected, "{all:?}");
         assert!(value.contains(&why.value), "{why:?}");
     }
@@ -191,14 +191,14 @@ fn what_ends_before_the_robot_stands_is_told_too() {
     rig.run(2000);
     let why = fault(&mut rig);
     assert_eq!(Event::from_code(why.event), Some(Event::AlignFailed));
-    assert_eq!((why.fault, why.after), (Some(Fault::TrackingError), State::Damped.into()));
+    assert_eq!((why.fault, why.after), (Some(Fault::TrackingError), State::Damped));
 
     let settings = Settings { control_hz: 50, ..Settings::default() };
     let mut rig = Rig::with(config(), settings, Some(&library()));
     rig.run(20);
     let why = fault(&mut rig);
     assert_eq!(Event::from_code(why.event), Some(Event::SelfTestFailed));
-    assert_eq!((why.fault, why.after), (Some(Fault::Internal), State::TorqueOff.into()));
+    assert_eq!((why.fault, why.after), (Some(Fault::Internal), State::TorqueOff));
 }
 
 /// Two faults are both recorded, each once; lasting and repeated ones add no entry.
@@ -217,7 +217,7 @@ fn what_is_no_news_leaves_no_entry() {
     let expected = [FeedbackLost, HostLost, DampingElapsed, EStop];
     assert_eq!(events(&all)[4..], expected, "{all:?}");
     let lost = all[5];
-    assert_eq!((lost.before, lost.after), (State::Damped.into(), State::Damped.into()));
+    assert_eq!((lost.before, lost.after), (State::Damped, State::Damped));
 }
 
 #[test]

@@ -105,7 +105,7 @@ fn status_comes_at_20_hz_and_on_change() {
     let before = rig.statuses().len();
     rig.step();
     let (at, status) = rig.statuses()[before];
-    assert_eq!((at, status.state), (rig.now_us, State::Aligning.into()));
+    assert_eq!((at, status.state), (rig.now_us, State::Aligning));
 }
 
 /// The last fault report.
