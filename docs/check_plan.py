@@ -4,7 +4,8 @@
     python3 docs/check_plan.py [--json] PLAN.json [PLAN.json ...]
 
 Python's standard library only; no code is shared with the planner. What the fields mean, in which
-frames and units, is in docs/plan-format.md; the equation numbers are the thesis's. For every residual
+frames and units, is in docs/plan-format.md; the equation numbers are the thesis's. Names, units and levels
+of the residuals and the constants of the equations are those of the plan's `formulation`. For every residual
 the table shows the worst case, the level up to which a plan is physically credible, and where it is.
 
 Exit code: 0 all residuals are within their levels, 1 one is not, 2 a file is no plan.
@@ -13,10 +14,6 @@ Exit code: 0 all residuals are within their levels, 1 one is not, 2 a file is no
 import json
 import math
 import sys
-
-GRAVITY = 9.80665  # m/s^2
-ROLLING_SIGN_WIDTH = 0.05  # m/s, where rolling resistance has nearly its full value
-CLEARANCE = 0.02  # m between end effectors of different links
 
 # --- vectors are lists of three, matrices lists of three rows ---
 
@@ -137,15 +134,20 @@ def reach(foot):
 
 
 class Table:
-    def __init__(self):
+    """The worst residual of each family, SI."""
+
+    def __init__(self, families):
+        self.families = {family["name"]: family for family in families}
         self.rows = {}
 
-    def see(self, name, residual, level, unit, sample=None, subject=""):
+    def see(self, name, residual, sample=None, subject="", limit=None):
+        family = self.families[name]
+        level = family["level"] * (limit if family["level_of"] == "limit" else 1)
         where = "" if sample is None else "sample %d %s" % (sample, subject)
         known = self.rows.get(name)
         # A residual that is not a number is worse than any.
         if known is None or not residual / level <= known[0] / known[1]:
-            self.rows[name] = (residual, level, unit, where)
+            self.rows[name] = (residual, level, family["unit"], where)
 
     def good(self):
         """Whether all residuals are within their levels; one that is not a number is not."""
@@ -154,7 +156,7 @@ class Table:
     def show(self):
         for name, (residual, level, unit, where) in self.rows.items():
             mark = " " if residual <= level else "!"
-            print("  %-24s %s%10.3g  level %-8.3g %-6s %s" % (name, mark, residual, level, unit, where))
+            print("  %-24s %s%10.3g  level %-8.3g %-11s %s" % (name, mark, residual, level, unit, where))
 
     def as_json(self):
         keys = ("worst", "level", "unit", "where")
@@ -173,7 +175,7 @@ def carried_links(robot, joint):
     return found
 
 
-def joint_torques(robot, sample, poses):
+def joint_torques(robot, sample, poses, gravity):
     """Torque that holds ground forces and weight of all that is beyond each joint, limb at rest."""
     torques = []
     for joint in robot["joints"]:
@@ -184,7 +186,7 @@ def joint_torques(robot, sample, poses):
         for index in beyond:
             link, (r, p) = robot["links"][index], poses[index]
             arm = sub(add(p, apply(r, link["com_in_link_m"])), origin)
-            moment = add(moment, cross(arm, [0.0, 0.0, -GRAVITY * link["mass_kg"]]))
+            moment = add(moment, cross(arm, [0.0, 0.0, -gravity * link["mass_kg"]]))
         for foot, e in zip(robot["end_effectors"], sample["end_effectors"]):
             if foot["link"] in beyond:
                 moment = add(moment, cross(sub(e["position_m"], origin), e["force_n"]))
@@ -245,15 +247,15 @@ def check_choreography(table, plan, timeline):
             wanted = target["position_m"][c]
             if wanted is not None:
                 off = sum(w * p[c] for w, p in zip(at, seen)) - wanted
-                table.see("target position", abs(off) * 1e3, 1, "mm", i, who)
+                table.see("target position", abs(off), i, who)
             wanted = target["velocity_m_s"][c]
             if wanted is not None:
                 off = sum(w * p[c] for w, p in zip(rate, seen)) - wanted
-                table.see("target velocity", abs(off) * 1e3, 5, "mm/s", i, who)
+                table.see("target velocity", abs(off), i, who)
         if target["heading_rad"] is not None:
             turned = sum(w * (s["base_yaw_pitch_roll_rad"][0] - yaw) for w, s in zip(at, three))
             who = "%s at %.3f s" % (name_of(target["of"]), target["at_s"])
-            table.see("target heading", abs(turned - target["heading_rad"]), 1e-3, "rad", i, who)
+            table.see("target heading", abs(turned - target["heading_rad"]), i, who)
 
     for limit in motion["heights"]:
         # The samples of the span and the two that enclose it; the end of a period is its start.
@@ -263,8 +265,56 @@ def check_choreography(table, plan, timeline):
                 z = place(limit["of"], s)[2]
                 over = z - limit["below_m"] if limit["below_m"] is not None else 0
                 under = limit["above_m"] - z if limit["above_m"] is not None else 0
-                off = max(over, under, 0) * 1e3
-                table.see("height limit", off, 1, "mm", i, name_of(limit["of"]))
+                table.see("height limit", max(over, under, 0), i, name_of(limit["of"]))
+
+
+# --- states outside the motion ---
+
+
+def euler_matrix(yaw_pitch_roll):
+    yaw, pitch, roll = yaw_pitch_roll
+    turn = matmul(from_axis_angle([0, 0, 1], yaw), from_axis_angle([0, 1, 0], pitch))
+    return matmul(turn, from_axis_angle([1, 0, 0], roll))
+
+
+def contact_from_center(foot, e):
+    """From the centre of a wheel or foot to the contact point."""
+    if "axis_in_link" not in foot["contact"]:
+        return [0.0, 0.0, -foot["radius_m"]]
+    return wheel_frame(e["tilt_rad"], e["yaw_rad"], foot["radius_m"])[2]
+
+
+def pose_difference(a, b, offset, turn, feet):
+    """Largest difference between state a, turned about the vertical and moved, and state b."""
+    r = from_axis_angle([0, 0, 1], turn)
+    points = [(a["base_position_m"], b["base_position_m"]), (a["com_m"], b["com_m"])]
+    pairs = list(zip(a["joint_rad"], b["joint_rad"]))
+    heading, pitch, roll = a["base_yaw_pitch_roll_rad"]
+    pairs += zip([heading + turn, pitch, roll], b["base_yaw_pitch_roll_rad"])
+    for foot, e, e2 in zip(feet, a["end_effectors"], b["end_effectors"]):
+        points.append((e["position_m"], e2["position_m"]))
+        wheel_turn = turn if "axis_in_link" in foot["contact"] else 0.0
+        pairs += [(e["tilt_rad"], e2["tilt_rad"]), (e["yaw_rad"] + wheel_turn, e2["yaw_rad"])]
+    for p, q in points:
+        pairs += zip(add(apply(r, p), offset), q)
+    return max(abs(x - y) for x, y in pairs)
+
+
+def contact_point(foot, e, poses):
+    """Contact point by forward kinematics."""
+    r, p = poses[foot["link"]]
+    return add(add(p, apply(r, foot["center_in_link_m"])), contact_from_center(foot, e))
+
+
+def inconsistency(robot, state, poses, contacts):
+    """Largest difference between what one state says and what follows from its base and joints."""
+    pairs = list(zip(center_of_mass(robot, poses), state["com_m"]))
+    for x, y in zip(euler_matrix(state["base_yaw_pitch_roll_rad"]), poses[0][0]):
+        pairs += zip(x, y)
+    if contacts:
+        for foot, e in zip(robot["end_effectors"], state["end_effectors"]):
+            pairs += zip(contact_point(foot, e, poses), e["position_m"])
+    return max(abs(x - y) for x, y in pairs)
 
 
 # --- the equations ---
@@ -276,26 +326,26 @@ def check(plan):
     periodic = motion["ends"] == "periodic"
     mass = sum(link["mass_kg"] for link in robot["links"])
     inertia_in_body = centroidal_inertia(robot)
-    table = Table()
+    formulation = plan["formulation"]
+    gravity = formulation["gravity_m_s2"]
+    table = Table(formulation["families"])
 
     # Times on the grid: T intervals of a periodic motion, T - 1 of any other.
     intervals = len(samples) if periodic else len(samples) - 1
-    table.see("duration", abs(intervals * h - motion["duration_s"]), 1e-6, "s")
+    table.see("duration", abs(intervals * h - motion["duration_s"]))
     for i, s in enumerate(samples):
-        table.see("time", abs(s["time_s"] - i * h), 1e-6, "s", i)
+        table.see("time", abs(s["time_s"] - i * h), i)
 
     # The states outside belong to the motion as its ends say.
     d, psi = plan["end_placement"]["offset_m"] + [0.0], plan["end_placement"]["yaw_rad"]
-    placed = from_axis_angle([0, 0, 1], psi)
     if periodic:
-        pairs = [(plan["before"], samples[-1]), (samples[0], plan["after"])]
+        pairs = [(plan["before"], samples[-1], d, psi), (samples[0], plan["after"], d, psi)]
     elif motion["ends"] == "at_rest":
-        pairs, d, placed = [(plan["before"], samples[0]), (samples[-1], plan["after"])], [0.0] * 3, None
+        pairs = [(plan["before"], samples[0], [0.0] * 3, 0.0), (samples[-1], plan["after"], [0.0] * 3, 0.0)]
     else:
         pairs = []
-    for a, b in pairs:
-        moved = a["com_m"] if placed is None else add(apply(placed, a["com_m"]), d)
-        table.see("ends", norm(sub(moved, b["com_m"])) * 1e3, 1e-3, "mm")
+    for a, b, offset, turn in pairs:
+        table.see("ends", pose_difference(a, b, offset, turn, feet))
 
     timeline = [plan["before"]] + samples + [plan["after"]]
     rotations = [from_quaternion(s["base_orientation_wxyz"]) for s in timeline]
@@ -303,7 +353,12 @@ def check(plan):
         link_poses(robot, s["base_position_m"], r, s["joint_rad"]) for s, r in zip(timeline, rotations)
     ]
 
-    torques = [joint_torques(robot, s, p) for s, p in zip(timeline, poses)]
+    # Their numbers agree with each other. Prescribed states are exact to their contact points; others repeat
+    # samples, whose contact points are residuals.
+    for state, pose in ((plan["before"], poses[0]), (plan["after"], poses[-1])):
+        table.see("ends", inconsistency(robot, state, pose, contacts=not pairs))
+
+    torques = [joint_torques(robot, s, p, gravity) for s, p in zip(timeline, poses)]
 
     for i, s in enumerate(samples):
         k = i + 1  # place in the timeline
@@ -317,8 +372,8 @@ def check(plan):
         for e in s["end_effectors"]:
             force = add(force, e["force_n"])
             moment = add(moment, cross(sub(e["position_m"], s["com_m"]), e["force_n"]))
-        wrong = sub(force, scale(add(acceleration, [0, 0, GRAVITY]), mass))
-        table.see("linear dynamics", norm(wrong), 0.3, "N", i)
+        wrong = sub(force, scale(add(acceleration, [0, 0, gravity]), mass))
+        table.see("linear dynamics", norm(wrong), i)
 
         # Angular dynamics, Eq. 2.4, with world inertia R I R^T and angular velocities on intervals.
         inertia = matmul(matmul(r, inertia_in_body), transpose(r))
@@ -326,75 +381,69 @@ def check(plan):
         v_out = scale(rotation_vector(matmul(rotations[k + 1], transpose(r))), 1 / h)
         mean = scale(add(v_in, v_out), 0.5)
         rate = add(apply(inertia, scale(sub(v_out, v_in), 1 / h)), cross(mean, apply(inertia, mean)))
-        table.see("angular dynamics", norm(sub(moment, rate)), 0.03, "N m", i)
+        table.see("angular dynamics", norm(sub(moment, rate)), i)
 
         # Centre of mass and orientation agree with the pose, Eq. 2.11 and 2.12.
         off = norm(sub(center_of_mass(robot, poses[k]), s["com_m"]))
-        table.see("centre of mass", off * 1e3, 1, "mm", i)
-        yaw, pitch, roll = s["base_yaw_pitch_roll_rad"]
-        euler = matmul(
-            matmul(from_axis_angle([0, 0, 1], yaw), from_axis_angle([0, 1, 0], pitch)),
-            from_axis_angle([1, 0, 0], roll),
-        )
+        table.see("centre of mass", off, i)
+        euler = euler_matrix(s["base_yaw_pitch_roll_rad"])
         off = max(abs(a - b) for x, y in zip(euler, r) for a, b in zip(x, y))
-        table.see("base orientation", off, 1e-6, "-", i)
+        table.see("base orientation", off, i)
 
         for joint, q in zip(robot["joints"], s["joint_rad"]):
             beyond = max(q - joint["position_max_rad"], joint["position_min_rad"] - q, 0)
-            table.see("joint limit", beyond, 0.05, "rad", i, joint["name"])
+            table.see("joint limit", beyond, i, joint["name"])
 
         for joint, torque in zip(robot["joints"], torques[k]):
             limit = joint["actuator"]["torque_max_nm"]
             beyond = max(abs(torque) - limit, 0)
-            table.see("joint torque", beyond, 0.1 * limit, "N m", i, joint["name"])
+            table.see("joint torque", beyond, i, joint["name"], limit)
 
         for j, (foot, e) in enumerate(zip(feet, s["end_effectors"])):
             name, f, radius = foot["name"], e["force_n"], foot["radius_m"]
             stands, wheel = e["contact"], "axis_in_link" in foot["contact"]
-            rolling, axis, to_contact = wheel_frame(e["tilt_rad"], e["yaw_rad"], radius)
-            if not wheel:
-                to_contact = [0, 0, -radius]
+            rolling, axis, _ = wheel_frame(e["tilt_rad"], e["yaw_rad"], radius)
             if stands != motion["stance"][i][j]:
-                table.see("contact flag", 1, 0.5, "-", i, name)
+                table.see("contact flag", 1, i, name)
 
             # Forces: friction cone, Eq. 2.5; free wheels, Eq. 2.6; none in swing, Eq. 2.7.
             if stands:
                 beyond = math.hypot(f[0], f[1]) - foot["friction_coefficient"] * max(f[2], 0)
-                table.see("friction", max(beyond, -f[2], 0), 0.2, "N", i, name)
+                table.see("friction", max(beyond, -f[2], 0), i, name)
                 drag = foot["contact"].get("drag")
                 if drag is not None:
                     speed = e["wheel_speed_rad_s"] * radius
-                    sign = math.tanh(speed / ROLLING_SIGN_WIDTH)
+                    sign = math.tanh(speed / formulation["rolling_sign_width_m_s"])
                     slowing = drag["rolling_resistance"] * sign + drag["rolling_drag_s_m"] * speed
                     pushed = dot(f, rolling) + f[2] * slowing
-                    table.see("free-wheel traction", abs(pushed), 0.2, "N", i, name)
+                    table.see("free-wheel traction", abs(pushed), i, name)
             else:
-                table.see("swing force", norm(f), 0.2, "N", i, name)
+                table.see("swing force", norm(f), i, name)
 
             if "actuator" in foot["contact"]:
                 limit = foot["contact"]["actuator"]["torque_max_nm"]
                 beyond = max(abs(wheel_torque(foot, e)) - limit, 0)
-                table.see("wheel torque", beyond, 0.1 * limit, "N m", i, name)
+                table.see("wheel torque", beyond, i, name, limit)
 
             # Height, Eq. 2.9: on the ground in stance, not below it in swing.
             z = e["position_m"][2]
             if stands:
-                table.see("contact height", abs(z) * 1e3, 1, "mm", i, name)
+                table.see("contact height", abs(z), i, name)
             else:
-                table.see("depth in swing", max(-z, 0) * 1e3, 1, "mm", i, name)
+                table.see("depth in swing", max(-z, 0), i, name)
 
             # Clearance, Eq. 2.10.
             for other, e2 in list(zip(feet, s["end_effectors"]))[j + 1:]:
                 if other["link"] != foot["link"]:
                     apart = norm(sub(e["position_m"], e2["position_m"]))
-                    missing = max(reach(foot) + reach(other) + CLEARANCE - apart, 0)
-                    table.see("end-effector clearance", missing * 1e3, 1, "mm", i, name)
+                    missing = max(reach(foot) + reach(other) + formulation["clearance_m"] - apart, 0)
+                    table.see("end-effector clearance", missing, i, name)
 
             # Wheel axis and contact point agree with the pose, Eq. 2.13 and 2.14.
-            link_r, link_p = poses[k][foot["link"]]
+            link_r, _ = poses[k][foot["link"]]
             if wheel:
                 mounted = apply(link_r, foot["contact"]["axis_in_link"])
-                table.see("wheel axis", norm(sub(mounted, axis)), 0.00873, "rad", i, name)
+                table.see("wheel axis", norm(sub(mounted, axis)), i, name)
             blade = foot["contact"].get("blade_length_m")
             if blade is not None and stands:
                 # The middle of the blade is opposite to the link's z, square to the axis across it.
@@ -403,9 +452,9 @@ def check(plan):
                 middle = apply(link_r, scale(down, radius / norm(down)))
                 most = radius * math.sin(min(0.5 * blade / radius, 0.5 * math.pi))
                 beyond = max(abs(dot(middle, rolling)) - most, 0)
-                table.see("contact on the blade", beyond * 1e3, 1, "mm", i, name)
-            reached = add(add(link_p, apply(link_r, foot["center_in_link_m"])), to_contact)
-            table.see("contact point", norm(sub(reached, e["position_m"])) * 1e3, 1, "mm", i, name)
+                table.see("contact on the blade", beyond, i, name)
+            off = norm(sub(contact_point(foot, e, poses[k]), e["position_m"]))
+            table.see("contact point", off, i, name)
 
     # Intervals: speeds and slip.
     for i in range(intervals):
@@ -415,10 +464,10 @@ def check(plan):
         for joint, q, q_next, torque in zip(robot["joints"], s["joint_rad"], after["joint_rad"], held):
             beyond = beyond_line(joint["actuator"], torque, (q_next - q) / h)
             if beyond is not None:
-                table.see("torque-speed line", beyond, 0.1, "-", i, joint["name"])
+                table.see("torque-speed line", beyond, i, joint["name"])
             limit = joint["actuator"]["speed_max_rad_s"]
             beyond = max(abs(q_next - q) / h - limit, 0)
-            table.see("joint speed", beyond, 0.1 * limit, "rad/s", i, joint["name"])
+            table.see("joint speed", beyond, i, joint["name"], limit)
         for foot, e, e2, j in zip(feet, s["end_effectors"], after["end_effectors"], range(len(feet))):
             name, radius, contact = foot["name"], foot["radius_m"], foot["contact"]
             wheel, driven, free = (key in contact for key in ("axis_in_link", "actuator", "drag"))
@@ -434,7 +483,7 @@ def check(plan):
                 if wheel:
                     slip = sub(slip, scale(rolling, speed * radius))
                 kind_of_slip = "landing slip" if landing else "slip"
-                table.see(kind_of_slip, math.hypot(slip[0], slip[1]) * 1e3, 5, "mm/s", i, name)
+                table.see(kind_of_slip, math.hypot(slip[0], slip[1]), i, name)
 
             # The wheel turns against its link by omega + yaw' (v.a) - Omega.a. A motor turns it so; a
             # welded or held wheel does not turn.
@@ -442,17 +491,17 @@ def check(plan):
             turn = scale(rotation_vector(matmul(link_out, transpose(link_in))), 1 / h)
             needed = speed + (e2["yaw_rad"] - e["yaw_rad"]) / h * axis[2] - dot(turn, axis)
             if wheel and not driven and not free or motion["held_wheels"][j]:
-                table.see("held wheel", abs(needed) * radius * 1e3, 5, "mm/s", i, name)
+                table.see("held wheel", abs(needed) * radius, i, name)
             if driven:
                 motor = e["motor_speed_rad_s"]
-                table.see("motor against wheel", abs(motor - needed) * radius * 1e3, 5, "mm/s", i, name)
+                table.see("motor against wheel", abs(motor - needed) * radius, i, name)
                 limit = foot["contact"]["actuator"]["speed_max_rad_s"]
                 beyond = max(abs(motor) - limit, 0)
-                table.see("wheel motor speed", beyond, 0.1 * limit, "rad/s", i, name)
+                table.see("wheel motor speed", beyond, i, name, limit)
                 torque = 0.5 * (wheel_torque(foot, e) + wheel_torque(foot, e2))
                 beyond = beyond_line(foot["contact"]["actuator"], torque, motor)
                 if beyond is not None and not motion["held_wheels"][j]:
-                    table.see("torque-speed line", beyond, 0.1, "-", i, name)
+                    table.see("torque-speed line", beyond, i, name)
 
     # Goals: displacement of the centre of mass along and across the starting heading, and turn.
     first, last = timeline[1], timeline[1 + intervals]
@@ -467,10 +516,21 @@ def check(plan):
         goal = motion["goal"].get(name)
         if goal is not None:
             kind = "turning goal" if name == "turn_rad" else "displacement goal"
-            subject, unit = name.rsplit("_", 1)
-            table.see(kind, abs(value - goal), 1e-3, unit, intervals, subject)
+            table.see(kind, abs(value - goal), intervals, name.rsplit("_", 1)[0])
     check_choreography(table, plan, timeline)
     return table
+
+
+def refuse_strange_numbers(value, path=""):
+    """Python reads NaN and Infinity, and 1e999 as infinity; none of them is JSON, or a measure."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            refuse_strange_numbers(item, "%s.%s" % (path, key) if path else key)
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            refuse_strange_numbers(item, "%s[%d]" % (path, index))
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ValueError("%s is %s; expected a finite number" % (path, value))
 
 
 def main(arguments):
@@ -483,19 +543,21 @@ def main(arguments):
         try:
             with open(path, encoding="utf-8") as file:
                 plan = json.load(file)
-            if plan.get("format") != "rollwalk-plan" or plan.get("version") != 2:
-                raise ValueError("format and version are not rollwalk-plan 2")
+            if plan.get("format") != "rollwalk-plan" or plan.get("version") != 3:
+                raise ValueError("format and version are not rollwalk-plan 3")
+            refuse_strange_numbers(plan)
             table = check(plan)
         except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
             print("%s: not a usable plan: %s: %s" % (path, type(error).__name__, error), file=sys.stderr)
-            return 2
+            code = 2
+            continue
         if "--json" in arguments:
             print(json.dumps(table.as_json()))
         else:
             print("%s: %s of %s" % (path, plan["motion"]["name"], plan["robot"]["name"]))
             table.show()
         if not table.good():
-            code = 1
+            code = max(code, 1)
     return code
 
 

@@ -4,6 +4,7 @@ use crate::measure::{self, Run};
 use crate::only::Only;
 use crate::{Block, Findings, Program, table};
 use rollwalk_planner::Options;
+use rollwalk_planner::families::Family;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::report::{Grid, Report};
 use rollwalk_robot::{EndEffector, Robot};
@@ -93,7 +94,7 @@ fn refined(motion: Motion) -> Motion {
 /// Whether a run solved its motion, also between the samples: limits as played, and slip.
 fn holds(run: &Run) -> bool {
     let report = Report::new(run.plan());
-    let slip = report.row("slip", Grid::Library60Hz).map_or(0.0, |row| row.worst);
+    let slip = report.row(Family::Slip, Grid::Library60Hz).map_or(0.0, |row| row.worst);
     run.solved() && report.is_credible() && slip <= SLIP_MM_S
 }
 
@@ -111,7 +112,7 @@ fn top_speed(program: &dyn Program, robot: &Robot, motion: &Motion, steps: usize
     };
     let first = measure::cold(program, robot, motion, &Options::default());
     if !holds(&first) {
-        return (0.0, first.plan().solve.worst_constraint.clone());
+        return (0.0, first.plan().solve.worst_constraint.to_string());
     }
     let (mut best, mut factor, mut step) = (first.solution, 1.0, STEP);
     let mut stopped = "-".to_owned();
@@ -134,7 +135,7 @@ fn top_speed(program: &dyn Program, robot: &Robot, motion: &Motion, steps: usize
             failed.get_or_insert(if run.solved() {
                 "slip or limits between samples".to_owned()
             } else {
-                run.plan().solve.worst_constraint.clone()
+                run.plan().solve.worst_constraint.to_string()
             });
         }
         match solved {

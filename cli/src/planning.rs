@@ -74,18 +74,18 @@ impl Plans {
         self.motions.iter().chain(self.transitions.iter().map(|transition| &transition.planned))
     }
 
-    /// What each plan that did not converge violates, and who is to blame. Empty when all did.
+    /// Shortfall and diagnosis of each plan that did not converge.
     pub fn failures(&self) -> Vec<String> {
         let plans = self.all().map(|planned| &planned.plan);
         plans
             .filter(|plan| plan.solve.status != Status::Converged)
             .map(|plan| {
-                let blame = plan.solve.blame.as_ref().map(|blame| format!("\n{blame}"));
+                let diagnosis = plan.solve.diagnosis.as_ref().map(|why| format!("\n{why}"));
                 format!(
                     "{} {}{}",
                     plan.motion.name,
                     shortfall(&plan.solve),
-                    blame.unwrap_or_default()
+                    diagnosis.unwrap_or_default()
                 )
             })
             .collect()

@@ -37,6 +37,7 @@
 //! | posture | near the nominal pose | [`Posture`] |
 //! | wheel speed, wheel smoothness | fixes free speeds; no jumps | [`WheelEffort`], [`WheelSmoothness`] |
 
+use crate::families::Family;
 use crate::problem::{Problem, Unknowns};
 use crate::rows::{Columns, RowWriter, Rows, Window};
 use crate::state::State;
@@ -59,19 +60,19 @@ pub enum Span {
     Ends,
 }
 
-/// What a term is.
+/// What a term writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct About {
-    /// Name, as shown in progress and outcome.
-    pub name: &'static str,
+pub struct TermInfo {
+    /// Family of its rows.
+    pub family: Family,
     /// Which samples it looks at.
     pub span: Span,
 }
 
-/// One family of residuals.
+/// Writer of one family of residuals.
 pub trait Term: Sync {
-    /// What it is.
-    fn about(&self) -> About;
+    /// What it writes.
+    fn info(&self) -> TermInfo;
     /// Writes its rows for one window, with derivatives.
     fn write(&self, window: &Window, out: &mut RowWriter);
 }
@@ -128,26 +129,19 @@ pub fn evaluate(
     reuse: Rows,
 ) -> Rows {
     let mut out = RowWriter::new(problem, columns, unknowns, states, reuse);
-    let mut write = |index: usize, at: [usize; 3]| {
-        out.enter(index, at);
-        TERMS[index].write(&Window { problem, at, states: at.map(|t| &states[t]) }, &mut out);
+    let mut write = |term: &dyn Term, at: [usize; 3]| {
+        out.enter(term.info().family, at);
+        term.write(&Window { problem, at, states: at.map(|t| &states[t]) }, &mut out);
     };
-    let active: Vec<bool> = TERMS
-        .iter()
-        .map(|term| problem.only.is_none_or(|only| only.contains(&term.about().name)))
-        .collect();
+    let active = || TERMS.iter().filter(|term| problem.only.contains(term.info().family));
     // Window by window: what the rows of one window touch of the normal equations stays in cache.
     for t in 1..states.len() - 1 {
-        for (index, term) in TERMS.iter().enumerate() {
-            if active[index] && covers(problem, term.about().span, t) {
-                write(index, [t - 1, t, t + 1]);
-            }
+        for term in active().filter(|term| covers(problem, term.info().span, t)) {
+            write(*term, [t - 1, t, t + 1]);
         }
     }
-    for (index, term) in TERMS.iter().enumerate() {
-        if active[index] && term.about().span == Span::Ends {
-            write(index, [0, 1, problem.last()]);
-        }
+    for term in active().filter(|term| term.info().span == Span::Ends) {
+        write(*term, [0, 1, problem.last()]);
     }
     out.finish()
 }

@@ -3,9 +3,10 @@
 //! Data flow: robot + [`motion::Motion`] → optimise → [`plan::Plan`] → sampled at 60 Hz → motion library.
 //! A pure library: no clock, no file access, no threads, so that it also builds for the browser.
 
-pub mod blame;
 mod coarse;
+mod diagnose;
 pub mod export;
+pub mod families;
 mod formulation;
 mod guess;
 pub mod library;

@@ -1,6 +1,7 @@
 //! From a motion goal, or from two motions to be joined, to a plan.
 
 use crate::coarse;
+use crate::families::Formulation;
 use crate::model::Model;
 use crate::motion::Motion;
 use crate::plan::{EndEffectorSample, Plan, Sample, Status};
@@ -115,6 +116,7 @@ pub(crate) fn write_plan(
         after,
         end_placement: unknowns.placement,
         solve,
+        formulation: Formulation,
     }
 }
 

@@ -1,13 +1,15 @@
 //! A motion plan: the optimiser's result, self-contained, as it is stored in JSON (Eq. 2.1).
 
+mod diagnosis;
 mod json;
 mod placement;
 mod validate;
 
+pub use diagnosis::{Culprit, Diagnosis, Verdict};
 pub use json::PlanError;
 pub(crate) use json::join_plain_arrays;
 
-use crate::blame::Blame;
+use crate::families::{Family, Formulation};
 use crate::motion::Motion;
 use crate::start::Started;
 use rollwalk_robot::Robot;
@@ -17,7 +19,7 @@ use serde::{Deserialize, Serialize};
 pub const FORMAT: &str = "rollwalk-plan";
 
 /// Version of the plan format that this crate writes and reads.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// A planned motion with the robot and the goal it was planned for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,8 +46,10 @@ pub struct Plan {
     pub after: Sample,
     /// Where the end lies relative to the start.
     pub end_placement: Placement,
-    /// How the optimiser fared.
+    /// Outcome of the optimiser.
     pub solve: SolveSummary,
+    /// Constants and residual families that the plan is made and checked with.
+    pub formulation: Formulation,
 }
 
 /// Planar placement: turn by `yaw_rad` about the world's vertical, then move by `offset_m`.
@@ -107,18 +111,18 @@ pub struct SolveSummary {
     pub energy: f64,
     /// Worst constraint residual as a fraction of its credible level, with its name.
     pub worst_level: f64,
-    /// Name of the constraint with the worst residual.
-    pub worst_constraint: String,
+    /// Family of the constraint with the worst residual.
+    pub worst_constraint: Family,
     /// Where the solve started.
     pub start: Started,
-    /// Who is to blame when constraints could not be met.
-    pub blame: Option<Blame>,
+    /// Why the constraints could not be met.
+    pub diagnosis: Option<Diagnosis>,
 }
 
 impl SolveSummary {
     /// What the outcome means for other starts.
     pub fn ending(&self) -> Ending {
-        let grave = self.blame.as_ref().is_some_and(|blame| blame.verdict.is_grave());
+        let grave = self.diagnosis.as_ref().is_some_and(|diagnosis| diagnosis.verdict.is_grave());
         match self.status {
             Status::Converged | Status::Interrupted => Ending::Decided,
             Status::Infeasible if grave => Ending::Hopeless,
@@ -146,7 +150,7 @@ pub enum Status {
     /// All constraints hold within 0.2 of their credible levels.
     Converged,
     /// The iterations stopped improving with a constraint violated, or proved that the constraints
-    /// contradict each other: see [`SolveSummary::blame`].
+    /// contradict each other: see [`SolveSummary::diagnosis`].
     Infeasible,
     /// No step lowers the energy any more, with a constraint violated, or the constraints can be met
     /// close by: numbers, not the motion, are in the way.

@@ -3,6 +3,7 @@
 //! Built from a motion goal ([`Problem::new`]) or from two states of other motions
 //! ([`Problem::transition`]); what it minimises is in [`crate::formulation`].
 
+use crate::families::{CLEARANCE_M, FamilySet};
 use crate::model::Model;
 use crate::motion::{Ends, Goal, HeightLimit, Moment, Motion, Target};
 use crate::plan::Placement;
@@ -56,7 +57,7 @@ impl Default for Weights {
             wheel_smoothness: 0.1,
             least_normal_force: 0.1,
             friction_use: 0.8,
-            clearance_m: 0.02,
+            clearance_m: CLEARANCE_M,
         }
     }
 }
@@ -101,8 +102,8 @@ pub struct Problem {
     pub posture_q: Vec<DVector<f64>>,
     /// Weights.
     pub weights: Weights,
-    /// Names of the terms that count; `None`: all.
-    pub only: Option<&'static [&'static str]>,
+    /// The families that count.
+    pub only: FamilySet,
     /// Forces that feet in swing still carry, `[timeline sample][end effector]`, N; empty: none.
     pub swing_force_n: Vec<Vec<Vector3<f64>>>,
 }
@@ -203,7 +204,7 @@ impl Problem {
             heights: placed_heights(motion),
             posture_q: vec![model.standing_q(&motion.posture_rad); samples],
             weights,
-            only: None,
+            only: FamilySet::ALL,
             swing_force_n: Vec::new(),
             model,
             layout,
@@ -260,7 +261,7 @@ impl Problem {
             heights: placed_heights(motion),
             posture_q: blend(&model, &start.posture_rad, &end.posture_rad, samples),
             weights,
-            only: None,
+            only: FamilySet::ALL,
             swing_force_n: Vec::new(),
             model,
             layout,

@@ -18,6 +18,7 @@ mod rows;
 mod second_opinion;
 mod table;
 
+use crate::families::Family;
 use crate::plan::Plan;
 use crate::sample::resample;
 use serde::Serialize;
@@ -41,8 +42,9 @@ pub struct Report {
 /// One residual over the whole motion.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// What is checked.
-    pub name: &'static str,
+    /// Family of the residual.
+    #[serde(rename = "name")]
+    pub family: Family,
     /// Where the equation stands, in the thesis or in words.
     pub equation: &'static str,
     /// On which times.
@@ -105,13 +107,20 @@ impl Report {
         self.rows.iter().all(|row| row.part_of_level() <= 1.0)
     }
 
-    /// The row with this name on this grid.
-    pub fn row(&self, name: &str, grid: Grid) -> Option<&Row> {
-        self.rows.iter().find(|row| row.name == name && row.grid == grid)
+    /// The row of this family on this grid.
+    pub fn row(&self, family: Family, grid: Grid) -> Option<&Row> {
+        self.rows.iter().find(|row| row.family == family && row.grid == grid)
     }
 }
 
 impl Row {
+    /// A row without residuals.
+    fn new(family: Family, grid: Grid) -> Self {
+        let (unit, _) = family.unit().shown();
+        let equation = family.equation();
+        Self { family, equation, grid, worst: 0.0, unit, level: None, place: None }
+    }
+
     /// Worst residual as a part of its level; 0 without a level.
     pub fn part_of_level(&self) -> f64 {
         self.level.map_or(0.0, |level| self.worst / level)
@@ -129,8 +138,8 @@ mod tests {
         Report::new(&plan)
     }
 
-    fn at_samples<'a>(report: &'a Report, name: &str) -> &'a Row {
-        report.row(name, Grid::Samples).unwrap_or_else(|| panic!("no row {name}"))
+    fn at_samples<'a>(report: &'a Report, family: Family) -> &'a Row {
+        report.row(family, Grid::Samples).unwrap_or_else(|| panic!("no row {family}"))
     }
 
     #[test]
@@ -152,11 +161,11 @@ mod tests {
             // Spline error of leg sines of 0.2 rad at 5.2 rad/s with h = 0.05 s, times 0.2 m of leg:
             // in height (5/384)·h⁴·0.2·5.2⁴·0.2 m = 2.4e-6 m; in speed (1/24)·h³ for the wheel's angle
             // instead of (5/384)·h⁴: 3e-4 m/s.
-            assert!(report.row("contact height", grid).expect("row").worst < 0.01, "{report}");
-            assert!(report.row("slip", grid).expect("row").worst < 1.0, "{report}");
+            assert!(report.row(Family::ContactHeight, grid).expect("row").worst < 0.01, "{report}");
+            assert!(report.row(Family::Slip, grid).expect("row").worst < 1.0, "{report}");
             // Linear forces against a smooth acceleration: h²/8 · |f''| = 0.003 · 3 kg · 1.5 · 27.
-            assert!(report.row("linear dynamics", grid).expect("row").worst < 0.4, "{report}");
-            assert_eq!(report.row("linear dynamics", grid).expect("row").level, None);
+            assert!(report.row(Family::LinearDynamics, grid).expect("row").worst < 0.4, "{report}");
+            assert_eq!(report.row(Family::LinearDynamics, grid).expect("row").level, None);
         }
     }
 
@@ -167,46 +176,49 @@ mod tests {
 
         let report =
             changed(test_plans::cruise(), |p| p.samples[7].end_effectors[2].force_n[0] += 1.0);
-        let row = at_samples(&report, "linear dynamics");
+        let row = at_samples(&report, Family::LinearDynamics);
         assert!((row.worst - 1.0).abs() < 1e-9 && sample(row) == 7, "{report}");
         // Along x, the force has the height and the lateral offset of the contact point as its lever.
         let lever = test_plans::cruise().samples[7].com_m[2].hypot(0.15);
-        assert!((at_samples(&report, "angular dynamics").worst - lever).abs() < 1e-9, "{report}");
+        assert!(
+            (at_samples(&report, Family::AngularDynamics).worst - lever).abs() < 1e-9,
+            "{report}"
+        );
         assert!(!report.is_credible());
 
         let report =
             changed(test_plans::cruise(), |p| p.samples[4].end_effectors[1].position_m[2] = -0.003);
-        let row = at_samples(&report, "contact height");
+        let row = at_samples(&report, Family::ContactHeight);
         assert!(
             (row.worst - 3.0).abs() < 1e-9 && name(row).as_deref() == Some("fr-wheel"),
             "{report}"
         );
-        assert!((at_samples(&report, "contact point").worst - 3.0).abs() < 1e-9, "{report}");
+        assert!((at_samples(&report, Family::ContactPoint).worst - 3.0).abs() < 1e-9, "{report}");
 
         let report = changed(test_plans::cruise(), |p| {
             p.samples[3].end_effectors[0].wheel_speed_rad_s += 0.2
         });
-        assert!((at_samples(&report, "slip").worst - 0.2 * 50.0).abs() < 1e-9, "{report}");
+        assert!((at_samples(&report, Family::Slip).worst - 0.2 * 50.0).abs() < 1e-9, "{report}");
         assert!(
-            (at_samples(&report, "motor against wheel").worst - 0.2 * 50.0).abs() < 1e-9,
+            (at_samples(&report, Family::MotorAgainstWheel).worst - 0.2 * 50.0).abs() < 1e-9,
             "{report}"
         );
 
         let report = changed(test_plans::cruise(), |p| p.samples[9].com_m[1] += 0.002);
-        assert!((at_samples(&report, "centre of mass").worst - 2.0).abs() < 1e-9, "{report}");
+        assert!((at_samples(&report, Family::CentreOfMass).worst - 2.0).abs() < 1e-9, "{report}");
 
         let report =
             changed(test_plans::cruise(), |p| p.samples[9].end_effectors[3].tilt_rad = 0.01);
         // A chord of the unit circle: 2 sin(0.005).
-        assert!((at_samples(&report, "wheel axis").worst - 0.01).abs() < 1e-6, "{report}");
+        assert!((at_samples(&report, Family::WheelAxis).worst - 0.01).abs() < 1e-6, "{report}");
 
         let report = changed(test_plans::cruise(), |p| p.samples[9].joint_rad[2] = 1.04);
-        let row = at_samples(&report, "joint limit");
+        let row = at_samples(&report, Family::JointLimit);
         assert!(
             (row.worst - 0.04).abs() < 1e-9 && name(row).as_deref() == Some("rl-hip"),
             "{report}"
         );
-        assert!(at_samples(&report, "joint speed").worst > 5.0, "{report}");
+        assert!(at_samples(&report, Family::JointSpeed).worst > 5.0, "{report}");
 
         let report =
             changed(test_plans::cruise(), |p| p.robot.end_effectors[0].friction_coefficient = 0.0);
@@ -215,7 +227,7 @@ mod tests {
             .iter()
             .map(|s| s.end_effectors[0].force_n[0].abs())
             .fold(0.0, f64::max);
-        assert!((at_samples(&report, "friction").worst - f).abs() < 1e-9, "{report}");
+        assert!((at_samples(&report, Family::Friction).worst - f).abs() < 1e-9, "{report}");
 
         let report = changed(test_plans::cruise(), |p| {
             p.samples[6].end_effectors[0].contact = false;
@@ -223,13 +235,13 @@ mod tests {
         });
         let f = nalgebra::Vector3::from(test_plans::cruise().samples[6].end_effectors[0].force_n)
             .norm();
-        assert!((at_samples(&report, "swing force").worst - f).abs() < 1e-9, "{report}");
-        assert!((at_samples(&report, "depth in swing").worst - 4.0).abs() < 1e-9, "{report}");
+        assert!((at_samples(&report, Family::SwingForce).worst - f).abs() < 1e-9, "{report}");
+        assert!((at_samples(&report, Family::SwingDepth).worst - 4.0).abs() < 1e-9, "{report}");
 
         let report = changed(test_plans::cruise(), |p| p.robot.end_effectors[1].radius_m = 0.3);
         // Wheels 0.3 m apart, radii 0.05 and 0.3, clearance 0.02.
         assert!(
-            (at_samples(&report, "end-effector clearance").worst - 70.0).abs() < 1e-6,
+            (at_samples(&report, Family::EndEffectorClearance).worst - 70.0).abs() < 1e-6,
             "{report}"
         );
     }
@@ -240,9 +252,12 @@ mod tests {
             p.motion.goal.forward_m = Some(0.502);
             p.motion.goal.turn_rad = Some(0.0);
         });
-        assert!((at_samples(&report, "displacement goal").worst - 0.002).abs() < 1e-9, "{report}");
-        assert_eq!(at_samples(&report, "turning goal").worst, 0.0);
-        assert_eq!(report.worst().map(|row| row.name), Some("displacement goal"));
+        assert!(
+            (at_samples(&report, Family::DisplacementGoal).worst - 2.0).abs() < 1e-9,
+            "{report}"
+        );
+        assert_eq!(at_samples(&report, Family::TurningGoal).worst, 0.0);
+        assert_eq!(report.worst().map(|row| row.family), Some(Family::DisplacementGoal));
     }
 
     #[test]
@@ -260,7 +275,7 @@ mod tests {
             }
         });
         // tanh(v/0.05) is 1 within 1e-5 from v = 0.3 m/s on; the cruise is never slower.
-        assert!(at_samples(&report, "free-wheel traction").worst < 1e-5, "{report}");
+        assert!(at_samples(&report, Family::FreeWheelTraction).worst < 1e-5, "{report}");
     }
 
     #[test]
@@ -279,7 +294,7 @@ mod tests {
         let sin = sample.joint_rad[1].sin();
         // Less the leg's own weight: 0.2 kg at half its length.
         let expected = (100.0 - 0.2 * 9.806_65 / 2.0) * 0.2 * sin - 1e-6;
-        let row = at_samples(&report, "joint torque");
+        let row = at_samples(&report, Family::JointTorque);
         assert!((row.worst - expected).abs() < 1e-9, "{report}");
         assert_eq!(row.place.as_ref().and_then(|p| p.subject.as_deref()), Some("fr-hip"));
     }

@@ -5,6 +5,7 @@
 //! column, so that terms stay free of bookkeeping. The pattern of a problem never changes: every call
 //! writes the same rows with the same columns.
 
+use crate::families::Family;
 use crate::motion;
 use crate::plan::Placement;
 use crate::problem::{Problem, Unknowns};
@@ -108,8 +109,8 @@ pub struct Given {
 /// One residual.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// Index of the term in the formulation.
-    pub term: usize,
+    /// The family that it belongs to.
+    pub family: Family,
     /// Timeline index of the middle of the window it was written for.
     pub at: usize,
     /// Which part of the robot it is about.
@@ -118,9 +119,9 @@ pub struct Row {
     pub given: Option<Given>,
     /// Residual over its scale.
     pub value: f64,
-    /// Size of the residual that makes it 1, in the term's unit.
+    /// Size of the residual that makes it 1, in the family's unit.
     pub scale: f64,
-    /// Residual that is still physically credible, in the term's unit.
+    /// Residual that is still physically credible, in the family's unit.
     pub level: f64,
     /// How it enters the energy.
     pub role: Role,
@@ -163,7 +164,7 @@ pub struct RowWriter<'a> {
     placement: Placement,
     states: &'a [State],
     rows: Rows,
-    term: usize,
+    family: Family,
     at: [usize; 3],
     scale: f64,
     level: f64,
@@ -200,7 +201,7 @@ impl<'a> RowWriter<'a> {
             placement: unknowns.placement,
             states,
             rows,
-            term: 0,
+            family: Family::LinearDynamics,
             at: [0; 3],
             scale: 1.0,
             level: 1.0,
@@ -218,16 +219,17 @@ impl<'a> RowWriter<'a> {
         self.rows
     }
 
-    /// Announces which term writes, and about which samples of the timeline.
-    pub fn enter(&mut self, term: usize, at: [usize; 3]) {
-        self.term = term;
+    /// Begins rows of a family about these samples of the timeline.
+    pub fn enter(&mut self, family: Family, at: [usize; 3]) {
+        self.family = family;
         self.at = at;
     }
 
-    /// Sets scale, credible level and role of the rows to come.
-    pub fn set(&mut self, scale: f64, level: f64, role: Role) {
+    /// Sets scale and role of the rows to come. The scale of a row that compares with a limit is that limit,
+    /// where the family's level is a fraction of it.
+    pub fn set(&mut self, scale: f64, role: Role) {
         self.scale = scale;
-        self.level = level;
+        self.level = self.family.level().at(scale);
         self.role = role;
     }
 
@@ -252,7 +254,7 @@ impl<'a> RowWriter<'a> {
         self.given = Some(Given { field, value, slope });
     }
 
-    /// Ends a row about the whole robot: its residual in the term's unit.
+    /// Ends a row about the whole robot: its residual in the family's unit.
     pub fn row(&mut self, residual: f64) {
         self.row_of(Subject::Whole, residual);
     }
@@ -289,7 +291,7 @@ impl<'a> RowWriter<'a> {
             self.position[column] = NO_POSITION;
         }
         self.rows.rows.push(Row {
-            term: self.term,
+            family: self.family,
             at: self.at[1],
             subject,
             given: self.given.take(),

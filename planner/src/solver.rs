@@ -15,11 +15,11 @@ mod trial;
 pub use multipliers::Multipliers;
 pub use settings::{Method, Settings};
 
-use crate::blame::look::{self, Look, Schedule};
-use crate::blame::{self, Verdict};
-use crate::formulation::{self, TERMS};
+use crate::diagnose::{FeasibilityProbe, ProbeStep, Schedule, diagnose};
+use crate::families::Family;
+use crate::formulation;
 use crate::normal::{NormalEquations, row_energy};
-use crate::plan::{SolveSummary, Status};
+use crate::plan::{SolveSummary, Status, Verdict};
 use crate::problem::{Problem, Unknowns};
 use crate::rows::{Columns, Role, Row, Rows};
 use crate::start::Started;
@@ -46,8 +46,8 @@ pub struct Progress {
     pub cost: f64,
     /// Worst constraint as a fraction of its credible level.
     pub worst_level: f64,
-    /// Its name.
-    pub worst_constraint: &'static str,
+    /// Its family.
+    pub worst_constraint: Family,
     /// Damping λ.
     pub damping: f64,
     /// Length of the step, scaled variables.
@@ -84,7 +84,7 @@ fn standing(
         energy,
         cost: costs.map(|row| row_energy(row, 0.0, penalty)[0]).sum(),
         worst_level,
-        worst_constraint: TERMS[rows.rows[row].term].about().name,
+        worst_constraint: rows.rows[row].family,
         damping,
         step,
     }
@@ -104,12 +104,12 @@ pub enum Begin<'a> {
 const DAMPING_COLD: f64 = 1e-3;
 const DAMPING_NEAR: f64 = 1e-7;
 
-/// Counts the steps of a look as iterations, and shows them.
+/// Counts the steps of a probe as iterations, and shows them.
 fn counted<'a>(
     iteration: &'a mut usize,
     penalty: f64,
     progress: &'a mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> impl FnMut(&look::Step<'_>) -> ControlFlow<()> {
+) -> impl FnMut(&ProbeStep<'_>) -> ControlFlow<()> {
     move |step| {
         *iteration += 1;
         let (damping, length) = (step.damping, step.length);
@@ -165,8 +165,8 @@ pub fn solve_from(
     let mut last_step = 0.0;
     let mut best_level = f64::INFINITY;
     let mut no_better = 0;
-    let mut looks = Schedule::default();
-    let mut blame = None;
+    let mut probes = Schedule::default();
+    let mut diagnosis = None;
     let mut restarted = false;
     let mut without_step = 0;
 
@@ -235,13 +235,14 @@ pub fn solve_from(
             status = Status::Converged;
             break;
         }
-        let due = looks.due(iteration, level);
+        let due = probes.due(iteration, level);
         if due.is_some() || exhausted {
             let left = settings.iterations - iteration;
-            let far_level = due.unwrap_or_else(|| looks.far_level());
+            let far_level = due.unwrap_or_else(|| probes.far_level());
             let mut step = counted(&mut iteration, penalty, progress);
-            let look = Look { problem, columns: &columns, most_steps: left, far_level };
-            let Some(nearest) = look.from(&mut normal, unknowns, &mut step) else {
+            let probe =
+                FeasibilityProbe { problem, columns: &columns, most_steps: left, far_level };
+            let Some(nearest) = probe.from(&mut normal, unknowns, &mut step) else {
                 status = Status::Interrupted;
                 break;
             };
@@ -256,8 +257,8 @@ pub fn solve_from(
                     (damping, no_better, best_level) = (DAMPING_COLD, 0, f64::INFINITY);
                     continue;
                 }
-                blame = blame::attribute(problem, &nearest.rows, verdict);
-                status = if blame.is_some() { Status::Infeasible } else { Status::Stalled };
+                diagnosis = diagnose(problem, &nearest.rows, verdict);
+                status = if diagnosis.is_some() { Status::Infeasible } else { Status::Stalled };
                 // The plan shows the contradiction as small as it gets.
                 *unknowns = nearest.unknowns;
                 rows = nearest.rows;
@@ -281,10 +282,10 @@ pub fn solve_from(
         iterations: iteration,
         energy,
         worst_level: level,
-        worst_constraint: TERMS[rows.rows[row].term].about().name.into(),
+        worst_constraint: rows.rows[row].family,
         // Callers that start otherwise say so.
         start: Started::default(),
-        blame,
+        diagnosis,
     };
     (summary, Multipliers::of(&rows, shifts, penalty))
 }

@@ -4,6 +4,7 @@
 //! one angle φ(t); the body moves along x and its height follows from wheels that stay on the ground.
 //! Forces and wheel speeds are those that make every residual of the discrete equations vanish.
 
+use crate::families::{Family, Formulation};
 use crate::model::{BASE_POSITION, JOINTS, Model};
 use crate::motion::{Ends, Goal, Motion};
 use crate::plan::{
@@ -233,10 +234,11 @@ impl Drive {
                 iterations: 0,
                 energy: 0.0,
                 worst_level: 0.0,
-                worst_constraint: String::new(),
+                worst_constraint: Family::LinearDynamics,
                 start: Default::default(),
-                blame: None,
+                diagnosis: None,
             },
+            formulation: Formulation,
             robot,
         }
     }

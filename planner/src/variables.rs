@@ -16,6 +16,7 @@
 //! | at rest | first slot | last slot |
 //! | prescribed | frozen slot | frozen slot, placed by (D, ψ) like the last sample |
 
+use crate::families::GRAVITY_M_S2;
 use crate::model::{BASE_POSITION, BASE_YAW, Model, rotation};
 use crate::plan::Placement;
 use nalgebra::{DVector, Vector3};
@@ -100,9 +101,6 @@ impl Layout {
 pub fn force_scale_n(model: &Model) -> f64 {
     model.total_mass_kg() * GRAVITY_M_S2 / model.robot().end_effectors.len() as f64
 }
-
-/// Standard gravity, m/s².
-pub const GRAVITY_M_S2: f64 = 9.806_65;
 
 /// Direction in which a placement is applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,7 @@
 //! The optimiser on the shipped robot, motions and library, judged by the report, which recomputes
 //! every residual from the plan alone.
 
+use rollwalk_planner::families::Family;
 use rollwalk_planner::library_file::LibraryFile;
 use rollwalk_planner::motion::{Goal, Motion};
 use rollwalk_planner::plan::{Plan, Status};
@@ -116,10 +117,10 @@ fn a_motion_beyond_the_wheels_speed_is_infeasible_and_says_what_is_violated() {
     let plan = plan(&Motion { goal, ..motion(DRIVE) });
     assert_ne!(plan.solve.status, Status::Converged);
     assert!(plan.solve.worst_level > 1.0);
-    assert_eq!(plan.solve.worst_constraint, "displacement goal");
+    assert_eq!(plan.solve.worst_constraint, Family::DisplacementGoal);
     let report = Report::new(&plan);
     assert!(!report.is_credible());
-    assert!(report.row("displacement goal", Grid::Samples).is_some());
+    assert!(report.row(Family::DisplacementGoal, Grid::Samples).is_some());
 }
 
 #[test]
@@ -145,7 +146,7 @@ fn held_wheels_walk_and_their_motors_are_told_to_stand_still() {
     assert_eq!(plan.solve.status, Status::Converged);
     let report = Report::new(&plan);
     assert!(report.is_credible(), "{report}");
-    assert!(report.row("held wheel", Grid::Samples).unwrap().worst < 1.0, "{report}"); // mm/s
+    assert!(report.row(Family::HeldWheel, Grid::Samples).unwrap().worst < 1.0, "{report}"); // mm/s
     let spline = PlanSpline::new(&plan);
     for k in 0..50 {
         let setpoints = spline.setpoints(plan.motion.duration_s * f64::from(k) / 50.0);
@@ -167,13 +168,13 @@ fn a_robot_with_weak_knees_stands_on_straighter_legs() {
     let strong = optimise(&ROBOT, &stand, &Options::default(), continue_);
     // The posture of strong legs is too much for the weak ones.
     let asked = Plan { robot: weak.clone(), ..strong.clone() };
-    let torque = Report::new(&asked).row("joint torque", Grid::Samples).unwrap().clone();
+    let torque = Report::new(&asked).row(Family::JointTorque, Grid::Samples).unwrap().clone();
     assert!(torque.part_of_level() > 1.0, "{torque:?}");
     let plan = optimise(&weak, &stand, &Options::default(), continue_);
     assert_eq!(plan.solve.status, Status::Converged);
     let report = Report::new(&plan);
     assert!(report.is_credible(), "{report}");
-    assert!(report.row("joint torque", Grid::Samples).unwrap().part_of_level() <= 0.2);
+    assert!(report.row(Family::JointTorque, Grid::Samples).unwrap().part_of_level() <= 0.2);
     for &knee in &knees {
         let [bent, straighter] = [&strong, &plan].map(|p| p.samples[0].joint_rad[knee].abs());
         assert!(straighter < bent - 0.05, "{straighter} {bent}");
@@ -204,8 +205,8 @@ fn skates_push_off_along_their_blades() {
     assert_eq!(plan.solve.status, Status::Converged);
     let report = Report::new(&plan);
     assert!(report.is_credible(), "{report}");
-    for name in ["landing slip", "contact on the blade", "free-wheel traction"] {
-        assert!(report.row(name, Grid::Samples).is_some(), "{report}");
+    for family in [Family::LandingSlip, Family::BladeContact, Family::FreeWheelTraction] {
+        assert!(report.row(family, Grid::Samples).is_some(), "{report}");
     }
     // Drag of at least 1 % of the weight along the way has to be pushed against: feet toe out.
     let toe_out = plan.samples.iter().flat_map(|s| &s.end_effectors).map(|e| e.yaw_rad.abs());

@@ -65,11 +65,11 @@ fn every_robot_plans_a_credible_motion() {
 fn tilting_the_wheels_of_the_car_stops_it() {
     let plan = plan(CANNOT_DRIVE, "car_drive");
     assert_eq!(plan.solve.status, Status::Infeasible);
-    let blame = plan.solve.blame.unwrap();
+    let diagnosis = plan.solve.diagnosis.unwrap();
     let of_wheels =
         |subject: &String| plan.robot.end_effectors.iter().any(|ee| ee.name == *subject);
-    assert_eq!(blame.culprits[0].field.as_deref(), Some("forward_m"), "{blame}");
-    assert!(blame.culprits[1].subject.as_ref().is_some_and(of_wheels), "{blame}");
+    assert_eq!(diagnosis.culprits[0].field.as_deref(), Some("forward_m"), "{diagnosis}");
+    assert!(diagnosis.culprits[1].subject.as_ref().is_some_and(of_wheels), "{diagnosis}");
 }
 
 #[test]

@@ -2,10 +2,10 @@
 
 mod bad_input;
 mod bench;
-mod blame;
 mod command_line;
 mod console;
 mod demo;
+mod diagnosis;
 mod libraries;
 mod lines;
 mod operating;

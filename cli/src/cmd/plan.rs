@@ -8,8 +8,8 @@ use crate::problem::{Parsed, Problem};
 use crate::progress::{Watch, words};
 use crate::{Exit, files, inputs, interrupt, output, race};
 use miette::{IntoDiagnostic, miette};
-use rollwalk_planner::blame::Blame;
-use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::families::Family;
+use rollwalk_planner::plan::{Diagnosis, Plan, Status};
 use rollwalk_planner::start::{StartKind, Started};
 use rollwalk_planner::{Options, replan};
 use serde::Serialize;
@@ -76,10 +76,10 @@ struct Outcome<'a> {
     time_s: f64,
     energy: f64,
     worst_level: f64,
-    worst_constraint: &'a str,
+    worst_constraint: Family,
     start: Started,
-    /// Null where nothing is to blame.
-    blame: Option<&'a Blame>,
+    /// Null unless the request is infeasible.
+    diagnosis: Option<&'a Diagnosis>,
     /// Null after an interrupt.
     plan: Option<&'a PathBuf>,
 }
@@ -174,9 +174,9 @@ fn outcome<'a>(plan: &'a Plan, time_s: f64, written: Option<&'a PathBuf>) -> Out
         time_s,
         energy: plan.solve.energy,
         worst_level: plan.solve.worst_level,
-        worst_constraint: &plan.solve.worst_constraint,
+        worst_constraint: plan.solve.worst_constraint,
         start: plan.solve.start,
-        blame: plan.solve.blame.as_ref(),
+        diagnosis: plan.solve.diagnosis.as_ref(),
         plan: written,
     }
 }
@@ -202,8 +202,8 @@ fn describe(plan: &Plan, time_s: f64, written: Option<&PathBuf>) -> String {
         plan.motion.duration_s,
         match solve.status {
             Status::Infeasible | Status::Stalled | Status::IterationLimit => {
-                let blame = solve.blame.as_ref().map(|blame| format!("\n{blame}"));
-                shortfall(solve) + &blame.unwrap_or_default()
+                let diagnosis = solve.diagnosis.as_ref().map(|why| format!("\n{why}"));
+                shortfall(solve) + &diagnosis.unwrap_or_default()
             }
             Status::Converged | Status::Interrupted => format!(
                 "worst constraint: {}, at {:.3} of its credible level",
@@ -215,7 +215,7 @@ fn describe(plan: &Plan, time_s: f64, written: Option<&PathBuf>) -> String {
             Some(path) => format!(
                 "wrote {0}; `rollwalk report {0}` shows where it fails{1}",
                 path.display(),
-                if solve.blame.is_some() {
+                if solve.diagnosis.is_some() {
                     ""
                 } else {
                     ". A longer duration, a nearer goal or more samples may help"

@@ -52,9 +52,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 
 fn describe(plan: &Plan, report: &Report) -> String {
     let SolveSummary { status, iterations, energy, .. } = &plan.solve;
-    let blame = plan.solve.blame.as_ref().map(|blame| format!("\n{blame}")).unwrap_or_default();
+    let diagnosis = plan.solve.diagnosis.as_ref().map(|why| format!("\n{why}")).unwrap_or_default();
     format!(
-        "{report}the optimiser: {} after {iterations} iterations, energy {energy:.6}{blame}",
+        "{report}the optimiser: {} after {iterations} iterations, energy {energy:.6}{diagnosis}",
         words(*status)
     )
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::inputs::Source;
+use rollwalk_planner::families::Family;
 use rollwalk_planner::plan::Status;
 use std::path::Path;
 use std::sync::mpsc;
@@ -11,7 +12,7 @@ const STATE: Progress = Progress {
     energy: 1.0,
     cost: 1.0,
     worst_level: 1.0,
-    worst_constraint: "slip",
+    worst_constraint: Family::Slip,
     damping: 0.0,
     step: 0.0,
 };

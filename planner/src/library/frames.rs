@@ -2,9 +2,9 @@
 //! no faster than it can go.
 
 use super::{LibraryError, frames};
+use crate::families::Family;
 use crate::plan::Plan;
 use crate::sample::Setpoints;
-use crate::terms::level;
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
 use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_robot::Robot;
@@ -74,9 +74,10 @@ impl Channels<'_> {
     ) -> Result<(f32, f64), LibraryError> {
         let (min, max) = (f64::from(channel.min), f64::from(channel.max));
         let level = match channel.kind {
-            ChannelKind::JointPosition => level::JOINT_RAD,
-            ChannelKind::WheelSpeed => level::SPEED_FRACTION * max,
+            ChannelKind::JointPosition => Family::JointLimit,
+            ChannelKind::WheelSpeed => Family::WheelMotorSpeed,
         };
+        let level = level.level().at(max);
         let part = (value - max).max(min - value).max(0.0) / level;
         // Written so that a NaN is refused.
         if part <= ACCEPTED_PART && value.is_finite() {

@@ -26,7 +26,7 @@ fn random_rows(seed: u64) -> (Rows, Vec<f64>) {
             rows.derivatives.push(random());
         }
         rows.rows.push(Row {
-            term: 0,
+            family: crate::families::Family::Slip,
             at: 1,
             subject: crate::rows::Subject::Whole,
             given: None,

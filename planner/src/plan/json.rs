@@ -122,7 +122,13 @@ impl Header {
                 );
                 Err(fault("version", &self.version, expected))
             }
-            _ => Err(fault("version", &self.version, format!("{VERSION}"))),
+            Some(_) => {
+                let expected = format!(
+                    "{VERSION}: the plan is from an older rollwalk, plan the motion once more"
+                );
+                Err(fault("version", &self.version, expected))
+            }
+            None => Err(fault("version", &self.version, format!("{VERSION}"))),
         }
     }
 }
@@ -180,6 +186,7 @@ fn find_outside_strings(text: &str, wanted: impl Fn(char) -> bool) -> Option<usi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::Sample;
     use crate::test_plans;
 
     /// The plan with one piece of its JSON replaced.
@@ -218,11 +225,21 @@ mod tests {
                 "x.json: format is \"urdf\"; expected \"rollwalk-plan\"",
             ),
             (
-                "\"version\": 2",
+                "\"version\": 3",
                 "\"version\": 7",
-                "x.json: version is 7; expected 2 or less: the plan is from a newer",
+                "x.json: version is 7; expected 3 or less: the plan is from a newer",
             ),
-            ("\"version\": 2,", "", "x.json: version is missing; expected 2"),
+            (
+                "\"version\": 3",
+                "\"version\": 2",
+                "x.json: version is 2; expected 3: the plan is from an older rollwalk, plan",
+            ),
+            ("\"version\": 3,", "", "x.json: version is missing; expected 3"),
+            (
+                "\"clearance_m\": 0.02",
+                "\"clearance_m\": 0.01",
+                "formulation: clearance_m is 0.01; expected 0.02, as this program",
+            ),
             ("\"samples\": [", "\"samples\": [ 5,", "samples[0]: invalid type: integer `5`"),
             (
                 "base_orientation_wxyz\": [1.0, 0.0, 0.0, 0.0]",
@@ -281,6 +298,10 @@ mod tests {
         assert!(
             tampered("\"energy\": 0.0", "\"energy\": 1e999").to_string().contains("out of range")
         );
+        for number in ["NaN", "Infinity", "-Infinity", "null"] {
+            let error = tampered("\"energy\": 0.0", &format!("\"energy\": {number}"));
+            assert!(matches!(error, PlanError::Syntax { .. }), "{error}");
+        }
     }
 
     #[test]
@@ -289,6 +310,19 @@ mod tests {
         rest.after.joint_rad[2] += 0.01;
         let message = rest.validate("x.json").expect_err("moving at rest").to_string();
         assert!(message.contains("after is 1.000e-2 (m or rad) away from it"), "{message}");
+        let moves: [fn(&mut Sample); 4] = [
+            |after| after.base_position_m[1] += 1e-5,
+            |after| after.com_m[0] += 1e-5,
+            |after| after.end_effectors[3].position_m[2] += 1e-5,
+            |after| after.end_effectors[1].tilt_rad += 1e-5,
+        ];
+        for plan in [test_plans::start_stop(), test_plans::cruise()] {
+            for change in moves {
+                let mut moved = plan.clone();
+                change(&mut moved.after);
+                moved.validate("x.json").expect_err("a moved pose");
+            }
+        }
         let mut periodic = test_plans::cruise();
         periodic.end_placement.yaw_rad = 0.1;
         let message =

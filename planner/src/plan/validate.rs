@@ -2,17 +2,13 @@
 //! times on the grid, ends that agree with the kind of motion.
 
 use super::{EndEffectorSample, FORMAT, Placement, Plan, PlanError, Sample, Status, VERSION};
-use crate::formulation::TERMS;
+use crate::families::{AGREEMENT, Kind};
 use crate::motion::{Ends, Subject};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
 use std::fmt::Display;
 
 /// Fewest samples for which periodic splines and second differences are defined.
 const MIN_SAMPLES: usize = 3;
-
-/// Numbers that repeat each other in a plan agree to this: far below any level that matters, and loose
-/// enough for files written with nine digits by other programs.
-const AGREEMENT: f64 = 1e-6;
 
 impl Plan {
     /// Checks that the plan is whole and consistent; `file` is how errors name it.
@@ -41,7 +37,7 @@ impl Plan {
                 )?;
             }
         }
-        self.validate_blame(&at.of("solve"))?;
+        self.validate_diagnosis(&at.of("solve"))?;
         self.validate_sample(&self.before, &at.of("before"))?;
         self.validate_sample(&self.after, &at.of("after"))?;
         self.validate_ends(&at)
@@ -104,16 +100,16 @@ impl Plan {
         )
     }
 
-    /// Who is to blame is a constraint by its name, in numbers and words that can be printed.
-    fn validate_blame(&self, at: &Field) -> Result<(), PlanError> {
-        let Some(blame) = &self.solve.blame else { return Ok(()) };
+    /// The diagnosis has numbers in range and words that can be printed.
+    fn validate_diagnosis(&self, at: &Field) -> Result<(), PlanError> {
+        let Some(diagnosis) = &self.solve.diagnosis else { return Ok(()) };
         let infeasible = self.solve.status == Status::Infeasible;
-        at.of("blame").holds(infeasible, "given", "null unless status is infeasible")?;
-        for (index, culprit) in blame.culprits.iter().enumerate() {
-            let at = at.item("blame.culprits", index);
-            let known = TERMS.iter().any(|term| term.about().name == culprit.constraint);
-            let name = culprit.constraint.escape_debug();
-            at.of("constraint").holds(known, name, "the name of a constraint")?;
+        at.of("diagnosis").holds(infeasible, "given", "null unless status is infeasible")?;
+        for (index, culprit) in diagnosis.culprits.iter().enumerate() {
+            let at = at.item("diagnosis.culprits", index);
+            let found = culprit.constraint;
+            let constraint = !matches!(found.kind(), Kind::Cost | Kind::Check);
+            at.of("constraint").holds(constraint, found, "the name of a constraint")?;
             let [from_s, to_s] = culprit.time_s;
             let numbers = [culprit.worst, from_s, to_s, to_s - from_s, culprit.share];
             let given = [culprit.given.unwrap_or(0.0), culprit.would_do.unwrap_or(0.0)];
@@ -300,13 +296,22 @@ impl Field<'_> {
         moved: Placement,
         meaning: &str,
     ) -> Result<(), PlanError> {
-        let wanted_position = Vector3::from(moved.point(wanted.base_position_m));
+        let point = |found: [f64; 3], wanted: [f64; 3]| {
+            (Vector3::from(found) - Vector3::from(moved.point(wanted))).amax()
+        };
+        let angles = |sample: &Sample| Vector3::from(sample.base_yaw_pitch_roll_rad);
         let turn = Vector3::new(moved.yaw_rad, 0.0, 0.0);
-        let wanted_angles = Vector3::from(wanted.base_yaw_pitch_roll_rad) + turn;
-        let position = Vector3::from(found.base_position_m) - wanted_position;
-        let angles = Vector3::from(found.base_yaw_pitch_roll_rad) - wanted_angles;
-        let joints = found.joint_rad.iter().zip(&wanted.joint_rad).map(|(a, b)| (a - b).abs());
-        let away = joints.fold(position.amax().max(angles.amax()), f64::max);
+        let mut away = vec![
+            point(found.base_position_m, wanted.base_position_m),
+            (angles(found) - angles(wanted) - turn).amax(),
+            point(found.com_m, wanted.com_m),
+        ];
+        away.extend(found.joint_rad.iter().zip(&wanted.joint_rad).map(|(a, b)| (a - b).abs()));
+        for (found, wanted) in found.end_effectors.iter().zip(&wanted.end_effectors) {
+            away.push(point(found.position_m, wanted.position_m));
+            away.push((found.tilt_rad - wanted.tilt_rad).abs());
+        }
+        let away = away.into_iter().fold(0.0, f64::max);
         self.holds(
             away <= AGREEMENT,
             format!("{away:.3e} (m or rad) away from it"),

@@ -4,11 +4,9 @@
 use super::Grid;
 use super::grid::{State, Timeline, Window};
 use super::rows::Worst;
+use crate::families::Family;
 use crate::motion::{Ends, Subject};
-use crate::terms::level;
 use nalgebra::{Rotation3, Vector3};
-
-const MM: f64 = 1000.0;
 
 /// How far targets are missed and heights exceeded.
 pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
@@ -39,9 +37,9 @@ where
 }
 
 fn targets(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
-    let mut places = Worst::of("target position", "sec. 2.4.1", "mm", grid);
-    let mut velocities = Worst::of("target velocity", "sec. 2.4.1", "mm/s", grid);
-    let mut headings = Worst::of("target heading", "sec. 2.4.1", "rad", grid);
+    let mut places = Worst::of(Family::TargetPosition, grid);
+    let mut velocities = Worst::of(Family::TargetVelocity, grid);
+    let mut headings = Worst::of(Family::TargetHeading, grid);
     let plan = timeline.plan;
     let windows: Vec<Window> = timeline.samples().collect();
     let start = windows[0].here.sample;
@@ -66,18 +64,18 @@ fn targets(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
         for (c, direction) in ["forward", "left", "up"].into_iter().enumerate() {
             let subject = format!("{name} {direction} at {:.3} s", target.at_s);
             if let Some(wanted) = target.position_m[c] {
-                let off = (place[c] - wanted).abs() * MM;
-                places.see(off, level::POSITION_M * MM, w, Some(&subject));
+                let off = (place[c] - wanted).abs();
+                places.see(off, w, Some(&subject));
             }
             if let Some(wanted) = target.velocity_m_s[c] {
-                let off = (velocity[c] - wanted).abs() * MM;
-                velocities.see(off, level::TARGET_SPEED_M_S * MM, w, Some(&subject));
+                let off = (velocity[c] - wanted).abs();
+                velocities.see(off, w, Some(&subject));
             }
         }
         if let Some(wanted) = target.heading_rad {
             let yaws = around.map(|s| s.sample.base_yaw_pitch_roll_rad[0] - start_yaw);
             let off = (parabola(yaws, u).0 - wanted).abs();
-            headings.see(off, level::GOAL, w, Some(&format!("{name} at {:.3} s", target.at_s)));
+            headings.see(off, w, Some(&format!("{name} at {:.3} s", target.at_s)));
         }
     }
     vec![places, velocities, headings]
@@ -86,7 +84,7 @@ fn targets(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
 /// How far heights are beyond their bounds within their spans. At the samples of a plan the two samples
 /// that enclose a span count too.
 fn heights(timeline: &Timeline, grid: Grid) -> Worst {
-    let mut worst = Worst::of("height limit", "sec. 3.5.2", "mm", grid);
+    let mut worst = Worst::of(Family::HeightLimit, grid);
     let plan = timeline.plan;
     for limit in &plan.motion.heights {
         for w in timeline.samples() {
@@ -98,8 +96,8 @@ fn heights(timeline: &Timeline, grid: Grid) -> Worst {
                 let z = position(w.here, limit.of).z;
                 let over = limit.below_m.map_or(0.0, |below_m| z - below_m);
                 let under = limit.above_m.map_or(0.0, |above_m| above_m - z);
-                let beyond = over.max(under).max(0.0) * MM;
-                worst.see(beyond, level::POSITION_M * MM, &w, Some(limit.of.name(&plan.robot)));
+                let beyond = over.max(under).max(0.0);
+                worst.see(beyond, &w, Some(limit.of.name(&plan.robot)));
             }
         }
     }

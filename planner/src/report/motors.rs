@@ -6,16 +6,15 @@
 use super::Grid;
 use super::grid::{State, Timeline};
 use super::rows::{Worst, feet};
+use crate::families::{Family, GRAVITY_M_S2};
 use crate::model::JOINTS;
-use crate::terms::level;
-use crate::variables::GRAVITY_M_S2;
 use rollwalk_robot::Actuator;
 
 /// Torques of joints and driven wheels at the samples, torque-speed lines on the intervals.
 pub fn torques(timeline: &Timeline) -> Vec<Worst> {
-    let mut joint = Worst::of("joint torque", "quasi-static", "N m", Grid::Samples);
-    let mut wheel = Worst::of("wheel torque", "quasi-static", "N m", Grid::Samples);
-    let mut line = Worst::of("torque-speed line", "quasi-static", "-", Grid::Samples);
+    let mut joint = Worst::of(Family::JointTorque, Grid::Samples);
+    let mut wheel = Worst::of(Family::WheelTorque, Grid::Samples);
+    let mut line = Worst::of(Family::TorqueSpeedLine, Grid::Samples);
     let robot = &timeline.plan.robot;
     let driven =
         || feet(timeline).filter_map(|(j, foot)| Some((j, foot, foot.contact.actuator()?)));
@@ -23,12 +22,12 @@ pub fn torques(timeline: &Timeline) -> Vec<Worst> {
         for (j, of) in robot.joints.iter().enumerate() {
             let limit = of.actuator.torque_max_nm;
             let beyond = (joint_torque_nm(timeline, w.here, j).abs() - limit).max(0.0);
-            joint.see(beyond, level::TORQUE_FRACTION * limit, &w, Some(&of.name));
+            joint.see_beyond(beyond, limit, &w, Some(&of.name));
         }
         for (j, foot, motor) in driven() {
             let limit = motor.torque_max_nm;
             let beyond = (wheel_torque_nm(timeline, w.here, j).abs() - limit).max(0.0);
-            wheel.see(beyond, level::TORQUE_FRACTION * limit, &w, Some(&foot.name));
+            wheel.see_beyond(beyond, limit, &w, Some(&foot.name));
         }
     }
     let h = timeline.spacing_s();
@@ -39,14 +38,14 @@ pub fn torques(timeline: &Timeline) -> Vec<Worst> {
             let torque_nm = mean(&|state| joint_torque_nm(timeline, state, j));
             let speed_rad_s = (w.after.sample.joint_rad[j] - w.here.sample.joint_rad[j]) / h;
             if let Some(beyond) = beyond_line(&of.actuator, torque_nm, speed_rad_s) {
-                line.see(beyond, level::TORQUE_FRACTION, &w, Some(&of.name));
+                line.see(beyond, &w, Some(&of.name));
             }
         }
         for (j, foot, motor) in driven().filter(|(j, ..)| !timeline.plan.motion.held_wheels[*j]) {
             let torque_nm = mean(&|state| wheel_torque_nm(timeline, state, j));
             let speed_rad_s = w.here.sample.end_effectors[j].motor_speed_rad_s;
             if let Some(beyond) = beyond_line(motor, torque_nm, speed_rad_s) {
-                line.see(beyond, level::TORQUE_FRACTION, &w, Some(&foot.name));
+                line.see(beyond, &w, Some(&foot.name));
             }
         }
     }

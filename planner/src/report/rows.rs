@@ -2,19 +2,10 @@
 
 use super::grid::{State, Timeline, Window};
 use super::{Grid, Place, Row, choreography, motors};
+use crate::families::{CLEARANCE_M, Family, GRAVITY_M_S2, ROLLING_SIGN_WIDTH_M_S};
 use crate::state::{ContactFrame, rolling_direction};
-use crate::terms::level;
-use crate::variables::GRAVITY_M_S2;
 use nalgebra::Vector3;
 use rollwalk_robot::EndEffector;
-
-const MM: f64 = 1000.0;
-
-/// Rolling velocity at which rolling resistance has nearly its full value, m/s: its smooth sign.
-const ROLLING_SIGN_WIDTH_M_S: f64 = 0.05;
-
-/// Clearance β between end effectors of different links, m (Eq. 2.10).
-const CLEARANCE_M: f64 = 0.02;
 
 /// All residuals that a plan must satisfy at its samples.
 pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
@@ -49,25 +40,32 @@ pub fn between(timeline: &Timeline, grid: Grid) -> Vec<Row> {
     rows
 }
 
-/// Finds the worst case of one residual.
+/// Finds the worst case of one family.
 pub(super) struct Worst {
     row: Row,
     part: f64,
 }
 
 impl Worst {
-    pub(super) fn of(
-        name: &'static str,
-        equation: &'static str,
-        unit: &'static str,
-        grid: Grid,
-    ) -> Self {
-        let row = Row { name, equation, grid, worst: 0.0, unit, level: None, place: None };
-        Self { row, part: 0.0 }
+    pub(super) fn of(family: Family, grid: Grid) -> Self {
+        Self { row: Row::new(family, grid), part: 0.0 }
     }
 
-    /// Takes note of a residual with the level that applies to it.
-    pub(super) fn see(&mut self, residual: f64, level: f64, at: &Window, subject: Option<&str>) {
+    /// Notes a residual, in the family's SI unit.
+    pub(super) fn see(&mut self, residual: f64, at: &Window, subject: Option<&str>) {
+        self.see_beyond(residual, 1.0, at, subject);
+    }
+
+    /// Notes how far something is beyond a limit, in the family's SI unit.
+    pub(super) fn see_beyond(
+        &mut self,
+        residual: f64,
+        limit: f64,
+        at: &Window,
+        subject: Option<&str>,
+    ) {
+        let (_, factor) = self.row.family.unit().shown();
+        let (residual, level) = (residual * factor, self.row.family.level().at(limit) * factor);
         self.row.level.get_or_insert(level);
         let part = residual / level;
         if part > self.part {
@@ -95,8 +93,8 @@ pub(super) fn feet<'a>(timeline: &'a Timeline) -> impl Iterator<Item = (usize, &
 
 /// Newton–Euler for the centroidal frame.
 fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
-    let mut linear = Worst::of("linear dynamics", "Eq. 2.3", "N", grid);
-    let mut angular = Worst::of("angular dynamics", "Eq. 2.4", "N m", grid);
+    let mut linear = Worst::of(Family::LinearDynamics, grid);
+    let mut angular = Worst::of(Family::AngularDynamics, grid);
     let h = timeline.spacing_s();
     let mass = timeline.model.total_mass_kg();
     for w in timeline.samples() {
@@ -107,7 +105,7 @@ fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
         }
         let acceleration = (w.before.com() - w.here.com() * 2.0 + w.after.com()) / (h * h);
         let gravity = Vector3::new(0.0, 0.0, -GRAVITY_M_S2);
-        linear.see((force + (gravity - acceleration) * mass).norm(), level::DYNAMICS_N, &w, None);
+        linear.see((force + (gravity - acceleration) * mass).norm(), &w, None);
 
         // Inertia in world axes; a rotation leaves its own axis alone, so that the interval's velocity
         // may be used at either end.
@@ -117,18 +115,18 @@ fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
         let v_out = w.here.body_velocity(w.after, h);
         let mean = (v_in + v_out) * 0.5;
         let momentum_rate = inertia * (v_out - v_in) / h + mean.cross(&(inertia * mean));
-        angular.see((moment - momentum_rate).norm(), level::DYNAMICS_NM, &w, None);
+        angular.see((moment - momentum_rate).norm(), &w, None);
     }
     vec![linear, angular]
 }
 
 fn friction(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of("friction", "Eq. 2.5", "N", Grid::Samples);
+    let mut worst = Worst::of(Family::Friction, Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j)) {
             let f = w.here.force(j);
             let beyond = f.x.hypot(f.y) - foot.friction_coefficient * f.z.max(0.0);
-            worst.see(beyond.max(-f.z).max(0.0), level::FORCE_N, &w, Some(&foot.name));
+            worst.see(beyond.max(-f.z).max(0.0), &w, Some(&foot.name));
         }
     }
     worst
@@ -136,7 +134,7 @@ fn friction(timeline: &Timeline) -> Worst {
 
 /// Free wheels push along their rolling direction with their rolling resistance only.
 fn rolling_force(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of("free-wheel traction", "Eq. 2.6", "N", Grid::Samples);
+    let mut worst = Worst::of(Family::FreeWheelTraction, Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j)) {
             let Some(drag) = foot.contact.drag() else { continue };
@@ -146,17 +144,17 @@ fn rolling_force(timeline: &Timeline) -> Worst {
                 * (rolling_m_s / ROLLING_SIGN_WIDTH_M_S).tanh()
                 + drag.rolling_drag_s_m * rolling_m_s;
             let residual = f.dot(&w.here.frames[j].rolling) + resistance * f.z;
-            worst.see(residual.abs(), level::FORCE_N, &w, Some(&foot.name));
+            worst.see(residual.abs(), &w, Some(&foot.name));
         }
     }
     worst
 }
 
 fn swing_force(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of("swing force", "Eq. 2.7", "N", Grid::Samples);
+    let mut worst = Worst::of(Family::SwingForce, Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline).filter(|(j, _)| !w.here.stands(*j)) {
-            worst.see(w.here.force(j).norm(), level::FORCE_N, &w, Some(&foot.name));
+            worst.see(w.here.force(j).norm(), &w, Some(&foot.name));
         }
     }
     worst
@@ -165,10 +163,10 @@ fn swing_force(timeline: &Timeline) -> Worst {
 /// Slip on the ground and height above it. Slip: what the contact point moved beyond what the wheel
 /// rolled, with the rolling direction at the interval's middle; a foot rolls nothing.
 fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
-    let mut slip = Worst::of("slip", "Eq. 2.8, midpoint", "mm/s", grid);
-    let mut landing = Worst::of("landing slip", "Eq. 2.8, midpoint", "mm/s", grid);
-    let mut height = Worst::of("contact height", "Eq. 2.9", "mm", grid);
-    let mut dip = Worst::of("depth in swing", "Eq. 2.9", "mm", grid);
+    let mut slip = Worst::of(Family::Slip, grid);
+    let mut landing = Worst::of(Family::LandingSlip, grid);
+    let mut height = Worst::of(Family::ContactHeight, grid);
+    let mut dip = Worst::of(Family::SwingDepth, grid);
     let h = timeline.spacing_s();
     for w in timeline.intervals() {
         for (j, foot) in feet(timeline) {
@@ -187,7 +185,7 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
                 Vector3::zeros()
             };
             let slipped = (moved - rolled).xy().norm();
-            row.see(slipped * MM, level::SLIP_M_S * MM, &w, Some(&foot.name));
+            row.see(slipped, &w, Some(&foot.name));
         }
     }
     for w in timeline.samples() {
@@ -195,21 +193,21 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
             let z = w.here.contact(j).z;
             let (row, off) =
                 if w.here.stands(j) { (&mut height, z.abs()) } else { (&mut dip, (-z).max(0.0)) };
-            row.see(off * MM, level::POSITION_M * MM, &w, Some(&foot.name));
+            row.see(off, &w, Some(&foot.name));
         }
     }
     vec![slip, landing, height, dip]
 }
 
 fn clearance(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of("end-effector clearance", "Eq. 2.10", "mm", Grid::Samples);
+    let mut worst = Worst::of(Family::EndEffectorClearance, Grid::Samples);
     for w in timeline.samples() {
         for (j, a) in feet(timeline) {
             for (k, b) in feet(timeline).skip(j + 1).filter(|(_, b)| a.link != b.link) {
                 let apart = (w.here.contact(j) - w.here.contact(k)).norm();
                 let least = a.clearance_radius_m() + b.clearance_radius_m() + CLEARANCE_M;
                 let missing = (least - apart).max(0.0);
-                worst.see(missing * MM, level::POSITION_M * MM, &w, Some(&a.name));
+                worst.see(missing, &w, Some(&a.name));
             }
         }
     }
@@ -217,20 +215,20 @@ fn clearance(timeline: &Timeline) -> Worst {
 }
 
 fn com(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of("centre of mass", "Eq. 2.11", "mm", Grid::Samples);
+    let mut worst = Worst::of(Family::CentreOfMass, Grid::Samples);
     for w in timeline.samples() {
-        worst.see((w.here.pose.com - w.here.com()).norm() * MM, level::POSITION_M * MM, &w, None);
+        worst.see((w.here.pose.com - w.here.com()).norm(), &w, None);
     }
     worst
 }
 
 fn contact_point(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of("contact point", "Eq. 2.14", "mm", Grid::Samples);
+    let mut worst = Worst::of(Family::ContactPoint, Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline) {
             let reached = w.here.pose.end_effectors[j].center + w.here.frames[j].to_contact;
             let off = (reached - w.here.contact(j)).norm();
-            worst.see(off * MM, level::POSITION_M * MM, &w, Some(&foot.name));
+            worst.see(off, &w, Some(&foot.name));
         }
     }
     worst
@@ -239,25 +237,25 @@ fn contact_point(timeline: &Timeline) -> Worst {
 /// The contact of a skate lies between the ends of its blade: the angle from the blade's middle to the
 /// contact, seen along the blade, against half the blade.
 fn blade_contact(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of("contact on the blade", "sec. 3.5.2", "mm", Grid::Samples);
+    let mut worst = Worst::of(Family::BladeContact, Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j)) {
             let Some(blade) = foot.blade() else { continue };
             let middle = w.here.pose.end_effectors[j].world_from_link * blade.middle_in_link;
             let along = (middle * foot.radius_m).dot(&w.here.frames[j].rolling).abs();
             let beyond = (along - blade.reach_m).max(0.0);
-            worst.see(beyond * MM, level::POSITION_M * MM, &w, Some(&foot.name));
+            worst.see(beyond, &w, Some(&foot.name));
         }
     }
     worst
 }
 
 fn wheel_axis(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of("wheel axis", "Eq. 2.13", "rad", Grid::Samples);
+    let mut worst = Worst::of(Family::WheelAxis, Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline).filter(|(_, e)| e.contact.rolls()) {
             let off = (w.here.pose.end_effectors[j].axis - w.here.frames[j].axis).norm();
-            worst.see(off, level::AXIS_RAD, &w, Some(&foot.name));
+            worst.see(off, &w, Some(&foot.name));
         }
     }
     worst
@@ -266,13 +264,13 @@ fn wheel_axis(timeline: &Timeline) -> Worst {
 /// The commanded motor turns the wheel as the slip equation needs it: ω + α̇_yaw (v·a) − Ω·a, at the
 /// rim.
 fn motor_speed(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of("motor against wheel", "conventions", "mm/s", Grid::Samples);
+    let mut worst = Worst::of(Family::MotorAgainstWheel, Grid::Samples);
     let h = timeline.spacing_s();
     for w in timeline.intervals() {
         for (j, foot) in feet(timeline).filter(|(_, e)| e.contact.actuator().is_some()) {
             let off =
                 w.here.sample.end_effectors[j].motor_speed_rad_s - needed_motor_speed(&w, j, h);
-            worst.see(off.abs() * foot.radius_m * MM, level::SLIP_M_S * MM, &w, Some(&foot.name));
+            worst.see(off.abs() * foot.radius_m, &w, Some(&foot.name));
         }
     }
     worst
@@ -280,14 +278,14 @@ fn motor_speed(timeline: &Timeline) -> Worst {
 
 /// A wheel that is welded to its link, or held still, does not turn relative to it; at the rim.
 fn held_wheel(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of("held wheel", "Eq. 2.15, about the axis", "mm/s", Grid::Samples);
+    let mut worst = Worst::of(Family::HeldWheel, Grid::Samples);
     let h = timeline.spacing_s();
     let still = timeline.plan.motion.still_wheels(&timeline.plan.robot);
     for w in timeline.intervals() {
         for (j, foot) in feet(timeline) {
             if still[j] {
                 let off = needed_motor_speed(&w, j, h).abs() * foot.radius_m;
-                worst.see(off * MM, level::SLIP_M_S * MM, &w, Some(&foot.name));
+                worst.see(off, &w, Some(&foot.name));
             }
         }
     }
@@ -305,14 +303,14 @@ fn needed_motor_speed(w: &Window, j: usize, h: f64) -> f64 {
 
 /// How far angles and speeds are beyond what the motors can do.
 fn limits(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
-    let mut angle = Worst::of("joint limit", "sec. 2.4.1", "rad", grid);
-    let mut speed = Worst::of("joint speed", "sec. 2.4.1", "rad/s", grid);
-    let mut wheel = Worst::of("wheel motor speed", "sec. 2.4.1", "rad/s", grid);
+    let mut angle = Worst::of(Family::JointLimit, grid);
+    let mut speed = Worst::of(Family::JointSpeed, grid);
+    let mut wheel = Worst::of(Family::WheelMotorSpeed, grid);
     let h = timeline.spacing_s();
     for w in timeline.samples() {
         for (joint, &q) in timeline.plan.robot.joints.iter().zip(&w.here.sample.joint_rad) {
             let beyond = (q - joint.position_max_rad).max(joint.position_min_rad - q).max(0.0);
-            angle.see(beyond, level::JOINT_RAD, &w, Some(&joint.name));
+            angle.see(beyond, &w, Some(&joint.name));
         }
     }
     for w in timeline.intervals() {
@@ -320,13 +318,13 @@ fn limits(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
         for (joint, (q, next)) in timeline.plan.robot.joints.iter().zip(angles) {
             let limit = joint.actuator.speed_max_rad_s;
             let beyond = (((next - q) / h).abs() - limit).max(0.0);
-            speed.see(beyond, level::SPEED_FRACTION * limit, &w, Some(&joint.name));
+            speed.see_beyond(beyond, limit, &w, Some(&joint.name));
         }
         for (j, foot) in feet(timeline) {
             let Some(motor) = foot.contact.actuator() else { continue };
             let limit = motor.speed_max_rad_s;
             let beyond = (w.here.sample.end_effectors[j].motor_speed_rad_s.abs() - limit).max(0.0);
-            wheel.see(beyond, level::SPEED_FRACTION * limit, &w, Some(&foot.name));
+            wheel.see_beyond(beyond, limit, &w, Some(&foot.name));
         }
     }
     vec![angle, speed, wheel]
@@ -348,23 +346,21 @@ fn goals(timeline: &Timeline) -> Vec<Row> {
     };
     let worst = displacement.into_iter().filter_map(off).max_by(|a, b| a.1.total_cmp(&b.1));
     let turn = goal.turn_rad.map(|wanted| (None, (turn - wanted).abs()));
-    [("displacement goal", "m", worst), ("turning goal", "rad", turn)]
+    [(Family::DisplacementGoal, worst), (Family::TurningGoal, turn)]
         .into_iter()
-        .filter_map(|(name, unit, worst)| {
+        .filter_map(|(family, worst)| {
             let (subject, worst): (Option<&str>, f64) = worst?;
             let place = Place {
                 sample: timeline.plan.samples.len(),
                 time_s: last.sample.time_s,
                 subject: subject.map(str::to_owned),
             };
+            let (_, factor) = family.unit().shown();
             Some(Row {
-                name,
-                equation: "sec. 2.4.1",
-                grid: Grid::Samples,
-                worst,
-                unit,
-                level: Some(level::GOAL),
+                worst: worst * factor,
+                level: Some(family.level().at(1.0) * factor),
                 place: (worst > 0.0).then_some(place),
+                ..Row::new(family, Grid::Samples)
             })
         })
         .collect()

@@ -56,7 +56,7 @@ fn cells(row: &Row) -> [String; 6] {
         format!("sample {} ({:.3} s){subject}", place.sample, place.time_s)
     });
     [
-        row.name.to_owned(),
+        row.family.name().to_owned(),
         row.equation.to_owned(),
         format!("{mark}{}", number(row.worst)),
         row.level.map_or("-".to_owned(), number),

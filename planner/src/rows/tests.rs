@@ -21,8 +21,8 @@ fn row(
     let unknowns = random_unknowns(&problem.model, problem.frozen.len(), 1);
     let states = problem.states(&unknowns);
     let mut out = RowWriter::new(problem, &columns, &unknowns, &states, Rows::default());
-    out.enter(7, at);
-    out.set(2.0, 0.5, Role::Equality);
+    out.enter(Family::Slip, at);
+    out.set(2.0, Role::Equality);
     write(&mut out);
     out.row(6.0);
     // Nothing of a row is left for the next one.
@@ -75,7 +75,7 @@ fn derivatives_are_scaled_added_up_and_kept_when_zero() {
         out.d(2, JOINTS, 0.0);
         out.d(1, force, 1.0);
     });
-    assert_eq!((row.term, row.value), (7, 3.0)); // 6 over the scale of 2
+    assert_eq!((row.family, row.value), (Family::Slip, 3.0)); // 6 over the scale of 2
     let column = |slot: usize, variable: usize| columns.of_slot[slot][variable].expect("free");
     // Timeline sample 2 is slot 1.
     assert_eq!(

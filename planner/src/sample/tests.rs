@@ -119,6 +119,16 @@ fn a_turning_motion_goes_round_a_circle() {
     bend(&mut plan.after, 1.0);
     plan.end_placement =
         Placement { offset_m: [radius * psi.sin(), radius * (1.0 - psi.cos())], yaw_rad: psi };
+    let (moved, back) = (plan.end_placement, plan.end_placement.inverse());
+    let (first, last) = (plan.samples[0].clone(), plan.samples[plan.samples.len() - 1].clone());
+    for (outside, inside, placement) in
+        [(&mut plan.after, first, moved), (&mut plan.before, last, back)]
+    {
+        outside.com_m = placement.point(inside.com_m);
+        for (to, from) in outside.end_effectors.iter_mut().zip(&inside.end_effectors) {
+            to.position_m = placement.point(from.position_m);
+        }
+    }
     plan.validate("circle").expect("a plan");
     let spline = PlanSpline::new(&plan);
     for k in -50..200 {

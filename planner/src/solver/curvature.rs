@@ -4,12 +4,11 @@
 //! slots whose neighbourhoods do not meet are moved together: the number of evaluations grows with
 //! the variables of a sample, not with the samples.
 
-use super::TERMS;
-use crate::formulation::{self, Term};
+use crate::families::{Family, FamilySet};
+use crate::formulation;
 use crate::normal::{NormalEquations, row_energy};
 use crate::problem::{Problem, Unknowns};
 use crate::rows::{Columns, Rows};
-use crate::terms::{ContactPoint, WheelAxis};
 use std::collections::BTreeSet;
 
 /// Length of the differences in scaled variables: truncation and rounding both stay below 1e-5.
@@ -78,13 +77,16 @@ impl Curvature {
         normal: &mut NormalEquations,
     ) {
         let slopes: Vec<f64> = rows.rows.iter().map(|r| row_energy(r, 0.0, penalty)[1]).collect();
-        let consistency = [WheelAxis.about().name, ContactPoint.about().name];
-        let kept = |term: usize| !consistency.contains(&TERMS[term].about().name);
+        const CONSISTENCY: FamilySet = FamilySet::of(&[Family::WheelAxis, Family::ContactPoint]);
         let slopes_for_q: Vec<f64> = rows
             .rows
             .iter()
             .zip(&slopes)
-            .map(|(row, &slope)| if !filtered || kept(row.term) { slope } else { 0.0 })
+            .map(
+                |(row, &slope)| {
+                    if !filtered || !CONSISTENCY.contains(row.family) { slope } else { 0.0 }
+                },
+            )
             .collect();
         let gradient = |rows: &Rows, slopes: &[f64]| {
             let mut gradient = vec![0.0; columns.count];

@@ -1,5 +1,6 @@
 //! Multipliers of a solve: carried from a neighbouring one, or estimated where there are none.
 
+use crate::families::Family;
 use crate::normal::{NormalEquations, row_energy};
 use crate::rows::{Role, Row, Rows};
 
@@ -8,8 +9,8 @@ use crate::rows::{Role, Row, Rows};
 pub struct Multipliers {
     /// The shift of every row.
     shifts: Vec<f64>,
-    /// The terms that the rows belong to: what makes two patterns of rows the same.
-    terms: Vec<usize>,
+    /// The families that the rows belong to: what makes two patterns of rows the same.
+    families: Vec<Family>,
     /// Penalty to which the shifts belong.
     penalty: f64,
 }
@@ -17,13 +18,13 @@ pub struct Multipliers {
 impl Multipliers {
     /// The multipliers of rows in their order.
     pub(super) fn of(rows: &Rows, shifts: Vec<f64>, penalty: f64) -> Self {
-        Self { shifts, terms: rows.rows.iter().map(|row| row.term).collect(), penalty }
+        Self { shifts, families: rows.rows.iter().map(|row| row.family).collect(), penalty }
     }
 
     /// Shifts for other rows and another penalty, if the rows have the same pattern. What a multiplier
     /// pushes with is penalty × shift.
     pub(super) fn carried(&self, rows: &Rows, penalty: f64) -> Option<Vec<f64>> {
-        let same = self.terms.iter().eq(rows.rows.iter().map(|row| &row.term));
+        let same = self.families.iter().eq(rows.rows.iter().map(|row| &row.family));
         let scale = self.penalty / penalty;
         same.then(|| self.shifts.iter().map(|shift| shift * scale).collect())
     }

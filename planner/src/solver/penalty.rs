@@ -8,14 +8,14 @@
 //! search, stop tests and interruption with Newton's method, and reads no clock.
 
 use super::curvature::Curvature;
-use super::{ACCEPTED_LEVEL, Method, Progress, Settings, TERMS};
-use crate::formulation::{self, Term};
+use super::{ACCEPTED_LEVEL, Method, Progress, Settings};
+use crate::families::{Family, FamilySet};
+use crate::formulation;
 use crate::normal::{NormalEquations, row_energy};
 use crate::plan::{SolveSummary, Status};
 use crate::problem::{Problem, Unknowns};
 use crate::rows::{Columns, Role, Row, Rows};
 use crate::start::Started;
-use crate::terms::{Displacement, TargetHeading, TargetPosition, TargetVelocity, Turn};
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
@@ -24,8 +24,13 @@ pub const PENALTY: f64 = 10_000.0;
 /// Weight of what the thesis calls functional objectives, and of its choreography objectives.
 const OBJECTIVE: f64 = 50.0;
 /// What has that weight. Bounds on heights are inequalities and weigh like those.
-static OBJECTIVES: [&dyn Term; 5] =
-    [&Displacement, &Turn, &TargetPosition, &TargetVelocity, &TargetHeading];
+const OBJECTIVES: FamilySet = FamilySet::of(&[
+    Family::DisplacementGoal,
+    Family::TurningGoal,
+    Family::TargetPosition,
+    Family::TargetVelocity,
+    Family::TargetHeading,
+]);
 /// Relative decrease of the energy below which an iteration counts as flat, and how many end the solve.
 const FLAT: f64 = 1e-8;
 const FLAT_ITERATIONS: usize = 3;
@@ -47,8 +52,7 @@ fn evaluate(problem: &Problem, columns: &Columns, unknowns: &Unknowns, reuse: Ro
 }
 
 fn is_objective(row: &Row) -> bool {
-    let name = TERMS[row.term].about().name;
-    OBJECTIVES.iter().any(|objective| objective.about().name == name)
+    OBJECTIVES.contains(row.family)
 }
 
 /// The worst of constraints and objectives: its row and its residual over its credible level.
@@ -156,7 +160,7 @@ pub fn solve(
             energy,
             cost: rows.rows.iter().filter(is_cost).map(|r| row_energy(r, 0.0, PENALTY)[0]).sum(),
             worst_level: level,
-            worst_constraint: TERMS[rows.rows[row].term].about().name,
+            worst_constraint: rows.rows[row].family,
             damping: if settings.method == Method::Lbfgs { 0.0 } else { damping },
             step: length,
         };
@@ -180,10 +184,10 @@ pub fn solve(
         iterations: iteration,
         energy,
         worst_level: level,
-        worst_constraint: TERMS[rows.rows[row].term].about().name.into(),
+        worst_constraint: rows.rows[row].family,
         start: Started::default(),
         // Where penalties and costs balance, residuals do not say who contradicts whom.
-        blame: None,
+        diagnosis: None,
     };
     (summary, rows)
 }
@@ -191,6 +195,7 @@ pub fn solve(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::formulation::TERMS;
     use crate::model::Model;
     use crate::motion::Ends;
     use crate::problem::Weights;
@@ -198,7 +203,7 @@ mod tests {
 
     #[test]
     fn every_constraint_has_a_penalty_and_decides_whether_a_plan_holds() {
-        let mut seen = vec![false; TERMS.len()];
+        let mut seen = vec![false; Family::ALL.len()];
         for robot in test_robots::all() {
             let mut motion = test_robots::motion(&robot, Ends::AtRest);
             motion.targets = test_robots::targets();
@@ -215,11 +220,11 @@ mod tests {
                 formulation::evaluate(&problem, &columns, &unknowns, &states, Rows::default());
             let mut rows = evaluate(&problem, &columns, &unknowns, Rows::default());
             for index in 0..rows.rows.len() {
-                let term = rows.rows[index].term;
-                if std::mem::replace(&mut seen[term], true) {
+                let family = rows.rows[index].family;
+                if std::mem::replace(&mut seen[family as usize], true) {
                     continue;
                 }
-                let name = TERMS[term].about().name;
+                let name = family.name();
                 // Far in the forbidden, ψ is a square and a constant that is nothing beside it.
                 let found = rows.rows[index].value;
                 rows.rows[index].value = 1e9;
@@ -238,8 +243,8 @@ mod tests {
                 }
             }
         }
-        for (term, seen) in TERMS.iter().zip(seen) {
-            assert!(seen, "{} wrote no rows", term.about().name);
+        for family in TERMS.iter().map(|term| term.info().family) {
+            assert!(seen[family as usize], "{family} wrote no rows");
         }
     }
 }

@@ -12,6 +12,7 @@
 //! otherwise. Step 3 differs from the thesis's in that the base stays where step 2 left it, not the
 //! centre of mass, which is no unknown of ours.
 
+use crate::families::{Family, FamilySet};
 use crate::guess;
 use crate::model::JOINTS;
 use crate::motion::Goal;
@@ -34,33 +35,28 @@ const HEIGHTS: usize = 20;
 /// Iterations of each: the next problem is near.
 const ITERATIONS_EACH: usize = 2;
 
-const STANDING: &[&str] = &["linear dynamics", "angular dynamics", "friction", "even force"];
-const SWAYING_LITERAL: &[&str] =
-    &["linear dynamics", "angular dynamics", "friction", "even force", "swing force", "anchor"];
-const SWAYING: &[&str] = &[
-    "linear dynamics",
-    "angular dynamics",
-    "friction",
-    "even force",
-    "swing force",
-    "anchor",
-    "posture",
-    "smoothness",
-];
-const STEPPING: &[&str] = &[
-    "contact point",
-    "wheel axis",
-    "contact height",
-    "slip",
-    "held wheel",
-    "end-effector clearance",
-    "joint limit",
-    "contact on the blade",
-    "posture",
-    "smoothness",
-    "wheel effort",
-    "wheel smoothness",
-];
+const STANDING: FamilySet = FamilySet::of(&[
+    Family::LinearDynamics,
+    Family::AngularDynamics,
+    Family::Friction,
+    Family::EvenForce,
+]);
+const SWAYING_LITERAL: FamilySet = STANDING.with(&[Family::SwingForce, Family::Anchor]);
+const SWAYING: FamilySet = SWAYING_LITERAL.with(&[Family::Posture, Family::Smoothness]);
+const STEPPING: FamilySet = FamilySet::of(&[
+    Family::ContactPoint,
+    Family::WheelAxis,
+    Family::ContactHeight,
+    Family::Slip,
+    Family::HeldWheel,
+    Family::EndEffectorClearance,
+    Family::JointLimit,
+    Family::BladeContact,
+    Family::Posture,
+    Family::Smoothness,
+    Family::WheelEffort,
+    Family::WheelSmoothness,
+]);
 
 /// A start for `problem`, the iterations that it took, and whether `progress`, which sees them all, stopped
 /// it.
@@ -73,7 +69,7 @@ pub(super) fn warm(
     let mut walk =
         Walk { unknowns: guess::from_standing(&in_place), iterations: 0, stopped: false, progress };
 
-    let mut standing = Problem { only: Some(STANDING), ..in_place.clone() };
+    let mut standing = Problem { only: STANDING, ..in_place.clone() };
     standing.stance.iter_mut().flatten().for_each(|flag| *flag = true);
     free(&mut standing, Part::Forces);
     // from_standing has shared the weight among the feet in stance; here all of them stand.
@@ -95,8 +91,8 @@ pub(super) fn warm(
             problem.layout.end_effectors.iter().map(force).collect()
         })
         .collect();
-    let terms = if how.literal { SWAYING_LITERAL } else { SWAYING };
-    let mut swaying = Problem { only: Some(terms), ..in_place.clone() };
+    let families = if how.literal { SWAYING_LITERAL } else { SWAYING };
+    let mut swaying = Problem { only: families, ..in_place.clone() };
     free(&mut swaying, Part::ForcesAndBody);
     for k in 1..UNLOADINGS {
         let share = (UNLOADINGS - 1 - k) as f64 / (UNLOADINGS - 1) as f64;
@@ -108,7 +104,7 @@ pub(super) fn warm(
         walk.solve(&swaying, ITERATIONS_EACH);
     }
 
-    let mut stepping = Problem { only: Some(STEPPING), ..in_place.clone() };
+    let mut stepping = Problem { only: STEPPING, ..in_place.clone() };
     free(&mut stepping, Part::Limbs);
     for k in 1..=HEIGHTS {
         let share = k as f64 / HEIGHTS as f64;

@@ -1,8 +1,8 @@
 //! The motion starts at the world's origin, heading along x: x₁ = y₁ = yaw₁ = 0 for the base. Three
 //! rows a motion, m and rad; without them every plan could be moved about the plane.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::model::{BASE_POSITION, BASE_YAW};
 use crate::rows::{Role, RowWriter, Window};
 
@@ -10,12 +10,12 @@ use crate::rows::{Role, RowWriter, Window};
 pub struct Anchor;
 
 impl Term for Anchor {
-    fn about(&self) -> About {
-        About { name: "anchor", span: Span::Ends }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::Anchor, span: Span::Ends }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
-        out.set(1.0, level::POSITION_M, Role::Equality);
+        out.set(1.0, Role::Equality);
         for variable in [BASE_POSITION, BASE_POSITION + 1, BASE_YAW] {
             out.d(1, variable, 1.0);
             out.row(window.states[1].vars[variable]);

@@ -5,8 +5,8 @@
 //! is R sin θ, θ the angle between ρ and the direction m of the middle, seen along the blade:
 //! |R t·m| ≤ R sin(L / 2R). The kink at the middle is where the row is far from active.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::d_yaw;
 
@@ -17,14 +17,14 @@ pub struct BladeContact;
 const BAND_M: f64 = 0.002;
 
 impl Term for BladeContact {
-    fn about(&self) -> About {
-        About { name: "contact on the blade", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::BladeContact, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         let here = window.states[1];
-        out.set(1.0, level::POSITION_M, Role::Inequality { band: BAND_M });
+        out.set(1.0, Role::Inequality { band: BAND_M });
         for (j, ee) in problem.model.robot().end_effectors.iter().enumerate() {
             let (Some(blade), Some(wheel), true) =
                 (ee.blade(), problem.layout.end_effectors[j].wheel, window.stance(1, j))

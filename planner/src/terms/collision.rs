@@ -3,8 +3,8 @@
 //!
 //! Written with the distance instead of its square, so that the residual is a clearance in metres.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
@@ -14,15 +14,15 @@ pub struct Collision;
 const BAND_M: f64 = 0.002;
 
 impl Term for Collision {
-    fn about(&self) -> About {
-        About { name: "end-effector clearance", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::EndEffectorClearance, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         let robot = problem.model.robot();
         let here = window.states[1];
-        out.set(1.0, level::POSITION_M, Role::Inequality { band: BAND_M });
+        out.set(1.0, Role::Inequality { band: BAND_M });
         for (j, first) in robot.end_effectors.iter().enumerate() {
             for (k, second) in robot.end_effectors.iter().enumerate().skip(j + 1) {
                 if first.link == second.link {

@@ -1,20 +1,20 @@
 //! Height of contact points (Eq. 2.9): 0 in stance, the profile of [`crate::swing`] in swing. One row
 //! an end effector and sample, m.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
 pub struct ContactHeight;
 
 impl Term for ContactHeight {
-    fn about(&self) -> About {
-        About { name: "contact height", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::ContactHeight, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
-        out.set(1.0, level::POSITION_M, Role::Equality);
+        out.set(1.0, Role::Equality);
         for (j, ee) in window.problem.layout.end_effectors.iter().enumerate() {
             let z = ee.position + 2;
             out.d(1, z, 1.0);

@@ -1,8 +1,8 @@
 //! Contact points agree with the limbs (Eq. 2.14): φ_b(l̂, q) + ρ(α) − e = 0. Three rows an end
 //! effector and sample, m.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::d_yaw;
 
@@ -10,14 +10,14 @@ use crate::state::d_yaw;
 pub struct ContactPoint;
 
 impl Term for ContactPoint {
-    fn about(&self) -> About {
-        About { name: "contact point", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::ContactPoint, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         let here = window.states[1];
-        out.set(1.0, level::POSITION_M, Role::Equality);
+        out.set(1.0, Role::Equality);
         for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
             let (mount, frame) = (&here.pose.end_effectors[j], &here.frames[j]);
             let residual = mount.center + frame.to_contact - here.vector(ee.position);

@@ -6,8 +6,8 @@
 //! the axes of either end: the difference is the angular acceleration in body axes, and the rows are
 //! the thesis's turned by Rᵀ.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::model::{BASE_YAW, rotation};
 use crate::rows::{Role, RowWriter, Window};
 use crate::state::State;
@@ -27,8 +27,8 @@ pub(super) fn body_turn(from: &State, to: &State) -> (Vector3<f64>, [Matrix3<f64
 }
 
 impl Term for DynamicsAngular {
-    fn about(&self) -> About {
-        About { name: "angular dynamics", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::AngularDynamics, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
@@ -67,7 +67,7 @@ impl Term for DynamicsAngular {
         ];
         let d_com = body_from_world * rotation::skew(&force);
 
-        out.set(problem.force_scale_n(), level::DYNAMICS_NM, Role::Equality);
+        out.set(problem.force_scale_n(), Role::Equality);
         for c in 0..3 {
             for (k, d) in d_attitude.iter().enumerate() {
                 for angle in 0..3 {

@@ -1,18 +1,17 @@
 //! Linear centroidal dynamics (Eq. 2.3): Σ f + M g − M ẍ = 0, ẍ by second differences of the centre
 //! of mass. Three rows a sample, N, in world.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::{Family, GRAVITY_M_S2};
+use crate::formulation::{Span, Term, TermInfo};
 use crate::rows::{Role, RowWriter, Window};
-use crate::variables::GRAVITY_M_S2;
 use nalgebra::Vector3;
 
 /// See the module.
 pub struct DynamicsLinear;
 
 impl Term for DynamicsLinear {
-    fn about(&self) -> About {
-        About { name: "linear dynamics", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::LinearDynamics, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
@@ -25,7 +24,7 @@ impl Term for DynamicsLinear {
         for ee in &problem.layout.end_effectors {
             residual += here.vector(ee.force);
         }
-        out.set(problem.force_scale_n(), level::DYNAMICS_N, Role::Equality);
+        out.set(problem.force_scale_n(), Role::Equality);
         for c in 0..3 {
             for (k, weight) in [(0, -m_h2), (1, 2.0 * m_h2), (2, -m_h2)] {
                 for (dof, column) in window.states[k].pose.d_com.iter().enumerate() {

@@ -4,8 +4,8 @@
 //! |f_t| is rounded at its tip, √(f_x² + f_y² + δ²), which errs on the safe side by at most δ.
 //! Plans use a part of μ only and keep a least normal force: see [`crate::problem::Weights`].
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
@@ -17,14 +17,14 @@ const BAND_N: f64 = 0.02;
 const TIP_N: f64 = 0.05;
 
 impl Term for Friction {
-    fn about(&self) -> About {
-        About { name: "friction", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::Friction, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         let scale = problem.force_scale_n();
-        out.set(scale, level::FORCE_N, Role::Inequality { band: BAND_N / scale });
+        out.set(scale, Role::Inequality { band: BAND_N / scale });
         for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
             if !window.stance(1, j) {
                 continue;

@@ -4,8 +4,8 @@
 //! The thesis weights them (50) against the rest and undershoots by 0.1–3 %; as constraints they are
 //! met exactly at no cost.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::model::BASE_YAW;
 use crate::rows::{Role, RowWriter, Window};
 
@@ -16,12 +16,12 @@ pub struct Displacement;
 pub struct Turn;
 
 impl Term for Displacement {
-    fn about(&self) -> About {
-        About { name: "displacement goal", span: Span::Ends }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::DisplacementGoal, span: Span::Ends }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
-        out.set(1.0, level::GOAL, Role::Equality);
+        out.set(1.0, Role::Equality);
         let [_, first, last] = window.states;
         let goal = &window.problem.goal;
         let goals = [("forward_m", goal.forward_m), ("left_m", goal.left_m)];
@@ -41,13 +41,13 @@ impl Term for Displacement {
 }
 
 impl Term for Turn {
-    fn about(&self) -> About {
-        About { name: "turning goal", span: Span::Ends }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::TurningGoal, span: Span::Ends }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let Some(wanted) = window.problem.goal.turn_rad else { return };
-        out.set(1.0, level::GOAL, Role::Equality);
+        out.set(1.0, Role::Equality);
         out.d(1, BASE_YAW, -1.0);
         out.d(2, BASE_YAW, 1.0);
         let [_, first, last] = window.states;

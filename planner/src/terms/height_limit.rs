@@ -1,8 +1,8 @@
 //! Heights of the body or the centre of mass that a motion keeps between over a span of time (sec. 3.5.2,
 //! ducking). One inequality row for each bound and sample, m.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::model::BASE_POSITION;
 use crate::motion::Subject;
 use crate::rows::{Role, RowWriter, Window};
@@ -14,12 +14,12 @@ pub struct HeightBound;
 const BAND_M: f64 = 0.002;
 
 impl Term for HeightBound {
-    fn about(&self) -> About {
-        About { name: "height limit", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::HeightLimit, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
-        out.set(1.0, level::POSITION_M, Role::Inequality { band: BAND_M });
+        out.set(1.0, Role::Inequality { band: BAND_M });
         let state = window.states[1];
         for limit in &window.problem.heights[window.at[1]] {
             for (field, bound, sign) in

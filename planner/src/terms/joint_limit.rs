@@ -1,7 +1,7 @@
 //! Joint angles stay within their limits. Two inequality rows a joint and sample, rad.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::model::JOINTS;
 use crate::rows::{Role, RowWriter, Subject, Window};
 
@@ -12,12 +12,12 @@ pub struct JointLimit;
 const BAND_RAD: f64 = 0.05;
 
 impl Term for JointLimit {
-    fn about(&self) -> About {
-        About { name: "joint limit", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::JointLimit, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
-        out.set(1.0, level::JOINT_RAD, Role::Inequality { band: BAND_RAD });
+        out.set(1.0, Role::Inequality { band: BAND_RAD });
         for (j, joint) in window.problem.model.robot().joints.iter().enumerate() {
             let angle = window.states[1].vars[JOINTS + j];
             out.d(1, JOINTS + j, 1.0);

@@ -1,7 +1,7 @@
 //! Joint speeds stay within their limits. Two inequality rows a joint and interval, rad/s.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::model::JOINTS;
 use crate::rows::{Role, RowWriter, Subject, Window};
 
@@ -12,8 +12,8 @@ pub struct JointSpeed;
 pub(super) const BAND_FRACTION: f64 = 0.1;
 
 impl Term for JointSpeed {
-    fn about(&self) -> About {
-        About { name: "joint speed", span: Span::Intervals }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::JointSpeed, span: Span::Intervals }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
@@ -21,7 +21,7 @@ impl Term for JointSpeed {
         let [_, here, after] = window.states;
         for (j, joint) in window.problem.model.robot().joints.iter().enumerate() {
             let limit = joint.actuator.speed_max_rad_s;
-            out.set(limit, level::SPEED_FRACTION * limit, Role::Inequality { band: BAND_FRACTION });
+            out.set(limit, Role::Inequality { band: BAND_FRACTION });
             let speed = (after.vars[JOINTS + j] - here.vars[JOINTS + j]) / h;
             for sign in [1.0, -1.0] {
                 out.d(1, JOINTS + j, -sign / h);

@@ -11,11 +11,10 @@
 //! that it carries and its centre. |τ| has a kink at 0, where the row is far from active: one row does
 //! for both signs.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::{Family, GRAVITY_M_S2};
+use crate::formulation::{Span, Term, TermInfo};
 use crate::model::{BASE_POSITION, BASE_YAW, JOINTS};
 use crate::rows::{Role, RowWriter, Subject, Window};
-use crate::variables::GRAVITY_M_S2;
 use nalgebra::Vector3;
 
 /// See the module.
@@ -112,15 +111,15 @@ fn gravity() -> Vector3<f64> {
 }
 
 impl Term for JointTorque {
-    fn about(&self) -> About {
-        About { name: "joint torque", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::JointTorque, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         for (j, joint) in window.problem.model.robot().joints.iter().enumerate() {
             let limit = joint.actuator.torque_max_nm;
             let role = Role::Inequality { band: BAND_FRACTION };
-            out.set(limit, level::TORQUE_FRACTION * limit, role);
+            out.set(limit, role);
             let torque = Torque::new(window, 1, j);
             torque.differentiate(torque.value_nm.signum(), out);
             out.given("torque_max_nm", limit, -1.0);

@@ -1,5 +1,6 @@
-//! The terms of the formulation, one family of residuals a file: residual, exact derivative, unit,
-//! credible level. [`crate::formulation`] lists them; `derivatives` below checks them all.
+//! The terms of the formulation, one family of residuals a file: residual and exact derivative. Names, units
+//! and credible levels are in [`crate::families`]; [`crate::formulation`] lists the terms, `derivatives` below
+//! checks them all.
 
 mod anchor;
 mod blade_contact;
@@ -53,30 +54,3 @@ pub use wheel_torque::WheelTorque;
 
 #[cfg(test)]
 mod derivatives;
-
-/// Residuals up to which a plan is physically credible (measured by replaying plans in an
-/// independent rigid-body simulator).
-pub mod level {
-    /// Linear dynamics, N.
-    pub const DYNAMICS_N: f64 = 0.3;
-    /// Angular dynamics, N·m.
-    pub const DYNAMICS_NM: f64 = 0.03;
-    /// Slip of a contact, m/s.
-    pub const SLIP_M_S: f64 = 0.005;
-    /// Positions, m.
-    pub const POSITION_M: f64 = 0.001;
-    /// Velocities of targets, m/s.
-    pub const TARGET_SPEED_M_S: f64 = 0.005;
-    /// Wheel axis direction, rad.
-    pub const AXIS_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
-    /// Friction, swing and traction forces, N.
-    pub const FORCE_N: f64 = 0.2;
-    /// Joint angles, rad.
-    pub const JOINT_RAD: f64 = 0.05;
-    /// Joint and wheel speeds, fraction of the limit.
-    pub const SPEED_FRACTION: f64 = 0.1;
-    /// Motor torques, fraction of the limit; torque-speed lines, fraction of the line.
-    pub const TORQUE_FRACTION: f64 = 0.1;
-    /// Displacement goals, m; turning goals, rad.
-    pub const GOAL: f64 = 0.001;
-}

@@ -8,8 +8,8 @@
 //! intervals their replayed speed rose from 0.66–0.94 of the planned one to 0.96–1.04. Feet and driven
 //! wheels walked worse with them.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::{d_yaw, rolling_direction};
 
@@ -17,15 +17,15 @@ use crate::state::{d_yaw, rolling_direction};
 pub struct NoSlip;
 
 impl Term for NoSlip {
-    fn about(&self) -> About {
-        About { name: "slip", span: Span::Intervals }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::Slip, span: Span::Intervals }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         let h = problem.interval_s;
         let [_, here, after] = window.states;
-        out.set(1.0, level::SLIP_M_S, Role::Equality);
+        out.set(1.0, Role::Equality);
         for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
             let free = problem.model.robot().end_effectors[j].contact.drag().is_some();
             match (window.stance(1, j), window.stance(2, j)) {

@@ -1,6 +1,7 @@
 //! Regularisers: weak costs that choose among the plans that the constraints leave.
 
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::model::{BASE_POSITION, BASE_YAW, JOINTS};
 use crate::rows::{Role, RowWriter, Window};
 
@@ -19,8 +20,8 @@ pub struct WheelEffort;
 pub struct WheelSmoothness;
 
 impl Term for EvenForce {
-    fn about(&self) -> About {
-        About { name: "even force", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::EvenForce, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
@@ -37,7 +38,7 @@ impl Term for EvenForce {
             let weights = &problem.weights;
             let weight = if free_wheel { weights.free_wheel_force } else { weights.force };
             let role = Role::Cost { weight: weight * problem.per_time(0) };
-            out.set(scale, f64::INFINITY, role);
+            out.set(scale, role);
             for (c, target) in [0.0, 0.0, share].into_iter().enumerate() {
                 out.d(1, ee.force + c, 1.0);
                 out.row(window.states[1].vars[ee.force + c] - target);
@@ -47,14 +48,14 @@ impl Term for EvenForce {
 }
 
 impl Term for Posture {
-    fn about(&self) -> About {
-        About { name: "posture", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::Posture, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         let weight = problem.weights.posture * problem.per_time(0);
-        out.set(1.0, f64::INFINITY, Role::Cost { weight });
+        out.set(1.0, Role::Cost { weight });
         // The timeline has a sample before the motion.
         let posture = &problem.posture_q[window.at[1] - 1];
         let level = [BASE_POSITION + 2, BASE_YAW + 1, BASE_YAW + 2];
@@ -66,14 +67,14 @@ impl Term for Posture {
 }
 
 impl Term for WheelEffort {
-    fn about(&self) -> About {
-        About { name: "wheel effort", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::WheelEffort, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         let weight = problem.weights.wheel_speed * problem.per_time(0);
-        out.set(1.0, f64::INFINITY, Role::Cost { weight });
+        out.set(1.0, Role::Cost { weight });
         for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
             let Some(wheel) = ee.wheel.filter(|_| !problem.held[j]) else { continue };
             let radius = problem.model.robot().end_effectors[j].radius_m;
@@ -84,14 +85,14 @@ impl Term for WheelEffort {
 }
 
 impl Term for WheelSmoothness {
-    fn about(&self) -> About {
-        About { name: "wheel smoothness", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::WheelSmoothness, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         let weight = problem.weights.wheel_smoothness * problem.per_time(1);
-        out.set(1.0, f64::INFINITY, Role::Cost { weight });
+        out.set(1.0, Role::Cost { weight });
         // A motion at rest at its ends rolls neither before nor after.
         let rolls = |t: usize| !problem.at_rest || (1..problem.samples).contains(&t);
         for (j, ee) in problem.layout.end_effectors.iter().enumerate() {

@@ -1,20 +1,21 @@
 //! Smooth motion (sec. 2.4.1, regularisers): second differences q₋ − 2q + q₊ of base and joints. One
 //! cost row a degree of freedom and sample, m or rad.
 
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::rows::{Role, RowWriter, Window};
 
 /// See the module.
 pub struct Smoothness;
 
 impl Term for Smoothness {
-    fn about(&self) -> About {
-        About { name: "smoothness", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::Smoothness, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let weight = window.problem.weights.smoothness * window.problem.per_time(2);
-        out.set(1.0, f64::INFINITY, Role::Cost { weight });
+        out.set(1.0, Role::Cost { weight });
         let [before, here, after] = window.states.map(|s| &s.vars);
         for dof in 0..window.problem.layout.dofs {
             out.d(0, dof, 1.0);

@@ -1,19 +1,19 @@
 //! No force without contact (Eq. 2.7): f = 0 in swing. Three rows an end effector and sample, N.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
 pub struct SwingForce;
 
 impl Term for SwingForce {
-    fn about(&self) -> About {
-        About { name: "swing force", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::SwingForce, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
-        out.set(window.problem.force_scale_n(), level::FORCE_N, Role::Equality);
+        out.set(window.problem.force_scale_n(), Role::Equality);
         for (j, ee) in window.problem.layout.end_effectors.iter().enumerate() {
             if window.stance(1, j) {
                 continue;

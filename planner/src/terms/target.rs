@@ -4,8 +4,8 @@
 //!
 //! The height of an end effector has no row here: it scales the profile of [`crate::swing`].
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::model::{BASE_POSITION, BASE_YAW};
 use crate::motion::Subject;
 use crate::problem::PlacedTarget;
@@ -63,12 +63,12 @@ fn write(
 }
 
 impl Term for TargetPosition {
-    fn about(&self) -> About {
-        About { name: "target position", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::TargetPosition, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
-        out.set(1.0, level::POSITION_M, Role::Equality);
+        out.set(1.0, Role::Equality);
         for PlacedTarget { target, moment, .. } in here(window) {
             for (c, wanted) in target.position_m.into_iter().enumerate() {
                 let by_profile = c == 2 && matches!(target.of, Subject::EndEffector(_));
@@ -82,12 +82,12 @@ impl Term for TargetPosition {
 }
 
 impl Term for TargetVelocity {
-    fn about(&self) -> About {
-        About { name: "target velocity", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::TargetVelocity, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
-        out.set(1.0, level::TARGET_SPEED_M_S, Role::Equality);
+        out.set(1.0, Role::Equality);
         let interval_s = window.problem.interval_s;
         for PlacedTarget { target, moment, .. } in here(window) {
             for (c, wanted) in target.velocity_m_s.into_iter().enumerate() {
@@ -101,12 +101,12 @@ impl Term for TargetVelocity {
 }
 
 impl Term for TargetHeading {
-    fn about(&self) -> About {
-        About { name: "target heading", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::TargetHeading, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
-        out.set(1.0, level::GOAL, Role::Equality);
+        out.set(1.0, Role::Equality);
         for PlacedTarget { target, moment, .. } in here(window) {
             let Some(wanted) = target.heading_rad else { continue };
             let mut yaw = 0.0;

@@ -7,8 +7,9 @@
 
 use super::joint_torque::{BAND_FRACTION, Torque};
 use super::wheel_speed::MotorSpeed;
-use super::{level, wheel_torque};
-use crate::formulation::{About, Span, Term};
+use super::wheel_torque;
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::model::JOINTS;
 use crate::rows::{Role, RowWriter, Subject, Window};
 
@@ -16,15 +17,15 @@ use crate::rows::{Role, RowWriter, Subject, Window};
 pub struct TorqueSpeed;
 
 impl Term for TorqueSpeed {
-    fn about(&self) -> About {
-        About { name: "torque-speed line", span: Span::Intervals }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::TorqueSpeedLine, span: Span::Intervals }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         let robot = problem.model.robot();
         let h = problem.interval_s;
-        out.set(1.0, level::TORQUE_FRACTION, Role::Inequality { band: BAND_FRACTION });
+        out.set(1.0, Role::Inequality { band: BAND_FRACTION });
         for (j, joint) in robot.joints.iter().enumerate() {
             let Some(line) = joint.actuator.torque_speed else { continue };
             let torques = [1, 2].map(|k| Torque::new(window, k, j));

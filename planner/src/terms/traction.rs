@@ -4,25 +4,22 @@
 //! Without resistance the best plan of a robot on free wheels is to glide for ever; with it the robot
 //! has to push. Only the part that grows with speed bounds how fast it can go.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::{Family, ROLLING_SIGN_WIDTH_M_S};
+use crate::formulation::{Span, Term, TermInfo};
 use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::d_yaw;
 
 /// See the module.
 pub struct Traction;
 
-/// Rolling velocity v₀ at which the resistance has nearly reached its full value, m/s.
-const SIGN_WIDTH_M_S: f64 = 0.05;
-
 impl Term for Traction {
-    fn about(&self) -> About {
-        About { name: "free-wheel traction", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::FreeWheelTraction, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
-        out.set(problem.force_scale_n(), level::FORCE_N, Role::Equality);
+        out.set(problem.force_scale_n(), Role::Equality);
         let here = window.states[1];
         for (j, ee) in problem.model.robot().end_effectors.iter().enumerate() {
             let vars = problem.layout.end_effectors[j];
@@ -34,8 +31,8 @@ impl Term for Traction {
             let f = here.vector(vars.force);
             let t = here.frames[j].rolling;
             let rolling_m_s = here.vars[wheel.speed] * ee.radius_m;
-            let sign = (rolling_m_s / SIGN_WIDTH_M_S).tanh();
-            let d_sign = (1.0 - sign * sign) / SIGN_WIDTH_M_S;
+            let sign = (rolling_m_s / ROLLING_SIGN_WIDTH_M_S).tanh();
+            let d_sign = (1.0 - sign * sign) / ROLLING_SIGN_WIDTH_M_S;
             let per_normal_force =
                 drag.rolling_resistance * sign + drag.rolling_drag_s_m * rolling_m_s;
             let d_rolling = drag.rolling_resistance * d_sign + drag.rolling_drag_s_m;

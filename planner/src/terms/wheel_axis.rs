@@ -1,8 +1,8 @@
 //! Wheel axes agree with the links that carry them (Eq. 2.13): φ_b(â, q) − a(α) = 0. Three rows a
 //! wheel and sample; the length of the difference is an angle, rad.
 
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::d_yaw;
 
@@ -10,14 +10,14 @@ use crate::state::d_yaw;
 pub struct WheelAxis;
 
 impl Term for WheelAxis {
-    fn about(&self) -> About {
-        About { name: "wheel axis", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::WheelAxis, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         let here = window.states[1];
-        out.set(1.0, level::AXIS_RAD, Role::Equality);
+        out.set(1.0, Role::Equality);
         for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
             let Some(wheel) = ee.wheel else { continue };
             let (mount, frame) = (&here.pose.end_effectors[j], &here.frames[j]);

@@ -6,22 +6,22 @@
 //! the wheel's axis alone: on a pitched shank it forbids the foot to tilt and to yaw. What must vanish is
 //! the turn about the axis only, ω h + Δα_yaw (v·a) − a·log(R₊Rᵀ), which is what a motor would turn.
 
-use super::level;
 use super::wheel_speed::MotorSpeed;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::rows::{Role, RowWriter, Subject, Window};
 
 /// See the module.
 pub struct WheelHeld;
 
 impl Term for WheelHeld {
-    fn about(&self) -> About {
-        About { name: "held wheel", span: Span::Intervals }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::HeldWheel, span: Span::Intervals }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
-        out.set(1.0, level::SLIP_M_S, Role::Equality);
+        out.set(1.0, Role::Equality);
         for (j, _) in problem.held.iter().enumerate().filter(|(_, held)| **held) {
             let Some(motor) = MotorSpeed::new(window, j) else { continue };
             let radius_m = problem.model.robot().end_effectors[j].radius_m;
@@ -33,7 +33,8 @@ impl Term for WheelHeld {
 
 #[cfg(test)]
 mod tests {
-    use crate::formulation::{self, TERMS};
+    use crate::families::Family;
+    use crate::formulation;
     use crate::model::{BASE_YAW, Model};
     use crate::motion::Ends;
     use crate::plan::Placement;
@@ -90,7 +91,7 @@ mod tests {
             formulation::evaluate(&problem, &columns, &unknowns, &states, Rows::default()).rows;
         let held: Vec<f64> = rows
             .iter()
-            .filter(|row| TERMS[row.term].about().name == "held wheel")
+            .filter(|row| row.family == Family::HeldWheel)
             .map(|row| row.value.abs())
             .collect();
         assert_eq!(held.len(), 4);

@@ -5,8 +5,9 @@
 //! ω + α̇_yaw (v·a) − Ω_link·a, with a at the middle of the interval. The motors of wheels that a motion
 //! holds still stand: see [`super::WheelHeld`].
 
-use super::{joint_speed::BAND_FRACTION, level};
-use crate::formulation::{About, Span, Term};
+use super::joint_speed::BAND_FRACTION;
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::model::rotation;
 use crate::problem::Problem;
 use crate::rows::{Role, RowWriter, Subject, Window};
@@ -105,8 +106,8 @@ impl<'w> MotorSpeed<'w> {
 }
 
 impl Term for WheelSpeed {
-    fn about(&self) -> About {
-        About { name: "wheel motor speed", span: Span::Intervals }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::WheelMotorSpeed, span: Span::Intervals }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
@@ -117,7 +118,7 @@ impl Term for WheelSpeed {
             };
             let Some(motor) = MotorSpeed::new(window, j) else { continue };
             let limit = actuator.speed_max_rad_s;
-            out.set(limit, level::SPEED_FRACTION * limit, Role::Inequality { band: BAND_FRACTION });
+            out.set(limit, Role::Inequality { band: BAND_FRACTION });
             for sign in [1.0, -1.0] {
                 motor.differentiate(sign, out);
                 out.given("speed_max_rad_s", limit, -1.0);

@@ -2,8 +2,8 @@
 //! inequality row a driven wheel in stance and sample, N·m: |r f·t| ≤ τ_max, rolling resistance aside.
 
 use super::joint_torque::BAND_FRACTION;
-use super::level;
-use crate::formulation::{About, Span, Term};
+use crate::families::Family;
+use crate::formulation::{Span, Term, TermInfo};
 use crate::rows::{Role, RowWriter, Subject, Window};
 use crate::state::d_yaw;
 
@@ -33,8 +33,8 @@ pub(super) fn differentiate(window: &Window, k: usize, j: usize, factor: f64, ou
 }
 
 impl Term for WheelTorque {
-    fn about(&self) -> About {
-        About { name: "wheel torque", span: Span::Samples }
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::WheelTorque, span: Span::Samples }
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
@@ -45,7 +45,7 @@ impl Term for WheelTorque {
             }
             let limit = actuator.torque_max_nm;
             let role = Role::Inequality { band: BAND_FRACTION };
-            out.set(limit, level::TORQUE_FRACTION * limit, role);
+            out.set(limit, role);
             let torque = torque_nm(window, 1, j);
             differentiate(window, 1, j, torque.signum(), out);
             out.given("torque_max_nm", limit, -1.0);

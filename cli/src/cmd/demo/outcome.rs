@@ -5,6 +5,7 @@ use super::score::{Score, scores};
 use crate::inputs::Library;
 use crate::planning::{Planned, Plans};
 use miette::IntoDiagnostic;
+use rollwalk_planner::families::Family;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::report::{Grid, Report};
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
@@ -141,16 +142,16 @@ impl Outcome {
 }
 
 fn clip(planned: &Planned, report: &Report, score: &Score) -> Clip {
-    let worst = |name| report.row(name, Grid::Samples).map_or(0.0, |row| row.worst);
+    let worst = |family| report.row(family, Grid::Samples).map_or(0.0, |row| row.worst);
     Clip {
         name: planned.plan.motion.name.clone(),
         code: None,
         status: planned.plan.solve.status,
         iterations: planned.plan.solve.iterations,
         solve_s: planned.took.as_secs_f64(),
-        dynamics_n: worst(LINEAR),
-        dynamics_nm: worst(ANGULAR),
-        slip_mm_s: worst(SLIP),
+        dynamics_n: worst(Family::LinearDynamics),
+        dynamics_nm: worst(Family::AngularDynamics),
+        slip_mm_s: worst(Family::Slip),
         bytes: 0,
         played_s: score.played_s,
         command_joint_rad: score.command_joint_rad,
@@ -161,10 +162,6 @@ fn clip(planned: &Planned, report: &Report, score: &Score) -> Clip {
         bus_load: score.bus_load,
     }
 }
-
-const LINEAR: &str = "linear dynamics";
-const ANGULAR: &str = "angular dynamics";
-const SLIP: &str = "slip";
 
 /// Credible levels, taken from the reports, and the worst of all residuals over its level.
 #[derive(Default)]
@@ -177,10 +174,10 @@ struct Levels {
 
 impl Levels {
     fn note(&mut self, report: &Report) {
-        let level = |name| report.row(name, Grid::Samples).and_then(|row| row.level);
-        self.linear = level(LINEAR).unwrap_or(self.linear);
-        self.angular = level(ANGULAR).unwrap_or(self.angular);
-        self.slip = level(SLIP).unwrap_or(self.slip);
+        let level = |family| report.row(family, Grid::Samples).and_then(|row| row.level);
+        self.linear = level(Family::LinearDynamics).unwrap_or(self.linear);
+        self.angular = level(Family::AngularDynamics).unwrap_or(self.angular);
+        self.slip = level(Family::Slip).unwrap_or(self.slip);
         let worst = report.worst().map_or(0.0, |row| row.part_of_level());
         self.worst_part = self.worst_part.max(worst);
     }

@@ -5,6 +5,7 @@ use crate::link::names;
 use crate::packed::Packed;
 use crate::planning::{Planned, Plans, plan_all};
 use crate::{Exit, files, output};
+use rollwalk_planner::families::Family;
 use rollwalk_planner::plan::Status;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -52,7 +53,7 @@ struct PlanOutcome<'a> {
     iterations: usize,
     time_s: f64,
     worst_level: f64,
-    worst_constraint: &'a str,
+    worst_constraint: Family,
 }
 
 /// Runs the subcommand.
@@ -89,7 +90,7 @@ fn outcome(planned: &Planned) -> PlanOutcome<'_> {
         iterations: plan.solve.iterations,
         time_s: took.as_secs_f64(),
         worst_level: plan.solve.worst_level,
-        worst_constraint: &plan.solve.worst_constraint,
+        worst_constraint: plan.solve.worst_constraint,
     }
 }
 

@@ -20,7 +20,7 @@ fn a_walk_too_far_is_told_how_far_would_do_and_that_is_about_right() {
 
     let told = desk.run(&["plan", "motions/walk.toml", "-o", "far.json", "--json"]).stdout;
     let told: Value = serde_json::from_str(&told).unwrap();
-    let goal = &told["blame"]["culprits"][0];
+    let goal = &told["diagnosis"]["culprits"][0];
     assert_eq!((&goal["field"], &goal["part"]), (&"forward_m".into(), &"request".into()));
     let nearer = 0.95 * goal["would_do"].as_f64().unwrap();
     assert!(nearer > 0.9, "{goal}");

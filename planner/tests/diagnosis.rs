@@ -1,8 +1,8 @@
-//! Requests that cannot be met: whom the planner blames, where, and how long it takes to say so.
+//! Requests that cannot be met: which constraints the planner names, where, and how long it takes to say so.
 
-use rollwalk_planner::blame::{Blame, Part, Verdict};
+use rollwalk_planner::families::{Family, Kind};
 use rollwalk_planner::motion::{Goal, HeightLimit, Motion, Subject};
-use rollwalk_planner::plan::{Ending, Plan, Status};
+use rollwalk_planner::plan::{Diagnosis, Ending, Plan, Status, Verdict};
 use rollwalk_planner::start::candidates;
 use rollwalk_planner::{Options, optimise};
 use rollwalk_robot::Robot;
@@ -16,16 +16,16 @@ fn plan(robot: &Robot, motion: &Motion) -> Plan {
     optimise(robot, motion, &Options::default(), &mut |_| ControlFlow::Continue(()))
 }
 
-/// The blame of a request that no other start would help, found within twice the iterations of a feasible
+/// The diagnosis of a request that no other start would help, found within twice the iterations of a feasible
 /// sibling.
-fn impossible(impossible: &Plan, feasible: &Plan) -> Blame {
+fn impossible(impossible: &Plan, feasible: &Plan) -> Diagnosis {
     assert_eq!(feasible.solve.status, Status::Converged);
-    assert_eq!(feasible.solve.blame, None);
+    assert_eq!(feasible.solve.diagnosis, None);
     assert_eq!(impossible.solve.status, Status::Infeasible);
-    assert_eq!(impossible.solve.ending(), Ending::Hopeless, "{:?}", impossible.solve.blame);
+    assert_eq!(impossible.solve.ending(), Ending::Hopeless, "{:?}", impossible.solve.diagnosis);
     let [impossible_, feasible_] = [impossible, feasible].map(|plan| plan.solve.iterations);
     assert!(impossible_ <= 2 * feasible_, "{impossible_} against {feasible_}");
-    impossible.solve.blame.clone().unwrap()
+    impossible.solve.diagnosis.clone().unwrap()
 }
 
 /// A car with wheels that do not steer, from rest to rest.
@@ -42,19 +42,19 @@ const FORWARD: Goal = Goal { forward_m: Some(0.5), left_m: Some(0.0), turn_rad: 
 fn a_car_cannot_go_sideways() {
     let (robot, sideways) = car(Goal { left_m: Some(0.3), ..FORWARD });
     let feasible = plan(&robot, &car(FORWARD).1);
-    let blame = impossible(&plan(&robot, &sideways), &feasible);
-    assert_eq!(blame.verdict, Verdict::Contradiction);
-    let goal = &blame.culprits[0];
-    let named = (goal.constraint.as_str(), goal.field.as_deref(), goal.part);
-    assert_eq!(named, ("displacement goal", Some("left_m"), Part::Request), "{blame}");
+    let diagnosis = impossible(&plan(&robot, &sideways), &feasible);
+    assert_eq!(diagnosis.verdict, Verdict::Contradiction);
+    let goal = &diagnosis.culprits[0];
+    let named = (goal.constraint, goal.field.as_deref(), goal.part);
+    assert_eq!(named, (Family::DisplacementGoal, Some("left_m"), Kind::Request), "{diagnosis}");
     assert_eq!((goal.given, goal.unit.as_str()), (Some(0.3), "m"));
     // It leans a little way to the left, but hardly gets there.
-    assert!(goal.would_do.is_none_or(|would_do| would_do < 0.1), "{blame}");
-    let against = &blame.culprits[1];
+    assert!(goal.would_do.is_none_or(|would_do| would_do < 0.1), "{diagnosis}");
+    let against = &diagnosis.culprits[1];
     assert_eq!(
-        (against.constraint.as_str(), against.part),
-        ("contact point", Part::Build),
-        "{blame}"
+        (against.constraint, against.part),
+        (Family::ContactPoint, Kind::Build),
+        "{diagnosis}"
     );
     assert!(robot.end_effectors.iter().any(|ee| Some(&ee.name) == against.subject.as_ref()));
 }
@@ -63,10 +63,10 @@ fn a_car_cannot_go_sideways() {
 fn a_car_without_steering_cannot_turn_on_its_way() {
     let (robot, turning) = car(Goal { turn_rad: Some(0.5), ..FORWARD });
     let feasible = plan(&robot, &car(FORWARD).1);
-    let blame = impossible(&plan(&robot, &turning), &feasible);
-    let goal = &blame.culprits[0];
-    assert_eq!((goal.constraint.as_str(), goal.given), ("turning goal", Some(0.5)), "{blame}");
-    assert!(goal.would_do.is_none_or(|would_do| would_do < 0.1), "{blame}");
+    let diagnosis = impossible(&plan(&robot, &turning), &feasible);
+    let goal = &diagnosis.culprits[0];
+    assert_eq!((goal.constraint, goal.given), (Family::TurningGoal, Some(0.5)), "{diagnosis}");
+    assert!(goal.would_do.is_none_or(|would_do| would_do < 0.1), "{diagnosis}");
     assert_eq!(goal.time_s, [0.0, 2.0]);
 }
 
@@ -85,17 +85,17 @@ fn heights_that_exclude_each_other_are_named_with_their_times() {
     let feasible = Motion { heights: between, ..feasible };
     let crossed = vec![limit(Some(height_m - 0.1), None), limit(None, Some(height_m + 0.1))];
     let crossed = Motion { heights: crossed, ..feasible.clone() };
-    let blame = impossible(&plan(&robot, &crossed), &plan(&robot, &feasible));
-    let first = &blame.culprits[0];
-    assert_eq!((first.constraint.as_str(), first.unit.as_str()), ("height limit", "m"), "{blame}");
+    let diagnosis = impossible(&plan(&robot, &crossed), &plan(&robot, &feasible));
+    let first = &diagnosis.culprits[0];
+    assert_eq!((first.constraint, first.unit.as_str()), (Family::HeightLimit, "m"), "{diagnosis}");
     // Half the gap of 0.2 m on either side, at the samples around 0.5 to 1.5 s.
-    assert!((first.worst - 0.1).abs() < 0.01, "{blame}");
+    assert!((first.worst - 0.1).abs() < 0.01, "{diagnosis}");
     let [from, to] = first.time_s;
-    assert!((0.4..0.6).contains(&from) && (1.4..1.6).contains(&to), "{blame}");
+    assert!((0.4..0.6).contains(&from) && (1.4..1.6).contains(&to), "{diagnosis}");
     // Each could go where the other is.
-    let [one, other] = &blame.culprits[..] else { panic!("{blame}") };
-    assert!((one.would_do.unwrap() - other.given.unwrap()).abs() < 0.01, "{blame}");
-    assert!((other.would_do.unwrap() - one.given.unwrap()).abs() < 0.01, "{blame}");
+    let [one, other] = &diagnosis.culprits[..] else { panic!("{diagnosis}") };
+    assert!((one.would_do.unwrap() - other.given.unwrap()).abs() < 0.01, "{diagnosis}");
+    assert!((other.would_do.unwrap() - one.given.unwrap()).abs() < 0.01, "{diagnosis}");
 }
 
 fn walk(change: impl Fn(&mut Motion)) -> (Robot, Motion) {
@@ -113,71 +113,74 @@ fn long_walk() -> Plan {
 }
 
 #[test]
-fn a_walk_too_far_blames_the_distance_and_the_legs() {
+fn a_walk_too_far_names_the_distance_and_the_legs() {
     let (robot, motion) = walk(|motion| motion.goal.forward_m = Some(1.5));
-    let blame = impossible(&plan(&robot, &motion), &long_walk());
-    let goal = &blame.culprits[0];
-    let named = (goal.constraint.as_str(), goal.field.as_deref());
-    assert_eq!(named, ("displacement goal", Some("forward_m")), "{blame}");
+    let diagnosis = impossible(&plan(&robot, &motion), &long_walk());
+    let goal = &diagnosis.culprits[0];
+    let named = (goal.constraint, goal.field.as_deref());
+    assert_eq!(named, (Family::DisplacementGoal, Some("forward_m")), "{diagnosis}");
     // Nearer, but not for nothing: 1.1 m can be walked in this time.
     let would_do = goal.would_do.unwrap();
-    assert!(would_do > 0.9 && would_do < 1.3, "{blame}");
-    assert!(blame.culprits.iter().any(|c| c.constraint == "contact point"), "{blame}");
+    assert!(would_do > 0.9 && would_do < 1.3, "{diagnosis}");
+    assert!(diagnosis.culprits.iter().any(|c| c.constraint == Family::ContactPoint), "{diagnosis}");
 }
 
 #[test]
-fn feet_that_cannot_be_lifted_so_high_blame_the_height() {
+fn feet_that_cannot_be_lifted_so_high_names_the_height() {
     let (robot, motion) = walk(|motion| motion.swing_height_m = 0.5);
-    let blame = impossible(&plan(&robot, &motion), &long_walk());
-    let height = &blame.culprits[0];
-    let named = (height.constraint.as_str(), height.field.as_deref());
-    assert_eq!(named, ("contact height", Some("swing_height_m")), "{blame}");
-    assert!((height.given.unwrap() - 0.5).abs() < 1e-9, "{blame}");
+    let diagnosis = impossible(&plan(&robot, &motion), &long_walk());
+    let height = &diagnosis.culprits[0];
+    let named = (height.constraint, height.field.as_deref());
+    assert_eq!(named, (Family::ContactHeight, Some("swing_height_m")), "{diagnosis}");
+    assert!((height.given.unwrap() - 0.5).abs() < 1e-9, "{diagnosis}");
     // 0.25 m can be done.
     let would_do = height.would_do.unwrap();
-    assert!(would_do > 0.15 && would_do < 0.4, "{blame}");
+    assert!(would_do > 0.15 && would_do < 0.4, "{diagnosis}");
     assert!(robot.end_effectors.iter().any(|ee| Some(&ee.name) == height.subject.as_ref()));
     assert!(height.advice.contains("swing_height_m"));
 }
 
 #[test]
-fn a_second_in_the_air_blames_the_footfalls() {
+fn a_second_in_the_air_names_the_footfalls() {
     let (robot, motion) =
         walk(|motion| motion.stance.iter_mut().skip(10).take(20).for_each(|feet| feet.fill(false)));
-    let blame = impossible(&plan(&robot, &motion), &long_walk());
-    let first = &blame.culprits[0];
-    assert!(["swing force", "linear dynamics"].contains(&first.constraint.as_str()), "{blame}");
+    let diagnosis = impossible(&plan(&robot, &motion), &long_walk());
+    let first = &diagnosis.culprits[0];
+    assert!(
+        [Family::SwingForce, Family::LinearDynamics].contains(&first.constraint),
+        "{diagnosis}"
+    );
     // The flight lasts from sample 10 to sample 29.
     let [from, to] = first.time_s;
-    assert!(from >= 0.4 && to <= 1.55 && to - from > 0.5, "{blame}");
+    assert!(from >= 0.4 && to <= 1.55 && to - from > 0.5, "{diagnosis}");
     assert!(first.advice.contains("footfalls"));
 }
 
 #[test]
-fn a_second_on_one_foot_blames_the_balance() {
+fn a_second_on_one_foot_names_the_balance() {
     let (robot, motion) = walk(|motion| {
         let one_foot = motion.stance.iter_mut().skip(6).take(20);
         one_foot.for_each(|feet| feet[1..].fill(false));
     });
-    let blame = impossible(&plan(&robot, &motion), &long_walk());
-    let first = &blame.culprits[0];
-    assert_eq!(first.constraint, "angular dynamics", "{blame}");
+    let diagnosis = impossible(&plan(&robot, &motion), &long_walk());
+    let first = &diagnosis.culprits[0];
+    assert_eq!(first.constraint, Family::AngularDynamics, "{diagnosis}");
     let [from, to] = first.time_s;
-    assert!(from >= 0.2 && to <= 1.35, "{blame}");
+    assert!(from >= 0.2 && to <= 1.35, "{diagnosis}");
     assert!(first.advice.contains("footfalls"));
 }
 
 #[test]
-fn servos_too_weak_to_stand_blame_the_torque() {
+fn servos_too_weak_to_stand_names_the_torque() {
     let (mut robot, motion) = walk(|_| ());
     for joint in &mut robot.joints {
         joint.actuator.torque_max_nm = 0.15;
         joint.actuator.torque_speed = None;
     }
-    let blame = impossible(&plan(&robot, &motion), &long_walk());
-    let first = &blame.culprits[0];
-    let named = (first.constraint.as_str(), first.field.as_deref(), first.part);
-    assert_eq!(named, ("joint torque", Some("torque_max_nm"), Part::Limit), "{blame}");
+    let diagnosis = impossible(&plan(&robot, &motion), &long_walk());
+    let first = &diagnosis.culprits[0];
+    let named = (first.constraint, first.field.as_deref(), first.part);
+    assert_eq!(named, (Family::JointTorque, Some("torque_max_nm"), Kind::Limit), "{diagnosis}");
     assert!(robot.joints.iter().any(|joint| Some(&joint.name) == first.subject.as_ref()));
     // Servos that strong can do it.
     for joint in &mut robot.joints {
@@ -202,20 +205,20 @@ forward_m = 1.5
 ";
     let motion = |text: &str| Motion::from_toml("drive_1m.toml", text, &robot).unwrap();
     let feasible = plan(&robot, &motion(text));
-    let blame = impossible(&plan(&robot, &motion(&format!("{text}{twice}"))), &feasible);
-    let places = blame.culprits.iter().filter(|c| c.constraint == "target position");
+    let diagnosis = impossible(&plan(&robot, &motion(&format!("{text}{twice}"))), &feasible);
+    let places = diagnosis.culprits.iter().filter(|c| c.constraint == Family::TargetPosition);
     let mut given: Vec<f64> = places.map(|c| c.given.unwrap()).collect();
     given.sort_by(f64::total_cmp);
-    assert_eq!(given, [0.5, 1.5], "{blame}");
+    assert_eq!(given, [0.5, 1.5], "{diagnosis}");
 }
 
 #[test]
-fn the_blame_is_in_the_plan_and_survives_it() {
+fn the_diagnosis_is_in_the_plan_and_survives_it() {
     let (robot, sideways) = car(Goal { left_m: Some(0.3), ..FORWARD });
     let plan = plan(&robot, &sideways);
     let read = Plan::from_json("plan.json", &plan.to_json()).unwrap();
-    assert!(read.solve.blame.is_some());
-    assert_eq!(read.solve.blame, plan.solve.blame);
+    assert!(read.solve.diagnosis.is_some());
+    assert_eq!(read.solve.diagnosis, plan.solve.diagnosis);
     // What a file says is checked before it is printed.
     for (from, to, words) in [
         ("displacement goal", "\\u001b[31m", "the name of a constraint"),
@@ -223,13 +226,13 @@ fn the_blame_is_in_the_plan_and_survives_it() {
         ("\"infeasible\"", "\"converged\"", "null unless status is infeasible"),
     ] {
         let text = plan.to_json().replacen(from, to, 1);
-        // The name also stands in the summary, which is only told.
+        // The name also stands in the summary.
         let text = if to.contains("u001b") { plan.to_json().replace(from, to) } else { text };
         let error = Plan::from_json("plan.json", &text).unwrap_err().to_string();
         assert!(error.contains(words), "{words}: {error}");
         assert!(!error.contains('\u{1b}'), "{error:?}");
     }
-    let text = plan.solve.blame.unwrap().to_string();
+    let text = plan.solve.diagnosis.unwrap().to_string();
     for expected in ["contradict", "displacement goal", "left_m is 0.300", "would help"] {
         assert!(text.contains(expected), "{expected}: {text}");
     }
@@ -250,7 +253,7 @@ fn a_side_step_that_one_start_sees_no_way_to_is_not_given_up() {
 }
 
 #[test]
-fn a_limit_of_iterations_holds_for_looks_as_well() {
+fn a_limit_of_iterations_holds_for_probes_as_well() {
     let (robot, motion) = walk(|motion| motion.goal.forward_m = Some(1.5));
     for iterations in 1..16 {
         let mut options = Options::default();

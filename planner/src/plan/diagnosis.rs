@@ -1,30 +1,21 @@
-//! Why a request cannot be met: which constraints contradict each other, where, by how much, and what to
-//! change.
-//!
-//! `look` goes to the point where the violation is least and tells whether a solve should go on,
-//! `attribute` reads from the residuals at that point who pulls against whom, and `families` holds all
-//! words.
+//! The diagnosis of a request that cannot be met: which constraints contradict each other, where, by how much,
+//! and what to change. [`crate::diagnose`] makes it.
 
-mod attribute;
-mod families;
-pub(crate) mod look;
-
-pub(crate) use attribute::attribute;
-
+use crate::families::{Family, Kind};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Why a request cannot be met.
+/// Diagnosis of a request that cannot be met.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Blame {
-    /// What speaks against the request.
+pub struct Diagnosis {
+    /// Evidence against the request.
     pub verdict: Verdict,
     /// The constraints that pull against each other: what the motion asks for first, the easiest to give
     /// way before the others, then what stands against it, the hardest pulling first.
     pub culprits: Vec<Culprit>,
 }
 
-/// What speaks against a request, the strongest first. None is a proof: another start may know a way.
+/// Evidence against a request, the strongest first. None is a proof: another start may lead to a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -46,25 +37,13 @@ impl Verdict {
     }
 }
 
-/// What a constraint is to the user.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Part {
-    /// Something that the motion asks for.
-    Request,
-    /// A limit of motors, joints or the ground.
-    Limit,
-    /// How the robot is built and moves.
-    Build,
-}
-
-/// A constraint that is to blame.
+/// A constraint that takes part in the contradiction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Culprit {
-    /// Name of the constraint, as in the report of progress.
-    pub constraint: String,
+    /// The constraint.
+    pub constraint: Family,
     /// What it is to the user.
-    pub part: Part,
+    pub part: Kind,
     /// End effector, joint or direction that it is about; `null` for the whole robot.
     pub subject: Option<String>,
     /// When it pulls, first and last time, s.
@@ -109,7 +88,7 @@ impl fmt::Display for Culprit {
     }
 }
 
-impl fmt::Display for Blame {
+impl fmt::Display for Diagnosis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,

@@ -4,14 +4,13 @@
 //! take no part in the contradiction, and the derivative of the violation E = Σ y² with respect to a
 //! number p that rows compare with, of the motion or the robot file, is 2 Σ y ∂r/∂p. E grows with the
 //! square of the distance to what can be met, so that p − 2E/(dE/dp) could be met, all else as it is: to
-//! first order, and roughly where the look has not come to rest yet. The request that has to give way
+//! first order, and roughly where the probe has not come to rest yet. The request that has to give way
 //! least, relative to its size, is named first.
 
-use super::families::{self, Family};
-use super::{Blame, Culprit, Part, Verdict};
-use crate::formulation::TERMS;
+use crate::families::{Family, Kind};
 use crate::motion;
 use crate::normal::row_energy;
+use crate::plan::{Culprit, Diagnosis, Verdict};
 use crate::problem::Problem;
 use crate::rows::{Given, Role, Row, Rows, Subject};
 use std::collections::BTreeMap;
@@ -24,10 +23,11 @@ const LEAST_SHARE: f64 = 0.05;
 /// The same for the footfalls, which balance, flight and free feet speak for together.
 const LEAST_OF_FOOTFALLS: f64 = 0.3;
 /// Constraints that are violated where footfalls cannot be.
-const FOOTFALLS: [&str; 3] = ["angular dynamics", "linear dynamics", "swing force"];
+const FOOTFALLS: [Family; 3] =
+    [Family::AngularDynamics, Family::LinearDynamics, Family::SwingForce];
 /// Relative change of motors that may well be what is missing.
 const LIKELY_CHANGE: f64 = 2.0;
-/// Change of a goal beyond which it is not the goal's fault.
+/// Change of a goal beyond which the goal is not the cause.
 const HOPELESS_CHANGE: f64 = 1.5;
 /// Rank of what has no estimate, behind all that has.
 const LAST_RANK: f64 = 1e3;
@@ -41,7 +41,7 @@ const STRONGER: Range<f64> = 1.0..4.0;
 
 /// Rows of one family, about one part of the robot, that compare with one number.
 struct Group {
-    family: &'static Family,
+    family: Family,
     subject: Option<String>,
     /// Pull y, timeline index and residual in the family's unit of every row.
     pulls: Vec<(f64, usize, f64)>,
@@ -64,31 +64,30 @@ impl Group {
         self.pulls.iter().map(|(y, ..)| y * y).sum()
     }
 
-    fn is_goal(&self) -> bool {
-        matches!(self.family.name, "displacement goal" | "turning goal")
+    fn is_swing(&self) -> bool {
+        self.family == Family::ContactHeight
     }
 
-    fn is_swing(&self) -> bool {
-        self.family.name == "contact height"
+    fn is_request(&self) -> bool {
+        self.family.kind() == Kind::Request
     }
 
     /// How far the number that would do is from the one that is given, relative to that.
     fn change(&self, violation: f64) -> f64 {
         let step = -violation / self.slope;
         let given = self.given.map_or(0.0, |(_, value)| value);
-        let limit = self.family.part != Part::Request;
-        (if limit { step } else { step / given.abs().max(COMPARED_WITH) }).abs()
+        (if !self.is_request() { step } else { step / given.abs().max(COMPARED_WITH) }).abs()
     }
 
     /// What number would do, where an estimate can be believed.
     fn estimate(&self, violation: f64) -> Option<Estimate> {
         let (_, given) = self.given?;
         let step = -violation / self.slope;
-        let limit = self.family.part != Part::Request;
+        let limit = !self.is_request();
         let value = if limit { given * (1.0 + step) } else { given + step };
         let believed = if limit {
             STRONGER.contains(&(1.0 + step))
-        } else if self.is_goal() || self.is_swing() {
+        } else if self.family.is_goal() || self.is_swing() {
             // Less of the same, and not where even nothing at all would not help.
             value * given > 0.0 && value.abs() < given.abs()
         } else {
@@ -99,8 +98,8 @@ impl Group {
     }
 }
 
-/// What the rows of a group share: term, part of the robot, field and bits of the number.
-type Key = (usize, Subject, Option<(&'static str, u64)>);
+/// What the rows of a group share: family, part of the robot, field and bits of the number.
+type Key = (Family, Subject, Option<(&'static str, u64)>);
 
 /// How hard a row pulls, over its scale.
 fn pull(row: &Row) -> f64 {
@@ -134,16 +133,15 @@ fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
     let robot = problem.model.robot();
     let mut groups: BTreeMap<Key, Group> = BTreeMap::new();
     for row in &rows.rows {
-        let name = TERMS[row.term].about().name;
-        let Some(family) = families::of(name) else { continue };
+        let family = row.family;
         let y = pull(row);
         if y == 0.0 {
             continue;
         }
-        let swing = || swing_height(problem, row).filter(|_| name == "contact height");
+        let swing = || swing_height(problem, row).filter(|_| family == Family::ContactHeight);
         let given = row.given.or_else(swing);
         let number = given.map(|given| (given.field, given.value.to_bits()));
-        let group = groups.entry((row.term, row.subject, number)).or_insert_with(|| Group {
+        let group = groups.entry((family, row.subject, number)).or_insert_with(|| Group {
             family,
             subject: match row.subject {
                 Subject::Whole => None,
@@ -155,7 +153,7 @@ fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
             slope: 0.0,
         });
         group.pulls.push((y, row.at, y.abs() * row.scale));
-        let per = |given: Given| if family.part == Part::Request { 1.0 } else { given.value };
+        let per = |given: Given| if family.kind() == Kind::Request { 1.0 } else { given.value };
         group.slope += given.map_or(0.0, |given| y * given.slope * per(given) / row.scale);
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
@@ -165,11 +163,11 @@ fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
 
 /// One number of the motion file is the height of all swings, and motors are exchanged together.
 fn share_numbers(groups: &mut [Group]) {
-    let shares = |group: &Group| group.family.part == Part::Limit || group.is_swing();
+    let shares = |group: &Group| group.family.kind() == Kind::Limit || group.is_swing();
     let key = |group: &Group| {
         let (field, value) = group.given?;
         let swing = group.is_swing().then_some(value.to_bits());
-        shares(group).then_some((group.family.name, field, swing))
+        shares(group).then_some((group.family, field, swing))
     };
     let mut slopes = BTreeMap::new();
     for group in groups.iter() {
@@ -184,48 +182,53 @@ fn share_numbers(groups: &mut [Group]) {
     }
 }
 
-/// Who is to blame for the violation that is left in these rows; `None` if there is none.
-pub fn attribute(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Blame> {
+/// The diagnosis of the violation that is left in these rows; `None` if there is none.
+pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diagnosis> {
     let groups = group(problem, rows);
     let violation: f64 = groups.iter().map(Group::square).sum();
-    let mut of_families: BTreeMap<&str, f64> = BTreeMap::new();
+    let mut of_families: BTreeMap<Family, f64> = BTreeMap::new();
     for group in &groups {
-        *of_families.entry(group.family.name).or_default() += group.square();
+        *of_families.entry(group.family).or_default() += group.square();
     }
     let largest = of_families.values().copied().fold(0.0, f64::max);
     if largest <= 0.0 {
         return None;
     }
-    let footfalls: f64 = FOOTFALLS.iter().filter_map(|name| of_families.get(name)).sum();
+    let footfalls: f64 = FOOTFALLS.iter().filter_map(|family| of_families.get(family)).sum();
     // Each with how far behind it comes: by the estimated change, else after those by share.
     let [mut requests, mut limits, mut builds, mut goals] = [const { Vec::new() }; 4];
     for group in &groups {
         let estimate = group.estimate(violation);
-        let family_share = of_families[group.family.name] / violation;
+        let family_share = of_families[&group.family] / violation;
         let pulls = family_share * violation >= LEAST_SHARE * largest
-            && (!FOOTFALLS.contains(&group.family.name)
-                || footfalls >= LEAST_OF_FOOTFALLS * largest);
-        let (asks, number) = (group.family.part == Part::Request, group.given.is_some());
+            && (!FOOTFALLS.contains(&group.family) || footfalls >= LEAST_OF_FOOTFALLS * largest);
+        let (asks, number) = (group.is_request(), group.given.is_some());
         let wanted = group.given.is_some_and(|(_, value)| value != 0.0);
         let rank = match estimate {
             Some(estimate) => estimate.change,
             // Even nothing of it would not quite do.
-            None if group.is_goal() && wanted && group.change(violation) < HOPELESS_CHANGE => 1.0,
+            None if group.family.is_goal()
+                && wanted
+                && group.change(violation) < HOPELESS_CHANGE =>
+            {
+                1.0
+            }
             None if pulls && !(asks && number) => LAST_RANK - family_share,
-            None if group.is_goal() && wanted => LAST_RANK,
+            None if group.family.is_goal() && wanted => LAST_RANK,
             None => continue,
         };
-        let side = match group.family.part {
-            // Where the motion starts is nobody's fault.
-            _ if group.family.name == "anchor" => continue,
+        let side = match group.family.kind() {
+            // The anchor only says where the motion starts.
+            _ if group.family == Family::Anchor => continue,
             // A goal may be met at the price of everything else.
-            Part::Request if group.is_goal() && rank == LAST_RANK => &mut goals,
+            Kind::Request if group.family.is_goal() && rank == LAST_RANK => &mut goals,
             // Feet that stand do not ask for anything.
-            Part::Request if group.is_swing() && !number => &mut builds,
-            Part::Request if !(pulls || group.is_goal() || group.is_swing()) => continue,
-            Part::Request => &mut requests,
-            Part::Limit => &mut limits,
-            Part::Build => &mut builds,
+            Kind::Request if group.is_swing() && !number => &mut builds,
+            Kind::Request if !(pulls || group.family.is_goal() || group.is_swing()) => continue,
+            Kind::Request => &mut requests,
+            Kind::Limit => &mut limits,
+            Kind::Build => &mut builds,
+            Kind::Cost | Kind::Check => continue,
         };
         side.push((rank, -group.square(), group, estimate));
     }
@@ -236,9 +239,9 @@ pub fn attribute(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Bla
     for side in [&mut requests, &mut limits, &mut builds] {
         side.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         // One foot or joint stands for all that are asked the same.
-        let mut named: Vec<(&str, Option<(&str, f64)>)> = Vec::new();
+        let mut named: Vec<(Family, Option<(&str, f64)>)> = Vec::new();
         side.retain(|(.., group, _)| {
-            let this = (group.family.name, group.given);
+            let this = (group.family, group.given);
             let is_new = !named.contains(&this);
             named.push(this);
             is_new
@@ -258,7 +261,7 @@ pub fn attribute(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Bla
         .flatten()
         .map(|(.., group, estimate)| culprit(problem, group, violation, estimate))
         .collect();
-    Some(Blame { verdict, culprits })
+    Some(Diagnosis { verdict, culprits })
 }
 
 fn culprit(
@@ -283,12 +286,12 @@ fn culprit(
         pulling.iter().copied().fold(0.0, f64::max),
     ];
     Culprit {
-        constraint: group.family.name.to_owned(),
-        part: group.family.part,
+        constraint: group.family,
+        part: group.family.kind(),
         subject: group.subject.clone(),
-        time_s: if group.is_goal() { whole } else { range },
+        time_s: if group.family.is_goal() { whole } else { range },
         worst: group.pulls.iter().map(|&(.., residual)| residual).fold(0.0, f64::max),
-        unit: group.family.unit.to_owned(),
+        unit: group.family.unit().symbol().to_owned(),
         share: group.square() / violation,
         field: group.given.map(|(field, _)| field.to_owned()),
         given: group.given.map(|(_, value)| value),

@@ -4,12 +4,12 @@
 //! The solver's energy without its multipliers and all but without its costs is Σ r² over the violated
 //! constraints. In a feasible problem that goes to zero in a few steps. Where it is stationary above zero
 //! no small change meets all constraints, and what is left of each residual is its share in the
-//! contradiction. So a solve that is still far off after a few iterations takes a look: some steps on the
+//! contradiction. So a solve that is still far off after a few iterations is probed: some steps on the
 //! constraints alone tell impossible requests from slow ones long before multipliers would.
 
-use super::Verdict;
 use crate::formulation;
 use crate::normal::NormalEquations;
+use crate::plan::Verdict;
 use crate::problem::{Problem, Unknowns};
 use crate::rows::{Columns, Rows};
 use crate::solver::{ACCEPTED_LEVEL, worst};
@@ -18,7 +18,7 @@ use std::ops::ControlFlow;
 /// Weight of the constraints against the costs, relative to a solve: enough that costs move residuals by
 /// less than a part in a thousand.
 const EMPHASIS: f64 = 1e3;
-/// Most steps of one look.
+/// Most steps of one probe.
 const STEPS: usize = 8;
 /// Relative decrease of Σ r² over the last [`FLAT_STEPS`] steps below which it counts as stationary.
 const FLAT: f64 = 0.05;
@@ -30,13 +30,13 @@ const FALLING_STEPS: usize = 4;
 /// Energies at the beginning that do not count: multipliers keep a solve away from the point with the least
 /// violation, which the first steps go back to.
 const SETTLING: usize = 2;
-/// Worst constraint, as a multiple of its credible level, that counts as far off at the first look. No
-/// shipped motion is there. Later looks ask for [`PATIENCE`] times more each, as multipliers may have led a
+/// Worst constraint, as a multiple of its credible level, that counts as far off at the first probe. No
+/// shipped motion is there. Later probes ask for [`PATIENCE`] times more each, as multipliers may have led a
 /// slow solve away by then.
 const FAR_LEVEL: f64 = 30.0;
-/// Worst constraint for which a second look is worth its while.
+/// Worst constraint, as a multiple of its credible level, above which a solve is probed again.
 const DOUBTFUL_LEVEL: f64 = 1.0;
-/// Iterations after which a solve takes its first look, and how many times more until the next one.
+/// Iterations before the first probe, and the factor from one probe to the next.
 const FIRST: usize = 6;
 const PATIENCE: usize = 3;
 
@@ -49,7 +49,7 @@ const UNDAMPED: f64 = 1e-6;
 /// other. Slow but feasible solves promise 0.4 or more, contradictions 0.002 to 0.07.
 const CURABLE: f64 = 0.1;
 
-/// When a solve takes a look.
+/// When a solve is probed.
 #[derive(Debug)]
 pub struct Schedule {
     next: usize,
@@ -63,8 +63,8 @@ impl Default for Schedule {
 }
 
 impl Schedule {
-    /// Whether to look now, with the worst constraint at `level`: the level that counts as far off then.
-    /// Looks become rarer, so that slow solves do not pay much for them.
+    /// Whether to probe now, with the worst constraint at `level`: the level that counts as far off then.
+    /// Probes become rarer, so that slow solves do not pay much for them.
     pub fn due(&mut self, iteration: usize, level: f64) -> Option<f64> {
         if iteration < self.next {
             return None;
@@ -82,19 +82,19 @@ impl Schedule {
     }
 }
 
-/// What a look found.
+/// Result of a probe.
 #[derive(Debug)]
 pub struct Nearest {
-    /// The unknowns where the violation is least, as far as the look came.
+    /// The unknowns where the violation is least, as far as the probe came.
     pub unknowns: Unknowns,
     /// The rows there.
     pub rows: Rows,
-    /// What speaks against the request; `None` as long as nothing does.
+    /// Evidence against the request; `None` as long as there is none.
     pub verdict: Option<Verdict>,
 }
 
-/// A step of a look, for the caller to see.
-pub struct Step<'a> {
+/// Progress of a probe: one step.
+pub struct ProbeStep<'a> {
     /// The rows after it.
     pub rows: &'a Rows,
     /// The energy that it lowers, at the weight of a solve.
@@ -105,9 +105,9 @@ pub struct Step<'a> {
     pub length: f64,
 }
 
-/// A look to be taken.
-pub struct Look<'a> {
-    /// At which problem.
+/// A feasibility probe of one problem.
+pub struct FeasibilityProbe<'a> {
+    /// The problem.
     pub problem: &'a Problem,
     /// Its columns.
     pub columns: &'a Columns,
@@ -117,14 +117,14 @@ pub struct Look<'a> {
     pub far_level: f64,
 }
 
-impl Look<'_> {
+impl FeasibilityProbe<'_> {
     /// Lowers the violation from a point, with Levenberg-Marquardt steps. `watch` sees every step and may
-    /// stop the look, which then finds nothing.
+    /// stop the probe, which then finds nothing.
     pub fn from(
         &self,
         normal: &mut NormalEquations,
         from: &Unknowns,
-        watch: &mut dyn FnMut(&Step<'_>) -> ControlFlow<()>,
+        watch: &mut dyn FnMut(&ProbeStep<'_>) -> ControlFlow<()>,
     ) -> Option<Nearest> {
         let Self { problem, columns, most_steps, far_level } = *self;
         let penalty = EMPHASIS * problem.weights.penalty;
@@ -169,7 +169,7 @@ impl Look<'_> {
                 damping *= 6.0;
             }
             energies.push(energy);
-            let step = Step { rows: &rows, energy: energy / EMPHASIS, damping, length };
+            let step = ProbeStep { rows: &rows, energy: energy / EMPHASIS, damping, length };
             if watch(&step).is_break() {
                 return None;
             }

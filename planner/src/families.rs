@@ -1,0 +1,377 @@
+//! The catalogue of residual families: name, equation, unit, credible level, kind and advice of each.
+//!
+//! A family is one constraint, one cost or one check of a plan. Terms write rows of a family, the solver
+//! reports its worst family, starts choose families, a diagnosis names them, the report has a row for each,
+//! and every plan carries the catalogue ([`Formulation`]) for readers in other languages. All numbers are SI.
+
+mod in_plans;
+
+pub use in_plans::Formulation;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::fmt;
+
+/// Standard gravity, m/s².
+pub const GRAVITY_M_S2: f64 = 9.806_65;
+/// Clearance β between end effectors of different links, m (Eq. 2.10).
+pub const CLEARANCE_M: f64 = 0.02;
+/// Rolling velocity v₀ at which rolling resistance has nearly its full value, m/s: its sign is tanh(v/v₀).
+pub const ROLLING_SIGN_WIDTH_M_S: f64 = 0.05;
+/// Numbers that repeat each other in a plan agree to this: far below any level that matters, and loose
+/// enough for files written with nine digits by other programs.
+pub const AGREEMENT: f64 = 1e-6;
+
+/// Unit of a family's residuals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// Metres.
+    M,
+    /// Metres per second.
+    MPerS,
+    /// Radians.
+    Rad,
+    /// Radians per second.
+    RadPerS,
+    /// Newtons.
+    N,
+    /// Newton metres.
+    Nm,
+    /// Seconds.
+    S,
+    /// Part of a torque-speed line.
+    OfLine,
+    /// None.
+    None,
+    /// Several, each in its SI unit.
+    Mixed,
+}
+
+impl Unit {
+    /// Symbol of the SI unit.
+    pub const fn symbol(self) -> &'static str {
+        match self {
+            Self::M => "m",
+            Self::MPerS => "m/s",
+            Self::Rad => "rad",
+            Self::RadPerS => "rad/s",
+            Self::N => "N",
+            Self::Nm => "N m",
+            Self::S => "s",
+            Self::OfLine => "of the line",
+            Self::None => "-",
+            Self::Mixed => "SI",
+        }
+    }
+
+    /// Symbol of the unit that tables show, and how many of it are one SI unit: residuals of lengths are
+    /// millimetres.
+    pub const fn shown(self) -> (&'static str, f64) {
+        match self {
+            Self::M => ("mm", 1000.0),
+            Self::MPerS => ("mm/s", 1000.0),
+            Self::OfLine => ("-", 1.0),
+            other => (other.symbol(), 1.0),
+        }
+    }
+}
+
+/// Residual up to which a plan is physically credible: measured by replaying plans in an independent
+/// rigid-body simulator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Level {
+    /// A residual, in the family's unit.
+    Residual(f64),
+    /// A fraction of the limit that the residual exceeds.
+    OfLimit(f64),
+    /// Costs have no level.
+    None,
+}
+
+impl Level {
+    /// The level as a residual; `limit` is the limit that the residual exceeds, if it does.
+    pub fn at(self, limit: f64) -> f64 {
+        match self {
+            Self::Residual(level) => level,
+            Self::OfLimit(fraction) => fraction * limit,
+            Self::None => f64::INFINITY,
+        }
+    }
+}
+
+/// What a family is to the user.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Something that the motion asks for.
+    Request,
+    /// A limit of motors, joints or the ground.
+    Limit,
+    /// How the robot is built and moves.
+    Build,
+    /// A weighted objective: nothing can violate it.
+    Cost,
+    /// Checked in plans only; the optimiser has no term for it.
+    Check,
+}
+
+/// Advice where legs do not reach.
+const REACH: &str = "a motion within the legs' reach: shorter strides, lower swings";
+/// The same for a motion in which no foot leaves the ground.
+const REACH_STANDING: &str =
+    "a motion within the legs' reach, feet that step, or wheels that can be steered";
+const LONGER: &str = "a longer duration or a nearer goal";
+const NO_ADVICE: &str = "";
+
+/// One entry of the catalogue.
+struct Info {
+    name: &'static str,
+    equation: &'static str,
+    unit: Unit,
+    level: Level,
+    kind: Kind,
+    advice: &'static str,
+}
+
+/// Declares [`Family`] and the table of its entries from one list.
+macro_rules! catalogue {
+    ($($family:ident: $name:literal, $equation:literal, $unit:ident, $level:expr, $kind:ident, $advice:expr;)*) => {
+        /// A family of residuals.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Family {
+            $(#[doc = $name] $family,)*
+        }
+
+        impl Family {
+            /// Every family, in the order of the formulation.
+            pub const ALL: &[Self] = &[$(Self::$family,)*];
+
+            const INFO: &[Info] = &[$(Info {
+                name: $name,
+                equation: $equation,
+                unit: Unit::$unit,
+                level: $level,
+                kind: Kind::$kind,
+                advice: $advice,
+            },)*];
+        }
+    };
+}
+
+use Level::{OfLimit, Residual};
+
+catalogue! {
+    LinearDynamics: "linear dynamics", "Eq. 2.3", N, Residual(0.3), Request,
+        "footfalls with more feet on the ground, or shorter flights";
+    AngularDynamics: "angular dynamics", "Eq. 2.4", Nm, Residual(0.03), Request,
+        "footfalls that stand around the centre of mass";
+    Friction: "friction", "Eq. 2.5", N, Residual(0.2), Limit,
+        "gentler motion or a higher friction_coefficient";
+    FreeWheelTraction: "free-wheel traction", "Eq. 2.6", N, Residual(0.2), Limit,
+        "a slower motion, or a driven wheel to push with";
+    SwingForce: "swing force", "Eq. 2.7", N, Residual(0.2), Request,
+        "footfalls with more feet on the ground";
+    Slip: "slip", "Eq. 2.8, midpoint", MPerS, Residual(0.005), Build,
+        "a goal along the rolling directions, or steps";
+    ContactHeight: "contact height", "Eq. 2.9", M, Residual(0.001), Request,
+        "a lower swing_height_m or a longer swing";
+    EndEffectorClearance: "end-effector clearance", "Eq. 2.10", M, Residual(0.001), Limit,
+        "a posture with feet further apart";
+    WheelAxis: "wheel axis", "Eq. 2.13", Rad, Residual(0.5 * std::f64::consts::PI / 180.0), Build,
+        "a motion that the joints can steer the wheel along";
+    ContactPoint: "contact point", "Eq. 2.14", M, Residual(0.001), Build, REACH;
+    BladeContact: "contact on the blade", "sec. 3.5.2", M, Residual(0.001), Build,
+        "smaller pitch of the skates";
+    HeldWheel: "held wheel", "Eq. 2.15, about the axis", MPerS, Residual(0.005), Build,
+        "a nearer goal, steps, or wheels that turn";
+    JointLimit: "joint limit", "sec. 2.4.1", Rad, Residual(0.05), Limit,
+        "shorter strides, or wider limits in the robot file";
+    JointSpeed: "joint speed", "sec. 2.4.1", RadPerS, OfLimit(0.1), Limit,
+        "a longer duration or shorter strides";
+    WheelMotorSpeed: "wheel motor speed", "sec. 2.4.1", RadPerS, OfLimit(0.1), Limit, LONGER;
+    JointTorque: "joint torque", "quasi-static", Nm, OfLimit(0.1), Limit,
+        "straighter legs in [posture], or stronger motors";
+    WheelTorque: "wheel torque", "quasi-static", Nm, OfLimit(0.1), Limit,
+        "gentler motion or stronger wheel motors";
+    TorqueSpeedLine: "torque-speed line", "quasi-static", OfLine, Residual(0.1), Limit,
+        "a longer duration or stronger motors";
+    Anchor: "anchor", "sec. 2.4.1", M, Residual(0.001), Build,
+        "nothing: it only says where the motion starts";
+    DisplacementGoal: "displacement goal", "sec. 2.4.1", M, Residual(0.001), Request, LONGER;
+    TurningGoal: "turning goal", "sec. 2.4.1", Rad, Residual(0.001), Request,
+        "a smaller turn, a longer duration, feet that step, or joints that steer the wheels";
+    TargetPosition: "target position", "sec. 2.4.1", M, Residual(0.001), Request,
+        "a target nearer to the rest of the motion, or at another time";
+    TargetVelocity: "target velocity", "sec. 2.4.1", MPerS, Residual(0.005), Request,
+        "a slower target, or one at another time";
+    TargetHeading: "target heading", "sec. 2.4.1", Rad, Residual(0.001), Request,
+        "a heading nearer to the rest of the motion, or at another time";
+    HeightLimit: "height limit", "sec. 3.5.2", M, Residual(0.001), Request,
+        "a height that the legs reach, or other limits at that time";
+    Smoothness: "smoothness", "sec. 2.4.1", Mixed, Level::None, Cost, NO_ADVICE;
+    EvenForce: "even force", "sec. 2.4.1", N, Level::None, Cost, NO_ADVICE;
+    Posture: "posture", "sec. 2.4.1", Mixed, Level::None, Cost, NO_ADVICE;
+    WheelEffort: "wheel effort", "sec. 2.4.1", MPerS, Level::None, Cost, NO_ADVICE;
+    WheelSmoothness: "wheel smoothness", "sec. 2.4.1", MPerS, Level::None, Cost, NO_ADVICE;
+    // Wheels that land are rows of the slip in a solve, feet in swing follow their profile there.
+    LandingSlip: "landing slip", "Eq. 2.8, midpoint", MPerS, Residual(0.005), Check, NO_ADVICE;
+    SwingDepth: "depth in swing", "Eq. 2.9", M, Residual(0.001), Check, NO_ADVICE;
+    CentreOfMass: "centre of mass", "Eq. 2.11", M, Residual(0.001), Check, NO_ADVICE;
+    MotorAgainstWheel: "motor against wheel", "conventions", MPerS, Residual(0.005), Check, NO_ADVICE;
+    BaseOrientation: "base orientation", "Eq. 2.12", None, Residual(AGREEMENT), Check, NO_ADVICE;
+    Duration: "duration", "plan format", S, Residual(AGREEMENT), Check, NO_ADVICE;
+    Time: "time", "plan format", S, Residual(AGREEMENT), Check, NO_ADVICE;
+    Ends: "ends", "plan format", Mixed, Residual(AGREEMENT), Check, NO_ADVICE;
+    ContactFlag: "contact flag", "plan format", None, Residual(0.5), Check, NO_ADVICE;
+}
+
+impl Family {
+    const fn info(self) -> &'static Info {
+        &Self::INFO[self as usize]
+    }
+
+    /// The family with this name.
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.iter().copied().find(|family| family.name() == name)
+    }
+
+    /// Name, as shown in progress, outcomes, diagnoses and reports.
+    pub const fn name(self) -> &'static str {
+        self.info().name
+    }
+
+    /// Where the equation stands, in the thesis or in words.
+    pub const fn equation(self) -> &'static str {
+        self.info().equation
+    }
+
+    /// Unit of the residuals.
+    pub const fn unit(self) -> Unit {
+        self.info().unit
+    }
+
+    /// Residual up to which a plan is physically credible.
+    pub const fn level(self) -> Level {
+        self.info().level
+    }
+
+    /// What the family is to the user.
+    pub const fn kind(self) -> Kind {
+        self.info().kind
+    }
+
+    /// Whether the family asks for a displacement or a turn over the whole motion.
+    pub fn is_goal(self) -> bool {
+        matches!(self, Self::DisplacementGoal | Self::TurningGoal)
+    }
+
+    /// What to change in a motion that steps, or does not.
+    pub fn advice(self, steps: bool) -> &'static str {
+        if self == Self::ContactPoint && !steps { REACH_STANDING } else { self.info().advice }
+    }
+}
+
+impl fmt::Display for Family {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl Serialize for Family {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
+    }
+}
+
+impl<'de> Deserialize<'de> for Family {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        Self::by_name(&name).ok_or_else(|| {
+            let name = name.escape_debug();
+            serde::de::Error::custom(format!("\"{name}\"; expected the name of a constraint"))
+        })
+    }
+}
+
+/// A set of families.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FamilySet(u64);
+
+const _: () = assert!(Family::ALL.len() <= 64, "a set holds 64 families");
+
+impl FamilySet {
+    /// Every family.
+    pub const ALL: Self = Self(u64::MAX);
+
+    /// The set of these families.
+    pub const fn of(families: &[Family]) -> Self {
+        Self(0).with(families)
+    }
+
+    /// This set and these families.
+    pub const fn with(self, families: &[Family]) -> Self {
+        let mut bits = self.0;
+        let mut next = 0;
+        while next < families.len() {
+            bits |= 1 << families[next] as u64;
+            next += 1;
+        }
+        Self(bits)
+    }
+
+    /// Whether a family is in the set.
+    pub const fn contains(self, family: Family) -> bool {
+        self.0 >> family as u64 & 1 == 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unique_and_lead_back_to_their_family() {
+        for &family in Family::ALL {
+            assert_eq!(Family::by_name(family.name()), Some(family));
+        }
+    }
+
+    #[test]
+    fn sets_hold_what_they_were_made_of() {
+        let set = FamilySet::of(&[Family::Slip]).with(&[Family::Ends]);
+        for &family in Family::ALL {
+            let wanted = matches!(family, Family::Slip | Family::Ends);
+            assert_eq!((set.contains(family), FamilySet::ALL.contains(family)), (wanted, true));
+        }
+    }
+
+    #[test]
+    fn what_can_be_diagnosed_has_advice_and_a_level() {
+        for &family in Family::ALL {
+            let diagnosed = !matches!(family.kind(), Kind::Cost | Kind::Check);
+            assert_eq!(family.advice(true) != NO_ADVICE, diagnosed, "{family}");
+            assert_eq!(family.level() == Level::None, family.kind() == Kind::Cost, "{family}");
+        }
+    }
+
+    /// The table of `docs/plan-format.md` has the families that a report may have, with their levels.
+    #[test]
+    fn the_plan_format_lists_every_family_with_its_level() {
+        let text = include_str!("../../docs/plan-format.md");
+        let (_, text) = text.split_once("## Residuals and their levels").expect("its section");
+        for &family in Family::ALL.iter().filter(|family| family.kind() != Kind::Cost) {
+            let (unit, factor) = family.unit().shown();
+            let level = match family.level() {
+                // Rounded as the table has it: 0.5° in mrad.
+                Residual(level) => {
+                    format!("{} {unit}", (level * factor * 1e7).round() / 1e7)
+                }
+                OfLimit(fraction) => format!("{} % of the limit", fraction * 100.0),
+                Level::None => unreachable!("costs have no level"),
+            };
+            let line = text.lines().find(|line| line.starts_with(&format!("| {family} |")));
+            let line = line.unwrap_or_else(|| panic!("no row `| {family} |`"));
+            let level = level.trim_end_matches(" -");
+            assert!(line.ends_with(&format!("| {level} |")), "{line}\nexpected level {level}");
+        }
+    }
+}
