@@ -3,12 +3,9 @@
 use crate::{Program, unless_interrupted};
 use cpu_time::ThreadTime;
 use rollwalk_planner::motion::{Ends, Goal, Motion};
-use rollwalk_planner::plan::{Ending, Plan, Status};
-use rollwalk_planner::{Options, ReplanError, Solution, optimise_solution, start};
+use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::{Options, ReplanError, Solution, optimise_solution};
 use rollwalk_robot::Robot;
-
-/// As many of the first starts may look impossible; then the request is given up, as on the command line.
-const HOPELESS: usize = 2;
 
 /// A solve with what it cost.
 pub struct Run {
@@ -36,21 +33,10 @@ impl Run {
 pub fn cold(program: &dyn Program, robot: &Robot, motion: &Motion, options: &Options) -> Run {
     let clock = ThreadTime::now();
     let mut iterations = 0;
-    let mut last = None;
-    let mut hopeless = 0;
-    for (index, candidate) in start::candidates(robot, motion, options).into_iter().enumerate() {
-        let solution =
-            optimise_solution(robot, motion, &candidate, &mut |_| unless_interrupted(program));
-        iterations += solution.plan.solve.iterations;
-        let ending = solution.plan.solve.ending();
-        hopeless += usize::from(ending == Ending::Hopeless && index < HOPELESS);
-        let done = ending == Ending::Decided || hopeless == HOPELESS;
-        last = Some(solution);
-        if done {
-            break;
-        }
-    }
-    let solution = last.expect("there is always a candidate");
+    let solution = optimise_solution(robot, motion, options, &mut |_| {
+        iterations += 1;
+        unless_interrupted(program)
+    });
     Run { solution, iterations, cpu_s: clock.elapsed().as_secs_f64() }
 }
 

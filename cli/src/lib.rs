@@ -20,7 +20,6 @@ mod packed;
 mod planning;
 mod problem;
 mod progress;
-mod race;
 mod shipped;
 pub mod sim;
 

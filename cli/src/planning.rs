@@ -2,13 +2,17 @@
 
 use crate::inputs::Library;
 use crate::progress::Watch;
-use crate::{interrupt, output, race};
+use crate::{interrupt, output};
 use miette::IntoDiagnostic;
 use rollwalk_planner::library::{
     self, BuiltLibrary, LibraryContent, LibraryMotion, LibraryTransition,
 };
+use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, SolveSummary, Status};
-use rollwalk_planner::{ACCEPTED_LEVEL, Options, optimise_transition};
+use rollwalk_planner::{ACCEPTED_LEVEL, Options, Progress, Search, optimise_transition};
+use rollwalk_robot::Robot;
+use std::ops::ControlFlow;
+use std::thread;
 use std::time::Duration;
 
 /// A plan and how long it took to find.
@@ -100,6 +104,26 @@ pub fn shortfall(solve: &SolveSummary) -> String {
     )
 }
 
+/// Optimises a motion from its candidate starts on all cores; the plan does not depend on how many there are.
+/// `progress` sees the iterations of the first start that can still win, and may stop them all.
+pub fn optimise(
+    robot: &Robot,
+    motion: &Motion,
+    options: &Options,
+    progress: &(dyn Fn(&Progress) -> ControlFlow<()> + Sync),
+) -> Plan {
+    let search = Search::new(robot, motion, options);
+    let cores = thread::available_parallelism().map_or(1, usize::from);
+    let work = || search.work(&mut |state| progress(state));
+    thread::scope(|scope| {
+        for _ in 1..cores.min(search.candidates()) {
+            scope.spawn(work);
+        }
+        work();
+    });
+    search.finish().plan
+}
+
 /// Optimises every motion, from its candidate starts, and every transition; transitions only between motions that
 /// converged, because others have no physical start or end. `None` after Ctrl-C.
 ///
@@ -111,7 +135,7 @@ pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans
     let mut motions = Vec::new();
     for motion in &library.motions {
         let watch = Watch::start(&motion.name, verbose);
-        let plan = race::optimise_any(&library.robot, motion, &options, &|p| watch.iteration(p));
+        let plan = optimise(&library.robot, motion, &options, &|p| watch.iteration(p));
         let took = watch.finish_with_line(&plan.solve);
         if interrupt::requested() {
             return Ok(None);
@@ -139,4 +163,24 @@ pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans
         transitions.push(PlannedTransition { from: wanted.from, to: wanted.to, planned });
     }
     Ok(Some(Plans { motions, transitions }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inputs::Source;
+    use std::path::Path;
+
+    #[test]
+    fn the_command_line_and_the_library_find_the_same_plan() {
+        // The first start of a flying trot leads nowhere.
+        for motion in ["motions/stand.toml", "motions/flying_trot.toml"] {
+            let (robot, motion) = Source::Shipped.motion(Path::new(motion)).unwrap();
+            let options = Options::default();
+            let go_on = |_: &Progress| ControlFlow::Continue(());
+            let plan = optimise(&robot, &motion, &options, &go_on);
+            assert_eq!(plan.solve.status, Status::Converged);
+            assert_eq!(plan, rollwalk_planner::optimise(&robot, &motion, &options, &mut { go_on }));
+        }
+    }
 }

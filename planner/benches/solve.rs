@@ -8,6 +8,7 @@ use cpu_time::ProcessTime;
 use criterion::measurement::{Measurement, ValueFormatter, WallTime};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rollwalk_planner::motion::Motion;
+use rollwalk_planner::start::Start;
 use rollwalk_planner::{Options, optimise};
 use rollwalk_robot::Robot;
 use std::hint::black_box;
@@ -51,7 +52,7 @@ fn motion(name: &str, text: &str, robot: &Robot) -> Motion {
 }
 
 fn run(robot: &Robot, motion: &Motion, iterations: usize) {
-    let mut options = Options::default();
+    let mut options = Options { start: Start::Standing, ..Options::default() };
     options.settings.iterations = iterations;
     black_box(optimise(robot, motion, &options, &mut |_| ControlFlow::Continue(())));
 }

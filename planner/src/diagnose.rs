@@ -7,4 +7,4 @@ mod attribute;
 mod probe;
 
 pub use attribute::diagnose;
-pub use probe::{FeasibilityProbe, ProbeStep, Schedule};
+pub use probe::{FeasibilityProbe, Schedule};

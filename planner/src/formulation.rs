@@ -28,7 +28,7 @@
 //! | heights to keep between | sec. 3.5.2 | [`HeightBound`] |
 //!
 //! Equations 2.11 and 2.12 (centre of mass, body orientation) hold by elimination; periodic, at-rest
-//! and prescribed ends by construction of the timeline ([`crate::variables`]).
+//! and prescribed ends by construction of the timeline ([`crate::problem::variables`]).
 //!
 //! | cost | what it does | term |
 //! |---|---|---|
@@ -37,11 +37,14 @@
 //! | posture | near the nominal pose | [`Posture`] |
 //! | wheel speed, wheel smoothness | fixes free speeds; no jumps | [`WheelEffort`], [`WheelSmoothness`] |
 
-use crate::families::Family;
+pub mod rows;
+pub mod terms;
+
+use crate::families::{Family, FamilySet};
 use crate::problem::{Problem, Unknowns};
-use crate::rows::{Columns, RowWriter, Rows, Window};
-use crate::state::State;
-use crate::terms::{
+use nalgebra::Vector3;
+use rows::{Columns, RowWriter, Rows, Window};
+use terms::{
     Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
     DynamicsLinear, EvenForce, Friction, HeightBound, JointLimit, JointSpeed, JointTorque, NoSlip,
     Posture, Smoothness, SwingForce, TargetHeading, TargetPosition, TargetVelocity, TorqueSpeed,
@@ -120,28 +123,83 @@ fn covers(problem: &Problem, span: Span, t: usize) -> bool {
     }
 }
 
-/// Residuals and Jacobian of every term.
-pub fn evaluate(
-    problem: &Problem,
-    columns: &Columns,
-    unknowns: &Unknowns,
-    states: &[State],
-    reuse: Rows,
-) -> Rows {
-    let mut out = RowWriter::new(problem, columns, unknowns, states, reuse);
-    let mut write = |term: &dyn Term, at: [usize; 3]| {
-        out.enter(term.info().family, at);
-        term.write(&Window { problem, at, states: at.map(|t| &states[t]) }, &mut out);
-    };
-    let active = || TERMS.iter().filter(|term| problem.only.contains(term.info().family));
-    // Window by window: what the rows of one window touch of the normal equations stays in cache.
-    for t in 1..states.len() - 1 {
-        for term in active().filter(|term| covers(problem, term.info().span, t)) {
-            write(*term, [t - 1, t, t + 1]);
+/// Which rows a system has, and what they ask of feet in swing.
+#[derive(Clone, Debug)]
+pub struct Selection {
+    /// The families that count.
+    pub families: FamilySet,
+    /// Forces that feet in swing still carry, `[timeline sample][end effector]`, N; empty: none.
+    pub swing_force_n: Vec<Vec<Vector3<f64>>>,
+}
+
+impl Default for Selection {
+    fn default() -> Self {
+        Self { families: FamilySet::ALL, swing_force_n: Vec::new() }
+    }
+}
+
+/// The rows of a problem as functions of its unknowns: all that a solver sees of it.
+pub struct System<'a> {
+    problem: &'a Problem,
+    selection: Selection,
+    columns: Columns,
+}
+
+impl<'a> System<'a> {
+    /// The whole problem.
+    #[cfg(test)]
+    pub fn new(problem: &'a Problem) -> Self {
+        Self::selected(problem, Selection::default())
+    }
+
+    /// A part of the problem.
+    pub fn selected(problem: &'a Problem, selection: Selection) -> Self {
+        Self { problem, selection, columns: Columns::new(problem) }
+    }
+
+    /// Columns of the unknowns.
+    pub fn columns(&self) -> &Columns {
+        &self.columns
+    }
+
+    /// Length of q, with which the variables of a sample begin.
+    pub fn dofs(&self) -> usize {
+        self.problem.layout.dofs
+    }
+
+    /// Penalty of every constraint.
+    pub fn penalty(&self) -> f64 {
+        self.problem.weights.penalty
+    }
+
+    /// The unknowns after a step in scaled variables.
+    pub fn moved(&self, from: &Unknowns, step: &[f64]) -> Unknowns {
+        let mut unknowns = from.clone();
+        self.columns.add_step(self.problem, &mut unknowns, step);
+        unknowns
+    }
+
+    /// Residuals and Jacobian of every term. `reuse` is an earlier result whose memory is taken over.
+    pub fn rows(&self, unknowns: &Unknowns, reuse: Rows) -> Rows {
+        let Self { problem, selection, columns } = self;
+        let states = &problem.states(unknowns);
+        let mut out = RowWriter::new(problem, columns, unknowns, states, reuse);
+        let mut write = |term: &dyn Term, at: [usize; 3]| {
+            out.enter(term.info().family, at);
+            let swing_force_n = &selection.swing_force_n;
+            let window = Window { problem, at, states: at.map(|t| &states[t]), swing_force_n };
+            term.write(&window, &mut out);
+        };
+        let active = || TERMS.iter().filter(|term| selection.families.contains(term.info().family));
+        // Window by window: what the rows of one window touch of the normal equations stays in cache.
+        for t in 1..states.len() - 1 {
+            for term in active().filter(|term| covers(problem, term.info().span, t)) {
+                write(*term, [t - 1, t, t + 1]);
+            }
         }
+        for term in active().filter(|term| term.info().span == Span::Ends) {
+            write(*term, [0, 1, problem.last()]);
+        }
+        out.finish()
     }
-    for term in active().filter(|term| term.info().span == Span::Ends) {
-        write(*term, [0, 1, problem.last()]);
-    }
-    out.finish()
 }

@@ -1,42 +1,35 @@
 //! Trajectory optimisation for robots with legs and wheels (thesis ch. 2).
 //!
-//! Data flow: robot + [`motion::Motion`] → optimise → [`plan::Plan`] → sampled at 60 Hz → motion library.
+//! Data flow: robot + [`motion::Motion`] → [`optimise`] → [`plan::Plan`] → sampled at 60 Hz → motion library.
 //! A pure library: no clock, no file access, no threads, so that it also builds for the browser.
+//!
+//! The optimiser is built in layers, each of which knows those before it only (`tests/layers.rs`): [`families`],
+//! `problem`, `formulation`, `solve`, then `start` and `diagnose`, and on top `planning`.
 
-mod coarse;
 mod diagnose;
 pub mod export;
 pub mod families;
 mod formulation;
-mod guess;
 pub mod library;
 pub mod library_file;
 mod model;
 pub mod motion;
-mod normal;
-mod optimise;
-mod penalty;
 pub mod plan;
+mod planning;
 pub mod plot;
 mod problem;
-mod replan;
 pub mod report;
-mod rows;
 pub mod sample;
-mod solver;
+mod solve;
 pub mod start;
-mod state;
-mod swing;
-mod terms;
 #[cfg(test)]
 mod test_plans;
 #[cfg(test)]
 mod test_robots;
-mod transition;
-mod variables;
 
-pub use optimise::{Options, Solution, optimise, optimise_solution};
+pub use planning::{
+    Options, ReplanError, Search, Solution, TransitionError, candidates, optimise,
+    optimise_solution, optimise_transition, replan,
+};
 pub use problem::Weights;
-pub use replan::{ReplanError, replan};
-pub use solver::{ACCEPTED_LEVEL, Method, Progress, Settings};
-pub use transition::{TransitionError, optimise_transition};
+pub use solve::{ACCEPTED_LEVEL, Method, Progress, Settings};

@@ -3,15 +3,17 @@
 mod diagnosis;
 mod json;
 mod placement;
+mod started;
 mod validate;
 
 pub use diagnosis::{Culprit, Diagnosis, Verdict};
 pub use json::PlanError;
+pub use started::{StartKind, Started};
+
 pub(crate) use json::join_plain_arrays;
 
 use crate::families::{Family, Formulation};
 use crate::motion::Motion;
-use crate::start::Started;
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
 

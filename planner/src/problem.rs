@@ -1,69 +1,22 @@
-//! The optimisation problem: robot, timeline, contact schedule, goals, weights.
+//! The optimisation problem: robot, timeline, contact schedule, goals, weights; its variables and the states
+//! that follow from them.
 //!
 //! Built from a motion goal ([`Problem::new`]) or from two states of other motions
 //! ([`Problem::transition`]); what it minimises is in [`crate::formulation`].
 
-use crate::families::{CLEARANCE_M, FamilySet};
+pub mod state;
+pub mod variables;
+mod weights;
+
+pub use weights::Weights;
+
 use crate::model::Model;
-use crate::motion::{Ends, Goal, HeightLimit, Moment, Motion, Target};
+use crate::motion::{Ends, Goal, HeightLimit, Moment, Motion, Target, swing};
 use crate::plan::Placement;
-use crate::state::State;
-use crate::swing;
-use crate::variables::{Layout, Lift, TimelineSample, force_scale_n};
-use nalgebra::{DVector, Vector3};
-
-/// Penalties, weights and margins. The defaults are the ones that measured best; each field says what
-/// it does to the result. Weights of costs are per sample at a spacing of 0.05 s and follow the spacing
-/// (`Problem::per_time`), so that more samples refine a plan and do not make another of it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Weights {
-    /// Penalty of every constraint. Multipliers make constraints exact; the penalty sets how hard the
-    /// first steps pull towards them. Larger is surer for walking, slower for rolling.
-    pub penalty: f64,
-    /// Smoothness of q (thesis: 0.1): second differences, rad and m.
-    pub smoothness: f64,
-    /// Pull of the ground forces of feet and driven wheels towards an even share of the weight. Decides
-    /// whether a plan survives soft servos: too low and it leans on internal forces that no servo
-    /// reproduces; too high and the steps of a walk, which must shift the weight, transfer worse.
-    pub force: f64,
-    /// The same for free wheels, which turn lateral forces into thrust: too low and they swizzle with
-    /// small strokes and large forces, which soft servos swallow.
-    pub free_wheel_force: f64,
-    /// Pull of joints and body towards the motion's posture. Too low and the body drifts and feet gather
-    /// below it; too high and gaits scrub their feet.
-    pub posture: f64,
-    /// Pull of wheel speeds towards zero (rim speed, m/s), which fixes them in swing.
-    pub wheel_speed: f64,
-    /// Pull of wheel speeds towards a constant (rim speed differences, m/s): wheels have inertia. Too
-    /// low and transitions ask 50 rad/s² of the wheels; too high and legs lean instead of wheels rolling.
-    pub wheel_smoothness: f64,
-    /// Least normal force of a foot in stance, as a fraction of its even share of the weight.
-    pub least_normal_force: f64,
-    /// Part of the friction cone that plans use; the rest is for disturbances.
-    pub friction_use: f64,
-    /// Clearance β between end effectors, m (Eq. 2.10).
-    pub clearance_m: f64,
-}
-
-impl Default for Weights {
-    fn default() -> Self {
-        Self {
-            penalty: 1000.0,
-            smoothness: 0.1,
-            force: 3e-4,
-            free_wheel_force: 3e-2,
-            posture: 4e-3,
-            wheel_speed: 1e-6,
-            wheel_smoothness: 0.1,
-            least_normal_force: 0.1,
-            friction_use: 0.8,
-            clearance_m: CLEARANCE_M,
-        }
-    }
-}
-
-/// Sample spacing at which a cost's weight is the factor before its squares, s.
-const WEIGHT_INTERVAL_S: f64 = 0.05;
+use nalgebra::DVector;
+use state::State;
+use variables::{Layout, Lift, TimelineSample, force_scale_n};
+use weights::WEIGHT_INTERVAL_S;
 
 /// An optimisation problem.
 #[derive(Clone, Debug)]
@@ -102,10 +55,6 @@ pub struct Problem {
     pub posture_q: Vec<DVector<f64>>,
     /// Weights.
     pub weights: Weights,
-    /// The families that count.
-    pub only: FamilySet,
-    /// Forces that feet in swing still carry, `[timeline sample][end effector]`, N; empty: none.
-    pub swing_force_n: Vec<Vec<Vector3<f64>>>,
 }
 
 /// The unknowns: slots and placement.
@@ -171,6 +120,11 @@ fn blend(model: &Model, from_rad: &[f64], to_rad: &[f64], samples: usize) -> Vec
         .collect()
 }
 
+/// The slot of every sample of a timeline.
+fn slots(timeline: &[TimelineSample]) -> Vec<usize> {
+    timeline.iter().map(|sample| sample.slot).collect()
+}
+
 impl Problem {
     /// The problem of a motion goal with periodic or at-rest ends.
     pub fn new(model: Model, motion: &Motion, weights: Weights) -> Self {
@@ -191,7 +145,7 @@ impl Problem {
         Self {
             interval_s: motion.duration_s / intervals as f64,
             samples,
-            height_m: swing::heights(&timeline, &motion.stance, motion),
+            height_m: swing::heights(&slots(&timeline), &motion.stance, motion),
             timeline,
             stance,
             periodic,
@@ -204,8 +158,6 @@ impl Problem {
             heights: placed_heights(motion),
             posture_q: vec![model.standing_q(&motion.posture_rad); samples],
             weights,
-            only: FamilySet::ALL,
-            swing_force_n: Vec::new(),
             model,
             layout,
         }
@@ -248,7 +200,7 @@ impl Problem {
         let problem = Self {
             interval_s: motion.duration_s / (samples - 1) as f64,
             samples,
-            height_m: swing::heights(&timeline, &slot_stance, motion),
+            height_m: swing::heights(&slots(&timeline), &slot_stance, motion),
             timeline,
             stance,
             periodic: false,
@@ -261,8 +213,6 @@ impl Problem {
             heights: placed_heights(motion),
             posture_q: blend(&model, &start.posture_rad, &end.posture_rad, samples),
             weights,
-            only: FamilySet::ALL,
-            swing_force_n: Vec::new(),
             model,
             layout,
         };

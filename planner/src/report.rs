@@ -138,7 +138,7 @@ mod tests {
         Report::new(&plan)
     }
 
-    fn at_samples<'a>(report: &'a Report, family: Family) -> &'a Row {
+    fn at_samples(report: &Report, family: Family) -> &Row {
         report.row(family, Grid::Samples).unwrap_or_else(|| panic!("no row {family}"))
     }
 

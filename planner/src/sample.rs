@@ -22,7 +22,7 @@ pub use resample::resample;
 use crate::model::{BASE_POSITION, BASE_YAW, EndEffectorPose, JOINTS, Model, rotation};
 use crate::motion::Ends;
 use crate::plan::{EndEffectorSample, Placement, Plan, Sample};
-use crate::state::{ContactFrame, tilt_and_yaw};
+use crate::problem::state::{ContactFrame, tilt_and_yaw};
 use curves::Curves;
 use nalgebra::{Complex, DVector, UnitQuaternion, Vector3};
 use rollwalk_robot::{EndEffector, Robot};

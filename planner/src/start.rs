@@ -5,27 +5,28 @@
 //! times stroke, so every method stops there without moving. A small smooth random swing of every joint
 //! frees them, and would only hurt motions from rest to rest. [`candidates`] knows which to try first.
 //!
-//! Everything random comes from a seed in the [`Options`]: the same seed gives the same plan.
+//! Everything random comes from a seed: the same seed gives the same plan.
 
+pub(crate) mod guess;
+mod halved;
+mod joined;
 mod neighbour;
 mod warm;
 
+pub(crate) use halved::halved;
+pub(crate) use joined::joined;
 pub(crate) use neighbour::neighbour;
 pub use warm::WarmStart;
+pub(crate) use warm::warm;
 
-use crate::coarse;
-use crate::guess;
 use crate::model::JOINTS;
 use crate::motion::Motion;
-use crate::optimise::Options;
+use crate::plan::{StartKind, Started};
+use crate::problem::state::rolling_direction;
 use crate::problem::{Problem, Unknowns};
-use crate::solver::Progress;
-use crate::state::rolling_direction;
 use fastrand::Rng;
 use rollwalk_robot::Robot;
-use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
-use std::ops::ControlFlow;
 
 /// A way to start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -45,34 +46,6 @@ pub enum Start {
     Warm(WarmStart),
 }
 
-/// Where a plan's solve started, as the plan remembers it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StartKind {
-    /// [`Start::Standing`].
-    #[default]
-    Standing,
-    /// [`Start::Sinusoid`].
-    Sinusoid,
-    /// [`Start::Coarse`].
-    Coarse,
-    /// [`Start::Warm`].
-    Warm,
-    /// Another plan: [`replan`](crate::replan).
-    Neighbour,
-    /// The two motions that a transition joins.
-    Joined,
-}
-
-/// Where a solve started.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Started {
-    /// How.
-    pub kind: StartKind,
-    /// With which seed; 0 where nothing is random.
-    pub seed: u64,
-}
-
 /// Amplitude of the swing that frees a robot on free wheels, rad.
 const SWING_RAD: f64 = 0.1;
 /// Amplitude of the swing that tells the seeds of a standing start apart, rad.
@@ -84,33 +57,33 @@ const SEED_STRIDE: u64 = 1000;
 
 /// The starts to try for a motion, the one that nearly always serves first.
 ///
-/// Without a choice in `options` these are: on free wheels that can be steered two random swings, then
+/// For [`Start::Auto`] these are: on free wheels that can be steered two random swings, then
 /// standing; otherwise standing, with nudges if that fails, then a random swing, and last, for motions that
 /// step, the warm start, which a flying trot needs. Where samples are many their half comes first on free wheels
 /// and skates, whose strokes are hardly found otherwise, and second for all others. A chosen start is the
 /// only candidate.
-pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Options> {
-    let seed = |i: u64| options.seed.wrapping_add(i * SEED_STRIDE);
-    let swing = |i| (Start::Sinusoid, seed(i));
-    let nudge = |i| (Start::Standing, seed(i));
-    let mut starts = match options.start {
+pub fn candidates(robot: &Robot, motion: &Motion, start: Start, seed: u64) -> Vec<(Start, u64)> {
+    let other = |i: u64| seed.wrapping_add(i * SEED_STRIDE);
+    let swing = |i| (Start::Sinusoid, other(i));
+    let nudge = |i| (Start::Standing, other(i));
+    let mut starts = match start {
         Start::Auto if stands_on_free_wheels(robot, motion) => {
-            vec![swing(0), swing(1), (Start::Standing, options.seed)]
+            vec![swing(0), swing(1), (Start::Standing, seed)]
         }
         Start::Auto => {
-            let second = if options.seed == 0 { nudge(1) } else { (Start::Standing, 0) };
+            let second = if seed == 0 { nudge(1) } else { (Start::Standing, 0) };
             let steps = motion.stance.iter().flatten().any(|stance| !stance);
             let warm = steps.then_some((Start::Warm(WarmStart::default()), 0));
             [nudge(0), second, nudge(2), swing(0)].into_iter().chain(warm).collect()
         }
-        chosen => vec![(chosen, options.seed)],
+        chosen => vec![(chosen, seed)],
     };
-    if options.start == Start::Auto && coarse::halved(motion).is_some() {
+    if start == Start::Auto && halved(motion).is_some() {
         let at =
             usize::from(!(0..robot.end_effectors.len()).any(|j| rolls_freely(robot, motion, j)));
-        starts.insert(at, (Start::Coarse, options.seed));
+        starts.insert(at, (Start::Coarse, seed));
     }
-    starts.into_iter().map(|(start, seed)| Options { start, seed, ..options.clone() }).collect()
+    starts
 }
 
 /// The start of a motion that samples are not halved for.
@@ -136,40 +109,18 @@ fn rolls_freely(robot: &Robot, motion: &Motion, j: usize) -> bool {
     free && motion.stance.iter().any(|stance| stance[j])
 }
 
-/// A start, worked out.
-pub(crate) struct Beginning {
-    /// The first values of the unknowns.
-    pub unknowns: Unknowns,
-    /// What it was.
-    pub started: Started,
-    /// Iterations that it took.
-    pub iterations: usize,
-    /// Whether it was interrupted.
-    pub stopped: bool,
-}
-
-/// The start that `options` ask for; `Auto` has been resolved by [`candidates`].
-pub(crate) fn initial(
-    problem: &Problem,
-    start: Start,
-    seed: u64,
-    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Beginning {
+/// The start without any solve before it: all but [`Start::Warm`] and [`Start::Coarse`].
+pub(crate) fn initial(problem: &Problem, start: Start, seed: u64) -> (Unknowns, Started) {
     let (kind, amplitude_rad) = match start {
-        Start::Warm(how) => {
-            let (unknowns, iterations, stopped) = warm::warm(problem, how, progress);
-            let started = Started { kind: StartKind::Warm, seed: 0 };
-            return Beginning { unknowns, started, iterations, stopped };
-        }
         Start::Sinusoid => (StartKind::Sinusoid, SWING_RAD),
-        Start::Auto | Start::Standing | Start::Coarse if seed == 0 => (StartKind::Standing, 0.0),
-        Start::Auto | Start::Standing | Start::Coarse => (StartKind::Standing, NUDGE_RAD),
+        _ if seed == 0 => (StartKind::Standing, 0.0),
+        _ => (StartKind::Standing, NUDGE_RAD),
     };
     let mut unknowns = guess::from_standing(problem);
     if amplitude_rad > 0.0 {
         swing_joints(problem, &mut unknowns, amplitude_rad, seed);
     }
-    Beginning { unknowns, started: Started { kind, seed }, iterations: 0, stopped: false }
+    (unknowns, Started { kind, seed })
 }
 
 /// Adds a sinusoid of random phase to every joint, and lets contact points and wheels follow.

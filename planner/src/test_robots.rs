@@ -4,7 +4,7 @@ use crate::model::Model;
 use crate::motion::{Ends, Goal, HeightLimit, Motion, Subject, Target};
 use crate::plan::Placement;
 use crate::problem::Unknowns;
-use crate::variables::Layout;
+use crate::problem::variables::Layout;
 use nalgebra::{DVector, Vector3};
 use rollwalk_robot::{Actuator, Contact, EndEffector, Robot, RollingDrag, TorqueSpeedLine};
 

@@ -3,8 +3,7 @@
 use rollwalk_planner::families::{Family, Kind};
 use rollwalk_planner::motion::{Goal, HeightLimit, Motion, Subject};
 use rollwalk_planner::plan::{Diagnosis, Ending, Plan, Status, Verdict};
-use rollwalk_planner::start::candidates;
-use rollwalk_planner::{Options, optimise};
+use rollwalk_planner::{Options, candidates, optimise};
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 
@@ -12,8 +11,10 @@ fn robot(text: &str) -> Robot {
     Robot::from_toml("robot.toml", text).unwrap()
 }
 
+/// The plan from the first start alone.
 fn plan(robot: &Robot, motion: &Motion) -> Plan {
-    optimise(robot, motion, &Options::default(), &mut |_| ControlFlow::Continue(()))
+    let first = &candidates(robot, motion, &Options::default())[0];
+    optimise(robot, motion, first, &mut |_| ControlFlow::Continue(()))
 }
 
 /// The diagnosis of a request that no other start would help, found within twice the iterations of a feasible
@@ -256,7 +257,7 @@ fn a_side_step_that_one_start_sees_no_way_to_is_not_given_up() {
 fn a_limit_of_iterations_holds_for_probes_as_well() {
     let (robot, motion) = walk(|motion| motion.goal.forward_m = Some(1.5));
     for iterations in 1..16 {
-        let mut options = Options::default();
+        let mut options = candidates(&robot, &motion, &Options::default()).swap_remove(0);
         options.settings.iterations = iterations;
         let plan = optimise(&robot, &motion, &options, &mut |_| ControlFlow::Continue(()));
         assert!(plan.solve.iterations <= iterations, "{} of {iterations}", plan.solve.iterations);

@@ -3,8 +3,7 @@
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Ending, Plan, Status};
 use rollwalk_planner::report::Report;
-use rollwalk_planner::start::candidates;
-use rollwalk_planner::{Options, optimise};
+use rollwalk_planner::{Options, candidates, optimise};
 use rollwalk_robot::Robot;
 use std::collections::BTreeSet;
 use std::fs;

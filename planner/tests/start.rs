@@ -1,10 +1,10 @@
 //! Starts and re-planning on the shipped robots and motions.
 
 use rollwalk_planner::motion::{Goal, Motion};
-use rollwalk_planner::plan::{Plan, Status};
-use rollwalk_planner::start::{Start, StartKind, WarmStart, candidates};
+use rollwalk_planner::plan::{Plan, StartKind, Status};
+use rollwalk_planner::start::{Start, WarmStart};
 use rollwalk_planner::{
-    ACCEPTED_LEVEL, Options, Progress, ReplanError, optimise, optimise_solution, replan,
+    ACCEPTED_LEVEL, Options, Progress, ReplanError, candidates, optimise, optimise_solution, replan,
 };
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;

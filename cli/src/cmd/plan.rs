@@ -3,14 +3,13 @@
 use crate::choices::{self, Choices, MethodChoice, StartChoice};
 use crate::inputs::Source;
 use crate::kind::Kind;
-use crate::planning::shortfall;
+use crate::planning::{self, shortfall};
 use crate::problem::{Parsed, Problem};
 use crate::progress::{Watch, words};
-use crate::{Exit, files, inputs, interrupt, output, race};
+use crate::{Exit, files, inputs, interrupt, output};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_planner::families::Family;
-use rollwalk_planner::plan::{Diagnosis, Plan, Status};
-use rollwalk_planner::start::{StartKind, Started};
+use rollwalk_planner::plan::{Diagnosis, Plan, StartKind, Started, Status};
 use rollwalk_planner::{Options, replan};
 use serde::Serialize;
 use std::num::NonZeroU32;
@@ -100,7 +99,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             let progress = &mut |progress: &_| watch.iteration(progress);
             replan(&previous, &robot, &motion, &options, progress).into_diagnostic()?
         }
-        None => race::optimise_any(&robot, &motion, &options, &|state| watch.iteration(state)),
+        None => planning::optimise(&robot, &motion, &options, &|state| watch.iteration(state)),
     };
     let time_s = watch.finish().as_secs_f64();
     let exit = Exit::from(plan.solve.status);

@@ -8,11 +8,11 @@
 //! least, relative to its size, is named first.
 
 use crate::families::{Family, Kind};
+use crate::formulation::rows::{Given, Role, Row, Rows, Subject};
 use crate::motion;
-use crate::normal::row_energy;
 use crate::plan::{Culprit, Diagnosis, Verdict};
 use crate::problem::Problem;
-use crate::rows::{Given, Role, Row, Rows, Subject};
+use crate::solve::normal::row_energy;
 use std::collections::BTreeMap;
 use std::ops::Range;
 

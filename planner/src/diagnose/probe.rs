@@ -7,12 +7,12 @@
 //! contradiction. So a solve that is still far off after a few iterations is probed: some steps on the
 //! constraints alone tell impossible requests from slow ones long before multipliers would.
 
-use crate::formulation;
-use crate::normal::NormalEquations;
+use crate::formulation::System;
+use crate::formulation::rows::Rows;
 use crate::plan::Verdict;
-use crate::problem::{Problem, Unknowns};
-use crate::rows::{Columns, Rows};
-use crate::solver::{ACCEPTED_LEVEL, worst};
+use crate::problem::Unknowns;
+use crate::solve::normal::NormalEquations;
+use crate::solve::{ACCEPTED_LEVEL, Point, Progress, worst};
 use std::ops::ControlFlow;
 
 /// Weight of the constraints against the costs, relative to a solve: enough that costs move residuals by
@@ -85,32 +85,16 @@ impl Schedule {
 /// Result of a probe.
 #[derive(Debug)]
 pub struct Nearest {
-    /// The unknowns where the violation is least, as far as the probe came.
-    pub unknowns: Unknowns,
-    /// The rows there.
-    pub rows: Rows,
+    /// Where the violation is least, as far as the probe came.
+    pub point: Point,
     /// Evidence against the request; `None` as long as there is none.
     pub verdict: Option<Verdict>,
 }
 
-/// Progress of a probe: one step.
-pub struct ProbeStep<'a> {
-    /// The rows after it.
-    pub rows: &'a Rows,
-    /// The energy that it lowers, at the weight of a solve.
-    pub energy: f64,
-    /// Its damping.
-    pub damping: f64,
-    /// Its length, scaled variables.
-    pub length: f64,
-}
-
-/// A feasibility probe of one problem.
+/// Search for the point where the constraints of one problem are violated least.
 pub struct FeasibilityProbe<'a> {
-    /// The problem.
-    pub problem: &'a Problem,
-    /// Its columns.
-    pub columns: &'a Columns,
+    /// The rows of the problem.
+    pub system: &'a System<'a>,
     /// Iterations that the solve has left.
     pub most_steps: usize,
     /// Worst constraint that counts as far off then.
@@ -118,21 +102,18 @@ pub struct FeasibilityProbe<'a> {
 }
 
 impl FeasibilityProbe<'_> {
-    /// Lowers the violation from a point, with Levenberg-Marquardt steps. `watch` sees every step and may
-    /// stop the probe, which then finds nothing.
-    pub fn from(
+    /// Lowers the violation from a point, with Levenberg-Marquardt steps. `progress` sees every step, at the
+    /// weight of a solve, and may stop the probe, which then finds nothing.
+    pub fn run(
         &self,
         normal: &mut NormalEquations,
         from: &Unknowns,
-        watch: &mut dyn FnMut(&ProbeStep<'_>) -> ControlFlow<()>,
+        progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Option<Nearest> {
-        let Self { problem, columns, most_steps, far_level } = *self;
-        let penalty = EMPHASIS * problem.weights.penalty;
-        let evaluate = |unknowns: &Unknowns, reuse: Rows| {
-            formulation::evaluate(problem, columns, unknowns, &problem.states(unknowns), reuse)
-        };
+        let Self { system, most_steps, far_level } = *self;
+        let penalty = EMPHASIS * system.penalty();
         let mut unknowns = from.clone();
-        let mut rows = evaluate(&unknowns, Rows::default());
+        let mut rows = system.rows(&unknowns, Rows::default());
         let mut trial_rows = Rows::default();
         let shifts = vec![0.0; rows.rows.len()];
         let mut energy = NormalEquations::energy(&rows, &shifts, penalty);
@@ -147,9 +128,8 @@ impl FeasibilityProbe<'_> {
                     damping *= 10.0;
                     continue;
                 };
-                let mut trial = unknowns.clone();
-                columns.add_step(problem, &mut trial, &step);
-                trial_rows = evaluate(&trial, trial_rows);
+                let trial = system.moved(&unknowns, &step);
+                trial_rows = system.rows(&trial, trial_rows);
                 let lower = NormalEquations::energy(&trial_rows, &shifts, penalty);
                 let ratio = (energy - lower) / normal.promised_decrease(&step, damping);
                 if ratio > 1e-3 {
@@ -169,8 +149,8 @@ impl FeasibilityProbe<'_> {
                 damping *= 6.0;
             }
             energies.push(energy);
-            let step = ProbeStep { rows: &rows, energy: energy / EMPHASIS, damping, length };
-            if watch(&step).is_break() {
+            let state = Progress::at(&rows, worst(&rows), energy / EMPHASIS, system.penalty());
+            if progress(&Progress { damping, step: length, ..state }).is_break() {
                 return None;
             }
             let before = |steps: usize| energies.iter().skip(SETTLING).nth_back(steps).copied();
@@ -195,6 +175,6 @@ impl FeasibilityProbe<'_> {
                 _ => None,
             }
         };
-        Some(Nearest { unknowns, rows, verdict })
+        Some(Nearest { point: Point { unknowns, rows }, verdict })
     }
 }

@@ -3,8 +3,8 @@
 //!
 //! Every bound here is on the safe side: what it rejects is impossible, what it lets pass may be so too.
 
+use super::swing;
 use super::{Ends, HeightLimit, Moment, Motion, Subject, Target};
-use crate::swing;
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::Table;
 use std::f64::consts::TAU;

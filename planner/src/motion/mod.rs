@@ -8,6 +8,7 @@ mod choreography_file;
 pub(crate) mod file;
 mod footfall;
 mod phases;
+pub(crate) mod swing;
 mod wheels;
 
 pub use choreography::{HeightLimit, Moment, Subject, Target};

@@ -3,7 +3,7 @@
 use crate::model::{BASE_POSITION, BASE_YAW, JOINTS, Model, Pose, rotation};
 use crate::motion::Ends;
 use crate::plan::{Plan, Sample};
-use crate::state::ContactFrame;
+use crate::problem::state::ContactFrame;
 use nalgebra::{DVector, Vector3};
 
 /// One state of a timeline.

@@ -3,7 +3,7 @@
 use super::grid::{State, Timeline, Window};
 use super::{Grid, Place, Row, choreography, motors};
 use crate::families::{CLEARANCE_M, Family, GRAVITY_M_S2, ROLLING_SIGN_WIDTH_M_S};
-use crate::state::{ContactFrame, rolling_direction};
+use crate::problem::state::{ContactFrame, rolling_direction};
 use nalgebra::Vector3;
 use rollwalk_robot::EndEffector;
 

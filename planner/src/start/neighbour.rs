@@ -4,12 +4,11 @@
 //! duration to the other and the start moved to where the anchor wants it. If the robot was edited contact
 //! points and wheel angles follow from the pose again; where the footfalls disagree the weight is shared anew.
 
-use crate::guess;
+use super::guess;
 use crate::plan::{Placement, Plan, Sample};
+use crate::problem::variables::Lift;
 use crate::problem::{Problem, Unknowns};
 use crate::sample::resample;
-use crate::transition::variables;
-use crate::variables::Lift;
 use nalgebra::DVector;
 
 /// The unknowns of `problem` as near to `previous` as they can be.
@@ -29,7 +28,7 @@ pub fn neighbour(problem: &Problem, previous: &Plan) -> Unknowns {
     let stretch = duration_s / (intervals * problem.interval_s);
     let edited = previous.robot != *problem.model.robot();
     let slot = |(i, sample): (usize, &Sample)| {
-        let placed = variables(&problem.layout, sample);
+        let placed = problem.layout.variables_of(sample);
         let mut vars = Lift::PlacedBack.apply(&problem.layout, &placed, &origin);
         for wheel in problem.layout.end_effectors.iter().filter_map(|ee| ee.wheel) {
             vars[wheel.speed] *= stretch;

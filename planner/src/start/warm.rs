@@ -12,15 +12,14 @@
 //! otherwise. Step 3 differs from the thesis's in that the base stays where step 2 left it, not the
 //! centre of mass, which is no unknown of ours.
 
+use super::guess;
 use crate::families::{Family, FamilySet};
-use crate::guess;
+use crate::formulation::Selection;
 use crate::model::JOINTS;
 use crate::motion::Goal;
-use crate::plan::Status;
+use crate::problem::variables::EndEffectorVars;
 use crate::problem::{Problem, Unknowns};
-use crate::solver::{self, Begin, Progress, Settings};
 use nalgebra::Vector3;
-use std::ops::ControlFlow;
 
 /// How the warm start goes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,8 +31,10 @@ pub struct WarmStart {
 /// Problems of step 2 (thesis: N₁ = 100) and step 3 (N₂, not given).
 const UNLOADINGS: usize = 100;
 const HEIGHTS: usize = 20;
-/// Iterations of each: the next problem is near.
+/// Most iterations of each: the next problem is near.
 const ITERATIONS_EACH: usize = 2;
+/// Most iterations of the first and the last step.
+const ITERATIONS: usize = 300;
 
 const STANDING: FamilySet = FamilySet::of(&[
     Family::LinearDynamics,
@@ -58,53 +59,50 @@ const STEPPING: FamilySet = FamilySet::of(&[
     Family::WheelSmoothness,
 ]);
 
-/// A start for `problem`, the iterations that it took, and whether `progress`, which sees them all, stopped
-/// it.
-pub(super) fn warm(
-    problem: &Problem,
-    how: WarmStart,
-    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> (Unknowns, usize, bool) {
-    let in_place = Problem { goal: Goal::default(), placement_free: false, ..problem.clone() };
-    let mut walk =
-        Walk { unknowns: guess::from_standing(&in_place), iterations: 0, stopped: false, progress };
+/// Solves one problem of the warm start from the unknowns, in place: families, and most iterations.
+pub(crate) type SolveStage<'a> = dyn FnMut(&Problem, &Selection, &mut Unknowns, usize) + 'a;
 
-    let mut standing = Problem { only: STANDING, ..in_place.clone() };
+/// A start for `problem`, by way of the problems that `solve` solves.
+pub(crate) fn warm(problem: &Problem, how: WarmStart, solve: &mut SolveStage<'_>) -> Unknowns {
+    let in_place = Problem { goal: Goal::default(), placement_free: false, ..problem.clone() };
+    let mut unknowns = guess::from_standing(&in_place);
+
+    let mut standing = in_place.clone();
     standing.stance.iter_mut().flatten().for_each(|flag| *flag = true);
     free(&mut standing, Part::Forces);
     // from_standing has shared the weight among the feet in stance; here all of them stand.
-    for slot in &mut walk.unknowns.slots {
+    for slot in &mut unknowns.slots {
         for ee in &problem.layout.end_effectors {
             let share = Vector3::new(0.0, 0.0, problem.force_scale_n());
             slot.fixed_rows_mut::<3>(ee.force).copy_from(&share);
         }
     }
-    walk.solve(&standing, Settings::default().iterations);
+    let selected = |families| Selection { families, ..Selection::default() };
+    solve(&standing, &selected(STANDING), &mut unknowns, ITERATIONS);
 
-    let loaded: Vec<Vec<Vector3<f64>>> = walk
-        .unknowns
+    let loaded: Vec<Vec<Vector3<f64>>> = unknowns
         .slots
         .iter()
         .map(|slot| {
-            let force =
-                |ee: &crate::variables::EndEffectorVars| slot.fixed_rows::<3>(ee.force).into();
+            let force = |ee: &EndEffectorVars| slot.fixed_rows::<3>(ee.force).into();
             problem.layout.end_effectors.iter().map(force).collect()
         })
         .collect();
     let families = if how.literal { SWAYING_LITERAL } else { SWAYING };
-    let mut swaying = Problem { only: families, ..in_place.clone() };
+    let mut swaying = in_place.clone();
     free(&mut swaying, Part::ForcesAndBody);
     for k in 1..UNLOADINGS {
         let share = (UNLOADINGS - 1 - k) as f64 / (UNLOADINGS - 1) as f64;
-        swaying.swing_force_n = problem
+        let swing_force_n = problem
             .timeline
             .iter()
             .map(|sample| loaded[sample.slot].iter().map(|force| force * share).collect())
             .collect();
-        walk.solve(&swaying, ITERATIONS_EACH);
+        let selection = Selection { families, swing_force_n };
+        solve(&swaying, &selection, &mut unknowns, ITERATIONS_EACH);
     }
 
-    let mut stepping = Problem { only: STEPPING, ..in_place.clone() };
+    let mut stepping = in_place.clone();
     free(&mut stepping, Part::Limbs);
     for k in 1..=HEIGHTS {
         let share = k as f64 / HEIGHTS as f64;
@@ -113,40 +111,15 @@ pub(super) fn warm(
         {
             *height = share * whole;
         }
-        walk.solve(&stepping, ITERATIONS_EACH);
+        solve(&stepping, &selected(STEPPING), &mut unknowns, ITERATIONS_EACH);
     }
 
     let zero = |goal: Option<f64>| goal.map(|_| 0.0);
     let Goal { forward_m, left_m, turn_rad } = problem.goal;
     let goal = Goal { forward_m: zero(forward_m), left_m: zero(left_m), turn_rad: zero(turn_rad) };
-    walk.solve(&Problem { goal, ..problem.clone() }, Settings::default().iterations);
-    (walk.unknowns, walk.iterations, walk.stopped)
-}
-
-/// The warm start under way.
-struct Walk<'a> {
-    unknowns: Unknowns,
-    iterations: usize,
-    stopped: bool,
-    progress: &'a mut dyn FnMut(&Progress) -> ControlFlow<()>,
-}
-
-impl Walk<'_> {
-    fn solve(&mut self, problem: &Problem, iterations: usize) {
-        if self.stopped {
-            return;
-        }
-        let settings = Settings { iterations, ..Settings::default() };
-        let before = self.iterations;
-        let progress = &mut *self.progress;
-        let mut counted = |state: &Progress| {
-            progress(&Progress { iteration: before + state.iteration, ..state.clone() })
-        };
-        let (summary, _) =
-            solver::solve_from(problem, &mut self.unknowns, Begin::Cold, &settings, &mut counted);
-        self.iterations += summary.iterations;
-        self.stopped = summary.status == Status::Interrupted;
-    }
+    let whole = Problem { goal, ..problem.clone() };
+    solve(&whole, &Selection::default(), &mut unknowns, ITERATIONS);
+    unknowns
 }
 
 /// Which unknowns of a sample a step moves.

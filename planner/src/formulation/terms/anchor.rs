@@ -1,0 +1,24 @@
+//! The motion starts at the world's origin, heading along x: x₁ = y₁ = yaw₁ = 0 for the base. Three
+//! rows a motion, m and rad; without them every plan could be moved about the plane.
+
+use crate::families::Family;
+use crate::formulation::rows::{Role, RowWriter, Window};
+use crate::formulation::{Span, Term, TermInfo};
+use crate::model::{BASE_POSITION, BASE_YAW};
+
+/// See the module.
+pub struct Anchor;
+
+impl Term for Anchor {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::Anchor, span: Span::Ends }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        out.set(1.0, Role::Equality);
+        for variable in [BASE_POSITION, BASE_POSITION + 1, BASE_YAW] {
+            out.d(1, variable, 1.0);
+            out.row(window.states[1].vars[variable]);
+        }
+    }
+}

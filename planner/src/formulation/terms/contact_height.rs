@@ -1,0 +1,25 @@
+//! Height of contact points (Eq. 2.9): 0 in stance, the profile of [`crate::motion::swing`] in swing. One row
+//! an end effector and sample, m.
+
+use crate::families::Family;
+use crate::formulation::rows::{Role, RowWriter, Subject, Window};
+use crate::formulation::{Span, Term, TermInfo};
+
+/// See the module.
+pub struct ContactHeight;
+
+impl Term for ContactHeight {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::ContactHeight, span: Span::Samples }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        out.set(1.0, Role::Equality);
+        for (j, ee) in window.problem.layout.end_effectors.iter().enumerate() {
+            let z = ee.position + 2;
+            out.d(1, z, 1.0);
+            let height = window.problem.height_m[window.at[1]][j];
+            out.row_of(Subject::EndEffector(j), window.states[1].vars[z] - height);
+        }
+    }
+}

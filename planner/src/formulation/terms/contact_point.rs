@@ -1,0 +1,40 @@
+//! Contact points agree with the limbs (Eq. 2.14): φ_b(l̂, q) + ρ(α) − e = 0. Three rows an end
+//! effector and sample, m.
+
+use crate::families::Family;
+use crate::formulation::rows::{Role, RowWriter, Subject, Window};
+use crate::formulation::{Span, Term, TermInfo};
+use crate::problem::state::d_yaw;
+
+/// See the module.
+pub struct ContactPoint;
+
+impl Term for ContactPoint {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::ContactPoint, span: Span::Samples }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        let here = window.states[1];
+        out.set(1.0, Role::Equality);
+        for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
+            let (mount, frame) = (&here.pose.end_effectors[j], &here.frames[j]);
+            let residual = mount.center + frame.to_contact - here.vector(ee.position);
+            for c in 0..3 {
+                for (column, &dof) in problem.model.chain(j).dofs.iter().enumerate() {
+                    // The base position moves the wheel along itself only.
+                    if column >= 3 || column == c {
+                        out.d(1, dof, mount.d_center[column][c]);
+                    }
+                }
+                if let Some(wheel) = ee.wheel {
+                    out.d(1, wheel.tilt, frame.d_to_contact_tilt[c]);
+                    out.d(1, wheel.yaw, d_yaw(&frame.to_contact)[c]);
+                }
+                out.d(1, ee.position + c, -1.0);
+                out.row_of(Subject::EndEffector(j), residual[c]);
+            }
+        }
+    }
+}

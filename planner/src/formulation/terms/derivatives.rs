@@ -1,0 +1,104 @@
+//! Every derivative of every term against central differences, on every shipped robot, at random
+//! poses, with every kind of ends.
+
+use crate::families::Family;
+use crate::formulation::rows::Rows;
+use crate::formulation::{System, TERMS};
+use crate::model::Model;
+use crate::motion::Ends;
+use crate::problem::{Problem, Unknowns, Weights};
+use crate::test_robots::{self, random_unknowns};
+use rollwalk_robot::Robot;
+
+/// Central differences of this step in scaled variables: truncation about step², rounding about
+/// 1e-13/step for residuals of size 1000.
+const STEP: f64 = 1e-5;
+/// Both of the above with a margin, relative to the size of the row's derivatives.
+const TOLERANCE: f64 = 2e-6;
+
+fn check(problem: &Problem, unknowns: &Unknowns, seen: &mut [usize]) {
+    let system = System::new(problem);
+    let columns = system.columns();
+    let rows_at = |unknowns: &Unknowns| system.rows(unknowns, Rows::default());
+    let base = rows_at(unknowns);
+    let mut dense = vec![vec![0.0; columns.count]; base.rows.len()];
+    for (row, dense) in base.rows.iter().zip(&mut dense) {
+        seen[row.family as usize] += 1;
+        for entry in row.entries.clone() {
+            dense[base.columns[entry]] = base.derivatives[entry];
+        }
+    }
+    for column in 0..columns.count {
+        let shifted = |sign: f64| {
+            let mut step = vec![0.0; columns.count];
+            step[column] = sign * STEP;
+            rows_at(&system.moved(unknowns, &step))
+        };
+        let (plus, minus) = (shifted(1.0), shifted(-1.0));
+        for (index, row) in base.rows.iter().enumerate() {
+            let numeric = (plus.rows[index].value - minus.rows[index].value) / (2.0 * STEP);
+            let size = dense[index].iter().fold(1.0f64, |a, d| a.max(d.abs()));
+            let error = (numeric - dense[index][column]).abs() / size;
+            assert!(
+                error < TOLERANCE,
+                "{} of {}, row {index}, column {column}: exact {} numeric {numeric}",
+                row.family,
+                problem.model.robot().name,
+                dense[index][column],
+            );
+        }
+    }
+}
+
+/// Checks one robot with one kind of ends at a random point.
+fn check_robot(robot: &Robot, ends: Ends, seed: u64, seen: &mut [usize]) {
+    let model = Model::new(robot);
+    let mut motion = test_robots::motion(robot, ends);
+    // Every other driven wheel is held still.
+    let driven = |j: usize| robot.end_effectors[j].contact.actuator().is_some();
+    motion.held_wheels = (0..robot.end_effectors.len()).map(|j| j % 2 == 1 && driven(j)).collect();
+    motion.targets = test_robots::targets();
+    motion.heights = test_robots::heights();
+    let problem = if ends == Ends::Prescribed {
+        let random = random_unknowns(&model, 4, 77).slots;
+        let end = |k: usize| crate::problem::PrescribedEnd {
+            at: random[k].clone(),
+            beyond: random[k + 1].clone(),
+            stance: motion.stance[0].clone(),
+            posture_rad: motion.posture_rad.clone(),
+        };
+        Problem::transition(model, &motion, &end(0), &end(2), Weights::default()).0
+    } else {
+        Problem::new(model, &motion, Weights::default())
+    };
+    let unknowns = random_unknowns(&problem.model, problem.frozen.len(), seed);
+    check(&problem, &unknowns, seen);
+}
+
+const ENDS: [Ends; 3] = [Ends::Periodic, Ends::AtRest, Ends::Prescribed];
+
+#[test]
+fn every_term_matches_finite_differences_on_every_robot() {
+    let robots = test_robots::all();
+    assert!(robots.len() >= 3);
+    let mut seen = vec![0; Family::ALL.len()];
+    for robot in &robots {
+        for (seed, ends) in ENDS.into_iter().enumerate() {
+            check_robot(robot, ends, seed as u64, &mut seen);
+        }
+    }
+    // A term that wrote no row was not checked.
+    for family in TERMS.iter().map(|term| term.info().family) {
+        assert!(seen[family as usize] > 0, "{family} wrote no rows");
+    }
+}
+
+/// The other shipped robots take turns with the kinds of ends: each is checked once.
+#[test]
+fn every_term_matches_finite_differences_on_the_other_shipped_robots() {
+    let mut seen = vec![0; Family::ALL.len()];
+    for (robot, ends) in test_robots::others().iter().zip(ENDS.into_iter().cycle()) {
+        check_robot(robot, ends, 5, &mut seen);
+    }
+    assert!(seen.iter().sum::<usize>() > 0);
+}

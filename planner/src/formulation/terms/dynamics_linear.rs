@@ -1,0 +1,43 @@
+//! Linear centroidal dynamics (Eq. 2.3): Σ f + M g − M ẍ = 0, ẍ by second differences of the centre
+//! of mass. Three rows a sample, N, in world.
+
+use crate::families::{Family, GRAVITY_M_S2};
+use crate::formulation::rows::{Role, RowWriter, Window};
+use crate::formulation::{Span, Term, TermInfo};
+use nalgebra::Vector3;
+
+/// See the module.
+pub struct DynamicsLinear;
+
+impl Term for DynamicsLinear {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::LinearDynamics, span: Span::Samples }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        let mass = problem.model.total_mass_kg();
+        let m_h2 = mass / problem.interval_s.powi(2);
+        let [before, here, after] = window.states;
+        let mut residual = Vector3::new(0.0, 0.0, -mass * GRAVITY_M_S2)
+            - (before.pose.com - here.pose.com * 2.0 + after.pose.com) * m_h2;
+        for ee in &problem.layout.end_effectors {
+            residual += here.vector(ee.force);
+        }
+        out.set(problem.force_scale_n(), Role::Equality);
+        for c in 0..3 {
+            for (k, weight) in [(0, -m_h2), (1, 2.0 * m_h2), (2, -m_h2)] {
+                for (dof, column) in window.states[k].pose.d_com.iter().enumerate() {
+                    // The base position moves the COM along itself only.
+                    if dof >= 3 || dof == c {
+                        out.d(k, dof, weight * column[c]);
+                    }
+                }
+            }
+            for ee in &problem.layout.end_effectors {
+                out.d(1, ee.force + c, 1.0);
+            }
+            out.row(residual[c]);
+        }
+    }
+}

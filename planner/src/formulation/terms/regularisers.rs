@@ -1,0 +1,157 @@
+//! Regularisers: weak costs that choose among the plans that the constraints leave.
+
+use crate::families::Family;
+use crate::formulation::rows::{Role, RowWriter, Window};
+use crate::formulation::{Span, Term, TermInfo};
+use crate::model::{BASE_POSITION, BASE_YAW, JOINTS};
+
+/// Ground forces near an even share of the weight among the feet in stance, in units of Mg/n. Decides
+/// whether a plan survives soft servos.
+pub struct EvenForce;
+
+/// Joints near the motion's posture, body level and at the height that goes with it.
+pub struct Posture;
+
+/// Wheels that need not turn do not (rim speed, m/s). Held wheels follow from their links.
+pub struct WheelEffort;
+
+/// Wheels change their speed gently (rim speed difference between intervals, m/s), also when they
+/// start and stop. Held wheels follow from their links.
+pub struct WheelSmoothness;
+
+impl Term for EvenForce {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::EvenForce, span: Span::Samples }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        let scale = problem.force_scale_n();
+        let count = problem.layout.end_effectors.len();
+        let standing = (0..count).filter(|&j| window.stance(1, j)).count();
+        let share = scale * count as f64 / standing.max(1) as f64;
+        for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
+            if !window.stance(1, j) {
+                continue;
+            }
+            let free_wheel = problem.model.robot().end_effectors[j].contact.freewheels();
+            let weights = &problem.weights;
+            let weight = if free_wheel { weights.free_wheel_force } else { weights.force };
+            let role = Role::Cost { weight: weight * problem.per_time(0) };
+            out.set(scale, role);
+            for (c, target) in [0.0, 0.0, share].into_iter().enumerate() {
+                out.d(1, ee.force + c, 1.0);
+                out.row(window.states[1].vars[ee.force + c] - target);
+            }
+        }
+    }
+}
+
+impl Term for Posture {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::Posture, span: Span::Samples }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        let weight = problem.weights.posture * problem.per_time(0);
+        out.set(1.0, Role::Cost { weight });
+        // The timeline has a sample before the motion.
+        let posture = &problem.posture_q[window.at[1] - 1];
+        let level = [BASE_POSITION + 2, BASE_YAW + 1, BASE_YAW + 2];
+        for dof in level.into_iter().chain(JOINTS..problem.layout.dofs) {
+            out.d(1, dof, 1.0);
+            out.row(window.states[1].vars[dof] - posture[dof]);
+        }
+    }
+}
+
+impl Term for WheelEffort {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::WheelEffort, span: Span::Samples }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        let weight = problem.weights.wheel_speed * problem.per_time(0);
+        out.set(1.0, Role::Cost { weight });
+        for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
+            let Some(wheel) = ee.wheel.filter(|_| !problem.held[j]) else { continue };
+            let radius = problem.model.robot().end_effectors[j].radius_m;
+            out.d(1, wheel.speed, radius);
+            out.row(window.states[1].vars[wheel.speed] * radius);
+        }
+    }
+}
+
+impl Term for WheelSmoothness {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::WheelSmoothness, span: Span::Samples }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        let weight = problem.weights.wheel_smoothness * problem.per_time(1);
+        out.set(1.0, Role::Cost { weight });
+        // A motion at rest at its ends rolls neither before nor after.
+        let rolls = |t: usize| !problem.at_rest || (1..problem.samples).contains(&t);
+        for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
+            let Some(wheel) = ee.wheel.filter(|_| !problem.held[j]) else { continue };
+            let radius = problem.model.robot().end_effectors[j].radius_m;
+            let mut change = 0.0;
+            // The speed on the interval after the sample less the speed on the one before.
+            for (k, sign) in [(0, -1.0), (1, 1.0)] {
+                if rolls(window.at[k]) {
+                    out.d(k, wheel.speed, sign * radius);
+                    change += sign * radius * window.states[k].vars[wheel.speed];
+                }
+            }
+            out.row(change);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::formulation::System;
+    use crate::formulation::rows::{Role, Rows};
+    use crate::model::{JOINTS, Model};
+    use crate::motion::{Ends, Motion};
+    use crate::problem::{Problem, Weights};
+    use crate::solve::normal::row_energy;
+    use crate::start::guess;
+    use crate::test_robots;
+
+    /// Cost of the same smooth motion, sampled at a number of points.
+    fn cost(samples: usize) -> f64 {
+        let robot = &test_robots::all()[0];
+        let motion = Motion {
+            stance: vec![vec![true; robot.end_effectors.len()]; samples],
+            ..test_robots::motion(robot, Ends::Periodic)
+        };
+        let problem = Problem::new(Model::new(robot), &motion, Weights::default());
+        let mut unknowns = guess::from_standing(&problem);
+        for (i, slot) in unknowns.slots.iter_mut().enumerate() {
+            let wave = (std::f64::consts::TAU * i as f64 / samples as f64).sin();
+            for joint in JOINTS..problem.layout.dofs {
+                slot[joint] += 0.2 * wave;
+            }
+            for ee in &problem.layout.end_effectors {
+                slot[ee.force] = 2.0 * wave;
+                if let Some(wheel) = ee.wheel {
+                    slot[wheel.speed] = 3.0 * wave;
+                }
+            }
+        }
+        let rows = System::new(&problem).rows(&unknowns, Rows::default());
+        let costs = rows.rows.iter().filter(|row| matches!(row.role, Role::Cost { .. }));
+        costs.map(|row| row_energy(row, 0.0, 1.0)[0]).sum()
+    }
+
+    #[test]
+    fn costs_belong_to_the_motion_not_to_its_samples() {
+        let (coarse, fine) = (cost(24), cost(96));
+        // Differences against derivatives of a sine: second order in π/24, under 2 % at 24 samples.
+        assert!((coarse / fine - 1.0).abs() < 0.02, "{coarse} {fine}");
+    }
+}

@@ -1,0 +1,123 @@
+//! Choreography (sec. 2.4.1): positions and velocities of the centre of mass, the body or an end effector
+//! and the body's heading at chosen times. One equality row for each component that a target names, m,
+//! m/s and rad, from the parabola through the three samples around its time.
+//!
+//! The height of an end effector has no row here: it scales the profile of [`crate::motion::swing`].
+
+use crate::families::Family;
+use crate::formulation::rows::{Role, RowWriter, Window};
+use crate::formulation::{Span, Term, TermInfo};
+use crate::model::{BASE_POSITION, BASE_YAW};
+use crate::motion::Subject;
+use crate::problem::PlacedTarget;
+
+/// Positions at chosen times.
+pub struct TargetPosition;
+
+/// Velocities at chosen times.
+pub struct TargetVelocity;
+
+/// Headings at chosen times.
+pub struct TargetHeading;
+
+/// Fields of a target, by coordinate.
+const POSITION: [&str; 3] = ["forward_m", "left_m", "up_m"];
+const VELOCITY: [&str; 3] = ["speed_forward_m_s", "speed_left_m_s", "speed_up_m_s"];
+
+/// The targets whose window this is.
+fn here<'a>(window: &Window<'a>) -> impl Iterator<Item = &'a PlacedTarget> {
+    let middle = window.at[1];
+    window.problem.targets.iter().filter(move |placed| placed.middle == middle)
+}
+
+/// Writes one row: the weighted sum of coordinate `c` of three samples against `wanted`.
+fn write(
+    window: &Window,
+    out: &mut RowWriter,
+    of: Subject,
+    (c, field): (usize, &'static str),
+    weights: [f64; 3],
+    wanted: f64,
+) {
+    let mut sum = 0.0;
+    for (k, weight) in weights.into_iter().enumerate().filter(|(_, weight)| *weight != 0.0) {
+        let state = window.states[k];
+        let variable = match of {
+            Subject::Com => {
+                for (dof, column) in state.pose.d_com.iter().enumerate() {
+                    if dof >= 3 || dof == c {
+                        out.d(k, dof, weight * column[c]);
+                    }
+                }
+                sum += weight * state.pose.com[c];
+                continue;
+            }
+            Subject::Body => BASE_POSITION + c,
+            Subject::EndEffector(j) => window.problem.layout.end_effectors[j].position + c,
+        };
+        out.d(k, variable, weight);
+        sum += weight * state.vars[variable];
+    }
+    out.given(field, wanted, -1.0);
+    out.row_of(of.into(), sum - wanted);
+}
+
+impl Term for TargetPosition {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::TargetPosition, span: Span::Samples }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        out.set(1.0, Role::Equality);
+        for PlacedTarget { target, moment, .. } in here(window) {
+            for (c, wanted) in target.position_m.into_iter().enumerate() {
+                let by_profile = c == 2 && matches!(target.of, Subject::EndEffector(_));
+                if let Some(wanted) = wanted.filter(|_| !by_profile) {
+                    let weights = moment.position_weights();
+                    write(window, out, target.of, (c, POSITION[c]), weights, wanted);
+                }
+            }
+        }
+    }
+}
+
+impl Term for TargetVelocity {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::TargetVelocity, span: Span::Samples }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        out.set(1.0, Role::Equality);
+        let interval_s = window.problem.interval_s;
+        for PlacedTarget { target, moment, .. } in here(window) {
+            for (c, wanted) in target.velocity_m_s.into_iter().enumerate() {
+                if let Some(wanted) = wanted {
+                    let weights = moment.velocity_weights(interval_s);
+                    write(window, out, target.of, (c, VELOCITY[c]), weights, wanted);
+                }
+            }
+        }
+    }
+}
+
+impl Term for TargetHeading {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::TargetHeading, span: Span::Samples }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        out.set(1.0, Role::Equality);
+        for PlacedTarget { target, moment, .. } in here(window) {
+            let Some(wanted) = target.heading_rad else { continue };
+            let mut yaw = 0.0;
+            for (k, weight) in moment.position_weights().into_iter().enumerate() {
+                if weight != 0.0 {
+                    out.d(k, BASE_YAW, weight);
+                    yaw += weight * window.states[k].vars[BASE_YAW];
+                }
+            }
+            out.given("heading_rad", wanted, -1.0);
+            out.row_of(target.of.into(), yaw - wanted);
+        }
+    }
+}

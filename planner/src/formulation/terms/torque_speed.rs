@@ -1,0 +1,63 @@
+//! Motors with a torque-speed line stay below it. One inequality row a motor and interval, without unit:
+//! |τ/τ_stall + q̇/ω₀| ≤ 1, with the torque at the interval's middle.
+//!
+//! Where a motor drives its load, τ and q̇ have one sign and this is the line. Where it brakes, the two
+//! partly cancel, and the row holds whenever torque and speed are within their limits, which are no
+//! larger than the ends of the line.
+
+use super::joint_torque::{BAND_FRACTION, Torque};
+use super::wheel_speed::MotorSpeed;
+use super::wheel_torque;
+use crate::families::Family;
+use crate::formulation::rows::{Role, RowWriter, Subject, Window};
+use crate::formulation::{Span, Term, TermInfo};
+use crate::model::JOINTS;
+
+/// See the module.
+pub struct TorqueSpeed;
+
+impl Term for TorqueSpeed {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::TorqueSpeedLine, span: Span::Intervals }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        let robot = problem.model.robot();
+        let h = problem.interval_s;
+        out.set(1.0, Role::Inequality { band: BAND_FRACTION });
+        for (j, joint) in robot.joints.iter().enumerate() {
+            let Some(line) = joint.actuator.torque_speed else { continue };
+            let torques = [1, 2].map(|k| Torque::new(window, k, j));
+            let torque_nm = 0.5 * (torques[0].value_nm + torques[1].value_nm);
+            let [_, here, after] = window.states;
+            let speed_rad_s = (after.vars[JOINTS + j] - here.vars[JOINTS + j]) / h;
+            let used = torque_nm / line.stall_torque_nm + speed_rad_s / line.no_load_speed_rad_s;
+            let sign = used.signum();
+            for torque in &torques {
+                torque.differentiate(0.5 * sign / line.stall_torque_nm, out);
+            }
+            let d_angle = sign / line.no_load_speed_rad_s / h;
+            out.d(1, JOINTS + j, -d_angle);
+            out.d(2, JOINTS + j, d_angle);
+            out.row_of(Subject::Joint(j), used.abs() - 1.0);
+        }
+        for (j, ee) in robot.end_effectors.iter().enumerate() {
+            // A wheel that is held still has its torque limit alone.
+            let motor = ee.contact.actuator().filter(|_| !problem.held[j]);
+            let Some(line) = motor.and_then(|motor| motor.torque_speed) else { continue };
+            let Some(speed) = MotorSpeed::new(window, j) else { continue };
+            let torque_nm = 0.5
+                * (wheel_torque::torque_nm(window, 1, j) + wheel_torque::torque_nm(window, 2, j));
+            let used =
+                torque_nm / line.stall_torque_nm + speed.speed_rad_s / line.no_load_speed_rad_s;
+            let sign = used.signum();
+            for k in [1, 2] {
+                let factor = 0.5 * sign / line.stall_torque_nm;
+                wheel_torque::differentiate(window, k, j, factor, out);
+            }
+            speed.differentiate(sign / line.no_load_speed_rad_s, out);
+            out.row_of(Subject::EndEffector(j), used.abs() - 1.0);
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! Traction of free wheels and blades (Eq. 2.6, with drag): f·t + f_n (c_rr s(v) + c_v v) = 0 in stance,
+//! v = ω r the rolling velocity and s(v) = tanh(v/v₀) its smooth sign. One row a wheel and sample, N.
+//!
+//! Without resistance the best plan of a robot on free wheels is to glide for ever; with it the robot
+//! has to push. Only the part that grows with speed bounds how fast it can go.
+
+use crate::families::{Family, ROLLING_SIGN_WIDTH_M_S};
+use crate::formulation::rows::{Role, RowWriter, Subject, Window};
+use crate::formulation::{Span, Term, TermInfo};
+use crate::problem::state::d_yaw;
+
+/// See the module.
+pub struct Traction;
+
+impl Term for Traction {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::FreeWheelTraction, span: Span::Samples }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        out.set(problem.force_scale_n(), Role::Equality);
+        let here = window.states[1];
+        for (j, ee) in problem.model.robot().end_effectors.iter().enumerate() {
+            let vars = problem.layout.end_effectors[j];
+            let (Some(drag), Some(wheel), true) =
+                (ee.contact.drag(), vars.wheel, window.stance(1, j))
+            else {
+                continue;
+            };
+            let f = here.vector(vars.force);
+            let t = here.frames[j].rolling;
+            let rolling_m_s = here.vars[wheel.speed] * ee.radius_m;
+            let sign = (rolling_m_s / ROLLING_SIGN_WIDTH_M_S).tanh();
+            let d_sign = (1.0 - sign * sign) / ROLLING_SIGN_WIDTH_M_S;
+            let per_normal_force =
+                drag.rolling_resistance * sign + drag.rolling_drag_s_m * rolling_m_s;
+            let d_rolling = drag.rolling_resistance * d_sign + drag.rolling_drag_s_m;
+            out.d(1, vars.force, t.x);
+            out.d(1, vars.force + 1, t.y);
+            out.d(1, vars.force + 2, per_normal_force);
+            out.d(1, wheel.speed, f.z * d_rolling * ee.radius_m);
+            out.d(1, wheel.yaw, f.dot(&d_yaw(&t)));
+            out.row_of(Subject::EndEffector(j), f.dot(&t) + f.z * per_normal_force);
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! Motors of driven wheels stay within their speed. Two inequality rows a driven wheel and interval,
+//! rad/s.
+//!
+//! A motor turns the wheel relative to the link that carries it, so its speed is not ω but
+//! ω + α̇_yaw (v·a) − Ω_link·a, with a at the middle of the interval. The motors of wheels that a motion
+//! holds still stand: see [`super::WheelHeld`].
+
+use super::joint_speed::BAND_FRACTION;
+use crate::families::Family;
+use crate::formulation::rows::{Role, RowWriter, Subject, Window};
+use crate::formulation::{Span, Term, TermInfo};
+use crate::model::rotation;
+use crate::problem::Problem;
+use crate::problem::state::{ContactFrame, State, d_yaw};
+use crate::problem::variables::WheelVars;
+use nalgebra::Vector3;
+
+/// See the module.
+pub struct WheelSpeed;
+
+/// Motor speed of wheel `j` on the interval between two samples, rad/s, about the axis of the robot
+/// file.
+pub fn motor_speed_rad_s(problem: &Problem, j: usize, here: &State, after: &State) -> f64 {
+    let Some(wheel) = problem.layout.end_effectors[j].wheel else { return 0.0 };
+    let (axis, _) = middle_axis(wheel, here, after);
+    let turn = link_turn(j, here, after);
+    speed_rad_s(problem.interval_s, wheel, here, after, &axis, &turn)
+}
+
+fn speed_rad_s(
+    h: f64,
+    wheel: WheelVars,
+    here: &State,
+    after: &State,
+    axis: &Vector3<f64>,
+    turn: &Vector3<f64>,
+) -> f64 {
+    let yaw_rate = (after.vars[wheel.yaw] - here.vars[wheel.yaw]) / h;
+    here.vars[wheel.speed] + yaw_rate * axis.z - axis.dot(turn) / h
+}
+
+/// Wheel axis at the middle of an interval, and its derivative with respect to the tilt there.
+fn middle_axis(wheel: WheelVars, here: &State, after: &State) -> (Vector3<f64>, Vector3<f64>) {
+    let middle = |v: usize| 0.5 * (here.vars[v] + after.vars[v]);
+    let frame = ContactFrame::wheel(1.0, middle(wheel.tilt), middle(wheel.yaw));
+    (frame.axis, frame.d_axis_tilt)
+}
+
+/// Rotation vector of the mounting link's turn over an interval, in world, rad.
+fn link_turn(j: usize, here: &State, after: &State) -> Vector3<f64> {
+    let (from, to) = (&here.pose.end_effectors[j], &after.pose.end_effectors[j]);
+    rotation::log(&(to.world_from_link * from.world_from_link.transpose()))
+}
+
+/// The speed of a wheel relative to its link on one interval, with what its derivative needs.
+pub(super) struct MotorSpeed<'w> {
+    window: &'w Window<'w>,
+    j: usize,
+    wheel: WheelVars,
+    /// The speed, rad/s.
+    pub speed_rad_s: f64,
+    axis: Vector3<f64>,
+    d_axis_tilt: Vector3<f64>,
+    turn: Vector3<f64>,
+}
+
+impl<'w> MotorSpeed<'w> {
+    /// On the interval of a window; `None` for a foot.
+    pub fn new(window: &'w Window<'w>, j: usize) -> Option<Self> {
+        let wheel = window.problem.layout.end_effectors[j].wheel?;
+        let [_, here, after] = window.states;
+        let (axis, d_axis_tilt) = middle_axis(wheel, here, after);
+        let turn = link_turn(j, here, after);
+        let h = window.problem.interval_s;
+        let speed_rad_s = speed_rad_s(h, wheel, here, after, &axis, &turn);
+        Some(Self { window, j, wheel, speed_rad_s, axis, d_axis_tilt, turn })
+    }
+
+    /// Writes `factor` times the derivative of the speed into the next row.
+    pub fn differentiate(&self, factor: f64, out: &mut RowWriter) {
+        let Self { window, wheel, axis, turn, .. } = self;
+        let problem = window.problem;
+        let h = problem.interval_s;
+        let [_, here, after] = window.states;
+        let yaw_rate = (after.vars[wheel.yaw] - here.vars[wheel.yaw]) / h;
+        // Through the axis at the middle, which moves half as far as either end.
+        let d_tilt = 0.5 * (yaw_rate * self.d_axis_tilt.z - self.d_axis_tilt.dot(turn) / h);
+        let d_yaw_mid = -0.5 * d_yaw(axis).dot(turn) / h;
+        // Through the turn of the link: log(exp(δ₊) Φ exp(−δ)).
+        let right = rotation::right_jacobian_inverse(turn);
+        let d_here = (right.transpose() * axis) / h;
+        let d_after = -(right * axis) / h;
+        out.d(1, wheel.speed, factor);
+        for (k, d_rate) in [(1, -axis.z / h), (2, axis.z / h)] {
+            out.d(k, wheel.tilt, factor * d_tilt);
+            out.d(k, wheel.yaw, factor * (d_yaw_mid + d_rate));
+        }
+        for (k, state, d) in [(1, here, d_here), (2, after, d_after)] {
+            let mount = &state.pose.end_effectors[self.j];
+            let columns = problem.model.chain(self.j).dofs.iter().zip(&mount.d_rotation);
+            for (&dof, rotation_axis) in columns.skip(3) {
+                out.d(k, dof, factor * d.dot(rotation_axis));
+            }
+        }
+    }
+}
+
+impl Term for WheelSpeed {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::WheelMotorSpeed, span: Span::Intervals }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let problem = window.problem;
+        for (j, ee) in problem.model.robot().end_effectors.iter().enumerate() {
+            let Some(actuator) = ee.contact.actuator().filter(|_| !problem.held[j]) else {
+                continue;
+            };
+            let Some(motor) = MotorSpeed::new(window, j) else { continue };
+            let limit = actuator.speed_max_rad_s;
+            out.set(limit, Role::Inequality { band: BAND_FRACTION });
+            for sign in [1.0, -1.0] {
+                motor.differentiate(sign, out);
+                out.given("speed_max_rad_s", limit, -1.0);
+                out.row_of(Subject::EndEffector(j), sign * motor.speed_rad_s - limit);
+            }
+        }
+    }
+}

@@ -1,0 +1,31 @@
+//! Where the solve of a plan started.
+
+use serde::{Deserialize, Serialize};
+
+/// Kind of start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StartKind {
+    /// Standing, perhaps with a nudge of every joint.
+    #[default]
+    Standing,
+    /// A smooth random swing of every joint.
+    Sinusoid,
+    /// The plan of the same motion with half the samples.
+    Coarse,
+    /// The warm start of sec. 3.3.
+    Warm,
+    /// Another plan.
+    Neighbour,
+    /// The two motions that a transition joins.
+    Joined,
+}
+
+/// Where a solve started.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Started {
+    /// Kind of the start.
+    pub kind: StartKind,
+    /// Seed of what is random in it; 0 where nothing is.
+    pub seed: u64,
+}

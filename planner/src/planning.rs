@@ -1,0 +1,81 @@
+//! Planning: from a motion goal, or from two motions to be joined, to a plan.
+//!
+//! The only module that knows starts, solver and diagnosis. [`optimise`] tries the candidate starts of a motion
+//! in order until one decides; a [`Search`] does the same on as many threads as its caller has. Each attempt is
+//! one solve from one start, or from the plan with half the samples; `probed_solve` watches a solve and decides
+//! on restart and diagnosis.
+
+mod attempt;
+mod coarse;
+mod probed_solve;
+mod replan;
+mod search;
+mod transition;
+mod write;
+
+pub use replan::{ReplanError, replan};
+pub use search::Search;
+pub use transition::{TransitionError, optimise_transition};
+
+use crate::motion::Motion;
+use crate::plan::Plan;
+use crate::problem::Weights;
+use crate::solve::{Multipliers, Progress, Settings};
+use crate::start::{self, Start};
+use rollwalk_robot::Robot;
+use std::ops::ControlFlow;
+
+/// How to optimise.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Options {
+    /// Weights of the formulation.
+    pub weights: Weights,
+    /// When the solver stops.
+    pub settings: Settings,
+    /// Where it starts.
+    pub start: Start,
+    /// Seed of everything random in the start.
+    pub seed: u64,
+}
+
+/// A plan with what the solver knows beyond it, from which [`replan`] starts best.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solution {
+    /// The plan.
+    pub plan: Plan,
+    /// The multipliers of its constraints.
+    pub multipliers: Multipliers,
+}
+
+/// Optimises a motion with periodic or at-rest ends.
+///
+/// With [`Start::Auto`] it tries the [`candidates`] in order; the first that converges gives the plan, and if
+/// none does, the first of all. The outcome is in the plan's [`solve`](Plan::solve) summary; a plan that did not
+/// converge is returned too, so that it can be looked at. `progress` sees every iteration and may stop the
+/// solve. For several starts at once see [`Search`].
+pub fn optimise(
+    robot: &Robot,
+    motion: &Motion,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Plan {
+    optimise_solution(robot, motion, options, progress).plan
+}
+
+/// [`optimise`], with the multipliers.
+pub fn optimise_solution(
+    robot: &Robot,
+    motion: &Motion,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Solution {
+    let search = Search::new(robot, motion, options);
+    search.work(progress);
+    search.finish()
+}
+
+/// The options of every start that [`optimise`] tries, in order; a chosen start is the only one.
+pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Options> {
+    let starts = start::candidates(robot, motion, options.start, options.seed);
+    starts.into_iter().map(|(start, seed)| Options { start, seed, ..options.clone() }).collect()
+}

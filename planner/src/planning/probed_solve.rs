@@ -1,0 +1,123 @@
+//! One solve that is probed: whether its constraints can be met at all, and if not, why.
+//!
+//! The solver knows rows only. Here is decided when to probe, whether to go on from the point that a probe
+//! found, and when to give up with a diagnosis.
+
+use super::Solution;
+use super::write::write_plan;
+use crate::diagnose::{FeasibilityProbe, Schedule, diagnose};
+use crate::formulation::{Selection, System};
+use crate::motion::Motion;
+use crate::plan::{Diagnosis, SolveSummary, Started, Status, Verdict};
+use crate::problem::{Problem, Unknowns};
+use crate::solve::{Begin, Method, Outcome, Progress, Settings, Solver, penalty};
+use std::ops::ControlFlow;
+
+/// Where a solve ended, and why it failed.
+pub(super) struct Solved {
+    pub outcome: Outcome,
+    pub diagnosis: Option<Diagnosis>,
+}
+
+impl Solved {
+    /// Writes the solution of a motion down.
+    pub fn write(self, problem: &Problem, motion: &Motion, start: Started) -> Solution {
+        let Self { outcome, diagnosis } = self;
+        let Outcome { status, iterations, energy, worst_level, worst_constraint, .. } = outcome;
+        let summary = SolveSummary {
+            status,
+            iterations,
+            energy,
+            worst_level,
+            worst_constraint,
+            start,
+            diagnosis,
+        };
+        let plan = write_plan(problem, motion, &outcome.unknowns, summary);
+        Solution { plan, multipliers: outcome.multipliers }
+    }
+}
+
+/// Minimises E(m) from a starting point.
+///
+/// `progress` is called after every iteration and may stop the solve, which keeps the best point so
+/// far. Deterministic: the same problem and start give the same result.
+pub(super) fn solve(
+    problem: &Problem,
+    unknowns: Unknowns,
+    begin: Begin<'_>,
+    settings: &Settings,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Solved {
+    solve_selected(problem, Selection::default(), unknowns, begin, settings, progress)
+}
+
+/// [`solve`] for a part of the rows.
+pub(super) fn solve_selected(
+    problem: &Problem,
+    selection: Selection,
+    unknowns: Unknowns,
+    begin: Begin<'_>,
+    settings: &Settings,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Solved {
+    let system = System::selected(problem, selection);
+    if settings.method != Method::GaussNewton {
+        // Where penalties and costs balance, residuals do not say which constraints contradict each other.
+        let outcome = penalty::solve(&system, unknowns, settings, progress);
+        return Solved { outcome, diagnosis: None };
+    }
+    let mut solver = Solver::new(&system, unknowns, begin, settings);
+    let mut probes = Schedule::default();
+    let mut restarted = false;
+    let mut diagnosis = None;
+    let status = loop {
+        if solver.iteration() >= settings.iterations {
+            break Status::IterationLimit;
+        }
+        let iteration = solver.iterate();
+        if progress(&iteration.progress).is_break() {
+            break Status::Interrupted;
+        }
+        if let Some(status) = iteration.ended {
+            break status;
+        }
+        let due = probes.due(solver.iteration(), iteration.progress.worst_level);
+        if due.is_some() || iteration.exhausted {
+            let probe = FeasibilityProbe {
+                system: &system,
+                most_steps: settings.iterations - solver.iteration(),
+                far_level: due.unwrap_or_else(|| probes.far_level()),
+            };
+            let before = solver.iteration();
+            let mut steps = 0;
+            let (normal, from) = solver.lend();
+            let nearest = probe.run(normal, from, &mut |state| {
+                steps += 1;
+                progress(&Progress { iteration: before + steps, ..state.clone() })
+            });
+            solver.count(steps);
+            let Some(nearest) = nearest else { break Status::Interrupted };
+            let stuck = iteration.exhausted.then_some(Verdict::Stuck);
+            if let Some(verdict) = nearest.verdict.or(stuck) {
+                if nearest.verdict.is_none() && !restarted {
+                    // Constraints can be met close by, or nearly: from there the solve goes on, once.
+                    restarted = true;
+                    solver.restart(nearest.point);
+                    continue;
+                }
+                diagnosis = diagnose(problem, &nearest.point.rows, verdict);
+                // The plan shows the contradiction as small as it gets.
+                solver.move_to(nearest.point);
+                break if diagnosis.is_some() { Status::Infeasible } else { Status::Stalled };
+            }
+        }
+        if iteration.nearly_flat {
+            solver.shift_multipliers();
+        }
+    };
+    Solved { outcome: solver.finish(status), diagnosis }
+}
+
+#[cfg(test)]
+mod tests;

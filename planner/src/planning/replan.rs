@@ -1,0 +1,126 @@
+//! Planning again after an edit: the previous plan is the start, and its multipliers if they are known.
+//!
+//! Editing a goal, a duration or a limb and seeing what follows is what a planner is used for most. A
+//! neighbouring plan is nearly optimal, so that a few Gauss-Newton steps without damping finish the work.
+
+use super::probed_solve::solve;
+use super::{Options, Solution};
+use crate::model::Model;
+use crate::motion::{Ends, Motion};
+use crate::plan::{Plan, StartKind, Started};
+use crate::problem::Problem;
+use crate::solve::{Begin, Multipliers, Progress};
+use crate::start;
+use rollwalk_robot::Robot;
+use std::mem::discriminant;
+use std::ops::ControlFlow;
+use thiserror::Error;
+
+/// Why a plan cannot be the start of another motion's solve.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum ReplanError {
+    /// The robots have other joints or end effectors.
+    #[error(
+        "the plan of `{motion}` is for robot `{planned}`, whose joints or end effectors are not those of \
+         `{wanted}`; plan from scratch, or from a plan of a robot with the same joints and end effectors"
+    )]
+    OtherStructure {
+        /// Motion of the plan.
+        motion: String,
+        /// Its robot.
+        planned: String,
+        /// The robot to plan for.
+        wanted: String,
+    },
+    /// The motions have other ends.
+    #[error(
+        "the plan of `{planned}` has ends = \"{planned_ends}\", `{wanted}` has \"{wanted_ends}\"; plan from scratch, or from \
+         a plan with the same, `periodic` or `at_rest`"
+    )]
+    OtherEnds {
+        /// Motion of the plan.
+        planned: String,
+        /// Its ends.
+        planned_ends: Ends,
+        /// The motion to plan.
+        wanted: String,
+        /// Its ends.
+        wanted_ends: Ends,
+    },
+}
+
+/// Optimises a motion from the plan of a neighbouring one.
+///
+/// `robot` has the structure of the plan's robot, its measures may differ. `motion` has the same kind of
+/// ends, periodic or at rest; duration, sample count, goal and footfalls may differ. Start and seed in
+/// `options` play no part. As with [`optimise`](crate::planning) the outcome is in the plan's solve
+/// summary, and a bad start shows there: a plan far away may converge worse than none.
+///
+/// # Errors
+/// The plan cannot be played by the robot, or has other ends.
+pub fn replan(
+    previous: &Plan,
+    robot: &Robot,
+    motion: &Motion,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Plan, ReplanError> {
+    from(previous, None, robot, motion, options, progress).map(|solution| solution.plan)
+}
+
+impl Solution {
+    /// [`replan`] that starts with the multipliers of this solution as well, if the motion's
+    /// constraints have the same pattern.
+    ///
+    /// # Errors
+    /// The plan cannot be played by the robot, or has other ends.
+    pub fn replan(
+        &self,
+        robot: &Robot,
+        motion: &Motion,
+        options: &Options,
+        progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Self, ReplanError> {
+        from(&self.plan, Some(&self.multipliers), robot, motion, options, progress)
+    }
+}
+
+pub(crate) fn from(
+    previous: &Plan,
+    multipliers: Option<&Multipliers>,
+    robot: &Robot,
+    motion: &Motion,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Solution, ReplanError> {
+    if !same_structure(&previous.robot, robot) {
+        return Err(ReplanError::OtherStructure {
+            motion: previous.motion.name.clone(),
+            planned: previous.robot.name.clone(),
+            wanted: robot.name.clone(),
+        });
+    }
+    if previous.motion.ends != motion.ends || motion.ends == Ends::Prescribed {
+        return Err(ReplanError::OtherEnds {
+            planned: previous.motion.name.clone(),
+            planned_ends: previous.motion.ends,
+            wanted: motion.name.clone(),
+            wanted_ends: motion.ends,
+        });
+    }
+    let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
+    let unknowns = start::neighbour(&problem, previous);
+    let solved = solve(&problem, unknowns, Begin::Near(multipliers), &options.settings, progress);
+    Ok(solved.write(&problem, motion, Started { kind: StartKind::Neighbour, seed: 0 }))
+}
+
+/// Whether two robots have the same variables: joints by name, end effectors by name and kind.
+fn same_structure(one: &Robot, other: &Robot) -> bool {
+    let joints = |robot: &'_ Robot| robot.joints.iter().map(|j| j.name.clone()).collect::<Vec<_>>();
+    let ends = one.end_effectors.iter().zip(&other.end_effectors);
+    joints(one) == joints(other)
+        && one.end_effectors.len() == other.end_effectors.len()
+        && ends
+            .clone()
+            .all(|(a, b)| a.name == b.name && discriminant(&a.contact) == discriminant(&b.contact))
+}

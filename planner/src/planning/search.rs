@@ -1,0 +1,193 @@
+//! Several starts of one motion, one after the other or on as many threads as the caller has.
+//!
+//! The winner is the first in the candidates' order that converges, whatever the threads' timing, so that the
+//! same motion and seed always give the same plan. Later candidates stop as soon as an earlier one has won,
+//! and on one thread they are not even begun. A request that looks impossible from the first two is given up.
+
+use super::attempt::attempt;
+use super::{Options, Solution, candidates};
+use crate::motion::Motion;
+use crate::plan::Ending;
+use crate::solve::Progress;
+use rollwalk_robot::Robot;
+use std::ops::ControlFlow;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// The search for a plan of one motion over its [`candidates`].
+///
+/// ```
+/// # use rollwalk_planner::{Options, Progress, Search, motion::Motion, plan::Plan};
+/// # use rollwalk_robot::Robot;
+/// fn on_two_threads(robot: &Robot, motion: &Motion) -> Plan {
+///     let search = Search::new(robot, motion, &Options::default());
+///     let work = || search.work(&mut |_| std::ops::ControlFlow::Continue(()));
+///     std::thread::scope(|scope| {
+///         scope.spawn(work);
+///         work();
+///     });
+///     search.finish().plan
+/// }
+/// ```
+pub struct Search<'a> {
+    robot: &'a Robot,
+    motion: &'a Motion,
+    candidates: Vec<Options>,
+    race: Race<Solution>,
+}
+
+impl<'a> Search<'a> {
+    /// A search that has not begun.
+    pub fn new(robot: &'a Robot, motion: &'a Motion, options: &Options) -> Self {
+        let candidates = candidates(robot, motion, options);
+        let race = Race::new(candidates.len());
+        Self { robot, motion, candidates, race }
+    }
+
+    /// Number of candidates: more threads have nothing to do.
+    pub fn candidates(&self) -> usize {
+        self.candidates.len()
+    }
+
+    /// Solves candidates until none is left that can still win. To be called at least once, and on several
+    /// threads at once if there are cores for them. `progress` sees the iterations of the first candidate that
+    /// can still win, if this thread solves it, and may stop the search.
+    pub fn work(&self, progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>) {
+        self.race.work(progress, &|index, watched| {
+            let solution = attempt(self.robot, self.motion, &self.candidates[index], watched);
+            (solution.plan.solve.ending(), solution)
+        });
+    }
+
+    /// The solution of the winner; that of the first candidate if none converged.
+    ///
+    /// # Panics
+    /// [`Search::work`] has not been called.
+    pub fn finish(self) -> Solution {
+        self.race.finish()
+    }
+}
+
+/// Candidates from which a request must look impossible before it is given up.
+const HOPELESS: usize = 2;
+
+/// What a solve calls after every iteration.
+type Watched<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
+
+/// A race of candidates, each of which brings a result.
+struct Race<T>(Mutex<State<T>>);
+
+/// What the threads of a race share.
+struct State<T> {
+    /// First candidate that no thread has begun.
+    next: usize,
+    /// First candidate that has decided the race: none after it counts.
+    winner: Option<usize>,
+    /// Which candidates have failed.
+    failed: Vec<bool>,
+    /// How many of the first [`HOPELESS`] candidates have found the request impossible.
+    hopeless: usize,
+    results: Vec<Option<T>>,
+}
+
+impl<T> Race<T> {
+    fn new(candidates: usize) -> Self {
+        Self(Mutex::new(State {
+            next: 0,
+            winner: None,
+            failed: vec![false; candidates],
+            hopeless: 0,
+            results: (0..candidates).map(|_| None).collect(),
+        }))
+    }
+
+    /// The state. A thread that panicked has left it whole: no method panics while it holds the lock.
+    fn state(&self) -> MutexGuard<'_, State<T>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Solves candidates until none is left that can still win.
+    fn work(
+        &self,
+        progress: &mut Watched<'_>,
+        solve: &dyn Fn(usize, &mut Watched<'_>) -> (Ending, T),
+    ) {
+        loop {
+            let begun = self.state().begin();
+            let Some(index) = begun else { return };
+            let (ending, result) = solve(index, &mut |state| {
+                let standing = self.state().standing(index);
+                match standing {
+                    Standing::Lost => ControlFlow::Break(()),
+                    Standing::Leads => progress(state),
+                    Standing::Follows => ControlFlow::Continue(()),
+                }
+            });
+            self.state().end(index, ending, result);
+        }
+    }
+
+    /// The result of the winner, or of the first candidate.
+    fn finish(self) -> T {
+        let mut state = self.0.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let given_up = state.hopeless == HOPELESS;
+        let chosen = state.winner.filter(|_| !given_up).unwrap_or(0);
+        state.results.swap_remove(chosen).expect("the first candidate has run")
+    }
+}
+
+/// Where a candidate stands while it runs.
+enum Standing {
+    /// A candidate before it has decided the race.
+    Lost,
+    /// It is the first that can still win: exactly one running candidate is, so that an interrupt always
+    /// reaches the race.
+    Leads,
+    /// A candidate before it still runs.
+    Follows,
+}
+
+impl<T> State<T> {
+    /// Takes the next candidate, if it can still win.
+    fn begin(&mut self) -> Option<usize> {
+        let index = self.next;
+        if index >= self.failed.len() || self.is_decided_before(index) {
+            return None;
+        }
+        self.next += 1;
+        Some(index)
+    }
+
+    fn is_decided_before(&self, index: usize) -> bool {
+        self.winner.is_some_and(|winner| winner < index)
+    }
+
+    fn standing(&self, index: usize) -> Standing {
+        if self.is_decided_before(index) {
+            Standing::Lost
+        } else if self.failed[..index].iter().all(|failed| *failed) {
+            Standing::Leads
+        } else {
+            Standing::Follows
+        }
+    }
+
+    /// Candidate `index` has ended.
+    fn end(&mut self, index: usize, ending: Ending, result: T) {
+        let hopeless = ending == Ending::Hopeless && index < HOPELESS;
+        self.hopeless += usize::from(hopeless);
+        // A loser that was stopped is behind the winner already.
+        let decided = match ending {
+            Ending::Decided => Some(index),
+            Ending::Hopeless if hopeless && self.hopeless == HOPELESS => Some(HOPELESS - 1),
+            Ending::Hopeless | Ending::Failed => None,
+        };
+        match decided {
+            Some(index) => self.winner = Some(self.winner.map_or(index, |w| w.min(index))),
+            None => self.failed[index] = true,
+        }
+        self.results[index] = Some(result);
+    }
+}
+
+#[cfg(test)]
+mod tests;

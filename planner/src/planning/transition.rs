@@ -1,0 +1,141 @@
+//! Transitions: motions that lead from a state of one motion to a state of another (sec. 2.4.1,
+//! boundary conditions), the edges of a motion graph.
+//!
+//! Position, joint angles and contact points at both ends come from the motions' splines, so that
+//! what the firmware plays continues smoothly; where the end lies on the ground is free.
+
+use super::Options;
+use super::probed_solve::solve;
+use crate::model::Model;
+use crate::motion::Motion;
+use crate::plan::{Placement, Plan, StartKind, Started};
+use crate::problem::variables::{Layout, Lift};
+use crate::problem::{PrescribedEnd, Problem};
+use crate::sample::PlanSpline;
+use crate::solve::{Begin, Progress};
+use crate::start::{self, guess};
+use nalgebra::DVector;
+use std::ops::ControlFlow;
+use thiserror::Error;
+
+/// Why two motions cannot be joined.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum TransitionError {
+    /// The motions belong to different robots.
+    #[error(
+        "transition `{name}`: `{from}` is planned for robot `{from_robot}`, `{to}` for `{to_robot}`; \
+         plan both for one robot"
+    )]
+    DifferentRobots {
+        /// Name of the transition.
+        name: String,
+        /// Motion it leaves.
+        from: String,
+        /// Its robot.
+        from_robot: String,
+        /// Motion it enters.
+        to: String,
+        /// Its robot.
+        to_robot: String,
+    },
+    /// The footfall pattern does not continue that of a motion.
+    #[error(
+        "transition `{name}`: other feet are down than where it joins `{motion}`; the first and last \
+         mark of its footfalls must agree with the motions it joins"
+    )]
+    OtherFeetDown {
+        /// Name of the transition.
+        name: String,
+        /// The motion.
+        motion: String,
+    },
+}
+
+/// A moment of a motion.
+#[derive(Clone, Copy)]
+struct Moment<'a> {
+    plan: &'a Plan,
+    time_s: f64,
+}
+
+/// Optimises a transition that leaves `from` where it ends (a periodic motion: where its cycle closes)
+/// and enters `to` at its start.
+///
+/// `motion` has prescribed ends; its goal, if any, is met on top of them. Its posture goes evenly from
+/// that of the one motion to that of the other, whatever its own. As with
+/// [`optimise`](crate::planning) the outcome is in the plan's solve summary.
+///
+/// # Errors
+/// The motions cannot be joined, whatever the optimiser does.
+pub fn optimise_transition(
+    motion: &Motion,
+    from: &Plan,
+    to: &Plan,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Plan, TransitionError> {
+    if from.robot != to.robot {
+        return Err(TransitionError::DifferentRobots {
+            name: motion.name.clone(),
+            from: from.motion.name.clone(),
+            from_robot: from.robot.name.clone(),
+            to: to.motion.name.clone(),
+            to_robot: to.robot.name.clone(),
+        });
+    }
+    let joins = [
+        (from, motion.stance.first(), from.motion.exit_stance()),
+        (to, motion.stance.last(), to.motion.entry_stance()),
+    ];
+    for (plan, own, joined) in joins {
+        if own != joined {
+            return Err(TransitionError::OtherFeetDown {
+                name: motion.name.clone(),
+                motion: plan.motion.name.clone(),
+            });
+        }
+    }
+    let model = Model::new(&from.robot);
+    let spacing_s = motion.duration_s / (motion.stance.len() - 1) as f64;
+    let exit = Moment { plan: from, time_s: from.motion.exit_time_s() };
+    let start = prescribed_end(&model, exit, -spacing_s);
+    let end = prescribed_end(&model, Moment { plan: to, time_s: 0.0 }, spacing_s);
+    let (problem, fixed) =
+        Problem::transition(model, motion, &start, &end, options.weights.clone());
+    let unknowns = start::joined(&problem, fixed);
+    let solved = solve(&problem, unknowns, Begin::Cold, &options.settings, progress);
+    Ok(solved.write(&problem, motion, Started { kind: StartKind::Joined, seed: 0 }).plan)
+}
+
+/// Time step of the difference quotient that takes a velocity off a spline, s: accelerations of
+/// 20 rad/s² make it wrong by 1e-4 rad/s.
+const VELOCITY_STEP_S: f64 = 1e-5;
+
+/// The state at a moment, and the state on the other side of it after one interval at its velocity,
+/// both placed so that the base stands at the origin with heading 0 at the moment itself.
+///
+/// `step_s` is the interval, negative where the plan is left. The velocity is taken inside the plan.
+fn prescribed_end(model: &Model, moment: Moment, step_s: f64) -> PrescribedEnd {
+    let layout = Layout::new(model);
+    let spline = PlanSpline::new(moment.plan);
+    let here = spline.sample(moment.time_s);
+    let inside_s = VELOCITY_STEP_S.copysign(step_s);
+    let inside = layout.variables_of(&spline.sample(moment.time_s + inside_s));
+    let origin = Placement {
+        offset_m: [here.base_position_m[0], here.base_position_m[1]],
+        yaw_rad: here.base_yaw_pitch_roll_rad[0],
+    };
+    let stance = here.end_effectors.iter().map(|e| e.contact).collect();
+    let here = layout.variables_of(&here);
+    let mut beyond = here.clone();
+    for dof in 0..layout.dofs {
+        beyond[dof] += (inside[dof] - here[dof]) / inside_s * step_s;
+    }
+    let local = |vars: &DVector<f64>| {
+        let mut vars = Lift::PlacedBack.apply(&layout, vars, &origin);
+        guess::follow_kinematics(model, &layout, &mut vars);
+        vars
+    };
+    let posture_rad = moment.plan.motion.posture_rad.clone();
+    PrescribedEnd { at: local(&here), beyond: local(&beyond), stance, posture_rad }
+}

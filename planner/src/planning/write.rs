@@ -1,0 +1,89 @@
+//! From unknowns to a plan.
+
+use crate::families::Formulation;
+use crate::formulation::terms::motor_speed_rad_s;
+use crate::model::{BASE_POSITION, BASE_YAW, JOINTS};
+use crate::motion::Motion;
+use crate::plan::{EndEffectorSample, FORMAT, Plan, Sample, SolveSummary, VERSION};
+use crate::problem::state::State;
+use crate::problem::variables::WheelVars;
+use crate::problem::{Problem, Unknowns};
+use nalgebra::{Rotation3, UnitQuaternion};
+
+/// Writes a solution down as a plan.
+pub(super) fn write_plan(
+    problem: &Problem,
+    motion: &Motion,
+    unknowns: &Unknowns,
+    solve: SolveSummary,
+) -> Plan {
+    let states = problem.states(unknowns);
+    let mut samples: Vec<Sample> =
+        (0..states.len()).map(|t| sample(problem, t, &states[t], states.get(t + 1))).collect();
+    // Quaternions have two signs; keep the one nearer to the sample before.
+    for t in 1..samples.len() {
+        let before = samples[t - 1].base_orientation_wxyz;
+        let here = &mut samples[t].base_orientation_wxyz;
+        let dot: f64 = before.iter().zip(here.iter()).map(|(a, b)| a * b).sum();
+        if dot < 0.0 {
+            here.iter_mut().for_each(|c| *c = -*c);
+        }
+    }
+    let after = samples.pop().expect("the timeline has a sample after the last");
+    let before = samples.remove(0);
+    Plan {
+        format: FORMAT.into(),
+        version: VERSION,
+        robot: problem.model.robot().clone(),
+        motion: motion.clone(),
+        sample_interval_s: problem.interval_s,
+        samples,
+        before,
+        after,
+        end_placement: unknowns.placement,
+        solve,
+        formulation: Formulation,
+    }
+}
+
+/// One sample of the timeline as it is written down.
+fn sample(problem: &Problem, t: usize, state: &State, after: Option<&State>) -> Sample {
+    let layout = &problem.layout;
+    let rotation = Rotation3::from_matrix_unchecked(state.pose.world_from_body);
+    let quaternion = UnitQuaternion::from_rotation_matrix(&rotation);
+    let end_effectors = layout
+        .end_effectors
+        .iter()
+        .enumerate()
+        .map(|(j, ee)| {
+            let wheel =
+                |pick: fn(WheelVars) -> usize| ee.wheel.map_or(0.0, |w| state.vars[pick(w)]);
+            EndEffectorSample {
+                contact: problem.stance[t][j],
+                position_m: state.vector(ee.position).into(),
+                force_n: state.vector(ee.force).into(),
+                wheel_speed_rad_s: wheel(|w| w.speed),
+                // A held wheel's motor stands still, not nearly so.
+                motor_speed_rad_s: after
+                    .filter(|_| !problem.held[j])
+                    .map_or(0.0, |after| motor_speed_rad_s(problem, j, state, after)),
+                tilt_rad: wheel(|w| w.tilt),
+                yaw_rad: wheel(|w| w.yaw),
+            }
+        })
+        .collect();
+    Sample {
+        time_s: (t as f64 - 1.0) * problem.interval_s,
+        base_position_m: state.vector(BASE_POSITION).into(),
+        base_yaw_pitch_roll_rad: state.vector(BASE_YAW).into(),
+        base_orientation_wxyz: [quaternion.w, quaternion.i, quaternion.j, quaternion.k],
+        joint_rad: state
+            .vars
+            .rows(JOINTS, problem.model.robot().joints.len())
+            .iter()
+            .copied()
+            .collect(),
+        com_m: state.pose.com.into(),
+        end_effectors,
+    }
+}

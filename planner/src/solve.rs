@@ -1,0 +1,342 @@
+//! Solvers: they lower the energy of a [`System`] of rows and know nothing else of a problem.
+//!
+//! [`Solver`] is Gauss-Newton with multipliers, one iteration at a time, so that its caller can watch it, probe
+//! whether constraints can be met at all, and restart it. Every row is squared and Gauss-Newton steps with
+//! Levenberg-Marquardt damping, bent along curved constraints, lower the energy of [`crate::formulation`];
+//! whenever it is nearly as low as it gets for the present multipliers, they are shifted: s ← s + r for
+//! equalities, s ← ψ′(r + s)/2 for inequalities. That makes constraints exact with a modest penalty, where the
+//! thesis's penalty of 10 000 alone ([`penalty`]) makes a narrow curved valley.
+
+mod curvature;
+mod multipliers;
+pub mod normal;
+mod one_sided;
+pub mod penalty;
+mod settings;
+mod trial;
+
+pub use multipliers::Multipliers;
+pub use settings::{Method, Settings};
+
+use crate::families::Family;
+use crate::formulation::System;
+use crate::formulation::rows::{Role, Row, Rows};
+use crate::plan::Status;
+use crate::problem::Unknowns;
+use normal::{NormalEquations, row_energy};
+use trial::Trials;
+
+/// Part of its credible level that the worst constraint may reach in a converged plan.
+pub const ACCEPTED_LEVEL: f64 = 0.2;
+
+/// Flat steps without a better worst constraint after which a solve has come as far as it can.
+const MOST_NO_BETTER: usize = 25;
+/// Iterations without any step after which a solve ends.
+const MOST_WITHOUT_STEP: usize = 3;
+/// Damping beyond which steps are too short to matter, and below which it hardly changes a step.
+const DAMPING_LIMIT: f64 = 1e12;
+const DAMPING_FELT: f64 = 1e-4;
+/// Damping of the first step, in scaled variables: near an optimum the weakest costs should not feel it.
+const DAMPING_COLD: f64 = 1e-3;
+const DAMPING_NEAR: f64 = 1e-7;
+
+/// Where a solve stands; passed to the caller after every iteration.
+#[derive(Clone, Debug)]
+pub struct Progress {
+    /// Iterations so far.
+    pub iteration: usize,
+    /// Energy E(m).
+    pub energy: f64,
+    /// Part of the energy that is cost rather than constraint.
+    pub cost: f64,
+    /// Worst constraint as a fraction of its credible level.
+    pub worst_level: f64,
+    /// Its family.
+    pub worst_constraint: Family,
+    /// Damping λ.
+    pub damping: f64,
+    /// Length of the step, scaled variables.
+    pub step: f64,
+}
+
+impl Progress {
+    /// Progress at a point with these rows and energy; the worst constraint is the `worst` row.
+    pub fn at(rows: &Rows, worst: (usize, f64), energy: f64, penalty: f64) -> Self {
+        let costs = rows.rows.iter().filter(|row| matches!(row.role, Role::Cost { .. }));
+        Self {
+            iteration: 0,
+            energy,
+            cost: costs.map(|row| row_energy(row, 0.0, penalty)[0]).sum(),
+            worst_level: worst.1,
+            worst_constraint: rows.rows[worst.0].family,
+            damping: 0.0,
+            step: 0.0,
+        }
+    }
+}
+
+/// The worst constraint row: its index and its residual over its credible level.
+pub fn worst(rows: &Rows) -> (usize, f64) {
+    let level = |row: &Row| match row.role {
+        Role::Equality => row.value.abs() * row.scale / row.level,
+        Role::Inequality { .. } => row.value.max(0.0) * row.scale / row.level,
+        Role::Cost { .. } => 0.0,
+    };
+    rows.rows
+        .iter()
+        .enumerate()
+        .map(|(index, row)| (index, level(row)))
+        .fold((0, 0.0), |worst, this| if this.1 > worst.1 { this } else { worst })
+}
+
+/// What is known at the start of a solve besides the values of the unknowns.
+#[derive(Clone, Copy, Debug)]
+pub enum Begin<'a> {
+    /// Nothing: multipliers begin at zero, steps damped.
+    Cold,
+    /// The start is near an optimum, perhaps one with known multipliers. If they do not fit the
+    /// problem's rows they are estimated, as they are without.
+    Near(Option<&'a Multipliers>),
+}
+
+/// A point with its rows.
+#[derive(Clone, Debug)]
+pub struct Point {
+    /// The unknowns.
+    pub unknowns: Unknowns,
+    /// The rows there.
+    pub rows: Rows,
+}
+
+/// Result of one iteration.
+pub struct Iteration {
+    /// Where the solve stands.
+    pub progress: Progress,
+    /// How the solve has ended, if it has.
+    pub ended: Option<Status>,
+    /// Whether the energy is nearly as low as it gets for these multipliers, with a constraint violated: they
+    /// are to be shifted.
+    pub nearly_flat: bool,
+    /// Whether the worst constraint has stopped to become better.
+    pub exhausted: bool,
+}
+
+/// Where a solve ended.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// How it ended.
+    pub status: Status,
+    /// Iterations that it took.
+    pub iterations: usize,
+    /// Final energy E(m).
+    pub energy: f64,
+    /// Worst constraint as a fraction of its credible level.
+    pub worst_level: f64,
+    /// Its family.
+    pub worst_constraint: Family,
+    /// The unknowns there.
+    pub unknowns: Unknowns,
+    /// The multipliers there.
+    pub multipliers: Multipliers,
+}
+
+/// Gauss-Newton with multipliers on one system.
+pub struct Solver<'a> {
+    system: &'a System<'a>,
+    settings: &'a Settings,
+    trials: Trials<'a>,
+    normal: NormalEquations,
+    point: Point,
+    energy: f64,
+    /// Multipliers: shift of every row.
+    shifts: Vec<f64>,
+    damping: f64,
+    iteration: usize,
+    step_length: f64,
+    /// Worst constraint at the best of the nearly flat iterations, and how many have passed since.
+    best_level: f64,
+    no_better: usize,
+    without_step: usize,
+}
+
+impl<'a> Solver<'a> {
+    /// A solver at its starting point.
+    pub fn new(
+        system: &'a System<'a>,
+        unknowns: Unknowns,
+        begin: Begin<'_>,
+        settings: &'a Settings,
+    ) -> Self {
+        let penalty = system.penalty();
+        let rows = system.rows(&unknowns, Rows::default());
+        let mut normal = NormalEquations::new(&rows, system.columns().count);
+        let (damping, shifts) = match begin {
+            Begin::Cold => (DAMPING_COLD, vec![0.0; rows.rows.len()]),
+            Begin::Near(known) => {
+                let carried = known.and_then(|multipliers| multipliers.carried(&rows, penalty));
+                let shifts = carried.unwrap_or_else(|| {
+                    multipliers::estimate(&rows, &mut normal, penalty, DAMPING_NEAR)
+                });
+                (DAMPING_NEAR, shifts)
+            }
+        };
+        let energy = NormalEquations::energy(&rows, &shifts, penalty);
+        Self {
+            system,
+            settings,
+            trials: Trials { system, spare: Vec::new() },
+            normal,
+            point: Point { unknowns, rows },
+            energy,
+            shifts,
+            damping,
+            iteration: 0,
+            step_length: 0.0,
+            best_level: f64::INFINITY,
+            no_better: 0,
+            without_step: 0,
+        }
+    }
+
+    /// Iterations so far.
+    pub fn iteration(&self) -> usize {
+        self.iteration
+    }
+
+    /// Counts iterations that were spent elsewhere on the same solve.
+    pub fn count(&mut self, iterations: usize) {
+        self.iteration += iterations;
+    }
+
+    /// Lends the normal equations, whose pattern belongs to the system, and the present unknowns.
+    pub fn lend(&mut self) -> (&mut NormalEquations, &Unknowns) {
+        (&mut self.normal, &self.point.unknowns)
+    }
+
+    /// Linearises and takes one step.
+    pub fn iterate(&mut self) -> Iteration {
+        self.iteration += 1;
+        let decrease = self.step();
+        let progress = self.progress();
+        let level = progress.worst_level;
+        let ended = self.end_without_step(level);
+        let Settings { target_level, flat, nearly_flat, .. } = *self.settings;
+        if ended.is_some() || decrease < flat && level <= target_level {
+            let ended = ended.or(Some(Status::Converged));
+            return Iteration { progress, ended, nearly_flat: false, exhausted: false };
+        }
+        let nearly_flat = decrease < nearly_flat && level > target_level;
+        if nearly_flat {
+            self.no_better = if level < 0.9 * self.best_level { 0 } else { self.no_better + 1 };
+            self.best_level = if self.no_better == 0 { level } else { self.best_level };
+        }
+        let exhausted = self.no_better >= MOST_NO_BETTER;
+        let ended = (exhausted && level <= ACCEPTED_LEVEL).then_some(Status::Converged);
+        Iteration { progress, ended, nearly_flat, exhausted }
+    }
+
+    /// Damps until the step lowers the energy about as promised, and takes it; returns the relative decrease.
+    fn step(&mut self) -> f64 {
+        self.normal.assemble(&self.point.rows, &self.shifts, self.system.penalty());
+        let mut rejected = false;
+        while self.damping < DAMPING_LIMIT {
+            let (point, energy) = (&self.point, self.energy);
+            let taken =
+                self.trials.take(&mut self.normal, point, energy, &self.shifts, self.damping);
+            let Some((trial, ratio)) = taken else {
+                self.damping *= 10.0;
+                continue;
+            };
+            if ratio > 1e-3 {
+                let decrease = (energy - trial.energy) / energy.max(f64::MIN_POSITIVE);
+                self.step_length = trial.step.iter().map(|d| d * d).sum::<f64>().sqrt();
+                self.energy = trial.energy;
+                self.trials.spare.push(std::mem::replace(&mut self.point, trial.point).rows);
+                // Damping that was just too low is not tried again at once.
+                if ratio > 0.7 && !rejected {
+                    self.damping = (self.damping * 0.2).max(1e-9);
+                } else if ratio < 0.25 {
+                    self.damping *= 3.0;
+                }
+                return decrease;
+            }
+            self.trials.spare.push(trial.point.rows);
+            if energy - trial.energy > -1e-13 * energy {
+                break; // As low as rounding lets it get.
+            }
+            rejected = true;
+            self.damping = (self.damping * 6.0).max(DAMPING_FELT);
+        }
+        0.0
+    }
+
+    /// Damping that has reached its limit begins anew, as new multipliers may open a way, which damping that high
+    /// would not take; after some such iterations the solve ends.
+    fn end_without_step(&mut self, level: f64) -> Option<Status> {
+        if self.damping < DAMPING_LIMIT {
+            self.without_step = 0;
+            return None;
+        }
+        self.damping = DAMPING_COLD;
+        self.without_step += 1;
+        let good = level <= ACCEPTED_LEVEL;
+        (self.without_step >= MOST_WITHOUT_STEP).then_some(if good {
+            Status::Converged
+        } else {
+            Status::Stalled
+        })
+    }
+
+    /// Shifts the multipliers by the present residuals.
+    pub fn shift_multipliers(&mut self) {
+        for (row, shift) in self.point.rows.rows.iter().zip(&mut self.shifts) {
+            *shift = multipliers::first_order_shift(row, row.value, *shift);
+        }
+        self.set_energy();
+    }
+
+    /// Goes on from another point, without multipliers.
+    pub fn restart(&mut self, point: Point) {
+        self.shifts.fill(0.0);
+        self.move_to(point);
+        (self.damping, self.no_better, self.best_level) = (DAMPING_COLD, 0, f64::INFINITY);
+    }
+
+    /// Moves to another point.
+    pub fn move_to(&mut self, point: Point) {
+        self.point = point;
+        self.set_energy();
+    }
+
+    fn set_energy(&mut self) {
+        self.energy =
+            NormalEquations::energy(&self.point.rows, &self.shifts, self.system.penalty());
+    }
+
+    /// Where the solve stands.
+    fn progress(&self) -> Progress {
+        let rows = &self.point.rows;
+        Progress {
+            iteration: self.iteration,
+            damping: self.damping,
+            step: self.step_length,
+            ..Progress::at(rows, worst(rows), self.energy, self.system.penalty())
+        }
+    }
+
+    /// Ends the solve.
+    pub fn finish(self, status: Status) -> Outcome {
+        let Point { unknowns, rows } = self.point;
+        let (row, worst_level) = worst(&rows);
+        let good = status == Status::IterationLimit && worst_level <= ACCEPTED_LEVEL;
+        Outcome {
+            status: if good { Status::Converged } else { status },
+            iterations: self.iteration,
+            energy: self.energy,
+            worst_level,
+            worst_constraint: rows.rows[row].family,
+            unknowns,
+            multipliers: Multipliers::of(&rows, self.shifts, self.system.penalty()),
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! Multipliers of a solve: carried from a neighbouring one, or estimated where there are none.
+
+use super::normal::{NormalEquations, row_energy};
+use crate::families::Family;
+use crate::formulation::rows::{Role, Row, Rows};
+
+/// The multipliers of a solution, as shifts of its rows (see [`crate::formulation`]).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Multipliers {
+    /// The shift of every row.
+    shifts: Vec<f64>,
+    /// The families that the rows belong to: what makes two patterns of rows the same.
+    families: Vec<Family>,
+    /// Penalty to which the shifts belong.
+    penalty: f64,
+}
+
+impl Multipliers {
+    /// The multipliers of rows in their order.
+    pub(super) fn of(rows: &Rows, shifts: Vec<f64>, penalty: f64) -> Self {
+        Self { shifts, families: rows.rows.iter().map(|row| row.family).collect(), penalty }
+    }
+
+    /// Shifts for other rows and another penalty, if the rows have the same pattern. What a multiplier
+    /// pushes with is penalty × shift.
+    pub(super) fn carried(&self, rows: &Rows, penalty: f64) -> Option<Vec<f64>> {
+        let same = self.families.iter().eq(rows.rows.iter().map(|row| &row.family));
+        let scale = self.penalty / penalty;
+        same.then(|| self.shifts.iter().map(|shift| shift * scale).collect())
+    }
+}
+
+/// The shift that replaces `shift` when the row's residual is `value`.
+pub(super) fn first_order_shift(row: &Row, value: f64, shift: f64) -> f64 {
+    match row.role {
+        Role::Equality => value + shift,
+        Role::Inequality { .. } => row_energy(&Row { value, ..row.clone() }, shift, 1.0)[1] / 2.0,
+        Role::Cost { .. } => 0.0,
+    }
+}
+
+/// Shifts that a Gauss-Newton step from here would lead to: the linearised rows at its end, as the method of
+/// multipliers takes them. Near an optimum that is all but exact, so that a plan without multipliers need
+/// not first move away from its constraints to find them.
+pub(super) fn estimate(
+    rows: &Rows,
+    normal: &mut NormalEquations,
+    penalty: f64,
+    damping: f64,
+) -> Vec<f64> {
+    let none = vec![0.0; rows.rows.len()];
+    normal.assemble(rows, &none, penalty);
+    let Some(step) = normal.step(damping) else { return none };
+    let entries = |row: &Row| row.entries.clone();
+    rows.rows
+        .iter()
+        .map(|row| {
+            let change: f64 =
+                entries(row).map(|k| rows.derivatives[k] * step[rows.columns[k]]).sum();
+            first_order_shift(row, row.value + change, 0.0)
+        })
+        .collect()
+}

@@ -1,0 +1,126 @@
+//! The sparse assembly and factorisation against dense ones.
+
+use super::*;
+use crate::test_robots::uniform;
+use nalgebra::{DMatrix, DVector};
+
+const COLUMNS: usize = 9;
+const PENALTY: f64 = 40.0;
+/// A few roundings of sums of a dozen products, relative to numbers of this size.
+const ROUNDING: f64 = 1e-12;
+
+/// Random rows of every role over a few columns each, in no order; inequalities below, inside and
+/// above their band; and a shift for each.
+fn random_rows(seed: u64) -> (Rows, Vec<f64>) {
+    let mut random = uniform(seed);
+    let mut rows = Rows::default();
+    for index in 0..24 {
+        let role = match index % 3 {
+            0 => Role::Equality,
+            1 => Role::Inequality { band: 0.3 },
+            _ => Role::Cost { weight: 0.7 },
+        };
+        let start = rows.columns.len();
+        for k in 0..1 + index % 4 {
+            rows.columns.push((index * 5 + 7 * k) % COLUMNS); // 7 and 9 have no common factor: distinct
+            rows.derivatives.push(random());
+        }
+        rows.rows.push(Row {
+            family: crate::families::Family::Slip,
+            at: 1,
+            subject: crate::formulation::rows::Subject::Whole,
+            given: None,
+            value: random(),
+            scale: 1.0,
+            level: 1.0,
+            role,
+            entries: start..rows.columns.len(),
+        });
+    }
+    let shifts = rows.rows.iter().map(|_| 0.2 * random()).collect();
+    (rows, shifts)
+}
+
+/// Gradient Σ slope·J and matrix Σ curvature·JᵀJ, densely.
+fn dense(rows: &Rows, shifts: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
+    let mut gradient = DVector::zeros(COLUMNS);
+    let mut matrix = DMatrix::zeros(COLUMNS, COLUMNS);
+    for (row, &shift) in rows.rows.iter().zip(shifts) {
+        let mut jacobian = DVector::zeros(COLUMNS);
+        for entry in row.entries.clone() {
+            jacobian[rows.columns[entry]] += rows.derivatives[entry];
+        }
+        let [_, slope, curvature] = row_energy(row, shift, PENALTY);
+        gradient += &jacobian * slope;
+        matrix += &jacobian * jacobian.transpose() * curvature;
+    }
+    (gradient, matrix)
+}
+
+#[test]
+fn gradient_matrix_and_step_are_those_of_dense_algebra() {
+    let pattern = random_rows(1).0;
+    let mut normal = NormalEquations::new(&pattern, COLUMNS);
+    // The pattern of the first point serves every other.
+    for seed in [1, 2, 3] {
+        let (rows, shifts) = random_rows(seed);
+        normal.assemble(&rows, &shifts, PENALTY);
+        let (gradient, matrix) = dense(&rows, &shifts);
+        for k in 0..COLUMNS {
+            assert!((normal.gradient[k] - gradient[k]).abs() < PENALTY * ROUNDING);
+        }
+        let mut sparse = DMatrix::zeros(COLUMNS, COLUMNS);
+        for (column, &start) in normal.diagonal.iter().enumerate() {
+            let end = normal.diagonal.get(column + 1).map_or(normal.values.len(), |&next| next);
+            for entry in start..end {
+                let line = normal.pattern.row_idx()[entry];
+                sparse[(line, column)] = normal.values[entry];
+                sparse[(column, line)] = normal.values[entry];
+            }
+        }
+        assert!((sparse - &matrix).amax() < PENALTY * ROUNDING);
+
+        for damping in [1e-3, 10.0] {
+            let damped = &matrix + DMatrix::identity(COLUMNS, COLUMNS) * damping;
+            let wanted = damped.clone().lu().solve(&-&gradient).expect("positive definite");
+            let step = DVector::from_vec(normal.step(damping).expect("positive definite"));
+            // The condition number, below 1e6 here, multiplies the rounding.
+            assert!((&step - &wanted).norm() < 1e6 * ROUNDING * wanted.norm());
+
+            // E(0) − E(step) of the quadratic model, whose damping is not part of it.
+            let model = -gradient.dot(&step) - 0.5 * step.dot(&(&matrix * &step));
+            let promised = normal.promised_decrease(step.as_slice(), damping);
+            assert!((promised - model).abs() < 1e6 * ROUNDING * model.abs(), "{promised} {model}");
+        }
+    }
+}
+
+#[test]
+fn the_slope_of_the_energy_is_its_derivative() {
+    let (rows, shifts) = random_rows(4);
+    let step = 1e-6; // central differences: step² and rounding 1e-16/step of energies near 40
+    for (row, &shift) in rows.rows.iter().zip(&shifts) {
+        let at = |offset: f64| {
+            let moved = Row { value: row.value + offset, ..row.clone() };
+            row_energy(&moved, shift, PENALTY)
+        };
+        let [plus, here, minus] = [at(step), at(0.0), at(-step)];
+        for (value, derivative) in [(0, 1), (1, 2)] {
+            let numeric = (plus[value] - minus[value]) / (2.0 * step);
+            assert!((numeric - here[derivative]).abs() < 1e-6 * PENALTY, "{:?}", row.role);
+        }
+    }
+    let total: f64 =
+        rows.rows.iter().zip(&shifts).map(|(r, &s)| row_energy(r, s, PENALTY)[0]).sum();
+    assert_eq!(NormalEquations::energy(&rows, &shifts, PENALTY), total);
+}
+
+#[test]
+fn a_matrix_that_is_not_positive_definite_gives_no_step() {
+    // A column that no row touches has a zero on the diagonal.
+    let (rows, shifts) = random_rows(1);
+    let mut normal = NormalEquations::new(&rows, COLUMNS + 1);
+    normal.assemble(&rows, &shifts, PENALTY);
+    assert_eq!(normal.step(0.0), None);
+    assert!(normal.step(1e-3).is_some());
+}

@@ -1,0 +1,239 @@
+//! The thesis's methods, for comparison: a penalty on every constraint instead of multipliers, minimised
+//! by Newton's method (sec. 2.4.2, 2.4.3) or L-BFGS with a backtracking line search.
+//!
+//! Constraints weigh 10 000, functional and choreography objectives 50; those are constraints all the same
+//! when it comes to whether a plan does what was asked. The centre of mass is eliminated, so that Eq. 2.11
+//! has no second derivatives to filter. A Hessian that is not positive definite is regularised
+//! dynamically: the damping grows until it is. L-BFGS is our own two-loop recursion: it shares line
+//! search, stop tests and interruption with Newton's method, and reads no clock.
+
+use super::curvature::Curvature;
+use super::normal::NormalEquations;
+use super::{ACCEPTED_LEVEL, Method, Multipliers, Outcome, Progress, Settings};
+use crate::families::{Family, FamilySet};
+use crate::formulation::System;
+use crate::formulation::rows::{Role, Row, Rows};
+use crate::plan::Status;
+use crate::problem::Unknowns;
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+
+/// Penalty of every constraint.
+pub const PENALTY: f64 = 10_000.0;
+/// Weight of what the thesis calls functional objectives, and of its choreography objectives.
+const OBJECTIVE: f64 = 50.0;
+/// What has that weight. Bounds on heights are inequalities and weigh like those.
+const OBJECTIVES: FamilySet = FamilySet::of(&[
+    Family::DisplacementGoal,
+    Family::TurningGoal,
+    Family::TargetPosition,
+    Family::TargetVelocity,
+    Family::TargetHeading,
+]);
+/// Relative decrease of the energy below which an iteration counts as flat, and how many end the solve.
+const FLAT: f64 = 1e-8;
+const FLAT_ITERATIONS: usize = 3;
+/// Pairs of steps and gradient changes that L-BFGS keeps.
+const MEMORY: usize = 10;
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Rows in which functional objectives are costs.
+fn evaluate(system: &System<'_>, unknowns: &Unknowns, reuse: Rows) -> Rows {
+    let mut rows = system.rows(unknowns, reuse);
+    for row in rows.rows.iter_mut().filter(|row| is_objective(row)) {
+        row.role = Role::Cost { weight: OBJECTIVE };
+    }
+    rows
+}
+
+fn is_objective(row: &Row) -> bool {
+    OBJECTIVES.contains(row.family)
+}
+
+/// The worst of constraints and objectives: its row and its residual over its credible level.
+fn worst(rows: &Rows) -> (usize, f64) {
+    let objectives = rows.rows.iter().enumerate().filter(|(_, row)| is_objective(row));
+    objectives
+        .map(|(index, row)| (index, row.value.abs() * row.scale / row.level))
+        .fold(super::worst(rows), |worst, this| if this.1 > worst.1 { this } else { worst })
+}
+
+/// The L-BFGS direction: minus the gradient through the two-loop recursion over (step, change) pairs.
+fn quasi_newton(gradient: &[f64], pairs: &VecDeque<(Vec<f64>, Vec<f64>)>) -> Vec<f64> {
+    let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();
+    let add = |scale: f64, to: &mut Vec<f64>, v: &[f64]| {
+        to.iter_mut().zip(v).for_each(|(to, v)| *to += scale * v);
+    };
+    let mut shares = Vec::new();
+    for (s, y) in pairs.iter().rev() {
+        let share = dot(s, &direction) / dot(s, y);
+        add(-share, &mut direction, y);
+        shares.push(share);
+    }
+    let size = match pairs.back() {
+        Some((s, y)) => dot(s, y) / dot(y, y),
+        None => 1.0 / dot(gradient, gradient).sqrt().max(f64::MIN_POSITIVE),
+    };
+    direction.iter_mut().for_each(|d| *d *= size);
+    for ((s, y), share) in pairs.iter().zip(shares.iter().rev()) {
+        let correction = share - dot(y, &direction) / dot(s, y);
+        add(correction, &mut direction, s);
+    }
+    direction
+}
+
+/// Minimises the penalty energy from a starting point. `progress` sees every iteration and may stop the solve.
+pub fn solve(
+    system: &System<'_>,
+    mut unknowns: Unknowns,
+    settings: &Settings,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Outcome {
+    let mut rows = evaluate(system, &unknowns, Rows::default());
+    let mut trial_rows = Rows::default();
+    let none = vec![0.0; rows.rows.len()];
+    let mut normal = NormalEquations::new(&rows, system.columns().count);
+    let curvature = Curvature::new(system, &rows);
+    let mut energy = NormalEquations::energy(&rows, &none, PENALTY);
+    let mut pairs: VecDeque<(Vec<f64>, Vec<f64>)> = VecDeque::new();
+    let (mut damping, mut flat, mut iteration) = (1e-6, 0, 0);
+    let mut status = Status::IterationLimit;
+    normal.assemble(&rows, &none, PENALTY);
+    while iteration < settings.iterations {
+        iteration += 1;
+        let direction = if settings.method == Method::Lbfgs {
+            Some(quasi_newton(&normal.gradient, &pairs))
+        } else {
+            let filtered = settings.method == Method::NewtonFiltered;
+            curvature.add(system, &unknowns, &rows, PENALTY, filtered, &mut normal);
+            damping = f64::max(damping * 0.01, 1e-9);
+            let mut direction = normal.step(damping);
+            while direction.is_none() && damping < 1e12 {
+                damping *= 10.0;
+                direction = normal.step(damping);
+            }
+            direction
+        };
+        let gradient = normal.gradient.clone();
+        let (mut decrease, mut length) = (0.0, 0.0);
+        if let Some(direction) = direction {
+            let slope = dot(&gradient, &direction);
+            let mut share = 1.0;
+            while slope < 0.0 && share > 1e-10 {
+                let step: Vec<f64> = direction.iter().map(|d| share * d).collect();
+                let trial = system.moved(&unknowns, &step);
+                trial_rows = evaluate(system, &trial, trial_rows);
+                let trial_energy = NormalEquations::energy(&trial_rows, &none, PENALTY);
+                if trial_energy <= energy + 1e-4 * share * slope {
+                    decrease = (energy - trial_energy) / energy.max(f64::MIN_POSITIVE);
+                    length = dot(&step, &step).sqrt();
+                    unknowns = trial;
+                    std::mem::swap(&mut rows, &mut trial_rows);
+                    energy = trial_energy;
+                    normal.assemble(&rows, &none, PENALTY);
+                    let change: Vec<f64> =
+                        normal.gradient.iter().zip(&gradient).map(|(a, b)| a - b).collect();
+                    if dot(&step, &change) > 0.0 {
+                        pairs.push_back((step, change));
+                        pairs.drain(..pairs.len().saturating_sub(MEMORY));
+                    }
+                    break;
+                }
+                share *= 0.5;
+            }
+        }
+        if length == 0.0 {
+            normal.assemble(&rows, &none, PENALTY);
+            pairs.clear();
+        }
+        let (row, level) = worst(&rows);
+        let report = Progress {
+            iteration,
+            damping: if settings.method == Method::Lbfgs { 0.0 } else { damping },
+            step: length,
+            ..Progress::at(&rows, (row, level), energy, PENALTY)
+        };
+        if progress(&report).is_break() {
+            status = Status::Interrupted;
+            break;
+        }
+        flat = if decrease < FLAT { flat + 1 } else { 0 };
+        if flat >= FLAT_ITERATIONS {
+            status = match (level <= ACCEPTED_LEVEL, length > 0.0) {
+                (true, _) => Status::Converged,
+                (false, true) => Status::Infeasible,
+                (false, false) => Status::Stalled,
+            };
+            break;
+        }
+    }
+    let (row, level) = worst(&rows);
+    Outcome {
+        status,
+        iterations: iteration,
+        energy,
+        worst_level: level,
+        worst_constraint: rows.rows[row].family,
+        unknowns,
+        multipliers: Multipliers::of(&rows, none, PENALTY),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::normal::row_energy;
+    use super::*;
+    use crate::formulation::TERMS;
+    use crate::model::Model;
+    use crate::motion::Ends;
+    use crate::problem::{Problem, Weights};
+    use crate::test_robots;
+
+    #[test]
+    fn every_constraint_has_a_penalty_and_decides_whether_a_plan_holds() {
+        let mut seen = vec![false; Family::ALL.len()];
+        for robot in test_robots::all() {
+            let mut motion = test_robots::motion(&robot, Ends::AtRest);
+            motion.targets = test_robots::targets();
+            motion.heights = test_robots::heights();
+            let driven = robot.end_effectors.iter().map(|ee| ee.contact.actuator().is_some());
+            motion.held_wheels =
+                driven.enumerate().map(|(j, driven)| j % 2 == 1 && driven).collect();
+            let model = Model::new(&robot);
+            let problem = Problem::new(model, &motion, Weights::default());
+            let unknowns = test_robots::random_unknowns(&problem.model, problem.frozen.len(), 3);
+            let system = System::new(&problem);
+            let plain = system.rows(&unknowns, Rows::default());
+            let mut rows = evaluate(&system, &unknowns, Rows::default());
+            for index in 0..rows.rows.len() {
+                let family = rows.rows[index].family;
+                if std::mem::replace(&mut seen[family as usize], true) {
+                    continue;
+                }
+                let name = family.name();
+                // Far in the forbidden, ψ is a square and a constant that is nothing beside it.
+                let found = rows.rows[index].value;
+                rows.rows[index].value = 1e9;
+                let weight = row_energy(&rows.rows[index], 0.0, PENALTY)[0] / 1e18;
+                let judged = worst(&rows).0 == index;
+                rows.rows[index].value = found;
+                let asked = ["goal", "target"].iter().any(|word| name.contains(word));
+                match plain.rows[index].role {
+                    Role::Cost { weight: cost } => {
+                        assert!((weight - cost).abs() < 1e-9 * cost && !judged, "{name}")
+                    }
+                    _ if asked => {
+                        assert!((weight - 50.0).abs() < 1e-6 && judged, "{name}: {weight}")
+                    }
+                    _ => assert!((weight - 1e4).abs() < 1e-2 && judged, "{name}: {weight}"),
+                }
+            }
+        }
+        for family in TERMS.iter().map(|term| term.info().family) {
+            assert!(seen[family as usize], "{family} wrote no rows");
+        }
+    }
+}

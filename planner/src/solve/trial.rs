@@ -1,0 +1,117 @@
+//! Where a step leads, and the bend that keeps it on curved constraints.
+//!
+//! Along a curved constraint a straight step leaves it by the square of its length. With a penalty that
+//! raises the energy although the step is a good one (the Maratos effect), and damping would answer with
+//! many short steps. A second-order correction costs one evaluation and a solve with the factor at
+//! hand: cheaper than another factorisation.
+
+use super::Point;
+use super::normal::NormalEquations;
+use crate::formulation::System;
+use crate::formulation::rows::Rows;
+use crate::problem::Unknowns;
+
+/// Part of the promised decrease below which a step is bent. A straight one that keeps half its promise
+/// is not worth another evaluation.
+const BEND_BELOW: f64 = 0.25;
+
+/// A step with the point at its end.
+pub(super) struct Trial {
+    /// Scaled variables.
+    pub step: Vec<f64>,
+    pub point: Point,
+    pub energy: f64,
+}
+
+/// What trials of one solve have in common.
+pub(super) struct Trials<'a> {
+    pub system: &'a System<'a>,
+    /// Rows of earlier trials, for their memory.
+    pub spare: Vec<Rows>,
+}
+
+impl Trials<'_> {
+    /// Takes the damped Gauss-Newton step from a point with this energy, bent if it keeps too
+    /// little of its promise and the bend helps; also returns how much of it is kept. `None` if the
+    /// matrix with this damping is not positive definite.
+    pub fn take(
+        &mut self,
+        normal: &mut NormalEquations,
+        from: &Point,
+        energy: f64,
+        shifts: &[f64],
+        damping: f64,
+    ) -> Option<(Trial, f64)> {
+        let penalty = self.system.penalty();
+        let step = normal.step(damping)?;
+        let promised = normal.promised_decrease(&step, damping);
+        let mut best = self.attempt(&from.unknowns, shifts, step);
+        let kept = |trial: &Trial| (energy - trial.energy) / promised;
+        if kept(&best) < BEND_BELOW {
+            let bend = normal.bend(&from.rows, &best.point.rows, shifts, penalty, &best.step);
+            // A bend longer than the step says that the rows are too curved to tell.
+            if let Some(bend) = bend.filter(|bend| squares(bend) <= squares(&best.step)) {
+                let step = best.step.iter().zip(&bend).map(|(step, bend)| step + bend).collect();
+                let mut other = self.attempt(&from.unknowns, shifts, step);
+                if other.energy < best.energy {
+                    std::mem::swap(&mut best, &mut other);
+                }
+                self.spare.push(other.point.rows);
+            }
+        }
+        let kept = kept(&best);
+        Some((best, kept))
+    }
+
+    fn attempt(&mut self, from: &Unknowns, shifts: &[f64], step: Vec<f64>) -> Trial {
+        let unknowns = self.system.moved(from, &step);
+        let reuse = self.spare.pop().unwrap_or_default();
+        let rows = self.system.rows(&unknowns, reuse);
+        let energy = NormalEquations::energy(&rows, shifts, self.system.penalty());
+        Trial { step, point: Point { unknowns, rows }, energy }
+    }
+}
+
+fn squares(values: &[f64]) -> f64 {
+    values.iter().map(|value| value * value).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Model;
+    use crate::motion::Ends;
+    use crate::problem::{Problem, Weights};
+    use crate::start::guess;
+    use crate::test_robots;
+
+    #[test]
+    fn a_bent_step_stays_nearer_to_curved_constraints() {
+        for robot in test_robots::all() {
+            let motion = test_robots::motion(&robot, Ends::Periodic);
+            let problem = Problem::new(Model::new(&robot), &motion, Weights::default());
+            let system = System::new(&problem);
+            let from = guess::from_standing(&problem);
+            let penalty = problem.weights.penalty;
+            let mut trials = Trials { system: &system, spare: Vec::new() };
+            let here = system.rows(&from, Rows::default());
+            let shifts = vec![0.0; here.rows.len()];
+            let mut normal = NormalEquations::new(&here, system.columns().count);
+            normal.assemble(&here, &shifts, penalty);
+            // Damped so that the step is short enough for squares to say what happens.
+            let step = normal.step(10.0 * penalty).unwrap();
+            let straight = trials.attempt(&from, &shifts, step.clone());
+            let bend = normal.bend(&here, &straight.point.rows, &shifts, penalty, &step).unwrap();
+            let bent = step.iter().zip(&bend).map(|(a, b)| a + b).collect();
+            let bent = trials.attempt(&from, &shifts, bent);
+            assert!(squares(&bend) > 0.0, "{}: nothing is curved", robot.name);
+            assert!(
+                bent.energy < straight.energy,
+                "{}: {} {}",
+                robot.name,
+                bent.energy,
+                straight.energy
+            );
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Motions with half the samples, whose plans are starts.
+//!
+//! A stroke of skates or a swizzle is found in few samples; in many, steps from standing are too short to
+//! find it, because every sample pulls on its neighbours. Played at twice the samples the coarse plan is
+//! nearly feasible, and a few Gauss-Newton steps are left to do.
+
+use crate::motion::{Ends, Motion, Subject};
+
+/// Samples that are few enough to start at.
+const FEW: usize = 32;
+/// Samples that a swing keeps at least.
+const LEAST_SWING: usize = 3;
+
+/// The motion with half the samples; `None` where they are few already, or where its footfalls would not
+/// survive it.
+pub fn halved(motion: &Motion) -> Option<Motion> {
+    let samples = motion.stance.len();
+    if samples <= FEW || motion.ends == Ends::Prescribed {
+        return None;
+    }
+    let count = samples.div_ceil(2);
+    let intervals =
+        |samples: usize| if motion.ends == Ends::Periodic { samples } else { samples - 1 };
+    let fine = |i: usize| {
+        let at = i as f64 * intervals(samples) as f64 / intervals(count) as f64;
+        (at.round() as usize).min(samples - 1)
+    };
+    let stance: Vec<Vec<bool>> = (0..count).map(|i| motion.stance[fine(i)].clone()).collect();
+    let feet = 0..motion.stance[0].len();
+    let swings_last = feet.clone().all(|j| shortest_swing(&stance, j) >= LEAST_SWING);
+    // The same number of swings: none lost, none merged with the next.
+    let as_many = feet.clone().all(|j| swings(&stance, j) == swings(&motion.stance, j));
+    // The height of a swing may be a target's: it has to stay within its swing.
+    let shaped = motion.targets.iter().any(|target| {
+        matches!(target.of, Subject::EndEffector(_)) && target.position_m[2].is_some()
+    });
+    (swings_last && as_many && !shaped).then(|| Motion { stance, ..motion.clone() })
+}
+
+/// Lengths of the runs of samples in which foot `j` swings, not joined over the ends.
+fn swing_lengths(stance: &[Vec<bool>], j: usize) -> Vec<usize> {
+    let flags: Vec<bool> = stance.iter().map(|feet| feet[j]).collect();
+    flags.split(|&stands| stands).map(<[bool]>::len).filter(|&length| length > 0).collect()
+}
+
+fn swings(stance: &[Vec<bool>], j: usize) -> usize {
+    swing_lengths(stance, j).len()
+}
+
+fn shortest_swing(stance: &[Vec<bool>], j: usize) -> usize {
+    swing_lengths(stance, j).into_iter().min().unwrap_or(usize::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_robots;
+
+    fn walking(flags: &str) -> Motion {
+        let robot = test_robots::all().swap_remove(0);
+        let mut motion = test_robots::motion(&robot, Ends::Periodic);
+        let feet = robot.end_effectors.len();
+        motion.stance =
+            flags.chars().map(|c| (0..feet).map(|j| j > 0 || c == '#').collect()).collect();
+        motion.targets.clear();
+        motion
+    }
+
+    #[test]
+    fn halving_keeps_duration_and_swings() {
+        let fine = walking("######........##########################");
+        let coarse = halved(&fine).expect("swings are long enough");
+        assert_eq!(coarse.stance.len(), 20);
+        assert_eq!(coarse.duration_s, fine.duration_s);
+        assert_eq!(swing_lengths(&coarse.stance, 0), [4]);
+        assert!(halved(&coarse).is_none(), "few samples are not halved");
+    }
+
+    #[test]
+    fn short_swings_are_not_halved() {
+        assert!(halved(&walking("######...###############################")).is_none());
+        // Every other sample misses the only one of stance between two swings.
+        assert!(halved(&walking("#######........#........################")).is_none());
+    }
+}
