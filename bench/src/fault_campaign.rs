@@ -208,7 +208,7 @@ fn wrong(report: &Report) -> Option<Broken> {
         let at_s = violation.at_us as f64 * 1e-6;
         format!("at {at_s:.6} s: {:?}: {}", violation.rule, violation.what)
     });
-    let wrong: Vec<_> = violations.chain(report.complaints.iter().cloned()).collect();
+    let wrong: Vec<_> = violations.chain(report.errors.iter().cloned()).collect();
     (!wrong.is_empty()).then(|| broken_run(report.case, wrong))
 }
 

@@ -1,25 +1,25 @@
-//! Runs in which something goes wrong, and what must hold in each of them.
+//! The fault campaign: runs of the simulated robot with faults, and the rules that must hold in each of them.
 //!
-//! A run is a story in virtual time: connect, arm, play motions by code, a fault, what follows, and the way
-//! back to playing. [`monitor`] looks at every frame of it. All of it follows from scenario, loss and
-//! seed, so whatever happens can be made to happen again. The document is `docs/fault-campaign.md`.
+//! A run takes place in virtual time: an operator connects, arms, plays motions, a fault strikes, and the operator
+//! recovers the robot. The [`monitor`] checks every frame. Scenario, loss and seed determine a run to the bit, so
+//! every run can be repeated. Described in `docs/fault-campaign.md`.
 //!
 //! | module | is |
 //! |---|---|
-//! | [`scenario`] | what goes wrong |
-//! | [`operator`], [`mod@bench`] | who does what at the host's end, and the robot that both share |
-//! | [`story`] | one run |
+//! | [`scenario`] | the faults |
+//! | [`operator`], [`shared_rig`] | the operator at the host, and the robot that operator and run share |
+//! | [`mod@run`] | one run |
 //! | [`monitor`] | the rules, checked on every frame and every step of the motors |
-//! | [`table`] | what came of many |
+//! | [`table`] | results of many runs |
 
-pub mod bench;
 pub mod monitor;
 pub mod operator;
+pub mod run;
 pub mod scenario;
-pub mod story;
+pub mod shared_rig;
 pub mod table;
 
-use crate::monitor::{Seen, Violation};
+use crate::monitor::{Coverage, Violation};
 use rollwalk_firmware::Settings;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_robot::Robot;
@@ -38,7 +38,7 @@ pub struct Subject {
     pub library: Vec<u8>,
     /// Command codes of the library's motions, in its order; the first is SAFE.
     pub codes: Vec<u8>,
-    /// The way to SAFE takes no longer than this, whatever is played.
+    /// Maximum time of the return to SAFE from any motion.
     pub way_home: SimTime,
 }
 
@@ -55,37 +55,37 @@ impl Subject {
         }
     }
 
-    /// What its controller knows.
+    /// The configuration of its controller.
     pub fn config(&self) -> RobotConfig {
         self.robot.controller_config().expect("the robot is sound")
     }
 }
 
-/// One run.
+/// One run: everything in it follows from these values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Case {
-    /// What goes wrong.
+    /// The faults.
     pub scenario: Scenario,
-    /// So many of a thousand frames of the link are lost.
+    /// Lost frames of the link, per mille.
     pub loss_per_mille: u16,
-    /// Where all that is random comes from.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
-/// What became of the robot after the fault began.
+/// Reaction of the robot to the fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Outcome {
-    /// It went on as if nothing had happened.
+    /// Continued.
     WentOn,
-    /// It returned to SAFE by the graph and lay down.
+    /// Returned to SAFE along the motion graph and turned torque off.
     WentHome,
-    /// It was let down damped.
+    /// Was damped.
     LetDown,
-    /// It was stopped.
+    /// Was stopped.
     Stopped,
-    /// The library was transferred in spite of it.
+    /// Transferred the library at the first attempt.
     Transferred,
-    /// The transfer failed, and was taken up later.
+    /// Transferred the library after a failed attempt.
     TakenUp,
 }
 
@@ -100,7 +100,7 @@ impl Outcome {
         Self::TakenUp,
     ];
 
-    /// In a word or two.
+    /// Name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::WentOn => "went on",
@@ -113,31 +113,31 @@ impl Outcome {
     }
 }
 
-/// What came of a run.
+/// Result of a run.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// Which.
+    /// The case.
     pub case: Case,
-    /// What became of the robot.
+    /// Reaction of the robot.
     pub outcome: Outcome,
-    /// Rules that were broken, as the monitor saw it.
+    /// Violations that the monitor found.
     pub violations: Vec<Violation>,
-    /// What else was wrong: stuck, the wrong fault, no fault, a fault that never fired.
-    pub complaints: Vec<String>,
-    /// How often faults did something: loss, and the others.
+    /// Other errors: no recovery, a wrong or missing fault bit, a fault without effect.
+    pub errors: Vec<String>,
+    /// Frames or events disturbed: by the loss, by other faults.
     pub fired: [u64; 2],
-    /// What the monitor looked at.
-    pub seen: Seen,
-    /// How long after the host's first emergency stop the motors were without torque.
+    /// What the monitor checked.
+    pub coverage: Coverage,
+    /// Time from the host's first emergency stop to motors without torque.
     pub stopped_after: Option<SimTime>,
-    /// Virtual time that it took.
+    /// Virtual time of the run.
     pub took: SimTime,
 }
 
 impl Report {
-    /// Nothing was wrong.
+    /// Whether the run has neither violations nor errors.
     pub fn is_clean(&self) -> bool {
-        self.violations.is_empty() && self.complaints.is_empty()
+        self.violations.is_empty() && self.errors.is_empty()
     }
 }
 
@@ -156,5 +156,5 @@ pub fn run(subject: &Subject, case: Case) -> (Report, Vec<LogEntry>) {
 /// Runs a case with a controller that has just been switched on: without library in [`Scenario::Flash`],
 /// with that of the subject in all others.
 pub fn run_with<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<LogEntry>) {
-    story::tell(subject, case, core)
+    run::run(subject, case, core)
 }

@@ -1,47 +1,47 @@
-//! A person at the host's end: asks again, connects again, and knows what to do in which state.
+//! The operator: connects, retries, and leads the robot from any state to a requested one.
 
-use super::bench::Bench;
+use super::shared_rig::SharedRig;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::{Node, State};
 use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::core::Core;
 
-/// So long it is tried to get an answer at all.
+/// Maximum time to connect.
 const CONNECT_WITHIN: SimTime = SimTime::from_ms(60_000);
-/// So long it may take from any state to one that was asked for.
+/// Maximum time from any state to a requested one.
 const RECOVER_WITHIN: SimTime = SimTime::from_ms(90_000);
-/// Between two looks at the status, µs.
-const LOOK_US: u64 = 50_000;
+/// Interval between two checks of the status, µs.
+const STATUS_CHECK_US: u64 = 50_000;
 
-/// What did not come about, in a sentence.
+/// What the operator could not achieve, in a sentence.
 pub type Stuck = String;
 
-/// An operator with a session, or with none.
+/// An operator with or without a session.
 pub struct Operator<C: Core> {
-    bench: Bench<C>,
+    rig: SharedRig<C>,
     node: Node,
-    session: Option<Session<Bench<C>>>,
+    session: Option<Session<SharedRig<C>>>,
 }
 
 impl<C: Core> Operator<C> {
-    /// Not connected yet.
-    pub fn new(bench: &Bench<C>) -> Self {
-        let node = bench.rig().node();
-        Self { bench: bench.clone(), node, session: None }
+    /// An operator that is not connected yet.
+    pub fn new(rig: &SharedRig<C>) -> Self {
+        let node = rig.borrow().node();
+        Self { rig: rig.clone(), node, session: None }
     }
 
-    /// The program at the host's end is gone.
+    /// Ends the host program.
     pub fn quit(&mut self) {
         self.session = None;
     }
 
-    /// The session; connects when there is none.
-    pub fn session(&mut self) -> Result<&mut Session<Bench<C>>, Stuck> {
-        let deadline = self.bench.now() + CONNECT_WITHIN;
+    /// Returns the session; connects if there is none.
+    pub fn session(&mut self) -> Result<&mut Session<SharedRig<C>>, Stuck> {
+        let deadline = self.rig.now() + CONNECT_WITHIN;
         while self.session.is_none() {
-            match Session::connect(self.bench.clone(), self.node) {
+            match Session::connect(self.rig.clone(), self.node) {
                 Ok(session) => self.session = Some(session),
-                Err(error) if self.bench.now() > deadline => return Err(error.to_string()),
+                Err(error) if self.rig.now() > deadline => return Err(error.to_string()),
                 Err(_) => {}
             }
         }
@@ -52,27 +52,27 @@ impl<C: Core> Operator<C> {
     pub fn wait(&mut self, span: SimTime) {
         match &mut self.session {
             Some(session) => drop(session.run_for(span.as_us())),
-            None => self.bench.abandon_until(self.bench.now() + span),
+            None => self.rig.abandon_until(self.rig.now() + span),
         }
     }
 
-    /// The state that was heard last.
+    /// The last reported state.
     fn state(&self) -> Option<State> {
         Some(self.session.as_ref()?.status()?.state)
     }
 
-    /// Goes on until the robot is in a state, by whatever way leads there.
+    /// Leads the robot to a state.
     pub fn reach(&mut self, wanted: State) -> Result<(), Stuck> {
-        let deadline = self.bench.now() + RECOVER_WITHIN;
+        let deadline = self.rig.now() + RECOVER_WITHIN;
         let mut last = None;
         loop {
             let session = self.session()?;
-            let _ = session.run_for(LOOK_US);
+            let _ = session.run_for(STATUS_CHECK_US);
             let Some(status) = session.status() else { continue };
             if status.state == wanted {
                 return Ok(());
             }
-            if self.bench.now() > deadline {
+            if self.rig.now() > deadline {
                 let last: Option<SessionError> = last;
                 let last = last.map_or(String::new(), |error| format!("; last answer: {error}"));
                 return Err(format!("{wanted:?} is not reached from {status:?}{last}"));
@@ -92,11 +92,11 @@ impl<C: Core> Operator<C> {
         }
     }
 
-    /// Has a motion played, from SAFE.
+    /// Plays a motion, from SAFE.
     pub fn play(&mut self, code: u8, clip: u8) -> Result<(), Stuck> {
-        let deadline = self.bench.now() + RECOVER_WITHIN;
+        let deadline = self.rig.now() + RECOVER_WITHIN;
         let mut last = String::new();
-        while self.bench.now() <= deadline {
+        while self.rig.now() <= deadline {
             let session = self.session()?;
             if let Err(error) = session.select(code) {
                 last = error.to_string();
@@ -116,6 +116,6 @@ impl<C: Core> Operator<C> {
             }
             self.reach(State::Ready)?;
         }
-        Err(format!("code {code} is not played: {last}, {:?}", self.state()))
+        Err(format!("code {code} does not start: {last}, {:?}", self.state()))
     }
 }

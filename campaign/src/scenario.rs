@@ -1,4 +1,4 @@
-//! What goes wrong in a run: faults with beginning and end, made from a random number.
+//! The scenarios: faults with start and end, drawn from a random generator.
 
 use fastrand::Rng;
 use rollwalk_firmware::BusState;
@@ -11,82 +11,82 @@ use rollwalk_sim_host::faults::{Fault, Harm, Way};
 use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::rig::Adapter;
 
-/// What goes wrong.
+/// A kind of disturbance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Scenario {
-    /// Nothing but the loss that all scenarios have.
+    /// Only the loss of the case.
     Loss,
-    /// Frames of the link come twice.
+    /// Link frames are repeated.
     Repeats,
-    /// Frames of the link overtake each other.
+    /// Link frames are reordered.
     Reorder,
-    /// Frames of the link come late.
+    /// Link frames are delayed.
     Delay,
-    /// Frames of the link are damaged where no CRC of CAN sees it, or cut.
+    /// Link frames are corrupted behind the CRC of CAN, or truncated.
     Corruption,
-    /// A foreign node talks on the link without pause.
+    /// A babbling node on the link.
     BabbleLink,
-    /// A foreign node talks on an actuator bus without pause.
+    /// A babbling node on an actuator bus.
     BabbleActuators,
-    /// Nobody acknowledges on an actuator bus.
+    /// No acknowledgement on an actuator bus.
     NoAck,
-    /// Host and controller are disconnected; both keep what they have to send.
+    /// Host and controller are disconnected; both keep their queued frames.
     LinkUnplugged,
-    /// The controller's end of an actuator bus goes off.
+    /// The controller goes bus-off on an actuator bus.
     BusOff,
-    /// An actuator neither hears nor answers for a while.
+    /// An actuator neither receives nor answers for a while.
     ActuatorDeaf,
     /// An actuator loses its power for a while.
     ActuatorDead,
-    /// Frames of the actuator buses get lost, as many as of the link.
+    /// Actuator frames are lost at the rate of the link.
     ActuatorLoss,
-    /// Frames of the actuator buses come twice, late and in another order.
+    /// Actuator frames are repeated, delayed and reordered.
     ActuatorDisorder,
-    /// Frames of the actuator buses are damaged or cut.
+    /// Actuator frames are corrupted or truncated.
     ActuatorCorruption,
-    /// Motor power fails and comes back; the interface has kept what it could not send.
+    /// Motor power fails and returns; the interface keeps the frames that it could not send.
     PowerCut,
-    /// The host's program ends, and another is started later.
+    /// The host program ends, and another starts later.
     HostDead,
-    /// The host's program stands still, and then goes on.
+    /// The host program stalls and continues.
     HostStall,
-    /// A bridge to the controller stands still, and then passes on all that it has.
+    /// A bridge to the controller stalls and then delivers all frames at once.
     BridgeStall,
     /// The host stops the robot.
     EStop,
-    /// The library is transferred while frames are lost, repeated, damaged and late.
+    /// A library transfer under one of the disturbances of the link.
     Flash,
-    /// Several of these, one after the other and at the same time; of what the host does one.
+    /// Several of these, one after the other and at the same time, with one event of the host.
     Chaos,
 }
 
-/// What a program at the host's end does.
+/// An event of the host program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Host {
-    /// Goes on.
+    /// None.
     Stays,
-    /// Ends at an instant; another one is started at a later one.
+    /// Ends at the first instant; another program starts at the second.
     Dies(SimTime, SimTime),
-    /// Stands still from one instant to another.
+    /// Stalls from the first instant to the second.
     Stalls(SimTime, SimTime),
     /// Sends an emergency stop at an instant.
     Stops(SimTime),
 }
 
-/// What happens in a run.
+/// The disturbances of a run.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Besides the loss.
+    /// Faults besides the loss.
     pub faults: Vec<Fault>,
-    /// Between controller and actuators.
+    /// CAN adapter of the controller on the actuator buses.
     pub adapter: Adapter,
-    /// At the other end of the link.
+    /// Event of the host.
     pub host: Host,
-    /// All of it is over.
+    /// End of all disturbances.
     pub until: SimTime,
-    /// One of these is to be told, if torque is on when it begins.
+    /// Fault bits of which one must be reported, if torque is on at the start.
     pub required: FaultBits,
-    /// Others than these are not to be told.
+    /// Fault bits that may be reported.
     pub allowed: FaultBits,
 }
 
@@ -145,18 +145,17 @@ impl Scenario {
         }
     }
 
-    /// The losses that it is run with, of a thousand frames.
+    /// Losses to run it with, per mille.
     pub fn losses(self) -> &'static [u16] {
         match self {
             Self::EStop => &[0, 10, 30, 100, 300, 900, 1000],
-            // Without loss nothing goes wrong in it.
+            // Without loss it would be undisturbed.
             Self::ActuatorLoss => &[10, 30, 100, 300],
             _ => &[0, 10, 30, 100, 300],
         }
     }
 
-    /// Whether frames of the actuator buses, or actuators, are disturbed: then a motor may learn that it
-    /// is to be off from its own watchdog only.
+    /// Whether actuators or their frames are disturbed: then only its own watchdog may switch a motor off.
     pub fn disturbs_actuators(self) -> bool {
         match self {
             Self::BabbleActuators
@@ -184,7 +183,7 @@ impl Scenario {
         }
     }
 
-    /// What happens after `start`.
+    /// Draws the disturbances from `start` on.
     pub fn plan(
         self,
         start: SimTime,
@@ -213,7 +212,7 @@ impl Scenario {
         config: &RobotConfig,
         random: &mut Rng,
     ) {
-        // Long enough for anything to be noticed, or hardly.
+        // Long enough to be detected for certain, or short.
         let long = random.bool();
         let lasts = if long { between(random, 600, 2500) } else { between(random, 60, 400) };
         let until = start + lasts;
@@ -225,10 +224,10 @@ impl Scenario {
         let mut add = |harm, until| faults.push(Fault { harm, from: start, until });
         let mut required: &[Bit] = &[];
         let mut allowed: &[Bit] = &[];
-        // One that is not reached, by whatever.
+        // Reactions to an actuator out of reach, by any cause.
         const UNREACHED: &[Bit] =
             &[Bit::ActuatorSilent, Bit::ActuatorFault, Bit::BusNoAck, Bit::BusPassive];
-        // Streams of few frames take longer until something has happened to one.
+        // Disturbances of streams with few frames take longer to hit one.
         let while_streaming = start + between(random, 1500, 4000);
         let mut ends = until;
         match self {
@@ -268,7 +267,7 @@ impl Scenario {
             }
             Self::BabbleLink => {
                 let every = SimTime::from_us(random.u64(40..=200));
-                // Urgent, and of no node that is there.
+                // High priority, from a node outside the protocol.
                 let frame = noise(random.u16(0x001..=0x00F), random);
                 add(Harm::Babble(Interface::Link, frame, every), until);
                 allowed = &[Bit::HostLost];
@@ -302,12 +301,12 @@ impl Scenario {
             Self::ActuatorDead => {
                 add(Harm::Unpowered(channel), until);
                 plan.adapter = adapter(random);
-                // However short it was, its torque is off now.
+                // Even a short power cut switches its torque off.
                 (required, allowed) = (UNREACHED, UNREACHED);
             }
             Self::ActuatorLoss => {
                 ends = while_streaming;
-                // In chaos also where the link loses nothing.
+                // Chaos includes it without loss on the link.
                 let loss = loss_per_mille.max(10);
                 for bus in 0..buses {
                     for way in [Way::ToActuators(bus), Way::FromActuators(bus)] {
@@ -367,7 +366,7 @@ impl Scenario {
             Self::BridgeStall => {
                 let ways = [&link[..], &link[..1], &link[1..]][random.usize(0..3)];
                 ways.iter().for_each(|&way| add(Harm::Stream(way, Spoil::Hold), until));
-                // A host that hears nothing is heard nevertheless.
+                // Heartbeats still arrive if only the other direction stalls.
                 if ways.contains(&Way::LinkToController) {
                     allowed = &[Bit::HostLost];
                     required = if long { allowed } else { &[] };
@@ -403,18 +402,18 @@ fn bits(faults: &[Bit]) -> FaultBits {
     faults.iter().fold(FaultBits::default(), |all, &fault| all.with(fault))
 }
 
-/// So many milliseconds, more or less.
+/// A random duration between two, ms.
 pub(super) fn between(random: &mut Rng, least_ms: u64, most_ms: u64) -> SimTime {
     SimTime::from_us(random.u64(1000 * least_ms..=1000 * most_ms))
 }
 
-/// A frame that means nothing.
+/// A frame with random data.
 fn noise(id: u16, random: &mut Rng) -> Frame {
     let data: Vec<u8> = (0..random.usize(0..=8)).map(|_| random.u8(..)).collect();
     Frame::standard(id, &data).expect("8 bytes at most")
 }
 
-/// One of those that there are.
+/// A random CAN adapter.
 fn adapter(random: &mut Rng) -> Adapter {
     Adapter {
         depth: if random.bool() { 1 } else { random.usize(2..=16) },
@@ -429,7 +428,7 @@ mod tests {
     use crate::Subject;
 
     #[test]
-    fn chaos_has_what_the_host_does_and_lost_frames_of_actuators_too() {
+    fn chaos_includes_host_events_and_actuator_loss() {
         let config = Subject::one_leg().config();
         let plans: Vec<Plan> = (0..200)
             .map(|seed| Scenario::Chaos.plan(SimTime::ZERO, 0, &config, &mut Rng::with_seed(seed)))

@@ -1,4 +1,4 @@
-//! What came of many runs: a row for each scenario and loss.
+//! Results of many runs: a row for each scenario and loss.
 
 use super::scenario::Scenario;
 use super::{Case, Outcome, Report};
@@ -10,15 +10,15 @@ use std::collections::BTreeMap;
 pub struct Row {
     /// All runs.
     pub runs: u64,
-    /// How they went out.
+    /// Runs by outcome.
     pub outcomes: BTreeMap<Outcome, u64>,
-    /// Runs in which something was wrong.
+    /// Runs with violations or errors.
     pub broken: u64,
-    /// Frames that were lost, and what other faults did.
+    /// Frames lost, and disturbances by other faults.
     pub fired: [u64; 2],
-    /// Setpoints that were looked at.
+    /// Setpoints checked.
     pub setpoints: u64,
-    /// Commands that were looked at.
+    /// Commands checked.
     pub commands: u64,
     /// Longest time from the host's first emergency stop to motors without torque.
     pub worst_stop: Option<SimTime>,
@@ -40,13 +40,13 @@ impl Table {
         *row.outcomes.entry(report.outcome).or_default() += 1;
         row.broken += u64::from(!report.is_clean());
         row.fired = [0, 1].map(|k| row.fired[k] + report.fired[k]);
-        row.setpoints += report.seen.setpoints;
-        row.commands += report.seen.commands;
+        row.setpoints += report.coverage.setpoints;
+        row.commands += report.coverage.commands;
         row.worst_stop = row.worst_stop.max(report.stopped_after);
         row.virtual_s += report.took.as_s();
     }
 
-    /// Adds a run that did not come to its end.
+    /// Adds a run that panicked.
     pub fn add_failure(&mut self, case: Case) {
         let row = self.row(case);
         row.runs += 1;

@@ -1,19 +1,19 @@
-//! Commands against what came of them: each at most once, in order, and none after its time.
+//! Commands and their effects: each command is executed at most once, in order, and never after it has expired.
 
 use super::Rule;
 use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
 use rollwalk_sim_host::clock::SimTime;
 use std::collections::VecDeque;
 
-/// A command, and when it expires, ms: not only the 16 bits of it that are sent.
+/// A command with its full expiry time, ms; the frame carries only the lower 16 bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Dated {
+struct TimedCommand {
     command: Command,
     expires_ms: u64,
 }
 
-impl Dated {
-    /// One that is made at an instant expires soon before or after it.
+impl TimedCommand {
+    /// Extends the 16 bits to the time nearest to `at`.
     fn at(at: SimTime, command: Command) -> Self {
         let now_ms = at.as_us() / 1000;
         let ahead_ms = command.valid_until_ms.wrapping_sub(now_ms as u16) as i16;
@@ -21,174 +21,189 @@ impl Dated {
     }
 }
 
-/// A command that came to the controller, once or several times.
+/// A command that the controller received, once or several times.
 #[derive(Clone, Copy, Debug)]
-struct Known {
-    dated: Dated,
-    /// It came within its time at least once.
+struct Received {
+    timed: TimedCommand,
+    /// At least one copy arrived before the expiry.
     in_time: bool,
-    /// The first "ok" that it was answered with.
-    done: Option<CommandAck>,
+    /// The first acknowledgement with "ok".
+    executed: Option<CommandAck>,
     goal: Goal,
 }
 
-/// What a command to play a motion may still bring about.
+/// Whether a PLAY command may still start its motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Goal {
-    /// The motion may begin.
-    Open,
-    /// Another goal took its place when so many motions had begun. The motion may be the next to begin, for the
-    /// transition to it is finished first, and none after that.
-    Replaced { begun: usize },
-    /// The motion has begun, or torque went off.
+    /// The motion may start.
+    Pending,
+    /// Superseded after `starts` motion starts; may still start once, because a running transition completes first.
+    Superseded { starts: usize },
+    /// The motion has started, or torque went off.
     Over,
 }
 
-/// A command that came and is not answered yet.
+/// A received command without an acknowledgement yet.
 #[derive(Clone, Copy, Debug)]
-struct Open {
-    /// Its place in the list of the known.
-    known: usize,
+struct Unanswered {
+    /// Index into [`Commands::received`].
+    index: usize,
     in_time: bool,
 }
 
-/// What came to the controller, what it answered, and what was played.
+/// History of received commands, acknowledgements and motion starts.
 #[derive(Clone, Debug)]
 pub struct Commands {
     /// Codes of the library's motions, in its order.
     codes: Vec<u8>,
-    /// How many motions have begun.
-    begun: usize,
-    /// What the host has sent.
-    sent: Vec<Dated>,
-    known: Vec<Known>,
-    /// Answers come in this order; some are dropped when many wait.
-    open: VecDeque<Open>,
-    /// The last that was done for the first time.
-    last_done: Option<usize>,
+    /// Motion starts so far, without transitions.
+    starts: usize,
+    /// Commands that the host has sent.
+    sent: Vec<TimedCommand>,
+    received: Vec<Received>,
+    /// In the order of their acknowledgements, of which a full queue drops some.
+    unanswered: VecDeque<Unanswered>,
+    /// Index of the command that was executed last.
+    last_executed: Option<usize>,
 }
 
 impl Commands {
-    /// None yet.
+    /// An empty history.
     pub fn new(codes: Vec<u8>) -> Self {
-        let (sent, known) = (Vec::new(), Vec::new());
-        Self { begun: 0, codes, sent, known, open: VecDeque::new(), last_done: None }
-    }
-
-    /// The host sends a command, for the first time or again.
-    pub fn is_sent(&mut self, at: SimTime, command: Command) {
-        let dated = Dated::at(at, command);
-        if !self.sent.contains(&dated) {
-            self.sent.push(dated);
+        Self {
+            codes,
+            starts: 0,
+            sent: Vec::new(),
+            received: Vec::new(),
+            unanswered: VecDeque::new(),
+            last_executed: None,
         }
     }
 
-    /// A command comes to the controller. Whether it is another than all before.
-    pub fn arrives(&mut self, at: SimTime, command: Command) -> bool {
-        // However long it was under way. What the host has not sent is taken for new.
+    /// Records a command that the host sends, for the first time or again.
+    pub fn on_sent(&mut self, at: SimTime, command: Command) {
+        let timed = TimedCommand::at(at, command);
+        if !self.sent.contains(&timed) {
+            self.sent.push(timed);
+        }
+    }
+
+    /// Records a command that the controller receives; returns whether it is the first copy.
+    pub fn on_received(&mut self, at: SimTime, command: Command) -> bool {
+        // A bridge may delay it for any time; one that the host has not sent counts as just made.
         let sent = self.sent.iter().rev().find(|sent| sent.command == command);
-        let dated = sent.copied().unwrap_or(Dated::at(at, command));
-        let in_time = at.as_us() / 1000 <= dated.expires_ms;
-        let known = self.known.iter().position(|known| known.dated == dated);
-        let place = known.unwrap_or(self.known.len());
-        match known {
-            Some(place) => self.known[place].in_time |= in_time,
-            None => self.known.push(Known { dated, in_time, done: None, goal: Goal::Open }),
+        let timed = sent.copied().unwrap_or(TimedCommand::at(at, command));
+        let in_time = at.as_us() / 1000 <= timed.expires_ms;
+        let copy_of = self.received.iter().position(|received| received.timed == timed);
+        let index = copy_of.unwrap_or(self.received.len());
+        match copy_of {
+            Some(index) => self.received[index].in_time |= in_time,
+            None => {
+                let goal = Goal::Pending;
+                self.received.push(Received { timed, in_time, executed: None, goal });
+            }
         }
-        self.open.push_back(Open { known: place, in_time });
-        known.is_none()
+        self.unanswered.push_back(Unanswered { index, in_time });
+        copy_of.is_none()
     }
 
-    /// The controller answers a command.
+    /// Checks an acknowledgement of the controller.
     ///
     /// # Errors
     /// The rule that it breaks, and how.
-    pub fn is_answered(&mut self, ack: CommandAck) -> Result<(), (Rule, String)> {
-        let fits = |open: &Open| {
-            let Command { seq, action, .. } = self.known[open.known].dated.command;
+    pub fn on_ack(&mut self, ack: CommandAck) -> Result<(), (Rule, String)> {
+        let fits = |unanswered: &Unanswered| {
+            let Command { seq, action, .. } = self.received[unanswered.index].timed.command;
             (seq, action.kind()) == (ack.seq, ack.kind)
         };
-        let Some(place) = self.open.iter().position(fits) else {
-            return Err((Rule::Once, format!("an answer that nobody has asked for: {ack:?}")));
+        let Some(place) = self.unanswered.iter().position(fits) else {
+            return Err((Rule::ExecutedOnce, format!("acknowledges no command: {ack:?}")));
         };
-        let Open { known, in_time } = self.open[place];
-        self.open.drain(..=place);
-        let Known { dated: Dated { command, .. }, done, goal, .. } = &mut self.known[known];
+        let Unanswered { index, in_time } = self.unanswered[place];
+        self.unanswered.drain(..=place);
+        let Received { timed: TimedCommand { command, .. }, executed, goal, .. } =
+            &mut self.received[index];
         if ack.result != CommandResult::Ok {
-            // These two may answer a copy of one that was done, or that comes in its time after this.
+            // These two may answer a copy of an executed command, or of one that arrives in time later.
             let of_a_copy =
                 matches!(ack.result, CommandResult::OutOfOrder | CommandResult::Expired);
-            if done.is_none() && !of_a_copy {
+            if executed.is_none() && !of_a_copy {
                 *goal = Goal::Over;
             }
             return Ok(());
         }
-        match *done {
-            // The last command again is answered again, and not executed: with the same answer.
-            Some(first) if self.last_done == Some(known) && first == ack => Ok(()),
-            Some(first) if self.last_done == Some(known) => {
-                Err((Rule::Once, format!("{command:?} was answered by {first:?}, then by {ack:?}")))
+        let last = self.last_executed == Some(index);
+        match *executed {
+            // A copy of the last command gets the same acknowledgement and is not executed again.
+            Some(first) if last && first == ack => Ok(()),
+            Some(first) if last => {
+                let what = format!("{command:?} acknowledged by {first:?}, then by {ack:?}");
+                Err((Rule::ExecutedOnce, what))
             }
-            Some(_) => Err((Rule::Once, format!("{command:?} was done before another, and again"))),
-            None if !in_time => Err((Rule::NotExpired, format!("{command:?} is done too late"))),
+            Some(_) => {
+                let what = format!("{command:?} executed again after another command");
+                Err((Rule::ExecutedOnce, what))
+            }
+            None if !in_time => {
+                Err((Rule::NotExpired, format!("{command:?} executed after its expiry")))
+            }
             None => {
-                *done = Some(ack);
-                self.last_done = Some(known);
+                *executed = Some(ack);
+                self.last_executed = Some(index);
                 if matches!(command.action, Action::Play { .. } | Action::Return) {
-                    self.replace_goals(known);
+                    self.supersede_goals_before(index);
                 }
                 Ok(())
             }
         }
     }
 
-    /// The goals of all commands that came before this one have another in their place.
-    fn replace_goals(&mut self, by: usize) {
-        let begun = self.begun;
-        for known in &mut self.known[..by] {
-            if known.goal == Goal::Open {
-                known.goal = Goal::Replaced { begun };
+    /// Supersedes the pending goals of all commands received before this one.
+    fn supersede_goals_before(&mut self, index: usize) {
+        let starts = self.starts;
+        for received in &mut self.received[..index] {
+            if received.goal == Goal::Pending {
+                received.goal = Goal::Superseded { starts };
             }
         }
     }
 
-    /// Torque is off: what was to be played is not played any more.
-    pub fn torque_is_off(&mut self) {
-        self.known.iter_mut().for_each(|known| known.goal = Goal::Over);
+    /// Ends all goals: without torque no motion starts.
+    pub fn on_torque_off(&mut self) {
+        self.received.iter_mut().for_each(|received| received.goal = Goal::Over);
     }
 
-    /// A clip begins.
+    /// Checks the start of a clip.
     ///
     /// # Errors
     /// The rule that it breaks, and how.
-    pub fn is_played(&mut self, clip: u8) -> Result<(), (Rule, String)> {
+    pub fn on_clip_start(&mut self, clip: u8) -> Result<(), (Rule, String)> {
         let clip = usize::from(clip);
-        // The others are transitions, which have no code.
+        // Other clips are transitions, which have no code.
         let Some(&code) = self.codes.get(clip) else { return Ok(()) };
-        let begun = self.begun;
-        self.begun += 1;
-        // Into SAFE all ways lead, whatever was asked.
+        let starts_before = self.starts;
+        self.starts += 1;
+        // The controller may return to SAFE without a command.
         if clip == 0 {
             return Ok(());
         }
-        // That the answer has left says nothing: the link may be busy.
-        let asks = |known: &&mut Known| {
-            let play =
-                matches!(known.dated.command.action, Action::Play { code: of, .. } if of == code);
-            let may_begin = match known.goal {
-                Goal::Open => true,
-                Goal::Replaced { begun: then } => then == begun,
+        // The acknowledgement may still wait for a busy link.
+        let requests = |received: &&mut Received| {
+            let play = matches!(received.timed.command.action, Action::Play { code: of, .. } if of == code);
+            let may_start = match received.goal {
+                Goal::Pending => true,
+                Goal::Superseded { starts } => starts == starts_before,
                 Goal::Over => false,
             };
-            play && known.in_time && may_begin
+            play && received.in_time && may_start
         };
-        match self.known.iter_mut().find(asks) {
-            Some(known) => {
-                known.goal = Goal::Over;
+        match self.received.iter_mut().find(requests) {
+            Some(received) => {
+                received.goal = Goal::Over;
                 Ok(())
             }
             None => {
-                Err((Rule::Once, format!("code {code} begins, and nobody asks for it any more")))
+                Err((Rule::ExecutedOnce, format!("code {code} starts without a pending command")))
             }
         }
     }
@@ -207,18 +222,18 @@ mod tests {
         CommandAck { seq, kind: 0, result, state: State::Ready, motion: None, value: 0 }
     }
 
-    /// What is wrong when these commands come, each at a time, and are all answered so.
-    fn verdicts(come: &[(u64, Command, CommandResult)]) -> Vec<Option<Rule>> {
+    /// Broken rules after these commands, each received at a time, ms, and acknowledged with a result.
+    fn verdicts(received: &[(u64, Command, CommandResult)]) -> Vec<Option<Rule>> {
         let mut commands = Commands::new(vec![1, 2, 3]);
         let verdict = |&(at_ms, command, result): &(u64, Command, CommandResult)| {
-            commands.arrives(SimTime::from_ms(at_ms), command);
-            commands.is_answered(answer(command.seq, result)).err().map(|(rule, _)| rule)
+            commands.on_received(SimTime::from_ms(at_ms), command);
+            commands.on_ack(answer(command.seq, result)).err().map(|(rule, _)| rule)
         };
-        come.iter().map(verdict).collect()
+        received.iter().map(verdict).collect()
     }
 
     #[test]
-    fn only_the_last_command_is_answered_again() {
+    fn only_the_last_command_is_acknowledged_again() {
         use CommandResult::{Ok as Done, OutOfOrder};
         let rules = verdicts(&[
             (0, play(1, 2), Done),
@@ -227,11 +242,11 @@ mod tests {
             (3, play(1, 2), OutOfOrder),
             (4, play(1, 2), Done),
         ]);
-        assert_eq!(rules, [None, None, None, None, Some(Rule::Once)]);
+        assert_eq!(rules, [None, None, None, None, Some(Rule::ExecutedOnce)]);
     }
 
     #[test]
-    fn after_its_time_it_may_be_answered_again_but_not_done() {
+    fn an_expired_copy_may_be_acknowledged_but_not_executed() {
         use CommandResult::{Expired, Ok as Done};
         let late = verdicts(&[(501, play(1, 2), Expired), (502, play(1, 2), Done)]);
         assert_eq!(late, [None, Some(Rule::NotExpired)]);
@@ -239,79 +254,79 @@ mod tests {
         assert_eq!(again, [None, None]);
     }
 
-    /// The 16 bits of its time have gone round.
+    /// The 16 bits of the expiry have wrapped.
     #[test]
-    fn what_was_under_way_for_a_minute_is_late() {
+    fn a_command_delayed_by_a_minute_has_expired() {
         let mut commands = Commands::new(vec![1, 2, 3]);
-        commands.is_sent(SimTime::ZERO, play(1, 2));
-        commands.arrives(SimTime::from_ms(65_600), play(1, 2));
-        let rule = commands.is_answered(answer(1, CommandResult::Ok)).unwrap_err().0;
+        commands.on_sent(SimTime::ZERO, play(1, 2));
+        commands.on_received(SimTime::from_ms(65_600), play(1, 2));
+        let rule = commands.on_ack(answer(1, CommandResult::Ok)).unwrap_err().0;
         assert_eq!(rule, Rule::NotExpired);
-        // The same bits once more, but another command.
-        commands.is_sent(SimTime::from_ms(131_072), play(1, 2));
-        commands.arrives(SimTime::from_ms(131_100), play(1, 2));
-        assert!(commands.is_answered(answer(1, CommandResult::Ok)).is_ok());
+        // The same bits again, in another command.
+        commands.on_sent(SimTime::from_ms(131_072), play(1, 2));
+        commands.on_received(SimTime::from_ms(131_100), play(1, 2));
+        assert!(commands.on_ack(answer(1, CommandResult::Ok)).is_ok());
     }
 
     #[test]
-    fn nothing_is_begun_more_often_than_it_was_asked_for() {
+    fn a_motion_starts_once_a_command() {
         let mut commands = Commands::new(vec![1, 2, 3]);
-        commands.arrives(SimTime::ZERO, play(1, 2));
-        // The same again is no other.
-        commands.arrives(SimTime::ZERO, play(1, 2));
+        commands.on_received(SimTime::ZERO, play(1, 2));
+        // A copy requests nothing more.
+        commands.on_received(SimTime::ZERO, play(1, 2));
         // SAFE, and a transition.
-        assert!(commands.is_played(0).is_ok() && commands.is_played(7).is_ok());
-        assert!(commands.is_played(1).is_ok());
-        assert_eq!(commands.is_played(1).unwrap_err().0, Rule::Once);
-        assert_eq!(commands.is_played(2).unwrap_err().0, Rule::Once);
+        assert!(commands.on_clip_start(0).is_ok() && commands.on_clip_start(7).is_ok());
+        assert!(commands.on_clip_start(1).is_ok());
+        assert_eq!(commands.on_clip_start(1).unwrap_err().0, Rule::ExecutedOnce);
+        assert_eq!(commands.on_clip_start(2).unwrap_err().0, Rule::ExecutedOnce);
     }
 
     #[test]
-    fn what_was_refused_does_not_begin_later() {
+    fn a_refused_motion_does_not_start_later() {
         use CommandResult::{Expired, OutOfOrder, WrongState};
-        let begins = |refusal| {
+        let start = |refusal| {
             let mut commands = Commands::new(vec![1, 2, 3]);
-            commands.arrives(SimTime::ZERO, play(1, 2));
-            commands.is_answered(answer(1, refusal)).unwrap();
-            commands.is_played(1).err().map(|(rule, _)| rule)
+            commands.on_received(SimTime::ZERO, play(1, 2));
+            commands.on_ack(answer(1, refusal)).unwrap();
+            commands.on_clip_start(1).err().map(|(rule, _)| rule)
         };
-        assert_eq!(begins(WrongState), Some(Rule::Once));
-        // A copy of one that is done may be answered so.
-        assert_eq!([OutOfOrder, Expired].map(begins), [None, None]);
+        assert_eq!(start(WrongState), Some(Rule::ExecutedOnce));
+        // A copy of an executed command may be refused in these ways.
+        assert_eq!([OutOfOrder, Expired].map(start), [None, None]);
     }
 
     #[test]
-    fn a_repeated_answer_is_the_first_once_more() {
+    fn a_repeated_acknowledgement_equals_the_first() {
         let mut commands = Commands::new(vec![1, 2, 3]);
         let first = answer(1, CommandResult::Ok);
         let mut rule = |ack| {
-            commands.arrives(SimTime::ZERO, play(1, 2));
-            commands.is_answered(ack).err().map(|(rule, _)| rule)
+            commands.on_received(SimTime::ZERO, play(1, 2));
+            commands.on_ack(ack).err().map(|(rule, _)| rule)
         };
         assert_eq!([rule(first), rule(first)], [None, None]);
-        assert_eq!(rule(CommandAck { value: 3, ..first }), Some(Rule::Once));
+        assert_eq!(rule(CommandAck { value: 3, ..first }), Some(Rule::ExecutedOnce));
     }
 
     #[test]
-    fn what_another_goal_has_replaced_begins_next_or_never() {
+    fn a_superseded_motion_starts_next_or_never() {
         // Codes 1, 2, 3 are clips 0, 1, 2.
-        let replaced = || {
+        let superseded = || {
             let mut commands = Commands::new(vec![1, 2, 3]);
             for (seq, code) in [(1, 2), (2, 3)] {
-                commands.arrives(SimTime::ZERO, play(seq, code));
-                commands.is_answered(answer(seq, CommandResult::Ok)).unwrap();
+                commands.on_received(SimTime::ZERO, play(seq, code));
+                commands.on_ack(answer(seq, CommandResult::Ok)).unwrap();
             }
             commands
         };
-        // Its transition had begun.
-        let mut commands = replaced();
-        assert!(commands.is_played(1).is_ok() && commands.is_played(2).is_ok());
-        assert_eq!(commands.is_played(1).unwrap_err().0, Rule::Once);
-        let mut commands = replaced();
-        assert!(commands.is_played(2).is_ok());
-        assert_eq!(commands.is_played(1).unwrap_err().0, Rule::Once);
-        let mut commands = replaced();
-        commands.torque_is_off();
-        assert_eq!(commands.is_played(2).unwrap_err().0, Rule::Once);
+        // Its transition was running.
+        let mut commands = superseded();
+        assert!(commands.on_clip_start(1).is_ok() && commands.on_clip_start(2).is_ok());
+        assert_eq!(commands.on_clip_start(1).unwrap_err().0, Rule::ExecutedOnce);
+        let mut commands = superseded();
+        assert!(commands.on_clip_start(2).is_ok());
+        assert_eq!(commands.on_clip_start(1).unwrap_err().0, Rule::ExecutedOnce);
+        let mut commands = superseded();
+        commands.on_torque_off();
+        assert_eq!(commands.on_clip_start(2).unwrap_err().0, Rule::ExecutedOnce);
     }
 }

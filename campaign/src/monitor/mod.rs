@@ -1,23 +1,22 @@
-//! Who looks at every frame of every bus and at the motors, and says what must never be.
+//! The monitor: checks every frame of every bus and every step of the motors against the rules.
 //!
 //! It knows the robot's limits and the documents (`docs/wire-format.md`, `docs/playback-and-safety.md`),
-//! and nothing of the firmware: whether torque may be on it concludes from what comes to the controller
-//! and what the controller says.
+//! and nothing of the firmware: whether torque may be on follows from the frames that the controller receives
+//! and sends.
 //!
 //! | module | is |
 //! |---|---|
-//! | [`setpoints`] | limits, steps, and the first setpoint after torque-on |
-//! | [`commands`] | each command at most once, and none too late |
-//! | [`nonces`] | torque comes on for a nonce that was told, once, and nothing has made void |
-//! | [`home`] | a robot whose host is lost, or that has a fault, comes down in time |
+//! | [`setpoints`] | limits, rate, and the first setpoint after torque-on |
+//! | [`commands`] | each command executed at most once, and none after its expiry |
+//! | [`nonces`] | ARM_CONFIRM only with the latest unexpired, unrevoked nonce |
+//! | [`shutdown`] | after a lost host or a fault the robot ends without torque in time |
 
 pub mod commands;
-pub mod home;
 pub mod nonces;
 pub mod setpoints;
+pub mod shutdown;
 
 use commands::Commands;
-use home::Home;
 use nonces::Nonces;
 use rollwalk_protocol::actuator::Control;
 use rollwalk_protocol::can::Frame;
@@ -30,68 +29,68 @@ use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::rig::Observer;
 use setpoints::Setpoints;
+use shutdown::ShutdownCheck;
 
-/// What must never be.
+/// A rule that the controller must never break.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rule {
-    /// A setpoint, or torque switched on, while torque is off.
+    /// No setpoint and no enable while torque is off.
     NoTorqueUnlessArmed,
-    /// A setpoint beyond the robot's limits, one that is no number, or gains that it was not built for.
+    /// Setpoints are finite and within the limits of the robot, gains within twice those of the robot.
     Limits,
-    /// A setpoint further from the one before than the robot may go in that time.
+    /// A setpoint differs from the one before by no more than the maximum rate allows.
     Slew,
-    /// The first setpoint after torque-on is not the pose that the joint is in.
-    StartsWhereItIs,
-    /// Stiff while it is being let down.
-    DampedIsDamped,
-    /// Something else than a message of the servo profile on an actuator bus.
-    Intelligible,
-    /// A motor gives torque too long after torque was to be off.
+    /// The first setpoint after torque-on is the measured pose of the joint.
+    StartsAtPose,
+    /// No stiffness in the state Damped.
+    CompliantWhenDamped,
+    /// Only messages of the servo profile on an actuator bus.
+    ValidFrame,
+    /// No motor torque after the time allowed for switching it off.
     StopsInTime,
-    /// It goes on although no heartbeat comes, or gives torque too long after the last one, or after it was to come
-    /// down for another reason.
-    GoesHome,
-    /// It tells a fault and is in a state in which it must not be with it.
-    HeedsFaults,
-    /// A command was executed more than once.
-    Once,
-    /// A command was executed after its time.
+    /// Without heartbeats the robot returns to SAFE, and it ends without torque in time after the last heartbeat or
+    /// a fault.
+    ReturnsInTime,
+    /// STATUS never reports a state that its fault bits forbid.
+    StateFitsFaults,
+    /// No command is executed more than once.
+    ExecutedOnce,
+    /// No command is executed after its expiry.
     NotExpired,
 }
 
-/// A rule that was broken.
+/// A broken rule.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
-    /// When, µs.
+    /// Time, µs.
     pub at_us: u64,
-    /// Which.
+    /// The rule.
     pub rule: Rule,
-    /// How.
+    /// Description.
     pub what: String,
 }
 
-/// What a monitor goes by.
+/// Parameters of the monitor.
 #[derive(Clone, Debug)]
-pub struct Terms {
+pub struct MonitorConfig {
     /// Control periods per second.
     pub control_hz: u32,
     /// The controller's address.
     pub node: Node,
     /// Command codes of the library's motions, in its order. The first is SAFE.
     pub codes: Vec<u8>,
-    /// The pose that a joint's first setpoint repeats is no older than this; `None` when what actuators
-    /// measure cannot be trusted.
+    /// Maximum age of the pose that a first setpoint repeats; `None` when feedback cannot be trusted.
     pub pose_age: Option<SimTime>,
-    /// After the controller knows that torque is to be off, no motor gives any for longer than this.
+    /// Maximum time from the reason for torque-off, at the controller, to motors without torque.
     pub motors_off_within: SimTime,
-    /// After the host has begun to send an emergency stop, no motor gives torque for longer than this,
-    /// whatever gets lost; `None` where that depends on what else is delayed.
+    /// Maximum time from the first ESTOP frame of the host to motors without torque, whatever is lost; `None` where
+    /// other delays determine it.
     pub stopped_within: Option<SimTime>,
-    /// How a robot comes down.
-    pub home: home::Terms,
+    /// Time limits of a shutdown.
+    pub shutdown: shutdown::Timing,
 }
 
-/// Whether torque may be on, as far as it can be known outside.
+/// The torque that is allowed, as far as an observer outside the controller can tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Torque {
     Off,
@@ -99,61 +98,60 @@ enum Torque {
     Damped,
 }
 
-/// What was looked at: a monitor that saw nothing proves nothing.
+/// Counts of what the monitor has checked: without them a run without violations proves nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Seen {
-    /// Setpoints that left the controller.
+pub struct Coverage {
+    /// Setpoints sent by the controller.
     pub setpoints: u64,
     /// First setpoints after torque-on.
     pub starts: u64,
-    /// Emergency stops that came to the controller.
+    /// Emergency stops received by the controller.
     pub stops: u64,
-    /// Commands that came to the controller, without repetitions.
+    /// Commands received by the controller, without copies.
     pub commands: u64,
 }
 
-/// A change that the controller told.
+/// A change of the controller's STATUS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Change {
-    /// When.
+pub struct StatusChange {
+    /// Time of the STATUS.
     pub at: SimTime,
-    /// State from then on.
+    /// New state.
     pub state: State,
-    /// Faults from then on.
+    /// New faults.
     pub faults: FaultBits,
 }
 
 /// The monitor.
 #[derive(Clone, Debug)]
 pub struct Monitor {
-    terms: Terms,
+    config: MonitorConfig,
     torque: Torque,
-    /// Since when torque is to be off; `None` once that was checked.
+    /// Start of the time allowed for torque-off; `None` once that was checked.
     off_since: Option<SimTime>,
-    /// The number that a second step of arming must repeat.
     nonces: Nonces,
-    /// Second steps of arming that have not led to anything yet.
+    /// Accepted ARM_CONFIRMs that have not enabled the actuators yet.
     permits: u32,
     /// Actuators have been enabled since torque was last off.
     enabled: bool,
-    /// When the host began to send an emergency stop.
+    /// Time of the first frame of the host's emergency stop.
     stop_sent: Option<SimTime>,
     stopped_after: Option<SimTime>,
-    home: Home,
+    shutdown: ShutdownCheck,
     setpoints: Setpoints,
     commands: Commands,
     clip: Option<u8>,
-    history: Vec<Change>,
-    seen: Seen,
+    history: Vec<StatusChange>,
+    coverage: Coverage,
     violations: Vec<Violation>,
 }
 
-/// More violations than these are not kept.
+/// Maximum number of recorded violations.
 const MOST_VIOLATIONS: usize = 16;
 
 impl Monitor {
     /// A monitor of a controller that has just been switched on.
-    pub fn new(config: RobotConfig, terms: Terms) -> Self {
+    pub fn new(robot: RobotConfig, config: MonitorConfig) -> Self {
         Self {
             torque: Torque::Off,
             off_since: None,
@@ -162,33 +160,33 @@ impl Monitor {
             enabled: false,
             stop_sent: None,
             stopped_after: None,
-            home: Home::new(terms.home, terms.motors_off_within),
-            setpoints: Setpoints::new(config, terms.control_hz, terms.pose_age),
-            commands: Commands::new(terms.codes.clone()),
+            shutdown: ShutdownCheck::new(config.shutdown, config.motors_off_within),
+            setpoints: Setpoints::new(robot, config.control_hz, config.pose_age),
+            commands: Commands::new(config.codes.clone()),
             clip: None,
             history: Vec::new(),
-            seen: Seen::default(),
+            coverage: Coverage::default(),
             violations: Vec::new(),
-            terms,
+            config,
         }
     }
 
-    /// What was broken so far.
+    /// Violations so far.
     pub fn violations(&self) -> &[Violation] {
         &self.violations
     }
 
-    /// What was looked at so far.
-    pub fn seen(&self) -> Seen {
-        self.seen
+    /// Checks so far.
+    pub fn coverage(&self) -> Coverage {
+        self.coverage
     }
 
-    /// States and faults that the controller has told, each with the time.
-    pub fn history(&self) -> &[Change] {
+    /// Changes of STATUS so far.
+    pub fn history(&self) -> &[StatusChange] {
         &self.history
     }
 
-    /// How long after the first frame of the last emergency stop the motors were without torque.
+    /// Time from the first frame of the last emergency stop to motors without torque.
     pub fn stopped_after(&self) -> Option<SimTime> {
         self.stopped_after
     }
@@ -199,25 +197,25 @@ impl Monitor {
         }
     }
 
-    /// Torque is to be off from now on.
-    fn turn_off(&mut self, at: SimTime) {
+    /// Expects torque to go off from now on.
+    fn expect_torque_off(&mut self, at: SimTime) {
         if self.torque != Torque::Off {
             (self.torque, self.off_since) = (Torque::Off, Some(at));
         }
         self.enabled = false;
         self.permits = 0;
-        self.home.is_down();
-        self.commands.torque_is_off();
-        self.setpoints.forget();
+        self.shutdown.on_torque_off();
+        self.commands.on_torque_off();
+        self.setpoints.on_torque_off();
     }
 
-    fn controller_says(&mut self, at: SimTime, frame: &Frame) {
+    fn on_link_frame(&mut self, at: SimTime, frame: &Frame) {
         let Ok((_, message)) = FromController::decode(frame) else { return };
         match message {
             FromController::Status(status) => self.on_status(at, status),
             FromController::CommandAck(ack) => {
                 self.nonces.on_ack(at, ack);
-                if let Err((rule, what)) = self.commands.is_answered(ack) {
+                if let Err((rule, what)) = self.commands.on_ack(ack) {
                     self.report(at, rule, what);
                 }
             }
@@ -227,7 +225,7 @@ impl Monitor {
 
     fn on_status(&mut self, at: SimTime, Status { state, faults, clip, .. }: Status) {
         if self.history.last().map(|last| (last.state, last.faults)) != Some((state, faults)) {
-            self.history.push(Change { at, state, faults });
+            self.history.push(StatusChange { at, state, faults });
         }
         match state {
             State::Damped if self.torque == Torque::Driven => self.torque = Torque::Damped,
@@ -235,23 +233,23 @@ impl Monitor {
             | State::SelfTest
             | State::Disarmed
             | State::TorqueOff
-            | State::EStopped => self.turn_off(at),
+            | State::EStopped => self.expect_torque_off(at),
             _ => {}
         }
         if self.torque != Torque::Off
-            && let Err((rule, what)) = self.home.on_status(at, state, faults)
+            && let Err((rule, what)) = self.shutdown.on_status(at, state, faults)
         {
             self.report(at, rule, what);
         }
         if clip != self.clip {
             self.clip = clip;
-            if let Some(Err((rule, what))) = clip.map(|clip| self.commands.is_played(clip)) {
+            if let Some(Err((rule, what))) = clip.map(|clip| self.commands.on_clip_start(clip)) {
                 self.report(at, rule, what);
             }
         }
     }
 
-    fn controller_orders(&mut self, at: SimTime, bus: u8, frame: &Frame, body: &Body) {
+    fn on_actuator_frame(&mut self, at: SimTime, bus: u8, frame: &Frame, body: &Body) {
         if let Some((id, control)) = Control::decode(frame) {
             match control {
                 Control::Query => return,
@@ -263,55 +261,59 @@ impl Monitor {
                 Control::Enable if !self.enabled => {
                     self.enabled = true;
                     if self.permits == 0 {
-                        self.report(at, Rule::Once, "arms a second time".into());
+                        self.report(
+                            at,
+                            Rule::ExecutedOnce,
+                            "enables actuators again on one confirmation".into(),
+                        );
                     }
                     self.permits = self.permits.saturating_sub(1);
                 }
                 Control::Enable => {}
             }
-            self.setpoints.switched(bus, id);
+            self.setpoints.on_torque_switch(bus, id);
             return;
         }
         let damped = self.torque == Torque::Damped;
-        match self.setpoints.look_at(at, bus, frame, damped, body) {
+        match self.setpoints.check(at, bus, frame, damped, body) {
             Err((rule, what)) => self.report(at, rule, what),
-            Ok(first) => self.seen.starts += u64::from(first),
+            Ok(first) => self.coverage.starts += u64::from(first),
         }
-        self.seen.setpoints += 1;
+        self.coverage.setpoints += 1;
         if self.torque == Torque::Off {
-            let what = format!("a setpoint without torque: {frame:?} on bus {bus}");
+            let what = format!("a setpoint while torque is off: {frame:?} on bus {bus}");
             self.report(at, Rule::NoTorqueUnlessArmed, what);
         }
     }
 }
 
 impl Observer for Monitor {
-    fn host_sends(&mut self, at: SimTime, frame: &Frame) {
+    fn on_host_frame(&mut self, at: SimTime, frame: &Frame) {
         match ToController::decode(frame) {
             Ok((_, ToController::Estop)) if self.stop_sent.is_none() => {
                 (self.stop_sent, self.stopped_after) = (Some(at), None);
             }
-            Ok((_, ToController::Command(command))) => self.commands.is_sent(at, command),
+            Ok((_, ToController::Command(command))) => self.commands.on_sent(at, command),
             _ => {}
         }
     }
 
-    fn controller_gets(&mut self, at: SimTime, input: &Input) {
+    fn on_controller_input(&mut self, at: SimTime, input: &Input) {
         let Input::Link(frame) = input else { return };
         let Ok((to, message)) = ToController::decode(frame) else { return };
-        if to != self.terms.node && to != Node::BROADCAST {
+        if to != self.config.node && to != Node::BROADCAST {
             return;
         }
         match message {
             ToController::Estop => {
-                self.seen.stops += 1;
-                self.nonces.void();
-                self.turn_off(at);
+                self.coverage.stops += 1;
+                self.nonces.revoke();
+                self.expect_torque_off(at);
             }
             ToController::Command(command) => {
-                self.seen.commands += u64::from(self.commands.arrives(at, command));
+                self.coverage.commands += u64::from(self.commands.on_received(at, command));
                 if let Action::ArmConfirm { nonce } = command.action
-                    && self.nonces.confirms(at, nonce)
+                    && self.nonces.accept(at, nonce)
                 {
                     self.permits += 1;
                     if self.torque == Torque::Off {
@@ -320,33 +322,33 @@ impl Observer for Monitor {
                     }
                 }
             }
-            ToController::Heartbeat(heartbeat) => self.home.on_heartbeat(at, heartbeat.seq),
-            // What is for all is ignored.
-            ToController::Transport if to == self.terms.node => {
+            ToController::Heartbeat(heartbeat) => self.shutdown.on_heartbeat(at, heartbeat.seq),
+            // The controller ignores broadcast transport frames.
+            ToController::Transport if to == self.config.node => {
                 self.nonces.on_transport(frame.data());
             }
             ToController::Transport | ToController::Parameter(_) | ToController::Discover => {}
         }
     }
 
-    fn controller_sends(&mut self, at: SimTime, bus: Interface, frame: &Frame, body: &Body) {
+    fn on_controller_frame(&mut self, at: SimTime, bus: Interface, frame: &Frame, body: &Body) {
         match bus {
-            Interface::Link => self.controller_says(at, frame),
-            Interface::Actuator(bus) => self.controller_orders(at, bus, frame, body),
+            Interface::Link => self.on_link_frame(at, frame),
+            Interface::Actuator(bus) => self.on_actuator_frame(at, bus, frame, body),
         }
     }
 
-    fn bus_goes_off(&mut self, at: SimTime) {
-        self.seen.stops += 1;
-        self.nonces.void();
-        self.turn_off(at);
+    fn on_bus_off(&mut self, at: SimTime) {
+        self.coverage.stops += 1;
+        self.nonces.revoke();
+        self.expect_torque_off(at);
     }
 
-    fn motors(&mut self, at: SimTime, body: &Body) {
-        self.setpoints.motors(at, body);
-        self.home.pass(at);
+    fn on_motor_step(&mut self, at: SimTime, body: &Body) {
+        self.setpoints.on_motor_step(at, body);
+        self.shutdown.on_time(at);
         let unwatched = self.off_since.is_none() && self.stop_sent.is_none();
-        if unwatched && self.torque != Torque::Off && !self.home.is_late(at) {
+        if unwatched && self.torque != Torque::Off && !self.shutdown.is_overdue(at) {
             return;
         }
         let driving = body.servos().iter().position(|servo| servo.is_driving());
@@ -358,26 +360,27 @@ impl Observer for Monitor {
             }
             return;
         };
-        if let Some(why) = self.home.take_late(at) {
-            let what = format!("motor {channel} gives torque {why}");
-            self.report(at, Rule::GoesHome, what);
+        if let Some(why) = self.shutdown.take_overdue(at) {
+            let what = format!("motor {channel} still gives torque {why}");
+            self.report(at, Rule::ReturnsInTime, what);
         }
         if self.torque == Torque::Off
             && let Some(since) = self.off_since
-            && at - since > self.terms.motors_off_within
+            && at - since > self.config.motors_off_within
         {
             self.off_since = None;
             let late = (at - since).as_us();
-            let what = format!("motor {channel} gives torque {late} µs after it was to be off");
+            let what = format!("motor {channel} still gives torque {late} µs after torque-off");
             self.report(at, Rule::StopsInTime, what);
         }
         if let Some(sent) = self.stop_sent
             && self.stopped_after.is_none()
-            && self.terms.stopped_within.is_some_and(|within| at - sent > within)
+            && self.config.stopped_within.is_some_and(|within| at - sent > within)
         {
             self.stopped_after = Some(at - sent);
             let late = (at - sent).as_us();
-            let what = format!("motor {channel} gives torque {late} µs after an emergency stop");
+            let what =
+                format!("motor {channel} still gives torque {late} µs after an emergency stop");
             self.report(at, Rule::StopsInTime, what);
         }
     }

@@ -1,62 +1,64 @@
-//! Whether a second step of arming repeats what the controller has told, in time, and nothing has made it void.
+//! Accepts an ARM_CONFIRM only with the latest unexpired, unrevoked nonce.
 //!
-//! Only what is certain outside counts: a nonce is younger than its acknowledgement makes it, and what is void here
-//! is void there. Parameters make a nonce void as well; that is left to the firmware's own tests.
+//! The monitor is at most as strict as the controller must be: for it a nonce lives from its acknowledgement on, and
+//! every revocation seen here is one for the controller. Parameter changes revoke a nonce as well; the firmware's own
+//! tests cover that.
 
 use rollwalk_protocol::wire::transport::Request;
 use rollwalk_protocol::wire::{Action, CommandAck, CommandResult};
 use rollwalk_sim_host::clock::SimTime;
 
-/// A nonce can be confirmed for so long.
-const LIFE: SimTime = SimTime::from_ms(2000);
+/// Time within which a nonce can be confirmed.
+const LIFETIME: SimTime = SimTime::from_ms(2000);
 
-/// The nonces that the controller has told.
+/// The nonces of the controller's ARM_REQUEST acknowledgements.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Nonces {
-    /// The one that can be confirmed, and when it was told.
-    good: Option<(u16, SimTime)>,
-    /// The last that was told, which a repeated answer tells again.
+    /// The nonce that can be confirmed, and when it was acknowledged.
+    valid: Option<(u16, SimTime)>,
+    /// The latest nonce: a repeated acknowledgement carries it again.
     last: Option<u16>,
 }
 
 impl Nonces {
-    /// Something has made the nonce void.
-    pub fn void(&mut self) {
-        self.good = None;
+    /// Revokes the nonce.
+    pub fn revoke(&mut self) {
+        self.valid = None;
     }
 
-    /// A second step of arming comes to the controller: whether torque may go on. A nonce is good once.
-    pub fn confirms(&mut self, at: SimTime, nonce: u16) -> bool {
-        let good = self.good.is_some_and(|(value, told)| value == nonce && at - told <= LIFE);
-        if good {
-            self.void();
+    /// Whether an ARM_CONFIRM with this nonce may switch torque on; a nonce is valid once.
+    pub fn accept(&mut self, at: SimTime, nonce: u16) -> bool {
+        let valid =
+            self.valid.is_some_and(|(value, since)| value == nonce && at - since <= LIFETIME);
+        if valid {
+            self.revoke();
         }
-        good
+        valid
     }
 
-    /// The controller answers a command. Answers leave in the order in which commands were executed.
+    /// Follows an acknowledgement of the controller; they leave in the order in which commands are executed.
     pub fn on_ack(&mut self, at: SimTime, ack: CommandAck) {
         let is = |action: Action, result| ack.kind == action.kind() && ack.result == result;
         if is(Action::ArmRequest, CommandResult::Ok) {
             if self.last.replace(ack.value) != Some(ack.value) {
-                self.good = Some((ack.value, at));
+                self.valid = Some((ack.value, at));
             }
         } else if is(Action::Disarm, CommandResult::Ok)
             || is(Action::ClearRequest, CommandResult::Ok)
             || is(Action::ArmConfirm { nonce: 0 }, CommandResult::WrongNonce)
         {
-            self.void();
+            self.revoke();
         }
     }
 
-    /// A frame of the transport comes to the controller. Requests of a single frame are sure to be taken.
+    /// Follows a transport frame to the controller; single-frame requests are always accepted and revoke the nonce.
     pub fn on_transport(&mut self, data: &[u8]) {
         let Some((&[length], message)) = data.split_first_chunk() else { return };
         let single = (1..=7).contains(&length).then(|| message.get(..usize::from(length)));
         if let Some(Ok(Request::Finish | Request::Activate { .. })) =
             single.flatten().map(Request::decode)
         {
-            self.void();
+            self.revoke();
         }
     }
 }
@@ -71,30 +73,30 @@ mod tests {
         CommandAck { seq, kind: action.kind(), result, state, motion, value }
     }
 
-    fn told(nonce: u16) -> Nonces {
+    fn issued(nonce: u16) -> Nonces {
         let mut nonces = Nonces::default();
         nonces.on_ack(SimTime::ZERO, ack(Action::ArmRequest, CommandResult::Ok, nonce));
         nonces
     }
 
     #[test]
-    fn a_nonce_is_good_once_and_for_two_seconds() {
-        let mut nonces = told(7);
-        assert!(!nonces.confirms(SimTime::ZERO, 8));
-        assert!(nonces.confirms(SimTime::from_ms(2000), 7));
-        assert!(!nonces.confirms(SimTime::from_ms(2000), 7));
-        assert!(!told(7).confirms(SimTime::from_ms(2001), 7));
-        // The same answer again makes it no younger.
-        let mut nonces = told(7);
+    fn a_nonce_is_valid_once_and_for_two_seconds() {
+        let mut nonces = issued(7);
+        assert!(!nonces.accept(SimTime::ZERO, 8));
+        assert!(nonces.accept(SimTime::from_ms(2000), 7));
+        assert!(!nonces.accept(SimTime::from_ms(2000), 7));
+        assert!(!issued(7).accept(SimTime::from_ms(2001), 7));
+        // A repeated acknowledgement does not extend its life.
+        let mut nonces = issued(7);
         nonces.on_ack(SimTime::from_ms(500), ack(Action::ArmRequest, CommandResult::Ok, 7));
-        assert!(!nonces.confirms(SimTime::from_ms(2001), 7));
+        assert!(!nonces.accept(SimTime::from_ms(2001), 7));
     }
 
     #[test]
-    fn what_makes_it_void() {
+    fn commands_and_transfers_revoke_it() {
         type Happens = fn(&mut Nonces);
         let all: [Happens; 7] = [
-            Nonces::void,
+            Nonces::revoke,
             |nonces| nonces.on_ack(SimTime::ZERO, ack(Action::Disarm, CommandResult::Ok, 0)),
             |nonces| nonces.on_ack(SimTime::ZERO, ack(Action::ClearRequest, CommandResult::Ok, 9)),
             |nonces| nonces.on_ack(SimTime::ZERO, ack(Action::ArmRequest, CommandResult::Ok, 9)),
@@ -106,16 +108,16 @@ mod tests {
             |nonces| nonces.on_transport(&[5, 0x13, 1, 2, 3, 4, 0xAA, 0xAA]),
         ];
         for (number, happens) in all.into_iter().enumerate() {
-            let mut nonces = told(7);
+            let mut nonces = issued(7);
             happens(&mut nonces);
-            assert!(!nonces.confirms(SimTime::ZERO, 7), "{number}");
+            assert!(!nonces.accept(SimTime::ZERO, 7), "{number}");
         }
         let harmless: [&[u8]; 4] =
             [&[], &[3, 1, 1, 1], &[0x10, 9, 0x10, 0, 0, 0, 0, 0], &[7, 0x12]];
         for data in harmless {
-            let mut nonces = told(7);
+            let mut nonces = issued(7);
             nonces.on_transport(data);
-            assert!(nonces.confirms(SimTime::ZERO, 7), "{data:?}");
+            assert!(nonces.accept(SimTime::ZERO, 7), "{data:?}");
         }
     }
 }

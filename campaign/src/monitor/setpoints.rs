@@ -1,4 +1,4 @@
-//! Setpoints against the robot's limits, each against the one before, the first against the pose.
+//! Checks of setpoints: the limits of the robot, the rate from one to the next, the first one against the pose.
 
 use super::Rule;
 use rollwalk_protocol::actuator::{
@@ -11,23 +11,23 @@ use rollwalk_sim_host::body::Body;
 use rollwalk_sim_host::clock::SimTime;
 use std::collections::VecDeque;
 
-/// Gains may be raised at run time to so many times those of the robot (docs/parameters.md).
+/// Maximum ratio of gains set at run time to those of the robot (docs/parameters.md).
 const GAIN_RATIO: f32 = 2.0;
-/// A pose was rounded in the feedback and in the setpoint, half a step each; and it may have been another
-/// between two looks, by half a step more at speeds of a robot without torque.
+/// Rounding of a pose in the feedback and in the setpoint, half a step each; and half a step of motion between two
+/// samples at the speeds of a robot without torque.
 const POSE_ROUNDING_RAD: f64 = 1.5 * POSITION_STEP_RAD as f64;
-/// Steps of the motors between two looks at them: 2 ms.
-const STEPS_PER_LOOK: u32 = 8;
+/// Steps of the motors between two samples of the pose: 2 ms.
+const STEPS_PER_SAMPLE: u32 = 8;
 
-/// What an actuator is told.
+/// A setpoint of an actuator.
 #[derive(Clone, Copy, Debug)]
-enum Told {
+enum Setpoint {
     Joint(JointSetpoint),
     Wheel(WheelSetpoint),
 }
 
-impl Told {
-    /// With the actuator's number on its bus.
+impl Setpoint {
+    /// Decodes a frame; also returns the actuator's number on its bus.
     fn decode(frame: &Frame) -> Option<(u8, Self)> {
         let joint = || JointSetpoint::decode(frame).map(|(id, joint)| (id, Self::Joint(joint)));
         let wheel = || WheelSetpoint::decode(frame).map(|(id, wheel)| (id, Self::Wheel(wheel)));
@@ -35,51 +35,51 @@ impl Told {
     }
 }
 
-/// What a channel was told last.
+/// The last setpoint of a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Last {
     value: f32,
-    /// The control period.
+    /// Its control period.
     tick: u64,
 }
 
-/// The setpoints of all channels.
+/// The check of all channels.
 #[derive(Clone, Debug)]
 pub struct Setpoints {
     config: RobotConfig,
     control_hz: u32,
     last: Vec<Option<Last>>,
-    /// What the channels were measured at up to so long ago, ...
+    /// Maximum age of the pose that a first setpoint repeats; `None` allows any.
     pose_age: Option<SimTime>,
-    /// ... the latest last.
+    /// Poses up to that age, the latest last.
     poses: VecDeque<(SimTime, Vec<f32>)>,
-    steps_to_look: u32,
+    steps_to_sample: u32,
 }
 
 impl Setpoints {
-    /// None was sent yet. A first setpoint is a pose not older than `pose_age`; without one it may be any.
+    /// The check before the first setpoint.
     pub fn new(config: RobotConfig, control_hz: u32, pose_age: Option<SimTime>) -> Self {
         let last = vec![None; config.channels.len()];
-        Self { config, control_hz, last, pose_age, poses: VecDeque::new(), steps_to_look: 0 }
+        Self { config, control_hz, last, pose_age, poses: VecDeque::new(), steps_to_sample: 0 }
     }
 
-    /// The motors have made a step.
-    pub fn motors(&mut self, at: SimTime, body: &Body) {
-        self.steps_to_look = self.steps_to_look.checked_sub(1).unwrap_or(STEPS_PER_LOOK - 1);
-        let Some(age) = self.pose_age.filter(|_| self.steps_to_look == 0) else { return };
+    /// Samples the pose after a step of the motors.
+    pub fn on_motor_step(&mut self, at: SimTime, body: &Body) {
+        self.steps_to_sample = self.steps_to_sample.checked_sub(1).unwrap_or(STEPS_PER_SAMPLE - 1);
+        let Some(age) = self.pose_age.filter(|_| self.steps_to_sample == 0) else { return };
         while self.poses.front().is_some_and(|&(then, _)| at - then > age) {
             self.poses.pop_front();
         }
         self.poses.push_back((at, body.values()));
     }
 
-    /// Torque is off: the next setpoint is a first one.
-    pub fn forget(&mut self) {
+    /// Makes the next setpoint of every channel a first one.
+    pub fn on_torque_off(&mut self) {
         self.last.fill(None);
     }
 
-    /// The torque of an actuator is switched: its next setpoint is a first one.
-    pub fn switched(&mut self, bus: u8, id: u8) {
+    /// Makes the next setpoint of an actuator a first one.
+    pub fn on_torque_switch(&mut self, bus: u8, id: u8) {
         if let Some(channel) = self.channel(bus, id) {
             self.last[channel] = None;
         }
@@ -89,11 +89,11 @@ impl Setpoints {
         self.config.channels.iter().position(|c| (c.bus, c.id) == (bus, id))
     }
 
-    /// A frame that leaves the controller and switches nothing. Whether it is a channel's first.
+    /// Checks a frame to an actuator that is no control message. Returns whether it is a first setpoint with stiffness.
     ///
     /// # Errors
-    /// The rule that it breaks, and how.
-    pub fn look_at(
+    /// The broken rule and a description.
+    pub fn check(
         &mut self,
         at: SimTime,
         bus: u8,
@@ -101,43 +101,43 @@ impl Setpoints {
         damped: bool,
         body: &Body,
     ) -> Result<bool, (Rule, String)> {
-        let Some((id, told)) = Told::decode(frame) else {
-            return Err((Rule::Intelligible, format!("{frame:?} on bus {bus}")));
+        let Some((id, setpoint)) = Setpoint::decode(frame) else {
+            return Err((Rule::ValidFrame, format!("{frame:?} on bus {bus}")));
         };
-        let (kind, value, kp) = match told {
-            Told::Joint(joint) => {
+        let (kind, value, kp) = match setpoint {
+            Setpoint::Joint(joint) => {
                 (ChannelKind::JointPosition, joint.position_rad, Some(joint.kp_nm_rad))
             }
-            Told::Wheel(wheel) => (ChannelKind::WheelSpeed, wheel.speed_rad_s, None),
+            Setpoint::Wheel(wheel) => (ChannelKind::WheelSpeed, wheel.speed_rad_s, None),
         };
         let channel = self.channel(bus, id).filter(|&c| self.config.channels[c].kind == kind);
-        let channel = channel
-            .ok_or_else(|| (Rule::Intelligible, format!("no {kind:?} {id} on bus {bus}")))?;
+        let channel =
+            channel.ok_or_else(|| (Rule::ValidFrame, format!("no {kind:?} {id} on bus {bus}")))?;
         let limits = self.config.channels[channel];
         let tick = self.tick(at);
         let last = self.last[channel].replace(Last { value, tick });
 
-        within(&limits, channel, &told, last)?;
+        check_limits(&limits, channel, &setpoint, last)?;
         if damped && kp.is_some_and(|kp| kp > 0.0) {
-            return Err((Rule::DampedIsDamped, format!("channel {channel}: kp {kp:?}")));
+            return Err((Rule::CompliantWhenDamped, format!("channel {channel}: kp {kp:?}")));
         }
         match last {
-            Some(last) => self.step(channel, &limits, last, Last { value, tick })?,
-            // Without stiffness a joint goes nowhere, wherever it is told to.
+            Some(last) => self.check_rate(channel, &limits, last, Last { value, tick })?,
+            // Without stiffness the position of a setpoint has no effect.
             None if kp == Some(0.0) => {}
-            None => self.starts(channel, &limits, value, body)?,
+            None => self.check_start(channel, &limits, value, body)?,
         }
         Ok(last.is_none() && kp != Some(0.0))
     }
 
-    /// The control period that an instant is in.
+    /// The control period of an instant.
     fn tick(&self, at: SimTime) -> u64 {
         // Instants of ticks are rounded down.
         (at.as_ns() + 1) * u64::from(self.control_hz) / 1_000_000_000
     }
 
-    /// No further than the rate allows since the period of the last one.
-    fn step(
+    /// Checks the rate since the last setpoint.
+    fn check_rate(
         &self,
         channel: usize,
         limits: &Channel,
@@ -157,12 +157,12 @@ impl Setpoints {
         Err((Rule::Slew, what))
     }
 
-    /// A joint's first setpoint is where it was measured, a wheel's what it turned at, or on the way to a halt.
-    fn starts(
+    /// Checks a first setpoint: a joint's is a measured pose, a wheel's a measured speed or one step of braking less.
+    fn check_start(
         &self,
         channel: usize,
         limits: &Channel,
-        told: f32,
+        setpoint: f32,
         body: &Body,
     ) -> Result<(), (Rule, String)> {
         if self.pose_age.is_none() {
@@ -175,15 +175,17 @@ impl Setpoints {
             ChannelKind::JointPosition => POSE_ROUNDING_RAD as f32,
             ChannelKind::WheelSpeed => SPEED_STEP_RAD_S + limits.max_rate / self.control_hz as f32,
         };
-        if told >= low - slack && told <= high + slack {
+        if setpoint >= low - slack && setpoint <= high + slack {
             return Ok(());
         }
-        let what = format!("channel {channel} was at {low:.4} to {high:.4} and is told {told:.4}");
-        Err((Rule::StartsWhereItIs, what))
+        let what = format!(
+            "channel {channel} was at {low:.4} to {high:.4} but its first setpoint is {setpoint:.4}"
+        );
+        Err((Rule::StartsAtPose, what))
     }
 }
 
-/// A step of the setpoint.
+/// Resolution of a setpoint in its frame.
 fn resolution(limits: &Channel) -> f32 {
     match limits.kind {
         ChannelKind::JointPosition => POSITION_STEP_RAD,
@@ -191,31 +193,33 @@ fn resolution(limits: &Channel) -> f32 {
     }
 }
 
-/// Within the robot's limits. One that starts beyond them may stay, and go inwards.
-fn within(
+/// Checks the limits of the robot. A joint that starts beyond them may stay there or move inwards.
+fn check_limits(
     limits: &Channel,
     channel: usize,
-    told: &Told,
+    setpoint: &Setpoint,
     last: Option<Last>,
 ) -> Result<(), (Rule, String)> {
-    let fail = |what: &str| Err((Rule::Limits, format!("channel {channel}: {what}: {told:?}")));
-    let (value, kp, kd) = match told {
-        Told::Joint(joint) => (joint.position_rad, joint.kp_nm_rad, joint.kd_nm_s_rad),
-        Told::Wheel(wheel) => (wheel.speed_rad_s, 0.0, wheel.kd_nm_s_rad),
+    let fail = |what: &str| Err((Rule::Limits, format!("channel {channel}: {what}: {setpoint:?}")));
+    let (value, kp, kd) = match setpoint {
+        Setpoint::Joint(joint) => (joint.position_rad, joint.kp_nm_rad, joint.kd_nm_s_rad),
+        Setpoint::Wheel(wheel) => (wheel.speed_rad_s, 0.0, wheel.kd_nm_s_rad),
     };
     let rounding = 0.51 * resolution(limits);
     let before = last.map_or(value, |last| last.value);
     let (low, high) = (limits.min.min(before), limits.max.max(before));
-    // A value that is no number fails as well.
+    // NaN fails as well.
     if !(value >= low - rounding && value <= high + rounding) {
         return fail("out of range");
     }
     let (kp_most, kd_most) = (GAIN_RATIO * limits.kp_nm_rad, GAIN_RATIO * limits.kd_nm_s_rad);
-    match told {
-        Told::Joint(joint) if joint.velocity_rad_s.abs() > limits.max_rate + SPEED_STEP_RAD_S => {
+    match setpoint {
+        Setpoint::Joint(joint)
+            if joint.velocity_rad_s.abs() > limits.max_rate + SPEED_STEP_RAD_S =>
+        {
             return fail("too fast");
         }
-        Told::Wheel(wheel) if wheel.torque_limit_nm > limits.max_torque_nm + TORQUE_STEP_NM => {
+        Setpoint::Wheel(wheel) if wheel.torque_limit_nm > limits.max_torque_nm + TORQUE_STEP_NM => {
             return fail("too much torque");
         }
         _ => {}

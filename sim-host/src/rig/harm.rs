@@ -11,7 +11,7 @@ use rollwalk_protocol::can::Frame;
 /// Frames of a foreign node that wait: one on its way, and the next, so that it leaves no gap.
 const BABBLE_DEPTH: usize = 2;
 
-/// A frame that nobody acknowledges is sent so long until its sender is error-passive: 16 times, each up to
+/// An unacknowledged frame is repeated until its sender is error-passive: 16 times, each up to
 /// 135 bits and an error frame of up to 31.
 const PASSIVE_AFTER: SimTime = SimTime::from_us(16 * (135 + 31));
 
@@ -20,14 +20,14 @@ const PASSIVE_AFTER: SimTime = SimTime::from_us(16 * (135 + 31));
 pub struct Adapter {
     /// Frames that wait in it at most.
     pub depth: usize,
-    /// What nobody has acknowledged by the next control period is called back, as our boards do.
+    /// Whether frames that are unacknowledged at the next control period are aborted, as on our boards.
     pub calls_back: bool,
-    /// What it says when nobody acknowledges: not all can tell that from other errors.
+    /// Bus state that it reports without acknowledgement; not all adapters distinguish that from other errors.
     pub alone: BusState,
 }
 
 impl Default for Adapter {
-    /// What our boards do, but that a frame which nobody acknowledges stays.
+    /// As our boards, except that an unacknowledged frame stays.
     fn default() -> Self {
         Self { depth: 1, calls_back: false, alone: BusState::NotAcknowledged }
     }
@@ -57,7 +57,7 @@ impl<C: Core> Rig<C> {
     }
 
     /// Tells the controller how its actuator buses are, and starts those again that it wants started.
-    pub(super) fn tell_bus_states(&mut self) -> Result<(), LinkError> {
+    pub(super) fn report_bus_states(&mut self) -> Result<(), LinkError> {
         if self.faults.all().next().is_none() {
             return Ok(());
         }
@@ -97,7 +97,7 @@ impl<C: Core> Rig<C> {
         Ok(())
     }
 
-    /// Brings about what changes at this instant.
+    /// Starts and ends the faults that are due.
     pub(super) fn begin_and_end_faults(&mut self) {
         let (now, before) = (self.now, self.edges_until);
         self.edges_until = now;
@@ -121,16 +121,16 @@ impl<C: Core> Rig<C> {
                 wire.go_off(now);
                 self.faults.fire(now, |harm| *harm == Harm::BusOff(number));
                 if let Some(observer) = &mut self.observer {
-                    observer.bus_goes_off(now);
+                    observer.on_bus_off(now);
                 }
-                // Told again in every control period; an error would show there.
+                // Repeated in every control period, where an error would show.
                 let _ = self.controller.on_bus_state(now.as_us(), number, BusState::Off);
             }
         }
         self.link.connect(now, !on.contains(&Harm::NoAck(Interface::Link)));
     }
 
-    /// A foreign node talks.
+    /// Lets a babbling node send.
     pub(super) fn babble(&mut self, index: usize) {
         let now = self.now;
         let &Babbler { node, bus, frame, every, .. } = &self.babblers[index];

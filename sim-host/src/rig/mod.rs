@@ -9,8 +9,8 @@
 //! Time jumps from event to event. Events at the same instant happen in this order:
 //!
 //! 1. frames that end: link0, act0, act1, ...; a servo answers at the end of a frame meant for it
-//! 2. frames that come late, faults that begin or end, foreign nodes that talk: [`crate::faults`]
-//! 3. drives that say something by themselves, as ODrives do
+//! 2. delayed frames, faults that start or end, babbling nodes: [`crate::faults`]
+//! 3. unsolicited frames of drives, as of ODrives
 //! 4. motors: a step of 1/[`MOTOR_RATE_HZ`]
 //! 5. control period: the record of the past one is closed, the controller's `tick` runs
 //!
@@ -59,7 +59,7 @@ const HOST_QUEUE: usize = 10;
 pub struct Rig<C = Local> {
     now: SimTime,
     controller: C,
-    /// Why the controller is out of reach, from then on.
+    /// Why the controller is out of reach, once it is.
     lost: Option<LinkError>,
     config: RobotConfig,
     node: Node,
@@ -74,7 +74,7 @@ pub struct Rig<C = Local> {
     log: Vec<LogEntry>,
     adapter: Adapter,
     faults: Faults,
-    /// Up to here faults have begun and ended.
+    /// Time up to which faults have been started and ended.
     edges_until: SimTime,
     babblers: Vec<Babbler>,
     observer: Option<Box<dyn Observer>>,
@@ -115,7 +115,7 @@ impl CannotSimulate {
     }
 }
 
-/// What happens next.
+/// The kinds of events.
 enum Next {
     Link,
     Actuator(usize),
@@ -166,15 +166,15 @@ impl<C: Core> Rig<C> {
             servos.push((wire.bus.add_node(TxPolicy::Latest), channel));
         }
 
-        // Of a bus whose loop the controller closes, torques are all that is told.
-        let told = body.addresses().iter().map(|&(bus, _)| bus_of(bus).control);
-        let told = told.map(|control| control == ControlLoop::InDrive).collect();
+        // On a bus whose control loop the controller closes, setpoints are torques.
+        let controls = body.addresses().iter().map(|&(bus, _)| bus_of(bus).control);
+        let takes_setpoints = controls.map(|control| control == ControlLoop::InDrive).collect();
 
         Ok(Self {
             now: SimTime::ZERO,
             controller,
             lost: None,
-            recorder: Recorder::new(told),
+            recorder: Recorder::new(takes_setpoints),
             config,
             node: Node::new(settings.node).expect("the default address is one"),
             link,
@@ -198,13 +198,13 @@ impl<C: Core> Rig<C> {
         self.adapter = adapter;
     }
 
-    /// Takes a link of another bitrate, bit/s, on which nothing has been said yet.
+    /// Replaces the link by an idle one with another bitrate, bit/s.
     pub fn set_link_bitrate(&mut self, bitrate: u32) {
         self.link = Wire::new(bitrate);
         self.host = self.link.bus.add_node(TxPolicy::Queue { depth: HOST_QUEUE });
     }
 
-    /// Where all that is random in faults comes from. To be told before the first of them is added.
+    /// Seeds the random numbers of all faults. Call it before adding the first.
     pub fn set_fault_seed(&mut self, seed: u64) {
         self.faults = Faults::new(seed);
     }
@@ -313,7 +313,7 @@ impl<C: Core> Rig<C> {
                 self.motor_step.advance();
                 self.body.step(at, 1.0 / f64::from(MOTOR_RATE_HZ));
                 if let Some(observer) = &mut self.observer {
-                    observer.motors(at, &self.body);
+                    observer.on_motor_step(at, &self.body);
                 }
                 return true;
             }
@@ -325,18 +325,18 @@ impl<C: Core> Rig<C> {
             }
         };
         let is_tick = matches!(noticed, Some(Input::Tick));
-        let told = if is_tick { self.tell_bus_states() } else { Ok(()) };
-        if let Err(error) = told.and_then(|()| self.tell(at, noticed)) {
+        let reported = if is_tick { self.report_bus_states() } else { Ok(()) };
+        if let Err(error) = reported.and_then(|()| self.step_controller(at, noticed)) {
             self.lost = Some(error);
             return false;
         }
         true
     }
 
-    /// Tells the controller what happened, and puts on the buses what it sends.
-    fn tell(&mut self, at: SimTime, mut input: Option<Input>) -> Result<(), LinkError> {
+    /// Passes an input to the controller and puts its frames on the buses.
+    fn step_controller(&mut self, at: SimTime, mut input: Option<Input>) -> Result<(), LinkError> {
         if let (Some(observer), Some(input)) = (&mut self.observer, input) {
-            observer.controller_gets(at, &input);
+            observer.on_controller_input(at, &input);
         }
         loop {
             let depth = self.adapter.depth;
@@ -360,7 +360,7 @@ impl<C: Core> Rig<C> {
                 let actuators = (0..).map(Interface::Actuator).zip(sent.actuators);
                 for (bus, frame) in actuators.chain([(Interface::Link, sent.link)]) {
                     if let Some(frame) = frame {
-                        observer.controller_sends(at, bus, &frame, &self.body);
+                        observer.on_controller_frame(at, bus, &frame, &self.body);
                     }
                 }
             }
@@ -405,7 +405,7 @@ impl<C: Core> LinkBus for Rig<C> {
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
         let queued = self.link.bus.post(self.now, self.host, *frame);
         if let (Some(observer), Ok(())) = (&mut self.observer, &queued) {
-            observer.host_sends(self.now, frame);
+            observer.on_host_frame(self.now, frame);
         }
         queued.map_err(|_| LinkError::Busy)
     }

@@ -11,40 +11,40 @@ use std::rc::Rc;
 /// Receives what happens in a [`super::Rig`], in the order in which it happens, and influences nothing.
 pub trait Observer {
     /// The host has put a frame into its interface.
-    fn host_sends(&mut self, at: SimTime, frame: &Frame);
+    fn on_host_frame(&mut self, at: SimTime, frame: &Frame);
 
     /// The controller receives a frame or a tick.
-    fn controller_gets(&mut self, at: SimTime, input: &Input);
+    fn on_controller_input(&mut self, at: SimTime, input: &Input);
 
     /// A frame leaves the controller for a bus; what waits in the bus's interface has left it before.
-    fn controller_sends(&mut self, at: SimTime, bus: Interface, frame: &Frame, body: &Body);
+    fn on_controller_frame(&mut self, at: SimTime, bus: Interface, frame: &Frame, body: &Body);
 
     /// An actuator bus of the controller goes bus-off.
-    fn bus_goes_off(&mut self, at: SimTime);
+    fn on_bus_off(&mut self, at: SimTime);
 
     /// The motors have made a step.
-    fn motors(&mut self, at: SimTime, body: &Body);
+    fn on_motor_step(&mut self, at: SimTime, body: &Body);
 }
 
 /// An observer that its owner reads while the rig runs.
 impl<O: Observer> Observer for Rc<RefCell<O>> {
-    fn host_sends(&mut self, at: SimTime, frame: &Frame) {
-        self.borrow_mut().host_sends(at, frame);
+    fn on_host_frame(&mut self, at: SimTime, frame: &Frame) {
+        self.borrow_mut().on_host_frame(at, frame);
     }
 
-    fn controller_gets(&mut self, at: SimTime, input: &Input) {
-        self.borrow_mut().controller_gets(at, input);
+    fn on_controller_input(&mut self, at: SimTime, input: &Input) {
+        self.borrow_mut().on_controller_input(at, input);
     }
 
-    fn controller_sends(&mut self, at: SimTime, bus: Interface, frame: &Frame, body: &Body) {
-        self.borrow_mut().controller_sends(at, bus, frame, body);
+    fn on_controller_frame(&mut self, at: SimTime, bus: Interface, frame: &Frame, body: &Body) {
+        self.borrow_mut().on_controller_frame(at, bus, frame, body);
     }
 
-    fn bus_goes_off(&mut self, at: SimTime) {
-        self.borrow_mut().bus_goes_off(at);
+    fn on_bus_off(&mut self, at: SimTime) {
+        self.borrow_mut().on_bus_off(at);
     }
 
-    fn motors(&mut self, at: SimTime, body: &Body) {
-        self.borrow_mut().motors(at, body);
+    fn on_motor_step(&mut self, at: SimTime, body: &Body) {
+        self.borrow_mut().on_motor_step(at, body);
     }
 }

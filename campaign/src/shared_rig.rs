@@ -1,4 +1,4 @@
-//! The robot of a run, shared by the host that talks to it and the story that disturbs it.
+//! The simulated robot of a run, shared by the host session that controls it and the run that disturbs it.
 
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::Frame;
@@ -9,50 +9,49 @@ use std::cell::{RefCell, RefMut};
 use std::rc::Rc;
 
 /// A rig with several owners.
-pub struct Bench<C>(Rc<RefCell<Rig<C>>>);
+pub struct SharedRig<C>(Rc<RefCell<Rig<C>>>);
 
-impl<C> Clone for Bench<C> {
+impl<C> Clone for SharedRig<C> {
     fn clone(&self) -> Self {
         Self(Rc::clone(&self.0))
     }
 }
 
-impl<C: Core> Bench<C> {
-    /// Of a rig.
+impl<C: Core> SharedRig<C> {
+    /// Shares a rig.
     pub fn new(rig: Rig<C>) -> Self {
         Self(Rc::new(RefCell::new(rig)))
     }
 
-    /// The rig, for a moment.
-    pub fn rig(&self) -> RefMut<'_, Rig<C>> {
+    /// Borrows the rig.
+    pub fn borrow(&self) -> RefMut<'_, Rig<C>> {
         self.0.borrow_mut()
     }
 
     /// The present instant.
     pub fn now(&self) -> SimTime {
-        self.rig().now()
+        self.borrow().now()
     }
 
-    /// Lets time pass without anybody at the host's end.
+    /// Advances time without a host; frames for it are lost.
     pub fn abandon_until(&self, until: SimTime) {
-        let mut rig = self.rig();
+        let mut rig = self.borrow();
         rig.run_until(until);
-        // Nobody takes them.
         let now_us = rig.now_us();
         while matches!(rig.receive(now_us), Ok(Some(_))) {}
     }
 }
 
-impl<C: Core> LinkBus for Bench<C> {
+impl<C: Core> LinkBus for SharedRig<C> {
     fn now_us(&self) -> u64 {
-        self.rig().now_us()
+        self.borrow().now_us()
     }
 
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
-        self.rig().send(frame)
+        self.borrow().send(frame)
     }
 
     fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
-        self.rig().receive(deadline_us)
+        self.borrow().receive(deadline_us)
     }
 }

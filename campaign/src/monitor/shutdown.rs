@@ -1,0 +1,229 @@
+//! Shutdown after a lost host or a fault: the state fits the fault bits, and the robot ends without torque in time.
+
+use super::Rule;
+use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
+use rollwalk_protocol::wire::State;
+use rollwalk_sim_host::clock::SimTime;
+
+/// Maximum distance of a new heartbeat's sequence number from that of the last one.
+const MOST_AHEAD: u8 = 127;
+
+/// Time limits of a shutdown.
+#[derive(Clone, Copy, Debug)]
+pub struct Timing {
+    /// Time without a new heartbeat after which the host is lost.
+    pub host_timeout: SimTime,
+    /// Maximum time from the loss of the host until the robot reacts.
+    pub notices_within: SimTime,
+    /// Maximum time of the return to SAFE and of holding it.
+    pub way_home: SimTime,
+    /// Time of damping.
+    pub damping: SimTime,
+}
+
+/// Deadline for torque-off, and its reason.
+#[derive(Clone, Copy, Debug)]
+struct Deadline {
+    since: SimTime,
+    by: SimTime,
+    why: &'static str,
+}
+
+/// Check of the reaction to a lost host and to faults.
+#[derive(Clone, Copy, Debug)]
+pub struct ShutdownCheck {
+    timing: Timing,
+    /// Time that the motors may take to switch torque off.
+    slack: SimTime,
+    /// Sequence number and time of the last new heartbeat.
+    heartbeat: Option<(u8, SimTime)>,
+    /// The last STATUS was one with torque.
+    has_torque: bool,
+    /// Time of the loss of the host.
+    lost_since: Option<SimTime>,
+    due: Option<Deadline>,
+}
+
+impl ShutdownCheck {
+    /// The check of a robot without torque.
+    pub fn new(timing: Timing, slack: SimTime) -> Self {
+        Self { timing, slack, heartbeat: None, has_torque: false, lost_since: None, due: None }
+    }
+
+    /// Ends the check: torque is off, or must go off at once.
+    pub fn on_torque_off(&mut self) {
+        (self.has_torque, self.lost_since, self.due) = (false, None, None);
+    }
+
+    /// Follows a heartbeat to the controller.
+    pub fn on_heartbeat(&mut self, at: SimTime, seq: u8) {
+        self.on_time(at);
+        let feeds = self.heartbeat.is_none_or(|(last, _)| {
+            (1..=MOST_AHEAD).contains(&seq.wrapping_sub(last)) || self.is_silent(at)
+        });
+        if feeds {
+            self.heartbeat = Some((seq, at));
+        }
+    }
+
+    /// Whether the host is lost, on a clock with microseconds as that of the controller.
+    fn is_silent(&self, at: SimTime) -> bool {
+        let timeout_us = self.timing.host_timeout.as_us();
+        self.heartbeat.is_none_or(|(_, last)| at.as_us() - last.as_us() > timeout_us)
+    }
+
+    /// Follows the time.
+    pub fn on_time(&mut self, at: SimTime) {
+        if self.has_torque && self.lost_since.is_none() && self.is_silent(at) {
+            self.lost_since = Some(at);
+            let last = self.heartbeat.map_or(SimTime::ZERO, |(_, at)| at);
+            let Timing { host_timeout, notices_within, way_home, damping } = self.timing;
+            let within = host_timeout + notices_within + way_home + damping;
+            self.require_torque_off(last, within, "after the last heartbeat");
+        }
+    }
+
+    fn require_torque_off(&mut self, since: SimTime, within: SimTime, why: &'static str) {
+        let by = since + within + self.slack;
+        if self.due.is_none_or(|due| by < due.by) {
+            self.due = Some(Deadline { since, by, why });
+        }
+    }
+
+    /// Checks a STATUS while torque may be on.
+    ///
+    /// # Errors
+    /// The broken rule and a description.
+    pub fn on_status(
+        &mut self,
+        at: SimTime,
+        state: State,
+        faults: FaultBits,
+    ) -> Result<(), (Rule, String)> {
+        let required = faults.iter().map(Fault::least_severity).max().unwrap_or(Severity::None);
+        self.has_torque = true;
+        let reaction = match state {
+            State::Aligning | State::Ready | State::Playing | State::Paused => Severity::Notice,
+            State::Returning => Severity::Return,
+            State::Damped => Severity::Damp,
+            _ => Severity::EStop,
+        };
+        if required > reaction {
+            let what = format!("{state:?} with {:?}", faults.iter().collect::<Vec<_>>());
+            return Err((Rule::StateFitsFaults, what));
+        }
+        let Timing { notices_within, way_home, damping, .. } = self.timing;
+        match state {
+            // A return without a fault may be slower, at a reduced playback speed.
+            State::Returning if required == Severity::Return => {
+                self.require_torque_off(
+                    at,
+                    way_home + damping,
+                    "after it began to return to SAFE for a fault",
+                );
+            }
+            State::Damped => self.require_torque_off(at, damping, "after damping began"),
+            State::Aligning | State::Ready | State::Playing | State::Paused => {
+                if let Some(lost) = self.lost_since
+                    && at - lost > notices_within
+                {
+                    let late_us = (at - lost).as_us();
+                    let what = format!("{state:?} {late_us} µs after the loss of the host");
+                    return Err((Rule::ReturnsInTime, what));
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Whether the deadline for torque-off has passed.
+    pub fn is_overdue(&self, at: SimTime) -> bool {
+        self.due.is_some_and(|due| at > due.by)
+    }
+
+    /// Describes a missed deadline, once.
+    pub fn take_overdue(&mut self, at: SimTime) -> Option<String> {
+        let Deadline { since, why, .. } = self.due.take_if(|due| at > due.by)?;
+        Some(format!("{} µs {why}", (at - since).as_us()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ms(ms: u64) -> SimTime {
+        SimTime::from_ms(ms)
+    }
+
+    fn playing() -> ShutdownCheck {
+        let timing = Timing {
+            host_timeout: ms(250),
+            notices_within: ms(25),
+            way_home: ms(3000),
+            damping: ms(1000),
+        };
+        let mut check = ShutdownCheck::new(timing, ms(10));
+        check.on_heartbeat(ms(0), 7);
+        check.on_status(ms(0), State::Playing, FaultBits::default()).unwrap();
+        check
+    }
+
+    fn rule(check: &mut ShutdownCheck, at_ms: u64, state: State, faults: &[Fault]) -> Option<Rule> {
+        let faults = faults.iter().fold(FaultBits::default(), |all, &fault| all.with(fault));
+        check.on_status(ms(at_ms), state, faults).err().map(|(rule, _)| rule)
+    }
+
+    #[test]
+    fn only_new_heartbeats_prevent_the_return() {
+        let mut alive = playing();
+        for beat in 0..20 {
+            alive.on_heartbeat(ms(100 * beat), 7 + beat as u8);
+            assert_eq!(rule(&mut alive, 100 * beat + 99, State::Playing, &[]), None);
+        }
+        let mut looped = playing();
+        for beat in 0..10 {
+            looped.on_heartbeat(ms(50 * beat), 6 + (beat % 2) as u8);
+        }
+        assert_eq!(rule(&mut looped, 480, State::Playing, &[]), Some(Rule::ReturnsInTime));
+        assert_eq!(rule(&mut looped, 480, State::Returning, &[Fault::HostLost]), None);
+    }
+
+    #[test]
+    fn a_returning_host_does_not_cancel_the_shutdown() {
+        let mut check = playing();
+        check.on_heartbeat(ms(300), 8);
+        assert_eq!(rule(&mut check, 330, State::Playing, &[]), Some(Rule::ReturnsInTime));
+        // 0.25 + 0.025 + 3 + 1 s and the motors' 10 ms.
+        assert!(!check.is_overdue(ms(4285)) && check.is_overdue(ms(4286)));
+        assert!(check.take_overdue(ms(4286)).is_some() && !check.is_overdue(ms(9000)));
+    }
+
+    #[test]
+    fn damping_ends() {
+        let mut check = playing();
+        assert_eq!(rule(&mut check, 100, State::Damped, &[Fault::ActuatorSilent]), None);
+        assert!(!check.is_overdue(ms(1110)) && check.is_overdue(ms(1111)));
+        check.on_torque_off();
+        assert!(!check.is_overdue(ms(5000)));
+    }
+
+    #[test]
+    fn states_fit_the_faults() {
+        let broken = Some(Rule::StateFitsFaults);
+        for fault in [Fault::HostLost, Fault::Tilt] {
+            assert_eq!(rule(&mut playing(), 1, State::Ready, &[fault]), broken);
+            assert_eq!(rule(&mut playing(), 1, State::Returning, &[fault]), None);
+        }
+        for fault in [Fault::ActuatorSilent, Fault::TrackingError, Fault::BusNoAck, Fault::Overrun]
+        {
+            assert_eq!(rule(&mut playing(), 1, State::Returning, &[fault]), broken);
+            assert_eq!(rule(&mut playing(), 1, State::Damped, &[fault]), None);
+        }
+        for fault in [Fault::BusOff, Fault::EStop] {
+            assert_eq!(rule(&mut playing(), 1, State::Damped, &[fault]), broken);
+        }
+        assert_eq!(rule(&mut playing(), 1, State::Ready, &[Fault::NoLibrary]), None);
+    }
+}
