@@ -100,7 +100,7 @@ pub fn prepare(folder: &Path) -> miette::Result<()> {
     })
 }
 
-/// A temporary file; its errors do not speak of its name, which nobody has heard of.
+/// Creates a temporary file; its errors leave out the random name.
 fn temporary_in(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let made = tempfile::Builder::new().prefix(".rollwalk-").tempfile_in(folder);
     made.map_err(|error| error.kind().into())
@@ -122,8 +122,8 @@ pub fn write(path: &Path, content: &[u8]) -> miette::Result<()> {
     attempt().map_err(|reason| cannot_write(path, reason))
 }
 
-/// A file that grows while something runs; folders are made as needed. Whoever writes to it flushes it in the end:
-/// otherwise nobody learns that its last part was not written.
+/// Creates a file that grows during a run, and its folders. The caller must flush it at the end: dropping it ignores
+/// errors of the last write.
 pub fn create(path: &Path) -> miette::Result<BufWriter<File>> {
     let attempt = || -> io::Result<_> {
         fs::create_dir_all(folder(path))?;

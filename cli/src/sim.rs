@@ -219,7 +219,7 @@ fn open_link(bus: &BusName) -> Result<Port, OpenError> {
 struct Lost<'a> {
     link: Option<&'a BusName>,
     actuators: &'a [BusName],
-    /// Whether anybody is told. Of controller and motors in one process one is enough.
+    /// Whether it reports lost buses; of controller and motors in one process only one does.
     says: bool,
 }
 

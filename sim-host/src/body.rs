@@ -90,12 +90,12 @@ impl Body {
         self.servos[channel].commanded(frame)
     }
 
-    /// When the next servo will say something by itself.
+    /// Time of the next unsolicited frame of a servo.
     pub fn next_timer(&self) -> Option<SimTime> {
         self.servos.iter().filter_map(Servo::next_timer).min()
     }
 
-    /// What a servo says by itself now, and its channel; call again until there is nothing.
+    /// Next unsolicited frame due at `now`, with its channel; call until `None`.
     pub fn on_timer(&mut self, now: SimTime) -> Option<(usize, Frame)> {
         let mut servos = self.servos.iter_mut().enumerate();
         servos.find_map(|(channel, servo)| Some((channel, servo.on_timer(now)?)))

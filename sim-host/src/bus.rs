@@ -8,7 +8,7 @@
 //!
 //! A node keeps its pending frames by the [`TxPolicy`] it was built with. Frames leave a node lowest
 //! id first, equal ids in the order of posting. Every frame is acknowledged and received by all other
-//! nodes, unless [`CanBus::disconnect`] says that nobody is there; there are no error frames. An id
+//! nodes, unless [`CanBus::disconnect`] removes them; there are no error frames. An id
 //! belongs to one sender: if two nodes send the same id at the same instant, the node that was added
 //! first goes first, where a real bus would see an error.
 
@@ -149,7 +149,7 @@ pub struct CanBus {
     statistics: BusStatistics,
 }
 
-/// The bitrate of link and actuator buses unless a robot says otherwise, bit/s.
+/// Default bitrate of link and actuator buses, bit/s.
 pub const DEFAULT_BITRATE: u32 = 1_000_000;
 
 impl CanBus {
@@ -202,7 +202,7 @@ impl CanBus {
         Ok(())
     }
 
-    /// From `now` on nobody acknowledges: senders repeat what they have, and nothing gets across. All
+    /// Removes the acknowledgement from `now` on: senders repeat their frames, and none is delivered. All
     /// deliveries up to `now` must have been pulled.
     pub fn disconnect(&mut self, now: SimTime) {
         self.disconnected = true;
@@ -232,7 +232,7 @@ impl CanBus {
         self.nodes[node.0].pending.len()
     }
 
-    /// When the next frame completes if nobody posts anything before, or `None` if none waits.
+    /// Completion time of the next frame if none is posted before; `None` if none waits.
     pub fn next_completion(&self) -> Option<SimTime> {
         self.in_flight.map(|flight| flight.end).or_else(|| self.winner().map(|winner| winner.end))
     }

@@ -58,7 +58,7 @@ impl Local {
         Self::booting(config, buses, settings, (store::with(library), store::blank_parameters()))
     }
 
-    /// The same after its power was off: what it keeps in flash is there.
+    /// Restarts the controller with the content of its flash.
     pub fn power_cycled(self) -> Self {
         let config = self.controller.config().clone();
         let stores = store::mounted_again(self.controller.into_stores());

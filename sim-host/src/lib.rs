@@ -8,12 +8,12 @@
 //! | [`bus`], [`interface`], [`clock`] | a bus exact to the bit, the buses' names, virtual time |
 //! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle; their drives are [`rollwalk_drives`] |
 //! | [`live`] | in real time: the whole robot, its controller or its motors on buses of this computer |
-//! | [`faults`] | what can go wrong on the buses and at their ends, by a schedule |
+//! | [`faults`] | scheduled faults of buses and actuators |
 //! | [`one_leg`] | a small robot with a library, for tests and fault campaigns |
-//! | [`record`] | what was commanded on the buses and what came of it |
+//! | [`record`] | setpoints and measured values of every control period |
 //!
-//! The host's end is `rollwalk-host`, which cannot tell a [`rig::Rig`] from a robot. Whoever checks a
-//! run frame by frame is a [`rig::Observer`], like the monitor of the fault campaign.
+//! The host's end is `rollwalk-host`, for which a [`rig::Rig`] is a robot like any other. A [`rig::Observer`],
+//! such as the monitor of the fault campaign, sees every frame of a run.
 //!
 //! What is simulated: the buses to the bit (arbitration, stuff bits, CRC, intermission), the drives'
 //! protocols, watchdogs, control laws and limits, and for every joint the inertia and weight of what

@@ -21,7 +21,7 @@ pub struct TickRecord {
     /// Place in the clip, 60 Hz frames from its start.
     pub phase_frames: f64,
     /// Setpoints that were in force at the end of the period, in channel order: rad for a joint,
-    /// rad/s for a wheel. NaN for a channel that never had one, as those that are told torques.
+    /// rad/s for a wheel. NaN for a channel without one, as on buses with torque setpoints.
     pub commanded: Vec<f32>,
     /// What the motors were at `time_us`, in the same units: true values, not feedback frames.
     pub measured: Vec<f32>,
@@ -33,7 +33,7 @@ pub struct TickRecord {
 /// Follows the setpoints on the actuator buses and keeps a record of each period.
 #[derive(Clone, Debug)]
 pub struct Recorder {
-    /// The channels that are told setpoints.
+    /// Whether a channel takes setpoints of position or speed.
     told: Vec<bool>,
     in_force: Vec<f32>,
     fresh: Vec<bool>,
@@ -43,7 +43,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// A recorder for a robot: which of its channels are told setpoints, and not torques.
+    /// A recorder for a robot with the channels that take setpoints of position or speed instead of torque.
     pub fn new(told: Vec<bool>) -> Self {
         let (in_force, fresh) = (vec![f32::NAN; told.len()], vec![false; told.len()]);
         Self { told, in_force, fresh, under_way: None, records: Vec::new() }

@@ -39,7 +39,7 @@ impl Servo {
         self.drive.cut_power();
     }
 
-    /// Whether it gives torque as a setpoint told it.
+    /// Whether it gives torque for a setpoint.
     pub fn is_driving(&self) -> bool {
         self.drive.law(&self.plant.shaft()).is_some()
     }
@@ -55,12 +55,12 @@ impl Servo {
         answer
     }
 
-    /// When it will say something by itself.
+    /// Time of its next unsolicited frame.
     pub fn next_timer(&self) -> Option<SimTime> {
         self.drive.next_timer_us().map(SimTime::from_us)
     }
 
-    /// What it says by itself now; call again until there is nothing.
+    /// Next unsolicited frame due at `now`; call until `None`.
     pub fn on_timer(&mut self, now: SimTime) -> Option<Frame> {
         self.drive.on_timer(now.as_us(), &self.plant.shaft())
     }

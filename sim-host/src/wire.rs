@@ -13,7 +13,7 @@ pub struct Wire {
     pub bus: CanBus,
     /// The controller's place.
     pub controller: NodeId,
-    /// Since when nobody acknowledges.
+    /// Start of the time without acknowledgement.
     pub alone_since: Option<SimTime>,
     /// The controller's end is off.
     pub off: bool,
@@ -38,7 +38,7 @@ impl Wire {
         }
     }
 
-    /// Somebody acknowledges, or nobody does.
+    /// Connects or removes the nodes that acknowledge.
     pub fn connect(&mut self, now: SimTime, connected: bool) {
         match (connected, self.alone_since) {
             (false, None) => {
@@ -53,7 +53,7 @@ impl Wire {
         }
     }
 
-    /// The controller's end goes off: what it had to send is gone.
+    /// The controller goes bus-off and loses its queued frames.
     pub fn go_off(&mut self, now: SimTime) {
         self.off = true;
         // A frame of its own on its way is cut short.

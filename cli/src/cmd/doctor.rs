@@ -16,9 +16,9 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::transport::Hello;
 use serde::Serialize;
 
-/// So long the bus is listened to, µs: twice what a fault needs to be told again.
+/// Listening time, µs: twice the interval at which a fault is reported again.
 const LISTEN_US: u64 = 2_000_000;
-/// Bitrate of a bus that nothing is said about, bit/s.
+/// Default bitrate of a bus, bit/s.
 const BITRATE: u32 = 1_000_000;
 
 /// Find out what is wrong with a robot: why it cannot be armed, why it stopped, who is silent, how full the bus is,

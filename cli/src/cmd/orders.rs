@@ -8,9 +8,9 @@ use rollwalk_protocol::wire::{CommandResult, State};
 use std::thread;
 use std::time::Duration;
 
-/// Within this time a status comes, µs.
+/// Maximum wait for a STATUS, µs.
 const STATUS_US: u64 = 200_000;
-/// A bus that is lost while the robot is to be stopped is opened again so often.
+/// Interval between attempts to open a bus that was lost during a stop.
 const REOPEN: Duration = Duration::from_millis(200);
 
 /// What is ordered, but for a stop, which is [`stop`].
@@ -48,7 +48,7 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
     if let Err(error) = outcome {
         return Ok(ended(&args.link, &error));
     }
-    // The last status may be older than the order; without another it is told as it is.
+    // The last status may be older than the order; without a newer one it is printed all the same.
     let _ = session.wait_until("its status", STATUS_US, |_| Some(true));
     if let Some(status) = session.status() {
         let (state, faults) = (state_name(status.state), fault_names(status.faults));

@@ -1,13 +1,13 @@
-//! Which buttons a device has, by what the kernel tells everybody: also of a device that this user may not read.
+//! Buttons of a device according to sysfs, also without permission to read the device.
 
 use super::device::BUTTONS;
 use std::fs;
 use std::path::Path;
 
-/// Where the kernel tells.
+/// Folder of input devices in sysfs.
 const FOLDER: &str = "/sys/class/input";
 
-/// Whether a device of `/dev/input` has the buttons of a gamepad; `None` where nothing is told of it.
+/// Whether a device of `/dev/input` has the buttons of a gamepad; `None` if sysfs does not list it.
 pub fn has_buttons(device: &Path) -> Option<bool> {
     let name = device.canonicalize().unwrap_or_else(|_| device.to_owned());
     let file = Path::new(FOLDER).join(name.file_name()?).join("device/capabilities/key");
@@ -33,7 +33,7 @@ mod tests {
 
     #[test]
     fn gamepads_are_told_from_keyboards_and_mice() {
-        // As Linux tells them of an Xbox and a DualShock controller, a joystick, ...
+        // The capabilities of an Xbox and a DualShock controller, a joystick, ...
         assert!(is_gamepad("7cdb000000000000 0 0 0 0\n"));
         assert!(is_gamepad("7fdb000000000000 0 0 0 0\n"));
         assert!(is_gamepad("fff00000000 0 0 0 0\n"));

@@ -1,5 +1,4 @@
-//! Gamepads of this computer, by Linux's evdev: found, and listened to by a thread that outlasts a plug that was
-//! pulled.
+//! Gamepads of this computer by Linux's evdev: discovery, and a reader thread that survives a disconnection.
 
 use super::capabilities;
 use super::pad::{Event, normal};
@@ -13,9 +12,9 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
-/// One that is gone is looked for so often.
+/// Interval between attempts to find a disconnected gamepad.
 const RETRY: Duration = Duration::from_secs(1);
-/// Where devices are.
+/// Folder of devices.
 const FOLDER: &str = "/dev/input";
 /// A device with one of these is a gamepad.
 pub(super) const BUTTONS: [KeyCode; 2] = [KeyCode::BTN_SOUTH, KeyCode::BTN_TRIGGER];
@@ -83,8 +82,7 @@ fn listed(all: &[Found]) -> String {
     all.iter().map(line).collect::<Vec<_>>().join("\n")
 }
 
-/// All that can be read, and one gamepad that cannot. Of keyboards, which nobody else may read for good reason, nothing
-/// is said.
+/// All readable gamepads, and one that is not readable. Keyboards are never readable, for good reason, and left out.
 fn gamepads() -> (Vec<Found>, Option<PathBuf>) {
     let (mut all, mut unreadable) = (Vec::new(), None);
     let entries = fs::read_dir(FOLDER).into_iter().flatten().flatten();
@@ -120,14 +118,14 @@ fn found(path: &Path, device: &Device) -> Found {
     Found { name: name(device), path: path.to_owned() }
 }
 
-/// What it tells, from now on; when it is gone it is looked for at the same device, or by its name.
+/// Starts reading its events; after a disconnection it is found again by its path or name.
 pub fn listen(found: Found) -> Receiver<Event> {
     let (sender, events) = channel();
     thread::spawn(move || {
         let mut path = found.path.clone();
         loop {
             let why = match Device::open(&path) {
-                Ok(device) if name(&device) == found.name => match tell(device, &sender) {
+                Ok(device) if name(&device) == found.name => match forward(device, &sender) {
                     Ok(()) => return,
                     Err(error) => error.to_string(),
                 },
@@ -147,8 +145,8 @@ pub fn listen(found: Found) -> Receiver<Event> {
     events
 }
 
-/// Passes on what a device tells until it is gone, or nobody listens any more.
-fn tell(mut device: Device, to: &Sender<Event>) -> io::Result<()> {
+/// Forwards the events of a device until it disconnects or the receiver is dropped.
+fn forward(mut device: Device, to: &Sender<Event>) -> io::Result<()> {
     let mut ranges = BTreeMap::new();
     let mut axes = Vec::new();
     for (AbsoluteAxisCode(axis), info) in device.get_absinfo()? {

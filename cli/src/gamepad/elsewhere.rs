@@ -1,4 +1,4 @@
-//! Gamepads where there is no evdev: none.
+//! Gamepads on systems without evdev: none.
 
 use super::pad::Event;
 use miette::miette;
@@ -8,21 +8,21 @@ use std::sync::mpsc::Receiver;
 /// A gamepad.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// How it is called.
+    /// Its name.
     pub name: String,
     /// Its device.
     pub path: PathBuf,
 }
 
-/// The gamepad that is meant.
+/// Finds a gamepad.
 ///
 /// # Errors
-/// Always: only Linux tells of gamepads in this way.
+/// Always: gamepads need evdev.
 pub fn find(_: &str) -> miette::Result<Found> {
     Err(miette!(help = "steer with keys: leave --gamepad out", "gamepads need Linux (evdev)"))
 }
 
-/// What it tells.
+/// Starts reading its events.
 pub fn listen(_: Found) -> Receiver<Event> {
     std::sync::mpsc::channel().1
 }

@@ -1,4 +1,4 @@
-//! Mapping files: which button or stick does what (docs/gamepad.md).
+//! Mapping files from buttons and axes to actions (docs/gamepad.md).
 
 use super::inputs::{self, Input, Push};
 use rollwalk_host::operator::LetGo;
@@ -9,41 +9,41 @@ use rollwalk_robot::document::{Document, DocumentError, Span, Table, alternative
 pub struct Mapping {
     /// Name, for messages.
     pub name: String,
-    /// Parts of names of devices that it is made for.
+    /// Parts of device names that it fits.
     pub devices: Vec<String>,
-    /// Any of these stops the robot; at least one.
+    /// Inputs that stop the robot; at least one.
     pub estop: Vec<Input>,
     /// The deadman.
     pub deadman: Hold,
-    /// What sets the speed, if anything.
+    /// The axis that sets the speed, if any.
     pub speed: Option<Speed>,
-    /// What the other buttons do.
+    /// Actions of the other buttons.
     pub buttons: Vec<(Input, Does)>,
 }
 
-/// What must be held while the robot moves.
+/// The deadman: the input to hold while the robot moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hold {
     /// The button.
     pub input: Input,
-    /// What a robot that moves does when it is let go.
+    /// Reaction of a moving robot when it is released.
     pub released: LetGo,
-    /// A gamepad that says nothing for so long counts as gone, s.
+    /// Silence after which the gamepad counts as disconnected, s.
     pub silent_s: Option<f64>,
 }
 
-/// Speed by stick or trigger, as parts of the planned one.
+/// Playback speed by stick or trigger, as a fraction of the planned one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Speed {
-    /// The stick, and which way is on.
+    /// The axis and its positive direction.
     pub push: Push,
-    /// Pushed less than this part of the way counts as not at all, either way.
+    /// Dead zone, as a fraction of the travel.
     pub dead_zone: f32,
-    /// Not pushed.
+    /// Speed at rest.
     pub rest: f32,
-    /// Pushed all the way.
+    /// Speed at full deflection.
     pub pushed: f32,
-    /// Pushed all the other way.
+    /// Speed at full deflection the other way.
     pub opposite: f32,
 }
 

@@ -1,12 +1,12 @@
-//! Gamepads: which there are, what they tell, and what that means for a robot (docs/gamepad.md).
+//! Gamepads: devices, events, and the mapping to commands (docs/gamepad.md).
 //!
 //! | module | is |
 //! |---|---|
 //! | [`inputs`] | buttons and axes by name |
 //! | [`file`] | mapping files |
-//! | [`pad`] | from events to wishes; nothing moves without the deadman, and the stop always stops |
-//! | [`device`] | events of Linux |
-//! | `capabilities` | what Linux tells of a device that may not be read |
+//! | [`pad`] | state machine from events to operator requests: motion only with the deadman held, emergency stop always |
+//! | [`device`] | events of Linux (evdev) |
+//! | `capabilities` | buttons of a device without read permission |
 
 #[cfg(target_os = "linux")]
 mod capabilities;

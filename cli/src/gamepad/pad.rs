@@ -1,18 +1,18 @@
-//! From what a gamepad tells to what the operator wants: a state machine of events and time.
+//! State machine from gamepad events and time to operator requests.
 
 use super::file::{Does, Mapping, Motion, Speed};
 use super::inputs::{Input, Push};
 use rollwalk_host::operator::{Deadman, Intent};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// An axis that is pushed further than this counts as pressed, ...
+/// Position above which an axis counts as pressed.
 const PRESSED: f32 = 0.6;
-/// ... until it is pushed less than this. A trigger that is taken for a stick, or the reverse, rests at a half.
+/// Position below which it is released. A trigger mistaken for a stick, or the reverse, rests at a half.
 const LET_GO: f32 = 0.45;
-/// A stick is never quite still: a speed that differs by less is the same, 64ths.
+/// Change of speed that is noise of the stick, 64ths.
 const SPEED_NOISE: i8 = 2;
 
-/// What a gamepad tells.
+/// An event of a gamepad.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
     /// It is there. What is pressed just now was pressed for something else, and counts after it was let go.
@@ -49,7 +49,7 @@ pub enum Wish {
     Want(Intent),
     /// The operator wants this motion.
     Play(Motion),
-    /// Something to tell the operator; whether something is wrong.
+    /// A message to the operator; whether it is an error.
     Say(String, bool),
 }
 
@@ -105,7 +105,7 @@ impl Pad {
         match event {
             Event::Found { name, buttons, axes } => self.found(&name, &buttons, &axes),
             Event::Gone(why) => self.gone(&why),
-            // One that is gone tells nothing.
+            // Events of a disconnected gamepad are stale.
             Event::Button { .. } | Event::Axis { .. } if !self.is_there => Vec::new(),
             Event::Button { number, down } => self.press(Input::Button(number), down),
             Event::Axis { axis, value } => self.push(axis, value),
@@ -250,8 +250,8 @@ fn whole(part: f32) -> i8 {
     ((64.0 * part).round() as i8).clamp(1, 64)
 }
 
-/// Where an axis is, −1 to 1 for one that rests in the middle, 0 to 1 for a trigger. Which it is goes by its name:
-/// the range does not tell, a PlayStation's sticks go from 0 to 255 as its triggers do.
+/// Normalised position of an axis: −1 to 1 for a stick, 0 to 1 for a trigger. Its name decides which it is, since the
+/// ranges are the same: a PlayStation's sticks go from 0 to 255 as its triggers do.
 pub fn normal(axis: u16, raw: i32, min: i32, max: i32) -> f32 {
     // ABS_Z, ABS_RZ, ABS_THROTTLE, ABS_GAS, ABS_BRAKE.
     const TRIGGERS: [u16; 5] = [0x02, 0x05, 0x06, 0x09, 0x0a];

@@ -1,4 +1,4 @@
-//! A recorded session on a gamepad, and whatever else a gamepad may tell.
+//! A recorded session on a gamepad, and random events.
 
 use super::file::{Mapping, Motion};
 use super::inputs::Input;

@@ -5,8 +5,8 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::Live;
 use rollwalk_protocol::can::Frame;
 
-/// Ctrl-C is looked for so often, µs.
-const LOOK_US: u64 = 50_000;
+/// Interval between checks for Ctrl-C, µs.
+const CHECK_US: u64 = 50_000;
 
 /// A link.
 pub struct Interruptible {
@@ -46,7 +46,7 @@ impl LinkBus for Interruptible {
             if interrupt::requested() && !self.ignores {
                 return Err(LinkError::Down("interrupted".into()));
             }
-            let until_us = deadline_us.min(self.now_us() + LOOK_US);
+            let until_us = deadline_us.min(self.now_us() + CHECK_US);
             let frame = self.live.receive(until_us)?;
             if frame.is_some() || until_us == deadline_us {
                 return Ok(frame);

@@ -14,7 +14,7 @@ use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::Node;
 use thiserror::Error;
 
-/// Frames of ours that may be on their way: enough to keep a bus busy, few enough to leave nothing stale.
+/// Maximum number of our frames in flight: enough to keep a bus busy, few enough to keep none stale.
 const DEPTH: usize = 3;
 
 /// Which controller.
@@ -51,7 +51,7 @@ impl LinkArgs {
         open::open(&self.bus, DEPTH).map(Live::new)
     }
 
-    /// Opens the bus. From here on Ctrl-C is heard.
+    /// Opens the bus and starts to listen for Ctrl-C.
     ///
     /// # Errors
     /// There is no such bus, or it cannot be used: with what to type.
@@ -64,7 +64,7 @@ impl LinkArgs {
     /// Opens the bus and connects to the controller as its host: there must be no other.
     ///
     /// # Errors
-    /// As [`open`](Self::open); [`Ended`] if nobody answers, somebody else is its host, with another protocol or Ctrl-C.
+    /// As [`open`](Self::open); [`Ended`] without an answer, beside another host, with another protocol, or on Ctrl-C.
     pub fn connect(&self) -> miette::Result<LiveSession> {
         self.session(Session::connect_alone)
     }

@@ -36,13 +36,13 @@ pub enum Way {
 pub enum Harm {
     /// Frames get lost, late or damaged behind the bus.
     Stream(Way, Spoil),
-    /// A foreign node sends this frame over and over, so often.
+    /// A foreign node sends this frame at this interval.
     Babble(Interface, Frame, SimTime),
     /// Nobody acknowledges on this bus: what has been sent is sent again and again.
     NoAck(Interface),
     /// The controller's end of an actuator bus goes off, as after a short.
     BusOff(u8),
-    /// An actuator neither hears nor answers. It keeps what it was told, until its own watchdog.
+    /// An actuator neither receives nor answers. It holds its last setpoint until its own watchdog expires.
     Deaf(usize),
     /// An actuator has no power: no torque, no answers, and nothing kept.
     Unpowered(usize),
@@ -60,7 +60,7 @@ pub struct Fault {
 }
 
 impl Harm {
-    /// Whether the actuator of a channel neither hears nor answers.
+    /// Whether the actuator of a channel neither receives nor answers.
     pub fn silences(&self, channel: usize) -> bool {
         [Self::Deaf(channel), Self::Unpowered(channel)].contains(self)
     }

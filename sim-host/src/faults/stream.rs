@@ -17,11 +17,11 @@ pub enum Spoil {
     Lose(u16),
     /// So many of a thousand come once more, within a time.
     Repeat(u16, SimTime),
-    /// Half of them are overtaken by up to so many others.
+    /// Half of the frames are overtaken by up to this many others.
     Reorder(u32),
     /// Each comes later by a time between these; unless they are equal, frames overtake each other.
     Delay(SimTime, SimTime),
-    /// Of so many of a thousand one to four bits of the payload change.
+    /// Flips one to four bits of the payload, in this many of a thousand frames.
     Damage(u16),
     /// So many of a thousand lose their last bytes.
     Cut(u16),
@@ -71,7 +71,7 @@ impl Stream {
         let (mut again, mut lost) = (None, false);
         for (index, (spoil, until)) in spoils.enumerate() {
             let did = match spoil {
-                // In the end, whatever else was done to it.
+                // Last, after all other disturbances.
                 Spoil::Lose(per_mille) => {
                     let loses = hits(random, per_mille);
                     lost |= loses;

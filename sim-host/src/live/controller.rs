@@ -62,7 +62,7 @@ struct Board<'a> {
 
 struct Bus {
     kept: Kept,
-    /// How it is, as it said last.
+    /// Its last reported status.
     state: BusState,
 }
 
@@ -89,7 +89,7 @@ impl<'a> Board<'a> {
         Self { core, keeper, hub, buses }
     }
 
-    /// What is heard on a bus; what the controller is to be told of it in its step.
+    /// Receives a frame of a bus; returns the controller's input.
     fn hear(
         &mut self,
         now_us: u64,
@@ -132,7 +132,7 @@ impl<'a> Board<'a> {
         }
     }
 
-    /// Tells the controller what happened, and sends what it has for the buses that would take it.
+    /// Passes an input to the controller and sends its frames on the buses that are ready.
     fn step(&mut self, now_us: u64, mut input: Option<Input>) -> Result<(), LinkError> {
         // A link is opened again when it is time, whatever the operator says.
         self.buses[0].kept.is_there(&mut self.hub, self.keeper);
@@ -212,7 +212,7 @@ mod tests {
         }
     }
 
-    /// Nothing is heard but what the test says.
+    /// Receives only frames that the test injects.
     struct Silence;
 
     impl Inlet for Silence {
@@ -255,7 +255,7 @@ mod tests {
         now_us + 10_000 * count
     }
 
-    /// A command of the host's, and what it is answered.
+    /// Sends a command and returns its acknowledgement.
     fn command(
         board: &mut Board<'_>,
         link: &Receiver<Frame>,

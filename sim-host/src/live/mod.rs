@@ -20,7 +20,7 @@ use rollwalk_protocol::can::Frame;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// A bus that is gone is tried again so often: a robot outlives its adapters.
+/// Interval between attempts to open a lost bus again: a robot outlives its adapters.
 const REOPEN_PERIOD: Duration = Duration::from_millis(500);
 
 /// What becomes of a bus that is gone.
@@ -79,7 +79,7 @@ impl Kept {
     }
 }
 
-/// Frames that wait for a busy bus at most: what is older than so many has no worth any more.
+/// Maximum number of frames that wait for a busy bus; older ones are stale.
 const WAITING: usize = 64;
 
 /// What waits for a busy bus, oldest first.

@@ -8,7 +8,7 @@ use crate::rig::MOTOR_RATE_HZ;
 use rollwalk_bus::port::{Heard, Hub, Port};
 use std::time::{Duration, Instant};
 
-/// Weight and inertia on the joints are computed anew so often.
+/// Interval between updates of weight and inertia on the joints.
 const LOAD_PERIOD: Duration = Duration::from_millis(10);
 
 /// Runs the motors on `buses`, by number, until `goes_on` says no, which is asked every few milliseconds. On a bus

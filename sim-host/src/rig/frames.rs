@@ -1,4 +1,4 @@
-//! Where frames go at the end of their way: to the host, the servos, the monitor's log, or to the controller.
+//! Delivery of frames that have crossed a bus: to the host, the servos, the log, or the controller.
 
 use super::{Core, Interface, LogEntry, Rig, SimTime};
 use crate::faults::Way;
@@ -7,7 +7,7 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::tunnel::Input;
 
 impl<C: Core> Rig<C> {
-    /// What drives say by themselves goes to their buses.
+    /// Sends unsolicited frames of drives that are due.
     pub(super) fn drives_say(&mut self, now: SimTime) {
         while let Some((channel, frame)) = self.body.on_timer(now) {
             if self.faults.on(now).any(|harm| harm.silences(channel)) {
@@ -23,7 +23,7 @@ impl<C: Core> Rig<C> {
         }
     }
 
-    /// What the controller notices of it.
+    /// Completes a frame on the link; returns the controller's input, if any.
     pub(super) fn end_link_frame(&mut self) -> Option<Input> {
         let delivery = self.link.bus.next_delivery(self.now)?;
         self.log.push(LogEntry {
@@ -40,7 +40,7 @@ impl<C: Core> Rig<C> {
         foreign.then(|| self.pass_on(Way::LinkToController, delivery.frame))?
     }
 
-    /// What the controller notices of it.
+    /// Completes a frame on an actuator bus; returns the controller's input, if any.
     pub(super) fn end_actuator_frame(&mut self, index: usize) -> Option<Input> {
         let ActuatorBus { wire, servos, .. } = &mut self.actuator_buses[index];
         let delivery = wire.bus.next_delivery(self.now)?;
@@ -49,7 +49,7 @@ impl<C: Core> Rig<C> {
         self.log.push(LogEntry { at_us: delivery.at.as_us(), interface, frame });
         let from_controller = delivery.from == wire.controller;
         let from_servo = servos.iter().any(|&(node, _)| node == delivery.from);
-        // With its end off the controller hears nothing.
+        // A controller that is bus-off receives nothing.
         let hears = !from_controller && !wire.off;
         if !from_servo {
             self.pass_on(Way::ToActuators(number), frame);
@@ -57,13 +57,13 @@ impl<C: Core> Rig<C> {
         hears.then(|| self.pass_on(Way::FromActuators(number), frame))?
     }
 
-    /// A frame has crossed its bus. What the controller notices of it now.
+    /// Applies stream faults to a frame that has crossed its bus; returns the controller's input, if any.
     fn pass_on(&mut self, way: Way, frame: Frame) -> Option<Input> {
         let frame = self.faults.push(self.now, way, frame)?;
         self.arrive(way, &frame)
     }
 
-    /// A frame is there. What the controller notices of it.
+    /// Delivers a frame; returns the controller's input, if any.
     pub(super) fn arrive(&mut self, way: Way, frame: &Frame) -> Option<Input> {
         match way {
             // Nobody on the link takes 29-bit identifiers.

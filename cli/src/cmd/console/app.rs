@@ -26,20 +26,20 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Keys are looked for at least so often, µs.
-const LOOK_US: u64 = 10_000;
-/// The screen is drawn so often, µs.
+/// Maximum interval between checks for keys, µs.
+const KEYS_US: u64 = 10_000;
+/// Interval between redraws of the screen, µs.
 const DRAW_US: u64 = 50_000;
-/// A bus that is lost is opened again so often, µs.
+/// Interval between attempts to open a lost bus, µs.
 const REOPEN_US: u64 = 1_000_000;
-/// A console whose loop has not gone round for so long, while it was awake, is ended.
+/// Duration of a blocked loop, not counting sleep of the computer, after which the console ends.
 const STUCK: Duration = Duration::from_secs(2);
-/// It has so long to say why.
+/// Time to print the reason.
 const FAREWELL: Duration = Duration::from_millis(100);
-/// A full transmit queue is tried again after so long, µs.
+/// Delay before a full transmit queue is tried again, µs.
 const BUSY_US: u64 = 500;
 
-/// A gamepad, and what it tells.
+/// A gamepad and its events.
 pub struct Gamepad {
     pad: Pad,
     events: Receiver<pad::Event>,
@@ -56,7 +56,7 @@ impl Gamepad {
         Ok(Self { pad, events: device::listen(found) })
     }
 
-    /// What the operator wants of what it has told since.
+    /// Operator requests from the events since the last call.
     fn wishes(&mut self, now_us: u64) -> Vec<Wish> {
         let mut wishes = Vec::new();
         loop {
@@ -92,11 +92,11 @@ pub struct App<'a> {
     reopen_us: u64,
     /// Somebody else asks it to end: `kill`, or a system that goes down. Ctrl-C is a key here.
     asked_to_end: Arc<AtomicBool>,
-    /// How often the loop went round.
+    /// Number of iterations of the loop.
     rounds: Arc<AtomicU64>,
 }
 
-/// How a console ends whose terminal takes or gives nothing any more: nobody holds the robot then.
+/// Ends a console whose terminal is gone: it no longer is the robot's host.
 pub fn terminal_gone(why: &str) -> Exit {
     output::say(format_args!(
         "the terminal is gone, {why}: without heartbeat an armed robot returns to SAFE by itself"
@@ -137,7 +137,7 @@ impl<'a> App<'a> {
         }
         let asked_to_end = Arc::default();
         for signal in [SIGINT, SIGTERM] {
-            // Refused for signals that nobody may catch, of which these are none.
+            // Fails only for signals that cannot be caught.
             let _ = flag::register(signal, Arc::clone(&asked_to_end));
         }
         let rounds = Arc::default();
@@ -295,13 +295,13 @@ impl<'a> App<'a> {
     fn hear(&mut self) {
         let now_us = self.now_us();
         let wait_us =
-            self.operator.next_poll_us(now_us).saturating_sub(now_us).clamp(BUSY_US, LOOK_US);
+            self.operator.next_poll_us(now_us).saturating_sub(now_us).clamp(BUSY_US, KEYS_US);
         match &self.bus {
             Some(bus) => {
                 let until_us = bus.now_us() + wait_us;
                 self.hear_until(until_us);
             }
-            None => thread::sleep(Duration::from_micros(LOOK_US)),
+            None => thread::sleep(Duration::from_micros(KEYS_US)),
         }
     }
 

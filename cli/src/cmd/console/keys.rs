@@ -1,16 +1,16 @@
-//! From keys to what the operator wants.
+//! Keys and the operator requests that they stand for.
 
 use super::scene::Names;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rollwalk_host::operator::Intent;
 
-/// A key that is held repeats itself, first after up to this long: only later the same key counts again, µs. Most
-/// terminals do not tell a repetition from a second press, so keys that calm the robot always count.
+/// Maximum delay before a held key repeats, µs: within it the same key does not count again. Most terminals report a
+/// repetition like a second press, so stopping keys always count.
 const HELD_US: u64 = 700_000;
 /// A step of the speed, 64ths.
 const SPEED_STEP: i8 = 8;
 
-/// What a key means.
+/// Meaning of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Meaning {
     /// Something for the robot.
@@ -113,7 +113,7 @@ mod tests {
     fn keys_that_calm_the_robot_count_however_fast_they_come() {
         let want = |intent| Some(Meaning::Want(intent));
         let mut keyboard = Keyboard::default();
-        // Three times a second, by somebody in fear.
+        // Three presses within a second, as in panic.
         for (at_us, intent) in
             [(0, Intent::PauseOrResume), (333_000, Intent::Pause), (666_000, Intent::Pause)]
         {
@@ -125,7 +125,7 @@ mod tests {
                 assert_eq!(press(&mut keyboard, at_us, key), want(intent));
             }
         }
-        // Where the terminal tells that it repeats itself, it is no press.
+        // Where the terminal marks repetitions, they are no presses.
         let mut repeated = KeyEvent::new(KeyCode::Char('p'), KeyModifiers::NONE);
         repeated.kind = KeyEventKind::Repeat;
         assert_eq!(keyboard.press(5_000_000, repeated, &Names::default(), 64), None);

@@ -1,5 +1,5 @@
-//! The one question of a monitor, for names: which library the controller has. It disturbs nobody's transfer, and what
-//! is heard until it is answered is kept.
+//! The one request of a monitor, for names: which library the controller has. It waits for the end of other programs'
+//! transfers, and keeps the frames received meanwhile.
 
 use super::since_1970_us;
 use rollwalk_bus::link::{LinkBus, LinkError};

@@ -1,4 +1,4 @@
-//! `rollwalk monitor`: listens to a link and tells what is said on it; writes logs and telemetry.
+//! `rollwalk monitor`: listens to a link, prints its messages, writes logs and telemetry.
 
 mod ask;
 mod view;
@@ -23,7 +23,7 @@ use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 use view::View;
 
-/// Silence is told after so long, µs.
+/// Silence after which it is reported, µs.
 const SILENCE_US: u64 = 2_000_000;
 
 /// Listen to a robot: states, motions, commands, faults as they come; logs and telemetry.

@@ -1,4 +1,4 @@
-//! What a monitor tells people: what has changed, and the joints.
+//! The text output of a monitor: changes, and the joints.
 
 use crate::output;
 use rollwalk_host::catalog::{Catalog, channel_name};
@@ -12,10 +12,10 @@ use rollwalk_protocol::wire::{
 };
 use std::collections::BTreeMap;
 
-/// The joints are shown so often, µs.
+/// Interval between lines of the joints, µs.
 const JOINTS_PERIOD_US: u64 = 1_000_000;
 
-/// What is told people: what has changed.
+/// The text output: prints what has changed.
 pub struct View<'a> {
     catalog: Option<&'a Catalog>,
     joints: bool,

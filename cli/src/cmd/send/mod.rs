@@ -13,7 +13,7 @@ use rollwalk_host::session::SessionError;
 use rollwalk_protocol::wire::State;
 use wanted::{Chosen, Wanted, choose};
 
-/// The way home is looked at so often, µs; at a small part of the planned speed it takes long.
+/// Maximum time of a return to SAFE, µs; at a small part of the planned speed it takes long.
 const HOME_US: u64 = 30_000_000;
 
 /// Play motions by command code or name.
@@ -137,8 +137,8 @@ fn is_down(error: &SessionError) -> bool {
     )
 }
 
-/// Holds on to a robot that is let down until it is: a host that leaves it before would be one that is lost. What
-/// stopped it is told as the error.
+/// Stays connected until a stopped robot is disarmed: leaving earlier would add a lost host to its faults. The error
+/// names the fault that stopped it.
 fn see_down(session: &mut LiveSession) {
     if session.wait_for_state(State::Disarmed, HOME_US).is_ok() {
         output::say("another program has disarmed it");

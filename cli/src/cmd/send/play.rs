@@ -1,4 +1,4 @@
-//! One motion after the other, and the wait for each.
+//! Plays motions one after the other and waits for each.
 
 use super::wanted::Chosen;
 use crate::link::LiveSession;
@@ -8,16 +8,16 @@ use rollwalk_host::session::SessionError;
 use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_protocol::wire::{State, Status};
 
-/// Longest wait for a motion to begin, beyond what the controller says, µs.
+/// Maximum wait for a motion to start, beyond the controller's estimate, µs.
 const SLACK_US: u64 = 5_000_000;
-/// Time is given to a running motion in such portions, between which Ctrl-C is looked for, µs.
+/// Interval between checks for Ctrl-C while a motion plays, µs.
 const PORTION_US: u64 = 100_000;
 
-/// Plays all, one after the other, and waits for the end of each. The last of a robot that another program holds goes
-/// on without us.
+/// Plays all motions, one after the other, and waits for the end of each. If another program is the host, the last one
+/// continues after this program has ended.
 ///
 /// # Errors
-/// As of a session; and the robot has stopped.
+/// Errors of the session, or the robot has stopped.
 pub fn play(
     session: &mut LiveSession,
     speed_64ths: i8,
@@ -41,7 +41,7 @@ pub fn play(
                 output::say(format_args!("playing {}", motion.name));
                 finish(session, chosen, motion)?;
             }
-            // Without names nobody knows how long it is.
+            // Its duration is unknown without a catalog.
             None => {
                 output::say(format_args!("playing {}", chosen.name()));
                 run_for(session, begins_us + micros(chosen.seconds.unwrap_or(5.0)))?;
@@ -96,13 +96,13 @@ fn finish(session: &mut LiveSession, chosen: &Chosen, motion: &Motion) -> Result
     )
 }
 
-/// Pauses, which are other programs'.
+/// Pauses by other programs.
 #[derive(Default)]
 struct Pauses(bool);
 
 impl Pauses {
-    /// Whether the robot is paused; says so when it begins.
-    fn look(&mut self, status: Option<&Status>) -> bool {
+    /// Whether the robot is paused; reports the start of a pause.
+    fn check(&mut self, status: Option<&Status>) -> bool {
         let is_paused = status.is_some_and(|status| status.state == State::Paused);
         if is_paused && !self.0 {
             output::say(
@@ -114,8 +114,8 @@ impl Pauses {
     }
 }
 
-/// Waits; a pause is somebody's wish, and no time of it counts: what is paused must not move because time ran
-/// out.
+/// Waits for a status. Time spent paused does not count towards the timeout: a paused robot must not move because of
+/// one.
 fn wait_also_while_paused(
     session: &mut LiveSession,
     what: &str,
@@ -125,7 +125,7 @@ fn wait_also_while_paused(
     let mut pauses = Pauses::default();
     loop {
         let waited = session.wait_until(what, longest_us, |status| {
-            pauses.look(Some(status));
+            pauses.check(Some(status));
             reached(status)
         });
         let paused = session.status().is_some_and(|status| status.state == State::Paused);
@@ -136,14 +136,13 @@ fn wait_also_while_paused(
     }
 }
 
-/// Lets the robot go on for so long, pauses not counted; ends early with Ctrl-C, and when the robot stops by
-/// itself.
+/// Lets the robot play for a duration without pauses; ends early on Ctrl-C, and when the robot stops by itself.
 fn run_for(session: &mut LiveSession, duration_us: u64) -> Result<(), SessionError> {
     let (mut left_us, mut pauses) = (duration_us, Pauses::default());
     while left_us > 0 && !interrupt::requested() {
         let portion_us = left_us.min(PORTION_US);
         session.run_for(portion_us)?;
-        if !pauses.look(session.status().as_ref()) {
+        if !pauses.check(session.status().as_ref()) {
             left_us -= portion_us;
         }
         if let Some(status) = session.status()

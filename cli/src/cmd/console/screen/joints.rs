@@ -9,9 +9,9 @@ use ratatui::text::Line;
 use ratatui::widgets::{Block, Paragraph};
 use rollwalk_host::operator::JointView;
 
-/// Columns that it takes at least.
+/// Minimum number of columns.
 pub const LEAST_WIDTH: u16 = 46;
-/// Older values are marked, µs: a robot of 24 channels tells each ten times a second.
+/// Age from which values are marked, µs: a robot of 24 channels reports each ten times a second.
 const OLD_US: u64 = 500_000;
 
 /// Draws them.

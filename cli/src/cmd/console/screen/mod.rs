@@ -76,7 +76,7 @@ fn draw_footer(frame: &mut Frame, area: Rect) {
     frame.render_widget(Paragraph::new(Line::from(spans)), area);
 }
 
-/// A text in at most so many columns.
+/// Fits a text into a number of columns.
 fn fit(text: &str, width: usize) -> String {
     if text.chars().count() <= width {
         return format!("{text:<width$}");
@@ -85,7 +85,7 @@ fn fit(text: &str, width: usize) -> String {
     if width == 0 { kept } else { format!("{kept}…") }
 }
 
-/// A name in at most so many columns: its words become letters, the first ones first.
+/// Shortens a name to a number of columns: its words become initials, from the first on.
 fn shorten(name: &str, width: usize) -> String {
     let mut words: Vec<String> = name.split('_').map(str::to_owned).collect();
     let last = words.len() - 1;

@@ -198,7 +198,7 @@ fn what_is_wrong_with_the_bus_is_in_the_line_of_the_link() {
     assert!(lost.contains("NO CONTACT for 1.2 s: can0 is bus-off"), "{lost}");
 }
 
-/// Words say what colours say: a screen without any still tells states apart.
+/// Without colours the words still distinguish the states.
 #[test]
 fn every_state_has_words_of_its_own() {
     let names = names();
