@@ -12,18 +12,20 @@ mod multipliers;
 pub mod normal;
 mod one_sided;
 pub mod penalty;
+mod progress;
 mod settings;
 mod trial;
 
 pub use multipliers::Multipliers;
+pub use progress::{Progress, worst};
 pub use settings::{Method, Settings};
 
 use crate::families::Family;
 use crate::formulation::System;
-use crate::formulation::rows::{Role, Row, Rows};
+use crate::formulation::rows::Rows;
 use crate::plan::Status;
 use crate::problem::Unknowns;
-use normal::{NormalEquations, row_energy};
+use normal::NormalEquations;
 use trial::Trials;
 
 /// Part of its credible level that the worst constraint may reach in a converged plan.
@@ -39,55 +41,6 @@ const DAMPING_FELT: f64 = 1e-4;
 /// Damping of the first step, in scaled variables: near an optimum the weakest costs should not feel it.
 const DAMPING_COLD: f64 = 1e-3;
 const DAMPING_NEAR: f64 = 1e-7;
-
-/// Where a solve stands; passed to the caller after every iteration.
-#[derive(Clone, Debug)]
-pub struct Progress {
-    /// Iterations so far.
-    pub iteration: usize,
-    /// Energy E(m).
-    pub energy: f64,
-    /// Part of the energy that is cost rather than constraint.
-    pub cost: f64,
-    /// Worst constraint as a fraction of its credible level.
-    pub worst_level: f64,
-    /// Its family.
-    pub worst_constraint: Family,
-    /// Damping λ.
-    pub damping: f64,
-    /// Length of the step, scaled variables.
-    pub step: f64,
-}
-
-impl Progress {
-    /// Progress at a point with these rows and energy; the worst constraint is the `worst` row.
-    pub fn at(rows: &Rows, worst: (usize, f64), energy: f64, penalty: f64) -> Self {
-        let costs = rows.rows.iter().filter(|row| matches!(row.role, Role::Cost { .. }));
-        Self {
-            iteration: 0,
-            energy,
-            cost: costs.map(|row| row_energy(row, 0.0, penalty)[0]).sum(),
-            worst_level: worst.1,
-            worst_constraint: rows.rows[worst.0].family,
-            damping: 0.0,
-            step: 0.0,
-        }
-    }
-}
-
-/// The worst constraint row: its index and its residual over its credible level.
-pub fn worst(rows: &Rows) -> (usize, f64) {
-    let level = |row: &Row| match row.role {
-        Role::Equality => row.value.abs() * row.scale / row.level,
-        Role::Inequality { .. } => row.value.max(0.0) * row.scale / row.level,
-        Role::Cost { .. } => 0.0,
-    };
-    rows.rows
-        .iter()
-        .enumerate()
-        .map(|(index, row)| (index, level(row)))
-        .fold((0, 0.0), |worst, this| if this.1 > worst.1 { this } else { worst })
-}
 
 /// What is known at the start of a solve besides the values of the unknowns.
 #[derive(Clone, Copy, Debug)]

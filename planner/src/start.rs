@@ -31,7 +31,7 @@ use std::f64::consts::TAU;
 /// A way to start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Start {
-    /// The first of [`candidates`].
+    /// Each of [`candidates`] in order, until one converges.
     #[default]
     Auto,
     /// Standing, carried along the way to the goal. With a seed other than 0 joints swing a little, so
