@@ -1,0 +1,148 @@
+//! A robot prepared for the optimiser: nominal pose, constant inertia, chains of degrees of freedom.
+
+use super::pose::drop_to_contact;
+use super::{BASE_POSITION, JOINTS};
+use crate::Tree;
+use nalgebra::{DVector, Matrix3, Vector3};
+use rollwalk_robot::Robot;
+
+/// A robot prepared for the optimiser, computed once.
+#[derive(Clone, Debug)]
+pub struct Model {
+    tree: Tree,
+    centroidal_inertia_kg_m2: Matrix3<f64>,
+    nominal_q: DVector<f64>,
+    chains: Vec<Chain>,
+    carried: Vec<Carried>,
+}
+
+/// The part of the robot that a joint moves, and the joints that move it.
+#[derive(Clone, Debug)]
+pub struct Carried {
+    /// Mass of all links beyond the joint, kg.
+    pub mass_kg: f64,
+    /// Joints between the base and this one, base first, itself excluded.
+    pub above: Vec<usize>,
+    /// Joints beyond this one.
+    pub below: Vec<usize>,
+    /// End effectors beyond this one.
+    pub end_effectors: Vec<usize>,
+}
+
+/// The degrees of freedom that move an end effector: the six of the base, then the joints of its limb.
+#[derive(Clone, Debug)]
+pub struct Chain {
+    /// Indices into `q`, ascending from the base.
+    pub dofs: Vec<usize>,
+}
+
+impl Model {
+    /// Prepares a robot for kinematics.
+    pub fn new(robot: &Robot) -> Self {
+        let tree = Tree::new(robot);
+        let limbs = robot.end_effectors.iter().map(|ee| tree.joints_to_link(ee.link));
+        let chain = |joints: &[usize]| Chain {
+            dofs: (0..JOINTS).chain(joints.iter().map(|&j| JOINTS + j)).collect(),
+        };
+        let mut model = Self {
+            centroidal_inertia_kg_m2: Matrix3::zeros(),
+            nominal_q: DVector::zeros(JOINTS + robot.joints.len()),
+            chains: limbs.map(chain).collect(),
+            carried: carried(&tree),
+            tree,
+        };
+        let nominal_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
+        model.nominal_q = model.standing_q(&nominal_rad);
+        let frames = model.frames(&model.nominal_q);
+        let world_from_body = frames.world_from_link[0];
+        model.centroidal_inertia_kg_m2 =
+            world_from_body.transpose() * frames.centroidal_inertia(&model.tree) * world_from_body;
+        model
+    }
+
+    /// The tree below the coordinates: wheels turn with their links, no armature.
+    pub fn tree(&self) -> &Tree {
+        &self.tree
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> &Robot {
+        self.tree.robot()
+    }
+
+    /// Length of `q`: 6 + N.
+    pub fn dofs(&self) -> usize {
+        self.tree.dofs()
+    }
+
+    /// Total mass M, kg.
+    pub fn total_mass_kg(&self) -> f64 {
+        self.tree.total_mass_kg()
+    }
+
+    /// Inertia I about the centre of mass, in body axes, at the nominal pose, kg·m². Taken as constant
+    /// along a motion: the thesis's centroidal model.
+    pub fn centroidal_inertia_kg_m2(&self) -> &Matrix3<f64> {
+        &self.centroidal_inertia_kg_m2
+    }
+
+    /// Nominal configuration: nominal joint angles, level body above the world origin, lowest end
+    /// effector touching the ground.
+    pub fn nominal_q(&self) -> &DVector<f64> {
+        &self.nominal_q
+    }
+
+    /// The robot standing with these joint angles, rad: level body above the world origin, lowest end
+    /// effector touching the ground.
+    pub fn standing_q(&self, joint_rad: &[f64]) -> DVector<f64> {
+        let mut q = DVector::zeros(self.dofs());
+        q.rows_mut(JOINTS, joint_rad.len()).copy_from_slice(joint_rad);
+        let pose = self.pose(&q);
+        let lowest = self
+            .robot()
+            .end_effectors
+            .iter()
+            .zip(&pose.end_effectors)
+            .map(|(ee, at)| at.center.z - drop_to_contact(at.axis, ee.radius_m))
+            .fold(f64::INFINITY, f64::min);
+        q[BASE_POSITION + 2] = -lowest;
+        q
+    }
+
+    /// Degrees of freedom that move end effector `index`.
+    pub fn chain(&self, index: usize) -> &Chain {
+        &self.chains[index]
+    }
+
+    /// The part of the robot beyond joint `index`.
+    pub fn carried(&self, index: usize) -> &Carried {
+        &self.carried[index]
+    }
+
+    /// Wheel axis in the mounting link, `None` for a foot.
+    pub fn wheel_axis_in_link(&self, index: usize) -> Option<Vector3<f64>> {
+        self.robot().end_effectors[index].contact.axis_in_link().copied()
+    }
+}
+
+/// The part of the robot beyond each joint.
+fn carried(tree: &Tree) -> Vec<Carried> {
+    let robot = tree.robot();
+    let moves = |joint: usize, link: usize| tree.joints_to_link(link).contains(&joint);
+    let joints = 0..robot.joints.len();
+    let of = |joint: usize| {
+        let path = tree.joints_to_link(robot.joints[joint].child);
+        Carried {
+            mass_kg: tree.carried_mass_kg(joint),
+            above: path[..path.len() - 1].to_vec(),
+            below: joints
+                .clone()
+                .filter(|&k| k != joint && moves(joint, robot.joints[k].child))
+                .collect(),
+            end_effectors: (0..robot.end_effectors.len())
+                .filter(|&e| moves(joint, robot.end_effectors[e].link))
+                .collect(),
+        }
+    };
+    joints.clone().map(of).collect()
+}

@@ -1,0 +1,40 @@
+//! Kinematics and dynamics of any robot file, shared by planner, simulators and controllers.
+//!
+//! A [`Tree`] is a robot prepared once. From a configuration come the poses of its links ([`Frames`]),
+//! from velocities their motion ([`Kinematics`]), from both the mass matrix ([`CompositeInertia`]), bias
+//! forces ([`Kinematics::inverse_dynamics`]) and the kinematics of contact points ([`RimContact`]).
+//!
+//! Generalised velocities ν, in this order: linear velocity of the base origin (m/s), angular velocity of
+//! the base (rad/s), both in world axes; joint speeds in joint order (rad/s); speeds of the spinning wheels
+//! relative to their links, about the axis of the robot file, in end-effector order (rad/s). Generalised
+//! forces are dual to them. [`euler`] has the coordinates of the planner: base position,
+//! yaw–pitch–roll, joint angles.
+//!
+//! Accelerations and forces follow Featherstone, *Rigid Body Dynamics Algorithms* (RBDA), written with
+//! ordinary 3-vectors in world axes: no transform between link frames, and every intermediate is a
+//! velocity, force or moment that can be looked at.
+
+mod centroidal;
+mod composite;
+mod contact;
+pub mod euler;
+mod frames;
+mod inverse_dynamics;
+mod jacobian;
+mod kinematics;
+pub mod rotation;
+mod tree;
+
+pub use centroidal::{about_com, centroidal_momentum_matrix};
+pub use composite::{CompositeInertia, forward_dynamics};
+pub use contact::{ContactMotion, RimContact};
+pub use frames::{Configuration, Frames};
+pub use kinematics::Kinematics;
+pub use tree::{Tree, Wheel};
+
+/// Index in ν of the first component of the base's linear velocity.
+pub const LINEAR: usize = 0;
+/// Index in ν of the first component of the base's angular velocity.
+pub const ANGULAR: usize = 3;
+/// Index in ν of the first joint speed; in the planner's `q`, of the first joint angle.
+pub const JOINTS: usize = 6;

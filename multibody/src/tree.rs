@@ -1,0 +1,159 @@
+//! A robot prepared for kinematics and dynamics: structure, masses, degrees of freedom.
+
+use crate::JOINTS;
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_robot::{EndEffector, Robot};
+
+/// Structure, masses and degrees of freedom of a robot, computed once.
+///
+/// By default wheels turn with their links and joints carry no armature; [`Self::with_spinning_wheels`] and
+/// [`Self::with_armature`] add both.
+#[derive(Clone, Debug)]
+pub struct Tree {
+    robot: Robot,
+    total_mass_kg: f64,
+    /// Parent-from-joint rotations at angle 0.
+    parent_from_joint: Vec<Matrix3<f64>>,
+    /// For each link the joints between it and the base, base first.
+    joints_to_link: Vec<Vec<usize>>,
+    /// Mass of all links beyond each joint, kg.
+    carried_mass_kg: Vec<f64>,
+    wheels: Vec<Wheel>,
+    armature: bool,
+}
+
+/// A wheel whose spin is a degree of freedom.
+///
+/// The wheel's mass is part of its link, in the robot file and here. A wheel is symmetric about its axis,
+/// so its angle changes no inertia, and the one number that spinning adds is the inertia about the axis.
+#[derive(Clone, Debug)]
+pub struct Wheel {
+    /// Index of its end effector.
+    pub end_effector: usize,
+    /// Index of the link that carries it.
+    pub link: usize,
+    /// Unit axis in the link frame.
+    pub axis_in_link: Vector3<f64>,
+    /// Inertia of the turning parts about the axis, kg·m²; rotor and gearbox excluded.
+    pub spin_inertia_kg_m2: f64,
+    /// Inertia of rotor and gearbox seen at the wheel, kg·m²; 0 without a motor.
+    pub armature_kg_m2: f64,
+}
+
+impl Tree {
+    /// Prepares a robot: wheels turn with their links, no armature.
+    pub fn new(robot: &Robot) -> Self {
+        let mut joints_to_link = vec![Vec::new(); robot.links.len()];
+        for (index, joint) in robot.joints.iter().enumerate() {
+            joints_to_link[joint.child] = joints_to_link[joint.parent].clone();
+            joints_to_link[joint.child].push(index);
+        }
+        let rotation = |pose: &nalgebra::Isometry3<f64>| pose.rotation.to_rotation_matrix();
+        let joints = robot.joints.iter();
+        let carried_mass_kg = (0..robot.joints.len())
+            .map(|joint| {
+                let carries = |link: &usize| joints_to_link[*link].contains(&joint);
+                (0..robot.links.len()).filter(carries).map(|link| robot.links[link].mass_kg).sum()
+            })
+            .collect();
+        Self {
+            total_mass_kg: robot.total_mass_kg(),
+            parent_from_joint: joints
+                .map(|j| rotation(&j.parent_from_joint).into_inner())
+                .collect(),
+            joints_to_link,
+            carried_mass_kg,
+            wheels: Vec::new(),
+            armature: false,
+            robot: robot.clone(),
+        }
+    }
+
+    /// Makes the spin of every driven and passive wheel a degree of freedom. `spin_inertia_kg_m2` is the
+    /// inertia about its axis of what turns with the wheel: it must be positive and cannot exceed the
+    /// inertia of the link, which it is part of.
+    pub fn with_spinning_wheels(
+        mut self,
+        spin_inertia_kg_m2: impl Fn(&EndEffector) -> f64,
+    ) -> Self {
+        let end_effectors = self.robot.end_effectors.iter().enumerate();
+        self.wheels = end_effectors
+            .filter_map(|(index, end_effector)| {
+                let contact = &end_effector.contact;
+                let spins = contact.actuator().is_some() || contact.freewheels();
+                let axis = contact.axis_in_link().filter(|_| spins)?;
+                Some(Wheel {
+                    end_effector: index,
+                    link: end_effector.link,
+                    axis_in_link: *axis,
+                    spin_inertia_kg_m2: spin_inertia_kg_m2(end_effector),
+                    armature_kg_m2: contact.actuator().map_or(0.0, |motor| motor.armature_kg_m2),
+                })
+            })
+            .collect();
+        self
+    }
+
+    /// Adds rotor and gearbox of joints and spinning wheels, seen at the output, to the inertia of their
+    /// degree of freedom (RBDA sec. 9.6 without the rotor's gyroscopic terms).
+    pub fn with_armature(mut self) -> Self {
+        self.armature = true;
+        self
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// Total mass, kg.
+    pub fn total_mass_kg(&self) -> f64 {
+        self.total_mass_kg
+    }
+
+    /// Length of ν: 6 + joints + spinning wheels.
+    pub fn dofs(&self) -> usize {
+        self.first_wheel_dof() + self.wheels.len()
+    }
+
+    /// Spinning wheels in end-effector order; empty unless [`Self::with_spinning_wheels`].
+    pub fn wheels(&self) -> &[Wheel] {
+        &self.wheels
+    }
+
+    /// Index in ν of a wheel's speed; `None` for what does not spin.
+    pub fn wheel_dof(&self, end_effector: usize) -> Option<usize> {
+        let wheel = self.wheels.iter().position(|wheel| wheel.end_effector == end_effector)?;
+        Some(self.first_wheel_dof() + wheel)
+    }
+
+    /// Index in ν of the first wheel speed.
+    pub fn first_wheel_dof(&self) -> usize {
+        JOINTS + self.robot.joints.len()
+    }
+
+    /// Joints between the base and a link, base first.
+    pub fn joints_to_link(&self, link: usize) -> &[usize] {
+        &self.joints_to_link[link]
+    }
+
+    /// Mass of all links beyond a joint, kg.
+    pub fn carried_mass_kg(&self, joint: usize) -> f64 {
+        self.carried_mass_kg[joint]
+    }
+
+    /// Parent-from-joint rotation at angle 0.
+    pub(crate) fn parent_from_joint(&self, joint: usize) -> &Matrix3<f64> {
+        &self.parent_from_joint[joint]
+    }
+
+    /// Armature of a joint, kg·m²; 0 unless [`Self::with_armature`].
+    pub(crate) fn joint_armature_kg_m2(&self, joint: usize) -> f64 {
+        if self.armature { self.robot.joints[joint].actuator.armature_kg_m2 } else { 0.0 }
+    }
+
+    /// Armature of a wheel, kg·m²; 0 unless [`Self::with_armature`].
+    pub(crate) fn wheel_armature_kg_m2(&self, wheel: &Wheel) -> f64 {
+        if self.armature { wheel.armature_kg_m2 } else { 0.0 }
+    }
+}

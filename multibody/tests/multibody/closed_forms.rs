@@ -1,0 +1,126 @@
+//! Mechanisms whose equations stand in textbooks.
+
+use crate::robots::body;
+use nalgebra::{DMatrix, Isometry3, Matrix3, Vector3};
+use rollwalk_multibody::{CompositeInertia, Configuration, Frames, JOINTS, Kinematics, Tree};
+use rollwalk_robot::{Actuator, Contact, EndEffector, Joint, Link, Robot};
+
+fn actuator(armature_kg_m2: f64) -> Actuator {
+    Actuator {
+        model: "test".into(),
+        speed_max_rad_s: 8.0,
+        torque_max_nm: 3.0,
+        torque_speed: None,
+        kp_nm_rad: 20.0,
+        kd_nm_s_rad: 0.5,
+        armature_kg_m2,
+        bus: 0,
+        id: 1,
+    }
+}
+
+const ARMATURE: f64 = 0.004;
+const L1: f64 = 0.3;
+const LC: [f64; 2] = [0.1, 0.15];
+const M: [f64; 2] = [0.7, 0.4];
+const I: [f64; 2] = [0.003, 0.002];
+
+/// Two links in the x-y plane that turn about z, on a body at the origin.
+fn two_link_arm() -> Robot {
+    let mut robot = body(5.0, [0.1, 0.1, 0.1]);
+    for k in 0..2 {
+        robot.links.push(Link {
+            name: format!("link {k}"),
+            mass_kg: M[k],
+            com_in_link_m: Vector3::new(LC[k], 0.0, 0.0),
+            inertia_in_link_kg_m2: Matrix3::from_diagonal(&Vector3::new(1e-4, I[k], I[k])),
+        });
+        robot.joints.push(Joint {
+            name: format!("joint {k}"),
+            parent: k,
+            child: k + 1,
+            parent_from_joint: Isometry3::translation(k as f64 * L1, 0.0, 0.0),
+            axis_in_joint: Vector3::z(),
+            position_min_rad: -3.0,
+            position_max_rad: 3.0,
+            nominal_rad: 0.0,
+            actuator: actuator(ARMATURE),
+        });
+    }
+    robot
+}
+
+fn at(joint_rad: &[f64]) -> Configuration<'_> {
+    Configuration {
+        base_position_m: Vector3::zeros(),
+        world_from_body: Matrix3::identity(),
+        joint_rad,
+    }
+}
+
+#[test]
+fn a_two_link_arm_has_its_textbook_equations() {
+    let tree = Tree::new(&two_link_arm()).with_armature();
+    let (q, v, g) = ([0.7f64, -1.9], [1.3, -2.1], 9.81);
+    let frames = Frames::new(&tree, &at(&q));
+    let mut m = DMatrix::zeros(8, 8);
+    CompositeInertia::new(&tree, &frames).mass_matrix(&tree, &frames, &mut m);
+    let (s2, c2) = q[1].sin_cos();
+    let m22 = I[1] + M[1] * LC[1] * LC[1];
+    let m12 = m22 + M[1] * L1 * LC[1] * c2;
+    let m11 = I[0] + M[0] * LC[0] * LC[0] + M[1] * L1 * L1 + 2.0 * m12 - m22;
+    let expected = [[m11 + ARMATURE, m12], [m12, m22 + ARMATURE]];
+    for (row, column) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+        let error = m[(JOINTS + row, JOINTS + column)] - expected[row][column];
+        assert!(error.abs() < 1e-15, "{row} {column}: {error}"); // rounding
+    }
+
+    let mut arm = Kinematics::new(&tree, &at(&q));
+    arm.update(&tree, &at(&q), &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, v[0], v[1]]);
+    let mut bias = [0.0; 8];
+    arm.inverse_dynamics(&tree, &Vector3::new(0.0, -g, 0.0), &mut bias);
+    let coupling = M[1] * L1 * LC[1] * s2;
+    let outer = M[1] * LC[1] * g * (q[0] + q[1]).cos();
+    let expected = [
+        -coupling * (2.0 * v[0] * v[1] + v[1] * v[1])
+            + (M[0] * LC[0] + M[1] * L1) * g * q[0].cos()
+            + outer,
+        coupling * v[0] * v[0] + outer,
+    ];
+    for k in 0..2 {
+        assert!((bias[JOINTS + k] - expected[k]).abs() < 1e-14, "{k}: {}", bias[JOINTS + k]);
+    }
+}
+
+#[test]
+fn a_spinning_wheel_resists_turning_as_a_gyroscope() {
+    let mut robot = body(2.0, [0.02, 0.03, 0.04]);
+    robot.end_effectors.push(EndEffector {
+        name: "wheel".into(),
+        link: 0,
+        center_in_link_m: Vector3::new(0.1, 0.0, -0.1),
+        radius_m: 0.05,
+        friction_coefficient: 1.0,
+        contact: Contact::ActuatedWheel {
+            axis_in_link: Vector3::y(),
+            actuator: actuator(ARMATURE),
+        },
+    });
+    let spin_inertia = 1e-3;
+    let tree = Tree::new(&robot).with_spinning_wheels(|_| spin_inertia).with_armature();
+    let (spin, yaw_rate) = (100.0, 2.0);
+    let mut top = Kinematics::new(&tree, &at(&[]));
+    top.update(&tree, &at(&[]), &[0.0, 0.0, 0.0, 0.0, 0.0, yaw_rate, spin]);
+    let mut torque = [0.0; 7];
+    top.inverse_dynamics(&tree, &Vector3::zeros(), &mut torque);
+    // Ω × (J s a) with Ω along z and a along y: −J s Ω about x. The body's own axes are principal axes.
+    let expected = [0.0, 0.0, 0.0, -spin_inertia * spin * yaw_rate, 0.0, 0.0, 0.0];
+    for k in 0..7 {
+        assert!((torque[k] - expected[k]).abs() < 1e-15, "{k}: {}", torque[k]); // rounding
+    }
+    // Spinning up takes the rotor along, and pushes the body the other way by the wheel alone.
+    top.accelerate(&tree, &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 10.0]);
+    top.inverse_dynamics(&tree, &Vector3::zeros(), &mut torque);
+    assert!((torque[6] - 10.0 * (spin_inertia + ARMATURE)).abs() < 1e-15); // rounding
+    assert!((torque[4] - 10.0 * spin_inertia).abs() < 1e-15); // rounding
+}

@@ -1,0 +1,10 @@
+//! Checks of kinematics and dynamics: closed forms, finite differences, a second algorithm, MuJoCo.
+
+mod closed_forms;
+mod contacts;
+mod dynamics;
+mod euler;
+mod jacobians;
+mod mjcf;
+mod mujoco;
+mod robots;

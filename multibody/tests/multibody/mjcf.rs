@@ -1,0 +1,101 @@
+//! Robots as MuJoCo models.
+//!
+//! A spinning wheel becomes a body of its own with a hinge. Its mass and inertia are split off its link, so
+//! that link and wheel together are the link of the robot file.
+
+use crate::robots::wheel_mass_kg;
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::{Tree, Wheel};
+use rollwalk_robot::Robot;
+use std::fmt::Write;
+
+/// The MuJoCo model of a robot with spinning wheels, thin discs, and armature.
+pub fn model(tree: &Tree) -> String {
+    let mut out = format!(
+        "<mujoco model=\"{}\">\n<compiler angle=\"radian\" autolimits=\"false\"/>\n<worldbody>\n\
+         <body name=\"{}\">\n<freejoint/>\n",
+        tree.robot().name,
+        tree.robot().links[0].name
+    );
+    link(tree, 0, &mut out);
+    out += "</worldbody>\n</mujoco>\n";
+    out
+}
+
+/// Inertial properties, wheels and children of a link, up to the end of its body.
+fn link(tree: &Tree, index: usize, out: &mut String) {
+    let robot = tree.robot();
+    let body = &robot.links[index];
+    let wheels: Vec<&Wheel> = tree.wheels().iter().filter(|wheel| wheel.link == index).collect();
+    let center = |wheel: &Wheel| robot.end_effectors[wheel.end_effector].center_in_link_m;
+
+    let mut mass_kg = body.mass_kg;
+    let mut moment = body.com_in_link_m * body.mass_kg;
+    for wheel in &wheels {
+        let wheel_kg = mass_of(robot, wheel);
+        mass_kg -= wheel_kg;
+        moment -= center(wheel) * wheel_kg;
+    }
+    let com = moment / mass_kg;
+    let mut inertia =
+        body.inertia_in_link_kg_m2 + offset(&(body.com_in_link_m - com), body.mass_kg);
+    for wheel in &wheels {
+        inertia -= disc(robot, wheel) + offset(&(center(wheel) - com), mass_of(robot, wheel));
+    }
+    inertial(mass_kg, &com, &inertia, out);
+    for wheel in wheels {
+        let ee = &robot.end_effectors[wheel.end_effector];
+        let (name, axis) = (&ee.name, wheel.axis_in_link);
+        let armature = wheel.armature_kg_m2;
+        writeln!(out, "<body name=\"wheel:{name}\" pos=\"{}\">", numbers(ee.center_in_link_m))
+            .unwrap();
+        hinge(&format!("wheel:{name}"), &axis, armature, out);
+        inertial(mass_of(robot, wheel), &Vector3::zeros(), &disc(robot, wheel), out);
+        *out += "</body>\n";
+    }
+    for joint in robot.joints.iter().filter(|joint| joint.parent == index) {
+        let pose = &joint.parent_from_joint;
+        let q = pose.rotation.quaternion();
+        let position = numbers(pose.translation.vector);
+        let name = &robot.links[joint.child].name;
+        let quaternion = format!("{:?} {:?} {:?} {:?}", q.w, q.i, q.j, q.k);
+        writeln!(out, "<body name=\"{name}\" pos=\"{position}\" quat=\"{quaternion}\">").unwrap();
+        hinge(&joint.name, &joint.axis_in_joint, joint.actuator.armature_kg_m2, out);
+        link(tree, joint.child, out);
+    }
+    *out += "</body>\n";
+}
+
+fn hinge(name: &str, axis: &Vector3<f64>, armature_kg_m2: f64, out: &mut String) {
+    let axis = numbers(*axis);
+    writeln!(out, "<joint name=\"{name}\" axis=\"{axis}\" armature=\"{armature_kg_m2:?}\"/>")
+        .unwrap();
+}
+
+fn inertial(mass_kg: f64, com: &Vector3<f64>, inertia: &Matrix3<f64>, out: &mut String) {
+    let i = |row: usize, column: usize| inertia[(row, column)];
+    let full = [i(0, 0), i(1, 1), i(2, 2), i(0, 1), i(0, 2), i(1, 2)].map(|x| format!("{x:?}"));
+    let (com, full) = (numbers(*com), full.join(" "));
+    writeln!(out, "<inertial pos=\"{com}\" mass=\"{mass_kg:?}\" fullinertia=\"{full}\"/>").unwrap();
+}
+
+fn mass_of(robot: &Robot, wheel: &Wheel) -> f64 {
+    wheel_mass_kg(robot, &robot.end_effectors[wheel.end_effector])
+}
+
+/// Inertia of a thin disc about its centre: half as much across its axis as about it.
+fn disc(robot: &Robot, wheel: &Wheel) -> Matrix3<f64> {
+    let ee = &robot.end_effectors[wheel.end_effector];
+    let about = 0.5 * mass_of(robot, wheel) * ee.radius_m.powi(2);
+    let axis = wheel.axis_in_link;
+    (Matrix3::identity() + axis * axis.transpose()) * (0.5 * about)
+}
+
+/// Inertia of a point mass at a distance.
+fn offset(d: &Vector3<f64>, mass_kg: f64) -> Matrix3<f64> {
+    (Matrix3::from_diagonal_element(d.norm_squared()) - d * d.transpose()) * mass_kg
+}
+
+fn numbers(v: Vector3<f64>) -> String {
+    format!("{:?} {:?} {:?}", v.x, v.y, v.z)
+}
