@@ -4,13 +4,14 @@ use crate::clock::SimTime;
 use crate::load::joint_loads;
 use crate::plant::Plant;
 use crate::servo::Servo;
+use rollwalk_multibody::Tree;
 use rollwalk_protocol::can::Frame;
 use rollwalk_robot::{Channel, Robot};
 
 /// The motors of a robot whose body is held level and still.
 #[derive(Clone, Debug)]
 pub struct Body {
-    robot: Robot,
+    tree: Tree,
     /// In channel order: joints, then driven wheels.
     servos: Vec<Servo>,
     addresses: Vec<(u8, u8)>,
@@ -31,7 +32,7 @@ impl Body {
         });
         let servos = servos.collect();
         let addresses = robot.channels().map(|c| (c.actuator().bus, c.actuator().id)).collect();
-        let mut body = Self { robot: robot.clone(), servos, addresses };
+        let mut body = Self { tree: Tree::new(robot), servos, addresses };
         body.update_loads();
         body
     }
@@ -48,7 +49,7 @@ impl Body {
 
     /// What each channel measures truly: rad of a joint, rad/s of a wheel.
     pub fn values(&self) -> Vec<f32> {
-        let joints = self.robot.joints.len();
+        let joints = self.tree.robot().joints.len();
         let value = |(channel, servo): (usize, &Servo)| {
             let Plant { position_rad, speed_rad_s, .. } = servo.plant;
             (if channel < joints { position_rad } else { speed_rad_s }) as f32
@@ -58,11 +59,11 @@ impl Body {
 
     /// Recomputes inertia and weight on every joint from the present pose.
     pub fn update_loads(&mut self) {
-        let joints: Vec<f64> = self.servos[..self.robot.joints.len()]
+        let joints: Vec<f64> = self.servos[..self.tree.robot().joints.len()]
             .iter()
             .map(|servo| servo.plant.position_rad)
             .collect();
-        for (servo, load) in self.servos.iter_mut().zip(joint_loads(&self.robot, &joints)) {
+        for (servo, load) in self.servos.iter_mut().zip(joint_loads(&self.tree, &joints)) {
             servo.plant.load_inertia_kg_m2 = load.inertia_kg_m2;
             servo.plant.load_torque_nm = load.gravity_nm;
         }

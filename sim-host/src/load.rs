@@ -1,18 +1,10 @@
 //! What hangs on each joint while the body is held level and still: inertia and weight.
 //!
-//! For joint j with axis a through point p (body axes, which are the world's here), over all links
-//! that j carries:
-//!
-//! ```text
-//!   I_j   = sum  a·(R I R^T) a + m |a × (c - p)|²
-//!   tau_j = sum  a·((c - p) × m g)
-//! ```
-//!
-//! This is the diagonal of the mass matrix and the gravity term at the pose. Coupling between joints,
-//! Coriolis terms and the ground are not in it.
+//! The diagonal of the mass matrix and the generalised forces of the weight at the pose. Coupling between
+//! joints, Coriolis terms and the ground are not in it.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use rollwalk_robot::Robot;
+use nalgebra::{Matrix3, Matrix3xX, Vector3};
+use rollwalk_multibody::{CompositeInertia, Configuration, Frames, JOINTS, Tree};
 
 /// Standard gravity, m/s².
 const GRAVITY_M_S2: f64 = 9.80665;
@@ -26,45 +18,32 @@ pub struct JointLoad {
     pub gravity_nm: f64,
 }
 
-/// The load of every joint at the pose `joint_rad`, in joint order.
-pub fn joint_loads(robot: &Robot, joint_rad: &[f64]) -> Vec<JointLoad> {
-    // A joint's parent is the root or the child of an earlier joint, so one pass places everything.
-    let mut body_from_link = vec![Isometry3::identity(); robot.links.len()];
-    let mut axes = Vec::with_capacity(robot.joints.len());
-    let mut carrier = vec![None; robot.links.len()];
-    for (index, (joint, &angle)) in robot.joints.iter().zip(joint_rad).enumerate() {
-        let body_from_joint = body_from_link[joint.parent] * joint.parent_from_joint;
-        let turn = UnitQuaternion::from_scaled_axis(joint.axis_in_joint * angle);
-        body_from_link[joint.child] =
-            body_from_joint * Isometry3::from_parts(Translation3::identity(), turn);
-        axes.push((body_from_joint * joint.axis_in_joint, body_from_joint.translation.vector));
-        carrier[joint.child] = Some(index);
-    }
-
-    let mut loads = vec![JointLoad::default(); robot.joints.len()];
-    for (index, (link, pose)) in robot.links.iter().zip(&body_from_link).enumerate() {
-        let rotation = pose.rotation.to_rotation_matrix();
-        let com = pose.rotation * link.com_in_link_m + pose.translation.vector;
-        let inertia = rotation * link.inertia_in_link_kg_m2 * rotation.transpose();
-        let weight_n = Vector3::new(0.0, 0.0, -GRAVITY_M_S2 * link.mass_kg);
-        let mut joint = carrier[index];
-        while let Some(j) = joint {
-            let (axis, point) = axes[j];
-            let arm = com - point;
-            loads[j].inertia_kg_m2 +=
-                axis.dot(&(inertia * axis)) + link.mass_kg * axis.cross(&arm).norm_squared();
-            loads[j].gravity_nm += axis.dot(&arm.cross(&weight_n));
-            joint = carrier[robot.joints[j].parent];
-        }
-    }
-    loads
+/// The load of every joint at the pose `joint_rad`, in joint order. Rotors are no part of it: the tree has
+/// no armature.
+pub fn joint_loads(tree: &Tree, joint_rad: &[f64]) -> Vec<JointLoad> {
+    let at = Configuration {
+        base_position_m: Vector3::zeros(),
+        world_from_body: Matrix3::identity(),
+        joint_rad,
+    };
+    let frames = Frames::new(tree, &at);
+    let composite = CompositeInertia::new(tree, &frames);
+    let mut com_jacobian = Matrix3xX::zeros(tree.dofs());
+    frames.com_jacobian(tree, &mut com_jacobian);
+    let weight_n = -GRAVITY_M_S2 * tree.total_mass_kg();
+    (0..joint_rad.len())
+        .map(|joint| JointLoad {
+            inertia_kg_m2: composite.joint_inertia(tree, &frames, joint),
+            gravity_nm: weight_n * com_jacobian[(2, JOINTS + joint)],
+        })
+        .collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Matrix3;
-    use rollwalk_robot::{Actuator, Joint, Link};
+    use nalgebra::{Isometry3, UnitQuaternion};
+    use rollwalk_robot::{Actuator, Joint, Link, Robot};
 
     fn link(name: &str, mass_kg: f64, com: [f64; 3], inertia: [f64; 3]) -> Link {
         Link {
@@ -153,7 +132,7 @@ mod tests {
     fn agrees_with_the_energies_of_point_masses() {
         let robot = robot();
         for q in [[0.0, 0.0, 0.0], [0.4, -1.1, 0.7], [-1.3, 2.0, -0.5]] {
-            let loads = joint_loads(&robot, &q);
+            let loads = joint_loads(&Tree::new(&robot), &q);
             for j in 0..3 {
                 let step = 1e-5;
                 let (mut up, mut down) = (q, q);
