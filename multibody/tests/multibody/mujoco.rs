@@ -27,6 +27,7 @@ fn agrees_with_mujoco() {
     let output = compare(&files);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     println!("{}", String::from_utf8_lossy(&output.stdout));
+    files.iter().for_each(|file| fs::remove_file(file).unwrap());
 }
 
 #[test]

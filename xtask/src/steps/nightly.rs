@@ -1,7 +1,7 @@
 //! The steps of `cargo xtask nightly`: the long forms of what `cargo xtask test` samples.
 
 use super::{Extent, Step};
-use crate::{board, fuzz, miri, shell, vcan};
+use crate::{board, fuzz, miri, mujoco, shell, vcan};
 use clap::ValueEnum;
 
 /// Random seeds of the fault campaign.
@@ -18,6 +18,8 @@ pub enum NightlyStep {
     Sizes,
     /// Tests of protocol and firmware in Miri.
     Miri,
+    /// Kinematics and dynamics against MuJoCo on 1,000 states of every robot.
+    Multibody,
     /// Every fuzz target for ten minutes.
     Fuzz,
     /// A thousand random faults and combinations of them.
@@ -34,6 +36,7 @@ impl Step for NightlyStep {
             Self::BoardUart => "the whole demo on the emulated board over its UART",
             Self::Sizes => "sizes and instructions of the emulated board's image",
             Self::Miri => "tests of protocol and firmware in Miri",
+            Self::Multibody => "kinematics and dynamics against MuJoCo, 1,000 states a robot",
             Self::Fuzz => "fuzz targets, ten minutes each",
             Self::FaultCampaign => "fault campaign with 1,000 seeds",
         }
@@ -45,6 +48,7 @@ impl Step for NightlyStep {
             Self::BoardUart => board::demo_over_uart(),
             Self::Sizes => board::sizes(false),
             Self::Miri => miri::check(Extent::Full),
+            Self::Multibody => mujoco::check(Extent::Full),
             Self::Fuzz => fuzz::check(Extent::Full),
             Self::FaultCampaign => {
                 let out = shell::target_folder().join("fault-campaign");

@@ -2,7 +2,8 @@
 
 use super::{Extent, Step};
 use crate::{
-    bare_metal, board, cantools, debian, fuzz, miri, shell, tidy, toolchain, vcan, workspace,
+    bare_metal, board, cantools, debian, fuzz, miri, mujoco, shell, tidy, toolchain, vcan,
+    workspace,
 };
 use clap::ValueEnum;
 
@@ -31,6 +32,8 @@ pub enum TestStep {
     Miri,
     /// DBC files as cantools reads them.
     Dbc,
+    /// Kinematics and dynamics of every robot against MuJoCo.
+    Multibody,
     /// All tests of all crates.
     Test,
 }
@@ -52,6 +55,7 @@ impl Step for TestStep {
             Self::Fuzz => "fuzz targets, a few seconds each",
             Self::Miri => "golden bytes in Miri, big-endian",
             Self::Dbc => "DBC files as cantools reads them",
+            Self::Multibody => "kinematics and dynamics against MuJoCo",
             Self::Test => "all tests",
         }
     }
@@ -72,6 +76,7 @@ impl Step for TestStep {
             Self::Fuzz => fuzz::check(Extent::Short),
             Self::Miri => miri::check(Extent::Short),
             Self::Dbc => cantools::check(),
+            Self::Multibody => mujoco::check(Extent::Short),
             Self::Test => {
                 need_python()?;
                 shell::run(&mut workspace::cargo(&["test", "--no-fail-fast"]))

@@ -1,0 +1,23 @@
+//! Kinematics and dynamics of every robot file against MuJoCo, which is installed below the target folder.
+
+use crate::steps::Extent;
+use crate::{python, shell, workspace};
+
+/// Works with Python 3.10 and later.
+const MUJOCO: &str = "mujoco==4.0.0";
+
+/// Compares `rollwalk-multibody` with MuJoCo on random states of each robot: 50, or 1,000.
+///
+/// # Errors
+/// The differences, or the command that installs what is missing.
+pub fn check(extent: Extent) -> Result<(), String> {
+    let states = match extent {
+        Extent::Short => "50",
+        Extent::Full => "1000",
+    };
+    let programs = workspace::programs()?;
+    let tests = workspace::find(&programs, "multibody", "multibody", true)?;
+    let path = python::path("mujoco", MUJOCO, "mujoco, numpy")?;
+    let mut command = tests.command(&["--ignored", "--nocapture"]);
+    shell::run(command.env("PYTHONPATH", path).env("MULTIBODY_STATES", states))
+}
