@@ -12,7 +12,6 @@ pub mod families;
 mod formulation;
 pub mod library;
 pub mod library_file;
-mod model;
 pub mod motion;
 pub mod plan;
 mod planning;

@@ -10,10 +10,10 @@ mod weights;
 
 pub use weights::Weights;
 
-use crate::model::Model;
 use crate::motion::{Ends, Goal, HeightLimit, Moment, Motion, Target, swing};
 use crate::plan::Placement;
 use nalgebra::DVector;
+use rollwalk_multibody::euler::Model;
 use state::State;
 use variables::{Layout, Lift, TimelineSample, force_scale_n};
 use weights::WEIGHT_INTERVAL_S;

@@ -19,12 +19,13 @@ mod tests;
 
 pub use resample::resample;
 
-use crate::model::{BASE_POSITION, BASE_YAW, EndEffectorPose, JOINTS, Model, rotation};
 use crate::motion::Ends;
 use crate::plan::{EndEffectorSample, Placement, Plan, Sample};
 use crate::problem::state::{ContactFrame, tilt_and_yaw};
 use curves::Curves;
 use nalgebra::{Complex, DVector, UnitQuaternion, Vector3};
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, EndEffectorPose, JOINTS, Model};
+use rollwalk_multibody::rotation;
 use rollwalk_robot::{EndEffector, Robot};
 use spline::Spline;
 

@@ -19,12 +19,12 @@ pub(crate) use neighbour::neighbour;
 pub use warm::WarmStart;
 pub(crate) use warm::warm;
 
-use crate::model::JOINTS;
 use crate::motion::Motion;
 use crate::plan::{StartKind, Started};
 use crate::problem::state::rolling_direction;
 use crate::problem::{Problem, Unknowns};
 use fastrand::Rng;
+use rollwalk_multibody::euler::JOINTS;
 use rollwalk_robot::Robot;
 use std::f64::consts::TAU;
 

@@ -5,12 +5,12 @@
 //! Forces and wheel speeds are those that make every residual of the discrete equations vanish.
 
 use crate::families::{Family, Formulation};
-use crate::model::{BASE_POSITION, JOINTS, Model};
 use crate::motion::{Ends, Goal, Motion};
 use crate::plan::{
     EndEffectorSample, FORMAT, Placement, Plan, Sample, SolveSummary, Status, VERSION,
 };
 use nalgebra::{DVector, Isometry3, Matrix3, Vector3};
+use rollwalk_multibody::euler::{BASE_POSITION, JOINTS, Model};
 use rollwalk_robot::{Actuator, Contact, EndEffector, Joint, Link, Robot};
 use std::f64::consts::TAU;
 

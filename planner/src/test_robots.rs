@@ -1,11 +1,11 @@
 //! Robots and random points for tests.
 
-use crate::model::Model;
 use crate::motion::{Ends, Goal, HeightLimit, Motion, Subject, Target};
 use crate::plan::Placement;
 use crate::problem::Unknowns;
 use crate::problem::variables::Layout;
-use nalgebra::{DVector, Vector3};
+use nalgebra::Vector3;
+use rollwalk_multibody::euler::Model;
 use rollwalk_robot::{Actuator, Contact, EndEffector, Robot, RollingDrag, TorqueSpeedLine};
 
 /// The shipped robots (driven wheels, free wheels, feet) and what they could be turned into: AgileBot on
@@ -114,12 +114,6 @@ pub fn uniform(seed: u64) -> impl FnMut() -> f64 {
             state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
-}
-
-/// A random configuration near the nominal one.
-pub fn random_q(model: &Model, seed: u64) -> DVector<f64> {
-    let mut random = uniform(seed);
-    model.nominal_q().map(|q| q + 0.4 * random())
 }
 
 /// Random slots and placement: consecutive slots differ by turns well below half a revolution.

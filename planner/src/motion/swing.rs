@@ -170,7 +170,7 @@ mod tests {
             motion.stance = swings.map(|swing| vec![swing == 0, true, true, true]).to_vec();
             let h = motion.interval_s();
             let problem = |motion: &Motion| {
-                let model = crate::model::Model::new(robot);
+                let model = rollwalk_multibody::euler::Model::new(robot);
                 crate::problem::Problem::new(model, motion, Default::default()).height_m
             };
             let plain = problem(&motion);

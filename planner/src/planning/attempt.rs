@@ -3,12 +3,12 @@
 use super::probed_solve::{solve, solve_selected};
 use super::{Options, Solution, coarse};
 use crate::formulation::Selection;
-use crate::model::Model;
 use crate::motion::Motion;
 use crate::plan::{StartKind, Started, Status};
 use crate::problem::{Problem, Unknowns};
 use crate::solve::{Begin, Progress, Settings};
 use crate::start::{self, Start, WarmStart};
+use rollwalk_multibody::euler::Model;
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 

@@ -5,12 +5,12 @@
 
 use super::probed_solve::solve;
 use super::{Options, Solution};
-use crate::model::Model;
 use crate::motion::{Ends, Motion};
 use crate::plan::{Plan, StartKind, Started};
 use crate::problem::Problem;
 use crate::solve::{Begin, Multipliers, Progress};
 use crate::start;
+use rollwalk_multibody::euler::Model;
 use rollwalk_robot::Robot;
 use std::mem::discriminant;
 use std::ops::ControlFlow;

@@ -6,7 +6,6 @@
 
 use super::Options;
 use super::probed_solve::solve;
-use crate::model::Model;
 use crate::motion::Motion;
 use crate::plan::{Placement, Plan, StartKind, Started};
 use crate::problem::variables::{Layout, Lift};
@@ -15,6 +14,7 @@ use crate::sample::PlanSpline;
 use crate::solve::{Begin, Progress};
 use crate::start::{self, guess};
 use nalgebra::DVector;
+use rollwalk_multibody::euler::Model;
 use std::ops::ControlFlow;
 use thiserror::Error;
 

@@ -2,13 +2,13 @@
 
 use crate::families::Formulation;
 use crate::formulation::terms::motor_speed_rad_s;
-use crate::model::{BASE_POSITION, BASE_YAW, JOINTS};
 use crate::motion::Motion;
 use crate::plan::{EndEffectorSample, FORMAT, Plan, Sample, SolveSummary, VERSION};
 use crate::problem::state::State;
 use crate::problem::variables::WheelVars;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::{Rotation3, UnitQuaternion};
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
 
 /// Writes a solution down as a plan.
 pub(super) fn write_plan(

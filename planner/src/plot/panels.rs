@@ -3,10 +3,10 @@
 
 use super::axes::Series;
 pub(super) use super::axes::{Content, Panel};
-use crate::model::JOINTS;
 use crate::motion::{Ends, Subject};
 use crate::plan::{EndEffectorSample, Plan, Sample};
 use crate::sample::{PlanSpline, Setpoints, driven_wheels};
+use rollwalk_multibody::euler::JOINTS;
 
 /// Points of every line.
 const POINTS: usize = 240;

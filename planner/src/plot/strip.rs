@@ -3,11 +3,11 @@
 
 use super::camera::Camera;
 use super::{FAINT, INK, MARGIN, px};
-use crate::model::{BASE_POSITION, BASE_YAW, JOINTS, Model, Pose};
 use crate::plan::{Plan, Sample};
 use crate::problem::state::ContactFrame;
 use crate::sample::PlanSpline;
 use nalgebra::{DVector, Rotation3, Unit, Vector3};
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model, Pose};
 use svg::Document;
 use svg::node::element::{Circle, Ellipse, Group, Line, Path, Text};
 

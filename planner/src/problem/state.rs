@@ -1,8 +1,8 @@
 //! One sample of the timeline, evaluated: variables, forward kinematics and wheel frames.
 
-use crate::model::{Model, Pose};
 use crate::problem::variables::Layout;
 use nalgebra::{DVector, Vector3};
+use rollwalk_multibody::euler::{Model, Pose};
 
 /// A sample with everything that terms need of it.
 #[derive(Clone, Debug)]

@@ -17,9 +17,10 @@
 //! | prescribed | frozen slot | frozen slot, placed by (D, ψ) like the last sample |
 
 use crate::families::GRAVITY_M_S2;
-use crate::model::{BASE_POSITION, BASE_YAW, JOINTS, Model, rotation};
 use crate::plan::{Placement, Sample};
 use nalgebra::{DVector, Vector3};
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model};
+use rollwalk_multibody::rotation;
 
 /// Where the variables of one end effector stand in a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,10 +1,11 @@
 //! A plan with the state before and after it, and the kinematics of every state: what residuals see.
 
-use crate::model::{BASE_POSITION, BASE_YAW, JOINTS, Model, Pose, rotation};
 use crate::motion::Ends;
 use crate::plan::{Plan, Sample};
 use crate::problem::state::ContactFrame;
 use nalgebra::{DVector, Vector3};
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model, Pose};
+use rollwalk_multibody::rotation;
 
 /// One state of a timeline.
 pub struct State<'a> {

@@ -7,7 +7,7 @@ use super::Grid;
 use super::grid::{State, Timeline};
 use super::rows::{Worst, feet};
 use crate::families::{Family, GRAVITY_M_S2};
-use crate::model::JOINTS;
+use rollwalk_multibody::euler::JOINTS;
 use rollwalk_robot::Actuator;
 
 /// Torques of joints and driven wheels at the samples, torque-speed lines on the intervals.

@@ -187,10 +187,10 @@ mod tests {
     use super::super::normal::row_energy;
     use super::*;
     use crate::formulation::TERMS;
-    use crate::model::Model;
     use crate::motion::Ends;
     use crate::problem::{Problem, Weights};
     use crate::test_robots;
+    use rollwalk_multibody::euler::Model;
 
     #[test]
     fn every_constraint_has_a_penalty_and_decides_whether_a_plan_holds() {

@@ -79,11 +79,11 @@ fn squares(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::Model;
     use crate::motion::Ends;
     use crate::problem::{Problem, Weights};
     use crate::start::guess;
     use crate::test_robots;
+    use rollwalk_multibody::euler::Model;
 
     #[test]
     fn a_bent_step_stays_nearer_to_curved_constraints() {

@@ -1,11 +1,11 @@
 //! Starting points: standing, carried along the way to the goal.
 
-use crate::model::{BASE_POSITION, BASE_YAW, Model};
 use crate::plan::Placement;
 use crate::problem::state::tilt_and_yaw;
 use crate::problem::variables::Layout;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::{DVector, Vector3};
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, Model};
 
 /// Sets the variables that follow from `q` by forward kinematics: contact points, wheel angles.
 /// Yaws stay near those already in `vars`.

@@ -1,11 +1,11 @@
 //! The start of a transition: a cubic between the two motions that it joins.
 
 use super::guess;
-use crate::model::{BASE_POSITION, BASE_YAW};
 use crate::plan::Placement;
 use crate::problem::variables::Lift;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::DVector;
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW};
 
 /// The start of a transition: a cubic between the ends that leaves and arrives with their velocities.
 pub fn joined(problem: &Problem, fixed: [DVector<f64>; 4]) -> Unknowns {

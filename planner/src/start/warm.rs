@@ -15,11 +15,11 @@
 use super::guess;
 use crate::families::{Family, FamilySet};
 use crate::formulation::Selection;
-use crate::model::JOINTS;
 use crate::motion::Goal;
 use crate::problem::variables::EndEffectorVars;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::Vector3;
+use rollwalk_multibody::euler::JOINTS;
 
 /// How the warm start goes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

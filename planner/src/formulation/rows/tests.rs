@@ -1,10 +1,10 @@
 //! Columns and the way of derivatives into them.
 
 use super::*;
-use crate::model::{BASE_POSITION, BASE_YAW, JOINTS, Model};
 use crate::motion::Ends;
 use crate::problem::Weights;
 use crate::test_robots::{self, random_unknowns};
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model};
 
 fn problem(ends: Ends) -> Problem {
     let robot = &test_robots::all()[0];

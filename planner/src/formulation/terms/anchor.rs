@@ -4,7 +4,7 @@
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use crate::model::{BASE_POSITION, BASE_YAW};
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW};
 
 /// See the module.
 pub struct Anchor;

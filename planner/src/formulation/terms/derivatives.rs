@@ -4,10 +4,10 @@
 use crate::families::Family;
 use crate::formulation::rows::Rows;
 use crate::formulation::{System, TERMS};
-use crate::model::Model;
 use crate::motion::Ends;
 use crate::problem::{Problem, Unknowns, Weights};
 use crate::test_robots::{self, random_unknowns};
+use rollwalk_multibody::euler::Model;
 use rollwalk_robot::Robot;
 
 /// Central differences of this step in scaled variables: truncation about step², rounding about

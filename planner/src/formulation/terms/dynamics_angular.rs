@@ -9,9 +9,10 @@
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use crate::model::{BASE_YAW, rotation};
 use crate::problem::state::State;
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::euler::BASE_YAW;
+use rollwalk_multibody::rotation;
 
 /// See the module.
 pub struct DynamicsAngular;

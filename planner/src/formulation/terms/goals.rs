@@ -7,7 +7,7 @@
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use crate::model::BASE_YAW;
+use rollwalk_multibody::euler::BASE_YAW;
 
 /// Displacement along and to the left of the starting heading, which the anchor makes world x and y.
 pub struct Displacement;

@@ -4,8 +4,8 @@
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use crate::model::BASE_POSITION;
 use crate::motion::Subject;
+use rollwalk_multibody::euler::BASE_POSITION;
 
 /// See the module.
 pub struct HeightBound;

@@ -14,8 +14,8 @@
 use crate::families::{Family, GRAVITY_M_S2};
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use crate::model::{BASE_POSITION, BASE_YAW, JOINTS};
 use nalgebra::Vector3;
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
 
 /// See the module.
 pub struct JointTorque;
@@ -131,11 +131,11 @@ impl Term for JointTorque {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::Model;
     use crate::motion::Ends;
     use crate::problem::{Problem, Weights};
     use crate::start::guess;
     use crate::{test_plans, test_robots};
+    use rollwalk_multibody::euler::Model;
 
     /// Torque of the front left hip of the box of [`test_plans`] for a leg angle and a ground force.
     fn hip_torque_nm(leg_rad: f64, force_n: Vector3<f64>) -> f64 {

@@ -3,7 +3,7 @@
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use crate::model::{BASE_POSITION, BASE_YAW, JOINTS};
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
 
 /// Ground forces near an even share of the weight among the feet in stance, in units of Mg/n. Decides
 /// whether a plan survives soft servos.
@@ -115,12 +115,12 @@ impl Term for WheelSmoothness {
 mod tests {
     use crate::formulation::System;
     use crate::formulation::rows::{Role, Rows};
-    use crate::model::{JOINTS, Model};
     use crate::motion::{Ends, Motion};
     use crate::problem::{Problem, Weights};
     use crate::solve::normal::row_energy;
     use crate::start::guess;
     use crate::test_robots;
+    use rollwalk_multibody::euler::{JOINTS, Model};
 
     /// Cost of the same smooth motion, sampled at a number of points.
     fn cost(samples: usize) -> f64 {

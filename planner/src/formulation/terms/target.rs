@@ -7,9 +7,9 @@
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use crate::model::{BASE_POSITION, BASE_YAW};
 use crate::motion::Subject;
 use crate::problem::PlacedTarget;
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW};
 
 /// Positions at chosen times.
 pub struct TargetPosition;

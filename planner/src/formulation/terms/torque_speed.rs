@@ -11,7 +11,7 @@ use super::wheel_torque;
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use crate::model::JOINTS;
+use rollwalk_multibody::euler::JOINTS;
 
 /// See the module.
 pub struct TorqueSpeed;

@@ -36,12 +36,12 @@ mod tests {
     use crate::families::Family;
     use crate::formulation::System;
     use crate::formulation::rows::Rows;
-    use crate::model::{BASE_YAW, Model};
     use crate::motion::Ends;
     use crate::plan::Placement;
     use crate::problem::{Problem, Unknowns, Weights};
     use crate::test_robots;
     use nalgebra::{Rotation3, Vector3};
+    use rollwalk_multibody::euler::{BASE_YAW, Model};
 
     const H_S: f64 = 1e-3;
 

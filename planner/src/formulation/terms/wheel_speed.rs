@@ -9,11 +9,11 @@ use super::joint_speed::BAND_FRACTION;
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use crate::model::rotation;
 use crate::problem::Problem;
 use crate::problem::state::{ContactFrame, State, d_yaw};
 use crate::problem::variables::WheelVars;
 use nalgebra::Vector3;
+use rollwalk_multibody::rotation;
 
 /// See the module.
 pub struct WheelSpeed;

@@ -1,11 +1,11 @@
 //! Whole solves of small problems.
 
 use super::*;
-use crate::model::Model;
 use crate::motion::{Ends, Goal, Motion};
 use crate::problem::Weights;
 use crate::start::guess;
 use crate::test_robots;
+use rollwalk_multibody::euler::Model;
 
 /// AgileBot rolls 0.1 m from rest to rest. The penalty is far too low to meet constraints alone.
 fn solved(settings: &Settings) -> (Outcome, Vec<f64>) {
