@@ -149,7 +149,7 @@ fn a_wrong_plan_names_the_field() {
     let good = desk.read_text("plan.json");
     let cases = [
         (good.replacen("rollwalk-plan", "somebody-else", 1), &["format", "rollwalk-plan"][..]),
-        (good.replacen("\"version\": 2", "\"version\": 7", 1), &["version", "7"]),
+        (good.replacen("\"version\": 3", "\"version\": 7", 1), &["version", "7"]),
         (good.replacen("\"com_m\"", "\"com\"", 1), &["samples[0]", "com_m"]),
         (good[..good.len() / 2].to_owned(), &["plan.json"]),
         ("samples: none".to_owned(), &["plan.json:1:1: this is not JSON"]),
