@@ -1,11 +1,11 @@
-//! The two ends of a serial line or socket: reading that waits a little, and writing that does not wait.
+//! Serial lines and sockets: reads with a short timeout, and writes that never block the caller.
 //!
-//! A device that takes no bytes, such as an adapter whose CAN bus is dead, blocks whoever writes to it for as long
-//! as it likes. So a thread does: what it has not written yet is a few lines, and when it gets nowhere the line is
-//! down. A program that reads keys, sends heartbeats or ticks a controller goes on meanwhile.
+//! A device that accepts no bytes, such as an adapter whose CAN bus is dead, blocks the thread that writes to it for
+//! an unlimited time. So a thread of its own writes, from a queue of a few lines, and the line counts as down when
+//! that thread makes no progress. The program goes on reading keys, sending heartbeats or ticking a controller.
 //!
-//! A line counts as written when the kernel has taken it. What waits in the kernel's buffer comes on top, is out of
-//! reach and may be late: commands carry the time until which they are valid.
+//! A line counts as written when the kernel has accepted it. The kernel's buffer comes on top, cannot be recalled
+//! and may be late: commands carry the time until which they are valid.
 
 use crate::link::LinkError;
 use rollwalk_protocol::wire::HOST_TIMEOUT_MS;
@@ -16,37 +16,37 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Lines that are not written yet at most: what waits here cannot be replaced by something newer.
+/// Capacity of the queue, in lines. Small, because a queued line cannot be superseded by a newer one.
 const WAITING: usize = 4;
-/// A line that takes nothing for so long is down: by then a robot behind it has lost its host anyway.
+/// Time without progress after which a line is down: by then a robot behind it has timed out its host anyway.
 const DEAD: Duration = Duration::from_millis(HOST_TIMEOUT_MS as u64);
-/// Longest wait at the end for what is not written yet.
+/// Longest wait for queued lines when the writer is dropped.
 const LAST_WORDS: Duration = Duration::from_millis(100);
 
 /// Writes lines, whole and in their order.
 pub(crate) struct LineWriter {
     name: String,
-    /// `None` when it ends.
+    /// `None` once the writer ends.
     lines: Option<Sender<Vec<u8>>>,
     shared: Arc<Shared>,
-    /// Never says anything; hangs up when all is written.
+    /// Carries no message; disconnects when everything is written.
     done: Receiver<()>,
 }
 
-/// What a writer and its thread know of one another.
+/// State shared by a writer and its thread.
 struct Shared {
     /// Lines that are not written yet.
     waiting: AtomicUsize,
-    /// When the device took something last, or the first of what waits was put.
+    /// When the device last accepted bytes, or the oldest queued line was put.
     moved: Mutex<Instant>,
     failed: Mutex<Option<io::Error>>,
-    /// The writer was let go of: what the device does not take at once is not said any more.
+    /// The writer was dropped: bytes that the device does not accept at once are discarded.
     over: AtomicBool,
 }
 
 impl LineWriter {
-    /// Writes to a device. One that also returns when it takes nothing, after a while, is let go of soon after
-    /// the writer.
+    /// Writes to a device. If the device's `write` times out, the device is closed soon after the writer is
+    /// dropped.
     pub fn new(name: &str, mut writer: impl Write + Send + 'static) -> Self {
         let (lines, to_write) = channel::<Vec<u8>>();
         let (working, done) = channel::<()>();
@@ -65,7 +65,7 @@ impl LineWriter {
                 }
                 ours.waiting.fetch_sub(1, Ordering::Relaxed);
             }
-            // When this is done, somebody else can have the device.
+            // The device must be closed before the writer reports that it is done.
             drop(writer);
             drop(working);
         });
@@ -76,7 +76,7 @@ impl LineWriter {
         &self.name
     }
 
-    /// Whether it is worth to put another line: it would be taken, or answered with why none ever will be.
+    /// Whether [`Self::put`] would take a line or report that the line is down, instead of [`LinkError::Busy`].
     pub fn is_free(&self) -> bool {
         !matches!(self.ready(), Err(LinkError::Busy))
     }
@@ -96,11 +96,11 @@ impl LineWriter {
         if self.shared.waiting.fetch_add(1, Ordering::Relaxed) == 0 {
             self.shared.has_moved();
         }
-        // Nobody to take it has failed, and says so next time.
+        // A thread that has ended has stored its error, which the next call returns.
         let _ = self.lines.as_ref().map(|lines| lines.send(line.to_vec()));
     }
 
-    /// Whether a line would be taken now.
+    /// Checks whether a line would be taken now.
     ///
     /// # Errors
     /// As [`Self::put`].
@@ -120,11 +120,11 @@ impl LineWriter {
         )))
     }
 
-    /// Waits until all is written, but not for a line that is dead; then the device is let go of.
+    /// Waits until everything is written, unless the line is dead, and has the device closed.
     fn finish(&mut self, patience: Duration) {
         self.lines = None;
         if !self.shared.is_dead() {
-            // It hangs up soon, or never will.
+            // A disconnect or a timeout: the device is closed in both cases.
             let _: Result<(), RecvTimeoutError> = self.done.recv_timeout(patience);
         }
         self.shared.over.store(true, Ordering::Relaxed);
@@ -142,12 +142,12 @@ impl Shared {
         *lock(&self.moved) = Instant::now();
     }
 
-    /// Whether lines wait and the device has taken nothing for long.
+    /// Whether lines are queued and the device has accepted nothing for [`DEAD`].
     fn is_dead(&self) -> bool {
         self.waiting.load(Ordering::Relaxed) > 0 && lock(&self.moved).elapsed() >= DEAD
     }
 
-    /// Writes all, however often the device wants to be asked again, until the writer is let go of.
+    /// Writes all bytes, retrying after every timeout until the writer is dropped.
     fn write_all(&self, writer: &mut impl Write, mut bytes: &[u8]) -> io::Result<()> {
         while !bytes.is_empty() {
             match writer.write(bytes) {
@@ -172,7 +172,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Reads what is there; 0 bytes when nothing came for a while.
+/// Reads the available bytes; 0 after the reader's timeout.
 pub(crate) fn read(
     name: &str,
     reader: &mut impl Read,
@@ -190,10 +190,10 @@ pub(crate) fn read(
     }
 }
 
-/// A line failed for good.
+/// Error of a line that has failed permanently.
 fn gone(name: &str, error: &io::Error) -> LinkError {
-    // `serialport` tells most of what a device says that is not there any more, `EIO`, `ENXIO` and `ENODEV`, as
-    // something else, and keeps no number.
+    // `serialport` maps the errors of a device that was unplugged (`EIO`, `ENXIO`, `ENODEV`) to other kinds and
+    // drops their numbers.
     let why = match error.kind() {
         io::ErrorKind::BrokenPipe | io::ErrorKind::NotFound | io::ErrorKind::Other => {
             format!("{name} is gone: was it unplugged? ({error})")
@@ -211,7 +211,7 @@ mod tests {
     /// Far longer than anything takes.
     const LONG: Duration = Duration::from_secs(60);
 
-    /// A device that takes lines one by one when it may; it hangs up when it is let go of.
+    /// A device that accepts lines one by one while `takes` is set; `taken` disconnects when it is dropped.
     struct Device {
         takes: Arc<AtomicBool>,
         taken: Sender<Vec<u8>>,
@@ -290,7 +290,7 @@ mod tests {
         let mut line = LineWriter::new("a line", near);
         let start = Instant::now();
         let why = loop {
-            // Also to whoever asks first.
+            // A caller that checks `is_free` first learns of it, too.
             if line.is_free() {
                 match line.put(&[7; 500]) {
                     Ok(()) => {}

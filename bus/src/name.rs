@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 /// Bits per second of a serial line unless the name says otherwise.
 pub const DEFAULT_BAUD: u32 = 1_000_000;
-/// Bits per second that an SLCAN adapter is told unless the name says otherwise.
+/// Bitrate of an SLCAN adapter's bus unless the name says otherwise, bit/s.
 pub const DEFAULT_BITRATE: u32 = 1_000_000;
 
 /// Which bus.

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 /// What is heard on a bus.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Heard {
-    /// Somebody else's frame.
+    /// A frame of another node.
     Frame(Frame),
     /// A frame of ours has left; there is room for another.
     Sent,
@@ -72,7 +72,7 @@ pub trait Outlet: Send {
 
 /// The way in from a bus.
 pub trait Inlet: Send {
-    /// What is heard next; `None` if nothing is for some hundredths of a second, so that whoever listens can end.
+    /// The next event; `None` after some hundredths of a second without one, so that the listening thread can end.
     ///
     /// # Errors
     /// The bus is gone.

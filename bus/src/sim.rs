@@ -1,7 +1,7 @@
 //! A simulated robot's link on this computer: a socket that any number of programs join, as they would a bus.
 //!
-//! Over the socket go the packets of a serial line ([`rollwalk_protocol::serial`]). What a program says,
-//! the robot and all other programs hear.
+//! The socket carries the packets of a serial line ([`rollwalk_protocol::serial`]). The robot and all other programs
+//! receive what one program sends.
 
 use crate::link::LinkError;
 use crate::open::OpenError;
@@ -24,7 +24,7 @@ use std::time::Duration;
 /// Longest wait for a frame, or for room for one, before the thread looks around.
 const WAIT: Duration = Duration::from_millis(50);
 
-/// Where a simulated robot is found unless its name says otherwise: below the user's runtime folder.
+/// Default socket of a simulated robot, below the user's runtime folder.
 pub fn usual_socket() -> PathBuf {
     let folder = env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
     folder.unwrap_or_else(env::temp_dir).join("rollwalk-sim.sock")
@@ -33,7 +33,7 @@ pub fn usual_socket() -> PathBuf {
 /// Joins the link of a simulated robot.
 ///
 /// # Errors
-/// Nobody simulates a robot there.
+/// No simulated robot listens on the socket.
 pub fn connect(socket: Option<&Path>) -> Result<Port, OpenError> {
     let path = socket.map_or_else(usual_socket, Path::to_owned);
     let stream = UnixStream::connect(&path).and_then(|stream| {
@@ -114,7 +114,7 @@ fn accept(listener: &UnixListener, members: &Members, to: &Sender<Frame>) {
     }
 }
 
-/// Tells a frame to all but one.
+/// Sends a frame to all programs but one.
 fn tell(members: &Members, frame: &Frame, but: Option<u64>) {
     let Some(line) = Packet::Link(*frame).encode() else { return };
     let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
@@ -122,8 +122,8 @@ fn tell(members: &Members, frame: &Frame, but: Option<u64>) {
         if Some(*number) == but || stream.write_all(&line).is_ok() {
             return true;
         }
-        // Whoever does not keep up is put out, since half a packet would spoil what follows; and notices, since
-        // nobody should be heard who is deaf.
+        // A program that does not keep up is disconnected: half a packet would corrupt the next one, and a
+        // program that receives nothing must not go on sending.
         let _ = stream.shutdown(Shutdown::Both);
         false
     });

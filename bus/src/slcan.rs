@@ -36,7 +36,7 @@ pub fn open(device: &Path, bitrate: u32) -> Result<Port, OpenError> {
     })
 }
 
-/// Both ends of a line to an adapter, which is told to join a bus of `bitrate` bit/s, Lawicel's `digit`.
+/// Opens the CAN channel of an adapter at `bitrate` bit/s (Lawicel's `digit`) and returns both ends of its line.
 ///
 /// # Errors
 /// The line's.

@@ -1,54 +1,55 @@
-//! Frames of ours that the kernel has and the bus has not: few, and known one by one.
+//! Frames in flight: those that the kernel has accepted and not yet echoed as transmitted.
 //!
-//! The kernel hands every frame back when it has left. Until then it counts, and with too many on their way no
-//! more are taken: what waits elsewhere can still be replaced by something newer, and what waits here can not.
-//! An interface whose frames stay away is stuck: briefly when an adapter stalls, for good when nobody
-//! acknowledges. Or the driver has lost them and takes others: so it is tried with one frame more, a few times
-//! and not for ever, for what it takes while nobody acknowledges is stale when somebody does again.
+//! Their number is limited, because a frame in the kernel's queue cannot be superseded by a newer one; a frame that
+//! still waits elsewhere can. The kernel echoes every frame once it is on the bus, which frees its place.
 //!
-//! Those that were given up for it may leave after all, first of all when a dead bus comes back. They are still
-//! ours, and must not be taken for what somebody else says.
+//! When no echo comes, the interface is stuck: for a moment when an adapter stalls, permanently when no node
+//! acknowledges. Or the driver has dropped the frames and accepts others. To find out, one more frame is tried
+//! although there is no room; only a few times, because all of them are stale when a node acknowledges again.
+//!
+//! The frames given up in exchange may be transmitted after all, mostly when a dead bus recovers. Their echoes are
+//! recognised too, so that they are not taken for another node's frames.
 
 use rollwalk_protocol::can::Frame;
 use std::collections::VecDeque;
 
-/// After so long with nothing leaving, another frame may be tried, µs.
+/// Time without a transmission after which another frame may be tried, µs.
 const PROBE_US: u64 = 1_000_000;
-/// So many may be tried until something leaves again.
+/// Most frames tried in this way until one is transmitted.
 const PROBES: u8 = 2;
 
 /// Frames on their way.
 #[derive(Clone, Debug)]
 pub struct Flight {
     depth: usize,
-    /// Those that count, in the order in which they leave.
+    /// Frames in flight, in the order of transmission.
     frames: VecDeque<Frame>,
-    /// Those before them that do not count any more, and may still leave.
+    /// Older frames that no longer count but may still be transmitted.
     given_up: VecDeque<Frame>,
-    /// When something left last, or the first of these was sent.
+    /// Time of the last transmission, or when the first of `frames` was sent.
     since_us: u64,
-    /// Frames that were tried since something left last.
+    /// Frames tried since the last transmission.
     probes: u8,
 }
 
 impl Flight {
-    /// None yet, and never more than `depth`.
+    /// No frames in flight; at most `depth` later.
     pub fn new(depth: usize) -> Self {
         let (frames, given_up) = (VecDeque::new(), VecDeque::new());
         Self { depth: depth.max(1), frames, given_up, since_us: 0, probes: 0 }
     }
 
-    /// Whether there is room for another.
+    /// Whether another frame may be sent.
     pub fn has_room(&self) -> bool {
         self.frames.len() < self.depth
     }
 
-    /// Whether it is time to try one although there is no room.
+    /// Whether a stuck interface may be tried with one more frame.
     pub fn may_try(&self, now_us: u64) -> bool {
         self.probes < PROBES && self.stuck_us(now_us) > PROBE_US
     }
 
-    /// A frame was handed to the kernel.
+    /// Records a frame handed to the kernel.
     pub fn took_off(&mut self, now_us: u64, frame: Frame) {
         if self.frames.len() >= self.depth {
             // Taken to be lost, for one that is tried.
@@ -62,8 +63,8 @@ impl Flight {
         self.frames.push_back(frame);
     }
 
-    /// A frame was heard; whether it is one of ours that has left. Frames leave in their order, so those
-    /// before it got lost.
+    /// Takes a frame that was heard; returns whether it is the echo of one of ours. Frames are transmitted in order,
+    /// so older ones without an echo are lost.
     pub fn landed(&mut self, now_us: u64, frame: &Frame) -> bool {
         let find = |frames: &VecDeque<_>| frames.iter().position(|ours| ours == frame);
         match (find(&self.given_up), find(&self.frames)) {
@@ -74,8 +75,8 @@ impl Flight {
             }
             (Some(at), later) => {
                 self.given_up.drain(..=at);
-                // It may be either. Up to the later one none counts, or there would never be room again if the
-                // earlier one is lost; and all are known, since they may still leave.
+                // The echo may be of either frame. None up to the later one counts any more, or there would never
+                // be room again if that one is lost; all stay known, since they may still be transmitted.
                 self.give_up(later.map_or(0, |later| later + 1));
             }
         }
@@ -84,21 +85,21 @@ impl Flight {
         true
     }
 
-    /// The first `count` do not count any more.
+    /// Moves the first `count` frames in flight to those given up.
     fn give_up(&mut self, count: usize) {
         self.given_up.extend(self.frames.drain(..count));
         let too_many = self.given_up.len().saturating_sub(self.depth + usize::from(PROBES));
         self.given_up.drain(..too_many);
     }
 
-    /// The interface has thrown away what it had.
+    /// Forgets all frames: the interface has emptied its queue.
     pub fn clear(&mut self) {
         self.frames.clear();
         self.given_up.clear();
         self.probes = 0;
     }
 
-    /// For how long nothing has left although something should, µs.
+    /// Time since the last transmission while frames are in flight, µs; otherwise 0.
     pub fn stuck_us(&self, now_us: u64) -> u64 {
         if self.frames.is_empty() { 0 } else { now_us.saturating_sub(self.since_us) }
     }

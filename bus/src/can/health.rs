@@ -4,11 +4,11 @@
 use rollwalk_protocol::serial::BusState;
 use socketcan::errors::{CanError, ControllerProblems, ErrorCause, Location, ViolationTypes};
 
-/// What is known of an interface.
+/// State of an interface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Health {
     state: BusState,
-    /// Damaged frames since it was last told to be well.
+    /// Damaged frames since the interface was last reported healthy.
     damaged: u32,
 }
 
@@ -18,7 +18,7 @@ impl Health {
         self.state
     }
 
-    /// The driver reports something. Whether its transmit queue was thrown away.
+    /// Takes an error frame of the driver; returns whether the driver has emptied its transmit queue.
     pub fn report(&mut self, error: &CanError) -> bool {
         let mut emptied = false;
         for cause in error {
@@ -47,14 +47,14 @@ impl Health {
         emptied
     }
 
-    /// A frame has crossed the bus.
+    /// Records that a frame has crossed the bus.
     pub fn works(&mut self) {
         if self.state == BusState::NotAcknowledged {
             self.state = BusState::Active;
         }
     }
 
-    /// Nothing leaves, whether or not the driver says why.
+    /// Records that no frame is transmitted, whether or not the driver reports a cause.
     pub fn stuck(&mut self) {
         self.nobody_acknowledges();
     }
@@ -70,12 +70,12 @@ impl Health {
         if problems.contains(ControllerProblems::ACTIVE) {
             *self = Self::default();
         } else if problems.intersects(passive) && self.state == BusState::Active {
-            // A sender that nobody acknowledges becomes passive, too, and that tells less.
+            // A sender that no node acknowledges becomes passive, too: the missing acknowledgement says more.
             self.state = BusState::Passive;
         }
     }
 
-    /// What is wrong, and what to type; `None` while all is well.
+    /// The fault and the command that helps; `None` without a fault.
     pub fn complaint(&self, interface: &str, bitrate: Option<u32>) -> Option<String> {
         let rate = bitrate.map(|rate| format!(" at {rate} bit/s")).unwrap_or_default();
         let wrong = match self.state {

@@ -21,13 +21,13 @@ use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// When nothing leaves for so long, the bus is told to be one on which nobody acknowledges, µs: for drivers that do
-/// not say so. On a bus that works frames take a fraction of a millisecond each. Nothing is closed for it.
+/// Time without a transmission after which the bus is reported as not acknowledged, µs: for drivers that do not
+/// report it. On a working bus a frame takes a fraction of a millisecond. The interface stays open.
 const DEAD_US: u64 = 100_000;
-/// Longest wait for a frame before the state of the interface is looked at.
+/// Longest wait for a frame before the state of the interface is checked.
 const WAIT: Duration = Duration::from_millis(50);
 
-/// What both ends of an interface know.
+/// Interface shared by its inlet and its outlet.
 struct Interface {
     name: String,
     bitrate: Option<u32>,
@@ -39,22 +39,23 @@ struct Interface {
 struct Condition {
     flight: Flight,
     health: Health,
-    /// What listeners were last told.
+    /// State last reported to the listeners.
     told: BusState,
 }
 
 impl Condition {
-    /// Whether another frame may be handed to the kernel. One that is off is not tried: it says when it is back.
+    /// Whether another frame may be handed to the kernel. Nothing is tried during bus-off: the interface reports its
+    /// recovery.
     fn takes(&self, now_us: u64) -> bool {
         let may_try = self.health.state() != BusState::Off && self.flight.may_try(now_us);
         self.flight.has_room() || may_try
     }
 }
 
-/// Opens an interface with at most `depth` frames on their way.
+/// Opens an interface with at most `depth` frames in flight.
 ///
 /// # Errors
-/// There is no such interface, it is down or of another bitrate.
+/// The interface does not exist, is down, or has another bitrate.
 pub fn open(name: &str, bitrate: Option<u32>, depth: usize) -> Result<Port, OpenError> {
     let (socket, bitrate) = interface::open(name, bitrate)?;
     let condition =
@@ -78,7 +79,7 @@ pub fn open(name: &str, bitrate: Option<u32>, depth: usize) -> Result<Port, Open
 impl Interface {
     fn set_up(&self) -> io::Result<()> {
         self.socket.set_nonblocking(true)?;
-        // A frame of ours comes back when it has left.
+        // The kernel echoes our frames once they are transmitted.
         self.socket.set_recv_own_msgs(true)?;
         self.socket.set_error_filter_accept_all()
     }
@@ -88,7 +89,7 @@ impl Interface {
     }
 
     fn condition(&self) -> MutexGuard<'_, Condition> {
-        // Whoever panicked left a condition that is as good as any.
+        // A panic cannot leave an invalid condition: every field is valid on its own.
         self.condition.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -131,8 +132,8 @@ impl Outlet for CanOutlet {
                 condition.flight.took_off(now_us, *frame);
                 Ok(())
             }
-            // Others have filled the queue, or an adapter has stalled: not worse than a bus that is busy. A
-            // dead one shows by nothing that leaves any more.
+            // Other programs have filled the queue, or an adapter has stalled: the same as a busy bus. `DEAD_US`
+            // detects a dead one.
             Err(error) if error.should_retry() || error.raw_os_error() == Some(NO_BUFFERS) => {
                 Err(LinkError::Busy)
             }
