@@ -24,10 +24,10 @@ pub fn print(text: &str) -> miette::Result<()> {
     })
 }
 
-/// Says something on the side, on stderr. Nobody may be listening there, which is no reason to end a run:
-/// `eprintln!` would panic.
+/// Prints a line on stderr and ignores that stderr is closed, which is no reason to end a run: `eprintln!` would
+/// panic.
 pub fn say(text: impl Display) {
-    // A failure to say so could only be said in the same place.
+    // A failure could only be reported in the same place.
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Two nodes that send different data under one identifier destroy each other's frames (docs/wire-format.md), and a
 //! second host's heartbeats keep a robot going whose own host has died. So a program that may not be alone listens
-//! before it speaks: for the heartbeats of another host, and for transport messages of anybody.
+//! before it sends: for the heartbeats of another host, and for transport messages of any node.
 
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::Frame;

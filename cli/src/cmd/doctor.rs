@@ -24,8 +24,8 @@ const BITRATE: u32 = 1_000_000;
 /// Find out what is wrong with a robot: why it cannot be armed, why it stopped, who is silent, how full the bus is,
 /// and what to type.
 ///
-/// Listens for two seconds, asks the controller who it is and what it remembers, and commands nothing. Exit code 5
-/// when something is wrong.
+/// Listens for two seconds, asks the controller for its identity and its log, and commands nothing. Exit code 5 when
+/// something is wrong.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:

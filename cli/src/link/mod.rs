@@ -77,7 +77,7 @@ impl LinkArgs {
         self.session(Session::join)
     }
 
-    /// Opens the bus and asks the controller who it is, for what needs no host.
+    /// Opens the bus and asks the controller for its identity, for commands that need no host.
     ///
     /// # Errors
     /// As [`join`](Self::join).

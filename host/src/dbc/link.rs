@@ -265,8 +265,8 @@ fn joint(names: Option<&RobotNames>) -> Layout {
     layout
 }
 
-/// The four kinds of frames of ISO-TP, told apart by the high half of the first byte. Frames may be shorter:
-/// what is not there has no value.
+/// The four kinds of ISO-TP frames, distinguished by the high half of the first byte. Frames may be shorter: a signal
+/// beyond the end has no value.
 fn isotp() -> Layout {
     let bytes = |mut layout: Layout, prefix: &str, count: u16| {
         for i in 0..count {

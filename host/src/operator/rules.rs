@@ -70,12 +70,12 @@ impl Operator {
         ))
     }
 
-    /// Handles an emergency stop, whoever sent it.
+    /// Handles an emergency stop of this or another node.
     pub(super) fn stopped(&mut self) {
         if self.latch != Latch::Stopped {
             self.latch = Latch::Stopped;
             self.asked = None;
-            // Also CLEAR, which was meant for something else.
+            // Also a pending CLEAR, which was meant for an earlier stop.
             self.forget_orders();
         }
     }

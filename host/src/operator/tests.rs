@@ -274,7 +274,7 @@ fn after_a_stop_it_takes_clearing_and_arming() {
     assert!(matches!(desk.commands().last().unwrap().action, Action::Play { code: 3, .. }));
 }
 
-/// Somebody else has cleared and armed: the wishes are still asked of this operator, the steps are not.
+/// Another host has cleared and armed: this operator still has to ask for both, but no command is sent.
 #[test]
 fn what_another_host_has_cleared_needs_no_command() {
     let mut desk = Desk::new();
@@ -315,7 +315,8 @@ fn a_robot_that_moves_without_the_deadman_is_told_to_pause_until_it_does() {
     assert_eq!(desk.commands().last().unwrap().action, Action::Disarm);
 }
 
-/// The robot may not have heard it, but whoever pushes the stick then does not mean the motion before.
+/// The robot may not have received the order, but an operator who pushes the stick afterwards does not mean the motion
+/// before it.
 #[test]
 fn the_speed_does_not_bring_back_what_an_unanswered_order_has_ended() {
     let playing = |counter| Status { clip: Some(2), ..status(State::Playing, counter) };

@@ -1,4 +1,4 @@
-//! Sessions on a bus of a test, where time passes only while somebody waits.
+//! Sessions on a simulated bus, on which time passes only during [`LinkBus::receive`].
 
 use super::*;
 use rollwalk_bus::link::LinkError;
@@ -7,10 +7,10 @@ use rollwalk_protocol::faults::{FaultBits, Severity};
 use rollwalk_protocol::wire::{CommandAck, EstopAck, Heartbeat, HeartbeatReply, ToController};
 use std::collections::VecDeque;
 
-/// What may answer a frame that is sent.
+/// Returns the answer to a sent frame, if any.
 type Answer = Box<dyn FnMut(&ToController) -> Option<Frame>>;
 
-/// A bus on which a controller and other programs say what a test has written down.
+/// A bus on which a controller and other programs send scripted frames.
 pub struct Wire {
     now_us: u64,
     said: VecDeque<(u64, Frame)>,
@@ -25,7 +25,7 @@ pub fn node() -> Node {
 }
 
 impl Wire {
-    /// Nobody says anything.
+    /// A bus without any other node.
     pub fn silent() -> Self {
         Self::answering(|_| None)
     }
@@ -36,7 +36,7 @@ impl Wire {
         Self { now_us: 0, said, sent, first_sent_us: None, answer: Box::new(answer) }
     }
 
-    /// Somebody says this then, not before what else is to be said.
+    /// Schedules a frame of another node at `at_us`, after all frames scheduled before.
     pub fn says(&mut self, at_us: u64, frame: Frame) {
         self.said.push_back((at_us, frame));
     }
@@ -71,7 +71,7 @@ impl LinkBus for Wire {
     }
 }
 
-/// Another program keeps the robot armed: its heartbeats, and what the controller answers to them.
+/// Schedules the heartbeats of another host and the controller's replies.
 fn beside_a_host(wire: &mut Wire) {
     for seq in 0..100 {
         let at_us = 50_000 * u64::from(seq);
@@ -96,7 +96,7 @@ fn a_command_beside_a_host_is_dated_by_its_clock_and_no_heartbeat_goes_out() {
         _ => None,
     });
     beside_a_host(&mut wire);
-    // Who it is, is the sessions' with a whole controller; here what comes before and after.
+    // Tests with a whole controller cover HELLO; this one covers what comes before and after.
     assert!(overhear::host(&mut wire, node()).unwrap().has_host());
     let mut exchange = Exchange::new(wire, node(), Client::visitor(node()));
     let alive = exchange.pump(CONNECT_TIMEOUT_US, |i| (i == Incoming::Alive).then_some(()));

@@ -90,7 +90,7 @@ pub struct App<'a> {
     scroll: usize,
     started: Instant,
     reopen_us: u64,
-    /// Somebody else asks it to end: `kill`, or a system that goes down. Ctrl-C is a key here.
+    /// A signal has asked the program to end: `kill`, or a system that shuts down. Ctrl-C is a key here.
     asked_to_end: Arc<AtomicBool>,
     /// Number of iterations of the loop.
     rounds: Arc<AtomicU64>,
@@ -250,7 +250,7 @@ impl<'a> App<'a> {
         }
     }
 
-    /// Looks names up when the controller has said who it is.
+    /// Looks up the names of motions once the controller has answered HELLO.
     fn look_names(&mut self, now_us: u64) {
         let Some(hello) = self.operator.hello() else { return };
         let wanted = Some((hello.config_hash, hello.library));

@@ -29,9 +29,9 @@ const SILENCE_US: u64 = 2_000_000;
 /// Listen to a robot: states, motions, commands, faults as they come; logs and telemetry.
 ///
 /// A monitor is no host: it commands nothing, has no heartbeat, and does not keep a robot armed. On a serial line
-/// it hears the controller alone, and nobody else can use the line. Without --library it asks once which library the
-/// controller has, for the names of motions, when nobody else's transfer is on its way; with --json, which prints no
-/// names, only for --mcap.
+/// it hears the controller alone, and no other program can use the line. Without --library it asks once which library
+/// the controller has, for the names of motions, when no other host's transfer is under way; with --json, which prints
+/// no names, only for --mcap.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:

@@ -51,7 +51,7 @@ impl<'a> View<'a> {
     /// Takes a frame.
     ///
     /// # Errors
-    /// Nobody reads what is said.
+    /// Standard output is closed.
     pub fn take(&mut self, at_us: u64, node: u8, frame: &Frame) -> miette::Result<()> {
         if self.quiet {
             return Ok(());
@@ -61,7 +61,7 @@ impl<'a> View<'a> {
         {
             match message {
                 ToController::Estop => self.say(at_us, "EMERGENCY STOP is sent")?,
-                // Told with its answer.
+                // Shown with its answer.
                 ToController::Command(command) => {
                     self.asked = Some((command.seq, command.action));
                 }
