@@ -44,7 +44,7 @@ coded! {
         OutOfLimits = 6,
         /// The body is tilted further than its motion makes it.
         Tilt = 7,
-        /// Nobody acknowledges on an actuator bus.
+        /// No node acknowledges on an actuator bus.
         BusNoAck = 9,
         /// An actuator bus is error-passive.
         BusPassive = 10,
@@ -129,7 +129,7 @@ impl Fault {
                 ("the body is tilted", "set the robot up, without torque; clear, then arm")
             }
             Self::BusNoAck => (
-                "nobody acknowledges on an actuator bus",
+                "no node acknowledges on an actuator bus",
                 "check motor power and the actuator bus; clear, then arm",
             ),
             Self::BusPassive => (
@@ -237,7 +237,7 @@ coded! {
     Event {
         /// Emergency stop, from the link or from the board.
         EStop = 0,
-        /// An actuator bus is off: nobody on it hears the controller.
+        /// An actuator bus is off: no actuator on it hears the controller.
         BusOff = 1,
         /// Configuration or settings cannot be used.
         SelfTestFailed = 2,
@@ -245,7 +245,7 @@ coded! {
         FeedbackLost = 3,
         /// An actuator reports a fault or has dropped its torque.
         ActuatorFault = 4,
-        /// Nobody acknowledges frames on an actuator bus.
+        /// No node acknowledges frames on an actuator bus.
         NotAcknowledged = 5,
         /// An actuator bus is error-passive: about to go off.
         BusPassive = 6,
@@ -332,7 +332,7 @@ impl Event {
             Self::SelfTestFailed => "its configuration or settings cannot be used",
             Self::FeedbackLost => "an actuator did not answer",
             Self::ActuatorFault => "an actuator reported a fault or dropped its torque",
-            Self::NotAcknowledged => "nobody acknowledged on an actuator bus",
+            Self::NotAcknowledged => "no node acknowledged on an actuator bus",
             Self::BusPassive => "an actuator bus has become error-passive",
             Self::Tipped => "the body was about to fall over",
             Self::NotFollowing => "a joint did not follow",

@@ -106,7 +106,7 @@ pub enum BusState {
     /// As it should be.
     #[default]
     Active,
-    /// Nobody acknowledges: alone on the bus, or the others have no power.
+    /// No node acknowledges: alone on the bus, or the others have no power.
     NotAcknowledged,
     /// Error passive: 128 errors or more.
     Passive,

@@ -48,7 +48,7 @@ pub struct Step {
     pub free: Buses,
 }
 
-/// What a controller is told.
+/// Event passed to a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
     /// A control period has passed.
@@ -98,7 +98,7 @@ impl Buses {
 /// What the board answers.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
-    /// Who it is.
+    /// Its identity.
     Hello(Hello),
     /// What the controller sends.
     Stepped(Stepped),
@@ -106,16 +106,16 @@ pub enum Answer {
     Figures(Figures),
 }
 
-/// Who a board is.
+/// Identity of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hello {
     /// [`crate::config::RobotConfig::hash`] of the robot that the image was built for.
     pub config_hash: u32,
-    /// Steps since it was switched on: a run that shall be repeatable begins at 0.
+    /// Steps since power-on: a repeatable run begins at 0.
     pub steps: u32,
 }
 
-/// What came of a step.
+/// Result of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stepped {
     /// A frame for the link.

@@ -1,7 +1,7 @@
 //! The outside of a library file: header, length-prefixed sections, footer.
 //!
-//! The header and the footer never change, not even in a later major version: whoever reads them
-//! can always tell a damaged library from one that is too new.
+//! The header and the footer never change, not even in a later major version: every reader can
+//! distinguish a damaged library from one that is too new.
 
 use super::reject::{Reject, Section, Why};
 use super::{FORMAT_MAJOR, FORMAT_MINOR};

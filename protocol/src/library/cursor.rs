@@ -10,8 +10,8 @@ use super::{BLOCK_FRAMES, ClipId};
 use crate::config::MAX_CHANNELS;
 use thiserror::Error;
 
-/// The frames are not those that were validated: somebody wrote over the library, or the cursor
-/// was made with another one. Also a clip, a frame or an output that does not fit.
+/// The frames are not those that were validated: the library was overwritten, or the cursor belongs
+/// to another one. Also a clip, a frame or an output that does not fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("no such frame, or the library changed after it was validated")]
 pub struct Unreadable;

@@ -26,7 +26,7 @@ pub fn encode(spec: &LibrarySpec<'_>, out: &mut [u8]) -> Result<usize, EncodeErr
     encode_with_attitudes(spec, &[], out)
 }
 
-/// The same, told which way is up in each clip, motions first; an empty list tells nothing.
+/// As [`encode`], with the attitude of each clip, motions first; an empty list writes none.
 pub fn encode_with_attitudes(
     spec: &LibrarySpec<'_>,
     attitudes: &[Attitude],

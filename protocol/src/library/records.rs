@@ -50,8 +50,8 @@ pub(crate) struct ClipRecord {
     pub len: u32,
 }
 
-/// Which way is up during a clip; follows the [`ClipRecord`] where the builder has told, since format
-/// 1.1.
+/// Direction of up during a clip; follows the [`ClipRecord`] where the builder has given it, since
+/// format 1.1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct AttitudeRecord {
     /// Direction in the body frame, in parts of 2 to the power of −14.

@@ -187,7 +187,7 @@ pub enum EncodeError {
         /// Their code.
         code: u8,
     },
-    /// Which way is up in a clip is not told, or told by what is no unit vector with an angle.
+    /// The attitude of a clip is missing, or is not a unit vector with an angle.
     #[error("{clip}: its attitude must be a unit vector and an angle from 0 to π rad")]
     Attitude {
         /// The clip.

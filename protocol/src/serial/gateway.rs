@@ -39,8 +39,8 @@ impl Gateway {
         whole.then(|| Packet::Message { id, bytes: self.endpoint.received() })
     }
 
-    /// A message has come over the line; [`Self::poll`] hands out its frames. One that came before and is not
-    /// handed out yet gives way, for whoever sends anew has given up on it.
+    /// Accepts a message from the line; [`Self::poll`] returns its frames. It supersedes an earlier message whose
+    /// frames are still pending, because a sender that starts anew has given up on that one.
     pub fn receive(&mut self, id: u16, message: &[u8]) {
         if let Some(ours) = partner(id) {
             self.talk_as(ours);

@@ -1,4 +1,4 @@
-//! Class 7: who is there.
+//! Class 7: discovery of the controllers on a bus.
 
 use super::{DecodeError, Kind, Node};
 use crate::can::Frame;

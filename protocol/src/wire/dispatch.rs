@@ -20,7 +20,7 @@ pub enum ToController {
     Transport,
     /// Tell, set or keep gains and limits.
     Parameter(ParameterRequest),
-    /// Who is there?
+    /// Asks every controller on the bus to identify itself.
     Discover,
 }
 

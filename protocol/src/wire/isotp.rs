@@ -14,7 +14,7 @@ use thiserror::Error;
 
 /// Longest message that ISO-TP over classic frames can carry.
 const MAX_LENGTH: usize = 4095;
-/// So often may a receiver ask for more time in a row before the sender gives up.
+/// Most consecutive wait frames of a receiver before the sender gives up (N_WFTmax).
 const MAX_WAITS: u8 = 16;
 
 /// What a receiver asks of the sender, and how long both wait for one another.
@@ -76,13 +76,13 @@ pub enum IsoTpError {
     /// The peer does not ask for the rest of our message.
     #[error("the receiver did not ask for the rest of the message in time")]
     SendTimeout,
-    /// The peer has no room for our message.
+    /// The peer's receive buffer is too small for the message.
     #[error("the receiver has no room for the message")]
     PeerOverflow,
-    /// The peer's message is longer than our room; it has been told.
+    /// The peer's message exceeds the receive buffer; an overflow frame was sent to it.
     #[error("the message is too long")]
     TooLong,
-    /// The peer asks for more time again and again, or answers what we do not understand.
+    /// The peer sends too many wait frames, or an invalid flow control.
     #[error("the receiver does not get ready")]
     BadFlowControl,
 }

@@ -148,7 +148,7 @@ coded! {
         OutOfOrder = 6,
         /// This version does not know this kind of request.
         UnknownRequest = 7,
-        /// The actuator of this channel has no such parameter, or it cannot be told.
+        /// The actuator of this channel has no such parameter, or its protocol cannot transmit it.
         NotSupported = 8,
     }
 }

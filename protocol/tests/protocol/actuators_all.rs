@@ -186,7 +186,7 @@ fn no_nan_and_no_infinity_is_sent() {
     with_all!(check);
 }
 
-/// Checked before anything is sent: one order that cannot be, and no actuator is told anything.
+/// All orders are checked before any frame is sent: one that cannot be encoded refuses all of them.
 #[test]
 fn one_bad_order_stops_all() {
     fn check<P: ActuatorProtocol>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {

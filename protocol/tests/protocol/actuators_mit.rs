@@ -163,8 +163,8 @@ proptest! {
         }
     }
 
-    /// A wheel told to stand still: what is left of torque at rest is half a step of torque, not kd
-    /// times half a step of speed, which would be up to 12 steps.
+    /// A wheel at a setpoint of 0: the residual torque at rest is half a step of torque, not kd times
+    /// half a step of speed, which would be up to 12 steps.
     #[test]
     fn scar_10_a_wheel_told_zero_hardly_creeps(i in 0..MODELS.len(), kd in 0.05f32..=5.0) {
         let mit = Mit { model: MODELS[i], answers_from: AnswerId::Own };

@@ -130,8 +130,8 @@ fn reserved_separation_times_are_the_longest() {
     }
 }
 
-/// First frames of messages that a single frame carries, and short ones, are ignored: nobody is
-/// asked for the rest.
+/// A first frame of a message that fits a single frame, or a truncated first frame, is ignored: no
+/// flow control answers it.
 #[test]
 fn first_frames_that_are_none() {
     let mut b = end(0, 0);

@@ -114,7 +114,7 @@ proptest! {
         prop_assert!(validate(&bytes, &golden().0.config).is_err());
     }
 
-    /// Somebody writes over the bytes while a cursor plays from them.
+    /// The bytes are overwritten while a cursor plays from them.
     #[test]
     fn bytes_that_change_during_playback(
         changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..50),

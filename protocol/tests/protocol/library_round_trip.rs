@@ -224,7 +224,7 @@ fn a_place_that_was_checked_ahead_is_that_place() {
     assert!(ClipCursor::enter(&other, &entry).is_err());
 }
 
-/// Any damaged byte: found by whoever checks ahead as by whoever does not.
+/// Any damaged byte is found, with and without checking ahead.
 #[test]
 fn damage_is_found_however_much_was_checked_ahead() {
     let f = Fixture::new();

@@ -1,5 +1,5 @@
-//! The bytes of every transport message. Do not change: the other side may be a robot that nobody
-//! updates.
+//! The bytes of every transport message. Do not change: the other side may be a robot with
+//! old firmware.
 
 use proptest::prelude::*;
 use rollwalk_protocol::faults::{Event, Fault};

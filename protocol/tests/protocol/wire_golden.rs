@@ -1,5 +1,5 @@
 //! The bytes of every message of the link, protocol version 1. Do not change: the other side may
-//! be a robot that nobody updates. If a test here fails, the code is wrong, or the protocol needs a
+//! be a robot with old firmware. If a test here fails, the code is wrong, or the protocol needs a
 //! new version.
 
 use rollwalk_protocol::actuator::ActuatorStatus;
