@@ -144,7 +144,7 @@ pub struct CanBus {
     /// When the bus became idle, or will after the frame in flight and its intermission.
     idle_from: SimTime,
     in_flight: Option<Flight>,
-    /// Nobody acknowledges: what is sent is sent again and again.
+    /// No node acknowledges: the controller repeats its frame again and again.
     disconnected: bool,
     statistics: BusStatistics,
 }

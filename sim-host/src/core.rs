@@ -1,4 +1,4 @@
-//! The controller as the bench sees it: told what happened, it says what it sends.
+//! The controller as the bench sees it: takes events, returns frames to send.
 
 use crate::store::{self, SimParameters, SimStore};
 use rollwalk_bus::link::LinkError;
@@ -8,16 +8,16 @@ use rollwalk_protocol::tunnel::{Input, Step, Stepped};
 
 /// A controller, wherever it runs.
 pub trait Core {
-    /// Tells it what happened, then takes a frame for each bus that can take one.
+    /// Passes an event to the controller, then takes a frame for each free bus.
     ///
     /// # Errors
-    /// It is out of reach.
+    /// The controller is out of reach.
     fn step(&mut self, step: Step) -> Result<Stepped, LinkError>;
 
-    /// Tells it how an actuator bus is.
+    /// Reports the error state of an actuator bus to the controller.
     ///
     /// # Errors
-    /// It is out of reach, or cannot be told.
+    /// The controller is out of reach, or takes no such report.
     fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) -> Result<(), LinkError> {
         let _ = now_us;
         Err(LinkError::Down(format!("a board that cannot be told that bus {bus} is {state:?}")))

@@ -25,8 +25,8 @@ pub struct TickRecord {
     pub commanded: Vec<f32>,
     /// What the motors were at `time_us`, in the same units: true values, not feedback frames.
     pub measured: Vec<f32>,
-    /// Setpoints that did not arrive within the period, so that an older one was in force. None is missed by a
-    /// channel that is told torques.
+    /// Setpoints that did not arrive within the period, so that an older one stayed in force. Channels with torque
+    /// setpoints do not count.
     pub missed: usize,
 }
 
@@ -49,8 +49,8 @@ impl Recorder {
         Self { told, in_force, fresh, under_way: None, records: Vec::new() }
     }
 
-    /// A setpoint of the controller for `channel` has crossed its bus. Some drives are told a torque by a setpoint
-    /// without gains: its position or speed means nothing.
+    /// Records a setpoint of the controller for `channel` that has crossed its bus. Some drives take a torque as a
+    /// setpoint without gains, whose position or speed means nothing: those channels are ignored.
     pub fn on_setpoint(&mut self, channel: usize, value: f32) {
         if !self.told[channel] {
             return;

@@ -52,8 +52,8 @@ fn wait_for(interface: &str, there: bool) {
     panic!("{interface}: it should be {}", if there { "there" } else { "gone" });
 }
 
-/// Adds (`-A`) or deletes (`-D`) the rules that join the board's interface and `vcan0`. Other rules are not ours: the
-/// kernel may be somebody's who has some.
+/// Adds (`-A`) or deletes (`-D`) the rules that join the board's interface and `vcan0`. Other rules stay: the kernel
+/// may be a developer's who has set up some.
 fn join(what: &str) {
     for (from, to) in [("slcan0", "vcan0"), ("vcan0", "slcan0")] {
         run("cangw", &[what, "-s", from, "-d", to, "-e"]);

@@ -1,4 +1,4 @@
-//! A gamepad that the kernel has from this test, in the hands of somebody at the console: buttons down to frames.
+//! A virtual gamepad made by this test operates the console: from buttons down to frames.
 
 use crate::bench::{Beside, console, desk, flash, log, states};
 use evdev::uinput::VirtualDevice;

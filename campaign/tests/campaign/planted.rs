@@ -354,7 +354,8 @@ fn a_robot_that_is_let_down_for_too_long_is_reported() {
     assert!(rules.contains(&Rule::ReturnsInTime), "{rules:?}");
 }
 
-/// It plays a motion once more a second later, under a number that nobody has used, and keeps quiet.
+/// The controller plays a motion once more a second later, under an unused sequence number, and sends no
+/// acknowledgement.
 #[test]
 fn a_command_that_is_executed_twice_is_reported() {
     let rules = reported(Scenario::Loss, 100, || {
@@ -387,7 +388,7 @@ fn a_command_that_is_executed_twice_is_reported() {
     assert!(rules.contains(&Rule::ExecutedOnce), "{rules:?}");
 }
 
-/// The last command that comes again is executed again: numbers are moved on by one with each repetition.
+/// The controller executes a repetition of the last command again: each repetition gets the next sequence number.
 #[test]
 fn a_last_command_that_is_executed_again_is_reported() {
     let rules = reported_with(Scenario::Loss, 100, 4, || {

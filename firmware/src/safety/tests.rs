@@ -67,7 +67,7 @@ fn every_state_reaches_torque_off() {
         let seen = reachable(from, |_, e| e != Event::EStop && e != Event::BusOff);
         let off = [State::TorqueOff, State::EStopped].map(|s| seen[s as usize]);
         assert!(off.contains(&true), "{from:?}");
-        // Where torque is on it needs nobody's command.
+        // States with torque end there without a command.
         let seen = reachable(from, |_, e| e.severity() == Severity::None && !by_command(e));
         let idle =
             State::ALL.iter().copied().any(|s| seen[s as usize] && s.torque() == Torque::Off);
@@ -101,8 +101,8 @@ fn every_loss_of_torque_is_acted_on_and_no_step_gains_torque_back() {
     }
 }
 
-/// The timers and the player alone bring every torque state down once the host is gone: nobody
-/// has to be there for the robot to end without torque.
+/// Timers and player alone lead out of every state with torque once the host is gone: the robot ends
+/// without torque without a command.
 #[test]
 fn without_a_host_every_state_ends_without_torque() {
     for &start in State::ALL {

@@ -35,8 +35,8 @@ const LAST_RANK: f64 = 1e3;
 const PULLING: f64 = 0.1;
 /// Lengths and angles are compared with this at least: a number of 0 can give way as well.
 const COMPARED_WITH: f64 = 0.1;
-/// Factors of a limit of the robot file within which an estimate is believed: beyond that it is not the
-/// motors.
+/// Factors of a limit of the robot file within which an estimate is accepted: beyond them the motors are not the
+/// cause.
 const STRONGER: Range<f64> = 1.0..4.0;
 
 /// Rows of one family, about one part of the robot, that compare with one number.

@@ -38,7 +38,7 @@ pub enum Harm {
     Stream(Way, Spoil),
     /// A foreign node sends this frame at this interval.
     Babble(Interface, Frame, SimTime),
-    /// Nobody acknowledges on this bus: what has been sent is sent again and again.
+    /// No node acknowledges on this bus: the sender repeats its frame again and again.
     NoAck(Interface),
     /// The controller's end of an actuator bus goes off, as after a short.
     BusOff(u8),

@@ -47,7 +47,7 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// Whether nothing is on its way.
+    /// Whether no frame is delayed.
     pub fn is_empty(&self) -> bool {
         self.late.is_empty()
     }
@@ -57,8 +57,8 @@ impl Stream {
         self.late.iter().map(|late| late.due).min()
     }
 
-    /// A frame goes in. `spoils` are in force, each with the end of its fault; `fired` is told the place
-    /// in the list of each that did something.
+    /// Takes a frame. `spoils` are those in force, each with the end of its fault; `fired` is called with the index
+    /// of each that affected the frame.
     pub fn push(
         &mut self,
         now: SimTime,

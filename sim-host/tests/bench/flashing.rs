@@ -80,10 +80,10 @@ fn a_transfer_over_a_link_that_broke_is_taken_up_where_it_stopped() {
 /// A link that changes frames.
 struct Lying<F> {
     rig: Rig,
-    /// What becomes of a frame of the host, and what comes back instead of it.
+    /// Returns the answers to a frame of the host; none passes the frame on to the robot.
     sends: F,
     answers: Vec<Frame>,
-    /// Of the first answer to a transfer request so many bytes are told to be there.
+    /// Replaces `next`, the number of bytes received, in the first answer to a transfer request.
     tells: Option<u16>,
 }
 

@@ -30,8 +30,8 @@ pub struct Contents {
 }
 
 impl Contents {
-    /// Reads an image; `ram` is where its own variables are, and `panicking` an image of the same workspace that can
-    /// panic: if its symbols do not show that, nobody's would.
+    /// Reads an image; `ram` is where its own variables are. `panicking` is an image of the same workspace that can
+    /// panic, and proves that symbols show panic paths at all.
     ///
     /// # Errors
     /// The panics of `panicking` do not show, or a file that cannot be read.

@@ -1,4 +1,4 @@
-//! Paths in text: none of somebody's machine, and none in the documents that lead nowhere.
+//! Paths in text: no absolute path of a developer's machine anywhere, and no dead reference in the documents.
 
 use super::TextFile;
 use std::collections::BTreeSet;
@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 const MACHINE_ROOTS: [[&str; 2]; 4] =
     [["/ho", "me/"], ["/ro", "ot/"], ["/wo", "rk/"], ["/Us", "ers/"]];
 
-/// Lines that mention a folder of somebody's machine.
+/// Lines that mention a folder of a developer's machine.
 pub fn machine_paths(files: &[TextFile]) -> Vec<String> {
     let roots = MACHINE_ROOTS.map(|parts| parts.concat());
     let mut found = Vec::new();

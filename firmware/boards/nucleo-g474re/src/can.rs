@@ -1,11 +1,11 @@
 //! A classic CAN bus on one FDCAN (RM0440, chapter 44), written for what a robot needs.
 //!
-//! The HAL's driver queues frames, and has no way to call one back. Here:
+//! The HAL's driver queues frames, and cannot cancel one. Here:
 //!
 //! - **One frame at a time.** A frame goes to the hardware when the one before has left: the choice
-//!   is made as late as possible, and there is no queue of old setpoints. A frame that nobody takes
-//!   is repeated by the hardware until [`Bus::expire`] or [`Bus::cancel`] calls it back. Nothing from
-//!   before a loss of motor power is sent after it.
+//!   is made as late as possible, and there is no queue of old setpoints. The hardware repeats a
+//!   frame that no node acknowledges until [`Bus::expire`] or [`Bus::cancel`] cancels it. No frame
+//!   from before a loss of motor power is sent after it.
 //! - **Bus-off lasts.** "If the device enters bus-off, it sets the INIT bit of its own, stopping all
 //!   bus activities. Once INIT has been cleared by the CPU, the device waits for 129 occurrences of
 //!   bus-idle" (44.4.13). [`Bus::start`] alone clears it, when an operator has cleared the stop.

@@ -1,5 +1,5 @@
-//! The chip itself: clocks, supply, why it was reset, who it is. Names of registers are the reference
-//! manual's, RM0440.
+//! The chip itself: clocks, supply, cause of the reset, serial number. Names of registers are the
+//! reference manual's, RM0440.
 
 use embassy_stm32::Peripherals;
 use embassy_stm32::pac;
