@@ -187,7 +187,7 @@ impl DynamixelServo {
         }
     }
 
-    /// See [`crate::Drive::on_time`]: an expired watchdog stops the servo until it is told 0.
+    /// See [`crate::Drive::on_time`]: an expired watchdog stops the servo until 0 is written to it.
     pub fn on_time(&mut self, now_us: u64) {
         let patience_us = u64::from(self.watchdog_20ms) * WATCHDOG_US;
         self.expired |= patience_us > 0 && now_us.saturating_sub(self.fed_us) > patience_us;

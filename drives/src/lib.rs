@@ -1,7 +1,6 @@
-//! Simulated servos and wheel drives of every protocol that the controller speaks: what they do with the
-//! bytes of their bus, what they answer, and what they have their motor do. Bytes and time come in, a
-//! [`Law`] goes out; what turns by it is somebody else's: the simulated robot's motors, or a test bench
-//! without inertia.
+//! Simulated servos and wheel drives of every protocol that the controller speaks: they decode the bytes
+//! of their bus, answer, and control their motor. Bytes and time come in, a [`Law`] goes out; the caller
+//! turns the shaft by it: the simulated robot's motors, or a test bench without inertia.
 //!
 //! | module | is |
 //! |---|---|
@@ -50,7 +49,7 @@ pub struct Shaft {
     pub torque_limited: bool,
 }
 
-/// What a motor is told to do: kp (q* − q) + kd (q̇* − q̇) + τ, within a limit. The default is no torque.
+/// Control law of a motor: kp (q* − q) + kd (q̇* − q̇) + τ, within a limit. The default is no torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Law {
     /// q*, rad.
@@ -117,7 +116,7 @@ pub enum Sent {
     Limits,
     /// What kind of setpoint to follow.
     Mode,
-    /// How long to go on without being told anything.
+    /// Timeout of the drive's watchdog.
     Watchdog,
     /// Forget faults.
     ClearFaults,
@@ -236,7 +235,7 @@ impl Drive {
         }
     }
 
-    /// What it says by itself at this time; call again until there is nothing.
+    /// Next unsolicited frame due at `now_us`; call until `None`.
     pub fn on_timer(&mut self, now_us: u64, shaft: &Shaft) -> Option<Frame> {
         match &mut self.electronics {
             Electronics::Odrive(axis) => axis.on_timer(now_us, shaft),

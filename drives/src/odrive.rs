@@ -33,7 +33,7 @@ pub struct OdriveAxis {
     pub velocity_gain: Option<f64>,
     /// turn/s and A, since they were set.
     pub limits: Option<(f64, f64)>,
-    /// Position, speed and torque that it was told, at the output. It keeps them while idle: 0.5.6 and later begin with
+    /// Last position, speed and torque inputs, at the output. It keeps them while idle: 0.5.6 and later begin with
     /// the measured position instead, which is the easier case.
     pub input: (f64, f64, f64),
     /// Its error bits.
@@ -80,7 +80,7 @@ impl OdriveAxis {
         self.reduction() / TAU
     }
 
-    /// kp and kd at the output. Those that nobody has set are from the factory.
+    /// kp and kd at the output; the factory's until they are set.
     fn gains(&self) -> (f64, f64) {
         let per_turn_s = self.velocity_gain.unwrap_or(1.0 / 6.0);
         let kd = per_turn_s * self.reduction() * self.reduction() / TAU;

@@ -288,7 +288,7 @@ fn a_maestro_takes_what_its_settings_frame() {
     assert_eq!(checked.on_packet(0, &[0xA1, crate::maestro::crc7(&[0xA1])], &at(0.0)).1, [0, 0]);
 }
 
-/// Whoever closes the loop: the drive is set up for it.
+/// Setting up the drive follows from where the loop is closed.
 #[test]
 fn a_drive_for_torques_gives_torques() {
     let model = Dynamixels { model: XM430_W210, watchdog_20ms: 0, return_delay_us: 0 };

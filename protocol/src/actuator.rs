@@ -70,7 +70,7 @@ fn u16_steps(value: f32, per_unit: f32) -> Option<u16> {
     steps(value, per_unit, i32::from(u16::MAX)).and_then(|s| u16::try_from(s).ok())
 }
 
-/// Saturates instead: what an actuator measured has to be told in any case. NaN becomes 0.
+/// Saturates instead of refusing, since a measurement is always reported. NaN becomes 0.
 pub(crate) fn measured(value: f32, per_unit: f32) -> i16 {
     let most = f32::from(i16::MAX);
     let exact = (value * per_unit).clamp(-most, most);
@@ -230,7 +230,7 @@ impl ActuatorStatus {
     pub const BAD_VOLTAGE: u8 = 1 << 5;
     /// Position sensor or other hardware failed: torque is off.
     pub const HARDWARE: u8 = 1 << 6;
-    /// All bits that mean that the actuator cannot do what it is told.
+    /// All bits that mean that the actuator cannot follow commands.
     pub const FAULTS: u8 = Self::TIMED_OUT | Self::OVERHEATED | Self::BAD_VOLTAGE | Self::HARDWARE;
 
     /// Torque is on.
@@ -238,7 +238,7 @@ impl ActuatorStatus {
         self.0 & Self::ENABLED != 0
     }
 
-    /// The actuator cannot do what it is told.
+    /// The actuator cannot follow commands.
     pub fn faulty(self) -> bool {
         self.0 & Self::FAULTS != 0
     }

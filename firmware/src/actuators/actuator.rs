@@ -1,11 +1,11 @@
-//! One actuator: what it told, put together from its frames, and what it is to be told.
+//! One actuator: its feedback, merged from frames, and its pending requests.
 
 use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
 use rollwalk_protocol::actuators::{self, Command, Faults, Gains};
 
 use super::orders::Todo;
 
-/// Which torque switch it was told last.
+/// The torque switch that was sent last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Switched {
     #[default]
@@ -22,22 +22,22 @@ pub struct Actuator {
     has_told_state: bool,
     /// Faults in this control period add up: a later frame without them does not take them back.
     faults_are_new: bool,
-    /// Ticks since it last told its pose anew.
+    /// Ticks since the last new pose.
     pub silent_ticks: u16,
-    /// It was told to take its torque off, and what it said last since then is that it is off.
+    /// Torque off was sent, and the last feedback since then confirms it.
     pub known_off: bool,
     switched: Switched,
     switched_ticks: u16,
     /// The gains that it keeps, where they are not those of the configuration.
     pub gains: Option<Gains>,
-    /// The torque limit that it was told since it was enabled, where it keeps one.
+    /// The torque limit sent since it was enabled, where the drive stores one.
     pub torque_limit_nm: Option<f32>,
     pub todo: Todo,
     pub setpoint: Option<Command>,
 }
 
 impl Actuator {
-    /// Everything that it told last; `None` before its pose and state are known.
+    /// Latest feedback; `None` before its pose and state are known.
     pub fn feedback(&self) -> Option<Feedback> {
         self.is_known().then_some(self.told)
     }
@@ -106,7 +106,7 @@ impl Actuator {
         self.hear(news, false);
     }
 
-    /// Where it is, as nobody can measure it.
+    /// Assumes a position, for actuators that do not measure theirs.
     pub fn assume(&mut self, position_rad: f32) {
         self.told.position_rad = position_rad;
         self.has_told_pose = true;
@@ -122,7 +122,7 @@ impl Actuator {
         (self.switched, self.switched_ticks) = (Switched::On, 0);
     }
 
-    /// It was told to enable less than so many ticks ago, and may not have been able to say so.
+    /// Enabling was sent less than `patience_ticks` ago and may not be confirmed yet.
     pub fn waits_for_enable(&self, patience_ticks: u16) -> bool {
         self.switched == Switched::On && self.switched_ticks < patience_ticks
     }

@@ -15,8 +15,8 @@ use super::actuator::Actuator;
 use super::orders::{self, Errand};
 use super::{Actuators, FRESH_TICKS};
 
-/// Of drives that tell their state on a timer only: how long they have, once told to enable, until
-/// they are told again, ticks. ODrive's heartbeat comes every 100 ms.
+/// Retransmission interval of "enable" for drives that report their state on a timer only, ticks. ODrive's
+/// heartbeat comes every 100 ms.
 const ENABLE_PATIENCE_TICKS: u16 = 24;
 
 /// What an order is about.
@@ -30,7 +30,7 @@ pub enum About {
 #[derive(Clone, Copy, Debug)]
 pub struct Begun {
     pub about: About,
-    /// The actuators that are told, as bits.
+    /// The addressed actuators, as bits.
     pub channels: u32,
     /// Frames that have left.
     pub left: u8,
@@ -50,7 +50,7 @@ pub struct Line {
     pub idle: bool,
     /// A frame was taken in this control period.
     moved: bool,
-    /// A question is being answered until the period is over: nobody else may talk on a serial line.
+    /// A query is being answered until the period is over: the serial line is reserved for it.
     pub listening: bool,
     /// What comes in on a serial line.
     pub deframer: Deframer,
@@ -93,7 +93,7 @@ impl Line {
         self.members
     }
 
-    /// Poses are what the controller has been told to assume.
+    /// Poses are assumed, not measured.
     pub fn pose_is_assumed(&self) -> bool {
         !self.can.measures_position && self.bus.pose == Pose::AssumedSafe
     }
@@ -103,7 +103,7 @@ impl Line {
         matches!(self.can.answers, Answers::Always | Answers::OnQuery)
     }
 
-    /// How long an actuator that was told to enable has to say that it is.
+    /// Time for an actuator to confirm that it is enabled, ticks.
     pub fn enable_patience_ticks(&self) -> u16 {
         if self.can.answers == Answers::Cyclic { ENABLE_PATIENCE_TICKS } else { 0 }
     }
@@ -114,7 +114,7 @@ impl Line {
         self.listening = false;
     }
 
-    /// Drops what was begun to be told to a channel.
+    /// Drops an unfinished transmission to a channel.
     pub fn give_up(&mut self, channel: usize) {
         self.begun = self.begun.filter(|begun| begun.channels & bit(channel) == 0);
     }

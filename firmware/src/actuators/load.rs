@@ -35,10 +35,10 @@ pub enum BusProblem {
     Overload(Overload),
     /// Its actuators tell their pose on a timer, less often than the controller needs it.
     TooSeldom {
-        /// At least so often, Hz.
+        /// Smallest rate that the controller needs, Hz.
         needed_hz: u32,
     },
-    /// An actuator cannot be told something within its channel's limits.
+    /// The protocol cannot carry a command within the channel's limits.
     CannotTell {
         /// Number of the channel.
         channel: u8,
@@ -47,8 +47,8 @@ pub enum BusProblem {
     },
 }
 
-/// Every bus that a robot has actuators on, at so many control periods a second: what it carries, and
-/// whether its actuators can be told all that their channels' limits allow.
+/// Load of every bus with actuators at a control rate, and whether its protocol can carry all commands that
+/// the channels' limits allow.
 pub fn examine<'a>(
     config: &'a RobotConfig,
     buses: &'a Buses,

@@ -1,11 +1,10 @@
-//! The actuators as the controller sees them: what each measured last, and what each shall be told
-//! next.
+//! The actuators as the controller sees them: latest feedback and next command of each.
 //!
 //! | module | is |
 //! |---|---|
-//! | [`orders`] | what an actuator is told, as commands that its protocol can carry |
-//! | [`actuator`] | one actuator: what it told, what it is to be told |
-//! | [`load`] | whether the buses can carry and their protocols say what they will have to |
+//! | [`orders`] | the commands for an actuator, as far as its protocol can carry them |
+//! | [`actuator`] | one actuator: its feedback and its pending requests |
+//! | [`load`] | whether buses and protocols can carry the traffic |
 //! | [`line`] | one bus: whose turn it is, and the frames of an order in a row |
 //!
 //! Towards the bus every actuator has one place for each errand and one for a setpoint, and what is
@@ -42,7 +41,7 @@ pub const FRESH_TICKS: u16 = 2;
 /// How the actuators are, together.
 #[derive(Clone, Copy, Debug)]
 pub struct Health {
-    /// For how many ticks the one that has been silent longest has been; `None` when one has never told.
+    /// Longest silence of an actuator, ticks; `None` while one has not sent any feedback yet.
     silent_ticks: Option<u16>,
     /// Every actuator said in its last feedback that its torque is on.
     pub enabled: bool,
@@ -62,8 +61,8 @@ impl Health {
 pub struct Actuators {
     list: Vec<Actuator, MAX_CHANNELS>,
     lines: [Line; MAX_BUSES],
-    /// The actuator that may be told gains or limits anew in this control period because they change
-    /// at run time: one at a time, so that setpoints get through whoever is tuned.
+    /// The actuator whose changed gains or limits may be sent in this control period: one at a time, so
+    /// that setpoints get through during tuning.
     turn: usize,
 }
 
@@ -145,7 +144,7 @@ impl Actuators {
         ticks.enumerate().max_by_key(|&(_, ticks)| ticks)
     }
 
-    /// Every actuator has confirmed that its torque is off since it was last told so.
+    /// Every actuator has confirmed the last torque-off command.
     pub fn all_known_off(&self) -> bool {
         self.list.iter().all(|a| a.known_off)
     }
@@ -272,8 +271,8 @@ impl Actuators {
         })
     }
 
-    /// The largest gains that a channel's drive can be told; those that the controller keeps to itself
-    /// have no such limit.
+    /// The largest gains that a channel's drive accepts; without a limit where the controller closes the
+    /// loop.
     pub fn max_gains(&self, config: &RobotConfig, channel: usize) -> Option<Gains> {
         let line = self.line(config.channels.get(channel)?.bus)?;
         (line.bus.control == ControlLoop::InDrive).then_some(line.can.max_gains)

@@ -1,5 +1,5 @@
-//! What an actuator is told: from a channel's limits and target to a command that its protocol can
-//! carry, or to the torque that they ask for.
+//! Commands for an actuator: from a channel's limits and target to a command that its protocol can
+//! carry, or to the torque of the control law.
 
 use rollwalk_protocol::actuator::Feedback;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop};
@@ -20,7 +20,7 @@ pub enum Hold {
     Damped,
 }
 
-/// Something to be told besides setpoints, as a bit of [`Todo`]. The urgent first.
+/// A request besides setpoints, as a bit of [`Todo`]. The urgent first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Errand {
     Disable = 1 << 0,
@@ -31,7 +31,7 @@ pub enum Errand {
     Query = 1 << 5,
 }
 
-/// What an actuator is to be told, each at most once: a place for each, and no queue.
+/// Pending requests to an actuator, each at most once: a place for each, and no queue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Todo(u8);
 

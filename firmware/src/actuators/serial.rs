@@ -1,8 +1,8 @@
-//! Serial lines: everyone on a line is told in one packet, and one at a time talks.
+//! Serial lines: one packet addresses all actuators of a line, and one actuator answers at a time.
 //!
 //! In a control period a line carries switches, then setpoints, then one question; then the controller
 //! is silent until the period is over, for the answers. A stop does not wait for them. It may collide
-//! with one: it is told again until it is confirmed.
+//! with one: it is repeated until it is confirmed.
 
 use heapless::Vec;
 use rollwalk_protocol::actuators::bus::Protocol;
@@ -16,7 +16,7 @@ use super::line::{About, Begun, Line, bit, channels, order};
 use super::orders::Errand;
 
 impl Line {
-    /// What to go on with or to begin, with all actuators that are told the same.
+    /// The transmission to continue or to begin, with all actuators that it addresses.
     fn due_together(&self, list: &[Actuator]) -> Option<Begun> {
         if self.begun.is_some() {
             return self.begun;
@@ -140,7 +140,7 @@ impl Actuators {
     }
 }
 
-/// Packet `n` of orders, and how many there are; or which order cannot be told.
+/// Packet `n` of orders, and how many there are; or which order the protocol refuses.
 fn nth<P: ActuatorProtocol<Sent = Packet>>(
     protocol: &P,
     orders: &[Order],

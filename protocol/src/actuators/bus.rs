@@ -1,5 +1,5 @@
-//! What the actuators of a bus speak: a robot file says it, and a controller is made with it. Every bus
-//! that nothing is said about has actuators of the Rollwalk profile.
+//! Protocol and settings of an actuator bus, from a robot file to the controller. Buses that the file
+//! leaves out have actuators of the Rollwalk profile.
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
@@ -48,10 +48,10 @@ impl Default for Bus {
 }
 
 impl Bus {
-    /// Whether its actuators can be told all that is within a channel's limits: its ends.
+    /// Checks that the protocol can carry every command at the ends of a channel's limits.
     ///
     /// # Errors
-    /// What cannot be told, and why.
+    /// The value that the protocol cannot carry.
     pub fn can_drive(&self, limits: &Channel) -> Result<(), Refusal> {
         let can = self.protocol.capabilities();
         let tell = |command| self.protocol.check(&Order { id: limits.id, command });
@@ -118,8 +118,8 @@ impl Bus {
 pub enum ControlLoop {
     /// The drive, at its own rate.
     InDrive,
-    /// The controller, at its rate and from the last feedback; the drive is told a torque, within the
-    /// channel's limit. None is told from feedback that is older than two ticks.
+    /// The controller, at its rate and from the last feedback; the drive receives a torque, within the
+    /// channel's limit. No torque is computed from feedback older than two ticks.
     OnController,
 }
 
@@ -203,7 +203,7 @@ impl Protocol {
         }
     }
 
-    /// Whether an order can be told.
+    /// Refuses an order that the protocol has no frames for.
     pub fn check(&self, order: &Order) -> Result<(), Refusal> {
         match self {
             Protocol::Rollwalk => RollwalkServos.check(order),

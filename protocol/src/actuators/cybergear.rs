@@ -83,7 +83,7 @@ impl CyberGear {
         frame(kind, u16::from(self.host), motor, [first, 0, 0, 0, 0, 0, 0, 0])
     }
 
-    /// Asks who is there: answered with type 0 and the controller's 64-bit number.
+    /// Requests the device identifier: answered with type 0 and the controller's 64-bit number.
     pub fn get_id(&self, motor: u8) -> Frame {
         self.command(GET_ID, motor, 0)
     }

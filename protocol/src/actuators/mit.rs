@@ -175,7 +175,7 @@ impl Mit {
     }
 
     /// The codes of a wheel's setpoint: kp is 0, and the torque is what makes the whole,
-    /// kd (ω* − ω) + τ, right to half a step of torque, although ω* is not. Told to stand still, a
+    /// kd (ω* − ω) + τ, right to half a step of torque, although ω* is not. At 0 rad/s a
     /// wheel creeps by at most half a step of torque divided by kd.
     pub fn wheel(&self, setpoint: &WheelSetpoint) -> Result<Codes, Refusal> {
         without(setpoint.torque_limit_nm, "torque limit")?;

@@ -1,5 +1,5 @@
-//! What makes servos and wheel drives of several makers move, behind one trait. Their documents and
-//! ours: `docs/actuators.md`.
+//! Codecs for servos and wheel drives of several makers, behind one trait. Their documents and ours:
+//! `docs/actuators.md`.
 //!
 //! | module | speaks to | over |
 //! |---|---|---|
@@ -12,9 +12,9 @@
 //! | [`bus`] | which of them the actuators of a bus speak | |
 //! | [`traffic`] | how much of a bus that takes | |
 //!
-//! Two rules hold for all. What an actuator cannot be told is refused, never dropped or clipped: a
-//! damped hold that arrives as a stiff one breaks gears. And enabling takes the measured pose, which
-//! is what the actuator is told before its torque comes on.
+//! Two rules hold for all. A command that the protocol cannot carry is refused, never dropped or clipped:
+//! a damped hold that arrives as a stiff one breaks gears. And enabling takes the measured pose, which is
+//! sent as a setpoint before torque comes on.
 
 use heapless::Vec;
 use thiserror::Error;
@@ -46,7 +46,7 @@ pub struct Order {
     pub command: Command,
 }
 
-/// What an actuator can be told.
+/// Commands to an actuator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {
     /// Torque off.
@@ -77,7 +77,7 @@ pub enum Command {
     Joint(JointSetpoint),
     /// Turn so fast.
     Wheel(WheelSetpoint),
-    /// Give this torque, wherever and however fast that leads: whoever sends it closes the loop.
+    /// Give this torque, at any position and speed: the sender closes the loop.
     Torque {
         /// N·m.
         torque_nm: f32,
@@ -136,7 +136,7 @@ pub enum Refusal {
     OutOfRange(&'static str),
 }
 
-/// What an actuator has told of itself. A frame of most protocols tells a part of it.
+/// Feedback of an actuator. A frame of most protocols carries a part of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Feedback {
     /// Angle, rad.
@@ -184,7 +184,7 @@ impl Faults {
     pub const SENSOR: Faults = Faults(1 << 4);
     /// Stopped by an emergency stop of its own protocol.
     pub const ESTOPPED: Faults = Faults(1 << 5);
-    /// It did not do what it was told.
+    /// It refused a command.
     pub const REFUSED: Faults = Faults(1 << 6);
     /// Anything else.
     pub const OTHER: Faults = Faults(1 << 7);
@@ -236,7 +236,7 @@ pub enum Answers {
 /// What an actuator's own watchdog does when commands stay away.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Watchdog {
-    /// Stops, and stays stopped until it is told otherwise.
+    /// Stops, and stays stopped until it is cleared.
     Latches,
     /// Lets go; the next setpoint moves it again. The controller has to do the latching.
     Resumes,
@@ -255,7 +255,7 @@ pub struct Capabilities {
     pub wheels: bool,
     /// How gains get there.
     pub gains: Told,
-    /// The largest gains that can be told.
+    /// The largest gains that the protocol can carry.
     pub max_gains: Gains,
     /// How speed and torque limits get there; in setpoints only the torque limit of wheels.
     pub limits: Told,
@@ -265,7 +265,7 @@ pub struct Capabilities {
     pub torque: bool,
     /// [`Command::Torque`] is possible.
     pub torque_alone: bool,
-    /// A wheel told 0 rad/s stands still. Where not, it creeps, by less than a step of its scale.
+    /// A wheel at a setpoint of 0 rad/s stands still. Where not, it creeps, by less than a step of its scale.
     pub exact_zero_speed: bool,
     /// When it answers.
     pub answers: Answers,
@@ -273,10 +273,10 @@ pub struct Capabilities {
     pub measures_position: bool,
     /// It measures or estimates its torque.
     pub measures_torque: bool,
-    /// [`Command::Query`] can be told. Where not, and it answers every command, what changes nothing
-    /// has to be told instead.
+    /// [`Command::Query`] is possible. Where not, and it answers every command, a command that changes
+    /// nothing takes its place.
     pub query: bool,
-    /// It tells whether its torque is on. Where not, what it was told last has to stand for it.
+    /// It reports whether its torque is on. Where not, the last command has to stand for it.
     pub tells_enabled: bool,
     /// The pose can be read while torque is off: by [`Command::Query`], by [`Command::Disable`]
     /// again where that is answered, or because it comes on a timer.
@@ -301,7 +301,7 @@ pub trait ActuatorProtocol {
     /// was handed none.
     fn emit(&self, order: &Order, send: &mut dyn FnMut(Self::Sent)) -> Result<(), Refusal>;
 
-    /// Whether an order can be told.
+    /// Refuses an order that [`Self::emit`] would refuse.
     fn check(&self, order: &Order) -> Result<(), Refusal> {
         self.emit(order, &mut |_| {})
     }

@@ -111,7 +111,7 @@ impl Dynamixels {
         nearest(speed_rad_s / VELOCITY_STEP_RAD_S, -most, most).map(i32::to_le_bytes)
     }
 
-    /// The largest torque that can be told, N·m.
+    /// The largest torque that a goal current can carry, N·m.
     pub fn goal_current_max_nm(&self) -> f32 {
         self.model.max_current as f32 * self.model.torque_nm_a * CURRENT_STEP_A
     }
@@ -244,7 +244,7 @@ impl ActuatorProtocol for Dynamixels {
     }
 
     /// One sync write for each address range, torque switches before setpoints, and at last one sync
-    /// read: what every servo is told is in one packet, so they begin together.
+    /// read: one packet carries the setpoints of all servos, so they begin together.
     fn encode(
         &self,
         orders: &[Order],
