@@ -8,13 +8,13 @@ use std::fmt;
 use std::io;
 use std::str::FromStr;
 
-/// Set in the identifier of what is no frame but a report of the interface about an error.
+/// Bit of the identifier that marks an error report of the interface, which is not a frame.
 const ERROR_FLAG: u32 = 0x2000_0000;
 
 /// A frame on an interface at an instant; prints as a line of the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LogEntry<I = String> {
-    /// When the frame ended, microseconds.
+    /// Instant at which the frame ended, µs.
     pub at_us: u64,
     /// The bus; its name has no spaces.
     pub interface: I,

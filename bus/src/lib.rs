@@ -1,12 +1,12 @@
-//! The buses, as programs on a computer see them: frames over whatever carries them, and logs of them.
+//! Buses as programs on a computer use them: frames over CAN interfaces, serial lines and sockets; and their logs.
 //!
 //! | module | is |
 //! |---|---|
 //! | [`link`] | the trait: a bus with the controller on it, seen from the host |
-//! | [`name`], [`open`] | from what the user types to an open bus, or to what to type instead |
+//! | [`name`], [`open`] | parses a bus name and opens it; errors suggest a valid name |
 //! | [`port`] | a bus in real time: an outlet, and a thread that listens |
-//! | [`can`] | SocketCAN: short queues, and what drivers report as states and sentences |
-//! | `line` | the ends of a serial line: reading that waits a little, writing that does not |
+//! | [`can`] | SocketCAN: short queues; error reports of drivers as states and advice |
+//! | `line` | serial lines and sockets: reads with a short timeout, writes that never block |
 //! | [`serial`], [`slcan`] | the link over a serial line; CAN adapters on serial lines |
 //! | [`sim`] | a simulated robot's link on this computer |
 //! | [`lossy`] | a link that loses frames, for tests |

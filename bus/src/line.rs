@@ -91,7 +91,7 @@ impl LineWriter {
         Ok(())
     }
 
-    /// Takes the last line, room or not: nothing newer follows.
+    /// Takes the last line even when the queue is full: no newer line follows.
     pub fn last(&mut self, line: &[u8]) {
         if self.shared.waiting.fetch_add(1, Ordering::Relaxed) == 0 {
             self.shared.has_moved();
@@ -232,7 +232,7 @@ mod tests {
         }
     }
 
-    /// A line to a device, whether that takes anything, and what it has taken.
+    /// A line to a device, the switch that makes the device accept lines, and the lines accepted.
     fn line(takes: bool) -> (LineWriter, Arc<AtomicBool>, Receiver<Vec<u8>>) {
         let (taken, has_taken) = channel();
         let takes = Arc::new(AtomicBool::new(takes));
@@ -325,7 +325,7 @@ mod tests {
 
     #[test]
     fn an_adapter_that_was_unplugged_is_called_that() {
-        // As `serialport` passes on what the kernel says of a device that is not there any more.
+        // The error that `serialport` makes of the kernel's for an unplugged device.
         let said = serialport::Error::new(serialport::ErrorKind::Unknown, "I/O error");
         let why = gone("a line", &said.into()).to_string();
         assert!(why.contains("a line is gone: was it unplugged? (I/O error)"), "{why}");

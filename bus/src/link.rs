@@ -1,8 +1,8 @@
-//! The host's end of the link bus: what a session needs, whatever carries the frames.
+//! The host's end of the link, as a session uses it over any kind of bus.
 
 use rollwalk_protocol::can::Frame;
 
-/// Why a frame did not go out, or none can come in.
+/// Why a frame cannot be sent or received.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LinkError {
     /// The transmit queue is full; try again after a while.
@@ -15,8 +15,8 @@ pub enum LinkError {
 
 /// A CAN bus with the controller on it, seen from the host.
 ///
-/// Waiting is part of the bus: a real one sleeps, the simulated one lets virtual time pass. So the
-/// same session runs on both.
+/// The bus does the waiting: a real one sleeps, the simulated one advances virtual time. So the same
+/// session runs on both.
 pub trait LinkBus {
     /// Microseconds since some fixed instant; never goes back.
     fn now_us(&self) -> u64;
@@ -24,8 +24,7 @@ pub trait LinkBus {
     /// Queues a frame.
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError>;
 
-    /// What is known to be wrong with the bus, and what would help: for messages about a controller that
-    /// does not answer.
+    /// A known fault of the bus and its remedy, for messages about a controller that does not answer.
     fn complaint(&self) -> Option<String> {
         None
     }
@@ -34,7 +33,7 @@ pub trait LinkBus {
     fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError>;
 }
 
-/// Borrowed, so that a bus outlives what is done with it.
+/// Lets a session borrow its bus, which outlives it.
 impl<B: LinkBus + ?Sized> LinkBus for &mut B {
     fn now_us(&self) -> u64 {
         (**self).now_us()

@@ -3,7 +3,7 @@
 use crate::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::Frame;
 
-/// Loses a part of the frames in both directions, at random but always the same for a seed.
+/// Loses random frames in both directions, reproducibly from a seed.
 #[derive(Clone, Debug)]
 pub struct Lossy<B> {
     bus: B,

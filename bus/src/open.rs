@@ -1,23 +1,23 @@
-//! From the name of a bus to the bus.
+//! Opens a bus by its name.
 
 use crate::name::BusName;
 use crate::port::Port;
 use crate::serial;
 
-/// Why a bus cannot be used, and what would help.
+/// Why a bus cannot be used, and the remedy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what}\n  {help}")]
 pub struct OpenError {
     /// What is wrong.
     pub what: String,
-    /// What to do about it, or to type.
+    /// What to do about it, or the command to type.
     pub help: String,
 }
 
-/// Opens a bus with at most `depth` frames on their way.
+/// Opens a bus with at most `depth` frames in flight.
 ///
 /// # Errors
-/// There is no such bus, or it cannot be used as it is.
+/// The bus does not exist, or cannot be used in its present state.
 pub fn open(name: &BusName, depth: usize) -> Result<Port, OpenError> {
     match name {
         BusName::Can { interface, bitrate } => open_can(interface, *bitrate, depth),

@@ -1,10 +1,10 @@
-//! A bus in real time, as a process that takes part in it has it: an outlet for what it sends, and a thread
-//! that passes on what is heard. [`Live`] makes the link of a session of one.
+//! Buses in real time: an outlet that sends frames, and a thread that receives them. [`Live`] turns one into the
+//! link of a session.
 //!
-//! No queue of ours lies between a program and its bus: an outlet takes a frame only when few others are still
-//! on their way, so that a value that has waited can be replaced by a newer one before it is sent, and little that
-//! is stale is left to be sent when a dead bus comes back. On a CAN interface a frame is on its way until it has left;
-//! on a serial line until the kernel has taken it, whose buffer comes on top. So commands expire by their date.
+//! There is no transmit queue between a program and its bus: an outlet accepts a frame only while few others are in
+//! flight. A waiting setpoint can therefore be superseded by a newer one, and few stale frames go out when a dead bus
+//! recovers. On a CAN interface a frame is in flight until it is transmitted; on a serial line until the kernel has
+//! accepted it, whose buffer comes on top. So commands carry a time at which they expire.
 
 use crate::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::Frame;
@@ -16,33 +16,33 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// What is heard on a bus.
+/// An event on a bus.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Heard {
     /// A frame of another node.
     Frame(Frame),
-    /// A frame of ours has left; there is room for another.
+    /// A frame of ours was transmitted; there is room for another.
     Sent,
-    /// The interface is in another error state.
+    /// The interface has changed its error state.
     State(BusState),
-    /// A message of the transport, whole: a [`Hub`] has its [`Outlet`] take it apart.
+    /// A whole message of the transport, by identifier: a [`Hub`] has its [`Outlet`] segment it into frames.
     Message(u16, Vec<u8>),
-    /// The board at the other end of a serial line says how it is.
+    /// Status report of the board at the other end of a serial line.
     Report(Report),
 }
 
-/// The way out onto a bus.
+/// Transmitting end of a bus.
 pub trait Outlet: Send {
-    /// Whether it would take a frame now. One that has to say why it takes none any more would, too.
+    /// Whether [`Self::send`] would take a frame or report that the bus is gone, instead of [`LinkError::Busy`].
     fn is_free(&self) -> bool;
 
     /// Sends a frame.
     ///
     /// # Errors
-    /// [`LinkError::Busy`] when too many are on their way already, otherwise why the bus is gone.
+    /// [`LinkError::Busy`] when too many frames are in flight, otherwise why the bus is gone.
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError>;
 
-    /// Asks the board at the other end how it is; `false` when this kind of bus cannot ask.
+    /// Requests a status report from the board at the other end; `false` when this kind of bus cannot.
     ///
     /// # Errors
     /// As [`Self::send`].
@@ -50,11 +50,11 @@ pub trait Outlet: Send {
         Ok(false)
     }
 
-    /// Takes a message apart that came in whole, with the identifier of its frames.
+    /// Segments a message that arrived whole into frames with identifier `id`, for [`Self::poll_inward`].
     fn take_apart(&mut self, _id: u16, _message: &[u8]) {}
 
-    /// A frame that did not come over the bus, but is as good as one that did: of a message that came whole, or
-    /// flow control for one that goes whole.
+    /// The next frame made at this end instead of received: of a message that arrived whole, or flow control for one
+    /// that is sent whole.
     fn poll_inward(&mut self) -> Option<Frame> {
         None
     }
@@ -64,13 +64,13 @@ pub trait Outlet: Send {
         None
     }
 
-    /// What is wrong with the bus, and what would help, if something is known to be.
+    /// A known fault of the bus and its remedy.
     fn complaint(&self) -> Option<String> {
         None
     }
 }
 
-/// The way in from a bus.
+/// Receiving end of a bus.
 pub trait Inlet: Send {
     /// The next event; `None` after some hundredths of a second without one, so that the listening thread can end.
     ///
@@ -79,11 +79,11 @@ pub trait Inlet: Send {
     fn hear(&mut self) -> Result<Option<Heard>, LinkError>;
 }
 
-/// Both ways.
+/// Both ends of a bus.
 pub struct Port {
-    /// Out.
+    /// Transmits.
     pub outlet: Box<dyn Outlet>,
-    /// In.
+    /// Receives.
     pub inlet: Box<dyn Inlet>,
 }
 
@@ -92,21 +92,21 @@ pub(crate) fn since_us(start: Instant) -> u64 {
     u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX)
 }
 
-/// Something heard on one of several buses.
+/// An event with the index of its bus.
 type Tagged = (usize, Result<Heard, LinkError>);
 
 /// Several buses, listened to at once.
 pub struct Hub {
-    /// The ways out, in the order of the ports.
+    /// Outlets, in the order of the ports.
     pub outlets: Vec<Box<dyn Outlet>>,
-    /// What ends the thread that listens, of each.
+    /// Flag of each listening thread that ends it.
     over: Vec<Arc<AtomicBool>>,
     heard: Receiver<Tagged>,
     sender: Sender<Tagged>,
 }
 
 impl Hub {
-    /// Starts to listen.
+    /// Starts a listening thread for each port.
     pub fn new(ports: impl IntoIterator<Item = Port>) -> Self {
         let (sender, heard) = channel();
         let mut hub = Self { outlets: Vec::new(), over: Vec::new(), heard, sender };
@@ -118,20 +118,20 @@ impl Hub {
         hub
     }
 
-    /// Lets go of a port that is of no use any more, so that its device can be opened again.
+    /// Closes a port that has failed, so that its device can be opened again.
     pub fn close(&mut self, index: usize) {
         self.over[index].store(true, Ordering::Relaxed);
         self.outlets[index] = Box::new(Closed);
     }
 
-    /// Puts another port in the place of one that is gone.
+    /// Replaces a port that has failed.
     pub fn replace(&mut self, index: usize, port: Port) {
         self.close(index);
         self.over[index] = self.listen(index, port.inlet);
         self.outlets[index] = port.outlet;
     }
 
-    /// Passes on what is heard, in a thread of its own, until the bus is gone or that is said to be over.
+    /// Starts a thread that passes on the inlet's events until the bus is gone or the returned flag is set.
     fn listen(&self, index: usize, mut inlet: Box<dyn Inlet>) -> Arc<AtomicBool> {
         let (sender, over) = (self.sender.clone(), Arc::new(AtomicBool::new(false)));
         let is_over = Arc::clone(&over);
@@ -139,7 +139,7 @@ impl Hub {
             while !is_over.load(Ordering::Relaxed) {
                 let heard = inlet.hear().transpose();
                 let is_gone = matches!(heard, Some(Err(_)));
-                // Nobody to hear it is noticed in the next round.
+                // A dropped hub has set the flag, which ends the next iteration.
                 let _ = heard.map(|heard| sender.send((index, heard)));
                 if is_gone {
                     return;
@@ -149,8 +149,7 @@ impl Hub {
         over
     }
 
-    /// What is heard next and on which bus; `None` if nothing is until `deadline`. A bus that is gone says
-    /// so once.
+    /// The next event and the index of its bus; `None` at `deadline`. A bus that is gone reports it once.
     pub fn hear(&mut self, deadline: Instant) -> Option<(usize, Result<Heard, LinkError>)> {
         loop {
             let inward = self.outlets.iter_mut().enumerate();
@@ -159,7 +158,7 @@ impl Hub {
             if let Some((index, frame)) = inward.next() {
                 return Some((index, Ok(Heard::Frame(frame))));
             }
-            // Nobody is disconnected while this has a sender itself.
+            // The channel stays connected, because the hub keeps a sender itself.
             let wait = deadline.saturating_duration_since(Instant::now());
             match self.heard.recv_timeout(wait).ok()? {
                 (index, Ok(Heard::Message(id, bytes))) => {
@@ -177,7 +176,7 @@ impl Drop for Hub {
     }
 }
 
-/// The way out of a port that was let go of.
+/// Outlet of a closed port.
 struct Closed;
 
 impl Outlet for Closed {
@@ -193,9 +192,9 @@ impl Outlet for Closed {
 /// A link in real time.
 pub struct Live {
     hub: Hub,
-    /// Frames that came while something else was waited for.
+    /// Frames that arrived while [`Self::report`] waited.
     frames: VecDeque<Frame>,
-    /// Why the bus is gone, from then on.
+    /// Why the bus is gone, once it is.
     lost: Option<LinkError>,
     started: Instant,
 }
@@ -211,11 +210,11 @@ impl Live {
         self.hub.outlets[0].as_mut()
     }
 
-    /// Asks the board at the other end how it is; `None` if it does not say within `timeout`, or this kind
-    /// of bus cannot ask.
+    /// Requests the status report of the board at the other end; `None` without an answer within `timeout`, or if
+    /// this kind of bus cannot ask.
     ///
     /// # Errors
-    /// [`LinkError::Busy`] when too much is on its way already to ask now, otherwise why the bus is gone.
+    /// [`LinkError::Busy`] when too many frames are in flight to ask now, otherwise why the bus is gone.
     pub fn report(&mut self, timeout: Duration) -> Result<Option<Report>, LinkError> {
         if !self.outlet().ask_report()? {
             return Ok(None);

@@ -15,13 +15,13 @@ use std::io::{self, Read, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Longest wait for bytes of a device before the line is looked at again.
+/// Read timeout, after which the thread checks the line again.
 const WAIT: Duration = Duration::from_millis(50);
 
 /// Opens a device.
 ///
 /// # Errors
-/// There is no such device, it may not be used or not at this rate.
+/// The device does not exist, access is denied, or it does not support this rate.
 pub fn open(device: &Path, baud: u32) -> Result<Port, OpenError> {
     let (reader, writer) = open_device(device, baud)?;
     Ok(port(&device.display().to_string(), reader, writer))
@@ -47,7 +47,7 @@ fn refused(device: &Path, baud: u32, error: &serialport::Error) -> OpenError {
         ErrorKind::Io(io::ErrorKind::NotFound) => {
             OpenError { what: format!("there is no device `{shown}`"), help: devices() }
         }
-        // So the crate reports that somebody else has locked it.
+        // The crate reports a device locked by another program in this way.
         ErrorKind::NoDevice => OpenError {
             what: format!("another program uses `{shown}`"),
             help: format!("end it first; fuser {shown} tells which it is"),
@@ -91,7 +91,7 @@ pub fn port(
     both_ends(name, reader, writer, Some(Gateway::default()))
 }
 
-/// The same for a line with more than two ends: all that one says is frames, for all to hear.
+/// As [`port`], for a line with more than two ends: without a gateway, every packet is a frame for all of them.
 pub(crate) fn shared_port(
     name: &str,
     reader: impl Read + Send + 'static,
@@ -111,7 +111,7 @@ fn both_ends(
     Port { outlet: Box::new(outlet), inlet: Box::new(inlet(name, reader)) }
 }
 
-/// The way in alone.
+/// Receiving end alone.
 pub(crate) fn inlet<R: Read + Send + 'static>(name: &str, reader: R) -> impl Inlet + use<R> {
     let name = name.to_owned();
     SerialInlet { name, reader, deframer: Deframer::default(), heard: VecDeque::new() }
@@ -119,7 +119,7 @@ pub(crate) fn inlet<R: Read + Send + 'static>(name: &str, reader: R) -> impl Inl
 
 struct SerialOutlet {
     writer: LineWriter,
-    /// Of a line on which messages go whole.
+    /// Gateway of a line that carries whole messages.
     gateway: Option<Gateway>,
     started: Instant,
 }
@@ -142,7 +142,7 @@ impl Outlet for SerialOutlet {
                 "{name} carries no frames with 29-bit identifiers"
             )));
         }
-        // Before the gateway takes note of the frame.
+        // Fails before the gateway has recorded the frame.
         self.writer.ready()?;
         let packet = match &mut self.gateway {
             Some(gateway) => gateway.send(since_us(self.started), frame),
@@ -216,7 +216,7 @@ mod tests {
         (host, listener.accept().unwrap().0)
     }
 
-    /// Says frames again with the next identifier, and something before every report; then hangs up.
+    /// Echoes frames under the next identifier, sends a frame before every report, and disconnects after `packets`.
     fn board(line: &TcpStream, packets: usize) {
         let mut writer = line;
         let mut deframer = Deframer::default();
@@ -264,7 +264,7 @@ mod tests {
 
         let report = link.report(LONG).unwrap().unwrap();
         assert_eq!((report.reset, report.uptime_ms), (Reset::Pin, 7));
-        // What came before the report is still there.
+        // The frame that arrived before the report is kept.
         assert_eq!(link.receive(0).unwrap().unwrap().standard_id(), Some(0x123));
 
         link.send(&frame).unwrap();
@@ -275,7 +275,7 @@ mod tests {
         assert_eq!(link.receive(soon), Err(hung_up), "and it stays so");
     }
 
-    /// To both ends the line is a CAN bus with ISO-TP on it; in between goes one packet each way.
+    /// Both ends see a CAN bus with ISO-TP; the line carries one packet each way.
     #[test]
     fn messages_cross_the_line_whole() {
         let (host, far) = line();

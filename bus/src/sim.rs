@@ -21,7 +21,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-/// Longest wait for a frame, or for room for one, before the thread looks around.
+/// Timeout for a frame, or for room for one, after which the thread checks whether to end.
 const WAIT: Duration = Duration::from_millis(50);
 
 /// Default socket of a simulated robot, below the user's runtime folder.
@@ -68,7 +68,7 @@ pub fn serve(socket: Option<&Path>) -> Result<Port, OpenError> {
             help: "end it, or give this one another place: --bus sim:PATH".into(),
         });
     }
-    // One that a robot left behind when it was killed; and nothing else.
+    // Removes only a socket, left behind by a robot that was killed.
     match fs::symlink_metadata(&path) {
         Ok(found) if found.file_type().is_socket() => fs::remove_file(&path).map_err(failed)?,
         Ok(_) => {
@@ -91,7 +91,7 @@ fn accept(listener: &UnixListener, members: &Members, to: &Sender<Frame>) {
     for (number, stream) in (0..).zip(listener.incoming()) {
         let joined = stream.and_then(|stream| {
             let reader = stream.try_clone()?;
-            // A program that does not listen must not hold up the others.
+            // A program that does not read must not block the others.
             stream.set_nonblocking(false)?;
             stream.set_write_timeout(Some(Duration::from_millis(1)))?;
             members.lock().unwrap_or_else(PoisonError::into_inner).push((number, stream));
@@ -152,7 +152,7 @@ impl Outlet for SimOutlet {
 
 impl Drop for SimOutlet {
     fn drop(&mut self) {
-        // If it is gone already, all is as it should be.
+        // A socket that was removed already is no error.
         let _ = fs::remove_file(&self.path);
     }
 }
@@ -218,7 +218,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let socket = folder.path().join("robot.sock");
         let mut robot = Live::new(serve(Some(&socket)).unwrap());
-        // One that stands still: nobody reads.
+        // A program that has stopped reading.
         let mut deaf = UnixStream::connect(&socket).unwrap();
         deaf.write_all(&Packet::Link(frame(1)).encode().unwrap()).unwrap();
         assert_eq!(robot.receive(LONG_US), Ok(Some(frame(1))));

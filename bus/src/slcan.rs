@@ -19,7 +19,7 @@ const BAUD: u32 = 1_000_000;
 /// Opens the adapter at `device` on a CAN bus of `bitrate` bit/s.
 ///
 /// # Errors
-/// There is no such device, it may not be used, or the protocol has no such bitrate.
+/// The device does not exist, access is denied, or the protocol has no such bitrate.
 pub fn open(device: &Path, bitrate: u32) -> Result<Port, OpenError> {
     let digit = bitrate_digit(bitrate).ok_or_else(|| OpenError {
         what: format!("SLCAN adapters cannot be told a bitrate of {bitrate} bit/s"),
@@ -39,7 +39,7 @@ pub fn open(device: &Path, bitrate: u32) -> Result<Port, OpenError> {
 /// Opens the CAN channel of an adapter at `bitrate` bit/s (Lawicel's `digit`) and returns both ends of its line.
 ///
 /// # Errors
-/// The line's.
+/// Those of the line.
 pub fn port(
     name: &str,
     reader: impl Read + Send + 'static,
@@ -48,7 +48,7 @@ pub fn port(
     bitrate: u32,
 ) -> Result<Port, LinkError> {
     let mut writer = LineWriter::new(name, writer);
-    // The first end of a line ends whatever an earlier program left behind.
+    // The first terminator ends a partial line of an earlier program.
     let orders = [Said::Yes, Said::Close, Said::Bitrate(digit), Said::Open];
     let orders: Vec<u8> =
         orders.iter().flat_map(|said| said.encode().unwrap_or_default()).collect();
@@ -74,9 +74,9 @@ pub fn port(
 struct SlcanOutlet {
     writer: LineWriter,
     bitrate: u32,
-    /// Whether anything was heard that an adapter says. Not all confirm commands.
+    /// Whether the device has sent a valid SLCAN line. Not all adapters confirm commands.
     answers: Arc<AtomicBool>,
-    /// Whether the adapter said no, and yes never since.
+    /// Whether the adapter refused a command and has confirmed none since.
     refuses: Arc<AtomicBool>,
 }
 
@@ -112,7 +112,7 @@ impl Outlet for SlcanOutlet {
 
 impl Drop for SlcanOutlet {
     fn drop(&mut self) {
-        // Otherwise what the adapter hears would wait in the line for whoever opens it next.
+        // Otherwise received frames would wait in the line for the program that opens it next.
         self.writer.last(&Said::Close.encode().unwrap_or_default());
     }
 }
