@@ -1,9 +1,9 @@
 //! The link over a serial line: for a host without CAN, to a board with buses and a clock of its own.
 //!
-//! Frames of the link go both ways whenever there is one, each in a [`packet`]. Messages of the
-//! transport, which are segmented for CAN's eight bytes, go in one piece: a [`Gateway`] at each end of the line
-//! does the segmenting. The host can also ask how the board is; the controller's own messages know nothing of
-//! reset causes and error counters.
+//! Each frame of the link is sent in a [`packet`] as soon as there is one, in both directions. Messages of the
+//! transport, which CAN needs segmented, cross the line whole: a [`Gateway`] at each end does the segmenting. The
+//! host can also request a [`Report`] of the board, with reset cause and error counters, which the controller's own
+//! messages do not have.
 
 use crate::can::Frame;
 use crate::packet::{self, CRC_LEN, Reader, line_len};
@@ -14,7 +14,7 @@ mod gateway;
 
 pub use gateway::Gateway;
 
-/// Longest packet before it is stuffed: kind, identifier and a message.
+/// Longest packet before stuffing: kind, identifier and a message.
 const MAX_PACKET: usize = 3 + MAX_MESSAGE + CRC_LEN;
 
 /// Bytes for the line, the ending zero included.
@@ -23,7 +23,7 @@ pub type Line = Vec<u8, { line_len(MAX_PACKET) }>;
 pub type Deframer = packet::Deframer<MAX_PACKET>;
 type Writer = packet::Writer<MAX_PACKET>;
 
-// Other numbers than those of `tunnel`, so that neither board takes the other's host for its own.
+// Distinct from the kinds of `tunnel`, so that a board ignores the other protocol's host.
 const KIND_LINK: u8 = 16;
 const KIND_ASK: u8 = 17;
 const KIND_REPORT: u8 = 18;
@@ -32,52 +32,52 @@ const KIND_MESSAGE: u8 = 19;
 /// Buses of a [`Report`]: the link, two for actuators.
 pub const BUSES: usize = 3;
 
-/// What is on the line.
+/// A packet on the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packet<'a> {
-    /// A frame of the link, either way; none of the transport's.
+    /// A frame of the link, in either direction; not one of the transport.
     Link(Frame),
-    /// A message of the transport, whole.
+    /// A whole message of the transport.
     Message {
         /// Identifier of the frames that would carry it on CAN.
         id: u16,
         /// 1 to [`MAX_MESSAGE`] bytes.
         bytes: &'a [u8],
     },
-    /// Host: how are you?
+    /// Request of the host for a report.
     Ask,
-    /// Board: so.
+    /// Report of the board.
     Report(Report),
 }
 
-/// How a board is.
+/// Status report of a board.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Report {
     /// [`crate::config::RobotConfig::hash`] of the robot that the image was built for.
     pub config_hash: u32,
-    /// Why it was reset last.
+    /// Cause of the last reset.
     pub reset: Reset,
     /// Brown-out reset level, as the chip numbers them.
     pub brown_out_level: u8,
     /// Time since the reset, ms.
     pub uptime_ms: u32,
-    /// Control periods in which no tick was made.
+    /// Control periods without a tick.
     pub missed_periods: u32,
     /// The longest tick, µs.
     pub longest_tick_us: u32,
-    /// Loads of flash that could not be corrected.
+    /// Flash reads with uncorrectable ECC errors.
     pub broken_words: u32,
     /// The link, then the actuator buses.
     pub buses: [BusReport; BUSES],
 }
 
-/// Why a board was reset.
+/// Cause of a board's reset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reset {
     /// Something else.
     #[default]
     Other,
-    /// Power came, or dipped.
+    /// Power-on or brown-out.
     PowerOn,
     /// The reset button.
     Pin,
@@ -87,7 +87,7 @@ pub enum Reset {
     Software,
 }
 
-/// How a bus is.
+/// Status of a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BusReport {
     /// State.
@@ -96,21 +96,21 @@ pub struct BusReport {
     pub transmit_errors: u8,
     /// Receive error counter.
     pub receive_errors: u8,
-    /// How often frames were received faster than they were taken.
+    /// Receive overruns: frames that arrived before earlier ones were read.
     pub lost: u16,
 }
 
-/// Error state of a CAN controller, as a board or a driver tells it.
+/// Error state of a CAN controller, as a board or a driver reports it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BusState {
-    /// As it should be.
+    /// Error active: no fault.
     #[default]
     Active,
     /// No node acknowledges: alone on the bus, or the others have no power.
     NotAcknowledged,
     /// Error passive: 128 errors or more.
     Passive,
-    /// Bus-off: takes no part in the bus, and is kept off until it is started again.
+    /// Bus-off: takes no part in the bus until it is restarted.
     Off,
 }
 
@@ -281,7 +281,7 @@ mod tests {
         fn what_is_sent_arrives(packet in packet()) {
             let [body] = &received(&packet.encode().unwrap())[..] else { panic!("one packet") };
             prop_assert_eq!(Packet::decode(body), Some(packet));
-            // A board that waits for the host's time does not take it for a question.
+            // A board that speaks `tunnel` does not decode it as a request.
             prop_assert_eq!(Request::decode(body), None);
         }
 

@@ -1,9 +1,10 @@
 //! Frames of every bus, and the time, over one serial line: how a host drives a board without CAN.
 //!
 //! An emulated board has no CAN controller, and no clock that a test could trust. So the host keeps
-//! the time and both ends of every bus: it tells the board what happened and when ([`Request::Step`])
-//! and gets back what the controller puts on the buses. One question, one answer, nothing by itself:
-//! the same questions give the same answers, byte by byte.
+//! the time and both ends of every bus: it sends the board each event with its time
+//! ([`Request::Step`]) and receives the frames that the controller puts on the buses. Every request
+//! has one answer and the board sends nothing unsolicited: the same requests give the same answers,
+//! byte by byte.
 //!
 //! The body of a [`packet`] begins with kind and sequence number; the answer repeats both.
 
@@ -11,9 +12,9 @@ use crate::can::Frame;
 use crate::packet::{self, Reader, line_len};
 use heapless::Vec;
 
-/// Actuator buses at most.
+/// Maximum number of actuator buses.
 pub const MAX_ACTUATOR_BUSES: u8 = 8;
-/// Longest packet before it is stuffed: an answer with a frame for every bus has 122 bytes.
+/// Longest packet before stuffing: an answer with a frame for every bus has 122 bytes.
 const MAX_PACKET: usize = 128;
 
 const KIND_HELLO: u8 = 1;
@@ -26,23 +27,23 @@ pub type Line = Vec<u8, { line_len(MAX_PACKET) }>;
 pub type Deframer = packet::Deframer<MAX_PACKET>;
 type Writer = packet::Writer<MAX_PACKET>;
 
-/// What the host asks of the board.
+/// Request of the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// Who are you?
+    /// Asks the board for its identity.
     Hello,
-    /// Something happened, or a bus can take a frame.
+    /// Passes an event, or lets the controller send on free buses.
     Step(Step),
-    /// What did it cost?
+    /// Asks for the run time and stack used so far.
     Figures,
 }
 
-/// An instant: what happened, and which buses can take a frame after it.
+/// An instant: an event, and the buses that can take a frame after it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
     /// The controller's time, µs; never goes back.
     pub now_us: u64,
-    /// What happened.
+    /// Event at this instant.
     pub input: Option<Input>,
     /// Buses that can take a frame.
     pub free: Buses,
@@ -95,14 +96,14 @@ impl Buses {
     }
 }
 
-/// What the board answers.
+/// Answer of the board.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
     /// Its identity.
     Hello(Hello),
-    /// What the controller sends.
+    /// Frames that the controller sends.
     Stepped(Stepped),
-    /// What it cost.
+    /// Run time and stack.
     Figures(Figures),
 }
 
@@ -122,11 +123,11 @@ pub struct Stepped {
     pub link: Option<Frame>,
     /// A frame for each actuator bus.
     pub actuators: [Option<Frame>; MAX_ACTUATOR_BUSES as usize],
-    /// Clip, frame and phase of what is being played.
+    /// Clip, frame and phase being played.
     pub playing: Option<(u8, u16, f32)>,
 }
 
-/// What control periods cost, in counts of the board's timer, and the stack.
+/// Run time of control periods, in counts of the board's timer, and stack usage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Figures {
     /// Control periods counted.

@@ -1,19 +1,19 @@
-//! An end of a serial line, between a program that speaks ISO-TP and a line that needs none: messages of the
-//! transport are put together here, cross the line whole, and are taken apart at the other end.
+//! Gateway between a program that speaks ISO-TP and a serial line that does not need it: reassembles messages of
+//! the transport, sends them whole, and segments them again at the other end.
 //!
-//! On CAN a block of a library is 75 frames and 5 flow controls. As packets of a frame each they would take two
-//! and a half times as many bytes as the block has, and six times to and fro; whole it is one packet with 11
-//! bytes around it. Sessions and controllers know nothing of it: to them either end is a CAN bus.
+//! On CAN a block of a library is 75 frames and 5 flow controls. One packet per frame would take two and a half
+//! times the block's bytes, and six round trips; a whole block is one packet with 11 bytes of overhead. Sessions and
+//! controllers are unaware of it: both ends look like a CAN bus.
 
 use super::Packet;
 use crate::can::Frame;
 use crate::wire::isotp::{Event, Output, Timing};
 use crate::wire::transport::{Endpoint, partner};
 
-/// All frames in one go: there is no bus between a program and its gateway.
+/// No pauses and no flow control after the first: there is no bus between a program and its gateway.
 const TIMING: Timing = Timing { block_size: 0, st_min: 0, timeout_us: 1_000_000 };
 
-/// An end of a line, the same at host and controller. One conversation at a time.
+/// Gateway at one end of a line, the same at host and controller. One conversation at a time.
 #[derive(Clone, Debug)]
 pub struct Gateway {
     /// Identifier of the transport's frames that this end sends.
@@ -28,8 +28,8 @@ impl Default for Gateway {
 }
 
 impl Gateway {
-    /// This end sends a frame. What the line is to carry: the frame, the message that it completes, or nothing.
-    /// [`Self::poll`] afterwards.
+    /// Takes a frame sent at this end; returns the packet for the line: the frame, the message that it completes, or
+    /// none. Call [`Self::poll`] afterwards.
     pub fn send(&mut self, now_us: u64, frame: &Frame) -> Option<Packet<'_>> {
         let Some(id) = frame.standard_id().filter(|&id| partner(id).is_some()) else {
             return Some(Packet::Link(*frame));
@@ -45,14 +45,14 @@ impl Gateway {
         if let Some(ours) = partner(id) {
             self.talk_as(ours);
             self.endpoint.stop_sending();
-            // Packets have no longer messages than endpoints.
+            // Messages of packets always fit an endpoint.
             let _ = self.endpoint.send(message);
         }
     }
 
     /// The next frame for this end; call again until `None`.
     pub fn poll(&mut self, now_us: u64) -> Option<Frame> {
-        // A message that failed is given up, and one that was to follow it may come.
+        // A failed message is dropped; the next one may follow at once.
         for _ in 0..3 {
             match self.endpoint.poll(now_us) {
                 Output::Send(pdu) => return Some(pdu.frame(self.ours ^ 1)),
@@ -63,7 +63,7 @@ impl Gateway {
         None
     }
 
-    /// Frames of ours have this identifier from now on.
+    /// Sets the identifier of this end's frames; another one starts a new conversation.
     fn talk_as(&mut self, id: u16) {
         if self.ours != id {
             self.ours = id;
@@ -91,7 +91,7 @@ mod tests {
         gateway: Gateway,
         line: Deframer,
         heard: Vec<Vec<u8>>,
-        /// What it put on the line.
+        /// Number of packets put on the line.
         packets: usize,
     }
 
@@ -102,7 +102,7 @@ mod tests {
             Self { endpoint, frame, gateway, line, heard: Vec::new(), packets: 0 }
         }
 
-        /// Hears what the line brings, and lets frames go between program and gateway; what they put on the line.
+        /// Takes bytes from the line, passes frames between program and gateway, and returns the bytes they send.
         fn work(&mut self, bytes: &[u8]) -> Vec<u8> {
             for &byte in bytes {
                 match self.line.push(byte).and_then(Packet::decode) {
@@ -156,17 +156,17 @@ mod tests {
             }
         }
 
-        /// Both ends may have given up at any frame: what comes next gets through.
+        /// Either end may have given up at any frame: the next message gets through.
         #[test]
         fn a_message_that_was_left_half_way_is_in_nobody_s_way(
             asked in message(8), frames in 0usize..80,
         ) {
             let mut host = Program::new(frame_to_controller);
             let mut controller = Program::new(frame_to_host);
-            // One of which the controller took no more than the first frame.
+            // A message of which the controller took only the first frame.
             controller.gateway.receive(0x530, &[7; 100]);
             controller.gateway.poll(0);
-            // One of which the host did not send all.
+            // A message that the host did not send completely.
             host.endpoint.send(&asked).unwrap();
             for _ in 0..frames {
                 if let Output::Send(pdu) = host.endpoint.poll(0) {
@@ -192,7 +192,7 @@ mod tests {
             assert_eq!(gateway.send(0, &frame), Some(Packet::Link(frame)));
             assert_eq!(gateway.poll(0), None);
         }
-        // And a message under another identifier is none.
+        // A message under an identifier outside the transport is ignored.
         gateway.receive(0x234, &[1, 2, 3]);
         assert_eq!(gateway.poll(0), None);
     }

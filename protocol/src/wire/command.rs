@@ -1,4 +1,4 @@
-//! Class 2: what the host asks for, and the answer, which it always gets.
+//! Class 2: commands of the host. Each is acknowledged.
 
 use super::{DecodeError, Kind, Node, State, coded};
 use crate::can::Frame;
@@ -6,16 +6,16 @@ use crate::can::Frame;
 const COMMAND: Kind = Kind::new(2, 0);
 const ACK: Kind = Kind::new(3, 2);
 
-/// No motion, in the fields that name one.
+/// Code for no motion.
 const NO_MOTION: u8 = 0xFF;
 
-/// A command must not be valid for longer than this, ms.
+/// Longest allowed validity of a command, ms.
 pub const MOST_VALID_MS: u16 = 1000;
 
-/// Something that the controller shall do, once.
+/// A command to the controller.
 ///
-/// A command is executed at most once: its sequence number tells a repetition, which is answered
-/// again but not executed again. After `valid_until_ms` it is answered [`CommandResult::Expired`].
+/// The controller executes it at most once: it recognises a repetition by the sequence number, and
+/// acknowledges it again without executing it. After `valid_until_ms` the answer is [`CommandResult::Expired`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Command {
     /// 0 to 15, one more (and around) with each new command.
@@ -27,7 +27,7 @@ pub struct Command {
     pub valid_until_ms: u16,
 }
 
-/// What a command asks for.
+/// Action that a command requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
     /// Go to the motion with a code and play it.
@@ -59,7 +59,7 @@ pub enum Action {
         /// From the acknowledgement of the request.
         nonce: u16,
     },
-    /// Of a later version: to be answered with [`CommandResult::UnknownKind`].
+    /// Of a later version; the answer is [`CommandResult::UnknownKind`].
     Unknown {
         /// Kind on the wire, 9 to 15.
         kind: u8,
@@ -139,8 +139,8 @@ impl Command {
         Ok((node, Self { seq, action, valid_until_ms: u16::from_le_bytes([v0, v1]) }))
     }
 
-    /// Whether it must not be executed now, by the controller's clock: it is too late, or valid for longer than
-    /// [`MOST_VALID_MS`], as no host makes them. Such a one has waited somewhere until the 16 bits went round.
+    /// Whether the command has expired by the controller's clock: past `valid_until_ms`, or apparently valid for longer
+    /// than [`MOST_VALID_MS`]. No host sends the latter: the command was delayed until the 16 bits wrapped.
     pub fn expired(self, now_us: u64) -> bool {
         let now_ms = (now_us / 1000) as u16;
         self.valid_until_ms.wrapping_sub(now_ms) > MOST_VALID_MS
@@ -148,15 +148,15 @@ impl Command {
 }
 
 coded! {
-    /// What became of a command.
+    /// Result of a command.
     CommandResult {
-        /// Executed, or on its way.
+        /// Executed or being executed.
         Ok = 0,
         /// No motion has this code.
         UnknownCode = 1,
         /// Not possible in this state.
         WrongState = 2,
-        /// Came after its time.
+        /// Arrived after its expiry.
         Expired = 3,
         /// The motion graph has no route to this motion.
         Unreachable = 4,
@@ -164,7 +164,7 @@ coded! {
         NotArmed = 5,
         /// There is no valid library.
         NoLibrary = 6,
-        /// The nonce is not the one that was handed out, or is too old: start again.
+        /// The nonce is not the one last issued, or has expired: start again.
         WrongNonce = 7,
         /// The library is for another robot configuration.
         ConfigMismatch = 8,
@@ -174,7 +174,7 @@ coded! {
         OutOfOrder = 10,
         /// This version does not know this kind of command.
         UnknownKind = 11,
-        /// A fault is still there: the fault report says which.
+        /// A fault persists; the fault report names it.
         FaultPresent = 12,
         /// Speed 0 or below, or beyond what the robot's limits allow.
         BadSpeed = 13,
@@ -184,11 +184,11 @@ coded! {
 /// The answer to a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CommandAck {
-    /// Of the command.
+    /// Sequence number of the command.
     pub seq: u8,
     /// Kind of the command, 4 bits ([`Action::kind`]).
     pub kind: u8,
-    /// What became of it.
+    /// Result of the command.
     pub result: CommandResult,
     /// State after it.
     pub state: State,

@@ -6,7 +6,7 @@ use crate::can::Frame;
 const DISCOVER: Kind = Kind::new(7, 0);
 const DISCOVERED: Kind = Kind::new(7, 1);
 
-/// Asks controllers to say who they are.
+/// Request to the controllers for their identity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Discover;
 
@@ -23,7 +23,7 @@ impl Discover {
     }
 }
 
-/// The answer, from the address that the controller has.
+/// The answer, sent from the controller's address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Discovered {
     /// Serial number of the hardware.

@@ -1,4 +1,4 @@
-//! From a frame to the message that it is.
+//! Decodes a frame into the message that it carries.
 
 use super::transport::{TO_CONTROLLER, TO_HOST};
 use super::{
@@ -10,15 +10,15 @@ use crate::can::Frame;
 /// A message that a controller may receive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ToController {
-    /// Stop now.
+    /// Emergency stop.
     Estop,
-    /// The host is there.
+    /// Heartbeat of the host.
     Heartbeat(Heartbeat),
-    /// Do something.
+    /// Command of the host.
     Command(Command),
     /// Part of a [`super::Request`], or flow control: for [`super::isotp::Endpoint::on_frame`].
     Transport,
-    /// Tell, set or keep gains and limits.
+    /// Reads, sets or saves gains and limits.
     Parameter(ParameterRequest),
     /// Asks every controller on the bus to identify itself.
     Discover,
@@ -26,7 +26,7 @@ pub enum ToController {
 
 impl ToController {
     /// Addressee and message. Errors: [`DecodeError::OtherMessage`] for frames of other kinds,
-    /// which are to be ignored; the others for damaged frames, which are to be counted.
+    /// which the receiver ignores; the others for damaged frames, which it counts.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         match frame.standard_id().ok_or(DecodeError::OtherMessage)? & 0x70F {
             0x000 => Estop::decode(frame).map(|(node, _)| (node, Self::Estop)),
@@ -43,23 +43,23 @@ impl ToController {
 /// A message that a host may receive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FromController {
-    /// Stopped.
+    /// Acknowledgement of an emergency stop.
     EstopAck(EstopAck),
-    /// The controller's time.
+    /// The controller's answer to a heartbeat, with its clock.
     HeartbeatReply(HeartbeatReply),
-    /// How the controller is.
+    /// Status of the controller.
     Status(Status),
     /// A fault in detail.
     FaultReport(FaultReport),
-    /// What became of a command.
+    /// Result of a command.
     CommandAck(CommandAck),
-    /// What a joint or wheel does.
+    /// Measurements of a joint or wheel.
     JointTelemetry(JointTelemetry),
     /// Part of a [`super::Response`], or flow control: for [`super::isotp::Endpoint::on_frame`].
     Transport,
-    /// What became of a request about parameters.
+    /// Result of a parameter request.
     ParameterAck(ParameterAck),
-    /// Here I am.
+    /// Identity of a controller.
     Discovered(Discovered),
 }
 

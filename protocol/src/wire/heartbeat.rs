@@ -1,4 +1,4 @@
-//! Class 1: the host is there, and what time it is.
+//! Class 1: heartbeats of the host, and clock synchronisation.
 
 use super::{DecodeError, Kind, Node};
 use crate::can::Frame;
@@ -6,7 +6,7 @@ use crate::can::Frame;
 const HEARTBEAT: Kind = Kind::new(1, 0);
 const REPLY: Kind = Kind::new(1, 1);
 
-/// The host is there. Sent every [`super::HEARTBEAT_PERIOD_MS`].
+/// Heartbeat of the host, sent every [`super::HEARTBEAT_PERIOD_MS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heartbeat {
     /// Goes up by one each time, and wraps. A heartbeat that is not ahead of the last one is a repeated frame
@@ -30,13 +30,13 @@ impl Heartbeat {
     }
 }
 
-/// The controller's answer to each heartbeat: from its clock the host works out how long a
-/// [`super::Command`] is valid.
+/// The controller's answer to each heartbeat. The host computes the expiry of a [`super::Command`]
+/// from its clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HeartbeatReply {
-    /// Of the heartbeat that this answers.
+    /// Sequence number of the heartbeat.
     pub seq: u8,
-    /// Controller's clock when it took the heartbeat, low 32 bits of ms.
+    /// Controller's clock when the heartbeat arrived, low 32 bits of ms.
     pub controller_ms: u32,
 }
 

@@ -2,12 +2,12 @@
 //! without clock or bus.
 //!
 //! Both directions of a link share an [`Endpoint`]: data one way and flow control the other have
-//! the same identifier. Give it the payload of every frame of the peer ([`Endpoint::on_frame`]),
-//! and send what [`Endpoint::poll`] hands out. Time is an argument, µs of any monotonic clock.
+//! the same identifier. Pass it the payload of every frame of the peer ([`Endpoint::on_frame`]),
+//! and send the frames that [`Endpoint::poll`] returns. Time is an argument, µs of any monotonic clock.
 //!
 //! One message at a time each way. A lost, repeated or reordered frame ends the message with an
-//! [`IsoTpError`] on the side that notices and with a timeout on the other; what to do then is up to
-//! the caller. Frames are not padded.
+//! [`IsoTpError`] on the side that detects it and with a timeout on the other; retrying is up to the
+//! caller. Frames are not padded.
 
 use crate::can::Frame;
 use thiserror::Error;
@@ -17,10 +17,10 @@ const MAX_LENGTH: usize = 4095;
 /// Most consecutive wait frames of a receiver before the sender gives up (N_WFTmax).
 const MAX_WAITS: u8 = 16;
 
-/// What a receiver asks of the sender, and how long both wait for one another.
+/// Flow control that a receiver requests, and the timeout of both ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
-    /// Consecutive frames between two flow controls; 0: all in one go.
+    /// Consecutive frames between two flow controls; 0: no further flow control.
     pub block_size: u8,
     /// Least time between two consecutive frames, in the coding of the standard: 0 to 127 ms, or
     /// 0xF1 to 0xF9 for 100 to 900 µs.
@@ -70,10 +70,10 @@ pub enum IsoTpError {
     /// A consecutive frame was lost, repeated or out of order.
     #[error("a frame of the message was lost, repeated or out of order")]
     Sequence,
-    /// The peer fell silent in the middle of a message that we receive.
+    /// The peer stopped sending in the middle of a message (N_Cr).
     #[error("the rest of the message did not come in time")]
     ReceiveTimeout,
-    /// The peer does not ask for the rest of our message.
+    /// The peer sent no flow control in time (N_Bs).
     #[error("the receiver did not ask for the rest of the message in time")]
     SendTimeout,
     /// The peer's receive buffer is too small for the message.
@@ -87,18 +87,18 @@ pub enum IsoTpError {
     BadFlowControl,
 }
 
-/// Why a message is not taken for sending.
+/// Why a message is refused for sending.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum SendError {
-    /// One is still on its way.
+    /// An earlier message is still being sent.
     #[error("the message before is still on its way")]
     Busy,
-    /// Empty, or longer than the endpoint has room for.
+    /// Empty, or longer than the endpoint's buffer.
     #[error("the message is empty or too long")]
     BadLength,
 }
 
-/// What a received frame leads to.
+/// Effect of a received frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// Nothing yet.
@@ -109,28 +109,28 @@ pub enum Event {
     Failed(IsoTpError),
 }
 
-/// What to do next.
+/// Next action of an endpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
     /// Nothing now.
     Idle,
     /// Send this.
     Send(Pdu),
-    /// A message failed because time ran out.
+    /// A message timed out.
     Failed(IsoTpError),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sending {
     Idle,
-    /// Single or first frame not yet handed out.
+    /// Single or first frame not sent yet.
     Start,
     /// Waits for flow control.
     Waiting {
         since_us: u64,
         waits: u8,
     },
-    /// Hands out consecutive frames: `left` until the next flow control, 0 for no end.
+    /// Sends consecutive frames: `left` until the next flow control, 0 for no limit.
     Streaming {
         left: u8,
         bounded: bool,
@@ -167,7 +167,7 @@ pub struct Endpoint<const N: usize> {
 }
 
 impl<const N: usize> Endpoint<N> {
-    /// An end where nothing is under way.
+    /// An idle end.
     pub fn new(timing: Timing) -> Self {
         const { assert!(N > 0 && N <= MAX_LENGTH, "ISO-TP carries 1 to 4095 bytes") };
         Self {
@@ -184,7 +184,7 @@ impl<const N: usize> Endpoint<N> {
         }
     }
 
-    /// Takes a message for sending; [`poll`](Self::poll) hands out its frames.
+    /// Takes a message for sending; [`poll`](Self::poll) returns its frames.
     pub fn send(&mut self, message: &[u8]) -> Result<(), SendError> {
         if self.is_sending() {
             return Err(SendError::Busy);
@@ -196,12 +196,12 @@ impl<const N: usize> Endpoint<N> {
         Ok(())
     }
 
-    /// Frames of our message are still to be handed out.
+    /// Whether frames of a message remain to be sent.
     pub fn is_sending(&self) -> bool {
         self.sending != Sending::Idle
     }
 
-    /// The last complete message, until a frame of the next one comes.
+    /// The last complete message, until a frame of the next one arrives.
     pub fn received(&self) -> &[u8] {
         match self.receiving {
             Receiving::Idle => self.rx.get(..self.rx_at).unwrap_or(&[]),
@@ -209,12 +209,12 @@ impl<const N: usize> Endpoint<N> {
         }
     }
 
-    /// Gives up what is still to be handed out of our message.
+    /// Drops the remaining frames of the message being sent.
     pub fn stop_sending(&mut self) {
         self.sending = Sending::Idle;
     }
 
-    /// Drops whatever is under way.
+    /// Drops the messages in both directions.
     pub fn reset(&mut self) {
         self.stop_sending();
         self.drop_reception();
@@ -233,7 +233,7 @@ impl<const N: usize> Endpoint<N> {
         }
     }
 
-    /// What to do now. Call again until [`Output::Idle`].
+    /// Next action at `now_us`; call until [`Output::Idle`].
     pub fn poll(&mut self, now_us: u64) -> Output {
         if let Some(pdu) = self.flow_control.take() {
             return Output::Send(pdu);
@@ -321,7 +321,7 @@ impl<const N: usize> Endpoint<N> {
         let Some(slot) = self.rx.get_mut(..len) else {
             return Event::Failed(IsoTpError::TooLong);
         };
-        // A new message ends one that was not complete.
+        // A new message replaces an incomplete one.
         slot.copy_from_slice(bytes);
         self.rx_at = len;
         self.receiving = Receiving::Idle;

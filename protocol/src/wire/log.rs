@@ -1,4 +1,4 @@
-//! The controller's log: recent changes of state and faults, for a host that asks afterwards why it stopped.
+//! The controller's log: recent changes of state and faults, for a diagnosis after the event.
 
 use super::State;
 use crate::faults::Fault;
@@ -18,9 +18,9 @@ pub struct LogEntry {
     pub at_ms: u32,
     /// [`Event::code`](crate::faults::Event::code); a later version may have more of them.
     pub event: u8,
-    /// State before it, ...
+    /// State before the event.
     pub before: State,
-    /// ... and after it.
+    /// State after the event.
     pub after: State,
     /// Fault that the event raised.
     pub fault: Option<Fault>,
@@ -42,7 +42,7 @@ impl LogEntry {
         [t0, t1, t2, t3, self.event, states, fault, channel, v0, v1, v2, v3]
     }
 
-    /// The entry in these bytes; `None` when it has a state or fault that this version does not know.
+    /// Decodes an entry; `None` for a state or fault that this version does not know.
     pub fn decode(bytes: &[u8; LOG_ENTRY_BYTES]) -> Option<Self> {
         let [t0, t1, t2, t3, event, states, fault, channel, v0, v1, v2, v3] = *bytes;
         Some(Self {
@@ -59,8 +59,8 @@ impl LogEntry {
 
 /// A part of the log, oldest first.
 ///
-/// Entries are numbered from 0 at power-on. A controller keeps the last of them: what was asked for
-/// before [`first`](Self::first) is forgotten.
+/// Entries are numbered from 0 at power-on. A controller keeps the latest: entries before
+/// [`first`](Self::first) are lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Log {
     /// Controller's clock when it answered, low 32 bits of ms.
@@ -80,7 +80,7 @@ impl Log {
         Self { now_ms, first, next, len: 0, entries }
     }
 
-    /// Adds an entry; whether there was room for it.
+    /// Adds an entry; returns whether there was room for it.
     pub fn push(&mut self, entry: [u8; LOG_ENTRY_BYTES]) -> bool {
         let Some(slot) = self.entries.get_mut(usize::from(self.len)) else { return false };
         *slot = entry;
@@ -93,7 +93,7 @@ impl Log {
         self.entries.get(..usize::from(self.len)).unwrap_or(&self.entries)
     }
 
-    /// Number and content of each entry; without those that this version does not understand.
+    /// Number and content of each entry that this version can decode.
     pub fn entries(&self) -> impl Iterator<Item = (u32, LogEntry)> {
         let numbers = (0..).map(|i| self.first.wrapping_add(i));
         numbers.zip(self.encoded()).filter_map(|(n, bytes)| Some((n, LogEntry::decode(bytes)?)))

@@ -47,15 +47,15 @@ use crate::can::Frame;
 use crate::crc::crc8_with_id;
 use thiserror::Error;
 
-/// Protocol version: another major number and the two may only talk HELLO.
+/// Major protocol version: with different ones the two sides may only exchange HELLO.
 pub const PROTOCOL_MAJOR: u8 = 1;
-/// Protocol version: a higher minor number has messages that we ignore.
+/// Minor protocol version: a higher one has messages that we ignore.
 pub const PROTOCOL_MINOR: u8 = 1;
-/// Time between two heartbeats of the host, ms.
+/// Period of the host's heartbeats, ms.
 pub const HEARTBEAT_PERIOD_MS: u32 = 50;
-/// Without a heartbeat for so long the host counts as lost, ms.
+/// Timeout after which the host counts as lost, ms.
 pub const HOST_TIMEOUT_MS: u32 = 250;
-/// Time between two status messages, ms.
+/// Period of status messages, ms.
 pub const STATUS_PERIOD_MS: u32 = 50;
 
 /// Layout of every message in short; part of the protocol's identity.
@@ -90,7 +90,7 @@ isotp 90 reply request:u8 result:u8 next:u32 section:u8 why:u8
 200+n wheel_setpoint speed:i32*1e-4rad/s kd:u16*1e-3Nms/rad torque_limit:u16*5e-3Nm
 ";
 
-/// CRC-32C of [`SCHEMA`]: two sides with different hashes do not mean the same by the same bytes.
+/// CRC-32C of [`SCHEMA`]: two sides with different hashes interpret the same bytes differently.
 pub const SCHEMA_HASH: u32 = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(SCHEMA.as_bytes());
 
 /// Address of a controller on the link, 0 to 14, or of all of them.
@@ -121,7 +121,7 @@ pub enum DecodeError {
     /// The length is not that of the message.
     #[error("wrong length")]
     BadLength,
-    /// The checksum does not fit: damaged on the way.
+    /// The checksum does not match: damaged in transit.
     #[error("wrong checksum")]
     BadCrc,
     /// A field has a value that this version does not know.

@@ -1,7 +1,7 @@
 //! Class 6: gains and limits of servos and wheel drives at run time.
 //!
-//! A request that was lost or repeated does no harm: it is answered as the last one when it is the
-//! last one, and one that comes late is out of order.
+//! Lost and repeated requests do no harm: the controller acknowledges a repetition of the last request
+//! again without executing it, and refuses an older one as out of order.
 
 use super::{DecodeError, Kind, Node, coded};
 use crate::can::Frame;
@@ -9,11 +9,11 @@ use crate::can::Frame;
 const REQUEST: Kind = Kind::new(6, 0);
 const ACK: Kind = Kind::new(6, 1);
 
-/// No channel, in the answers to requests that are about none.
+/// Code for no channel.
 const NO_CHANNEL: u8 = 0xFF;
 
 coded! {
-    /// What can be set of a channel.
+    /// Parameter of a channel.
     Parameter {
         /// Proportional gain, N·m/rad. Of a wheel always 0.
         Kp = 0,
@@ -24,7 +24,7 @@ coded! {
     }
 }
 
-/// What the host asks about parameters.
+/// Parameter request of the host.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParameterRequest {
     /// 0 to 15, one more (and around) with each new request.
@@ -33,10 +33,10 @@ pub struct ParameterRequest {
     pub action: ParameterAction,
 }
 
-/// What a [`ParameterRequest`] asks for.
+/// Action that a [`ParameterRequest`] requests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ParameterAction {
-    /// Tell a parameter of a channel.
+    /// Read a parameter of a channel.
     Get {
         /// [`Parameter::code`], 4 bits.
         parameter: u8,
@@ -52,13 +52,13 @@ pub enum ParameterAction {
         /// The new value, in the parameter's unit.
         value: f32,
     },
-    /// All parameters of all channels back to the robot's configuration.
+    /// Reset all parameters of all channels to the robot's configuration.
     Reset,
-    /// Keep what is set now over a power cycle.
+    /// Save the present values across power cycles.
     Save,
-    /// Where the values come from that were in force after power-on.
+    /// Read the origin of the values in force after power-on.
     Origin,
-    /// Of a later version: to be answered with [`ParameterResult::UnknownRequest`].
+    /// Of a later version; the answer is [`ParameterResult::UnknownRequest`].
     Unknown {
         /// Kind on the wire, 5 to 15.
         kind: u8,
@@ -78,7 +78,7 @@ impl ParameterAction {
         }
     }
 
-    /// Number of the parameter and channel that it is about.
+    /// Number of the parameter, and the channel concerned.
     pub fn about(self) -> (u8, Option<u8>) {
         match self {
             ParameterAction::Get { parameter, channel }
@@ -130,7 +130,7 @@ impl ParameterRequest {
 }
 
 coded! {
-    /// What became of a [`ParameterRequest`].
+    /// Result of a [`ParameterRequest`].
     ParameterResult {
         /// Done.
         Ok = 0,
@@ -138,11 +138,11 @@ coded! {
         UnknownParameter = 1,
         /// The robot has no such channel.
         UnknownChannel = 2,
-        /// Below the least or above the greatest value, or no number: the answer has the limit.
+        /// Below the minimum, above the maximum, or not a number: the answer has the limit.
         OutOfRange = 3,
         /// Not possible in this state.
         WrongState = 4,
-        /// The memory for parameters failed, or there is none: what was saved before still is.
+        /// The parameter store failed, or there is none: the values saved before are kept.
         StoreFailed = 5,
         /// Older than the last request.
         OutOfOrder = 6,
@@ -154,13 +154,13 @@ coded! {
 }
 
 coded! {
-    /// Where the values come from that were in force after power-on.
+    /// Origin of the values in force after power-on.
     ParameterOrigin {
         /// The robot's configuration: nothing was saved.
         Configuration = 0,
         /// The saved set.
         Saved = 1,
-        /// The configuration: what was saved is for another one.
+        /// The configuration: the saved set is for another one.
         OtherConfiguration = 2,
         /// The configuration: a saved value is not allowed any more.
         OutOfRange = 3,
@@ -170,15 +170,15 @@ coded! {
 /// The answer to a [`ParameterRequest`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParameterAck {
-    /// Of the request.
+    /// Sequence number of the request.
     pub seq: u8,
     /// Kind of the request, 4 bits ([`ParameterAction::kind`]).
     pub kind: u8,
-    /// What became of it.
+    /// Result of the request.
     pub result: ParameterResult,
-    /// Of the request, 4 bits; 0 when it is about none.
+    /// Parameter of the request, 4 bits; 0 without one.
     pub parameter: u8,
-    /// Of the request.
+    /// Channel of the request.
     pub channel: Option<u8>,
     /// The parameter as it is now, or after [`ParameterResult::OutOfRange`] the limit that the
     /// request went beyond. The code of a [`ParameterOrigin`] after [`ParameterAction::Origin`].

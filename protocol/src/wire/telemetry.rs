@@ -1,4 +1,4 @@
-//! Class 4: what joints and wheels do. May be dropped; nothing depends on it.
+//! Class 4: measurements of joints and wheels. May be dropped; nothing depends on them.
 
 use super::{DecodeError, Kind, Node};
 use crate::actuator::{
@@ -8,7 +8,7 @@ use crate::can::Frame;
 
 const JOINT: Kind = Kind::new(4, 0);
 
-/// Measurements of one channel; the channels take turns.
+/// Measurements of one channel; channels are sent in rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointTelemetry {
     /// Channel, as in the robot's configuration.

@@ -8,15 +8,15 @@
 //!                                 <──  Reply {Ok, next 0}
 //! Block {offset 0, …}             ──>  checks the block's CRC, writes
 //!                                 <──  Reply {Ok, next 512}
-//! …                                    a block that it has: Ok; one too far: OutOfOrder. Both with
-//!                                      `next`, so the host knows where to go on
+//! …                                    a block received before: Ok; one too far ahead: OutOfOrder.
+//!                                      Both with `next`, where the host goes on
 //! Finish                          ──>  reads all back, checks CRC, validates
 //!                                 <──  Reply {Ok}, or Rejected with section, offset and reason
 //! Activate {crc}                  ──>  plays from it from now on
 //!                                 <──  Reply {Ok}
 //! ```
 //!
-//! After a lost link the host sends the same Begin again: the answer's `next` says where to go on.
+//! After a lost link the host sends the same Begin again, and goes on at the answer's `next`.
 
 use super::isotp;
 use super::{Kind, LOG_ENTRY_BYTES, Log, Node, coded};
@@ -32,7 +32,7 @@ pub const MAX_BLOCK: usize = 512;
 /// Longest message: a block with its head.
 pub const MAX_MESSAGE: usize = 9 + MAX_BLOCK;
 
-/// An end of the transport: room for one message each way.
+/// An end of the transport, with buffers for one message each way.
 pub type Endpoint = isotp::Endpoint<MAX_MESSAGE>;
 
 /// The frame of an [`Endpoint`]'s output from the host to a controller.
@@ -51,40 +51,40 @@ pub(crate) fn partner(id: u16) -> Option<u16> {
     (is_ours(TO_CONTROLLER) || is_ours(TO_HOST)).then_some(id ^ 1)
 }
 
-/// What a host asks for.
+/// Request of a host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request<'a> {
-    /// Who are you? Answered with [`Response::Hello`].
+    /// Asks for the controller's identity; answered by [`Response::Hello`].
     Hello {
         /// Host's major protocol version.
         major: u8,
         /// Host's minor protocol version.
         minor: u8,
     },
-    /// What happened to you? Answered with [`Response::Log`], in every state; changes nothing.
+    /// Asks for the log; answered by [`Response::Log`] in every state.
     Log {
-        /// Number of the first entry that is wanted.
+        /// Number of the first entry requested.
         since: u32,
     },
-    /// A library will follow, or goes on where the same one was left.
+    /// Begins the transfer of a library, or resumes that of the same one.
     Begin {
         /// Bytes of the library.
         len: u32,
         /// CRC-32C of all its bytes.
         crc32c: u32,
     },
-    /// A piece of it, 1 to [`MAX_BLOCK`] bytes. Repeating a block does no harm.
+    /// A block of the library, 1 to [`MAX_BLOCK`] bytes. Repeating a block does no harm.
     Block {
-        /// Where it belongs.
+        /// Offset in the library.
         offset: u32,
         /// The bytes.
         bytes: &'a [u8],
     },
-    /// That was all: check it.
+    /// Ends the transfer: the controller checks the library.
     Finish,
-    /// Use it.
+    /// Activates the library.
     Activate {
-        /// CRC-32C of all its bytes: which one.
+        /// CRC-32C of all its bytes, which identifies it.
         crc32c: u32,
     },
 }
@@ -95,10 +95,10 @@ pub enum TransportError {
     /// A type that this version does not know.
     #[error("unknown message type {0:#04x}")]
     UnknownType(u8),
-    /// Empty, or of another length than its type has.
+    /// Empty, or not of the length of its type.
     #[error("wrong length")]
     BadLength,
-    /// A block whose checksum does not fit.
+    /// The checksum of a block does not match.
     #[error("the block's checksum does not fit")]
     BadCrc,
     /// A field has a value that this version does not know.
@@ -196,7 +196,7 @@ impl<'a> Request<'a> {
     }
 }
 
-/// Who a controller is.
+/// Identity of a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hello {
     /// Major protocol version.
@@ -213,14 +213,14 @@ pub struct Hello {
     pub format_minor: u16,
     /// Identity of the active library ([`crate::library::Index::id`]).
     pub library: Option<u32>,
-    /// Most bytes of a block that it takes.
+    /// Longest block that it accepts, bytes.
     pub max_block: u16,
     /// Channels of the robot.
     pub channels: u8,
 }
 
 coded! {
-    /// What became of a transfer request.
+    /// Result of a transfer request.
     TransferResult {
         /// Done.
         Ok = 0,
@@ -228,17 +228,17 @@ coded! {
         WrongState = 1,
         /// The library is longer than the store.
         TooLong = 2,
-        /// Not where the transfer is: go on at `next`.
+        /// Ahead of the transfer: go on at `next`.
         OutOfOrder = 3,
-        /// A checksum does not fit.
+        /// A checksum does not match.
         BadCrc = 4,
-        /// Begin first.
+        /// No transfer has begun.
         NotBegun = 5,
         /// Bytes are missing: go on at `next`.
         Incomplete = 6,
-        /// Not a library that this robot can play: section, offset and reason say why.
+        /// This robot cannot play the library: the reply has section, offset and reason.
         Rejected = 7,
-        /// Finish first, or another library was finished.
+        /// The transfer is not finished, or another library was.
         NotFinished = 8,
         /// The store cannot be written.
         StoreFailed = 9,
@@ -250,12 +250,12 @@ coded! {
 /// The answer to a transfer request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reply {
-    /// [`Request::kind`] of what it answers.
+    /// [`Request::kind`] of the request.
     pub request: u8,
-    /// What became of it.
+    /// Result of the request.
     pub result: TransferResult,
-    /// First byte that the controller does not have yet. After [`TransferResult::Rejected`]: where
-    /// in the library the fault is.
+    /// Offset of the first byte that the controller has not received. After
+    /// [`TransferResult::Rejected`]: offset of the fault in the library.
     pub next: u32,
     /// After [`TransferResult::Rejected`]: code of the section ([`crate::library::Section::code`]).
     pub section: u8,
@@ -269,7 +269,7 @@ impl Reply {
         Self { request, result, next, section: 0, why: 0 }
     }
 
-    /// The answer to a library that was refused.
+    /// The answer to a rejected library.
     pub fn rejected(request: u8, reject: &Reject) -> Self {
         Self {
             request,
@@ -281,7 +281,7 @@ impl Reply {
     }
 }
 
-/// What a controller answers.
+/// Answer of a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Response {
     /// To [`Request::Hello`].
