@@ -6,7 +6,7 @@ use rollwalk_firmware::{BusState, Buses, Controller, Settings};
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
 
-/// A controller, wherever it runs.
+/// A controller, in this process or elsewhere.
 pub trait Core {
     /// Passes an event to the controller, then takes a frame for each free bus.
     ///
@@ -23,10 +23,10 @@ pub trait Core {
         Err(LinkError::Down(format!("a board that cannot be told that bus {bus} is {state:?}")))
     }
 
-    /// Whether an actuator bus that is off is to be started again; it says so once.
+    /// Takes the controller's request to restart an actuator bus that is off; `true` once per request.
     ///
     /// # Errors
-    /// It is out of reach, or cannot be asked.
+    /// The controller is out of reach, or cannot be asked.
     fn take_bus_restart(&mut self, bus: u8) -> Result<bool, LinkError> {
         Err(LinkError::Down(format!("a board that cannot be asked about bus {bus}")))
     }
@@ -40,12 +40,12 @@ pub struct Local {
 }
 
 impl Local {
-    /// A controller that has just been switched on.
+    /// A controller just after power-on.
     pub fn new(config: RobotConfig, buses: Buses, settings: Settings) -> Self {
         Self::booting(config, buses, settings, (store::blank(), store::blank_parameters()))
     }
 
-    /// The same with a library in use, as if it had been flashed and confirmed.
+    /// As [`Self::new`], with a library active as if it had been flashed and activated.
     ///
     /// # Panics
     /// The library does not fit into the simulated flash.
@@ -65,7 +65,7 @@ impl Local {
         Self::booting(config, self.buses, self.settings, stores)
     }
 
-    /// The controller itself: for what a real bus tells it and the simulated one does not.
+    /// The controller itself, for inputs that a real bus gives and the simulated one does not.
     pub fn controller_mut(&mut self) -> &mut Controller<SimStore, SimParameters> {
         &mut self.controller
     }

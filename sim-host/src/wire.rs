@@ -5,7 +5,7 @@ use crate::clock::SimTime;
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::can::Frame;
 
-/// Frames that wait in any adapter of the controller at most.
+/// Largest transmit buffer of a controller's adapter, frames.
 const MAX_DEPTH: usize = 64;
 
 /// A bus and the controller's place on it.
@@ -56,7 +56,7 @@ impl Wire {
     /// The controller goes bus-off and loses its queued frames.
     pub fn go_off(&mut self, now: SimTime) {
         self.off = true;
-        // A frame of its own on its way is cut short.
+        // Cuts its frame in flight short.
         self.bus.disconnect(now);
         self.bus.cancel(self.controller);
         if self.alone_since.is_none() {

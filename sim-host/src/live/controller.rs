@@ -11,11 +11,11 @@ use rollwalk_protocol::tunnel::{Buses, Input, MAX_ACTUATOR_BUSES, Step, Stepped}
 use std::iter;
 use std::time::{Duration, Instant};
 
-/// Runs the controller until `goes_on` says no, which is asked once in every control period of `period`.
+/// Runs the controller until `goes_on` returns `false`; it is called once in every control period of `period`.
 /// `actuators` are the actuator buses by number.
 ///
-/// Neither a link nor an actuator bus that goes ends it: without its host the controller brings the robot home,
-/// and an actuator bus that is gone is one that is off, which is opened again when an operator has cleared that.
+/// The loss of a bus does not end the run. Without the link the controller returns the robot to SAFE; a lost actuator
+/// bus counts as bus-off, and is opened again when an operator has cleared that fault.
 ///
 /// # Errors
 /// None: the controller is in this process.
@@ -31,14 +31,14 @@ pub fn run(
     let mut board = Board::new(core, port, keeper, actuators);
     let mut next_tick = start;
     loop {
-        // Time goes before frames: no bus is so full that it keeps the controller from its ticks.
+        // Ticks go before frames: even a full bus does not delay them.
         let is_due = Instant::now() >= next_tick;
         let heard = if is_due { None } else { board.hub.hear(next_tick) };
         let now_us = start.elapsed().as_micros() as u64;
         let input = match heard {
             Some((index, heard)) => board.hear(now_us, index, heard),
             None => {
-                // After a stall one tick is late, and none is made up for.
+                // After a stall one tick is late, and missed ones are not made up for.
                 next_tick = (next_tick + period).max(Instant::now());
                 if !goes_on(board.core) {
                     return Ok(());
@@ -51,7 +51,7 @@ pub fn run(
     }
 }
 
-/// The controller and everything around it.
+/// The controller with its buses.
 struct Board<'a> {
     core: &'a mut Local,
     keeper: &'a mut dyn Reopen,
@@ -66,7 +66,7 @@ struct Bus {
     state: BusState,
 }
 
-/// Number of the actuator bus of a port, which the link is not.
+/// Number of a port's actuator bus; `None` for the link.
 fn number(index: usize) -> Option<u8> {
     index.checked_sub(1).map(|number| number as u8)
 }
@@ -118,8 +118,8 @@ impl<'a> Board<'a> {
         None
     }
 
-    /// How the actuator buses are, in every control period: an operator who clears a bus that is off makes the
-    /// controller believe that it is well, which only the bus itself can say. One that is gone is opened again then.
+    /// Reports the state of the actuator buses in every control period: when an operator clears a bus-off, the
+    /// controller assumes a healthy bus until the bus reports its state. Opens a lost bus again at that moment.
     fn watch_actuator_buses(&mut self, now_us: u64) {
         let buses = self.buses.iter_mut().enumerate();
         for (number, bus) in buses.filter_map(|(index, bus)| Some((number(index)?, bus))) {
@@ -134,7 +134,7 @@ impl<'a> Board<'a> {
 
     /// Passes an input to the controller and sends its frames on the buses that are ready.
     fn step(&mut self, now_us: u64, mut input: Option<Input>) -> Result<(), LinkError> {
-        // A link is opened again when it is time, whatever the operator says.
+        // A lost link is opened again periodically, without an operator.
         self.buses[0].kept.is_there(&mut self.hub, self.keeper);
         loop {
             let step = Step { now_us, input: input.take(), free: self.free() };
@@ -145,7 +145,7 @@ impl<'a> Board<'a> {
         }
     }
 
-    /// Buses that would take a frame; none that is gone.
+    /// Buses that would take a frame, without lost ones.
     fn free(&self) -> Buses {
         let outlets = self.hub.outlets.iter().enumerate().filter(|(_, outlet)| outlet.is_free());
         outlets.fold(Buses::default(), |free, (index, _)| match number(index) {
@@ -154,7 +154,7 @@ impl<'a> Board<'a> {
         })
     }
 
-    /// Sends what the controller has for each bus; whether it had anything.
+    /// Sends the controller's frame for each bus; returns whether there was any.
     fn send(&mut self, now_us: u64, stepped: &Stepped) -> bool {
         let mut any = false;
         for (index, frame) in iter::once(&stepped.link).chain(&stepped.actuators).enumerate() {
@@ -174,7 +174,7 @@ impl<'a> Board<'a> {
         }
     }
 
-    /// A bus is gone.
+    /// Handles the loss of a bus.
     fn lose(&mut self, now_us: u64, index: usize, error: &LinkError) {
         let bus = &mut self.buses[index];
         bus.kept.lose(&mut self.hub, self.keeper, error);
@@ -199,7 +199,7 @@ mod tests {
     use std::sync::mpsc::{Receiver, Sender, channel};
     use std::thread;
 
-    /// Where a bus's frames go.
+    /// Outlet that passes frames to the test.
     struct To(Sender<Frame>);
 
     impl Outlet for To {
@@ -222,13 +222,13 @@ mod tests {
         }
     }
 
-    /// A bus, and what goes out on it; it takes nothing any more when that is dropped.
+    /// A bus and the receiver of its frames; it takes no frame once the receiver is dropped.
     fn bus() -> (Port, Receiver<Frame>) {
         let (to, sent) = channel();
         (Port { outlet: Box::new(To(to)), inlet: Box::new(Silence) }, sent)
     }
 
-    /// Notes what is lost, and opens nothing again.
+    /// Records lost buses, and opens none again.
     #[derive(Default)]
     struct Lost(Vec<Interface>);
 
@@ -246,7 +246,7 @@ mod tests {
         Local::new(one_leg::config(), one_leg::robot().controller_buses(), Settings::default())
     }
 
-    /// Control periods from `now_us` on, and when they are over.
+    /// Runs control periods from `now_us` on; returns the instant of their end.
     fn periods(board: &mut Board<'_>, now_us: u64, count: u64) -> u64 {
         for k in 0..count {
             board.watch_actuator_buses(now_us + 10_000 * k);
@@ -307,7 +307,7 @@ mod tests {
             assert_eq!(controller.state(), state);
             let is_off = controller.faults().contains(Fault::BusOff);
             assert_eq!(is_off, state == State::EStopped);
-            // Before the second time it says that it is well.
+            // Before the second round the bus reports that it is active.
             board.hear(now_us, 2, Ok(Heard::State(BusState::Active)));
         }
         drop(board);

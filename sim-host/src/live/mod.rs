@@ -1,5 +1,5 @@
-//! In real time, on buses of this computer: a whole robot behind its link, its controller alone, or its
-//! motors alone. So any of them can be replaced by the real one.
+//! Simulation in real time on buses of this computer: a whole robot behind its link, its controller alone, or its
+//! motors alone, so that the rest can be real hardware.
 //!
 //! ```text
 //!   [`whole`]        link ─┤ controller, simulated actuator buses, motors ├
@@ -23,44 +23,44 @@ use std::time::{Duration, Instant};
 /// Interval between attempts to open a lost bus again: a robot outlives its adapters.
 const REOPEN_PERIOD: Duration = Duration::from_millis(500);
 
-/// What becomes of a bus that is gone.
+/// Policy for a lost bus.
 pub trait Reopen {
-    /// It is gone.
+    /// Takes note of a lost bus.
     fn lost(&mut self, bus: Interface, why: &LinkError);
 
-    /// Opens it again; `None` as long as that cannot be done.
+    /// Opens the bus again; `None` as long as that fails.
     fn reopen(&mut self, bus: Interface) -> Option<Port>;
 }
 
-/// A bus of a robot: a port of a hub, opened again when it is gone.
+/// A bus of a robot: a port of a hub, opened again after a loss.
 struct Kept {
     bus: Interface,
-    /// Of its port.
+    /// Index of its port.
     index: usize,
-    /// When it was last tried.
+    /// Instant of the loss or of the last attempt to open it; `None` while it is open.
     gone: Option<Instant>,
 }
 
 impl Kept {
-    /// A bus that is open now.
+    /// An open bus.
     fn new(bus: Interface, index: usize) -> Self {
         Self { bus, index, gone: None }
     }
 
-    /// Whether it is gone.
+    /// Whether the bus is lost.
     fn is_gone(&self) -> bool {
         self.gone.is_some()
     }
 
     fn lose(&mut self, hub: &mut Hub, keeper: &mut dyn Reopen, error: &LinkError) {
         if self.gone.replace(Instant::now()).is_none() {
-            // What is left of it would keep its device from being opened.
+            // An open port would keep its device from being opened again.
             hub.close(self.index);
             keeper.lost(self.bus, error);
         }
     }
 
-    /// Tries to open it again; whether it can be used.
+    /// Tries to open the bus again; returns whether it can be used.
     fn reopen(&mut self, hub: &mut Hub, keeper: &mut dyn Reopen) -> bool {
         self.gone = Some(Instant::now());
         if let Some(port) = keeper.reopen(self.bus) {
@@ -70,7 +70,7 @@ impl Kept {
         self.gone.is_none()
     }
 
-    /// Whether it can be used; tries to open it again when it is time.
+    /// Returns whether the bus can be used; tries to open a lost one every [`REOPEN_PERIOD`].
     fn is_there(&mut self, hub: &mut Hub, keeper: &mut dyn Reopen) -> bool {
         match self.gone {
             None => true,
@@ -82,7 +82,7 @@ impl Kept {
 /// Maximum number of frames that wait for a busy bus; older ones are stale.
 const WAITING: usize = 64;
 
-/// What waits for a busy bus, oldest first.
+/// Frames that wait for a busy bus, oldest first.
 #[derive(Default)]
 struct Waiting(VecDeque<Frame>);
 
@@ -94,7 +94,7 @@ impl Waiting {
         self.0.push_back(frame);
     }
 
-    /// Sends as much as the bus takes.
+    /// Sends as many frames as the bus takes.
     fn send(&mut self, outlet: &mut dyn Outlet) -> Result<(), LinkError> {
         while let Some(frame) = self.0.front() {
             match outlet.send(frame) {

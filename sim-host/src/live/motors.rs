@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 /// Interval between updates of weight and inertia on the joints.
 const LOAD_PERIOD: Duration = Duration::from_millis(10);
 
-/// Runs the motors on `buses`, by number, until `goes_on` says no, which is asked every few milliseconds. On a bus
-/// that is gone they are silent until it is back.
+/// Runs the motors on `buses`, by number, until `goes_on` returns `false`; it is called every few milliseconds. The
+/// motors of a lost bus are silent until it is back.
 pub fn run(
     body: &mut Body,
     buses: Vec<Port>,
@@ -28,7 +28,7 @@ pub fn run(
     let mut steps = Periodic::new(MOTOR_RATE_HZ);
     let mut next_load = start;
     loop {
-        // A full bus does not keep the load from being looked at.
+        // Even a full bus does not delay the update of the load.
         let is_due = Instant::now() >= next_load;
         let timer = body.next_timer().map(|at| start + Duration::from_micros(at.as_us()));
         let heard =

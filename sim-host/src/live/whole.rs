@@ -8,14 +8,14 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::{Heard, Hub, Port};
 use std::time::{Duration, Instant};
 
-/// Longest time that the simulation falls behind while nothing is heard.
+/// Longest lag of the simulation behind real time while no frame arrives.
 const STEP: Duration = Duration::from_millis(1);
 
-/// Runs the robot until `goes_on` says no. That is asked every millisecond, with the frames of all
-/// buses since the last time.
+/// Runs the robot until `goes_on` returns `false`; it is called every millisecond, with the frames of
+/// all buses since the last call.
 ///
 /// # Errors
-/// The simulated controller is out of reach, which that of this process never is.
+/// The controller is out of reach, which never happens to one in this process.
 pub fn run(
     rig: &mut Rig,
     port: Port,
@@ -54,7 +54,7 @@ pub fn run(
                 Ok(_) => {}
                 Err(error) => link.lose(&mut hub, keeper, &error),
             }
-            // What else is there already, and on.
+            // Takes the other frames that have arrived already, without waiting for more.
             deadline = Instant::now();
         }
     }
