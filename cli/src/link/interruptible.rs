@@ -1,4 +1,4 @@
-//! A link whose waiting Ctrl-C ends.
+//! A link on which Ctrl-C interrupts every wait.
 
 use crate::interrupt;
 use rollwalk_bus::link::{LinkBus, LinkError};
@@ -11,7 +11,7 @@ const CHECK_US: u64 = 50_000;
 /// A link.
 pub struct Interruptible {
     live: Live,
-    /// Whether Ctrl-C is not to end anything any more, because the robot is being brought home.
+    /// Whether Ctrl-C is ignored, because the robot returns to SAFE.
     ignores: bool,
 }
 
@@ -26,7 +26,7 @@ impl Interruptible {
         self.live.bitrate()
     }
 
-    /// From here on Ctrl-C ends nothing.
+    /// Ignores Ctrl-C from here on.
     pub fn ignore_interrupts(&mut self) {
         self.ignores = true;
     }

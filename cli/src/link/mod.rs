@@ -1,4 +1,4 @@
-//! The link to a controller, as the operator's commands open it; and [`names`] for what is on it.
+//! The link to a controller, as commands open it; and the [`names`] of its motions and channels.
 
 mod interruptible;
 pub mod names;
@@ -34,7 +34,7 @@ fn node(text: &str) -> Result<Node, String> {
         .ok_or_else(|| "an address is a number from 0 to 14; `rollwalk discover` lists them".into())
 }
 
-/// A bus that cannot be used, with what to type.
+/// Report of a bus that cannot be used, with the command to type.
 pub fn cannot_open(error: OpenError) -> Report {
     miette!(help = error.help, "{}", error.what)
 }
@@ -43,25 +43,25 @@ pub fn cannot_open(error: OpenError) -> Report {
 pub type LiveSession = Session<Interruptible>;
 
 impl LinkArgs {
-    /// Opens the bus, and nothing more.
+    /// Opens the bus and sends nothing.
     ///
     /// # Errors
-    /// There is no such bus, or it cannot be used: with what to type.
+    /// The bus does not exist or cannot be used; the error names the command to type.
     pub fn live(&self) -> Result<Live, OpenError> {
         open::open(&self.bus, DEPTH).map(Live::new)
     }
 
-    /// Opens the bus and starts to listen for Ctrl-C.
+    /// Opens the bus; Ctrl-C interrupts its waits.
     ///
     /// # Errors
-    /// There is no such bus, or it cannot be used: with what to type.
+    /// As [`live`](Self::live).
     pub fn open(&self) -> miette::Result<Interruptible> {
         interrupt::listen();
         let live = self.live().map_err(cannot_open)?;
         Ok(Interruptible::new(live))
     }
 
-    /// Opens the bus and connects to the controller as its host: there must be no other.
+    /// Opens the bus and connects to the controller as its only host.
     ///
     /// # Errors
     /// As [`open`](Self::open); [`Ended`] without an answer, beside another host, with another protocol, or on Ctrl-C.
@@ -69,10 +69,10 @@ impl LinkArgs {
         self.session(Session::connect_alone)
     }
 
-    /// Opens the bus and connects to the controller for an order or two, beside its host if it has one.
+    /// Opens the bus and connects to the controller for single commands, beside its host if it has one.
     ///
     /// # Errors
-    /// As [`connect`](Self::connect), but for another host.
+    /// As [`connect`](Self::connect), except that another host is no error.
     pub fn join(&self) -> miette::Result<LiveSession> {
         self.session(Session::join)
     }
@@ -92,7 +92,7 @@ impl LinkArgs {
         connect(self.open()?, self.node).map_err(|error| Ended(ended(self, &error)).into())
     }
 
-    /// What a failed session means for the one who typed the command.
+    /// Report of a failed session, with the command to type next.
     pub fn explain(&self, error: &SessionError) -> Report {
         let bus = &self.bus;
         let help = match error {
@@ -104,7 +104,7 @@ impl LinkArgs {
                  and `send` without --arm work beside it"
                     .into()
             }
-            // They say themselves what would be right.
+            // These messages name the remedy themselves.
             SessionError::ParameterRefused { .. } | SessionError::Transferring { .. } => return miette!("{error}"),
             _ => format!("rollwalk doctor --bus {bus} says what is wrong and how to clear it"),
         };
@@ -112,12 +112,12 @@ impl LinkArgs {
     }
 }
 
-/// A command has ended with its session, and why was said.
+/// A command whose session failed, after the failure was reported.
 #[derive(Debug, Error, Diagnostic)]
 #[error("the session ended")]
 pub struct Ended(pub Exit);
 
-/// How a command ends whose session failed: with Ctrl-C, or with what the session says.
+/// Exit code of a command whose session failed. Reports the failure, unless Ctrl-C caused it.
 pub fn ended(args: &LinkArgs, error: &SessionError) -> Exit {
     if interrupt::requested() {
         return Exit::Interrupted;

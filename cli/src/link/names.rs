@@ -1,5 +1,5 @@
-//! Names of motions and channels of the library that a controller has: kept in the user's cache when a library is
-//! built or flashed, or read from its file.
+//! Names of motions and channels of the controller's library: from the user's cache, which every build and flash of a
+//! library fills, or from the library's file.
 
 use crate::packed::Packed;
 use crate::{files, output};
@@ -20,7 +20,7 @@ pub struct NamesArgs {
 }
 
 impl NamesArgs {
-    /// Names for the library with this identity, if they can be found.
+    /// Returns the names of the library with this identity, if they are known.
     ///
     /// # Errors
     /// A file that was named is missing or wrong.
@@ -39,7 +39,7 @@ impl NamesArgs {
     }
 }
 
-/// Keeps the names of a library for later. A cache that cannot be written only costs names.
+/// Caches the names of a library. A cache that cannot be written costs no more than the names.
 pub fn keep(catalog: &Catalog) {
     let Some(path) = place(catalog.library) else { return };
     let text = serde_json::to_string_pretty(catalog).unwrap_or_default();
@@ -48,7 +48,7 @@ pub fn keep(catalog: &Catalog) {
     }
 }
 
-/// Names that were kept of the library with this identity.
+/// Cached names of the library with this identity.
 pub fn kept(library: u32) -> Option<Catalog> {
     let text = fs::read_to_string(place(library)?).ok()?;
     let catalog: Catalog = serde_json::from_str(&text).ok()?;

@@ -22,23 +22,23 @@ pub enum Intent {
     Estop,
     /// Out of an emergency stop or a latched fault, in two steps.
     Clear,
-    /// From now on at so many 64ths of the planned speed, 1 to 64; a loop that plays changes its speed.
+    /// Sets the playback speed for this and later motions; a loop that plays changes its speed.
     Speed {
-        /// The speed.
+        /// 64ths of the planned speed, 1 to 64.
         sixty_fourths: i8,
     },
     /// State of the deadman; before the first there is none.
     Deadman(Deadman),
-    /// Go home and leave; a second time leave at once.
+    /// Return to SAFE, switch torque off and leave; a second time leave at once.
     Quit,
 }
 
 /// A button that must be held while the robot moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Deadman {
-    /// It is held.
+    /// The button is held.
     Held,
-    /// It is not, or its state is unknown.
+    /// The button is released, or its state is unknown.
     Released(LetGo),
 }
 

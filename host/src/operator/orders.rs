@@ -48,7 +48,7 @@ impl Order {
         matches!(self, Order::Pause | Order::Return | Order::Disarm)
     }
 
-    /// In words, after "to".
+    /// Description for messages, as an infinitive without "to".
     pub fn words(self, catalog: Option<&Catalog>) -> String {
         let words = match self {
             Order::Play { code, .. } => {
@@ -89,7 +89,7 @@ struct Waiting {
     until_us: u64,
 }
 
-/// An order that is over.
+/// A completed order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ended {
     pub order: Order,
@@ -108,7 +108,7 @@ pub enum Outcome {
     Unsent,
 }
 
-/// Commands on their way.
+/// Commands in flight and waiting.
 #[derive(Clone, Debug, Default)]
 pub struct Orders {
     flight: Option<Flight>,
@@ -116,7 +116,7 @@ pub struct Orders {
 }
 
 impl Orders {
-    /// What is on its way, else what waits.
+    /// The order in flight, else the one waiting.
     pub fn current(&self) -> Option<Order> {
         let waiting = self.waiting.map(|waiting| waiting.order);
         self.flight.map(|flight| flight.order).or(waiting)
