@@ -23,7 +23,7 @@ const INTERMISSION_BITS: u32 = 3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct NodeId(usize);
 
-/// What a node does with frames that wait for the bus.
+/// Policy of a node for frames that wait for the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TxPolicy {
     /// A pending frame is replaced by a newer one of the same id: for setpoints and feedback, of
@@ -49,13 +49,13 @@ pub struct QueueFull {
 pub struct Delivery {
     /// End of the frame: the instant at which receivers have it.
     pub at: SimTime,
-    /// Who sent it; everybody else receives it.
+    /// Sender; all other nodes receive it.
     pub from: NodeId,
     /// The frame.
     pub frame: Frame,
 }
 
-/// What one id did on the bus.
+/// Statistics of one id.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct IdStatistics {
     /// Completed frames.
@@ -66,12 +66,12 @@ pub struct IdStatistics {
     pub worst_latency: SimTime,
 }
 
-/// What the bus did since it was built.
+/// Statistics of a bus since it was built.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BusStatistics {
     /// By id, most urgent first.
     pub by_id: BTreeMap<Id, IdStatistics>,
-    /// Pending frames that gave way to a newer one of the same id ([`TxPolicy::Latest`]).
+    /// Pending frames superseded by a newer one of the same id ([`TxPolicy::Latest`]).
     pub replaced: u64,
 }
 
@@ -86,8 +86,8 @@ impl BusStatistics {
         self.by_id.values().fold(SimTime::ZERO, |sum, id| sum + id.busy)
     }
 
-    /// What happened after `earlier`, an older copy of the same bus's statistics: the way to measure
-    /// the load over a stretch of time. Worst latencies are those since the start.
+    /// Difference from `earlier`, an older copy of the same bus's statistics, for the load over a stretch
+    /// of time. Worst latencies are those since the start.
     pub fn since(&self, earlier: &Self) -> Self {
         let by_id = self.by_id.iter().map(|(&id, now)| {
             let before = earlier.by_id.get(&id).copied().unwrap_or_default();
@@ -128,7 +128,7 @@ struct Node {
     pending: Vec<Pending>,
 }
 
-/// A frame on its way over the bus.
+/// A frame in flight.
 #[derive(Clone, Copy, Debug)]
 struct Flight {
     from: NodeId,
@@ -175,7 +175,7 @@ impl CanBus {
         NodeId(self.nodes.len() - 1)
     }
 
-    /// `node` wants `frame` sent, as of `now`. All deliveries up to `now` must have been pulled.
+    /// Queues a frame of `node` at `now`. All deliveries up to `now` must have been pulled.
     pub fn post(&mut self, now: SimTime, node: NodeId, frame: Frame) -> Result<(), QueueFull> {
         // A frame that won the bus before this instant is out of reach: it can be neither replaced
         // nor overtaken any more.
@@ -216,18 +216,18 @@ impl CanBus {
         }
     }
 
-    /// From `now` on frames are acknowledged again: what was being repeated gets across.
+    /// Restores the acknowledgement from `now` on: repeated frames get across.
     pub fn reconnect(&mut self, now: SimTime) {
         self.disconnected = false;
         self.idle_from = self.idle_from.max(now);
     }
 
-    /// Drops what `node` has waiting; a frame on its way goes on.
+    /// Drops the pending frames of `node`; a frame in flight goes on.
     pub fn cancel(&mut self, node: NodeId) {
         self.nodes[node.0].pending.clear();
     }
 
-    /// Frames of `node` that have not begun their way over the bus.
+    /// Number of pending frames of `node`, without one in flight.
     pub fn pending(&self, node: NodeId) -> usize {
         self.nodes[node.0].pending.len()
     }
@@ -263,7 +263,7 @@ impl CanBus {
         &self.statistics
     }
 
-    /// Who wins the bus when it is idle next and a frame is pending.
+    /// Winner of the next arbitration; `None` without a pending frame.
     fn winner(&self) -> Option<Winner> {
         if self.disconnected {
             return None;

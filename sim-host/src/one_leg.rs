@@ -1,5 +1,5 @@
-//! A robot and a library small enough to know by heart: one leg with hip, knee and a driven wheel. For tests and
-//! for campaigns of many runs.
+//! A minimal robot and its library: one leg with hip, knee and a driven wheel. For tests and for campaigns of many
+//! runs.
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rollwalk_protocol::config::RobotConfig;
@@ -78,7 +78,7 @@ pub fn robot() -> Robot {
     }
 }
 
-/// What the controller of [`robot`] knows.
+/// Controller configuration of [`robot`].
 pub fn config() -> RobotConfig {
     robot().controller_config().unwrap()
 }

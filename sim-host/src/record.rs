@@ -1,9 +1,9 @@
-//! What was commanded and what came of it, once per control period.
+//! Commanded and measured values of every control period.
 //!
 //! The commanded values are decoded from the frames on the actuator buses, not taken from the
 //! firmware's memory: a lost, late or wrongly rounded setpoint shows. Where the controller closes the loop
-//! ([`ControlLoop::OnController`](rollwalk_protocol::actuators::bus::ControlLoop)) the bus carries torques, and
-//! nothing is known to be commanded.
+//! ([`ControlLoop::OnController`](rollwalk_protocol::actuators::bus::ControlLoop)) the bus carries torques, so the
+//! commanded values are unknown.
 
 use crate::clock::SimTime;
 use rollwalk_firmware::player::Playing;
@@ -23,7 +23,7 @@ pub struct TickRecord {
     /// Setpoints that were in force at the end of the period, in channel order: rad for a joint,
     /// rad/s for a wheel. NaN for a channel without one, as on buses with torque setpoints.
     pub commanded: Vec<f32>,
-    /// What the motors were at `time_us`, in the same units: true values, not feedback frames.
+    /// State of the motors at `time_us`, in the same units: true values, not feedback frames.
     pub measured: Vec<f32>,
     /// Setpoints that did not arrive within the period, so that an older one stayed in force. Channels with torque
     /// setpoints do not count.
@@ -37,7 +37,7 @@ pub struct Recorder {
     told: Vec<bool>,
     in_force: Vec<f32>,
     fresh: Vec<bool>,
-    /// The period under way, without what was commanded.
+    /// The current period, without commanded values.
     under_way: Option<TickRecord>,
     records: Vec<TickRecord>,
 }
@@ -59,7 +59,7 @@ impl Recorder {
         self.fresh[channel] = true;
     }
 
-    /// A period begins in which the controller plays.
+    /// Begins a period in which the controller plays.
     pub fn begin_period(&mut self, at: SimTime, playing: Playing, measured: Vec<f32>) {
         self.under_way = Some(TickRecord {
             time_us: at.as_us(),
@@ -71,7 +71,7 @@ impl Recorder {
         });
     }
 
-    /// The period is over.
+    /// Ends the period.
     pub fn end_period(&mut self) {
         if let Some(mut record) = self.under_way.take() {
             record.commanded.clone_from(&self.in_force);
@@ -82,12 +82,12 @@ impl Recorder {
         self.fresh.fill(false);
     }
 
-    /// Throws away the periods so far.
+    /// Drops the records so far.
     pub fn forget(&mut self) {
         self.records.clear();
     }
 
-    /// The periods so far, oldest first.
+    /// The records so far, oldest first.
     pub fn records(&self) -> &[TickRecord] {
         &self.records
     }

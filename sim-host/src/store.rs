@@ -7,21 +7,21 @@ use rollwalk_protocol::wire::transport::MAX_BLOCK;
 
 /// The flash, bytes: two libraries of up to 1 MiB, and the store's log.
 const CAPACITY: usize = (2 << 20) + (8 << 10);
-/// Starts that a library on trial is given.
+/// Number of boots of a library on trial.
 const TRIAL_BOOTS: u8 = 3;
 
-/// What the simulated controller keeps libraries in.
+/// Library store of the simulated controller.
 pub type SimStore = FlashStore<RamFlash<Vec<u8>>>;
 
-/// What it keeps parameters in.
+/// Its parameter store.
 pub type SimParameters = FlashParameters<RamFlash<Vec<u8>>>;
 
-/// A memory for parameters as it leaves the factory.
+/// A blank parameter store.
 pub fn blank_parameters() -> SimParameters {
     FlashParameters::mount(RamFlash::new(vec![0xFF; 12 << 10])).expect("three erase units")
 }
 
-/// Both after a power cycle.
+/// Both stores after a power cycle.
 pub fn mounted_again(
     (library, parameters): (SimStore, SimParameters),
 ) -> (SimStore, SimParameters) {
@@ -30,12 +30,12 @@ pub fn mounted_again(
     (library.expect("it was mounted before"), parameters.expect("it was mounted before"))
 }
 
-/// A store with a library in use, and not on trial.
+/// A store with an active library that is not on trial.
 pub fn with(library: &[u8]) -> SimStore {
     let mut store = blank();
     let crc = crc32c(library);
     store.begin(library.len(), crc).expect("the library fits");
-    // In the portions in which it comes over the link.
+    // In blocks, as over the link.
     for (number, block) in library.chunks(MAX_BLOCK).enumerate() {
         store.write(number * MAX_BLOCK, block).expect("a memory without faults");
     }
@@ -45,7 +45,7 @@ pub fn with(library: &[u8]) -> SimStore {
     store
 }
 
-/// A store as it leaves the factory.
+/// A blank library store.
 pub fn blank() -> SimStore {
     FlashStore::mount(RamFlash::new(vec![0xFF; CAPACITY]), TRIAL_BOOTS)
         .expect("the capacity is made of whole erase units")

@@ -1,13 +1,13 @@
 //! Faults of buses, actuators and adapters, each with a beginning and an end in virtual time.
 //!
-//! A schedule of them is a value: with its seed, the same run comes out again to the bit. Each fault
-//! counts how often it did something, for a fault that never fires tests nothing.
+//! A schedule of faults is a value: with its seed it reproduces a run to the bit. Each fault counts how
+//! often it had an effect, because a fault that never fires tests nothing.
 //!
 //! | module | is |
 //! |---|---|
 //! | [`stream`] | frames that are lost, repeated, late, in another order, damaged |
 //!
-//! What they mean on the bench is in [`crate::rig`].
+//! [`crate::rig`] applies them.
 
 pub mod stream;
 
@@ -31,7 +31,7 @@ pub enum Way {
     FromActuators(u8),
 }
 
-/// What is wrong.
+/// Kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Harm {
     /// Frames get lost, late or damaged behind the bus.
@@ -44,18 +44,18 @@ pub enum Harm {
     BusOff(u8),
     /// An actuator neither receives nor answers. It holds its last setpoint until its own watchdog expires.
     Deaf(usize),
-    /// An actuator has no power: no torque, no answers, and nothing kept.
+    /// An actuator has no power: no torque, no answers, and its state is lost.
     Unpowered(usize),
 }
 
-/// Something wrong for a while.
+/// A fault for a span of time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// What.
+    /// Its kind.
     pub harm: Harm,
-    /// From this instant on, ...
+    /// First instant.
     pub from: SimTime,
-    /// ... and no more at this one.
+    /// End, exclusive.
     pub until: SimTime,
 }
 
@@ -72,7 +72,7 @@ impl Fault {
     }
 }
 
-/// A schedule of faults, and what came of it.
+/// A schedule of faults with their effects.
 #[derive(Clone, Debug)]
 pub struct Faults {
     schedule: Vec<(Fault, u64)>,
@@ -87,12 +87,12 @@ impl Default for Faults {
 }
 
 impl Faults {
-    /// None yet. All that is random comes from the seed.
+    /// An empty schedule. All random numbers come from the seed.
     pub fn new(seed: u64) -> Self {
         Self { schedule: Vec::new(), streams: BTreeMap::new(), random: Rng::with_seed(seed) }
     }
 
-    /// One more.
+    /// Adds a fault.
     pub fn add(&mut self, fault: Fault) {
         self.schedule.push((fault, 0));
     }
@@ -102,12 +102,12 @@ impl Faults {
         self.schedule.iter().map(|(fault, fired)| (fault, *fired))
     }
 
-    /// All that are on.
+    /// Kinds of the faults active at `now`.
     pub fn on(&self, now: SimTime) -> impl Iterator<Item = &Harm> {
         self.schedule.iter().map(|(fault, _)| fault).filter(move |f| f.is_on(now)).map(|f| &f.harm)
     }
 
-    /// Counts that all faults that are on and of which `which` is true have done something.
+    /// Counts an effect of every active fault for which `which` holds.
     pub fn fire(&mut self, now: SimTime, which: impl Fn(&Harm) -> bool) {
         for (fault, fired) in &mut self.schedule {
             if fault.is_on(now) && which(&fault.harm) {
@@ -122,14 +122,14 @@ impl Faults {
         edges.filter(|&at| at > now).min()
     }
 
-    /// Whether frames on this way may come out otherwise than they went in.
+    /// Whether a fault may change, delay or lose frames on this way.
     fn is_spoilt(&self, now: SimTime, way: Way) -> bool {
         let waits = self.streams.get(&way).is_some_and(|stream| !stream.is_empty());
         waits || self.on(now).any(|harm| matches!(harm, Harm::Stream(on, _) if *on == way))
     }
 
-    /// A frame has crossed the bus. Returns it if it arrives at once and by itself; otherwise it comes
-    /// out of [`Self::pop`], or never.
+    /// Takes a frame that has crossed the bus. Returns it if no fault acts on its way; otherwise
+    /// [`Self::pop`] returns what becomes of it, or it is lost.
     pub fn push(&mut self, now: SimTime, way: Way, frame: Frame) -> Option<Frame> {
         if !self.is_spoilt(now, way) {
             return Some(frame);
@@ -148,13 +148,13 @@ impl Faults {
         None
     }
 
-    /// When and where the next frame comes out that did not arrive at once.
+    /// Instant and way of the next delayed frame.
     pub fn next_due(&self) -> Option<(SimTime, Way)> {
         let due = self.streams.iter().filter_map(|(&way, stream)| Some((stream.next_due()?, way)));
         due.min()
     }
 
-    /// A frame that comes out now.
+    /// The next frame due at `now`.
     pub fn pop(&mut self, now: SimTime, way: Way) -> Option<Frame> {
         self.streams.get_mut(&way)?.pop(now)
     }

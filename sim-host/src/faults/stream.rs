@@ -1,39 +1,39 @@
-//! What a bad adapter or bridge does to frames behind the bus: a stream of them, spoilt on the way.
+//! Effects of a bad adapter or bridge on a stream of frames behind the bus.
 //!
-//! The bus itself loses and damages nothing, for CAN repeats what was not received and has a CRC. What
-//! carries frames on from there (USB adapters, serial bridges, radio) does all of this.
+//! The bus itself loses and damages no frame, because CAN repeats unreceived frames and has a CRC. The
+//! devices behind it (USB adapters, serial bridges, radio) do both.
 
 use crate::clock::SimTime;
 use fastrand::Rng;
 use rollwalk_protocol::can::Frame;
 
-/// Frames that wait to be overtaken go on after this at the latest.
+/// Longest wait of a frame that is to be overtaken.
 const OVERTAKEN_WITHIN: SimTime = SimTime::from_ms(100);
 
-/// What happens to frames.
+/// Effect on frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Spoil {
-    /// So many of a thousand are lost.
+    /// Loses this many of a thousand frames.
     Lose(u16),
-    /// So many of a thousand come once more, within a time.
+    /// Repeats this many of a thousand frames once, within a time.
     Repeat(u16, SimTime),
-    /// Half of the frames are overtaken by up to this many others.
+    /// Lets up to this many others overtake half of the frames.
     Reorder(u32),
-    /// Each comes later by a time between these; unless they are equal, frames overtake each other.
+    /// Delays each frame by a time between these; unless they are equal, frames overtake each other.
     Delay(SimTime, SimTime),
     /// Flips one to four bits of the payload, in this many of a thousand frames.
     Damage(u16),
-    /// So many of a thousand lose their last bytes.
+    /// Truncates this many of a thousand frames.
     Cut(u16),
-    /// All wait until the fault is over, and then come at once.
+    /// Holds all frames until the fault ends, and then releases them at once.
     Hold,
 }
 
-/// A frame on its way.
+/// A delayed frame.
 #[derive(Clone, Copy, Debug)]
 struct Late {
     due: SimTime,
-    /// Others that go first, before it is due.
+    /// Number of frames that have to overtake it first.
     behind: u32,
     order: u64,
     frame: Frame,
@@ -52,7 +52,7 @@ impl Stream {
         self.late.is_empty()
     }
 
-    /// When the next frame comes out.
+    /// Instant of the next frame.
     pub fn next_due(&self) -> Option<SimTime> {
         self.late.iter().map(|late| late.due).min()
     }
@@ -139,7 +139,7 @@ fn hits(random: &mut Rng, per_mille: u16) -> bool {
     random.u16(0..1000) < per_mille
 }
 
-/// Changes the payload; whether there was any.
+/// Changes the payload; returns whether there was any.
 fn change(frame: &mut Frame, with: impl FnOnce(&mut Vec<u8>)) -> bool {
     let mut data = frame.data().to_vec();
     if data.is_empty() {

@@ -66,7 +66,7 @@ impl<C: Core> Rig<C> {
     /// Delivers a frame; returns the controller's input, if any.
     pub(super) fn arrive(&mut self, way: Way, frame: &Frame) -> Option<Input> {
         match way {
-            // Nobody on the link takes 29-bit identifiers.
+            // No node on the link accepts 29-bit identifiers.
             Way::LinkToController | Way::LinkToHost if frame.standard_id().is_none() => None,
             Way::LinkToController => Some(Input::Link(*frame)),
             Way::FromActuators(bus) => Some(Input::Actuator(bus, *frame)),

@@ -1,5 +1,5 @@
-//! What goes wrong on the bench: faults that begin and end, foreign nodes that talk, and what an adapter
-//! tells the controller of its actuator buses. The faults themselves are [`crate::faults`].
+//! Faults on the bench: begins and ends them, lets foreign nodes send, and reports the state of the actuator buses
+//! to the controller as an adapter would. The faults themselves are in [`crate::faults`].
 
 use super::{Core, Interface, LinkError, Rig, SimTime};
 use crate::bus::{NodeId, TxPolicy};
@@ -8,17 +8,17 @@ use crate::wire::ActuatorBus;
 use rollwalk_firmware::BusState;
 use rollwalk_protocol::can::Frame;
 
-/// Frames of a foreign node that wait: one on its way, and the next, so that it leaves no gap.
+/// Queue of a foreign node: one frame in flight and the next, so that it leaves no gap.
 const BABBLE_DEPTH: usize = 2;
 
 /// An unacknowledged frame is repeated until its sender is error-passive: 16 times, each up to
 /// 135 bits and an error frame of up to 31.
 const PASSIVE_AFTER: SimTime = SimTime::from_us(16 * (135 + 31));
 
-/// What stands between the controller and its actuator buses.
+/// Adapter between the controller and its actuator buses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Adapter {
-    /// Frames that wait in it at most.
+    /// Largest number of frames in its transmit buffer.
     pub depth: usize,
     /// Whether frames that are unacknowledged at the next control period are aborted, as on our boards.
     pub calls_back: bool,
@@ -33,7 +33,7 @@ impl Default for Adapter {
     }
 }
 
-/// A foreign node that talks without pause.
+/// A foreign node that sends without pause.
 pub struct Babbler {
     node: NodeId,
     bus: Interface,
@@ -44,7 +44,7 @@ pub struct Babbler {
 }
 
 impl<C: Core> Rig<C> {
-    /// One fault more; it begins after this instant.
+    /// Adds a fault; it begins after the present instant at the earliest.
     pub fn add_fault(&mut self, fault: Fault) {
         let from = fault.from.max(self.now + SimTime::from_ns(1));
         let fault = Fault { from, ..fault };
@@ -56,7 +56,7 @@ impl<C: Core> Rig<C> {
         self.faults.add(fault);
     }
 
-    /// Tells the controller how its actuator buses are, and starts those again that it wants started.
+    /// Reports the state of the actuator buses to the controller, and restarts those that it asks for.
     pub(super) fn report_bus_states(&mut self) -> Result<(), LinkError> {
         if self.faults.all().next().is_none() {
             return Ok(());

@@ -15,8 +15,8 @@
 //! 5. control period: the record of the past one is closed, the controller's `tick` runs
 //!
 //! After every event that the controller notices, its transmit buffers are filled: one frame for each
-//! bus, taken from the controller when the one before has left, so that nothing stale waits in hardware.
-//! An [`Adapter`] may be worse than that.
+//! bus, taken from the controller when the previous one is transmitted, so that no stale frame waits in
+//! hardware. An [`Adapter`] may have a deeper buffer.
 //!
 //! The controller itself is a [`Core`]: the firmware within this process, or a board elsewhere to which time and
 //! frames are carried.
@@ -52,7 +52,7 @@ pub use observer::Observer;
 /// Steps of the motors per second.
 pub const MOTOR_RATE_HZ: u32 = 4000;
 
-/// Frames that wait in the host's CAN interface at most; the default of Linux (`txqueuelen`).
+/// Queue length of the host's CAN interface, frames; the default of Linux (`txqueuelen`).
 const HOST_QUEUE: usize = 10;
 
 /// A robot, its controller and its buses.
@@ -128,7 +128,7 @@ enum Next {
 }
 
 impl Rig {
-    /// A robot that has just been switched on, in its nominal pose, without a library.
+    /// A robot just after power-on, in its nominal pose, without a library.
     ///
     /// # Errors
     /// The robot breaks a rule of robot files, or has a bus that is not simulated.
@@ -137,15 +137,14 @@ impl Rig {
         Self::with_core(robot, Local::new(config, buses, Settings::default()))
     }
 
-    /// The same robot after the power of its controller was off for a moment.
+    /// The same robot after a power cycle of its controller.
     pub fn power_cycled(self) -> Self {
         Self { controller: self.controller.power_cycled(), ..self }
     }
 }
 
 impl<C: Core> Rig<C> {
-    /// The same with a controller elsewhere, which has just been switched on and has the default
-    /// settings.
+    /// As [`Rig::new`], with a given controller just after power-on, with the default settings.
     ///
     /// # Errors
     /// The robot breaks a rule of robot files, or has a bus that is not simulated.
@@ -209,7 +208,7 @@ impl<C: Core> Rig<C> {
         self.faults = Faults::new(seed);
     }
 
-    /// The faults and what they did.
+    /// The faults and their effects.
     pub fn faults(&self) -> &Faults {
         &self.faults
     }
@@ -251,7 +250,7 @@ impl<C: Core> Rig<C> {
         &self.log
     }
 
-    /// The log so far, which begins anew; the records are thrown away. For a robot that runs for days.
+    /// Takes the log so far and drops the records, for a robot that runs for days.
     pub fn take_log(&mut self) -> Vec<LogEntry> {
         self.recorder.forget();
         std::mem::take(&mut self.log)
@@ -276,14 +275,13 @@ impl<C: Core> Rig<C> {
         &mut self.controller
     }
 
-    /// Lets time pass up to `until`, events at that very instant included.
+    /// Advances time to `until`, including the events at that instant.
     pub fn run_until(&mut self, until: SimTime) {
         while self.step(until) {}
         self.now = self.now.max(until);
     }
 
-    /// Handles the next event if it is due by `until`. Nothing happens any more once the controller is
-    /// out of reach.
+    /// Handles the next event if it is due by `until`, unless the controller is out of reach.
     fn step(&mut self, until: SimTime) -> bool {
         let (at, next) = self.next_event();
         if at > until || self.lost.is_some() {

@@ -8,7 +8,7 @@ use rollwalk_protocol::tunnel::Input;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-/// Receives what happens in a [`super::Rig`], in the order in which it happens, and influences nothing.
+/// Receives the events of a [`super::Rig`] in their order, without influence on them.
 pub trait Observer {
     /// The host has put a frame into its interface.
     fn on_host_frame(&mut self, at: SimTime, frame: &Frame);
