@@ -1,4 +1,4 @@
-//! Results on stdout as text or JSON, what is said on the side on stderr; quiet when the reader has gone.
+//! Results on stdout as text or JSON, messages on stderr; ends quietly when the reader has closed the pipe.
 
 use miette::Diagnostic;
 use serde::Serialize;
@@ -14,7 +14,7 @@ pub struct PipeClosed;
 /// Prints a result, followed by a line break.
 ///
 /// # Errors
-/// [`PipeClosed`], or what the operating system said.
+/// [`PipeClosed`], or an error of the operating system.
 pub fn print(text: &str) -> miette::Result<()> {
     let mut stdout = io::stdout().lock();
     let outcome = writeln!(stdout, "{}", text.trim_end()).and_then(|()| stdout.flush());

@@ -46,7 +46,7 @@ pub enum Incoming {
     Parameter(ParameterAck),
     /// The acknowledgement of an emergency stop.
     EstopAck(EstopAck),
-    /// The answer to a heartbeat, for a visitor to that of a host: the controller's clock is known.
+    /// The answer to a heartbeat (for a visitor: to a host's), which gives the controller's clock.
     Alive,
     /// The answer to a transport request.
     Response(Response),
@@ -81,25 +81,25 @@ pub struct Client {
     /// `u64::MAX` for a visitor, which has none.
     next_heartbeat_us: u64,
     command_seq: u8,
-    /// When the last command of each sequence number has expired, µs.
+    /// Instant at which the last command of each sequence number expires, µs.
     expired_us: [u64; 16],
     command: Option<Frame>,
     parameter_seq: u8,
     parameter: Option<Frame>,
     /// Host's time in µs and controller's time in ms when the last heartbeat was answered.
     clocks: Option<(u64, u32)>,
-    /// When the last heartbeat went out, µs.
+    /// Instant of the last heartbeat, µs.
     heartbeat_us: u64,
-    /// From the last heartbeat that was answered to its answer, µs.
+    /// Round trip of the last answered heartbeat, µs.
     round_trip_us: Option<u64>,
     stopping: Option<Stopping>,
-    /// No heartbeat goes out.
+    /// Whether heartbeats are withheld.
     silent: bool,
     status: Option<Status>,
 }
 
 impl Client {
-    /// A host that has not heard from its controller yet. The first heartbeat goes out at once.
+    /// A host without contact yet. It sends the first heartbeat at once.
     pub fn new(node: Node) -> Self {
         Self {
             node,
@@ -120,8 +120,8 @@ impl Client {
         }
     }
 
-    /// A visitor: without heartbeat, so that a host that gets lost is still noticed. Commands need the controller's
-    /// clock, which it overhears from answers to a host: a visitor can command only beside one.
+    /// A visitor: sends no heartbeats, so that the controller still detects the loss of its host. Commands need the
+    /// controller's clock, which a visitor overhears from the replies to a host: it can command only beside one.
     pub fn visitor(node: Node) -> Self {
         Self { next_heartbeat_us: u64::MAX, ..Self::new(node) }
     }
@@ -135,7 +135,7 @@ impl Client {
         self.status
     }
 
-    /// From the last heartbeat that was answered to its answer, µs.
+    /// Round trip of the last answered heartbeat, µs.
     pub fn round_trip_us(&self) -> Option<u64> {
         self.round_trip_us
     }
@@ -145,8 +145,8 @@ impl Client {
         self.stopping.is_some()
     }
 
-    /// Sends no heartbeats from now on, or goes on with them: for a host that cannot know whether what it orders
-    /// gets through, and whose robot is to go home by itself.
+    /// Withholds heartbeats, or sends them again. A host that cannot know whether its commands arrive withholds them,
+    /// so that the robot returns to SAFE on the timeout.
     pub fn set_silent(&mut self, silent: bool) {
         self.silent = silent;
     }
@@ -155,14 +155,14 @@ impl Client {
         self.silent || self.stopping.is_some()
     }
 
-    /// Takes a frame of the link. Frames of other nodes and damaged ones mean nothing.
+    /// Takes a frame of the link. Frames of other nodes and damaged ones are ignored.
     pub fn on_frame(&mut self, now_us: u64, frame: &Frame) -> Option<Incoming> {
         let (node, message) = FromController::decode(frame).ok()?;
         if node != self.node {
             return None;
         }
         match message {
-            // Of an answer that comes late the clock is behind, and what is dated by it expires the sooner.
+            // A late reply makes the clock lag, so that commands expire sooner.
             FromController::HeartbeatReply(reply) if self.is_visitor() => {
                 self.clocks = Some((now_us, reply.controller_ms));
                 Some(Incoming::Alive)
@@ -189,7 +189,7 @@ impl Client {
             FromController::Transport => match self.transport.on_frame(frame.data(), now_us) {
                 isotp::Event::None => None,
                 isotp::Event::Failed(error) => Some(Incoming::TransportFailed(error)),
-                // A message that cannot be read is not the answer that is waited for.
+                // A message that cannot be decoded is not the awaited answer.
                 isotp::Event::Received => {
                     Response::decode(self.transport.received()).ok().map(Incoming::Response)
                 }
@@ -199,7 +199,7 @@ impl Client {
         }
     }
 
-    /// What to do now; call again until `None`.
+    /// Next output at `now_us`; call until `None`.
     pub fn poll(&mut self, now_us: u64) -> Option<Outgoing> {
         if let Some(Stopping { sent, next_us }) = &mut self.stopping
             && now_us >= *next_us
@@ -209,8 +209,8 @@ impl Client {
             *next_us = now_us + if burst { ESTOP_BURST_PERIOD_US } else { ESTOP_PERIOD_US };
             return Some(Outgoing::Frame(Estop.encode(self.node)));
         }
-        // A host whose stop nobody acknowledges falls silent: if no stop gets through, no heartbeat must, so
-        // that the controller takes torque off by itself.
+        // Heartbeats are withheld until the stop is acknowledged: if no stop arrives, no heartbeat must either, so
+        // that the controller switches torque off on the timeout.
         if now_us >= self.next_heartbeat_us && !self.holds_heartbeats() {
             let heartbeat = Heartbeat { seq: self.heartbeat_seq, host_ms: (now_us / 1000) as u32 };
             self.heartbeat_seq = self.heartbeat_seq.wrapping_add(1);
@@ -228,7 +228,7 @@ impl Client {
         }
     }
 
-    /// When [`poll`](Self::poll) has something to do next, at the latest.
+    /// Latest instant of the next [`poll`](Self::poll).
     pub fn next_poll_us(&self, now_us: u64) -> u64 {
         let estop = self.stopping.map_or(u64::MAX, |stopping| stopping.next_us);
         let transport =
@@ -237,8 +237,8 @@ impl Client {
         heartbeat.min(estop).min(transport)
     }
 
-    /// A new command, ready to be sent once or several times; `None` while the controller's clock is
-    /// not known, because without it a command cannot say how long it is valid.
+    /// Makes a command, to be sent once or several times; `None` while the controller's clock is unknown,
+    /// because the command's expiry is in that clock.
     pub fn command(&mut self, now_us: u64, action: Action) -> Option<Command> {
         let (heard_us, controller_ms) = self.clocks?;
         let now_ms = controller_ms.wrapping_add((now_us.saturating_sub(heard_us) / 1000) as u32);
@@ -252,29 +252,29 @@ impl Client {
         (self.command_seq + 1) & 0xF
     }
 
-    /// A new command must not be made before this: its sequence number is that of one whose copies may
-    /// still be on their way, and would be executed.
+    /// Earliest instant of a new command, µs: before it, copies of the last command with the same sequence
+    /// number may still be in flight, and would be executed.
     pub fn next_command_us(&self) -> u64 {
         self.expired_us[usize::from(self.next_command_seq())]
     }
 
-    /// Sends a command, for the first time or again: the controller executes it once.
+    /// Sends a command or repeats it: the controller executes it once.
     pub fn send_command(&mut self, command: Command) {
         self.command = Some(command.encode(self.node));
     }
 
-    /// Takes back a command that has not left yet.
+    /// Drops a command that is not sent yet.
     pub fn withdraw_command(&mut self) {
         self.command = None;
     }
 
-    /// A new request about parameters, ready to be sent once or several times.
+    /// Makes a parameter request, to be sent once or several times.
     pub fn parameter(&mut self, action: ParameterAction) -> ParameterRequest {
         self.parameter_seq = (self.parameter_seq + 1) & 0xF;
         ParameterRequest { seq: self.parameter_seq, action }
     }
 
-    /// Sends a request about parameters, for the first time or again.
+    /// Sends a parameter request or repeats it.
     pub fn send_parameter(&mut self, request: ParameterRequest) {
         self.parameter = Some(request.encode(self.node));
     }
@@ -286,13 +286,13 @@ impl Client {
         self.transport.send(message)
     }
 
-    /// Gives up whatever transport message is on its way.
+    /// Drops the transport messages in flight.
     pub fn reset_transport(&mut self) {
         self.transport.reset();
     }
 
-    /// Stops the robot: at once, and again and again until the controller says that it has. Until then no
-    /// heartbeat goes out. A command that has not left yet never does.
+    /// Sends an emergency stop at once, and repeats it until the controller acknowledges it. Withholds heartbeats until
+    /// then, and drops a command that is not sent yet.
     pub fn estop(&mut self, now_us: u64) {
         self.command = None;
         self.stopping = Some(Stopping { sent: 0, next_us: now_us });
@@ -367,7 +367,7 @@ mod tests {
         assert_eq!(client.command(0, Action::Return), None);
         frames(&mut client, 0);
         let reply = |seq| HeartbeatReply { seq, controller_ms: 65_400 }.encode(node());
-        // Of another heartbeat: the round trip is not known.
+        // The reply belongs to another heartbeat, so the round trip is unknown.
         assert_eq!(client.on_frame(1000, &reply(9)), None);
         assert_eq!(client.on_frame(1000, &reply(0)), Some(Incoming::Alive));
         let command = client.command(11_000, Action::Return).unwrap();

@@ -1,8 +1,8 @@
 //! Listening before talking: detects another host and transport messages of others on the link.
 //!
 //! Two nodes that send different data under one identifier destroy each other's frames (docs/wire-format.md), and a
-//! second host's heartbeats keep a robot going whose own host has died. So a program that may not be alone listens
-//! before it sends: for the heartbeats of another host, and for transport messages of any node.
+//! second host's heartbeats keep feeding the watchdog of a robot whose own host has died. So a program that may not
+//! be alone listens before it sends: for the heartbeats of another host, and for transport messages of any node.
 
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::Frame;
@@ -48,7 +48,7 @@ impl Overheard {
             Ok((to, ToController::Heartbeat(heartbeat)))
                 if to == self.node || to == Node::BROADCAST =>
             {
-                // One may have waited in a queue for longer than its host has lived.
+                // A single heartbeat may have waited in a queue and outlived its host.
                 let before = self.heartbeat.replace(heartbeat.seq);
                 self.has_host |= before.is_some_and(|seq| seq != heartbeat.seq);
             }
@@ -77,7 +77,7 @@ impl Overheard {
         self.has_controller
     }
 
-    /// Whether a request would not break off a transport message.
+    /// Whether no transport message is in flight that a request would break off.
     pub fn may_ask(&self, now_us: u64) -> bool {
         now_us >= self.pause_us()
     }
@@ -88,7 +88,7 @@ impl Overheard {
     }
 }
 
-/// Listens for another host of `node`, until it is heard or a robot without one has noticed that.
+/// Listens for another host of `node`, until one is heard or the heartbeat timeout of a robot without one is over.
 ///
 /// # Errors
 /// The bus is gone.
@@ -195,7 +195,7 @@ mod tests {
         let overheard = pause(&mut calm, nothing_yet(), PATIENCE_US).unwrap();
         assert!(overheard.has_controller());
         assert_eq!(calm.now_us(), PAUSE_US);
-        // What was listened before counts.
+        // Time listened before counts.
         pause(&mut calm, overheard, PATIENCE_US).unwrap();
         assert_eq!(calm.now_us(), PAUSE_US);
     }

@@ -1,4 +1,4 @@
-//! Whatever is wished, heard and lost: what an operator's host never does, and what it always does.
+//! Invariants of an operator's host under any sequence of intents, received frames and losses; and single cases.
 
 use super::*;
 use proptest::prelude::*;
@@ -19,7 +19,7 @@ fn status(state: State, counter: u8) -> Status {
     Status { state, severity, faults, clip: None, frame: 0, counter, library: 0 }
 }
 
-/// An operator with all that went out.
+/// An operator with all the frames that it sent.
 struct Desk {
     operator: Operator,
     now_us: u64,
@@ -228,7 +228,7 @@ fn what_the_bus_did_not_take_does_not_move_the_robot_after_the_deadman_was_let_g
         desk.pass(300_000);
         assert_eq!(desk.commands(), [], "{intent:?}");
     }
-    // The second step of arming: also for a stop of somebody else's, for leaving, and for calming orders.
+    // The second step of arming: dropped also on another node's stop, on leaving, and on stopping orders.
     for intent in [Some(let_go), Some(Intent::Quit), Some(Intent::Disarm), None] {
         let mut desk = Desk::new();
         desk.want(Intent::Deadman(Deadman::Held));
@@ -296,7 +296,7 @@ fn a_robot_that_moves_without_the_deadman_is_told_to_pause_until_it_does() {
     desk.want(Intent::Deadman(Deadman::Held));
     desk.want(Intent::Play { code: 3 });
     desk.poll();
-    // It is let go before the motion begins, when there is nothing to pause yet.
+    // The deadman is released before the motion begins, when there is nothing to pause yet.
     desk.want(Intent::Deadman(Deadman::Released(LetGo::Pause)));
     desk.poll();
     desk.sent.clear();
@@ -451,7 +451,7 @@ fn lost_frames_faults_and_silence_are_told() {
     assert!(!desk.operator.view(desk.now_us).link.contact);
 }
 
-/// Something that happens.
+/// A step of a random sequence.
 #[derive(Clone, Debug)]
 enum Happens {
     Wish(Intent),
@@ -552,13 +552,13 @@ fn catalog() -> Catalog {
     }
 }
 
-/// What has to hold of every frame that goes out, in order.
+/// Checks the invariants of every sent frame, in order.
 #[derive(Default)]
 struct Watch {
-    /// Wishes since the last stop that the operator wished or heard of; `None` without one.
+    /// Whether the operator has cleared and armed since the last stop sent or heard; `None` without a stop.
     since_stop: Option<(bool, bool)>,
     held: Option<bool>,
-    /// The last command and the numbers before it.
+    /// The last command; `gone` has the ones before it.
     last: Option<Command>,
     gone: Vec<Command>,
 }

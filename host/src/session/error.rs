@@ -91,7 +91,7 @@ pub enum SessionError {
         /// Its answer.
         reply: Reply,
     },
-    /// After a transfer that it called good the controller has another library in use.
+    /// After a successful transfer the controller has another library active.
     #[error(
         "the controller has {} in use and not the library that was transferred: transfer it again",
         found.map_or("no library".into(), |found| format!("library {found:08x}"))

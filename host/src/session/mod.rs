@@ -1,8 +1,7 @@
 //! What a host does with a controller, step by step: connect, flash, arm, select motions, stop.
 //!
-//! Runs on any [`LinkBus`]. While it waits for an answer it keeps the heartbeat going; so does
-//! [`Session::run_for`], in which the robot just goes on. A robot whose session is neither waiting
-//! nor running hears no heartbeat, and returns to SAFE by itself.
+//! Runs on any [`LinkBus`]. A session sends heartbeats while it waits for an answer and during
+//! [`Session::run_for`]. Otherwise it sends none, and the robot returns to SAFE on the timeout.
 
 mod error;
 mod exchange;

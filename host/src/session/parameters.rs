@@ -5,7 +5,7 @@ use rollwalk_bus::link::LinkBus;
 use rollwalk_protocol::wire::{Parameter, ParameterAction, ParameterOrigin};
 
 impl<B: LinkBus> Session<B> {
-    /// What a parameter of a channel is set to.
+    /// Reads a parameter of a channel.
     pub fn parameter(&mut self, parameter: Parameter, channel: u8) -> Result<f32, SessionError> {
         let get = ParameterAction::Get { parameter: parameter.code(), channel };
         self.exchange.parameter("tell a parameter", get)
@@ -28,12 +28,12 @@ impl<B: LinkBus> Session<B> {
         self.exchange.parameter("reset the parameters", ParameterAction::Reset).map(|_| ())
     }
 
-    /// Keeps what is set now over a power cycle. The controller must be disarmed.
+    /// Saves the present values across power cycles. The controller must be disarmed.
     pub fn save_parameters(&mut self) -> Result<(), SessionError> {
         self.exchange.parameter("save the parameters", ParameterAction::Save).map(|_| ())
     }
 
-    /// Where the values came from that were in force after power-on.
+    /// Reads the origin of the values in force after power-on.
     pub fn parameter_origin(&mut self) -> Result<ParameterOrigin, SessionError> {
         let what = "tell where its parameters are from";
         let code = self.exchange.parameter(what, ParameterAction::Origin)?;

@@ -8,7 +8,7 @@ use rollwalk_host::session::Session;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::Node;
 
-/// A link of which every frame is kept, with its time since 1970 in µs.
+/// A link that records every frame, with its time since 1970 in µs.
 struct Kept<'a, B> {
     bus: &'a mut B,
     frames: &'a mut Vec<(u64, Frame)>,
@@ -36,8 +36,8 @@ impl<B: LinkBus> LinkBus for Kept<'_, B> {
     }
 }
 
-/// The identity of the library of controller `node`, if it is heard and says so before `end_us`. All that goes over the
-/// link meanwhile is added to `frames`.
+/// Reads the identity of the library of controller `node`, if the controller is heard and answers before `end_us`. Adds
+/// all frames of the link meanwhile to `frames`.
 pub fn library(
     bus: &mut impl LinkBus,
     node: Node,
@@ -48,7 +48,7 @@ pub fn library(
     let now_us = bus.now_us();
     let patience_us = overhear::PATIENCE_US.min(end_us.saturating_sub(now_us));
     let overheard = overhear::pause(&mut bus, Overheard::new(now_us, node), patience_us).ok()?;
-    // A log that is played again says much and answers nothing, a controller that is off neither.
+    // Neither a replayed log nor a controller that is off would answer.
     if !overheard.has_controller() || !overheard.may_ask(bus.now_us()) {
         return None;
     }

@@ -20,19 +20,19 @@ pub struct View<'a> {
     catalog: Option<&'a Catalog>,
     joints: bool,
     quiet: bool,
-    /// When it began, µs since 1970, as all instants here.
+    /// Start of the monitor, µs since 1970, as all instants here.
     start_us: u64,
     state: Option<State>,
     faults: FaultBits,
     clip: Option<u8>,
-    /// The command that is not answered yet, by its number.
+    /// The unanswered command and its sequence number.
     asked: Option<(u8, Action)>,
     measured: BTreeMap<u8, JointTelemetry>,
     shown_us: u64,
 }
 
 impl<'a> View<'a> {
-    /// Nothing heard yet; `quiet` says nothing at all.
+    /// A view before the first frame; with `quiet` it prints nothing.
     pub fn new(catalog: Option<&'a Catalog>, joints: bool, quiet: bool, start_us: u64) -> Self {
         Self {
             catalog,
