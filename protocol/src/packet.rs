@@ -1,4 +1,4 @@
-//! Packets on a serial line: what [`crate::tunnel`] and [`crate::serial`] say, in one piece or not at all.
+//! Packets on a serial line, for [`crate::tunnel`] and [`crate::serial`]: each arrives whole or is dropped.
 //!
 //! A packet is `body · CRC-32C (little-endian)`, stuffed by COBS (Cheshire and Baker 1997) and ended by a
 //! zero byte.
@@ -11,7 +11,7 @@ use heapless::Vec;
 /// Bytes of the checksum.
 pub(crate) const CRC_LEN: usize = 4;
 
-/// Bytes for the line, the ending zero included, of a packet that has at most `packet` before it is stuffed.
+/// Bytes on the line, the ending zero included, of a packet of at most `packet` bytes before stuffing.
 pub(crate) const fn line_len(packet: usize) -> usize {
     cobs::max_encoding_length(packet) + 1
 }
@@ -67,15 +67,15 @@ impl Reader<'_> {
     }
 }
 
-/// Finds packets of at most `N` bytes in what comes over the line. Whatever came before, the packet after
-/// the next zero is found.
+/// Finds packets of at most `N` bytes in the bytes of the line. Synchronises at the next zero, whatever bytes came
+/// before it.
 #[derive(Debug)]
 pub struct Deframer<const N: usize> {
     packet: Vec<u8, N>,
     cobs: DecoderState,
-    /// What came since the last zero is no packet.
+    /// The bytes since the last zero are not a packet.
     bad: bool,
-    /// The last byte ended a packet, which is still here for its reader.
+    /// The last byte ended a packet, which is still in the buffer.
     complete: bool,
 }
 
@@ -86,7 +86,7 @@ impl<const N: usize> Default for Deframer<N> {
 }
 
 impl<const N: usize> Deframer<N> {
-    /// Takes a byte; the body of the packet that it completes. Damaged ones are dropped.
+    /// Takes a byte; returns the body of the packet that it completes. Drops damaged packets.
     pub fn push(&mut self, byte: u8) -> Option<&[u8]> {
         if core::mem::take(&mut self.complete) {
             self.packet.clear();

@@ -1,4 +1,4 @@
-//! CAN interfaces of this computer: which there are, and whether one can be used.
+//! CAN interfaces of this computer: lists them, and opens one that can be used.
 
 use crate::open::OpenError;
 use socketcan::{CanInterface, CanSocket, Socket};
@@ -6,7 +6,7 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-/// `ARPHRD_CAN`: what `type` of a network interface says when it is one for CAN.
+/// `ARPHRD_CAN`: the `type` of a CAN interface.
 const TYPE_CAN: &str = "280";
 /// `IFF_UP` in `flags` of a network interface.
 const UP: u32 = 1;
@@ -20,7 +20,7 @@ pub fn list() -> Vec<String> {
     names
 }
 
-/// Opens an interface that is up and of the right bitrate. Also tells the bitrate, if the driver does.
+/// Opens an interface that is up and has the right bitrate. Also returns the bitrate, if the driver reports it.
 pub fn open(name: &str, bitrate: Option<u32>) -> Result<(CanSocket, Option<u32>), OpenError> {
     let problem = |what: String, help: String| OpenError { what, help };
     let kind = attribute(name, "type");

@@ -44,7 +44,7 @@ pub fn replay(image: &Path, script: &Path) -> Result<Vec<u8>, String> {
     let (sender, receiver) = mpsc::channel();
     thread::spawn(move || {
         let mut bytes = Vec::new();
-        // Nobody waits for it any more after the timeout.
+        // After the timeout the receiver is gone.
         let _ = sender.send(output.read_to_end(&mut bytes).map(|_| bytes));
     });
     let bytes = receiver

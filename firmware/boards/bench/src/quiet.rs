@@ -1,4 +1,4 @@
-//! Steps that a board need not make: nothing has happened and no bus is free that it has something for.
+//! Detects steps that a board need not make: without an input, and with no free bus for which it may have a frame.
 
 use rollwalk_protocol::tunnel::{Buses, Step, Stepped};
 
@@ -6,18 +6,18 @@ use rollwalk_protocol::tunnel::{Buses, Step, Stepped};
 #[derive(Default)]
 pub struct Quiet {
     playing: Option<(u8, u16, f32)>,
-    /// Buses for which it had nothing to send, which only an input changes.
+    /// Buses with an empty transmit queue, which only an input fills.
     silent: Buses,
 }
 
 impl Quiet {
-    /// The answer to a step that need not be made.
+    /// The answer to a step that need not be made; `None` for one that must be.
     pub fn answer(&self, step: &Step) -> Option<Stepped> {
         let nothing = step.input.is_none() && step.free.without(self.silent).is_empty();
         nothing.then(|| Stepped { playing: self.playing, ..Stepped::default() })
     }
 
-    /// Takes note of a step that was made.
+    /// Records a step that was made.
     pub fn after(&mut self, step: &Step, stepped: &Stepped) {
         self.playing = stepped.playing;
         if step.input.is_some() {

@@ -1,7 +1,7 @@
-//! A controller on a board at the other end of a serial line, or of an emulator's.
+//! A controller on a board at the other end of a serial line, real or emulated.
 //!
-//! The board answers requests and does nothing by itself ([`rollwalk_protocol::tunnel`]), so its time stands still
-//! while the host works, and every run is the same.
+//! The board only answers requests ([`rollwalk_protocol::tunnel`]): its time stands still while the host works, so every
+//! run is the same.
 
 use crate::quiet::Quiet;
 use rollwalk_bus::link::LinkError;
@@ -22,7 +22,7 @@ impl<T: Read + Write> Remote<T> {
     /// Connects to the board at the other end and asks for its identity. The line needs a read timeout.
     ///
     /// # Errors
-    /// The line failed, or what answers is no board of this protocol.
+    /// The line failed, or the answer is not that of a board with this protocol.
     pub fn connect(line: T) -> Result<(Self, Hello), LinkError> {
         let mut remote = Self {
             line,
