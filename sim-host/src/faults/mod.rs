@@ -194,7 +194,7 @@ mod tests {
         let mut faults = Faults::new(1);
         let hold = Harm::Stream(Way::ToActuators(0), Spoil::Hold);
         faults.add(Fault { harm: hold, from: ms(0), until: ms(10) });
-        let frame = |number| Frame::from(Frame::standard(1, &[number]).unwrap());
+        let frame = |number| Frame::standard(1, &[number]).unwrap();
         assert_eq!(faults.push(ms(1), Way::ToActuators(0), frame(1)), None);
         assert_eq!(faults.next_due(), Some((ms(10), Way::ToActuators(0))));
         assert_eq!(faults.push(ms(10), Way::ToActuators(0), frame(2)), None);
