@@ -4,6 +4,7 @@ mod dependencies;
 mod folder_map;
 mod module_docs;
 mod paths;
+mod prose;
 
 use crate::shell;
 use ignore::WalkBuilder;
@@ -31,6 +32,7 @@ pub fn check(root: &Path) -> Result<(), String> {
     violations.extend(paths::dead_references(&files, |path| root.join(path).exists()));
     violations.extend(folder_map::violations(&files));
     violations.extend(dependencies::violations(&metadata)?);
+    violations.extend(prose::violations(&files));
     if violations.is_empty() {
         eprintln!("{} files follow the house rules", files.len());
         Ok(())
