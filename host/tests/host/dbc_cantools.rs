@@ -28,7 +28,7 @@ fn decode(samples: &[(&'static str, Sample)]) -> Vec<Value> {
     let entry = |(i, (interface, (_, frame, _))): (usize, &(&'static str, Sample))| LogEntry {
         at_us: 1_000_000 + i as u64,
         interface: *interface,
-        frame: (*frame).into(),
+        frame: *frame,
     };
     let entries: Vec<_> = samples.iter().enumerate().map(entry).collect();
     let mut text = Vec::new();
