@@ -2,7 +2,8 @@
 //! control, is simulated; in another it gives no torque.
 
 use crate::scale::{code, share, value};
-use crate::{Law, Sent, Shaft, is_wheel};
+use crate::{Electronics, Law, Sent, Shaft, is_wheel};
+use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::actuators::cybergear::CyberGear;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
@@ -21,7 +22,7 @@ const LIMIT_SPEED: u16 = 0x7017;
 
 /// A motor.
 #[derive(Clone, Debug)]
-pub struct CyberGearMotor {
+pub struct Drive {
     kind: CyberGear,
     id: u8,
     is_wheel: bool,
@@ -35,9 +36,9 @@ pub struct CyberGearMotor {
     pub faults: u8,
 }
 
-impl CyberGearMotor {
+impl Drive {
     /// The motor of a channel.
-    pub fn new(kind: CyberGear, channel: &Channel) -> Self {
+    pub fn new(kind: CyberGear, _: &Bus, channel: &Channel) -> Self {
         Self {
             kind,
             id: channel.id,
@@ -69,39 +70,6 @@ impl CyberGearMotor {
             torque_nm: value(torque.into(), TORQUE_NM, 16),
             torque_limit_nm: f64::INFINITY,
         }
-    }
-
-    /// See [`crate::Drive::commanded`].
-    pub fn commanded(&self, frame: &Frame) -> Option<f32> {
-        let (1, data16, data) = self.mine(frame)? else { return None };
-        Some(self.setpoint(data16, data).value(self.is_wheel))
-    }
-
-    /// See [`crate::Drive::on_frame`].
-    pub fn on_frame(&mut self, frame: &Frame, shaft: &Shaft) -> Option<(Sent, Option<Frame>)> {
-        let (kind, data16, data) = self.mine(frame)?;
-        let sent = match kind {
-            1 => {
-                self.last = self.setpoint(data16, data);
-                self.last.setpoint(self.is_wheel)
-            }
-            3 => {
-                self.enabled = true;
-                Sent::Enable
-            }
-            4 => {
-                self.enabled = false;
-                if data[0] == 1 {
-                    self.faults = 0;
-                    Sent::ClearFaults
-                } else {
-                    Sent::Disable
-                }
-            }
-            18 => self.write(data),
-            _ => return Some((Sent::Odd, None)),
-        };
-        Some((sent, Some(self.feedback(shaft))))
     }
 
     fn write(&mut self, [i0, i1, _, _, value @ ..]: [u8; 8]) -> Sent {
@@ -144,10 +112,46 @@ impl CyberGearMotor {
         let bytes: Vec<u8> = words.iter().flat_map(|&word| (word as u16).to_be_bytes()).collect();
         Frame::extended(id, &bytes).expect("an identifier of 29 bits and 8 bytes")
     }
+}
 
-    /// See [`crate::Drive::law`].
-    pub fn law(&self) -> Option<Law> {
+impl Electronics for Drive {
+    fn on_frame(&mut self, _: u64, frame: &Frame, shaft: &Shaft) -> Option<(Sent, Option<Frame>)> {
+        let (kind, data16, data) = self.mine(frame)?;
+        let sent = match kind {
+            1 => {
+                self.last = self.setpoint(data16, data);
+                self.last.setpoint(self.is_wheel)
+            }
+            3 => {
+                self.enabled = true;
+                Sent::Enable
+            }
+            4 => {
+                self.enabled = false;
+                if data[0] == 1 {
+                    self.faults = 0;
+                    Sent::ClearFaults
+                } else {
+                    Sent::Disable
+                }
+            }
+            18 => self.write(data),
+            _ => return Some((Sent::Odd, None)),
+        };
+        Some((sent, Some(self.feedback(shaft))))
+    }
+
+    fn commanded(&self, frame: &Frame) -> Option<f32> {
+        let (1, data16, data) = self.mine(frame)? else { return None };
+        Some(self.setpoint(data16, data).value(self.is_wheel))
+    }
+
+    fn law(&self, _: &Shaft) -> Option<Law> {
         let runs = self.enabled && self.mode == 0;
         runs.then_some(Law { torque_limit_nm: self.torque_limit_nm, ..self.last })
+    }
+
+    fn remember(&mut self, stale: Law) {
+        (self.mode, self.last) = (3, stale);
     }
 }

@@ -4,9 +4,9 @@
 //! Operating mode 0 where the controller closes the loop, 1 for wheels, 5 for joints. The manual has no gains in
 //! N·m: a servo follows its goal with those that the robot file promises of it.
 
-use crate::{Law, Sent, Shaft, is_wheel};
-use rollwalk_protocol::actuators::bus::ControlLoop;
-use rollwalk_protocol::actuators::dynamixel::Dynamixels;
+use crate::{Electronics, Law, Sent, Shaft, is_wheel};
+use rollwalk_protocol::actuators::bus::{Bus, ControlLoop};
+use rollwalk_protocol::actuators::dynamixel::Dynamixel;
 use rollwalk_protocol::config::Channel;
 use std::f64::consts::TAU;
 
@@ -37,8 +37,8 @@ enum Mode {
 
 /// A servo.
 #[derive(Clone, Debug)]
-pub struct DynamixelServo {
-    kind: Dynamixels,
+pub struct Drive {
+    kind: Dynamixel,
     id: u8,
     mode: Mode,
     gains: (f64, f64),
@@ -56,10 +56,10 @@ pub struct DynamixelServo {
     fed_us: u64,
 }
 
-impl DynamixelServo {
+impl Drive {
     /// The servo of a channel.
-    pub fn new(kind: Dynamixels, control: ControlLoop, channel: &Channel) -> Self {
-        let mode = match control {
+    pub fn new(kind: Dynamixel, bus: &Bus, channel: &Channel) -> Self {
+        let mode = match bus.control {
             ControlLoop::OnController => Mode::Current,
             ControlLoop::InDrive if is_wheel(channel) => Mode::Velocity,
             ControlLoop::InDrive => Mode::CurrentBasedPosition,
@@ -77,30 +77,6 @@ impl DynamixelServo {
             watchdog_20ms: 0,
             expired: false,
             fed_us: 0,
-        }
-    }
-
-    /// See [`crate::Drive::on_packet`]: sync writes and sync reads to all.
-    pub fn on_packet(&mut self, now_us: u64, bytes: &[u8], shaft: &Shaft) -> (Vec<Sent>, Vec<u8>) {
-        let nothing = (vec![], vec![]);
-        let Some(told) = unwrapped(bytes) else { return nothing };
-        let &[instruction, a0, a1, n0, n1, ref rest @ ..] = &told[..] else { return nothing };
-        let (address, count) =
-            (u16::from_le_bytes([a0, a1]), usize::from(u16::from_le_bytes([n0, n1])));
-        match instruction {
-            0x82 if rest.contains(&self.id) => {
-                self.fed_us = now_us;
-                (vec![Sent::Query], self.read(address, count, shaft))
-            }
-            0x83 => {
-                let Some([_, mine @ ..]) = rest.chunks(1 + count).find(|chunk| chunk[0] == self.id)
-                else {
-                    return nothing;
-                };
-                self.fed_us = now_us;
-                (vec![self.write(now_us, address, mine).unwrap_or(Sent::Odd)], vec![])
-            }
-            _ => nothing,
         }
     }
 
@@ -160,8 +136,12 @@ impl DynamixelServo {
         })
     }
 
+    fn torque_step_nm(&self) -> f64 {
+        AMPERE * f64::from(self.kind.model.torque_nm_a)
+    }
+
     fn goal_torque_nm(&self) -> f64 {
-        f64::from(self.goal_current) * AMPERE * f64::from(self.kind.model.torque_nm_a)
+        f64::from(self.goal_current) * self.torque_step_nm()
     }
 
     fn setpoint(&self) -> Sent {
@@ -186,15 +166,46 @@ impl DynamixelServo {
             }
         }
     }
+}
 
-    /// See [`crate::Drive::on_time`]: an expired watchdog stops the servo until 0 is written to it.
-    pub fn on_time(&mut self, now_us: u64) {
+impl Electronics for Drive {
+    fn remember(&mut self, stale: Law) {
+        self.goal_position = CENTRE + (stale.position_rad / RAD) as i32;
+        self.goal_velocity = (stale.speed_rad_s / RAD_S) as i32;
+        self.goal_current = (stale.torque_nm / self.torque_step_nm()) as i16;
+    }
+
+    /// Takes sync writes and sync reads, which address all servos.
+    fn on_packet(&mut self, now_us: u64, bytes: &[u8], shaft: &Shaft) -> (Vec<Sent>, Vec<u8>) {
+        let nothing = (vec![], vec![]);
+        let Some(told) = unwrapped(bytes) else { return nothing };
+        let &[instruction, a0, a1, n0, n1, ref rest @ ..] = &told[..] else { return nothing };
+        let (address, count) =
+            (u16::from_le_bytes([a0, a1]), usize::from(u16::from_le_bytes([n0, n1])));
+        match instruction {
+            0x82 if rest.contains(&self.id) => {
+                self.fed_us = now_us;
+                (vec![Sent::Query], self.read(address, count, shaft))
+            }
+            0x83 => {
+                let Some([_, mine @ ..]) = rest.chunks(1 + count).find(|chunk| chunk[0] == self.id)
+                else {
+                    return nothing;
+                };
+                self.fed_us = now_us;
+                (vec![self.write(now_us, address, mine).unwrap_or(Sent::Odd)], vec![])
+            }
+            _ => nothing,
+        }
+    }
+
+    /// An expired watchdog stops the servo until 0 is written to it.
+    fn on_time(&mut self, now_us: u64) {
         let patience_us = u64::from(self.watchdog_20ms) * WATCHDOG_US;
         self.expired |= patience_us > 0 && now_us.saturating_sub(self.fed_us) > patience_us;
     }
 
-    /// See [`crate::Drive::law`].
-    pub fn law(&self) -> Option<Law> {
+    fn law(&self, _: &Shaft) -> Option<Law> {
         (self.enabled && !self.expired).then(|| self.goal())
     }
 }

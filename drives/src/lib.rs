@@ -15,6 +15,7 @@
 //! delivers it: a watchdog that is off from the factory is off here. Not simulated: current loops,
 //! temperatures, the errors that a drive finds by itself, and profiles of its own.
 
+use rollwalk_protocol::actuator_protocols;
 use rollwalk_protocol::actuators::bus::{Bus, Protocol};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind};
@@ -28,13 +29,6 @@ pub mod rollwalk;
 mod scale;
 #[cfg(test)]
 mod tests;
-
-use cybergear::CyberGearMotor;
-use dynamixel::DynamixelServo;
-use maestro::MaestroServo;
-use mit::MitDrive;
-use odrive::OdriveAxis;
-use rollwalk::RollwalkServo;
 
 /// What a drive measures of its motor, at the output.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -133,22 +127,101 @@ impl Sent {
     }
 }
 
-/// What a maker built around a motor.
-#[derive(Clone, Debug)]
-pub enum Electronics {
-    /// Of the Rollwalk profile.
-    Rollwalk(RollwalkServo),
-    /// Mini cheetah, AK.
-    Mit(MitDrive),
-    /// ODrive.
-    Odrive(OdriveAxis),
-    /// CyberGear.
-    CyberGear(CyberGearMotor),
-    /// Dynamixel X.
-    Dynamixel(DynamixelServo),
-    /// A channel of a Maestro.
-    Maestro(MaestroServo),
+/// Electronics around a motor, as its maker built them. The defaults are those of a drive on another kind of
+/// bus, without timers and without a watchdog.
+pub trait Electronics {
+    /// Takes a frame: what it was sent, and what it answers. `None` for a frame for another drive.
+    fn on_frame(
+        &mut self,
+        now_us: u64,
+        frame: &Frame,
+        shaft: &Shaft,
+    ) -> Option<(Sent, Option<Frame>)> {
+        let _ = (now_us, frame, shaft);
+        None
+    }
+
+    /// Takes a whole packet of a serial line: what it was sent, and the bytes that it answers.
+    fn on_packet(&mut self, now_us: u64, packet: &[u8], shaft: &Shaft) -> (Vec<Sent>, Vec<u8>) {
+        let _ = (now_us, packet, shaft);
+        (vec![], vec![])
+    }
+
+    /// The value of the setpoint in a frame for this drive, rad or rad/s of a wheel; `None` for any other
+    /// frame. Without any effect.
+    fn commanded(&self, frame: &Frame) -> Option<f32> {
+        let _ = frame;
+        None
+    }
+
+    /// Time of its next unsolicited frame.
+    fn next_timer_us(&self) -> Option<u64> {
+        None
+    }
+
+    /// Next unsolicited frame due at `now_us`; call until `None`.
+    fn on_timer(&mut self, now_us: u64, shaft: &Shaft) -> Option<Frame> {
+        let _ = (now_us, shaft);
+        None
+    }
+
+    /// Lets its watchdog look at the time.
+    fn on_time(&mut self, now_us: u64) {
+        let _ = now_us;
+    }
+
+    /// Control law of its motor; `None` while torque is off.
+    fn law(&self, shaft: &Shaft) -> Option<Law>;
+
+    /// Gives it a setpoint from before it was switched on, if it remembers any: for tests.
+    fn remember(&mut self, stale: Law) {
+        let _ = stale;
+    }
 }
+
+macro_rules! define_kind {
+    (
+        $profile:ident $Profile:ident can $profile_key:literal,
+        $($module:ident $Codec:ident $transport:ident $key:literal,)*
+    ) => {
+        /// The electronics of a drive, by protocol.
+        #[derive(Clone, Debug)]
+        pub enum Kind {
+            #[doc = concat!("See [`", stringify!($profile), "`].")]
+            $Profile($profile::Drive),
+            $(
+                #[doc = concat!("See [`", stringify!($module), "`].")]
+                $Codec($module::Drive),
+            )*
+        }
+
+        impl Kind {
+            fn new(bus: &Bus, channel: &Channel) -> Self {
+                match bus.protocol {
+                    Protocol::$Profile => Self::$Profile($profile::Drive::new(channel)),
+                    $(Protocol::$Codec(settings) => {
+                        Self::$Codec($module::Drive::new(settings, bus, channel))
+                    })*
+                }
+            }
+
+            fn electronics(&self) -> &dyn Electronics {
+                match self {
+                    Self::$Profile(drive) => drive,
+                    $(Self::$Codec(drive) => drive,)*
+                }
+            }
+
+            fn electronics_mut(&mut self) -> &mut dyn Electronics {
+                match self {
+                    Self::$Profile(drive) => drive,
+                    $(Self::$Codec(drive) => drive,)*
+                }
+            }
+        }
+    };
+}
+actuator_protocols!(define_kind);
 
 /// A drive on a bus.
 #[derive(Clone, Debug)]
@@ -156,112 +229,57 @@ pub struct Drive {
     bus: Bus,
     channel: Channel,
     /// What is around its motor.
-    pub electronics: Electronics,
+    pub kind: Kind,
 }
 
 impl Drive {
     /// The drive of a channel on its bus, set up for it with its maker's tool, as it is after power-on.
     pub fn new(bus: &Bus, channel: &Channel) -> Self {
-        let electronics = match bus.protocol {
-            Protocol::Rollwalk => Electronics::Rollwalk(RollwalkServo::new(channel)),
-            Protocol::Mit(mit) => Electronics::Mit(MitDrive::new(mit, channel)),
-            Protocol::Odrive(odrive) => Electronics::Odrive(OdriveAxis::new(odrive, channel)),
-            Protocol::CyberGear(gear) => Electronics::CyberGear(CyberGearMotor::new(gear, channel)),
-            Protocol::Dynamixel(dynamixel) => {
-                Electronics::Dynamixel(DynamixelServo::new(dynamixel, bus.control, channel))
-            }
-            Protocol::Maestro(maestro) => Electronics::Maestro(MaestroServo::new(maestro, channel)),
-        };
-        Self { bus: *bus, channel: *channel, electronics }
+        Self { bus: *bus, channel: *channel, kind: Kind::new(bus, channel) }
     }
 
-    /// Its power is gone, and what it did not keep with it.
+    /// Cuts its power, and with it what it does not keep.
     pub fn cut_power(&mut self) {
-        *self = Self::new(&self.bus, &self.channel);
+        self.kind = Kind::new(&self.bus, &self.channel);
     }
+}
 
-    /// A frame on its bus, and where its motor is: what it was sent, and what it answers. `None` if the
-    /// frame is not for it.
-    pub fn on_frame(
+impl Electronics for Drive {
+    fn on_frame(
         &mut self,
         now_us: u64,
         frame: &Frame,
         shaft: &Shaft,
     ) -> Option<(Sent, Option<Frame>)> {
-        match &mut self.electronics {
-            Electronics::Rollwalk(servo) => {
-                let (sent, answer) = servo.on_frame(now_us, frame, shaft)?;
-                Some((sent, Some(answer)))
-            }
-            Electronics::Mit(drive) => {
-                let (sent, answer) = drive.on_frame(frame, shaft)?;
-                Some((sent, Some(answer)))
-            }
-            Electronics::Odrive(axis) => axis.on_frame(frame).map(|sent| (sent, None)),
-            Electronics::CyberGear(motor) => {
-                let (sent, answer) = motor.on_frame(frame, shaft)?;
-                Some((sent, answer))
-            }
-            _ => None,
-        }
+        self.kind.electronics_mut().on_frame(now_us, frame, shaft)
     }
 
-    /// A packet on its serial line, whole: what it was sent, and the bytes that it answers.
-    pub fn on_packet(&mut self, now_us: u64, packet: &[u8], shaft: &Shaft) -> (Vec<Sent>, Vec<u8>) {
-        match &mut self.electronics {
-            Electronics::Dynamixel(servo) => servo.on_packet(now_us, packet, shaft),
-            Electronics::Maestro(servo) => servo.on_packet(packet),
-            _ => (vec![], vec![]),
-        }
+    fn on_packet(&mut self, now_us: u64, packet: &[u8], shaft: &Shaft) -> (Vec<Sent>, Vec<u8>) {
+        self.kind.electronics_mut().on_packet(now_us, packet, shaft)
     }
 
-    /// The value of the setpoint in a frame for this drive, rad or rad/s of a wheel; none in another frame.
-    /// Without any effect.
-    pub fn commanded(&self, frame: &Frame) -> Option<f32> {
-        match &self.electronics {
-            Electronics::Rollwalk(servo) => servo.commanded(frame),
-            Electronics::Mit(drive) => drive.commanded(frame),
-            Electronics::Odrive(axis) => axis.commanded(frame),
-            Electronics::CyberGear(motor) => motor.commanded(frame),
-            _ => None,
-        }
+    fn commanded(&self, frame: &Frame) -> Option<f32> {
+        self.kind.electronics().commanded(frame)
     }
 
-    /// When it will say something by itself.
-    pub fn next_timer_us(&self) -> Option<u64> {
-        match &self.electronics {
-            Electronics::Odrive(axis) => Some(axis.next_timer_us()),
-            _ => None,
-        }
+    fn next_timer_us(&self) -> Option<u64> {
+        self.kind.electronics().next_timer_us()
     }
 
-    /// Next unsolicited frame due at `now_us`; call until `None`.
-    pub fn on_timer(&mut self, now_us: u64, shaft: &Shaft) -> Option<Frame> {
-        match &mut self.electronics {
-            Electronics::Odrive(axis) => axis.on_timer(now_us, shaft),
-            _ => None,
-        }
+    fn on_timer(&mut self, now_us: u64, shaft: &Shaft) -> Option<Frame> {
+        self.kind.electronics_mut().on_timer(now_us, shaft)
     }
 
-    /// Time has passed: its watchdog looks at it.
-    pub fn on_time(&mut self, now_us: u64) {
-        match &mut self.electronics {
-            Electronics::Rollwalk(servo) => servo.on_time(now_us),
-            Electronics::Dynamixel(servo) => servo.on_time(now_us),
-            _ => {}
-        }
+    fn on_time(&mut self, now_us: u64) {
+        self.kind.electronics_mut().on_time(now_us);
     }
 
-    /// What it has its motor do; `None` while torque is off.
-    pub fn law(&self, shaft: &Shaft) -> Option<Law> {
-        match &self.electronics {
-            Electronics::Rollwalk(servo) => servo.law(),
-            Electronics::Mit(drive) => drive.law(),
-            Electronics::Odrive(axis) => axis.law(shaft),
-            Electronics::CyberGear(motor) => motor.law(),
-            Electronics::Dynamixel(servo) => servo.law(),
-            Electronics::Maestro(servo) => servo.law(),
-        }
+    fn law(&self, shaft: &Shaft) -> Option<Law> {
+        self.kind.electronics().law(shaft)
+    }
+
+    fn remember(&mut self, stale: Law) {
+        self.kind.electronics_mut().remember(stale);
     }
 }
 

@@ -2,13 +2,14 @@
 //! sections 5.c to 5.e. Nothing is measured; the servo follows its pulses with the gains that the robot file promises
 //! of it.
 
-use crate::{Law, Sent};
+use crate::{Electronics, Law, Sent, Shaft};
+use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::actuators::maestro::Maestro;
 use rollwalk_protocol::config::Channel;
 
 /// A servo.
 #[derive(Clone, Debug)]
-pub struct MaestroServo {
+pub struct Drive {
     board: Maestro,
     channel: u8,
     gains: (f64, f64),
@@ -16,9 +17,9 @@ pub struct MaestroServo {
     target_rad: Option<f64>,
 }
 
-impl MaestroServo {
+impl Drive {
     /// The servo of a channel.
-    pub fn new(board: Maestro, channel: &Channel) -> Self {
+    pub fn new(board: Maestro, _: &Bus, channel: &Channel) -> Self {
         let gains = (channel.kp_nm_rad.into(), channel.kd_nm_s_rad.into());
         Self { board, channel: channel.id, gains, target_rad: None }
     }
@@ -36,25 +37,6 @@ impl MaestroServo {
             (None, [command, data @ ..]) => Some((*command, data)),
             _ => None,
         }
-    }
-
-    /// See [`crate::Drive::on_packet`]. The board answers: each of its servos has the same answer.
-    pub fn on_packet(&mut self, bytes: &[u8]) -> (Vec<Sent>, Vec<u8>) {
-        let Some((command, data)) = self.unwrapped(bytes) else { return (vec![], vec![]) };
-        let target = match (command, data) {
-            (0xA1, []) => return (vec![Sent::Query], vec![0, 0]),
-            (0x84, [channel, low, high]) if *channel == self.channel => quarters(*low, *high),
-            (0x9F, [_, first, targets @ ..]) => {
-                let mine = self.channel.checked_sub(*first).map(usize::from);
-                let Some([low, high]) = mine.and_then(|n| targets.chunks_exact(2).nth(n)) else {
-                    return (vec![], vec![]);
-                };
-                quarters(*low, *high)
-            }
-            (0x84, _) => return (vec![], vec![]),
-            _ => return (vec![Sent::Odd], vec![]),
-        };
-        (self.aim(target), vec![])
     }
 
     fn aim(&mut self, quarters_us: u16) -> Vec<Sent> {
@@ -77,9 +59,29 @@ impl MaestroServo {
         let torque_limit_nm = f64::INFINITY;
         Law { position_rad, kp_nm_rad, kd_nm_s_rad, torque_limit_nm, ..Law::default() }
     }
+}
 
-    /// See [`crate::Drive::law`].
-    pub fn law(&self) -> Option<Law> {
+impl Electronics for Drive {
+    /// The board answers: each of its servos has the same answer.
+    fn on_packet(&mut self, _: u64, bytes: &[u8], _: &Shaft) -> (Vec<Sent>, Vec<u8>) {
+        let Some((command, data)) = self.unwrapped(bytes) else { return (vec![], vec![]) };
+        let target = match (command, data) {
+            (0xA1, []) => return (vec![Sent::Query], vec![0, 0]),
+            (0x84, [channel, low, high]) if *channel == self.channel => quarters(*low, *high),
+            (0x9F, [_, first, targets @ ..]) => {
+                let mine = self.channel.checked_sub(*first).map(usize::from);
+                let Some([low, high]) = mine.and_then(|n| targets.chunks_exact(2).nth(n)) else {
+                    return (vec![], vec![]);
+                };
+                quarters(*low, *high)
+            }
+            (0x84, _) => return (vec![], vec![]),
+            _ => return (vec![Sent::Odd], vec![]),
+        };
+        (self.aim(target), vec![])
+    }
+
+    fn law(&self, _: &Shaft) -> Option<Law> {
         self.target_rad.map(|target_rad| self.towards(target_rad))
     }
 }

@@ -2,7 +2,8 @@
 //! Series Actuator Driver Manual V1.0.8".
 
 use crate::scale::{code, share, value};
-use crate::{Law, Sent, Shaft, is_wheel};
+use crate::{Electronics, Law, Sent, Shaft, is_wheel};
+use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::actuators::mit::{AnswerId, Mit};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
@@ -15,7 +16,7 @@ const TEMPERATURE_C: u8 = 30;
 
 /// A drive.
 #[derive(Clone, Debug)]
-pub struct MitDrive {
+pub struct Drive {
     model: Mit,
     id: u8,
     is_wheel: bool,
@@ -26,9 +27,9 @@ pub struct MitDrive {
     pub error: u8,
 }
 
-impl MitDrive {
+impl Drive {
     /// A drive of a channel.
-    pub fn new(model: Mit, channel: &Channel) -> Self {
+    pub fn new(model: Mit, _: &Bus, channel: &Channel) -> Self {
         let (id, is_wheel) = (channel.id, is_wheel(channel));
         Self { model, id, is_wheel, enabled: false, last: Law::default(), error: 0 }
     }
@@ -59,14 +60,25 @@ impl MitDrive {
         }
     }
 
-    /// See [`crate::Drive::commanded`].
-    pub fn commanded(&self, frame: &Frame) -> Option<f32> {
-        let data = self.mine(frame).filter(|data| special(data).is_none())?;
-        Some(self.setpoint(data).value(self.is_wheel))
+    fn answer(&self, shaft: &Shaft) -> Frame {
+        let torque_nm = if self.enabled { shaft.torque_nm } else { 0.0 };
+        let p = code(shaft.position_rad, POSITION_RAD, 16);
+        let v = code(shaft.speed_rad_s, self.max_speed_rad_s(), 12);
+        let t = code(torque_nm, self.max_torque_nm(), 12);
+        let low = (v << 4) as u8 | (t >> 8) as u8;
+        let six = [self.id, (p >> 8) as u8, p as u8, (v >> 4) as u8, low, t as u8];
+        let frame = match self.model.answers_from {
+            AnswerId::Master(master) => Frame::standard(master, &six),
+            AnswerId::Own => {
+                Frame::standard(self.id.into(), &[&six[..], &[TEMPERATURE_C, self.error]].concat())
+            }
+        };
+        frame.expect("an identifier of 11 bits and at most 8 bytes")
     }
+}
 
-    /// See [`crate::Drive::on_frame`].
-    pub fn on_frame(&mut self, frame: &Frame, shaft: &Shaft) -> Option<(Sent, Frame)> {
+impl Electronics for Drive {
+    fn on_frame(&mut self, _: u64, frame: &Frame, shaft: &Shaft) -> Option<(Sent, Option<Frame>)> {
         let data = self.mine(frame)?;
         let sent = match special(&data) {
             // It follows what it was sent last.
@@ -85,28 +97,20 @@ impl MitDrive {
                 self.last.setpoint(self.is_wheel)
             }
         };
-        Some((sent, self.answer(shaft)))
+        Some((sent, Some(self.answer(shaft))))
     }
 
-    fn answer(&self, shaft: &Shaft) -> Frame {
-        let torque_nm = if self.enabled { shaft.torque_nm } else { 0.0 };
-        let p = code(shaft.position_rad, POSITION_RAD, 16);
-        let v = code(shaft.speed_rad_s, self.max_speed_rad_s(), 12);
-        let t = code(torque_nm, self.max_torque_nm(), 12);
-        let low = (v << 4) as u8 | (t >> 8) as u8;
-        let six = [self.id, (p >> 8) as u8, p as u8, (v >> 4) as u8, low, t as u8];
-        let frame = match self.model.answers_from {
-            AnswerId::Master(master) => Frame::standard(master, &six),
-            AnswerId::Own => {
-                Frame::standard(self.id.into(), &[&six[..], &[TEMPERATURE_C, self.error]].concat())
-            }
-        };
-        frame.expect("an identifier of 11 bits and at most 8 bytes")
+    fn commanded(&self, frame: &Frame) -> Option<f32> {
+        let data = self.mine(frame).filter(|data| special(data).is_none())?;
+        Some(self.setpoint(data).value(self.is_wheel))
     }
 
-    /// See [`crate::Drive::law`].
-    pub fn law(&self) -> Option<Law> {
+    fn law(&self, _: &Shaft) -> Option<Law> {
         self.enabled.then_some(self.last)
+    }
+
+    fn remember(&mut self, stale: Law) {
+        self.last = stale;
     }
 }
 

@@ -4,7 +4,8 @@
 //! It is never asked: estimates, and torques or currents, come on timers, and the heartbeat every 100 ms. Timers of
 //! axes are not in step with each other.
 
-use crate::{Law, Sent, Shaft};
+use crate::{Electronics, Law, Sent, Shaft};
+use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
@@ -20,7 +21,7 @@ const ESTOP_06: u32 = 0x0200_0000;
 
 /// An axis.
 #[derive(Clone, Debug)]
-pub struct OdriveAxis {
+pub struct Drive {
     kind: Odrive,
     node: u8,
     /// State 8, else idle.
@@ -54,9 +55,9 @@ impl Timer {
     const ALL: [Self; 3] = [Self::Heartbeat, Self::Estimates, Self::Torques];
 }
 
-impl OdriveAxis {
+impl Drive {
     /// The axis of a channel.
-    pub fn new(kind: Odrive, channel: &Channel) -> Self {
+    pub fn new(kind: Odrive, _: &Bus, channel: &Channel) -> Self {
         Self {
             kind,
             node: channel.id,
@@ -92,17 +93,6 @@ impl OdriveAxis {
         (id >> 5 == u16::from(self.node)).then_some(id & 0x1F)
     }
 
-    /// See [`crate::Drive::commanded`].
-    pub fn commanded(&self, frame: &Frame) -> Option<f32> {
-        let command = self.command(frame)?;
-        let (position_rad, speed_rad_s, _) = self.inputs(command, frame.data())?;
-        match command {
-            0x0C => Some(position_rad as f32),
-            0x0D => Some(speed_rad_s as f32),
-            _ => None,
-        }
-    }
-
     /// Position, speed and torque of a setpoint, at the output.
     fn inputs(&self, command: u16, data: &[u8]) -> Option<(f64, f64, f64)> {
         let (turns, nm) = (self.turns_per_rad(), self.reduction());
@@ -122,16 +112,6 @@ impl OdriveAxis {
         let ((kp, kd), (_, _, torque_nm)) = (self.gains(), self.input);
         let [value, kp, kd, torque_nm] = [value, kp, kd, torque_nm].map(|x| x as f32);
         Sent::Setpoint { value, kp, kd, torque_nm }
-    }
-
-    /// See [`crate::Drive::on_frame`]. A frame that is too short is ignored.
-    pub fn on_frame(&mut self, frame: &Frame) -> Option<Sent> {
-        let (command, data) = (self.command(frame)?, frame.data());
-        // What it says itself.
-        if matches!(command, 0x01 | 0x03 | 0x09 | 0x14 | 0x15 | 0x1C) {
-            return None;
-        }
-        self.take(command, data).or(Some(Sent::Odd))
     }
 
     fn take(&mut self, command: u16, data: &[u8]) -> Option<Sent> {
@@ -198,35 +178,6 @@ impl OdriveAxis {
         })
     }
 
-    /// See [`crate::Drive::law`]: torque = g_v (g_p (q* − q) + q̇* − q̇) + τ, of which the speed that is asked for is
-    /// limited, and the torque.
-    pub fn law(&self, shaft: &Shaft) -> Option<Law> {
-        if !self.closed_loop {
-            return None;
-        }
-        let (position_rad, speed_rad_s, torque_nm) = self.input;
-        let (kp, kd) = self.gains();
-        let (max_turns_s, max_a) = self.limits.unwrap_or((f64::INFINITY, f64::INFINITY));
-        let torque_constant: f64 = self.kind.torque_constant_nm_a.into();
-        let torque_limit_nm = max_a * torque_constant * self.reduction().abs();
-        let torque = Law { torque_nm, torque_limit_nm, ..Law::default() };
-        if self.control_mode == 1 {
-            return Some(torque);
-        }
-        let fastest = (max_turns_s / self.turns_per_rad()).abs();
-        let speed = Law { kd_nm_s_rad: kd, ..torque };
-        if self.control_mode == 2 {
-            let speed_rad_s = speed_rad_s.clamp(-fastest, fastest);
-            return Some(Law { speed_rad_s, ..speed });
-        }
-        let asked = kp / kd * (position_rad - shaft.position_rad) + speed_rad_s;
-        Some(if asked.abs() > fastest {
-            Law { speed_rad_s: fastest.copysign(asked), ..speed }
-        } else {
-            Law { position_rad, speed_rad_s, kp_nm_rad: kp, ..speed }
-        })
-    }
-
     fn period_us(&self, timer: Timer) -> u64 {
         match timer {
             Timer::Heartbeat => HEARTBEAT_US,
@@ -234,21 +185,6 @@ impl OdriveAxis {
                 1_000_000 / u64::from(self.kind.estimates_hz.max(1))
             }
         }
-    }
-
-    /// See [`crate::Drive::next_timer_us`].
-    pub fn next_timer_us(&self) -> u64 {
-        self.due_us.into_iter().min().unwrap_or(u64::MAX)
-    }
-
-    /// See [`crate::Drive::on_timer`].
-    pub fn on_timer(&mut self, now_us: u64, shaft: &Shaft) -> Option<Frame> {
-        let index = self.due_us.iter().position(|due| *due <= now_us)?;
-        let timer = Timer::ALL[index];
-        // After a pause one is late, and none is made up for.
-        let (due, period) = (self.due_us[index], self.period_us(timer));
-        self.due_us[index] = due + ((now_us - due) / period + 1) * period;
-        Some(self.tell(timer, shaft))
     }
 
     fn tell(&self, timer: Timer, shaft: &Shaft) -> Frame {
@@ -275,6 +211,74 @@ impl OdriveAxis {
         };
         let id = u16::from(self.node) << 5 | command;
         Frame::standard(id, &data).expect("an identifier of 11 bits and 8 bytes")
+    }
+}
+
+impl Electronics for Drive {
+    fn remember(&mut self, stale: Law) {
+        self.input = (stale.position_rad, stale.speed_rad_s, stale.torque_nm);
+    }
+
+    /// A frame that is too short is ignored.
+    fn on_frame(&mut self, _: u64, frame: &Frame, _: &Shaft) -> Option<(Sent, Option<Frame>)> {
+        let (command, data) = (self.command(frame)?, frame.data());
+        // What it says itself.
+        if matches!(command, 0x01 | 0x03 | 0x09 | 0x14 | 0x15 | 0x1C) {
+            return None;
+        }
+        Some((self.take(command, data).unwrap_or(Sent::Odd), None))
+    }
+
+    fn commanded(&self, frame: &Frame) -> Option<f32> {
+        let command = self.command(frame)?;
+        let (position_rad, speed_rad_s, _) = self.inputs(command, frame.data())?;
+        match command {
+            0x0C => Some(position_rad as f32),
+            0x0D => Some(speed_rad_s as f32),
+            _ => None,
+        }
+    }
+
+    fn next_timer_us(&self) -> Option<u64> {
+        self.due_us.into_iter().min()
+    }
+
+    fn on_timer(&mut self, now_us: u64, shaft: &Shaft) -> Option<Frame> {
+        let index = self.due_us.iter().position(|due| *due <= now_us)?;
+        let timer = Timer::ALL[index];
+        // After a pause one is late, and none is made up for.
+        let (due, period) = (self.due_us[index], self.period_us(timer));
+        self.due_us[index] = due + ((now_us - due) / period + 1) * period;
+        Some(self.tell(timer, shaft))
+    }
+
+    /// torque = g_v (g_p (q* − q) + q̇* − q̇) + τ, of which the speed that is asked for is
+    /// limited, and the torque.
+    fn law(&self, shaft: &Shaft) -> Option<Law> {
+        if !self.closed_loop {
+            return None;
+        }
+        let (position_rad, speed_rad_s, torque_nm) = self.input;
+        let (kp, kd) = self.gains();
+        let (max_turns_s, max_a) = self.limits.unwrap_or((f64::INFINITY, f64::INFINITY));
+        let torque_constant: f64 = self.kind.torque_constant_nm_a.into();
+        let torque_limit_nm = max_a * torque_constant * self.reduction().abs();
+        let torque = Law { torque_nm, torque_limit_nm, ..Law::default() };
+        if self.control_mode == 1 {
+            return Some(torque);
+        }
+        let fastest = (max_turns_s / self.turns_per_rad()).abs();
+        let speed = Law { kd_nm_s_rad: kd, ..torque };
+        if self.control_mode == 2 {
+            let speed_rad_s = speed_rad_s.clamp(-fastest, fastest);
+            return Some(Law { speed_rad_s, ..speed });
+        }
+        let asked = kp / kd * (position_rad - shaft.position_rad) + speed_rad_s;
+        Some(if asked.abs() > fastest {
+            Law { speed_rad_s: fastest.copysign(asked), ..speed }
+        } else {
+            Law { position_rad, speed_rad_s, kp_nm_rad: kp, ..speed }
+        })
     }
 }
 

@@ -4,7 +4,7 @@
 //! every frame for it with its feedback at the end of that frame. Its own watchdog takes the torque away when
 //! setpoints stop coming, and keeps it away until it is disabled and enabled again.
 
-use crate::{Law, Sent, Shaft, is_wheel};
+use crate::{Electronics, Law, Sent, Shaft, is_wheel};
 use rollwalk_protocol::actuator::{
     ActuatorStatus, Control, Feedback, JointSetpoint, WheelSetpoint,
 };
@@ -27,7 +27,7 @@ enum Mode {
 
 /// A servo.
 #[derive(Clone, Debug)]
-pub struct RollwalkServo {
+pub struct Drive {
     is_wheel: bool,
     id: u8,
     mode: Mode,
@@ -36,62 +36,11 @@ pub struct RollwalkServo {
     counter: u8,
 }
 
-impl RollwalkServo {
+impl Drive {
     /// The servo of a channel.
     pub fn new(channel: &Channel) -> Self {
         let (is_wheel, id) = (is_wheel(channel), channel.id);
         Self { is_wheel, id, mode: Mode::Disabled, fed_us: 0, counter: 0 }
-    }
-
-    /// See [`crate::Drive::commanded`].
-    pub fn commanded(&self, frame: &Frame) -> Option<f32> {
-        Some(self.law_of(frame)?.value(self.is_wheel))
-    }
-
-    /// See [`crate::Drive::on_frame`].
-    pub fn on_frame(&mut self, now_us: u64, frame: &Frame, shaft: &Shaft) -> Option<(Sent, Frame)> {
-        let sent = if let Some((id, control)) = Control::decode(frame) {
-            if id != self.id {
-                return None;
-            }
-            match (control, self.mode) {
-                (Control::Disable, _) => self.mode = Mode::Disabled,
-                (Control::Enable, Mode::Disabled) => {
-                    self.mode = Mode::Waiting;
-                    self.fed_us = now_us;
-                }
-                (Control::Enable | Control::Query, _) => {}
-            }
-            match control {
-                Control::Disable => Sent::Disable,
-                Control::Enable => Sent::Enable,
-                Control::Query => Sent::Query,
-            }
-        } else {
-            let law = self.law_of(frame)?;
-            if matches!(self.mode, Mode::Waiting | Mode::Following(_)) {
-                self.mode = Mode::Following(law);
-                self.fed_us = now_us;
-            }
-            law.setpoint(self.is_wheel)
-        };
-        Some((sent, self.feedback(shaft).encode(self.id)?))
-    }
-
-    /// See [`crate::Drive::on_time`].
-    pub fn on_time(&mut self, now_us: u64) {
-        let enabled = matches!(self.mode, Mode::Waiting | Mode::Following(_));
-        if enabled && now_us.saturating_sub(self.fed_us) > WATCHDOG_US {
-            self.mode = Mode::TimedOut;
-        }
-    }
-
-    /// See [`crate::Drive::law`].
-    pub fn law(&self) -> Option<Law> {
-        match self.mode {
-            Mode::Following(law) => Some(law),
-            Mode::Disabled | Mode::Waiting | Mode::TimedOut => None,
-        }
     }
 
     /// The law of a setpoint for this servo.
@@ -142,6 +91,60 @@ impl RollwalkServo {
             torque_nm: if driving { shaft.torque_nm as f32 } else { 0.0 },
             status: ActuatorStatus(status),
             counter: self.counter,
+        }
+    }
+}
+
+impl Electronics for Drive {
+    fn on_frame(
+        &mut self,
+        now_us: u64,
+        frame: &Frame,
+        shaft: &Shaft,
+    ) -> Option<(Sent, Option<Frame>)> {
+        let sent = if let Some((id, control)) = Control::decode(frame) {
+            if id != self.id {
+                return None;
+            }
+            match (control, self.mode) {
+                (Control::Disable, _) => self.mode = Mode::Disabled,
+                (Control::Enable, Mode::Disabled) => {
+                    self.mode = Mode::Waiting;
+                    self.fed_us = now_us;
+                }
+                (Control::Enable | Control::Query, _) => {}
+            }
+            match control {
+                Control::Disable => Sent::Disable,
+                Control::Enable => Sent::Enable,
+                Control::Query => Sent::Query,
+            }
+        } else {
+            let law = self.law_of(frame)?;
+            if matches!(self.mode, Mode::Waiting | Mode::Following(_)) {
+                self.mode = Mode::Following(law);
+                self.fed_us = now_us;
+            }
+            law.setpoint(self.is_wheel)
+        };
+        Some((sent, Some(self.feedback(shaft).encode(self.id)?)))
+    }
+
+    fn commanded(&self, frame: &Frame) -> Option<f32> {
+        Some(self.law_of(frame)?.value(self.is_wheel))
+    }
+
+    fn on_time(&mut self, now_us: u64) {
+        let enabled = matches!(self.mode, Mode::Waiting | Mode::Following(_));
+        if enabled && now_us.saturating_sub(self.fed_us) > WATCHDOG_US {
+            self.mode = Mode::TimedOut;
+        }
+    }
+
+    fn law(&self, _: &Shaft) -> Option<Law> {
+        match self.mode {
+            Mode::Following(law) => Some(law),
+            Mode::Disabled | Mode::Waiting | Mode::TimedOut => None,
         }
     }
 }

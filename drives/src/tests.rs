@@ -1,9 +1,9 @@
 //! What the documents promise of a drive and no controller of ours relies on.
 
-use crate::{Drive, Electronics, Sent, Shaft};
+use crate::{Drive, Electronics, Kind, Sent, Shaft};
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Protocol};
 use rollwalk_protocol::actuators::cybergear::{CyberGear, SAMPLE_MAX_RAD};
-use rollwalk_protocol::actuators::dynamixel::{Dynamixels, packet::packet, table::XM430_W210};
+use rollwalk_protocol::actuators::dynamixel::{Dynamixel, packet::packet, table::XM430_W210};
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
@@ -192,7 +192,7 @@ fn sync_write(address: u16, data: &[u8]) -> Vec<u8> {
 /// As the e-Manual has address 98.
 #[test]
 fn a_dynamixel_whose_watchdog_has_expired_takes_no_goal_until_it_is_told_0() {
-    let model = Dynamixels { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 0 };
+    let model = Dynamixel { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 0 };
     let mut drive = drive(Protocol::Dynamixel(model));
     let tell = |drive: &mut Drive, now_us, address, data: &[u8]| {
         drive.on_packet(now_us, &sync_write(address, data), &at(0.0)).0
@@ -219,7 +219,7 @@ fn a_dynamixel_takes_whole_packets_alone() {
     let ping = [0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x03, 0x00, 0x01];
     assert_eq!(crate::dynamixel::crc16(&ping).to_le_bytes(), [0x19, 0x4E]);
 
-    let model = Dynamixels { model: XM430_W210, watchdog_20ms: 0, return_delay_us: 0 };
+    let model = Dynamixel { model: XM430_W210, watchdog_20ms: 0, return_delay_us: 0 };
     let mut drive = drive(Protocol::Dynamixel(model));
     let on = sync_write(64, &[1]);
     let resummed = |mut bytes: Vec<u8>| {
@@ -291,7 +291,7 @@ fn a_maestro_takes_what_its_settings_frame() {
 /// Setting up the drive follows from where the loop is closed.
 #[test]
 fn a_drive_for_torques_gives_torques() {
-    let model = Dynamixels { model: XM430_W210, watchdog_20ms: 0, return_delay_us: 0 };
+    let model = Dynamixel { model: XM430_W210, watchdog_20ms: 0, return_delay_us: 0 };
     let protocol = Protocol::Dynamixel(model);
     let bus = Bus { protocol, control: ControlLoop::OnController, ..Bus::default() };
     let mut drive = Drive::new(&bus, &joint());
@@ -304,5 +304,5 @@ fn a_drive_for_torques_gives_torques() {
     assert!((law.torque_nm - torque_nm).abs() < 1e-6 && law.kp_nm_rad == 0.0);
     drive.cut_power();
     assert_eq!(drive.law(&at(1.0)), None);
-    assert!(matches!(drive.electronics, Electronics::Dynamixel(_)));
+    assert!(matches!(drive.kind, Kind::Dynamixel(_)));
 }

@@ -3,17 +3,18 @@
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rollwalk_protocol::actuator;
+use rollwalk_protocol::actuators::bus::Protocol;
 use rollwalk_protocol::actuators::cybergear::{CyberGear, SAMPLE_MAX_RAD, TABLE_MAX_RAD};
-use rollwalk_protocol::actuators::dynamixel::Dynamixels;
-use rollwalk_protocol::actuators::dynamixel::packet::Deframer;
+use rollwalk_protocol::actuators::dynamixel::Dynamixel;
+use rollwalk_protocol::actuators::dynamixel::packet::take;
 use rollwalk_protocol::actuators::dynamixel::table::XM540_W150;
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
 use rollwalk_protocol::actuators::mit::{AnswerId, Codes, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
-use rollwalk_protocol::actuators::rollwalk::RollwalkServos;
+use rollwalk_protocol::actuators::rollwalk::Rollwalk;
+use rollwalk_protocol::actuators::serial::ReceiveBuffer;
 use rollwalk_protocol::actuators::{
-    ActuatorProtocol, Command, Feedback, Gains, JointSetpoint, Order, Packet, Refusal,
-    WheelSetpoint,
+    CanCodec, Codec, Command, Feedback, Gains, JointSetpoint, Order, Packet, Refusal, WheelSetpoint,
 };
 use rollwalk_protocol::can::Frame;
 
@@ -22,7 +23,7 @@ struct All {
     mit: Mit,
     odrive: Odrive,
     cybergear: CyberGear,
-    dynamixel: Dynamixels,
+    dynamixel: Dynamixel,
     maestro: Maestro,
 }
 
@@ -40,7 +41,7 @@ impl<'a> Arbitrary<'a> for All {
                 estimates_hz: u.arbitrary()?,
             },
             cybergear: CyberGear { host: u.arbitrary()?, max_position_rad },
-            dynamixel: Dynamixels {
+            dynamixel: Dynamixel {
                 model: XM540_W150,
                 watchdog_20ms: u.arbitrary()?,
                 return_delay_us: u.arbitrary()?,
@@ -107,7 +108,7 @@ fn assert_finite(told: Option<(u8, Feedback)>) {
 }
 
 /// Encodes one by one and all at once; `look` sees every frame.
-fn send<P: ActuatorProtocol>(
+fn send<P: Codec>(
     protocol: &P,
     orders: &[Order],
     bits: fn(&P::Sent) -> u32,
@@ -149,13 +150,28 @@ fn send<P: ActuatorProtocol>(
     }
 }
 
+/// Encodes for example settings of some protocol: what `check` takes is sent, and nothing of what it refuses.
+fn send_example(orders: &[Order]) {
+    let count = Protocol::examples().count();
+    let Some(protocol) = Protocol::examples().nth(orders.len() % count) else { return };
+    for order in orders {
+        let mut sent = 0;
+        let emitted = protocol.emit(order, &mut |_| sent += 1);
+        let encoded = protocol.encode(&[*order], &mut |_| sent += 1).map_err(|(_, why)| why);
+        let taken = emitted.and(encoded);
+        assert_eq!(taken, protocol.check(order), "{protocol:?}");
+        assert_eq!(taken.is_ok(), sent > 0, "{protocol:?} {order:?}");
+    }
+}
+
 fn tell(all: &All, orders: &[Order]) {
+    send_example(orders);
     let hears = |frame: &Frame| {
-        assert_finite(RollwalkServos.decode(frame));
+        assert_finite(Rollwalk.decode(frame));
         assert_finite(all.mit.decode(frame));
         assert_finite(all.odrive.decode(frame));
     };
-    send(&RollwalkServos, orders, Frame::exact_bits, hears);
+    send(&Rollwalk, orders, Frame::exact_bits, hears);
     send(&all.mit, orders, Frame::exact_bits, |frame| {
         // Told as codes, or a command.
         let codes =
@@ -168,13 +184,13 @@ fn tell(all: &All, orders: &[Order]) {
         assert_finite(all.cybergear.decode(frame));
     });
     let serial = |packet: &Packet| 10 * packet.len() as u32;
-    let mut line = Deframer::default();
+    let mut line = ReceiveBuffer::default();
     send(&all.dynamixel, orders, serial, |packet| {
         packet.iter().for_each(|&byte| line.push(byte));
-        let message = line.take().expect("what we send is a packet");
+        let message = take(&mut line, false).expect("what we send is a packet");
         // Our own instructions, heard again on a half-duplex line, are no answers.
         assert_eq!(all.dynamixel.decode(&message), None);
-        assert_eq!(line.take(), None);
+        assert_eq!(take(&mut line, false), None);
     });
     send(&all.maestro, orders, serial, |packet| {
         let (head, rest) = packet.split_first().expect("not empty");
@@ -206,20 +222,24 @@ fn check_profile(frame: &Frame) {
 fn hear(all: &All, id: u32, data: &[u8]) {
     let frame = Frame::standard(id as u16 & 0x7FF, data).expect("11 bits and 8 bytes");
     check_profile(&frame);
-    assert_finite(RollwalkServos.decode(&frame));
+    assert_finite(Rollwalk.decode(&frame));
     assert_finite(all.mit.decode(&frame));
     assert_finite(all.odrive.decode(&frame));
     let extended = Frame::extended(id & 0x1FFF_FFFF, data).expect("29 bits and 8 bytes");
+    for protocol in Protocol::examples() {
+        assert_finite(protocol.decode(&frame));
+        assert_finite(protocol.decode(&extended));
+    }
     assert_finite(all.cybergear.decode(&extended));
     let _ = all.cybergear.parameter(&extended);
     if let Ok(answer) = data.try_into() {
-        assert_finite(all.maestro.decode(&answer));
+        let _ = Maestro::errors(answer);
     }
 }
 
 fn play(u: &mut Unstructured<'_>) -> Result<()> {
     let all: All = u.arbitrary()?;
-    let mut line = Deframer::default();
+    let mut line = ReceiveBuffer::default();
     while !u.is_empty() {
         match u.arbitrary::<u8>()? % 4 {
             0 => {
@@ -242,7 +262,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
                 let len = usize::from(u.arbitrary::<u8>()?).min(u.len());
                 for &byte in u.bytes(len)? {
                     line.push(byte);
-                    while let Some(message) = line.take() {
+                    while let Some(message) = take(&mut line, false) {
                         assert_finite(all.dynamixel.decode(&message));
                     }
                 }
@@ -252,7 +272,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
     let actuators = u.arbitrary()?;
     let _ = (all.mit.traffic(actuators), all.maestro.traffic(actuators));
     let _ = (all.odrive.traffic(actuators), all.cybergear.traffic(actuators));
-    let _ = (all.dynamixel.traffic(actuators), RollwalkServos.traffic(actuators));
+    let _ = (all.dynamixel.traffic(actuators), Rollwalk.traffic(actuators));
     Ok(())
 }
 

@@ -1,7 +1,8 @@
-//! Packets on serial lines among noise, those of Dynamixels, those of the line to an emulated board and those
+//! Packets on serial lines among noise, those of Dynamixel servos, those of the line to an emulated board and those
 //! of the link: what is taken was there, and a sound packet is found whatever came before it.
 
-use rollwalk_protocol::actuators::dynamixel::packet::{Deframer, Message, packet};
+use rollwalk_protocol::actuators::dynamixel::packet::{Message, packet, take};
+use rollwalk_protocol::actuators::serial::ReceiveBuffer;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{self, Gateway, Packet, Report};
 use rollwalk_protocol::tunnel::{self, Answer, Buses, Hello, Input, Request, Step, Stepped};
@@ -15,21 +16,20 @@ const NODE: Node = Node::new(1).unwrap();
 /// Longest of what a packet may hold: see `packet`.
 const MAX_PARAMETERS: usize = 180;
 
-fn take_all(deframer: &mut Deframer, silence: bool, into: &mut Vec<Message>) {
-    let next = |d: &mut Deframer| if silence { d.take_after_silence() } else { d.take() };
-    while let Some(message) = next(deframer) {
+fn take_all(buffer: &mut ReceiveBuffer, is_silent: bool, into: &mut Vec<Message>) {
+    while let Some(message) = take(buffer, is_silent) {
         into.push(message);
     }
 }
 
 fn dynamixel(line: &[u8], parameters: &[u8]) {
-    let mut deframer = Deframer::default();
+    let mut buffer = ReceiveBuffer::default();
     let mut taken = Vec::new();
     for &byte in line {
-        deframer.push(byte);
-        take_all(&mut deframer, false, &mut taken);
+        buffer.push(byte);
+        take_all(&mut buffer, false, &mut taken);
     }
-    take_all(&mut deframer, true, &mut taken);
+    take_all(&mut buffer, true, &mut taken);
     // Ten bytes each, none used twice.
     assert!(taken.len() <= line.len() / 10);
     let mut from = 0;
@@ -44,12 +44,12 @@ fn dynamixel(line: &[u8], parameters: &[u8]) {
 
     let sound = packet(7, 0x55, parameters).expect("short enough");
     for &byte in &sound {
-        deframer.push(byte);
+        buffer.push(byte);
     }
-    let message = deframer.take().expect("after silence, a packet is a packet");
+    let message = take(&mut buffer, false).expect("after silence, a packet is a packet");
     assert_eq!((message.id, message.instruction), (7, 0x55));
     assert_eq!(&message.parameters[..], parameters);
-    assert_eq!(deframer.take(), None);
+    assert_eq!(take(&mut buffer, false), None);
 }
 
 /// A question or an answer: what decodes encodes to what decodes to the same.

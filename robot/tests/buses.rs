@@ -2,7 +2,7 @@
 
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
 use rollwalk_protocol::actuators::cybergear::CyberGear;
-use rollwalk_protocol::actuators::dynamixel::{Dynamixels, table::XM430_W210};
+use rollwalk_protocol::actuators::dynamixel::{Dynamixel, table::XM430_W210};
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
@@ -106,7 +106,7 @@ fn every_protocol_is_read_with_its_parameters() {
     let protocol = Protocol::CyberGear(CyberGear { host: 253, max_position_rad: 12.5 });
     assert_eq!(bus(1, CYBERGEAR), Bus { protocol, ..like });
     let protocol =
-        Protocol::Dynamixel(Dynamixels { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 0 });
+        Protocol::Dynamixel(Dynamixel { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 0 });
     assert_eq!(bus(1, DYNAMIXEL), Bus { protocol, ..like });
     let text = ROBOT.replace("id = 70", "id = 3");
     let text = format!("{text}\n[[bus]]\nnumber = 0\n{MAESTRO}pose = \"assumed_safe\"\n");

@@ -6,7 +6,7 @@
 
 use crate::clock::SimTime;
 use crate::plant::Plant;
-use rollwalk_drives::{Drive, Law, rollwalk};
+use rollwalk_drives::{Drive, Electronics, Law, rollwalk};
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;

@@ -4,7 +4,6 @@ use crate::inputs::Source;
 use crate::{Exit, files, output};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use rollwalk_host::dbc::{ChannelName, Database, RobotNames};
-use rollwalk_protocol::actuators::bus::Protocol;
 use rollwalk_protocol::wire::Node;
 use rollwalk_robot::{Actuator, Channel, Robot};
 use std::path::PathBuf;
@@ -82,7 +81,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
                 return Err(miette::miette!("{robot} has no actuators on bus {bus}"));
             }
             let kind = robot.as_ref().and_then(|robot| robot.buses.get(&bus));
-            if let Some(kind) = kind.filter(|kind| kind.protocol != Protocol::Rollwalk) {
+            if let Some(kind) = kind.filter(|kind| !kind.protocol.has_dbc()) {
                 let (robot, speaks) = (&names.robot, kind.protocol.name());
                 return Err(miette::miette!(
                     help = "its frames are in docs/actuators.md, or in its maker's own DBC file",

@@ -5,9 +5,8 @@
 
 use rollwalk_protocol::actuator::Feedback;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
-use rollwalk_protocol::actuators::dynamixel::packet::Deframer;
-use rollwalk_protocol::actuators::rollwalk::RollwalkServos;
-use rollwalk_protocol::actuators::{ActuatorProtocol, Answers, Capabilities, Order, Refusal, Told};
+use rollwalk_protocol::actuators::serial::ReceiveBuffer;
+use rollwalk_protocol::actuators::{Answers, Capabilities, Order, Told};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, RobotConfig};
 
@@ -52,10 +51,8 @@ pub struct Line {
     moved: bool,
     /// A query is being answered until the period is over: the serial line is reserved for it.
     pub listening: bool,
-    /// What comes in on a serial line.
-    pub deframer: Deframer,
-    /// The first half of a Maestro's answer.
-    pub half: Option<u8>,
+    /// What has come in on a serial line and is no whole answer yet.
+    pub received: ReceiveBuffer,
 }
 
 impl Line {
@@ -74,8 +71,7 @@ impl Line {
             idle: false,
             moved: false,
             listening: false,
-            deframer: Deframer::default(),
-            half: None,
+            received: ReceiveBuffer::default(),
         }
     }
 
@@ -187,21 +183,10 @@ pub fn channels(mut bits: u32) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Hands `send` the frames of an order; none on a serial line.
-fn emit(protocol: &Protocol, order: &Order, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
-    match protocol {
-        Protocol::Rollwalk => RollwalkServos.emit(order, send),
-        Protocol::Mit(codec) => codec.emit(order, send),
-        Protocol::Odrive(codec) => codec.emit(order, send),
-        Protocol::CyberGear(codec) => codec.emit(order, send),
-        Protocol::Dynamixel(_) | Protocol::Maestro(_) => Ok(()),
-    }
-}
-
 /// Frame `n` of an order, and how many there are; none for an order that the protocol refuses.
 fn nth(protocol: &Protocol, order: &Order, n: u8) -> (Option<Frame>, u8) {
     let (mut frame, mut count) = (None, 0u8);
-    let result = emit(protocol, order, &mut |sent| {
+    let result = protocol.emit(order, &mut |sent| {
         if count == n {
             frame = Some(sent);
         }

@@ -93,7 +93,7 @@ fn problem(bus: u8, kind: &Bus, control_hz: u16) -> Option<BusProblem> {
     let needed_hz = u32::from(control_hz).div_ceil(u32::from(FRESH_TICKS));
     if usize::from(bus) >= MAX_BUSES {
         Some(BusProblem::NoSuchBus)
-    } else if kind.protocol.tells_hz().is_some_and(|tells_hz| tells_hz < needed_hz) {
+    } else if kind.protocol.feedback_hz().is_some_and(|feedback_hz| feedback_hz < needed_hz) {
         Some(BusProblem::TooSeldom { needed_hz })
     } else {
         None

@@ -14,8 +14,8 @@
 
 use heapless::Vec;
 use rollwalk_protocol::actuator::Feedback;
-use rollwalk_protocol::actuators::bus::{Buses, ControlLoop, MAX_BUSES, Protocol};
-use rollwalk_protocol::actuators::{self, ActuatorProtocol, Answers, Command, Gains, Told};
+use rollwalk_protocol::actuators::bus::{Buses, ControlLoop, MAX_BUSES};
+use rollwalk_protocol::actuators::{Answers, Command, Decoded, Gains, Told};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
 
@@ -85,32 +85,20 @@ impl Actuators {
     /// Takes a frame of an actuator bus; frames that are no feedback of ours are ignored.
     pub fn receive(&mut self, config: &RobotConfig, bus: u8, frame: &Frame) {
         let Some(line) = self.line(bus) else { return };
-        let told = match &line.bus.protocol {
-            Protocol::Rollwalk => {
-                if let Some((id, feedback)) = Feedback::decode(frame)
-                    && let Some(channel) = line.channel_of(config, id)
-                    && let Some(actuator) = self.list.get_mut(channel)
-                {
-                    actuator.hear_counted(feedback);
-                }
-                return;
-            }
-            Protocol::Mit(p) => p.decode(frame),
-            Protocol::Odrive(p) => p.decode(frame),
-            Protocol::CyberGear(p) => p.decode(frame),
-            Protocol::Dynamixel(_) | Protocol::Maestro(_) => return,
-        };
-        self.hear(config, bus, told);
+        if let Some((id, decoded)) = line.bus.protocol.decode_counted(frame) {
+            self.hear(config, bus, id, &decoded);
+        }
     }
 
-    fn hear(&mut self, config: &RobotConfig, bus: u8, told: Option<(u8, actuators::Feedback)>) {
-        if let Some((id, news)) = told
-            && let Some(line) = self.line(bus)
+    fn hear(&mut self, config: &RobotConfig, bus: u8, id: u8, decoded: &Decoded) {
+        if let Some(line) = self.line(bus)
             && let Some(channel) = line.channel_of(config, id)
         {
             let tells_enabled = line.can.tells_enabled;
-            if let Some(actuator) = self.list.get_mut(channel) {
-                actuator.hear(&news, tells_enabled);
+            match (self.list.get_mut(channel), decoded) {
+                (Some(actuator), Decoded::Counted(feedback)) => actuator.hear_counted(*feedback),
+                (Some(actuator), Decoded::Partial(news)) => actuator.hear(news, tells_enabled),
+                (None, _) => {}
             }
         }
     }

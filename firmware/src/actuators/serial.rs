@@ -6,14 +6,14 @@
 
 use heapless::Vec;
 use rollwalk_protocol::actuators::bus::Protocol;
-use rollwalk_protocol::actuators::dynamixel::packet::Message;
-use rollwalk_protocol::actuators::{ActuatorProtocol, Command, Order, Packet};
+use rollwalk_protocol::actuators::serial::Answer;
+use rollwalk_protocol::actuators::{Command, Decoded, Order, Packet};
 use rollwalk_protocol::config::{MAX_CHANNELS, RobotConfig};
 
-use super::Actuators;
 use super::actuator::Actuator;
 use super::line::{About, Begun, Line, bit, channels, order};
 use super::orders::Errand;
+use super::{Actuators, members};
 
 impl Line {
     /// The transmission to continue or to begin, with all actuators that it addresses.
@@ -47,11 +47,12 @@ impl Line {
 impl Actuators {
     /// The next packet for a serial line, once the one before has gone.
     pub fn poll_serial(&mut self, config: &RobotConfig, bus: u8) -> Option<Packet> {
-        if self.lines.get(usize::from(bus))?.listening {
+        let line = self.lines.get(usize::from(bus))?;
+        if line.listening || !line.bus.protocol.is_serial() {
             return None;
         }
         // It is our turn to talk: what has begun to come in does not go on.
-        self.take_messages(config, bus, |line| line.deframer.take_after_silence());
+        self.take_answers(config, bus, true);
         // Every turn ends an order, or leaves an actuator out of one, if it does not return.
         loop {
             let line = self.lines.get_mut(usize::from(bus))?;
@@ -65,22 +66,14 @@ impl Actuators {
                 }
             }
             let question = begun.about == About::Errand(Errand::Query);
-            let packet = match &line.bus.protocol {
-                Protocol::Dynamixel(p) => nth(p, &orders, begun.left),
-                Protocol::Maestro(p) => {
-                    // The board answers, for all of them.
-                    if question {
-                        orders.truncate(1);
-                    }
-                    nth(p, &orders, begun.left)
-                }
-                _ => return None,
-            };
-            match packet {
+            if question && line.bus.protocol.adapter_answers() {
+                orders.truncate(1);
+            }
+            match nth(&line.bus.protocol, &orders, begun.left) {
                 Ok((packet, packets)) => {
                     line.left(&mut self.list, begun, packets);
                     if packet.is_some() {
-                        (line.listening, line.half) = (question, None);
+                        line.listening = question;
                         return packet;
                     }
                 }
@@ -96,56 +89,31 @@ impl Actuators {
 
     /// Takes bytes of a serial line as they come.
     pub fn receive_serial(&mut self, config: &RobotConfig, bus: u8, bytes: &[u8]) {
-        let Some(protocol) = self.lines.get(usize::from(bus)).map(|line| line.bus.protocol) else {
-            return;
-        };
         for &byte in bytes {
             let Some(line) = self.lines.get_mut(usize::from(bus)) else { return };
-            match protocol {
-                Protocol::Dynamixel(_) => {
-                    line.deframer.push(byte);
-                    self.take_messages(config, bus, |line| line.deframer.take());
-                }
-                Protocol::Maestro(maestro) => match line.half.take() {
-                    None if line.listening => line.half = Some(byte),
-                    None => {}
-                    Some(first) => {
-                        let told = maestro.decode(&[first, byte]).map(|(_, news)| news);
-                        let members = line.members();
-                        for channel in channels(members) {
-                            if let (Some(actuator), Some(news)) = (self.list.get_mut(channel), told)
-                            {
-                                actuator.hear_of(&news);
-                            }
-                        }
-                    }
-                },
-                _ => return,
-            }
+            line.bus.protocol.receive(&mut line.received, byte, line.listening);
+            self.take_answers(config, bus, false);
         }
     }
 
-    fn take_messages(
-        &mut self,
-        config: &RobotConfig,
-        bus: u8,
-        next: impl Fn(&mut Line) -> Option<Message>,
-    ) {
+    fn take_answers(&mut self, config: &RobotConfig, bus: u8, is_silent: bool) {
         while let Some(line) = self.lines.get_mut(usize::from(bus))
-            && let Protocol::Dynamixel(dynamixels) = line.bus.protocol
-            && let Some(message) = next(line)
+            && let Some(answer) = line.bus.protocol.take(&mut line.received, is_silent)
         {
-            self.hear(config, bus, dynamixels.decode(&message));
+            match answer {
+                Answer::Actuator(id, feedback) => {
+                    self.hear(config, bus, id, &Decoded::Partial(feedback));
+                }
+                Answer::Adapter(feedback) => {
+                    members(&mut self.list, line).for_each(|actuator| actuator.hear_of(&feedback));
+                }
+            }
         }
     }
 }
 
 /// Packet `n` of orders, and how many there are; or which order the protocol refuses.
-fn nth<P: ActuatorProtocol<Sent = Packet>>(
-    protocol: &P,
-    orders: &[Order],
-    n: u8,
-) -> Result<(Option<Packet>, u8), usize> {
+fn nth(protocol: &Protocol, orders: &[Order], n: u8) -> Result<(Option<Packet>, u8), usize> {
     let (mut packet, mut count) = (None, 0u8);
     let told = protocol.encode(orders, &mut |sent| {
         if count == n {

@@ -1,7 +1,7 @@
 //! Drives of several makers on the bench: the simulated ones of `rollwalk_drives`, with motors that show every
 //! step.
 
-use rollwalk_drives::{Electronics, Law, Sent, Shaft};
+use rollwalk_drives::{Electronics, Kind, Law, Sent, Shaft};
 use rollwalk_firmware::bus::{Bus, MAX_BUSES, Protocol};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind};
@@ -111,17 +111,14 @@ impl Drive {
     pub fn new(bus: &Bus, channel: Channel, value: f32) -> Self {
         assert_ne!(bus.protocol, Protocol::Rollwalk, "the rig has servos of its own");
         let mut inner = rollwalk_drives::Drive::new(bus, &channel);
-        let stiff = Law { position_rad: 1.2, kp_nm_rad: 30.0, kd_nm_s_rad: 1.0, ..Law::default() };
-        match &mut inner.electronics {
-            Electronics::Mit(drive) => drive.last = stiff,
-            Electronics::Odrive(axis) => axis.input = (0.4, 0.4, 0.0),
-            Electronics::CyberGear(motor) => (motor.mode, motor.last) = (3, stiff),
-            Electronics::Dynamixel(servo) => {
-                (servo.goal_position, servo.goal_velocity) = (2048 + 782, 208);
-                servo.goal_current = 500;
-            }
-            Electronics::Rollwalk(_) | Electronics::Maestro(_) => {}
-        }
+        inner.remember(Law {
+            position_rad: 1.2,
+            speed_rad_s: 0.4,
+            kp_nm_rad: 30.0,
+            kd_nm_s_rad: 1.0,
+            torque_nm: 2.0,
+            ..Law::default()
+        });
         Self { motor: Motor::new(channel, value), inner, powered: true, mute: false }
     }
 
@@ -137,10 +134,10 @@ impl Drive {
             Sent::Setpoint { value, kp, kd, torque_nm } => {
                 motor.log.push(sent);
                 motor.follow(value, kp, kd);
-                match &self.inner.electronics {
+                match &self.inner.kind {
                     _ if motor.inertia_kg_m2 > 0.0 => motor.push(torque_nm),
                     // They make up for the rounding of a wheel's speed.
-                    Electronics::Mit(_) => {}
+                    Kind::Mit(_) => {}
                     // The nearest code to 0 of 16 bits over ±12 N·m.
                     _ => assert!(torque_nm.abs() < 2e-4, "{torque_nm} N·m on top"),
                 }
@@ -157,8 +154,8 @@ impl Drive {
     fn begin(&mut self) {
         let motor = &mut self.motor;
         let (wheel, by_torque) = (motor.is_wheel(), motor.inertia_kg_m2 > 0.0);
-        match &self.inner.electronics {
-            Electronics::Odrive(axis) => {
+        match &self.inner.kind {
+            Kind::Odrive(axis) => {
                 assert!(axis.limits.is_some_and(|(speed, current)| speed > 0.0 && current > 0.0));
                 assert!(axis.velocity_gain.is_some(), "closed loop without gains");
                 let position_or_speed = if wheel { 2 } else { 3 };
@@ -168,10 +165,10 @@ impl Drive {
                     motor.follow(if wheel { speed_rad_s } else { position_rad } as f32, 1.0, 1.0);
                 }
             }
-            electronics => {
-                match electronics {
-                    Electronics::CyberGear(gear) => assert_eq!(gear.mode, 0, "another mode"),
-                    Electronics::Dynamixel(servo) if by_torque => {
+            kind => {
+                match kind {
+                    Kind::CyberGear(gear) => assert_eq!(gear.mode, 0, "another mode"),
+                    Kind::Dynamixel(servo) if by_torque => {
                         assert_eq!(servo.goal_current, 0, "enabled with a torque");
                     }
                     _ => {}
@@ -235,10 +232,10 @@ impl Drives {
                 let shaft = drive.motor.shaft();
                 let (sent, answer) = drive.inner.on_packet(now_us, &packet, &shaft);
                 sent.into_iter().for_each(|sent| drive.obey(sent));
-                match &drive.inner.electronics {
+                match &drive.inner.kind {
                     _ if drive.mute => {}
                     // One board.
-                    Electronics::Maestro(_) if !answer.is_empty() => answers = answer,
+                    Kind::Maestro(_) if !answer.is_empty() => answers = answer,
                     _ => answers.extend(answer),
                 }
             }

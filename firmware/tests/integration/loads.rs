@@ -64,7 +64,7 @@ fn every_protocol_fits_on_a_bus_of_its_own() {
     calm.channels.iter_mut().for_each(|c| c.max_rate = 5.0);
     let line = Bus { bit_rate: 3_000_000, ..on(dynamixel()) };
     assert_eq!(only(&calm, line, 120).problem, None);
-    let late = Protocol::Dynamixel(rollwalk_protocol::actuators::dynamixel::Dynamixels {
+    let late = Protocol::Dynamixel(rollwalk_protocol::actuators::dynamixel::Dynamixel {
         return_delay_us: 1500,
         ..prompt
     });

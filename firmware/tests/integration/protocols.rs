@@ -4,11 +4,12 @@ use crate::drives::Drive;
 use crate::flash;
 use crate::rig::Rig;
 use crate::robot::{self, CODE_DRIVE, CODE_WALK, STAND};
-use rollwalk_drives::{Electronics, Sent};
+use rollwalk_drives::{Kind, Sent};
 use rollwalk_firmware::bus::{Bus, Buses, Pose, Protocol};
 use rollwalk_firmware::{Controller, Settings};
+use rollwalk_protocol::actuators::Told;
 use rollwalk_protocol::actuators::cybergear::{CyberGear, TABLE_MAX_RAD};
-use rollwalk_protocol::actuators::dynamixel::{Dynamixels, table};
+use rollwalk_protocol::actuators::dynamixel::{Dynamixel, table};
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
@@ -31,7 +32,7 @@ pub fn cybergear() -> Protocol {
 
 pub fn dynamixel() -> Protocol {
     let model = table::XM540_W150;
-    Protocol::Dynamixel(Dynamixels { model, watchdog_20ms: 5, return_delay_us: 0 })
+    Protocol::Dynamixel(Dynamixel { model, watchdog_20ms: 5, return_delay_us: 0 })
 }
 
 pub fn maestro() -> Protocol {
@@ -39,22 +40,16 @@ pub fn maestro() -> Protocol {
     Protocol::Maestro(Maestro { device: None, crc: false, set_multiple: true, pulse })
 }
 
-/// Those that drive joints and wheels.
-fn protocols() -> Vec<Protocol> {
-    vec![
-        mit(6, AnswerId::Master(0)),
-        mit(4, AnswerId::Own),
-        odrive(Version::V05),
-        odrive(Version::V06),
-        cybergear(),
-        dynamixel(),
-    ]
+/// Those that drive joints and wheels, but the Rollwalk profile.
+fn protocols() -> impl Iterator<Item = Protocol> {
+    Protocol::examples().skip(1).filter(|protocol| protocol.capabilities().wheels)
 }
 
 /// A robot whose buses both speak `protocol`.
 fn bench(protocol: Protocol) -> Rig {
     let mut config = robot::config();
-    if matches!(protocol, Protocol::Dynamixel(_)) {
+    let bus = Bus { protocol, ..Bus::default() };
+    if config.channels.iter().any(|channel| bus.can_drive(channel).is_err()) {
         slow_down(&mut config);
     }
     bench_of(config, [protocol; 2], Bus::default())
@@ -281,7 +276,18 @@ fn an_order_that_enables_is_whole() {
                     Protocol::Dynamixel(_),
                     [Sent::Limits, Sent::Limits, Sent::Setpoint { .. }, Sent::Enable, ..],
                 ) => {}
-                (_, log) => panic!("{protocol:?}: {log:?}"),
+                (
+                    Protocol::Mit(_)
+                    | Protocol::CyberGear(_)
+                    | Protocol::Odrive(_)
+                    | Protocol::Dynamixel(_),
+                    log,
+                ) => panic!("{protocol:?}: {log:?}"),
+                (_, log) => {
+                    let before = log.iter().take_while(|sent| **sent != Sent::Enable);
+                    let allowed = |sent: &&Sent| !matches!(sent, Sent::Odd | Sent::Torque(_));
+                    assert!(before.clone().all(|sent| allowed(&sent)), "{protocol:?}: {log:?}");
+                }
             }
         }
     }
@@ -299,7 +305,7 @@ fn a_silent_drive_damps_the_others_as_far_as_they_can() {
         assert_eq!(rig.brain.state(), State::Damped);
         assert!(rig.brain.faults().contains(Fault::ActuatorSilent));
         let (joint, wheel) = (&rig.drives.list[0].motor, &rig.drives.list[2].motor);
-        if let Protocol::Dynamixel(_) = protocol {
+        if protocol.capabilities().gains == Told::Never {
             assert!(!joint.enabled);
             assert!(joint.log.iter().all(|s| s.is_harmless()));
         } else {
@@ -320,10 +326,10 @@ fn a_drive_that_reports_a_fault_damps_all() {
     for protocol in [mit(4, AnswerId::Own), odrive(Version::V05), odrive(Version::V06), cybergear()]
     {
         let mut rig = playing(protocol);
-        match &mut rig.drives.list[0].inner.electronics {
-            Electronics::Mit(drive) => drive.error = 1,
-            Electronics::Odrive(axis) => (axis.error, axis.closed_loop) = (0x40, false),
-            Electronics::CyberGear(motor) => motor.faults = 1 << 2,
+        match &mut rig.drives.list[0].inner.kind {
+            Kind::Mit(drive) => drive.error = 1,
+            Kind::Odrive(axis) => (axis.error, axis.closed_loop) = (0x40, false),
+            Kind::CyberGear(motor) => motor.faults = 1 << 2,
             _ => unreachable!(),
         }
         rig.run_until(State::Damped, 20);
@@ -342,7 +348,7 @@ fn a_fault_that_is_told_once_is_heard() {
     );
     rig.brain.on_actuator_frame(rig.now_us, 0, &fault.unwrap());
     let drive = &rig.drives.list[0];
-    let Electronics::CyberGear(motor) = &drive.inner.electronics else { unreachable!() };
+    let Kind::CyberGear(motor) = &drive.inner.kind else { unreachable!() };
     rig.brain.on_actuator_frame(rig.now_us, 0, &motor.feedback(&drive.motor.shaft()));
     rig.run(1);
     assert_eq!(rig.brain.state(), State::Damped);
@@ -352,7 +358,7 @@ fn a_fault_that_is_told_once_is_heard() {
 #[test]
 fn faults_that_drives_keep_are_cleared_while_torque_is_off() {
     let mut rig = playing(odrive(Version::V06));
-    if let Electronics::Odrive(axis) = &mut rig.drives.list[0].inner.electronics {
+    if let Kind::Odrive(axis) = &mut rig.drives.list[0].inner.kind {
         (axis.error, axis.closed_loop) = (0x0100_0000, false);
     }
     rig.run_until(State::TorqueOff, 1000);

@@ -4,16 +4,8 @@
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use super::cybergear::CyberGear;
-use super::dynamixel::Dynamixels;
-use super::maestro::Maestro;
-use super::mit::Mit;
-use super::odrive::Odrive;
-use super::rollwalk::RollwalkServos;
-use super::{
-    ActuatorProtocol, Answers, Capabilities, Command, Gains, JointSetpoint, Order, Refusal, Told,
-    Traffic, WheelSetpoint,
-};
+pub use super::list::Protocol;
+use super::{Answers, Command, Gains, JointSetpoint, Order, Refusal, Told, WheelSetpoint};
 use crate::config::{Channel, ChannelKind};
 
 /// Most actuator buses of a controller.
@@ -132,86 +124,4 @@ pub enum Pose {
     /// Those that do not measure it are taken to be in SAFE, where an operator has put the robot, and
     /// later where they were sent last. Wherever they are, they jump there.
     AssumedSafe,
-}
-
-/// A protocol, with what has to be known of the actuators that speak it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Protocol {
-    /// The Rollwalk profile; CAN.
-    Rollwalk,
-    /// Mini cheetah drives and T-Motor's AK series; CAN.
-    Mit(Mit),
-    /// ODrive; CAN.
-    Odrive(Odrive),
-    /// CyberGear; CAN with 29-bit identifiers.
-    #[serde(rename = "cybergear")]
-    CyberGear(CyberGear),
-    /// Dynamixel X; a serial line.
-    Dynamixel(Dynamixels),
-    /// Hobby servos behind a Maestro; a serial line.
-    Maestro(Maestro),
-}
-
-impl Protocol {
-    /// What it can do.
-    pub fn capabilities(&self) -> Capabilities {
-        match self {
-            Protocol::Rollwalk => RollwalkServos.capabilities(),
-            Protocol::Mit(p) => p.capabilities(),
-            Protocol::Odrive(p) => p.capabilities(),
-            Protocol::CyberGear(p) => p.capabilities(),
-            Protocol::Dynamixel(p) => p.capabilities(),
-            Protocol::Maestro(p) => p.capabilities(),
-        }
-    }
-
-    /// Its name, for people.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Protocol::Rollwalk => "Rollwalk",
-            Protocol::Mit(p) => p.model.name,
-            Protocol::Odrive(_) => "ODrive",
-            Protocol::CyberGear(_) => "CyberGear",
-            Protocol::Dynamixel(p) => p.model.name,
-            Protocol::Maestro(_) => "Maestro",
-        }
-    }
-
-    /// Over a serial line, not CAN.
-    pub fn is_serial(&self) -> bool {
-        matches!(self, Protocol::Dynamixel(_) | Protocol::Maestro(_))
-    }
-
-    /// How often actuators tell their pose that tell it on a timer, Hz.
-    pub fn tells_hz(&self) -> Option<u32> {
-        match self {
-            Protocol::Odrive(p) => Some(p.estimates_hz),
-            _ => None,
-        }
-    }
-
-    /// The most that setpoints for so many actuators and their answers take of the bus.
-    pub fn traffic(&self, actuators: u32) -> Traffic {
-        match self {
-            Protocol::Rollwalk => RollwalkServos.traffic(actuators),
-            Protocol::Mit(p) => p.traffic(actuators),
-            Protocol::Odrive(p) => p.traffic(actuators),
-            Protocol::CyberGear(p) => p.traffic(actuators),
-            Protocol::Dynamixel(p) => p.traffic(actuators),
-            Protocol::Maestro(p) => p.traffic(actuators),
-        }
-    }
-
-    /// Refuses an order that the protocol has no frames for.
-    pub fn check(&self, order: &Order) -> Result<(), Refusal> {
-        match self {
-            Protocol::Rollwalk => RollwalkServos.check(order),
-            Protocol::Mit(p) => p.check(order),
-            Protocol::Odrive(p) => p.check(order),
-            Protocol::CyberGear(p) => p.check(order),
-            Protocol::Dynamixel(p) => p.check(order),
-            Protocol::Maestro(p) => p.check(order),
-        }
-    }
 }

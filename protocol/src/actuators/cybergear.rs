@@ -4,12 +4,15 @@
 //! (16 bits) │ target (8 bits). Scaled values are big-endian, parameters little-endian. The torque of
 //! a setpoint travels in the identifier.
 
+use core::fmt::Arguments;
+
 use serde::{Deserialize, Serialize};
 
 use super::fixed::{Signed, Unsigned};
+use super::settings::{Keys, Report};
 use super::{
-    ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Gains, JointSetpoint,
-    Order, Refusal, Told, Traffic, Watchdog, without,
+    Answers, CanCodec, Capabilities, Codec, Command, Faults, Feedback, Gains, JointSetpoint, Order,
+    Refusal, Told, Traffic, Watchdog, without,
 };
 use crate::can::{Frame, worst_case_bits_extended};
 
@@ -153,9 +156,14 @@ fn parts(frame: &Frame) -> Option<(u8, u16, u8)> {
     Some(((id >> 24) as u8, (id >> 8) as u16, id as u8))
 }
 
-impl ActuatorProtocol for CyberGear {
+impl Codec for CyberGear {
     type Sent = Frame;
-    type Received = Frame;
+
+    const EXAMPLES: &'static [Self] = &[Self { host: 0xFD, max_position_rad: TABLE_MAX_RAD }];
+
+    fn name(&self) -> &'static str {
+        "CyberGear"
+    }
 
     fn capabilities(&self) -> Capabilities {
         Capabilities {
@@ -234,6 +242,42 @@ impl ActuatorProtocol for CyberGear {
         Ok(())
     }
 
+    fn traffic(&self, actuators: u32) -> Traffic {
+        let bits_per_period = actuators.saturating_mul(2 * worst_case_bits_extended(8));
+        Traffic { bits_per_period, ..Traffic::default() }
+    }
+
+    fn from_keys(keys: &dyn Keys) -> Self {
+        Self {
+            host: keys.integer("host_id", 0..=255) as u8,
+            max_position_rad: keys.number("max_position_rad"),
+        }
+    }
+
+    fn check_settings(&self, report: &mut dyn Report) {
+        let max_position_rad = self.max_position_rad;
+        // A file has no more digits of 4π than its author cared for.
+        if ![SAMPLE_MAX_RAD, TABLE_MAX_RAD]
+            .iter()
+            .any(|most| (max_position_rad - most).abs() < 1e-3)
+        {
+            let help = format_args!(
+                "the manual has 12.5 and 12.566 (4π): docs/actuators.md says how to find out which it is"
+            );
+            report.violated("max_position_rad", format_args!("is {max_position_rad} rad"), help);
+        }
+    }
+
+    fn explain_range(&self, quantity: &'static str, say: &mut dyn FnMut(Arguments<'_>)) {
+        match quantity {
+            "speed" => say(format_args!("at most {MAX_SPEED_RAD_S} rad/s")),
+            "torque" => say(format_args!("at most {MAX_TORQUE_NM} N·m")),
+            _ => {}
+        }
+    }
+}
+
+impl CanCodec for CyberGear {
     fn decode(&self, received: &Frame) -> Option<(u8, Feedback)> {
         let (kind, data16, target) = parts(received)?;
         let &[a, b, c, d, e, f, g, h] = received.data() else { return None };
@@ -260,10 +304,5 @@ impl ActuatorProtocol for CyberGear {
             }
             _ => None,
         }
-    }
-
-    fn traffic(&self, actuators: u32) -> Traffic {
-        let bits_per_period = actuators.saturating_mul(2 * worst_case_bits_extended(8));
-        Traffic { bits_per_period, ..Traffic::default() }
     }
 }

@@ -6,12 +6,17 @@
 //!
 //! Nothing is measured: a servo that is switched on goes to its first target as fast as it can.
 
+use core::fmt::Arguments;
+use core::ops::RangeInclusive;
+
 use serde::{Deserialize, Serialize};
 
 use super::fixed::nearest;
+use super::serial::{Answer, ReceiveBuffer};
+use super::settings::{Keys, Report, check_integer, or};
 use super::traffic::serial_bits;
 use super::{
-    ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Order, Packet, Refusal,
+    Answers, Capabilities, Codec, Command, Faults, Feedback, Order, Packet, Refusal, SerialCodec,
     Told, Traffic, Watchdog, without, without_torque,
 };
 
@@ -27,12 +32,17 @@ pub struct Pulse {
 }
 
 impl Default for Pulse {
-    /// 1 to 2 ms for 90°, as most servos have it. The Maestro itself clips to its settings.
     fn default() -> Self {
-        let us_per_rad = 1000.0 / core::f32::consts::FRAC_PI_2;
-        Self { centre_us: 1500.0, us_per_rad, limits_us: (992.0, 2000.0) }
+        USUAL_PULSE
     }
 }
+
+/// 1 to 2 ms for 90°, as most servos have it. The Maestro itself clips to its settings.
+const USUAL_PULSE: Pulse = Pulse {
+    centre_us: 1500.0,
+    us_per_rad: 1000.0 / core::f32::consts::FRAC_PI_2,
+    limits_us: (992.0, 2000.0),
+};
 
 /// One Maestro on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -49,8 +59,8 @@ pub struct Maestro {
 
 /// Largest channel of the largest Maestro.
 pub const MAX_CHANNEL: u8 = 23;
-/// What [`Maestro::decode`](ActuatorProtocol::decode) has as address: the errors are the board's.
-pub const BOARD: u8 = 0xFF;
+/// Device numbers of a board: 7 bits.
+const DEVICES: RangeInclusive<u32> = 0..=127;
 
 const SET_TARGET: u8 = 0x84;
 const SET_SPEED: u8 = 0x87;
@@ -131,6 +141,12 @@ impl Maestro {
         self.command(GO_HOME, &[])
     }
 
+    /// The errors in the answer to [`Self::get_errors`].
+    pub fn errors(answer: [u8; 2]) -> Feedback {
+        let faults = Faults::translate(u32::from(u16::from_le_bytes(answer)), &ERRORS);
+        Feedback { faults: Some(faults), ..Feedback::default() }
+    }
+
     /// The target of an angle.
     pub fn target(&self, position_rad: f32) -> Result<u16, Refusal> {
         let us = self.pulse.centre_us + position_rad * self.pulse.us_per_rad;
@@ -140,10 +156,21 @@ impl Maestro {
     }
 }
 
-impl ActuatorProtocol for Maestro {
+const EXAMPLE: Maestro = Maestro {
+    device: None,
+    crc: false,
+    set_multiple: true,
+    pulse: Pulse { limits_us: (500.0, 2500.0), ..USUAL_PULSE },
+};
+
+impl Codec for Maestro {
     type Sent = Packet;
-    /// The answer to [`Maestro::get_errors`].
-    type Received = [u8; 2];
+
+    const EXAMPLES: &'static [Self] = &[EXAMPLE, Self { crc: true, ..EXAMPLE }];
+
+    fn name(&self) -> &'static str {
+        "Maestro"
+    }
 
     fn capabilities(&self) -> Capabilities {
         Capabilities {
@@ -234,11 +261,6 @@ impl ActuatorProtocol for Maestro {
         Ok(())
     }
 
-    fn decode(&self, received: &[u8; 2]) -> Option<(u8, Feedback)> {
-        let faults = Faults::translate(u32::from(u16::from_le_bytes(*received)), &ERRORS);
-        Some((BOARD, Feedback { faults: Some(faults), ..Feedback::default() }))
-    }
-
     /// Targets, and one question for errors with its answer.
     fn traffic(&self, actuators: u32) -> Traffic {
         let around = if self.device.is_some() { 3 } else { 1 } + u32::from(self.crc);
@@ -249,5 +271,66 @@ impl ActuatorProtocol for Maestro {
         };
         let bytes = targets.saturating_add(around + 2);
         Traffic { bits_per_period: serial_bits(bytes), ..Traffic::default() }
+    }
+
+    fn from_keys(keys: &dyn Keys) -> Self {
+        let usual = Pulse::default();
+        let number = |key, usual| or(keys, key, usual, |key| keys.number(key));
+        let device = or(keys, "device", None, |key| Some(keys.integer(key, DEVICES) as u8));
+        let crc = or(keys, "crc", false, |key| keys.boolean(key));
+        let set_multiple = or(keys, "set_multiple", true, |key| keys.boolean(key));
+        let pulse = Pulse {
+            centre_us: number("centre_us", usual.centre_us),
+            us_per_rad: number("us_per_rad", usual.us_per_rad),
+            limits_us: or(keys, "pulse_us", usual.limits_us, |key| keys.pair(key)),
+        };
+        Self { device, crc, set_multiple, pulse }
+    }
+
+    fn check_settings(&self, report: &mut dyn Report) {
+        if let Some(device) = self.device {
+            check_integer(report, "device", device.into(), DEVICES, "");
+        }
+        let Pulse { us_per_rad, limits_us: (least, most), .. } = self.pulse;
+        if !(1.0..=10_000.0).contains(&us_per_rad.abs()) {
+            let help =
+                format_args!("µs for each rad, 1 to 10000; negative where it turns the other way");
+            report.violated("us_per_rad", format_args!("is {us_per_rad}"), help);
+        }
+        if !(least >= 1.0 && most > least && most <= 4000.0) {
+            let help = format_args!("the shortest and the longest pulse, 1 to 4000 µs");
+            report.violated("pulse_us", format_args!("is [{least}, {most}]"), help);
+        }
+    }
+
+    fn explain_range(&self, quantity: &'static str, say: &mut dyn FnMut(Arguments<'_>)) {
+        if quantity == "position" {
+            let (least, most) = self.pulse.limits_us;
+            say(format_args!(
+                "its pulses are {least} to {most} µs: see `centre_us` and `us_per_rad`"
+            ));
+        }
+    }
+}
+
+impl SerialCodec for Maestro {
+    /// The board has errors, its servos have none.
+    const ADAPTER_ANSWERS: bool = true;
+
+    fn receive(&self, buffer: &mut ReceiveBuffer, byte: u8, is_awaited: bool) {
+        if is_awaited || !buffer.bytes().is_empty() {
+            buffer.push(byte);
+        }
+    }
+
+    fn take(&self, buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Answer> {
+        let answer = match *buffer.bytes() {
+            [low, high, ..] => Some(Answer::Adapter(Self::errors([low, high]))),
+            _ => None,
+        };
+        if is_silent || answer.is_some() {
+            buffer.clear();
+        }
+        answer.filter(|_| !is_silent)
     }
 }

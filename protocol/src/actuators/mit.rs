@@ -7,15 +7,19 @@
 //!
 //! Ranges belong to the model, and the wrong ones mean the wrong torque. Zero speed and zero torque
 //! lie between two codes; a wheel's torque makes up for the rounding of its speed, see
-//! [`Mit::emit`](ActuatorProtocol::emit).
+//! [`Mit::wheel`].
+
+use core::fmt::Arguments;
+use core::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
 use super::fixed::{Signed, Unsigned};
 use super::named::{self, Named};
+use super::settings::{Keys, Report, check_integer, or};
 use super::{
-    ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Gains, JointSetpoint,
-    Order, Refusal, Told, Traffic, Watchdog, WheelSetpoint, without,
+    Answers, CanCodec, Capabilities, Codec, Command, Faults, Feedback, Gains, JointSetpoint, Order,
+    Refusal, Told, Traffic, Watchdog, WheelSetpoint, without,
 };
 use crate::can::{Frame, worst_case_bits};
 
@@ -44,6 +48,9 @@ pub const MAX_POSITION_RAD: f32 = 12.5;
 pub const MAX_KP_NM_RAD: f32 = 500.0;
 /// Largest kd of every model, N·m·s/rad.
 pub const MAX_KD_NM_S_RAD: f32 = 5.0;
+
+/// Identifiers that mini cheetah drives may answer from.
+const MASTER_IDS: RangeInclusive<u32> = 0..=0x7FF;
 
 const fn model(name: &'static str, max_speed_rad_s: f32, max_torque_nm: f32) -> Model {
     Model { name, max_speed_rad_s, max_torque_nm }
@@ -216,9 +223,17 @@ fn faults_of(error: u8) -> Faults {
     }
 }
 
-impl ActuatorProtocol for Mit {
+impl Codec for Mit {
     type Sent = Frame;
-    type Received = Frame;
+
+    const EXAMPLES: &'static [Self] = &[
+        Self { model: MODELS[6], answers_from: AnswerId::Master(0) },
+        Self { model: MODELS[4], answers_from: AnswerId::Own },
+    ];
+
+    fn name(&self) -> &'static str {
+        self.model.name
+    }
 
     fn capabilities(&self) -> Capabilities {
         Capabilities {
@@ -283,6 +298,40 @@ impl ActuatorProtocol for Mit {
         Ok(())
     }
 
+    fn traffic(&self, actuators: u32) -> Traffic {
+        let bits_per_period = actuators.saturating_mul(2 * worst_case_bits(8));
+        Traffic { bits_per_period, ..Traffic::default() }
+    }
+
+    fn from_keys(keys: &dyn Keys) -> Self {
+        Self {
+            model: *MODELS
+                .get(keys.choice("model", &MODELS.map(|model| model.name)))
+                .unwrap_or(&MODELS[0]),
+            answers_from: or(keys, "master_id", AnswerId::Own, |key| {
+                AnswerId::Master(keys.integer(key, MASTER_IDS) as u16)
+            }),
+        }
+    }
+
+    fn check_settings(&self, report: &mut dyn Report) {
+        if let AnswerId::Master(id) = self.answers_from {
+            check_integer(report, "master_id", id.into(), MASTER_IDS, "");
+        }
+    }
+
+    fn explain_range(&self, quantity: &'static str, say: &mut dyn FnMut(Arguments<'_>)) {
+        let Model { max_speed_rad_s, max_torque_nm, .. } = self.model;
+        match quantity {
+            "position" => say(format_args!("positions are within ±{MAX_POSITION_RAD} rad")),
+            "speed" => say(format_args!("at most {max_speed_rad_s} rad/s")),
+            "torque" => say(format_args!("at most {max_torque_nm} N·m")),
+            _ => {}
+        }
+    }
+}
+
+impl CanCodec for Mit {
     fn decode(&self, received: &Frame) -> Option<(u8, Feedback)> {
         let [id, p1, p0, v, v_t, t, rest @ ..] = received.data() else { return None };
         let from = match self.answers_from {
@@ -308,10 +357,5 @@ impl ActuatorProtocol for Mit {
             faults,
         };
         Some((*id, feedback))
-    }
-
-    fn traffic(&self, actuators: u32) -> Traffic {
-        let bits_per_period = actuators.saturating_mul(2 * worst_case_bits(8));
-        Traffic { bits_per_period, ..Traffic::default() }
     }
 }

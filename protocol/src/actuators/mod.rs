@@ -9,12 +9,15 @@
 //! | [`cybergear`] | Xiaomi CyberGear | CAN, 29-bit identifiers |
 //! | [`dynamixel`] | Dynamixel X, Protocol 2.0 | a half-duplex serial line |
 //! | [`maestro`] | hobby servos behind a Pololu Maestro | a serial line |
-//! | [`bus`] | which of them the actuators of a bus speak | |
+//! | [`list`] | the list of these, and the dispatch to their codecs | |
+//! | [`bus`] | the protocol and the settings of a bus | |
 //! | [`traffic`] | how much of a bus that takes | |
 //!
 //! Two rules hold for all. A command that the protocol cannot carry is refused, never dropped or clipped:
 //! a damped hold that arrives as a stiff one breaks gears. And enabling takes the measured pose, which is
 //! sent as a setpoint before torque comes on.
+
+use core::fmt::Arguments;
 
 use heapless::Vec;
 use thiserror::Error;
@@ -23,14 +26,21 @@ pub mod bus;
 pub mod cybergear;
 pub mod dynamixel;
 mod fixed;
+pub mod list;
 pub mod maestro;
 pub mod mit;
 mod named;
 pub mod odrive;
 pub mod rollwalk;
+pub mod serial;
+pub mod settings;
 pub mod traffic;
 
 pub use traffic::Traffic;
+
+use crate::can::Frame;
+use serial::{Answer, ReceiveBuffer};
+use settings::{Keys, Report};
 
 /// Longest packet on a serial line, bytes: gains for 24 servos in one sync write, with stuffing.
 pub const MAX_PACKET: usize = 256;
@@ -287,34 +297,55 @@ pub struct Capabilities {
     pub max_id: u8,
 }
 
-/// A protocol, with what has to be known of the actuators on one bus.
-pub trait ActuatorProtocol {
+/// An actuator protocol with the settings of the actuators on one bus.
+pub trait Codec: Copy + 'static {
     /// What is sent: a CAN frame, or a packet for a serial line.
     type Sent;
-    /// What comes back.
-    type Received;
+
+    /// Settings as in practice, for tests.
+    const EXAMPLES: &'static [Self];
+
+    /// The name of the protocol or of the model, for people.
+    fn name(&self) -> &'static str;
 
     /// What it can do.
     fn capabilities(&self) -> Capabilities;
 
-    /// Hands `send` the frames of one order, in the order in which they have to go out. Refused: it
-    /// was handed none.
+    /// Whether `rollwalk dbc` describes its frames.
+    fn has_dbc(&self) -> bool {
+        false
+    }
+
+    /// Rate of the feedback that actuators send on a timer, Hz; `None` for those that answer.
+    fn feedback_hz(&self) -> Option<u32> {
+        None
+    }
+
+    /// Hands `send` the frames of one order, in the order in which they have to go out.
+    ///
+    /// # Errors
+    /// The protocol has no frames for it; `send` was handed none.
     fn emit(&self, order: &Order, send: &mut dyn FnMut(Self::Sent)) -> Result<(), Refusal>;
 
     /// Refuses an order that [`Self::emit`] would refuse.
+    ///
+    /// # Errors
+    /// As [`Self::emit`].
     fn check(&self, order: &Order) -> Result<(), Refusal> {
         self.emit(order, &mut |_| {})
     }
 
-    /// The same for many orders, at most one for each actuator. Refused, with the number of the
-    /// order: `send` was handed nothing.
+    /// Hands `send` the frames of many orders, at most one for each actuator.
+    ///
+    /// # Errors
+    /// The first order that is refused, by its place; `send` was handed nothing.
     fn encode(
         &self,
         orders: &[Order],
         send: &mut dyn FnMut(Self::Sent),
     ) -> Result<(), (usize, Refusal)> {
         for (i, order) in orders.iter().enumerate() {
-            self.emit(order, &mut |_| {}).map_err(|refusal| (i, refusal))?;
+            self.check(order).map_err(|refusal| (i, refusal))?;
         }
         for (i, order) in orders.iter().enumerate() {
             self.emit(order, send).map_err(|refusal| (i, refusal))?;
@@ -322,11 +353,56 @@ pub trait ActuatorProtocol {
         Ok(())
     }
 
-    /// Address, and what that actuator tells; `None` for anything else.
-    fn decode(&self, received: &Self::Received) -> Option<(u8, Feedback)>;
-
     /// The most that setpoints for so many actuators and their answers take of the bus.
     fn traffic(&self, actuators: u32) -> Traffic;
+
+    /// Reads the settings from a robot file.
+    fn from_keys(keys: &dyn Keys) -> Self;
+
+    /// Reports settings that no actuator can have.
+    fn check_settings(&self, report: &mut dyn Report) {
+        let _ = report;
+    }
+
+    /// Says the range of a quantity, by its name in [`Refusal::OutOfRange`], where the codec knows more of
+    /// it than [`Capabilities`] do.
+    fn explain_range(&self, quantity: &'static str, say: &mut dyn FnMut(Arguments<'_>)) {
+        let _ = (quantity, say);
+    }
+}
+
+/// Feedback in a CAN frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Decoded {
+    /// All of it, with a counter.
+    Counted(crate::actuator::Feedback),
+    /// A part of it.
+    Partial(Feedback),
+}
+
+/// A codec of CAN frames.
+pub trait CanCodec: Codec<Sent = Frame> {
+    /// The address and the feedback of a frame; `None` for frames that are none of the protocol's
+    /// feedback, among them all whose identifier has another length.
+    fn decode(&self, received: &Frame) -> Option<(u8, Feedback)>;
+
+    /// The same, with the counter of protocols whose frames carry everything and count.
+    fn decode_counted(&self, received: &Frame) -> Option<(u8, Decoded)> {
+        self.decode(received).map(|(id, feedback)| (id, Decoded::Partial(feedback)))
+    }
+}
+
+/// A codec of packets on a serial line.
+pub trait SerialCodec: Codec<Sent = Packet> {
+    /// An adapter between the line and its actuators answers for all of them: one query is enough.
+    const ADAPTER_ANSWERS: bool = false;
+
+    /// Takes a received byte; `is_awaited` while an answer is due.
+    fn receive(&self, buffer: &mut ReceiveBuffer, byte: u8, is_awaited: bool);
+
+    /// Removes the next answer from the buffer; call again until `None`. When `is_silent`, the line has been
+    /// quiet for longer than a byte takes, and what is there in part is dropped.
+    fn take(&self, buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Answer>;
 }
 
 /// Refuses addresses above `most`.

@@ -8,13 +8,16 @@
 //! stay alive on questions. It sends its heartbeat and estimates on timers.
 
 use core::f32::consts::TAU;
+use core::fmt::Arguments;
+use core::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
 use super::fixed::nearest;
+use super::settings::{Keys, Report, check_integer};
 use super::{
-    ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Gains, Order, Refusal,
-    Told, Traffic, Watchdog, without,
+    Answers, CanCodec, Capabilities, Codec, Command, Faults, Feedback, Gains, Order, Refusal, Told,
+    Traffic, Watchdog, without,
 };
 use crate::can::{Frame, worst_case_bits};
 
@@ -65,6 +68,9 @@ const CLEAR_ERRORS: u16 = 0x18;
 const SET_POS_GAIN: u16 = 0x1A;
 const SET_VEL_GAINS: u16 = 0x1B;
 const GET_TORQUES_06: u16 = 0x1C;
+
+/// How often an ODrive can be set to send estimates, Hz: a period is whole milliseconds, and some to spare.
+const ESTIMATES_HZ: RangeInclusive<u32> = 1..=10_000;
 
 /// Axis states that matter here.
 const IDLE: u32 = 1;
@@ -211,6 +217,13 @@ impl Odrive {
     }
 }
 
+const EXAMPLE: Odrive = Odrive {
+    version: Version::V05,
+    reduction: -9.0,
+    torque_constant_nm_a: 0.05,
+    estimates_hz: 120,
+};
+
 /// What was measured, if it is a number.
 fn finite(value: f32) -> Option<f32> {
     value.is_finite().then_some(value)
@@ -223,9 +236,14 @@ fn two_floats(data: [u8; 8]) -> Option<(f32, f32)> {
     finite(low).zip(finite(high))
 }
 
-impl ActuatorProtocol for Odrive {
+impl Codec for Odrive {
     type Sent = Frame;
-    type Received = Frame;
+
+    const EXAMPLES: &'static [Self] = &[EXAMPLE, Self { version: Version::V06, ..EXAMPLE }];
+
+    fn name(&self) -> &'static str {
+        "ODrive"
+    }
 
     fn capabilities(&self) -> Capabilities {
         Capabilities {
@@ -295,6 +313,55 @@ impl ActuatorProtocol for Odrive {
         Ok(())
     }
 
+    fn traffic(&self, actuators: u32) -> Traffic {
+        let bits = actuators.saturating_mul(worst_case_bits(8));
+        let cyclic_hz = self.estimates_hz.saturating_mul(2).saturating_add(HEARTBEAT_HZ);
+        Traffic {
+            bits_per_period: bits,
+            bits_per_s: bits.saturating_mul(cyclic_hz),
+            ..Traffic::default()
+        }
+    }
+
+    fn feedback_hz(&self) -> Option<u32> {
+        Some(self.estimates_hz)
+    }
+
+    fn from_keys(keys: &dyn Keys) -> Self {
+        let version = keys.choice("firmware", &["0.5", "0.6"]);
+        Self {
+            version: if version == 0 { Version::V05 } else { Version::V06 },
+            reduction: keys.number("reduction"),
+            torque_constant_nm_a: keys.number("torque_constant_nm_a"),
+            estimates_hz: keys.integer("estimates_hz", ESTIMATES_HZ),
+        }
+    }
+
+    fn check_settings(&self, report: &mut dyn Report) {
+        let Self { reduction, torque_constant_nm_a, estimates_hz, .. } = *self;
+        check_integer(report, "estimates_hz", estimates_hz, ESTIMATES_HZ, " Hz");
+        if !(1e-3..=1e3).contains(&reduction.abs()) {
+            let help = format_args!(
+                "turns of the motor for one of the joint, 0.001 to 1000; negative where it turns the \
+                 other way"
+            );
+            report.violated("reduction", format_args!("is {reduction}"), help);
+        }
+        if !(1e-4..=100.0).contains(&torque_constant_nm_a) {
+            let problem = format_args!("is {torque_constant_nm_a} N·m/A");
+            let help = format_args!("0.0001 to 100 N·m/A; 8.27 divided by the motor's KV in rpm/V");
+            report.violated("torque_constant_nm_a", problem, help);
+        }
+    }
+
+    fn explain_range(&self, quantity: &'static str, say: &mut dyn FnMut(Arguments<'_>)) {
+        if quantity == "kd" {
+            say(format_args!("its kp is a multiple of its kd: give kd above 0"));
+        }
+    }
+}
+
+impl CanCodec for Odrive {
     fn decode(&self, received: &Frame) -> Option<(u8, Feedback)> {
         let data: [u8; 8] = received.data().try_into().ok()?;
         let id = received.standard_id()?;
@@ -331,15 +398,5 @@ impl ActuatorProtocol for Odrive {
             _ => return None,
         };
         Some((node, feedback))
-    }
-
-    fn traffic(&self, actuators: u32) -> Traffic {
-        let bits = actuators.saturating_mul(worst_case_bits(8));
-        let cyclic_hz = self.estimates_hz.saturating_mul(2).saturating_add(HEARTBEAT_HZ);
-        Traffic {
-            bits_per_period: bits,
-            bits_per_s: bits.saturating_mul(cyclic_hz),
-            ..Traffic::default()
-        }
     }
 }

@@ -1,15 +1,16 @@
 //! The Rollwalk servo profile behind the trait. Frames, units and golden bytes: [`crate::actuator`].
 
+use super::settings::Keys;
 use super::{
-    ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Order, Refusal, Told,
-    Traffic, Watchdog, without_torque,
+    Answers, CanCodec, Capabilities, Codec, Command, Decoded, Faults, Feedback, Order, Refusal,
+    Told, Traffic, Watchdog, without_torque,
 };
 use crate::actuator::{self, ActuatorStatus, Control};
 use crate::can::{Frame, worst_case_bits};
 
 /// Servos and wheel drives of the Rollwalk profile.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RollwalkServos;
+pub struct Rollwalk;
 
 /// Faults of [`ActuatorStatus`].
 const FAULTS: [(u32, Faults); 4] = [
@@ -52,9 +53,18 @@ fn frame(id: u8, command: &Command) -> Result<Frame, Refusal> {
     }
 }
 
-impl ActuatorProtocol for RollwalkServos {
+impl Codec for Rollwalk {
     type Sent = Frame;
-    type Received = Frame;
+
+    const EXAMPLES: &'static [Self] = &[Self];
+
+    fn name(&self) -> &'static str {
+        "Rollwalk"
+    }
+
+    fn has_dbc(&self) -> bool {
+        true
+    }
 
     fn capabilities(&self) -> Capabilities {
         Capabilities {
@@ -87,6 +97,17 @@ impl ActuatorProtocol for RollwalkServos {
         Ok(())
     }
 
+    fn traffic(&self, actuators: u32) -> Traffic {
+        let bits_per_period = actuators.saturating_mul(2 * worst_case_bits(8));
+        Traffic { bits_per_period, ..Traffic::default() }
+    }
+
+    fn from_keys(_: &dyn Keys) -> Self {
+        Self
+    }
+}
+
+impl CanCodec for Rollwalk {
     fn decode(&self, received: &Frame) -> Option<(u8, Feedback)> {
         let (id, told) = actuator::Feedback::decode(received)?;
         let feedback = Feedback {
@@ -103,8 +124,7 @@ impl ActuatorProtocol for RollwalkServos {
         Some((id, feedback))
     }
 
-    fn traffic(&self, actuators: u32) -> Traffic {
-        let bits_per_period = actuators.saturating_mul(2 * worst_case_bits(8));
-        Traffic { bits_per_period, ..Traffic::default() }
+    fn decode_counted(&self, received: &Frame) -> Option<(u8, Decoded)> {
+        actuator::Feedback::decode(received).map(|(id, told)| (id, Decoded::Counted(told)))
     }
 }

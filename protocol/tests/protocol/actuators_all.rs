@@ -1,18 +1,21 @@
 //! What holds for every actuator protocol, and what the tests of each one share.
 
 use proptest::prelude::*;
+use rollwalk_protocol::actuator_protocols;
+use rollwalk_protocol::actuators::bus::Protocol;
 use rollwalk_protocol::actuators::cybergear::{CyberGear, TABLE_MAX_RAD};
-use rollwalk_protocol::actuators::dynamixel::Dynamixels;
+use rollwalk_protocol::actuators::dynamixel::Dynamixel;
 use rollwalk_protocol::actuators::dynamixel::table::XM540_W150;
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
-use rollwalk_protocol::actuators::rollwalk::RollwalkServos;
+use rollwalk_protocol::actuators::rollwalk::Rollwalk;
 use rollwalk_protocol::actuators::traffic::MAX_LOAD;
 use rollwalk_protocol::actuators::{
-    ActuatorProtocol, Answers, Command, Faults, Feedback, Gains, JointSetpoint, Order, Packet,
+    Answers, CanCodec, Codec, Command, Faults, Feedback, Gains, JointSetpoint, Order, Packet,
     Refusal, Told, WheelSetpoint,
 };
+use rollwalk_protocol::actuators::{cybergear, dynamixel, maestro, mit, odrive, rollwalk};
 use rollwalk_protocol::can::Frame;
 
 pub fn can_text(frame: &Frame) -> String {
@@ -20,11 +23,7 @@ pub fn can_text(frame: &Frame) -> String {
 }
 
 /// What one command sends; nothing when it is refused.
-pub fn sent<P: ActuatorProtocol>(
-    protocol: &P,
-    id: u8,
-    command: Command,
-) -> Result<Vec<P::Sent>, Refusal> {
+pub fn sent<P: Codec>(protocol: &P, id: u8, command: Command) -> Result<Vec<P::Sent>, Refusal> {
     let mut frames = Vec::new();
     let result = protocol.emit(&Order { id, command }, &mut |frame| frames.push(frame));
     assert!(result.is_ok() || frames.is_empty(), "refused, and sent all the same: {command:?}");
@@ -44,8 +43,7 @@ const MIT: Mit = Mit { model: MODELS[4], answers_from: AnswerId::Master(0) };
 const ODRIVE: Odrive =
     Odrive { version: Version::V06, reduction: 9.0, torque_constant_nm_a: 0.05, estimates_hz: 100 };
 const CYBERGEAR: CyberGear = CyberGear { host: 0xFD, max_position_rad: TABLE_MAX_RAD };
-const DYNAMIXEL: Dynamixels =
-    Dynamixels { model: XM540_W150, watchdog_20ms: 5, return_delay_us: 20 };
+const DYNAMIXEL: Dynamixel = Dynamixel { model: XM540_W150, watchdog_20ms: 5, return_delay_us: 20 };
 const MAESTRO: Maestro = Maestro {
     device: None,
     crc: true,
@@ -53,27 +51,37 @@ const MAESTRO: Maestro = Maestro {
     pulse: Pulse { centre_us: 1500.0, us_per_rad: 600.0, limits_us: (500.0, 2500.0) },
 };
 
-/// Does `$check(protocol, name, bits of what is sent)` with every protocol.
+/// Does `$check(codec, name, bits of what is sent)` with the examples of every protocol.
 macro_rules! with_all {
-    ($check:ident) => {{
-        let serial = |packet: &Packet| 10 * packet.len() as u32;
-        $check(&RollwalkServos, "rollwalk", Frame::exact_bits);
-        $check(&MIT, "mit", Frame::exact_bits);
-        $check(&ODRIVE, "odrive 0.6", Frame::exact_bits);
-        $check(&Odrive { version: Version::V05, ..ODRIVE }, "odrive 0.5", Frame::exact_bits);
-        $check(&CYBERGEAR, "cybergear", Frame::exact_bits);
-        $check(&DYNAMIXEL, "dynamixel", serial);
-        $check(&MAESTRO, "maestro", serial);
-    }};
+    ($check:ident) => {
+        actuator_protocols!(with_each, $check)
+    };
+}
+
+macro_rules! with_each {
+    ($check:ident, $($module:ident $Codec:ident $transport:ident $key:literal,)*) => {
+        $(for codec in $module::$Codec::EXAMPLES {
+            $check(codec, $key, bits_of!($transport));
+        })*
+    };
+}
+
+macro_rules! bits_of {
+    (can) => {
+        Frame::exact_bits
+    };
+    (serial) => {
+        |packet: &Packet| 10 * packet.len() as u32
+    };
 }
 
 /// A setpoint that the protocol takes, as its capabilities say.
-fn usable<P: ActuatorProtocol>(protocol: &P, rad: f32) -> JointSetpoint {
+fn usable<P: Codec>(protocol: &P, rad: f32) -> JointSetpoint {
     let each_time = protocol.capabilities().gains == Told::EachTime;
     joint(rad, 0.1, 0.0, each_time.then_some((20.0, 0.5)))
 }
 
-fn usable_wheel<P: ActuatorProtocol>(protocol: &P) -> WheelSetpoint {
+fn usable_wheel<P: Codec>(protocol: &P) -> WheelSetpoint {
     let can = protocol.capabilities();
     let kd = (can.gains == Told::EachTime).then_some(0.5);
     wheel(1.0, kd, (can.limits == Told::EachTime).then_some(2.0))
@@ -82,11 +90,7 @@ fn usable_wheel<P: ActuatorProtocol>(protocol: &P) -> WheelSetpoint {
 /// Capabilities are what the commands do.
 #[test]
 fn capabilities_are_true() {
-    fn check<P: ActuatorProtocol<Sent: PartialEq>>(
-        protocol: &P,
-        name: &str,
-        _: fn(&P::Sent) -> u32,
-    ) {
+    fn check<P: Codec<Sent: PartialEq>>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
         let can = protocol.capabilities();
         let does = |command| sent(protocol, 1, command).is_ok();
         let good = usable(protocol, 0.2);
@@ -127,11 +131,7 @@ fn capabilities_are_true() {
 /// Enabling tells the measured pose before torque comes on, or the actuator forgets (Rollwalk).
 #[test]
 fn enabling_tells_the_measured_pose_before_torque() {
-    fn check<P: ActuatorProtocol<Sent: PartialEq>>(
-        protocol: &P,
-        name: &str,
-        _: fn(&P::Sent) -> u32,
-    ) {
+    fn check<P: Codec<Sent: PartialEq>>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
         let frames =
             |measured_rad| sent(protocol, 1, Command::EnableJoint { measured_rad }).unwrap();
         let (here, there) = (frames(0.3), frames(-0.4));
@@ -150,7 +150,7 @@ fn enabling_tells_the_measured_pose_before_torque() {
 /// No number, no frame: in no field of any command of any protocol.
 #[test]
 fn no_nan_and_no_infinity_is_sent() {
-    fn check<P: ActuatorProtocol>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
+    fn check<P: Codec>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
         let can = protocol.capabilities();
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             let good = usable(protocol, 0.2);
@@ -189,7 +189,7 @@ fn no_nan_and_no_infinity_is_sent() {
 /// All orders are checked before any frame is sent: one that cannot be encoded refuses all of them.
 #[test]
 fn one_bad_order_stops_all() {
-    fn check<P: ActuatorProtocol>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
+    fn check<P: Codec>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
         let go = |id, rad| Order { id, command: Command::Joint(usable(protocol, rad)) };
         let mut count = 0;
         let orders = [go(1, 0.1), go(2, 0.2), go(3, f32::NAN)];
@@ -204,7 +204,7 @@ fn one_bad_order_stops_all() {
 /// What one control period sends, for random setpoints, is within what was reckoned for it.
 #[test]
 fn traffic_is_the_worst_case() {
-    fn check<P: ActuatorProtocol>(protocol: &P, name: &str, bits: fn(&P::Sent) -> u32) {
+    fn check<P: Codec>(protocol: &P, name: &str, bits: fn(&P::Sent) -> u32) {
         let mut largest = 0.0f32;
         for n in [1u8, 6, 16] {
             for seed in 0..500u32 {
@@ -234,7 +234,7 @@ fn loads_of_sixteen_actuators() {
     let near = |load: f32, expected: f32| assert!((load - expected).abs() < 5e-4, "{load}");
     near(MIT.traffic(16).load(200.0, 1e6), 16.0 * 270.0 * 200e-6);
     near(CYBERGEAR.traffic(16).load(100.0, 1e6), 16.0 * 320.0 * 100e-6);
-    near(RollwalkServos.traffic(16).load(60.0, 1e6), 0.2592);
+    near(Rollwalk.traffic(16).load(60.0, 1e6), 0.2592);
     // Setpoints at the control rate; two messages at 100 Hz, heartbeats at 10 Hz.
     near(ODRIVE.traffic(16).load(60.0, 1e6), 16.0 * 135.0 * (60.0 + 210.0) * 1e-6);
     // 10 + 84 + 28, 10 + 20 + 6, and 16 times 10 + 11 + 3 bytes; 16 times 20 µs.
@@ -254,7 +254,7 @@ fn loads_of_sixteen_actuators() {
 /// The profile behind the trait sends the bytes that `docs/wire-format.md` has.
 #[test]
 fn rollwalk_profile_behind_the_trait() {
-    let text = |command| can_text(&sent(&RollwalkServos, 5, command).unwrap()[0]);
+    let text = |command| can_text(&sent(&Rollwalk, 5, command).unwrap()[0]);
     assert_eq!(text(Command::Disable), "085#00");
     assert_eq!(text(Command::EnableJoint { measured_rad: 0.0 }), "085#01");
     assert_eq!(text(Command::Query), "085#02");
@@ -271,7 +271,7 @@ fn rollwalk_profile_behind_the_trait() {
         enabled: Some(true),
         faults: Some(Faults::OVERHEATED),
     };
-    assert_eq!(RollwalkServos.decode(&feedback), Some((5, expected)));
+    assert_eq!(Rollwalk.decode(&feedback), Some((5, expected)));
 }
 
 #[test]
@@ -328,18 +328,16 @@ proptest! {
     /// Any command for any address: frames or a refusal.
     #[test]
     fn any_command_does(command in any_command(), id: u8) {
-        fn check<P: ActuatorProtocol>(protocol: &P, order: Order) {
-            if let Ok(frames) = sent(protocol, order.id, order.command) {
-                assert!(order.id <= protocol.capabilities().max_id && frames.len() <= 4);
-            }
+        for protocol in Protocol::examples() {
+            let mut count = 0;
+            let order = Order { id, command };
+            let emitted = protocol.emit(&order, &mut |_| count += 1);
+            let encoded = protocol.encode(&[order], &mut |_| count += 1).map_err(|(_, why)| why);
+            let taken = emitted.and(encoded);
+            prop_assert_eq!(taken, protocol.check(&order), "{:?}", protocol);
+            let fits = id <= protocol.capabilities().max_id && count <= 4;
+            prop_assert!(if taken.is_ok() { fits } else { count == 0 }, "{:?}", protocol);
         }
-        let order = Order { id, command };
-        check(&RollwalkServos, order);
-        check(&MIT, order);
-        check(&ODRIVE, order);
-        check(&CYBERGEAR, order);
-        check(&DYNAMIXEL, order);
-        check(&MAESTRO, order);
     }
 
     /// Any frame: feedback or none.
@@ -348,7 +346,7 @@ proptest! {
         let frame = Frame::standard(id as u16 & 0x7FF, &data).unwrap();
         let master = Frame::standard(0, &data).unwrap();
         for frame in [frame, master] {
-            prop_assert!(finite(RollwalkServos.decode(&frame)) && finite(MIT.decode(&frame)));
+            prop_assert!(finite(Rollwalk.decode(&frame)) && finite(MIT.decode(&frame)));
             // Huge floats, which gearing makes larger, and no gearing at all.
             let old = Odrive { version: Version::V05, reduction: 1e-30, ..ODRIVE };
             for drive in [ODRIVE, old, Odrive { reduction: 0.0, ..ODRIVE }] {
@@ -366,7 +364,7 @@ proptest! {
                 prop_assert_eq!(drive.decode(&extended), None);
             }
             prop_assert_eq!(ODRIVE.decode(&extended), None);
-            prop_assert_eq!(RollwalkServos.decode(&extended), None);
+            prop_assert_eq!(Rollwalk.decode(&extended), None);
         }
     }
 }

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use rollwalk_protocol::actuators::cybergear::{
     CyberGear, MECHANICAL_POSITION, SAMPLE_MAX_RAD, TABLE_MAX_RAD,
 };
-use rollwalk_protocol::actuators::{ActuatorProtocol, Command, Faults, Refusal};
+use rollwalk_protocol::actuators::{CanCodec, Command, Faults, Refusal};
 use rollwalk_protocol::can::Frame;
 
 const MOTORS: CyberGear = CyberGear { host: 0xFD, max_position_rad: TABLE_MAX_RAD };

@@ -4,31 +4,32 @@
 use crate::actuators_all::{joint, sent, wheel};
 use proptest::prelude::*;
 use rollwalk_protocol::actuators::dynamixel::packet::{
-    BROADCAST, Deframer, HEADER, Message, READ, REBOOT, STATUS, WRITE, crc16, packet,
+    BROADCAST, HEADER, Message, READ, REBOOT, STATUS, WRITE, crc16, packet, take,
 };
 use rollwalk_protocol::actuators::dynamixel::table::{self, XM430_W210, XM540_W150};
 use rollwalk_protocol::actuators::dynamixel::{
-    Dynamixels, SyncWrite, goal_pwm, position_gains, sync_read,
+    Dynamixel, SyncWrite, goal_pwm, position_gains, sync_read,
 };
-use rollwalk_protocol::actuators::{ActuatorProtocol, Command, Faults, MAX_PACKET, Order, Refusal};
+use rollwalk_protocol::actuators::serial::ReceiveBuffer;
+use rollwalk_protocol::actuators::{Codec, Command, Faults, MAX_PACKET, Order, Refusal};
 use std::f32::consts::{FRAC_PI_2, PI};
 
-const SERVOS: Dynamixels = Dynamixels { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 500 };
+const SERVOS: Dynamixel = Dynamixel { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 500 };
 
 fn bytes(hex: &str) -> Vec<u8> {
     hex.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
 }
 
 fn framed(stream: &[u8]) -> Vec<Message> {
-    let mut deframer = Deframer::default();
+    let mut deframer = ReceiveBuffer::default();
     let mut found = Vec::new();
     for &byte in stream {
         deframer.push(byte);
-        while let Some(message) = deframer.take() {
+        while let Some(message) = take(&mut deframer, false) {
             found.push(message);
         }
     }
-    while let Some(message) = deframer.take_after_silence() {
+    while let Some(message) = take(&mut deframer, true) {
         found.push(message);
     }
     found
@@ -312,14 +313,14 @@ proptest! {
 
     #[test]
     fn any_bytes_do(stream in proptest::collection::vec(prop_oneof![Just(0xFF), Just(0xFD), Just(0), any::<u8>()], 0..2 * MAX_PACKET), taken: bool) {
-        let mut deframer = Deframer::default();
+        let mut deframer = ReceiveBuffer::default();
         for byte in stream {
             deframer.push(byte);
-            if taken && let Some(message) = deframer.take() {
+            if taken && let Some(message) = take(&mut deframer, false) {
                 let _ = SERVOS.decode(&message);
             }
         }
-        while deframer.take_after_silence().is_some() {}
+        while take(&mut deframer, true).is_some() {}
     }
 
     /// Second algorithm: bit by bit, as the polynomial is defined.

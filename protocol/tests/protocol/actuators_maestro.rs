@@ -2,8 +2,9 @@
 
 use crate::actuators_all::{joint, sent, wheel};
 use proptest::prelude::*;
-use rollwalk_protocol::actuators::maestro::{BOARD, MAX_CHANNEL, Maestro, Pulse, crc7};
-use rollwalk_protocol::actuators::{ActuatorProtocol, Command, Faults, Order, Refusal};
+use rollwalk_protocol::actuators::maestro::{MAX_CHANNEL, Maestro, Pulse, crc7};
+use rollwalk_protocol::actuators::serial::{Answer, ReceiveBuffer};
+use rollwalk_protocol::actuators::{Codec, Command, Faults, Order, Refusal, SerialCodec};
 use std::f32::consts::FRAC_PI_2;
 
 const PULSE: Pulse =
@@ -108,12 +109,20 @@ fn what_it_cannot_be_told() {
 /// Bits of the error register, section 4.e of the guide.
 #[test]
 fn errors() {
-    let faults = |bits: u16| COMPACT.decode(&bits.to_le_bytes()).unwrap();
-    assert_eq!(faults(0).1.faults, Some(Faults::NONE));
-    assert_eq!(faults(1 << 3).1.faults, Some(Faults::REFUSED));
-    assert_eq!(faults(1 << 5).1.faults, Some(Faults::TIMED_OUT));
-    assert_eq!(faults(1 << 8).1.faults, Some(Faults::OTHER));
-    assert_eq!(faults(0).0, BOARD);
+    let faults = |bits: u16| {
+        let mut buffer = ReceiveBuffer::default();
+        for byte in bits.to_le_bytes() {
+            COMPACT.receive(&mut buffer, byte, true);
+        }
+        let Some(Answer::Adapter(feedback)) = COMPACT.take(&mut buffer, false) else { panic!() };
+        assert_eq!(feedback, Maestro::errors(bits.to_le_bytes()));
+        assert_eq!(COMPACT.take(&mut buffer, false), None);
+        feedback.faults
+    };
+    assert_eq!(faults(0), Some(Faults::NONE));
+    assert_eq!(faults(1 << 3), Some(Faults::REFUSED));
+    assert_eq!(faults(1 << 5), Some(Faults::TIMED_OUT));
+    assert_eq!(faults(1 << 8), Some(Faults::OTHER));
 }
 
 proptest! {

@@ -5,7 +5,7 @@ use crate::actuators_all::{can_text, joint, sent, wheel};
 use proptest::prelude::*;
 use rollwalk_protocol::actuators::mit::{AnswerId, Codes, MODELS, Mit, Model};
 use rollwalk_protocol::actuators::{
-    ActuatorProtocol, Command, Faults, Feedback, Gains, JointSetpoint, Refusal, WheelSetpoint,
+    CanCodec, Command, Faults, Feedback, Gains, JointSetpoint, Refusal, WheelSetpoint,
 };
 use rollwalk_protocol::can::Frame;
 

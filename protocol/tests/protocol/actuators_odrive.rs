@@ -4,7 +4,7 @@
 use crate::actuators_all::{can_text, joint, sent, wheel};
 use proptest::prelude::*;
 use rollwalk_protocol::actuators::odrive::{Odrive, Version, estop};
-use rollwalk_protocol::actuators::{ActuatorProtocol, Command, Faults, Gains, Refusal};
+use rollwalk_protocol::actuators::{CanCodec, Command, Faults, Gains, Refusal};
 use rollwalk_protocol::can::Frame;
 use std::f32::consts::TAU;
 

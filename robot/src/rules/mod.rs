@@ -4,7 +4,7 @@
 //! violation names its place and its field as robot files spell it; [`crate::file`] turns these
 //! into spans.
 
-pub(crate) mod buses;
+mod buses;
 mod check;
 
 use check::Check;

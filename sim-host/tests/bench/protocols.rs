@@ -7,7 +7,7 @@ use rollwalk_bus::candump::LogEntry;
 use rollwalk_host::session::Session;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Protocol};
 use rollwalk_protocol::actuators::cybergear::{CyberGear, SAMPLE_MAX_RAD};
-use rollwalk_protocol::actuators::dynamixel::{Dynamixels, table::XM430_W210};
+use rollwalk_protocol::actuators::dynamixel::{Dynamixel, table::XM430_W210};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
 use rollwalk_protocol::faults::Fault;
@@ -253,7 +253,7 @@ fn a_slower_bus_is_as_slow_as_its_file_says() {
 
 #[test]
 fn a_serial_line_is_refused_by_name() {
-    let servos = Dynamixels { model: XM430_W210, watchdog_20ms: 0, return_delay_us: 0 };
+    let servos = Dynamixel { model: XM430_W210, watchdog_20ms: 0, return_delay_us: 0 };
     let mut robot = leg([mit(4, AnswerId::Own), on(Protocol::Dynamixel(servos))]);
     robot.joints[1].actuator.torque_max_nm = 2.0;
     let error = Rig::new(&robot).err().expect("it is not simulated").to_string();

@@ -5,15 +5,19 @@
 //! servos answer one after the other.
 
 use core::f32::consts::TAU;
+use core::fmt::Arguments;
+use core::ops::RangeInclusive;
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::fixed::nearest;
 use super::named;
+use super::serial::{Answer, ReceiveBuffer};
+use super::settings::{Keys, Report, check_integer};
 use super::traffic::serial_bits;
 use super::{
-    ActuatorProtocol, Answers, Capabilities, Command, Faults, Feedback, Order, Packet, Refusal,
+    Answers, Capabilities, Codec, Command, Faults, Feedback, Order, Packet, Refusal, SerialCodec,
     Told, Traffic, Watchdog, without, without_torque,
 };
 use crate::config::MAX_CHANNELS;
@@ -22,11 +26,11 @@ pub mod packet;
 pub mod table;
 
 use packet::{BROADCAST, MAX_ID, Message, SYNC_READ, SYNC_WRITE};
-use table::{CENTRE, CURRENT_STEP_A, Model, STEPS_PER_TURN, VELOCITY_STEP_RAD_S};
+use table::{CENTRE, CURRENT_STEP_A, Model, STEPS_PER_TURN, VELOCITY_STEP_RAD_S, XM430_W210};
 
 /// Servos of one model on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Dynamixels {
+pub struct Dynamixel {
     /// Their model.
     #[serde(with = "named")]
     pub model: Model,
@@ -38,6 +42,12 @@ pub struct Dynamixels {
 
 /// Bytes of the sync write that is longest: gains.
 const MAX_WRITE: usize = 4 + MAX_CHANNELS * 7;
+/// A step of the bus watchdog, ms.
+const WATCHDOG_STEP_MS: u32 = 20;
+/// The bus watchdog, ms: 127 steps at most.
+const WATCHDOGS_MS: RangeInclusive<u32> = 0..=127 * WATCHDOG_STEP_MS;
+/// Return Delay Time, µs: 254 steps of 2 at most.
+const RETURN_DELAYS_US: RangeInclusive<u32> = 0..=508;
 /// Current, velocity and position.
 const PRESENT_BYTES: u16 = 10;
 
@@ -97,7 +107,7 @@ pub fn goal_pwm(share: f32) -> Option<[u8; 2]> {
         .map(|steps| (steps as i16).to_le_bytes())
 }
 
-impl Dynamixels {
+impl Dynamixel {
     /// For [`table::GOAL_POSITION`]: 256 turns either way at most, of which the position mode takes
     /// the one around 0 rad.
     pub fn goal_position(&self, position_rad: f32) -> Option<[u8; 4]> {
@@ -120,6 +130,22 @@ impl Dynamixels {
     pub fn goal_current(&self, torque_nm: f32) -> Option<[u8; 2]> {
         let (step, most) = (self.model.torque_nm_a * CURRENT_STEP_A, self.model.max_current);
         nearest(torque_nm / step, -most, most).map(|steps| (steps as i16).to_le_bytes())
+    }
+
+    /// Address and feedback of an answer: measurements where it is one to a query, otherwise its faults.
+    pub fn decode(&self, received: &Message) -> Option<(u8, Feedback)> {
+        let status = received.status()?;
+        let faults = Some(faults_of(status.alert, status.error));
+        let mut feedback = Feedback { faults, ..Feedback::default() };
+        if let &[c0, c1, v0, v1, v2, v3, p0, p1, p2, p3] = status.data {
+            let current_a = f32::from(i16::from_le_bytes([c0, c1])) * CURRENT_STEP_A;
+            let velocity = i32::from_le_bytes([v0, v1, v2, v3]);
+            let position = i32::from_le_bytes([p0, p1, p2, p3]).wrapping_sub(CENTRE);
+            feedback.torque_nm = Some(current_a * self.model.torque_nm_a);
+            feedback.speed_rad_s = Some(velocity as f32 * VELOCITY_STEP_RAD_S);
+            feedback.position_rad = Some(position as f32 * (TAU / STEPS_PER_TURN));
+        }
+        Some((status.id, feedback))
     }
 
     /// What an order writes.
@@ -207,10 +233,15 @@ fn faults_of(alert: bool, error: u8) -> Faults {
     Faults(alert | if error != 0 { Faults::REFUSED.0 } else { 0 })
 }
 
-impl ActuatorProtocol for Dynamixels {
+impl Codec for Dynamixel {
     type Sent = Packet;
-    /// From a [`packet::Deframer`].
-    type Received = Message;
+
+    const EXAMPLES: &'static [Self] =
+        &[Self { model: table::XM540_W150, watchdog_20ms: 5, return_delay_us: 0 }];
+
+    fn name(&self) -> &'static str {
+        self.model.name
+    }
 
     fn capabilities(&self) -> Capabilities {
         Capabilities {
@@ -282,22 +313,6 @@ impl ActuatorProtocol for Dynamixels {
         Ok(())
     }
 
-    /// Of an answer to a query, what was measured; of any other answer, its faults.
-    fn decode(&self, received: &Message) -> Option<(u8, Feedback)> {
-        let status = received.status()?;
-        let faults = Some(faults_of(status.alert, status.error));
-        let mut feedback = Feedback { faults, ..Feedback::default() };
-        if let &[c0, c1, v0, v1, v2, v3, p0, p1, p2, p3] = status.data {
-            let current_a = f32::from(i16::from_le_bytes([c0, c1])) * CURRENT_STEP_A;
-            let velocity = i32::from_le_bytes([v0, v1, v2, v3]);
-            let position = i32::from_le_bytes([p0, p1, p2, p3]).wrapping_sub(CENTRE);
-            feedback.torque_nm = Some(current_a * self.model.torque_nm_a);
-            feedback.speed_rad_s = Some(velocity as f32 * VELOCITY_STEP_RAD_S);
-            feedback.position_rad = Some(position as f32 * (TAU / STEPS_PER_TURN));
-        }
-        Some((status.id, feedback))
-    }
-
     /// A sync write of goals, a sync read, and an answer of each servo, every one with as much
     /// stuffing as there can be.
     fn traffic(&self, actuators: u32) -> Traffic {
@@ -312,9 +327,55 @@ impl ActuatorProtocol for Dynamixels {
             bits_per_s: 0,
         }
     }
+
+    fn from_keys(keys: &dyn Keys) -> Self {
+        let model = keys.choice("model", &table::MODELS.map(|model| model.name));
+        let model = *table::MODELS.get(model).unwrap_or(&XM430_W210);
+        let watchdog_ms = keys.integer("watchdog_ms", WATCHDOGS_MS);
+        if !watchdog_ms.is_multiple_of(WATCHDOG_STEP_MS) {
+            let help = "its unit is 20 ms: give a multiple of that, or 0 for none";
+            keys.refuse("watchdog_ms", "is no whole number of units", "a multiple of 20", help);
+        }
+        let watchdog_20ms = (watchdog_ms / WATCHDOG_STEP_MS) as u8;
+        let return_delay_us = keys.integer("return_delay_us", RETURN_DELAYS_US);
+        Self { model, watchdog_20ms, return_delay_us }
+    }
+
+    fn check_settings(&self, report: &mut dyn Report) {
+        let watchdog_ms = u32::from(self.watchdog_20ms) * WATCHDOG_STEP_MS;
+        check_integer(report, "watchdog_ms", watchdog_ms, WATCHDOGS_MS, " ms");
+        check_integer(report, "return_delay_us", self.return_delay_us, RETURN_DELAYS_US, " µs");
+    }
+
+    fn explain_range(&self, quantity: &'static str, say: &mut dyn FnMut(Arguments<'_>)) {
+        match quantity {
+            "speed" => {
+                let most = self.model.max_velocity as f32 * VELOCITY_STEP_RAD_S;
+                say(format_args!("at most {most} rad/s"));
+            }
+            "torque" => say(format_args!("at most {} N·m", self.goal_current_max_nm())),
+            _ => {}
+        }
+    }
 }
 
-/// What [`Dynamixels::encode`] writes, the urgent first.
+impl SerialCodec for Dynamixel {
+    fn receive(&self, buffer: &mut ReceiveBuffer, byte: u8, _: bool) {
+        buffer.push(byte);
+    }
+
+    fn take(&self, buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Answer> {
+        loop {
+            let message = packet::take(buffer, is_silent)?;
+            // Our own packets come back on a half-duplex line.
+            if let Some((id, feedback)) = self.decode(&message) {
+                return Some(Answer::Actuator(id, feedback));
+            }
+        }
+    }
+}
+
+/// What [`Dynamixel::encode`] writes, the urgent first.
 const RANGES: [(u16, u16); 6] = [
     (table::TORQUE_ENABLE, 1),
     (table::BUS_WATCHDOG, 1),

@@ -4,6 +4,7 @@
 use crc::{CRC_16_UMTS, Crc};
 use heapless::Vec;
 
+use crate::actuators::serial::ReceiveBuffer;
 use crate::actuators::{MAX_PACKET, Packet};
 
 static CRC_16: Crc<u16> = Crc::<u16>::new(&CRC_16_UMTS);
@@ -72,79 +73,40 @@ pub fn packet(id: u8, instruction: u8, parameters: &[u8]) -> Option<Packet> {
     Some(packet)
 }
 
-/// Takes bytes of a line as they come and finds the packets among them. Whatever comes, it takes up
-/// again at the next header: bytes that were mistaken for a packet are looked through again.
-#[derive(Clone, Debug, Default)]
-pub struct Deframer {
-    buffer: Packet,
+/// Removes the next packet from the bytes of a line. Whatever came before, it takes up again at the next
+/// header: bytes that were mistaken for a packet are searched again. A packet that is there in part
+/// is waited for, unless the line `is_silent`: then it is not going to end.
+pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Message> {
+    // Every turn takes bytes away.
+    while !buffer.bytes().is_empty() {
+        buffer.drop_front(header_at(buffer.bytes()));
+        let whole = match *buffer.bytes() {
+            [_, _, _, _, _, low, high, ..] => usize::from(u16::from_le_bytes([low, high])) + BEFORE,
+            _ if is_silent => MAX_PACKET,
+            _ => return None,
+        };
+        // Instruction and CRC at least.
+        if (BEFORE + 3..=MAX_PACKET).contains(&whole) {
+            match buffer.bytes().get(..whole) {
+                Some(packet) => {
+                    if let Some(message) = message(packet) {
+                        buffer.drop_front(whole);
+                        return Some(message);
+                    }
+                }
+                None if is_silent => {}
+                None => return None,
+            }
+        }
+        buffer.drop_front(1);
+    }
+    None
 }
 
-impl Deframer {
-    /// Takes a byte. Call [`take`](Self::take) after each, until there is nothing more.
-    pub fn push(&mut self, byte: u8) {
-        if self.buffer.push(byte).is_err() {
-            // Only when nobody takes.
-            self.drop_front(1);
-            let _ = self.buffer.push(byte);
-        }
-    }
-
-    /// The next packet, if it is there as a whole.
-    pub fn take(&mut self) -> Option<Message> {
-        self.search(true)
-    }
-
-    /// The same when the line has been quiet for longer than a byte takes: what began and did not end
-    /// is not going to.
-    pub fn take_after_silence(&mut self) -> Option<Message> {
-        self.search(false)
-    }
-
-    fn search(&mut self, wait: bool) -> Option<Message> {
-        // Every turn takes bytes away.
-        while !self.buffer.is_empty() {
-            self.drop_front(self.header_at());
-            let whole = match *self.buffer.as_slice() {
-                [_, _, _, _, _, low, high, ..] => {
-                    usize::from(u16::from_le_bytes([low, high])) + BEFORE
-                }
-                _ if wait => return None,
-                _ => MAX_PACKET,
-            };
-            // Instruction and CRC at least.
-            if (BEFORE + 3..=MAX_PACKET).contains(&whole) {
-                match self.buffer.get(..whole) {
-                    Some(packet) => {
-                        if let Some(message) = message(packet) {
-                            self.drop_front(whole);
-                            return Some(message);
-                        }
-                    }
-                    None if wait => return None,
-                    None => {}
-                }
-            }
-            self.drop_front(1);
-        }
-        None
-    }
-
-    /// Where a header begins, or may begin with what is there.
-    fn header_at(&self) -> usize {
-        let begins = |&at: &usize| self.buffer.iter().skip(at).zip(HEADER).all(|(&a, b)| a == b);
-        (0..self.buffer.len()).find(begins).unwrap_or(self.buffer.len())
-    }
-
-    fn drop_front(&mut self, count: usize) {
-        let left = self.buffer.len().saturating_sub(count);
-        for to in 0..left {
-            let byte = self.buffer.get(to + count).copied().unwrap_or(0);
-            if let Some(slot) = self.buffer.get_mut(to) {
-                *slot = byte;
-            }
-        }
-        self.buffer.truncate(left);
-    }
+/// Where a header begins, or may begin with what is there.
+fn header_at(bytes: &[u8]) -> usize {
+    let begins = |&at: &usize| bytes.iter().skip(at).zip(HEADER).all(|(&a, b)| a == b);
+    (0..bytes.len()).find(begins).unwrap_or(bytes.len())
 }
 
 /// What a whole packet says, if its CRC is right.

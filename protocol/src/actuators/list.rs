@@ -1,0 +1,233 @@
+//! The list of actuator protocols, and the one place that dispatches to their codecs.
+//!
+//! A protocol is a row of the list, a codec in the module of that name, and a simulated drive in the
+//! module of that name of `rollwalk-drives`. Robot files, firmware, simulator and tests know it through
+//! [`Protocol`] alone.
+
+use serde::{Deserialize, Serialize};
+
+use super::rollwalk::Rollwalk;
+use super::serial::{Answer, ReceiveBuffer};
+use super::settings::{Keys, Report};
+use super::{
+    CanCodec, Capabilities, Codec, Decoded, Feedback, Order, Packet, Refusal, SerialCodec, Traffic,
+};
+use crate::can::Frame;
+
+/// Passes the list of protocols to a macro, after the arguments given: of each its module, its codec's
+/// type, its transport and its name in robot files.
+///
+/// The first is the Rollwalk profile, the default of a bus, which has no settings.
+#[macro_export]
+macro_rules! actuator_protocols {
+    ($macro:ident $(, $argument:tt)*) => {
+        $macro! {
+            $($argument,)*
+            rollwalk Rollwalk can "rollwalk",
+            mit Mit can "mit",
+            odrive Odrive can "odrive",
+            cybergear CyberGear can "cybergear",
+            dynamixel Dynamixel serial "dynamixel",
+            maestro Maestro serial "maestro",
+        }
+    };
+}
+
+/// The first expression for a protocol on CAN, the second for one on a serial line.
+macro_rules! by_transport {
+    (can, $on_can:expr, $on_serial:expr) => {
+        $on_can
+    };
+    (serial, $on_can:expr, $on_serial:expr) => {
+        $on_serial
+    };
+}
+
+macro_rules! define_protocol {
+    (
+        $profile:ident $Profile:ident can $profile_key:literal,
+        $($module:ident $Codec:ident $transport:ident $key:literal,)*
+    ) => {
+        /// The protocol of a bus, with the settings of the actuators on it.
+        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+        pub enum Protocol {
+            #[doc = concat!("Settings of [`", stringify!($profile), "`](super::", stringify!($profile), "): none.")]
+            #[serde(rename = $profile_key)]
+            $Profile,
+            $(
+                #[doc = concat!("Settings of [`", stringify!($module), "`](super::", stringify!($module), ").")]
+                #[serde(rename = $key)]
+                $Codec(super::$module::$Codec),
+            )*
+        }
+
+        /// The value of an expression of the protocol's codec.
+        macro_rules! with_codec {
+            ($protocol:expr, $codec:ident => $do:expr) => {
+                match $protocol {
+                    Protocol::$Profile => {
+                        let $codec = &$Profile;
+                        $do
+                    }
+                    $(Protocol::$Codec($codec) => $do,)*
+                }
+            };
+        }
+
+        /// The same for codecs on CAN; `$other` for those on serial lines.
+        macro_rules! with_can_codec {
+            ($protocol:expr, $codec:ident => $do:expr, $other:expr) => {
+                match $protocol {
+                    Protocol::$Profile => {
+                        let $codec = &$Profile;
+                        $do
+                    }
+                    $(Protocol::$Codec($codec) => by_transport!($transport, $do, {
+                        let _ = $codec;
+                        $other
+                    }),)*
+                }
+            };
+        }
+
+        /// The same for codecs on serial lines; `$other` for those on CAN.
+        macro_rules! with_serial_codec {
+            ($protocol:expr, $codec:ident => $do:expr, $other:expr) => {
+                match $protocol {
+                    Protocol::$Profile => $other,
+                    $(Protocol::$Codec($codec) => by_transport!($transport, {
+                        let _ = $codec;
+                        $other
+                    }, $do),)*
+                }
+            };
+        }
+
+        impl Protocol {
+            /// Names of the protocols in robot files.
+            pub const KEYS: &'static [&'static str] = &[$profile_key, $($key,)*];
+
+            /// Reads the settings of a protocol, by its place in [`Self::KEYS`], from a robot file.
+            pub fn read(number: usize, keys: &dyn Keys) -> Self {
+                match Self::KEYS.get(number).copied() {
+                    $(Some($key) => Self::$Codec(super::$module::$Codec::from_keys(keys)),)*
+                    _ => Self::$Profile,
+                }
+            }
+
+            /// Every protocol with settings as in practice, some with several.
+            pub fn examples() -> impl Iterator<Item = Self> {
+                let examples = [Self::$Profile].into_iter();
+                $(let examples = examples.chain(
+                    super::$module::$Codec::EXAMPLES.iter().copied().map(Self::$Codec),
+                );)*
+                examples
+            }
+        }
+    };
+}
+actuator_protocols!(define_protocol);
+
+impl Protocol {
+    /// What it can do.
+    pub fn capabilities(&self) -> Capabilities {
+        with_codec!(self, codec => codec.capabilities())
+    }
+
+    /// Its name, for people.
+    pub fn name(&self) -> &'static str {
+        with_codec!(self, codec => codec.name())
+    }
+
+    /// Whether it runs over a serial line instead of CAN.
+    pub fn is_serial(&self) -> bool {
+        with_can_codec!(self, _codec => false, true)
+    }
+
+    /// Whether its frames are described by `rollwalk dbc`.
+    pub fn has_dbc(&self) -> bool {
+        with_codec!(self, codec => codec.has_dbc())
+    }
+
+    /// Rate of the feedback that actuators send on a timer, Hz; `None` for those that answer.
+    pub fn feedback_hz(&self) -> Option<u32> {
+        with_codec!(self, codec => codec.feedback_hz())
+    }
+
+    /// The most that setpoints for so many actuators and their answers take of the bus.
+    pub fn traffic(&self, actuators: u32) -> Traffic {
+        with_codec!(self, codec => codec.traffic(actuators))
+    }
+
+    /// Refuses an order that the protocol has no frames for.
+    ///
+    /// # Errors
+    /// Why.
+    pub fn check(&self, order: &Order) -> Result<(), Refusal> {
+        with_codec!(self, codec => codec.check(order))
+    }
+
+    /// Reports the settings that no actuator can have.
+    pub fn check_settings(&self, report: &mut dyn Report) {
+        with_codec!(self, codec => codec.check_settings(report));
+    }
+
+    /// Reports the range of a quantity, by its name in [`Refusal::OutOfRange`], where the codec
+    /// knows more of it than [`Capabilities`] do.
+    pub fn explain_range(
+        &self,
+        quantity: &'static str,
+        say: &mut dyn FnMut(core::fmt::Arguments<'_>),
+    ) {
+        with_codec!(self, codec => codec.explain_range(quantity, say));
+    }
+
+    /// Hands `send` the frames of an order; none for a protocol on a serial line.
+    ///
+    /// # Errors
+    /// As [`Codec::emit`].
+    pub fn emit(&self, order: &Order, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
+        with_can_codec!(self, codec => codec.emit(order, send), Ok(()))
+    }
+
+    /// As [`CanCodec::decode`].
+    pub fn decode(&self, received: &Frame) -> Option<(u8, Feedback)> {
+        with_can_codec!(self, codec => codec.decode(received), None)
+    }
+
+    /// As [`CanCodec::decode_counted`].
+    pub fn decode_counted(&self, received: &Frame) -> Option<(u8, Decoded)> {
+        with_can_codec!(self, codec => codec.decode_counted(received), None)
+    }
+
+    /// Hands `send` the packets of orders; none for a protocol on CAN.
+    ///
+    /// # Errors
+    /// As [`Codec::encode`].
+    pub fn encode(
+        &self,
+        orders: &[Order],
+        send: &mut dyn FnMut(Packet),
+    ) -> Result<(), (usize, Refusal)> {
+        with_serial_codec!(self, codec => codec.encode(orders, send), Ok(()))
+    }
+
+    /// As [`SerialCodec::receive`].
+    pub fn receive(&self, buffer: &mut ReceiveBuffer, byte: u8, is_awaited: bool) {
+        with_serial_codec!(self, codec => codec.receive(buffer, byte, is_awaited), ());
+    }
+
+    /// As [`SerialCodec::take`].
+    pub fn take(&self, buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Answer> {
+        with_serial_codec!(self, codec => codec.take(buffer, is_silent), None)
+    }
+
+    /// As [`SerialCodec::ADAPTER_ANSWERS`].
+    pub fn adapter_answers(&self) -> bool {
+        with_serial_codec!(self, codec => adapter_answers(codec), false)
+    }
+}
+
+fn adapter_answers<C: SerialCodec>(_: &C) -> bool {
+    C::ADAPTER_ANSWERS
+}

@@ -1,0 +1,48 @@
+//! What codecs on serial lines have in common: the bytes received so far, and whose answer they are.
+
+use super::{Feedback, Packet};
+
+/// Bytes of a line that are no whole message yet.
+#[derive(Clone, Debug, Default)]
+pub struct ReceiveBuffer(Packet);
+
+/// An answer on a serial line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Answer {
+    /// Of the actuator at this address.
+    Actuator(u8, Feedback),
+    /// Of an adapter that stands between the line and all actuators on it.
+    Adapter(Feedback),
+}
+
+impl ReceiveBuffer {
+    /// Appends a byte; when there is no room, the oldest makes way.
+    pub fn push(&mut self, byte: u8) {
+        if self.0.push(byte).is_err() {
+            self.drop_front(1);
+            let _ = self.0.push(byte);
+        }
+    }
+
+    /// The bytes, oldest first.
+    pub fn bytes(&self) -> &[u8] {
+        &self.0
+    }
+
+    /// Removes the oldest bytes.
+    pub fn drop_front(&mut self, count: usize) {
+        let left = self.0.len().saturating_sub(count);
+        for to in 0..left {
+            let byte = self.0.get(to + count).copied().unwrap_or(0);
+            if let Some(slot) = self.0.get_mut(to) {
+                *slot = byte;
+            }
+        }
+        self.0.truncate(left);
+    }
+
+    /// Removes all bytes.
+    pub fn clear(&mut self) {
+        self.0.clear();
+    }
+}
