@@ -53,7 +53,7 @@ pub enum ReplanError {
 ///
 /// `robot` has the structure of the plan's robot, its measures may differ. `motion` has the same kind of
 /// ends, periodic or at rest; duration, sample count, goal and footfalls may differ. Start and seed in
-/// `options` play no part. As with [`optimise`](crate::planning) the outcome is in the plan's solve
+/// `options` play no part. As with [`optimise`](crate::optimise) the outcome is in the plan's solve
 /// summary, and a bad start shows there: a plan far away may converge worse than none.
 ///
 /// # Errors

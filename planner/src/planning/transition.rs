@@ -63,7 +63,7 @@ struct Moment<'a> {
 ///
 /// `motion` has prescribed ends; its goal, if any, is met on top of them. Its posture goes evenly from
 /// that of the one motion to that of the other, whatever its own. As with
-/// [`optimise`](crate::planning) the outcome is in the plan's solve summary.
+/// [`optimise`](crate::optimise) the outcome is in the plan's solve summary.
 ///
 /// # Errors
 /// The motions cannot be joined, whatever the optimiser does.

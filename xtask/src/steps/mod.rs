@@ -1,4 +1,4 @@
-//! Commands that are lists of steps: `cargo xtask test` ([`test`]) and `cargo xtask nightly` ([`nightly`]).
+//! Commands that are lists of steps: `cargo xtask test` ([`mod@test`]) and `cargo xtask nightly` ([`nightly`]).
 //!
 //! [`Run`] prints each step's seconds and a table at the end. A step that keeps one core busy can run in a process of
 //! its own beside the steps that follow it.
