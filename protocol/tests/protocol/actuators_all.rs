@@ -15,7 +15,6 @@ use rollwalk_protocol::actuators::{
     Answers, CanCodec, Codec, Command, Faults, Feedback, Gains, JointSetpoint, Order, Packet,
     Refusal, Told, WheelSetpoint,
 };
-use rollwalk_protocol::actuators::{cybergear, dynamixel, maestro, mit, odrive, rollwalk};
 use rollwalk_protocol::can::Frame;
 
 pub fn can_text(frame: &Frame) -> String {
@@ -60,7 +59,7 @@ macro_rules! with_all {
 
 macro_rules! with_each {
     ($check:ident, $($module:ident $Codec:ident $transport:ident $key:literal,)*) => {
-        $(for codec in $module::$Codec::EXAMPLES {
+        $(for codec in rollwalk_protocol::actuators::$module::$Codec::EXAMPLES {
             $check(codec, $key, bits_of!($transport));
         })*
     };
