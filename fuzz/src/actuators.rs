@@ -14,7 +14,8 @@ use rollwalk_protocol::actuators::odrive::{Odrive, Version};
 use rollwalk_protocol::actuators::rollwalk::Rollwalk;
 use rollwalk_protocol::actuators::serial::ReceiveBuffer;
 use rollwalk_protocol::actuators::{
-    CanCodec, Codec, Command, Feedback, Gains, JointSetpoint, Order, Packet, Refusal, WheelSetpoint,
+    ActuatorCommand, CanCodec, Codec, Command, Feedback, Gains, JointSetpoint, Packet, Refusal,
+    WheelSetpoint,
 };
 use rollwalk_protocol::can::Frame;
 
@@ -110,7 +111,7 @@ fn assert_finite(told: Option<(u8, Feedback)>) {
 /// Encodes one by one and all at once; `look` sees every frame.
 fn send<P: Codec>(
     protocol: &P,
-    orders: &[Order],
+    orders: &[ActuatorCommand],
     bits: fn(&P::Sent) -> u32,
     mut look: impl FnMut(&P::Sent),
 ) {
@@ -140,7 +141,8 @@ fn send<P: Codec>(
     assert_eq!(result.err(), refused, "together as one by one");
     assert!(refused.is_none() || count == 0);
     // The reckoning is for one setpoint each.
-    let setpoints = |order: &Order| matches!(order.command, Command::Joint(_) | Command::Wheel(_));
+    let setpoints =
+        |order: &ActuatorCommand| matches!(order.command, Command::Joint(_) | Command::Wheel(_));
     let mut ids: Vec<u8> = orders.iter().map(|order| order.id).collect();
     ids.sort_unstable();
     ids.dedup();
@@ -151,7 +153,7 @@ fn send<P: Codec>(
 }
 
 /// Encodes for example settings of some protocol: what `check` takes is sent, and nothing of what it refuses.
-fn send_example(orders: &[Order]) {
+fn send_example(orders: &[ActuatorCommand]) {
     let count = Protocol::examples().count();
     let Some(protocol) = Protocol::examples().nth(orders.len() % count) else { return };
     for order in orders {
@@ -164,7 +166,7 @@ fn send_example(orders: &[Order]) {
     }
 }
 
-fn tell(all: &All, orders: &[Order]) {
+fn tell(all: &All, orders: &[ActuatorCommand]) {
     send_example(orders);
     let hears = |frame: &Frame| {
         assert_finite(Rollwalk.decode(frame));
@@ -173,7 +175,7 @@ fn tell(all: &All, orders: &[Order]) {
     };
     send(&Rollwalk, orders, Frame::exact_bits, hears);
     send(&all.mit, orders, Frame::exact_bits, |frame| {
-        // Told as codes, or a command.
+        // UpdatePolicy as codes, or a command.
         let codes =
             Codes::of(frame).map(|codes| codes.frame(frame.standard_id().unwrap_or(0) as u8));
         assert!(codes.is_none_or(|again| again == *frame));
@@ -245,13 +247,13 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
             0 => {
                 let mut orders = Vec::new();
                 for _ in 0..u.arbitrary::<u8>()? % 32 {
-                    orders.push(Order { id: u.arbitrary()?, command: command(u)? });
+                    orders.push(ActuatorCommand { id: u.arbitrary()?, command: command(u)? });
                 }
                 tell(&all, &orders);
             }
             1 => {
                 let id = u.arbitrary::<u8>()?;
-                tell(&all, &[Order { id, command: command(u)? }]);
+                tell(&all, &[ActuatorCommand { id, command: command(u)? }]);
             }
             2 => {
                 let id = u.arbitrary::<u32>()?;

@@ -3,7 +3,7 @@
 use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
 use rollwalk_protocol::actuators::{self, Command, Faults, Gains};
 
-use super::orders::Todo;
+use super::orders::PendingRequests;
 
 /// The torque switch that was sent last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,7 +32,7 @@ pub struct Actuator {
     pub gains: Option<Gains>,
     /// The torque limit sent since it was enabled, where the drive stores one.
     pub torque_limit_nm: Option<f32>,
-    pub todo: Todo,
+    pub pending: PendingRequests,
     pub setpoint: Option<Command>,
 }
 

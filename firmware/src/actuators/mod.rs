@@ -5,9 +5,9 @@
 //! | [`orders`] | the commands for an actuator, as far as its protocol can carry them |
 //! | [`actuator`] | one actuator: its feedback and its pending requests |
 //! | [`load`] | whether buses and protocols can carry the traffic |
-//! | [`line`] | one bus: whose turn it is, and the frames of an order in a row |
+//! | [`driver`] | one bus: its transmit schedule, and the frames of a command in sequence |
 //!
-//! Towards the bus every actuator has one place for each errand and one for a setpoint, and what is
+//! Towards the bus every actuator has one place for each request and one for a setpoint, and what is
 //! newer replaces what is there. Nothing queues, and bytes are made when the bus takes them: when a bus
 //! that took no frames for a while takes them again (motor power came back), it gets what is meant
 //! now.
@@ -15,7 +15,7 @@
 use heapless::Vec;
 use rollwalk_protocol::actuator::Feedback;
 use rollwalk_protocol::actuators::bus::{Buses, ControlLoop, MAX_BUSES};
-use rollwalk_protocol::actuators::{Answers, Command, Decoded, Gains, Told};
+use rollwalk_protocol::actuators::{Answers, Command, Decoded, Gains, UpdatePolicy};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
 
@@ -24,15 +24,15 @@ use rollwalk_protocol::wire::Parameter;
 use crate::limiter::Target;
 
 mod actuator;
-mod line;
+mod driver;
 pub mod load;
 mod orders;
 mod serial;
 
 use actuator::Actuator;
-use line::Line;
+use driver::BusDriver;
 pub use orders::Hold;
-use orders::{Errand, Todo};
+use orders::{DriveRequest, PendingRequests};
 
 /// Feedback at most so many ticks old counts as fresh: asked for in one tick, it is there in the
 /// next, or in the one after when the bus is busy.
@@ -60,7 +60,7 @@ impl Health {
 #[derive(Clone, Debug)]
 pub struct Actuators {
     list: Vec<Actuator, MAX_CHANNELS>,
-    lines: [Line; MAX_BUSES],
+    drivers: [BusDriver; MAX_BUSES],
     /// The actuator whose changed gains or limits may be sent in this control period: one at a time, so
     /// that setpoints get through during tuning.
     turn: usize,
@@ -72,29 +72,29 @@ impl Actuators {
         let mut list = Vec::new();
         // A configuration has no more channels than fit.
         let _ = list.resize_default(config.channels.len().min(MAX_CHANNELS));
-        let lines = core::array::from_fn(|number| {
-            Line::new(buses.get(number).copied().unwrap_or_default(), config, number)
+        let drivers = core::array::from_fn(|number| {
+            BusDriver::new(buses.get(number).copied().unwrap_or_default(), config, number)
         });
-        Self { list, lines, turn: 0 }
+        Self { list, drivers, turn: 0 }
     }
 
-    fn line(&self, bus: u8) -> Option<&Line> {
-        self.lines.get(usize::from(bus))
+    fn driver(&self, bus: u8) -> Option<&BusDriver> {
+        self.drivers.get(usize::from(bus))
     }
 
     /// Takes a frame of an actuator bus; frames that are no feedback of ours are ignored.
     pub fn receive(&mut self, config: &RobotConfig, bus: u8, frame: &Frame) {
-        let Some(line) = self.line(bus) else { return };
-        if let Some((id, decoded)) = line.bus.protocol.decode_counted(frame) {
+        let Some(driver) = self.driver(bus) else { return };
+        if let Some((id, decoded)) = driver.bus.protocol.decode_counted(frame) {
             self.hear(config, bus, id, &decoded);
         }
     }
 
     fn hear(&mut self, config: &RobotConfig, bus: u8, id: u8, decoded: &Decoded) {
-        if let Some(line) = self.line(bus)
-            && let Some(channel) = line.channel_of(config, id)
+        if let Some(driver) = self.driver(bus)
+            && let Some(channel) = driver.channel_of(config, id)
         {
-            let tells_enabled = line.can.tells_enabled;
+            let tells_enabled = driver.can.tells_enabled;
             match (self.list.get_mut(channel), decoded) {
                 (Some(actuator), Decoded::Counted(feedback)) => actuator.hear_counted(*feedback),
                 (Some(actuator), Decoded::Partial(news)) => actuator.hear(news, tells_enabled),
@@ -106,7 +106,7 @@ impl Actuators {
     /// A control period has passed.
     pub fn age(&mut self) {
         self.list.iter_mut().for_each(Actuator::age);
-        self.lines.iter_mut().for_each(Line::age);
+        self.drivers.iter_mut().for_each(BusDriver::age);
         let next = self.turn.saturating_add(1);
         self.turn = if next < self.list.len() { next } else { 0 };
     }
@@ -153,14 +153,14 @@ impl Actuators {
 
     /// Some actuator's pose is not measured, but assumed to be the one of SAFE.
     pub fn pose_is_assumed(&self) -> bool {
-        self.lines.iter().any(Line::pose_is_assumed)
+        self.drivers.iter().any(BusDriver::pose_is_assumed)
     }
 
     /// Where those stand that do not measure it, while their torque is off.
     pub fn assume(&mut self, pose: &[f32]) {
-        for line in self.lines.iter().filter(|line| line.pose_is_assumed()) {
+        for driver in self.drivers.iter().filter(|driver| driver.pose_is_assumed()) {
             for (channel, actuator) in self.list.iter_mut().enumerate() {
-                if line.has(channel)
+                if driver.has(channel)
                     && let Some(&value) = pose.get(channel)
                 {
                     actuator.assume(value);
@@ -174,49 +174,49 @@ impl Actuators {
         self.drop_orders();
         for actuator in &mut self.list {
             actuator.known_off = false;
-            actuator.todo = Todo::of(Errand::Disable);
+            actuator.pending = PendingRequests::of(DriveRequest::Disable);
         }
     }
 
     /// Drops setpoints and torque switches that have not left: from now on something else is meant.
     pub fn drop_orders(&mut self) {
-        for line in &mut self.lines {
-            line.interrupt();
-            line.idle = false;
+        for driver in &mut self.drivers {
+            driver.interrupt();
+            driver.idle = false;
         }
         for actuator in &mut self.list {
             actuator.setpoint = None;
-            actuator.todo = actuator.todo.without_switches();
+            actuator.pending = actuator.pending.without_switches();
         }
     }
 
     /// While torque is off: tells those again that have not confirmed; when `query`, asks the others
     /// for their pose, and clears faults of drives that keep them.
     pub fn keep_disabled(&mut self, query: bool) {
-        for line in &mut self.lines {
-            line.idle = false;
-            let on_query = line.can.answers == Answers::OnQuery;
-            for actuator in members(&mut self.list, line) {
-                actuator.todo = if !actuator.known_off {
-                    Todo::of(Errand::Disable).and_if(on_query, Errand::Query)
+        for driver in &mut self.drivers {
+            driver.idle = false;
+            let on_query = driver.can.answers == Answers::OnQuery;
+            for actuator in members(&mut self.list, driver) {
+                actuator.pending = if !actuator.known_off {
+                    PendingRequests::of(DriveRequest::Disable).and_if(on_query, DriveRequest::Query)
                 } else if !query {
                     // A query that has not got through yet is still meant.
-                    actuator.todo
+                    actuator.pending
                 } else if actuator.faulty() {
                     // Also one of the Rollwalk profile: an "enable" that came late over a bad bus has it time
                     // out once it has confirmed that it is off.
                     //
                     // Some cannot be told to clear: they are asked by telling "off" again, and lose a fault when
                     // it is over.
-                    Todo::of(Errand::ClearFaults)
-                        .and_if(!line.can.tells_enabled, Errand::Disable)
-                        .and_if(on_query, Errand::Query)
+                    PendingRequests::of(DriveRequest::ClearFaults)
+                        .and_if(!driver.can.tells_enabled, DriveRequest::Disable)
+                        .and_if(on_query, DriveRequest::Query)
                 } else {
                     // What does not tell that it is off is told again. Asking an ODrive would feed
                     // its watchdog.
-                    Todo::NOTHING
-                        .and_if(!line.can.tells_enabled, Errand::Disable)
-                        .and_if(line.asks(), Errand::Query)
+                    PendingRequests::NOTHING
+                        .and_if(!driver.can.tells_enabled, DriveRequest::Disable)
+                        .and_if(driver.asks(), DriveRequest::Query)
                 };
             }
         }
@@ -224,23 +224,24 @@ impl Actuators {
 
     /// Tells those to enable that are not, and asks the others for their pose.
     pub fn keep_enabling(&mut self) {
-        for line in &mut self.lines {
-            line.idle = false;
-            let on_query = line.can.answers == Answers::OnQuery;
-            let stored_gains = line.can.gains == Told::Stored;
-            let stored_limits = line.can.limits == Told::Stored;
-            let patience = line.enable_patience_ticks();
-            for actuator in members(&mut self.list, line) {
+        for driver in &mut self.drivers {
+            driver.idle = false;
+            let on_query = driver.can.answers == Answers::OnQuery;
+            let stored_gains = driver.can.gains == UpdatePolicy::Stored;
+            let stored_limits = driver.can.limits == UpdatePolicy::Stored;
+            let patience = driver.enable_patience_ticks();
+            for actuator in members(&mut self.list, driver) {
                 (actuator.gains, actuator.torque_limit_nm) = (None, None);
                 if actuator.enabled() {
-                    actuator.todo = Todo::NOTHING.and_if(line.asks(), Errand::Query);
+                    actuator.pending =
+                        PendingRequests::NOTHING.and_if(driver.asks(), DriveRequest::Query);
                 } else if actuator.waits_for_enable(patience) {
-                    actuator.todo = actuator.todo.and_if(on_query, Errand::Query);
-                } else if !actuator.todo.has(Errand::Enable) {
-                    actuator.todo = Todo::of(Errand::Enable)
-                        .and_if(stored_gains, Errand::Gains)
-                        .and_if(stored_limits, Errand::Limits)
-                        .and_if(on_query, Errand::Query);
+                    actuator.pending = actuator.pending.and_if(on_query, DriveRequest::Query);
+                } else if !actuator.pending.has(DriveRequest::Enable) {
+                    actuator.pending = PendingRequests::of(DriveRequest::Enable)
+                        .and_if(stored_gains, DriveRequest::Gains)
+                        .and_if(stored_limits, DriveRequest::Limits)
+                        .and_if(on_query, DriveRequest::Query);
                 }
             }
         }
@@ -248,13 +249,14 @@ impl Actuators {
 
     /// Whether it makes a difference to an actuator what a parameter is set to.
     pub fn heeds(&self, config: &RobotConfig, channel: usize, parameter: Parameter) -> bool {
-        let line = config.channels.get(channel).and_then(|c| self.line(c.bus));
-        line.is_some_and(|line| match parameter {
-            _ if line.bus.control == ControlLoop::OnController => true,
-            Parameter::Kp | Parameter::Kd => line.can.gains != Told::Never,
+        let driver = config.channels.get(channel).and_then(|c| self.driver(c.bus));
+        driver.is_some_and(|driver| match parameter {
+            _ if driver.bus.control == ControlLoop::OnController => true,
+            Parameter::Kp | Parameter::Kd => driver.can.gains != UpdatePolicy::Never,
             // With gains in every setpoint they are scaled to the limit.
             Parameter::MaxTorque => {
-                line.can.limits != Told::Never || line.can.gains == Told::EachTime
+                driver.can.limits != UpdatePolicy::Never
+                    || driver.can.gains == UpdatePolicy::EverySetpoint
             }
         })
     }
@@ -262,61 +264,64 @@ impl Actuators {
     /// The largest gains that a channel's drive accepts; without a limit where the controller closes the
     /// loop.
     pub fn max_gains(&self, config: &RobotConfig, channel: usize) -> Option<Gains> {
-        let line = self.line(config.channels.get(channel)?.bus)?;
-        (line.bus.control == ControlLoop::InDrive).then_some(line.can.max_gains)
+        let driver = self.driver(config.channels.get(channel)?.bus)?;
+        (driver.bus.control == ControlLoop::InDrive).then_some(driver.can.max_gains)
     }
 
     /// Puts a target, already limited, into the mailbox of an actuator. `limits` is its channel with
     /// the gains and limits of this moment, which need not be those of the configuration.
     pub fn command(&mut self, limits: &Channel, channel: usize, target: Target, hold: Hold) {
-        let Some(line) = self.lines.get_mut(usize::from(limits.bus)) else { return };
+        let Some(driver) = self.drivers.get_mut(usize::from(limits.bus)) else { return };
         let Some(actuator) = self.list.get_mut(channel) else { return };
         let Some(feedback) = actuator.feedback() else { return };
-        line.idle = false;
-        let on_query = line.can.answers == Answers::OnQuery;
-        let setpoint = match line.bus.control {
-            ControlLoop::InDrive => orders::setpoint(limits, &line.can, target, hold, &feedback),
+        driver.idle = false;
+        let on_query = driver.can.answers == Answers::OnQuery;
+        let setpoint = match driver.bus.control {
+            ControlLoop::InDrive => orders::setpoint(limits, &driver.can, target, hold, &feedback),
             ControlLoop::OnController if actuator.silent_ticks <= FRESH_TICKS => {
                 Some(orders::torque(limits, target, hold, &feedback))
             }
             // It has moved since, nobody knows where. It is told all the same: it may answer.
             ControlLoop::OnController => Some(Command::Torque { torque_nm: 0.0 }),
         };
-        line.give_up(channel);
+        driver.give_up(channel);
         // What cannot be damped is let go, and told so until it confirms.
-        let off = setpoint.is_none() && !(actuator.known_off && line.can.tells_enabled);
-        let mut todo = actuator.todo.without_switches();
-        todo = todo.and_if(off, Errand::Disable).and_if(on_query, Errand::Query);
-        let in_drive = line.bus.control == ControlLoop::InDrive;
-        if line.can.gains == Told::Stored && in_drive {
+        let off = setpoint.is_none() && !(actuator.known_off && driver.can.tells_enabled);
+        let mut pending = actuator.pending.without_switches();
+        pending = pending.and_if(off, DriveRequest::Disable).and_if(on_query, DriveRequest::Query);
+        let in_drive = driver.bus.control == ControlLoop::InDrive;
+        if driver.can.gains == UpdatePolicy::Stored && in_drive {
             let gains = Some(orders::gains(limits, hold));
             let urgent = hold == Hold::Damped || actuator.gains.is_none();
             // That of the damped stop may be lost on a bus in trouble: told again and again.
             let again = hold == Hold::Damped && self.turn == channel;
             if again || actuator.gains != gains && (urgent || self.turn == channel) {
-                todo = todo.and(Errand::Gains);
+                pending = pending.and(DriveRequest::Gains);
                 actuator.gains = gains;
             }
         }
         // Where the controller makes the torque it is within the limit, and the limit of a Dynamixel
         // would be a torque.
-        if line.can.limits == Told::Stored && in_drive {
+        if driver.can.limits == UpdatePolicy::Stored && in_drive {
             let torque_nm = Some(limits.max_torque_nm);
             let urgent = actuator.torque_limit_nm.is_none();
             if actuator.torque_limit_nm != torque_nm && (urgent || self.turn == channel) {
-                todo = todo.and(Errand::Limits);
+                pending = pending.and(DriveRequest::Limits);
                 actuator.torque_limit_nm = torque_nm;
             }
         }
-        actuator.todo = todo;
+        actuator.pending = pending;
         actuator.setpoint = setpoint;
-        if line.pose_is_assumed() && setpoint.is_some() {
+        if driver.pose_is_assumed() && setpoint.is_some() {
             actuator.assume(target.value);
         }
     }
 }
 
 /// The actuators of a bus.
-fn members<'a>(list: &'a mut [Actuator], line: &'a Line) -> impl Iterator<Item = &'a mut Actuator> {
-    list.iter_mut().enumerate().filter(|(i, _)| line.has(*i)).map(|(_, actuator)| actuator)
+fn members<'a>(
+    list: &'a mut [Actuator],
+    driver: &'a BusDriver,
+) -> impl Iterator<Item = &'a mut Actuator> {
+    list.iter_mut().enumerate().filter(|(i, _)| driver.has(*i)).map(|(_, actuator)| actuator)
 }

@@ -4,7 +4,7 @@
 use rollwalk_protocol::actuator::Feedback;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop};
 use rollwalk_protocol::actuators::{
-    Capabilities, Command, Gains, JointSetpoint, Told, WheelSetpoint,
+    Capabilities, Command, Gains, JointSetpoint, UpdatePolicy, WheelSetpoint,
 };
 use rollwalk_protocol::config::{Channel, ChannelKind};
 
@@ -20,9 +20,9 @@ pub enum Hold {
     Damped,
 }
 
-/// A request besides setpoints, as a bit of [`Todo`]. The urgent first.
+/// A request besides setpoints, as a bit of [`PendingRequests`]. The urgent first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Errand {
+pub enum DriveRequest {
     Disable = 1 << 0,
     ClearFaults = 1 << 1,
     Limits = 1 << 2,
@@ -33,78 +33,80 @@ pub enum Errand {
 
 /// Pending requests to an actuator, each at most once: a place for each, and no queue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Todo(u8);
+pub struct PendingRequests(u8);
 
-impl Todo {
+impl PendingRequests {
     pub const NOTHING: Self = Self(0);
 
-    pub fn of(errand: Errand) -> Self {
-        Self(errand as u8)
+    pub fn of(request: DriveRequest) -> Self {
+        Self(request as u8)
     }
 
-    pub fn and(self, errand: Errand) -> Self {
-        Self(self.0 | errand as u8)
+    pub fn and(self, request: DriveRequest) -> Self {
+        Self(self.0 | request as u8)
     }
 
-    pub fn and_if(self, condition: bool, errand: Errand) -> Self {
-        if condition { self.and(errand) } else { self }
+    pub fn and_if(self, condition: bool, request: DriveRequest) -> Self {
+        if condition { self.and(request) } else { self }
     }
 
-    pub fn without(self, errand: Errand) -> Self {
-        Self(self.0 & !(errand as u8))
+    pub fn without(self, request: DriveRequest) -> Self {
+        Self(self.0 & !(request as u8))
     }
 
-    pub fn has(self, errand: Errand) -> bool {
-        self.0 & errand as u8 != 0
+    pub fn has(self, request: DriveRequest) -> bool {
+        self.0 & request as u8 != 0
     }
 
     /// Drops what torque and pose have to do with, for a setpoint says all of that.
     pub fn without_switches(self) -> Self {
-        self.without(Errand::Disable).without(Errand::Enable).without(Errand::Query)
+        self.without(DriveRequest::Disable)
+            .without(DriveRequest::Enable)
+            .without(DriveRequest::Query)
     }
 
     /// The most urgent.
-    pub fn first(self) -> Option<Errand> {
+    pub fn first(self) -> Option<DriveRequest> {
         Some(match self.0.trailing_zeros() {
-            0 => Errand::Disable,
-            1 => Errand::ClearFaults,
-            2 => Errand::Limits,
-            3 => Errand::Gains,
-            4 => Errand::Enable,
-            5 => Errand::Query,
+            0 => DriveRequest::Disable,
+            1 => DriveRequest::ClearFaults,
+            2 => DriveRequest::Limits,
+            3 => DriveRequest::Gains,
+            4 => DriveRequest::Enable,
+            5 => DriveRequest::Query,
             _ => return None,
         })
     }
 }
 
-/// The command of an errand. `kept` are the gains that the actuator shall keep; without, those of
+/// The command of a request. `kept` are the gains that the actuator shall keep; without, those of
 /// its channel.
 pub fn command(
-    errand: Errand,
+    request: DriveRequest,
     limits: &Channel,
     bus: &Bus,
     can: &Capabilities,
     kept: Option<Gains>,
     feedback: &Feedback,
 ) -> Command {
-    match errand {
-        Errand::Disable => Command::Disable,
-        Errand::ClearFaults => Command::ClearFaults,
-        Errand::Limits => {
+    match request {
+        DriveRequest::Disable => Command::Disable,
+        DriveRequest::ClearFaults => Command::ClearFaults,
+        DriveRequest::Limits => {
             Command::Limits { speed_rad_s: fastest(limits), torque_nm: limits.max_torque_nm }
         }
-        Errand::Gains => Command::Gains(kept.unwrap_or_else(|| gains(limits, Hold::Driven))),
-        Errand::Enable if bus.control == ControlLoop::OnController => Command::EnableTorque,
-        Errand::Enable => match limits.kind {
+        DriveRequest::Gains => Command::Gains(kept.unwrap_or_else(|| gains(limits, Hold::Driven))),
+        DriveRequest::Enable if bus.control == ControlLoop::OnController => Command::EnableTorque,
+        DriveRequest::Enable => match limits.kind {
             ChannelKind::JointPosition => {
                 Command::EnableJoint { measured_rad: feedback.position_rad }
             }
             ChannelKind::WheelSpeed => Command::EnableWheel,
         },
-        Errand::Query if can.query => Command::Query,
+        DriveRequest::Query if can.query => Command::Query,
         // It answers whatever it is told: what changes nothing.
-        Errand::Query if feedback.status.enabled() => limp(limits, feedback),
-        Errand::Query => Command::Disable,
+        DriveRequest::Query if feedback.status.enabled() => limp(limits, feedback),
+        DriveRequest::Query => Command::Disable,
     }
 }
 
@@ -169,7 +171,7 @@ pub fn setpoint(
     Some(match limits.kind {
         ChannelKind::JointPosition => {
             let gains = match can.gains {
-                Told::EachTime => {
+                UpdatePolicy::EverySetpoint => {
                     let (kp_nm_rad, kd_nm_s_rad) = gains_within_torque(
                         (kp, kd),
                         target.value - feedback.position_rad,
@@ -178,9 +180,9 @@ pub fn setpoint(
                     );
                     Some(Gains { kp_nm_rad, kd_nm_s_rad })
                 }
-                Told::Stored => None,
-                Told::Never if hold == Hold::Damped => return None,
-                Told::Never => None,
+                UpdatePolicy::Stored => None,
+                UpdatePolicy::Never if hold == Hold::Damped => return None,
+                UpdatePolicy::Never => None,
             };
             Command::Joint(JointSetpoint {
                 position_rad: target.value,
@@ -191,9 +193,9 @@ pub fn setpoint(
         }
         ChannelKind::WheelSpeed => {
             let (kd, torque_limit_nm) = match can.limits {
-                Told::EachTime => (kd, Some(limits.max_torque_nm)),
+                UpdatePolicy::EverySetpoint => (kd, Some(limits.max_torque_nm)),
                 // Without a limit of its own, or with one that may be wrong.
-                Told::Stored | Told::Never => {
+                UpdatePolicy::Stored | UpdatePolicy::Never => {
                     let error = speed_error(target.value);
                     (gains_within_torque((0.0, kd), 0.0, error, limits.max_torque_nm).1, None)
                 }
@@ -201,7 +203,7 @@ pub fn setpoint(
             Command::Wheel(WheelSetpoint {
                 speed_rad_s: target.value,
                 torque_nm: 0.0,
-                kd_nm_s_rad: (can.gains == Told::EachTime).then_some(kd),
+                kd_nm_s_rad: (can.gains == UpdatePolicy::EverySetpoint).then_some(kd),
                 torque_limit_nm,
             })
         }

@@ -7,7 +7,7 @@ use crate::robot::{self, CODE_DRIVE, CODE_WALK, STAND};
 use rollwalk_drives::{Kind, Sent};
 use rollwalk_firmware::bus::{Bus, Buses, Pose, Protocol};
 use rollwalk_firmware::{Controller, Settings};
-use rollwalk_protocol::actuators::Told;
+use rollwalk_protocol::actuators::UpdatePolicy;
 use rollwalk_protocol::actuators::cybergear::{CyberGear, TABLE_MAX_RAD};
 use rollwalk_protocol::actuators::dynamixel::{Dynamixel, table};
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
@@ -305,7 +305,7 @@ fn a_silent_drive_damps_the_others_as_far_as_they_can() {
         assert_eq!(rig.brain.state(), State::Damped);
         assert!(rig.brain.faults().contains(Fault::ActuatorSilent));
         let (joint, wheel) = (&rig.drives.list[0].motor, &rig.drives.list[2].motor);
-        if protocol.capabilities().gains == Told::Never {
+        if protocol.capabilities().gains == UpdatePolicy::Never {
             assert!(!joint.enabled);
             assert!(joint.log.iter().all(|s| s.is_harmless()));
         } else {

@@ -5,7 +5,9 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 pub use super::list::Protocol;
-use super::{Answers, Command, Gains, JointSetpoint, Order, Refusal, Told, WheelSetpoint};
+use super::{
+    ActuatorCommand, Answers, Command, Gains, JointSetpoint, Refusal, UpdatePolicy, WheelSetpoint,
+};
 use crate::config::{Channel, ChannelKind};
 
 /// Most actuator buses of a controller.
@@ -46,7 +48,7 @@ impl Bus {
     /// The value that the protocol cannot carry.
     pub fn can_drive(&self, limits: &Channel) -> Result<(), Refusal> {
         let can = self.protocol.capabilities();
-        let tell = |command| self.protocol.check(&Order { id: limits.id, command });
+        let tell = |command| self.protocol.check(&ActuatorCommand { id: limits.id, command });
         let wheel = limits.kind == ChannelKind::WheelSpeed;
         let fastest = if wheel { limits.max.max(-limits.min) } else { limits.max_rate };
         let Channel { kp_nm_rad, kd_nm_s_rad, max_torque_nm: torque_nm, .. } = *limits;
@@ -54,7 +56,7 @@ impl Bus {
         if can.query {
             tell(Command::Query)?;
         }
-        if can.limits == Told::Stored {
+        if can.limits == UpdatePolicy::Stored {
             tell(Command::Limits { speed_rad_s: fastest, torque_nm })?;
         }
         // Stiff, let down, and limp: with that, who cannot be asked is asked.
@@ -62,7 +64,7 @@ impl Bus {
         let gains = [(kp_nm_rad, kd_nm_s_rad), (0.0, kd_nm_s_rad), (0.0, 0.0)];
         let gains = gains.into_iter().take(if limp { 3 } else { 2 });
         let gains = gains.map(|(kp_nm_rad, kd_nm_s_rad)| Gains { kp_nm_rad, kd_nm_s_rad });
-        if can.gains == Told::Stored {
+        if can.gains == UpdatePolicy::Stored {
             gains.clone().try_for_each(|gains| tell(Command::Gains(gains)))?;
         }
         if self.control == ControlLoop::OnController {
@@ -71,7 +73,7 @@ impl Bus {
             return tell(Command::Torque { torque_nm: -torque_nm });
         }
         // Who is told no limit gives what its own scale has: the channel's is within that.
-        let most_nm = if can.torque && can.limits == Told::Never { torque_nm } else { 0.0 };
+        let most_nm = if can.torque && can.limits == UpdatePolicy::Never { torque_nm } else { 0.0 };
         for (value, slope, torque_nm) in
             [(limits.min, -limits.max_rate, -most_nm), (limits.max, limits.max_rate, most_nm)]
         {
@@ -81,8 +83,9 @@ impl Bus {
                 Command::EnableJoint { measured_rad: value }
             })?;
             for gains in gains.clone() {
-                let told = (can.gains == Told::EachTime).then_some(gains);
-                let limit = (can.limits == Told::EachTime).then_some(limits.max_torque_nm);
+                let told = (can.gains == UpdatePolicy::EverySetpoint).then_some(gains);
+                let limit =
+                    (can.limits == UpdatePolicy::EverySetpoint).then_some(limits.max_torque_nm);
                 tell(if wheel {
                     Command::Wheel(WheelSetpoint {
                         speed_rad_s: value,

@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use super::fixed::{Signed, Unsigned};
 use super::settings::{Keys, Report};
 use super::{
-    Answers, CanCodec, Capabilities, Codec, Command, Faults, Feedback, Gains, JointSetpoint, Order,
-    Refusal, Told, Traffic, Watchdog, without,
+    ActuatorCommand, Answers, CanCodec, Capabilities, Codec, Command, Faults, Feedback, Gains,
+    JointSetpoint, Refusal, Traffic, UpdatePolicy, Watchdog, without,
 };
 use crate::can::{Frame, worst_case_bits_extended};
 
@@ -169,9 +169,9 @@ impl Codec for CyberGear {
         Capabilities {
             joints: true,
             wheels: true,
-            gains: Told::EachTime,
+            gains: UpdatePolicy::EverySetpoint,
             max_gains: Gains { kp_nm_rad: KP.max, kd_nm_s_rad: KD.max },
-            limits: Told::Stored,
+            limits: UpdatePolicy::Stored,
             joint_speed: true,
             torque: true,
             torque_alone: true,
@@ -189,7 +189,7 @@ impl Codec for CyberGear {
     }
 
     /// Enabling selects the operation control mode, and sends a limp setpoint before and after.
-    fn emit(&self, order: &Order, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
+    fn emit(&self, order: &ActuatorCommand, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
         let motor = order.id;
         super::address(motor, 0x7F)?;
         let limp = match order.command {

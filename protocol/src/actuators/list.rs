@@ -10,7 +10,8 @@ use super::rollwalk::Rollwalk;
 use super::serial::{Answer, ReceiveBuffer};
 use super::settings::{Keys, Report};
 use super::{
-    CanCodec, Capabilities, Codec, Decoded, Feedback, Order, Packet, Refusal, SerialCodec, Traffic,
+    ActuatorCommand, CanCodec, Capabilities, Codec, Decoded, Feedback, Packet, Refusal,
+    SerialCodec, Traffic,
 };
 use crate::can::Frame;
 
@@ -163,7 +164,7 @@ impl Protocol {
     ///
     /// # Errors
     /// Why.
-    pub fn check(&self, order: &Order) -> Result<(), Refusal> {
+    pub fn check(&self, order: &ActuatorCommand) -> Result<(), Refusal> {
         with_codec!(self, codec => codec.check(order))
     }
 
@@ -186,7 +187,11 @@ impl Protocol {
     ///
     /// # Errors
     /// As [`Codec::emit`].
-    pub fn emit(&self, order: &Order, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
+    pub fn emit(
+        &self,
+        order: &ActuatorCommand,
+        send: &mut dyn FnMut(Frame),
+    ) -> Result<(), Refusal> {
         with_can_codec!(self, codec => codec.emit(order, send), Ok(()))
     }
 
@@ -206,7 +211,7 @@ impl Protocol {
     /// As [`Codec::encode`].
     pub fn encode(
         &self,
-        orders: &[Order],
+        orders: &[ActuatorCommand],
         send: &mut dyn FnMut(Packet),
     ) -> Result<(), (usize, Refusal)> {
         with_serial_codec!(self, codec => codec.encode(orders, send), Ok(()))

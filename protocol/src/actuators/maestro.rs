@@ -16,8 +16,8 @@ use super::serial::{Answer, ReceiveBuffer};
 use super::settings::{Keys, Report, check_integer, or};
 use super::traffic::serial_bits;
 use super::{
-    Answers, Capabilities, Codec, Command, Faults, Feedback, Order, Packet, Refusal, SerialCodec,
-    Told, Traffic, Watchdog, without, without_torque,
+    ActuatorCommand, Answers, Capabilities, Codec, Command, Faults, Feedback, Packet, Refusal,
+    SerialCodec, Traffic, UpdatePolicy, Watchdog, without, without_torque,
 };
 
 /// A servo's pulses.
@@ -176,9 +176,9 @@ impl Codec for Maestro {
         Capabilities {
             joints: true,
             wheels: false,
-            gains: Told::Never,
+            gains: UpdatePolicy::Never,
             max_gains: super::Gains { kp_nm_rad: f32::MAX, kd_nm_s_rad: f32::MAX },
-            limits: Told::Never,
+            limits: UpdatePolicy::Never,
             joint_speed: false,
             torque: false,
             torque_alone: false,
@@ -194,7 +194,7 @@ impl Codec for Maestro {
         }
     }
 
-    fn emit(&self, order: &Order, send: &mut dyn FnMut(Packet)) -> Result<(), Refusal> {
+    fn emit(&self, order: &ActuatorCommand, send: &mut dyn FnMut(Packet)) -> Result<(), Refusal> {
         let channel = order.id;
         super::address(channel, MAX_CHANNEL)?;
         let packet = match order.command {
@@ -224,7 +224,7 @@ impl Codec for Maestro {
     /// Setpoints of channels that follow each other, in this order, share a command.
     fn encode(
         &self,
-        orders: &[Order],
+        orders: &[ActuatorCommand],
         send: &mut dyn FnMut(Packet),
     ) -> Result<(), (usize, Refusal)> {
         for (i, order) in orders.iter().enumerate() {

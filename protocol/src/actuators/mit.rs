@@ -18,8 +18,8 @@ use super::fixed::{Signed, Unsigned};
 use super::named::{self, Named};
 use super::settings::{Keys, Report, check_integer, or};
 use super::{
-    Answers, CanCodec, Capabilities, Codec, Command, Faults, Feedback, Gains, JointSetpoint, Order,
-    Refusal, Told, Traffic, Watchdog, WheelSetpoint, without,
+    ActuatorCommand, Answers, CanCodec, Capabilities, Codec, Command, Faults, Feedback, Gains,
+    JointSetpoint, Refusal, Traffic, UpdatePolicy, Watchdog, WheelSetpoint, without,
 };
 use crate::can::{Frame, worst_case_bits};
 
@@ -239,9 +239,9 @@ impl Codec for Mit {
         Capabilities {
             joints: true,
             wheels: true,
-            gains: Told::EachTime,
+            gains: UpdatePolicy::EverySetpoint,
             max_gains: Gains { kp_nm_rad: KP.max, kd_nm_s_rad: KD.max },
-            limits: Told::Never,
+            limits: UpdatePolicy::Never,
             joint_speed: true,
             torque: true,
             torque_alone: true,
@@ -260,7 +260,7 @@ impl Codec for Mit {
 
     /// Enabling sends a limp setpoint before and after: a drive remembers the last setpoint, and
     /// would follow it.
-    fn emit(&self, order: &Order, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
+    fn emit(&self, order: &ActuatorCommand, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
         let id = order.id;
         super::address(id, 0x7F)?;
         let enable = |position_rad: f32| Ok(self.limp(position_rad)?.frame(id));

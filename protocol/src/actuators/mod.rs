@@ -49,7 +49,7 @@ pub type Packet = Vec<u8, MAX_PACKET>;
 
 /// A command for one actuator.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Order {
+pub struct ActuatorCommand {
     /// Its address on the bus.
     pub id: u8,
     /// What it shall do.
@@ -74,9 +74,9 @@ pub enum Command {
     Query,
     /// Forget faults. Never turns torque on.
     ClearFaults,
-    /// Gains, where they are kept by the actuator ([`Told::Stored`]).
+    /// Gains, where they are kept by the actuator ([`UpdatePolicy::Stored`]).
     Gains(Gains),
-    /// Limits, where they are kept by the actuator ([`Told::Stored`]).
+    /// Limits, where they are kept by the actuator ([`UpdatePolicy::Stored`]).
     Limits {
         /// Largest speed, rad/s.
         speed_rad_s: f32,
@@ -112,7 +112,7 @@ pub struct JointSetpoint {
     pub speed_rad_s: f32,
     /// τ, N·m. Not 0 only where [`Capabilities::torque`] says so.
     pub torque_nm: f32,
-    /// kp and kd; there exactly where gains are [`Told::EachTime`].
+    /// kp and kd; there exactly where gains are [`UpdatePolicy::EverySetpoint`].
     pub gains: Option<Gains>,
 }
 
@@ -123,9 +123,9 @@ pub struct WheelSetpoint {
     pub speed_rad_s: f32,
     /// τ, N·m. Not 0 only where [`Capabilities::torque`] says so.
     pub torque_nm: f32,
-    /// kd, N·m·s/rad; there exactly where gains are [`Told::EachTime`].
+    /// kd, N·m·s/rad; there exactly where gains are [`UpdatePolicy::EverySetpoint`].
     pub kd_nm_s_rad: Option<f32>,
-    /// Torque limit, N·m; there exactly where limits are [`Told::EachTime`].
+    /// Torque limit, N·m; there exactly where limits are [`UpdatePolicy::EverySetpoint`].
     pub torque_limit_nm: Option<f32>,
 }
 
@@ -219,11 +219,11 @@ impl Faults {
     }
 }
 
-/// How a quantity gets to an actuator.
+/// When a quantity is sent to an actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Told {
+pub enum UpdatePolicy {
     /// In every setpoint.
-    EachTime,
+    EverySetpoint,
     /// In a command of its own, once.
     Stored,
     /// Not in the units of this crate, or not at all.
@@ -263,12 +263,12 @@ pub struct Capabilities {
     pub joints: bool,
     /// Wheels can be commanded.
     pub wheels: bool,
-    /// How gains get there.
-    pub gains: Told,
+    /// When gains are sent.
+    pub gains: UpdatePolicy,
     /// The largest gains that the protocol can carry.
     pub max_gains: Gains,
-    /// How speed and torque limits get there; in setpoints only the torque limit of wheels.
-    pub limits: Told,
+    /// When speed and torque limits are sent; setpoints carry only the torque limit of wheels.
+    pub limits: UpdatePolicy,
     /// The speed of a joint's setpoint has an effect.
     pub joint_speed: bool,
     /// Feed-forward torque is possible.
@@ -325,13 +325,17 @@ pub trait Codec: Copy + 'static {
     ///
     /// # Errors
     /// The protocol has no frames for it; `send` was handed none.
-    fn emit(&self, order: &Order, send: &mut dyn FnMut(Self::Sent)) -> Result<(), Refusal>;
+    fn emit(
+        &self,
+        order: &ActuatorCommand,
+        send: &mut dyn FnMut(Self::Sent),
+    ) -> Result<(), Refusal>;
 
     /// Refuses an order that [`Self::emit`] would refuse.
     ///
     /// # Errors
     /// As [`Self::emit`].
-    fn check(&self, order: &Order) -> Result<(), Refusal> {
+    fn check(&self, order: &ActuatorCommand) -> Result<(), Refusal> {
         self.emit(order, &mut |_| {})
     }
 
@@ -341,7 +345,7 @@ pub trait Codec: Copy + 'static {
     /// The first order that is refused, by its place; `send` was handed nothing.
     fn encode(
         &self,
-        orders: &[Order],
+        orders: &[ActuatorCommand],
         send: &mut dyn FnMut(Self::Sent),
     ) -> Result<(), (usize, Refusal)> {
         for (i, order) in orders.iter().enumerate() {

@@ -16,8 +16,8 @@ use serde::{Deserialize, Serialize};
 use super::fixed::nearest;
 use super::settings::{Keys, Report, check_integer};
 use super::{
-    Answers, CanCodec, Capabilities, Codec, Command, Faults, Feedback, Gains, Order, Refusal, Told,
-    Traffic, Watchdog, without,
+    ActuatorCommand, Answers, CanCodec, Capabilities, Codec, Command, Faults, Feedback, Gains,
+    Refusal, Traffic, UpdatePolicy, Watchdog, without,
 };
 use crate::can::{Frame, worst_case_bits};
 
@@ -249,9 +249,9 @@ impl Codec for Odrive {
         Capabilities {
             joints: true,
             wheels: true,
-            gains: Told::Stored,
+            gains: UpdatePolicy::Stored,
             max_gains: Gains { kp_nm_rad: f32::MAX, kd_nm_s_rad: f32::MAX },
-            limits: Told::Stored,
+            limits: UpdatePolicy::Stored,
             joint_speed: true,
             torque: true,
             torque_alone: true,
@@ -267,7 +267,7 @@ impl Codec for Odrive {
         }
     }
 
-    fn emit(&self, order: &Order, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
+    fn emit(&self, order: &ActuatorCommand, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
         let node = order.id;
         super::address(node, MAX_NODE)?;
         let mode = |mode| integers(node, SET_CONTROLLER_MODE, mode, PASSTHROUGH);

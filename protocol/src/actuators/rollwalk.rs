@@ -2,8 +2,8 @@
 
 use super::settings::Keys;
 use super::{
-    Answers, CanCodec, Capabilities, Codec, Command, Decoded, Faults, Feedback, Order, Refusal,
-    Told, Traffic, Watchdog, without_torque,
+    ActuatorCommand, Answers, CanCodec, Capabilities, Codec, Command, Decoded, Faults, Feedback,
+    Refusal, Traffic, UpdatePolicy, Watchdog, without_torque,
 };
 use crate::actuator::{self, ActuatorStatus, Control};
 use crate::can::{Frame, worst_case_bits};
@@ -70,12 +70,12 @@ impl Codec for Rollwalk {
         Capabilities {
             joints: true,
             wheels: true,
-            gains: Told::EachTime,
+            gains: UpdatePolicy::EverySetpoint,
             max_gains: super::Gains {
                 kp_nm_rad: actuator::MAX_KP_NM_RAD,
                 kd_nm_s_rad: actuator::MAX_KD_NM_S_RAD,
             },
-            limits: Told::EachTime,
+            limits: UpdatePolicy::EverySetpoint,
             joint_speed: true,
             torque: false,
             torque_alone: false,
@@ -91,7 +91,7 @@ impl Codec for Rollwalk {
         }
     }
 
-    fn emit(&self, order: &Order, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
+    fn emit(&self, order: &ActuatorCommand, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
         super::address(order.id, actuator::MAX_ID)?;
         send(frame(order.id, &order.command)?);
         Ok(())

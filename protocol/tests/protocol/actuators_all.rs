@@ -12,8 +12,8 @@ use rollwalk_protocol::actuators::odrive::{Odrive, Version};
 use rollwalk_protocol::actuators::rollwalk::Rollwalk;
 use rollwalk_protocol::actuators::traffic::MAX_LOAD;
 use rollwalk_protocol::actuators::{
-    Answers, CanCodec, Codec, Command, Faults, Feedback, Gains, JointSetpoint, Order, Packet,
-    Refusal, Told, WheelSetpoint,
+    ActuatorCommand, Answers, CanCodec, Codec, Command, Faults, Feedback, Gains, JointSetpoint,
+    Packet, Refusal, UpdatePolicy, WheelSetpoint,
 };
 use rollwalk_protocol::can::Frame;
 
@@ -24,7 +24,7 @@ pub fn can_text(frame: &Frame) -> String {
 /// What one command sends; nothing when it is refused.
 pub fn sent<P: Codec>(protocol: &P, id: u8, command: Command) -> Result<Vec<P::Sent>, Refusal> {
     let mut frames = Vec::new();
-    let result = protocol.emit(&Order { id, command }, &mut |frame| frames.push(frame));
+    let result = protocol.emit(&ActuatorCommand { id, command }, &mut |frame| frames.push(frame));
     assert!(result.is_ok() || frames.is_empty(), "refused, and sent all the same: {command:?}");
     result.map(|()| frames)
 }
@@ -76,14 +76,14 @@ macro_rules! bits_of {
 
 /// A setpoint that the protocol takes, as its capabilities say.
 fn usable<P: Codec>(protocol: &P, rad: f32) -> JointSetpoint {
-    let each_time = protocol.capabilities().gains == Told::EachTime;
+    let each_time = protocol.capabilities().gains == UpdatePolicy::EverySetpoint;
     joint(rad, 0.1, 0.0, each_time.then_some((20.0, 0.5)))
 }
 
 fn usable_wheel<P: Codec>(protocol: &P) -> WheelSetpoint {
     let can = protocol.capabilities();
-    let kd = (can.gains == Told::EachTime).then_some(0.5);
-    wheel(1.0, kd, (can.limits == Told::EachTime).then_some(2.0))
+    let kd = (can.gains == UpdatePolicy::EverySetpoint).then_some(0.5);
+    wheel(1.0, kd, (can.limits == UpdatePolicy::EverySetpoint).then_some(2.0))
 }
 
 /// Capabilities are what the commands do.
@@ -98,10 +98,10 @@ fn capabilities_are_true() {
         assert_eq!(does(Command::Wheel(usable_wheel(protocol))), can.wheels, "{name}");
         assert_eq!(does(Command::EnableWheel), can.wheels, "{name}");
         let gains = Gains { kp_nm_rad: 20.0, kd_nm_s_rad: 0.5 };
-        assert_eq!(does(Command::Gains(gains)), can.gains == Told::Stored, "{name}");
+        assert_eq!(does(Command::Gains(gains)), can.gains == UpdatePolicy::Stored, "{name}");
         let limits = Command::Limits { speed_rad_s: 2.0, torque_nm: 2.0 };
         // The Rollwalk profile has the limit in the wheel's setpoint.
-        assert_eq!(does(limits), can.limits == Told::Stored, "{name}");
+        assert_eq!(does(limits), can.limits == UpdatePolicy::Stored, "{name}");
         let other = match good.gains {
             Some(_) => JointSetpoint { gains: None, ..good },
             None => JointSetpoint { gains: Some(gains), ..good },
@@ -169,7 +169,7 @@ fn no_nan_and_no_infinity_is_sent() {
             if name != "rollwalk" {
                 commands.push(Command::EnableJoint { measured_rad: bad });
             }
-            if can.gains == Told::EachTime {
+            if can.gains == UpdatePolicy::EverySetpoint {
                 for gains in [(bad, 1.0), (1.0, bad)] {
                     commands.push(Command::Joint(joint(0.0, 0.0, 0.0, Some(gains))));
                 }
@@ -189,7 +189,7 @@ fn no_nan_and_no_infinity_is_sent() {
 #[test]
 fn one_bad_order_stops_all() {
     fn check<P: Codec>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
-        let go = |id, rad| Order { id, command: Command::Joint(usable(protocol, rad)) };
+        let go = |id, rad| ActuatorCommand { id, command: Command::Joint(usable(protocol, rad)) };
         let mut count = 0;
         let orders = [go(1, 0.1), go(2, 0.2), go(3, f32::NAN)];
         let refused = protocol.encode(&orders, &mut |_| count += 1);
@@ -211,8 +211,11 @@ fn traffic_is_the_worst_case() {
                     let mixed = (seed * 24 + u32::from(id)).wrapping_mul(2_654_435_761) >> 8;
                     (mixed as f32 / (1 << 24) as f32 - 0.5) * 2.0
                 };
-                let go = |id| Order { id, command: Command::Joint(usable(protocol, angle(id))) };
-                let orders: Vec<Order> = (1..=n).map(go).collect();
+                let go = |id| ActuatorCommand {
+                    id,
+                    command: Command::Joint(usable(protocol, angle(id))),
+                };
+                let orders: Vec<ActuatorCommand> = (1..=n).map(go).collect();
                 let mut sum = 0;
                 protocol.encode(&orders, &mut |frame| sum += bits(&frame)).unwrap();
                 let worst = protocol.traffic(u32::from(n)).bits_per_period;
@@ -329,7 +332,7 @@ proptest! {
     fn any_command_does(command in any_command(), id: u8) {
         for protocol in Protocol::examples() {
             let mut count = 0;
-            let order = Order { id, command };
+            let order = ActuatorCommand { id, command };
             let emitted = protocol.emit(&order, &mut |_| count += 1);
             let encoded = protocol.encode(&[order], &mut |_| count += 1).map_err(|(_, why)| why);
             let taken = emitted.and(encoded);

@@ -11,7 +11,7 @@ use rollwalk_protocol::actuators::dynamixel::{
     Dynamixel, SyncWrite, goal_pwm, position_gains, sync_read,
 };
 use rollwalk_protocol::actuators::serial::ReceiveBuffer;
-use rollwalk_protocol::actuators::{Codec, Command, Faults, MAX_PACKET, Order, Refusal};
+use rollwalk_protocol::actuators::{ActuatorCommand, Codec, Command, Faults, MAX_PACKET, Refusal};
 use std::f32::consts::{FRAC_PI_2, PI};
 
 const SERVOS: Dynamixel = Dynamixel { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 500 };
@@ -149,7 +149,7 @@ fn units() {
     assert_eq!(position_gains(16_384, 0, 0), None);
 }
 
-fn written(orders: &[Order]) -> Vec<(u16, Vec<u8>)> {
+fn written(orders: &[ActuatorCommand]) -> Vec<(u16, Vec<u8>)> {
     let mut writes = Vec::new();
     SERVOS
         .encode(orders, &mut |packet| {
@@ -166,8 +166,9 @@ fn written(orders: &[Order]) -> Vec<(u16, Vec<u8>)> {
 /// goals are written: while it reads −1 they cannot be.
 #[test]
 fn enabling_writes_in_order() {
-    let enable = |id, measured_rad| Order { id, command: Command::EnableJoint { measured_rad } };
-    let orders = [enable(1, 0.0), Order { id: 2, command: Command::EnableWheel }];
+    let enable =
+        |id, measured_rad| ActuatorCommand { id, command: Command::EnableJoint { measured_rad } };
+    let orders = [enable(1, 0.0), ActuatorCommand { id: 2, command: Command::EnableWheel }];
     assert_eq!(
         written(&orders),
         [
@@ -178,7 +179,7 @@ fn enabling_writes_in_order() {
             (98, vec![1, 5, 2, 5]),
         ]
     );
-    let current = |command| written(&[Order { id: 1, command }]);
+    let current = |command| written(&[ActuatorCommand { id: 1, command }]);
     assert_eq!(current(Command::EnableTorque)[1], (102, vec![1, 0, 0]));
     // 372 steps of 2.69 mA are 1 A.
     let one_amp = Command::Torque { torque_nm: -XM430_W210.torque_nm_a };
@@ -187,8 +188,8 @@ fn enabling_writes_in_order() {
 
 #[test]
 fn one_packet_for_all_servos() {
-    let go = |id| Order { id, command: Command::Joint(joint(0.0, 0.0, 0.0, None)) };
-    let mut orders: Vec<Order> = (0..16).map(go).collect();
+    let go = |id| ActuatorCommand { id, command: Command::Joint(joint(0.0, 0.0, 0.0, None)) };
+    let mut orders: Vec<ActuatorCommand> = (0..16).map(go).collect();
     let mut packets = Vec::new();
     SERVOS.encode(&orders, &mut |packet| packets.push(packet)).unwrap();
     // 14 + N (1 + L).
@@ -197,12 +198,14 @@ fn one_packet_for_all_servos() {
     packets.clear();
     SERVOS.encode(&orders, &mut |packet| packets.push(packet)).unwrap();
     assert_eq!(packets.len(), 3);
-    let query = |id| Order { id, command: Command::Query };
-    let mixed = [go(1), query(2), Order { id: 3, command: Command::Disable }, query(4)];
+    let query = |id| ActuatorCommand { id, command: Command::Query };
+    let mixed = [go(1), query(2), ActuatorCommand { id: 3, command: Command::Disable }, query(4)];
     assert_eq!(written(&mixed), [(64, vec![3, 0]), (116, vec![1, 0, 8, 0, 0]), (126, vec![2, 4])]);
     let limits = Command::Limits { speed_rad_s: 1.0, torque_nm: 1.0 };
-    let addresses: Vec<u16> =
-        written(&[Order { id: 1, command: limits }]).iter().map(|write| write.0).collect();
+    let addresses: Vec<u16> = written(&[ActuatorCommand { id: 1, command: limits }])
+        .iter()
+        .map(|write| write.0)
+        .collect();
     assert_eq!(addresses, [102, 112]);
     assert!(matches!(sent(&SERVOS, 253, Command::Disable), Err(Refusal::Address)));
     let damped = joint(0.0, 0.0, 0.0, Some((0.0, 1.0)));

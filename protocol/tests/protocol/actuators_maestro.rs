@@ -4,7 +4,7 @@ use crate::actuators_all::{joint, sent, wheel};
 use proptest::prelude::*;
 use rollwalk_protocol::actuators::maestro::{MAX_CHANNEL, Maestro, Pulse, crc7};
 use rollwalk_protocol::actuators::serial::{Answer, ReceiveBuffer};
-use rollwalk_protocol::actuators::{Codec, Command, Faults, Order, Refusal, SerialCodec};
+use rollwalk_protocol::actuators::{ActuatorCommand, Codec, Command, Faults, Refusal, SerialCodec};
 use std::f32::consts::FRAC_PI_2;
 
 const PULSE: Pulse =
@@ -53,11 +53,11 @@ fn angles_are_pulses() {
     assert!(short.target(-1500.0 / PULSE.us_per_rad).is_err());
 }
 
-fn order(id: u8, command: Command) -> Order {
-    Order { id, command }
+fn order(id: u8, command: Command) -> ActuatorCommand {
+    ActuatorCommand { id, command }
 }
 
-fn go(id: u8, rad: f32) -> Order {
+fn go(id: u8, rad: f32) -> ActuatorCommand {
     order(id, Command::Joint(joint(rad, 0.0, 0.0, None)))
 }
 
@@ -83,7 +83,7 @@ fn neighbours_share_a_command() {
 
 #[test]
 fn all_channels_fit_and_one_bad_order_stops_all() {
-    let mut orders: Vec<Order> = (0..=MAX_CHANNEL).map(|id| go(id, 0.1)).collect();
+    let mut orders: Vec<ActuatorCommand> = (0..=MAX_CHANNEL).map(|id| go(id, 0.1)).collect();
     let mut packets = Vec::new();
     let full = Maestro { device: Some(12), crc: true, ..COMPACT };
     full.encode(&orders, &mut |packet| packets.push(packet)).unwrap();

@@ -17,8 +17,8 @@ use super::serial::{Answer, ReceiveBuffer};
 use super::settings::{Keys, Report, check_integer};
 use super::traffic::serial_bits;
 use super::{
-    Answers, Capabilities, Codec, Command, Faults, Feedback, Order, Packet, Refusal, SerialCodec,
-    Told, Traffic, Watchdog, without, without_torque,
+    ActuatorCommand, Answers, Capabilities, Codec, Command, Faults, Feedback, Packet, Refusal,
+    SerialCodec, Traffic, UpdatePolicy, Watchdog, without, without_torque,
 };
 use crate::config::MAX_CHANNELS;
 
@@ -149,7 +149,7 @@ impl Dynamixel {
     }
 
     /// What an order writes.
-    fn writes(&self, order: &Order) -> Result<Writes, Refusal> {
+    fn writes(&self, order: &ActuatorCommand) -> Result<Writes, Refusal> {
         super::address(order.id, MAX_ID)?;
         let position = |rad| self.goal_position(rad).ok_or(Refusal::OutOfRange("position"));
         let velocity = |rad_s| self.goal_velocity(rad_s).ok_or(Refusal::OutOfRange("speed"));
@@ -247,9 +247,9 @@ impl Codec for Dynamixel {
         Capabilities {
             joints: true,
             wheels: true,
-            gains: Told::Never,
+            gains: UpdatePolicy::Never,
             max_gains: super::Gains { kp_nm_rad: f32::MAX, kd_nm_s_rad: f32::MAX },
-            limits: Told::Stored,
+            limits: UpdatePolicy::Stored,
             joint_speed: false,
             torque: false,
             torque_alone: true,
@@ -265,12 +265,12 @@ impl Codec for Dynamixel {
         }
     }
 
-    fn emit(&self, order: &Order, send: &mut dyn FnMut(Packet)) -> Result<(), Refusal> {
+    fn emit(&self, order: &ActuatorCommand, send: &mut dyn FnMut(Packet)) -> Result<(), Refusal> {
         self.encode(core::slice::from_ref(order), send).map_err(|(_, refusal)| refusal)
     }
 
     /// Without making packets of it.
-    fn check(&self, order: &Order) -> Result<(), Refusal> {
+    fn check(&self, order: &ActuatorCommand) -> Result<(), Refusal> {
         self.writes(order).map(|_| ())
     }
 
@@ -278,7 +278,7 @@ impl Codec for Dynamixel {
     /// read: one packet carries the setpoints of all servos, so they begin together.
     fn encode(
         &self,
-        orders: &[Order],
+        orders: &[ActuatorCommand],
         send: &mut dyn FnMut(Packet),
     ) -> Result<(), (usize, Refusal)> {
         for (i, order) in orders.iter().enumerate() {

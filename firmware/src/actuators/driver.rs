@@ -1,31 +1,31 @@
-//! One bus: whose turn it is, and all frames of an order in a row.
+//! One bus: its transmit schedule, and all frames of a command in sequence.
 //!
-//! Orders that take several frames are not kept as frames: an order is encoded again for each, and
-//! the frame whose turn it is goes out. Setpoints on CAN are one frame, so they are encoded once.
+//! A command of several frames is not kept as frames: it is encoded again for each, and the next one
+//! goes out. Setpoints on CAN are one frame, so they are encoded once.
 
 use rollwalk_protocol::actuator::Feedback;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
 use rollwalk_protocol::actuators::serial::ReceiveBuffer;
-use rollwalk_protocol::actuators::{Answers, Capabilities, Order, Told};
+use rollwalk_protocol::actuators::{ActuatorCommand, Answers, Capabilities, UpdatePolicy};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, RobotConfig};
 
 use super::actuator::Actuator;
-use super::orders::{self, Errand};
+use super::orders::{self, DriveRequest};
 use super::{Actuators, FRESH_TICKS};
 
 /// Retransmission interval of "enable" for drives that report their state on a timer only, ticks. ODrive's
 /// heartbeat comes every 100 ms.
 const ENABLE_PATIENCE_TICKS: u16 = 24;
 
-/// What an order is about.
+/// Content of a transmission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum About {
-    Errand(Errand),
+    DriveRequest(DriveRequest),
     Setpoint,
 }
 
-/// An order of which some frames have left.
+/// A transmission of which some frames have left.
 #[derive(Clone, Copy, Debug)]
 pub struct Begun {
     pub about: About,
@@ -35,9 +35,9 @@ pub struct Begun {
     pub left: u8,
 }
 
-/// A bus and where the controller stands on it.
+/// Transmit state of a bus.
 #[derive(Clone, Debug)]
-pub struct Line {
+pub struct BusDriver {
     pub bus: Bus,
     pub can: Capabilities,
     /// The channels on this bus, as bits.
@@ -55,7 +55,7 @@ pub struct Line {
     pub received: ReceiveBuffer,
 }
 
-impl Line {
+impl BusDriver {
     /// Bus `number` of a robot.
     // Rarely done: once in the image instead of once for each bus.
     #[inline(never)]
@@ -130,8 +130,8 @@ impl Line {
         }
         let single = |about, channel| Some(Begun { about, channels: bit(channel), left: 0 });
         for channel in channels(self.members) {
-            if let Some(errand) = list.get(channel).and_then(|a| a.todo.first()) {
-                return single(About::Errand(errand), channel);
+            if let Some(request) = list.get(channel).and_then(|a| a.pending.first()) {
+                return single(About::DriveRequest(request), channel);
             }
         }
         let waits = |&channel: &usize| list.get(channel).is_some_and(|a| a.setpoint.is_some());
@@ -156,11 +156,11 @@ impl Line {
                     actuator.setpoint = None;
                     self.next = channel + 1;
                 }
-                About::Errand(errand) => {
-                    actuator.todo = actuator.todo.without(errand);
-                    match errand {
-                        Errand::Disable if frames > 0 => actuator.switched_off(),
-                        Errand::Enable if frames > 0 => actuator.switched_on(),
+                About::DriveRequest(request) => {
+                    actuator.pending = actuator.pending.without(request);
+                    match request {
+                        DriveRequest::Disable if frames > 0 => actuator.switched_off(),
+                        DriveRequest::Enable if frames > 0 => actuator.switched_on(),
                         _ => {}
                     }
                 }
@@ -184,7 +184,7 @@ pub fn channels(mut bits: u32) -> impl Iterator<Item = usize> {
 }
 
 /// Frame `n` of an order, and how many there are; none for an order that the protocol refuses.
-fn nth(protocol: &Protocol, order: &Order, n: u8) -> (Option<Frame>, u8) {
+fn nth(protocol: &Protocol, order: &ActuatorCommand, n: u8) -> (Option<Frame>, u8) {
     let (mut frame, mut count) = (None, 0u8);
     let result = protocol.emit(order, &mut |sent| {
         if count == n {
@@ -200,22 +200,22 @@ impl Actuators {
     pub fn poll(&mut self, config: &RobotConfig, bus: u8) -> Option<Frame> {
         // Every turn ends an order, if it does not return.
         loop {
-            let line = self.lines.get_mut(usize::from(bus))?;
+            let driver = self.drivers.get_mut(usize::from(bus))?;
             // A board asks for frames far more often than there are any.
-            if line.idle || line.bus.protocol.is_serial() {
+            if driver.idle || driver.bus.protocol.is_serial() {
                 return None;
             }
-            let Some(begun) = line.due(&self.list) else {
-                line.idle = true;
+            let Some(begun) = driver.due(&self.list) else {
+                driver.idle = true;
                 return None;
             };
             let channel = begun.channels.trailing_zeros() as usize;
-            let order = order(&self.list, config, &line.bus, &line.can, begun.about, channel);
+            let order = order(&self.list, config, &driver.bus, &driver.can, begun.about, channel);
             let (frame, frames) = match order {
-                Some(order) => nth(&line.bus.protocol, &order, begun.left),
+                Some(order) => nth(&driver.bus.protocol, &order, begun.left),
                 None => (None, 0),
             };
-            line.left(&mut self.list, begun, frames);
+            driver.left(&mut self.list, begun, frames);
             if frame.is_some() {
                 return frame;
             }
@@ -231,24 +231,25 @@ pub fn order(
     can: &Capabilities,
     about: About,
     channel: usize,
-) -> Option<Order> {
+) -> Option<ActuatorCommand> {
     let (actuator, configured) = (list.get(channel)?, config.channels.get(channel)?);
-    let About::Errand(errand) = about else {
-        return Some(Order { id: configured.id, command: actuator.setpoint? });
+    let About::DriveRequest(request) = about else {
+        return Some(ActuatorCommand { id: configured.id, command: actuator.setpoint? });
     };
     let max_torque_nm = actuator.torque_limit_nm.unwrap_or(configured.max_torque_nm);
     let limits = &Channel { max_torque_nm, ..*configured };
     // Only torque-on needs to know the pose, and where it holds something at once, the pose of this
     // moment. Dropped otherwise: it will be told again.
-    let holds = !(can.gains == Told::EachTime || bus.control == ControlLoop::OnController);
+    let holds =
+        !(can.gains == UpdatePolicy::EverySetpoint || bus.control == ControlLoop::OnController);
     let feedback = match actuator.feedback() {
         Some(feedback) => feedback,
-        None if errand == Errand::Enable => return None,
+        None if request == DriveRequest::Enable => return None,
         None => Feedback::default(),
     };
-    if errand == Errand::Enable && holds && actuator.silent_ticks > FRESH_TICKS {
+    if request == DriveRequest::Enable && holds && actuator.silent_ticks > FRESH_TICKS {
         return None;
     }
-    let command = orders::command(errand, limits, bus, can, actuator.gains, &feedback);
-    Some(Order { id: limits.id, command })
+    let command = orders::command(request, limits, bus, can, actuator.gains, &feedback);
+    Some(ActuatorCommand { id: limits.id, command })
 }
