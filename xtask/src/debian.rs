@@ -20,6 +20,10 @@ pub fn need(packages: &[&str]) -> Result<(), String> {
     if installed() {
         return Ok(());
     }
+    let _alone = shell::installing()?;
+    if installed() {
+        return Ok(());
+    }
     let mut install = vec!["install", "-y", "--no-install-recommends"];
     install.extend(packages);
     if update() {
@@ -40,6 +44,7 @@ pub fn control(package: &str) -> Result<String, String> {
         let mut show = command("apt-cache", &["show", "--no-all-versions", package]);
         shell::output(&mut show).ok().filter(|control| !control.is_empty())
     };
+    let _alone = shell::installing()?;
     show().or_else(|| if update() { show() } else { None }).ok_or_else(|| {
         format!("Debian's package {package} is unknown here; if this is Debian on amd64:\n\n    {UPDATE}")
     })
@@ -51,6 +56,7 @@ pub fn control(package: &str) -> Result<String, String> {
 /// The package manager's, even after an update of the package lists.
 pub fn download(package: &str, version: &str, folder: &Path) -> Result<PathBuf, String> {
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let _alone = shell::installing()?;
     let get = || {
         let mut apt = command("apt-get", &["download", &format!("{package}={version}")]);
         shell::output(apt.current_dir(folder))

@@ -21,8 +21,11 @@ pub fn path(name: &str, requirement: &str, imports: &str) -> Result<OsString, St
             debian::need(&["python3", "python3-pip"])
                 .map_err(|install| format!("the check needs pip. On Debian:\n\n    {install}"))?;
         }
+        let _alone = shell::installing()?;
         let mut pip = shell::command("python3", &["-m", "pip", "install", "--quiet", "--target"]);
-        shell::run(pip.arg(&folder).arg(requirement))?;
+        if !present() {
+            shell::run(pip.arg(&folder).arg(requirement))?;
+        }
         if !present() {
             return Err(format!("python3 cannot import {requirement}"));
         }

@@ -12,8 +12,16 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Files that every crate depends on.
-const SHARED: [&str; 2] = ["Cargo.toml", "Cargo.lock"];
+/// Files that no test reads. All others outside of the crates (robots, motions, documents) are read by tests of several.
+const UNREAD: [&str; 7] = [
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "LICENSE-APACHE",
+    "LICENSE-MIT",
+    "docs/images",
+    "rustfmt.toml",
+    ".gitignore",
+];
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -77,14 +85,15 @@ fn packages(metadata: &Value) -> Option<Vec<Package>> {
 /// Packages with changed files, and all whose tests use them.
 fn affected<'a>(packages: &'a [Package], files: &[PathBuf]) -> Vec<&'a Package> {
     let root = shell::workspace_root();
-    let is_shared = |file: &PathBuf| SHARED.iter().any(|shared| root.join(shared) == *file);
-    if files.iter().any(is_shared) {
-        return packages.iter().collect();
-    }
     let owner = |file: &PathBuf| {
         let owners = packages.iter().filter(|package| file.starts_with(&package.folder));
         owners.max_by_key(|package| package.folder.as_os_str().len())
     };
+    let is_read =
+        |file: &&PathBuf| !UNREAD.iter().any(|unread| file.starts_with(root.join(unread)));
+    if files.iter().filter(is_read).any(|file| owner(file).is_none()) {
+        return packages.iter().collect();
+    }
     let mut changed: BTreeSet<&str> =
         files.iter().filter_map(owner).map(|package| package.name.as_str()).collect();
     loop {
@@ -108,6 +117,9 @@ fn affected<'a>(packages: &'a [Package], files: &[PathBuf]) -> Vec<&'a Package> 
 
 /// Builds the workspace and runs the tests of some packages, as many programs at a time as there are cores.
 fn run_tests(packages: &[&Package]) -> Result<(), String> {
+    if packages.is_empty() {
+        return Ok(());
+    }
     test::need_python()?;
     let programs = workspace::programs()?;
     let is_affected = |program: &&Program| {
@@ -132,7 +144,7 @@ fn changed_files(since: Option<&str>) -> Result<Vec<PathBuf>, String> {
         // Without a branch `main`, only what is not committed yet.
         None => git(&["merge-base", "HEAD", "main"]).unwrap_or_else(|_| "HEAD".into()),
     };
-    let changed = git(&["diff", "--name-only", base.trim()])?;
+    let changed = git(&["diff", "--name-only", "--no-renames", base.trim()])?;
     let new = git(&["ls-files", "--others", "--exclude-standard"])?;
     let root = shell::workspace_root();
     Ok(changed.lines().chain(new.lines()).map(|file| root.join(file)).collect())
@@ -174,7 +186,12 @@ mod tests {
     #[test]
     fn a_file_belongs_to_the_innermost_package() {
         assert_eq!(affected_by("firmware/boards/build.rs"), ["firmware/boards"]);
-        assert_eq!(affected_by("README.md"), [""; 0]);
+        assert_eq!(affected_by("CHANGELOG.md"), [""; 0]);
+    }
+
+    #[test]
+    fn a_file_of_no_package_affects_all_whose_tests_may_read_it() {
+        assert_eq!(affected_by("robots/agilebot.toml").len(), 5);
         assert_eq!(affected_by("Cargo.lock").len(), 5);
     }
 }

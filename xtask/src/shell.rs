@@ -1,5 +1,6 @@
 //! Runs other programs from the workspace root; errors name the command line.
 
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -61,7 +62,7 @@ pub fn output(command: &mut Command) -> Result<String, String> {
 /// Runs a command silently and returns its output.
 ///
 /// # Errors
-/// The command line and its error output, when it does not exit with 0.
+/// The command line and all of its output, when it does not exit with 0: tests report failures on stdout.
 pub fn bytes(command: &mut Command) -> Result<Vec<u8>, String> {
     let out = command
         .output()
@@ -69,8 +70,24 @@ pub fn bytes(command: &mut Command) -> Result<Vec<u8>, String> {
     if out.status.success() {
         Ok(out.stdout)
     } else {
-        Err(format!("`{}` failed: {}", shown(command), String::from_utf8_lossy(&out.stderr)))
+        let (said, errors) =
+            (String::from_utf8_lossy(&out.stdout), String::from_utf8_lossy(&out.stderr));
+        Err(format!("`{}` failed: {said}{errors}", shown(command)))
     }
+}
+
+/// Waits until no other process of this checkout installs anything, and keeps them waiting while the result lives:
+/// steps run beside each other, and package managers refuse to.
+///
+/// # Errors
+/// The lock file cannot be made.
+pub fn installing() -> Result<File, String> {
+    let path = target_folder().join("install.lock");
+    let failed = |error: std::io::Error| format!("{}: {error}", path.display());
+    fs::create_dir_all(target_folder()).map_err(failed)?;
+    let file = File::create(&path).map_err(failed)?;
+    file.lock().map_err(failed)?;
+    Ok(file)
 }
 
 fn shown(command: &Command) -> String {

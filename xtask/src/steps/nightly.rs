@@ -61,6 +61,6 @@ impl Step for NightlyStep {
     }
 
     fn is_beside(&self) -> bool {
-        *self == Self::Vcan
+        *self == Self::Vcan && vcan::in_virtual_machine()
     }
 }
