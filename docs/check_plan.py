@@ -521,14 +521,26 @@ def check(plan):
     return table
 
 
-def refuse_strange_numbers(value, path=""):
-    """Python reads NaN and Infinity, and 1e999 as infinity; none of them is JSON, or a measure."""
+# What may be absent: options of a robot file, goals that a motion does not have, the level of a cost.
+NULLABLE = {
+    "torque_speed", "diagnosis", "subject", "field", "given", "would_do", "forward_m", "left_m", "turn_rad",
+    "heading_rad", "below_m", "above_m", "level",
+}  # fmt: skip
+# Components of a target that leave an axis free.
+NULLABLE_ITEMS = {"position_m", "velocity_m_s"}
+
+
+def refuse_strange_numbers(value, path="", key="", in_targets=False):
+    """Python reads NaN and Infinity, and 1e999 as infinity; other writers put null for them. None is a measure."""
     if isinstance(value, dict):
         for key, item in value.items():
-            refuse_strange_numbers(item, "%s.%s" % (path, key) if path else key)
+            here = "%s.%s" % (path, key) if path else key
+            refuse_strange_numbers(item, here, key, in_targets or key == "targets")
     elif isinstance(value, list):
         for index, item in enumerate(value):
-            refuse_strange_numbers(item, "%s[%d]" % (path, index))
+            refuse_strange_numbers(item, "%s[%d]" % (path, index), key, in_targets)
+    elif value is None and key not in NULLABLE and not (in_targets and key in NULLABLE_ITEMS):
+        raise ValueError("%s is null; expected a value" % path)
     elif isinstance(value, float) and not math.isfinite(value):
         raise ValueError("%s is %s; expected a finite number" % (path, value))
 
@@ -547,7 +559,7 @@ def main(arguments):
                 raise ValueError("format and version are not rollwalk-plan 3")
             refuse_strange_numbers(plan)
             table = check(plan)
-        except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
             print("%s: not a usable plan: %s: %s" % (path, type(error).__name__, error), file=sys.stderr)
             code = 2
             continue

@@ -5,7 +5,7 @@ use crate::only::Only;
 use crate::{Block, Findings, Program, table, unless_interrupted};
 use cpu_time::ThreadTime;
 use rollwalk_planner::plan::SolveSummary;
-use rollwalk_planner::{Method, Options, optimise};
+use rollwalk_planner::{Method, Options, candidates, optimise};
 use serde::Serialize;
 
 const METHODS: [(Method, &str); 4] = [
@@ -61,6 +61,8 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
             options.settings.method = method;
             let factor = if method == Method::Lbfgs { 10 } else { 1 };
             options.settings.iterations = factor * args.iterations as usize;
+            // One start for all methods: a second one would begin its curve anew.
+            let options = candidates(&robot, &motion, &options).swap_remove(0);
             let clock = ThreadTime::now();
             let mut states = Vec::new();
             let plan = optimise(&robot, &motion, &options, &mut |progress| {

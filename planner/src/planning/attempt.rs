@@ -1,4 +1,4 @@
-//! One attempt: a solve from one start, with what it takes to get there.
+//! One attempt: solves a motion from one start, after the solves that this start needs.
 
 use super::probed_solve::{solve, solve_selected};
 use super::{Options, Solution, coarse};

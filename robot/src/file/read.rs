@@ -1,8 +1,7 @@
 //! Tables of a robot file to a robot: places limbs and turns names into indices.
 //!
-//! A faulty value leaves a placeholder in the robot and a fault in the document, whose reading then
-//! ends without a robot. So that a fault has no others in its train, names that nothing carries are
-//! noted at the end and only if the document has no other faults.
+//! A faulty value leaves a placeholder in the robot and a fault in the document, whose reading then ends without a
+//! robot. Unknown names are reported only if nothing else is wrong, because one fault would cause many.
 
 use super::buses;
 use super::fields::{axis, byte, data_sheet, drag, mass, named, number, rpy, vector};
