@@ -1,7 +1,7 @@
 //! Ramp from the measured pose to the SAFE pose, for all channels at once.
 //!
 //! The ramp is the minimum-jerk quintic from the measured pose to the entry pose, at rest at both
-//! ends. All channels arrive together; the slowest one decides the duration.
+//! All channels arrive together; the slowest channel determines the duration.
 
 use heapless::Vec;
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
@@ -14,7 +14,7 @@ const PEAK_SPEED: f32 = 1.875;
 /// Shortest ramp, s, also for a robot that already stands in SAFE.
 const MIN_DURATION_S: f32 = 0.25;
 
-/// A ramp under way.
+/// A ramp in progress.
 #[derive(Clone, Debug)]
 pub struct Ramp {
     ends: Vec<(f32, f32), MAX_CHANNELS>,
@@ -24,8 +24,8 @@ pub struct Ramp {
 }
 
 impl Ramp {
-    /// A ramp of `(from, to)` per channel whose joints stay below `speed_rad_s` and their own rate,
-    /// for a control period in seconds.
+    /// Creates a ramp of `(from, to)` per channel on which every joint stays below `speed_rad_s` and below its own
+    /// rate limit, for a control period in seconds.
     pub fn new(
         config: &RobotConfig,
         ends: Vec<(f32, f32), MAX_CHANNELS>,
@@ -33,7 +33,7 @@ impl Ramp {
         period_s: f32,
     ) -> Self {
         let needed = config.channels.iter().zip(&ends).map(|(channel, (from, to))| {
-            // A wheel's value is a speed and its rate an acceleration: only that bounds it.
+            // The value of a wheel is a speed and its rate an acceleration, which only its rate limit bounds.
             let rate = match channel.kind {
                 ChannelKind::JointPosition => channel.max_rate.min(speed_rad_s),
                 ChannelKind::WheelSpeed => channel.max_rate,
@@ -43,13 +43,13 @@ impl Ramp {
         Self { duration_s: needed.fold(MIN_DURATION_S, f32::max), ends, period_s, ticks: 0 }
     }
 
-    /// Targets at the current time; the first are the measured pose at rest.
+    /// Target at the current time; the first is the measured pose at rest.
     pub fn target(&self, channel: usize) -> Option<Target> {
         let &(from, to) = self.ends.get(channel)?;
         let u = (self.elapsed_s() / self.duration_s).min(1.0);
         let blend = u * u * u * (10.0 + u * (6.0 * u - 15.0));
         let rate = 30.0 * u * u * (1.0 - u) * (1.0 - u) / self.duration_s;
-        // At the end exactly the entry pose: `from + (to - from)` may round differently.
+        // At the end this is exactly the entry pose, from which `from + (to - from)` may differ by rounding.
         let value = if u == 1.0 { to } else { from + blend * (to - from) };
         Some(Target { value, slope: rate * (to - from) })
     }
@@ -64,7 +64,7 @@ impl Ramp {
         self.elapsed_s() >= self.duration_s
     }
 
-    /// From the count, so that no rounding piles up.
+    /// Time since the start, s, from the count of ticks, so that rounding does not accumulate.
     fn elapsed_s(&self) -> f32 {
         self.ticks as f32 * self.period_s
     }
@@ -92,7 +92,7 @@ mod tests {
     }
 
     proptest! {
-        /// Starts at the measured pose, ends at the goal, and never exceeds the speed limit.
+        /// The ramp starts at the measured pose, ends at the goal and never exceeds the speed limit.
         #[test]
         fn is_gentle(from in prop::array::uniform2(-3.0f32..3.0), to in prop::array::uniform2(-3.0f32..3.0), speed in 0.2f32..8.0) {
             let period = 1.0 / 120.0;

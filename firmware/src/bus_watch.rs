@@ -1,9 +1,9 @@
 //! Error states of the actuator buses, as their CAN controllers report them to
 //! [`crate::Controller::on_bus_state`].
 //!
-//! A CAN controller counts errors. Unacknowledged frames make it error-passive, never bus-off, so that is what
-//! missing motor power looks like; errors on the line make it bus-off. It must stay off: automatic recovery would
-//! send a stale setpoint as soon as the short is gone. Only the operator's two-step clear restarts it, through
+//! A CAN controller counts errors. Unacknowledged frames make it error-passive, never bus-off: this is the symptom of
+//! missing motor power. Errors on the line make it bus-off. It must stay off, because automatic recovery would send a
+//! stale setpoint as soon as the short circuit is gone. Only the operator's two-step clear restarts it, through
 //! [`BusWatch::take_restart`].
 
 use rollwalk_protocol::faults::{Event, Fault, FaultBits};
@@ -12,7 +12,7 @@ use rollwalk_protocol::serial::BusState;
 use crate::bus::MAX_BUSES;
 use crate::safety::EventSet;
 
-/// Ticks without acknowledgement until it counts as a fault: shorter interruptions are an adapter's.
+/// Ticks without acknowledgement after which it counts as a fault; adapters cause shorter interruptions.
 const NO_ACK_TICKS: u8 = 3;
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -69,7 +69,7 @@ impl BusWatch {
         faults.fold(FaultBits::default(), |all, (fault, _)| all.with(fault))
     }
 
-    /// The number of the bus that a fault is about.
+    /// The number of the bus with a fault.
     pub fn about(&self, fault: Fault) -> Option<u8> {
         let is_it = |bus: &Bus| bus.fault().is_some_and(|(f, _)| f == fault);
         u8::try_from(self.0.iter().position(is_it)?).ok()
@@ -123,7 +123,7 @@ mod tests {
         assert!(!buses.take_restart(1));
         assert!(buses.take_restart(0) && !buses.take_restart(0));
         assert!(buses.faults().is_empty());
-        // It is as short as before.
+        // The short circuit persists.
         buses.observe(0, BusState::Off);
         assert!(!buses.take_restart(0));
         let mut events = EventSet::default();

@@ -237,7 +237,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.link.damaged_frames
     }
 
-    /// Why the library in the store was refused, if it was.
+    /// Reason for which the library in the store was refused, if it was.
     pub fn library_reject(&self) -> Option<Reject> {
         self.shelf.reject()
     }
@@ -273,8 +273,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         let elapsed = |since: u64, limit: u32| now_us.saturating_sub(since) >= u64::from(limit);
         match self.state() {
             State::Returning => {
-                // An operator who disarms expects the robot to sink. After a lost host bystanders may not:
-                // SAFE is held for a moment first.
+                // An operator who disarms expects the robot to sink. After a lost heartbeat bystanders may not: SAFE
+                // is held for a moment first.
                 let hold = if self.safety.latched().is_empty() { 0 } else { settings.hold_us };
                 if self.held_since_us.is_some_and(|since| elapsed(since, hold)) {
                     self.events.insert(Event::HoldElapsed);
@@ -327,8 +327,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     fn act(&mut self, now_us: u64, event: Event, action: Action) {
         if matches!(event, Event::HostLost | Event::Leaning) {
-            // The way home must end soon, and is balanced best, at the planned speed; also when an
-            // operator who had asked for a slow one is lost on the way.
+            // The return to SAFE must end soon, and the robot is balanced best at the planned speed. This also holds
+            // when the host is lost during a return at reduced speed.
             self.motion.set_speed(PLANNED_SPEED_64THS);
         }
         let library = self.shelf.library();
@@ -383,7 +383,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 .map(buses_fit)
                 .is_ok_and(|mut rows| rows.all(|row| row.problem.is_none()));
         if usable {
-            // A store without a valid library is no failure: it waits to be written.
+            // An empty or invalid store is no failure: the controller waits for a library.
             self.shelf.load(&self.machine.config);
         }
         self.events.insert(if usable { Event::SelfTestPassed } else { Event::SelfTestFailed });

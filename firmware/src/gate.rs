@@ -22,9 +22,9 @@ pub(crate) enum Verdict {
 /// Command that a nonce confirms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Permit {
-    /// Torque on.
+    /// Arming, which turns torque on.
     Arm,
-    /// Out of a latched state.
+    /// Clearing of a latched state.
     Clear,
 }
 
@@ -42,8 +42,8 @@ const NUMBERS: usize = 16;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Gate {
     last: Option<(Command, CommandAck)>,
-    /// The latest command of each sequence number. A host uses a number again only after the command that
-    /// had it has expired, so whatever is older is refused for that.
+    /// The latest command of each sequence number. A host reuses a number only after the command that bore it has
+    /// expired, so that older commands with that number are refused as expired.
     known: [Option<Command>; NUMBERS],
     nonce: Option<Nonce>,
     /// The last nonce that was drawn.
@@ -54,10 +54,10 @@ impl Gate {
     /// Decides on a received command.
     pub fn judge(&self, now_us: u64, command: Command) -> Verdict {
         if let Some((last, ack)) = self.last {
-            // Ahead by 1 to 8 is newer; sequence numbers go round at 16.
+            // A number 1 to 8 ahead, modulo 16, is newer.
             match command.seq.wrapping_sub(last.seq) & 0xF {
                 0 if command == last => return Verdict::Repeat(ack),
-                // Of a copy that was under way for long the number alone would say that it is new.
+                // The number of a copy that was delayed for long may be ahead although the command has been answered.
                 1..=8 if !self.is_known(command) => {}
                 _ => return Verdict::Refuse(CommandResult::OutOfOrder),
             }
@@ -75,7 +75,7 @@ impl Gate {
         self.known.get(usize::from(command.seq)).is_some_and(|known| *known == Some(command))
     }
 
-    /// Records a command and its answer. Expired and superseded commands do not advance the sequence.
+    /// Records a command and its answer. Expired and out-of-order commands do not advance the sequence.
     pub fn answered(&mut self, now_us: u64, command: Command, ack: CommandAck) {
         if command.expired(now_us) {
             return;
@@ -83,7 +83,7 @@ impl Gate {
         if ack.result != CommandResult::OutOfOrder {
             self.last = Some((command, ack));
         }
-        // One that was overtaken is not executed later either.
+        // An out-of-order command is remembered too, so that a later copy of it is not executed.
         if let Some(known) = self.known.get_mut(usize::from(command.seq)) {
             *known = Some(command);
         }
@@ -92,7 +92,7 @@ impl Gate {
     /// Draws a new nonce and voids the one before. It is not a secret: it proves that the confirming host received
     /// the answer to a recent request. The sequence repeats only after all 65,536 values.
     pub fn draw(&mut self, now_us: u64, permit: Permit) -> u16 {
-        // The first is another after each start: multiplicative hashing (Knuth) of the time.
+        // The first nonce is a multiplicative hash (Knuth) of the time, so that it differs from start to start.
         let first = || ((now_us as u32).wrapping_mul(0x9E37_79B1) >> 16) as u16;
         let value = self.drawn.map_or_else(first, |last| last.wrapping_add(NONCE_STEP));
         self.drawn = Some(value);
@@ -143,7 +143,7 @@ mod tests {
         for _ in 0..3 {
             assert_eq!(gate.judge(0, first), Verdict::Repeat(answer));
         }
-        // The number alone is no proof: another command under it is refused, not taken for done.
+        // Another command with the same number is refused, not answered as a repetition.
         assert_eq!(gate.judge(0, play(15, 2)), Verdict::Refuse(CommandResult::OutOfOrder));
         assert_eq!(gate.judge(0, play(0, 2)), Verdict::Execute);
         assert_eq!(gate.judge(0, play(7, 2)), Verdict::Execute);
@@ -164,21 +164,21 @@ mod tests {
         let mut gate = Gate::default();
         let last = Command { valid_until_ms: 900, ..play(3, 1) };
         gate.answered(600_000, last, ack(last, CommandResult::Ok));
-        // A copy of long ago, whose number would be ahead.
+        // A copy of an old command, whose number would be ahead.
         assert_eq!(gate.judge(600_000, play(9, 1)), Verdict::Refuse(CommandResult::Expired));
         gate.answered(600_000, play(9, 1), ack(play(9, 1), CommandResult::Expired));
         let next = Command { valid_until_ms: 900, ..play(4, 1) };
         assert_eq!(gate.judge(600_000, next), Verdict::Execute);
     }
 
-    /// Found by the fault campaign: a copy from nine or more commands back counted as new, because its
-    /// number, of sixteen, was ahead.
+    /// A copy of any earlier command is refused. The fault campaign found that one from nine or more commands back
+    /// counted as new, because its sequence number, modulo 16, was ahead.
     #[test]
     fn a_copy_is_refused_from_however_far_back() {
         for back in 1..16 {
             let mut gate = Gate::default();
             let command = |n: u16| Command { valid_until_ms: 500 + n, ..play((n & 0xF) as u8, 1) };
-            // Of each number two, the first of them expired by then.
+            // Two commands with each number, the first of which has expired by the time of the second.
             for n in 0..32 {
                 let now_us = if n < 16 { 0 } else { 516_000 };
                 let command = Command {
@@ -206,7 +206,7 @@ mod tests {
         for seq in 2..11 {
             gate.answered(0, play(seq, 2), ack(play(seq, 2), CommandResult::Ok));
         }
-        // Now its number is six ahead.
+        // Its number is now 6 ahead of the latest.
         assert_eq!(gate.judge(0, late), Verdict::Refuse(CommandResult::OutOfOrder));
     }
 
@@ -238,13 +238,13 @@ mod tests {
         assert!(!gate.redeem(11, Permit::Arm, nonce));
     }
 
-    /// A copy of a confirmation from before would be good again.
+    /// A nonce drawn twice would make a copy of an old confirmation valid again.
     #[test]
     fn no_nonce_comes_again_before_all_others() {
         let mut gate = Gate::default();
         let mut seen = [false; 1 << 16];
         for draw in 0..1 << 16 {
-            // At times of which no two are alike, and others that are.
+            // The first 40,000 times differ, later ones repeat.
             let now_us = draw % 40_000 * 58_123;
             let nonce = gate.draw(now_us, Permit::Arm);
             assert!(!core::mem::replace(&mut seen[usize::from(nonce)], true), "{draw}: {nonce}");

@@ -1,9 +1,8 @@
 //! Cubic Hermite upsampling: 60 Hz frames in, position and velocity at the control rate out.
 //!
-//! Between two frames runs the cubic that has the frames' values and slopes at its ends. The slope
-//! at a frame is the central difference of its neighbours, so one frame of look-ahead suffices,
-//! the curve is C1 everywhere, seams of loops and joints of clips included, and constant, linear
-//! and quadratic motions are reproduced exactly.
+//! The cubic between two frames has the frames' values and slopes at its ends. The slope at a frame is the central
+//! difference of its neighbours, so one frame of look-ahead suffices, the curve is C1 everywhere, also at the seams
+//! of loops and between clips, and constant, linear and quadratic motions are reproduced exactly.
 
 use rollwalk_protocol::library::RATE_HZ;
 
@@ -50,7 +49,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// The Hermite cubic of a cubic's end values and slopes is that cubic.
+        /// The Hermite cubic reproduces a cubic from its end values and slopes.
         #[test]
         fn reproduces_cubics(c in prop::array::uniform4(-3.0f32..3.0), h in 0.01f32..2.0, u in 0.0f32..=1.0) {
             let at = |t: f32| Sample {
@@ -63,7 +62,7 @@ mod tests {
             prop_assert!((got.slope - want.slope).abs() < 5e-3, "{got:?} {want:?}");
         }
 
-        /// Quadratic motions pass through central differences unchanged.
+        /// Central differences of the frames reproduce a quadratic motion.
         #[test]
         fn reproduces_quadratics_from_frames(a in -2.0f32..2.0, b in -2.0f32..2.0, c in -2.0f32..2.0, u in 0.0f32..=1.0) {
             let at = |i: f32| a + i * (b + i * c);
@@ -90,7 +89,7 @@ mod tests {
             let exact = |u: f64| {
                 let (m0, m1) = ((f[2] - f[0]) / 2.0, (f[3] - f[1]) / 2.0);
                 let (a, b) = (f[1], f[2]);
-                // Standard basis functions: a second way to write the curve.
+                // The curve in the standard basis functions, for comparison.
                 let (u2, u3) = (u * u, u * u * u);
                 (2.0 * u3 - 3.0 * u2 + 1.0) * a + (u3 - 2.0 * u2 + u) * m0
                     + (3.0 * u2 - 2.0 * u3) * b + (u3 - u2) * m1

@@ -1,12 +1,12 @@
 //! Last stage before the wire: clamps every setpoint to the robot's limits.
 //!
-//! Per channel and tick: a value that is not finite holds the last one, the value is brought into
-//! its range, then no further from the last value than the rate limit allows. A channel emits
-//! nothing before [`Limiter::start`] sets its measured value, so the first setpoint after torque-on is the
-//! measured pose, not a remembered one.
+//! Per channel and tick, a value that is not finite is replaced by the last one; the value is then clamped to the
+//! channel's range, and after that to the distance from the last value that the rate limit allows in one period. A
+//! channel emits nothing before [`Limiter::start`] sets its measured value, so the first setpoint after torque-on is
+//! the measured pose, not a remembered one.
 //!
-//! A joint that starts outside its range (a leg resting on its stop) is not thrown into it: it may
-//! stay or follow its target inwards, never further out.
+//! A joint that starts outside its range (a leg resting on its stop) does not jump into it: it may stay or follow its
+//! target inwards, never further out.
 
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS};
 
@@ -51,8 +51,7 @@ impl Limiter {
         self.last.get(channel).copied().flatten()
     }
 
-    /// The target brought within the channel's `limits`, or `None` for a channel that was not
-    /// started.
+    /// Clamps the target to the channel's `limits`; returns `None` for a channel that has not been started.
     pub fn apply(&mut self, limits: &Channel, channel: usize, target: Target) -> Option<Target> {
         let last = self.last.get_mut(channel)?.as_mut()?;
         let out = limited(limits, *last, target, self.period_s);
@@ -69,24 +68,24 @@ fn limited(limits: &Channel, last: f32, target: Target, period_s: f32) -> Target
     let value = within(within(wanted, low, high), last - step, last + step);
     let slope = match limits.kind {
         ChannelKind::WheelSpeed => 0.0,
-        // A value that had to be changed moves at the speed at which it was changed.
+        // The speed of a clamped value is its change over the period.
         _ if value != target.value || !target.slope.is_finite() => (value - last) / period_s,
         _ => target.slope,
     };
     Target { value, slope: within(slope, -limits.max_rate, limits.max_rate) }
 }
 
-/// `value`, not below `low` and not above `high`; limits that are no number do not count.
+/// Clamps `value` to the range from `low` to `high`; a limit that is NaN is ignored.
 ///
-/// Not `clamp`, which panics on limits in the wrong order; not `max` and `min`, which are calls on a
-/// Cortex-M4, and this is done for every channel in every control period.
+/// Not `clamp`, which panics on limits in the wrong order; not `max` and `min`, which compile to function calls on a
+/// Cortex-M4, and this runs for every channel in every control period.
 fn within(value: f32, low: f32, high: f32) -> f32 {
     let value = if value < low { low } else { value };
     if value > high { high } else { value }
 }
 
-/// The gains `(kp, kd)`, both scaled down when `kp·position_error + kd·velocity_error` would ask for
-/// more than `max_torque_nm`. Errors are target minus last measurement, in rad and rad/s.
+/// The gains `(kp, kd)`, scaled down by the same factor where `kp·position_error + kd·velocity_error` would exceed
+/// `max_torque_nm`. Errors are target minus last measurement, in rad and rad/s.
 ///
 /// The actuator has a torque limit of its own; this one holds even when that is set wrongly.
 pub fn gains_within_torque(
@@ -166,7 +165,7 @@ mod tests {
             }
         }
 
-        /// The torque asked for is within the limit, and the gains are touched only if they must.
+        /// The commanded torque stays within the limit, and the gains change only where it would exceed it.
         #[test]
         fn torque_is_bounded(gains in (0.0f32..655.0, 0.0f32..65.0), e in -7.0f32..7.0, de in -130.0f32..130.0, most in 0.01f32..160.0) {
             let (kp, kd) = gains_within_torque(gains, e, de, most);
@@ -179,7 +178,7 @@ mod tests {
             prop_assert_eq!(gains_within_torque(gains, f32::NAN, de, most), (0.0, 0.0));
         }
 
-        /// What is within the limits passes unchanged.
+        /// Targets within the limits pass unchanged.
         #[test]
         fn allowed_targets_pass(start in -0.9f32..1.9, step in -0.049f32..0.049, slope in -6.0f32..6.0) {
             let config = config(ChannelKind::JointPosition);
@@ -189,7 +188,7 @@ mod tests {
             prop_assert_eq!(limiter.apply(&config.channels[0], 0, target), Some(target));
         }
 
-        /// Limits that make no sense do not panic, and still bound the step from where we are.
+        /// Limits that are inverted or not finite do not panic.
         #[test]
         fn senseless_limits_do_not_panic(min in anything(), max in anything(), rate in anything(), v in anything()) {
             let mut config = config(ChannelKind::JointPosition);
@@ -238,7 +237,7 @@ mod tests {
         assert_eq!(to(2.5), 2.5);
         assert_eq!(to(5.0), 2.5);
         assert_eq!(to(2.45), 2.45);
-        // What it has left behind stays behind.
+        // Once it has moved inwards, it does not move outwards again.
         assert_eq!(to(2.5), 2.45);
         assert!((to(1.0) - 2.39).abs() < 1e-6);
     }

@@ -23,7 +23,7 @@ const REPORT_PERIOD_US: u64 = 1_000_000;
 const MAX_RESPONSE: usize = 13 + LOG_ENTRY_BYTES * MAX_LOG_ENTRIES;
 /// Largest difference, modulo 256, by which the number of a newer heartbeat may be ahead.
 const MOST_AHEAD: u8 = 127;
-/// Most polls that a message may need to pass through the transport; more indicate an internal error.
+/// Limit of polls for which a message may pass through the transport; more indicate an internal error.
 const MAX_POLLS: usize = 4;
 
 /// A message whose content is sampled at the moment of transmission.
@@ -44,7 +44,7 @@ pub(crate) enum Say {
 pub(crate) struct Link {
     /// Our address; `None` when the settings have no usable one.
     pub node: Option<Node>,
-    /// Frames whose identifier is one of ours but whose content is not.
+    /// Count of frames with an identifier of this node but invalid content.
     pub damaged_frames: u32,
     endpoint: Endpoint,
     estop_ack: bool,
@@ -104,9 +104,9 @@ impl Link {
         self.discovered = true;
     }
 
-    /// Processes a heartbeat. One that is not ahead of the last one is answered but does not feed the watchdog: a
-    /// bridge that repeats its last frames is no host. After `timeout_us` without a valid heartbeat any number is
-    /// accepted: a robot with torque has returned to SAFE by then, and a restarted host can connect.
+    /// Processes a heartbeat. One that is not ahead of the last one is answered but does not feed the watchdog,
+    /// because a bridge that repeats its last frames is no host. After `timeout_us` without a valid heartbeat any
+    /// number is accepted: a robot with torque returns to SAFE by then, and a restarted host can connect.
     pub fn on_heartbeat(&mut self, now_us: u64, heartbeat: Heartbeat, timeout_us: u32) {
         let feeds = self.last_heartbeat.is_none_or(|(seq, at_us)| {
             let ahead = heartbeat.seq.wrapping_sub(seq);
@@ -155,12 +155,12 @@ impl Link {
         let mut bytes = [0; MAX_RESPONSE];
         if let Some(message) = response.encode(&mut bytes) {
             self.endpoint.reset();
-            // Nothing else is on its way now, and answers are not too long.
+            // No other message is in transmission, and answers fit.
             let _ = self.endpoint.send(message);
         }
     }
 
-    /// Once per 60 Hz frame: room for telemetry.
+    /// Permits the telemetry messages of one 60 Hz frame.
     pub fn allow_telemetry(&mut self) {
         self.telemetry_left = TELEMETRY_PER_FRAME;
     }
@@ -172,7 +172,7 @@ impl Link {
 
     /// Schedules status messages and fault reports; call once per control period.
     pub fn observe(&mut self, now_us: u64, status: Status) {
-        // The frame number advances all the time; that alone is no change.
+        // The frame number always advances; that alone is not a change of status.
         let essence = |s: Status| (s.state, s.severity, s.faults, s.clip, s.library);
         let changed = self.last_status.map(essence) != Some(essence(status));
         self.last_status = Some(status);

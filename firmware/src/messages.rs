@@ -120,7 +120,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 self.go(now_us, safe.ok_or(CommandResult::NoLibrary))
             }
             Action::Disarm => {
-                // The operator who was about to arm has changed their mind.
+                // The operator who was about to arm has decided otherwise.
                 self.gate.void();
                 self.raise(now_us, Event::Disarm);
                 Ok(NOTHING_TO_SAY)
@@ -329,7 +329,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 (None, since.map_or(0.0, |us| us as f32 * 1e-6))
             }
             Fault::Tilt => {
-                // Minus one for an IMU without fresh measurements.
+                // −1 for an IMU without fresh measurements.
                 let awake = self.tilt.is_awake(now_us);
                 let excess = self.tilt.excess_rad(&self.expected_attitude());
                 (None, excess.filter(|_| awake).unwrap_or(-1.0))

@@ -46,7 +46,7 @@ pub(crate) struct Motion {
     pub actuators: Actuators,
     pub parameters: Parameters,
     emitted: [Option<Target>; MAX_CHANNELS],
-    /// Ticks for which some joint has been far from its setpoint.
+    /// Ticks for which a joint has been far from its setpoint.
     behind_ticks: u32,
     ticks_to_query: u16,
 }
@@ -235,7 +235,7 @@ impl Motion {
         self.parameters.advance(&machine.config);
         let torque_must_be_on = match self.stage {
             Stage::Off => return,
-            // Damped while they were being enabled, some actuators were never on.
+            // Of actuators damped during enabling, some were never enabled.
             Stage::Enabling { .. } | Stage::Damped => false,
             Stage::Ramping { .. } | Stage::Playing(_) => true,
         };
@@ -358,7 +358,7 @@ impl Motion {
     fn emit_damping(&mut self, machine: &Machine) {
         for (i, channel) in machine.config.channels.iter().enumerate() {
             let value = match channel.kind {
-                // Without stiffness the position has no effect; the last one never jumps.
+                // Without stiffness the position has no effect; the last value cannot jump.
                 ChannelKind::JointPosition => self.limiter.last(i),
                 ChannelKind::WheelSpeed => Some(0.0),
             };
@@ -405,7 +405,7 @@ impl Motion {
     }
 }
 
-/// Whether every joint is measured near the end of the ramp.
+/// Whether the measured position of every joint is close to the end of the ramp.
 fn arrived(machine: &Machine, ramp: &Ramp, actuators: &Actuators) -> bool {
     machine.config.channels.iter().enumerate().all(|(i, channel)| {
         let error = ramp.target(i).zip(actuators.measured(&machine.config, i));

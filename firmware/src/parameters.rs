@@ -14,7 +14,7 @@ use crate::store::{PARAMETERS, ParameterSet};
 
 /// Duration of a change while torque is on, µs: long against the servos' dynamics, short for the operator.
 const RAMP_US: u32 = 500_000;
-/// Least torque limit as a part of the configured one: the damped stop needs some torque.
+/// Smallest torque limit as a fraction of the configured one: the damped stop needs some torque.
 const LEAST_TORQUE: f32 = 0.1;
 
 /// A value on its ramp.
@@ -77,7 +77,7 @@ impl Parameters {
         self.apply(config);
     }
 
-    // Rarely done: once in the image instead of where it is called.
+    // Rarely called: kept out of line, so that the image contains it once.
     #[inline(never)]
     fn apply(&mut self, config: &RobotConfig) {
         let ramp_ticks = self.ramp_ticks;
@@ -95,7 +95,7 @@ impl Parameters {
         self.driven.get(channel)
     }
 
-    /// Parameters of a damped channel: the configured kd, not the tuned one, within the torque limit in force.
+    /// Parameters of a damped channel: kd of the configuration, not the tuned one, within the torque limit in force.
     pub fn damped(&self, config: &RobotConfig, channel: usize) -> Option<Channel> {
         let configured = config.channels.get(channel)?;
         let max_torque_nm = self.driven(channel)?.max_torque_nm;
@@ -123,7 +123,7 @@ impl Parameters {
         let ramp_ticks = self.ramp_ticks;
         let values = self.channels.get_mut(usize::from(channel)).ok_or(UNKNOWN_CHANNEL)?;
         let ramp = values.get_mut(usize::from(parameter)).ok_or(UNKNOWN_PARAMETER)?;
-        // −0 is 0.
+        // Turns −0 into 0.
         let to = value + 0.0;
         // A repeated value does not restart the ramp, so repeated requests do not delay it.
         if to != ramp.to {
@@ -185,7 +185,7 @@ fn configured(limits: &Channel) -> [f32; PARAMETERS] {
     [limits.kp_nm_rad, limits.kd_nm_s_rad, limits.max_torque_nm]
 }
 
-/// Least and greatest value of a parameter.
+/// Smallest and largest value of a parameter.
 fn range(limits: &Channel, settings: &Settings, parameter: Parameter) -> (f32, f32) {
     let raised = |gain: f32, most: f32| (0.0, (gain * settings.max_gain_ratio).min(most));
     match parameter {
@@ -245,7 +245,7 @@ mod tests {
         RobotConfig { robot: 0, channels: [joint, wheel].into_iter().collect() }
     }
 
-    /// Sets while driven or not, and answers with the result alone.
+    /// Sets a parameter and returns the result, `Ok` included.
     fn set(parameters: &mut Parameters, which: (u8, u8), value: f32, driven: bool) -> Refusal {
         match parameters.set(&config(), &Settings::default(), which, value, driven) {
             Ok(value) => (ParameterResult::Ok, value),
@@ -288,7 +288,7 @@ mod tests {
             // A wheel has no stiffness.
             ((KP, 1), 0.001, 0.0),
             ((KD, 1), 1e30, 1.0),
-            // Limits are only ever tightened.
+            // A torque limit may only be lowered.
             ((TORQUE, 0), 3.000_001, 3.0),
             ((TORQUE, 0), 0.0, 0.1 * 3.0),
         ] {
@@ -323,7 +323,7 @@ mod tests {
         assert_eq!(last, 20.0, "and not yet what is in force");
         let ticks = 60;
         for _ in 0..ticks {
-            // Asked for again and again: arrives all the same.
+            // The same value again and again does not delay the ramp.
             set(&mut p, (KP, 0), 8.0, true);
             p.advance(&config());
             let now = driven(&p, 0).kp_nm_rad;
@@ -331,7 +331,7 @@ mod tests {
             last = now;
         }
         assert_eq!(last, 8.0);
-        // While torque is off nothing has to be smooth.
+        // While torque is off a change needs no ramp.
         set(&mut p, (KP, 0), 20.0, false);
         assert_eq!(driven(&p, 0).kp_nm_rad, 20.0);
     }
@@ -366,7 +366,7 @@ mod tests {
         let damped = p.damped(&config(), 0).unwrap();
         assert_eq!((damped.kd_nm_s_rad, damped.max_torque_nm), (0.5, 1.0));
         assert_eq!(p.damped(&config(), 1).unwrap().kd_nm_s_rad, 0.5);
-        // A torque limit is in force as far as its ramp has come.
+        // The torque limit in force follows its ramp.
         set(&mut p, (TORQUE, 0), 3.0, true);
         (0..30).for_each(|_| p.advance(&config()));
         let halfway = p.damped(&config(), 0).unwrap().max_torque_nm;
@@ -406,9 +406,9 @@ mod tests {
     }
 
     proptest! {
-        /// Any sequence of requests: gains and torque limit stay in their ranges, no gain moves
-        /// faster while driven than its whole range within a ramp, and the rest of the channel is that
-        /// of the configuration.
+        /// After any sequence of requests, gains and torque limit are within their ranges and the rest of the channel
+        /// is that of the configuration. While driven, no gain moves faster than its whole range within the duration
+        /// of a ramp.
         #[test]
         fn nothing_that_is_asked_for_leads_out_of_the_ranges(
             requests in prop::collection::vec((0u8..5, 0u8..4, anything(), 0u8..30, any::<bool>()), 1..60),

@@ -1,7 +1,6 @@
-//! When control periods begin, and how many were missed: for the adapter of a board that keeps the
-//! time itself.
+//! Schedule of control periods and count of missed ones, for boards that keep the time themselves.
 
-/// When the control periods begin: exact on average, whatever the rate divides a second into.
+/// Schedule of control periods, exact on average even when the period is no whole number of microseconds.
 #[derive(Clone, Copy, Debug)]
 pub struct Periods {
     rate_hz: u64,
@@ -10,13 +9,13 @@ pub struct Periods {
 }
 
 impl Periods {
-    /// The first period begins now.
+    /// Starts the first period at `now_us`.
     pub fn start(now_us: u64, rate_hz: u16) -> Self {
         Self { rate_hz: u64::from(rate_hz).max(1), begun_us: now_us, count: 0 }
     }
 
-    /// Whether a period has begun since the last call that said so, and how many more than that one:
-    /// those deadlines were missed.
+    /// Returns the count of periods missed before the present one if a period has begun since the last such answer;
+    /// otherwise `None`.
     pub fn begun(&mut self, now_us: u64) -> Option<u64> {
         let count = now_us.saturating_sub(self.begun_us).saturating_mul(self.rate_hz) / 1_000_000;
         let missed = count.checked_sub(self.count)?;
@@ -43,11 +42,11 @@ mod tests {
         assert_eq!(periods.begun(0), Some(0));
         assert_eq!(periods.begun(9_999), None);
         assert_eq!(periods.begun(10_000), Some(0));
-        // Those that began at 20, 30 and 40 ms.
+        // Periods began at 20, 30, 40 and 50 ms; three of them are missed.
         assert_eq!(periods.begun(55_000), Some(3));
         assert_eq!(periods.begun(55_001), None);
         assert_eq!(periods.begun(60_000), Some(0));
-        // A clock that goes back begins nothing.
+        // A clock that goes back starts no period.
         assert_eq!(periods.begun(1_000), None);
     }
 }

@@ -1,12 +1,11 @@
-//! The smooth curve through the frames of a [`Walk`], at the control rate.
+//! Playback of the frames of a [`Walk`] as a smooth curve, at the control rate.
 //!
-//! Keeps four consecutive frames and moves through the segment between the middle two. It is thus
-//! two frames ahead of what is being played: a new goal shows at the earliest after that, and the
-//! slopes are known across every seam.
+//! Keeps four consecutive frames and interpolates between the middle two. The walk is thus two frames ahead of
+//! playback: a new goal takes effect after two frames at the earliest, and the slopes are known across every seam.
 //!
-//! Time may run slower than planned, down to a halt, never faster: the limits were proved at the
-//! planned speed, and hold at every lower one. Its rate changes gradually, so that joint speeds do not
-//! jump and wheels stay within their acceleration.
+//! Playback may be slower than planned, down to a halt, never faster: the limits were checked at the planned speed
+//! and hold at every lower one. The playback speed changes gradually, so that joint speeds do not jump and wheels
+//! stay within their acceleration limits.
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::library::{ClipId, Library, NodeId, RATE_HZ, Unreadable};
@@ -15,37 +14,37 @@ use crate::hermite::{self, Sample};
 use crate::limiter::Target;
 use crate::walk::{GoalError, Walk};
 
-/// Frames that the walk is ahead of what is being played.
+/// Frames by which the walk is ahead of playback.
 const AHEAD: u16 = 2;
 
-/// Playback speed as planned, in 64ths: the highest.
+/// The planned playback speed, in 64ths: the highest.
 pub const PLANNED_SPEED_64THS: u8 = 64;
 
-/// Parts of a control period in which playback time is counted; a multiple of 64.
+/// Units of playback time in a control period; a multiple of 64.
 const PARTS: u32 = 1 << 14;
 const PARTS_PER_64TH: u32 = PARTS / PLANNED_SPEED_64THS as u32;
 
-/// Playback comes from the planned speed to a halt in no less than this, s.
+/// Shortest time from the planned speed to a halt, s.
 const HALT_S: f32 = 0.4;
-/// And in no more than about this, s, even if a wheel has no acceleration to spare: then the limiter
-/// has the last word.
+/// Approximate longest time to a halt, s, even where a wheel has no acceleration to spare: then the limiter bounds
+/// its acceleration.
 const LONGEST_HALT_S: f32 = 2.0;
 
-/// Frames that make a segment of the curve.
+/// Frames that define a segment of the curve.
 const WINDOW: usize = 4;
 
-/// What is being played.
+/// Position of playback in the library.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Playing {
     /// Clip of the library: a motion or a transition.
     pub clip: ClipId,
-    /// Frame that was passed last.
+    /// Frame passed last.
     pub frame: u16,
     /// Part of the way to the next frame, 0 up to but not including 1.
     pub phase: f32,
 }
 
-/// A frame: where it is from, whether the robot rests in SAFE there, and the channels' values.
+/// A frame: clip and number, whether the robot rests in SAFE there, and the channels' values, rad or rad/s.
 #[derive(Clone, Copy, Debug)]
 struct Frame {
     clip: ClipId,
@@ -62,7 +61,7 @@ impl Frame {
         Ok(frame)
     }
 
-    /// Becomes the one where a walk stands.
+    /// Becomes the frame at which a walk stands.
     fn take(&mut self, walk: &Walk, library: &Library<'_>) -> Result<(), Unreadable> {
         (self.clip, self.number) = walk.at();
         self.rests_in_safe = walk.rests_in_safe(library);
@@ -70,22 +69,22 @@ impl Frame {
     }
 }
 
-/// Plays a library.
+/// Player of a library.
 ///
-/// Borrows nothing: each call takes the library again, and it must be the one of [`Player::start`].
+/// It borrows nothing: every call takes the library of [`Player::start`].
 #[derive(Clone, Debug)]
 pub struct Player {
     walk: Walk,
-    /// Frames k−1, k, k+1, k+2; the walk stands at the last of them. The first is the one at `first`, the
-    /// others follow round the end: a frame is written where it stays.
+    /// Frames k−1, k, k+1, k+2, the walk stands at the last. A ring buffer that begins at `first`, so that no frame
+    /// is ever copied.
     window: [Frame; WINDOW],
     first: usize,
-    /// Way from the second frame to the third, in parts of control periods at the planned speed.
+    /// Way from the second frame to the third, in units of playback time at the planned speed.
     parts: u32,
     ticks_per_frame: u16,
-    /// Parts that a control period counts for now.
+    /// Units of playback time by which a control period advances at present.
     rate: u32,
-    /// What the operator wants, in 64ths.
+    /// Playback speed that the operator commanded, in 64ths of the planned one.
     speed_64ths: u8,
     halted: bool,
 }
@@ -107,27 +106,27 @@ impl Player {
         })
     }
 
-    /// Plays at so many 64ths of the planned speed from now on, 1 to 64.
+    /// Sets the playback speed, in 64ths of the planned one, 1 to 64.
     pub fn set_speed(&mut self, speed_64ths: u8) {
         self.speed_64ths = speed_64ths.clamp(1, PLANNED_SPEED_64THS);
     }
 
-    /// Comes to a halt, wherever in the motion that is.
+    /// Slows down to a halt anywhere in the motion.
     pub fn halt(&mut self) {
         self.halted = true;
     }
 
-    /// Goes on after a halt.
+    /// Resumes after a halt.
     pub fn go_on(&mut self) {
         self.halted = false;
     }
 
-    /// Asks for a motion.
+    /// Sets the motion to play next.
     pub fn set_goal(&mut self, library: &Library<'_>, goal: NodeId) -> Result<(), GoalError> {
         self.walk.set_goal(library, goal)
     }
 
-    /// Frames until the motion that was asked for last starts; 0 when it plays.
+    /// Frames until the requested motion starts; 0 once it plays.
     pub fn frames_to_goal(&self, library: &Library<'_>) -> u16 {
         match self.walk.frames_to_goal(library) {
             0 => 0,
@@ -135,7 +134,7 @@ impl Player {
         }
     }
 
-    /// One control period on.
+    /// Advances by one control period.
     pub fn advance(
         &mut self,
         library: &Library<'_>,
@@ -143,7 +142,7 @@ impl Player {
     ) -> Result<(), Unreadable> {
         self.parts = self.parts.saturating_add(self.rate);
         let frame = self.parts_per_frame();
-        // A period counts for a frame at most.
+        // A control period advances by one frame at most.
         if self.parts >= frame {
             self.parts = self.parts.saturating_sub(frame);
             self.walk.advance(library)?;
@@ -171,8 +170,8 @@ impl Player {
         }
     }
 
-    /// How fast the speed may change, 1/s of the planned one. A wheel's speed is the planned one times
-    /// that of playback: where w and w' are planned, it accelerates by s² w' + s' w.
+    /// Largest rate of change of the playback speed s, 1/s, with s = 1 as planned. With wheel speed w and
+    /// acceleration w' as planned, the wheel turns at s w and accelerates by s² w' + s' w.
     fn most_change_per_s(&self, config: &RobotConfig) -> f32 {
         let speed = self.speed();
         let wheels = config.channels.iter().enumerate();
@@ -182,28 +181,28 @@ impl Player {
             let spare = channel.max_rate - speed * speed * planned.slope.abs();
             Some(spare / planned.value.abs())
         });
-        // Of a number and a NaN (0/0) `min` and `max` take the number.
+        // `min` and `max` of a number and a NaN (0/0) return the number.
         most.fold(1.0 / HALT_S, f32::min).max(1.0 / LONGEST_HALT_S)
     }
 
-    /// Speed of playback now, of the planned one.
+    /// Playback speed at present, as a fraction of the planned one.
     fn speed(&self) -> f32 {
         self.rate as f32 / PARTS as f32
     }
 
-    /// What is being played.
+    /// The present position of playback.
     pub fn playing(&self) -> Playing {
         let [_, from, _, _] = self.frames();
         Playing { clip: from.clip, frame: from.number, phase: self.phase() }
     }
 
-    /// Whether the robot rests in the SAFE pose, and nothing else is on its way.
+    /// Whether the robot rests in the SAFE pose and no other frame follows.
     pub fn rests_in_safe(&self, library: &Library<'_>) -> bool {
         let [_, rest @ ..] = self.frames();
         rest.iter().all(|frame| frame.rests_in_safe) && self.walk.rests_in_safe(library)
     }
 
-    /// The target of a channel now.
+    /// The present target of a channel.
     pub fn target(&self, config: &RobotConfig, channel: usize) -> Option<Target> {
         let kind = config.channels.get(channel)?.kind;
         let planned = self.planned(channel)?;
@@ -215,7 +214,7 @@ impl Player {
         })
     }
 
-    /// Value of a channel, and its slope at the planned speed.
+    /// Planned value of a channel, and its slope at the planned speed.
     fn planned(&self, channel: usize) -> Option<Sample> {
         let [a, b, c, d] = self.frames();
         let value = |frame: &Frame| frame.values.get(channel).copied();

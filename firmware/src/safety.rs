@@ -1,8 +1,8 @@
 //! The safety state machine: a pure function `(state, event) -> (state, action)`.
 //!
-//! Nothing here knows time, buses or motions: [`crate::Controller`] turns those into events and
-//! carries out the actions. So the whole of it can be walked exhaustively, and the table in
-//! `docs/playback-and-safety.md` is generated from [`step`] and compared with it in a test.
+//! It knows neither time nor buses nor motions: [`crate::Controller`] turns those into events and carries out the
+//! actions. Tests can therefore try every event in every state, and compare the table in
+//! `docs/playback-and-safety.md` with the one that they generate from [`step`].
 //!
 //! ```text
 //! Boot ─> SelfTest ─> Disarmed ─> Aligning ─> Ready <──> Playing <──> Paused
@@ -15,10 +15,10 @@
 //!            └────────EStopped  <─ everywhere
 //! ```
 //!
-//! - Torque is driven only in Aligning, Ready, Playing, Paused and Returning, and the one way in is
-//!   Disarmed → Aligning, which starts from the measured pose.
-//! - Events that arrive together are handled most severe first, hence the outcome does not depend on the
-//!   order in which frames came in. Which event is how severe stands in [`rollwalk_protocol::faults`].
+//! The motors drive only in Aligning, Ready, Playing, Paused and Returning. The only way into these states is
+//! Disarmed → Aligning, which starts from the measured pose.
+//! Events that arrive together are handled most severe first, hence the outcome does not depend on the order in which
+//! frames came in. [`rollwalk_protocol::faults`] defines the severity of each event.
 //! - A fault never re-arms by itself: TorqueOff with a latched fault and EStopped wait for the
 //!   operator's two-step clear, which runs the self test again.
 
@@ -65,7 +65,7 @@ pub fn step(state: State, event: Event) -> (State, Action) {
         (S::Disarmed, _, E::ArmConfirmed) => (S::Aligning, A::AlignFromMeasured),
 
         (S::Aligning, _, E::Aligned) => (S::Ready, A::HoldSafe),
-        // Not yet on the graph: there is no route to follow, only letting down gently.
+        // The robot is not in a node of the motion graph yet: without a route to SAFE, damping lets it down.
         (S::Aligning, V::Return, _) | (S::Aligning, _, E::AlignFailed) => (S::Damped, A::Damp),
         (_, _, E::AlignFailed) => (state, A::None),
 
@@ -114,8 +114,8 @@ impl StateMachine {
         self.latched
     }
 
-    /// Whether the event is possible at present. Without torque a silent host or actuator is no fault, but an
-    /// obstacle to arming.
+    /// Whether the event can occur in the present state. Without torque a silent host or actuator raises no fault, it
+    /// only prevents arming.
     pub fn can_arise(&self, event: Event) -> bool {
         match event {
             Event::EStop | Event::BusOff => true,
@@ -144,11 +144,11 @@ impl StateMachine {
     }
 }
 
-/// Events raised since the last tick: a set that hands out the most severe first.
+/// Events raised since the last tick, taken out most severe first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EventSet(u32);
 
-/// Sets of the events of one severity each, the most severe first.
+/// Bit sets of the events of each severity, most severe first.
 const BY_SEVERITY: [u32; 5] = [
     of_severity(Severity::EStop),
     of_severity(Severity::TorqueOff),
@@ -175,7 +175,7 @@ impl EventSet {
         self.0 |= 1 << event.code();
     }
 
-    /// Takes out the most severe event, of several the one with the lowest code.
+    /// Removes and returns the most severe event; of several, the one with the lowest code.
     pub fn pop(&mut self) -> Option<Event> {
         let most_severe = BY_SEVERITY.iter().map(|class| self.0 & class).find(|&set| set != 0)?;
         self.0 &= !(most_severe & most_severe.wrapping_neg());

@@ -16,36 +16,36 @@ pub struct Settings {
     pub heartbeat_timeout_us: u32,
     /// Ticks without feedback after which an actuator counts as lost.
     pub silent_ticks: u16,
-    /// Fastest joint while aligning, rad/s.
+    /// Largest joint speed during alignment, rad/s.
     pub align_speed_rad_s: f32,
-    /// How far from the SAFE pose a joint may be measured for alignment to be over, rad: servos
-    /// with proportional gain sag under the robot's weight.
+    /// Largest distance of a measured joint from the SAFE pose at the end of alignment, rad: servos with proportional
+    /// gain sag under the robot's weight.
     pub align_tolerance_rad: f32,
-    /// How long enabling, and how long settling after the ramp, may take, µs each.
+    /// Longest duration of enabling, and of settling after the ramp, µs each.
     pub align_patience_us: u32,
-    /// How far a joint may be measured from its setpoint while motions play, rad, ...
+    /// Largest distance of a measured joint from its setpoint during playback, rad.
     pub follow_tolerance_rad: f32,
-    /// ... and how long it may be further, µs: something holds it then.
+    /// Time beyond `follow_tolerance_rad` after which the controller assumes that something blocks the joint, µs.
     pub follow_patience_us: u32,
     /// Longest interval between ticks, µs; a longer one is an overrun.
     pub overrun_us: u32,
-    /// How far outside its range a joint may be measured for arming, rad: beyond that the
-    /// measurement, or the zero of the servo, is wrong.
+    /// Largest distance of a measured joint from its range at which arming is possible, rad; beyond it the
+    /// measurement or the servo's zero is wrong.
     pub out_of_range_rad: f32,
-    /// How far a gain may be raised at run time, as a multiple of the configured one, 1 or more.
+    /// Largest gain at run time as a multiple of the configured one, 1 or more.
     pub max_gain_ratio: f32,
     /// Whether an IMU is required: without it arming is refused, and stale measurements count as a lean.
     pub imu_required: bool,
-    /// Tilted by more than the motion makes it and this, rad, the robot returns to SAFE. Infinite:
-    /// it does not.
+    /// Tilt beyond that of the motion at which the robot returns to SAFE, rad; infinite to disable this.
     pub lean_rad: f32,
-    /// Tilted by more than this it is let down damped: nothing can save it. Infinite: it is not.
+    /// Tilt beyond that of the motion at which the joints are damped, because a return is hopeless, rad; infinite to
+    /// disable this.
     pub tip_rad: f32,
     /// Time beyond either angle before the controller reacts, µs.
     pub tilt_patience_us: u32,
-    /// How long SAFE is held after the host was lost, µs.
+    /// Duration for which SAFE is held after the host was lost, µs.
     pub hold_us: u32,
-    /// How long joints are damped before torque goes off, µs.
+    /// Duration of damping before torque is switched off, µs.
     pub damping_us: u32,
 }
 
@@ -80,7 +80,7 @@ impl Default for Settings {
 pub struct SettingsError {
     /// Field of [`Settings`].
     pub field: &'static str,
-    /// What would be right.
+    /// The rule that it violates.
     pub must: &'static str,
 }
 
@@ -130,7 +130,7 @@ impl Settings {
         Ok(())
     }
 
-    /// Control periods of a 60 Hz frame.
+    /// Control periods per 60 Hz frame.
     pub fn ticks_per_frame(&self) -> u16 {
         (self.control_hz / RATE_HZ).max(1)
     }

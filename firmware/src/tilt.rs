@@ -115,7 +115,7 @@ mod tests {
         assert_eq!((fall.pop(), fall.pop()), (Some(Event::Tipped), Some(Event::Leaning)));
     }
 
-    /// A motion that bows is compared with its bow.
+    /// A motion that bows is expected to have the tilt of its bow.
     #[test]
     fn the_clip_says_what_is_expected() {
         let bow = Attitude { up_body: [0.6_f32.sin(), 0.0, 0.6_f32.cos()], spread_rad: 0.1 };
@@ -136,7 +136,7 @@ mod tests {
             tilt.watch(STALE_US + 1 + tick, &Attitude::LEVEL, &settings, &mut events);
         }
         assert_eq!(events.pop(), Some(Event::Leaning));
-        // Where it need not be there, silence says nothing.
+        // Without the requirement, a silent IMU is no lean.
         for tick in 0..10 {
             tilt.watch(STALE_US + 1 + tick, &Attitude::LEVEL, &SETTINGS(), &mut events);
         }

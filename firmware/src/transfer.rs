@@ -34,11 +34,11 @@ pub(crate) struct Shelf<S> {
     store: S,
     active: Option<Index>,
     transfer: Option<Transfer>,
-    /// Checked, not yet active.
+    /// Index of the checked library that is not active yet.
     finished: Option<Index>,
     reject: Option<Reject>,
     proof: Proof,
-    /// The active library could not be played: the next self test validates it again.
+    /// Whether the active library could not be played: then the next self test validates it again.
     suspect: bool,
 }
 
@@ -97,7 +97,7 @@ impl<S: LibraryStore> Shelf<S> {
         self.suspect |= event == Event::PlaybackFailed;
         self.proof = match (event, self.proof) {
             (Event::MotionStarted, Proof::None) => Proof::Asked,
-            // Sent back to SAFE before it had left.
+            // The player was sent back to SAFE before it had left.
             (Event::SafeReached, Proof::Asked) => Proof::None,
             (Event::SafeReached, Proof::Playing) => Proof::Played,
             (event, _) if event.fault().is_some() => Proof::None,
@@ -117,7 +117,7 @@ impl<S: LibraryStore> Shelf<S> {
     /// control period.
     pub fn settle(&mut self, state: State) {
         if state == State::Disarmed && self.proof == Proof::Played {
-            // If the memory fails it stays on trial; the next motion tries again.
+            // If the store fails, the library stays on trial; the next motion tries again.
             let _ = self.confirm();
         }
     }
@@ -169,7 +169,7 @@ impl<S: LibraryStore> Shelf<S> {
 
     fn begin(&mut self, len: u32, crc32c: u32, config: &RobotConfig) -> TransferResult {
         if self.transfer.is_some_and(|t| (t.len, t.crc32c) == (len, crc32c)) {
-            // The same again: resumes.
+            // The same request resumes the transfer.
             return TransferResult::Ok;
         }
         let size = usize::try_from(len).unwrap_or(usize::MAX);
@@ -183,7 +183,7 @@ impl<S: LibraryStore> Shelf<S> {
         self.proof = Proof::None;
         let begun = self.store.begin(size, crc32c);
         if self.store.keeps_library() {
-            // The same library as before, or the one before it when that was on trial.
+            // The same library as before, or the previous one if that was on trial.
             self.load(config);
         }
         match begun {
@@ -333,7 +333,7 @@ mod tests {
             send(&mut shelf, Request::Block { offset: 0, bytes: &bytes[..100] }),
             (R::Ok, 100)
         );
-        // Repeated, too far, and not complete.
+        // A repeated block, one too far ahead, and an incomplete library.
         assert_eq!(
             send(&mut shelf, Request::Block { offset: 0, bytes: &bytes[..100] }),
             (R::Ok, 100)
@@ -343,7 +343,7 @@ mod tests {
             (R::OutOfOrder, 100)
         );
         assert_eq!(send(&mut shelf, Request::Finish), (R::Incomplete, 100));
-        // The link was lost: the same Begin goes on.
+        // After a loss of the link the same Begin resumes.
         assert_eq!(send(&mut shelf, begin(&bytes)), (R::Ok, 100));
         assert_eq!(
             send(&mut shelf, Request::Block { offset: 50, bytes: &bytes[50..] }),
@@ -356,7 +356,7 @@ mod tests {
         assert_eq!(send(&mut shelf, Request::Activate { crc32c: crc }), (R::Ok, n));
         assert!(shelf.library().is_some());
 
-        // Another one: the old one is gone as soon as the store changes.
+        // For another library the store changes, and the active one is dropped.
         assert_eq!(send(&mut shelf, Request::Begin { len: 4000, crc32c: 1 }).0, R::TooLong);
         assert!(shelf.library().is_some());
         assert_eq!(send(&mut shelf, Request::Begin { len: 400, crc32c: 1 }), (R::Ok, 0));
@@ -378,7 +378,7 @@ mod tests {
         send(&mut shelf, Request::Begin { len: bytes.len() as u32, crc32c: 7 });
         send(&mut shelf, Request::Block { offset: 0, bytes: &bytes });
         assert_eq!(send(&mut shelf, Request::Finish).0, R::BadCrc);
-        // Begins from the start, not where the damaged one ended.
+        // The transfer begins from the start, not where the damaged one ended.
         assert_eq!(send(&mut shelf, begin(&bytes)), (R::Ok, 0));
         assert!(shelf.library().is_none());
     }
@@ -426,7 +426,8 @@ mod tests {
         (reply.result, reply.next)
     }
 
-    /// Not until it was found unreadable: a self test after every other fault need not read it all.
+    /// The next self test validates a library only if it could not be played: it need not read all of it after every
+    /// other fault.
     #[test]
     fn what_could_not_be_played_is_validated_again() {
         let first = library(&config());
@@ -461,13 +462,13 @@ mod tests {
         assert_eq!(ask(&mut shelf, Request::Finish), (R::Ok, len));
         assert_eq!(ask(&mut shelf, Request::Activate { crc32c: crc }), (R::Ok, len));
         assert_eq!(ask(&mut shelf, Request::Activate { crc32c: crc }), (R::Ok, len));
-        // Called back before it left SAFE: no proof.
+        // A return to SAFE before the motion has left it proves nothing.
         shelf.observe(Event::MotionStarted);
         shelf.see(ClipId(0));
         shelf.observe(Event::SafeReached);
         shelf.settle(State::Disarmed);
         assert!(shelf.on_trial());
-        // One motion well, the next one not: none either.
+        // One complete motion, the next one not: this proves nothing either.
         shelf.observe(Event::MotionStarted);
         shelf.see(ClipId(1));
         shelf.observe(Event::SafeReached);
@@ -482,7 +483,7 @@ mod tests {
         shelf.settle(State::Disarmed);
         assert!(!shelf.on_trial());
 
-        // One for another robot is refused and the first goes on, now and after a reset.
+        // A library for another robot is refused and the first stays active, now and after a reset.
         let mut other = config();
         other.channels[0].max_torque_nm = 2.0;
         let second = library(&other);
@@ -491,7 +492,7 @@ mod tests {
         assert_eq!(ask(&mut shelf, Request::Finish).0, R::Rejected);
         assert!(shelf.library().is_some() && shelf.reject().is_none());
 
-        // On trial when the robot becomes another one: refused at the next start, rolled back.
+        // The robot is exchanged during the trial: the library is refused at the next start and rolled back.
         let mut shelf = reset(shelf);
         assert_eq!(ask(&mut shelf, begin(&second)), (R::Ok, 0));
         assert_eq!(ask(&mut shelf, Request::Block { offset: 0, bytes: &second }).0, R::Ok);

@@ -1,5 +1,5 @@
-//! The controller's side of requests about gains and limits: each once, answered always, and kept
-//! in the store when asked to.
+//! Controller's side of requests about gains and limits: executes each once, answers every one, and saves the
+//! parameters on request.
 
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{
@@ -11,7 +11,7 @@ use crate::controller::Controller;
 use crate::parameters::Refusal;
 use crate::store::{LibraryStore, ParameterStore};
 
-/// The store of parameters, and what was asked last.
+/// The parameter store, and the last request with its answer.
 pub(crate) struct Tuning<P> {
     store: P,
     last: Option<(Frame, ParameterAck)>,
@@ -24,17 +24,17 @@ impl<P: ParameterStore> Tuning<P> {
         Self { store, last: None, origin: ParameterOrigin::Configuration, loaded: false }
     }
 
-    /// The store, as it is.
+    /// Returns the store.
     pub fn into_store(self) -> P {
         self.store
     }
 
-    /// The answer to a request that is not to be executed: executed before, or too old.
+    /// The answer to a request that is not to be executed, because it has been before or is out of order.
     fn known(&self, frame: &Frame, seq: u8) -> Option<Result<ParameterAck, Refusal>> {
         let (last, ack) = self.last?;
-        // As for commands: ahead by 1 to 8 is newer; sequence numbers go round at 16.
+        // As for commands, a number 1 to 8 ahead, modulo 16, is newer.
         match seq.wrapping_sub(ack.seq) & 0xF {
-            // What was refused has done nothing, and may be possible by now.
+            // A refused request had no effect and may be possible by now: it is executed again.
             0 if *frame == last => (ack.result == ParameterResult::Ok).then_some(Ok(ack)),
             1..=8 => None,
             _ => Some(Err((ParameterResult::OutOfOrder, 0.0))),
@@ -43,7 +43,7 @@ impl<P: ParameterStore> Tuning<P> {
 }
 
 impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
-    /// In the first self test after power-on: what was saved for this robot comes into force.
+    /// Applies the parameters saved for this robot, in the first self test after power-on.
     pub(crate) fn load_parameters(&mut self) {
         if core::mem::replace(&mut self.tuning.loaded, true) {
             return;
@@ -65,7 +65,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         };
     }
 
-    /// Takes a request, which came in `frame`.
+    /// Processes a request, which came in `frame`.
     pub(crate) fn on_parameter(&mut self, frame: &Frame, request: ParameterRequest) {
         let outcome = match self.tuning.known(frame, request.seq) {
             Some(Ok(ack)) => {
@@ -103,7 +103,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 {
                     return Err((ParameterResult::NotSupported, 0.0));
                 }
-                // A setpoint with a gain beyond the drive's scale would never leave.
+                // The drive's frames cannot carry a setpoint with a gain beyond its scale.
                 let most = actuators.max_gains(&machine.config, usize::from(channel));
                 let most = most.and_then(|gains| match Parameter::from_code(parameter)? {
                     Parameter::Kp => Some(gains.kp_nm_rad),
@@ -116,7 +116,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 let which = (parameter, channel);
                 let set =
                     parameters.set(&machine.config, &machine.settings, which, value, driven)?;
-                // Whoever was about to arm had other gains in mind.
+                // An operator who is about to arm has requested that with other gains.
                 self.gate.void();
                 Ok(set)
             }
@@ -125,7 +125,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 self.gate.void();
                 Ok(0.0)
             }
-            // Writing flash stops the control loop for a while.
+            // The control loop stops while flash is written.
             ParameterAction::Save if state != State::Disarmed => {
                 Err((ParameterResult::WrongState, 0.0))
             }

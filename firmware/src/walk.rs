@@ -1,46 +1,46 @@
-//! The walk over the motion graph: which 60 Hz frame comes next.
+//! Walk through the motion graph: chooses the next 60 Hz frame.
 //!
-//! Along a motion, round its loop, over a transition, towards the node that was asked for:
+//! It follows motions, repeats loops and takes transitions towards the goal node:
 //!
-//! - A looping motion goes round until a goal elsewhere is set, and is left only at the exit frame
-//!   of the transition that leads there. A motion that ends is left at its last frame.
-//! - A motion that ends without a goal goes on towards SAFE by itself; SAFE holds.
+//! - A looping motion repeats until a goal elsewhere is set, and is left only at the exit frame of the transition that
+//!   leads there. A motion that ends is left at its last frame.
+//! - After a motion that ends without a goal the walk returns to SAFE, where it stays.
 //! - The first frame of a transition is the exit frame and its last frame is the entry frame, so
 //!   neither is played twice.
 //!
-//! The blocks of frames where it will go on, after this clip and after that, are checked before it gets
-//! there: at once when a goal is set, a portion in each frame when it goes on by itself.
+//! The frame blocks that it enters after the present clip, and after the next one, are checked beforehand: at once
+//! when a goal is set, otherwise a portion in each frame.
 
 use rollwalk_protocol::library::{
     ClipCursor, ClipId, Edge, Entry, Library, MAX_MOTIONS, NodeId, Unreadable,
 };
 
-/// Where a walk stands.
+/// Position in the motion graph.
 #[derive(Clone, Copy, Debug)]
 enum Place {
     Motion(NodeId),
     Transition(Edge),
 }
 
-/// Why a goal is refused.
+/// Reason for which a goal is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GoalError {
-    /// No way there from here.
+    /// No route leads to the goal.
     Unreachable,
 }
 
 /// A walk over the frames of a library.
 ///
-/// Borrows nothing: each call takes the library again, and it must be the one of [`Walk::start`].
+/// It borrows nothing: every call takes the library of [`Walk::start`].
 #[derive(Clone, Debug)]
 pub struct Walk {
     place: Place,
     cursor: ClipCursor,
-    /// Node that is still to be entered.
+    /// Node that is still to be reached.
     goal: Option<NodeId>,
-    /// How it will leave the motion that it is in or on the way to.
+    /// Transition by which it will leave the present motion, or the one that it is about to enter.
     onward: Option<Edge>,
-    /// Where it will go on after the clip that it is in, and after that.
+    /// Entries into the next clip and into the one after.
     entries: [Option<Entry>; 2],
 }
 
@@ -54,37 +54,37 @@ impl Walk {
         Ok(Self { place, cursor, goal: None, onward: None, entries: [None; 2] })
     }
 
-    /// Clip and frame it stands at.
+    /// Clip and frame at which it stands.
     pub fn at(&self) -> (ClipId, u16) {
         (self.cursor.clip(), self.cursor.frame())
     }
 
-    /// Writes the channels' values of the frame it stands at: rad, rad/s.
+    /// Writes the channels' values of the present frame: rad, rad/s.
     pub fn frame_into(&self, library: &Library<'_>, out: &mut [f32]) -> Result<(), Unreadable> {
         self.cursor.frame_into(library, out)
     }
 
-    /// Asks for a motion. One that ends and is being played is played once more after its end.
+    /// Sets the goal. A motion that ends and is being played is played once more.
     pub fn set_goal(&mut self, library: &Library<'_>, goal: NodeId) -> Result<(), GoalError> {
         let (from, arriving) = match self.place {
             Place::Motion(node) => (node, false),
             Place::Transition(edge) => (edge.to, true),
         };
         if from == goal && (arriving || self.stays_at(library, goal)) {
-            // On the way there, or there already: nothing to do but to forget other goals.
+            // The walk is there or on the way: only another goal is dropped.
             self.goal = arriving.then_some(goal);
         } else {
             library.next_hop(from, goal).ok_or(GoalError::Unreachable)?;
             self.goal = Some(goal);
         }
         self.look_ahead(library);
-        // It may leave with the next frame, or arrive with it and leave with the one after.
+        // The walk may leave with the next frame, or arrive with it and leave with the one after.
         self.entries.iter_mut().flatten().for_each(|entry| entry.check_all(library));
         Ok(())
     }
 
-    /// Finds out where it will go on.
-    // Rarely done: once in the image instead of where it is called.
+    /// Determines the next transition and entries.
+    // Rarely called: kept out of line, so that the image contains it once.
     #[inline(never)]
     fn look_ahead(&mut self, library: &Library<'_>) {
         let (node, arrival) = match self.place {
@@ -93,7 +93,7 @@ impl Walk {
         };
         let arrives = arrival.is_some() && self.goal == Some(node);
         let goal = match self.goal.filter(|_| !arrives) {
-            // What ends goes on to SAFE.
+            // A motion that ends is followed by SAFE.
             None => (!self.stays_at(library, node)).then_some(library.safe_node()),
             goal => goal,
         };
@@ -104,8 +104,8 @@ impl Walk {
         self.entries = [now, then];
     }
 
-    /// A place, with what has been checked of it before.
-    // Rarely done: once in the image instead of where it is called.
+    /// Entry into a clip at a frame, with the checks already done for it.
+    // Rarely called: kept out of line, so that the image contains it once.
     #[inline(never)]
     fn entry(&self, library: &Library<'_>, place: Option<(ClipId, u16)>) -> Option<Entry> {
         let (clip, frame) = place?;
@@ -113,21 +113,21 @@ impl Walk {
         known.copied().or_else(|| Entry::new(library, clip, frame).ok())
     }
 
-    /// Checks a portion of what comes.
+    /// Checks a portion of the next entries.
     fn check_ahead(&mut self, library: &Library<'_>) {
         if self.cursor.is_checked_ahead() {
             let _ = self.entries.iter_mut().flatten().any(|entry| entry.check_a_portion(library));
         }
     }
 
-    /// Goes to another clip, whose block has probably been checked.
+    /// Enters another clip, whose block has usually been checked.
     fn enter(&mut self, library: &Library<'_>, clip: ClipId, frame: u16) -> Result<(), Unreadable> {
         let entry = self.entry(library, Some((clip, frame))).ok_or(Unreadable)?;
         self.cursor = ClipCursor::enter(library, &entry)?;
         Ok(())
     }
 
-    /// Frames until the goal is entered; 0 when there is none.
+    /// Frames until the goal is reached; 0 without a goal.
     pub fn frames_to_goal(&self, library: &Library<'_>) -> u16 {
         let Some(goal) = self.goal else { return 0 };
         let frame = self.cursor.frame();
@@ -146,7 +146,7 @@ impl Walk {
         for _ in 0..MAX_MOTIONS {
             let edge = library.next_hop(node, goal).and_then(|edge| library.edge(edge));
             let Some(edge) = edge else { break };
-            // Round the loop once more when the exit frame has just been passed.
+            // One more pass of the loop when the exit frame has just been passed.
             let round = if edge.exit_frame < at { frames(node.clip()) } else { 0 };
             let wait = edge.exit_frame.saturating_add(round).saturating_sub(at);
             sum = sum.saturating_add(wait).saturating_add(frames(edge.clip).saturating_sub(1));
@@ -158,14 +158,14 @@ impl Walk {
         sum
     }
 
-    /// Whether a node is one that the walk does not leave by itself.
+    /// Whether the walk stays at a node until a goal is set.
     fn stays_at(&self, library: &Library<'_>, node: NodeId) -> bool {
         node == library.safe_node() || library.clip(node.clip()).is_some_and(|clip| clip.looping)
     }
 
     /// Whether it rests in the SAFE pose and will stay there.
     pub fn rests_in_safe(&self, library: &Library<'_>) -> bool {
-        // A looping SAFE motion holds still in all its frames (the validator sees to that).
+        // In a looping SAFE motion all frames are equal, which the validator checks.
         let still = self.cursor.at_last_frame() || self.cursor.loops();
         match self.place {
             Place::Motion(node) => node == library.safe_node() && self.goal.is_none() && still,
@@ -173,14 +173,14 @@ impl Walk {
         }
     }
 
-    /// To the next frame. Errors only when the library is not the one that was validated.
+    /// Advances to the next frame. Fails only with a library other than the validated one.
     pub fn advance(&mut self, library: &Library<'_>) -> Result<(), Unreadable> {
         let clip = self.cursor.clip();
         match self.place {
             Place::Motion(node) => self.advance_motion(library, node)?,
             Place::Transition(edge) => self.advance_transition(library, edge)?,
         }
-        // Where it has gone to another clip it has done enough.
+        // Entering another clip is enough work for one frame.
         if self.cursor.clip() == clip {
             self.check_ahead(library);
         }
@@ -190,7 +190,7 @@ impl Walk {
     fn advance_transition(&mut self, library: &Library<'_>, edge: Edge) -> Result<(), Unreadable> {
         self.cursor.advance(library)?;
         if self.cursor.at_last_frame() {
-            // The same frame under the name that it has in the target.
+            // The transition's last frame equals the entry frame of the target.
             self.enter(library, edge.to.clip(), edge.entry_frame)?;
             self.place = Place::Motion(edge.to);
             if self.goal == Some(edge.to) {
@@ -210,14 +210,14 @@ impl Walk {
         if self.goal.is_some() {
             let edge = self.onward.ok_or(Unreadable)?;
             if edge.exit_frame == self.cursor.frame() {
-                // Frame 0 of the transition is the frame where we stand.
+                // Frame 0 of the transition equals the present frame.
                 self.enter(library, edge.clip, 0)?;
                 self.place = Place::Transition(edge);
                 self.look_ahead(library);
                 return self.advance_transition(library, edge);
             }
         }
-        // At the end of SAFE this stays: every other motion that ended has left above.
+        // At the end of SAFE this has no effect: every other motion that has ended was left above.
         self.cursor.advance(library).map(|_| ())
     }
 }

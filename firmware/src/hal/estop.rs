@@ -1,9 +1,9 @@
-//! The contact of an emergency stop.
+//! Emergency stop contact on an input pin.
 //!
-//! Normally closed, between the pin and ground, with a pull-up: what opens it stops, and a broken wire
-//! opens it. A pin that cannot be read stops as well. Pressing counts at once, releasing only when the
-//! contact was closed for a number of samples in a row: contacts bounce. That it is released takes no stop
-//! back, that is the operator's clear.
+//! The contact is normally closed, between the pin and ground, with a pull-up: pressing the button or a broken wire
+//! opens it. A pin that cannot be read counts as open. Opening takes effect at once; because contacts bounce, closing
+//! counts only after a number of closed samples in a row. A released button does not end the stop: only the
+//! operator's clear does.
 
 use embedded_hal::digital::InputPin;
 
@@ -12,19 +12,19 @@ use embedded_hal::digital::InputPin;
 pub struct EstopInput<I> {
     pin: I,
     release_samples: u16,
-    /// Samples in a row in which it was closed.
+    /// Closed samples in a row.
     closed: u16,
 }
 
 impl<I: InputPin> EstopInput<I> {
-    /// A contact that counts as released once it was closed for so many samples in a row, at least 1. It
-    /// has not been yet.
+    /// An input that counts as released after `release_samples` closed samples in a row, at least 1. Until then it
+    /// stops.
     pub fn new(pin: I, release_samples: u16) -> Self {
         Self { pin, release_samples: release_samples.max(1), closed: 0 }
     }
 
-    /// Looks at the pin: whether to stop. To be asked in every control period, before
-    /// [`crate::Controller::tick`], and [`crate::Controller::estop`] called when it says so.
+    /// Samples the pin and returns whether to stop. The board calls this in every control period before
+    /// [`crate::Controller::tick`], and [`crate::Controller::estop`] when it returns true.
     pub fn stops(&mut self) -> bool {
         self.closed = match self.pin.is_low() {
             Ok(true) => self.closed.saturating_add(1),
@@ -40,7 +40,7 @@ mod tests {
     use core::convert::Infallible;
     use embedded_hal::digital::{Error, ErrorKind, ErrorType};
 
-    /// What the pin reads, one after the other; `None` is an error.
+    /// Readings of the pin in order; `None` is an error.
     struct Pin<'a>(core::slice::Iter<'a, Option<bool>>);
 
     #[derive(Debug)]
@@ -84,13 +84,13 @@ mod tests {
         check(
             3,
             &[
-                // Switched on: not seen closed often enough yet.
+                // After power-on: too few closed samples yet.
                 (CLOSED, true),
                 (CLOSED, true),
                 (CLOSED, false),
                 (CLOSED, false),
                 (OPEN, true),
-                // It bounces.
+                // The contact bounces.
                 (CLOSED, true),
                 (CLOSED, true),
                 (OPEN, true),
@@ -106,11 +106,11 @@ mod tests {
         check(2, &[(OPEN, true), (OPEN, true), (OPEN, true), (OPEN, true)]);
         check(1, &[(CLOSED, false), (UNREADABLE, true), (CLOSED, false)]);
         check(2, &[(CLOSED, true), (CLOSED, false), (UNREADABLE, true), (CLOSED, true)]);
-        // No samples at all would be no contact at all.
+        // At least one closed sample is required.
         check(0, &[(OPEN, true), (CLOSED, false)]);
     }
 
-    /// Closed for longer than can be counted.
+    /// The contact is closed for more samples than the counter holds.
     #[test]
     fn it_stays_released() {
         struct Grounded;

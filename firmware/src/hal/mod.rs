@@ -1,11 +1,11 @@
-//! What hangs on a microcontroller's pins, through `embedded-hal` 1.0, or on its serial line: for boards, which own
+//! Devices on a microcontroller's pins, through `embedded-hal` 1.0, or on its serial line, for the boards that own
 //! them.
 //!
 //! | module | is |
 //! |---|---|
 //! | [`pwm`] | a hobby servo on a PWM output, as an actuator of the Rollwalk profile |
 //! | [`estop`] | the contact of an emergency stop |
-//! | [`slcan`] | the link on a serial line, as an SLCAN adapter has it |
+//! | [`slcan`] | the link on a serial line, as an SLCAN adapter |
 
 pub mod estop;
 pub mod pwm;

@@ -1,33 +1,32 @@
-//! A hobby servo on a PWM output, as an actuator of the Rollwalk profile: a board hands it the frames of
-//! the bus number that stands for its PWM outputs, and hands its answers to the controller.
+//! Hobby servo on a PWM output, as an actuator of the Rollwalk profile: a board passes it the frames of the actuator
+//! bus that stands for its PWM outputs, and passes its answers to the controller.
 //!
-//! Such a servo measures nothing. It answers with the pose that it was taken to be in when it was made,
-//! later with the one that it was sent to: it has to be put there before its torque comes on. It has no
-//! gains either, so it is held or let go: a setpoint without stiffness lets it go, and so do too many
-//! ticks without a setpoint.
+//! Such a servo measures nothing: it reports the angle assumed at its creation, later its last setpoint. It must
+//! therefore be at the assumed angle before its torque comes on. It has no gains either: it holds an angle or gives
+//! no torque. A setpoint without stiffness ends its torque, and so do too many ticks without a setpoint.
 
 use embedded_hal::pwm::SetDutyCycle;
 use rollwalk_protocol::actuator::{ActuatorStatus, Control, Feedback, JointSetpoint};
 use rollwalk_protocol::actuators::maestro::Pulse;
 use rollwalk_protocol::can::Frame;
 
-/// A servo and the output that it hangs on.
+/// Settings of a servo and its output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PwmSettings {
-    /// Address on the bus that stands for the outputs.
+    /// Address on the actuator bus that stands for the outputs.
     pub id: u8,
-    /// Its pulses.
+    /// Pulse lengths of the servo.
     pub pulse: Pulse,
-    /// Time from pulse to pulse, as the output is set up, µs. 20,000 for most servos.
+    /// Pulse period of the output, µs; 20,000 for most servos.
     pub period_us: f32,
-    /// It is let go after so many ticks without a setpoint.
+    /// Largest number of ticks without a setpoint before the torque ends.
     pub patience_ticks: u16,
 }
 
-/// Why an output cannot drive a servo.
+/// Reason for which an output cannot drive a servo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PwmError<E> {
-    /// Pulses that are none, or longer than the period; what would be right.
+    /// Pulse settings that are invalid or longer than the period; with what would be valid.
     Settings(&'static str),
     /// The output failed.
     Output(E),
@@ -45,7 +44,7 @@ pub struct PwmServo<P> {
 }
 
 impl<P: SetDutyCycle> PwmServo<P> {
-    /// A servo that gives no torque, taken to be at `assumed_rad`.
+    /// A servo without torque, assumed to be at `assumed_rad`.
     pub fn new(
         pwm: P,
         settings: PwmSettings,
@@ -53,7 +52,7 @@ impl<P: SetDutyCycle> PwmServo<P> {
     ) -> Result<Self, PwmError<P::Error>> {
         let PwmSettings { pulse, period_us, .. } = settings;
         let (shortest, longest) = pulse.limits_us;
-        // Written so that a NaN fails.
+        // Written so that a NaN is refused.
         if !(shortest > 0.0 && longest >= shortest && longest < period_us && period_us < 1e6) {
             return Err(PwmError::Settings("pulses above 0 µs, in order, and below the period"));
         }
@@ -70,7 +69,7 @@ impl<P: SetDutyCycle> PwmServo<P> {
         Ok(servo)
     }
 
-    /// A frame of its bus: does what it says and answers. `None` if it is for another actuator.
+    /// Executes a frame of its bus and returns the answer; `None` for a frame to another actuator.
     pub fn on_frame(&mut self, frame: &Frame) -> Option<Frame> {
         if let Some((id, control)) = Control::decode(frame) {
             if id != self.settings.id {
@@ -94,7 +93,7 @@ impl<P: SetDutyCycle> PwmServo<P> {
         self.feedback()
     }
 
-    /// A control period has passed.
+    /// Counts a control period; too many without a setpoint end the torque.
     pub fn tick(&mut self) {
         self.silent_ticks = self.silent_ticks.saturating_add(1);
         if self.status.enabled() && self.silent_ticks > self.settings.patience_ticks {
@@ -106,11 +105,11 @@ impl<P: SetDutyCycle> PwmServo<P> {
         self.silent_ticks = 0;
         self.status = ActuatorStatus(ActuatorStatus::ENABLED);
         if setpoint.kp_nm_rad <= 0.0 {
-            // Damping is none of the things that it can do.
+            // The servo cannot damp.
             return self.let_go(self.status);
         }
         let Some(duty) = self.duty(setpoint.position_rad) else {
-            // It stays where it was sent last.
+            // The servo stays at the last setpoint.
             self.status.0 |= ActuatorStatus::POSITION_LIMITED;
             return;
         };
@@ -120,17 +119,17 @@ impl<P: SetDutyCycle> PwmServo<P> {
         self.position_rad = setpoint.position_rad;
     }
 
-    /// The duty of an angle, in steps of the output; `None` beyond the limits of the pulse.
+    /// Duty cycle for an angle, in steps of the output; `None` beyond the limits of the pulse.
     fn duty(&self, position_rad: f32) -> Option<u16> {
         let PwmSettings { pulse, period_us, .. } = self.settings;
         let us = pulse.centre_us + position_rad * pulse.us_per_rad;
         let (shortest, longest) = pulse.limits_us;
         let steps = us / period_us * f32::from(self.pwm.max_duty_cycle()) + 0.5;
-        // A pulse of no steps would be none.
+        // Less than one step would be no pulse.
         (us >= shortest && us <= longest && steps >= 1.0).then_some(steps as u16)
     }
 
-    /// No pulses. An output that cannot be switched off is a fault.
+    /// Ends the pulses. An output that cannot be switched off is a fault.
     fn let_go(&mut self, status: ActuatorStatus) {
         let off = self.pwm.set_duty_cycle(0);
         self.status = if off.is_ok() { status } else { ActuatorStatus(ActuatorStatus::HARDWARE) };
@@ -283,7 +282,7 @@ mod tests {
                 }
                 assert_eq!(bench.duty.get(), 0, "{how}");
             }
-            // That it timed out stays until it is disabled.
+            // The timeout is reported until the servo is disabled.
             assert_eq!(bench.control(Control::Query).status.0, ActuatorStatus::TIMED_OUT);
             bench.control(Control::Enable);
             bench.go(0.1, 20.0);

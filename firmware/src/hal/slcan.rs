@@ -109,7 +109,7 @@ mod tests {
         Frame::standard(0x123, &[0xAA, 0xBB]).unwrap()
     }
 
-    /// What `slcand -o -c -s8` begins with, on an adapter that is closed, and once more.
+    /// The commands of `slcand -o -c -s8` to a closed adapter, and those commands again.
     #[test]
     fn a_host_opens_and_closes_the_channel() {
         let mut adapter = Adapter::default();
@@ -126,7 +126,7 @@ mod tests {
         let mut adapter = Adapter::default();
         assert_eq!(told(&mut adapter, b"t1232AABB\rO\r"), (Vec::new(), b"\x07\r".to_vec()));
         assert_eq!(told(&mut adapter, b"t1232AABB\r"), (vec![frame()], b"\r".to_vec()));
-        // The link has none with 29-bit identifiers; half a line is none at all.
+        // The link has no frames with 29-bit identifiers; half a line is no frame.
         let other = b"T000001232AABB\rt1232AAB\r";
         assert_eq!(told(&mut adapter, other), (Vec::new(), b"\r\x07".to_vec()));
         assert_eq!(told(&mut adapter, b"C\rt1232AABB\r"), (Vec::new(), b"\r\x07".to_vec()));

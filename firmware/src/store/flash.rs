@@ -1,16 +1,15 @@
-//! Two libraries in NOR flash: one in use, one on its way or on trial.
+//! Two libraries in NOR flash: one in use, the other being received or on trial.
 //!
-//! `docs/library-store.md` tells layout, states and what survives what. Every change of mind is one
-//! record of the [log](super::log), written after the bytes that it speaks of; the slot of the
-//! confirmed library is never written. A call erases and writes little: a block of a transfer erases
-//! a unit when it gets there, not all of them at the beginning.
+//! `docs/library-store.md` describes layout, states and recovery. Every change of state is one record of the
+//! [log](super::log), written after the bytes that it refers to; the slot of the confirmed library is never written.
+//! No call erases or writes much: a transfer erases each unit when it reaches it, not all of them at the beginning.
 
 use super::log::Log;
 use super::record::{Candidate, Footer, Image, RECORD_LEN, State};
 use super::slots::{self, GeometryError, MappedFlash};
 use super::{LibraryStore, StoreError};
 
-/// A transfer that goes on: where, and the bytes that do not fill a word yet.
+/// A transfer in progress: bytes in flash, and those that do not fill a word yet.
 #[derive(Clone, Copy, Debug)]
 struct Upload {
     /// Bytes in flash, a multiple of the word unless all are.
@@ -25,19 +24,19 @@ pub struct FlashStore<F> {
     pub(super) flash: F,
     pub(super) log: Log,
     pub(super) state: State,
-    /// In use; read and found intact.
+    /// The library in use, read and found intact.
     pub(super) active: Option<Image>,
     upload: Option<Upload>,
-    /// The candidate was read as a whole and found intact.
+    /// Whether the whole candidate was read and found intact.
     sealed: bool,
     trial_boots: u8,
 }
 
 impl<F: MappedFlash> FlashStore<F> {
-    /// Finds out after a reset what there is, and counts this boot if a library is on trial.
+    /// Restores the state after a reset, and counts this boot if a library is on trial.
     ///
-    /// All of `flash` belongs to the store. A library on trial that is not confirmed within
-    /// `trial_boots` boots gives way to the one before.
+    /// All of `flash` belongs to the store. A library on trial that is not confirmed within `trial_boots` boots is
+    /// rolled back to the previous one.
     pub fn mount(mut flash: F, trial_boots: u8) -> Result<Self, GeometryError> {
         slots::check(&flash)?;
         let (mut log, state) = Log::open(&mut flash, slots::LOG_UNITS, F::ERASE_SIZE);
@@ -52,22 +51,23 @@ impl<F: MappedFlash> FlashStore<F> {
         Ok(store)
     }
 
-    /// The flash, as it is.
+    /// Returns the flash.
     pub fn into_flash(self) -> F {
         self.flash
     }
 
-    /// Takes a library into use after a reset.
+    /// Selects the library to use after a reset.
     fn choose(&mut self) {
         if let Candidate::Trial { len, crc32c, boots_left } = self.state.candidate {
             let image = self.state.candidate_image().filter(|&i| self.is_intact(i));
             if let Some(image) = image {
-                // Nothing to go back to: then there is nothing to count.
+                // Without a library to roll back to, boots are not counted.
                 if self.intact_confirmed().is_none() {
                     self.active = Some(image);
                     return;
                 }
-                // Counted before it is used: whatever it does, it does it so many times.
+                // The boot is counted before the library is used, so that a library that crashes the controller is
+                // rolled back too.
                 if let Some(boots_left) = boots_left.checked_sub(1) {
                     let candidate = Candidate::Trial { len, crc32c, boots_left };
                     if self.save(State { candidate, ..self.state }).is_ok() {
@@ -94,20 +94,20 @@ impl<F: MappedFlash> FlashStore<F> {
         if self.active.is_none()
             && let (Some(image), _) = slots::newest_by_footers(&mut self.flash)
         {
-            // The confirmed one has rotted; the one before is still there.
+            // The confirmed library is damaged: the newest intact one takes its place.
             self.active = Some(image);
             self.state = State { confirmed: Some(image), candidate: Candidate::None };
         }
     }
 
-    /// Makes `state` the one that counts, in flash and here.
+    /// Records `state` in flash and adopts it.
     fn save(&mut self, state: State) -> Result<(), StoreError> {
         self.log.append(&mut self.flash, &state)?;
         self.state = state;
         Ok(())
     }
 
-    /// Drops the candidate, here even if the flash does not take it.
+    /// Drops the candidate, in RAM even if the flash fails.
     fn drop_candidate(&mut self) {
         let state = State { candidate: Candidate::None, ..self.state };
         let _ = self.save(state);
@@ -116,7 +116,7 @@ impl<F: MappedFlash> FlashStore<F> {
         self.sealed = false;
     }
 
-    /// Takes bytes of the library that follow those which are here.
+    /// Appends bytes to the incoming library.
     fn append(&mut self, upload: &mut Upload, data: &[u8], len: usize) -> Result<(), StoreError> {
         for &byte in data {
             if let Some(place) = upload.word.get_mut(upload.in_word) {
@@ -133,7 +133,7 @@ impl<F: MappedFlash> FlashStore<F> {
         Ok(())
     }
 
-    /// Writes a word; erases the unit that it opens, and makes a note of the one that it fills.
+    /// Writes a word; erases the unit that it begins, and records the progress when it completes one.
     fn flush(&mut self, upload: &mut Upload, len: usize) -> Result<(), StoreError> {
         let start = slots::start(&self.flash, self.state.candidate_slot());
         let at = start.saturating_add(upload.written);
@@ -150,7 +150,7 @@ impl<F: MappedFlash> FlashStore<F> {
         Ok(())
     }
 
-    /// After a reset the transfer may go on from here.
+    /// Records the progress, from which the transfer can be resumed after a reset.
     fn note(&mut self, written: usize) -> Result<(), StoreError> {
         let Candidate::Receiving { len, crc32c, .. } = self.state.candidate else {
             return Err(StoreError::OutOfRange);
@@ -178,13 +178,13 @@ impl<F: MappedFlash> LibraryStore for FlashStore<F> {
             }
             _ => 0,
         };
-        // Only whole erase units can be gone on from: what follows them is erased first.
+        // A transfer resumes only after whole erase units, because the next one is erased first.
         let resumes = have == len || have.is_multiple_of(F::ERASE_SIZE);
         let written = if resumes { have } else { 0 };
         if written == 0 {
             let candidate = Candidate::Receiving { len: announced, crc32c, have: 0 };
             self.save(State { candidate, ..self.state })?;
-            // A library on trial is no more, but the confirmed one is.
+            // A library on trial is being overwritten; the confirmed one is used instead.
             self.active = self.intact_confirmed();
             slots::erase_footers(&mut self.flash, self.state.candidate_slot())
                 .ok_or(StoreError::Medium)?;
@@ -205,7 +205,7 @@ impl<F: MappedFlash> LibraryStore for FlashStore<F> {
             return Err(StoreError::OutOfRange);
         }
         let new = data.get(here.saturating_sub(offset)..).unwrap_or_default();
-        // After a failure only another begin goes on, from the last unit that was complete.
+        // After a failure only `begin` resumes the transfer, from the last complete unit.
         self.upload = None;
         self.sealed = false;
         self.append(&mut upload, new, len)?;

@@ -1,38 +1,38 @@
-//! A log of records in NOR flash: two or three units that take turns.
+//! Log of records in NOR flash, in two or three units used in turn.
 //!
-//! Records are appended to one unit; when it is full, the one with the oldest records is erased and
-//! goes on, never the one with the newest record: a cut at any moment leaves the record before or
-//! after. A record holds all that its owner must remember: the newest one alone decides.
+//! Records are appended to one unit. When it is full, the unit with the oldest records is erased and used next, never
+//! the one with the newest record: after a power cut at any moment either the previous record or the new one is
+//! there. A record holds the whole state of its owner, so only the newest one matters.
 //!
-//! A record of which a cut spoilt the last word may read well until the next reset, and never again.
-//! With three units the one before it outlasts that, too.
+//! A record whose last word was hit by a power cut may be readable until the next reset and never again. With three
+//! units the record before it is still there then.
 //!
-//! `sequential-storage` does the like for maps and queues, but it is `async` throughout and its
-//! futures must run to their end: a synchronous core would have to bring an executor for a few bytes.
+//! `sequential-storage` offers maps and queues, but it is `async` throughout and its futures must run to completion:
+//! a synchronous core would need an executor for a few bytes.
 
 use embedded_storage::nor_flash::NorFlash;
 
 use super::StoreError;
 use super::record::is_blank;
 
-/// Most units of a log, which is at the start of its flash.
+/// Largest number of units; the log is at the start of its flash.
 const MOST_UNITS: usize = 3;
-/// How often writing a record is tried, each time in another place.
+/// Attempts to write a record, each at another place.
 const ATTEMPTS: usize = 4;
 
-/// What a log holds, in `N` bytes: a multiple of the flash's word.
+/// Content of a log, in records of `N` bytes: a multiple of the flash's word.
 pub(super) trait Record<const N: usize>: Sized {
     /// The record with generation `generation`.
     fn encode(&self, generation: u32) -> [u8; N];
 
-    /// Generation and content of a record; `None` when it is none.
+    /// Generation and content of a record; `None` when the bytes are not a valid one.
     fn decode(bytes: &[u8; N]) -> Option<(u32, Self)>;
 }
 
-/// Where the next record goes.
+/// Place of the next record.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Log {
-    /// Bytes of a unit: whole erase units.
+    /// Length of a unit, bytes: whole erase units.
     unit_len: usize,
     units: usize,
     /// Generation of the newest record in each unit.
@@ -41,7 +41,7 @@ pub(super) struct Log {
     unit: usize,
     /// First free byte in it.
     next: usize,
-    /// Of the last record that was written or tried.
+    /// Generation of the last record that was written or attempted.
     pub generation: u32,
 }
 
@@ -52,7 +52,7 @@ impl Log {
         units: usize,
         unit_len: usize,
     ) -> (Log, Option<R>) {
-        // Without any record a unit counts as full: the first append erases the first.
+        // A unit without any record counts as full: the first append erases unit 0.
         let (newest, next) = ([None; MOST_UNITS], unit_len);
         let mut log = Log { unit_len, units, newest, unit: 0, next, generation: 0 };
         let mut record = None;
@@ -64,7 +64,7 @@ impl Log {
                 if bytes.is_some_and(|bytes| is_blank(&bytes)) {
                     continue;
                 }
-                // What cannot be read is not free either.
+                // Unreadable bytes are not free either.
                 used = at.saturating_add(N);
                 let Some((generation, found)) = bytes.and_then(|bytes| R::decode(&bytes)) else {
                     continue;
@@ -79,14 +79,14 @@ impl Log {
                 (log.unit, log.next) = (unit, used);
             }
         }
-        // A record that was cut off and is unreadable now might be readable one day: it must not
-        // count as newer than what is written from here on.
+        // A record that a power cut left unreadable may become readable later: records written from here on must be
+        // newer.
         let generation = log.newest.iter().copied().max().flatten();
         log.generation = generation.map_or(0, |generation| generation.saturating_add(1));
         (log, record)
     }
 
-    /// Writes a record and reads it back. After an error the newest record is still there.
+    /// Writes a record and reads it back; an error leaves the newest record intact.
     pub fn append<const N: usize, F: NorFlash>(
         &mut self,
         flash: &mut F,
@@ -107,7 +107,7 @@ impl Log {
             let record = record.encode(self.generation);
             let at = self.next;
             self.next = self.next.saturating_add(N);
-            // What counts is what can be read back, whatever the driver says.
+            // Only reading back decides whether the record was written, not the driver's result.
             let _ = flash.write(self.address(self.unit, at), &record);
             if self.read(flash, self.unit, at) == Some(record) {
                 self.note(self.unit, self.generation);
@@ -117,13 +117,13 @@ impl Log {
         Err(StoreError::Medium)
     }
 
-    /// The unit whose newest record is the oldest; first of all one that has none.
+    /// The unit whose newest record is the oldest; units without records come first.
     fn oldest(&self) -> usize {
         let units = self.newest.iter().take(self.units).enumerate();
         units.min_by_key(|&(_, newest)| newest).map_or(0, |(unit, _)| unit)
     }
 
-    /// There is a record of that generation in a unit.
+    /// Registers a record of this generation in a unit.
     fn note(&mut self, unit: usize, generation: u32) {
         if let Some(newest) = self.newest.get_mut(unit) {
             *newest = (*newest).max(Some(generation));
@@ -146,13 +146,13 @@ impl Log {
         Some(bytes)
     }
 
-    /// A bug for the tests to find: nothing outlasts a newest record that fades.
+    /// Deliberate bug for the tests to find: no record survives when the newest one fades.
     #[cfg(test)]
     pub fn turn_two_units_only(&mut self) {
         self.units = 2;
     }
 
-    /// A bug for the tests to find.
+    /// Deliberate bug for the tests to find.
     #[cfg(test)]
     pub fn forget_the_newest(&mut self) {
         if let Some(newest) = self.newest.iter_mut().max() {

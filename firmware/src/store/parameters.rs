@@ -1,7 +1,7 @@
 //! Gains and limits that outlast a power cycle.
 //!
-//! A set is one record of a [log](super::log) of its own: whatever happens while it is written, the
-//! set before or this one is there afterwards, never a mixture. `docs/parameters.md` has the layout.
+//! A set is one record of a [log](super::log) of its own: after an interruption of writing, either the previous set
+//! or the new one is there, never a mixture. `docs/parameters.md` has the layout.
 
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Vec;
@@ -16,10 +16,9 @@ use super::{GeometryError, StoreError};
 /// Parameters of a channel.
 pub(crate) const PARAMETERS: usize = Parameter::ALL.len();
 
-/// Bytes of a set: head, values, checksum, and what is missing to a multiple of 32 bytes, the
-/// largest write unit in use.
+/// Bytes of a set: head, values, checksum, and padding to a multiple of 32 bytes, the largest write unit in use.
 pub(super) const SET_LEN: usize = 320;
-/// Units of the log, each whole erase units.
+/// Units of the log, each of whole erase units.
 pub(super) const UNITS: usize = 3;
 const MAGIC: u8 = 0xB3;
 const _: () = assert!(12 + 4 * PARAMETERS * MAX_CHANNELS + 4 <= SET_LEN, "a set fits");
@@ -29,7 +28,7 @@ const _: () = assert!(12 + 4 * PARAMETERS * MAX_CHANNELS + 4 <= SET_LEN, "a set 
 pub struct ParameterSet {
     /// [`rollwalk_protocol::config::RobotConfig::hash`].
     pub config_hash: u32,
-    /// Of each channel, in the order of [`Parameter::ALL`].
+    /// Values of each channel, in the order of [`Parameter::ALL`].
     pub values: Vec<[f32; PARAMETERS], MAX_CHANNELS>,
 }
 
@@ -38,7 +37,7 @@ pub trait ParameterStore {
     /// The set that was saved last; `None` when there is none.
     fn load(&mut self) -> Option<ParameterSet>;
 
-    /// Keeps a set in place of the one before. After an error the one before is still there.
+    /// Replaces the saved set; an error leaves the previous one in place.
     fn save(&mut self, set: &ParameterSet) -> Result<(), StoreError>;
 }
 
@@ -66,8 +65,8 @@ pub struct FlashParameters<F> {
 }
 
 impl<F: NorFlash> FlashParameters<F> {
-    /// Finds out after a reset what there is. All of `flash` belongs to the store: three
-    /// units of 320 bytes at least, in whole erase units.
+    /// Finds the saved set after a reset. All of `flash` belongs to the store: at least three units of 320 bytes,
+    /// each of whole erase units.
     pub fn mount(mut flash: F) -> Result<Self, GeometryError> {
         let divides = |size| size > 0 && RECORD_LEN.is_multiple_of(size);
         if !divides(F::WRITE_SIZE) || !divides(F::READ_SIZE) {
@@ -83,7 +82,7 @@ impl<F: NorFlash> FlashParameters<F> {
         Ok(Self { flash, unit_len, log })
     }
 
-    /// The flash, as it is.
+    /// Returns the flash.
     pub fn into_flash(self) -> F {
         self.flash
     }

@@ -1,4 +1,4 @@
-//! A store in RAM: for tests, and for boards that get their library at every start.
+//! Library store in RAM: for tests, and for boards that receive their library after every start.
 
 use rollwalk_protocol::crc::crc32c;
 

@@ -1,5 +1,4 @@
-//! NOR flash made of RAM: what an emulated board and the simulation keep their libraries in, so that
-//! the store which runs there is the one of a real board.
+//! NOR flash simulated in RAM: an emulated board and the simulation run the store of a real board on it.
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
@@ -12,7 +11,7 @@ use super::MappedFlash;
 pub struct RamFlash<M>(M);
 
 impl<M: AsRef<[u8]> + AsMut<[u8]>> RamFlash<M> {
-    /// The memory as it is; its length a multiple of the erase unit, or its end is not used.
+    /// Uses the memory with its content; a remainder beyond whole erase units is not used.
     pub fn new(memory: M) -> Self {
         Self(memory)
     }
@@ -58,7 +57,7 @@ impl<M: AsRef<[u8]> + AsMut<[u8]>> NorFlash for RamFlash<M> {
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
         check_write(self, offset, bytes.len())?;
         let cells = self.range(offset, bytes.len())?;
-        // Bits only fall until they are erased.
+        // Writing only clears bits, erasing sets them.
         cells.iter_mut().zip(bytes).for_each(|(cell, byte)| *cell &= byte);
         Ok(())
     }
@@ -89,7 +88,7 @@ mod tests {
         assert_eq!(flash.erase(4096, 12288), Err(NorFlashErrorKind::OutOfBounds));
     }
 
-    /// RAM that was never erased holds anything, most often zeros.
+    /// RAM that was never erased has any content, most often zeros.
     #[test]
     fn a_store_comes_up_on_it_whatever_it_holds() {
         for filling in [0x00, 0xA5, 0xFF] {

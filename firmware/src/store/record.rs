@@ -1,4 +1,4 @@
-//! What the store knows, in 32 bytes: the record of the [log](super::log), and the slot's footer.
+//! Persistent state of the store in 32 bytes: the record of the [log](super::log), and the slot's footer.
 //!
 //! A record holds the whole state, so that the newest one alone decides and writing one is the
 //! commit. 32 bytes are the largest write unit in use (the flash word of an STM32H7).
@@ -31,7 +31,7 @@ impl Slot {
     }
 }
 
-/// Bytes in a slot, and how to tell that they are the ones.
+/// Place, length and checksum of a library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Image {
     pub slot: Slot,
@@ -39,18 +39,18 @@ pub(super) struct Image {
     pub crc32c: u32,
 }
 
-/// What is in the slot that the confirmed library is not in.
+/// Content of the slot that does not hold the confirmed library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Candidate {
-    /// Nothing that matters.
+    /// Nothing of use.
     None,
-    /// A library on its way; its first `have` bytes are here.
+    /// A library being received, of which the first `have` bytes are stored.
     Receiving { len: u32, crc32c: u32, have: u32 },
-    /// In use on trial; gives way to the confirmed one after so many more boots.
+    /// A library on trial, rolled back to the confirmed one after `boots_left` more boots.
     Trial { len: u32, crc32c: u32, boots_left: u8 },
 }
 
-/// All that must survive a reset.
+/// State that must survive a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct State {
     pub confirmed: Option<Image>,
@@ -58,12 +58,12 @@ pub(super) struct State {
 }
 
 impl State {
-    /// Where a candidate is: never in the slot of the confirmed library.
+    /// Slot of a candidate: the one without the confirmed library.
     pub fn candidate_slot(&self) -> Slot {
         self.confirmed.map_or(Slot::A, |image| image.slot.other())
     }
 
-    /// The candidate, once all of it is here.
+    /// The candidate, once it is complete.
     pub fn candidate_image(&self) -> Option<Image> {
         let slot = self.candidate_slot();
         match self.candidate {
@@ -113,10 +113,10 @@ impl Record<RECORD_LEN> for State {
     }
 }
 
-/// The end of a slot whose library was confirmed: what is left to go by when the log is lost.
+/// Mark at the end of a slot whose library was confirmed, from which the store recovers when the log is lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Footer {
-    /// Of the record that confirmed it: the higher, the newer.
+    /// Generation of the record that confirmed it; the highest is the newest.
     pub generation: u32,
     pub len: u32,
     pub crc32c: u32,
@@ -135,12 +135,12 @@ impl Footer {
     }
 }
 
-/// Whether nothing was written here since the last erase.
+/// Whether the bytes are as after an erase.
 pub(super) fn is_blank(bytes: &[u8]) -> bool {
     bytes.iter().all(|&byte| byte == 0xFF)
 }
 
-/// Seven words and their CRC.
+/// Encodes seven words and their CRC.
 fn sealed(words: [u32; 7]) -> [u8; RECORD_LEN] {
     let mut bytes = [0; RECORD_LEN];
     for (place, word) in bytes.chunks_exact_mut(4).zip(words) {
@@ -152,7 +152,7 @@ fn sealed(words: [u32; 7]) -> [u8; RECORD_LEN] {
     bytes
 }
 
-/// The words whose CRC fits.
+/// Decodes seven words; `None` when the CRC does not match.
 fn opened(bytes: &[u8; RECORD_LEN]) -> Option<[u32; 7]> {
     let (body, crc) = bytes.split_last_chunk::<4>()?;
     let mut words = [0; 7];

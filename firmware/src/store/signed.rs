@@ -1,7 +1,7 @@
-//! Libraries of their owner only: an Ed25519 signature behind the library's bytes.
+//! Library store that accepts only libraries with the owner's Ed25519 signature.
 //!
-//! What is sent and stored is the library followed by the 64 bytes of the signature of the library.
-//! The signature is checked where a library enters, before it is validated, and after a reset.
+//! The library is sent and stored with the 64 bytes of its signature behind it. The signature is checked when a
+//! library has been received, before it is validated, and after a reset.
 
 use ed25519_dalek::{Signature, VerifyingKey};
 
@@ -10,19 +10,19 @@ use super::{LibraryStore, StoreError};
 /// Bytes of the signature behind a library.
 pub const SIGNATURE_LEN: usize = 64;
 
-/// A store that takes and gives only libraries that were signed with one key.
+/// A store that accepts and returns only libraries signed with one key.
 #[derive(Debug)]
 pub struct Signed<S> {
     store: S,
     key: VerifyingKey,
-    /// The signature of the library in use is right.
+    /// Whether the signature of the active library is valid.
     trusted: bool,
-    /// That of the sealed one is.
+    /// Whether that of the sealed library is valid.
     sealed: bool,
 }
 
 impl<S: LibraryStore> Signed<S> {
-    /// `store`, as far as its libraries were signed by the owner of `key`.
+    /// Wraps `store`; only libraries signed by the owner of `key` pass.
     pub fn new(store: S, key: VerifyingKey) -> Self {
         let mut signed = Self { store, key, trusted: false, sealed: false };
         signed.trust();
@@ -43,7 +43,7 @@ impl<S: LibraryStore> Signed<S> {
     }
 }
 
-/// What comes before the signature, if it can be trusted.
+/// The library without its signature; empty unless `trusted`.
 fn library(stored: &[u8], trusted: bool) -> &[u8] {
     let library = stored.split_last_chunk::<SIGNATURE_LEN>().filter(|_| trusted);
     library.map_or(&[], |(library, _)| library)

@@ -1,8 +1,8 @@
-//! The flash as the store sees it: a log, two slots, and a footer at the end of each slot.
+//! Layout of the library flash: a log, two slots, and footers at the end of each slot.
 //!
-//! Whatever is read to decide something is read by the driver, which answers with an error where a
-//! word cannot be read. The mapped view is for bytes that were read like that before: on a part with
-//! ECC a load from a broken word raises a fault.
+//! The store bases its decisions on bytes read by the driver, which returns an error for an unreadable word. The
+//! mapped view is only for bytes that were read in this way before: on a part with ECC a load from a damaged word
+//! raises a fault.
 
 use embedded_storage::nor_flash::NorFlash;
 use rollwalk_protocol::crc::crc32c_append;
@@ -11,9 +11,9 @@ use super::record::{Footer, Image, RECORD_LEN, Slot, is_blank};
 
 /// Erase units of the log, at the start of the flash.
 pub(super) const LOG_UNITS: usize = 2;
-/// Places for a footer in each slot: one may be spoilt by a power cut.
+/// Places for a footer in each slot: a power cut may damage one.
 const FOOTERS: usize = 2;
-/// Bytes that are read at once.
+/// Bytes per read.
 const CHUNK: usize = 256;
 
 /// NOR flash that can also be read like memory.
@@ -22,15 +22,15 @@ pub trait MappedFlash: NorFlash {
     fn mapped(&self) -> &[u8];
 }
 
-/// Why a flash cannot hold a store.
+/// Reason for which a flash cannot hold a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GeometryError {
     /// Read and write sizes must divide 32 bytes.
     WordSize,
     /// The erase size must be a multiple of 32 bytes.
     EraseSize,
-    /// For libraries it must have four erase units at least and be mapped as a whole, for parameters
-    /// three units of 320 bytes at least; at most 4 GiB.
+    /// Libraries need at least four erase units, all of them mapped; parameters need three units of at least 320
+    /// bytes. The largest flash is 4 GiB.
     Capacity,
 }
 
@@ -76,7 +76,7 @@ pub(super) fn erase_unit<F: NorFlash>(flash: &mut F, offset: usize) -> Option<()
     flash.erase(u32::try_from(offset).ok()?, u32::try_from(end).ok()?).ok()
 }
 
-/// Erases the end of a slot: its footers, and with them its last chance to be played.
+/// Erases the unit with a slot's footers, after which its library cannot be recovered without the log.
 pub(super) fn erase_footers<F: NorFlash>(flash: &mut F, slot: Slot) -> Option<()> {
     let end = start(flash, slot).checked_add(slot_len(flash))?;
     erase_unit(flash, end.checked_sub(F::ERASE_SIZE)?)
@@ -87,7 +87,7 @@ pub(super) fn program<F: NorFlash>(flash: &mut F, at: usize, bytes: &[u8; 32]) -
     flash.write(u32::try_from(at).ok()?, bytes).ok()
 }
 
-/// Whether all of an image can be read and is what it should be.
+/// Whether all of an image can be read and matches its CRC-32C.
 pub(super) fn is_intact<F: NorFlash>(flash: &mut F, image: Image) -> bool {
     let Ok(len) = usize::try_from(image.len) else { return false };
     if len > capacity(flash) {
@@ -98,7 +98,7 @@ pub(super) fn is_intact<F: NorFlash>(flash: &mut F, image: Image) -> bool {
     let mut chunk = [0; CHUNK];
     for at in (0..len).step_by(CHUNK) {
         let wanted = len.saturating_sub(at).min(CHUNK);
-        // Whole words are read; the footers behind are room enough for that.
+        // Reads whole words; those beyond the image lie in the space of the footers.
         let Some(read) = chunk.get_mut(..wanted.next_multiple_of(RECORD_LEN)) else { return false };
         let Ok(offset) = u32::try_from(start.saturating_add(at)) else { return false };
         if flash.read(offset, read).is_err() {
@@ -109,7 +109,7 @@ pub(super) fn is_intact<F: NorFlash>(flash: &mut F, image: Image) -> bool {
     crc == image.crc32c
 }
 
-/// The bytes of an image that [`is_intact`].
+/// The bytes of an image for which [`is_intact`] holds.
 pub(super) fn bytes_of<F: MappedFlash>(flash: &F, image: Image) -> &[u8] {
     let start = start(flash, image.slot);
     usize::try_from(image.len)
@@ -118,7 +118,7 @@ pub(super) fn bytes_of<F: MappedFlash>(flash: &F, image: Image) -> &[u8] {
         .unwrap_or_default()
 }
 
-/// The newest confirmed image by the footers alone, and the highest generation among them.
+/// The newest intact image according to the footers, and the highest generation among them.
 pub(super) fn newest_by_footers<F: NorFlash>(flash: &mut F) -> (Option<Image>, u32) {
     let mut newest = None;
     let mut highest = 0;
@@ -138,7 +138,7 @@ pub(super) fn newest_by_footers<F: NorFlash>(flash: &mut F) -> (Option<Image>, u
     (newest.map(|(image, _)| image), highest)
 }
 
-/// Writes a footer where there is room. Without one the log alone knows the image.
+/// Writes a footer to the first free place. Without a footer only the log refers to the image.
 pub(super) fn write_footer<F: NorFlash>(flash: &mut F, slot: Slot, footer: Footer) {
     for i in 0..FOOTERS {
         let Some(at) = footer_at(flash, slot, i) else { return };

@@ -1,5 +1,5 @@
-//! NOR flash that loses power: bits only fall until they are erased, words are written once, and a
-//! cut comes at any byte of any write or erase and leaves what cuts leave.
+//! Simulated NOR flash that loses power: writing only clears bits, erasing sets them, each word is written once
+//! between erases, and a power cut can hit any byte of a write or an erase, with various damage.
 
 use super::std::vec;
 use super::std::vec::Vec;
@@ -8,16 +8,16 @@ use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNo
 
 use crate::store::MappedFlash;
 
-/// What a cut leaves where it hit.
+/// Damage of a power cut to the word or erase unit that it hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Torn {
-    /// The bytes before it are done, the others untouched.
+    /// The bytes before the cut are written or erased, the others unchanged.
     Short,
-    /// Some bits of the word fell, or of the unit rose.
+    /// Some more bits of the word are cleared, or of the unit set.
     SomeBits,
-    /// The word, or all of a unit that was being erased, is anything.
+    /// The word, or all of a unit that was being erased, has random content.
     Garbage,
-    /// Like that, and reading it is an error, as with ECC.
+    /// Random content that cannot be read, as with ECC.
     Unreadable,
     /// The word reads as if it had been written; after the next power cycle it cannot be read.
     Fading,
@@ -35,18 +35,18 @@ pub struct Nor<const W: usize, const E: usize> {
     torn: Torn,
     random: u64,
     powered: bool,
-    /// Bytes of writing and erasing until the cut.
+    /// Bytes that can be written and erased before the power cut.
     fuel: Option<usize>,
     /// Bytes written and erased since [`Self::arm`].
     pub used: usize,
     pub erases: usize,
     pub writes: usize,
-    /// Cuts that came, in writes and in erases.
+    /// Counts of power cuts during writes and during erases.
     pub cut_writes: usize,
     pub cut_erases: usize,
     /// Words that were written twice without an erase in between.
     pub overwrites: usize,
-    /// Writes that fail without a cut, one in so many.
+    /// Failure rate of writes without a power cut: one in this many.
     pub failing: Option<u64>,
 }
 
@@ -75,7 +75,7 @@ impl<const W: usize, const E: usize> Nor<W, E> {
         }
     }
 
-    /// The power fails after so many bytes.
+    /// Schedules a power cut after `fuel` bytes written and erased; `None` for no cut.
     pub fn arm(&mut self, torn: Torn, fuel: Option<usize>) {
         self.torn = torn;
         self.fuel = fuel;
@@ -88,13 +88,13 @@ impl<const W: usize, const E: usize> Nor<W, E> {
         self.powered
     }
 
-    /// Power is back, for good until armed again.
+    /// Restores power, without a further cut until [`Self::arm`].
     pub fn power_on(&mut self) {
         self.powered = true;
         self.fuel = None;
     }
 
-    /// The words that fade do so now.
+    /// Makes the fading words unreadable, as the next power cycle does.
     pub fn fade(&mut self) {
         for word in 0..self.fading.len() {
             if core::mem::take(&mut self.fading[word]) {
@@ -125,7 +125,7 @@ impl<const W: usize, const E: usize> Nor<W, E> {
         self.unreadable[word] = unreadable;
     }
 
-    /// How many of `len` bytes are done before the cut; `None` when it does not come.
+    /// Count of the `len` bytes that are done before the power cut; `None` without a cut.
     fn burn(&mut self, len: usize) -> Option<usize> {
         let Some(fuel) = &mut self.fuel else {
             self.used += len;
@@ -180,7 +180,7 @@ impl<const W: usize, const E: usize> NorFlash for Nor<W, E> {
         let cut = self.burn(to - from);
         let done = cut.unwrap_or(to - from);
         self.cells[from..from + done].fill(0xFF);
-        // The word of the cut is not done.
+        // The word that the cut hit is not erased: an unreadable one stays so.
         self.unreadable[from / W..(from + done) / W].fill(false);
         self.fading[from / W..(from + done) / W].fill(false);
         if cut.is_none() {
