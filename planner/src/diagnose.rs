@@ -1,7 +1,7 @@
-//! Whether a request can be met, and if not, why.
+//! Diagnosis: whether a request can be met, and if not, why.
 //!
-//! [`FeasibilityProbe`] goes to the point where the constraints are violated least and decides whether a solve
-//! should go on; [`diagnose`] reads from the residuals at that point which constraints pull against each other.
+//! [`FeasibilityProbe`] searches for the point where the constraints are violated least and decides whether a solve
+//! should continue; [`diagnose`] derives from the residuals at that point which constraints contradict each other.
 
 mod attribute;
 mod probe;

@@ -1,4 +1,4 @@
-//! The formulation: which constraints and objectives make up E(m). Read this file first.
+//! Formulation: the constraints and objectives in E(m). Read this file first.
 //!
 //! With multipliers s, penalty ρ and ψ_ε of Eq. 2.16, over all rows r (divided by their scales):
 //!
@@ -25,17 +25,17 @@
 //! | torque-speed lines of motors | quasi-static | [`TorqueSpeed`] |
 //! | anchor of the start, displacement, turn | "boundary conditions", "functional objectives" | [`Anchor`], [`Displacement`], [`Turn`] |
 //! | targets at chosen times | "functional objectives" | [`TargetPosition`], [`TargetVelocity`], [`TargetHeading`] |
-//! | heights to keep between | sec. 3.5.2 | [`HeightBound`] |
+//! | height limits | sec. 3.5.2 | [`HeightBound`] |
 //!
 //! Equations 2.11 and 2.12 (centre of mass, body orientation) hold by elimination; periodic, at-rest
 //! and prescribed ends by construction of the timeline ([`crate::problem::variables`]).
 //!
-//! | cost | what it does | term |
+//! | cost | effect | term |
 //! |---|---|---|
 //! | smoothness | thesis: weight 0.1 on second differences of q | [`Smoothness`] |
-//! | even forces | decides transfer to soft servos | [`EvenForce`] |
-//! | posture | near the nominal pose | [`Posture`] |
-//! | wheel speed, wheel smoothness | fixes free speeds; no jumps | [`WheelEffort`], [`WheelSmoothness`] |
+//! | even forces | lets soft servos play the plan | [`EvenForce`] |
+//! | posture | pulls towards the nominal pose | [`Posture`] |
+//! | wheel speed, wheel smoothness | determines free speeds; prevents jumps | [`WheelEffort`], [`WheelSmoothness`] |
 
 pub mod rows;
 pub mod terms;
@@ -51,7 +51,7 @@ use terms::{
     Traction, Turn, WheelAxis, WheelEffort, WheelHeld, WheelSmoothness, WheelSpeed, WheelTorque,
 };
 
-/// Which samples a term looks at.
+/// Samples from which a term is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Span {
     /// Every sample of the motion with its neighbours.
@@ -63,18 +63,18 @@ pub enum Span {
     Ends,
 }
 
-/// What a term writes.
+/// Description of a term's rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TermInfo {
     /// Family of its rows.
     pub family: Family,
-    /// Which samples it looks at.
+    /// Samples from which they are computed.
     pub span: Span,
 }
 
 /// Writer of one family of residuals.
 pub trait Term: Sync {
-    /// What it writes.
+    /// Describes its rows.
     fn info(&self) -> TermInfo;
     /// Writes its rows for one window, with derivatives.
     fn write(&self, window: &Window, out: &mut RowWriter);
@@ -114,7 +114,7 @@ pub static TERMS: &[&dyn Term] = &[
     &WheelSmoothness,
 ];
 
-/// Whether a term with this span looks at the window whose middle is timeline sample `t`.
+/// Whether a term with this span has rows for the window around timeline sample `t`.
 fn covers(problem: &Problem, span: Span, t: usize) -> bool {
     match span {
         Span::Samples => t <= problem.samples,
@@ -123,12 +123,12 @@ fn covers(problem: &Problem, span: Span, t: usize) -> bool {
     }
 }
 
-/// Which rows a system has, and what they ask of feet in swing.
+/// Selection of rows, and forces required of feet in swing.
 #[derive(Clone, Debug)]
 pub struct Selection {
-    /// The families that count.
+    /// Families of the selected rows.
     pub families: FamilySet,
-    /// Forces that feet in swing still carry, `[timeline sample][end effector]`, N; empty: none.
+    /// Forces required of feet in swing, `[timeline sample][end effector]`, N; empty for none.
     pub swing_force_n: Vec<Vec<Vector3<f64>>>,
 }
 
@@ -146,13 +146,13 @@ pub struct System<'a> {
 }
 
 impl<'a> System<'a> {
-    /// The whole problem.
+    /// Creates the system of the whole problem.
     #[cfg(test)]
     pub fn new(problem: &'a Problem) -> Self {
         Self::selected(problem, Selection::default())
     }
 
-    /// A part of the problem.
+    /// Creates the system of selected rows.
     pub fn selected(problem: &'a Problem, selection: Selection) -> Self {
         Self { problem, selection, columns: Columns::new(problem) }
     }
@@ -179,7 +179,7 @@ impl<'a> System<'a> {
         unknowns
     }
 
-    /// Residuals and Jacobian of every term. `reuse` is an earlier result whose memory is taken over.
+    /// Residuals and Jacobian of every term. `reuse` is an earlier result whose memory is reused.
     pub fn rows(&self, unknowns: &Unknowns, reuse: Rows) -> Rows {
         let Self { problem, selection, columns } = self;
         let states = &problem.states(unknowns);
@@ -191,7 +191,7 @@ impl<'a> System<'a> {
             term.write(&window, &mut out);
         };
         let active = || TERMS.iter().filter(|term| selection.families.contains(term.info().family));
-        // Window by window: what the rows of one window touch of the normal equations stays in cache.
+        // Window by window, so that the part of the normal equations for the rows of a window stays in cache.
         for t in 1..states.len() - 1 {
             for term in active().filter(|term| covers(problem, term.info().span, t)) {
                 write(*term, [t - 1, t, t + 1]);

@@ -1,8 +1,8 @@
-//! Motion libraries from plans: resampled at 60 Hz, checked against the limits of every channel,
-//! encoded as `.rwl` bytes, decoded again and compared with the plans.
+//! Motion libraries from plans: plans are resampled at 60 Hz, checked against the limits of every channel, encoded as
+//! `.rwl` bytes, decoded again and compared with the plans.
 //!
-//! Last station of the planner; what comes next is flashing. The byte format is
-//! [`rollwalk_protocol::library`]'s, which also validates the graph as a controller does.
+//! The result is ready to be flashed. [`rollwalk_protocol::library`] defines the byte format and validates the graph
+//! as a controller does.
 
 mod attitude;
 mod error;
@@ -22,7 +22,7 @@ use rollwalk_protocol::library::{
 use rollwalk_robot::Robot;
 use serde::Serialize;
 
-/// What goes into a library.
+/// Content of a library.
 #[derive(Clone, Debug)]
 pub struct LibraryContent<'a> {
     /// The robot.
@@ -51,22 +51,22 @@ pub struct LibraryMotion<'a> {
 pub struct LibraryTransition<'a> {
     /// Index of the motion that it leaves.
     pub from: usize,
-    /// When it leaves, s since that motion's start; a moment of a 60 Hz frame.
+    /// Time since the start of that motion at which it leaves, s; that of a 60 Hz frame.
     pub exit_time_s: f64,
     /// Index of the motion that it enters.
     pub to: usize,
-    /// When it enters, s since that motion's start; a moment of a 60 Hz frame.
+    /// Time since the start of that motion at which it enters, s; that of a 60 Hz frame.
     pub entry_time_s: f64,
     /// Its plan, with the states at these moments as prescribed ends.
     pub plan: &'a Plan,
 }
 
-/// A motion library and what became of every plan in it.
+/// Motion library with statistics of every plan in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuiltLibrary {
     /// The `.rwl` file.
     pub bytes: Vec<u8>,
-    /// Motions, then transitions.
+    /// Statistics of motions, then of transitions.
     pub clips: Vec<ClipStats>,
 }
 
@@ -77,22 +77,22 @@ pub struct ClipStats {
     pub name: String,
     /// Frames at 60 Hz.
     pub frames: usize,
-    /// Bytes of the frames.
+    /// Size of the frames, bytes.
     pub bytes: usize,
-    /// Worst difference of a decoded joint angle from the plan, rad: rounding, and at the ends of
-    /// transitions the step onto the motion that they join.
+    /// Largest difference of a decoded joint angle from the plan, rad: rounding, and at the ends of transitions the
+    /// step to the motion that they join.
     pub worst_joint_error_rad: f64,
-    /// Worst difference of a decoded wheel speed from the plan, rad/s.
+    /// Largest difference of a decoded wheel speed from the plan, rad/s.
     pub worst_wheel_error_rad_s: f64,
-    /// How far values were beyond a limit and moved onto it, as a part of the credible level.
+    /// Largest excess that was clamped to a limit, as a fraction of the credible level.
     pub clamped: f64,
 }
 
-/// Setpoints of a plan at every 60 Hz frame: of a periodic motion one period without the moment at
-/// which it repeats, of any other both ends.
+/// Setpoints of a plan at every 60 Hz frame: of a periodic motion one period without its end, of any other with both
+/// ends.
 ///
 /// # Errors
-/// A duration that is no multiple of 1/60 s.
+/// The duration is no multiple of 1/60 s.
 pub fn frames(plan: &Plan) -> Result<Vec<Setpoints>, LibraryError> {
     let last = frame_at(&plan.motion.name, "duration_s", plan.motion.duration_s)?;
     let count = if plan.motion.ends == Ends::Periodic { last } else { last + 1 };
@@ -102,11 +102,10 @@ pub fn frames(plan: &Plan) -> Result<Vec<Setpoints>, LibraryError> {
 
 /// Builds a library.
 ///
-/// Values beyond a limit by no more than a plan may be (a fifth of the credible level) are moved onto
-/// the limit.
+/// Values beyond a limit by no more than a plan's tolerance (a fifth of the credible level) are clamped to the limit.
 ///
 /// # Errors
-/// Names the motion, channel, time and value that no library can hold.
+/// The error names motion, channel, time and value that do not fit into a library.
 pub fn build(content: &LibraryContent) -> Result<BuiltLibrary, LibraryError> {
     let config = content.robot.controller_config()?;
     let channels = Channels { robot: content.robot, config: &config };
@@ -184,13 +183,13 @@ fn frame_of(
     let frame = frame_at(&clip.name, end, time_s)?;
     let period = frame_at(&plan.motion.name, "duration_s", plan.motion.duration_s)?;
     let frame = if plan.motion.ends == Ends::Periodic { frame % period.max(1) } else { frame };
-    // A frame beyond every clip is the encoder's to refuse.
+    // The encoder refuses a frame beyond the clip.
     Ok(u16::try_from(frame).unwrap_or(u16::MAX))
 }
 
-/// The frame that a time falls on.
+/// Index of the frame at a time.
 fn frame_at(motion: &str, field: &'static str, time_s: f64) -> Result<usize, LibraryError> {
-    /// Part of a frame up to which a time counts as that frame's.
+    /// Tolerance within which a time counts as that of a frame, as a fraction of a frame.
     const ON_FRAME: f64 = 1e-6;
     let frame = time_s * f64::from(RATE_HZ);
     if !frame.is_finite() || frame < -ON_FRAME || (frame - frame.round()).abs() > ON_FRAME {
@@ -206,7 +205,7 @@ fn encoded(
     clips: &[Clip],
 ) -> Result<Vec<u8>, EncodeError> {
     let values: usize = clips.iter().map(|c| c.values.len()).sum();
-    // Packed frames are smaller than two bytes a value; tables take a few kilobytes.
+    // Packed frames take less than two bytes per value; tables take a few kilobytes.
     let mut room = 4096 + 2 * values;
     loop {
         let mut bytes = vec![0; room];
@@ -215,14 +214,14 @@ fn encoded(
                 bytes.truncate(len);
                 return Ok(bytes);
             }
-            // No clip takes more than eight bytes a value.
+            // No clip takes more than eight bytes per value.
             Err(EncodeError::Full { .. }) if room < 65536 + 8 * values => room *= 2,
             Err(error) => return Err(error),
         }
     }
 }
 
-/// Reads the library back as a controller does and compares it with the plans.
+/// Decodes the library as a controller does and compares it with the plans.
 fn decoded_stats(
     bytes: &[u8],
     config: &RobotConfig,
@@ -273,7 +272,7 @@ mod tests {
     use crate::test_plans;
     use rollwalk_protocol::library::NodeId;
 
-    /// A plan at rest in the pose in which `start_stop` starts and ends.
+    /// Plan at rest in the pose in which `start_stop` starts and ends.
     fn stand() -> Plan {
         test_plans::Drive {
             ends: Ends::AtRest,
@@ -292,7 +291,7 @@ mod tests {
         ]
     }
 
-    /// Both motions rest in one pose, so that another stand leads from either to the other.
+    /// Both motions rest in the same pose, so a stand still leads from either to the other.
     fn transitions<'a>(stand: &'a Plan, drive_end_s: f64) -> Vec<LibraryTransition<'a>> {
         vec![
             LibraryTransition { from: 0, exit_time_s: 0.5, to: 1, entry_time_s: 0.0, plan: stand },
@@ -324,7 +323,7 @@ mod tests {
         let library = built(&drive).expect("a library");
         assert_eq!(library.clips.iter().map(|c| c.frames).collect::<Vec<_>>(), [31, 121, 31, 31]);
         for clip in &library.clips {
-            // Quanta of 2⁻¹⁰, rounded to the nearest, and the rounding of f32.
+            // Values are rounded to quanta of 2⁻¹⁰; the margin is for the rounding of f32.
             assert!(clip.worst_joint_error_rad < 0.5 / 1024.0 + 1e-6, "{clip:?}");
             assert!(clip.worst_wheel_error_rad_s < 0.5 / 1024.0 + 1e-6, "{clip:?}");
             assert_eq!(clip.clamped, 0.0);
@@ -353,7 +352,7 @@ mod tests {
                 safe: 0,
             })
         };
-        // The legs reach 0.6 rad after one second; the level of joints is 0.05 rad.
+        // The legs reach 0.6 rad after one second; the credible level of joints is 0.05 rad.
         let message = with_limit(0.58).expect_err("beyond its limit").to_string();
         assert!(message.starts_with("drive: fr-hip is at 0.59"), "{message}");
         assert!(message.ends_with("limits are -1.000 to 0.580"), "{message}");
@@ -370,7 +369,7 @@ mod tests {
         let message = built(&drive(1.01, |_| 0.0, |_| 0.3)).expect_err("off the grid").to_string();
         assert_eq!(message, "drive: duration_s is 1.01 s; expected a multiple of 1/60 s");
 
-        // Swings by 0.6 rad around the middle at up to 6.6 rad/s, the wheels staying where they are.
+        // The legs swing by 0.6 rad around the middle at up to 6.6 rad/s; the wheels do not turn.
         fn leg(t: f64) -> f64 {
             0.3 + 0.3 * (22.0 * (t - 0.5)).tanh()
         }

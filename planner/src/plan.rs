@@ -17,7 +17,7 @@ use crate::motion::Motion;
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
 
-/// What [`Plan::format`] says.
+/// Value of [`Plan::format`].
 pub const FORMAT: &str = "rollwalk-plan";
 
 /// Version of the plan format that this crate writes and reads.
@@ -38,15 +38,13 @@ pub struct Plan {
     pub sample_interval_s: f64,
     /// The samples, T of them.
     pub samples: Vec<Sample>,
-    /// State one interval before the first sample. At rest: equal to the first sample.
-    /// Periodic: the last sample, moved back by one period. Prescribed: where the first sample's
-    /// velocity comes from, one interval at it.
+    /// State one interval before the first sample. At rest: equal to the first sample. Periodic: the last sample,
+    /// moved back by one period. Prescribed: the first sample, moved back by one interval at its prescribed velocity.
     pub before: Sample,
-    /// State one interval after the last sample. At rest: equal to the last sample.
-    /// Periodic: the first sample, moved on by one period. Prescribed: where the last sample's
-    /// velocity leads in one interval.
+    /// State one interval after the last sample. At rest: equal to the last sample. Periodic: the first sample, moved
+    /// on by one period. Prescribed: the last sample, moved on by one interval at its prescribed velocity.
     pub after: Sample,
-    /// Where the end lies relative to the start.
+    /// Placement of the end relative to the start.
     pub end_placement: Placement,
     /// Outcome of the optimiser.
     pub solve: SolveSummary,
@@ -102,7 +100,7 @@ pub struct EndEffectorSample {
     pub yaw_rad: f64,
 }
 
-/// How a solve ended.
+/// Summary of a solve.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SolveSummary {
     /// Outcome.
@@ -111,18 +109,18 @@ pub struct SolveSummary {
     pub iterations: usize,
     /// Final energy E(m).
     pub energy: f64,
-    /// Worst constraint residual as a fraction of its credible level, with its name.
+    /// Largest constraint residual as a fraction of its credible level.
     pub worst_level: f64,
     /// Family of the constraint with the worst residual.
     pub worst_constraint: Family,
-    /// Where the solve started.
+    /// Starting point of the solve.
     pub start: Started,
-    /// Why the constraints could not be met.
+    /// Diagnosis of constraints that could not be met.
     pub diagnosis: Option<Diagnosis>,
 }
 
 impl SolveSummary {
-    /// What the outcome means for other starts.
+    /// Consequence of the outcome for other starts.
     pub fn ending(&self) -> Ending {
         let grave = self.diagnosis.as_ref().is_some_and(|diagnosis| diagnosis.verdict.is_grave());
         match self.status {
@@ -133,15 +131,14 @@ impl SolveSummary {
     }
 }
 
-/// What the outcome of one start means for the others.
+/// Consequence of one start's outcome for the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
     /// It converged or was interrupted: no other start is needed.
     Decided,
-    /// The request looks impossible from there. If it does from the first two starts, others are not worth
-    /// while.
+    /// The request looks impossible from this start. If it does from the first two, no others are tried.
     Hopeless,
-    /// It led nowhere; another start may.
+    /// The solve failed; another start may succeed.
     Failed,
 }
 
@@ -154,10 +151,10 @@ pub enum Status {
     /// The iterations stopped improving with a constraint violated, or proved that the constraints
     /// contradict each other: see [`SolveSummary::diagnosis`].
     Infeasible,
-    /// No step lowers the energy any more, with a constraint violated, or the constraints can be met
-    /// close by: numbers, not the motion, are in the way.
+    /// No step lowers the energy any more with a constraint violated, or the constraints can be met close by: the
+    /// obstacle is numerical, not the motion.
     Stalled,
-    /// The iteration limit came first.
+    /// The iteration limit was reached.
     IterationLimit,
     /// Stopped by the caller.
     Interrupted,

@@ -25,20 +25,20 @@ use crate::start::{self, Start};
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 
-/// How to optimise.
+/// Options of the optimisation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Options {
     /// Weights of the formulation.
     pub weights: Weights,
-    /// When the solver stops.
+    /// Settings of the solver.
     pub settings: Settings,
-    /// Where it starts.
+    /// Starting point.
     pub start: Start,
-    /// Seed of everything random in the start.
+    /// Seed of all random numbers in the start.
     pub seed: u64,
 }
 
-/// A plan with what the solver knows beyond it, from which [`replan`] starts best.
+/// A plan with its multipliers, from which [`replan`] starts best.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
     /// The plan.
@@ -49,10 +49,10 @@ pub struct Solution {
 
 /// Optimises a motion with periodic or at-rest ends.
 ///
-/// With [`Start::Auto`] it tries the [`candidates`] in order; the first that converges gives the plan, and if
-/// none does, the first of all. The outcome is in the plan's [`solve`](Plan::solve) summary; a plan that did not
-/// converge is returned too, so that it can be looked at. `progress` sees every iteration and may stop the
-/// solve. For several starts at once see [`Search`].
+/// With [`Start::Auto`] it tries the [`candidates`] in order; the plan is that of the first that converges, or of the
+/// first candidate if none does. The outcome is in the plan's [`solve`](Plan::solve) summary; a plan that did not
+/// converge is returned too, for inspection. `progress` sees every iteration and may stop the solve. [`Search`] tries
+/// several starts in parallel.
 pub fn optimise(
     robot: &Robot,
     motion: &Motion,
@@ -62,7 +62,7 @@ pub fn optimise(
     optimise_solution(robot, motion, options, progress).plan
 }
 
-/// [`optimise`], with the multipliers.
+/// Does the same as [`optimise`] and returns the multipliers too.
 pub fn optimise_solution(
     robot: &Robot,
     motion: &Motion,
@@ -74,7 +74,7 @@ pub fn optimise_solution(
     search.finish()
 }
 
-/// The options of every start that [`optimise`] tries, in order; a chosen start is the only one.
+/// Options of every start that [`optimise`] tries, in order; a chosen start is the only one.
 pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Options> {
     let starts = start::candidates(robot, motion, options.start, options.seed);
     starts.into_iter().map(|(start, seed)| Options { start, seed, ..options.clone() }).collect()

@@ -1,8 +1,8 @@
-//! Pictures of a plan as SVG: one figure with everything over time, and strips of the robot.
+//! SVG pictures of a plan: one figure of all quantities over time, and strips of the robot.
 //!
-//! The figure has three columns over one time axis: what the body does and which feet stand, the joint
-//! angles of every limb between their limits, the ground force of every foot inside its friction cone.
-//! Lines are the motion as it is played, dots the samples that were planned.
+//! The figure has three columns over one time axis: motion of the body with the feet in stance, joint angles of every
+//! limb with their limits, ground force of every foot with its friction cone. Lines are the motion as played, dots
+//! the planned samples.
 
 mod axes;
 mod camera;
@@ -17,7 +17,7 @@ use crate::plan::Plan;
 use svg::Document;
 use svg::node::element::{Group, Rectangle, Text};
 
-/// Colours that remain apart for colour-blind readers (Okabe and Ito), darkest first.
+/// Colours that colour-blind readers can distinguish (Okabe and Ito), darkest first.
 const COLORS: [&str; 7] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#333333"];
 const INK: &str = "#1f2933";
@@ -30,7 +30,7 @@ const MARGIN: f64 = 20.0;
 /// Least height of a panel with its title and axis.
 const PANEL_HEIGHT: f64 = 150.0;
 
-/// The figure of a validated plan, as the text of an SVG file.
+/// SVG text of the figure of a validated plan.
 pub fn figure(plan: &Plan) -> String {
     let columns = panels::columns(plan);
     let most = columns.iter().map(Vec::len).max().unwrap_or(0);

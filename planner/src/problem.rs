@@ -1,8 +1,8 @@
-//! The optimisation problem: robot, timeline, contact schedule, goals, weights; its variables and the states
-//! that follow from them.
+//! Optimisation problem: robot, timeline, contact schedule, goals and weights, with its variables and the states that
+//! follow from them.
 //!
-//! Built from a motion goal ([`Problem::new`]) or from two states of other motions
-//! ([`Problem::transition`]); what it minimises is in [`crate::formulation`].
+//! It is built from a motion goal ([`Problem::new`]) or from two states of other motions ([`Problem::transition`]).
+//! [`crate::formulation`] defines what is minimised.
 
 pub mod state;
 pub mod variables;
@@ -27,15 +27,15 @@ pub struct Problem {
     pub layout: Layout,
     /// Sample spacing h, s.
     pub interval_s: f64,
-    /// Samples T of the motion. The timeline has T + 2: index 0 is before the motion.
+    /// Count T of samples of the motion. The timeline has T + 2: its index 0 is before the motion.
     pub samples: usize,
-    /// Where the samples of the timeline come from.
+    /// Sample and placement of every timeline sample.
     pub timeline: Vec<TimelineSample>,
     /// Contact flags along the timeline: `[timeline sample][end effector]`.
     pub stance: Vec<Vec<bool>>,
     /// Contact heights along the timeline, m (Eq. 2.9).
     pub height_m: Vec<Vec<f64>>,
-    /// Whether the motion repeats: intervals then include the one across the seam.
+    /// Whether the motion is periodic: its intervals then include the one from the last sample to the next period.
     pub periodic: bool,
     /// Whether the robot stands still before and after the motion.
     pub at_rest: bool,
@@ -47,11 +47,11 @@ pub struct Problem {
     pub held: Vec<bool>,
     /// Functional objectives.
     pub goal: Goal,
-    /// Where something is to be at chosen times.
+    /// Targets at chosen times.
     pub targets: Vec<PlacedTarget>,
-    /// Heights to keep between: `[timeline sample][limit]`.
+    /// Height limits: `[timeline sample][limit]`.
     pub heights: Vec<Vec<HeightLimit>>,
-    /// Standing configurations that the samples keep near.
+    /// Standing configurations to which the posture term pulls the samples.
     pub posture_q: Vec<DVector<f64>>,
     /// Weights.
     pub weights: Weights,
@@ -62,18 +62,18 @@ pub struct Problem {
 pub struct Unknowns {
     /// The stored samples, SI units.
     pub slots: Vec<DVector<f64>>,
-    /// D and ψ.
+    /// Placement of the end, D and ψ.
     pub placement: Placement,
 }
 
 /// A target on the timeline.
 #[derive(Clone, Debug)]
 pub struct PlacedTarget {
-    /// What is asked.
+    /// The target.
     pub target: Target,
     /// Timeline index of the sample in the middle of its window.
     pub middle: usize,
-    /// How the three samples of the window make up the moment.
+    /// Weights of the window's three samples at the target's time.
     pub moment: Moment,
 }
 
@@ -86,7 +86,7 @@ fn placed_targets(motion: &Motion) -> Vec<PlacedTarget> {
     motion.targets.iter().map(place).collect()
 }
 
-/// The height limits that hold at each sample of the timeline. Its ends are copies of other samples.
+/// Height limits of each sample of the timeline. Its first and last sample are copies of others.
 fn placed_heights(motion: &Motion) -> Vec<Vec<HeightLimit>> {
     let at = |sample: usize| {
         motion.heights.iter().filter(|limit| limit.holds_at(motion, sample)).cloned().collect()
@@ -108,7 +108,7 @@ pub struct PrescribedEnd {
     pub posture_rad: Vec<f64>,
 }
 
-/// Standing configurations that lead evenly from one posture to another, without a jerk at the ends.
+/// Standing configurations on a smooth path from one posture to another, at rest at both ends.
 fn blend(model: &Model, from_rad: &[f64], to_rad: &[f64], samples: usize) -> Vec<DVector<f64>> {
     (0..samples)
         .map(|i| {
@@ -120,13 +120,13 @@ fn blend(model: &Model, from_rad: &[f64], to_rad: &[f64], samples: usize) -> Vec
         .collect()
 }
 
-/// The slot of every sample of a timeline.
+/// Slot of every sample of a timeline.
 fn slots(timeline: &[TimelineSample]) -> Vec<usize> {
     timeline.iter().map(|sample| sample.slot).collect()
 }
 
 impl Problem {
-    /// The problem of a motion goal with periodic or at-rest ends.
+    /// Builds the problem of a motion goal with periodic or at-rest ends.
     pub fn new(model: Model, motion: &Motion, weights: Weights) -> Self {
         let layout = Layout::new(&model);
         let samples = motion.stance.len();
@@ -163,8 +163,8 @@ impl Problem {
         }
     }
 
-    /// The problem of a transition from `start` to `end`. `motion.stance` counts the samples at both
-    /// ends; the placement of the end is free, as are the ground forces at the ends.
+    /// Builds the problem of a transition from `start` to `end`. `motion.stance` includes the samples at both ends;
+    /// the placement of the end is free, as are the ground forces at the ends.
     pub fn transition(
         model: Model,
         motion: &Motion,
@@ -174,7 +174,7 @@ impl Problem {
     ) -> (Self, [DVector<f64>; 4]) {
         let layout = Layout::new(&model);
         let samples = motion.stance.len();
-        // Slots: the samples, then the two beyond the ends.
+        // Slots: the samples, then the two states beyond the ends.
         let mut timeline = vec![TimelineSample { slot: samples, lift: Lift::Identity }];
         timeline.extend((0..samples).map(|slot| TimelineSample { slot, lift: Lift::Identity }));
         timeline[samples].lift = Lift::Placed;
@@ -193,7 +193,7 @@ impl Problem {
                 frozen[slot][ee.force..ee.force + 3].fill(false);
             }
         }
-        // The speed of the first interval belongs to the first sample and is free.
+        // The speed in the first interval is that of the first sample, and free.
         for wheel in layout.end_effectors.iter().filter_map(|e| e.wheel) {
             frozen[0][wheel.speed] = false;
         }
@@ -220,20 +220,19 @@ impl Problem {
         (problem, fixed)
     }
 
-    /// Ground force that one foot carries when all stand, Mg/n, N.
+    /// Ground force on each foot when all are in stance, Mg/n, N.
     pub fn force_scale_n(&self) -> f64 {
         force_scale_n(&self.model)
     }
 
-    /// Factor that makes the cost of differences of some order (0: values, 1: speeds, 2: accelerations)
-    /// one of the motion rather than of its samples: Σ w (Δᵏq)² stands for ∫ w' (dᵏq/dtᵏ)² dt whatever
-    /// the sample spacing h, with Δᵏq = hᵏ dᵏq/dtᵏ. It is 1 at the spacing that the weights were
-    /// measured at.
+    /// Factor that makes the cost of differences of order k (0: values, 1: speeds, 2: accelerations) independent of
+    /// the sample spacing h: Σ w (Δᵏq)² then approximates ∫ w' (dᵏq/dtᵏ)² dt, with Δᵏq = hᵏ dᵏq/dtᵏ. It is 1 at the
+    /// spacing at which the weights were tuned.
     pub fn per_time(&self, order: i32) -> f64 {
         (self.interval_s / WEIGHT_INTERVAL_S).powi(1 - 2 * order)
     }
 
-    /// Timeline index of the sample at which the motion's displacement is measured.
+    /// Timeline index of the sample in which the motion's displacement is measured.
     pub fn last(&self) -> usize {
         if self.periodic { self.samples + 1 } else { self.samples }
     }

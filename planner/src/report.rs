@@ -1,7 +1,7 @@
-//! How far a plan is from the physics that it claims, recomputed from the plan alone.
+//! Deviation of a plan from its physical model, recomputed from the plan alone.
 //!
-//! The optimiser minimises rows with exact derivatives; this module writes the same equations down a
-//! second time, from the numbers of a [`Plan`] and the robot inside it, and evaluates them
+//! The optimiser minimises rows with exact derivatives; this module implements the same equations a second time, from
+//! the numbers of a [`Plan`] and the robot inside it, and evaluates them
 //!
 //! - **at the samples**: what was optimised must hold there, against the levels up to which plans
 //!   survive an independent simulator;
@@ -45,17 +45,17 @@ pub struct Row {
     /// Family of the residual.
     #[serde(rename = "name")]
     pub family: Family,
-    /// Where the equation stands, in the thesis or in words.
+    /// Number of the equation in the thesis, or a description.
     pub equation: &'static str,
-    /// On which times.
+    /// Times at which the residual is evaluated.
     pub grid: Grid,
-    /// Worst residual, in `unit`. For limits: how far beyond, 0 when inside.
+    /// Worst residual, in `unit`. For limits the excess, 0 within the limit.
     pub worst: f64,
     /// Unit of `worst` and `level`.
     pub unit: &'static str,
-    /// Residual up to which the plan is physically credible; `None` where there is no such claim.
+    /// Residual up to which the plan is physically credible; `None` for residuals without a level.
     pub level: Option<f64>,
-    /// Where the worst case is; `None` when the residual is 0 everywhere.
+    /// Place of the worst residual; `None` when the residual is 0 everywhere.
     pub place: Option<Place>,
 }
 
@@ -73,20 +73,21 @@ pub enum Grid {
     Control500Hz,
 }
 
-/// Where a residual is worst.
+/// Place of a worst residual.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Place {
-    /// Sample, or frame of the resampled motion, from 0. Residuals of intervals: where they start.
+    /// Index of the sample, or of the frame of the resampled motion, from 0. For residuals of intervals it is that of
+    /// the interval's start.
     pub sample: usize,
-    /// Time of it, s.
+    /// Time of the sample or frame, s.
     pub time_s: f64,
     /// Name of the joint or end effector, if the residual belongs to one.
     pub subject: Option<String>,
 }
 
 impl Report {
-    /// Recomputes every residual of a validated plan. Residuals that the plan gives no occasion for,
-    /// such as a swing force where no foot swings, have no row.
+    /// Recomputes every residual of a validated plan. Residuals that do not occur in the plan, such as a swing force
+    /// where no foot swings, have no row.
     pub fn new(plan: &Plan) -> Self {
         let mut rows = rows::at_samples(&grid::Timeline::new(plan));
         for (grid, rate_hz) in
@@ -97,7 +98,7 @@ impl Report {
         Self { motion: plan.motion.name.clone(), robot: plan.robot.name.clone(), rows }
     }
 
-    /// The residual nearest to, or furthest beyond, its level.
+    /// The residual closest to its level, or furthest beyond it.
     pub fn worst(&self) -> Option<&Row> {
         self.rows.iter().max_by(|a, b| a.part_of_level().total_cmp(&b.part_of_level()))
     }
@@ -121,7 +122,7 @@ impl Row {
         Self { family, equation, grid, worst: 0.0, unit, level: None, place: None }
     }
 
-    /// Worst residual as a part of its level; 0 without a level.
+    /// Worst residual as a fraction of its level; 0 without a level.
     pub fn part_of_level(&self) -> f64 {
         self.level.map_or(0.0, |level| self.worst / level)
     }
@@ -132,7 +133,7 @@ mod tests {
     use super::*;
     use crate::test_plans;
 
-    /// The report of a plan after `change`.
+    /// Report of a plan after `change`.
     fn changed(mut plan: Plan, change: impl FnOnce(&mut Plan)) -> Report {
         change(&mut plan);
         Report::new(&plan)
@@ -178,7 +179,7 @@ mod tests {
             changed(test_plans::cruise(), |p| p.samples[7].end_effectors[2].force_n[0] += 1.0);
         let row = at_samples(&report, Family::LinearDynamics);
         assert!((row.worst - 1.0).abs() < 1e-9 && sample(row) == 7, "{report}");
-        // Along x, the force has the height and the lateral offset of the contact point as its lever.
+        // For a force along x the lever is the height and lateral offset of the contact point.
         let lever = test_plans::cruise().samples[7].com_m[2].hypot(0.15);
         assert!(
             (at_samples(&report, Family::AngularDynamics).worst - lever).abs() < 1e-9,
@@ -287,12 +288,12 @@ mod tests {
             for s in &mut p.samples {
                 s.end_effectors[0].force_n = [0.0; 3];
             }
-            // The heaviest load of all: 100 N up at the front right wheel, a leg's length behind the hip.
+            // The heaviest load of all feet: 100 N upwards at the front right wheel, a leg's length behind the hip.
             p.samples[5].end_effectors[1].force_n = [0.0, 0.0, 100.0];
         });
         let sample = &test_plans::cruise().samples[5];
         let sin = sample.joint_rad[1].sin();
-        // Less the leg's own weight: 0.2 kg at half its length.
+        // Minus the leg's own weight: 0.2 kg at half its length.
         let expected = (100.0 - 0.2 * 9.806_65 / 2.0) * 0.2 * sin - 1e-6;
         let row = at_samples(&report, Family::JointTorque);
         assert!((row.worst - expected).abs() < 1e-9, "{report}");

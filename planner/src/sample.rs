@@ -1,15 +1,14 @@
-//! A plan at any time and any rate.
+//! Evaluation of a plan at any time and any rate.
 //!
-//! The optimiser leaves a pose every few hundredths of a second; servos want one every 16 ms, the
-//! controller every few milliseconds. What moves freely (base, joints, wheel angles) is joined by
-//! splines with two continuous derivatives; what follows from the pose (centre of mass, contact
-//! points, wheel axes) is computed from the pose; forces are linear from sample to sample.
+//! The optimiser gives a pose every few hundredths of a second; servos need one every 16 ms, the controller every few
+//! milliseconds. Splines with two continuous derivatives join the free coordinates (base, joints, wheel angles);
+//! centre of mass, contact points and wheel axes are computed from the pose; forces are linear between samples.
 //!
-//! Ends: a periodic motion meets its own next period in two derivatives, a motion at rest starts and
-//! stops with zero speed, a prescribed end has the velocity that leads to or from the state outside.
+//! Ends: a periodic motion joins its next period with two continuous derivatives, a motion at rest starts and stops
+//! with zero speed, a prescribed end has the velocity that leads to or from the state outside.
 //!
-//! Wheel speeds live on intervals, so the spline goes through the wheel's accumulated **angle** and the
-//! speed is its derivative: the travel over every interval is exactly the planned one.
+//! Planned wheel speeds are means over intervals, so the spline goes through the wheel's accumulated **angle** and
+//! the speed is its derivative: the travel over every interval is exactly the planned one.
 
 mod curves;
 mod resample;
@@ -38,23 +37,23 @@ pub struct PlanSpline {
     duration_s: f64,
     placement: Placement,
     base_xy: Spline,
-    /// Base height, yaw, pitch, roll, then joints.
+    /// Splines of base height, yaw, pitch and roll, then of the joint angles.
     pose: Vec<Spline>,
-    /// Angle of the wheel's motor since the start, for every end effector.
+    /// Angle of each end effector's wheel motor since the start, rad.
     motor_angle: Vec<Spline>,
-    /// Wheel spin about its axis since the start, for every end effector.
+    /// Spin angle of each end effector's wheel about its axis since the start, rad.
     wheel_angle: Vec<Spline>,
     /// Wheels that do not turn relative to their link: their spin follows from the pose.
     still: Vec<bool>,
     /// `stance[sample][end_effector]`, the end of the last interval included.
     stance: Vec<Vec<bool>>,
-    /// Wheel axis yaw `[sample][end_effector]`: says which turn the yaw in between belongs to.
+    /// Wheel axis yaw `[sample][end_effector]`, rad: a yaw in between is unwrapped to be near it.
     yaw_rad: Vec<Vec<f64>>,
     /// `force_n[sample][end_effector]`, the end of the last interval included.
     force_n: Vec<Vec<Vector3<f64>>>,
 }
 
-/// What the controller is to command at one time, instantaneous values.
+/// Instantaneous setpoints for the controller at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setpoints {
     /// Joint angles in joint order, rad.
@@ -66,7 +65,7 @@ pub struct Setpoints {
 }
 
 impl PlanSpline {
-    /// Splines through a validated plan.
+    /// Builds the splines of a validated plan.
     pub fn new(plan: &Plan) -> Self {
         let curves = Curves { plan };
         let base_xy = |s: &Sample| Complex::new(s.base_position_m[0], s.base_position_m[1]);
@@ -113,17 +112,17 @@ impl PlanSpline {
         }
     }
 
-    /// Length of the motion, s; of a periodic one, its period.
+    /// Duration of the motion, s; for a periodic one its period.
     pub fn duration_s(&self) -> f64 {
         self.duration_s
     }
 
-    /// The robot that the plan is for.
+    /// Model of the robot that the plan is for.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Setpoints at a time. A periodic motion goes on for ever, another holds its ends.
+    /// Setpoints at a time. A periodic motion repeats, any other holds its ends.
     pub fn setpoints(&self, plan_time_s: f64) -> Setpoints {
         let (time_s, _) = self.within(plan_time_s);
         let joints: Vec<_> = self.pose[4..].iter().map(|spline| spline.at(time_s)).collect();
@@ -135,14 +134,14 @@ impl PlanSpline {
         }
     }
 
-    /// The robot at a time, in the plan's world frame. Wheel and motor speeds are instantaneous; a
-    /// contact flag between two samples is set when both of them are in stance.
+    /// State of the robot at a time, in the plan's world frame. Wheel and motor speeds are instantaneous; a contact
+    /// flag between two samples is set when both of them are in stance.
     pub fn sample(&self, plan_time_s: f64) -> Sample {
         let (time_s, periods) = self.within(plan_time_s);
         Sample { time_s: plan_time_s, ..self.state(time_s, &self.placement.repeated(periods)) }
     }
 
-    /// The robot at a time of the splines, moved by `placement`.
+    /// State of the robot at a time of the splines, moved by `placement`.
     fn state(&self, time_s: f64, placement: &Placement) -> Sample {
         let xy = self.base_xy.at(time_s).value;
         let free: Vec<f64> = self.pose.iter().map(|spline| spline.at(time_s).value.re).collect();
@@ -203,8 +202,7 @@ impl PlanSpline {
         }
     }
 
-    /// Angle that every end effector's wheel has turned about its motor since the start of the motion,
-    /// rad; 0 without a wheel.
+    /// Angle of every end effector's wheel motor since the start of the motion, rad; 0 without a wheel.
     pub fn motor_angles_rad(&self, plan_time_s: f64) -> Vec<f64> {
         let (time_s, periods) = self.within(plan_time_s);
         let angle = |spline: &Spline| {
@@ -214,17 +212,17 @@ impl PlanSpline {
         self.motor_angle.iter().map(angle).collect()
     }
 
-    /// Whether end effector `j` stands at part `u` of interval `i`.
+    /// Whether end effector `j` is in stance at fraction `u` of interval `i`.
     fn stands(&self, i: usize, u: f64, j: usize) -> bool {
-        /// A time this close to a sample, as a part of the interval, is that sample's.
+        /// Tolerance within which a time counts as that of a sample, as a fraction of the interval.
         const ON_SAMPLE: f64 = 1e-9;
         (u > 1.0 - ON_SAMPLE || self.stance[i][j]) && (u < ON_SAMPLE || self.stance[i + 1][j])
     }
 
-    /// Spin ω of a wheel that is fixed to its link, rad/s: what the link turns about the axis beyond the
-    /// yaw of the axis itself, Ω·a − α̇_yaw (v·a). `rates` are those of the splines of the pose.
+    /// Spin ω of a wheel that is fixed to its link, rad/s: the link's rotation about the axis less the yaw rate of
+    /// the axis itself, Ω·a − α̇_yaw (v·a). `rates` are those of the splines of the pose.
     fn spin_with_link(&self, j: usize, mount: &EndEffectorPose, rates: &[f64]) -> f64 {
-        // Position does not turn a link; of the base, the splines of the pose hold height and attitude.
+        // Translation does not turn a link; the splines of the pose contain height and attitude of the base.
         let dofs = self.model.chain(j).dofs.iter().zip(&mount.d_rotation).skip(3);
         let turn: Vector3<f64> = dofs.map(|(&dof, axis)| axis * rates[dof - BASE_YAW + 1]).sum();
         let axis = mount.axis;
@@ -240,7 +238,7 @@ impl PlanSpline {
             (angle.at(to_s).value.re - angle.at(from_s).value.re) / (to_s - from_s)
         };
         if self.still[j] {
-            // Simpson's rule: the mean of the spin that follows from the pose.
+            // Simpson's rule gives the mean of the spin that follows from the pose.
             let spin = |time_s: f64| {
                 self.state(time_s, &Placement::default()).end_effectors[j].wheel_speed_rad_s
             };
@@ -250,7 +248,7 @@ impl PlanSpline {
         (mean(&self.wheel_angle[j]), mean(&self.motor_angle[j]))
     }
 
-    /// The time inside the motion that `plan_time_s` stands for, and how many periods later it is.
+    /// Time inside the motion that corresponds to `plan_time_s`, s, and the count of periods between them.
     fn within(&self, plan_time_s: f64) -> (f64, i64) {
         match self.ends {
             Ends::Periodic => {
@@ -262,7 +260,7 @@ impl PlanSpline {
     }
 }
 
-/// End effectors whose wheel has a motor, in channel order.
+/// Indices of end effectors whose wheel has a motor, in channel order.
 pub fn driven_wheels(robot: &Robot) -> impl Iterator<Item = usize> + '_ {
     let driven = |(_, e): &(usize, &EndEffector)| e.contact.actuator().is_some();
     robot.end_effectors.iter().enumerate().filter(driven).map(|(j, _)| j)

@@ -1,4 +1,4 @@
-//! Solvers: they lower the energy of a [`System`] of rows and know nothing else of a problem.
+//! Solvers: they lower the energy of a [`System`] of rows, without knowledge of the problem behind it.
 //!
 //! [`Solver`] is Gauss-Newton with multipliers, one iteration at a time, so that its caller can watch it, probe
 //! whether constraints can be met at all, and restart it. Every row is squared and Gauss-Newton steps with
@@ -28,10 +28,10 @@ use crate::problem::Unknowns;
 use normal::NormalEquations;
 use trial::Trials;
 
-/// Part of its credible level that the worst constraint may reach in a converged plan.
+/// Largest constraint residual in a converged plan, as a fraction of its credible level.
 pub const ACCEPTED_LEVEL: f64 = 0.2;
 
-/// Flat steps without a better worst constraint after which a solve has come as far as it can.
+/// Flat steps without improvement of the worst constraint after which a solve is exhausted.
 const MOST_NO_BETTER: usize = 25;
 /// Iterations without any step after which a solve ends.
 const MOST_WITHOUT_STEP: usize = 3;
@@ -42,13 +42,13 @@ const DAMPING_FELT: f64 = 1e-4;
 const DAMPING_COLD: f64 = 1e-3;
 const DAMPING_NEAR: f64 = 1e-7;
 
-/// What is known at the start of a solve besides the values of the unknowns.
+/// Knowledge at the start of a solve besides the values of the unknowns.
 #[derive(Clone, Copy, Debug)]
 pub enum Begin<'a> {
-    /// Nothing: multipliers begin at zero, steps damped.
+    /// No knowledge: multipliers begin at zero, steps are damped.
     Cold,
-    /// The start is near an optimum, perhaps one with known multipliers. If they do not fit the
-    /// problem's rows they are estimated, as they are without.
+    /// The start is near an optimum, perhaps one with known multipliers. Without them, or if they do not fit the
+    /// problem's rows, multipliers are estimated.
     Near(Option<&'a Multipliers>),
 }
 
@@ -63,33 +63,33 @@ pub struct Point {
 
 /// Result of one iteration.
 pub struct Iteration {
-    /// Where the solve stands.
+    /// Progress after the iteration.
     pub progress: Progress,
-    /// How the solve has ended, if it has.
+    /// Status of the solve if it has ended.
     pub ended: Option<Status>,
-    /// Whether the energy is nearly as low as it gets for these multipliers, with a constraint violated: they
-    /// are to be shifted.
+    /// Whether the energy is nearly minimal for the present multipliers with a constraint violated, so that the
+    /// multipliers should be shifted.
     pub nearly_flat: bool,
-    /// Whether the worst constraint has stopped to become better.
+    /// Whether the worst constraint no longer improves.
     pub exhausted: bool,
 }
 
-/// Where a solve ended.
+/// Outcome of a solve.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// How it ended.
+    /// Status.
     pub status: Status,
-    /// Iterations that it took.
+    /// Count of iterations.
     pub iterations: usize,
     /// Final energy E(m).
     pub energy: f64,
-    /// Worst constraint as a fraction of its credible level.
+    /// Worst constraint residual as a fraction of its credible level.
     pub worst_level: f64,
-    /// Its family.
+    /// Family of the worst constraint.
     pub worst_constraint: Family,
-    /// The unknowns there.
+    /// Final unknowns.
     pub unknowns: Unknowns,
-    /// The multipliers there.
+    /// Final multipliers.
     pub multipliers: Multipliers,
 }
 
@@ -106,14 +106,14 @@ pub struct Solver<'a> {
     damping: f64,
     iteration: usize,
     step_length: f64,
-    /// Worst constraint at the best of the nearly flat iterations, and how many have passed since.
+    /// Worst constraint in the best of the nearly flat iterations; and the count of such iterations since.
     best_level: f64,
     no_better: usize,
     without_step: usize,
 }
 
 impl<'a> Solver<'a> {
-    /// A solver at its starting point.
+    /// Creates a solver at its starting point.
     pub fn new(
         system: &'a System<'a>,
         unknowns: Unknowns,
@@ -156,7 +156,7 @@ impl<'a> Solver<'a> {
         self.iteration
     }
 
-    /// Counts iterations that were spent elsewhere on the same solve.
+    /// Adds iterations that were spent elsewhere on the same solve.
     pub fn count(&mut self, iterations: usize) {
         self.iteration += iterations;
     }
@@ -166,7 +166,7 @@ impl<'a> Solver<'a> {
         (&mut self.normal, &self.point.unknowns)
     }
 
-    /// Linearises and takes one step.
+    /// Linearises the rows and takes one step.
     pub fn iterate(&mut self) -> Iteration {
         self.iteration += 1;
         let decrease = self.step();
@@ -188,7 +188,8 @@ impl<'a> Solver<'a> {
         Iteration { progress, ended, nearly_flat, exhausted }
     }
 
-    /// Damps until the step lowers the energy about as promised, and takes it; returns the relative decrease.
+    /// Increases the damping until the step lowers the energy about as predicted, and takes it; returns the relative
+    /// decrease.
     fn step(&mut self) -> f64 {
         self.normal.assemble(&self.point.rows, &self.shifts, self.system.penalty());
         let mut rejected = false;
@@ -205,7 +206,7 @@ impl<'a> Solver<'a> {
                 self.step_length = trial.step.iter().map(|d| d * d).sum::<f64>().sqrt();
                 self.energy = trial.energy;
                 self.trials.spare.push(std::mem::replace(&mut self.point, trial.point).rows);
-                // Damping that was just too low is not tried again at once.
+                // Damping that has just proved too low is not lowered again at once.
                 if ratio > 0.7 && !rejected {
                     self.damping = (self.damping * 0.2).max(1e-9);
                 } else if ratio < 0.25 {
@@ -223,8 +224,8 @@ impl<'a> Solver<'a> {
         0.0
     }
 
-    /// Damping that has reached its limit begins anew, as new multipliers may open a way, which damping that high
-    /// would not take; after some such iterations the solve ends.
+    /// Resets damping that has reached its limit, because with new multipliers a less damped step may succeed. After
+    /// several iterations without a step it ends the solve.
     fn end_without_step(&mut self, level: f64) -> Option<Status> {
         if self.damping < DAMPING_LIMIT {
             self.without_step = 0;
@@ -248,7 +249,7 @@ impl<'a> Solver<'a> {
         self.set_energy();
     }
 
-    /// Goes on from another point, without multipliers.
+    /// Continues from another point, without multipliers.
     pub fn restart(&mut self, point: Point) {
         self.shifts.fill(0.0);
         self.move_to(point);
@@ -266,7 +267,7 @@ impl<'a> Solver<'a> {
             NormalEquations::energy(&self.point.rows, &self.shifts, self.system.penalty());
     }
 
-    /// Where the solve stands.
+    /// Progress of the solve.
     fn progress(&self) -> Progress {
         let rows = &self.point.rows;
         Progress {
@@ -277,7 +278,7 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// Ends the solve.
+    /// Ends the solve with a status.
     pub fn finish(self, status: Status) -> Outcome {
         let Point { unknowns, rows } = self.point;
         let (row, worst_level) = worst(&rows);

@@ -1,11 +1,11 @@
-//! Where a solve starts: the first values of all unknowns, as a value that a caller can choose.
+//! Starting points of a solve, selected by the caller.
 //!
-//! The optimiser finds a minimum near its start, and for some motions the obvious start is a bad one.
-//! Straight standing is a saddle for robots that stand on free wheels: thrust is second order in steer
-//! times stroke, so every method stops there without moving. A small smooth random swing of every joint
-//! frees them, and would only hurt motions from rest to rest. [`candidates`] knows which to try first.
+//! The optimiser finds a minimum near its start, and for some motions the obvious start is a bad one. Standing
+//! straight is a saddle point for robots on free wheels: thrust grows with steering angle times stroke, so every
+//! method stops there without moving. A small smooth random swing of every joint leaves the saddle point, but harms
+//! motions from rest to rest. [`candidates`] lists the starts of a motion in the order of trial.
 //!
-//! Everything random comes from a seed: the same seed gives the same plan.
+//! All random numbers come from a seed: the same seed gives the same plan.
 
 pub(crate) mod guess;
 mod halved;
@@ -28,40 +28,40 @@ use rollwalk_multibody::euler::JOINTS;
 use rollwalk_robot::Robot;
 use std::f64::consts::TAU;
 
-/// A way to start.
+/// Kind of start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Start {
     /// Each of [`candidates`] in order, until one converges.
     #[default]
     Auto,
-    /// Standing, carried along the way to the goal. With a seed other than 0 joints swing a little, so
-    /// that different seeds are different starts.
+    /// Standing, moved evenly towards the goal. With a seed other than 0 the joints swing a little, so that different
+    /// seeds give different starts.
     Standing,
-    /// The same with a smooth random swing of every joint.
+    /// As `Standing`, with a smooth random swing of every joint.
     Sinusoid,
-    /// The plan of the same motion with half the samples, and so on until samples are few; there a swing or
-    /// standing, whichever suits.
+    /// The plan of the same motion with half the samples, recursively until samples are few; the coarsest motion
+    /// starts from a swing or from standing, depending on the robot.
     Coarse,
-    /// The thesis's warm start (sec. 3.3): stands, sways, then steps in place, without anything random.
+    /// The thesis's warm start (sec. 3.3): standing, swaying, then stepping in place, without random numbers.
     Warm(WarmStart),
 }
 
-/// Amplitude of the swing that frees a robot on free wheels, rad.
+/// Amplitude of the swing from which a robot on free wheels starts, rad.
 const SWING_RAD: f64 = 0.1;
-/// Amplitude of the swing that tells the seeds of a standing start apart, rad.
+/// Amplitude of the swing by which the seeds of a standing start differ, rad.
 const NUDGE_RAD: f64 = 0.02;
-/// About how long a swing takes in motions that do not repeat, s.
+/// Approximate duration of a swing in motions that are not periodic, s.
 const SWING_S: f64 = 1.2;
-/// How far apart the seeds of a motion's candidates are, so that those of small seeds stay different.
+/// Difference between the seeds of a motion's candidates, so large that searches with different small seeds have no
+/// candidate in common.
 const SEED_STRIDE: u64 = 1000;
 
-/// The starts to try for a motion, the one that nearly always serves first.
+/// Starts to try for a motion, in order; the first one nearly always converges.
 ///
-/// For [`Start::Auto`] these are: on free wheels that can be steered two random swings, then
-/// standing; otherwise standing, with nudges if that fails, then a random swing, and last, for motions that
-/// step, the warm start, which a flying trot needs. Where samples are many their half comes first on free wheels
-/// and skates, whose strokes are hardly found otherwise, and second for all others. A chosen start is the
-/// only candidate.
+/// For [`Start::Auto`] these are, on free wheels that can be steered, two random swings, then standing; otherwise
+/// standing, with small random swings if that fails, then a random swing, and for motions with steps the warm start,
+/// which a flying trot needs. With many samples [`Start::Coarse`] comes first on free wheels and skates, whose
+/// strokes are hardly found otherwise, and second for all others. A chosen start is the only candidate.
 pub fn candidates(robot: &Robot, motion: &Motion, start: Start, seed: u64) -> Vec<(Start, u64)> {
     let other = |i: u64| seed.wrapping_add(i * SEED_STRIDE);
     let swing = |i| (Start::Sinusoid, other(i));
@@ -86,14 +86,14 @@ pub fn candidates(robot: &Robot, motion: &Motion, start: Start, seed: u64) -> Ve
     starts
 }
 
-/// The start of a motion that samples are not halved for.
+/// Start of a motion whose samples are not halved.
 pub(crate) fn without_halving(robot: &Robot, motion: &Motion) -> Start {
     if stands_on_free_wheels(robot, motion) { Start::Sinusoid } else { Start::Standing }
 }
 
-/// Whether some end effector that touches the ground rolls freely and can be steered there. Blades
-/// cannot: two wheels of one link that both stand forbid a turn, so a swing of their joints starts far
-/// from anything possible, and strokes come about from standing.
+/// Whether an end effector that touches the ground rolls freely and can be steered there. Blades cannot: two wheels
+/// of one link that are both in stance prevent a turn, so a swing of their joints starts far from any feasible
+/// motion, while strokes develop from standing.
 fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
     let shares_link = |j: usize| {
         let link = robot.end_effectors[j].link;
@@ -102,14 +102,14 @@ fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
     (0..robot.end_effectors.len()).any(|j| rolls_freely(robot, motion, j) && !shares_link(j))
 }
 
-/// Whether an end effector touches the ground at times and rolls freely there.
+/// Whether an end effector is in stance at times and rolls freely then.
 fn rolls_freely(robot: &Robot, motion: &Motion, j: usize) -> bool {
     let held = motion.held_wheels.get(j).copied().unwrap_or(false);
     let free = robot.end_effectors[j].contact.drag().is_some() && !held;
     free && motion.stance.iter().any(|stance| stance[j])
 }
 
-/// The start without any solve before it: all but [`Start::Warm`] and [`Start::Coarse`].
+/// Start that needs no solve: any but [`Start::Warm`] and [`Start::Coarse`].
 pub(crate) fn initial(problem: &Problem, start: Start, seed: u64) -> (Unknowns, Started) {
     let (kind, amplitude_rad) = match start {
         Start::Sinusoid => (StartKind::Sinusoid, SWING_RAD),
@@ -123,7 +123,7 @@ pub(crate) fn initial(problem: &Problem, start: Start, seed: u64) -> (Unknowns, 
     (unknowns, Started { kind, seed })
 }
 
-/// Adds a sinusoid of random phase to every joint, and lets contact points and wheels follow.
+/// Adds a sinusoid of random phase to every joint; contact points and wheels follow.
 fn swing_joints(problem: &Problem, unknowns: &mut Unknowns, amplitude_rad: f64, seed: u64) {
     let mut random = Rng::with_seed(seed);
     let joints = problem.model.robot().joints.len();
@@ -144,7 +144,7 @@ fn swing_joints(problem: &Problem, unknowns: &mut Unknowns, amplitude_rad: f64, 
     roll_along(problem, unknowns);
 }
 
-/// Sets wheel speeds to what the contact points' ways along the rolling directions ask.
+/// Sets wheel speeds from the travel of the contact points along the rolling directions.
 fn roll_along(problem: &Problem, unknowns: &mut Unknowns) {
     let states = problem.states(unknowns);
     for (i, slot) in unknowns.slots.iter_mut().enumerate() {

@@ -1,11 +1,10 @@
-//! Reads from the residuals where the violation is least which constraints contradict each other.
+//! Attribution of the violation at the point where it is least to the constraints that contradict each other.
 //!
-//! At that point the pulls of all violated rows cancel, Jᵀy = 0 with y their residuals: rows at rest there
-//! take no part in the contradiction, and the derivative of the violation E = Σ y² with respect to a
-//! number p that rows compare with, of the motion or the robot file, is 2 Σ y ∂r/∂p. E grows with the
-//! square of the distance to what can be met, so that p − 2E/(dE/dp) could be met, all else as it is: to
-//! first order, and roughly where the probe has not come to rest yet. The request that has to give way
-//! least, relative to its size, is named first.
+//! At that point the pulls of all violated rows cancel, Jᵀy = 0 with y their residuals. Rows with y = 0 take no part
+//! in the contradiction. A number p of the motion file or the robot file that rows compare with changes the violation
+//! E = Σ y² by dE/dp = 2 Σ y ∂r/∂p. E grows with the square of the distance to a feasible request, so that p −
+//! 2E/(dE/dp) is feasible, with all else unchanged: to first order, and roughly where the probe has not come to rest
+//! yet. The request with the smallest relative change is named first.
 
 use crate::families::{Family, Kind};
 use crate::formulation::rows::{Given, Role, Row, Rows, Subject};
@@ -16,46 +15,46 @@ use crate::solve::normal::row_energy;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Most requests that are named, beside one limit and one property of the robot.
+/// Largest number of requests that are named, besides one limit and one property of the robot.
 const REQUESTS: usize = 2;
-/// Part of the strongest family's pull below which a family without an estimate is left out.
+/// Share of the strongest family's pull below which a family without an estimate is omitted.
 const LEAST_SHARE: f64 = 0.05;
-/// The same for the footfalls, which balance, flight and free feet speak for together.
+/// The same for footfalls, to which balance, flight and free feet are attributed together.
 const LEAST_OF_FOOTFALLS: f64 = 0.3;
-/// Constraints that are violated where footfalls cannot be.
+/// Constraints that are violated if the footfalls are infeasible.
 const FOOTFALLS: [Family; 3] =
     [Family::AngularDynamics, Family::LinearDynamics, Family::SwingForce];
-/// Relative change of motors that may well be what is missing.
+/// Relative change of a motor limit up to which weak motors are a likely cause.
 const LIKELY_CHANGE: f64 = 2.0;
-/// Change of a goal beyond which the goal is not the cause.
+/// Relative change of a goal beyond which the goal is not the cause.
 const HOPELESS_CHANGE: f64 = 1.5;
-/// Rank of what has no estimate, behind all that has.
+/// Rank of groups without an estimate, after all others.
 const LAST_RANK: f64 = 1e3;
-/// Part of a group's strongest pull that counts as pulling, for the times.
+/// Share of a group's strongest pull from which a row counts for the time span.
 const PULLING: f64 = 0.1;
-/// Lengths and angles are compared with this at least: a number of 0 can give way as well.
+/// Smallest number, m or rad, by which changes are divided: a number of 0 can be changed too.
 const COMPARED_WITH: f64 = 0.1;
 /// Factors of a limit of the robot file within which an estimate is accepted: beyond them the motors are not the
 /// cause.
 const STRONGER: Range<f64> = 1.0..4.0;
 
-/// Rows of one family, about one part of the robot, that compare with one number.
+/// Rows of one family and one part of the robot that compare with the same number.
 struct Group {
     family: Family,
     subject: Option<String>,
     /// Pull y, timeline index and residual in the family's unit of every row.
     pulls: Vec<(f64, usize, f64)>,
-    /// The number.
+    /// The number that they compare with.
     given: Option<(&'static str, f64)>,
-    /// Σ y ∂r/∂p over the rows, with p the number, or for limits its relative change.
+    /// Σ y ∂r/∂p over the rows, with p the number, or its relative change for limits.
     slope: f64,
 }
 
-/// A number that would do.
+/// Number with which the request would be feasible.
 #[derive(Clone, Copy)]
 struct Estimate {
     value: f64,
-    /// How far it is from the number that is given, relative to that.
+    /// Relative change from the given number.
     change: f64,
 }
 
@@ -72,14 +71,14 @@ impl Group {
         self.family.kind() == Kind::Request
     }
 
-    /// How far the number that would do is from the one that is given, relative to that.
+    /// Relative change from the given number to the feasible one.
     fn change(&self, violation: f64) -> f64 {
         let step = -violation / self.slope;
         let given = self.given.map_or(0.0, |(_, value)| value);
         (if !self.is_request() { step } else { step / given.abs().max(COMPARED_WITH) }).abs()
     }
 
-    /// What number would do, where an estimate can be believed.
+    /// The feasible number, if its estimate is plausible.
     fn estimate(&self, violation: f64) -> Option<Estimate> {
         let (_, given) = self.given?;
         let step = -violation / self.slope;
@@ -88,20 +87,20 @@ impl Group {
         let believed = if limit {
             STRONGER.contains(&(1.0 + step))
         } else if self.family.is_goal() || self.is_swing() {
-            // Less of the same, and not where even nothing at all would not help.
+            // Goals are reduced, and only if a goal of 0 would be feasible.
             value * given > 0.0 && value.abs() < given.abs()
         } else {
-            // Places and heights give way either way.
+            // Positions and heights may change in either direction.
             value.is_finite()
         };
         believed.then(|| Estimate { value, change: self.change(violation) })
     }
 }
 
-/// What the rows of a group share: family, part of the robot, field and bits of the number.
+/// Key by which rows are grouped: family, part of the robot, field and bits of the number.
 type Key = (Family, Subject, Option<(&'static str, u64)>);
 
-/// How hard a row pulls, over its scale.
+/// Pull of a row, in units of its scale.
 fn pull(row: &Row) -> f64 {
     match row.role {
         Role::Cost { .. } => 0.0,
@@ -109,8 +108,8 @@ fn pull(row: &Row) -> f64 {
     }
 }
 
-/// What the motion file says of the height of the swing that a row of a foot is in, of itself or by a target;
-/// the row's own height is a part of it. `None` for a foot that stands, which is at height 0 by nature.
+/// The swing height from the motion file, or from a target, that determines the height in a row of a foot in swing;
+/// the row's own height is a fraction of it. `None` for a foot in stance, whose height is 0.
 fn swing_height(problem: &Problem, row: &Row) -> Option<Given> {
     let Subject::EndEffector(j) = row.subject else { return None };
     let swings = |at: &usize| !problem.stance[*at][j];
@@ -161,7 +160,7 @@ fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
     groups
 }
 
-/// One number of the motion file is the height of all swings, and motors are exchanged together.
+/// All swings share one number of the motion file, and motors are exchanged together.
 fn share_numbers(groups: &mut [Group]) {
     let shares = |group: &Group| group.family.kind() == Kind::Limit || group.is_swing();
     let key = |group: &Group| {
@@ -182,7 +181,7 @@ fn share_numbers(groups: &mut [Group]) {
     }
 }
 
-/// The diagnosis of the violation that is left in these rows; `None` if there is none.
+/// Diagnoses the violation that remains in these rows; `None` if there is none.
 pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diagnosis> {
     let groups = group(problem, rows);
     let violation: f64 = groups.iter().map(Group::square).sum();
@@ -195,7 +194,7 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
         return None;
     }
     let footfalls: f64 = FOOTFALLS.iter().filter_map(|family| of_families.get(family)).sum();
-    // Each with how far behind it comes: by the estimated change, else after those by share.
+    // Each with its rank: by the estimated change, otherwise after those by its share.
     let [mut requests, mut limits, mut builds, mut goals] = [const { Vec::new() }; 4];
     for group in &groups {
         let estimate = group.estimate(violation);
@@ -206,7 +205,7 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
         let wanted = group.given.is_some_and(|(_, value)| value != 0.0);
         let rank = match estimate {
             Some(estimate) => estimate.change,
-            // Even nothing of it would not quite do.
+            // Not even a goal of 0 would be feasible.
             None if group.family.is_goal()
                 && wanted
                 && group.change(violation) < HOPELESS_CHANGE =>
@@ -218,11 +217,11 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
             None => continue,
         };
         let side = match group.family.kind() {
-            // The anchor only says where the motion starts.
+            // The anchor term only fixes where the motion starts.
             _ if group.family == Family::Anchor => continue,
-            // A goal may be met at the price of everything else.
+            // A goal may be met at the expense of everything else.
             Kind::Request if group.family.is_goal() && rank == LAST_RANK => &mut goals,
-            // Feet that stand do not ask for anything.
+            // Feet in stance do not request anything.
             Kind::Request if group.is_swing() && !number => &mut builds,
             Kind::Request if !(pulls || group.family.is_goal() || group.is_swing()) => continue,
             Kind::Request => &mut requests,
@@ -232,13 +231,13 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
         };
         side.push((rank, -group.square(), group, estimate));
     }
-    // Goals without an estimate are named where nothing else is likely.
+    // Goals without an estimate are named where no limit is a likely cause.
     if requests.is_empty() && !limits.iter().any(|(change, ..)| *change < LIKELY_CHANGE) {
         requests = goals;
     }
     for side in [&mut requests, &mut limits, &mut builds] {
         side.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        // One foot or joint stands for all that are asked the same.
+        // One foot or joint represents all with the same request.
         let mut named: Vec<(Family, Option<(&str, f64)>)> = Vec::new();
         side.retain(|(.., group, _)| {
             let this = (group.family, group.given);
@@ -249,7 +248,7 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
     }
     requests.truncate(REQUESTS);
     if !requests.is_empty() {
-        // With a request to give way, motors that are far too weak are not the point.
+        // Where a changed request would be feasible, motors that are far too weak are not the cause.
         limits.retain(|(change, ..)| *change < 1.0);
     }
     limits.truncate(1);
@@ -279,7 +278,7 @@ fn culprit(
         .filter(|(y, ..)| y.abs() >= PULLING * strongest)
         .map(|&(_, at, _)| time_s(at))
         .collect();
-    // Goals are about the whole motion.
+    // Goals concern the whole motion.
     let whole = [0.0, problem.interval_s * (problem.last() - 1) as f64];
     let range = [
         pulling.iter().copied().fold(f64::INFINITY, f64::min),

@@ -1,11 +1,11 @@
-//! The point where constraints that contradict each other are violated least, and whether it is worth
-//! going on.
+//! Search for the point where contradictory constraints are violated least, and the verdict whether a solve should
+//! continue.
 //!
-//! The solver's energy without its multipliers and all but without its costs is Σ r² over the violated
-//! constraints. In a feasible problem that goes to zero in a few steps. Where it is stationary above zero
-//! no small change meets all constraints, and what is left of each residual is its share in the
-//! contradiction. So a solve that is still far off after a few iterations is probed: some steps on the
-//! constraints alone tell impossible requests from slow ones long before multipliers would.
+//! Without multipliers and nearly without costs, the solver's energy is Σ r² over the violated constraints. In a
+//! feasible problem it goes to zero in a few steps. Where it is stationary above zero no small change meets all
+//! constraints, and the remaining residuals show the share of each constraint in the contradiction. A solve whose
+//! constraints are still far from met after a few iterations is therefore probed: some steps on the constraints alone
+//! tell infeasible requests from slow solves long before the multipliers would.
 
 use crate::formulation::System;
 use crate::formulation::rows::Rows;
@@ -15,24 +15,24 @@ use crate::solve::normal::NormalEquations;
 use crate::solve::{ACCEPTED_LEVEL, Point, Progress, worst};
 use std::ops::ControlFlow;
 
-/// Weight of the constraints against the costs, relative to a solve: enough that costs move residuals by
-/// less than a part in a thousand.
+/// Weight of the constraints against the costs, relative to a solve, so large that costs change residuals by less
+/// than 0.1 %.
 const EMPHASIS: f64 = 1e3;
-/// Most steps of one probe.
+/// Limit of steps of one probe.
 const STEPS: usize = 8;
 /// Relative decrease of Σ r² over the last [`FLAT_STEPS`] steps below which it counts as stationary.
 const FLAT: f64 = 0.05;
 const FLAT_STEPS: usize = 3;
-/// Ratio by which Σ r² falls within [`FALLING_STEPS`] steps on the way to something possible. Measured on
-/// all shipped motions: 10 to 1000 where the solve succeeds, 1.2 to 3.5 for impossible ones.
+/// Ratio by which Σ r² falls within [`FALLING_STEPS`] steps if the request is feasible. Measured on all shipped
+/// motions: 10 to 1000 where the solve succeeds, 1.2 to 3.5 for infeasible requests.
 const FALLING: f64 = 4.0;
 const FALLING_STEPS: usize = 4;
-/// Energies at the beginning that do not count: multipliers keep a solve away from the point with the least
-/// violation, which the first steps go back to.
+/// Number of first energies that are ignored: multipliers keep a solve away from the point with the least violation,
+/// to which the first steps return.
 const SETTLING: usize = 2;
-/// Worst constraint, as a multiple of its credible level, that counts as far off at the first probe. No
-/// shipped motion is there. Later probes ask for [`PATIENCE`] times more each, as multipliers may have led a
-/// slow solve away by then.
+/// Worst constraint, as a multiple of its credible level, that counts as far off at the first probe. No shipped
+/// motion reaches it. Every later probe requires [`PATIENCE`] times more, as multipliers may have led a slow solve
+/// away by then.
 const FAR_LEVEL: f64 = 30.0;
 /// Worst constraint, as a multiple of its credible level, above which a solve is probed again.
 const DOUBTFUL_LEVEL: f64 = 1.0;
@@ -40,16 +40,16 @@ const DOUBTFUL_LEVEL: f64 = 1.0;
 const FIRST: usize = 6;
 const PATIENCE: usize = 3;
 
-/// Most dampings tried for a step.
+/// Limit of dampings tried for a step.
 const TRIALS: usize = 8;
-/// Damping, relative to the constraints' weight, of a step that is as good as undamped: it may go as far as
-/// a radian, a metre or a robot's weight in each unknown.
+/// Damping, relative to the constraints' weight, of a step that is practically undamped: it may change each unknown
+/// by a radian, a metre or a robot's weight.
 const UNDAMPED: f64 = 1e-6;
-/// Part of the violation that the linearised constraints must promise to cure, or else they contradict each
-/// other. Slow but feasible solves promise 0.4 or more, contradictions 0.002 to 0.07.
+/// Fraction of the violation that the linearised constraints must be able to remove; below it they contradict each
+/// other. Slow but feasible solves reach 0.4 or more, contradictions 0.002 to 0.07.
 const CURABLE: f64 = 0.1;
 
-/// When a solve is probed.
+/// Schedule of the probes of a solve.
 #[derive(Debug)]
 pub struct Schedule {
     next: usize,
@@ -63,8 +63,8 @@ impl Default for Schedule {
 }
 
 impl Schedule {
-    /// Whether to probe now, with the worst constraint at `level`: the level that counts as far off then.
-    /// Probes become rarer, so that slow solves do not pay much for them.
+    /// Whether to probe now, with the worst constraint at `level`; returns the level that counts as far off. Probes
+    /// become rarer, so that slow solves do not spend much time on them.
     pub fn due(&mut self, iteration: usize, level: f64) -> Option<f64> {
         if iteration < self.next {
             return None;
@@ -85,9 +85,9 @@ impl Schedule {
 /// Result of a probe.
 #[derive(Debug)]
 pub struct Nearest {
-    /// Where the violation is least, as far as the probe came.
+    /// Point with the least violation that the probe has found.
     pub point: Point,
-    /// Evidence against the request; `None` as long as there is none.
+    /// Verdict against the request; `None` without evidence.
     pub verdict: Option<Verdict>,
 }
 
@@ -95,15 +95,15 @@ pub struct Nearest {
 pub struct FeasibilityProbe<'a> {
     /// The rows of the problem.
     pub system: &'a System<'a>,
-    /// Iterations that the solve has left.
+    /// Iterations left for the solve.
     pub most_steps: usize,
-    /// Worst constraint that counts as far off then.
+    /// Worst constraint, as a multiple of its credible level, that counts as far off.
     pub far_level: f64,
 }
 
 impl FeasibilityProbe<'_> {
     /// Lowers the violation from a point, with Levenberg-Marquardt steps. `progress` sees every step, at the
-    /// weight of a solve, and may stop the probe, which then finds nothing.
+    /// constraint weight of a solve, and may stop the probe, which then gives no result.
     pub fn run(
         &self,
         normal: &mut NormalEquations,

@@ -1,9 +1,9 @@
-//! Residual rows with exact sparse derivatives: what terms write and the solver reads.
+//! Residual rows with exact sparse derivatives: terms write them and the solver reads them.
 //!
-//! Terms differentiate with respect to the samples of the timeline that they see. [`RowWriter`] carries
-//! the derivatives through placements and frozen entries to the unknowns and adds up what meets in one
-//! column, so that terms stay free of bookkeeping. The pattern of a problem never changes: every call
-//! writes the same rows with the same columns.
+//! Terms differentiate with respect to the timeline samples in their window. [`RowWriter`] converts these derivatives
+//! to derivatives with respect to the unknowns, through placements and frozen entries, and sums those in the same
+//! column, so that terms contain no bookkeeping. The pattern of a problem never changes: every call writes the same
+//! rows with the same columns.
 
 use crate::families::Family;
 use crate::motion;
@@ -25,7 +25,7 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Numbers the unknowns of a problem.
+    /// Assigns columns to the unknowns of a problem.
     pub fn new(problem: &Problem) -> Self {
         let mut count = 0;
         let mut next = || {
@@ -58,7 +58,7 @@ impl Columns {
     }
 }
 
-/// How a row enters the energy.
+/// Role of a row in the energy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Role {
     /// r = 0.
@@ -75,10 +75,10 @@ pub enum Role {
     },
 }
 
-/// Which part of the robot a residual is about: an index into the robot's list.
+/// Part of the robot to which a residual belongs, with its index in the robot's list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Subject {
-    /// All of it.
+    /// The whole robot.
     Whole,
     /// An end effector.
     EndEffector(usize),
@@ -95,7 +95,7 @@ impl From<motion::Subject> for Subject {
     }
 }
 
-/// A number of the motion or robot file that a residual compares with.
+/// Number in the motion or robot file that a residual compares with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Given {
     /// Name of its field.
@@ -109,21 +109,21 @@ pub struct Given {
 /// One residual.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// The family that it belongs to.
+    /// Family of the residual.
     pub family: Family,
     /// Timeline index of the middle of the window it was written for.
     pub at: usize,
-    /// Which part of the robot it is about.
+    /// Part of the robot to which it belongs.
     pub subject: Subject,
-    /// The number that it compares with, where there is one.
+    /// Number that it compares with, if any.
     pub given: Option<Given>,
     /// Residual over its scale.
     pub value: f64,
-    /// Size of the residual that makes it 1, in the family's unit.
+    /// Residual at which `value` is 1, in the family's unit.
     pub scale: f64,
-    /// Residual that is still physically credible, in the family's unit.
+    /// Largest residual that is physically credible, in the family's unit.
     pub level: f64,
-    /// How it enters the energy.
+    /// Role in the energy.
     pub role: Role,
     /// Range of its derivatives in [`Rows::columns`] and [`Rows::derivatives`].
     pub entries: std::ops::Range<usize>,
@@ -140,7 +140,7 @@ pub struct Rows {
     pub derivatives: Vec<f64>,
 }
 
-/// What a term sees of a problem: up to three samples of the timeline.
+/// Input of a term: the problem and up to three samples of the timeline.
 pub struct Window<'a> {
     /// The problem.
     pub problem: &'a Problem,
@@ -148,7 +148,7 @@ pub struct Window<'a> {
     pub at: [usize; 3],
     /// The samples.
     pub states: [&'a State; 3],
-    /// Forces that feet in swing still carry, `[timeline sample][end effector]`, N; empty: none.
+    /// Forces required of feet in swing, `[timeline sample][end effector]`, N; empty for none.
     pub swing_force_n: &'a [Vec<Vector3<f64>>],
 }
 
@@ -159,7 +159,7 @@ impl Window<'_> {
     }
 }
 
-/// Collects the rows of all terms.
+/// Collector of the rows of all terms.
 pub struct RowWriter<'a> {
     problem: &'a Problem,
     columns: &'a Columns,
@@ -172,19 +172,19 @@ pub struct RowWriter<'a> {
     level: f64,
     role: Role,
     given: Option<Given>,
-    /// Derivatives of the row under construction: a dense gradient for each sample of the window, the
-    /// entries of it that were written, and for each entry whether it was.
+    /// Derivatives of the row under construction: a dense gradient for each sample of the window, the indices of
+    /// entries that were written, and for each entry whether it was written.
     gradients: [Vec<f64>; 3],
     written: [Vec<usize>; 3],
     is_written: [Vec<bool>; 3],
-    /// Dense scratch over all columns, with the position of each column in the row, if it has one.
+    /// Position of each column in the row, if it has one; dense scratch memory over all columns.
     position: Vec<u32>,
 }
 
 const NO_POSITION: u32 = u32::MAX;
 
 impl<'a> RowWriter<'a> {
-    /// A writer for one evaluation. `reuse` is an earlier result whose memory is taken over.
+    /// Creates a writer for one evaluation. `reuse` is an earlier result whose memory is reused.
     pub fn new(
         problem: &'a Problem,
         columns: &'a Columns,
@@ -216,19 +216,19 @@ impl<'a> RowWriter<'a> {
         }
     }
 
-    /// The finished rows.
+    /// Returns the finished rows.
     pub fn finish(self) -> Rows {
         self.rows
     }
 
-    /// Begins rows of a family about these samples of the timeline.
+    /// Begins rows of a family for these samples of the timeline.
     pub fn enter(&mut self, family: Family, at: [usize; 3]) {
         self.family = family;
         self.at = at;
     }
 
-    /// Sets scale and role of the rows to come. The scale of a row that compares with a limit is that limit,
-    /// where the family's level is a fraction of it.
+    /// Sets scale and role of the following rows. A row that compares with a limit has that limit as its scale if the
+    /// family's level is a fraction of the limit.
     pub fn set(&mut self, scale: f64, role: Role) {
         self.scale = scale;
         self.level = self.family.level().at(scale);
@@ -237,7 +237,7 @@ impl<'a> RowWriter<'a> {
 
     /// Adds to the derivative of the next row with respect to `variable` of sample `k` of the window.
     pub fn d(&mut self, k: usize, variable: usize, derivative: f64) {
-        // A zero may become another number at the next point: it keeps its place in the pattern.
+        // An entry that is zero here may be nonzero at the next point: it stays in the pattern.
         self.gradients[k][variable] += derivative;
         if !std::mem::replace(&mut self.is_written[k][variable], true) {
             self.written[k].push(variable);
@@ -251,17 +251,17 @@ impl<'a> RowWriter<'a> {
         }
     }
 
-    /// Says what the next row compares with.
+    /// Sets the number that the next row compares with.
     pub fn given(&mut self, field: &'static str, value: f64, slope: f64) {
         self.given = Some(Given { field, value, slope });
     }
 
-    /// Ends a row about the whole robot: its residual in the family's unit.
+    /// Ends a row for the whole robot, with its residual in the family's unit.
     pub fn row(&mut self, residual: f64) {
         self.row_of(Subject::Whole, residual);
     }
 
-    /// Ends a row about a part of the robot.
+    /// Ends a row for a part of the robot, with its residual in the family's unit.
     pub fn row_of(&mut self, subject: Subject, residual: f64) {
         let start = self.rows.columns.len();
         for k in 0..3 {
@@ -305,7 +305,7 @@ impl<'a> RowWriter<'a> {
         });
     }
 
-    /// Turns derivatives with respect to a placed sample into those of its slot and the placement.
+    /// Converts derivatives with respect to a placed sample to those with respect to its slot and the placement.
     fn pull_back(
         &mut self,
         start: usize,
@@ -315,7 +315,7 @@ impl<'a> RowWriter<'a> {
         gradient: &mut [f64],
     ) {
         let layout = &self.problem.layout;
-        // The horizontal components of a vector mix under the turn: the pattern needs both.
+        // A turn mixes the horizontal components of a vector, so the pattern needs both.
         for first in layout.points().chain(layout.vectors()) {
             let (x, y) = (written.contains(&first), written.contains(&(first + 1)));
             if x != y {
@@ -330,7 +330,7 @@ impl<'a> RowWriter<'a> {
         }
     }
 
-    /// Adds to a column of the row that starts at `start`.
+    /// Adds a derivative to a column of the row that starts at `start`.
     fn push(&mut self, start: usize, column: usize, derivative: f64) {
         match self.position[column] {
             NO_POSITION => {

@@ -1,18 +1,18 @@
-//! Which way is up during a plan, as a library tells a controller's IMU watch.
+//! Attitude of the body during a plan, from which the controller's IMU watch gets its limits.
 
 use crate::plan::Plan;
 use rollwalk_protocol::library::Attitude;
 
 type Direction = [f64; 3];
 
-/// The mean direction of up in the base's frame, and the largest angle from there, over the plan's
-/// samples.
+/// Mean direction of the world's vertical in the base frame, and the largest angle of a sample's vertical from it,
+/// rad.
 pub fn attitude(plan: &Plan) -> Attitude {
     let ups: Vec<Direction> =
         plan.samples.iter().map(|s| up_in_base(s.base_orientation_wxyz)).collect();
     let sum = ups.iter().fold([0.0; 3], |sum, up| [0, 1, 2].map(|i| sum[i] + up[i]));
     let length = dot(&sum, &sum).sqrt();
-    // A plan without samples, or one that somersaults, is as level as it is anything.
+    // A plan without samples has no mean direction, nor has one that turns over: upright is assumed.
     let mean = if length > 1e-6 { sum.map(|x| x / length) } else { [0.0, 0.0, 1.0] };
     let angles = ups.iter().map(|up| dot(up, &mean).clamp(-1.0, 1.0).acos());
     Attitude { up_body: mean.map(|x| x as f32), spread_rad: angles.fold(0.0, f64::max) as f32 }

@@ -1,10 +1,10 @@
-//! Why plans do not make a library.
+//! Reasons for which plans do not make a library.
 
 use rollwalk_protocol::library::{EncodeError, Reject};
 use rollwalk_robot::InvalidRobot;
 use thiserror::Error;
 
-/// Plans that no library can be made of.
+/// Fault of a plan, or of the library built from it.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum LibraryError {
     /// The robot is not valid.
@@ -23,17 +23,17 @@ pub enum LibraryError {
         /// Robot of the library.
         expected: String,
     },
-    /// A time that no frame falls on.
+    /// A time is not that of a frame.
     #[error("{motion}: {field} is {time_s} s; expected a multiple of 1/60 s")]
     NotOnFrame {
         /// The motion or transition.
         motion: String,
-        /// Which of its times.
+        /// Field with the time.
         field: &'static str,
         /// The time, s.
         time_s: f64,
     },
-    /// A transition joins a motion that is not there.
+    /// A transition joins a motion that does not exist.
     #[error("{transition} joins motion number {motion}, which does not exist")]
     NoSuchMotion {
         /// The transition.
@@ -41,7 +41,7 @@ pub enum LibraryError {
         /// Number of the motion.
         motion: usize,
     },
-    /// A value beyond the limits of its channel.
+    /// A value is beyond the limits of its channel.
     #[error(
         "{motion}: {channel} is at {value:.3} {unit} after {time_s:.3} s; limits are {min:.3} to {max:.3}"
     )]
@@ -50,7 +50,7 @@ pub enum LibraryError {
         motion: String,
         /// Joint or end effector.
         channel: String,
-        /// When, s since the start.
+        /// Time since the start, s.
         time_s: f64,
         /// The value.
         value: f64,
@@ -61,7 +61,7 @@ pub enum LibraryError {
         /// Unit of the values.
         unit: &'static str,
     },
-    /// A value that changes faster than its motor can.
+    /// A value changes faster than its motor can.
     #[error(
         "{motion}: {channel} changes by {rate:.2} {unit} per second before {time_s:.3} s; its limit is \
          {limit:.2}: give the motion more time"
@@ -71,11 +71,11 @@ pub enum LibraryError {
         motion: String,
         /// Joint or end effector.
         channel: String,
-        /// When the change has happened, s since the start.
+        /// Time at the end of the change since the start, s.
         time_s: f64,
         /// Rate of change, unit per second.
         rate: f64,
-        /// Fastest change, unit per second.
+        /// Largest rate of change, unit per second.
         limit: f64,
         /// Unit of the value.
         unit: &'static str,
@@ -85,10 +85,10 @@ pub enum LibraryError {
     Encode {
         /// Names of motions, then of transitions.
         clips: Vec<String>,
-        /// Why.
+        /// Fault that the encoder reports.
         error: EncodeError,
     },
-    /// The finished library is not what a controller accepts.
+    /// A controller would refuse the finished library.
     #[error("the finished library is not valid: {0}")]
     Rejected(#[from] Reject),
     /// The finished library cannot be read back.

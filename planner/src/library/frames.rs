@@ -1,5 +1,4 @@
-//! Frames of a plan as a library stores them: one number a channel, within the channel's limits and
-//! no faster than it can go.
+//! Frames of a plan as a library stores them: one value per channel, within the channel's limits and rate limit.
 
 use super::{LibraryError, frames};
 use crate::families::Family;
@@ -9,11 +8,10 @@ use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
 use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_robot::Robot;
 
-/// Part of the credible level by which a plan may be beyond a limit: what the optimiser asks of
-/// itself.
+/// Accepted excess over a limit as a fraction of the credible level, the same to which the optimiser converges.
 const ACCEPTED_PART: f64 = 0.2;
 
-/// A robot's channels.
+/// Channels of a robot.
 pub struct Channels<'a> {
     /// The robot, for names.
     pub robot: &'a Robot,
@@ -25,11 +23,11 @@ pub struct Channels<'a> {
 pub struct Clip {
     /// Name for messages.
     pub name: String,
-    /// What the plan says.
+    /// Setpoints of the plan.
     pub setpoints: Vec<Setpoints>,
-    /// What is stored: frame after frame, one value a channel, within limits.
+    /// Stored values: frame after frame, one value per channel, within limits.
     pub values: Vec<f32>,
-    /// Worst move onto a limit, as a part of the credible level.
+    /// Largest excess that was clamped to a limit, as a fraction of the credible level.
     pub clamped: f64,
 }
 
@@ -64,8 +62,7 @@ impl Channels<'_> {
         Ok(Clip { name: name.to_owned(), setpoints, values, clamped })
     }
 
-    /// The value on this side of the channel's limits, and how far it was beyond, as a part of the
-    /// credible level.
+    /// Clamps a value to the channel's limits; returns the excess as a fraction of the credible level too.
     fn within(
         &self,
         place: &Place,
@@ -94,7 +91,7 @@ impl Channels<'_> {
         })
     }
 
-    /// A channel changes no faster than it can, give or take what rounding adds.
+    /// Checks that a channel changes no faster than its rate limit, with a margin for rounding.
     fn check_rate(
         &self,
         place: &Place,
@@ -122,7 +119,7 @@ impl Channels<'_> {
     }
 }
 
-/// Where a value is, for messages.
+/// Frame and channel of a value, for messages.
 struct Place<'a> {
     name: &'a str,
     frame: usize,

@@ -1,18 +1,17 @@
-//! Choreography: where the robot is to be at chosen times, and between which heights (thesis sec. 2.4.1,
-//! "functional objectives"; sec. 3.5.2, ducking under a bar). Read by `choreography_file`.
+//! Choreography: targets for the robot at chosen times, and height limits (thesis sec. 2.4.1, "functional
+//! objectives"; sec. 3.5.2, ducking under a bar). `choreography_file` reads them from motion files.
 //!
-//! Everything is given in the frame of the start: origin on the ground below the body's origin at time 0,
-//! forward along its heading there. Times need not fall on samples. Around a time the motion is the
-//! parabola through the nearest sample and its two neighbours ([`Moment`]): for positions it is off by
-//! about h³/16 · d³x/dt³, where a straight line would be off by h²/8 · d²x/dt². Heights over a span of
-//! time hold at every sample of it and at the two that enclose it, so that straight lines between them
-//! keep within it too.
+//! All values are in the frame of the start: origin on the ground below the body's origin at time 0, x forward along
+//! its heading there. Times need not be those of samples. Around a time the motion is the parabola through the
+//! nearest sample and its two neighbours ([`Moment`]): the position error is about h³/16 · d³x/dt³; with a straight
+//! line it would be h²/8 · d²x/dt². Height limits over a span of time hold at every sample of the span and at the two
+//! that enclose it, so that straight lines between them keep the limits too.
 
 use super::{Ends, Motion};
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
 
-/// What a target or a height is about.
+/// Part of the robot to which a target or a height limit applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Subject {
@@ -25,7 +24,7 @@ pub enum Subject {
 }
 
 impl Subject {
-    /// Its name, as motion files and reports write it.
+    /// Name in motion files and reports.
     pub fn name(self, robot: &Robot) -> &str {
         match self {
             Self::Com => "com",
@@ -35,26 +34,26 @@ impl Subject {
     }
 }
 
-/// Where something is to be at one time. `None` leaves the optimiser free.
+/// Required state of a subject at one time. A component that is `None` is left to the optimiser.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Target {
-    /// What.
+    /// Subject of the target.
     pub of: Subject,
-    /// When, s.
+    /// Time since the start, s.
     pub at_s: f64,
-    /// Position forward, to the left and above the ground, m. The height of an end effector shapes the
-    /// whole swing that it is in.
+    /// Position forward, to the left and above the ground, m. The height of an end effector scales the whole swing in
+    /// which it lies.
     pub position_m: [Option<f64>; 3],
     /// Velocity in the same directions, m/s.
     pub velocity_m_s: [Option<f64>; 3],
-    /// Heading, rad, positive to the left, against that of the start; of the body only.
+    /// Heading relative to that of the start, rad, positive to the left; only for the body.
     pub heading_rad: Option<f64>,
 }
 
-/// Heights to keep between over a span of time, of the body or the centre of mass.
+/// Height limits of the body or the centre of mass over a span of time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeightLimit {
-    /// Whose height above the ground.
+    /// Subject whose height above the ground is limited.
     pub of: Subject,
     /// Start of the span, s.
     pub from_s: f64,
@@ -66,9 +65,9 @@ pub struct HeightLimit {
     pub below_m: Option<f64>,
 }
 
-/// A time on the grid of samples: `sample`, and how far beyond it in intervals. A motion that does not
-/// repeat has no neighbours outside, so that its first and last half interval belong to the inner
-/// sample; there the fraction goes to ±1.
+/// Time on the grid of samples: a sample and the distance from it in intervals. A motion that is not periodic has no
+/// samples beyond its ends, so that times in its first and last half interval refer to the inner sample, with
+/// fractions up to ±1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
     /// The sample in the middle.
@@ -78,7 +77,7 @@ pub struct Moment {
 }
 
 impl Moment {
-    /// Places a time of a motion.
+    /// Locates a time of a motion on the grid.
     pub fn of(motion: &Motion, at_s: f64) -> Self {
         let samples = motion.stance.len();
         let (first, last) = match motion.ends {
@@ -88,25 +87,25 @@ impl Moment {
         let position = at_s / motion.interval_s();
         let sample = (position.round().max(0.0) as usize).clamp(first, last);
         let fraction = position - sample as f64;
-        // Files write times with few digits: a rounded one still means its sample.
+        // Motion files round times to a few digits: a rounded time counts as that of its sample.
         let nearest = fraction.round();
         let on_sample = (fraction - nearest).abs() < 1e-6;
         Self { sample, fraction: if on_sample { nearest } else { fraction } }
     }
 
-    /// The nearest sample. The end of a period is the first one.
+    /// Index of the nearest sample. The end of a period is sample 0.
     pub fn nearest(self, motion: &Motion) -> usize {
         let nearest = (self.sample as f64 + self.fraction).round() as usize;
         if motion.ends == Ends::Periodic { nearest % motion.stance.len() } else { nearest }
     }
 
-    /// Weights of the sample before, the one in the middle and the one after it: of positions.
+    /// Weights of the samples before, in the middle and after, for positions.
     pub fn position_weights(self) -> [f64; 3] {
         let u = self.fraction;
         [0.5 * u * (u - 1.0), 1.0 - u * u, 0.5 * u * (u + 1.0)]
     }
 
-    /// The same of velocities, 1/s.
+    /// Weights of the same samples for velocities, 1/s.
     pub fn velocity_weights(self, interval_s: f64) -> [f64; 3] {
         let u = self.fraction;
         [u - 0.5, -2.0 * u, u + 0.5].map(|weight| weight / interval_s)
@@ -114,8 +113,8 @@ impl Moment {
 }
 
 impl HeightLimit {
-    /// Whether a sample must keep to it: those of the span and the two that enclose it. The end of a period
-    /// is the first sample.
+    /// Whether the limit holds at a sample: at those of the span and the two that enclose it. The end of a period is
+    /// sample 0.
     pub fn holds_at(&self, motion: &Motion, sample: usize) -> bool {
         let h = motion.interval_s();
         let span = (self.from_s / h + 1e-6).floor()..=(self.to_s / h - 1e-6).ceil();
@@ -131,7 +130,7 @@ mod tests {
     use crate::test_robots;
 
     fn motion(ends: Ends) -> Motion {
-        // Five samples in 0.5 s: 0.1 s apart if it repeats, 0.125 s if not.
+        // Five samples in 0.5 s: 0.1 s apart if periodic, 0.125 s if not.
         test_robots::motion(&test_robots::all()[0], ends)
     }
 
@@ -146,7 +145,7 @@ mod tests {
                 let moment = Moment::of(&motion, at_s);
                 let near = |k: usize| parabola((moment.sample as f64 + k as f64 - 1.0) * h);
                 let sum = |w: [f64; 3]| (0..3).map(|k| w[k] * near(k)).sum::<f64>();
-                // Rounding only.
+                // The bound allows for rounding only.
                 assert!((sum(moment.position_weights()) - parabola(at_s)).abs() < 1e-12);
                 assert!((sum(moment.velocity_weights(h)) - slope(at_s)).abs() < 1e-12);
             }
@@ -179,7 +178,7 @@ mod tests {
         assert_eq!(held(0.1, 0.3), [1, 2, 3]);
         assert_eq!(held(0.11, 0.29), [1, 2, 3]);
         assert_eq!(held(0.09, 0.31), [0, 1, 2, 3, 4]);
-        // Sample 5 is sample 0 of the next period, whose height is that of this one's start.
+        // Sample 5 is sample 0 of the next period, whose height is that of sample 0.
         assert_eq!(held(0.35, 0.5), [0, 3, 4]);
     }
 }

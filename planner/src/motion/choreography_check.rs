@@ -1,7 +1,7 @@
-//! What no plan can do of a motion's targets and heights, found when the file is read: contradictions
-//! among them, with the footfalls and with the ends of the motion, and places beyond the reach of limbs.
+//! Infeasible targets and height limits, found when the motion file is read: contradictions among them, with the
+//! footfalls and with the ends of the motion, and positions beyond the reach of the limbs.
 //!
-//! Every bound here is on the safe side: what it rejects is impossible, what it lets pass may be so too.
+//! Every bound is conservative: what it rejects is infeasible, but what it accepts may be infeasible too.
 
 use super::swing;
 use super::{Ends, HeightLimit, Moment, Motion, Subject, Target};
@@ -14,7 +14,7 @@ const SWING_HIGHEST_M: f64 = 1.0;
 /// Times closer than this are the same, s.
 const SAME_TIME_S: f64 = 1e-6;
 
-/// Checks a motion whose targets and heights stand in these tables, in the same order.
+/// Checks a motion against the tables of its targets and height limits, both in the order of the motion.
 pub(super) fn check(motion: &Motion, robot: &Robot, targets: &[Table<'_>], heights: &[Table<'_>]) {
     for (index, (target, table)) in motion.targets.iter().zip(targets).enumerate() {
         check_target(table, motion, robot, index, target);
@@ -24,7 +24,7 @@ pub(super) fn check(motion: &Motion, robot: &Robot, targets: &[Table<'_>], heigh
     }
 }
 
-/// Checks one target; `false` after the first fault, from which others would follow.
+/// Checks one target; returns `false` after the first fault, because others may follow from it.
 fn check_target(
     table: &Table<'_>,
     motion: &Motion,
@@ -40,7 +40,7 @@ fn check_target(
         && check_way(table, motion, robot, index)
 }
 
-/// Start and rest leave no choice.
+/// The state at time 0, and that of rest at either end, cannot be chosen.
 fn check_ends(table: &Table<'_>, motion: &Motion, target: &Target) -> bool {
     let at_start = target.at_s < SAME_TIME_S;
     let at_end = motion.duration_s - target.at_s < SAME_TIME_S;
@@ -70,7 +70,7 @@ fn check_ends(table: &Table<'_>, motion: &Motion, target: &Target) -> bool {
     true
 }
 
-/// No component of one subject is asked for twice at one time.
+/// Rejects two targets for one component of a subject at one time.
 fn check_asked_once(table: &Table<'_>, earlier: &[Target], target: &Target) -> bool {
     let components = |t: &Target| {
         t.position_m
@@ -98,8 +98,8 @@ fn check_asked_once(table: &Table<'_>, earlier: &[Target], target: &Target) -> b
     !twice
 }
 
-/// The height of an end effector needs a swing, and every swing has one height; a foot that stands
-/// does not move.
+/// Checks a target of an end effector: a height needs a swing, every swing has one height, and a foot in stance does
+/// not move.
 fn check_swing(
     table: &Table<'_>,
     motion: &Motion,
@@ -135,7 +135,7 @@ fn check_swing(
         }
         let plain = Motion { targets: Vec::new(), ..motion.clone() };
         let peak_m = motion.swing_height_m * wanted_m / swing::height_at(&plain, j, moment);
-        // Also where the profile is not above 0: right after lift-off.
+        // The profile is not above 0 right after lift-off: such a target fails here too.
         if !(0.0..=SWING_HIGHEST_M).contains(&peak_m) {
             return fault(
                 format!("is {wanted_m} m too near to an end of the swing of `{}`", foot.name),
@@ -171,13 +171,13 @@ fn check_swing(
     true
 }
 
-/// Whether an end effector stands in all samples that a moment is made of.
+/// Whether an end effector is in stance at all samples of a moment.
 fn stands_throughout(motion: &Motion, j: usize, moment: Moment) -> bool {
     let count = motion.stance.len();
     (0..3).all(|k| motion.stance[(moment.sample + k + count - 1) % count][j])
 }
 
-/// When an end effector swings, in words.
+/// Swing times of an end effector, in words.
 fn swings(motion: &Motion, j: usize) -> String {
     let name_time = |sample: usize| format!("{:.2}", sample as f64 * motion.interval_s());
     let mut spans = Vec::new();
@@ -225,12 +225,12 @@ fn com_m(robot: &Robot) -> f64 {
     robot.links.iter().enumerate().map(moment).sum::<f64>() / mass
 }
 
-/// How far a subject can be from a contact point, m.
+/// Greatest distance of a subject from a contact point, m.
 fn reach_m(robot: &Robot, of: Subject, j: usize) -> f64 {
     limb_m(robot, j) + if of == Subject::Com { com_m(robot) } else { 0.0 }
 }
 
-/// The greatest height of a subject at a sample, m, with the foot that sets it.
+/// Greatest height of a subject at a sample, m, with the foot that limits it.
 fn highest<'r>(
     motion: &Motion,
     robot: &'r Robot,
@@ -257,14 +257,14 @@ fn too_high(
     table.fault(key, format!("is {wanted_m} m"), "beyond reach", help);
 }
 
-/// Heights of body and centre of mass are within reach of the feet that stand.
+/// Checks that heights of body and centre of mass are within reach of the feet in stance.
 fn check_reach(table: &Table<'_>, motion: &Motion, robot: &Robot, target: &Target) -> bool {
     let (Some(up_m), false) = (target.position_m[2], matches!(target.of, Subject::EndEffector(_)))
     else {
         return true;
     };
     let moment = Moment::of(motion, target.at_s);
-    // Between samples, heights are within reach of a foot that stands on both sides.
+    // Between samples only a foot in stance at both limits the height.
     let on_sample = moment.fraction.fract() == 0.0;
     let highest = highest(motion, robot, target.of, moment.nearest(motion));
     if let Some(highest) = highest.filter(|highest| on_sample && up_m > highest.0) {
@@ -274,7 +274,7 @@ fn check_reach(table: &Table<'_>, motion: &Motion, robot: &Robot, target: &Targe
     true
 }
 
-/// A target lies between the heights that are asked for at its time.
+/// Checks that a target lies between the height limits of its time.
 fn check_within(table: &Table<'_>, motion: &Motion, target: &Target) -> bool {
     let Some(up_m) = target.position_m[2] else { return true };
     for limit in motion.heights.iter().filter(|limit| limit.of == target.of) {
@@ -294,8 +294,7 @@ fn check_within(table: &Table<'_>, motion: &Motion, target: &Target) -> bool {
     true
 }
 
-/// Body and centre of mass get no further from the place before than standing feet let them: the start,
-/// or the target before.
+/// Checks that feet in stance let body and centre of mass reach the target from the previous one, or from the start.
 fn check_way(table: &Table<'_>, motion: &Motion, robot: &Robot, index: usize) -> bool {
     let target = &motion.targets[index];
     if matches!(target.of, Subject::EndEffector(_)) {
@@ -308,7 +307,7 @@ fn check_way(table: &Table<'_>, motion: &Motion, robot: &Robot, index: usize) ->
         velocity_m_s: [None; 3],
         heading_rad: None,
     };
-    // The centre of mass starts somewhere near the body.
+    // The centre of mass starts within its greatest distance from the body.
     let slack_m = if target.of == Subject::Com { com_m(robot) } else { 0.0 };
     let others = motion.targets.iter().filter(|other| other.of == target.of);
     let befores = others.map(|other| (other, 0.0)).chain([(&start, slack_m)]);
@@ -323,7 +322,7 @@ fn check_way(table: &Table<'_>, motion: &Motion, robot: &Robot, index: usize) ->
         if motion.stance.iter().any(|flags| !flags[j]) {
             continue;
         }
-        // The foot may be ahead first and behind then; a wheel rolls a turn more as its link pitches.
+        // The foot may be ahead at first and behind at the end; a wheel rolls further as its link pitches.
         let sway_m = 2.0 * reach_m(robot, target.of, j) + slack_m;
         let rolls_m = if !foot.contact.rolls() {
             0.0
@@ -348,7 +347,7 @@ fn check_way(table: &Table<'_>, motion: &Motion, robot: &Robot, index: usize) ->
     true
 }
 
-/// Heights that overlap leave room, and standing feet reach them.
+/// Checks that height limits that overlap are compatible, and within reach of the feet in stance.
 fn check_span(
     table: &Table<'_>,
     motion: &Motion,

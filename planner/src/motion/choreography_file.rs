@@ -1,5 +1,4 @@
-//! `[[target]]` and `[[height]]` of motion files: reading. What cannot be together is found by
-//! `choreography_check`.
+//! Reader of `[[target]]` and `[[height]]` in motion files. `choreography_check` finds contradictions.
 
 use super::{HeightLimit, Subject, Target};
 use rollwalk_robot::Robot;
@@ -10,14 +9,14 @@ const POSITION_KEYS: [&str; 3] = ["forward_m", "left_m", "up_m"];
 const VELOCITY_KEYS: [&str; 3] = ["speed_forward_m_s", "speed_left_m_s", "speed_up_m_s"];
 const HEADING_KEY: &str = "heading_rad";
 
-/// How far from the start targets may be, as far as goals, m.
+/// Greatest distance of a target from the start, the same as for goals, m.
 const FARTHEST_M: f64 = 20.0;
 /// Greatest height that a target or a limit may name, m.
 const HIGHEST_M: f64 = 5.0;
 /// Greatest speed that a target may name, m/s.
 const FASTEST_M_S: f64 = 10.0;
 
-/// Reads one `[[target]]`. Without a duration (it has its own fault) times are not checked.
+/// Reads one `[[target]]`. Without a valid duration, which is a fault of its own, times are not checked.
 pub(super) fn target(
     document: &Document<'_>,
     table: &Table<'_>,
@@ -55,7 +54,7 @@ pub(super) fn target(
     allowed_for_subject(table, &target).then_some(target)
 }
 
-/// Rejects components that the subject does not have.
+/// Rejects components that do not apply to the subject.
 fn allowed_for_subject(table: &Table<'_>, target: &Target) -> bool {
     let end_effector = matches!(target.of, Subject::EndEffector(_));
     if end_effector && target.velocity_m_s[2].is_some() {
@@ -72,7 +71,7 @@ fn allowed_for_subject(table: &Table<'_>, target: &Target) -> bool {
     true
 }
 
-/// Reads one `[[height]]`. Without `from_s` and `to_s` it holds all the time.
+/// Reads one `[[height]]`. Without `from_s` and `to_s` it holds for the whole motion.
 pub(super) fn height(
     document: &Document<'_>,
     table: &Table<'_>,
@@ -136,10 +135,10 @@ fn subject(table: &Table<'_>, robot: &Robot, end_effectors: bool) -> Option<Subj
     None
 }
 
-/// A required time of the motion.
+/// Reads a required time within the motion.
 fn time(table: &Table<'_>, key: &'static str, duration_s: Option<f64>) -> Option<f64> {
     match duration_s {
-        // A duration is a whole number of frames, which files round to four decimals.
+        // Durations are whole numbers of frames, which files round to four decimals.
         Some(duration_s) => {
             let given =
                 table.number_in(key, 0.0..=duration_s + 0.6e-4, "s, the motion's duration")?;
@@ -149,7 +148,7 @@ fn time(table: &Table<'_>, key: &'static str, duration_s: Option<f64>) -> Option
     }
 }
 
-/// An optional number: `None` if it is faulty, `Some(None)` if it is left out.
+/// Reads an optional number: `None` if it is faulty, `Some(None)` if it is left out.
 fn optional(
     table: &Table<'_>,
     key: &'static str,
@@ -160,7 +159,7 @@ fn optional(
     if table.has(key) { table.number_in(key, least..=most, unit).map(Some) } else { Some(None) }
 }
 
-/// All three, or nothing if one is faulty.
+/// All three values, or `None` if one is faulty.
 fn all(values: [Option<Option<f64>>; 3]) -> Option<[Option<f64>; 3]> {
     let [x, y, z] = values;
     Some([x?, y?, z?])

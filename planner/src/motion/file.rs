@@ -1,4 +1,4 @@
-//! Motion files: TOML text to a [`Motion`] for a given robot (docs/motion-files.md).
+//! Reader of motion files: from TOML text to a [`Motion`] for a given robot (docs/motion-files.md).
 
 use super::{Ends, Goal, Motion};
 use super::{choreography_check, choreography_file, footfall, wheels};
@@ -7,9 +7,9 @@ use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, DocumentError, Table, alternatives};
 use std::f64::consts::TAU;
 
-/// Samples per second when a motion file does not say.
+/// Samples per second where a motion file gives no count.
 const SAMPLES_PER_S: f64 = 15.0;
-/// Fewest samples of a motion when its file does not say, as in Table 2.1.
+/// Fewest samples of a motion whose file gives no count, as in Table 2.1.
 const SAMPLES_DEFAULT_MIN: f64 = 12.0;
 /// Fewest samples of a swing that can lift a foot and put it down.
 const SWING_SAMPLES_MIN: usize = 3;
@@ -17,7 +17,7 @@ const SWING_SAMPLES_MIN: usize = 3;
 impl Motion {
     /// Path of the robot file that a motion file names, relative to the motion file.
     ///
-    /// Read this first, then that robot, then [`Motion::from_toml`].
+    /// Callers read this first, then that robot, then [`Motion::from_toml`].
     ///
     /// # Errors
     /// The text is not TOML, or names no robot.
@@ -40,7 +40,7 @@ impl Motion {
 
 fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
     let mut root = document.root();
-    // The caller has read the robot that this names; here it is only a known key.
+    // The caller has read the robot with this name; here the key is only accepted.
     let named_robot = root.string("robot");
     let name = name(&root);
     if let Some(name) = &name {
@@ -97,7 +97,7 @@ pub(crate) fn name(table: &Table<'_>) -> Option<String> {
     None
 }
 
-/// Where a motion's footfalls come from.
+/// Source of a motion's footfalls.
 pub(crate) enum Footfalls<'d> {
     /// A table `[footfalls]`.
     Table(Table<'d>),
@@ -105,7 +105,7 @@ pub(crate) enum Footfalls<'d> {
     AllStance,
 }
 
-/// Reads what motions and transitions share: duration, stance flags, swing height.
+/// Reads the parts common to motions and transitions: duration, stance flags, swing height.
 pub(crate) fn steps(
     document: &Document<'_>,
     table: &Table<'_>,
@@ -124,7 +124,7 @@ pub(crate) fn steps(
     } else {
         Some(0.0)
     };
-    // Without a sample count, rows are still read for their faults.
+    // Without a sample count, rows are still checked.
     let count = samples.map_or(1, |samples| samples as usize);
     let stance = match footfalls? {
         Footfalls::Table(rows) => footfall::stance(document, &rows, robot, count),
@@ -136,8 +136,7 @@ pub(crate) fn steps(
     Some((duration_s, stance, swing_height_m))
 }
 
-/// Reads a duration that is a whole number of frames. Files may round it to four decimals; the value
-/// used is exact.
+/// Reads a duration that is a whole number of frames. Files may round it to four decimals; the result is exact.
 fn duration(table: &Table<'_>) -> Option<f64> {
     const KEY: &str = "duration_s";
     let rate = f64::from(RATE_HZ);
@@ -145,7 +144,7 @@ fn duration(table: &Table<'_>) -> Option<f64> {
     let given = table.number_in(KEY, 0.1..=longest, "s")?;
     let frames = given * rate;
     let nearest = frames.round() / rate;
-    // Half a unit of the fourth decimal, and a little for its own rounding.
+    // Half a unit of the fourth decimal, with a margin for its floating-point rounding.
     if (given - nearest).abs() <= 0.6e-4 {
         return Some(nearest);
     }
@@ -158,7 +157,7 @@ fn duration(table: &Table<'_>) -> Option<f64> {
     None
 }
 
-/// Reads the joint angles that a motion keeps near: nominal ones but for the joints that a table names.
+/// Reads the posture, rad: nominal joint angles except for the joints in the table.
 fn posture_rad(document: &Document<'_>, table: Option<&Table<'_>>, robot: &Robot) -> Vec<f64> {
     let mut posture_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
     for entry in table.map(Table::named_numbers).unwrap_or_default() {
@@ -204,7 +203,7 @@ fn turn(table: &Table<'_>) -> Option<f64> {
     None
 }
 
-/// Rejects patterns without stance and swings that no foot can follow.
+/// Rejects feet without stance, and swings too fast for a foot.
 fn check_swings(table: &Table<'_>, stance: &[Vec<bool>], height_m: f64, robot: &Robot) {
     let fault = |problem: String, label: &str, help: &str| {
         table.fault("footfalls", problem, label, help);
@@ -239,7 +238,7 @@ fn check_swings(table: &Table<'_>, stance: &[Vec<bool>], height_m: f64, robot: &
     }
 }
 
-/// Rejects motions that would stand still on a foot in the air.
+/// Rejects motions at rest that end or start on a foot in swing.
 fn check_rest(root: &Table<'_>, motion: &Motion) {
     let ends = [motion.stance.first(), motion.stance.last()];
     if !ends.into_iter().flatten().flatten().all(|&stance| stance) {
@@ -249,16 +248,16 @@ fn check_rest(root: &Table<'_>, motion: &Motion) {
     }
 }
 
-/// Length of the shortest run of swing samples, runs over the seam counted whole; `None` if the foot
-/// never swings or never stands.
+/// Length of the shortest swing in samples, where a swing across the end of the period counts as one; `None` if the
+/// foot never swings or is never in stance.
 fn shortest_swing(stance: &[bool]) -> Option<usize> {
     let start = stance.iter().position(|&flag| flag)?;
-    // Starting at a stance sample, no run is cut in two.
+    // From a stance sample on, no swing is cut in two.
     let order: Vec<_> = stance.iter().cycle().skip(start).take(stance.len()).copied().collect();
     order.split(|&flag| flag).map(<[bool]>::len).filter(|&run| run > 0).min()
 }
 
-/// Rejects goals that no plan can reach: standing feet do not travel, wheels have a top speed.
+/// Rejects infeasible goals: feet in stance do not travel, and wheels have a top speed.
 fn check_goal(root: &Table<'_>, motion: &Motion, robot: &Robot) {
     let Goal { forward_m, left_m, turn_rad } = motion.goal;
     let distance_m = forward_m.unwrap_or(0.0).hypot(left_m.unwrap_or(0.0));

@@ -1,5 +1,4 @@
-//! Footfall patterns as people write them: everything in stance, a named gait, phases (`phases`), or rows
-//! of `#` and `.`.
+//! Footfall patterns of motion files: all in stance, a named gait, phases (`phases`), or rows of `#` and `.`.
 
 use super::phases;
 use rollwalk_robot::document::{Document, NamedString, Table, alternatives};
@@ -8,7 +7,7 @@ use rollwalk_robot::{EndEffector, Robot};
 /// Feet of a named gait, in the order of the rows of [`GAITS`].
 const GAIT_FEET: [&str; 4] = ["front_left", "front_right", "rear_left", "rear_right"];
 
-/// Named gaits: the phase of the cycle at which the swing of each of [`GAIT_FEET`] is half over.
+/// Named gaits: the phase of the cycle at mid-swing of each of [`GAIT_FEET`].
 /// `walk` is the lateral sequence (rear left, front left, rear right, front right), the slow gait in
 /// which the robot's weight shifts least while one foot is in the air.
 const GAITS: [(&str, [f64; 4]); 5] = [
@@ -62,15 +61,15 @@ fn gait(table: &Table<'_>, robot: &Robot, samples: usize) -> Option<Vec<Vec<bool
 
 /// Reads `duty`.
 pub(super) fn duty(table: &Table<'_>) -> Option<f64> {
-    // Below 0.3 a foot is in the air most of the time; above 0.95 it hardly leaves the ground.
+    // Below 0.3 a foot swings most of the time; above 0.95 it hardly leaves the ground.
     table.number_in("duty", 0.3..=0.95, "(share of the cycle that a foot is in stance)")
 }
 
-/// The swing of a foot in a cycle.
+/// Swing of a foot in a cycle.
 pub(super) struct Swing {
-    /// Phase at which it is half over.
+    /// Phase of mid-swing.
     pub center: f64,
-    /// Share of the cycle that it takes.
+    /// Duration as a share of the cycle.
     pub share: f64,
 }
 
@@ -78,7 +77,7 @@ pub(super) struct Swing {
 pub(super) fn cycle(swings: &[Swing], samples: usize) -> Vec<Vec<bool>> {
     let stance_at = |sample: usize| {
         let phase = sample as f64 / samples as f64;
-        // Distance on the circle of phases; rounding must not decide whether a border is in.
+        // Distance on the circle of phases, with a tolerance: rounding must not decide about a sample on the border.
         let stands = |swing: &Swing| {
             let distance = (phase - swing.center).rem_euclid(1.0);
             distance.min(1.0 - distance) >= swing.share / 2.0 - 1e-9
@@ -88,8 +87,8 @@ pub(super) fn cycle(swings: &[Swing], samples: usize) -> Vec<Vec<bool>> {
     (0..samples).map(stance_at).collect()
 }
 
-/// For every end effector of the robot, its row in [`GAIT_FEET`]. A limb with several end effectors moves
-/// them together: foot `front_left` is any of `front_left`, `front_left_toe`, `front_left_heel`.
+/// Row in [`GAIT_FEET`] of every end effector of the robot. End effectors of one limb swing together: `front_left`,
+/// `front_left_toe` and `front_left_heel` all follow foot `front_left`.
 fn gait_columns(table: &Table<'_>, robot: &Robot) -> Option<Vec<usize>> {
     let row_of = |foot: &EndEffector| {
         GAIT_FEET.iter().position(|name| {
@@ -112,9 +111,8 @@ fn gait_columns(table: &Table<'_>, robot: &Robot) -> Option<Vec<usize>> {
     columns
 }
 
-/// One row of `#` (stance) and `.` (swing) per end effector, all equally long, stretched to the
-/// number of samples: sample i takes character ⌊i · length / samples⌋. Spaces and `|` are for the
-/// reader's eye.
+/// Reads one row of `#` (stance) and `.` (swing) per end effector, all equally long, and stretches them to the number
+/// of samples: sample i takes character ⌊i · length / samples⌋. Spaces and `|` are ignored.
 fn rows(
     document: &Document<'_>,
     table: &Table<'_>,
@@ -194,7 +192,7 @@ fn in_text_order(mut rows: Vec<NamedString<'_>>) -> Vec<NamedString<'_>> {
     rows
 }
 
-/// The names of a robot's end effectors.
+/// Names of a robot's end effectors, for messages.
 pub(super) fn listed(robot: &Robot) -> String {
     let names: Vec<_> = robot.end_effectors.iter().map(|foot| foot.name.as_str()).collect();
     names.join(", ")

@@ -1,4 +1,4 @@
-//! What is asked of a motion: duration, footfall pattern, goals, ends.
+//! Motion goals: duration, footfall pattern, displacement, boundary conditions, targets.
 //!
 //! Motion files (`motions/*.toml`, docs/motion-files.md) are read by [`Motion::from_toml`].
 
@@ -23,23 +23,23 @@ pub struct Motion {
     pub name: String,
     /// Duration H, s; for periodic motions the period.
     pub duration_s: f64,
-    /// What happens at the ends of the motion.
+    /// Boundary conditions at the ends of the motion.
     pub ends: Ends,
     /// Contact flags c of Eq. 2.7: `stance[sample][end_effector]`. Its length is the sample count T.
     pub stance: Vec<Vec<bool>>,
     /// Height w_h that a foot in swing reaches, m (Eq. 2.9).
     pub swing_height_m: f64,
-    /// Where to go.
+    /// Displacement and turn over the motion.
     pub goal: Goal,
-    /// Joint angles that the motion keeps near, rad, in joint order: the robot's nominal ones where the
-    /// motion file names no others.
+    /// Joint angles that the posture term pulls towards, rad, in joint order: the robot's nominal ones unless the
+    /// motion file gives others.
     pub posture_rad: Vec<f64>,
-    /// Which end effectors have a motor-driven wheel that the motion holds still, in robot order: such
-    /// a wheel is a foot that rolls only as its link turns (LegBot, thesis sec. 3.5.2).
+    /// Flags of the end effectors whose motor-driven wheel the motion holds still, in robot order: such a wheel is a
+    /// foot that rolls only as its link turns (LegBot, thesis sec. 3.5.2).
     pub held_wheels: Vec<bool>,
-    /// Where the robot is to be at chosen times.
+    /// Positions, velocities and headings required at chosen times.
     pub targets: Vec<Target>,
-    /// Between which heights it is to stay.
+    /// Height limits over spans of time.
     pub heights: Vec<HeightLimit>,
 }
 
@@ -51,8 +51,8 @@ impl Motion {
         self.duration_s / intervals as f64
     }
 
-    /// Time at which a transition leaves the motion, s: its end, or the start of a cycle, where the
-    /// cycle closes.
+    /// Time at which a transition leaves the motion, s: its end, or for a periodic motion the start of a cycle, where
+    /// the cycle closes.
     pub fn exit_time_s(&self) -> f64 {
         if self.ends == Ends::Periodic { 0.0 } else { self.duration_s }
     }
@@ -76,12 +76,12 @@ pub enum Ends {
     Periodic,
     /// The robot stands still at both ends.
     AtRest,
-    /// Both ends are states of other motions (transitions of a motion graph).
+    /// Both ends are states of other motions; the motion is a transition of a motion graph.
     Prescribed,
 }
 
 impl fmt::Display for Ends {
-    /// As motion files say it.
+    /// Writes the word that motion files use.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Periodic => "periodic",

@@ -1,5 +1,5 @@
-//! Footfalls as phases: for every end effector the share of the cycle at which it touches down, and the
-//! share that it then stays. For robots with any number of feet.
+//! Footfalls as phases: for every end effector the phase of touch-down and the duty factor, both shares of the cycle.
+//! They suit robots with any number of feet.
 
 use super::footfall::{self, Swing};
 use rollwalk_robot::Robot;
@@ -20,7 +20,7 @@ pub(super) fn stance(
     let phases = table.table(KEY).map(|phases| per_foot(document, &phases, robot, 0.0..=1.0, KEY));
     let duties = if table.has(DUTIES) {
         let duties = table.table(DUTIES);
-        // 1 is a foot that never swings.
+        // A foot with a duty factor of 1 never swings.
         duties.and_then(|duties| per_foot(document, &duties, robot, 0.3..=1.0, DUTIES))
     } else {
         Some(vec![None; robot.end_effectors.len()])
@@ -41,13 +41,13 @@ pub(super) fn stance(
             continue;
         };
         let share = 1.0 - duty.unwrap_or(common);
-        // A swing ends where its foot touches down.
+        // A swing ends at touch-down.
         swings.push(Swing { center: phase - 0.5 * share, share });
     }
     (swings.len() == robot.end_effectors.len()).then(|| footfall::cycle(&swings, samples))
 }
 
-/// One number for each end effector that a table names.
+/// Number of each end effector that the table names, `None` for the others.
 fn per_foot(
     document: &Document<'_>,
     table: &Table<'_>,

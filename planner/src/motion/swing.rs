@@ -1,16 +1,16 @@
 //! Heights of end effectors in swing: a smooth profile from lift-off to touch-down (Eq. 2.9).
 //!
-//! The thesis asks for a constant height in swing. A profile w_h·sin²(πu), u running from the last
-//! stance sample before the swing to the first after it, transfers better to real servos: it leaves
-//! and meets the ground without a vertical speed. A target for the height of an end effector scales the
-//! profile of the swing that it falls into, so that the profile goes through it.
+//! The thesis requires a constant height in swing. A profile w_h·sin²(πu), with u from 0 at the last stance sample
+//! before the swing to 1 at the first after it, transfers better to real servos: the vertical speed is zero at
+//! lift-off and touch-down. A height target of an end effector scales the profile of the swing in which it lies, so
+//! that the profile passes through it.
 
 use super::{Ends, Moment, Motion, Subject};
 use std::f64::consts::PI;
 
-/// Contact heights along a timeline, `[timeline sample][end effector]`, m. `timeline` holds the slot of each
-/// of its samples and `slot_stance` the contact flags of the slots; a swing of a periodic motion may run across
-/// its seam.
+/// Contact heights along a timeline, `[timeline sample][end effector]`, m. `timeline` holds the slot of each of its
+/// samples and `slot_stance` the contact flags of the slots. In a periodic motion a swing may continue from the end
+/// of the period at its start.
 pub fn heights(timeline: &[usize], slot_stance: &[Vec<bool>], motion: &Motion) -> Vec<Vec<f64>> {
     let periodic = motion.ends == Ends::Periodic;
     let mut heights = profiles(timeline, slot_stance, periodic, motion.swing_height_m);
@@ -38,14 +38,14 @@ pub fn height_at(motion: &Motion, j: usize, moment: Moment) -> f64 {
     at(&heights(&timeline, &motion.stance, motion), moment, j)
 }
 
-/// Height at a moment of what the timeline holds.
+/// Height of end effector `j` at a moment, interpolated between timeline samples, m.
 fn at(heights: &[Vec<f64>], moment: Moment, j: usize) -> f64 {
     let weights = moment.position_weights();
     (0..3).map(|k| weights[k] * heights[moment.sample + k][j]).sum()
 }
 
-/// Timeline indices of the swing that index `middle` is in; none if it is not in one. In a motion that
-/// repeats it may run over the seam, and the indices outside the period go with those inside.
+/// Timeline indices of the swing around index `middle`; none if that is in stance. In a periodic motion the swing may
+/// continue from the end of the period at its start; the two indices outside the period repeat those inside.
 fn swing_around(
     middle: usize,
     len: usize,
@@ -76,7 +76,7 @@ fn swing_around(
     (0..len).filter(|&t| found[t]).collect()
 }
 
-/// Heights with the motion's swing height.
+/// Contact heights before targets scale them, `[timeline sample][end effector]`, m.
 fn profiles(
     timeline: &[usize],
     slot_stance: &[Vec<bool>],
@@ -108,7 +108,7 @@ fn profiles(
                             let u = since as f64 / (since + until) as f64;
                             swing_height_m * (PI * u).sin().powi(2)
                         }
-                        // Never down on one side: hold the height.
+                        // Without stance before or after the swing the height is constant.
                         _ => swing_height_m,
                     }
                 })
@@ -134,7 +134,7 @@ mod tests {
         }
     }
 
-    /// Heights of one end effector along a motion whose ends stand for the samples beyond them.
+    /// Heights of one end effector, m, in a motion whose first and last samples are repeated beyond its ends.
     fn at_rest(stance: [bool; 5]) -> Vec<f64> {
         let stance: Vec<Vec<bool>> = stance.map(|down| vec![down]).to_vec();
         let heights = profiles(&[0, 0, 1, 2, 3, 4, 4], &stance, false, 0.03);
@@ -144,7 +144,7 @@ mod tests {
     #[test]
     fn a_swing_between_ends_at_rest_rises_to_the_swing_height_in_its_middle() {
         let heights = at_rest([true, false, false, false, true]);
-        // sin²(π/4) is a half; rounding only.
+        // sin²(π/4) is 1/2; the bound allows for rounding only.
         for (height, expected) in heights.iter().zip([0.0, 0.0, 0.5, 1.0, 0.5, 0.0, 0.0]) {
             assert!((height - 0.03 * expected).abs() < 1e-15, "{heights:?}");
         }
@@ -152,7 +152,7 @@ mod tests {
 
     #[test]
     fn a_swing_that_reaches_an_end_holds_its_height_there() {
-        // At rest no foot comes down beyond the end, and none wraps round to the start.
+        // At rest no foot touches down beyond the end, and no swing continues at the start.
         let heights = at_rest([true, true, false, false, false]);
         assert_eq!(heights, [0.0, 0.0, 0.0, 0.03, 0.03, 0.03, 0.03]);
         assert_eq!(at_rest([false; 5]), [0.03; 7]);
@@ -162,7 +162,7 @@ mod tests {
     fn a_target_scales_its_swing_and_no_other() {
         let robot = &crate::test_robots::all()[0];
         for (ends, swings) in [
-            // One swing over the seam and one inside; at rest one inside.
+            // Periodic: one swing across the end of the period and one inside. At rest: two inside.
             (Ends::Periodic, [1, 0, 0, 1, 1, 0, 0, 0, 1, 1]),
             (Ends::AtRest, [0, 0, 0, 1, 1, 1, 0, 1, 1, 0]),
         ] {

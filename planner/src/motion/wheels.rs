@@ -1,5 +1,5 @@
-//! Which driven wheels a motion holds still: the key `wheels` of motion files, and what held and welded
-//! wheels can and cannot reach.
+//! Driven wheels that a motion holds still (the key `wheels` of motion files), and goals beyond the reach of held and
+//! welded wheels.
 
 use super::{Ends, Motion};
 use rollwalk_robot::document::{Document, Table, alternatives};
@@ -9,16 +9,16 @@ use std::f64::consts::PI;
 const KEY: &str = "wheels";
 
 impl Motion {
-    /// Which end effectors have a wheel that does not turn relative to its link: welded to it, or held
-    /// still by the motion.
+    /// Flags of the end effectors with a wheel that does not turn relative to its link: welded to it, or held still
+    /// by the motion.
     pub fn still_wheels(&self, robot: &Robot) -> Vec<bool> {
         let feet = robot.end_effectors.iter().zip(&self.held_wheels);
         feet.map(|(foot, &held)| held || foot.contact.rolls_with_link()).collect()
     }
 }
 
-/// Reads `wheels = "driven"` (the default), `"held"`, or the names of the wheels that are held: one
-/// flag for each end effector.
+/// Reads `wheels`, which is `"driven"` (the default), `"held"`, or the names of the held wheels; returns one flag for
+/// each end effector.
 pub(super) fn held(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<Vec<bool>> {
     let feet = &robot.end_effectors;
     if !table.has(KEY) {
@@ -63,8 +63,8 @@ fn is_driven(foot: &EndEffector) -> bool {
     foot.contact.actuator().is_some()
 }
 
-/// Rejects goals beyond what a wheel that does not turn and never leaves the ground can follow. It is
-/// a round foot: it rolls only as its link pitches, at most half a turn, and back again within a period.
+/// Rejects goals out of reach of a wheel that neither turns relative to its link nor leaves the ground. It is a round
+/// foot: it rolls only as its link pitches, at most half a turn, and back again within a period.
 pub(super) fn check_reach(root: &Table<'_>, motion: &Motion, foot: &EndEffector, distance_m: f64) {
     let periodic = motion.ends == Ends::Periodic;
     let reach_m = if periodic { 0.0 } else { PI * foot.radius_m };

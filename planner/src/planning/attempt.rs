@@ -12,7 +12,7 @@ use rollwalk_multibody::euler::Model;
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 
-/// Optimises a motion from the start that `options` name.
+/// Optimises a motion from the start in `options`.
 pub(super) fn attempt(
     robot: &Robot,
     motion: &Motion,
@@ -31,7 +31,7 @@ pub(super) fn attempt(
         beginning(&problem, chosen, options.seed, progress);
     let mut settings = options.settings.clone();
     if stopped {
-        // After an interrupt the solve only writes down where things stand.
+        // After an interrupt the solve only evaluates the present point.
         settings.iterations = 0;
     }
     let mut counted = counting_from(iterations, progress);
@@ -43,7 +43,7 @@ pub(super) fn attempt(
     solved.write(&problem, motion, started)
 }
 
-/// Progress whose iterations count on from those before.
+/// Progress callback with iterations counted from those before.
 pub(super) fn counting_from<'a>(
     before: usize,
     progress: &'a mut dyn FnMut(&Progress) -> ControlFlow<()>,
@@ -51,11 +51,11 @@ pub(super) fn counting_from<'a>(
     move |state| progress(&Progress { iteration: before + state.iteration, ..state.clone() })
 }
 
-/// A starting point with what it took.
+/// Starting point with the effort spent on it.
 struct Beginning {
     unknowns: Unknowns,
     started: Started,
-    /// Iterations that it took.
+    /// Count of iterations spent.
     iterations: usize,
     /// Whether it was interrupted.
     stopped: bool,
@@ -74,7 +74,7 @@ fn beginning(
     Beginning { unknowns, started, iterations: 0, stopped: false }
 }
 
-/// Solves the problems of the warm start one after the other.
+/// Solves the problems of the warm start one after another.
 fn warm(
     problem: &Problem,
     how: WarmStart,

@@ -1,5 +1,4 @@
-//! Coarse to fine: a motion of many samples starts from its own plan with half as many, and that from one
-//! with half as many again.
+//! Coarse-to-fine planning: a motion of many samples starts from its plan with half as many, recursively.
 
 use super::attempt::{attempt, counting_from};
 use super::replan;
@@ -10,7 +9,7 @@ use crate::solve::Progress;
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 
-/// Optimises a motion from the plan of its halved self, which may come about in the same way.
+/// Optimises a motion from the plan with half its samples, which may be found in the same way.
 pub(super) fn from_coarse(
     robot: &Robot,
     motion: &Motion,
@@ -24,7 +23,7 @@ pub(super) fn from_coarse(
     let mut counted = counting_from(before, progress);
     let mut options = options.clone();
     if stopped {
-        // After an interrupt the solve only writes down where things stand.
+        // After an interrupt the solve only evaluates the present point.
         options.settings.iterations = 0;
     }
     let mut solution = replan::from(&coarse, None, robot, motion, &options, &mut counted)

@@ -1,7 +1,7 @@
-//! One solve that is probed: whether its constraints can be met at all, and if not, why.
+//! Solve with feasibility probes, which determine whether the constraints can be met at all, and if not, why.
 //!
-//! The solver knows rows only. Here is decided when to probe, whether to go on from the point that a probe
-//! found, and when to give up with a diagnosis.
+//! The solver knows rows only. This module decides when to probe, whether to continue from the point that a probe has
+//! found, and when to end the solve with a diagnosis.
 
 use super::Solution;
 use super::write::write_plan;
@@ -13,14 +13,14 @@ use crate::problem::{Problem, Unknowns};
 use crate::solve::{Begin, Method, Outcome, Progress, Settings, Solver, penalty};
 use std::ops::ControlFlow;
 
-/// Where a solve ended, and why it failed.
+/// Outcome of a solve, with the diagnosis of a failure.
 pub(super) struct Solved {
     pub outcome: Outcome,
     pub diagnosis: Option<Diagnosis>,
 }
 
 impl Solved {
-    /// Writes the solution of a motion down.
+    /// Converts the outcome to the solution of a motion.
     pub fn write(self, problem: &Problem, motion: &Motion, start: Started) -> Solution {
         let Self { outcome, diagnosis } = self;
         let Outcome { status, iterations, energy, worst_level, worst_constraint, .. } = outcome;
@@ -40,8 +40,8 @@ impl Solved {
 
 /// Minimises E(m) from a starting point.
 ///
-/// `progress` is called after every iteration and may stop the solve, which keeps the best point so
-/// far. Deterministic: the same problem and start give the same result.
+/// `progress` is called after every iteration and may stop the solve, which keeps the best point so far. The solve is
+/// deterministic: the same problem and start give the same result.
 pub(super) fn solve(
     problem: &Problem,
     unknowns: Unknowns,
@@ -52,7 +52,7 @@ pub(super) fn solve(
     solve_selected(problem, Selection::default(), unknowns, begin, settings, progress)
 }
 
-/// [`solve`] for a part of the rows.
+/// [`solve`] for a selection of rows.
 pub(super) fn solve_selected(
     problem: &Problem,
     selection: Selection,
@@ -63,7 +63,7 @@ pub(super) fn solve_selected(
 ) -> Solved {
     let system = System::selected(problem, selection);
     if settings.method != Method::GaussNewton {
-        // Where penalties and costs balance, residuals do not say which constraints contradict each other.
+        // At the balance of penalties and costs the residuals do not show which constraints contradict each other.
         let outcome = penalty::solve(&system, unknowns, settings, progress);
         return Solved { outcome, diagnosis: None };
     }
@@ -101,13 +101,13 @@ pub(super) fn solve_selected(
             let stuck = iteration.exhausted.then_some(Verdict::Stuck);
             if let Some(verdict) = nearest.verdict.or(stuck) {
                 if nearest.verdict.is_none() && !restarted {
-                    // Constraints can be met close by, or nearly: from there the solve goes on, once.
+                    // Constraints can be met close by, or nearly: the solve continues from there, once.
                     restarted = true;
                     solver.restart(nearest.point);
                     continue;
                 }
                 diagnosis = diagnose(problem, &nearest.point.rows, verdict);
-                // The plan shows the contradiction as small as it gets.
+                // The plan shows the contradiction with the least violation.
                 solver.move_to(nearest.point);
                 break if diagnosis.is_some() { Status::Infeasible } else { Status::Stalled };
             }

@@ -1,7 +1,7 @@
-//! Planning again after an edit: the previous plan is the start, and its multipliers if they are known.
+//! Planning after an edit, from the previous plan and, if known, its multipliers.
 //!
-//! Editing a goal, a duration or a limb and seeing what follows is what a planner is used for most. A
-//! neighbouring plan is nearly optimal, so that a few Gauss-Newton steps without damping finish the work.
+//! Planners are used most for editing a goal, a duration or a limb and seeing the consequences. A neighbouring plan
+//! is nearly optimal, so that a few Gauss-Newton steps without damping complete the solve.
 
 use super::probed_solve::solve;
 use super::{Options, Solution};
@@ -16,10 +16,10 @@ use std::mem::discriminant;
 use std::ops::ControlFlow;
 use thiserror::Error;
 
-/// Why a plan cannot be the start of another motion's solve.
+/// Reason for which a plan cannot be the start for another motion.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ReplanError {
-    /// The robots have other joints or end effectors.
+    /// The robots have different joints or end effectors.
     #[error(
         "the plan of `{motion}` is for robot `{planned}`, whose joints or end effectors are not those of \
          `{wanted}`; plan from scratch, or from a plan of a robot with the same joints and end effectors"
@@ -27,12 +27,12 @@ pub enum ReplanError {
     OtherStructure {
         /// Motion of the plan.
         motion: String,
-        /// Its robot.
+        /// Robot of the plan.
         planned: String,
         /// The robot to plan for.
         wanted: String,
     },
-    /// The motions have other ends.
+    /// The motions have different kinds of ends.
     #[error(
         "the plan of `{planned}` has ends = \"{planned_ends}\", `{wanted}` has \"{wanted_ends}\"; plan from scratch, or from \
          a plan with the same, `periodic` or `at_rest`"
@@ -40,11 +40,11 @@ pub enum ReplanError {
     OtherEnds {
         /// Motion of the plan.
         planned: String,
-        /// Its ends.
+        /// Ends of the plan's motion.
         planned_ends: Ends,
         /// The motion to plan.
         wanted: String,
-        /// Its ends.
+        /// Ends of the motion to plan.
         wanted_ends: Ends,
     },
 }
@@ -114,7 +114,7 @@ pub(crate) fn from(
     Ok(solved.write(&problem, motion, Started { kind: StartKind::Neighbour, seed: 0 }))
 }
 
-/// Whether two robots have the same variables: joints by name, end effectors by name and kind.
+/// Whether two robots have the same variables: the same joints by name, the same end effectors by name and kind.
 fn same_structure(one: &Robot, other: &Robot) -> bool {
     let joints = |robot: &'_ Robot| robot.joints.iter().map(|j| j.name.clone()).collect::<Vec<_>>();
     let ends = one.end_effectors.iter().zip(&other.end_effectors);

@@ -1,8 +1,8 @@
-//! Several starts of one motion, one after the other or on as many threads as the caller has.
+//! Search over several starts of one motion, in sequence or on several threads of the caller.
 //!
-//! The winner is the first in the candidates' order that converges, whatever the threads' timing, so that the
-//! same motion and seed always give the same plan. Later candidates stop as soon as an earlier one has won,
-//! and on one thread they are not even begun. A request that looks impossible from the first two is given up.
+//! The winner is the first in the candidates' order that converges, regardless of the threads' timing, so that the
+//! same motion and seed always give the same plan. Later candidates stop as soon as an earlier one has won; on one
+//! thread they do not even begin. A request that looks impossible from the first two candidates is given up.
 
 use super::attempt::attempt;
 use super::{Options, Solution, candidates};
@@ -36,21 +36,21 @@ pub struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// A search that has not begun.
+    /// Creates a search that has not begun.
     pub fn new(robot: &'a Robot, motion: &'a Motion, options: &Options) -> Self {
         let candidates = candidates(robot, motion, options);
         let race = Race::new(candidates.len());
         Self { robot, motion, candidates, race }
     }
 
-    /// Number of candidates: more threads have nothing to do.
+    /// Count of candidates, which is the largest useful number of threads.
     pub fn candidates(&self) -> usize {
         self.candidates.len()
     }
 
-    /// Solves candidates until none is left that can still win. To be called at least once, and on several
-    /// threads at once if there are cores for them. `progress` sees the iterations of the first candidate that
-    /// can still win, if this thread solves it, and may stop the search.
+    /// Solves candidates until none is left that can still win. The caller runs this at least once, and on several
+    /// threads at once if there are cores for them. `progress` sees the iterations of the first candidate that can
+    /// still win, if this thread solves it, and may stop the search.
     pub fn work(&self, progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>) {
         self.race.work(progress, &|index, watched| {
             let solution = attempt(self.robot, self.motion, &self.candidates[index], watched);
@@ -58,7 +58,7 @@ impl<'a> Search<'a> {
         });
     }
 
-    /// The solution of the winner; that of the first candidate if none converged.
+    /// Returns the solution of the winner, or of the first candidate if none converged.
     ///
     /// # Panics
     /// [`Search::work`] has not been called.
@@ -67,24 +67,24 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Candidates from which a request must look impossible before it is given up.
+/// Count of candidates from which a request must look impossible before it is given up.
 const HOPELESS: usize = 2;
 
-/// What a solve calls after every iteration.
+/// Callback of a solve after every iteration.
 type Watched<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
 
-/// A race of candidates, each of which brings a result.
+/// A race of candidates, each with a result.
 struct Race<T>(Mutex<State<T>>);
 
-/// What the threads of a race share.
+/// State shared by the threads of a race.
 struct State<T> {
-    /// First candidate that no thread has begun.
+    /// First candidate that has not begun.
     next: usize,
-    /// First candidate that has decided the race: none after it counts.
+    /// First candidate that has decided the race: later ones do not count.
     winner: Option<usize>,
-    /// Which candidates have failed.
+    /// Flags of the candidates that have failed.
     failed: Vec<bool>,
-    /// How many of the first [`HOPELESS`] candidates have found the request impossible.
+    /// Count of the first [`HOPELESS`] candidates that have found the request impossible.
     hopeless: usize,
     results: Vec<Option<T>>,
 }
@@ -100,7 +100,8 @@ impl<T> Race<T> {
         }))
     }
 
-    /// The state. A thread that panicked has left it whole: no method panics while it holds the lock.
+    /// Locks the state. It is consistent even after a panic of another thread, because no method panics while it
+    /// holds the lock.
     fn state(&self) -> MutexGuard<'_, State<T>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -126,7 +127,7 @@ impl<T> Race<T> {
         }
     }
 
-    /// The result of the winner, or of the first candidate.
+    /// Returns the result of the winner, or of the first candidate.
     fn finish(self) -> T {
         let mut state = self.0.into_inner().unwrap_or_else(PoisonError::into_inner);
         let given_up = state.hopeless == HOPELESS;
@@ -135,19 +136,19 @@ impl<T> Race<T> {
     }
 }
 
-/// Where a candidate stands while it runs.
+/// Standing of a running candidate.
 enum Standing {
-    /// A candidate before it has decided the race.
+    /// An earlier candidate has decided the race.
     Lost,
-    /// It is the first that can still win: exactly one running candidate is, so that an interrupt always
-    /// reaches the race.
+    /// It is the first that can still win. Exactly one running candidate is, so that an interrupt always reaches the
+    /// race.
     Leads,
-    /// A candidate before it still runs.
+    /// An earlier candidate is still running.
     Follows,
 }
 
 impl<T> State<T> {
-    /// Takes the next candidate, if it can still win.
+    /// Starts the next candidate, if it can still win.
     fn begin(&mut self) -> Option<usize> {
         let index = self.next;
         if index >= self.failed.len() || self.is_decided_before(index) {
@@ -171,11 +172,11 @@ impl<T> State<T> {
         }
     }
 
-    /// Candidate `index` has ended.
+    /// Records the end of candidate `index`.
     fn end(&mut self, index: usize, ending: Ending, result: T) {
         let hopeless = ending == Ending::Hopeless && index < HOPELESS;
         self.hopeless += usize::from(hopeless);
-        // A loser that was stopped is behind the winner already.
+        // A losing candidate that was stopped comes after the winner anyway.
         let decided = match ending {
             Ending::Decided => Some(index),
             Ending::Hopeless if hopeless && self.hopeless == HOPELESS => Some(HOPELESS - 1),

@@ -1,8 +1,8 @@
 //! Transitions: motions that lead from a state of one motion to a state of another (sec. 2.4.1,
 //! boundary conditions), the edges of a motion graph.
 //!
-//! Position, joint angles and contact points at both ends come from the motions' splines, so that
-//! what the firmware plays continues smoothly; where the end lies on the ground is free.
+//! Position, joint angles and contact points at both ends come from the motions' splines, so that playback continues
+//! smoothly. The placement of the end on the ground is free.
 
 use super::Options;
 use super::probed_solve::solve;
@@ -18,7 +18,7 @@ use rollwalk_multibody::euler::Model;
 use std::ops::ControlFlow;
 use thiserror::Error;
 
-/// Why two motions cannot be joined.
+/// Reason for which two motions cannot be joined.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum TransitionError {
     /// The motions belong to different robots.
@@ -31,11 +31,11 @@ pub enum TransitionError {
         name: String,
         /// Motion it leaves.
         from: String,
-        /// Its robot.
+        /// Robot of that motion.
         from_robot: String,
         /// Motion it enters.
         to: String,
-        /// Its robot.
+        /// Robot of that motion.
         to_robot: String,
     },
     /// The footfall pattern does not continue that of a motion.
@@ -51,22 +51,22 @@ pub enum TransitionError {
     },
 }
 
-/// A moment of a motion.
+/// Time in a plan.
 #[derive(Clone, Copy)]
 struct Moment<'a> {
     plan: &'a Plan,
     time_s: f64,
 }
 
-/// Optimises a transition that leaves `from` where it ends (a periodic motion: where its cycle closes)
-/// and enters `to` at its start.
+/// Optimises a transition that leaves `from` at its end (a periodic motion: at the end of a cycle) and enters `to` at
+/// its start.
 ///
-/// `motion` has prescribed ends; its goal, if any, is met on top of them. Its posture goes evenly from
-/// that of the one motion to that of the other, whatever its own. As with
-/// [`optimise`](crate::optimise) the outcome is in the plan's solve summary.
+/// `motion` has prescribed ends; its goal, if any, is an additional constraint. Its posture is interpolated between
+/// those of the two motions, and its own is ignored. As with [`optimise`](crate::optimise) the outcome is in the
+/// plan's solve summary.
 ///
 /// # Errors
-/// The motions cannot be joined, whatever the optimiser does.
+/// The motions cannot be joined.
 pub fn optimise_transition(
     motion: &Motion,
     from: &Plan,
@@ -107,14 +107,14 @@ pub fn optimise_transition(
     Ok(solved.write(&problem, motion, Started { kind: StartKind::Joined, seed: 0 }).plan)
 }
 
-/// Time step of the difference quotient that takes a velocity off a spline, s: accelerations of
-/// 20 rad/s² make it wrong by 1e-4 rad/s.
+/// Time step of the difference quotient for the velocity of a spline, s. With accelerations of 20 rad/s² the error is
+/// 1e-4 rad/s.
 const VELOCITY_STEP_S: f64 = 1e-5;
 
-/// The state at a moment, and the state on the other side of it after one interval at its velocity,
-/// both placed so that the base stands at the origin with heading 0 at the moment itself.
+/// State at a time, and the state on the other side of it after one interval at its velocity, both moved so that at
+/// the time itself the base is at the origin with heading 0.
 ///
-/// `step_s` is the interval, negative where the plan is left. The velocity is taken inside the plan.
+/// `step_s` is the interval, negative where the plan is left. The velocity is that of the plan, from inside it.
 fn prescribed_end(model: &Model, moment: Moment, step_s: f64) -> PrescribedEnd {
     let layout = Layout::new(model);
     let spline = PlanSpline::new(moment.plan);

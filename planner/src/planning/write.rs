@@ -1,4 +1,4 @@
-//! From unknowns to a plan.
+//! Conversion from unknowns to a plan.
 
 use crate::families::Formulation;
 use crate::formulation::terms::motor_speed_rad_s;
@@ -10,7 +10,7 @@ use crate::problem::{Problem, Unknowns};
 use nalgebra::{Rotation3, UnitQuaternion};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
 
-/// Writes a solution down as a plan.
+/// Converts a solution to a plan.
 pub(super) fn write_plan(
     problem: &Problem,
     motion: &Motion,
@@ -20,7 +20,7 @@ pub(super) fn write_plan(
     let states = problem.states(unknowns);
     let mut samples: Vec<Sample> =
         (0..states.len()).map(|t| sample(problem, t, &states[t], states.get(t + 1))).collect();
-    // Quaternions have two signs; keep the one nearer to the sample before.
+    // Of the two signs of a quaternion the one closer to the previous sample is used.
     for t in 1..samples.len() {
         let before = samples[t - 1].base_orientation_wxyz;
         let here = &mut samples[t].base_orientation_wxyz;
@@ -46,7 +46,7 @@ pub(super) fn write_plan(
     }
 }
 
-/// One sample of the timeline as it is written down.
+/// Converts one sample of the timeline to a sample of the plan.
 fn sample(problem: &Problem, t: usize, state: &State, after: Option<&State>) -> Sample {
     let layout = &problem.layout;
     let rotation = Rotation3::from_matrix_unchecked(state.pose.world_from_body);
@@ -63,7 +63,7 @@ fn sample(problem: &Problem, t: usize, state: &State, after: Option<&State>) -> 
                 position_m: state.vector(ee.position).into(),
                 force_n: state.vector(ee.force).into(),
                 wheel_speed_rad_s: wheel(|w| w.speed),
-                // A held wheel's motor stands still, not nearly so.
+                // The motor speed of a held wheel is exactly 0, not just nearly.
                 motor_speed_rad_s: after
                     .filter(|_| !problem.held[j])
                     .map_or(0.0, |after| motor_speed_rad_s(problem, j, state, after)),

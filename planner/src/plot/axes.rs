@@ -3,7 +3,7 @@
 use super::{COLORS, FAINT, INK, px};
 use svg::node::element::{Circle, Group, Line, Path, Rectangle, Text};
 
-/// Space around the drawing area: left for numbers, top for the title, right, bottom for time.
+/// Margins around the drawing area, px: left for numbers, top for the title, right, bottom; and below it for time.
 const LEFT: f64 = 52.0;
 const TOP: f64 = 24.0;
 const RIGHT: f64 = 14.0;
@@ -11,7 +11,7 @@ const BOTTOM: f64 = 14.0;
 const TIME_AXIS: f64 = 18.0;
 /// Height of a legend that has a line of its own below the title.
 const LEGEND_LINE: f64 = 15.0;
-/// Mean widths of a letter of a title and of a legend, px.
+/// Mean width of a letter in a title and in a legend, px.
 const TITLE_LETTER: f64 = 6.6;
 const LEGEND_LETTER: f64 = 5.5;
 /// Width of the piece of line before a name in a legend, with the space around it, px.
@@ -31,12 +31,12 @@ pub struct Series {
     pub dash: &'static str,
 }
 
-/// A value that is asked for at a time, or over a span of time.
+/// Target value at a time or over a span of time.
 #[derive(Clone, Copy)]
 pub struct Mark {
     /// Start of the span, s.
     pub from_s: f64,
-    /// End of the span, s; the start again for a time.
+    /// End of the span, s; equal to the start for a single time.
     pub to_s: f64,
     /// The value.
     pub value: f64,
@@ -44,7 +44,7 @@ pub struct Mark {
     pub color: usize,
 }
 
-/// What a panel shows over its time axis.
+/// Content of a panel over its time axis.
 pub enum Content {
     /// Curves over a value axis.
     Curves {
@@ -52,9 +52,9 @@ pub enum Content {
         series: Vec<Series>,
         /// Limits as dashed horizontal lines: value and index into [`COLORS`].
         limits: Vec<(f64, usize)>,
-        /// Values that the axis must reach.
+        /// Values that the value axis must include.
         include: Vec<f64>,
-        /// What is asked for.
+        /// Marks of target values.
         marks: Vec<Mark>,
     },
     /// One bar row for each name, filled over spans of time.
@@ -69,7 +69,7 @@ pub struct Panel {
     pub duration_s: f64,
     /// Spans of time to shade, s.
     pub shaded: Vec<[f64; 2]>,
-    /// What it shows.
+    /// Content over the time axis.
     pub content: Content,
 }
 
@@ -95,7 +95,7 @@ impl Area {
 }
 
 impl Panel {
-    /// Draws the panel into a rectangle; `time_axis` puts numbers below it.
+    /// Draws the panel into a rectangle, px; `time_axis` adds the numbers of the time axis below it.
     pub fn draw(&self, [x, y]: [f64; 2], [width, height]: [f64; 2], time_axis: bool) -> Group {
         let range = match &self.content {
             Content::Curves { series, limits, include, marks } => {
@@ -239,7 +239,7 @@ fn mark_in(group: Group, area: &Area, mark: &Mark) -> Group {
     group.add(path.set("stroke", color).set("fill", "none"))
 }
 
-/// Names with a piece of their line, from the right edge leftwards.
+/// Draws names with a sample of their line, from the right edge to the left.
 fn legend(mut group: Group, area: &Area, series: &[Series], baseline: f64) -> Group {
     let mut x = area.x + area.width;
     for s in series.iter().rev().filter(|s| !s.name.is_empty()) {
@@ -274,7 +274,7 @@ fn bars(mut group: Group, area: &Area, rows: &[(String, Vec<[f64; 2]>)]) -> Grou
     group
 }
 
-/// The range of values with some air, and never empty.
+/// Range of the values with a margin; never empty.
 fn padded_range(values: impl Iterator<Item = f64>) -> [f64; 2] {
     let (low, high) =
         values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -285,7 +285,7 @@ fn padded_range(values: impl Iterator<Item = f64>) -> [f64; 2] {
     [low - air, high + air]
 }
 
-/// Round numbers inside a range, about `wanted` of them: steps of 1, 2 or 5 times a power of ten.
+/// Round numbers inside a range, about `wanted` of them, in steps of 1, 2 or 5 times a power of ten.
 fn ticks([low, high]: [f64; 2], wanted: usize) -> Vec<f64> {
     let rough = (high - low) / wanted as f64;
     let power = 10.0_f64.powf(rough.log10().floor());
@@ -295,7 +295,7 @@ fn ticks([low, high]: [f64; 2], wanted: usize) -> Vec<f64> {
     (first..=last).map(|k| k as f64 * step).collect()
 }
 
-/// A tick's number with the decimals that tell it from its neighbours.
+/// Number of a tick with enough decimals to differ from its neighbours.
 fn number(value: f64, span: f64) -> String {
     let decimals = (1.0 - (span / 4.0).log10().floor()).clamp(0.0, 6.0) as usize;
     let text = format!("{value:.decimals$}");

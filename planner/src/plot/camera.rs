@@ -1,8 +1,8 @@
-//! A parallel projection that looks at the robot from its front right, a little from above.
+//! Parallel projection of the robot, seen from its front right and slightly from above.
 
 use nalgebra::Vector3;
 
-/// Direction of view: turn about the vertical away from a pure side view, and height above it, rad.
+/// Direction of view, rad: angle about the vertical from a pure side view, and elevation.
 const AZIMUTH_RAD: f64 = 0.45;
 const ELEVATION_RAD: f64 = 0.28;
 
@@ -13,7 +13,7 @@ pub struct Camera {
     pub target_m: Vector3<f64>,
     /// Page position of the target, px.
     pub origin: [f64; 2],
-    /// Pixels of a metre.
+    /// Scale, px/m.
     pub px_per_m: f64,
 }
 
@@ -25,13 +25,14 @@ impl Camera {
         [self.origin[0] + x * self.px_per_m, self.origin[1] - y * self.px_per_m]
     }
 
-    /// How far a point is behind the target, m: what is larger is drawn first.
+    /// Distance of a point behind the target along the direction of view, m. Points with larger values are drawn
+    /// first.
     pub fn depth(&self, point_m: &Vector3<f64>) -> f64 {
         right().cross(&up()).dot(&(self.target_m - point_m))
     }
 }
 
-/// World direction that is right on the page: mostly forward.
+/// World direction to the right on the page: mostly forward.
 fn right() -> Vector3<f64> {
     let (sin, cos) = AZIMUTH_RAD.sin_cos();
     Vector3::new(cos, sin, 0.0)

@@ -1,5 +1,4 @@
-//! What the panels of the figure show: three columns, from the motion as it is played and the samples
-//! as they were planned.
+//! Panels of the figure in three columns, from the motion as played and the planned samples.
 
 use super::axes::Series;
 pub(super) use super::axes::{Content, Panel};
@@ -8,10 +7,10 @@ use crate::plan::{EndEffectorSample, Plan, Sample};
 use crate::sample::{PlanSpline, Setpoints, driven_wheels};
 use rollwalk_multibody::euler::JOINTS;
 
-/// Points of every line.
+/// Points per line.
 const POINTS: usize = 240;
 
-/// Joint limits show when the motion comes this near to them, rad.
+/// Distance from the motion within which a joint limit is drawn, rad.
 const LIMIT_SHOWN_WITHIN_RAD: f64 = 0.6;
 
 /// A plan with its motion evaluated along the time axis.
@@ -28,7 +27,7 @@ pub fn columns(plan: &Plan) -> Vec<Vec<Panel>> {
     let states = (0..=POINTS)
         .map(|k| {
             let t = duration_s * k as f64 / POINTS as f64;
-            // The end of a periodic motion as seen from inside the period.
+            // The end of a periodic motion, evaluated inside the period.
             let t = t.min(duration_s * (1.0 - 1e-9));
             (t, spline.sample(t), spline.setpoints(t))
         })
@@ -69,7 +68,7 @@ impl Played<'_> {
         }
     }
 
-    /// A curve of a quantity of the samples.
+    /// Curve of a quantity of the samples.
     pub(super) fn series(&self, name: &str, color: usize, of: impl Fn(&Sample) -> f64) -> Series {
         let line = self.states.iter().map(|(t, sample, _)| [*t, of(sample)]).collect();
         let dots = self.plan.samples.iter().map(|s| [s.time_s, of(s)]).collect();
@@ -86,7 +85,7 @@ impl Played<'_> {
         self.series(name, color, |s| of(&s.end_effectors[j]))
     }
 
-    /// Spans of time in which end effector `j` stands: half an interval around every stance sample.
+    /// Spans of time, s, in which end effector `j` is in stance: half an interval around every stance sample.
     fn stances(&self, j: usize) -> Vec<[f64; 2]> {
         let (h, end) = (self.plan.sample_interval_s, self.plan.motion.duration_s);
         let mut spans: Vec<[f64; 2]> = Vec::new();
@@ -133,7 +132,7 @@ impl Played<'_> {
             names.map(|(k, name)| self.series(name, k, move |s| s.base_yaw_pitch_roll_rad[k]));
         let series = series.collect();
         let mut panel = self.marked("base orientation (rad)", series, self.headings(0));
-        // A quiet body should look quiet.
+        // A minimum range keeps small rotations small in the panel.
         if let Content::Curves { include, .. } = &mut panel.content {
             include.extend([-0.02, 0.02]);
         }
@@ -157,7 +156,7 @@ impl Played<'_> {
                     .iter()
                     .map(|(t, _, set)| [*t, set.motor_speed_rad_s[k]])
                     .collect(),
-                // Planned speeds belong to intervals: dots in their middle.
+                // Planned speeds are those of intervals: their dots are in the middle.
                 dots: self.plan.samples[..intervals]
                     .iter()
                     .map(|s| {
@@ -177,7 +176,7 @@ impl Played<'_> {
         some.then(|| self.limited("wheel motors (rad/s)", series, limits, Vec::new()))
     }
 
-    /// One panel for every limb, and one for joints that move no end effector.
+    /// One panel per limb, and one for joints that move no end effector.
     fn joints(&self) -> Vec<Panel> {
         let robot = &self.plan.robot;
         let mut limbs: Vec<(String, Vec<usize>)> = Vec::new();
@@ -220,12 +219,12 @@ impl Played<'_> {
         self.limited(format!("{name} joints (rad)"), series, limits, Vec::new())
     }
 
-    /// One panel for every foot: its force against its friction cone, shaded while it stands.
+    /// One panel per foot: its force and its friction cone, shaded in stance.
     fn forces(&self) -> Vec<Panel> {
         let feet = self.plan.robot.end_effectors.iter().enumerate();
         let highest = |e: &EndEffectorSample| e.force_n[2];
         let all = self.plan.samples.iter().flat_map(|s| &s.end_effectors).map(highest);
-        // One scale for all feet: their shares of the weight are what one compares.
+        // One scale for all feet, to compare their shares of the weight.
         let include = vec![0.0, all.fold(0.0, f64::max)];
         feet.map(|(j, e)| {
             let tangential = |e: &EndEffectorSample| e.force_n[0].hypot(e.force_n[1]);
@@ -247,7 +246,7 @@ impl Played<'_> {
     }
 }
 
-/// Names without the words that all of them begin or end with: what tells them apart in a legend.
+/// Names without the words with which all of them begin or end, for short legends.
 fn distinct<'n>(names: impl Iterator<Item = &'n str>) -> Vec<String> {
     let mut words: Vec<Vec<&str>> = names.map(|name| name.split(['_', '-']).collect()).collect();
     let shared = |words: &[Vec<&str>], pick: fn(&Vec<&str>) -> Option<String>| {

@@ -1,5 +1,5 @@
-//! The robot itself at a few moments of a motion, side by side: body, limbs, wheels with a spoke that
-//! turns, and a mark where a foot stands.
+//! Pictures of the robot at several times of a motion, side by side: body, limbs, wheels with a spoke that shows
+//! their angle, and a mark under each foot in stance.
 
 use super::camera::Camera;
 use super::{FAINT, INK, MARGIN, px};
@@ -14,12 +14,12 @@ use svg::node::element::{Circle, Ellipse, Group, Line, Path, Text};
 /// Size of one picture of the robot, px.
 const CELL: [f64; 2] = [230.0, 190.0];
 const TITLE_HEIGHT: f64 = 36.0;
-/// Share of a cell that the robot fills.
+/// Share of a cell filled by the robot.
 const FILL: f64 = 0.95;
-/// Points of a wheel's rim.
+/// Points on a wheel's rim.
 const RIM_POINTS: usize = 40;
 
-/// A strip with `phases` moments of every plan, one row a plan, as the text of an SVG file.
+/// SVG text of a strip with `phases` times of every plan, one row per plan.
 pub fn strip(plans: &[&Plan], phases: usize) -> String {
     let phases = phases.max(2);
     let width = CELL[0] * phases as f64 + 2.0 * MARGIN;
@@ -48,7 +48,7 @@ fn row(mut document: Document, plan: &Plan, phases: usize, top: f64) -> Document
         let middle = 0.5 * sample.base_position_m[2];
         let camera = Camera { target_m: Vector3::new(x, y, middle), origin: center, px_per_m };
         document = document.add(figure.ground(&camera)).add(figure.draw(&camera, &sample, &spin));
-        // The camera follows the robot: how far it has come stands below.
+        // The camera follows the robot; a label shows the distance travelled.
         let [x_start, y_start, _] = spline.sample(0.0).base_position_m;
         let way = [x - x_start, y - y_start].map(|way| (way * 100.0).round() / 100.0 + 0.0);
         let caption = format!("{t:.2} s · x {:.2} m, y {:.2} m", way[0], way[1]);
@@ -62,12 +62,12 @@ fn row_baseline() -> f64 {
     TITLE_HEIGHT + CELL[1] - 6.0
 }
 
-/// Draws one robot.
+/// Drawing of one robot.
 struct Figure<'a> {
     model: &'a Model,
 }
 
-/// A piece of the picture with its distance from the viewer.
+/// Piece of the picture with its distance from the viewer, m.
 struct Piece {
     depth: f64,
     group: Group,
@@ -100,7 +100,7 @@ impl Figure<'_> {
         pieces.into_iter().fold(Group::new(), |group, piece| group.add(piece.group))
     }
 
-    /// The root link as the hull of its centre of mass and of the joints on it.
+    /// Root link as the convex hull of its centre of mass and its joints.
     fn body(&self, camera: &Camera, pose: &Pose, stroke: f64) -> Piece {
         let robot = self.model.robot();
         let on_root = robot.joints.iter().filter(|joint| joint.parent == 0);
@@ -114,7 +114,7 @@ impl Figure<'_> {
         Piece { depth: camera.depth(&center), group: Group::new().add(path) }
     }
 
-    /// The line through the joints of a limb to the centre of its end effector.
+    /// Line through the joints of a limb to the centre of its end effector.
     fn limb(&self, camera: &Camera, pose: &Pose, j: usize, stroke: f64) -> Piece {
         let robot = self.model.robot();
         let joints =
@@ -142,7 +142,7 @@ impl Figure<'_> {
         Piece { depth: camera.depth(&center), group }
     }
 
-    /// A wheel with a spoke, or the sphere of a foot, and a shadow where it stands.
+    /// Wheel with a spoke, or sphere of a foot, and a shadow in stance.
     fn foot(
         &self,
         camera: &Camera,
@@ -194,7 +194,7 @@ impl Figure<'_> {
         Piece { depth: camera.depth(&center), group }
     }
 
-    /// A patch of ground below the robot.
+    /// Patch of ground below the robot.
     fn ground(&self, camera: &Camera) -> Group {
         let half = 0.46 * self.extent_m();
         let [x, y] = [camera.target_m.x, camera.target_m.y];

@@ -1,11 +1,11 @@
-//! What a motion's targets and heights ask for, as marks in the panels: a cross at a time, a bar over a span.
+//! Marks of targets and height limits in the panels: a cross at a time, a bar over a span.
 
 use super::axes::{Mark, Series};
 use super::panels::{Content, Panel, Played};
 use crate::motion::Subject;
 
 impl Played<'_> {
-    /// Marks of the positions that are asked of a subject along one axis.
+    /// Marks of a subject's target positions along one axis.
     pub(super) fn places(&self, of: Subject, axis: usize, color: usize) -> Vec<Mark> {
         let asked = self.plan.motion.targets.iter().filter(|target| target.of == of);
         let mut marks: Vec<Mark> = asked
@@ -23,7 +23,7 @@ impl Played<'_> {
         marks
     }
 
-    /// Marks of the headings that are asked of the body.
+    /// Marks of the body's target headings.
     pub(super) fn headings(&self, color: usize) -> Vec<Mark> {
         let asked = self.plan.motion.targets.iter();
         asked
@@ -34,14 +34,14 @@ impl Played<'_> {
             .collect()
     }
 
-    /// A panel for every subject but the centre of mass that is asked to be somewhere, with its way there.
+    /// One panel with the path of every subject that has target positions, except the centre of mass.
     pub(super) fn ways(&self) -> Vec<Panel> {
         let feet = self.plan.robot.end_effectors.iter().enumerate();
         let feet = feet.map(|(j, foot)| (Subject::EndEffector(j), foot.name.as_str()));
         std::iter::once((Subject::Body, "base"))
             .chain(feet)
             .filter_map(|(of, name)| {
-                // Heights of the base have their panel already.
+                // The height of the base has a panel already.
                 let axes = if of == Subject::Body { 0..2 } else { 0..3 };
                 let marks: Vec<Vec<Mark>> =
                     axes.clone().map(|axis| self.places(of, axis, axis)).collect();

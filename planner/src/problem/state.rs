@@ -1,10 +1,10 @@
-//! One sample of the timeline, evaluated: variables, forward kinematics and wheel frames.
+//! Evaluated sample of the timeline: variables, forward kinematics and wheel frames.
 
 use crate::problem::variables::Layout;
 use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{Model, Pose};
 
-/// A sample with everything that terms need of it.
+/// A sample with all values that terms use.
 #[derive(Clone, Debug)]
 pub struct State {
     /// The variables, lifted to the timeline, SI units.
@@ -15,17 +15,17 @@ pub struct State {
     pub frames: Vec<ContactFrame>,
 }
 
-/// The frame W(α) of a wheel (Eq. 2.2) with its derivatives; for a foot the vertical through it.
+/// The frame W(α) of a wheel (Eq. 2.2) with its derivatives; for a foot the frame about the vertical.
 ///
-/// With the wheel's rest frame t̂ = x, â = y, ρ̂ = −r·z every axis but the vertical is reached, so
-/// tilt and yaw are absolute and the same for every wheel.
+/// From the wheel's rest frame t̂ = x, â = y, ρ̂ = −r·z every axis but the vertical can be reached, so tilt and yaw
+/// are absolute and defined in the same way for every wheel.
 #[derive(Clone, Copy, Debug)]
 pub struct ContactFrame {
     /// Rolling direction t, horizontal.
     pub rolling: Vector3<f64>,
     /// Wheel axis a.
     pub axis: Vector3<f64>,
-    /// From the centre to the contact point, ρ.
+    /// Vector ρ from the centre to the contact point.
     pub to_contact: Vector3<f64>,
     /// ∂a/∂tilt; ∂a/∂yaw is v × a.
     pub d_axis_tilt: Vector3<f64>,
@@ -38,7 +38,7 @@ pub fn d_yaw(v: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(-v.y, v.x, 0.0)
 }
 
-/// Rolling direction t of a wheel whose axis has this yaw.
+/// Rolling direction t of a wheel with this axis yaw.
 pub fn rolling_direction(yaw_rad: f64) -> Vector3<f64> {
     let (s, c) = yaw_rad.sin_cos();
     Vector3::new(c, s, 0.0)
@@ -110,7 +110,7 @@ mod tests {
         let frame = ContactFrame::wheel(0.05, 0.3, -1.1);
         // Eq. 2.2: ρ̂ = â × t̂·r points down for v up (the printed t̂ × â points up).
         assert!((frame.axis.cross(&frame.rolling) * 0.05 - frame.to_contact).norm() < 1e-15);
-        // −a × ρ = r·t: a positive speed rolls along t, whatever the tilt.
+        // −a × ρ = r·t: a positive speed rolls along t at any tilt.
         let rolled = -frame.axis.cross(&frame.to_contact);
         assert!((rolled - frame.rolling * 0.05).norm() < 1e-15);
         assert!(frame.rolling.z == 0.0 && frame.to_contact.z < 0.0);

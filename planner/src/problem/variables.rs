@@ -1,14 +1,13 @@
-//! Variables of the optimisation (Eq. 2.1) and how samples beyond the ends of a motion follow from them.
+//! Variables of the optimisation (Eq. 2.1), and the samples beyond the ends of a motion that follow from them.
 //!
 //! A sample holds `q` (6 + N) and, per end effector, contact point e (3) and force f (3), and for
 //! wheels speed ω, tilt and yaw (3): 6 + N + 9n numbers for n wheels. The centroidal frame is
 //! eliminated: its position is φ_CoM(q), its orientation that of the body (Eq. 2.11, 2.12 hold
 //! exactly).
 //!
-//! Terms see a timeline that is longer than the motion by one sample at either end. A sample of the
-//! timeline is a *slot*, as it is or **placed**: turned by ψ about the vertical and moved by D. Slots
-//! are what is stored; some of their entries may be frozen. So terms never know what happens at the
-//! ends:
+//! Terms see a timeline that is longer than the motion by one sample at either end. Each of its samples is a stored
+//! sample, a *slot*, either as stored or **placed**: turned by ψ about the vertical and moved by D. Entries of slots
+//! may be frozen. Terms are therefore the same for all kinds of ends:
 //!
 //! | ends | before the first | after the last |
 //! |---|---|---|
@@ -22,7 +21,7 @@ use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model};
 use rollwalk_multibody::rotation;
 
-/// Where the variables of one end effector stand in a sample.
+/// Indices of one end effector's variables in a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EndEffectorVars {
     /// First of the three coordinates of the contact point e.
@@ -33,7 +32,7 @@ pub struct EndEffectorVars {
     pub wheel: Option<WheelVars>,
 }
 
-/// Where the variables of one wheel stand in a sample.
+/// Indices of one wheel's variables in a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WheelVars {
     /// Speed ω.
@@ -72,7 +71,7 @@ impl Layout {
             scale.extend([force_scale; 3]);
             let wheel = ee.contact.rolls().then(|| {
                 let speed = scale.len();
-                // A rim speed of 1 m/s.
+                // Spin at a rim speed of 1 m/s.
                 scale.extend([1.0 / ee.radius_m, 1.0, 1.0]);
                 WheelVars { speed, tilt: speed + 1, yaw: speed + 2 }
             });
@@ -81,7 +80,7 @@ impl Layout {
         Self { len: scale.len(), dofs, end_effectors, scale: DVector::from_vec(scale) }
     }
 
-    /// The variables of a sample of a plan.
+    /// Variables of a sample of a plan.
     pub fn variables_of(&self, sample: &Sample) -> DVector<f64> {
         let mut vars = DVector::zeros(self.len);
         for c in 0..3 {
@@ -105,17 +104,17 @@ impl Layout {
         vars
     }
 
-    /// First entries of all points of a sample: they turn and move with a placement.
+    /// First indices of all points of a sample: a placement turns and moves them.
     pub fn points(&self) -> impl Iterator<Item = usize> + '_ {
         std::iter::once(BASE_POSITION).chain(self.end_effectors.iter().map(|e| e.position))
     }
 
-    /// First entries of all free vectors of a sample: they turn with a placement.
+    /// First indices of all free vectors of a sample: a placement turns them.
     pub fn vectors(&self) -> impl Iterator<Item = usize> + '_ {
         self.end_effectors.iter().map(|e| e.force)
     }
 
-    /// Entries that are angles about the vertical: a placement adds ψ to them.
+    /// Indices of angles about the vertical: a placement adds ψ to them.
     pub fn headings(&self) -> impl Iterator<Item = usize> + '_ {
         std::iter::once(BASE_YAW)
             .chain(self.end_effectors.iter().filter_map(|e| e.wheel.map(|w| w.yaw)))
@@ -141,14 +140,14 @@ pub enum Lift {
 /// A sample of the timeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TimelineSample {
-    /// Slot that it comes from.
+    /// Index of the slot.
     pub slot: usize,
-    /// How it comes from the slot.
+    /// Placement of the slot.
     pub lift: Lift,
 }
 
 impl Lift {
-    /// Lifts a stored sample.
+    /// Places a stored sample on the timeline.
     pub fn apply(
         self,
         layout: &Layout,
@@ -177,7 +176,7 @@ impl Lift {
         lifted
     }
 
-    /// Pulls a gradient with respect to the lifted sample back to the stored one, in place, and
+    /// Converts a gradient with respect to the placed sample to one with respect to the stored sample, in place, and
     /// returns the gradient with respect to the placement (Dx, Dy, ψ).
     pub fn pull_back(
         self,

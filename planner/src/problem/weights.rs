@@ -2,34 +2,34 @@
 
 use crate::families::CLEARANCE_M;
 
-/// Penalties, weights and margins. The defaults are the ones that measured best; each field says what
-/// it does to the result. Weights of costs are per sample at a spacing of 0.05 s and follow the spacing
-/// (`Problem::per_time`), so that more samples refine a plan and do not make another of it.
+/// Penalties, weights and margins. The defaults gave the best results in measurements; each field states its effect
+/// on the result. Weights of costs are per sample at a spacing of 0.05 s and are converted to the actual spacing
+/// (`Problem::per_time`), so that more samples refine a plan without changing the balance of its costs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Weights {
-    /// Penalty of every constraint. Multipliers make constraints exact; the penalty sets how hard the
-    /// first steps pull towards them. Larger is surer for walking, slower for rolling.
+    /// Penalty of every constraint. Multipliers make constraints exact; the penalty determines how hard the first
+    /// steps pull towards them. A larger penalty is more reliable for walking, slower for rolling.
     pub penalty: f64,
     /// Smoothness of q (thesis: 0.1): second differences, rad and m.
     pub smoothness: f64,
-    /// Pull of the ground forces of feet and driven wheels towards an even share of the weight. Decides
-    /// whether a plan survives soft servos: too low and it leans on internal forces that no servo
-    /// reproduces; too high and the steps of a walk, which must shift the weight, transfer worse.
+    /// Pull of the ground forces of feet and driven wheels towards an even share of the weight. It determines whether
+    /// a plan can be played with soft servos. Too low, and the plan relies on internal forces that no servo
+    /// reproduces; too high, and walking plans, whose steps must shift the weight, can be played less well.
     pub force: f64,
-    /// The same for free wheels, which turn lateral forces into thrust: too low and they swizzle with
-    /// small strokes and large forces, which soft servos swallow.
+    /// The same for free wheels, which turn lateral forces into thrust. Too low, and they swizzle with small strokes
+    /// and large forces, which soft servos cannot transmit.
     pub free_wheel_force: f64,
-    /// Pull of joints and body towards the motion's posture. Too low and the body drifts and feet gather
-    /// below it; too high and gaits scrub their feet.
+    /// Pull of joints and body towards the motion's posture. Too low, and the body drifts and feet gather below it;
+    /// too high, and feet scrub over the ground.
     pub posture: f64,
-    /// Pull of wheel speeds towards zero (rim speed, m/s), which fixes them in swing.
+    /// Pull of wheel speeds (rim speed, m/s) towards zero, which determines them in swing.
     pub wheel_speed: f64,
-    /// Pull of wheel speeds towards a constant (rim speed differences, m/s): wheels have inertia. Too
-    /// low and transitions ask 50 rad/s² of the wheels; too high and legs lean instead of wheels rolling.
+    /// Pull of wheel speeds towards a constant (differences of rim speed, m/s), because wheels have inertia. Too low,
+    /// and transitions require 50 rad/s² of the wheels; too high, and legs lean where wheels should roll.
     pub wheel_smoothness: f64,
-    /// Least normal force of a foot in stance, as a fraction of its even share of the weight.
+    /// Smallest normal force of a foot in stance, as a fraction of its even share of the weight.
     pub least_normal_force: f64,
-    /// Part of the friction cone that plans use; the rest is for disturbances.
+    /// Fraction of the friction cone available to plans; the rest is a reserve for disturbances.
     pub friction_use: f64,
     /// Clearance β between end effectors, m (Eq. 2.10).
     pub clearance_m: f64,
@@ -52,5 +52,5 @@ impl Default for Weights {
     }
 }
 
-/// Sample spacing at which a cost's weight is the factor before its squares, s.
+/// Sample spacing at which the weight of a cost is the factor of its squares, s.
 pub(super) const WEIGHT_INTERVAL_S: f64 = 0.05;

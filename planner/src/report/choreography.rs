@@ -1,5 +1,4 @@
-//! Targets and heights of a motion's choreography, from the numbers of a plan: seen from where its first
-//! sample stands, at their times.
+//! Residuals of a motion's targets and height limits, from the numbers of a plan in the frame of its first sample.
 
 use super::Grid;
 use super::grid::{State, Timeline, Window};
@@ -8,14 +7,14 @@ use crate::families::Family;
 use crate::motion::{Ends, Subject};
 use nalgebra::{Rotation3, Vector3};
 
-/// How far targets are missed and heights exceeded.
+/// Deviations from targets, and excesses over height limits.
 pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let mut found = targets(timeline, grid);
     found.push(heights(timeline, grid));
     found
 }
 
-/// Position of a subject, m in world.
+/// Position of a subject in world, m.
 fn position(state: &State, of: Subject) -> Vector3<f64> {
     match of {
         Subject::Com => state.com(),
@@ -46,7 +45,7 @@ fn targets(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let start_yaw = start.base_yaw_pitch_roll_rad[0];
     let to_start = Rotation3::from_axis_angle(&Vector3::z_axis(), -start_yaw);
     let origin = Vector3::new(start.base_position_m[0], start.base_position_m[1], 0.0);
-    // What does not repeat has no neighbours outside.
+    // Motions that are not periodic have no neighbours beyond their ends.
     let inner = match plan.motion.ends {
         Ends::Periodic => 0..=windows.len() - 1,
         Ends::AtRest | Ends::Prescribed => 1..=windows.len() - 2,
@@ -81,8 +80,8 @@ fn targets(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     vec![places, velocities, headings]
 }
 
-/// How far heights are beyond their bounds within their spans. At the samples of a plan the two samples
-/// that enclose a span count too.
+/// Excess of heights over their limits within the limits' spans, m. At the samples of a plan the two samples that
+/// enclose a span count too.
 fn heights(timeline: &Timeline, grid: Grid) -> Worst {
     let mut worst = Worst::of(Family::HeightLimit, grid);
     let plan = timeline.plan;

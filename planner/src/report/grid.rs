@@ -1,4 +1,4 @@
-//! A plan with the state before and after it, and the kinematics of every state: what residuals see.
+//! States of a plan, with those before and after it and the kinematics of each, from which residuals are computed.
 
 use crate::motion::Ends;
 use crate::plan::{Plan, Sample};
@@ -21,7 +21,7 @@ pub struct State<'a> {
 pub struct Timeline<'a> {
     /// The plan.
     pub plan: &'a Plan,
-    /// Its robot.
+    /// Model of its robot.
     pub model: Model,
     /// `states[i + 1]` belongs to sample i.
     states: Vec<State<'a>>,
@@ -58,8 +58,8 @@ impl<'a> Timeline<'a> {
         })
     }
 
-    /// Every sample that starts an interval of the motion: of a periodic one all, the last interval
-    /// leading to the next period; else all but the last.
+    /// Every sample that begins an interval of the motion: all of a periodic motion, whose last interval leads to the
+    /// next period; of any other all but the last.
     pub fn intervals(&self) -> impl Iterator<Item = Window<'_>> {
         let count = match self.plan.motion.ends {
             Ends::Periodic => self.plan.samples.len(),
@@ -73,7 +73,7 @@ impl<'a> Timeline<'a> {
         self.plan.sample_interval_s
     }
 
-    /// First state and the one that ends the motion: the first of the next period, or the last.
+    /// First state and the state at the end of the motion: the first of the next period, or the last.
     pub fn ends(&self) -> [&State<'a>; 2] {
         let last = match self.plan.motion.ends {
             Ends::Periodic => self.plan.samples.len() + 1,
@@ -105,7 +105,7 @@ impl<'a> State<'a> {
         Self { sample, pose: model.pose(&q), frames }
     }
 
-    /// Whether end effector `j` stands.
+    /// Whether end effector `j` is in stance.
     pub fn stands(&self, j: usize) -> bool {
         self.sample.end_effectors[j].contact
     }

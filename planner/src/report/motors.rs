@@ -1,7 +1,7 @@
-//! What the motors must hold: torques from the planned forces against their limits and torque-speed lines.
+//! Motor torques that the planned forces require, against torque limits and torque-speed lines.
 //!
-//! By virtual work, another way than the optimiser's: the torque of a joint is minus the power of ground
-//! forces and weight per unit of its rate, with the limb at rest.
+//! They follow from virtual work, not from the optimiser's equations: the torque of a joint is minus the power of
+//! ground forces and weight per unit of its rate, with the limb at rest.
 
 use super::Grid;
 use super::grid::{State, Timeline};
@@ -55,14 +55,14 @@ pub fn torques(timeline: &Timeline) -> Vec<Worst> {
 /// Minus the power of ground forces and weight per unit of the joint's rate, N·m.
 fn joint_torque_nm(timeline: &Timeline, state: &State, joint: usize) -> f64 {
     let model = &timeline.model;
-    // Only the mass that the joint moves moves the centre of mass.
+    // Of the robot's mass only that which the joint moves shifts the centre of mass.
     let weight_n = model.total_mass_kg() * GRAVITY_M_S2;
     let mut power = -weight_n * state.pose.d_com[JOINTS + joint].z;
     for (j, at) in state.pose.end_effectors.iter().enumerate() {
         let Some(column) = model.chain(j).dofs.iter().position(|&dof| dof == JOINTS + joint) else {
             continue;
         };
-        // The material point at the contact moves with the link, whatever the wheel does.
+        // The material point at the contact moves with the link, regardless of the wheel's spin.
         let arm = state.contact(j) - at.center;
         let velocity = at.d_center[column] + at.d_rotation[column].cross(&arm);
         power += state.force(j).dot(&velocity);
@@ -77,7 +77,7 @@ fn wheel_torque_nm(timeline: &Timeline, state: &State, j: usize) -> f64 {
     state.force(j).dot(&state.frames[j].rolling) * radius_m
 }
 
-/// How far a torque at a speed is beyond the line; `None` without a line.
+/// Excess of a torque at a speed over the torque-speed line; `None` without a line.
 fn beyond_line(motor: &Actuator, torque_nm: f64, speed_rad_s: f64) -> Option<f64> {
     let line = motor.torque_speed?;
     let used = torque_nm / line.stall_torque_nm + speed_rad_s / line.no_load_speed_rad_s;

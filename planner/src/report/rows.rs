@@ -1,4 +1,4 @@
-//! The residuals, each as an equation over neighbouring states.
+//! Residuals, each as an equation over neighbouring states.
 
 use super::grid::{State, Timeline, Window};
 use super::{Grid, Place, Row, choreography, motors};
@@ -28,8 +28,8 @@ pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
     rows
 }
 
-/// Residuals of the motion as it is played. What follows from the pose by construction is left out;
-/// only the limits of the motors have a level there.
+/// Residuals of the motion as played. Those that are 0 by construction, because quantities follow from the pose, are
+/// omitted; only the limits of the motors have a level between samples.
 pub fn between(timeline: &Timeline, grid: Grid) -> Vec<Row> {
     let mut found = dynamics(timeline, grid);
     found.extend(contact_motion(timeline, grid));
@@ -40,7 +40,7 @@ pub fn between(timeline: &Timeline, grid: Grid) -> Vec<Row> {
     rows
 }
 
-/// Finds the worst case of one family.
+/// Search for the worst case of one family.
 pub(super) struct Worst {
     row: Row,
     part: f64,
@@ -51,12 +51,12 @@ impl Worst {
         Self { row: Row::new(family, grid), part: 0.0 }
     }
 
-    /// Notes a residual, in the family's SI unit.
+    /// Records a residual, in the family's SI unit.
     pub(super) fn see(&mut self, residual: f64, at: &Window, subject: Option<&str>) {
         self.see_beyond(residual, 1.0, at, subject);
     }
 
-    /// Notes how far something is beyond a limit, in the family's SI unit.
+    /// Records an excess over a limit, in the family's SI unit.
     pub(super) fn see_beyond(
         &mut self,
         residual: f64,
@@ -80,7 +80,7 @@ impl Worst {
         }
     }
 
-    /// The row, if there was anything to see.
+    /// The row, if any residual was recorded.
     fn row(self) -> Option<Row> {
         self.row.level.is_some().then_some(self.row)
     }
@@ -107,8 +107,8 @@ fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
         let gravity = Vector3::new(0.0, 0.0, -GRAVITY_M_S2);
         linear.see((force + (gravity - acceleration) * mass).norm(), &w, None);
 
-        // Inertia in world axes; a rotation leaves its own axis alone, so that the interval's velocity
-        // may be used at either end.
+        // Inertia in world axes. A rotation leaves its own axis unchanged, so that the interval's velocity may be
+        // used at either end.
         let to_world = &w.here.pose.world_from_body;
         let inertia = to_world * timeline.model.centroidal_inertia_kg_m2() * to_world.transpose();
         let v_in = w.before.body_velocity(w.here, h);
@@ -160,8 +160,8 @@ fn swing_force(timeline: &Timeline) -> Worst {
     worst
 }
 
-/// Slip on the ground and height above it. Slip: what the contact point moved beyond what the wheel
-/// rolled, with the rolling direction at the interval's middle; a foot rolls nothing.
+/// Slip on the ground and height above it. Slip is the travel of the contact point less that of the rolling wheel,
+/// with the rolling direction at the middle of the interval; a foot does not roll.
 fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let mut slip = Worst::of(Family::Slip, grid);
     let mut landing = Worst::of(Family::LandingSlip, grid);
@@ -172,7 +172,7 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
         for (j, foot) in feet(timeline) {
             let row = match (w.here.stands(j), w.after.stands(j), foot.contact.drag()) {
                 (true, true, _) => &mut slip,
-                // What glides leaves the ground and comes down along its direction.
+                // A gliding end effector leaves the ground and lands along its direction.
                 (true, false, Some(_)) | (false, true, Some(_)) => &mut landing,
                 _ => continue,
             };
@@ -234,8 +234,8 @@ fn contact_point(timeline: &Timeline) -> Worst {
     worst
 }
 
-/// The contact of a skate lies between the ends of its blade: the angle from the blade's middle to the
-/// contact, seen along the blade, against half the blade.
+/// The contact of a skate lies on its blade: the angle from the blade's middle to the contact, seen along the blade,
+/// is at most half the blade's.
 fn blade_contact(timeline: &Timeline) -> Worst {
     let mut worst = Worst::of(Family::BladeContact, Grid::Samples);
     for w in timeline.samples() {
@@ -261,8 +261,8 @@ fn wheel_axis(timeline: &Timeline) -> Worst {
     worst
 }
 
-/// The commanded motor turns the wheel as the slip equation needs it: ω + α̇_yaw (v·a) − Ω·a, at the
-/// rim.
+/// The commanded motor speed turns the wheel as the slip equation requires, ω + α̇_yaw (v·a) − Ω·a; the residual is a
+/// rim speed.
 fn motor_speed(timeline: &Timeline) -> Worst {
     let mut worst = Worst::of(Family::MotorAgainstWheel, Grid::Samples);
     let h = timeline.spacing_s();
@@ -276,7 +276,7 @@ fn motor_speed(timeline: &Timeline) -> Worst {
     worst
 }
 
-/// A wheel that is welded to its link, or held still, does not turn relative to it; at the rim.
+/// A wheel that is welded to its link or held still does not turn relative to it; the residual is a rim speed.
 fn held_wheel(timeline: &Timeline) -> Worst {
     let mut worst = Worst::of(Family::HeldWheel, Grid::Samples);
     let h = timeline.spacing_s();
@@ -301,7 +301,7 @@ fn needed_motor_speed(w: &Window, j: usize, h: f64) -> f64 {
     here.wheel_speed_rad_s + yaw_rate * axis.z - w.here.link_velocity(j, w.after, h).dot(&axis)
 }
 
-/// How far angles and speeds are beyond what the motors can do.
+/// Excess of angles and speeds over what the motors can do.
 fn limits(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let mut angle = Worst::of(Family::JointLimit, grid);
     let mut speed = Worst::of(Family::JointSpeed, grid);

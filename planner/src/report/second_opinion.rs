@@ -1,4 +1,4 @@
-//! The report against `docs/check_plan.py`, which shares no code with it: another language, other
+//! Comparison of the report with `docs/check_plan.py`, which shares no code with it: another language, other
 //! kinematics, the same equations.
 
 use super::{Grid, Report};
@@ -53,7 +53,7 @@ fn visit_numbers(value: &mut Value, path: &str, visit: &mut dyn FnMut(&str, &mut
     }
 }
 
-/// The fields of a plan that hold numbers: of every list the last item, with all that is in it.
+/// Fields of a plan with numbers: of every list the last item, with all its contents.
 fn numeric_fields(document: &mut Value) -> Vec<String> {
     let mut of_field = std::collections::BTreeMap::new();
     visit_numbers(document, "", &mut |path, _| {
@@ -122,7 +122,7 @@ fn a_moved_pose_outside_the_motion_is_noticed() {
     }
 }
 
-/// Moves every number of a plan a little, so that every residual is something.
+/// Moves every number of a plan a little, so that no residual is 0.
 fn shaken(mut plan: Plan) -> Plan {
     let mut random = test_robots::uniform(5);
     let mut shake = |value: &mut f64, by: f64| *value += by * random();
@@ -157,7 +157,7 @@ fn walk() -> Plan {
     )
 }
 
-/// A plan on one wheel of every kind, with motors too weak for it.
+/// A plan with one wheel of every kind, and with motors that are too weak for it.
 fn of_every_kind() -> Plan {
     let mut plan = test_plans::cruise();
     let line = TorqueSpeedLine { stall_torque_nm: 0.8, no_load_speed_rad_s: 7.0 };
@@ -176,7 +176,7 @@ fn of_every_kind() -> Plan {
         sample.end_effectors[3].contact = false;
     }
     weak(ends[0].contact.actuator_mut().expect("a driven wheel"));
-    // Choreography on and between samples, with the half intervals at the ends.
+    // Choreography at and between samples, including the half intervals at the ends.
     plan.motion.targets = test_robots::targets();
     plan.motion.heights = test_robots::heights();
     plan
@@ -204,7 +204,7 @@ fn both_opinions_agree_on_the_size_of_every_residual() {
             let found = |field: &str| table[row.family.name()][field].as_f64();
             let worst =
                 found("worst").unwrap_or_else(|| panic!("no row {}: {table:#}", row.family));
-            // The script's numbers are SI. Two ways of rounding the same formulas.
+            // The script's numbers are SI; the two implementations round differently.
             let (_, factor) = row.family.unit().shown();
             let error = (worst * factor - row.worst).abs() / row.worst.max(1e-6);
             assert!(error < 1e-9, "{}: {worst} {}", row.family, row.worst);
@@ -213,8 +213,8 @@ fn both_opinions_agree_on_the_size_of_every_residual() {
         assert!(compared >= 12, "{report}");
         seen.extend(report.rows.iter().filter(|row| row.worst > 0.0).map(|row| row.family));
     }
-    // Where a motion starts is not a residual of a plan, numbers of the file that repeat each other are checked
-    // when it is read, and no plan here has end effectors too near or joints beyond their limits.
+    // The start of a motion is not a residual of a plan. Numbers that repeat each other in the file are checked when
+    // it is read. No plan here has end effectors too close to each other or joints beyond their limits.
     let unreported = [
         Family::Anchor,
         Family::BaseOrientation,

@@ -65,7 +65,7 @@ fn cells(row: &Row) -> [String; 6] {
     ]
 }
 
-/// Three significant digits, small numbers with an exponent.
+/// Formats a number with three significant digits, small ones with an exponent.
 fn number(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),

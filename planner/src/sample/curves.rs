@@ -5,19 +5,19 @@ use crate::motion::Ends;
 use crate::plan::{Plan, Sample};
 use nalgebra::Complex;
 
-/// Makes the splines of a plan with the end conditions of its motion.
+/// Builder of a plan's splines, with the end conditions of its motion.
 pub struct Curves<'a> {
     /// The plan.
     pub plan: &'a Plan,
 }
 
 impl Curves<'_> {
-    /// The spline through a real quantity of the samples that grows by `shift` over a period.
+    /// Spline through a real quantity of the samples that grows by `shift` over a period.
     pub fn scalar(&self, of: impl Fn(&Sample) -> f64, shift: f64) -> Spline {
         self.spline(|s| of(s).into(), 1.0.into(), shift.into())
     }
 
-    /// The spline through a quantity that continues as v(t + H) = `turn` · v(t) + `shift`.
+    /// Spline through a quantity that continues as v(t + H) = `turn` · v(t) + `shift`.
     pub fn spline(
         &self,
         of: impl Fn(&Sample) -> Complex<f64>,
@@ -28,7 +28,7 @@ impl Curves<'_> {
         self.through(&values, of(&self.plan.before), of(&self.plan.after), turn, shift)
     }
 
-    /// The spline through the angle that adds up from a speed that lives on intervals.
+    /// Spline through the angle that a speed given per interval accumulates, rad.
     pub fn angle(&self, speed: impl Fn(&Sample) -> f64) -> Spline {
         let plan = self.plan;
         let h = plan.sample_interval_s;
@@ -39,7 +39,7 @@ impl Curves<'_> {
             angle += speed(sample) * h;
         }
         let before = Complex::from(-speed(&plan.before) * h);
-        // After the loop `angle` is that of the sample one interval after the last.
+        // After the loop `angle` is that one interval after the last sample.
         self.through(&angles, before, angle.into(), 1.0.into(), angle.into())
     }
 
@@ -57,7 +57,7 @@ impl Curves<'_> {
         match plan.motion.ends {
             Ends::Periodic => Spline::periodic(h, values, turn, shift),
             Ends::AtRest => Spline::clamped(h, values, zero, zero),
-            // The states outside lie along the velocities at the ends.
+            // The states one interval outside give the velocities at the ends.
             Ends::Prescribed => {
                 let (first, last) = (values[0], values[values.len() - 1]);
                 Spline::clamped(h, values, (first - before) / h, (after - last) / h)

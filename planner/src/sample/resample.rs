@@ -1,11 +1,11 @@
-//! A plan at another rate: what is played, in the form in which it was planned.
+//! Plan at another sample rate, with the played motion in the form of a plan.
 
 use super::PlanSpline;
 use crate::motion::Ends;
 use crate::plan::{Placement, Plan, Sample};
 
-/// The plan sampled at `rate_hz`, or at the nearest rate that divides its duration evenly: a plan with
-/// the same meaning of every field, interval speeds as means over the new intervals.
+/// Samples the plan at `rate_hz`, or at the nearest rate that divides its duration evenly. Every field keeps its
+/// meaning; interval speeds are means over the new intervals.
 pub fn resample(plan: &Plan, rate_hz: f64) -> Plan {
     let spline = PlanSpline::new(plan);
     let intervals = (plan.motion.duration_s * rate_hz).round().max(3.0);
@@ -16,13 +16,13 @@ pub fn resample(plan: &Plan, rate_hz: f64) -> Plan {
     };
     let sample_at = |index: f64| {
         let time_s = index * spacing_s;
-        // Which new interval, inside the splines, starts at this sample; at rest there is none outside.
+        // Index of the new interval inside the splines that starts at this sample; at rest there is none outside.
         let (mut sample, interval) = match plan.motion.ends {
             Ends::Periodic => (spline.sample(time_s), Some(index.rem_euclid(intervals))),
             Ends::AtRest => {
                 (spline.sample(time_s), (0.0..intervals).contains(&index).then_some(index))
             }
-            // Outside a prescribed end the velocity at the end goes on.
+            // Outside a prescribed end the velocity at the end continues.
             Ends::Prescribed => (spline.state(time_s, &Placement::default()), Some(index)),
         };
         sample.time_s = time_s;

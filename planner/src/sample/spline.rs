@@ -1,16 +1,14 @@
 //! Cubic splines with two continuous derivatives through equally spaced samples.
 //!
-//! Values are complex so that a pair of horizontal coordinates is one curve: turning it about the
-//! vertical is then a multiplication. Scalars use the real part. With slopes s at the knots,
-//! continuity of the second derivative reads
+//! Values are complex so that a pair of horizontal coordinates is one curve, which a multiplication turns about the
+//! vertical. Scalars use the real part. With slopes s at the knots, continuity of the second derivative requires
 //!
 //! ```text
 //! s_{i-1} + 4 s_i + s_{i+1} = 3 (v_{i+1} − v_{i-1}) / h
 //! ```
 //!
-//! A periodic curve ends where its next period begins, v(t + H) = turn · v(t) + shift with |turn| = 1,
-//! and its two derivatives meet there too, turned alike. Tested against cubics, sines and their own
-//! derivatives.
+//! A periodic curve continues with its next period, v(t + H) = turn · v(t) + shift with |turn| = 1, and so do its two
+//! derivatives, turned likewise. Tests compare it with cubics, sines and their derivatives.
 
 use nalgebra::Complex;
 
@@ -34,8 +32,7 @@ pub struct Spline {
 }
 
 impl Spline {
-    /// The curve through one period of `values`, at least three, that continues as
-    /// v(t + H) = `turn` · v(t) + `shift`.
+    /// Spline through one period of `values`, at least three, that continues as v(t + H) = `turn` · v(t) + `shift`.
     pub fn periodic(
         spacing: f64,
         values: &[Complex<f64>],
@@ -57,7 +54,7 @@ impl Spline {
         Self { spacing, values: knots, slopes }
     }
 
-    /// The curve through `values`, at least two, with given slopes at its ends.
+    /// Spline through `values`, at least two, with given slopes at its ends.
     pub fn clamped(
         spacing: f64,
         values: &[Complex<f64>],
@@ -79,7 +76,8 @@ impl Spline {
         Self { spacing, values: values.to_vec(), slopes }
     }
 
-    /// Value and derivatives `time` after the first knot; beyond the ends the slope there goes on.
+    /// Value and derivatives at `time` after the first knot, s; beyond the ends the curve continues with the slope
+    /// there.
     pub fn at(&self, time: f64) -> Jet {
         let h = self.spacing;
         let last_interval = self.values.len() - 2;
@@ -171,7 +169,7 @@ mod tests {
 
     /// Largest jump of value, rate and acceleration over the inner knots.
     fn worst_jump(spline: &Spline, intervals: usize, h: f64) -> f64 {
-        // The cubic left of a knot is evaluated at the knot by asking just before it.
+        // The cubic left of a knot is evaluated just before the knot.
         let before = 1.0 - 1e-12;
         (1..intervals)
             .map(|i| {

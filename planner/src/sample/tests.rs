@@ -8,7 +8,7 @@ fn plans() -> [Plan; 3] {
     [test_plans::start_stop(), test_plans::cruise(), test_plans::cruise_middle()]
 }
 
-/// Largest difference of two samples over positions, angles, forces and wheel axes.
+/// Largest difference between two samples in positions, angles, forces and wheel axes.
 fn distance(a: &Sample, b: &Sample) -> f64 {
     let numbers = |s: &Sample| {
         let mut all = [s.base_position_m, s.base_yaw_pitch_roll_rad, s.com_m].concat();
@@ -100,7 +100,7 @@ fn a_periodic_motion_goes_on_across_its_seam() {
 
 #[test]
 fn a_turning_motion_goes_round_a_circle() {
-    // The whole cruise bent onto a circle: samples turned in proportion to time.
+    // The whole cruise is bent into a circle: samples are turned in proportion to time.
     let mut plan = test_plans::cruise();
     let radius = 0.8;
     let psi = 0.9;
@@ -145,7 +145,7 @@ fn a_turning_motion_goes_round_a_circle() {
 
 #[test]
 fn a_prescribed_motion_takes_its_end_speeds_from_the_samples_around() {
-    // The same cruise, once whole and once cut out with prescribed ends.
+    // The same cruise, once whole, once a part of it with prescribed ends.
     let (whole, part) =
         (PlanSpline::new(&test_plans::cruise()), PlanSpline::new(&test_plans::cruise_middle()));
     for k in 0..=60 {
@@ -154,8 +154,8 @@ fn a_prescribed_motion_takes_its_end_speeds_from_the_samples_around() {
         // Leg sine of 0.2 rad at 5.2 rad/s: a cubic's slope errs by about h³/24·0.2·5.2⁴ = 8e-4.
         assert!((a.joint_rad[0] - b.joint_rad[0]).abs() < 2e-5, "{t}");
         assert!((a.joint_speed_rad_s[0] - b.joint_speed_rad_s[0]).abs() < 2e-3, "{t}");
-        // The wheel's speed outside is the mean over an interval on which the leg, 4 wheel radii
-        // long, turns evenly at 0.8 rad/s: it errs by h/2·4·0.8²·sin(leg) = 3e-2.
+        // The wheel's speed outside is the mean over an interval on which the leg, 4 wheel radii long, turns evenly
+        // at 0.8 rad/s: its error is h/2·4·0.8²·sin(leg) = 3e-2.
         assert!((a.motor_speed_rad_s[0] - b.motor_speed_rad_s[0]).abs() < 4e-2, "{t}");
     }
 }
@@ -190,7 +190,7 @@ fn welded_wheels_spin_with_their_links() {
     plan.robot.end_effectors[1].contact = Contact::WeldedWheel { axis_in_link };
     let spline = PlanSpline::new(&plan);
     for k in 0..50 {
-        // The box neither tilts nor yaws: the wheel turns as its leg does. Rounding only.
+        // The box neither tilts nor yaws: the wheel turns as its leg does. The bound allows for rounding only.
         let time_s = 0.0237 * f64::from(k);
         let spin = spline.sample(time_s).end_effectors[1].wheel_speed_rad_s;
         let leg = spline.setpoints(time_s).joint_speed_rad_s[1];
@@ -214,7 +214,7 @@ fn the_spin_of_a_welded_wheel_leaves_out_the_yaw_of_its_axis() {
     let spline = PlanSpline::new(&plan);
     for k in 0..20 {
         let time_s = 0.0537 * f64::from(k);
-        // Ry(φ) (0, 0.8, 0.6): heading and height of the axis, and how they move with the leg.
+        // Ry(φ) (0, 0.8, 0.6): heading and elevation of the axis, and their change with the leg's angle.
         let (sin, cos) = spline.sample(time_s).joint_rad[1].sin_cos();
         let leg = spline.setpoints(time_s).joint_speed_rad_s[1];
         let yaw_rate = -0.6 * cos * leg * 0.8 / ((0.6 * sin).powi(2) + 0.64);

@@ -1,8 +1,8 @@
 //! Second derivatives of the rows: Σ slope·∇²r, the part of the Hessian that Gauss-Newton leaves out.
 //!
-//! By forward differences of the exact gradient Σ slope·∇r at fixed slopes. A row couples few slots, so
-//! slots whose neighbourhoods do not meet are moved together: the number of evaluations grows with
-//! the variables of a sample, not with the samples.
+//! They are forward differences of the exact gradient Σ slope·∇r at fixed slopes. A row couples few slots, so slots
+//! without a common row are moved together: the number of evaluations grows with the variables of a sample, not with
+//! the number of samples.
 
 use super::normal::{NormalEquations, row_energy};
 use crate::families::{Family, FamilySet};
@@ -11,10 +11,10 @@ use crate::formulation::rows::Rows;
 use crate::problem::Unknowns;
 use std::collections::BTreeSet;
 
-/// Length of the differences in scaled variables: truncation and rounding both stay below 1e-5.
+/// Length of the differences in scaled variables; truncation and rounding errors are both below 1e-5.
 const STEP: f64 = 1e-6;
 
-/// Columns that are moved together, and whether they belong to q.
+/// Columns that are moved together, and whether they are those of q.
 struct Group {
     columns: Vec<usize>,
     of_q: bool,
@@ -26,10 +26,10 @@ pub struct Curvature {
 }
 
 impl Curvature {
-    /// Finds the groups from the pattern of the rows.
+    /// Determines the groups from the pattern of the rows.
     pub fn new(system: &System<'_>, rows: &Rows) -> Self {
         let columns = system.columns();
-        // The placement counts as one more slot.
+        // The placement is treated as one more slot.
         let slots = columns.of_slot.len();
         let mut slot_of = vec![slots; columns.count];
         for (slot, variables) in columns.of_slot.iter().enumerate() {
@@ -65,8 +65,8 @@ impl Curvature {
         Self { groups }
     }
 
-    /// Adds the second derivatives to the normal equations. `filtered` leaves out those of the
-    /// consistency constraints with respect to q (Eq. 2.19).
+    /// Adds the second derivatives to the normal equations. `filtered` omits those of the consistency constraints
+    /// with respect to q (Eq. 2.19).
     pub fn add(
         &self,
         system: &System<'_>,

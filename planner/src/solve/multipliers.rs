@@ -1,4 +1,4 @@
-//! Multipliers of a solve: carried from a neighbouring one, or estimated where there are none.
+//! Multipliers of a solve: taken over from a neighbouring one, or estimated.
 
 use super::normal::{NormalEquations, row_energy};
 use crate::families::Family;
@@ -9,20 +9,20 @@ use crate::formulation::rows::{Role, Row, Rows};
 pub struct Multipliers {
     /// The shift of every row.
     shifts: Vec<f64>,
-    /// The families that the rows belong to: what makes two patterns of rows the same.
+    /// Families of the rows, by which two patterns of rows are compared.
     families: Vec<Family>,
     /// Penalty to which the shifts belong.
     penalty: f64,
 }
 
 impl Multipliers {
-    /// The multipliers of rows in their order.
+    /// Multipliers of rows in their order.
     pub(super) fn of(rows: &Rows, shifts: Vec<f64>, penalty: f64) -> Self {
         Self { shifts, families: rows.rows.iter().map(|row| row.family).collect(), penalty }
     }
 
-    /// Shifts for other rows and another penalty, if the rows have the same pattern. What a multiplier
-    /// pushes with is penalty × shift.
+    /// Shifts for other rows and another penalty, if the rows have the same pattern. The force of a multiplier is
+    /// penalty × shift.
     pub(super) fn carried(&self, rows: &Rows, penalty: f64) -> Option<Vec<f64>> {
         let same = self.families.iter().eq(rows.rows.iter().map(|row| &row.family));
         let scale = self.penalty / penalty;
@@ -30,7 +30,7 @@ impl Multipliers {
     }
 }
 
-/// The shift that replaces `shift` when the row's residual is `value`.
+/// Shift that replaces `shift` when the row's residual is `value`.
 pub(super) fn first_order_shift(row: &Row, value: f64, shift: f64) -> f64 {
     match row.role {
         Role::Equality => value + shift,
@@ -39,9 +39,9 @@ pub(super) fn first_order_shift(row: &Row, value: f64, shift: f64) -> f64 {
     }
 }
 
-/// Shifts that a Gauss-Newton step from here would lead to: the linearised rows at its end, as the method of
-/// multipliers takes them. Near an optimum that is all but exact, so that a plan without multipliers need
-/// not first move away from its constraints to find them.
+/// Estimates shifts from the linearised rows at the end of a Gauss-Newton step, by the update of the method of
+/// multipliers. Near an optimum the estimate is nearly exact, so that a plan without multipliers need not first move
+/// away from its constraints to find them.
 pub(super) fn estimate(
     rows: &Rows,
     normal: &mut NormalEquations,

@@ -12,15 +12,14 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 
-/// The matrix JᵀWJ in a fixed sparse pattern (lower triangle, columns), with everything that is
-/// worked out once per problem: where each product of two derivatives of a row goes, and the symbolic
-/// factorisation.
+/// The matrix JᵀWJ in a fixed sparse pattern (lower triangle by columns), with all that is computed once per problem:
+/// the position of each product of two derivatives of a row, and the symbolic factorisation.
 pub struct NormalEquations {
     pattern: SymbolicSparseColMat<usize>,
     symbolic: SymbolicCholesky<usize>,
     values: Vec<f64>,
     damped: Vec<f64>,
-    /// Values of the factor and scratch memory: every factorisation takes the same.
+    /// Values of the factor and scratch memory, used by every factorisation.
     factor: Vec<f64>,
     scratch: MemBuffer,
     diagonal: Vec<usize>,
@@ -45,8 +44,7 @@ pub fn row_energy(row: &Row, shift: f64, penalty: f64) -> [f64; 3] {
 }
 
 impl NormalEquations {
-    /// Analyses the pattern of the rows, which must stay the same from then on. `columns` is the
-    /// number of unknowns.
+    /// Analyses the pattern of the rows, which must stay the same afterwards. `columns` is the number of unknowns.
     pub fn new(rows: &Rows, columns: usize) -> Self {
         let (starts, row_index, targets) = products(rows, columns);
         let diagonal = starts[..columns].to_vec();
@@ -57,7 +55,7 @@ impl NormalEquations {
             Side::Lower,
             SymmetricOrdering::Amd,
             CholeskySymbolicParams {
-                // The blocks of a sample are dense: even for small robots twice as fast.
+                // The blocks of a sample are dense: supernodal factorisation is twice as fast even for small robots.
                 supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
                 ..CholeskySymbolicParams::default()
             },
@@ -108,7 +106,7 @@ impl NormalEquations {
         }
     }
 
-    /// Adds to the entries of a column, on and below the diagonal, those of a dense vector.
+    /// Adds a dense vector to the entries of a column on and below the diagonal.
     pub fn add_to_column(&mut self, column: usize, dense: &[f64]) {
         let range = self.pattern.col_range(column);
         let lines = &self.pattern.row_idx()[range.clone()];
@@ -152,11 +150,11 @@ impl NormalEquations {
         step.iter().all(|x| x.is_finite()).then_some(step)
     }
 
-    /// What to add to `step`, the last one, because rows are curved: with `there` the rows at its end, the
-    /// step that undoes what their values differ from the linearised ones of `here`.
+    /// Second-order correction of the last `step`. `there` are the rows at its end; the correction removes their
+    /// deviation from the linearised rows of `here`.
     ///
-    /// Along a curved constraint a straight step leaves it by the square of its length, and a high penalty
-    /// then allows only short steps (the Maratos effect). Costs a solve with the factor at hand.
+    /// A straight step departs from a curved constraint by the square of its length, so that a high penalty allows
+    /// only short steps (the Maratos effect). The correction costs one solve with the present factor.
     pub fn bend(
         &mut self,
         here: &Rows,
@@ -179,7 +177,7 @@ impl NormalEquations {
         self.solve_factored(&gradient)
     }
 
-    /// Energy decrease that the quadratic model with this damping promises for a step.
+    /// Energy decrease that the quadratic model with this damping predicts for a step.
     pub fn promised_decrease(&self, step: &[f64], damping: f64) -> f64 {
         // −gᵀd − ½ dᵀHd with (H + λ)d = −g gives ½ (λ dᵀd − gᵀd).
         let (mut gd, mut dd) = (0.0, 0.0);
@@ -191,10 +189,10 @@ impl NormalEquations {
     }
 }
 
-/// The lower triangle of JᵀJ by columns (starts and row indices), and for each row of J, in order, the
-/// place in it of each product of two of the row's entries.
+/// Lower triangle of JᵀJ by columns (starts and row indices), and for each row of J, in order, the position of each
+/// product of two of the row's entries.
 fn products(rows: &Rows, columns: usize) -> (Vec<usize>, Vec<usize>, Vec<u32>) {
-    // The rows that each column is in, and as which of their entries.
+    // Rows with an entry in each column, and the index of that entry in the row.
     let mut users: Vec<Vec<(u32, u32)>> = vec![Vec::new(); columns];
     let mut first_target = Vec::with_capacity(rows.rows.len());
     let mut count = 0;
@@ -209,12 +207,12 @@ fn products(rows: &Rows, columns: usize) -> (Vec<usize>, Vec<usize>, Vec<u32>) {
     let mut targets = vec![0; count];
     let mut starts = vec![0];
     let mut row_index = Vec::new();
-    // Which column last took each line, and where it put it.
+    // Column that last contained each line, and the position there.
     let mut taken_by = vec![usize::MAX; columns];
     let mut place = vec![0; columns];
     for (column, users) in users.iter().enumerate() {
         let start = row_index.len();
-        // Every column has its diagonal, which damping adds to.
+        // Every column has a diagonal entry, to which damping is added.
         taken_by[column] = column;
         row_index.push(column);
         for &(row, _) in users {

@@ -1,11 +1,11 @@
 //! The thesis's methods, for comparison: a penalty on every constraint instead of multipliers, minimised
 //! by Newton's method (sec. 2.4.2, 2.4.3) or L-BFGS with a backtracking line search.
 //!
-//! Constraints weigh 10 000, functional and choreography objectives 50; those are constraints all the same
-//! when it comes to whether a plan does what was asked. The centre of mass is eliminated, so that Eq. 2.11
-//! has no second derivatives to filter. A Hessian that is not positive definite is regularised
-//! dynamically: the damping grows until it is. L-BFGS is our own two-loop recursion: it shares line
-//! search, stop tests and interruption with Newton's method, and reads no clock.
+//! Constraints weigh 10 000, functional and choreography objectives 50; whether a plan meets its request is decided
+//! with both as constraints. The centre of mass is eliminated, so Eq. 2.11 has no second derivatives to filter. A
+//! Hessian that is not positive definite is regularised dynamically: the damping grows until the sum is. L-BFGS is
+//! our own two-loop recursion: it shares line search, stop tests and interruption with Newton's method, and reads no
+//! clock.
 
 use super::curvature::Curvature;
 use super::normal::NormalEquations;
@@ -20,9 +20,9 @@ use std::ops::ControlFlow;
 
 /// Penalty of every constraint.
 pub const PENALTY: f64 = 10_000.0;
-/// Weight of what the thesis calls functional objectives, and of its choreography objectives.
+/// Weight of the thesis's functional objectives and of its choreography objectives.
 const OBJECTIVE: f64 = 50.0;
-/// What has that weight. Bounds on heights are inequalities and weigh like those.
+/// Families with the weight of objectives. Height limits are inequalities and have the weight of inequalities.
 const OBJECTIVES: FamilySet = FamilySet::of(&[
     Family::DisplacementGoal,
     Family::TurningGoal,
@@ -30,7 +30,8 @@ const OBJECTIVES: FamilySet = FamilySet::of(&[
     Family::TargetVelocity,
     Family::TargetHeading,
 ]);
-/// Relative decrease of the energy below which an iteration counts as flat, and how many end the solve.
+/// Relative decrease of the energy below which an iteration is flat; and the count of flat iterations that ends the
+/// solve.
 const FLAT: f64 = 1e-8;
 const FLAT_ITERATIONS: usize = 3;
 /// Pairs of steps and gradient changes that L-BFGS keeps.
@@ -40,7 +41,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Rows in which functional objectives are costs.
+/// Evaluates the rows, with functional objectives as costs.
 fn evaluate(system: &System<'_>, unknowns: &Unknowns, reuse: Rows) -> Rows {
     let mut rows = system.rows(unknowns, reuse);
     for row in rows.rows.iter_mut().filter(|row| is_objective(row)) {
@@ -53,7 +54,7 @@ fn is_objective(row: &Row) -> bool {
     OBJECTIVES.contains(row.family)
 }
 
-/// The worst of constraints and objectives: its row and its residual over its credible level.
+/// Row with the worst residual among constraints and objectives, and that residual over its credible level.
 fn worst(rows: &Rows) -> (usize, f64) {
     let objectives = rows.rows.iter().enumerate().filter(|(_, row)| is_objective(row));
     objectives
@@ -61,7 +62,7 @@ fn worst(rows: &Rows) -> (usize, f64) {
         .fold(super::worst(rows), |worst, this| if this.1 > worst.1 { this } else { worst })
 }
 
-/// The L-BFGS direction: minus the gradient through the two-loop recursion over (step, change) pairs.
+/// L-BFGS direction: minus the gradient through the two-loop recursion over (step, change) pairs.
 fn quasi_newton(gradient: &[f64], pairs: &VecDeque<(Vec<f64>, Vec<f64>)>) -> Vec<f64> {
     let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();
     let add = |scale: f64, to: &mut Vec<f64>, v: &[f64]| {
@@ -214,7 +215,7 @@ mod tests {
                     continue;
                 }
                 let name = family.name();
-                // Far in the forbidden, ψ is a square and a constant that is nothing beside it.
+                // Far beyond its limit, ψ is a square plus a negligible constant.
                 let found = rows.rows[index].value;
                 rows.rows[index].value = 1e9;
                 let weight = row_energy(&rows.rows[index], 0.0, PENALTY)[0] / 1e18;

@@ -1,21 +1,21 @@
-//! Where a solve stands: energy, cost and the worst constraint.
+//! Progress of a solve: energy, cost and the worst constraint.
 
 use super::normal::row_energy;
 use crate::families::Family;
 use crate::formulation::rows::{Role, Row, Rows};
 
-/// Where a solve stands; passed to the caller after every iteration.
+/// Progress of a solve, passed to the caller after every iteration.
 #[derive(Clone, Debug)]
 pub struct Progress {
     /// Iterations so far.
     pub iteration: usize,
     /// Energy E(m).
     pub energy: f64,
-    /// Part of the energy that is cost rather than constraint.
+    /// Share of the costs in the energy.
     pub cost: f64,
-    /// Worst constraint as a fraction of its credible level.
+    /// Worst constraint residual as a fraction of its credible level.
     pub worst_level: f64,
-    /// Its family.
+    /// Family of the worst constraint.
     pub worst_constraint: Family,
     /// Damping λ.
     pub damping: f64,
@@ -24,7 +24,8 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Progress at a point with these rows and energy; the worst constraint is the `worst` row.
+    /// Progress at a point with these rows and this energy. `worst` is the index of the worst constraint row and its
+    /// residual over its credible level.
     pub fn at(rows: &Rows, worst: (usize, f64), energy: f64, penalty: f64) -> Self {
         let costs = rows.rows.iter().filter(|row| matches!(row.role, Role::Cost { .. }));
         Self {
@@ -39,7 +40,7 @@ impl Progress {
     }
 }
 
-/// The worst constraint row: its index and its residual over its credible level.
+/// Index of the worst constraint row, and its residual over its credible level.
 pub fn worst(rows: &Rows) -> (usize, f64) {
     let level = |row: &Row| match row.role {
         Role::Equality => row.value.abs() * row.scale / row.level,

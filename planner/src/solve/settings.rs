@@ -1,6 +1,6 @@
-//! What a caller can choose about a solve: the method, and when it stops.
+//! Settings of a solve: the method, and when it stops.
 
-/// How the energy is minimised.
+/// Method of minimising the energy.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
     /// Gauss-Newton on every row, with multipliers.
@@ -15,18 +15,18 @@ pub enum Method {
     Lbfgs,
 }
 
-/// When to stop and how to step. The defaults suit every shipped motion.
+/// Stop criteria and step control. The defaults suit every shipped motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// How the energy is minimised. The fields below other than `iterations` are for Gauss-Newton.
+    /// Method of minimising the energy. Fields other than `iterations` apply to Gauss-Newton only.
     pub method: Method,
-    /// Most iterations.
+    /// Iteration limit.
     pub iterations: usize,
-    /// Worst constraint, as a fraction of its credible level, at which a plan is good enough.
+    /// Constraint residual, as a fraction of its credible level, at which a plan is accepted.
     pub target_level: f64,
     /// Relative energy decrease of a step below which multipliers are shifted.
     pub nearly_flat: f64,
-    /// Relative energy decrease of a step below which, when constraints hold, the solve ends.
+    /// Relative energy decrease of a step below which the solve ends if the constraints hold.
     pub flat: f64,
 }
 

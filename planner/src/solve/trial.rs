@@ -1,9 +1,8 @@
-//! Where a step leads, and the bend that keeps it on curved constraints.
+//! Trial steps with their second-order correction, which keeps them on curved constraints.
 //!
-//! Along a curved constraint a straight step leaves it by the square of its length. With a penalty that
-//! raises the energy although the step is a good one (the Maratos effect), and damping would answer with
-//! many short steps. A second-order correction costs one evaluation and a solve with the factor at
-//! hand: cheaper than another factorisation.
+//! A straight step departs from a curved constraint by the square of its length. With a penalty this raises the
+//! energy even of a good step (the Maratos effect), to which damping would respond with many short steps. A
+//! second-order correction costs one evaluation and a solve with the present factor, less than another factorisation.
 
 use super::Point;
 use super::normal::NormalEquations;
@@ -11,29 +10,29 @@ use crate::formulation::System;
 use crate::formulation::rows::Rows;
 use crate::problem::Unknowns;
 
-/// Part of the promised decrease below which a step is bent. A straight one that keeps half its promise
-/// is not worth another evaluation.
+/// Fraction of the predicted decrease below which a step is corrected. A straight step that achieves half of it is
+/// not worth another evaluation.
 const BEND_BELOW: f64 = 0.25;
 
 /// A step with the point at its end.
 pub(super) struct Trial {
-    /// Scaled variables.
+    /// The step in scaled variables.
     pub step: Vec<f64>,
     pub point: Point,
     pub energy: f64,
 }
 
-/// What trials of one solve have in common.
+/// Data shared by the trials of one solve.
 pub(super) struct Trials<'a> {
     pub system: &'a System<'a>,
-    /// Rows of earlier trials, for their memory.
+    /// Rows of earlier trials, whose memory is reused.
     pub spare: Vec<Rows>,
 }
 
 impl Trials<'_> {
-    /// Takes the damped Gauss-Newton step from a point with this energy, bent if it keeps too
-    /// little of its promise and the bend helps; also returns how much of it is kept. `None` if the
-    /// matrix with this damping is not positive definite.
+    /// Takes the damped Gauss-Newton step from a point with this energy, corrected if it achieves too little of the
+    /// predicted decrease and the correction helps. Also returns the fraction achieved. `None` if the matrix with
+    /// this damping is not positive definite.
     pub fn take(
         &mut self,
         normal: &mut NormalEquations,
@@ -49,7 +48,7 @@ impl Trials<'_> {
         let kept = |trial: &Trial| (energy - trial.energy) / promised;
         if kept(&best) < BEND_BELOW {
             let bend = normal.bend(&from.rows, &best.point.rows, shifts, penalty, &best.step);
-            // A bend longer than the step says that the rows are too curved to tell.
+            // A correction longer than the step shows that the rows are too curved for it to be valid.
             if let Some(bend) = bend.filter(|bend| squares(bend) <= squares(&best.step)) {
                 let step = best.step.iter().zip(&bend).map(|(step, bend)| step + bend).collect();
                 let mut other = self.attempt(&from.unknowns, shifts, step);
@@ -98,7 +97,7 @@ mod tests {
             let shifts = vec![0.0; here.rows.len()];
             let mut normal = NormalEquations::new(&here, system.columns().count);
             normal.assemble(&here, &shifts, penalty);
-            // Damped so that the step is short enough for squares to say what happens.
+            // Damped so that the step is short enough for a second-order model.
             let step = normal.step(10.0 * penalty).unwrap();
             let straight = trials.attempt(&from, &shifts, step.clone());
             let bend = normal.bend(&here, &straight.point.rows, &shifts, penalty, &step).unwrap();

@@ -1,4 +1,4 @@
-//! Starting points: standing, carried along the way to the goal.
+//! Standing start, moved evenly towards the goal.
 
 use crate::plan::Placement;
 use crate::problem::state::tilt_and_yaw;
@@ -7,8 +7,8 @@ use crate::problem::{Problem, Unknowns};
 use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, Model};
 
-/// Sets the variables that follow from `q` by forward kinematics: contact points, wheel angles.
-/// Yaws stay near those already in `vars`.
+/// Sets the variables that follow from `q` by forward kinematics: contact points and wheel angles. Yaws are unwrapped
+/// to stay near those in `vars`.
 pub fn follow_kinematics(model: &Model, layout: &Layout, vars: &mut DVector<f64>) {
     let pose = model.pose(&vars.rows(0, layout.dofs).into_owned());
     for (j, ee) in layout.end_effectors.iter().enumerate() {
@@ -28,7 +28,7 @@ pub fn follow_kinematics(model: &Model, layout: &Layout, vars: &mut DVector<f64>
     }
 }
 
-/// The robot standing at the origin, its weight shared evenly.
+/// The robot standing at the origin with its weight shared evenly.
 pub fn standing(problem: &Problem) -> DVector<f64> {
     let layout = &problem.layout;
     let mut vars = DVector::zeros(layout.len);
@@ -40,7 +40,7 @@ pub fn standing(problem: &Problem) -> DVector<f64> {
     vars
 }
 
-/// Where the goal lies; what it leaves free stays.
+/// Placement of the goal, with 0 for components that the goal leaves free.
 pub fn goal_placement(problem: &Problem) -> Placement {
     let goal = &problem.goal;
     Placement {
@@ -49,7 +49,7 @@ pub fn goal_placement(problem: &Problem) -> Placement {
     }
 }
 
-/// Standing all the way, moved and turned evenly towards the goal.
+/// Standing at all samples, moved and turned evenly towards the goal.
 pub fn from_standing(problem: &Problem) -> Unknowns {
     let stand = standing(problem);
     let placement = goal_placement(problem);
@@ -83,7 +83,7 @@ pub fn from_standing(problem: &Problem) -> Unknowns {
     Unknowns { slots, placement }
 }
 
-/// Spreads the weight evenly over the feet in stance.
+/// Shares the weight evenly among the feet in stance.
 pub(crate) fn share_weight(problem: &Problem, timeline_sample: usize, vars: &mut DVector<f64>) {
     let stance = &problem.stance[timeline_sample];
     let standing = stance.iter().filter(|&&c| c).count().max(1);

@@ -1,18 +1,17 @@
-//! Motions with half the samples, whose plans are starts.
+//! Motions with half the samples, whose plans serve as starts.
 //!
-//! A stroke of skates or a swizzle is found in few samples; in many, steps from standing are too short to
-//! find it, because every sample pulls on its neighbours. Played at twice the samples the coarse plan is
-//! nearly feasible, and a few Gauss-Newton steps are left to do.
+//! With few samples the solver finds a stroke of skates or a swizzle; with many, its steps from standing are too
+//! short for that, because every sample pulls on its neighbours. Resampled to twice the samples the coarse plan is
+//! nearly feasible, and a few Gauss-Newton steps complete the solve.
 
 use crate::motion::{Ends, Motion, Subject};
 
-/// Samples that are few enough to start at.
+/// Sample count up to which a motion is not halved.
 const FEW: usize = 32;
-/// Samples that a swing keeps at least.
+/// Fewest samples of a swing.
 const LEAST_SWING: usize = 3;
 
-/// The motion with half the samples; `None` where they are few already, or where its footfalls would not
-/// survive it.
+/// The motion with half the samples; `None` if they are few already, or if its footfalls would change.
 pub fn halved(motion: &Motion) -> Option<Motion> {
     let samples = motion.stance.len();
     if samples <= FEW || motion.ends == Ends::Prescribed {
@@ -28,16 +27,16 @@ pub fn halved(motion: &Motion) -> Option<Motion> {
     let stance: Vec<Vec<bool>> = (0..count).map(|i| motion.stance[fine(i)].clone()).collect();
     let feet = 0..motion.stance[0].len();
     let swings_last = feet.clone().all(|j| shortest_swing(&stance, j) >= LEAST_SWING);
-    // The same number of swings: none lost, none merged with the next.
+    // The count of swings stays the same: none is lost, none merged with the next.
     let as_many = feet.clone().all(|j| swings(&stance, j) == swings(&motion.stance, j));
-    // The height of a swing may be a target's: it has to stay within its swing.
+    // A target that sets the height of a swing has to stay within that swing.
     let shaped = motion.targets.iter().any(|target| {
         matches!(target.of, Subject::EndEffector(_)) && target.position_m[2].is_some()
     });
     (swings_last && as_many && !shaped).then(|| Motion { stance, ..motion.clone() })
 }
 
-/// Lengths of the runs of samples in which foot `j` swings, not joined over the ends.
+/// Lengths of the swings of foot `j`, in samples, where a swing across the end of the period counts as two.
 fn swing_lengths(stance: &[Vec<bool>], j: usize) -> Vec<usize> {
     let flags: Vec<bool> = stance.iter().map(|feet| feet[j]).collect();
     flags.split(|&stands| stands).map(<[bool]>::len).filter(|&length| length > 0).collect()
@@ -79,7 +78,7 @@ mod tests {
     #[test]
     fn short_swings_are_not_halved() {
         assert!(halved(&walking("######...###############################")).is_none());
-        // Every other sample misses the only one of stance between two swings.
+        // Every other sample misses the single sample of stance between two swings.
         assert!(halved(&walking("#######........#........################")).is_none());
     }
 }

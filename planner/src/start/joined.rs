@@ -1,4 +1,4 @@
-//! The start of a transition: a cubic between the two motions that it joins.
+//! Start of a transition: a cubic between the two motions that it joins.
 
 use super::guess;
 use crate::plan::Placement;
@@ -7,7 +7,7 @@ use crate::problem::{Problem, Unknowns};
 use nalgebra::DVector;
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW};
 
-/// The start of a transition: a cubic between the ends that leaves and arrives with their velocities.
+/// The start of a transition: a cubic between the ends, with their velocities there.
 pub fn joined(problem: &Problem, fixed: [DVector<f64>; 4]) -> Unknowns {
     let [start, end, before, after] = fixed;
     let last = problem.samples - 1;
@@ -16,7 +16,7 @@ pub fn joined(problem: &Problem, fixed: [DVector<f64>; 4]) -> Unknowns {
     let dofs = problem.layout.dofs;
     let velocity_in = (start.rows(0, dofs) - before.rows(0, dofs)) / h;
     let velocity_out = (after.rows(0, dofs) - end.rows(0, dofs)) / h;
-    // Where the end would lie if the velocity went evenly from the one to the other.
+    // Placement of the end for a velocity that changes evenly from the first to the last.
     let mean = |k: usize| 0.5 * (velocity_in[k] + velocity_out[k]) * duration_s;
     let placement = Placement {
         offset_m: [mean(BASE_POSITION), mean(BASE_POSITION + 1)],

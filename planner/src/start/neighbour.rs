@@ -1,8 +1,8 @@
-//! Starting from another plan: its motion played at the new problem's samples.
+//! Start from another plan: its motion, evaluated at the new problem's samples.
 //!
-//! The motions may differ in duration, sample count, footfalls and goal. Time is stretched from one
-//! duration to the other and the start moved to where the anchor wants it. If the robot was edited contact
-//! points and wheel angles follow from the pose again; where the footfalls disagree the weight is shared anew.
+//! The motions may differ in duration, sample count, footfalls and goal. Time is stretched from one duration to the
+//! other, and the start is moved to where the anchor term requires it. If the robot was edited, contact points and
+//! wheel angles are computed from the pose again; where the footfalls differ, the weight is shared anew.
 
 use super::guess;
 use crate::plan::{Placement, Plan, Sample};
@@ -11,10 +11,10 @@ use crate::problem::{Problem, Unknowns};
 use crate::sample::resample;
 use nalgebra::DVector;
 
-/// The unknowns of `problem` as near to `previous` as they can be.
+/// Unknowns of `problem` that are closest to the plan `previous`.
 ///
-/// Both motions have the same kind of ends, both robots as many joints and end effectors of the same
-/// kinds.
+/// Both motions must have the same kind of ends, and both robots the same numbers of joints and of end effectors, of
+/// the same kinds.
 pub fn neighbour(problem: &Problem, previous: &Plan) -> Unknowns {
     let duration_s = previous.motion.duration_s;
     let intervals = (problem.last() - 1) as f64;
@@ -51,7 +51,7 @@ pub fn neighbour(problem: &Problem, previous: &Plan) -> Unknowns {
     Unknowns { slots, placement }
 }
 
-/// A placement as it acts on points given in the frame `origin`.
+/// The placement as it acts on points in the frame `origin`.
 fn seen_from(origin: &Placement, placement: &Placement) -> Placement {
     let [x, y] = origin.offset_m;
     let [x, y, _] = origin.inverse().point(placement.point([x, y, 0.0]));

@@ -1,16 +1,15 @@
-//! The warm start of sec. 3.3 (Table 3.1): learn to stand, then to sway, then to step in place.
+//! The warm start of sec. 3.3 (Table 3.1): standing first, then swaying, then stepping in place.
 //!
-//! | step | unknowns | terms | grows |
+//! | step | unknowns | terms | ramp |
 //! |---|---|---|---|
 //! | 1 | forces | dynamics, friction | |
 //! | 2 | forces, body | the same, and no force in swing | unloading of the feet in swing, over 100 problems |
 //! | 3 | joints, contact points, wheels | kinematics | swing heights, over 20 problems |
 //! | 4 | all | all, goals at zero | |
 //!
-//! Taken literally step 2 lets the body wander, since nothing ties it to the feet, and step 3 then cannot
-//! reach. Here the body is held near standing by the posture's pull unless [`WarmStart::literal`] asks
-//! otherwise. Step 3 differs from the thesis's in that the base stays where step 2 left it, not the
-//! centre of mass, which is no unknown of ours.
+//! In the thesis no term of step 2 ties the body to the feet: it drifts, and the limbs cannot reach the contact
+//! points in step 3. Here the posture term holds the body near standing unless [`WarmStart::literal`] is set. Step 3
+//! keeps the base where step 2 left it; the thesis keeps the centre of mass, which is no unknown of ours.
 
 use super::guess;
 use crate::families::{Family, FamilySet};
@@ -21,19 +20,19 @@ use crate::problem::{Problem, Unknowns};
 use nalgebra::Vector3;
 use rollwalk_multibody::euler::JOINTS;
 
-/// How the warm start goes.
+/// Options of the warm start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WarmStart {
-    /// Whether step 2 lets the body go where it likes, as the thesis has it.
+    /// Whether step 2 leaves the body free to drift, as in the thesis.
     pub literal: bool,
 }
 
 /// Problems of step 2 (thesis: N₁ = 100) and step 3 (N₂, not given).
 const UNLOADINGS: usize = 100;
 const HEIGHTS: usize = 20;
-/// Most iterations of each: the next problem is near.
+/// Iteration limit of each of them: one problem differs little from the next.
 const ITERATIONS_EACH: usize = 2;
-/// Most iterations of the first and the last step.
+/// Iteration limit of the first and the last step.
 const ITERATIONS: usize = 300;
 
 const STANDING: FamilySet = FamilySet::of(&[
@@ -59,10 +58,11 @@ const STEPPING: FamilySet = FamilySet::of(&[
     Family::WheelSmoothness,
 ]);
 
-/// Solves one problem of the warm start from the unknowns, in place: families, and most iterations.
+/// Solves one problem of the warm start with the selected families. Arguments: problem, selection, unknowns (replaced
+/// by the solution), iteration limit.
 pub(crate) type SolveStage<'a> = dyn FnMut(&Problem, &Selection, &mut Unknowns, usize) + 'a;
 
-/// A start for `problem`, by way of the problems that `solve` solves.
+/// Computes a start for `problem`; `solve` solves the intermediate problems.
 pub(crate) fn warm(problem: &Problem, how: WarmStart, solve: &mut SolveStage<'_>) -> Unknowns {
     let in_place = Problem { goal: Goal::default(), placement_free: false, ..problem.clone() };
     let mut unknowns = guess::from_standing(&in_place);
@@ -70,7 +70,7 @@ pub(crate) fn warm(problem: &Problem, how: WarmStart, solve: &mut SolveStage<'_>
     let mut standing = in_place.clone();
     standing.stance.iter_mut().flatten().for_each(|flag| *flag = true);
     free(&mut standing, Part::Forces);
-    // from_standing has shared the weight among the feet in stance; here all of them stand.
+    // `from_standing` shares the weight among the feet in stance; in this problem all feet stand.
     for slot in &mut unknowns.slots {
         for ee in &problem.layout.end_effectors {
             let share = Vector3::new(0.0, 0.0, problem.force_scale_n());
@@ -122,7 +122,7 @@ pub(crate) fn warm(problem: &Problem, how: WarmStart, solve: &mut SolveStage<'_>
     unknowns
 }
 
-/// Which unknowns of a sample a step moves.
+/// Unknowns of a sample that a step optimises; the others are frozen.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Part {
     Forces,

@@ -1,5 +1,5 @@
-//! The motion starts at the world's origin, heading along x: x₁ = y₁ = yaw₁ = 0 for the base. Three
-//! rows a motion, m and rad; without them every plan could be moved about the plane.
+//! Start of the motion at the world's origin, heading along x: x₁ = y₁ = yaw₁ = 0 for the base. Three rows per
+//! motion, m and rad; without them any plan could be shifted and turned in the ground plane.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};

@@ -1,7 +1,7 @@
-//! End effectors keep apart (Eq. 2.10): |eʲ − eᵏ| ≥ rʲ + rᵏ + β for every pair that is not mounted on
-//! one link. One inequality row a pair and sample, m.
+//! Clearance between end effectors (Eq. 2.10): |eʲ − eᵏ| ≥ rʲ + rᵏ + β for every pair that is not mounted on one
+//! link. One inequality row per pair and sample, m.
 //!
-//! Written with the distance instead of its square, so that the residual is a clearance in metres.
+//! The row contains the distance, not its square, so that the residual is a clearance in metres.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
@@ -34,7 +34,7 @@ impl Term for Collision {
                 );
                 let between = here.vector(p) - here.vector(q);
                 let distance = between.norm();
-                // Coinciding points have no direction: push them apart along y.
+                // Coinciding points have no direction between them: they are pushed apart along y.
                 let direction = between.try_normalize(1e-9).unwrap_or_else(nalgebra::Vector3::y);
                 out.d_vector(1, p, &-direction);
                 out.d_vector(1, q, &direction);

@@ -1,10 +1,10 @@
 //! Angular centroidal dynamics (Eq. 2.4), in body axes:
 //! Rᵀ Σ (e − x) × f − (I (w⁺ − w⁻)/h + w̄ × I w̄) = 0. Three rows a sample, N·m.
 //!
-//! w⁻ = log(R₋ᵀR)/h and w⁺ = log(RᵀR₊)/h are the body's angular velocities on the intervals before and
-//! after the sample, w̄ their mean. A rotation leaves its own axis alone, so the two read the same in
-//! the axes of either end: the difference is the angular acceleration in body axes, and the rows are
-//! the thesis's turned by Rᵀ.
+//! w⁻ = log(R₋ᵀR)/h and w⁺ = log(RᵀR₊)/h are the body's angular velocities on the intervals before and after the
+//! sample, w̄ is their mean. A rotation leaves its own axis unchanged, so each has the same components in the body
+//! axes at either end of its interval: their difference is the angular acceleration in body axes, and the rows are
+//! the thesis's, rotated by Rᵀ.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
@@ -17,8 +17,8 @@ use rollwalk_multibody::rotation;
 /// See the module.
 pub struct DynamicsAngular;
 
-/// Rotation vector of the turn from one sample to the next, in body axes, with its derivatives with
-/// respect to the yaw, pitch and roll of both.
+/// Rotation vector from one sample to the next, in body axes, with its derivatives with respect to yaw, pitch and
+/// roll of both.
 pub(super) fn body_turn(from: &State, to: &State) -> (Vector3<f64>, [Matrix3<f64>; 2]) {
     let phi = rotation::log(&(from.pose.world_from_body.transpose() * to.pose.world_from_body));
     let right = rotation::right_jacobian_inverse(&phi);
@@ -53,7 +53,7 @@ impl Term for DynamicsAngular {
         let momentum_rate = inertia * (w_out - w_in) / h + mean.cross(&(inertia * mean));
         let residual = body_from_world * moment - momentum_rate;
 
-        // ∂(w̄ × I w̄)/∂w̄ = [w̄]× I − [I w̄]×, and half of it for either interval.
+        // ∂(w̄ × I w̄)/∂w̄ = [w̄]× I − [I w̄]×, half of it for each interval.
         let gyroscopic =
             (rotation::skew(&mean) * inertia - rotation::skew(&(inertia * mean))) * 0.5;
         let d_w_in = (-inertia / h + gyroscopic) / h;

@@ -28,7 +28,7 @@ impl Term for DynamicsLinear {
         for c in 0..3 {
             for (k, weight) in [(0, -m_h2), (1, 2.0 * m_h2), (2, -m_h2)] {
                 for (dof, column) in window.states[k].pose.d_com.iter().enumerate() {
-                    // The base position moves the COM along itself only.
+                    // A coordinate of the base position moves the COM only along itself.
                     if dof >= 3 || dof == c {
                         out.d(k, dof, weight * column[c]);
                     }

@@ -1,8 +1,8 @@
 //! Coulomb friction and unilateral contact (Eq. 2.5), in stance: f_n ≥ f_min, |f_t| ≤ μ f_n.
 //! Two inequality rows an end effector and sample, N, in world (flat ground).
 //!
-//! |f_t| is rounded at its tip, √(f_x² + f_y² + δ²), which errs on the safe side by at most δ.
-//! Plans use a part of μ only and keep a least normal force: see [`crate::problem::Weights`].
+//! The tip of |f_t| is rounded, √(f_x² + f_y² + δ²); the error is at most δ, on the safe side.
+//! Plans use only a fraction of μ and keep a minimum normal force: see [`crate::problem::Weights`].
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};

@@ -1,15 +1,15 @@
-//! Functional objectives (sec. 2.4.1): displacement of the centre of mass, m, and change of heading,
-//! rad, over the motion. One row for each that the goal names.
+//! Functional objectives (sec. 2.4.1): displacement of the centre of mass, m, and change of heading, rad, over the
+//! motion. One row for each component of the goal.
 //!
-//! The thesis weights them (50) against the rest and undershoots by 0.1–3 %; as constraints they are
-//! met exactly at no cost.
+//! The thesis weights them by 50 against the other terms and falls short by 0.1–3 %; as constraints they are met
+//! exactly without additional effort.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use rollwalk_multibody::euler::BASE_YAW;
 
-/// Displacement along and to the left of the starting heading, which the anchor makes world x and y.
+/// Displacement along and to the left of the starting heading; the anchor makes these world x and y.
 pub struct Displacement;
 
 /// Change of heading.

@@ -1,5 +1,5 @@
-//! Heights of the body or the centre of mass that a motion keeps between over a span of time (sec. 3.5.2,
-//! ducking). One inequality row for each bound and sample, m.
+//! Height limits of the body or the centre of mass over a span of time (sec. 3.5.2, ducking). One inequality row for
+//! each bound and sample, m.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};

@@ -1,4 +1,4 @@
-//! Joint angles stay within their limits. Two inequality rows a joint and sample, rad.
+//! Limits of joint angles. Two inequality rows per joint and sample, rad.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};

@@ -1,4 +1,4 @@
-//! Joint speeds stay within their limits. Two inequality rows a joint and interval, rad/s.
+//! Limits of joint speeds. Two inequality rows per joint and interval, rad/s.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};

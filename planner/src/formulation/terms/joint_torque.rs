@@ -1,15 +1,14 @@
-//! Motors of joints stay within their torque. One inequality row a joint and sample, N·m: |τ| ≤ τ_max.
+//! Torque limits of joint motors. One inequality row per joint and sample, N·m: |τ| ≤ τ_max.
 //!
-//! The torque is quasi-static: what holds the planned ground forces and the weight of everything beyond
-//! the joint, without what accelerates the limb, which is small for light legs:
+//! The torque is quasi-static: it balances the planned ground forces and the weight of everything beyond the joint,
+//! but does not accelerate the limb, for which light legs need little torque:
 //!
 //! ```text
 //! τ = −w · [ Σ (e − o) × f + (x_c − o) × m_c g ]
 //! ```
 //!
-//! with w and o the axis and origin of the joint, e and f the contacts beyond it, m_c and x_c the mass
-//! that it carries and its centre. |τ| has a kink at 0, where the row is far from active: one row does
-//! for both signs.
+//! with w and o the axis and origin of the joint, e and f the contacts beyond it, m_c and x_c the mass that it
+//! carries and its centre. |τ| has a kink at 0, where the row is far from active, so one row covers both signs.
 
 use crate::families::{Family, GRAVITY_M_S2};
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
@@ -23,7 +22,7 @@ pub struct JointTorque;
 /// Half-width of the smoothing of Eq. 2.16, as a fraction of the limit.
 pub(super) const BAND_FRACTION: f64 = 0.05;
 
-/// Quasi-static torque of one joint at one sample, with what its derivative needs.
+/// Quasi-static torque of one joint at one sample, with the values that its derivative needs.
 pub(super) struct Torque<'w> {
     window: &'w Window<'w>,
     /// Sample of the window.
@@ -33,7 +32,7 @@ pub(super) struct Torque<'w> {
     pub value_nm: f64,
     axis: Vector3<f64>,
     origin: Vector3<f64>,
-    /// Moment about the origin of all that acts beyond the joint, N·m.
+    /// Moment about the origin of all forces beyond the joint, N·m.
     moment: Vector3<f64>,
     /// Sum of the ground forces beyond the joint, N.
     ground_force: Vector3<f64>,
@@ -42,7 +41,7 @@ pub(super) struct Torque<'w> {
 }
 
 impl<'w> Torque<'w> {
-    /// Of joint `joint` at sample `k` of the window. Feet in swing carry no force.
+    /// Computes the torque of joint `joint` at sample `k` of the window. Feet in swing carry no force.
     pub fn new(window: &'w Window<'w>, k: usize, joint: usize) -> Self {
         let model = &window.problem.model;
         let state = window.states[k];
@@ -63,7 +62,7 @@ impl<'w> Torque<'w> {
         Self { window, k, joint, value_nm, axis, origin, moment, ground_force, weight_arm }
     }
 
-    /// Writes `factor` times the derivative of the torque into the next row.
+    /// Adds `factor` times the derivative of the torque to the next row.
     pub fn differentiate(&self, factor: f64, out: &mut RowWriter) {
         let Self { window, k, axis, origin, ground_force, weight_arm, .. } = self;
         let k = *k;
@@ -78,10 +77,10 @@ impl<'w> Torque<'w> {
             out.d_vector(k, vars.force, &(arm.cross(axis) * factor));
             out.d_vector(k, vars.position, &(axis.cross(&state.vector(vars.force)) * factor));
         }
-        // Contact points are variables of their own: moving the joint changes their arms.
+        // Contact points are separate variables: moving the joint's origin changes their lever arms.
         let d_origin = ground_force.cross(axis) * factor;
         out.d_vector(k, BASE_POSITION, &d_origin);
-        // A turn w_k above the joint turns its axis and the arm of the weight, and moves its origin.
+        // A rotation w_k above the joint rotates its axis and the lever arm of the weight, and moves its origin.
         let d_axis = axis.cross(&self.moment) * -factor;
         let d_weight_arm = axis.cross(&gravity()) * factor;
         let above = |w: &Vector3<f64>, about: &Vector3<f64>| {
@@ -137,7 +136,7 @@ mod tests {
     use crate::{test_plans, test_robots};
     use rollwalk_multibody::euler::Model;
 
-    /// Torque of the front left hip of the box of [`test_plans`] for a leg angle and a ground force.
+    /// Torque, N·m, of the front left hip of the box of [`test_plans`] for a leg angle and a ground force.
     fn hip_torque_nm(leg_rad: f64, force_n: Vector3<f64>) -> f64 {
         let robot = test_plans::robot();
         let mut motion = test_robots::motion(&robot, Ends::AtRest);
@@ -164,14 +163,14 @@ mod tests {
         let near = |torque: f64, expected: f64| {
             assert!((torque - expected).abs() < 1e-12, "{torque} {expected}") // rounding only
         };
-        // In the air the motor holds the leg back and up.
+        // In the air the motor holds the leg up and back.
         near(hip_torque_nm(0.4, Vector3::zeros()), weight);
         // The ground pushes the wheel up and the leg further back: the motor swings it forward.
         near(hip_torque_nm(0.4, Vector3::new(0.0, 0.0, 10.0)), weight - 10.0 * 0.2 * sin);
         // A push forward, with the height of the hip as its lever, pulls the leg forward.
         let height_m = 0.2 * cos + 0.05;
         near(hip_torque_nm(0.4, Vector3::new(10.0, 0.0, 0.0)), weight + 10.0 * height_m);
-        // Across the leg's plane, nothing.
+        // A force across the leg's plane has no effect.
         near(hip_torque_nm(0.4, Vector3::new(0.0, 10.0, 0.0)), weight);
     }
 }

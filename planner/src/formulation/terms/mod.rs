@@ -1,6 +1,6 @@
-//! The terms of the formulation, one family of residuals a file: residual and exact derivative. Names, units
-//! and credible levels are in [`crate::families`]; [`crate::formulation`] lists the terms, `derivatives` below
-//! checks them all.
+//! Terms of the formulation, one family of residuals per file: residual and exact derivative. Names, units and
+//! credible levels are in [`crate::families`]; [`crate::formulation`] lists the terms, and the tests in `derivatives`
+//! check all of them.
 
 mod anchor;
 mod blade_contact;

@@ -1,12 +1,11 @@
 //! Rolling without slip (Eq. 2.8): (e₊ − e)/h + ω a × ρ = 0 on intervals with both ends in stance.
-//! Two rows (x, y) an end effector and interval, m/s. For free wheels and blades one end in stance is
-//! enough: they leave the ground and come down along their rolling direction, the speed of which is free.
+//! Two rows (x, y) per end effector and interval, m/s. For free wheels and blades one end in stance is enough: they
+//! lift off and touch down along their rolling direction, at any speed along it.
 //!
-//! a × ρ = −r t for every tilt, so only the rolling direction matters. It is taken at the middle of
-//! the interval; the thesis prints forward Euler, whose plans slip by 2–19 mm/s where the midpoint's
-//! slip by 1.5. Skates that touch down or lift off across their direction scrub: with the rows at those
-//! intervals their replayed speed rose from 0.66–0.94 of the planned one to 0.96–1.04. Feet and driven
-//! wheels walked worse with them.
+//! a × ρ = −r t for every tilt, so only the rolling direction matters. It is taken at the middle of the interval: the
+//! plans slip by 1.5 mm/s, against 2–19 mm/s with the forward Euler rule printed in the thesis. Skates that touch
+//! down or lift off across their rolling direction scrub. With the rows at those intervals their replayed speed rose
+//! from 0.66–0.94 of the planned one to 0.96–1.04. Feet and driven wheels walked worse with those rows.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};

@@ -1,22 +1,22 @@
-//! Regularisers: weak costs that choose among the plans that the constraints leave.
+//! Regularisers: weak costs that select among the plans that meet the constraints.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
 
-/// Ground forces near an even share of the weight among the feet in stance, in units of Mg/n. Decides
-/// whether a plan survives soft servos.
+/// Pull of ground forces towards an even share of the weight among the feet in stance, in units of Mg/n. It
+/// determines whether soft servos can play a plan.
 pub struct EvenForce;
 
-/// Joints near the motion's posture, body level and at the height that goes with it.
+/// Pull of joints towards the motion's posture, and of the body towards level at the matching height.
 pub struct Posture;
 
-/// Wheels that need not turn do not (rim speed, m/s). Held wheels follow from their links.
+/// Pull of wheel speeds towards zero (rim speed, m/s). Held wheels have no row: their speed follows from their links.
 pub struct WheelEffort;
 
-/// Wheels change their speed gently (rim speed difference between intervals, m/s), also when they
-/// start and stop. Held wheels follow from their links.
+/// Smoothness of wheel speeds (difference of rim speed between intervals, m/s), also at start and stop. Held wheels
+/// have no row: their speed follows from their links.
 pub struct WheelSmoothness;
 
 impl Term for EvenForce {
@@ -93,13 +93,13 @@ impl Term for WheelSmoothness {
         let problem = window.problem;
         let weight = problem.weights.wheel_smoothness * problem.per_time(1);
         out.set(1.0, Role::Cost { weight });
-        // A motion at rest at its ends rolls neither before nor after.
+        // Wheels of a motion at rest at its ends roll neither before nor after it.
         let rolls = |t: usize| !problem.at_rest || (1..problem.samples).contains(&t);
         for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
             let Some(wheel) = ee.wheel.filter(|_| !problem.held[j]) else { continue };
             let radius = problem.model.robot().end_effectors[j].radius_m;
             let mut change = 0.0;
-            // The speed on the interval after the sample less the speed on the one before.
+            // Speed on the interval after the sample minus that on the interval before.
             for (k, sign) in [(0, -1.0), (1, 1.0)] {
                 if rolls(window.at[k]) {
                     out.d(k, wheel.speed, sign * radius);

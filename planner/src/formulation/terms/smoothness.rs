@@ -1,5 +1,5 @@
-//! Smooth motion (sec. 2.4.1, regularisers): second differences q₋ − 2q + q₊ of base and joints. One
-//! cost row a degree of freedom and sample, m or rad.
+//! Smoothness of the motion (sec. 2.4.1, regularisers): second differences q₋ − 2q + q₊ of base and joints. One cost
+//! row per degree of freedom and sample, m or rad.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};

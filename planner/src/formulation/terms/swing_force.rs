@@ -1,4 +1,4 @@
-//! No force without contact (Eq. 2.7): f = 0 in swing. Three rows an end effector and sample, N.
+//! No ground force in swing (Eq. 2.7): f = 0. Three rows per end effector and sample, N.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
@@ -18,7 +18,7 @@ impl Term for SwingForce {
             if window.stance(1, j) {
                 continue;
             }
-            // Other than zero while the warm start unloads the feet.
+            // Not zero while the warm start unloads the feet.
             let kept = window.swing_force_n.get(window.at[1]).map(|forces| forces[j]);
             let wanted = kept.unwrap_or_default();
             for c in 0..3 {

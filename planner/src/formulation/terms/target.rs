@@ -24,13 +24,13 @@ pub struct TargetHeading;
 const POSITION: [&str; 3] = ["forward_m", "left_m", "up_m"];
 const VELOCITY: [&str; 3] = ["speed_forward_m_s", "speed_left_m_s", "speed_up_m_s"];
 
-/// The targets whose window this is.
+/// Targets whose window this is.
 fn here<'a>(window: &Window<'a>) -> impl Iterator<Item = &'a PlacedTarget> {
     let middle = window.at[1];
     window.problem.targets.iter().filter(move |placed| placed.middle == middle)
 }
 
-/// Writes one row: the weighted sum of coordinate `c` of three samples against `wanted`.
+/// Writes one row: the weighted sum of coordinate `c` of three samples minus `wanted`.
 fn write(
     window: &Window,
     out: &mut RowWriter,

@@ -1,9 +1,9 @@
-//! Motors with a torque-speed line stay below it. One inequality row a motor and interval, without unit:
-//! |τ/τ_stall + q̇/ω₀| ≤ 1, with the torque at the interval's middle.
+//! Torque-speed lines of motors. One inequality row per motor and interval, without unit: |τ/τ_stall + q̇/ω₀| ≤ 1,
+//! with the torque at the interval's middle.
 //!
-//! Where a motor drives its load, τ and q̇ have one sign and this is the line. Where it brakes, the two
-//! partly cancel, and the row holds whenever torque and speed are within their limits, which are no
-//! larger than the ends of the line.
+//! Where a motor drives its load, τ and q̇ have the same sign and this is the line. Where it brakes, the two partly
+//! cancel, and the row holds whenever torque and speed are within their limits, which do not exceed the ends of the
+//! line.
 
 use super::joint_torque::{BAND_FRACTION, Torque};
 use super::wheel_speed::MotorSpeed;
@@ -43,7 +43,7 @@ impl Term for TorqueSpeed {
             out.row_of(Subject::Joint(j), used.abs() - 1.0);
         }
         for (j, ee) in robot.end_effectors.iter().enumerate() {
-            // A wheel that is held still has its torque limit alone.
+            // A wheel that is held still has only its torque limit.
             let motor = ee.contact.actuator().filter(|_| !problem.held[j]);
             let Some(line) = motor.and_then(|motor| motor.torque_speed) else { continue };
             let Some(speed) = MotorSpeed::new(window, j) else { continue };

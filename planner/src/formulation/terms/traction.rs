@@ -1,8 +1,8 @@
 //! Traction of free wheels and blades (Eq. 2.6, with drag): f·t + f_n (c_rr s(v) + c_v v) = 0 in stance,
 //! v = ω r the rolling velocity and s(v) = tanh(v/v₀) its smooth sign. One row a wheel and sample, N.
 //!
-//! Without resistance the best plan of a robot on free wheels is to glide for ever; with it the robot
-//! has to push. Only the part that grows with speed bounds how fast it can go.
+//! Without resistance the best plan of a robot on free wheels would glide for ever; with it the robot has to push.
+//! Only the part that grows with speed limits the top speed.
 
 use crate::families::{Family, ROLLING_SIGN_WIDTH_M_S};
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
