@@ -1,7 +1,7 @@
-//! Names for the numbers of a motion library: what people call its motions and channels.
+//! Names for the numbers of a motion library: those that operators use for motions and channels.
 //!
-//! On the wire a library is its identity, a motion its code, a clip and a channel their places. A catalog is made
-//! where the names are known, with the library, and kept beside it.
+//! On the wire a library is its identity, a motion its code, a clip or a channel its index. A catalog is made with
+//! the library, where the names are known, and stored next to it.
 
 use rollwalk_protocol::library::{EdgeId, Library, NodeId};
 use serde::{Deserialize, Serialize};
@@ -9,52 +9,52 @@ use serde::{Deserialize, Serialize};
 /// Names of a library's content.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Catalog {
-    /// The robot.
+    /// Name of the robot.
     pub robot: String,
-    /// Hash of its configuration.
+    /// Hash of the robot's configuration.
     pub config_hash: u32,
-    /// The library's identity.
+    /// Identity of the library.
     pub library: u32,
-    /// In the order of the library.
+    /// Motions in the order of the library.
     pub motions: Vec<Motion>,
     /// Transitions, in the order of the library; their clips follow those of the motions.
     pub transitions: Vec<Transition>,
     /// Index of the safe motion.
     pub safe: usize,
-    /// Joints, then driven wheels, in the order of the robot's configuration.
+    /// Names of joints, then of driven wheels, in the order of the robot's configuration.
     pub channels: Vec<String>,
 }
 
 /// A motion.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Motion {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its command code, if it has one.
+    /// Command code, if it has one.
     pub code: Option<u8>,
-    /// Frames at 60 Hz.
+    /// Count of frames at 60 Hz.
     pub frames: u16,
-    /// Whether it goes round and round.
+    /// Whether it repeats.
     pub looping: bool,
 }
 
 /// A transition, by indices of motions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Transition {
-    /// From this motion ...
+    /// Index of the motion that it leaves.
     pub from: usize,
-    /// ... to this.
+    /// Index of the motion that it enters.
     pub to: usize,
 }
 
-/// What a channel is called, of which `names` are the first ones.
+/// Name of a channel; `names` are those of the first channels.
 pub fn channel_name(names: &[String], channel: u8) -> String {
     let name = names.get(usize::from(channel));
     name.cloned().unwrap_or_else(|| format!("channel {channel}"))
 }
 
 impl Catalog {
-    /// The catalog of a validated library, for the robot with these names; `None` when the library has no
+    /// Creates the catalog of a validated library, for the robot with these names; `None` when the library has no
     /// names.
     pub fn of(library: &Library<'_>, robot: &str, channels: Vec<String>) -> Option<Self> {
         let motion = |node: NodeId| {
@@ -81,12 +81,12 @@ impl Catalog {
         })
     }
 
-    /// A motion by name.
+    /// The motion with a name.
     pub fn motion(&self, name: &str) -> Option<&Motion> {
         self.motions.iter().find(|motion| motion.name == name)
     }
 
-    /// What is played, by the number of a clip: a motion's name, or `from → to`.
+    /// Name of what a clip plays, by its number: a motion's name, or `from → to`.
     pub fn clip(&self, clip: u8) -> Option<String> {
         let clip = usize::from(clip);
         if let Some(motion) = self.motions.get(clip) {

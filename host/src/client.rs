@@ -22,7 +22,7 @@ const _: () = assert!(COMMAND_LIFE_MS <= MOST_VALID_MS);
 pub(crate) const COMMAND_LIFE_US: u64 = COMMAND_LIFE_MS as u64 * 1000;
 /// Retransmission interval of an unanswered command, µs.
 pub(crate) const ACK_TIMEOUT_US: u64 = 60_000;
-/// Most sequence numbers until one counts as new, for a host that does not know the last one.
+/// Largest number of sequence numbers to try until one counts as new, for a host that does not know the last one.
 pub(crate) const SEQUENCE_TRIES: u32 = 9;
 /// Number of emergency stops in the first burst.
 const ESTOP_BURST: u32 = 5;
@@ -46,7 +46,7 @@ pub enum Incoming {
     Parameter(ParameterAck),
     /// The acknowledgement of an emergency stop.
     EstopAck(EstopAck),
-    /// The answer to a heartbeat (for a visitor: to a host's), which gives the controller's clock.
+    /// The answer to a heartbeat (for a visitor, to another host's heartbeat), which contains the controller's clock.
     Alive,
     /// The answer to a transport request.
     Response(Response),
@@ -99,7 +99,7 @@ pub struct Client {
 }
 
 impl Client {
-    /// A host without contact yet. It sends the first heartbeat at once.
+    /// Creates a host without contact yet. It sends the first heartbeat at once.
     pub fn new(node: Node) -> Self {
         Self {
             node,
@@ -155,7 +155,7 @@ impl Client {
         self.silent || self.stopping.is_some()
     }
 
-    /// Takes a frame of the link. Frames of other nodes and damaged ones are ignored.
+    /// Processes a frame of the link. Frames of other nodes and damaged ones are ignored.
     pub fn on_frame(&mut self, now_us: u64, frame: &Frame) -> Option<Incoming> {
         let (node, message) = FromController::decode(frame).ok()?;
         if node != self.node {
@@ -237,8 +237,8 @@ impl Client {
         heartbeat.min(estop).min(transport)
     }
 
-    /// Makes a command, to be sent once or several times; `None` while the controller's clock is unknown,
-    /// because the command's expiry is in that clock.
+    /// Creates a command, to be sent once or several times; `None` while the controller's clock is unknown, because
+    /// the command's expiry is in that clock.
     pub fn command(&mut self, now_us: u64, action: Action) -> Option<Command> {
         let (heard_us, controller_ms) = self.clocks?;
         let now_ms = controller_ms.wrapping_add((now_us.saturating_sub(heard_us) / 1000) as u32);
@@ -252,8 +252,8 @@ impl Client {
         (self.command_seq + 1) & 0xF
     }
 
-    /// Earliest instant of a new command, µs: before it, copies of the last command with the same sequence
-    /// number may still be in flight, and would be executed.
+    /// Earliest time of a new command, µs. Before it, copies of the last command with the same sequence number may
+    /// still be in flight, and would be executed.
     pub fn next_command_us(&self) -> u64 {
         self.expired_us[usize::from(self.next_command_seq())]
     }
@@ -263,12 +263,12 @@ impl Client {
         self.command = Some(command.encode(self.node));
     }
 
-    /// Drops a command that is not sent yet.
+    /// Withdraws a command that has not been sent yet.
     pub fn withdraw_command(&mut self) {
         self.command = None;
     }
 
-    /// Makes a parameter request, to be sent once or several times.
+    /// Creates a parameter request, to be sent once or several times.
     pub fn parameter(&mut self, action: ParameterAction) -> ParameterRequest {
         self.parameter_seq = (self.parameter_seq + 1) & 0xF;
         ParameterRequest { seq: self.parameter_seq, action }

@@ -1,4 +1,4 @@
-//! Frames of the link as named signals, for logs that people and programs read.
+//! Frames of the link as named signals, for logs that operators and programs read.
 //!
 //! The codecs check a frame; names, units and enumerations are those of [`Database::link`], of which
 //! `docs/rollwalk.dbc` is made.
@@ -21,7 +21,7 @@ pub struct DecodedFrame {
     pub message: &'static str,
     /// Address of the controller; 15 for all.
     pub node: u8,
-    /// Signals by name; none of frames that carry a part of a longer message.
+    /// Signals by name. Frames that carry a part of a longer message have none.
     pub signals: BTreeMap<&'static str, Value>,
 }
 
@@ -31,18 +31,18 @@ pub struct DecodedFrame {
 pub enum Value {
     /// A number, in the unit of the signal.
     Number(f64),
-    /// One of an enumeration.
+    /// A name from an enumeration.
     Name(String),
     /// A set of names.
     Names(Vec<String>),
-    /// No clip, no channel.
+    /// No value, such as no clip or no channel.
     None,
 }
 
 /// Decodes a frame of the link.
 ///
 /// # Errors
-/// It is no frame of the link, or a damaged one.
+/// The frame is not one of the link, or is damaged.
 pub fn decode(frame: &Frame) -> Result<DecodedFrame, DecodeError> {
     let (node, from_controller) = match ToController::decode(frame) {
         Err(DecodeError::OtherMessage) => {
@@ -68,7 +68,7 @@ pub fn decode(frame: &Frame) -> Result<DecodedFrame, DecodeError> {
             (value.signal.name.as_str(), shown)
         }));
     }
-    // Flags together, and digits for the bytes of a serial number.
+    // Flags are shown as one set, and the bytes of a serial number as digits.
     match from_controller {
         Some(FromController::Status(status)) => {
             let faults = status.faults.iter().map(|fault| format!("{fault:?}")).collect();

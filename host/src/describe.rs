@@ -3,7 +3,7 @@
 use rollwalk_protocol::faults::{Event, Fault, FaultBits, Quantity};
 use rollwalk_protocol::wire::State;
 
-/// A state, after "the robot is".
+/// Description of a state, to follow "the robot is".
 pub fn state_name(state: State) -> &'static str {
     match state {
         State::Boot => "starting",
@@ -20,7 +20,7 @@ pub fn state_name(state: State) -> &'static str {
     }
 }
 
-/// What an operator should do next: about the most severe fault, else in this state.
+/// Advice to the operator: about the most severe fault, without a fault about the state.
 pub fn advice(state: State, faults: FaultBits) -> &'static str {
     if let Some(fault) = faults.first() {
         return fault.description().advice;
@@ -38,7 +38,7 @@ pub fn advice(state: State, faults: FaultBits) -> &'static str {
     }
 }
 
-/// An event by [`Event::code`].
+/// Description of the event with this [`Event::code`].
 pub fn event_sentence(code: u8) -> String {
     Event::from_code(code).map_or_else(
         || format!("something that this host does not know (event {code})"),
@@ -52,7 +52,7 @@ pub fn fault_names(faults: FaultBits) -> String {
     if names.is_empty() { "no fault".to_owned() } else { names.join(", ") }
 }
 
-/// A fault with the channel and value of its report, as far as it has them.
+/// Description of a fault, with channel and value of its report if it has them.
 pub fn fault_report(fault: Fault, channel: Option<String>, value: Option<f32>) -> String {
     fault.description().name.to_owned() + &report_details(fault, channel, value)
 }

@@ -4,7 +4,7 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::wire::{Discover, Discovered, FromController, Node};
 use std::collections::BTreeSet;
 
-/// Number of DISCOVER requests, in case a frame gets lost.
+/// Count of DISCOVER requests; several, because a frame may get lost.
 const ASKED: u32 = 3;
 
 /// A controller that answered: its address, its serial number and its major protocol version.

@@ -28,12 +28,12 @@ pub struct Traffic {
     pub faults: BTreeMap<u8, FaultReport>,
     /// Last telemetry of each channel.
     pub joints: BTreeMap<u8, JointTelemetry>,
-    /// The span, µs.
+    /// Duration, µs.
     pub span_us: u64,
 }
 
 impl Traffic {
-    /// Takes a frame of the link to controller `node`.
+    /// Processes a frame of the link with controller `node`.
     pub fn take(&mut self, node: u8, frame: &Frame) {
         let Some(id) = frame.standard_id() else { return };
         let (frames, bits) = self.by_id.entry(id).or_default();
@@ -69,7 +69,7 @@ pub struct Findings<'a> {
     pub has_host: bool,
     /// The controller's identity; `None` when it does not answer.
     pub hello: Option<&'a Hello>,
-    /// Whether another program is in the middle of a transfer with the controller, which was therefore not asked.
+    /// Whether another program is in the middle of a transfer with the controller, so that no request was sent to it.
     pub transferring: bool,
     /// The controller's log.
     pub history: Option<&'a History>,
@@ -89,9 +89,9 @@ pub struct Findings<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Gravity {
-    /// As it should be.
+    /// No fault.
     Fine,
-    /// Worth knowing.
+    /// Information.
     Note,
     /// Something does not work.
     Wrong,
@@ -104,12 +104,12 @@ pub struct Finding {
     pub gravity: Gravity,
     /// Finding.
     pub what: String,
-    /// Remedy or command to type; empty without.
+    /// Remedy, or command to type; empty if there is none.
     pub help: String,
 }
 
 impl Findings<'_> {
-    /// All findings, in the order in which to look at them.
+    /// All findings, in the order in which an operator should look at them.
     pub fn diagnose(&self) -> Vec<Finding> {
         let mut found = Vec::new();
         if let Some(complaint) = self.complaint {

@@ -1,8 +1,9 @@
-//! Listening before talking: detects another host and transport messages of others on the link.
+//! Detection of another host and of its transport messages on the link, by listening before sending.
 //!
 //! Two nodes that send different data under one identifier destroy each other's frames (docs/wire-format.md), and a
-//! second host's heartbeats keep feeding the watchdog of a robot whose own host has died. So a program that may not
-//! be alone listens before it sends: for the heartbeats of another host, and for transport messages of any node.
+//! second host's heartbeats keep feeding the watchdog of a robot whose own host has died. A program that may not be
+//! alone therefore listens before it sends: for the heartbeats of another host, and for transport messages of any
+//! node.
 
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::Frame;
@@ -25,12 +26,12 @@ pub struct Overheard {
     has_host: bool,
     has_controller: bool,
     since_us: u64,
-    /// The last frame of a transport message, µs.
+    /// Time of the last frame of a transport message, µs.
     transport_us: Option<u64>,
 }
 
 impl Overheard {
-    /// Nothing heard yet of controller `node` and its hosts.
+    /// Creates a listener that has heard nothing yet of controller `node` and its hosts.
     pub fn new(now_us: u64, node: Node) -> Self {
         Self {
             node,
@@ -42,7 +43,7 @@ impl Overheard {
         }
     }
 
-    /// Takes a frame of another node.
+    /// Processes a frame of another node.
     pub fn take(&mut self, now_us: u64, frame: &Frame) {
         match ToController::decode(frame) {
             Ok((to, ToController::Heartbeat(heartbeat)))
@@ -72,7 +73,7 @@ impl Overheard {
         self.has_host
     }
 
-    /// Whether the controller itself was heard.
+    /// Whether the controller itself has been heard.
     pub fn has_controller(&self) -> bool {
         self.has_controller
     }
@@ -82,7 +83,7 @@ impl Overheard {
         now_us >= self.pause_us()
     }
 
-    /// Earliest instant of a request if nothing more is heard, µs.
+    /// Earliest time of a request if no more frames arrive, µs.
     fn pause_us(&self) -> u64 {
         self.transport_us.unwrap_or(self.since_us).saturating_add(PAUSE_US)
     }
@@ -97,7 +98,7 @@ pub fn host(bus: &mut impl LinkBus, node: Node) -> Result<Overheard, LinkError> 
     listen(bus, overheard, HOST_US, |overheard, _| overheard.has_host())
 }
 
-/// Listens until no transport message is in flight, or the patience is over.
+/// Listens until no transport message is in flight, or the timeout is over.
 ///
 /// # Errors
 /// The bus is gone.
@@ -148,7 +149,7 @@ mod tests {
         Overheard::new(0, node())
     }
 
-    /// A bus on which these frames come, 50 ms apart.
+    /// A bus on which these frames arrive, 50 ms apart.
     fn heard(frames: impl IntoIterator<Item = Frame>) -> Wire {
         let mut wire = Wire::silent();
         for (at, frame) in (0..).zip(frames) {
@@ -195,7 +196,7 @@ mod tests {
         let overheard = pause(&mut calm, nothing_yet(), PATIENCE_US).unwrap();
         assert!(overheard.has_controller());
         assert_eq!(calm.now_us(), PAUSE_US);
-        // Time listened before counts.
+        // Time spent listening before counts too.
         pause(&mut calm, overheard, PATIENCE_US).unwrap();
         assert_eq!(calm.now_us(), PAUSE_US);
     }

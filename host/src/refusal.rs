@@ -1,9 +1,9 @@
-//! Sentences for the numbers in which a controller says no.
+//! Sentences for the codes with which a controller refuses requests.
 
 use rollwalk_protocol::wire::transport::{Reply, TransferResult};
 use rollwalk_protocol::wire::{CommandResult, ParameterResult};
 
-/// Why a command was not executed, and what would help.
+/// Reason for which a command was not executed, and remedy.
 pub fn command_refusal(result: CommandResult) -> &'static str {
     match result {
         CommandResult::Ok => "it was not refused",
@@ -25,7 +25,7 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
     }
 }
 
-/// Why a request about parameters was refused, and what would help.
+/// Reason for which a parameter request was refused, and remedy.
 pub fn parameter_refusal(result: ParameterResult, limit: f32) -> String {
     let sentence = match result {
         ParameterResult::Ok => "it was not refused",
@@ -43,7 +43,7 @@ pub fn parameter_refusal(result: ParameterResult, limit: f32) -> String {
     sentence.to_owned()
 }
 
-/// Why a request of a library transfer failed, and what would help.
+/// Reason for which a request of a library transfer failed, and remedy.
 pub fn transfer_refusal(reply: &Reply) -> String {
     let sentence = match reply.result {
         TransferResult::Ok => "it answers, but does not take in what it is sent",
@@ -66,7 +66,7 @@ pub fn transfer_refusal(reply: &Reply) -> String {
     sentence.to_owned()
 }
 
-/// A part of a library file, by [`rollwalk_protocol::library::Section::code`].
+/// Part of a library file, by [`rollwalk_protocol::library::Section::code`].
 fn section_name(code: u8) -> &'static str {
     match code {
         0 => "header or section table",
@@ -84,7 +84,7 @@ fn section_name(code: u8) -> &'static str {
     }
 }
 
-/// What is wrong with a library, by [`rollwalk_protocol::library::Why::code`].
+/// Fault of a library, by [`rollwalk_protocol::library::Why::code`].
 fn why_sentence(code: u8) -> String {
     let known = match code {
         0 => "the library is not signed by the owner of this controller's key",

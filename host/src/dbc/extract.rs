@@ -1,20 +1,20 @@
-//! What a frame says, read bit by bit as the table says.
+//! Values of a frame's signals, extracted bit by bit according to the database.
 
 use super::{Coding, Message, Order, Presence, Signal};
 
-/// The value of a signal in a frame.
+/// Value of a signal in a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Value<'a> {
-    /// Which.
+    /// The signal.
     pub signal: &'a Signal,
     /// The bits as an unsigned integer.
     pub raw: u64,
-    /// The number that they are, in the signal's unit.
+    /// The physical value, in the signal's unit.
     pub number: f64,
 }
 
 impl Value<'_> {
-    /// Its name, when this number has one.
+    /// Name of the value, if the signal has one for it.
     pub fn name(&self) -> Option<&str> {
         let named = self.signal.names.iter().find(|(number, _)| *number == self.raw);
         named.map(|(_, name)| name.as_str())
@@ -28,7 +28,7 @@ impl Signal {
         for i in 0..self.bits {
             let (at, weight) = match self.order {
                 Order::Intel => (self.start + i, i),
-                // From the most significant bit down, then on to the top of the next byte.
+                // From the most significant bit down, then on from the top of the next byte.
                 Order::Motorola => {
                     let from_top = 8 * (self.start / 8) + 7 - self.start % 8 + i;
                     (8 * (from_top / 8) + 7 - from_top % 8, self.bits - 1 - i)
@@ -40,7 +40,7 @@ impl Signal {
         Some(raw)
     }
 
-    /// The number that these bits are.
+    /// Physical value of the bits.
     fn number(&self, raw: u64) -> f64 {
         let unused = 64 - u32::from(self.bits);
         let number = match self.coding {
@@ -53,7 +53,7 @@ impl Signal {
 }
 
 impl Message {
-    /// The signals that are in a frame of this message.
+    /// Values of the signals present in a frame of this message.
     pub fn values(&self, data: &[u8]) -> Vec<Value<'_>> {
         let selector = self.signals.iter().find(|s| s.presence == Presence::Selector);
         let selected = selector.and_then(|signal| signal.raw(data));

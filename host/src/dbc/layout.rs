@@ -1,9 +1,9 @@
-//! Fields one after the other, the way the format page writes them down.
+//! Builder of a message's fields in their order on the wire, as `docs/wire-format.md` lists them.
 
 use super::{Coding, Order, Presence, Signal};
 use std::borrow::Cow;
 
-/// The fields of a message so far, and where the next one begins.
+/// Fields added so far, and the first bit of the next one.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Layout {
     at: u16,
@@ -15,7 +15,7 @@ impl Layout {
         Self::default()
     }
 
-    /// One whose first byte is the checksum.
+    /// A layout whose first byte is the checksum.
     pub fn sealed() -> Self {
         let text =
             "CRC-8/AUTOSAR over the identifier, low byte first, and the bytes after this one";
@@ -27,13 +27,13 @@ impl Layout {
         self.field(name, bits, Coding::Unsigned, 1.0, (0.0, max as f64))
     }
 
-    /// A physical value in steps, from 0.
+    /// Adds a physical value in steps of `scale`, from 0.
     pub fn steps_up(self, name: &str, bits: u16, scale: f64) -> Self {
         let max = ((1u64 << bits) - 1) as f64;
         self.field(name, bits, Coding::Unsigned, scale, (0.0, round(max * scale)))
     }
 
-    /// A physical value in steps. The lowest integer is no value.
+    /// Adds a signed physical value in steps of `scale`; the lowest integer means no value.
     pub fn steps(self, name: &str, bits: u16, scale: f64) -> Self {
         let max = round(((1u64 << (bits - 1)) - 1) as f64 * scale);
         self.field(name, bits, Coding::Signed, scale, (-max, max))
@@ -43,7 +43,7 @@ impl Layout {
         self.field(name, 32, Coding::Float, 1.0, (0.0, 0.0))
     }
 
-    /// A bit each, from the least significant on; `width` bits in all.
+    /// Adds flags of one bit each from the least significant bit on, `width` bits in all.
     pub fn flags(
         mut self,
         width: u16,
@@ -58,7 +58,7 @@ impl Layout {
         self
     }
 
-    /// Bits that are 0.
+    /// Adds bits that are 0.
     pub fn zero(mut self, bits: u16) -> Self {
         self.at += bits;
         self
@@ -95,33 +95,33 @@ impl Layout {
         self
     }
 
-    /// Unit of the field before.
+    /// Sets the unit of the last field.
     pub fn unit(self, unit: &'static str) -> Self {
         self.last(|signal| signal.unit = unit)
     }
 
-    /// Meaning of the field before.
+    /// Sets the comment of the last field.
     pub fn comment(self, text: impl Into<Cow<'static, str>>) -> Self {
         self.last(|signal| signal.comment = text.into())
     }
 
-    /// Range of the field before.
+    /// Sets the range of the last field.
     pub fn range(self, min: f64, max: f64) -> Self {
         self.last(|signal| (signal.min, signal.max) = (min, max))
     }
 
-    /// Names of the numbers of the field before.
+    /// Sets names for values of the last field.
     pub fn names(self, names: impl IntoIterator<Item = (u64, String)>) -> Self {
         self.last(|signal| signal.names.extend(names))
     }
 
-    /// 255 in the field before means none.
+    /// Makes 255 mean "none" in the last field.
     pub fn or_none(self) -> Self {
         self.names([(0xFF, "none".into())])
     }
 
-    /// The bytes of the field before come most significant first; it begins a byte or follows a nibble that
-    /// is in the high half of its first byte.
+    /// Makes the last field big-endian. It begins at a byte, or at the low half of a byte whose high half is the
+    /// field before.
     pub fn motorola(self) -> Self {
         self.last(|signal| {
             let high_nibble = signal.start % 8 == 4;
@@ -130,12 +130,12 @@ impl Layout {
         })
     }
 
-    /// Makes the field before the selector of the others.
+    /// Makes the last field the selector of others.
     pub fn selects(self) -> Self {
         self.last(|signal| signal.presence = Presence::Selector)
     }
 
-    /// Adds fields that are there when the selector has a value.
+    /// Adds fields that are present when the selector has the value `selected`.
     pub fn when(mut self, selected: u64, others: Vec<Signal>) -> Self {
         self.signals.extend(others.into_iter().map(|signal| {
             let presence = Presence::When(selected);
@@ -144,7 +144,7 @@ impl Layout {
         self
     }
 
-    /// The next field begins at this bit.
+    /// Sets the first bit of the next field.
     pub fn at(mut self, bit: u16) -> Self {
         self.at = bit;
         self
@@ -155,7 +155,7 @@ impl Layout {
     }
 }
 
-/// Without the dust of binary fractions: 65.534, not 65.53400000000001.
+/// Rounds away the error of binary fractions: 65.534, not 65.53400000000001.
 fn round(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
 }

@@ -1,4 +1,4 @@
-//! The frames of the link.
+//! Messages of the link.
 
 use super::layout::Layout;
 use super::{Database, Message, RobotNames, identifier, servo};
@@ -9,16 +9,16 @@ use rollwalk_protocol::wire::{
 };
 use std::fmt::Debug;
 
-/// Which controllers are on the link.
+/// Controllers on the link.
 #[derive(Clone, Copy)]
 pub(super) enum Controllers<'a> {
-    /// One at each address.
+    /// A controller at each address.
     All,
-    /// That of a robot.
+    /// The controller of a robot.
     One(Node, &'a RobotNames),
 }
 
-/// Who sends a message.
+/// Sender of a message.
 #[derive(Clone, Copy, PartialEq)]
 enum From {
     Host,
@@ -26,14 +26,14 @@ enum From {
     Anyone,
 }
 
-/// A message but for the address.
+/// A message without its address.
 struct Kind {
     schema: &'static str,
     class: u16,
     number: u16,
     len: u8,
     from: From,
-    /// It may be for all controllers.
+    /// Whether it may be addressed to all controllers.
     to_all: bool,
     period_ms: u32,
     comment: &'static str,
@@ -167,7 +167,7 @@ fn clocked(name: &str, text: &'static str) -> Layout {
     Layout::sealed().unsigned("seq", 8).unsigned(name, 32).unit("ms").comment(text)
 }
 
-/// `seq` and `kind` of a command or its answer.
+/// Fields `seq` and `kind` of a command or its answer.
 fn numbered(kinds: &[&str]) -> Layout {
     let layout = Layout::sealed().unsigned("seq", 4);
     layout.unsigned("kind", 4).names(listed(kinds))
@@ -218,7 +218,7 @@ fn fault() -> Layout {
     .comment(fault_values())
 }
 
-/// Meanings of the value of a fault report, by fault.
+/// Meaning of the value in a fault report, for each fault.
 fn fault_values() -> String {
     let of = |fault: &Fault| {
         let quantity = fault.description().value?;
@@ -250,8 +250,8 @@ fn channel(layout: Layout) -> Layout {
     layout.unsigned("channel", 8).or_none().comment("As in the robot's configuration")
 }
 
-/// Without a robot file the channel is a number beside the measurements, which any tool takes. With one
-/// each joint has signals of its own, chosen by the channel: ready to be plotted by name.
+/// Telemetry of a joint. Without a robot file the channel number is a field next to the measurements, which any tool
+/// reads; with one, the channel selects signals named after the joint, which tools plot by name.
 fn joint(names: Option<&RobotNames>) -> Layout {
     let layout = Layout::new().unsigned("channel", 8);
     let Some(names) = names else {
@@ -327,7 +327,7 @@ fn discovered() -> Layout {
     layout.unsigned("protocol_major", 8)
 }
 
-/// `HostLost` as `host_lost`.
+/// Converts a name like `HostLost` to `host_lost`.
 fn snake(name: &str) -> String {
     let mut text = String::new();
     let mut before = ' ';

@@ -1,17 +1,17 @@
-//! Every frame of the link and of the Rollwalk servo profile, signal by signal, as a table and as a DBC file for
-//! CAN tools.
+//! Database of all frames of the link and of the Rollwalk servo profile, signal by signal, as a table and as a DBC
+//! file for CAN tools.
 //!
 //! | module | is |
 //! |---|---|
-//! | `layout` | how the fields of a message lie one after the other |
-//! | `link` | the messages between host and controller |
-//! | `servo` | the messages between controller and servos |
-//! | `extract` | what a frame says, read bit by bit as a database says |
-//! | `write` | the DBC format |
+//! | `layout` | builder of a message's fields |
+//! | `link` | messages between host and controller |
+//! | `servo` | messages between controller and servos |
+//! | `extract` | values of a frame's signals, extracted according to the database |
+//! | `write` | writer of the DBC format |
 //!
-//! Codecs and this table are written twice, on purpose: a test encodes random messages with the codecs of
-//! `rollwalk_protocol` and reads them with the table. Link and actuator buses use the same identifiers for
-//! different things, so each has a database of its own.
+//! The database repeats what the codecs define, on purpose: a test encodes random messages with the codecs of
+//! `rollwalk_protocol` and reads them with the database. Link and actuator buses use the same identifiers for
+//! different messages, so each has a database of its own.
 
 mod extract;
 mod layout;
@@ -24,29 +24,29 @@ pub use extract::Value;
 use rollwalk_protocol::wire::Node;
 use std::borrow::Cow;
 
-/// Names of a robot file for the numbers on the buses.
+/// Names from a robot file for the numbers on the buses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RobotNames {
-    /// Of the robot.
+    /// Name of the robot.
     pub robot: String,
-    /// Of each channel's joint or wheel, in the order of the configuration.
+    /// Names of the channels' joints and wheels, in the order of the configuration.
     pub channels: Vec<ChannelName>,
 }
 
 /// A joint or wheel and its actuator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ChannelName {
-    /// Of the joint, or of the end effector with the wheel.
+    /// Name of the joint, or of the end effector with the wheel.
     pub name: String,
-    /// Its actuator's bus.
+    /// Bus of its actuator.
     pub bus: u8,
-    /// Its actuator's address.
+    /// Address of its actuator.
     pub id: u8,
-    /// It is a wheel.
+    /// Whether it is a wheel.
     pub is_wheel: bool,
 }
 
-/// In which order the bytes of a signal come.
+/// Byte order of a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// Least significant first; `start` is the least significant bit.
@@ -55,7 +55,7 @@ pub enum Order {
     Motorola,
 }
 
-/// How the bits of a signal are a number.
+/// Number format of a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coding {
     /// Unsigned integer.
@@ -66,102 +66,102 @@ pub enum Coding {
     Float,
 }
 
-/// Whether a signal is always there.
+/// Condition under which a signal is present.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Presence {
-    /// It is.
+    /// Present in every frame.
     Always,
-    /// It is, and selects which of the others are.
+    /// Present in every frame; its value selects which other signals are present.
     Selector,
-    /// When the selector has this value.
+    /// Present when the selector has this value.
     When(u64),
 }
 
 /// A field of a message.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Signal {
-    /// An identifier.
+    /// Name, an identifier of C.
     pub name: String,
-    /// First bit: eight times the byte, plus the bit in it.
+    /// First bit: eight times the byte index, plus the bit in the byte.
     pub start: u16,
-    /// How many bits.
+    /// Length in bits.
     pub bits: u16,
-    /// Order of bytes.
+    /// Byte order.
     pub order: Order,
-    /// Kind of number.
+    /// Number format.
     pub coding: Coding,
-    /// Value of a step.
+    /// Physical value of one step.
     pub scale: f64,
-    /// Least value.
+    /// Smallest physical value.
     pub min: f64,
-    /// Greatest value; both 0 when there is no limit.
+    /// Largest physical value; both 0 when there is no limit.
     pub max: f64,
     /// Unit in ASCII.
     pub unit: &'static str,
-    /// Names of numbers.
+    /// Names of raw values.
     pub names: Vec<(u64, String)>,
-    /// What it means.
+    /// Meaning.
     pub comment: Cow<'static, str>,
-    /// When it is there.
+    /// Condition under which it is present.
     pub presence: Presence,
 }
 
-/// A frame.
+/// A message: the frames with one identifier.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {
-    /// Its name in [`rollwalk_protocol::wire::SCHEMA`].
+    /// Name in [`rollwalk_protocol::wire::SCHEMA`].
     pub schema: &'static str,
-    /// An identifier that no other message of the database has.
+    /// Name, an identifier that no other message of the database has.
     pub name: String,
     /// 11-bit identifier.
     pub id: u16,
-    /// Most bytes.
+    /// Largest length, bytes.
     pub len: u8,
-    /// Node that sends it; `None` when several may.
+    /// Sending node; `None` when several may send it.
     pub sender: Option<String>,
-    /// Node that it is for; `None` for all.
+    /// Receiving node; `None` for all.
     pub receiver: Option<String>,
-    /// Period, ms; 0 of messages without.
+    /// Period, ms; 0 for messages that are not periodic.
     pub period_ms: u16,
-    /// What it is for.
+    /// Purpose.
     pub comment: &'static str,
     /// Its fields.
     pub signals: Vec<Signal>,
 }
 
-/// All frames of a bus.
+/// All messages of a bus.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Database {
-    /// What it is of.
+    /// Title: the bus or the robot.
     pub title: String,
-    /// Who is on the bus.
+    /// Names of the nodes on the bus.
     pub nodes: Vec<String>,
-    /// In the order of their identifiers.
+    /// Messages in the order of their identifiers.
     pub messages: Vec<Message>,
 }
 
 impl Database {
-    /// The link with controllers at all addresses.
+    /// Database of the link with controllers at all addresses.
     pub fn link() -> Self {
         link::database(link::Controllers::All)
     }
 
-    /// The link with the controller of one robot: telemetry has the names of its joints.
+    /// Database of the link with the controller of one robot: telemetry has the names of its joints.
     pub fn link_of(node: Node, names: &RobotNames) -> Self {
         link::database(link::Controllers::One(node, names))
     }
 
-    /// An actuator bus with servos of the Rollwalk profile at all addresses.
+    /// Database of an actuator bus with servos of the Rollwalk profile at all addresses.
     pub fn actuators() -> Self {
         servo::database(None)
     }
 
-    /// An actuator bus of a robot: messages have the names of its joints.
+    /// Database of an actuator bus of a robot: messages have the names of its joints.
     pub fn actuators_of(bus: u8, names: &RobotNames) -> Self {
         servo::database(Some((bus, names)))
     }
 
-    /// The database as a DBC file: ASCII, always the same for the same messages.
+    /// Writes the database as a DBC file: ASCII, always the same for the same messages.
     pub fn to_dbc(&self) -> String {
         write::dbc(self)
     }
@@ -173,7 +173,7 @@ impl Database {
 }
 
 impl RobotNames {
-    /// Each channel with its name as an identifier that no other channel has.
+    /// Channels, each with its name as an identifier that no other channel has.
     fn identified(&self) -> Vec<(String, &ChannelName)> {
         let mut all: Vec<(String, &ChannelName)> = Vec::new();
         for (number, channel) in self.channels.iter().enumerate() {
@@ -187,8 +187,8 @@ impl RobotNames {
     }
 }
 
-/// A name as an identifier of C. Longer ones than the 32 characters that some tools of old allow stay as they are:
-/// cut off, front and rear of a long name would be the same.
+/// Converts a name to an identifier of C. Names beyond the 32 characters that some old tools allow are not cut off,
+/// because front and rear of a long name could become the same.
 fn identifier(name: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
     let mut text: String = name.chars().map(plain).collect();

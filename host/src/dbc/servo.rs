@@ -1,10 +1,10 @@
-//! The frames of the Rollwalk servo profile.
+//! Messages of the Rollwalk servo profile.
 
 use super::layout::Layout;
 use super::{Database, Message, RobotNames, Signal, identifier};
 use rollwalk_protocol::actuator::{ActuatorStatus, MAX_ID};
 
-/// An actuator: its address, its name, whether it is a wheel if that is known.
+/// An actuator: address, name, and whether it is a wheel, if known.
 struct Actuator {
     id: u8,
     name: String,
@@ -101,7 +101,7 @@ fn wheel_setpoint() -> Layout {
         .unit("Nm")
 }
 
-/// Position and velocity.
+/// Adds position and velocity.
 fn pose(layout: Layout) -> Layout {
     layout
         .steps("position", 16, 2e-4)
@@ -111,7 +111,7 @@ fn pose(layout: Layout) -> Layout {
         .unit("rad/s")
 }
 
-/// What an actuator measures, and its status; also in telemetry.
+/// Adds the measurements of an actuator and its status, which telemetry contains too.
 pub(super) fn measured(layout: Layout) -> Layout {
     let flags = [
         (ActuatorStatus::ENABLED, "enabled", "Torque is on"),
@@ -127,7 +127,7 @@ pub(super) fn measured(layout: Layout) -> Layout {
     pose(layout).steps("torque", 16, 5e-3).unit("Nm").flags(8, flags)
 }
 
-/// [`measured`] from bit `at` on, its signals named after a joint.
+/// Fields of [`measured`] from bit `at` on, with signals named after a joint.
 pub(super) fn measured_of(name: &str, at: u16) -> Vec<Signal> {
     let renamed = |signal: Signal| {
         let name = format!("{name}_{}", signal.name);

@@ -1,10 +1,10 @@
-//! The DBC format, as cantools, SavvyCAN and Wireshark read it.
+//! Writer of the DBC format, as cantools, SavvyCAN and Wireshark read it.
 
 use super::{Coding, Database, Message, Order, Presence, Signal};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-/// The format's own word for no node in particular.
+/// Keyword of the format for an unspecified node.
 const ANYONE: &str = "Vector__XXX";
 
 pub(super) fn dbc(database: &Database) -> String {
@@ -61,7 +61,7 @@ fn definition(signal: &Signal) -> String {
     )
 }
 
-/// Comments at the first address only: they are the same at all others.
+/// Writes the comments of the first address only: those of the others are the same.
 fn comments(t: &mut String, database: &Database) {
     let mut described = BTreeSet::new();
     for message in database.messages.iter().filter(|message| described.insert(message.schema)) {

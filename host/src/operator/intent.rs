@@ -3,33 +3,33 @@
 /// An input of the operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Intent {
-    /// Torque on, in two steps.
+    /// Turn torque on, in two steps.
     Arm,
-    /// The motion with this command code, at the speed that is set.
+    /// Play the motion with this command code, at the present speed setting.
     Play {
         /// The code.
         code: u8,
     },
-    /// Halt where the motion is; go on if it is halted.
+    /// Halt the motion where it is; resume if it is halted.
     PauseOrResume,
-    /// Halt where the motion is.
+    /// Halt the motion where it is.
     Pause,
-    /// To SAFE.
+    /// Return to SAFE.
     Return,
-    /// To SAFE, then torque off.
+    /// Return to SAFE, then turn torque off.
     Disarm,
-    /// Torque off at once.
+    /// Turn torque off at once.
     Estop,
-    /// Out of an emergency stop or a latched fault, in two steps.
+    /// Leave an emergency stop or a latched fault, in two steps.
     Clear,
-    /// Sets the playback speed for this and later motions; a loop that plays changes its speed.
+    /// Set the playback speed of this and later motions. A loop that is being played changes its speed.
     Speed {
         /// 64ths of the planned speed, 1 to 64.
         sixty_fourths: i8,
     },
-    /// State of the deadman; before the first there is none.
+    /// State of the deadman; without any such intent there is no deadman.
     Deadman(Deadman),
-    /// Return to SAFE, switch torque off and leave; a second time leave at once.
+    /// Return to SAFE, turn torque off and leave; the second time, leave at once.
     Quit,
 }
 
@@ -42,7 +42,7 @@ pub enum Deadman {
     Released(LetGo),
 }
 
-/// Reaction of a moving robot to a released deadman. One that aligns is always disarmed.
+/// Reaction to a released deadman while the robot moves. While it aligns, the reaction is always to disarm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LetGo {
     /// It halts where it is.

@@ -34,7 +34,7 @@ impl LinkStatus {
         self.status.map(|(_, status)| status)
     }
 
-    /// The state by the last status.
+    /// State according to the last status.
     pub fn state(&self) -> Option<State> {
         self.status().map(|status| status.state)
     }
@@ -44,7 +44,7 @@ impl LinkStatus {
         self.status.is_some_and(|(at_us, _)| now_us.saturating_sub(at_us) < CONTACT_US)
     }
 
-    /// Takes a status; reports changes to the operator.
+    /// Processes a status; reports changes to the operator.
     pub fn on_status(&mut self, now_us: u64, status: Status, log: &mut Log) {
         let before = self.status.replace((now_us, status));
         self.received += 1;
@@ -80,7 +80,7 @@ impl LinkStatus {
         }
     }
 
-    /// Takes a fault report.
+    /// Processes a fault report.
     pub fn on_fault(&mut self, now_us: u64, report: FaultReport, log: &mut Log) {
         let known = self.reports.insert(report.fault.code(), (now_us, report));
         let latched = self.status().is_some_and(|status| status.faults.contains(report.fault));
@@ -91,17 +91,17 @@ impl LinkStatus {
         }
     }
 
-    /// Takes the telemetry of a joint or wheel.
+    /// Processes the telemetry of a joint or wheel.
     pub fn on_joint(&mut self, now_us: u64, joint: JointTelemetry) {
         self.joints.insert(joint.channel, (now_us, joint));
     }
 
-    /// Drops contact with the bus, whose loss was reported already.
+    /// Records the loss of the bus, which has been reported already.
     pub fn lose_contact(&mut self) {
         self.contact = self.contact.map(|_| false);
     }
 
-    /// Reports a loss of contact; whether it happened just now.
+    /// Reports a loss of contact; returns whether it happened just now.
     pub fn watch(&mut self, now_us: u64, log: &mut Log) -> bool {
         if self.contact == Some(true) && !self.in_contact(now_us) {
             self.contact = Some(false);

@@ -19,7 +19,7 @@ pub enum Weight {
 /// A message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// When, µs.
+    /// Time, µs.
     pub at_us: u64,
     /// Importance.
     pub weight: Weight,

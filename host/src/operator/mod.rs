@@ -1,14 +1,14 @@
-//! The logic of an operator's console, without terminal, gamepad or bus: intents, frames and the time go in,
-//! frames and a [`View`] come out. Nothing here blocks.
+//! Core of an operator's console, without terminal, gamepad or bus: intents, frames and the time go in, frames and a
+//! [`View`] come out. No call blocks.
 //!
 //! An [`Operator`] sends heartbeats, so it is the robot's host while it is polled. One command is in flight at a
 //! time, repeated with the same number until it is answered or expires; a newer motion supersedes a waiting one.
 //! Stopping commands pre-empt motion commands, and an emergency stop pre-empts everything.
 //!
-//! Three interlocks bar motion: after an emergency stop, until the operator has cleared and armed; a deadman that
-//! is not held; a controller of another protocol or robot. A released deadman is a condition, not one command: as
-//! long as STATUS reports motion, stopping commands repeat. Without contact no command is known to arrive: then a
-//! released deadman, or leaving, withholds heartbeats, and the robot returns to SAFE by itself.
+//! Three interlocks bar motion: an emergency stop, until the operator has cleared and armed; a deadman that is not
+//! held; a controller with another protocol or robot. A released deadman is a condition, not a single command: as
+//! long as STATUS reports motion, stopping commands repeat. Without contact the operator cannot know whether commands
+//! arrive. A released deadman, or leaving, then withholds heartbeats, and the robot returns to SAFE on the timeout.
 
 mod intent;
 mod link_status;
@@ -43,7 +43,7 @@ const HELLO_US: u64 = 500_000;
 const PAUSE_US: u64 = 100_000;
 /// Repeat interval of RETURN and DISARM while the deadman is released or the operator leaves, µs.
 const HOME_US: u64 = 1_000_000;
-/// Least interval between changes of speed while a loop plays, µs.
+/// Shortest interval between changes of speed while a loop plays, µs.
 const SPEED_US: u64 = 200_000;
 /// Longest interval between polls, µs.
 const TICK_US: u64 = 20_000;
@@ -144,9 +144,9 @@ impl Operator {
         self.ask_hello_us = 0;
     }
 
-    /// Takes a diagnosis of the bus and what would help; `None` for a sound bus.
+    /// Processes a diagnosis of the bus with its remedy; `None` for a healthy bus.
     pub fn on_complaint(&mut self, now_us: u64, complaint: Option<String>) {
-        // Counts of damaged frames in it change all the time.
+        // Its counts of damaged frames change all the time.
         let kind = |complaint: &Option<String>| {
             complaint.as_deref().map(|text| text.replace(|c: char| c.is_ascii_digit(), ""))
         };
@@ -161,7 +161,7 @@ impl Operator {
         self.complaint = complaint;
     }
 
-    /// Takes a frame of the link.
+    /// Processes a frame of the link.
     pub fn on_frame(&mut self, now_us: u64, frame: &Frame) {
         match self.client.on_frame(now_us, frame) {
             Some(Incoming::Status(status)) => {
@@ -174,7 +174,7 @@ impl Operator {
                     // The library has changed since HELLO.
                     self.hello = None;
                 }
-                // Without a fault the state goes on to Disarmed.
+                // Without a fault the next state is Disarmed.
                 let passing = status.state == State::TorqueOff && status.faults.is_empty();
                 if self.leaving == Leaving::WhenHome && !has_torque(status.state) && !passing {
                     self.leaving = Leaving::Now;
@@ -232,7 +232,7 @@ impl Operator {
         loop {
             match self.client.poll(now_us)? {
                 Outgoing::Frame(frame) => return Some(frame),
-                // HELLO is repeated.
+                // HELLO is repeated after a loss.
                 Outgoing::TransportFailed(_) => {}
             }
         }
@@ -250,7 +250,7 @@ impl Operator {
         next_us.min(now_us + TICK_US)
     }
 
-    /// The state of everything that a console shows.
+    /// Snapshot of everything that a console shows.
     pub fn view(&self, now_us: u64) -> View {
         let status = self.link.status();
         let advice = match status {
@@ -289,16 +289,16 @@ impl Operator {
         self.leaving
     }
 
-    /// Withholds heartbeats from a robot that must stop but is not heard: commands may not reach it, or nothing but
-    /// our frames does. Without heartbeats it stops for certain. Holding the deadman again does not change that,
-    /// only a frame of the controller does.
+    /// Withholds heartbeats from a robot that must stop but is not heard: commands may not reach it, or only the
+    /// host's frames may. Without heartbeats it is certain to stop. Holding the deadman again does not end this, only
+    /// a frame of the controller does.
     fn update_silence(&mut self, now_us: u64) {
         if self.link.in_contact(now_us) {
             self.silent = false;
         } else if self.leaving != Leaving::No || matches!(self.deadman, Some(Deadman::Released(_)))
         {
             if !self.silent {
-                // May be a heartbeat; a frame refused later is none, and may be a stop.
+                // The refused frame may be a heartbeat; one refused later is not, and may be a stop.
                 self.unsent = None;
                 if self.link.state().is_some_and(has_torque) {
                     let text = "no heartbeats any more: an armed robot returns to SAFE by itself";
@@ -402,7 +402,7 @@ impl Operator {
         words.to_owned()
     }
 
-    /// Command that the situation calls for without an intent, and the interval after which it repeats, µs.
+    /// Command that the situation requires without an intent, and the interval after which it repeats, µs.
     fn automatic(&self, now_us: u64) -> Option<(Order, u64)> {
         if !self.link.in_contact(now_us) {
             return None;

@@ -19,9 +19,9 @@ pub enum Order {
     Resume,
     Return,
     Disarm,
-    /// In two steps.
+    /// Turns torque on, in two steps: request and confirmation.
     Arm,
-    /// In two steps.
+    /// Clears a latched stop, in two steps: request and confirmation.
     Clear,
 }
 
@@ -94,7 +94,7 @@ struct Waiting {
 pub struct Ended {
     pub order: Order,
     pub outcome: Outcome,
-    /// Sent without an intent: its outcome is not reported.
+    /// Sent without a request of the operator: its outcome is not reported.
     pub quiet: bool,
 }
 
@@ -127,8 +127,7 @@ impl Orders {
         self.flight.map_or(u64::MAX, |flight| flight.next_us)
     }
 
-    /// Queues an order. It supersedes the waiting one, and a stopping command also
-    /// that of a motion command in flight.
+    /// Queues an order in place of the waiting one. A stopping order also withdraws a motion command in flight.
     pub fn give(&mut self, now_us: u64, order: Order, quiet: bool, client: &mut Client) {
         if order.stops() {
             self.drop_moving(client);
@@ -136,7 +135,7 @@ impl Orders {
         self.waiting = Some(Waiting { order, quiet, until_us: now_us + WAIT_US });
     }
 
-    /// Drops everything.
+    /// Drops the orders in flight and waiting.
     pub fn forget(&mut self, client: &mut Client) {
         *self = Self::default();
         client.withdraw_command();
@@ -151,7 +150,7 @@ impl Orders {
         self.waiting = self.waiting.filter(|waiting| !waiting.order.moves());
     }
 
-    /// Sends what is due; returns an order that timed out.
+    /// Sends the command that is due; returns an order that timed out.
     pub fn poll(&mut self, now_us: u64, client: &mut Client) -> Option<Ended> {
         if let Some(flight) = self.flight.filter(|flight| now_us >= flight.until_us) {
             self.flight = None;
@@ -185,7 +184,7 @@ impl Orders {
         None
     }
 
-    /// Takes an answer; returns the order that it ends.
+    /// Processes an answer; returns the order that it completes.
     pub fn on_ack(&mut self, now_us: u64, ack: CommandAck, client: &mut Client) -> Option<Ended> {
         let flight = self.flight.take_if(|flight| {
             (ack.seq, ack.kind) == (flight.command.seq, flight.command.action.kind())
@@ -199,7 +198,7 @@ impl Orders {
             (CommandResult::Ok, Order::Clear) if !flight.confirming => {
                 Some((Action::ClearConfirm { nonce: ack.value }, true, 1))
             }
-            // Not executed: repeated with the next number.
+            // The controller has not executed it: it is sent again with the next sequence number.
             (CommandResult::OutOfOrder, _) if flight.numbers < SEQUENCE_TRIES => {
                 Some((flight.command.action, flight.confirming, flight.numbers + 1))
             }

@@ -1,4 +1,4 @@
-//! Interlocks: which intents become orders, and what bars the others.
+//! Interlocks: they decide which intents become orders and bar the others.
 
 use super::log::Weight;
 use super::orders::Order;
@@ -9,11 +9,11 @@ use rollwalk_protocol::wire::{PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State
 /// Interlock after an emergency stop: the operator has to clear and to arm before anything moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Latch {
-    /// Nothing is barred.
+    /// Open: motion is permitted.
     Open,
-    /// Stopped, and not cleared.
+    /// Stopped and not cleared.
     Stopped,
-    /// Cleared, and not armed.
+    /// Cleared and not armed.
     Cleared,
 }
 
@@ -28,7 +28,7 @@ impl Latch {
 }
 
 impl Operator {
-    /// Takes an intent.
+    /// Processes an intent.
     pub fn want(&mut self, now_us: u64, intent: Intent) {
         match intent {
             Intent::Estop => self.estop(now_us),
@@ -51,7 +51,7 @@ impl Operator {
         }
     }
 
-    /// Why this host must not arm the controller.
+    /// Reason for which this host must not arm the controller.
     pub(super) fn stranger(&self) -> Option<String> {
         let hello = self.hello?;
         if (hello.major, hello.schema_hash) != (PROTOCOL_MAJOR, SCHEMA_HASH) {
@@ -75,7 +75,7 @@ impl Operator {
         if self.latch != Latch::Stopped {
             self.latch = Latch::Stopped;
             self.asked = None;
-            // Also a pending CLEAR, which was meant for an earlier stop.
+            // A pending CLEAR is dropped too: it was meant for an earlier stop.
             self.forget_orders();
         }
     }
@@ -84,7 +84,7 @@ impl Operator {
         self.latch = Latch::Stopped;
         self.asked = None;
         self.forget_orders();
-        // Repeated presses are one message.
+        // Repeated presses give one message.
         if !self.client.is_stopping() {
             self.log.say(now_us, Weight::Warning, "EMERGENCY STOP");
         }
@@ -200,10 +200,10 @@ impl Operator {
     }
 }
 
-/// Why an intent does not become an order.
+/// Reason for which an intent does not become an order.
 enum Barred {
     /// An interlock bars it.
     Refused(String),
-    /// It is fulfilled already.
+    /// Its goal is reached already.
     NeedsNothing(Latch, &'static str),
 }

@@ -1,4 +1,5 @@
-//! Invariants of an operator's host under any sequence of intents, received frames and losses; and single cases.
+//! Invariants of an operator's host under any sequence of intents, received frames and losses, and tests of single
+//! cases.
 
 use super::*;
 use proptest::prelude::*;
@@ -25,12 +26,12 @@ struct Desk {
     now_us: u64,
     sent: Vec<ToController>,
     heartbeat: u8,
-    /// The bus does not take the next command.
+    /// Whether the bus refuses the next command.
     full: bool,
 }
 
 impl Desk {
-    /// In contact with a controller, whose clock is known.
+    /// An operator in contact with a controller, whose clock is known.
     fn new() -> Self {
         let operator = Operator::new(node(), None);
         let mut desk = Self { operator, now_us: 0, sent: Vec::new(), heartbeat: 0, full: false };
@@ -53,7 +54,7 @@ impl Desk {
         desk
     }
 
-    /// Nothing was heard yet, and the deadman is not held.
+    /// An operator that has heard nothing yet, with a deadman that is not held.
     fn without_contact(let_go: LetGo) -> Self {
         let mut operator = Operator::new(node(), None);
         operator.want(0, Intent::Deadman(Deadman::Released(let_go)));
@@ -357,7 +358,7 @@ fn a_paused_robot_goes_home_without_the_deadman_only_where_that_is_what_it_means
         desk.poll();
         let sent = desk.commands().iter().any(|command| command.action == Action::Return);
         assert_eq!(sent, goes, "{let_go:?}: {}", desk.last_words());
-        // Torque off in the end: always.
+        // In the end torque is off in every case.
         desk.want(Intent::Disarm);
         desk.pass(600_000);
         let last = desk.commands().last().map(|command| command.action);
@@ -625,7 +626,7 @@ proptest! {
                     }
                 }
                 Happens::Frame(frame) => {
-                    // Another's stop counts as well.
+                    // A stop of another node counts as well.
                     if let Ok((_, rollwalk_protocol::wire::FromController::Status(status))) =
                         rollwalk_protocol::wire::FromController::decode(&frame)
                         && status.state == State::EStopped

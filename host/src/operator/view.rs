@@ -1,4 +1,4 @@
-//! Everything that a console shows: a snapshot of the operator's state.
+//! Snapshot of the operator's state with everything that a console shows.
 
 use super::log::Message;
 use rollwalk_protocol::faults::Fault;
@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, VecDeque};
 /// A snapshot for the console.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// The instant, µs.
+    /// Time of the snapshot, µs.
     pub now_us: u64,
     /// The controller's address.
     pub node: u8,
@@ -21,7 +21,7 @@ pub struct View {
     pub complaint: Option<String>,
     /// The controller's identity.
     pub hello: Option<Hello>,
-    /// Why this host must not arm the controller.
+    /// Reason for which this host must not arm the controller.
     pub stranger: Option<String>,
     /// Last status of the controller.
     pub status: Option<Status>,
@@ -52,7 +52,7 @@ pub struct View {
 pub struct LinkView {
     /// Whether the last status is recent.
     pub contact: bool,
-    /// From a heartbeat to its answer, µs.
+    /// Time from a heartbeat to its answer, µs.
     pub round_trip_us: Option<u64>,
     /// Age of the last status, µs.
     pub status_age_us: Option<u64>,
@@ -67,7 +67,7 @@ pub struct LinkView {
 pub struct FaultView {
     /// The fault.
     pub fault: Fault,
-    /// Whether STATUS has it; otherwise it refused ARM.
+    /// Whether STATUS reports it; otherwise it refused ARM.
     pub present: bool,
     /// Channel of its report.
     pub channel: Option<u8>,
@@ -80,14 +80,14 @@ pub struct FaultView {
 pub struct JointView {
     /// Last telemetry.
     pub telemetry: JointTelemetry,
-    /// Its age, µs.
+    /// Age of the telemetry, µs.
     pub age_us: u64,
 }
 
 /// Whether the operator is leaving.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Leaving {
-    /// No.
+    /// The operator is not leaving.
     No,
     /// Once the robot has reached SAFE and torque is off.
     WhenHome,

@@ -14,7 +14,7 @@ pub enum SessionError {
     /// The bus itself failed.
     #[error(transparent)]
     Link(#[from] LinkError),
-    /// No answer, even to repetitions.
+    /// The controller did not answer, even to repetitions.
     #[error("controller {node} does not answer ({what}): {why}")]
     Silent {
         /// Its address.
@@ -38,7 +38,7 @@ pub enum SessionError {
         /// Its address.
         node: u8,
     },
-    /// Host and controller do not speak the same protocol.
+    /// Host and controller use different protocols.
     #[error(
         "controller {node} speaks protocol {major}.{minor} (schema {schema_hash:08x}), this host \
          speaks {PROTOCOL_MAJOR}.{PROTOCOL_MINOR} (schema {SCHEMA_HASH:08x}): build host and \
@@ -82,7 +82,7 @@ pub enum SessionError {
         what: &'static str,
         /// Its answer.
         result: ParameterResult,
-        /// The limit that the request went beyond, if it did.
+        /// Limit that the request exceeded, if any.
         value: f32,
     },
     /// A library, or a step of its transfer, was refused.
@@ -91,27 +91,27 @@ pub enum SessionError {
         /// Its answer.
         reply: Reply,
     },
-    /// After a successful transfer the controller has another library active.
+    /// After a successful transfer the controller has a different library active.
     #[error(
         "the controller has {} in use and not the library that was transferred: transfer it again",
         found.map_or("no library".into(), |found| format!("library {found:08x}"))
     )]
     NotInUse {
-        /// Identity of the one in use.
+        /// Identity of the active library.
         found: Option<u32>,
     },
-    /// The robot went to a state from which it does not reach the awaited one.
+    /// The robot entered a state from which it does not reach the expected one.
     #[error("waited for {waited_for}, but the robot is in state {:?}: {}", status.state, fault_names(status.faults))]
     WentElsewhere {
-        /// The awaited state, in words.
+        /// The expected state, in words.
         waited_for: String,
         /// Last status.
         status: Status,
     },
-    /// The robot did not reach the awaited state in time.
+    /// The robot did not reach the expected state in time.
     #[error("waited {waited_s} s for {waited_for}, but the robot is still in state {:?}: {}", status.state, fault_names(status.faults))]
     TookTooLong {
-        /// The awaited state, in words.
+        /// The expected state, in words.
         waited_for: String,
         /// The timeout, s.
         waited_s: f64,

@@ -1,4 +1,4 @@
-//! Request and answer over a bus: moves frames until the answer arrives, and repeats what gets lost.
+//! Requests and answers over a bus: sends and receives frames until the answer arrives, and repeats lost requests.
 
 use super::error::SessionError;
 use crate::client::{ACK_TIMEOUT_US, COMMAND_LIFE_US, Client, Incoming, Outgoing, SEQUENCE_TRIES};
@@ -9,8 +9,8 @@ use rollwalk_protocol::wire::{
     Action, CommandAck, CommandResult, Node, ParameterAck, ParameterAction, ParameterResult, Status,
 };
 
-/// Most transmissions of a command. It expires before the last answer times out, so an unanswered command is not
-/// executed later.
+/// Largest number of transmissions of a command. It expires before the last answer times out, so an unanswered
+/// command is not executed later.
 const COMMAND_SENDS: u32 = 9;
 const _: () = assert!(ACK_TIMEOUT_US * COMMAND_SENDS as u64 > COMMAND_LIFE_US);
 /// Retry interval of a full transmit queue, µs.
@@ -112,7 +112,8 @@ impl<B: LinkBus> Exchange<B> {
         Err(SessionError::ParameterRefused { what, result, value: 0.0 })
     }
 
-    /// Sends a transport request up to `sends` times until `wanted` takes an answer. All requests may be repeated.
+    /// Sends a transport request up to `sends` times until `wanted` accepts an answer. Every request is safe to
+    /// repeat.
     pub fn respond<T>(
         &mut self,
         request: &Request<'_>,
@@ -139,7 +140,7 @@ impl<B: LinkBus> Exchange<B> {
         self.client.request(request).expect("requests fit, and nothing else is on its way");
         let answer = self.pump(timeout_us, |incoming| match incoming {
             Incoming::Response(response) => wanted(response).map(Some),
-            // No use in waiting any longer.
+            // The answer can no longer arrive.
             Incoming::TransportFailed(_) => Some(None),
             _ => None,
         })?;
@@ -153,7 +154,7 @@ impl<B: LinkBus> Exchange<B> {
         SessionError::Silent { node: self.node.number(), what, why }
     }
 
-    /// Moves frames for a while or until `wanted` takes a message.
+    /// Sends and receives frames until `wanted` accepts a message, at most for `timeout_us`.
     pub fn pump<T>(
         &mut self,
         timeout_us: u64,
@@ -179,8 +180,8 @@ impl<B: LinkBus> Exchange<B> {
         }
     }
 
-    /// Sends what the client has to send, up to a full queue or a failed message; with a full queue also returns when
-    /// to try again.
+    /// Sends the client's frames until none is left, the transmit queue is full or a message has failed. Returns the
+    /// failed message and, with a full queue, the time of the next attempt, µs.
     fn send_all(&mut self) -> Result<(Option<Incoming>, Option<u64>), SessionError> {
         let now_us = self.bus.now_us();
         loop {

@@ -1,7 +1,7 @@
 //! Transfer of a motion library: BEGIN, blocks, FINISH, ACTIVATE.
 //!
-//! A lost block is repeated at half the size: a frame lost from a long message costs the whole message, so on a
-//! bad link short ones get further. Each answer makes blocks grow again.
+//! A lost block is repeated at half the size: one lost frame of a long message loses the whole message, so on a bad
+//! link short messages are more likely to arrive. Every answer makes the blocks grow again.
 
 use super::{Session, SessionError, ask_hello};
 use rollwalk_bus::link::LinkBus;
@@ -13,19 +13,19 @@ use rollwalk_protocol::wire::transport::{MAX_BLOCK, Reply, Request, Response, Tr
 const BLOCK_TIMEOUT_US: u64 = 250_000;
 /// Timeout of requests that erase or read memory, µs.
 const MEMORY_TIMEOUT_US: u64 = 5_000_000;
-/// Most transmissions of any other request.
+/// Largest number of transmissions of any other request.
 const REQUEST_SENDS: u32 = 5;
-/// Least size of a block, and step by which blocks grow, bytes.
+/// Smallest size of a block, and step by which blocks grow, bytes.
 const SMALLEST_BLOCK: usize = 32;
-/// Most losses of a block in a row.
+/// Largest number of losses of a block in a row.
 const LOST_BLOCKS: u32 = 16;
 
 /// Progress of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// Bytes that the controller has.
+    /// Bytes that the controller has received.
     pub done: usize,
-    /// Bytes of the library.
+    /// Size of the library, bytes.
     pub total: usize,
 }
 
@@ -48,7 +48,7 @@ impl<B: LinkBus> Session<B> {
         if found == identity(library) { Ok(()) } else { Err(SessionError::NotInUse { found }) }
     }
 
-    /// Sends what the controller does not have: everything from byte `done` on.
+    /// Sends the rest of the library, from byte `done` on.
     fn send_blocks(
         &mut self,
         library: &[u8],
@@ -107,8 +107,8 @@ impl<B: LinkBus> Session<B> {
     }
 }
 
-/// Picks the answer to a request about a file of `len` bytes. One with `next` beyond its end is about another file, or
-/// damaged, and counts as lost.
+/// Selects the answer to a request about a file of `len` bytes. An answer with `next` beyond the end belongs to
+/// another file or is damaged, and counts as lost.
 fn reply_to(request: &Request<'_>, len: u32) -> impl FnMut(Response) -> Option<Reply> + use<> {
     let kind = request.kind();
     move |response| match response {

@@ -1,4 +1,4 @@
-//! Reading the controller's log.
+//! Reader of the controller's log.
 
 use super::{HELLO_SENDS, HELLO_TIMEOUT_US, Session, SessionError};
 use rollwalk_bus::link::LinkBus;
@@ -8,9 +8,9 @@ use rollwalk_protocol::wire::{Log, LogEntry, State};
 /// The controller's log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct History {
-    /// Controller's clock when it answered, low 32 bits of ms.
+    /// Controller's clock at the time of the answer, low 32 bits of ms.
     pub now_ms: u32,
-    /// Changes of its state and faults that appeared, oldest first, with their numbers since power-on.
+    /// Changes of its state and new faults, oldest first, with their numbers since power-on.
     pub entries: Vec<(u32, LogEntry)>,
 }
 
@@ -20,20 +20,20 @@ impl History {
         self.now_ms.wrapping_sub(entry.at_ms)
     }
 
-    /// The entry that explains the last stop: the last one that led out of Ready, Playing or Paused.
+    /// Entry that explains the last stop: the last one that led out of Ready, Playing or Paused.
     pub fn last_stop(&self) -> Option<&LogEntry> {
         let stops = |entry: &&LogEntry| follows(entry.before) && !follows(entry.after);
         self.entries.iter().rev().map(|(_, entry)| entry).find(stops)
     }
 }
 
-/// Whether the robot stands ready or plays in this state.
+/// Whether the robot is ready or playing in this state.
 fn follows(state: State) -> bool {
     matches!(state, State::Ready | State::Playing | State::Paused)
 }
 
 impl<B: LinkBus> Session<B> {
-    /// Reads the log since power-on, as far as the controller keeps it. Possible in every state.
+    /// Reads the entries since power-on that the controller still has. This is possible in every state.
     pub fn history(&mut self) -> Result<History, SessionError> {
         let mut since = 0;
         let mut entries = Vec::new();

@@ -1,6 +1,6 @@
-//! What a host does with a controller, step by step: connect, flash, arm, select motions, stop.
+//! Blocking procedures of a host with a controller: connect, flash, arm, select motions, stop.
 //!
-//! Runs on any [`LinkBus`]. A session sends heartbeats while it waits for an answer and during
+//! A session runs on any [`LinkBus`]. It sends heartbeats while it waits for an answer and during
 //! [`Session::run_for`]. Otherwise it sends none, and the robot returns to SAFE on the timeout.
 
 mod error;
@@ -29,13 +29,13 @@ use rollwalk_protocol::wire::{
 const CONNECT_TIMEOUT_US: u64 = 1_000_000;
 /// Timeout of HELLO, µs: its answer is half a dozen frames, and the request is repeated when one gets lost.
 const HELLO_TIMEOUT_US: u64 = 150_000;
-/// Most HELLO requests.
+/// Largest number of HELLO requests.
 const HELLO_SENDS: u32 = 20;
-/// Timeout of an emergency stop, µs: half of the frames may get lost on a link so bad that nothing else works.
+/// Timeout of an emergency stop, µs. On a link on which nothing else works half of the frames may get lost.
 const STOP_TIMEOUT_US: u64 = 3_000_000;
 /// Timeout for feedback of all actuators, µs.
 const FEEDBACK_TIMEOUT_US: u64 = 500_000;
-/// Interval of attempts to arm until then, µs.
+/// Interval of attempts to arm until that feedback has arrived, µs.
 const FEEDBACK_RETRY_US: u64 = 50_000;
 /// Timeout of aligning, returning to SAFE and damping, µs.
 const STATE_TIMEOUT_US: u64 = 30_000_000;

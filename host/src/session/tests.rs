@@ -14,7 +14,7 @@ type Answer = Box<dyn FnMut(&ToController) -> Option<Frame>>;
 pub struct Wire {
     now_us: u64,
     said: VecDeque<(u64, Frame)>,
-    /// What was sent, in order.
+    /// Messages of the host under test, in the order sent.
     pub sent: Vec<ToController>,
     first_sent_us: Option<u64>,
     answer: Answer,
@@ -30,7 +30,7 @@ impl Wire {
         Self::answering(|_| None)
     }
 
-    /// A controller that answers.
+    /// A bus with a controller that answers.
     pub fn answering(answer: impl FnMut(&ToController) -> Option<Frame> + 'static) -> Self {
         let (said, sent) = (VecDeque::new(), Vec::new());
         Self { now_us: 0, said, sent, first_sent_us: None, answer: Box::new(answer) }
@@ -96,7 +96,7 @@ fn a_command_beside_a_host_is_dated_by_its_clock_and_no_heartbeat_goes_out() {
         _ => None,
     });
     beside_a_host(&mut wire);
-    // Tests with a whole controller cover HELLO; this one covers what comes before and after.
+    // Tests with a whole controller cover HELLO; this one covers the frames before and after it.
     assert!(overhear::host(&mut wire, node()).unwrap().has_host());
     let mut exchange = Exchange::new(wire, node(), Client::visitor(node()));
     let alive = exchange.pump(CONNECT_TIMEOUT_US, |i| (i == Incoming::Alive).then_some(()));
@@ -105,7 +105,7 @@ fn a_command_beside_a_host_is_dated_by_its_clock_and_no_heartbeat_goes_out() {
     let [ToController::Command(command)] = exchange.bus.sent[..] else {
         panic!("{:?}", exchange.bus.sent)
     };
-    // The answer to the second heartbeat, 50 ms after the first, and half a second.
+    // The controller's clock in the second heartbeat reply, 7050 ms, and a command's life of 500 ms.
     assert_eq!(command.valid_until_ms, 7050 + 500);
 }
 
@@ -118,7 +118,7 @@ fn a_second_host_is_refused_before_it_sends_anything() {
     assert_eq!(wire.sent, []);
 }
 
-/// Between two blocks of a transfer a controller may write its flash for a while.
+/// A controller may write its flash for a while between two blocks of another host's transfer.
 #[test]
 fn beside_a_host_nothing_is_asked_before_half_a_second_without_transport_frames() {
     let block = Frame::standard(0x510, &[0x21, 1, 2, 3]).unwrap();
@@ -133,7 +133,7 @@ fn beside_a_host_nothing_is_asked_before_half_a_second_without_transport_frames(
             wire.says(at_us + 500, HeartbeatReply { seq, controller_ms: 0 }.encode(node()));
         }
         Session::join(&mut wire, node()).err().expect("it does not answer");
-        // With the next sign of life.
+        // The controller's next frame triggers the request.
         assert_eq!(wire.first_sent_us, Some(asked_us + 500));
     }
 }
@@ -153,7 +153,7 @@ fn an_emergency_stop_goes_on_until_it_is_acknowledged() {
     let mut stops = 0;
     let mut wire = Wire::answering(move |message| {
         stops += u32::from(*message == ToController::Estop);
-        // Five at once, then ten a second: after nine and a half seconds.
+        // Five at once, then ten a second: the hundredth after nine and a half seconds.
         (stops == 100).then(|| EstopAck { state: State::EStopped }.encode(node()))
     });
     let mut told = Vec::new();
