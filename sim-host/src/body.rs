@@ -1,4 +1,4 @@
-//! The robot's motors on its stand: servos in channel order, loaded with what hangs on them.
+//! Motors of the robot on its stand: servos in channel order, loaded with the links that they carry.
 
 use crate::clock::SimTime;
 use crate::load::joint_loads;
@@ -12,19 +12,19 @@ use rollwalk_robot::{Channel, Robot};
 #[derive(Clone, Debug)]
 pub struct Body {
     tree: Tree,
-    /// In channel order: joints, then driven wheels.
+    /// Servos in channel order: joints, then driven wheels.
     servos: Vec<Servo>,
     addresses: Vec<(u8, u8)>,
 }
 
 impl Body {
-    /// A robot at rest in its nominal pose, torque off.
+    /// Creates a robot at rest in its nominal pose, with torque off.
     pub fn new(robot: &Robot) -> Self {
         let servos = robot.channels().map(|channel| {
             let plant = match channel {
                 Channel::Joint(joint) => Plant::new(&joint.actuator, joint.nominal_rad)
                     .with_stops(joint.position_min_rad, joint.position_max_rad),
-                // The wheel itself is part of its link in the robot file: only the rotor turns.
+                // The wheel itself is part of its link in the robot file: only its rotor is separate.
                 Channel::Wheel(_, actuator) => Plant::new(actuator, 0.0),
             };
             let bus = robot.buses.get(&channel.actuator().bus).copied().unwrap_or_default();
@@ -47,7 +47,7 @@ impl Body {
         &self.servos
     }
 
-    /// What each channel measures truly: rad of a joint, rad/s of a wheel.
+    /// True measured value of each channel: rad of a joint, rad/s of a wheel.
     pub fn values(&self) -> Vec<f32> {
         let joints = self.tree.robot().joints.len();
         let value = |(channel, servo): (usize, &Servo)| {
@@ -69,19 +69,19 @@ impl Body {
         }
     }
 
-    /// Lets `dt_s` pass up to `now`.
+    /// Advances the motors by `dt_s` up to the time `now`.
     pub fn step(&mut self, now: SimTime, dt_s: f64) {
         for servo in &mut self.servos {
             servo.step(now, dt_s);
         }
     }
 
-    /// The power of the motor of `channel` is gone: no torque, and nothing is kept.
+    /// Cuts the power of the motor of `channel`: it gives no torque and loses its state.
     pub fn cut_power(&mut self, channel: usize) {
         self.servos[channel].cut_power();
     }
 
-    /// Hands a frame to the servo of `channel`; its answer, if it was meant.
+    /// Passes a frame to the servo of `channel`; returns its answer, if the frame was for it.
     pub fn on_frame(&mut self, channel: usize, now: SimTime, frame: &Frame) -> Option<Frame> {
         self.servos[channel].on_frame(now, frame)
     }

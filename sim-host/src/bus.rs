@@ -6,11 +6,10 @@
 //! wins and occupies the bus for its exact length ([`Frame::exact_bits`]), the last three bits of
 //! which are intermission: receivers have the frame before them, the bus is idle after them.
 //!
-//! A node keeps its pending frames by the [`TxPolicy`] it was built with. Frames leave a node lowest
-//! id first, equal ids in the order of posting. Every frame is acknowledged and received by all other
-//! nodes, unless [`CanBus::disconnect`] removes them; there are no error frames. An id
-//! belongs to one sender: if two nodes send the same id at the same instant, the node that was added
-//! first goes first, where a real bus would see an error.
+//! The [`TxPolicy`] of a node determines which pending frames it keeps. Frames leave a node lowest id first, equal
+//! ids in the order of posting. All other nodes receive and acknowledge every frame, unless [`CanBus::disconnect`]
+//! removes them; there are no error frames. An id belongs to one sender: if two nodes send the same id at the same
+//! instant, the node that was added first wins, where a real bus would have an error.
 
 use crate::clock::SimTime;
 use rollwalk_protocol::can::{Frame, Id};
@@ -26,17 +25,17 @@ pub struct NodeId(usize);
 /// Policy of a node for frames that wait for the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TxPolicy {
-    /// A pending frame is replaced by a newer one of the same id: for setpoints and feedback, of
-    /// which only the latest is worth sending.
+    /// A newer frame replaces a pending one of the same id: for setpoints and feedback, of which only the latest is
+    /// of use.
     Latest,
-    /// Every frame is kept, up to a number of pending frames: for streams such as ISO-TP.
+    /// Every frame is kept, up to a limit of pending frames: for streams such as ISO-TP.
     Queue {
-        /// Most frames that wait.
+        /// Limit of pending frames.
         depth: usize,
     },
 }
 
-/// The node's queue is full; the frame was not taken.
+/// Error of a full queue: the frame was not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("transmit queue full: {depth} frames already wait for the bus")]
 pub struct QueueFull {
@@ -69,7 +68,7 @@ pub struct IdStatistics {
 /// Statistics of a bus since it was built.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BusStatistics {
-    /// By id, most urgent first.
+    /// Statistics by id, most urgent first.
     pub by_id: BTreeMap<Id, IdStatistics>,
     /// Pending frames superseded by a newer one of the same id ([`TxPolicy::Latest`]).
     pub replaced: u64,
@@ -141,10 +140,10 @@ struct Flight {
 pub struct CanBus {
     bit_ns: u64,
     nodes: Vec<Node>,
-    /// When the bus became idle, or will after the frame in flight and its intermission.
+    /// Instant at which the bus became idle, or will be after the frame in flight and its intermission.
     idle_from: SimTime,
     in_flight: Option<Flight>,
-    /// No node acknowledges: the controller repeats its frame again and again.
+    /// Whether no node acknowledges, so that the controller keeps repeating its frame.
     disconnected: bool,
     statistics: BusStatistics,
 }
@@ -153,7 +152,7 @@ pub struct CanBus {
 pub const DEFAULT_BITRATE: u32 = 1_000_000;
 
 impl CanBus {
-    /// An idle bus at `bitrate` bit/s. Panics unless a bit lasts a whole number of nanoseconds.
+    /// Creates an idle bus at `bitrate` bit/s. Panics unless a bit lasts a whole number of nanoseconds.
     pub fn new(bitrate: u32) -> Self {
         assert!(
             bitrate > 0 && 1_000_000_000 % bitrate == 0,
@@ -177,8 +176,7 @@ impl CanBus {
 
     /// Queues a frame of `node` at `now`. All deliveries up to `now` must have been pulled.
     pub fn post(&mut self, now: SimTime, node: NodeId, frame: Frame) -> Result<(), QueueFull> {
-        // A frame that won the bus before this instant is out of reach: it can be neither replaced
-        // nor overtaken any more.
+        // A frame that won arbitration before this instant can be neither replaced nor overtaken any more.
         if self.in_flight.is_none()
             && let Some(winner) = self.winner()
             && winner.start < now
@@ -222,7 +220,7 @@ impl CanBus {
         self.idle_from = self.idle_from.max(now);
     }
 
-    /// Drops the pending frames of `node`; a frame in flight goes on.
+    /// Drops the pending frames of `node`; a frame in flight is completed.
     pub fn cancel(&mut self, node: NodeId) {
         self.nodes[node.0].pending.clear();
     }
@@ -408,7 +406,7 @@ mod tests {
         let node = bus.add_node(KEEP);
         bus.post(us(0), node, frame(0x10, &[1])).unwrap();
         bus.post(us(5), node, frame(0x10, &[2])).unwrap();
-        // The first is on its way by then, and not yet across.
+        // The first frame is in flight by then and not yet completed.
         bus.disconnect(us(20));
         assert_eq!((bus.next_completion(), bus.pending(node)), (None, 2));
         bus.post(us(700), node, frame(0x10, &[3])).unwrap();

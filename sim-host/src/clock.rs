@@ -59,7 +59,7 @@ impl Sub for SimTime {
     }
 }
 
-/// Something that happens at a fixed period, first at time 0.
+/// Event with a fixed period, first at time 0.
 ///
 /// The k-th instant is `k * 1 s / rate` rounded down to a nanosecond, so a rate that does not divide
 /// a second does not drift.
@@ -70,7 +70,7 @@ pub struct Periodic {
 }
 
 impl Periodic {
-    /// At `rate_hz` instants per second.
+    /// Creates an event with `rate_hz` instants per second.
     pub fn new(rate_hz: u32) -> Self {
         assert!(rate_hz > 0, "a periodic event needs a rate above 0 Hz");
         Self { rate_hz, count: 0 }
@@ -82,7 +82,7 @@ impl Periodic {
         SimTime(instant as u64)
     }
 
-    /// The instant has been served; on to the following one.
+    /// Advances to the following instant.
     pub fn advance(&mut self) {
         self.count += 1;
     }

@@ -1,4 +1,4 @@
-//! The controller as the bench sees it: takes events, returns frames to send.
+//! Interface of the simulation to a controller: events in, frames to send out.
 
 use crate::store::{self, SimParameters, SimStore};
 use rollwalk_bus::link::LinkError;

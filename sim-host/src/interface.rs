@@ -1,4 +1,4 @@
-//! The buses of a simulated robot, by the names that they have in its logs.
+//! Buses of a simulated robot and their names in its logs.
 
 use rollwalk_bus::candump;
 use std::fmt;

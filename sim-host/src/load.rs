@@ -1,7 +1,7 @@
-//! What hangs on each joint while the body is held level and still: inertia and weight.
+//! Load of each joint, inertia and weight, while the body is held level and still.
 //!
-//! The diagonal of the mass matrix and the generalised forces of the weight at the pose. Coupling between
-//! joints, Coriolis terms and the ground are not in it.
+//! The load is the diagonal of the mass matrix and the generalised forces of the weight at the pose. It does not
+//! include coupling between joints, Coriolis terms and the ground.
 
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
 use rollwalk_multibody::{CompositeInertia, Configuration, Frames, JOINTS, Tree};
@@ -9,7 +9,7 @@ use rollwalk_multibody::{CompositeInertia, Configuration, Frames, JOINTS, Tree};
 /// Standard gravity, m/s².
 const GRAVITY_M_S2: f64 = 9.80665;
 
-/// What one joint carries.
+/// Load of one joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointLoad {
     /// Inertia about the joint axis, kg·m².
@@ -18,8 +18,7 @@ pub struct JointLoad {
     pub gravity_nm: f64,
 }
 
-/// The load of every joint at the pose `joint_rad`, in joint order. Rotors are no part of it: the tree has
-/// no armature.
+/// Load of every joint at the pose `joint_rad`, in joint order. It excludes rotors: the tree has no armature.
 pub fn joint_loads(tree: &Tree, joint_rad: &[f64]) -> Vec<JointLoad> {
     let at = Configuration {
         base_position_m: Vector3::zeros(),

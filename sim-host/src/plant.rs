@@ -1,17 +1,17 @@
-//! The physics of one motor: an inertia that a clamped torque turns.
+//! Physics of one motor: an inertia driven by a clamped torque.
 //!
 //! ```text
 //!   I q'' = clamp(kp (q* - q) + kd (v* - q') + tau, ±tau_max) + tau_load
 //! ```
 //!
-//! `I` is the armature (rotor and gearbox at the output) and what hangs on the shaft. A motor at its
-//! top speed has no torque left to go faster, but a load can still push it. A joint ends at its stops,
-//! without bouncing. Not simulated: current loop and electrical time constant (an order faster than
-//! the control law), backlash, friction, quantised encoders, temperature.
+//! `I` is the sum of the armature (rotor and gearbox at the output) and the load's inertia. A motor at its top speed
+//! has no torque left to accelerate, but a load can still drive it faster. A joint stops at its mechanical limits
+//! without bouncing. Not simulated: current loop and electrical time constant (an order of magnitude faster than the
+//! control law), backlash, friction, quantised encoders, temperature.
 //!
-//! Integration is by the implicit midpoint rule with a fixed step: second order, stable for any
-//! gains, and without numerical damping, so that overshoot is the law's own. Tested against the closed
-//! form of the step response.
+//! Integration is by the implicit midpoint rule with a fixed step: second order, stable for any gains, and without
+//! numerical damping, so that overshoot comes from the control law alone. Tests compare it with the closed form of
+//! the step response.
 
 use rollwalk_drives::{Law, Shaft};
 use rollwalk_robot::Actuator;
@@ -23,7 +23,7 @@ pub struct Plant {
     torque_max_nm: f64,
     speed_max_rad_s: f64,
     stops_rad: [f64; 2],
-    /// Inertia of what hangs on the shaft, kg·m².
+    /// Inertia of the load on the shaft, kg·m².
     pub load_inertia_kg_m2: f64,
     /// Torque of the load on the shaft, N·m: its weight, for example.
     pub load_torque_nm: f64,
@@ -31,14 +31,14 @@ pub struct Plant {
     pub position_rad: f64,
     /// Speed q', rad/s.
     pub speed_rad_s: f64,
-    /// Torque that the motor gave over the last step, N·m.
+    /// Torque of the motor over the last step, N·m.
     pub torque_nm: f64,
-    /// Whether the law wanted more torque than there was.
+    /// Whether the control law required more torque than the motor has.
     pub torque_limited: bool,
 }
 
 impl Plant {
-    /// An actuator at rest at `position_rad`, without load, that turns freely.
+    /// Creates an actuator at rest at `position_rad`, without load or stops.
     pub fn new(actuator: &Actuator, position_rad: f64) -> Self {
         Self {
             armature_kg_m2: actuator.armature_kg_m2,
@@ -64,13 +64,13 @@ impl Plant {
         self.armature_kg_m2 + self.load_inertia_kg_m2
     }
 
-    /// What a drive measures of it.
+    /// Measurements that a drive takes of it.
     pub fn shaft(&self) -> Shaft {
         let &Self { position_rad, speed_rad_s, torque_nm, torque_limited, .. } = self;
         Shaft { position_rad, speed_rad_s, torque_nm, torque_limited }
     }
 
-    /// Lets `dt_s` pass under `law`.
+    /// Advances by `dt_s` under the control law `law`.
     pub fn step(&mut self, law: &Law, dt_s: f64) {
         // With v the mean of old and new speed, the midpoint angle is q + v dt/2 and the rule reads
         //   v = v0 + dt/(2I) (kp (q* - q - v dt/2) + kd (v* - v) + tau + tau_load).
@@ -100,7 +100,7 @@ impl Plant {
         }
     }
 
-    /// The part of the wanted torque that the motor has, at the speed it would come to.
+    /// The required torque, clamped to what the motor has at the speed after the step.
     fn available(&self, wanted: f64, limit_nm: f64, gain: f64) -> f64 {
         let most = self.torque_max_nm.min(limit_nm);
         let torque = wanted.clamp(-most, most);

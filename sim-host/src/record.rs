@@ -49,8 +49,8 @@ impl Recorder {
         Self { told, in_force, fresh, under_way: None, records: Vec::new() }
     }
 
-    /// Records a setpoint of the controller for `channel` that has crossed its bus. Some drives take a torque as a
-    /// setpoint without gains, whose position or speed means nothing: those channels are ignored.
+    /// Records a setpoint for `channel` that has crossed its bus, rad or rad/s. Channels with torque setpoints are
+    /// ignored: the position and speed in their frames have no meaning.
     pub fn on_setpoint(&mut self, channel: usize, value: f32) {
         if !self.told[channel] {
             return;
@@ -129,7 +129,7 @@ mod tests {
     use super::*;
     use crate::one_leg;
 
-    /// For the leg's hip, knee and wheel.
+    /// A recorder for the leg's hip, knee and wheel.
     fn recorder() -> Recorder {
         Recorder::new(vec![true; 3])
     }

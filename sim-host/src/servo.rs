@@ -1,8 +1,8 @@
-//! A servo or wheel drive on an actuator bus: what its maker built, [`rollwalk_drives`], in front of a motor.
+//! Servo or wheel drive on an actuator bus: the maker's drive, from [`rollwalk_drives`], with a motor.
 //!
-//! Follows the law that its drive has it follow, at the rate at which the simulation steps it. A motor without
-//! torque is damped: the friction of a geared motor that is turned from outside, with the joint's default
-//! damping gain in place of a measured one.
+//! It follows the control law of its drive, at the rate of the simulation. A motor without torque is damped like a
+//! geared motor that is turned from outside, with the joint's default damping gain, because its friction was not
+//! measured.
 
 use crate::clock::SimTime;
 use crate::plant::Plant;
@@ -11,7 +11,7 @@ use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
 
-/// Longest time without a setpoint before an enabled servo of the Rollwalk profile gives up.
+/// Longest time without a setpoint before an enabled servo of the Rollwalk profile switches its torque off.
 pub const WATCHDOG: SimTime = SimTime::from_us(rollwalk::WATCHDOG_US);
 
 /// One servo or wheel drive.
@@ -34,7 +34,7 @@ impl Servo {
         Self { drive: Drive::new(bus, channel), friction, plant }
     }
 
-    /// Its power is gone: no torque, and when it comes back it is as after power-on.
+    /// Cuts its power: it gives no torque, and starts as after power-on when power is back.
     pub fn cut_power(&mut self) {
         self.drive.cut_power();
     }
@@ -49,7 +49,7 @@ impl Servo {
         self.drive.commanded(frame)
     }
 
-    /// A frame on the bus; the answer if it was for this servo.
+    /// Processes a frame on the bus; returns the answer if it was for this servo.
     pub fn on_frame(&mut self, now: SimTime, frame: &Frame) -> Option<Frame> {
         let (_, answer) = self.drive.on_frame(now.as_us(), frame, &self.plant.shaft())?;
         answer

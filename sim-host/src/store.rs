@@ -1,5 +1,4 @@
-//! The controller's memories for library and parameters, simulated: the stores of a real board, in
-//! flash made of RAM.
+//! Library store and parameter store of the simulated controller: those of a real board, on flash simulated in RAM.
 
 use rollwalk_firmware::store::{FlashParameters, FlashStore, LibraryStore, RamFlash};
 use rollwalk_protocol::crc::crc32c;
@@ -7,13 +6,13 @@ use rollwalk_protocol::wire::transport::MAX_BLOCK;
 
 /// The flash, bytes: two libraries of up to 1 MiB, and the store's log.
 const CAPACITY: usize = (2 << 20) + (8 << 10);
-/// Number of boots of a library on trial.
+/// Boots after which an unconfirmed library on trial is rolled back.
 const TRIAL_BOOTS: u8 = 3;
 
 /// Library store of the simulated controller.
 pub type SimStore = FlashStore<RamFlash<Vec<u8>>>;
 
-/// Its parameter store.
+/// Parameter store of the simulated controller.
 pub type SimParameters = FlashParameters<RamFlash<Vec<u8>>>;
 
 /// A blank parameter store.

@@ -1,7 +1,7 @@
 //! Faults of buses, actuators and adapters, each with a beginning and an end in virtual time.
 //!
-//! A schedule of faults is a value: with its seed it reproduces a run to the bit. Each fault counts how
-//! often it had an effect, because a fault that never fires tests nothing.
+//! A schedule of faults is a value: with its seed it reproduces a run to the bit. Each fault counts its effects,
+//! because a fault without any effect tests nothing.
 //!
 //! | module | is |
 //! |---|---|
@@ -51,9 +51,9 @@ pub enum Harm {
 /// A fault for a span of time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// Its kind.
+    /// Kind.
     pub harm: Harm,
-    /// First instant.
+    /// Start.
     pub from: SimTime,
     /// End, exclusive.
     pub until: SimTime,
@@ -87,7 +87,7 @@ impl Default for Faults {
 }
 
 impl Faults {
-    /// An empty schedule. All random numbers come from the seed.
+    /// Creates an empty schedule, with the seed of all random numbers.
     pub fn new(seed: u64) -> Self {
         Self { schedule: Vec::new(), streams: BTreeMap::new(), random: Rng::with_seed(seed) }
     }
@@ -116,20 +116,20 @@ impl Faults {
         }
     }
 
-    /// The next instant after `now` at which some fault begins or ends.
+    /// Next instant after `now` at which a fault begins or ends.
     pub fn next_edge(&self, now: SimTime) -> Option<SimTime> {
         let edges = self.schedule.iter().flat_map(|(fault, _)| [fault.from, fault.until]);
         edges.filter(|&at| at > now).min()
     }
 
-    /// Whether a fault may change, delay or lose frames on this way.
+    /// Whether a fault may change, delay or lose frames on this path.
     fn is_spoilt(&self, now: SimTime, way: Way) -> bool {
         let waits = self.streams.get(&way).is_some_and(|stream| !stream.is_empty());
         waits || self.on(now).any(|harm| matches!(harm, Harm::Stream(on, _) if *on == way))
     }
 
-    /// Takes a frame that has crossed the bus. Returns it if no fault acts on its way; otherwise
-    /// [`Self::pop`] returns what becomes of it, or it is lost.
+    /// Accepts a frame that has crossed the bus. Returns it if no fault affects its path; otherwise [`Self::pop`]
+    /// returns it, possibly changed, or it is lost.
     pub fn push(&mut self, now: SimTime, way: Way, frame: Frame) -> Option<Frame> {
         if !self.is_spoilt(now, way) {
             return Some(frame);
@@ -148,7 +148,7 @@ impl Faults {
         None
     }
 
-    /// Instant and way of the next delayed frame.
+    /// Instant and path of the next delayed frame.
     pub fn next_due(&self) -> Option<(SimTime, Way)> {
         let due = self.streams.iter().filter_map(|(&way, stream)| Some((stream.next_due()?, way)));
         due.min()

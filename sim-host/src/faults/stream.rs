@@ -7,7 +7,7 @@ use crate::clock::SimTime;
 use fastrand::Rng;
 use rollwalk_protocol::can::Frame;
 
-/// Longest wait of a frame that is to be overtaken.
+/// Longest time that a frame waits to be overtaken.
 const OVERTAKEN_WITHIN: SimTime = SimTime::from_ms(100);
 
 /// Effect on frames.
@@ -150,7 +150,7 @@ fn change(frame: &mut Frame, with: impl FnOnce(&mut Vec<u8>)) -> bool {
     true
 }
 
-/// Changes one to four bits, and at least one of them for good.
+/// Changes one to four bits, at least one of which stays changed.
 fn damage(data: &mut [u8], random: &mut Rng) {
     let before = data.to_vec();
     while data == before {
@@ -225,7 +225,7 @@ mod tests {
         assert_eq!(sorted, (0..100).collect::<Vec<u8>>());
         for (place, &number) in numbers.iter().enumerate() {
             let overtaken_by = numbers[..place].iter().filter(|&&n| n > number).count();
-            // The last ones wait in vain for others.
+            // The last frames wait in vain for others to overtake them.
             assert!(overtaken_by <= 3 || number > 95, "{number} after {overtaken_by} later ones");
         }
     }

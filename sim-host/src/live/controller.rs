@@ -31,14 +31,14 @@ pub fn run(
     let mut board = Board::new(core, port, keeper, actuators);
     let mut next_tick = start;
     loop {
-        // Ticks go before frames: even a full bus does not delay them.
+        // Ticks come before frames, so that even a full bus does not delay them.
         let is_due = Instant::now() >= next_tick;
         let heard = if is_due { None } else { board.hub.hear(next_tick) };
         let now_us = start.elapsed().as_micros() as u64;
         let input = match heard {
             Some((index, heard)) => board.hear(now_us, index, heard),
             None => {
-                // After a stall one tick is late, and missed ones are not made up for.
+                // After a stall one tick is late; missed ticks are not repeated.
                 next_tick = (next_tick + period).max(Instant::now());
                 if !goes_on(board.core) {
                     return Ok(());

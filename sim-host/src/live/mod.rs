@@ -20,12 +20,12 @@ use rollwalk_protocol::can::Frame;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Interval between attempts to open a lost bus again: a robot outlives its adapters.
+/// Interval between attempts to reopen a lost bus, whose adapter may be plugged in again while the robot runs.
 const REOPEN_PERIOD: Duration = Duration::from_millis(500);
 
 /// Policy for a lost bus.
 pub trait Reopen {
-    /// Takes note of a lost bus.
+    /// Handles the loss of a bus.
     fn lost(&mut self, bus: Interface, why: &LinkError);
 
     /// Opens the bus again; `None` as long as that fails.

@@ -1,5 +1,5 @@
-//! Faults on the bench: begins and ends them, lets foreign nodes send, and reports the state of the actuator buses
-//! to the controller as an adapter would. The faults themselves are in [`crate::faults`].
+//! Fault injection on the bench: starts and ends faults, lets foreign nodes send, and reports the state of the
+//! actuator buses to the controller as an adapter would. The faults themselves are in [`crate::faults`].
 
 use super::{Core, Interface, LinkError, Rig, SimTime};
 use crate::bus::{NodeId, TxPolicy};
@@ -8,26 +8,26 @@ use crate::wire::ActuatorBus;
 use rollwalk_firmware::BusState;
 use rollwalk_protocol::can::Frame;
 
-/// Queue of a foreign node: one frame in flight and the next, so that it leaves no gap.
+/// Transmit queue depth of a foreign node: one frame in flight and the next, so that it leaves no gap.
 const BABBLE_DEPTH: usize = 2;
 
-/// An unacknowledged frame is repeated until its sender is error-passive: 16 times, each up to
-/// 135 bits and an error frame of up to 31.
+/// Time until a sender without acknowledgement is error-passive: it sends the frame 16 times, each up to 135 bits and
+/// an error frame of up to 31, at 1 Mbit/s.
 const PASSIVE_AFTER: SimTime = SimTime::from_us(16 * (135 + 31));
 
 /// Adapter between the controller and its actuator buses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Adapter {
-    /// Largest number of frames in its transmit buffer.
+    /// Depth of its transmit buffer, frames.
     pub depth: usize,
     /// Whether frames that are unacknowledged at the next control period are aborted, as on our boards.
     pub calls_back: bool,
-    /// Bus state that it reports without acknowledgement; not all adapters distinguish that from other errors.
+    /// Bus state that it reports while no node acknowledges; some adapters do not distinguish that from other errors.
     pub alone: BusState,
 }
 
 impl Default for Adapter {
-    /// As our boards, except that an unacknowledged frame stays.
+    /// The adapter of our boards, except that it keeps an unacknowledged frame.
     fn default() -> Self {
         Self { depth: 1, calls_back: false, alone: BusState::NotAcknowledged }
     }
@@ -56,7 +56,7 @@ impl<C: Core> Rig<C> {
         self.faults.add(fault);
     }
 
-    /// Reports the state of the actuator buses to the controller, and restarts those that it asks for.
+    /// Reports the state of the actuator buses to the controller, and restarts those whose restart it requests.
     pub(super) fn report_bus_states(&mut self) -> Result<(), LinkError> {
         if self.faults.all().next().is_none() {
             return Ok(());
@@ -123,14 +123,14 @@ impl<C: Core> Rig<C> {
                 if let Some(observer) = &mut self.observer {
                     observer.on_bus_off(now);
                 }
-                // Repeated in every control period, where an error would show.
+                // An error is ignored: the report is repeated in every control period, and its error returned there.
                 let _ = self.controller.on_bus_state(now.as_us(), number, BusState::Off);
             }
         }
         self.link.connect(now, !on.contains(&Harm::NoAck(Interface::Link)));
     }
 
-    /// Lets a babbling node send.
+    /// Makes a babbling node send its next frame.
     pub(super) fn babble(&mut self, index: usize) {
         let now = self.now;
         let &Babbler { node, bus, frame, every, .. } = &self.babblers[index];

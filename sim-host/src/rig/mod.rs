@@ -59,7 +59,7 @@ const HOST_QUEUE: usize = 10;
 pub struct Rig<C = Local> {
     now: SimTime,
     controller: C,
-    /// Why the controller is out of reach, once it is.
+    /// Error that put the controller out of reach, if any.
     lost: Option<LinkError>,
     config: RobotConfig,
     node: Node,
@@ -80,7 +80,7 @@ pub struct Rig<C = Local> {
     observer: Option<Box<dyn Observer>>,
 }
 
-/// Why a robot cannot be simulated in virtual time.
+/// Reason for which a robot cannot be simulated in virtual time.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CannotSimulate {
     /// It breaks a rule of robot files.
@@ -96,7 +96,7 @@ pub enum CannotSimulate {
         robot: String,
         /// Number of the bus.
         bus: u8,
-        /// What its actuators speak.
+        /// Protocol of its actuators.
         speaks: &'static str,
     },
 }
@@ -105,7 +105,7 @@ impl CannotSimulate {
     /// Whether all buses of a robot can be simulated.
     ///
     /// # Errors
-    /// The first that cannot.
+    /// The first bus that cannot be simulated.
     pub fn check(robot: &Robot) -> Result<(), Self> {
         let serial = robot.buses.iter().find(|(_, bus)| bus.protocol.is_serial());
         serial.map_or(Ok(()), |(&bus, kind)| {
@@ -128,7 +128,7 @@ enum Next {
 }
 
 impl Rig {
-    /// A robot just after power-on, in its nominal pose, without a library.
+    /// Creates a robot just after power-on, in its nominal pose, without a library.
     ///
     /// # Errors
     /// The robot breaks a rule of robot files, or has a bus that is not simulated.
@@ -137,7 +137,7 @@ impl Rig {
         Self::with_core(robot, Local::new(config, buses, Settings::default()))
     }
 
-    /// The same robot after a power cycle of its controller.
+    /// Restarts the controller of the robot with a power cycle.
     pub fn power_cycled(self) -> Self {
         Self { controller: self.controller.power_cycled(), ..self }
     }
@@ -192,7 +192,7 @@ impl<C: Core> Rig<C> {
         })
     }
 
-    /// Takes another adapter for the actuator buses.
+    /// Replaces the adapter of the actuator buses.
     pub fn set_adapter(&mut self, adapter: Adapter) {
         self.adapter = adapter;
     }
@@ -230,7 +230,7 @@ impl<C: Core> Rig<C> {
         self.now
     }
 
-    /// The robot as its controller knows it.
+    /// Configuration of the robot in its controller.
     pub fn config(&self) -> &RobotConfig {
         &self.config
     }
@@ -245,7 +245,7 @@ impl<C: Core> Rig<C> {
         &self.body
     }
 
-    /// Every frame of every bus so far, in the order in which they ended.
+    /// Every frame of every bus so far, in the order of completion.
     pub fn log(&self) -> &[LogEntry] {
         &self.log
     }
@@ -256,7 +256,7 @@ impl<C: Core> Rig<C> {
         std::mem::take(&mut self.log)
     }
 
-    /// What was commanded and measured in every control period in which the library was played.
+    /// Commanded and measured values of every control period in which the library was played.
     pub fn records(&self) -> &[TickRecord] {
         self.recorder.records()
     }
@@ -367,7 +367,7 @@ impl<C: Core> Rig<C> {
                 actuators.wire.fill(at, frame);
             }
             let any = sent.actuators.iter().any(Option::is_some);
-            // A deeper buffer takes more at once.
+            // A deeper buffer accepts several frames at once.
             if depth == 1 || !any {
                 return Ok(());
             }
