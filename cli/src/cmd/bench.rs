@@ -46,7 +46,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
 }
 
-/// This binary, as benchmarks see it.
+/// Access of benchmarks to the files in this binary.
 struct Rollwalk;
 
 impl Program for Rollwalk {
@@ -75,7 +75,7 @@ impl Program for Rollwalk {
     }
 }
 
-/// Prints what a benchmark found and writes it to the output folder as Markdown, JSON and charts.
+/// Prints the findings of a benchmark and writes them to the output folder as Markdown, JSON and charts.
 fn publish(findings: &Findings, out: &Path) -> miette::Result<Exit> {
     let block = |block: &Block| match block {
         Block::Text(text) => text.clone(),

@@ -1,4 +1,4 @@
-//! What the actuator buses of a robot have to carry, as a table, and what of it they cannot.
+//! Load of a robot's actuator buses as a table, and reasons for which buses cannot carry it.
 
 use crate::output::Table;
 use rollwalk_firmware::Settings;
@@ -8,7 +8,7 @@ use rollwalk_robot::{InvalidRobot, Robot};
 use std::fmt::Write;
 use std::path::Path;
 
-/// The buses of a robot as a controller with default settings would have them.
+/// Load of a robot's actuator buses with a controller at default settings.
 pub struct Examined {
     rows: Vec<BusLoad>,
     control_hz: u16,
@@ -17,10 +17,10 @@ pub struct Examined {
 }
 
 impl Examined {
-    /// Looks at the buses of a robot.
+    /// Computes the load of a robot's buses.
     ///
     /// # Errors
-    /// The rules of robot files that it breaks.
+    /// The robot breaks rules of robot files.
     pub fn new(robot: &Robot) -> Result<Self, InvalidRobot> {
         let (config, buses) = (robot.controller_config()?, robot.controller_buses());
         let control_hz = Settings::default().control_hz;
@@ -29,17 +29,17 @@ impl Examined {
         Ok(Self { rows, control_hz, channels })
     }
 
-    /// Refuses a robot that no controller can drive.
+    /// Checks that a controller can drive the robot.
     ///
     /// # Errors
-    /// Why, one line for each bus.
+    /// Reasons for which it cannot, one line for each bus.
     pub fn check(&self, file: &Path) -> miette::Result<()> {
         let Some(reasons) = self.refusal() else { return Ok(()) };
         let file = file.display();
         Err(miette::miette!("{file}: no controller can drive its actuators\n{reasons}"))
     }
 
-    /// One row for each bus.
+    /// Formats one row for each bus.
     pub fn table(&self) -> String {
         let load = format!("load at {} Hz", self.control_hz);
         let most = format!("at most {:.0} %", 100.0 * MAX_LOAD);
@@ -59,7 +59,7 @@ impl Examined {
         table.render()
     }
 
-    /// Why a controller would refuse the robot, one line for each bus; nothing if it would not.
+    /// Reasons for which a controller would refuse the robot, one line for each bus; `None` if it accepts it.
     fn refusal(&self) -> Option<String> {
         let mut text = String::new();
         for row in &self.rows {
@@ -118,7 +118,7 @@ mod tests {
         assert_eq!(text.matches("32 %").count(), 2, "{text}");
     }
 
-    /// The buses of the file, slower than they would have to be: the table says how much, the refusal why.
+    /// The buses of the file at too low a bitrate: the table shows their load, the refusal its reasons.
     #[test]
     fn what_does_not_fit_is_refused_with_reasons() {
         let mut robot = agilebot();

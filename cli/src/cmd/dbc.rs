@@ -59,7 +59,7 @@ fn bus() -> impl TypedValueParser<Value = Bus> {
 /// Runs the subcommand.
 ///
 /// # Errors
-/// A bus that the robot has not, or with actuators of another maker.
+/// The robot does not have the bus, or it has actuators of another maker.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let robot = args.robot.as_ref().map(|path| Source::Disk.robot(path)).transpose()?;
     let names = robot.as_ref().map(names);

@@ -31,13 +31,13 @@ pub struct Args {
     json: bool,
 }
 
-/// A controller, as `--json` prints it.
+/// Controller in the output of `--json`.
 #[derive(Serialize)]
 struct Found {
     node: u8,
     uid: String,
     protocol_major: u8,
-    /// Null when it does not answer further questions.
+    /// Null when the controller does not answer the request for its identity.
     config_hash: Option<String>,
     library: Option<String>,
 }

@@ -16,7 +16,7 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::transport::Hello;
 use serde::Serialize;
 
-/// Listening time, µs: twice the interval at which a fault is reported again.
+/// Listening time, µs: twice the interval at which a controller repeats a fault report.
 const LISTEN_US: u64 = 2_000_000;
 /// Default bitrate of a bus, bit/s.
 const BITRATE: u32 = 1_000_000;
@@ -47,7 +47,7 @@ pub struct Args {
     json: bool,
 }
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Report {
     findings: Vec<Finding>,
@@ -144,13 +144,13 @@ fn listen(
     Ok((traffic, samples, overheard))
 }
 
-/// Whether a request would not break off a transfer; waits a moment for the end of one.
+/// Whether a request would not disturb another host's transfer; waits for a moment until such a transfer ends.
 fn may_ask(bus: &mut Interruptible, overheard: Overheard) -> bool {
     overhear::pause(bus, overheard, overhear::PATIENCE_US)
         .is_ok_and(|overheard| overheard.may_ask(bus.now_us()))
 }
 
-/// The controller's identity and log.
+/// Requests the controller's identity and log.
 fn ask(args: &Args, bus: &mut Interruptible) -> (Option<Hello>, Option<History>) {
     let Ok(mut session) = Session::visit(bus, args.link.node) else { return (None, None) };
     (Some(*session.hello()), session.history().ok())

@@ -35,11 +35,11 @@ pub struct Args {
     json: bool,
 }
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Outcome {
     robot: String,
-    /// CRC-32C of the body, by which a controller names the library.
+    /// CRC-32C of the body, with which a controller identifies the library.
     library: String,
     bytes: usize,
     time_s: f64,

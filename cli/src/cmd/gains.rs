@@ -86,7 +86,7 @@ struct Values {
 }
 
 impl Values {
-    /// What is to be set.
+    /// Parameters to set, with their values.
     fn given(&self) -> impl Iterator<Item = (Parameter, f32)> {
         let all = [
             (Parameter::Kp, self.kp),
@@ -97,7 +97,7 @@ impl Values {
     }
 }
 
-/// A channel, as `--json` prints it. Null is what its actuator does not have.
+/// Channel in the output of `--json`; null is a parameter that its actuator does not have.
 #[derive(Serialize)]
 struct Row {
     channel: u8,
@@ -107,10 +107,10 @@ struct Row {
     torque_limit_nm: Option<f32>,
 }
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Shown {
-    /// Where the values came from that were in force after power-on.
+    /// Origin of the values in force after power-on.
     origin: String,
     channels: Vec<Row>,
 }
@@ -180,7 +180,7 @@ fn read(session: &mut LiveSession, catalog: Option<&Catalog>) -> Result<Shown, S
     Ok(Shown { origin: origin.to_owned(), channels })
 }
 
-/// A value; `None` when the actuator has no such parameter.
+/// Reads a value; `None` when the actuator has no such parameter.
 fn value(
     session: &mut LiveSession,
     parameter: Parameter,
@@ -223,9 +223,9 @@ fn set(args: &Set) -> miette::Result<Exit> {
         for (parameter, value) in args.values.given() {
             match session.set_parameter(parameter, channel, value) {
                 Ok(()) => set += 1,
-                // `all` means those that have it.
+                // `all` sets the channels that have the parameter.
                 Err(error) if channels.len() > 1 && has_none(&error, value) => {
-                    // Once for stiffness and damping.
+                    // A channel that lacks both stiffness and damping is listed once.
                     if without.last() != Some(&name(channel)) {
                         without.push(name(channel));
                     }
@@ -253,18 +253,19 @@ fn set(args: &Set) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
-/// Whether a value was refused because the channel has no such value, as wheels have no stiffness.
+/// Whether a value was refused because the channel does not have the parameter, as wheels have no stiffness.
 fn has_none(error: &SessionError, wanted: f32) -> bool {
     let SessionError::ParameterRefused { result, value, .. } = error else { return false };
     match result {
         ParameterResult::NotSupported => true,
-        // More than 0 is too much. Less than 0 crosses 0 as well, whatever the channel has.
+        // An upper bound of 0 means that the channel lacks the parameter; a negative value violates the lower bound 0
+        // of every channel.
         ParameterResult::OutOfRange => *value == 0.0 && wanted > 0.0,
         _ => false,
     }
 }
 
-/// The channels that are meant.
+/// Numbers of the channels that `text` selects.
 fn chosen(text: &str, count: u8, catalog: Option<&Catalog>) -> miette::Result<Vec<u8>> {
     if text == "all" {
         return Ok((0..count).collect());

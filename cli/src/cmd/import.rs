@@ -1,4 +1,4 @@
-//! `rollwalk robot import`: a URDF and a side file to a robot file.
+//! `rollwalk robot import`: converts a URDF and a side file to a robot file.
 
 use super::robot::describe;
 use crate::output::Table;
@@ -39,7 +39,7 @@ pub struct Args {
     json: bool,
 }
 
-/// What `--json` prints after an import.
+/// Output of `--json` after an import.
 #[derive(Serialize)]
 struct Made<'a> {
     robot: &'a Path,
@@ -78,7 +78,7 @@ fn import(urdf: Text<'_>, side: &Path, output: &Path, json: bool) -> miette::Res
 fn look(urdf: Text<'_>, args: &Args) -> miette::Result<Exit> {
     let survey = urdf::survey(urdf).map_err(Report::new)?;
     if let Some(path) = &args.template {
-        // Somebody may have filled it in.
+        // An existing side file may have been completed by the user.
         if path.exists() {
             return Err(miette!(
                 help = "give another name, or remove the file if nobody needs it",

@@ -8,12 +8,12 @@ use rollwalk_protocol::wire::{CommandResult, State};
 use std::thread;
 use std::time::Duration;
 
-/// Maximum wait for a STATUS, µs.
+/// Longest wait for a STATUS, µs.
 const STATUS_US: u64 = 200_000;
 /// Interval between attempts to open a bus that was lost during a stop.
 const REOPEN: Duration = Duration::from_millis(200);
 
-/// What is ordered, but for a stop, which is [`stop`].
+/// Order to a controller; [`stop`] handles the emergency stop.
 #[derive(Clone, Copy, Debug)]
 pub enum Order {
     /// Leave a latched stop.
@@ -48,7 +48,7 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
     if let Err(error) = outcome {
         return Ok(ended(&args.link, &error));
     }
-    // The last status may be older than the order; without a newer one it is printed all the same.
+    // The last status may be older than the order; it is printed even without a newer one.
     let _ = session.wait_until("its status", STATUS_US, |_| Some(true));
     if let Some(status) = session.status() {
         let (state, faults) = (state_name(status.state), fault_names(status.faults));
@@ -57,7 +57,7 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
-/// A robot that has nothing to be cleared is as it should be.
+/// Clears a latched stop; a robot with nothing to clear is no error.
 fn clear(session: &mut LiveSession) -> Result<(), SessionError> {
     let outcome = session.clear();
     if let Err(SessionError::Refused { result: CommandResult::WrongState, .. }) = outcome {
@@ -70,7 +70,8 @@ fn clear(session: &mut LiveSession) -> Result<(), SessionError> {
     outcome
 }
 
-/// Runs `estop`. Nothing is asked first: the frame goes out at once, and again until it is acknowledged or Ctrl-C ends it.
+/// Runs `estop`. The frame is sent at once, without any request before it, and again until it is acknowledged or
+/// Ctrl-C ends it.
 pub fn stop(args: &Args) -> miette::Result<Exit> {
     let link = &args.link;
     let mut bus = link.open()?;

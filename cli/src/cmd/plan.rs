@@ -65,7 +65,7 @@ pub struct Args {
     json: bool,
 }
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Outcome<'a> {
     motion: &'a str,
@@ -225,7 +225,7 @@ fn describe(plan: &Plan, time_s: f64, written: Option<&PathBuf>) -> String {
     )
 }
 
-/// Where a solve started, in words.
+/// Starting point of a solve, in words.
 fn beginning(start: Started) -> String {
     let kind = match start.kind {
         StartKind::Standing => "standing",
@@ -238,7 +238,7 @@ fn beginning(start: Started) -> String {
     format!("{kind}, seed {}", start.seed)
 }
 
-/// A signed number with three decimals, without the minus sign of a rounded zero.
+/// Formats a signed number with three decimals, without the minus sign of a rounded zero.
 fn millis(value: f64) -> String {
     format!("{:+.3}", (value * 1e3).round() / 1e3 + 0.0)
 }

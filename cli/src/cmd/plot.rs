@@ -5,7 +5,7 @@ use rollwalk_planner::plan::Plan;
 use rollwalk_planner::plot;
 use std::path::PathBuf;
 
-/// Moments of a motion in a strip.
+/// Pictures of a motion in a strip.
 pub const STRIP_MOMENTS: usize = 6;
 
 /// Draw a plan as SVG: footfalls, centre of mass, joint angles, wheel speeds, ground forces.

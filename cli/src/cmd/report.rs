@@ -1,4 +1,4 @@
-//! `rollwalk report`: how far a plan is from the physics that it claims.
+//! `rollwalk report`: deviation of a plan from its physical model.
 
 use crate::progress::words;
 use crate::{Exit, inputs, output};
@@ -28,7 +28,7 @@ pub struct Args {
     json: bool,
 }
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Document<'a> {
     #[serde(flatten)]

@@ -42,7 +42,7 @@ struct Check {
     json: bool,
 }
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Report<'a> {
     mass_kg: f64,
@@ -73,7 +73,7 @@ fn mass_kg(robot: &Robot) -> f64 {
     robot.links.iter().map(|link| link.mass_kg).sum()
 }
 
-/// The robot for people: tree, joints, end effectors.
+/// Describes the robot as text: tree, joints, end effectors.
 pub(super) fn describe(robot: &Robot) -> String {
     let wheels = robot.end_effectors.iter().filter(|e| e.contact.rolls()).count();
     let mut text = format!(
@@ -140,7 +140,7 @@ pub(super) fn describe(robot: &Robot) -> String {
     text
 }
 
-/// Draws `link` with everything that hangs on it.
+/// Draws `link` with the links below it.
 fn branch(robot: &Robot, link: usize, indent: &str, text: &mut String) {
     let _ = writeln!(text, "{} ({:.3} kg)", robot.links[link].name, robot.links[link].mass_kg);
     let joints: Vec<_> = robot.joints.iter().filter(|joint| joint.parent == link).collect();
