@@ -39,6 +39,11 @@ pub trait Step: ValueEnum + 'static {
     fn is_beside(&self) -> bool {
         false
     }
+
+    /// Whether no step may run beside it, because it has deadlines in real time.
+    fn is_alone(&self) -> bool {
+        false
+    }
 }
 
 /// Runs every step of a command, or `only` one.
@@ -52,6 +57,9 @@ pub fn run<S: Step>(only: Option<S>) -> Result<(), String> {
     for step in &steps {
         let value = step.to_possible_value().expect("no step is hidden");
         let name = value.get_name();
+        if step.is_alone() && !run.join() && !S::CONTINUES {
+            break;
+        }
         let passed = if step.is_beside() && !alone {
             run.beside(name, step.title())
         } else {

@@ -85,11 +85,8 @@ impl Run {
         self.beside.iter().for_each(|beside| beside.stop.store(true, Ordering::Relaxed));
     }
 
-    /// Waits for the steps beside the others and prints the table.
-    ///
-    /// # Errors
-    /// The failed steps, with the commands that run them alone.
-    pub fn finish(mut self) -> Result<(), String> {
+    /// Waits for the steps beside the others and prints their output. Returns whether all passed.
+    pub fn join(&mut self) -> bool {
         for beside in std::mem::take(&mut self.beside) {
             let Beside { name, log, stop, waiter } = beside;
             let (passed, seconds) = waiter.join().expect("the waiting thread does not panic");
@@ -106,6 +103,15 @@ impl Run {
             }
             self.add(&name, seconds, remark);
         }
+        self.failures.is_empty()
+    }
+
+    /// Waits for the steps beside the others and prints the table.
+    ///
+    /// # Errors
+    /// The failed steps, with the commands that run them alone.
+    pub fn finish(mut self) -> Result<(), String> {
+        self.join();
         eprintln!("\n{}", table(&self.rows, self.start.elapsed().as_secs_f64()));
         if self.failures.is_empty() { Ok(()) } else { Err(self.failures.join("\n")) }
     }

@@ -88,6 +88,11 @@ impl Step for TestStep {
     fn is_beside(&self) -> bool {
         *self == Self::Vcan && vcan::in_virtual_machine()
     }
+
+    /// Simulated robots at serial lines play in real time.
+    fn is_alone(&self) -> bool {
+        *self == Self::Test
+    }
 }
 
 /// Checks the formatting of the workspace and of the fuzz targets.
