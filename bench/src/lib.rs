@@ -102,7 +102,7 @@ fn unless_interrupted(program: &dyn Program) -> ControlFlow<()> {
 pub struct Findings {
     /// Text and tables, for people.
     pub blocks: Vec<Block>,
-    /// The same for the output folder; `None` of a closer look at a single run, which leaves the folder as it is.
+    /// Files for the output folder; `None` when one run is repeated, which leaves the files of the campaign alone.
     pub record: Option<Record>,
     /// Charts, by file name in the output folder.
     pub charts: Vec<(String, String)>,

@@ -76,7 +76,7 @@ impl<'de> Deserialize<'de> for Formulation {
     }
 }
 
-/// Path of the first value that differs, with what was found and what is expected there.
+/// Path of the first value that differs, with the found and the expected value.
 fn first_difference(found: &Value, expected: &Value) -> Option<(String, Value, Value)> {
     let within = |key: String, found: Option<&Value>, expected: &Value| {
         let found = found.unwrap_or(&Value::Null);

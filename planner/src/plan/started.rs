@@ -26,6 +26,6 @@ pub enum StartKind {
 pub struct Started {
     /// Kind of the start.
     pub kind: StartKind,
-    /// Seed of what is random in it; 0 where nothing is.
+    /// Seed of the random part of the start; 0 without one.
     pub seed: u64,
 }

@@ -405,7 +405,7 @@ pub trait SerialCodec: Codec<Sent = Packet> {
     fn receive(&self, buffer: &mut ReceiveBuffer, byte: u8, is_awaited: bool);
 
     /// Removes the next answer from the buffer; call again until `None`. When `is_silent`, the line has been
-    /// quiet for longer than a byte takes, and what is there in part is dropped.
+    /// quiet for longer than a byte takes, and an incomplete answer is dropped.
     fn take(&self, buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Answer>;
 }
 

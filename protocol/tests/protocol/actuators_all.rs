@@ -50,7 +50,7 @@ const MAESTRO: Maestro = Maestro {
     pulse: Pulse { centre_us: 1500.0, us_per_rad: 600.0, limits_us: (500.0, 2500.0) },
 };
 
-/// Does `$check(codec, name, bits of what is sent)` with the examples of every protocol.
+/// Calls `$check(codec, key, function that counts the bits of a frame or packet)` with the examples of every protocol.
 macro_rules! with_all {
     ($check:ident) => {
         actuator_protocols!(with_each, $check)

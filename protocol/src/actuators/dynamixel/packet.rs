@@ -103,7 +103,7 @@ pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Message> {
     None
 }
 
-/// Where a header begins, or may begin with what is there.
+/// Index of the first header, complete or cut off by the end of the bytes; their count without one.
 fn header_at(bytes: &[u8]) -> usize {
     let begins = |&at: &usize| bytes.iter().skip(at).zip(HEADER).all(|(&a, b)| a == b);
     (0..bytes.len()).find(begins).unwrap_or(bytes.len())
