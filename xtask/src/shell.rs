@@ -29,6 +29,11 @@ pub fn system<S: AsRef<std::ffi::OsStr>>(program: &str, args: &[S]) -> Command {
     command(found.unwrap_or(program), args)
 }
 
+/// A command that is killed when this process ends, however it ends.
+pub fn tied(program: &str) -> Command {
+    command("setpriv", &["--pdeathsig", "KILL", "--", program])
+}
+
 /// The cargo that runs this task, so that `cargo +toolchain xtask` keeps its toolchain.
 pub fn cargo(args: &[&str]) -> Command {
     command(&std::env::var("CARGO").unwrap_or_else(|_| "cargo".into()), args)

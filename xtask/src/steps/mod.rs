@@ -57,18 +57,20 @@ pub fn run<S: Step>(only: Option<S>) -> Result<(), String> {
     for step in &steps {
         let value = step.to_possible_value().expect("no step is hidden");
         let name = value.get_name();
+        if !run.collect() && !S::CONTINUES {
+            break;
+        }
         if step.is_alone() && !run.join() && !S::CONTINUES {
             break;
         }
-        let passed = if step.is_beside() && !alone {
-            run.beside(name, step.title())
+        if step.is_beside() && !alone {
+            run.beside(name, step.title());
         } else {
-            run.step(name, step.title(), || step.check())
-        };
-        if !passed && !S::CONTINUES {
-            run.stop();
-            break;
+            run.step(name, step.title(), || step.check());
         }
+    }
+    if !S::CONTINUES && !run.collect() {
+        run.stop();
     }
     run.finish()
 }

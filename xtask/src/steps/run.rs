@@ -64,19 +64,15 @@ impl Run {
         passed
     }
 
-    /// Starts a step in a process of its own; [`finish`](Self::finish) prints its output. Returns whether it started.
-    pub fn beside(&mut self, name: &str, title: &str) -> bool {
+    /// Starts a step in a process of its own; [`finish`](Self::finish) prints its output.
+    pub fn beside(&mut self, name: &str, title: &str) {
         self.begin(name, title);
         match Beside::start(self.command, name) {
             Ok(beside) => {
                 eprintln!("== {name} runs beside the next steps");
                 self.beside.push(beside);
-                true
             }
-            Err(why) => {
-                self.fail(name, 0.0, &why);
-                false
-            }
+            Err(why) => self.fail(name, 0.0, &why),
         }
     }
 
@@ -85,25 +81,36 @@ impl Run {
         self.beside.iter().for_each(|beside| beside.stop.store(true, Ordering::Relaxed));
     }
 
-    /// Waits for the steps beside the others and prints their output. Returns whether all passed.
-    pub fn join(&mut self) -> bool {
-        for beside in std::mem::take(&mut self.beside) {
-            let Beside { name, log, stop, waiter } = beside;
-            let (passed, seconds) = waiter.join().expect("the waiting thread does not panic");
-            let stopped = stop.load(Ordering::Relaxed) && !passed;
-            eprintln!("\n== output of {name}, which ran beside others");
-            eprintln!("{}", String::from_utf8_lossy(&fs::read(&log).unwrap_or_default()));
-            let remark = match (passed, stopped) {
-                (true, _) => "beside others",
-                (false, true) => "stopped",
-                (false, false) => "FAILED",
-            };
-            if !passed && !stopped {
-                self.fail(&name, seconds, "its output is above");
-            }
-            self.add(&name, seconds, remark);
-        }
+    /// Accounts for the steps beside the others that have ended. Returns whether every step so far has passed.
+    pub fn collect(&mut self) -> bool {
+        let beside = std::mem::take(&mut self.beside).into_iter();
+        let (ended, running): (Vec<_>, _) = beside.partition(|one| one.waiter.is_finished());
+        self.beside = running;
+        ended.into_iter().for_each(|one| self.end(one));
         self.failures.is_empty()
+    }
+
+    /// Waits for the steps beside the others. Returns whether every step so far has passed.
+    pub fn join(&mut self) -> bool {
+        std::mem::take(&mut self.beside).into_iter().for_each(|one| self.end(one));
+        self.failures.is_empty()
+    }
+
+    /// Waits for the end of a step beside the others and prints its output.
+    fn end(&mut self, Beside { name, log, stop, waiter }: Beside) {
+        let (passed, seconds) = waiter.join().expect("the waiting thread does not panic");
+        let stopped = stop.load(Ordering::Relaxed) && !passed;
+        eprintln!("\n== output of {name}, which ran beside others");
+        eprintln!("{}", String::from_utf8_lossy(&fs::read(&log).unwrap_or_default()));
+        let remark = match (passed, stopped) {
+            (true, _) => "beside others",
+            (false, true) => "stopped",
+            (false, false) => "FAILED",
+        };
+        if !passed && !stopped {
+            self.fail(&name, seconds, "its output is above");
+        }
+        self.add(&name, seconds, remark);
     }
 
     /// Waits for the steps beside the others and prints the table.
@@ -142,7 +149,8 @@ impl Beside {
         let output = File::create(&log).map_err(failed)?;
         let errors = output.try_clone().map_err(failed)?;
         let program = std::env::current_exe().map_err(failed)?;
-        let mut process = shell::command(&program.to_string_lossy(), &[command, "--only", name]);
+        let mut process = shell::tied(&program.to_string_lossy());
+        process.args([command, "--only", name]);
         let child = process.stdout(output).stderr(errors).spawn().map_err(failed)?;
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = stop.clone();
@@ -183,6 +191,7 @@ fn table(rows: &[Row], total: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::mpsc;
 
     #[test]
     fn a_failure_is_counted_and_the_next_step_runs() {
@@ -191,6 +200,30 @@ mod tests {
         assert!(run.step("two", "passes", || Ok(())));
         assert_eq!(run.finish(), Err("step `one` failed: cargo xtask test --only one".into()));
         assert_eq!(Run::new("test", 0).finish(), Ok(()));
+    }
+
+    #[test]
+    fn a_failure_beside_others_is_seen_before_they_end() {
+        let beside = |name: &str, passed: bool, until: mpsc::Receiver<()>| {
+            let ends = move || (until.recv().is_ok() && passed, 0.0);
+            Beside {
+                name: name.into(),
+                log: PathBuf::new(),
+                stop: Arc::default(),
+                waiter: thread::spawn(ends),
+            }
+        };
+        let ((goes_on, first), (fails, second)) = (mpsc::channel(), mpsc::channel());
+        let mut run = Run::new("test", 2);
+        run.beside = vec![beside("goes on", true, first), beside("fails", false, second)];
+        assert!(run.collect());
+        fails.send(()).unwrap();
+        while !run.beside[1].waiter.is_finished() {
+            thread::yield_now();
+        }
+        assert!(!run.collect());
+        goes_on.send(()).unwrap();
+        assert_eq!(run.finish(), Err("step `fails` failed: cargo xtask test --only fails".into()));
     }
 
     #[test]

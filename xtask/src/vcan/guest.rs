@@ -106,8 +106,7 @@ impl Guest {
         console: &Path,
         results: Option<&Path>,
     ) -> std::process::Command {
-        // However this process ends, QEMU ends with it.
-        let mut qemu = shell::command("setpriv", &["--pdeathsig", "KILL", "--", PROGRAM]);
+        let mut qemu = shell::tied(PROGRAM);
         qemu.args(["-machine", "q35,accel=tcg", "-cpu", PROCESSOR, "-smp", "1", "-m", MEMORY]);
         qemu.args(["-icount", CLOCK, "-nodefaults", "-display", "none", "-no-reboot"]);
         qemu.arg("-kernel").arg(&self.kernel).arg("-initrd").arg(&self.initramfs);
