@@ -13,7 +13,7 @@ const CANTOOLS: &str = "cantools==45.1.0";
 pub fn check() -> Result<(), String> {
     let programs = workspace::programs()?;
     let tests = workspace::find(&programs, "host", "host", true)?;
-    shell::run(tests.command(&["--ignored"]).env("PYTHONPATH", path()?))
+    shell::run(tests.tests(&["--ignored"])?.env("PYTHONPATH", path()?))
 }
 
 /// `PYTHONPATH` with cantools, installed if it is missing.

@@ -18,6 +18,6 @@ pub fn check(extent: Extent) -> Result<(), String> {
     let programs = workspace::programs()?;
     let tests = workspace::find(&programs, "multibody", "multibody", true)?;
     let path = python::path("mujoco", MUJOCO, "mujoco, numpy")?;
-    let mut command = tests.command(&["--ignored", "--nocapture"]);
+    let mut command = tests.tests(&["--ignored", "--nocapture"])?;
     shell::run(command.env("PYTHONPATH", path).env("MULTIBODY_STATES", states))
 }

@@ -36,6 +36,19 @@ impl Program {
         command.current_dir(&self.folder);
         command
     }
+
+    /// The program, to run the tests that libtest's `selection` selects.
+    ///
+    /// # Errors
+    /// It selects none: libtest would pass.
+    pub fn tests(&self, selection: &[&str]) -> Result<Command, String> {
+        let list = shell::output(self.command(selection).arg("--list"))?;
+        if list.lines().any(|line| line.ends_with(": test")) {
+            Ok(self.command(selection))
+        } else {
+            Err(format!("`{}` has no test for `{}`", self.name, selection.join(" ")))
+        }
+    }
 }
 
 /// Builds all programs and tests.

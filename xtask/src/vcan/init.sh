@@ -8,8 +8,8 @@ $b mount -t sysfs sys /sys
 $b mount -t devtmpfs dev /dev
 for module in /modules/*; do $b insmod "$module"; done
 
-# The host's files, to be read. What is written stays in memory. Once read, a file stays in memory, too:
-# nobody changes the host's files meanwhile, and waiting for the host makes the guest's clock jump.
+# The host's files, to be read. What is written stays in memory. Once read, a file stays in memory, too (cache=loose),
+# because waiting for the host makes the guest's clock jump: the guest may miss what the host changes meanwhile.
 virtio=trans=virtio,version=9p2000.L,msize=524288
 $b mount -t 9p -o ro,cache=loose,$virtio host /host
 $b mount -t tmpfs -o mode=755,size=75% layer /layer

@@ -5,6 +5,7 @@ use crate::steps::Extent;
 use crate::workspace::{self, Program};
 use crate::{board, cantools, debian, shell};
 use std::fs;
+use std::io::ErrorKind;
 use std::path::Path;
 use std::time::Duration;
 
@@ -54,7 +55,15 @@ pub fn run(place: Place, extent: Extent) -> Result<(), String> {
     debian::need(&[&PACKAGES, emulator].concat()).map_err(|install| {
         format!("the tests on CAN interfaces take packages. On Debian:\n\n    {install}")
     })?;
-    let results = super::absolute(&shell::target_folder().join("vcan").join(suite.name))?;
+    let results = super::cache()?.join(suite.name);
+    // So that no test reads what an earlier run has left.
+    match fs::remove_dir_all(&results) {
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            return Err(format!("{}: {error}", results.display()));
+        }
+        _ => {}
+    }
+    let results = super::absolute(&results)?;
     let programs = workspace::programs()?;
     let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
     let root = shell::workspace_root();
@@ -90,6 +99,9 @@ impl Suite {
         modules: &[&str],
         results: &Path,
     ) -> Result<(), String> {
+        for module in modules {
+            tests.tests(&["--ignored", module])?;
+        }
         let variable = format!("ROLLWALK_SUITE={}", self.name);
         let program = tests.path.to_string_lossy();
         let options = ["--ignored", "--test-threads", "1", "--nocapture"];
@@ -108,7 +120,7 @@ impl Suite {
 
     /// Reads the logs with python-can, cantools and an MCAP reader.
     fn read_logs(&self, tests: &Program, results: &Path) -> Result<(), String> {
-        let mut command = tests.command(&["afterwards::", "--include-ignored", "--nocapture"]);
+        let mut command = tests.tests(&["afterwards::", "--include-ignored", "--nocapture"])?;
         command.args(self.skip).env("ROLLWALK_SUITE", self.name);
         shell::run(command.env(RESULTS, results).env("PYTHONPATH", cantools::path()?))
     }
