@@ -36,9 +36,7 @@ impl Contents {
     /// # Errors
     /// The panics of `panicking` do not show, or a file that cannot be read.
     pub fn read(path: PathBuf, panicking: &[u8], ram: Range<u64>) -> Result<Self, String> {
-        if panic_paths(panicking)?.is_empty() {
-            return Err("an image that can panic has no symbol that shows it".into());
-        }
+        must_panic(panicking)?;
         let bytes = read(&path)?;
         let (sections, panics) = (sections(&bytes, ram)?, panic_paths(&bytes)?);
         Ok(Self { path, sections, panics })
@@ -81,6 +79,17 @@ pub fn sections(image: &[u8], ram: Range<u64>) -> Result<Sections, String> {
         }
     }
     Ok(sizes)
+}
+
+/// Checks that an image that can panic shows it.
+///
+/// # Errors
+/// It does not.
+pub fn must_panic(image: &[u8]) -> Result<(), String> {
+    if panic_paths(image)?.is_empty() {
+        return Err("an image that can panic has no symbol that shows it".into());
+    }
+    Ok(())
 }
 
 /// Symbols of the image that lead to a panic.

@@ -79,6 +79,18 @@ pub fn check() -> Result<(), String> {
     bench.uart(&image::MPS2_AN386.build()?, false)
 }
 
+/// Checks that a panic planted in the emulated board's images of the controller shows: for `cargo xtask nightly`.
+///
+/// # Errors
+/// One that does not.
+pub fn planted_panics() -> Result<(), String> {
+    for image in [image::MPS2_AN386, image::MPS2_AN386_SLCAN] {
+        let panicking = contents::read(&image.build_with("planted-panic")?)?;
+        contents::must_panic(&panicking)?;
+    }
+    Ok(())
+}
+
 /// Plays the whole demo on the emulated board over its UART: minutes, for `cargo xtask nightly`.
 ///
 /// # Errors

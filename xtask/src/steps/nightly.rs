@@ -14,7 +14,7 @@ pub enum NightlyStep {
     Vcan,
     /// The whole demo on the emulated board, over its UART.
     BoardUart,
-    /// Flash, RAM, stack and instructions of the emulated board's image.
+    /// Flash, RAM, stack and instructions of the emulated board's image; planted panics.
     Sizes,
     /// Tests of protocol and firmware in Miri.
     Miri,
@@ -46,7 +46,7 @@ impl Step for NightlyStep {
         match self {
             Self::Vcan => vcan::check(Extent::Full),
             Self::BoardUart => board::demo_over_uart(),
-            Self::Sizes => board::sizes(false),
+            Self::Sizes => board::sizes(false).and_then(|()| board::planted_panics()),
             Self::Miri => miri::check(Extent::Full),
             Self::Multibody => mujoco::check(Extent::Full),
             Self::Fuzz => fuzz::check(Extent::Full),
