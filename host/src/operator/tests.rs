@@ -1,9 +1,8 @@
-//! Invariants of an operator's host under any sequence of intents, received frames and losses, and tests of single
-//! cases.
+//! What an operator's host does in single cases; its invariants are in [`any_sequence`].
+
+mod any_sequence;
 
 use super::*;
-use proptest::prelude::*;
-use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::{
     Action, Command, CommandResult, Estop, EstopAck, FaultReport, HeartbeatReply, JointTelemetry,
@@ -18,6 +17,25 @@ fn status(state: State, counter: u8) -> Status {
     let faults = FaultBits::default();
     let severity = Severity::None;
     Status { state, severity, faults, clip: None, frame: 0, counter, library: 0 }
+}
+
+fn catalog() -> Catalog {
+    use crate::catalog::{Motion, Transition};
+    let motion = |code: u8| Motion {
+        name: format!("motion_{code}"),
+        code: Some(code),
+        frames: 60,
+        looping: code.is_multiple_of(2),
+    };
+    Catalog {
+        robot: "test".into(),
+        config_hash: 7,
+        library: 0,
+        motions: (0..4).map(motion).collect(),
+        transitions: vec![Transition { from: 0, to: 1 }],
+        safe: 0,
+        channels: vec!["hip".into()],
+    }
 }
 
 /// An operator with all the frames that it sent.
@@ -450,207 +468,4 @@ fn lost_frames_faults_and_silence_are_told() {
     desk.pass(600_000);
     assert!(desk.last_words().starts_with("no contact"), "{}", desk.last_words());
     assert!(!desk.operator.view(desk.now_us).link.contact);
-}
-
-/// A step of a random sequence.
-#[derive(Clone, Debug)]
-enum Happens {
-    Wish(Intent),
-    Frame(Frame),
-    /// The last command is answered.
-    Answer(CommandResult, u16),
-    Reply,
-    Time(u64),
-    BusLost,
-    BusBack,
-    /// The bus will not take the next command at once.
-    Full,
-}
-
-fn state() -> impl Strategy<Value = State> {
-    prop::sample::select(State::ALL)
-}
-
-fn happens() -> impl Strategy<Value = Happens> {
-    let let_go = prop::sample::select(&[LetGo::Pause, LetGo::Return, LetGo::Disarm][..]);
-    let deadman = prop_oneof![Just(Deadman::Held), let_go.prop_map(Deadman::Released)];
-    let wish = prop_oneof![
-        2 => Just(Intent::Arm),
-        4 => (0u8..5).prop_map(|code| Intent::Play { code }),
-        2 => Just(Intent::PauseOrResume),
-        1 => Just(Intent::Pause),
-        1 => Just(Intent::Return),
-        1 => Just(Intent::Disarm),
-        2 => Just(Intent::Estop),
-        2 => Just(Intent::Clear),
-        1 => any::<i8>().prop_map(|sixty_fourths| Intent::Speed { sixty_fourths }),
-        2 => deadman.prop_map(Intent::Deadman),
-    ];
-    let status = (state(), any::<u16>(), any::<u8>(), 0u16..4096, 0u8..16).prop_map(
-        |(state, faults, clip, frame, counter)| Status {
-            state,
-            severity: Severity::None,
-            faults: FaultBits(faults),
-            clip: Some(clip % 4),
-            frame,
-            counter,
-            library: 0,
-        },
-    );
-    let result = prop::sample::select(CommandResult::ALL);
-    let other_ack = (0u8..16, 0u8..9, result.clone(), state(), any::<u16>()).prop_map(
-        |(seq, kind, result, state, value)| {
-            CommandAck { seq, kind, result, state, motion: None, value }.encode(node())
-        },
-    );
-    let fault = (prop::sample::select(Fault::ALL), any::<f32>()).prop_map(|(fault, value)| {
-        FaultReport { counter: 0, fault, channel: None, value }.encode(node())
-    });
-    let joint = any::<u8>().prop_map(|channel| {
-        let (position_rad, velocity_rad_s, torque_nm) = (0.1, 0.2, 0.3);
-        let status = ActuatorStatus(0);
-        JointTelemetry { channel, position_rad, velocity_rad_s, torque_nm, status }.encode(node())
-    });
-    let any_frame = (0u16..0x800, prop::collection::vec(any::<u8>(), 0..=8))
-        .prop_map(|(id, data)| Frame::standard(id, &data).unwrap());
-    let frame = prop_oneof![
-        4 => status.prop_map(|status| status.encode(node())),
-        1 => state().prop_map(|state| EstopAck { state }.encode(node())),
-        2 => other_ack,
-        1 => fault,
-        1 => joint,
-        1 => any_frame,
-    ];
-    prop_oneof![
-        6 => wish.prop_map(Happens::Wish),
-        4 => frame.prop_map(Happens::Frame),
-        4 => (prop_oneof![4 => Just(CommandResult::Ok), 1 => result], any::<u16>())
-            .prop_map(|(result, value)| Happens::Answer(result, value)),
-        2 => Just(Happens::Reply),
-        4 => (0u64..400_000).prop_map(Happens::Time),
-        1 => Just(Happens::BusLost),
-        1 => Just(Happens::BusBack),
-        1 => Just(Happens::Full),
-    ]
-}
-
-fn catalog() -> Catalog {
-    use crate::catalog::{Motion, Transition};
-    let motion = |code: u8| Motion {
-        name: format!("motion_{code}"),
-        code: Some(code),
-        frames: 60,
-        looping: code.is_multiple_of(2),
-    };
-    Catalog {
-        robot: "test".into(),
-        config_hash: 7,
-        library: 0,
-        motions: (0..4).map(motion).collect(),
-        transitions: vec![Transition { from: 0, to: 1 }],
-        safe: 0,
-        channels: vec!["hip".into()],
-    }
-}
-
-/// Checks the invariants of every sent frame, in order.
-#[derive(Default)]
-struct Watch {
-    /// Whether the operator has cleared and armed since the last stop sent or heard; `None` without a stop.
-    since_stop: Option<(bool, bool)>,
-    held: Option<bool>,
-    /// The last command; `gone` has the ones before it.
-    last: Option<Command>,
-    gone: Vec<Command>,
-}
-
-impl Watch {
-    fn wish(&mut self, intent: Intent) {
-        match (intent, &mut self.since_stop) {
-            (Intent::Estop, stop) => *stop = Some((false, false)),
-            (Intent::Clear, Some((cleared, _))) => *cleared = true,
-            (Intent::Arm, Some((true, armed))) => *armed = true,
-            (Intent::Deadman(deadman), _) => self.held = Some(deadman == Deadman::Held),
-            _ => {}
-        }
-    }
-
-    fn sent(&mut self, message: &ToController) -> Result<(), TestCaseError> {
-        let ToController::Command(command) = message else { return Ok(()) };
-        let moves = matches!(command.action, Action::Play { .. } | Action::Resume);
-        let arms = matches!(command.action, Action::ArmRequest | Action::ArmConfirm { .. });
-        if moves {
-            prop_assert!(self.since_stop.is_none_or(|wished| wished == (true, true)));
-        }
-        if arms {
-            prop_assert!(self.since_stop.is_none_or(|(cleared, armed)| cleared && armed));
-        }
-        if moves || arms {
-            prop_assert!(self.held != Some(false), "{command:?} without the deadman");
-        }
-        if let Action::Play { speed_64ths, .. } = command.action {
-            prop_assert!((1..=64).contains(&speed_64ths));
-        }
-        if self.last != Some(*command) {
-            prop_assert!(!self.gone.contains(command), "an old command once more");
-            if let Some(last) = self.last.replace(*command) {
-                // A new command has the next number, or one soon after it when one was never sent.
-                let ahead = command.seq.wrapping_sub(last.seq) & 0xF;
-                prop_assert!((1..=8).contains(&ahead), "{:?} after {:?}", command, last);
-                self.gone.push(last);
-            }
-            let recent = self.gone.len().saturating_sub(8);
-            self.gone.drain(..recent);
-        }
-        Ok(())
-    }
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1500))]
-
-    #[test]
-    fn whatever_happens(all in prop::collection::vec(happens(), 1..80)) {
-        let mut desk = Desk::new();
-        desk.operator.set_catalog(Some(catalog()));
-        let mut watch = Watch::default();
-        for happens in all {
-            let before = desk.sent.len();
-            match happens {
-                Happens::Wish(intent) => {
-                    watch.wish(intent);
-                    desk.want(intent);
-                    let new = desk.poll();
-                    if intent == Intent::Estop {
-                        prop_assert_eq!(new.first(), Some(&ToController::Estop));
-                    }
-                }
-                Happens::Frame(frame) => {
-                    // A stop of another node counts as well.
-                    if let Ok((_, rollwalk_protocol::wire::FromController::Status(status))) =
-                        rollwalk_protocol::wire::FromController::decode(&frame)
-                        && status.state == State::EStopped
-                    {
-                        watch.since_stop = watch.since_stop.or(Some((false, false)));
-                    }
-                    desk.hear(frame);
-                    desk.poll();
-                }
-                Happens::Answer(result, value) => {
-                    if !desk.commands().is_empty() {
-                        desk.answer(result, value);
-                    }
-                }
-                Happens::Reply => desk.reply(),
-                Happens::Time(us) => desk.pass(us),
-                Happens::BusLost => desk.operator.on_bus_lost(desk.now_us, "unplugged"),
-                Happens::BusBack => desk.operator.on_bus_back(desk.now_us),
-                Happens::Full => desk.full = true,
-            }
-            for message in &desk.sent[before..] {
-                watch.sent(message)?;
-            }
-            let _ = desk.operator.view(desk.now_us);
-        }
-    }
 }

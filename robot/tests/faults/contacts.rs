@@ -1,0 +1,77 @@
+//! Kinds of contact as they are read from robot files.
+
+use super::*;
+use rollwalk_robot::{Contact, RollingDrag};
+
+/// The tiny robot with another kind of contact in place of its foot.
+fn with_contact(lines: &str) -> Robot {
+    let text = ROBOT.replacen("contact = \"point_foot\"", lines, 1);
+    Robot::from_toml("tiny.toml", &text).unwrap()
+}
+
+#[test]
+fn every_kind_of_contact_is_read_and_mirrored() {
+    let axis = "axis_in_link = [0.3, 0.0, 0.4]";
+    let left = nalgebra::Vector3::new(0.6, 0.0, 0.8);
+    let check = |lines: &str, of: &dyn Fn(nalgebra::Vector3<f64>) -> Contact| {
+        let robot = with_contact(&format!("{lines}\n{axis}"));
+        assert_eq!(robot.end_effectors[1].contact, of(left));
+        // Mirrored axes turn into −M a, so that an axis across the limb keeps its sign.
+        assert_eq!(robot.end_effectors[2].contact, of(-left));
+        // No motor, no channel: the shoulder, its wheel and two hips.
+        assert_eq!(robot.controller_config().unwrap().channels.len(), 4);
+    };
+    check("contact = \"welded_wheel\"", &|axis_in_link| Contact::WeldedWheel { axis_in_link });
+    let drag = |rolling_drag_s_m| RollingDrag { rolling_resistance: 0.02, rolling_drag_s_m };
+    check("contact = \"passive_wheel\"\nrolling_resistance = 0.02", &|axis_in_link| {
+        Contact::PassiveWheel { axis_in_link, drag: drag(0.0) }
+    });
+    let skate = "contact = \"skate\"\nrolling_resistance = 0.02\nrolling_drag_s_m = 0.1\n\
+                 blade_length_m = 0.12";
+    check(skate, &|axis_in_link| Contact::Skate {
+        axis_in_link,
+        blade_length_m: 0.12,
+        drag: drag(0.1),
+    });
+    let robot = with_contact(&format!("{skate}\n{axis}"));
+    assert_eq!(robot.end_effectors[1].clearance_radius_m(), 0.06);
+    assert_eq!(robot.end_effectors[0].clearance_radius_m(), 0.03);
+}
+
+#[test]
+fn a_torque_speed_line_has_two_ends_beyond_the_limits() {
+    let line = "stall_torque_nm = 3.0\nno_load_speed_rad_s = 8.0";
+    let with = |line: &str| format!("torque_max_nm = 2.0\n{line}");
+    let text = ROBOT.replacen("torque_max_nm = 2.0", &with(line), 1);
+    let robot = Robot::from_toml("tiny.toml", &text).unwrap();
+    let motor = robot.joints[0].actuator.torque_speed.unwrap();
+    assert_eq!((motor.stall_torque_nm, motor.no_load_speed_rad_s), (3.0, 8.0));
+    assert_eq!(tiny().joints[0].actuator.torque_speed, None);
+
+    let fault = |line: &str| faults("torque_max_nm = 2.0", &with(line));
+    let half = fault("stall_torque_nm = 3.0");
+    assert_eq!(half.len(), 1, "{half:?}");
+    assert!(half[0].1.contains("given without `no_load_speed_rad_s`"), "{half:?}");
+    // The same data sheet serves several motors; each says so.
+    let weak = fault("stall_torque_nm = 1.0\nno_load_speed_rad_s = 8.0");
+    assert!(weak[0].1.contains("`stall_torque_nm` is 1 N·m"), "{weak:?}");
+    assert!(weak[0].2.contains("from 2 to"), "{weak:?}");
+    let slow = fault("stall_torque_nm = 3.0\nno_load_speed_rad_s = 4.0");
+    assert!(slow[0].1.contains("`no_load_speed_rad_s` is 4 rad/s"), "{slow:?}");
+}
+
+#[test]
+fn the_middle_of_a_blade_is_below_its_link() {
+    let skate = |axis: &str| {
+        let lines = "contact = \"skate\"\nrolling_resistance = 0.02\nblade_length_m = 0.01";
+        let text = format!("{lines}\naxis_in_link = {axis}");
+        Robot::from_toml("tiny.toml", &ROBOT.replacen("contact = \"point_foot\"", &text, 1))
+    };
+    let blade = skate("[0.0, 0.8, 0.6]").unwrap().end_effectors[1].blade().unwrap();
+    // Square to the axis; a radius of 0.01 m and half a blade of 0.005 m: 0.5 rad.
+    assert!((blade.middle_in_link - nalgebra::Vector3::new(0.0, 0.6, -0.8)).norm() < 1e-12);
+    assert!((blade.reach_m - 0.01 * 0.5f64.sin()).abs() < 1e-15);
+    assert_eq!(tiny().end_effectors[0].blade(), None);
+    let error = skate("[0.0, 0.1, 1.0]").unwrap_err();
+    assert!(error.faults().any(|f| f.help.contains("no vertical of the link")), "{error}");
+}

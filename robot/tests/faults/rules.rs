@@ -1,0 +1,342 @@
+//! Robots that cannot be: bodies, joints, trees, names, addresses, motors and wheels.
+
+use super::*;
+use proptest::prelude::*;
+use rollwalk_protocol::config::MAX_CHANNELS;
+use rollwalk_robot::{Contact, Place, RollingDrag};
+
+#[test]
+fn masses_and_inertias_that_no_body_has() {
+    assert_fault(
+        "mass_kg = 1.0",
+        "mass_kg = 0.0",
+        "mass_kg",
+        "`mass_kg` is 0 kg",
+        "above 0 to 1000 kg",
+    );
+    assert_fault(
+        "mass_kg = 1.0",
+        "mass_kg = 1500.0",
+        "mass_kg",
+        "`mass_kg` is 1500 kg",
+        "grams need dividing by 1000",
+    );
+    let inertia = "[0.01, 0.02, 0.02, 0.0, 0.0, 0.0]";
+    let at = "inertia_in_link_kg_m2";
+    assert_fault(
+        inertia,
+        "[0.01, 0.02, 0.04, 0.0, 0.0, 0.0]",
+        at,
+        "breaks the triangle inequality",
+        "1.000e-2, 2.000e-2, 4.000e-2",
+    );
+    assert_fault(
+        inertia,
+        "[0.01, 0.02, 0.02, 0.03, 0.0, 0.0]",
+        at,
+        "is not positive definite",
+        "enlarge the diagonal",
+    );
+    assert_fault(
+        "mass_kg = 0.1, at_m = [0.0, 0.0, -0.1]",
+        "mass_kg = -0.1, at_m = [0.0, 0.0, -0.1]",
+        "  { mass_kg = -0.1",
+        "`mass_kg` is -0.1",
+        "0.000001 to 1000 kg",
+    );
+    assert_fault(
+        "cylinder_y_m = [0.03, 0.02]",
+        "cylinder_y_m = [30, 20]",
+        "  { mass_kg = 0.1, at_m = [0.0, 0.0, -0.2]",
+        "`cylinder_y_m` has no sensible size",
+        "millimetres",
+    );
+}
+
+#[test]
+fn joints_that_cannot_be() {
+    assert_fault(
+        "position_max_rad = 1.0",
+        "position_max_rad = -1.0",
+        "position_max_rad",
+        "joint `shoulder`: `position_max_rad` is -1 rad",
+        "above `position_min_rad` (-1 rad)",
+    );
+    assert_fault(
+        "nominal_rad = 0.0",
+        "nominal_rad = 1.1",
+        "nominal_rad",
+        "`nominal_rad` is 1.1 rad",
+        "within the limits, -1 to 1 rad",
+    );
+    assert_fault(
+        "axis_in_joint = [0.0, 2.0, 0.0]",
+        "axis_in_joint = [0.0, 0.0, 0.0]",
+        "axis_in_joint",
+        "`axis_in_joint` is zero",
+        "such as [0, 1, 0]",
+    );
+    assert_fault(
+        "origin_rpy_rad = [0.0, 0.1, 0.0]",
+        "origin_rpy_rad = [0, 90, 0]",
+        "origin_rpy_rad",
+        "an angle above 2π",
+        "90 degrees are 1.5708",
+    );
+    assert_fault(
+        "origin_in_parent_m = [0.1, 0.0, 0.0]",
+        "origin_in_parent_m = [100, 0.0, 0.0]",
+        "origin_in_parent_m",
+        "is [100, 0, 0]",
+        "millimetres need dividing by 1000",
+    );
+}
+
+#[test]
+fn trees_that_are_not_trees() {
+    let joint = |name: &str, parent: &str, child: &str, id: u8| {
+        format!(
+            "[[joint]]\nname = \"{name}\"\nparent = \"{parent}\"\nchild = \"{child}\"\n\
+             origin_in_parent_m = [0, 0, 0]\naxis_in_joint = [0, 0, 1]\nposition_min_rad = -1\n\
+             position_max_rad = 1\nnominal_rad = 0\nactuator = \"servo\"\nbus = 2\nid = {id}\n\n"
+        )
+    };
+    let link = "[[link]]\nname = \"hand\"\nparts = [{ mass_kg = 0.1, at_m = [0, 0, 0], box_m = [1, 1, 1] }]\n\n";
+    let with = |joints: String| {
+        faults(
+            "[[joint]]\nname = \"shoulder\"",
+            &format!("{link}{joints}[[joint]]\nname = \"shoulder\""),
+        )
+    };
+    let messages = |found: Vec<(usize, String, String)>| -> Vec<String> {
+        found.into_iter().map(|(line, message, _)| format!("{line}: {message}")).collect()
+    };
+
+    // A joint before the one that carries its parent.
+    let found = with(joint("wrist", "arm", "hand", 1));
+    assert!(found[0].2.contains("move the joint that carries `arm` up"), "{found:#?}");
+    assert_eq!(messages(found), ["30: joint `wrist`: `parent` `arm` is not yet part of the tree"]);
+    // Two joints that hang on each other's links.
+    let two = link.replace("hand", "finger")
+        + &joint("a", "hand", "finger", 1)
+        + &joint("b", "finger", "hand", 2);
+    assert_eq!(messages(with(two)), ["34: joint `a`: `parent` `hand` is not yet part of the tree"]);
+    assert_eq!(messages(with(String::new())), ["25: link `hand`: `name` is the child of 0 joints"]);
+    assert_eq!(
+        messages(with(joint("wrist", "body", "hand", 1) + &joint("again", "arm", "hand", 2))),
+        [
+            "25: link `hand`: `name` is the child of 2 joints",
+            "43: joint `again`: `parent` `arm` is not yet part of the tree"
+        ]
+    );
+    assert_eq!(
+        messages(faults("child = \"arm\"", "child = \"body\"")),
+        [
+            "18: link `arm`: `name` is the child of 0 joints",
+            "27: joint `shoulder`: `child` is the root link"
+        ]
+    );
+}
+
+#[test]
+fn names_that_are_unknown_or_taken() {
+    assert_fault(
+        "child = \"arm\"",
+        "child = \"amr\"",
+        "child",
+        "joint `shoulder`: there is no link `amr`",
+        "did you mean `arm`? known are: `body`, `arm`, `left_shank`, `right_shank`",
+    );
+    assert_fault(
+        "actuator = \"servo\"\nbus = 0\nid = 1",
+        "actuator = \"motor\"\nbus = 0\nid = 1",
+        "actuator = \"motor\"",
+        "there is no actuator `motor`",
+        "known are: `servo`",
+    );
+    assert_fault(
+        "template = \"leg\"",
+        "template = \"lag\"",
+        "template = ",
+        "limb `left`: there is no template `lag`",
+        "did you mean `leg`?",
+    );
+    assert_fault(
+        "name = \"wheel\"",
+        "name = \"left\"",
+        "name = \"*\"",
+        "end effector `left`: `name` is used twice",
+        "its own name",
+    );
+    assert_fault(
+        "name = \"tiny\"",
+        "name = \"tiny robot\"",
+        "name = \"tiny robot\"",
+        "cannot be \"tiny robot\"",
+        "letters, digits",
+    );
+    // The same limb name makes the same names for all of its parts.
+    let found = faults("name = \"right\"", "name = \"left\"");
+    assert!(
+        found.iter().all(
+            |(_, message, _)| message.contains("is used twice") || message.contains("child of")
+        ),
+        "{found:#?}"
+    );
+}
+
+#[test]
+fn addresses_are_given_once() {
+    let wheel = faults("bus = 0\nid = 2", "bus = 0\nid = 1");
+    assert_eq!(wheel.len(), 1, "{wheel:#?}");
+    assert_eq!(wheel[0].0, 48);
+    assert_eq!(wheel[0].1, "end effector `wheel`: `id` is 1 on bus 0 a second time");
+    assert!(wheel[0].2.starts_with("joint `shoulder` has that address"), "{wheel:#?}");
+    // Limbs count their motors from `first_id`: the fault is there, not in the template.
+    let limb = faults("first_id = 2", "first_id = 1");
+    assert_eq!(limb.len(), 1, "{limb:#?}");
+    assert_eq!(limb[0].0, 89);
+    assert_eq!(limb[0].1, "joint `right_hip`: `id` is 1 on bus 1 a second time");
+}
+
+#[test]
+fn more_motors_than_a_controller_has() {
+    let limbs: String = (0..MAX_CHANNELS)
+        .map(|n| {
+            format!(
+                "[[limb]]\nname = \"l{n}\"\ntemplate = \"leg\"\nparent = \"body\"\n\
+                 origin_in_parent_m = [0, 0, 0]\nside = \"left\"\nbus = 3\nfirst_id = {}\n\n",
+                n + 1
+            )
+        })
+        .collect();
+    let found = faults("[[limb]]", &format!("{limbs}[[limb]]"));
+    assert_eq!(found.len(), 1, "{found:#?}");
+    assert!(found[0].1.contains("and driven wheels number 28"), "{found:#?}");
+    assert!(found[0].2.contains("at most 24"), "{found:#?}");
+}
+
+/// The same rules hold for a robot that did not come from a file, with places instead of spans.
+#[test]
+fn robots_without_a_file_are_judged_by_the_same_rules() {
+    let robot = tiny();
+    robot.validate().unwrap();
+    type Breaks = fn(&mut Robot);
+    let broken: [(Breaks, Place, &str); 13] = [
+        (|r| r.links[0].mass_kg = f64::NAN, Place::Link(0), "mass_kg"),
+        (
+            |r| r.links[0].inertia_in_link_kg_m2[(0, 1)] = 1e-3,
+            Place::Link(0),
+            "inertia_in_link_kg_m2",
+        ),
+        (|r| r.links[0].com_in_link_m.x = f64::INFINITY, Place::Link(0), "com_in_link_m"),
+        (|r| r.joints[0].position_min_rad = f64::NAN, Place::Joint(0), "position_min_rad"),
+        (|r| r.joints[0].axis_in_joint.y = 2.0, Place::Joint(0), "axis_in_joint"),
+        (|r| r.joints[1].parent = 9, Place::Joint(1), "parent"),
+        (|r| r.joints[0].actuator.kd_nm_s_rad = -1.0, Place::Joint(0), "kd_nm_s_rad"),
+        (|r| r.joints[0].actuator.model.clear(), Place::Joint(0), "model"),
+        (|r| r.joints[2].actuator.id = 1, Place::Joint(2), "id"),
+        (|r| r.end_effectors[0].link = 4, Place::EndEffector(0), "link"),
+        (|r| r.end_effectors[1].radius_m = 0.0, Place::EndEffector(1), "radius_m"),
+        (|r| r.end_effectors.clear(), Place::Robot, "end_effector"),
+        (
+            |r| {
+                let axis_in_link = nalgebra::Vector3::zeros();
+                let drag = RollingDrag { rolling_resistance: 0.02, rolling_drag_s_m: 0.0 };
+                r.end_effectors[1].contact = Contact::PassiveWheel { axis_in_link, drag }
+            },
+            Place::EndEffector(1),
+            "axis_in_link",
+        ),
+    ];
+    for (break_it, place, field) in broken {
+        let mut robot = robot.clone();
+        break_it(&mut robot);
+        let error = robot.validate().expect_err(field);
+        let found = error.violations.iter().any(|v| v.place == place && v.field == field);
+        assert!(found, "{field}: {error}");
+        assert!(error.to_string().starts_with("robot `tiny` is not valid"), "{error}");
+        assert!(robot.controller_config().is_err(), "{field}");
+    }
+}
+
+proptest! {
+    /// Whatever bytes a file has, reading it ends with a robot or with faults inside the text.
+    #[test]
+    fn damaged_files_never_panic(at in 0..ROBOT.len(), cut in 0..40usize, put in ".{0,12}") {
+        let end = (at + cut).min(ROBOT.len());
+        let text = format!("{}{put}{}", &ROBOT[..at], &ROBOT[end..]);
+        if let Err(error) = Robot::from_toml("tiny.toml", &text) {
+            for fault in error.faults() {
+                prop_assert!(fault.span.end <= text.len());
+                prop_assert!(fault.line <= 1 + text.lines().count());
+            }
+            let theme = miette::GraphicalTheme::unicode_nocolor();
+            let handler = miette::GraphicalReportHandler::new_themed(theme);
+            let mut report = String::new();
+            prop_assert!(handler.render_report(&mut report, &error).is_ok());
+        }
+    }
+}
+
+#[test]
+fn motors_and_wheels_out_of_range() {
+    assert_fault(
+        "speed_max_rad_s = 5.0",
+        "speed_max_rad_s = 77",
+        "speed_max_rad_s",
+        "is 77 rad/s",
+        "1 rev/min is 0.10472 rad/s",
+    );
+    assert_fault("kp_nm_rad = 50.0", "kp_nm_rad = 0", "kp_nm_rad", "`kp_nm_rad` is 0", "above 0");
+    assert_fault(
+        "armature_kg_m2 = 0.005",
+        "armature_kg_m2 = 0",
+        "armature_kg_m2",
+        "is 0 kg·m²",
+        "above 0 to 10 kg·m²",
+    );
+    assert_fault(
+        "radius_m = 0.03",
+        "radius_m = 30",
+        "radius_m",
+        "`radius_m` is 30 m",
+        "millimetres",
+    );
+    assert_fault(
+        "friction_coefficient = 0.8",
+        "friction_coefficient = 0",
+        "friction_coefficient",
+        "is 0",
+        "above 0 to 2",
+    );
+    assert_fault("bus = 0\nid = 2", "bus = 4\nid = 2", "bus = 4", "`bus` is 4", "buses 0 to 3");
+    assert_fault("bus = 0\nid = 2", "bus = 0\nid = 200", "id = 200", "`id` is 200", "0 to 127");
+}
+
+proptest! {
+    /// Robots in plan files are hostile input too: any numbers and indices are judged, not tripped over.
+    #[test]
+    fn robots_with_any_numbers_are_judged_without_panic(
+        number in prop::num::f64::ANY,
+        index in any::<usize>(),
+        field in 0..9usize,
+    ) {
+        let mut robot = tiny();
+        match field {
+            0 => robot.links[1].mass_kg = number,
+            1 => robot.links[1].inertia_in_link_kg_m2[(1, 2)] = number,
+            2 => robot.joints[1].parent = index,
+            3 => robot.joints[1].child = index,
+            4 => robot.joints[0].axis_in_joint.x = number,
+            5 => robot.joints[0].position_max_rad = number,
+            6 => robot.joints[0].parent_from_joint.translation.z = number,
+            7 => robot.end_effectors[0].link = index,
+            _ => robot.end_effectors[0].radius_m = number,
+        }
+        if robot.validate().is_ok() {
+            // What passes can be used: the controller accepts its configuration.
+            prop_assert_eq!(robot.controller_config().unwrap().check(), Ok(()));
+        }
+    }
+}
