@@ -71,14 +71,14 @@ impl FromStr for BusName {
             "slcan" => "slcan:/dev/ttyACM0",
             _ if name.starts_with("/dev/") => {
                 return Err(bad(
-                    "a device needs to know what it speaks".into(),
+                    "a device needs its protocol before it".into(),
                     "serial:/dev/ttyUSB0",
                 ));
             }
             _ if rest.is_none() => {
                 return Err(bad("it does not say what kind of bus".into(), "can:can0"));
             }
-            _ => return Err(bad(format!("nobody knows a bus of kind `{kind}`"), "can:can0")),
+            _ => return Err(bad(format!("there is no bus of kind `{kind}`"), "can:can0")),
         };
         let bad = |what: String| bad(what, example);
         if kind == "sim" {
@@ -90,7 +90,7 @@ impl FromStr for BusName {
                 _ => Ok(Self::Sim { socket }),
             };
         }
-        let rest = rest.ok_or_else(|| bad(format!("`{kind}` of what?")))?;
+        let rest = rest.ok_or_else(|| bad(format!("nothing follows `{kind}`")))?;
         let (place, rate) = match rest.rsplit_once('@') {
             Some((place, rate)) => (place, Some(rate)),
             None => (rest, None),
@@ -166,9 +166,9 @@ mod tests {
         for (name, words, example) in [
             ("can0", "what kind of bus", "can:can0"),
             ("", "what kind of bus", "can:can0"),
-            ("/dev/ttyUSB0", "what it speaks", "serial:/dev/ttyUSB0"),
+            ("/dev/ttyUSB0", "needs its protocol", "serial:/dev/ttyUSB0"),
             ("usb:can0", "of kind `usb`", "can:can0"),
-            ("can", "`can` of what?", "can:can0"),
+            ("can", "nothing follows `can`", "can:can0"),
             ("can:", "nothing follows", "can:can0"),
             ("can:/dev/ttyACM0", "can be called `/dev/ttyACM0`", "can:can0"),
             ("can:an-interface-too-long", "can be called", "can:can0"),

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 /// An event on a bus.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Heard {
+pub enum Event {
     /// A frame of another node.
     Frame(Frame),
     /// A frame of ours was transmitted; there is room for another.
@@ -76,7 +76,7 @@ pub trait Inlet: Send {
     ///
     /// # Errors
     /// The bus is gone.
-    fn hear(&mut self) -> Result<Option<Heard>, LinkError>;
+    fn next_event(&mut self) -> Result<Option<Event>, LinkError>;
 }
 
 /// Both ends of a bus.
@@ -93,7 +93,7 @@ pub(crate) fn since_us(start: Instant) -> u64 {
 }
 
 /// An event with the index of its bus.
-type Tagged = (usize, Result<Heard, LinkError>);
+type Tagged = (usize, Result<Event, LinkError>);
 
 /// Several buses, listened to at once.
 pub struct Hub {
@@ -101,15 +101,15 @@ pub struct Hub {
     pub outlets: Vec<Box<dyn Outlet>>,
     /// Flag of each listening thread that ends it.
     over: Vec<Arc<AtomicBool>>,
-    heard: Receiver<Tagged>,
+    events: Receiver<Tagged>,
     sender: Sender<Tagged>,
 }
 
 impl Hub {
     /// Starts a listening thread for each port.
     pub fn new(ports: impl IntoIterator<Item = Port>) -> Self {
-        let (sender, heard) = channel();
-        let mut hub = Self { outlets: Vec::new(), over: Vec::new(), heard, sender };
+        let (sender, events) = channel();
+        let mut hub = Self { outlets: Vec::new(), over: Vec::new(), events, sender };
         for (index, port) in ports.into_iter().enumerate() {
             let over = hub.listen(index, port.inlet);
             hub.over.push(over);
@@ -137,10 +137,10 @@ impl Hub {
         let is_over = Arc::clone(&over);
         thread::spawn(move || {
             while !is_over.load(Ordering::Relaxed) {
-                let heard = inlet.hear().transpose();
-                let is_gone = matches!(heard, Some(Err(_)));
+                let event = inlet.next_event().transpose();
+                let is_gone = matches!(event, Some(Err(_)));
                 // A dropped hub has set the flag, which ends the next iteration.
-                let _ = heard.map(|heard| sender.send((index, heard)));
+                let _ = event.map(|event| sender.send((index, event)));
                 if is_gone {
                     return;
                 }
@@ -150,21 +150,21 @@ impl Hub {
     }
 
     /// The next event and the index of its bus; `None` at `deadline`. A bus that is gone reports it once.
-    pub fn hear(&mut self, deadline: Instant) -> Option<(usize, Result<Heard, LinkError>)> {
+    pub fn next_event(&mut self, deadline: Instant) -> Option<(usize, Result<Event, LinkError>)> {
         loop {
             let inward = self.outlets.iter_mut().enumerate();
             let mut inward =
                 inward.filter_map(|(index, outlet)| Some((index, outlet.poll_inward()?)));
             if let Some((index, frame)) = inward.next() {
-                return Some((index, Ok(Heard::Frame(frame))));
+                return Some((index, Ok(Event::Frame(frame))));
             }
             // The channel stays connected, because the hub keeps a sender itself.
             let wait = deadline.saturating_duration_since(Instant::now());
-            match self.heard.recv_timeout(wait).ok()? {
-                (index, Ok(Heard::Message(id, bytes))) => {
+            match self.events.recv_timeout(wait).ok()? {
+                (index, Ok(Event::Message(id, bytes))) => {
                     self.outlets[index].take_apart(id, &bytes);
                 }
-                heard => return Some(heard),
+                event => return Some(event),
             }
         }
     }
@@ -220,10 +220,10 @@ impl Live {
             return Ok(None);
         }
         let deadline = Instant::now() + timeout;
-        while let Some(heard) = self.next(deadline)? {
-            match heard {
-                Heard::Report(report) => return Ok(Some(report)),
-                Heard::Frame(frame) if frame.standard_id().is_some() => {
+        while let Some(event) = self.next(deadline)? {
+            match event {
+                Event::Report(report) => return Ok(Some(report)),
+                Event::Frame(frame) if frame.standard_id().is_some() => {
                     self.frames.push_back(frame)
                 }
                 _ => {}
@@ -237,12 +237,12 @@ impl Live {
         self.hub.outlets[0].bitrate()
     }
 
-    fn next(&mut self, deadline: Instant) -> Result<Option<Heard>, LinkError> {
+    fn next(&mut self, deadline: Instant) -> Result<Option<Event>, LinkError> {
         if let Some(error) = &self.lost {
             return Err(error.clone());
         }
-        match self.hub.hear(deadline) {
-            Some((_, Ok(heard))) => Ok(Some(heard)),
+        match self.hub.next_event(deadline) {
+            Some((_, Ok(event))) => Ok(Some(event)),
             Some((_, Err(error))) => Err(self.lost.insert(error).clone()),
             None => Ok(None),
         }
@@ -263,8 +263,8 @@ impl LinkBus for Live {
             return Ok(Some(frame));
         }
         let deadline = self.started + Duration::from_micros(deadline_us);
-        while let Some(heard) = self.next(deadline)? {
-            if let Heard::Frame(frame) = heard
+        while let Some(event) = self.next(deadline)? {
+            if let Event::Frame(frame) = event
                 && frame.standard_id().is_some()
             {
                 return Ok(Some(frame));

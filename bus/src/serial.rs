@@ -6,7 +6,7 @@
 use crate::line::{LineWriter, read};
 use crate::link::LinkError;
 use crate::open::OpenError;
-use crate::port::{Heard, Inlet, Outlet, Port, since_us};
+use crate::port::{Event, Inlet, Outlet, Port, since_us};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{Deframer, Gateway, Packet};
 use std::collections::VecDeque;
@@ -50,7 +50,7 @@ fn refused(device: &Path, baud: u32, error: &serialport::Error) -> OpenError {
         // The crate reports a device locked by another program in this way.
         ErrorKind::NoDevice => OpenError {
             what: format!("another program uses `{shown}`"),
-            help: format!("end it first; fuser {shown} tells which it is"),
+            help: format!("end it first; fuser {shown} shows which it is"),
         },
         ErrorKind::Io(io::ErrorKind::PermissionDenied) => OpenError {
             what: format!("you may not use `{shown}`"),
@@ -77,7 +77,7 @@ fn devices() -> String {
     let mut names: Vec<_> = names.filter(is_adapter).map(|name| format!("/dev/{name}")).collect();
     names.sort();
     if names.is_empty() {
-        return "no adapter is plugged in; `sudo dmesg` says what the kernel sees".into();
+        return "no adapter is plugged in; `sudo dmesg` shows what the kernel sees".into();
     }
     format!("plugged in: {}", names.join(", "))
 }
@@ -114,7 +114,7 @@ fn both_ends(
 /// Receiving end alone.
 pub(crate) fn inlet<R: Read + Send + 'static>(name: &str, reader: R) -> impl Inlet + use<R> {
     let name = name.to_owned();
-    SerialInlet { name, reader, deframer: Deframer::default(), heard: VecDeque::new() }
+    SerialInlet { name, reader, deframer: Deframer::default(), events: VecDeque::new() }
 }
 
 struct SerialOutlet {
@@ -170,27 +170,27 @@ struct SerialInlet<R> {
     name: String,
     reader: R,
     deframer: Deframer,
-    heard: VecDeque<Heard>,
+    events: VecDeque<Event>,
 }
 
 impl<R: Read + Send> Inlet for SerialInlet<R> {
-    fn hear(&mut self) -> Result<Option<Heard>, LinkError> {
-        if self.heard.is_empty() {
+    fn next_event(&mut self) -> Result<Option<Event>, LinkError> {
+        if self.events.is_empty() {
             let mut bytes = [0; 256];
             let count = read(&self.name, &mut self.reader, &mut bytes)?;
             for &byte in &bytes[..count] {
                 match self.deframer.push(byte).and_then(Packet::decode) {
-                    Some(Packet::Link(frame)) => self.heard.push_back(Heard::Frame(frame)),
+                    Some(Packet::Link(frame)) => self.events.push_back(Event::Frame(frame)),
                     Some(Packet::Message { id, bytes }) => {
-                        self.heard.push_back(Heard::Message(id, bytes.to_vec()));
+                        self.events.push_back(Event::Message(id, bytes.to_vec()));
                     }
-                    Some(Packet::Report(report)) => self.heard.push_back(Heard::Report(report)),
+                    Some(Packet::Report(report)) => self.events.push_back(Event::Report(report)),
                     // We have no report to give.
                     Some(Packet::Ask) | None => {}
                 }
             }
         }
-        Ok(self.heard.pop_front())
+        Ok(self.events.pop_front())
     }
 }
 

@@ -5,7 +5,7 @@
 
 use crate::link::LinkError;
 use crate::open::OpenError;
-use crate::port::{Heard, Inlet, Outlet, Port};
+use crate::port::{Event, Inlet, Outlet, Port};
 use crate::serial;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::Packet;
@@ -81,10 +81,10 @@ pub fn serve(socket: Option<&Path>) -> Result<Port, OpenError> {
     }
     let listener = UnixListener::bind(&path).map_err(failed)?;
     let members = Members::default();
-    let (sender, heard) = channel();
+    let (sender, frames) = channel();
     let outlet = SimOutlet { path, members: Arc::clone(&members) };
     thread::spawn(move || accept(&listener, &members, &sender));
-    Ok(Port { outlet: Box::new(outlet), inlet: Box::new(SimInlet { heard }) })
+    Ok(Port { outlet: Box::new(outlet), inlet: Box::new(SimInlet { frames }) })
 }
 
 fn accept(listener: &UnixListener, members: &Members, to: &Sender<Frame>) {
@@ -101,9 +101,9 @@ fn accept(listener: &UnixListener, members: &Members, to: &Sender<Frame>) {
         let (members, to) = (Arc::clone(members), to.clone());
         thread::spawn(move || {
             let mut inlet = serial::inlet("a program", reader);
-            while let Ok(heard) = inlet.hear() {
-                if let Some(Heard::Frame(frame)) = heard {
-                    tell(&members, &frame, Some(number));
+            while let Ok(event) = inlet.next_event() {
+                if let Some(Event::Frame(frame)) = event {
+                    broadcast(&members, &frame, Some(number));
                     if to.send(frame).is_err() {
                         break;
                     }
@@ -115,7 +115,7 @@ fn accept(listener: &UnixListener, members: &Members, to: &Sender<Frame>) {
 }
 
 /// Sends a frame to all programs but one.
-fn tell(members: &Members, frame: &Frame, but: Option<u64>) {
+fn broadcast(members: &Members, frame: &Frame, but: Option<u64>) {
     let Some(line) = Packet::Link(*frame).encode() else { return };
     let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
     members.retain_mut(|(number, stream)| {
@@ -145,7 +145,7 @@ impl Outlet for SimOutlet {
     }
 
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
-        tell(&self.members, frame, None);
+        broadcast(&self.members, frame, None);
         Ok(())
     }
 }
@@ -158,13 +158,13 @@ impl Drop for SimOutlet {
 }
 
 struct SimInlet {
-    heard: Receiver<Frame>,
+    frames: Receiver<Frame>,
 }
 
 impl Inlet for SimInlet {
-    fn hear(&mut self) -> Result<Option<Heard>, LinkError> {
-        match self.heard.recv_timeout(WAIT) {
-            Ok(frame) => Ok(Some(Heard::Frame(frame))),
+    fn next_event(&mut self) -> Result<Option<Event>, LinkError> {
+        match self.frames.recv_timeout(WAIT) {
+            Ok(frame) => Ok(Some(Event::Frame(frame))),
             Err(RecvTimeoutError::Timeout) => Ok(None),
             Err(RecvTimeoutError::Disconnected) => {
                 Err(LinkError::Down("the socket of the simulated robot failed".into()))

@@ -3,7 +3,7 @@
 use crate::line::{LineWriter, read};
 use crate::link::LinkError;
 use crate::open::OpenError;
-use crate::port::{Heard, Inlet, Outlet, Port};
+use crate::port::{Event, Inlet, Outlet, Port};
 use crate::serial::open_device;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::slcan::{Reader, Said, bitrate_digit};
@@ -22,9 +22,9 @@ const BAUD: u32 = 1_000_000;
 /// The device does not exist, access is denied, or the protocol has no such bitrate.
 pub fn open(device: &Path, bitrate: u32) -> Result<Port, OpenError> {
     let digit = bitrate_digit(bitrate).ok_or_else(|| OpenError {
-        what: format!("SLCAN adapters cannot be told a bitrate of {bitrate} bit/s"),
+        what: format!("SLCAN adapters have no bitrate of {bitrate} bit/s"),
         help:
-            "they know 10, 20, 50, 100, 125, 250, 500, 800 and 1000 kbit/s; a robot's is 1000000 \
+            "they have 10, 20, 50, 100, 125, 250, 500, 800 and 1000 kbit/s; a robot's is 1000000 \
                unless configured otherwise"
                 .into(),
     })?;
@@ -64,7 +64,7 @@ pub fn port(
         name: name.to_owned(),
         reader,
         text: Reader::default(),
-        heard: VecDeque::new(),
+        events: VecDeque::new(),
         answers,
         refuses,
     };
@@ -97,14 +97,13 @@ impl Outlet for SlcanOutlet {
         let name = self.writer.name();
         if !self.answers.load(Ordering::Relaxed) {
             return Some(format!(
-                "nothing that a CAN adapter says has come from {name}: is it one, does it speak SLCAN, and \
-                 is the robot on its bus?"
+                "no SLCAN message from {name}: is it a CAN adapter that speaks SLCAN, and is the robot on its bus?"
             ));
         }
         self.refuses.load(Ordering::Relaxed).then(|| {
             format!(
-                "the adapter {name} refuses frames: nobody may acknowledge them, or the bus has another \
-                 bitrate (slcan:{name}@BITRATE)"
+                "the adapter {name} refuses frames: perhaps no other node acknowledges them, or the bus has \
+                 another bitrate (slcan:{name}@BITRATE)"
             )
         })
     }
@@ -121,14 +120,14 @@ struct SlcanInlet<R> {
     name: String,
     reader: R,
     text: Reader,
-    heard: VecDeque<Heard>,
+    events: VecDeque<Event>,
     answers: Arc<AtomicBool>,
     refuses: Arc<AtomicBool>,
 }
 
 impl<R: Read + Send> Inlet for SlcanInlet<R> {
-    fn hear(&mut self) -> Result<Option<Heard>, LinkError> {
-        if self.heard.is_empty() {
+    fn next_event(&mut self) -> Result<Option<Event>, LinkError> {
+        if self.events.is_empty() {
             let mut bytes = [0; 256];
             let count = read(&self.name, &mut self.reader, &mut bytes)?;
             for &byte in &bytes[..count] {
@@ -137,14 +136,14 @@ impl<R: Read + Send> Inlet for SlcanInlet<R> {
                     self.answers.store(true, Ordering::Relaxed);
                 }
                 match said {
-                    Some(Said::Frame(frame)) => self.heard.push_back(Heard::Frame(frame)),
+                    Some(Said::Frame(frame)) => self.events.push_back(Event::Frame(frame)),
                     Some(Said::Yes) => self.refuses.store(false, Ordering::Relaxed),
                     Some(Said::No) => self.refuses.store(true, Ordering::Relaxed),
                     _ => {}
                 }
             }
         }
-        Ok(self.heard.pop_front())
+        Ok(self.events.pop_front())
     }
 }
 
@@ -161,7 +160,7 @@ mod tests {
         let (host, mut adapter) = UnixStream::pair().unwrap();
         let port = port("the adapter", host.try_clone().unwrap(), host, 8, 1_000_000);
         let mut link = Live::new(port.unwrap());
-        assert!(link.complaint().unwrap().contains("nothing that a CAN adapter says"));
+        assert!(link.complaint().unwrap().contains("no SLCAN message"));
         link.send(&Frame::standard(0x123, &[0xAB]).unwrap()).unwrap();
         let expected = b"\rC\rS8\rO\rt1231AB\r";
         let mut said = vec![0; expected.len()];

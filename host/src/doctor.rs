@@ -65,7 +65,7 @@ impl Traffic {
 pub struct Findings<'a> {
     /// Traffic on the link.
     pub heard: &'a Traffic,
-    /// Whether the controller has a host: [`Overheard::has_host`](crate::overhear::Overheard::has_host).
+    /// Whether the controller has a host: [`Listener::has_host`](crate::listener::Listener::has_host).
     pub has_host: bool,
     /// The controller's identity; `None` when it does not answer.
     pub hello: Option<&'a Hello>,
@@ -218,7 +218,7 @@ impl Findings<'_> {
         let gravity = if status.state == State::Boot { Gravity::Note } else { Gravity::Wrong };
         let all = silent.len() == usize::from(hello.channels);
         let who = if all { "no actuator".to_owned() } else { format!("not {}", silent.join(", ")) };
-        let what = format!("{who} tells its position: the robot cannot be armed");
+        let what = format!("{who} reports its position: the robot cannot be armed");
         let help = if all {
             "is motor power on, and are the actuator buses connected and terminated?"
         } else {
@@ -377,9 +377,9 @@ mod tests {
     #[test]
     fn who_is_silent_is_named() {
         let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 1), Some(&hello()));
-        assert!(text.contains("not channel 1 tells its position"), "{text}");
+        assert!(text.contains("not channel 1 reports its position"), "{text}");
         let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 0), Some(&hello()));
-        assert!(text.contains("no actuator tells its position"), "{text}");
+        assert!(text.contains("no actuator reports its position"), "{text}");
         let text = diagnose(&Traffic::default(), None);
         assert!(text.contains("nothing on the bus at all"), "{text}");
     }

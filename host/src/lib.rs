@@ -8,7 +8,7 @@
 //! | [`telemetry`] | telemetry files for Foxglove |
 //! | [`client`] | the protocol without clock or bus: frames and time in, frames out |
 //! | [`operator`] | the logic of a console: intents, frames and time in, frames and a view out |
-//! | [`discover`], [`overhear`] | controllers on the link; other hosts of a controller |
+//! | [`discover`], [`listener`] | controllers on the link; other hosts of a controller |
 //! | [`catalog`] | names for the numbers of a library |
 //! | [`doctor`] | diagnosis of a robot, and how to clear its faults |
 //! | [`describe`] | states, events and faults in words, and what to do next |
@@ -21,8 +21,8 @@ pub mod decode;
 pub mod describe;
 pub mod discover;
 pub mod doctor;
+pub mod listener;
 pub mod operator;
-pub mod overhear;
 pub mod refusal;
 pub mod session;
 pub mod telemetry;

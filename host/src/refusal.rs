@@ -16,7 +16,7 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
         CommandResult::WrongNonce => "the confirmation did not match the request; try again",
         CommandResult::ConfigMismatch => "its library was built for another robot",
         CommandResult::PoseUnknown => {
-            "an actuator does not tell its position, or one that is outside its limits"
+            "an actuator does not report its position, or is outside its limits"
         }
         CommandResult::OutOfOrder => "another host is sending commands, too",
         CommandResult::UnknownKind => "its firmware is older than this kind of command",

@@ -18,7 +18,7 @@ fn type_what_it_says(outcome: &Outcome) {
 #[ignore = "needs CAN interfaces: cargo xtask vcan"]
 fn what_is_wrong_with_an_interface_is_gone_when_one_has_typed_what_it_says() {
     let discover = |bus: &str| rollwalk(&["discover", "--bus", bus]);
-    let nobody = |bus: &str| discover(bus).fails(5, &["nobody answers"]);
+    let nobody = |bus: &str| discover(bus).fails(5, &["no controller answers"]);
 
     // As after plugging it in: no bitrate, and down.
     let down = discover("can:can0@500000");

@@ -151,7 +151,7 @@ fn what_is_wrong_with_a_bus_is_said_with_what_to_type() {
     flash("serial:/dev/ttyUSB7").fails(1, &["no device `/dev/ttyUSB7`"]);
     // Nobody there.
     flash("can:vcan0").fails(5, &["does not answer", "rollwalk discover --bus can:vcan0"]);
-    rollwalk(&["discover", "--bus", "can:vcan0"]).fails(5, &["nobody answers on can:vcan0"]);
+    rollwalk(&["discover", "--bus", "can:vcan0"]).fails(5, &["no controller answers on can:vcan0"]);
     run("ip", &["link", "set", "vcan1", "down"]);
     let down = flash("can:vcan1");
     run("ip", &["link", "set", "vcan1", "up"]);

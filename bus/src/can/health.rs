@@ -1,5 +1,4 @@
-//! How a CAN interface is: from the errors that its driver reports to a state, and to a sentence that says what
-//! to do.
+//! Health of a CAN interface: its state, from the errors that its driver reports, and a sentence that says what to do.
 
 use rollwalk_protocol::serial::BusState;
 use socketcan::errors::{CanError, ControllerProblems, ErrorCause, Location, ViolationTypes};
@@ -28,9 +27,9 @@ impl Health {
                     *self = Self::default();
                     emptied = true;
                 }
-                ErrorCause::NoAck => self.nobody_acknowledges(),
+                ErrorCause::NoAck => self.no_acknowledgement(),
                 ErrorCause::Protocol { location: Location::AckSlot, .. } => {
-                    self.nobody_acknowledges();
+                    self.no_acknowledgement();
                 }
                 ErrorCause::Protocol { types, .. } => {
                     let damage = ViolationTypes::FORM
@@ -56,10 +55,10 @@ impl Health {
 
     /// Records that no frame is transmitted, whether or not the driver reports a cause.
     pub fn stuck(&mut self) {
-        self.nobody_acknowledges();
+        self.no_acknowledgement();
     }
 
-    fn nobody_acknowledges(&mut self) {
+    fn no_acknowledgement(&mut self) {
         if self.state != BusState::Off {
             self.state = BusState::NotAcknowledged;
         }
@@ -85,8 +84,8 @@ impl Health {
                  sudo ip link set {interface} down; sudo ip link set {interface} up"
             ),
             BusState::NotAcknowledged => format!(
-                "nobody acknowledges frames on {interface}{rate}: is the other end powered, connected \
-                 and of the same bitrate? Error counters: ip -details -statistics link show {interface}"
+                "no node acknowledges frames on {interface}{rate}: is the other end powered, connected \
+                 and at the same bitrate? Error counters: ip -details -statistics link show {interface}"
             ),
             BusState::Passive => format!(
                 "{interface} is error-passive{rate}: most of what is sent fails. Check bitrate, \
@@ -144,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn some_drivers_tell_a_missing_acknowledgement_by_its_place() {
+    fn some_drivers_report_a_missing_acknowledgement_by_its_place() {
         let mut health = Health::default();
         // Location 0x19: ACK slot.
         health.report(&error(PROTOCOL, [0, 0, 0, 0x19, 0, 0, 0, 0]));

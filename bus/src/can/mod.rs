@@ -11,7 +11,7 @@ pub use interface::list;
 
 use crate::link::LinkError;
 use crate::open::OpenError;
-use crate::port::{Heard, Inlet, Outlet, Port, since_us};
+use crate::port::{Event, Inlet, Outlet, Port, since_us};
 use flight::Flight;
 use health::Health;
 use rollwalk_protocol::can::Frame;
@@ -40,7 +40,7 @@ struct Condition {
     flight: Flight,
     health: Health,
     /// State last reported to the listeners.
-    told: BusState,
+    reported: BusState,
 }
 
 impl Condition {
@@ -58,8 +58,11 @@ impl Condition {
 /// The interface does not exist, is down, or has another bitrate.
 pub fn open(name: &str, bitrate: Option<u32>, depth: usize) -> Result<Port, OpenError> {
     let (socket, bitrate) = interface::open(name, bitrate)?;
-    let condition =
-        Condition { flight: Flight::new(depth), health: Health::default(), told: BusState::Active };
+    let condition = Condition {
+        flight: Flight::new(depth),
+        health: Health::default(),
+        reported: BusState::Active,
+    };
     let interface = Interface {
         name: name.to_owned(),
         bitrate,
@@ -153,7 +156,7 @@ impl Outlet for CanOutlet {
 struct CanInlet(Arc<Interface>);
 
 impl Inlet for CanInlet {
-    fn hear(&mut self) -> Result<Option<Heard>, LinkError> {
+    fn next_event(&mut self) -> Result<Option<Event>, LinkError> {
         let received = match self.0.socket.read_frame_timeout(WAIT) {
             Ok(frame) => Some(frame),
             Err(error) if error.should_retry() || error.kind() == io::ErrorKind::TimedOut => None,
@@ -163,15 +166,15 @@ impl Inlet for CanInlet {
         let now_us = self.0.now_us();
         let mut condition = self.0.condition();
         let condition = &mut *condition;
-        let mut heard = None;
+        let mut event = None;
         match received {
             Some(socketcan::CanFrame::Data(frame)) => {
                 condition.health.works();
-                heard = from_socket(&frame).map(|frame| {
+                event = from_socket(&frame).map(|frame| {
                     if condition.flight.landed(now_us, &frame) {
-                        Heard::Sent
+                        Event::Sent
                     } else {
-                        Heard::Frame(frame)
+                        Event::Frame(frame)
                     }
                 });
             }
@@ -186,11 +189,11 @@ impl Inlet for CanInlet {
             None => {}
         }
         let state = condition.health.state();
-        if heard.is_none() && state != condition.told {
-            condition.told = state;
-            heard = Some(Heard::State(state));
+        if event.is_none() && state != condition.reported {
+            condition.reported = state;
+            event = Some(Event::State(state));
         }
-        Ok(heard)
+        Ok(event)
     }
 }
 

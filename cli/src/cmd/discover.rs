@@ -77,13 +77,13 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     for pair in found.windows(2).filter(|pair| pair[0].node == pair[1].node) {
         let node = pair[0].node;
         output::say(format_args!(
-            "two controllers have address {node}: give one of them another, they disturb each other"
+            "two controllers have address {node}: their frames collide; change the address of one"
         ));
     }
     if found.is_empty() {
         let why =
             bus.complaint().unwrap_or_else(|| "is a controller powered, and on this bus?".into());
-        output::say(format_args!("nobody answers on {}: {why}", args.bus));
+        output::say(format_args!("no controller answers on {}: {why}", args.bus));
         return Ok(Exit::NotDone);
     }
     Ok(Exit::Ok)
@@ -91,14 +91,14 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 
 fn table(found: &[Found]) -> String {
     let mut table = Table::new(["node", "serial number", "protocol", "configuration", "library"]);
-    let told = |text: &Option<String>| text.clone().unwrap_or_else(|| "none".into());
+    let or_none = |text: &Option<String>| text.clone().unwrap_or_else(|| "none".into());
     for controller in found {
         table.row([
             controller.node.to_string(),
             controller.uid.clone(),
             controller.protocol_major.to_string(),
-            told(&controller.config_hash),
-            told(&controller.library),
+            or_none(&controller.config_hash),
+            or_none(&controller.library),
         ]);
     }
     table.render()

@@ -10,7 +10,7 @@ use rollwalk_bus::link::LinkBus;
 use rollwalk_host::decode::decode;
 use rollwalk_host::describe::{event_sentence, state_name};
 use rollwalk_host::doctor::{Finding, Findings, Gravity, Traffic};
-use rollwalk_host::overhear::{self, Overheard};
+use rollwalk_host::listener::{self, Listener};
 use rollwalk_host::session::{History, Session};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::transport::Hello;
@@ -21,16 +21,16 @@ const LISTEN_US: u64 = 2_000_000;
 /// Default bitrate of a bus, bit/s.
 const BITRATE: u32 = 1_000_000;
 
-/// Find out what is wrong with a robot: why it cannot be armed, why it stopped, who is silent, how full the bus is,
-/// and what to type.
+/// Diagnose a robot: why it cannot be armed, why it stopped, which motors do not answer, how loaded the bus is, and
+/// which commands help.
 ///
-/// Listens for two seconds, asks the controller for its identity and its log, and commands nothing. Exit code 5 when
-/// something is wrong.
+/// Listens for two seconds, then reads the controller's identity and log. It sends no command to the robot. Exit code 5
+/// when it finds a fault.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
   rollwalk doctor --bus can:can0
-  rollwalk doctor --bus can:can0 --expect pup.toml    # is it this robot at all?
+  rollwalk doctor --bus can:can0 --expect pup.toml    # is it this robot?
   rollwalk doctor --bus sim --json | jq '.findings[] | select(.gravity == \"wrong\")'
 
 docs/faults.md has a page for every fault.")]
@@ -39,7 +39,7 @@ pub struct Args {
     link: LinkArgs,
     #[command(flatten)]
     names: NamesArgs,
-    /// Robot file (TOML) of the robot that it should be.
+    /// Robot file (TOML) that the controller's firmware should have been built from.
     #[arg(long = "expect", value_name = "ROBOT.toml")]
     expected: Option<std::path::PathBuf>,
     /// Print as JSON.
@@ -83,9 +83,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     });
     let expected = expected.transpose()?;
     let mut link = args.link.open()?;
-    let (heard, samples, overheard) = listen(args, &mut link)?;
-    let has_host = overheard.has_host();
-    let transferring = !may_ask(&mut link, overheard);
+    let (heard, samples, listener) = listen(args, &mut link)?;
+    let has_host = listener.has_host();
+    let transferring = !may_ask(&mut link, listener);
     let (hello, history) = if transferring { (None, None) } else { ask(args, &mut link) };
     let complaint = link.complaint();
     if interrupt::requested() {
@@ -118,14 +118,11 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 }
 
 /// Listens to the bus: its traffic, one frame of each identifier, and other hosts of the controller.
-fn listen(
-    args: &Args,
-    bus: &mut Interruptible,
-) -> miette::Result<(Traffic, Vec<Frame>, Overheard)> {
+fn listen(args: &Args, bus: &mut Interruptible) -> miette::Result<(Traffic, Vec<Frame>, Listener)> {
     output::say(format_args!("listening to {} for {} s", args.link.bus, LISTEN_US / 1_000_000));
     let (start_us, node) = (bus.now_us(), args.link.node.number());
     let (mut traffic, mut samples) = (Traffic::default(), Vec::<Frame>::new());
-    let mut overheard = Overheard::new(start_us, args.link.node);
+    let mut listener = Listener::new(start_us, args.link.node);
     loop {
         match bus.receive(start_us + LISTEN_US) {
             Ok(Some(frame)) => {
@@ -133,7 +130,7 @@ fn listen(
                     samples.push(frame);
                 }
                 traffic.take(node, &frame);
-                overheard.take(bus.now_us(), &frame);
+                listener.take(bus.now_us(), &frame);
             }
             Ok(None) => break,
             Err(_) if interrupt::requested() => break,
@@ -141,13 +138,13 @@ fn listen(
         }
     }
     traffic.span_us = bus.now_us() - start_us;
-    Ok((traffic, samples, overheard))
+    Ok((traffic, samples, listener))
 }
 
 /// Whether a request would not disturb another host's transfer; waits for a moment until such a transfer ends.
-fn may_ask(bus: &mut Interruptible, overheard: Overheard) -> bool {
-    overhear::pause(bus, overheard, overhear::PATIENCE_US)
-        .is_ok_and(|overheard| overheard.may_ask(bus.now_us()))
+fn may_ask(bus: &mut Interruptible, listener: Listener) -> bool {
+    listener::find_pause(bus, listener, listener::PAUSE_TIMEOUT_US)
+        .is_ok_and(|listener| listener.may_ask(bus.now_us()))
 }
 
 /// Requests the controller's identity and log.

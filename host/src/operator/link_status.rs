@@ -87,7 +87,7 @@ impl LinkStatus {
         let recent = known.is_some_and(|(at_us, _)| now_us.saturating_sub(at_us) < SHOWN_US);
         if !latched && !recent {
             let name = report.fault.description().name;
-            log.say(now_us, Weight::Warning, format!("it says: {name}"));
+            log.say(now_us, Weight::Warning, format!("fault report: {name}"));
         }
     }
 

@@ -255,7 +255,7 @@ impl Operator {
         let status = self.link.status();
         let advice = match status {
             Some(status) => describe::advice(status.state, status.faults),
-            None => "wait: the controller was not heard yet",
+            None => "wait for the controller",
         };
         View {
             now_us,
@@ -264,7 +264,7 @@ impl Operator {
             bus_lost: self.bus_lost.clone(),
             complaint: self.complaint.clone(),
             hello: self.hello,
-            stranger: self.stranger(),
+            mismatch: self.mismatch(),
             status,
             faults: self.link.faults(now_us),
             advice,
@@ -327,7 +327,7 @@ impl Operator {
     fn on_hello(&mut self, now_us: u64, hello: Hello) {
         self.hello = Some(hello);
         self.ask_hello_us = now_us + HELLO_US;
-        if let Some(why) = self.stranger() {
+        if let Some(why) = self.mismatch() {
             self.log.say(now_us, Weight::Warning, why);
             self.forget_orders();
         }

@@ -52,7 +52,7 @@ impl Operator {
     }
 
     /// Reason for which this host must not arm the controller.
-    pub(super) fn stranger(&self) -> Option<String> {
+    pub(super) fn mismatch(&self) -> Option<String> {
         let hello = self.hello?;
         if (hello.major, hello.schema_hash) != (PROTOCOL_MAJOR, SCHEMA_HASH) {
             return Some(format!(
@@ -154,7 +154,7 @@ impl Operator {
         if let Some(why) = &self.bus_lost {
             return refused(&format!("the bus is lost, {why}"));
         }
-        if let Some(why) = self.stranger()
+        if let Some(why) = self.mismatch()
             && (self.visiting || order.moves())
         {
             return refused(&why);

@@ -22,7 +22,7 @@ pub struct View {
     /// The controller's identity.
     pub hello: Option<Hello>,
     /// Reason for which this host must not arm the controller.
-    pub stranger: Option<String>,
+    pub mismatch: Option<String>,
     /// Last status of the controller.
     pub status: Option<Status>,
     /// Faults that are present or recently refused ARM.

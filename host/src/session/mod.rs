@@ -16,7 +16,7 @@ pub use flash::Progress;
 pub use log::History;
 
 use crate::client::{Client, Incoming};
-use crate::overhear::{self, Overheard};
+use crate::listener::{self, Listener};
 use exchange::Exchange;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_protocol::wire::transport::{Hello, Request, Response};
@@ -56,7 +56,7 @@ impl<B: LinkBus> Session<B> {
 
     /// Connects as [`connect`](Self::connect) unless the controller has another host: listens first.
     pub fn connect_alone(mut bus: B, node: Node) -> Result<Self, SessionError> {
-        if overhear::host(&mut bus, node)?.has_host() {
+        if listener::find_host(&mut bus, node)?.has_host() {
             return Err(SessionError::HasHost { node: node.number() });
         }
         Self::connect(bus, node)
@@ -66,24 +66,24 @@ impl<B: LinkBus> Session<B> {
     /// host's absence would still be noticed, and with the clock of the replies to it. Without a host, connects as
     /// [`connect`](Self::connect).
     pub fn join(mut bus: B, node: Node) -> Result<Self, SessionError> {
-        let overheard = overhear::host(&mut bus, node)?;
-        if !overheard.has_host() {
+        let listener = listener::find_host(&mut bus, node)?;
+        if !listener.has_host() {
             return Self::connect(bus, node);
         }
-        wait_for_pause(&mut bus, node, overheard)?;
+        wait_for_pause(&mut bus, node, listener)?;
         Self::alive(Exchange::new(bus, node, Client::visitor(node)), node)
     }
 
     /// Reads the identity of controller `node` without becoming its host. Parameters can be read and set, the robot can
-    /// be stopped; commands need a host beside it, whose clock is overheard.
+    /// be stopped; commands need a host beside it, whose clock it reads from their frames.
     pub fn visit(bus: B, node: Node) -> Result<Self, SessionError> {
         Self::introduced(Exchange::new(bus, node, Client::visitor(node)), node)
     }
 
     /// Visits as [`visit`](Self::visit) in a pause of others' transport messages: listens first.
     pub fn visit_in_pause(mut bus: B, node: Node) -> Result<Self, SessionError> {
-        let overheard = Overheard::new(bus.now_us(), node);
-        wait_for_pause(&mut bus, node, overheard)?;
+        let listener = Listener::new(bus.now_us(), node);
+        wait_for_pause(&mut bus, node, listener)?;
         Self::visit(bus, node)
     }
 
@@ -300,10 +300,10 @@ impl<B: LinkBus> Session<B> {
 fn wait_for_pause(
     bus: &mut impl LinkBus,
     node: Node,
-    overheard: Overheard,
+    listener: Listener,
 ) -> Result<(), SessionError> {
-    let overheard = overhear::pause(bus, overheard, overhear::PATIENCE_US)?;
-    let may_ask = overheard.may_ask(bus.now_us());
+    let listener = listener::find_pause(bus, listener, listener::PAUSE_TIMEOUT_US)?;
+    let may_ask = listener.may_ask(bus.now_us());
     may_ask.then_some(()).ok_or(SessionError::Transferring { node: node.number() })
 }
 

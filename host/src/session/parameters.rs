@@ -8,7 +8,7 @@ impl<B: LinkBus> Session<B> {
     /// Reads a parameter of a channel.
     pub fn parameter(&mut self, parameter: Parameter, channel: u8) -> Result<f32, SessionError> {
         let get = ParameterAction::Get { parameter: parameter.code(), channel };
-        self.exchange.parameter("tell a parameter", get)
+        self.exchange.parameter("read a parameter", get)
     }
 
     /// Sets a parameter of a channel: at once while torque is off, otherwise within half a second.
@@ -35,7 +35,7 @@ impl<B: LinkBus> Session<B> {
 
     /// Reads the origin of the values in force after power-on.
     pub fn parameter_origin(&mut self) -> Result<ParameterOrigin, SessionError> {
-        let what = "tell where its parameters are from";
+        let what = "read the origin of its parameters";
         let code = self.exchange.parameter(what, ParameterAction::Origin)?;
         // A saturating cast: codes are small whole numbers.
         ParameterOrigin::from_code(code as u8).ok_or(self.exchange.silent(what))

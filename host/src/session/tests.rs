@@ -97,7 +97,7 @@ fn a_command_beside_a_host_is_dated_by_its_clock_and_no_heartbeat_goes_out() {
     });
     beside_a_host(&mut wire);
     // Tests with a whole controller cover HELLO; this one covers the frames before and after it.
-    assert!(overhear::host(&mut wire, node()).unwrap().has_host());
+    assert!(listener::find_host(&mut wire, node()).unwrap().has_host());
     let mut exchange = Exchange::new(wire, node(), Client::visitor(node()));
     let alive = exchange.pump(CONNECT_TIMEOUT_US, |i| (i == Incoming::Alive).then_some(()));
     assert_eq!(alive, Ok(Some(())));

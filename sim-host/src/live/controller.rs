@@ -4,7 +4,7 @@ use super::{Kept, Reopen};
 use crate::core::{Core, Local};
 use crate::interface::Interface;
 use rollwalk_bus::link::LinkError;
-use rollwalk_bus::port::{Heard, Hub, Port};
+use rollwalk_bus::port::{Event, Hub, Port};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::BusState;
 use rollwalk_protocol::tunnel::{Buses, Input, MAX_ACTUATOR_BUSES, Step, Stepped};
@@ -33,7 +33,7 @@ pub fn run(
     loop {
         // Ticks come before frames, so that even a full bus does not delay them.
         let is_due = Instant::now() >= next_tick;
-        let heard = if is_due { None } else { board.hub.hear(next_tick) };
+        let heard = if is_due { None } else { board.hub.next_event(next_tick) };
         let now_us = start.elapsed().as_micros() as u64;
         let input = match heard {
             Some((index, heard)) => board.hear(now_us, index, heard),
@@ -94,7 +94,7 @@ impl<'a> Board<'a> {
         &mut self,
         now_us: u64,
         index: usize,
-        heard: Result<Heard, LinkError>,
+        heard: Result<Event, LinkError>,
     ) -> Option<Input> {
         let heard = match heard {
             Ok(heard) => heard,
@@ -104,16 +104,16 @@ impl<'a> Board<'a> {
             }
         };
         let Some(bus) = number(index) else {
-            let Heard::Frame(frame) = heard else { return None };
+            let Event::Frame(frame) = heard else { return None };
             return Some(Input::Link(frame));
         };
         match heard {
-            Heard::Frame(frame) => return Some(Input::Actuator(bus, frame)),
-            Heard::State(state) => {
+            Event::Frame(frame) => return Some(Input::Actuator(bus, frame)),
+            Event::State(state) => {
                 self.buses[index].state = state;
                 self.core.controller_mut().on_bus_state(now_us, bus, state);
             }
-            Heard::Sent | Heard::Report(_) | Heard::Message(..) => {}
+            Event::Sent | Event::Report(_) | Event::Message(..) => {}
         }
         None
     }
@@ -216,7 +216,7 @@ mod tests {
     struct Silence;
 
     impl Inlet for Silence {
-        fn hear(&mut self) -> Result<Option<Heard>, LinkError> {
+        fn next_event(&mut self) -> Result<Option<Event>, LinkError> {
             thread::sleep(Duration::from_millis(10));
             Ok(None)
         }
@@ -295,7 +295,7 @@ mod tests {
         let mut board = Board::new(&mut core, link, &mut lost, vec![first, second]);
         let mut now_us = periods(&mut board, 0, 10);
         assert_eq!(board.core.controller_mut().state(), State::Disarmed);
-        board.hear(now_us, 2, Ok(Heard::State(BusState::Off)));
+        board.hear(now_us, 2, Ok(Event::State(BusState::Off)));
         for (state, seq) in [(State::EStopped, 1), (State::Disarmed, 3)] {
             now_us = periods(&mut board, now_us, 10);
             assert_eq!(board.core.controller_mut().state(), State::EStopped);
@@ -308,7 +308,7 @@ mod tests {
             let is_off = controller.faults().contains(Fault::BusOff);
             assert_eq!(is_off, state == State::EStopped);
             // Before the second round the bus reports that it is active.
-            board.hear(now_us, 2, Ok(Heard::State(BusState::Active)));
+            board.hear(now_us, 2, Ok(Event::State(BusState::Active)));
         }
         drop(board);
         assert!(lost.0.is_empty(), "an interface that is off is still there");

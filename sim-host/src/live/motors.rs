@@ -5,7 +5,7 @@ use crate::body::Body;
 use crate::clock::{Periodic, SimTime};
 use crate::interface::Interface;
 use crate::rig::MOTOR_RATE_HZ;
-use rollwalk_bus::port::{Heard, Hub, Port};
+use rollwalk_bus::port::{Event, Hub, Port};
 use std::time::{Duration, Instant};
 
 /// Interval between updates of weight and inertia on the joints.
@@ -31,8 +31,11 @@ pub fn run(
         // Even a full bus does not delay the update of the load.
         let is_due = Instant::now() >= next_load;
         let timer = body.next_timer().map(|at| start + Duration::from_micros(at.as_us()));
-        let heard =
-            if is_due { None } else { hub.hear(timer.map_or(next_load, |at| at.min(next_load))) };
+        let heard = if is_due {
+            None
+        } else {
+            hub.next_event(timer.map_or(next_load, |at| at.min(next_load)))
+        };
         let now = SimTime::from_us(start.elapsed().as_micros() as u64);
         while steps.next() <= now {
             body.step(steps.next(), 1.0 / f64::from(MOTOR_RATE_HZ));
@@ -52,7 +55,7 @@ pub fn run(
             }
             Some((bus, Err(error))) => kept[bus].lose(&mut hub, keeper, &error),
             Some((bus, Ok(heard))) => {
-                if let Heard::Frame(frame) = heard {
+                if let Event::Frame(frame) = heard {
                     for channel in 0..body.addresses().len() {
                         if usize::from(body.addresses()[channel].0) == bus
                             && let Some(answer) = body.on_frame(channel, now, &frame)

@@ -5,7 +5,7 @@ use crate::clock::SimTime;
 use crate::interface::{Interface, LogEntry};
 use crate::rig::Rig;
 use rollwalk_bus::link::{LinkBus, LinkError};
-use rollwalk_bus::port::{Heard, Hub, Port};
+use rollwalk_bus::port::{Event, Hub, Port};
 use std::time::{Duration, Instant};
 
 /// Longest lag of the simulation behind real time while no frame arrives.
@@ -48,9 +48,9 @@ pub fn run(
             return Ok(());
         }
         let mut deadline = Instant::now() + STEP;
-        while let Some((_, heard)) = hub.hear(deadline) {
+        while let Some((_, heard)) = hub.next_event(deadline) {
             match heard {
-                Ok(Heard::Frame(frame)) if frame.standard_id().is_some() => inward.push(frame),
+                Ok(Event::Frame(frame)) if frame.standard_id().is_some() => inward.push(frame),
                 Ok(_) => {}
                 Err(error) => link.lose(&mut hub, keeper, &error),
             }

@@ -311,5 +311,5 @@ fn another_robots_operator_does_not_arm() {
     console.want(Intent::Arm);
     console.run(S);
     assert_eq!(console.state(), State::Disarmed);
-    assert!(console.view().stranger.unwrap().contains("for another robot"));
+    assert!(console.view().mismatch.unwrap().contains("for another robot"));
 }

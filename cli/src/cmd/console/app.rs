@@ -64,7 +64,7 @@ impl Gamepad {
                 Ok(event) => wishes.extend(self.pad.on_event(now_us, event)),
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => {
-                    let gone = pad::Event::Gone("nobody listens to it any more".into());
+                    let gone = pad::Event::Gone("its reader has ended".into());
                     wishes.extend(self.pad.on_event(now_us, gone));
                     break;
                 }

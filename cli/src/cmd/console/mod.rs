@@ -12,8 +12,8 @@ use app::{App, Gamepad, terminal_gone};
 use miette::miette;
 use ratatui::DefaultTerminal;
 use rollwalk_host::describe::state_name;
+use rollwalk_host::listener;
 use rollwalk_host::operator::View;
-use rollwalk_host::overhear;
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::wire::State;
 use scene::Lookup;
@@ -22,9 +22,9 @@ use std::path::PathBuf;
 
 /// Steer the robot from a terminal: state, faults, motion graph, joints, and a key for every motion.
 ///
-/// The console is the robot's host, and there can be only one: it sends the heartbeat that an armed robot waits for.
-/// `q` brings the robot home and leaves; without a console the robot returns to SAFE by itself. SPACE or Esc is the emergency stop.
-/// `?` lists all keys.
+/// The console is the robot's only host: it sends the heartbeat that keeps an armed robot armed. When the heartbeat ends,
+/// the robot returns to SAFE by itself. SPACE or Esc is the emergency stop; `q` returns the robot to SAFE, disarms it and
+/// quits; `?` lists all keys.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -39,10 +39,10 @@ pub struct Args {
     link: LinkArgs,
     #[command(flatten)]
     names: NamesArgs,
-    /// Steer with a gamepad as well: auto, or its device such as /dev/input/event7.
+    /// Steer with a gamepad, too: auto, or a device such as /dev/input/event7.
     #[arg(long, value_name = "DEVICE")]
     gamepad: Option<String>,
-    /// What its buttons do (TOML, docs/gamepad.md), if the device has no mapping that ships.
+    /// Button mapping (TOML, docs/gamepad.md), for a gamepad without a shipped one.
     #[arg(long, value_name = "FILE", requires = "gamepad")]
     mapping: Option<PathBuf>,
 }
@@ -72,7 +72,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut bus = args.link.live().map_err(cannot_open)?;
     let node = args.link.node;
     // A bus that is lost by now is waited for by the console itself.
-    if overhear::host(&mut bus, node).is_ok_and(|overheard| overheard.has_host()) {
+    if listener::find_host(&mut bus, node).is_ok_and(|listener| listener.has_host()) {
         return Ok(ended(&args.link, &SessionError::HasHost { node: node.number() }));
     }
     let mut app = App::new(&args.link, lookup, gamepad, bus);
@@ -89,7 +89,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 /// How the robot was left.
 fn farewell(view: &View) -> Exit {
     let Some(status) = view.status else {
-        output::say("left; the controller was never heard");
+        output::say("left; the controller never answered");
         return Exit::NotDone;
     };
     let state = state_name(status.state);

@@ -3,7 +3,7 @@
 
 use super::since_1970_us;
 use rollwalk_bus::link::{LinkBus, LinkError};
-use rollwalk_host::overhear::{self, Overheard};
+use rollwalk_host::listener::{self, Listener};
 use rollwalk_host::session::Session;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::Node;
@@ -46,10 +46,10 @@ pub fn library(
 ) -> Option<u32> {
     let mut bus = Kept { bus, frames };
     let now_us = bus.now_us();
-    let patience_us = overhear::PATIENCE_US.min(end_us.saturating_sub(now_us));
-    let overheard = overhear::pause(&mut bus, Overheard::new(now_us, node), patience_us).ok()?;
+    let timeout_us = listener::PAUSE_TIMEOUT_US.min(end_us.saturating_sub(now_us));
+    let listener = listener::find_pause(&mut bus, Listener::new(now_us, node), timeout_us).ok()?;
     // Neither a replayed log nor a controller that is off would answer.
-    if !overheard.has_controller() || !overheard.may_ask(bus.now_us()) {
+    if !listener.has_controller() || !listener.may_ask(bus.now_us()) {
         return None;
     }
     Session::visit(&mut bus, node).ok()?.hello().library
@@ -113,7 +113,7 @@ mod tests {
         let block = Frame::standard(0x510, &[0x21, 1, 2, 3]).unwrap();
         let foreign = Frame::standard(0x123, &[1]).unwrap();
         for (frame, end_us, lasts_us) in [
-            (block, u64::MAX, overhear::PATIENCE_US),
+            (block, u64::MAX, listener::PAUSE_TIMEOUT_US),
             (foreign, u64::MAX, 500_000),
             (status(), 300_000, 300_000),
         ] {

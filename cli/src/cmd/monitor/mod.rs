@@ -26,12 +26,13 @@ use view::View;
 /// Silence after which it is reported, µs.
 const SILENCE_US: u64 = 2_000_000;
 
-/// Listen to a robot: states, motions, commands, faults as they come; logs and telemetry.
+/// Print a robot's states, motions, commands and faults as they come; write logs and telemetry.
 ///
-/// A monitor is no host: it commands nothing, has no heartbeat, and does not keep a robot armed. On a serial line
-/// it hears the controller alone, and no other program can use the line. Without --library it asks once which library
-/// the controller has, for the names of motions, when no other host's transfer is under way; with --json, which prints
-/// no names, only for --mcap.
+/// A monitor is not a host: it sends neither commands nor heartbeats, so it does not keep a robot armed. On a serial
+/// line it receives the controller's frames only, and no other program can use the line.
+///
+/// For the names of motions it asks the controller once which library it has, as soon as no transfer of another program
+/// is in progress. It does not ask with --library, nor with --json, which prints no names, unless --mcap needs them.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -40,8 +41,9 @@ Examples:
   rollwalk monitor --bus can:can0 --log run.log --mcap run.mcap --library agilebot.rwl
   rollwalk monitor --bus sim --json | jq 'select(.message == \"fault\")'
 
-A log is in candump's format: canplayer plays it again, docs/decode_log.py and cantools decode it with
-docs/rollwalk.dbc. Foxglove opens the MCAP file: /joint_states as measured, /planned_joint_states as planned.")]
+A log is in candump's format: canplayer replays it; docs/decode_log.py and cantools decode it with
+docs/rollwalk.dbc. Foxglove opens the MCAP file: /joint_states has measured positions,
+/planned_joint_states planned ones.")]
 pub struct Args {
     #[command(flatten)]
     link: LinkArgs,
@@ -56,7 +58,7 @@ pub struct Args {
     /// Write telemetry for Foxglove.
     #[arg(long, value_name = "FILE")]
     mcap: Option<PathBuf>,
-    /// End after so many seconds.
+    /// End after this many seconds.
     #[arg(long = "for", value_name = "SECONDS")]
     seconds: Option<f64>,
     /// Print a JSON object for each frame.
@@ -70,7 +72,7 @@ struct Line<'a> {
     /// Since 1970.
     time_s: f64,
     interface: &'a str,
-    id: Option<u16>,
+    id: u16,
     data: String,
     #[serde(flatten)]
     decoded: Option<DecodedFrame>,
@@ -193,11 +195,13 @@ impl Sinks<'_> {
         if let Some(mcap) = &mut self.mcap {
             mcap.on_frame(at_us, frame).map_err(|error| miette!("the telemetry: {error}"))?;
         }
-        if self.json {
+        if self.json
+            && let Some(id) = frame.standard_id()
+        {
             let line = Line {
                 time_s: at_us as f64 * 1e-6,
                 interface: &self.interface,
-                id: frame.standard_id(),
+                id,
                 data: frame.data().iter().map(|byte| format!("{byte:02x}")).collect(),
                 decoded: decode(frame).ok(),
             };

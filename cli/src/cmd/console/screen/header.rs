@@ -159,7 +159,7 @@ pub fn draw_faults(frame: &mut Frame, scene: &Scene, area: Rect) {
     let width = usize::from(area.width);
     let bad = Style::new().fg(Color::Red).add_modifier(Modifier::BOLD);
     let faults: Vec<_> = view.faults.iter().map(|fault| words(scene, fault)).collect();
-    let first = match &view.stranger {
+    let first = match &view.mismatch {
         Some(why) => Line::styled(fit(&format!(" DO NOT ARM: {why}"), width), bad),
         None if faults.is_empty() => Line::from(" no fault"),
         None => Line::styled(fit(&format!(" FAULT: {}", faults.join("; ")), width), bad),

@@ -101,7 +101,7 @@ fn view(state: State, clip: Option<u8>) -> View {
         bus_lost: None,
         complaint: None,
         hello: None,
-        stranger: None,
+        mismatch: None,
         status: Some(status),
         faults: Vec::new(),
         advice: "play another motion, pause, or return to SAFE",

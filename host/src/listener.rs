@@ -13,13 +13,13 @@ use rollwalk_protocol::wire::{FromController, HOST_TIMEOUT_MS, Node, ToControlle
 /// has noticed before our heartbeats begin.
 const HOST_US: u64 = 1000 * HOST_TIMEOUT_MS as u64 + 50_000;
 /// Timeout for the end of other programs' transport messages, µs.
-pub const PATIENCE_US: u64 = 5_000_000;
+pub const PAUSE_TIMEOUT_US: u64 = 5_000_000;
 /// Silence after which no transport message is in flight, µs.
 const PAUSE_US: u64 = 500_000;
 
 /// Traffic of others with a controller.
 #[derive(Clone, Debug)]
-pub struct Overheard {
+pub struct Listener {
     node: Node,
     /// Number of the last heartbeat.
     heartbeat: Option<u8>,
@@ -30,7 +30,7 @@ pub struct Overheard {
     transport_us: Option<u64>,
 }
 
-impl Overheard {
+impl Listener {
     /// Creates a listener that has heard nothing yet of controller `node` and its hosts.
     pub fn new(now_us: u64, node: Node) -> Self {
         Self {
@@ -93,40 +93,40 @@ impl Overheard {
 ///
 /// # Errors
 /// The bus is gone.
-pub fn host(bus: &mut impl LinkBus, node: Node) -> Result<Overheard, LinkError> {
-    let overheard = Overheard::new(bus.now_us(), node);
-    listen(bus, overheard, HOST_US, |overheard, _| overheard.has_host())
+pub fn find_host(bus: &mut impl LinkBus, node: Node) -> Result<Listener, LinkError> {
+    let listener = Listener::new(bus.now_us(), node);
+    listen(bus, listener, HOST_US, |listener, _| listener.has_host())
 }
 
 /// Listens until no transport message is in flight, or the timeout is over.
 ///
 /// # Errors
 /// The bus is gone.
-pub fn pause(
+pub fn find_pause(
     bus: &mut impl LinkBus,
-    overheard: Overheard,
-    patience_us: u64,
-) -> Result<Overheard, LinkError> {
-    listen(bus, overheard, patience_us, Overheard::may_ask)
+    listener: Listener,
+    timeout_us: u64,
+) -> Result<Listener, LinkError> {
+    listen(bus, listener, timeout_us, Listener::may_ask)
 }
 
 fn listen(
     bus: &mut impl LinkBus,
-    mut overheard: Overheard,
-    patience_us: u64,
-    is_enough: impl Fn(&Overheard, u64) -> bool,
-) -> Result<Overheard, LinkError> {
-    let end_us = bus.now_us().saturating_add(patience_us);
+    mut listener: Listener,
+    timeout_us: u64,
+    is_enough: impl Fn(&Listener, u64) -> bool,
+) -> Result<Listener, LinkError> {
+    let end_us = bus.now_us().saturating_add(timeout_us);
     loop {
         let now_us = bus.now_us();
-        if now_us >= end_us || is_enough(&overheard, now_us) {
-            return Ok(overheard);
+        if now_us >= end_us || is_enough(&listener, now_us) {
+            return Ok(listener);
         }
-        let pause_us = Some(overheard.pause_us()).filter(|&pause_us| pause_us > now_us);
+        let pause_us = Some(listener.pause_us()).filter(|&pause_us| pause_us > now_us);
         let until_us = end_us.min(pause_us.unwrap_or(end_us));
         if let Some(frame) = bus.receive(until_us)? {
             let now_us = bus.now_us();
-            overheard.take(now_us, &frame);
+            listener.take(now_us, &frame);
         }
     }
 }
@@ -145,8 +145,8 @@ mod tests {
         Heartbeat { seq, host_ms: 50 * u32::from(seq) }.encode(node)
     }
 
-    fn nothing_yet() -> Overheard {
-        Overheard::new(0, node())
+    fn nothing_yet() -> Listener {
+        Listener::new(0, node())
     }
 
     /// A bus on which these frames arrive, 50 ms apart.
@@ -162,7 +162,7 @@ mod tests {
     fn a_host_is_who_sends_new_heartbeats_to_this_controller() {
         let other = Node::new(2).unwrap();
         let ours = |seq| heartbeat(seq, node());
-        let has_host = |mut wire: Wire| host(&mut wire, node()).unwrap().has_host();
+        let has_host = |mut wire: Wire| find_host(&mut wire, node()).unwrap().has_host();
         assert!(has_host(heard([ours(7), ours(8)])));
         assert!(has_host(heard((0..9).map(|seq| heartbeat(seq, Node::BROADCAST)))));
         assert!(!has_host(heard((0..9).map(|seq| heartbeat(seq, other)))));
@@ -174,10 +174,10 @@ mod tests {
     #[test]
     fn a_host_that_is_not_heard_is_listened_for_until_its_robot_has_noticed() {
         let mut silent = Wire::silent();
-        assert!(!host(&mut silent, node()).unwrap().has_host());
+        assert!(!find_host(&mut silent, node()).unwrap().has_host());
         assert!(silent.now_us() > 1000 * u64::from(HOST_TIMEOUT_MS));
         let mut wire = heard((0..9).map(|seq| heartbeat(seq, node())));
-        host(&mut wire, node()).unwrap();
+        find_host(&mut wire, node()).unwrap();
         assert_eq!(wire.now_us(), 50_000);
     }
 
@@ -185,19 +185,19 @@ mod tests {
     fn a_pause_is_half_a_second_without_a_transport_frame() {
         let block = Frame::standard(0x510, &[0x21, 1, 2, 3]).unwrap();
         let mut wire = heard([block; 9]);
-        let overheard = pause(&mut wire, nothing_yet(), PATIENCE_US).unwrap();
-        assert!(overheard.may_ask(wire.now_us()));
+        let listener = find_pause(&mut wire, nothing_yet(), PAUSE_TIMEOUT_US).unwrap();
+        assert!(listener.may_ask(wire.now_us()));
         assert_eq!(wire.now_us(), 8 * 50_000 + PAUSE_US);
         let mut busy = heard((0..40).map(|_| block));
-        let overheard = pause(&mut busy, nothing_yet(), 1_000_000).unwrap();
-        assert!(!overheard.may_ask(busy.now_us()));
+        let listener = find_pause(&mut busy, nothing_yet(), 1_000_000).unwrap();
+        assert!(!listener.may_ask(busy.now_us()));
         assert_eq!(busy.now_us(), 1_000_000);
         let mut calm = heard([Wire::status(State::Ready)]);
-        let overheard = pause(&mut calm, nothing_yet(), PATIENCE_US).unwrap();
-        assert!(overheard.has_controller());
+        let listener = find_pause(&mut calm, nothing_yet(), PAUSE_TIMEOUT_US).unwrap();
+        assert!(listener.has_controller());
         assert_eq!(calm.now_us(), PAUSE_US);
         // Time spent listening before counts too.
-        pause(&mut calm, overheard, PATIENCE_US).unwrap();
+        find_pause(&mut calm, listener, PAUSE_TIMEOUT_US).unwrap();
         assert_eq!(calm.now_us(), PAUSE_US);
     }
 }
