@@ -9,7 +9,7 @@ use std::num::NonZeroU32;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StartChoice {
-    /// What suits the motion, several starts at once if there are cores for them (default)
+    /// Chosen for the motion; several starting points at once if there are cores for them (default)
     #[default]
     Auto,
     /// Standing, carried along the way to the goal
@@ -41,11 +41,11 @@ pub enum MethodChoice {
     /// Gauss-Newton with multipliers (default)
     #[default]
     GaussNewton,
-    /// Newton with a penalty of 10000, without the second derivatives of consistency constraints
+    /// Thesis: Newton with a penalty of 10000, without the second derivatives of consistency constraints
     NewtonFiltered,
-    /// Newton with a penalty of 10000 and the true Hessian
+    /// Thesis: Newton with a penalty of 10000 and the true Hessian
     NewtonTrue,
-    /// L-BFGS with a penalty of 10000
+    /// Thesis: L-BFGS with a penalty of 10000
     Lbfgs,
 }
 

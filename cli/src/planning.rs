@@ -4,6 +4,7 @@ use crate::inputs::Library;
 use crate::progress::Watch;
 use crate::{interrupt, output};
 use miette::IntoDiagnostic;
+use rollwalk_planner::families::Family;
 use rollwalk_planner::library::{
     self, BuiltLibrary, LibraryContent, LibraryMotion, LibraryTransition,
 };
@@ -11,6 +12,7 @@ use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, SolveSummary, Status};
 use rollwalk_planner::{ACCEPTED_LEVEL, Options, Progress, Search, optimise_transition};
 use rollwalk_robot::Robot;
+use serde::Serialize;
 use std::ops::ControlFlow;
 use std::thread;
 use std::time::Duration;
@@ -21,6 +23,26 @@ pub struct Planned {
     pub plan: Plan,
     /// Wall time of the solve.
     pub took: Duration,
+}
+
+/// Outcome of a solve in the output of `--json`.
+#[derive(Serialize)]
+pub struct PlanOutcome<'a> {
+    motion: &'a str,
+    status: Status,
+    iterations: usize,
+    time_s: f64,
+    worst_level: f64,
+    worst_constraint: Family,
+}
+
+impl<'a> PlanOutcome<'a> {
+    /// The outcome of a solve that took `time_s`.
+    pub fn new(plan: &'a Plan, time_s: f64) -> Self {
+        let &SolveSummary { status, iterations, worst_level, worst_constraint, .. } = &plan.solve;
+        let motion = &plan.motion.name;
+        Self { motion, status, iterations, time_s, worst_level, worst_constraint }
+    }
 }
 
 /// A transition between two motions of a library.

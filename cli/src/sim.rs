@@ -1,6 +1,6 @@
 //! `rollwalk-sim`: a robot without hardware on a bus of this computer, in real time.
 
-use crate::cmd::buses::Examined;
+use crate::cmd::buses::BusLoads;
 use crate::inputs::Source;
 use crate::link::cannot_open;
 use crate::{Exit, end, exit, files, interrupt, output, report_in_whole_lines};
@@ -100,7 +100,7 @@ pub fn main() -> ExitCode {
 
 fn run(cli: &Cli) -> miette::Result<Exit> {
     let robot = Source::Disk.robot(&cli.robot)?;
-    Examined::new(&robot).into_diagnostic()?.check(&cli.robot)?;
+    BusLoads::new(&robot).into_diagnostic()?.check(&cli.robot)?;
     CannotSimulate::check(&robot).into_diagnostic()?;
     let buses = Body::new(&robot).addresses().iter().map(|&(bus, _)| usize::from(bus) + 1).max();
     let buses = buses.unwrap_or(0);
@@ -143,7 +143,7 @@ fn run_whole(robot: &Robot, bus: &BusName, log: Option<&Path>) -> miette::Result
     let mut rig = Rig::new(robot).map_err(|error| miette!("{error}"))?;
     let port = port(bus)?;
     ready(robot, bus);
-    let mut teller = Teller::new();
+    let mut printer = StatusPrinter::new();
     let mut failed = None;
     let outcome = whole::run(
         &mut rig,
@@ -151,7 +151,7 @@ fn run_whole(robot: &Robot, bus: &BusName, log: Option<&Path>) -> miette::Result
         &mut Lost { link: Some(bus), actuators: &[], says: true },
         |_, entries| {
             for status in entries.iter().filter_map(status) {
-                teller.tell(status.0, status.1);
+                printer.print(status.0, status.1);
             }
             if let Some(log) = &mut log
                 && let Err(error) = log.write(entries)
@@ -176,11 +176,11 @@ fn run_controller(robot: &Robot, bus: &BusName, actuators: &[BusName]) -> miette
     let period = Duration::from_secs(1) / u32::from(settings.control_hz);
     let (port, ports) = (port(bus)?, ports(actuators)?);
     ready(robot, bus);
-    let mut teller = Teller::new();
+    let mut printer = StatusPrinter::new();
     let mut lost = Lost { link: Some(bus), actuators, says: true };
     let outcome = controller::run(&mut core, period, port, &mut lost, ports, |core| {
         let controller = core.controller_mut();
-        teller.tell(controller.state(), controller.faults());
+        printer.print(controller.state(), controller.faults());
         !interrupt::requested()
     });
     outcome.map_err(|error| miette!("{error}"))
@@ -272,18 +272,18 @@ fn ports(names: &[BusName]) -> miette::Result<Vec<Port>> {
     names.iter().map(open).collect()
 }
 
-/// Says on stderr when the controller's state or faults are others.
-struct Teller {
+/// Prints the controller's state and faults to stderr when they have changed.
+struct StatusPrinter {
     start: Instant,
     last: Option<(State, FaultBits)>,
 }
 
-impl Teller {
+impl StatusPrinter {
     fn new() -> Self {
         Self { start: Instant::now(), last: None }
     }
 
-    fn tell(&mut self, state: State, faults: FaultBits) {
+    fn print(&mut self, state: State, faults: FaultBits) {
         if self.last.replace((state, faults)) == Some((state, faults)) {
             return;
         }

@@ -58,7 +58,8 @@ fn a_drive_that_cannot_do_what_the_file_says_is_named_with_its_line() {
     // What depends on the control rate.
     let desk = desk_with_shipped_files();
     desk.edit(file, "estimates_hz = 125", "estimates_hz = 50");
-    simulate(&desk, file).fails(1, &[file, "bus 1: poses have to be told at least 60 times"]);
+    simulate(&desk, file)
+        .fails(1, &[file, "bus 1: drives must report their poses at least 60 times"]);
 }
 
 #[test]

@@ -9,14 +9,14 @@ use std::fmt::Write;
 use std::path::Path;
 
 /// Load of a robot's actuator buses with a controller at default settings.
-pub struct Examined {
+pub struct BusLoads {
     rows: Vec<BusLoad>,
     control_hz: u16,
     /// Names of the channels.
     channels: Vec<String>,
 }
 
-impl Examined {
+impl BusLoads {
     /// Computes the load of a robot's buses.
     ///
     /// # Errors
@@ -43,7 +43,8 @@ impl Examined {
     pub fn table(&self) -> String {
         let load = format!("load at {} Hz", self.control_hz);
         let most = format!("at most {:.0} %", 100.0 * MAX_LOAD);
-        let titles = ["bus", "speaks", "actuators", "bits a period", "bits a second", &load, &most];
+        let titles =
+            ["bus", "protocol", "actuators", "bits a period", "bits a second", &load, &most];
         let mut table = Table::new(titles);
         for row in &self.rows {
             table.row([
@@ -53,7 +54,7 @@ impl Examined {
                 row.traffic.bits_per_period.to_string(),
                 row.traffic.bits_per_s.to_string(),
                 format!("{:.0} %", 100.0 * row.load),
-                if row.problem.is_none() { "fits" } else { "does not" }.to_owned(),
+                if row.problem.is_none() { "fits" } else { "does not fit" }.to_owned(),
             ]);
         }
         table.render()
@@ -68,7 +69,7 @@ impl Examined {
                 Some(BusProblem::NoSuchBus) => "a controller has no bus of that number".to_owned(),
                 Some(BusProblem::Overload(overload)) => overload.to_string(),
                 Some(BusProblem::TooSeldom { needed_hz }) => {
-                    format!("poses have to be told at least {needed_hz} times a second")
+                    format!("drives must report their poses at least {needed_hz} times a second")
                 }
                 Some(BusProblem::CannotTell { channel, refusal }) => {
                     format!("{}: {refusal}", self.channels[usize::from(channel)])
@@ -104,7 +105,7 @@ mod tests {
     fn every_shipped_robot_fits_on_its_buses() {
         let mut count = 0;
         for (name, robot) in robots() {
-            assert_eq!(Examined::new(&robot).unwrap().refusal(), None, "{name}");
+            assert_eq!(BusLoads::new(&robot).unwrap().refusal(), None, "{name}");
             count += 1;
         }
         assert!(count > 5, "{count} robots");
@@ -113,7 +114,7 @@ mod tests {
     #[test]
     fn agilebot_takes_a_third_of_two_buses() {
         let robot = agilebot();
-        let text = Examined::new(&robot).unwrap().table();
+        let text = BusLoads::new(&robot).unwrap().table();
         assert_eq!(robot.channels().count(), 20);
         assert_eq!(text.matches("32 %").count(), 2, "{text}");
     }
@@ -124,18 +125,18 @@ mod tests {
         let mut robot = agilebot();
         let slow = Bus { bit_rate: 250_000, ..Bus::default() };
         robot.buses = [(1, slow)].into();
-        let examined = Examined::new(&robot).unwrap();
+        let loads = BusLoads::new(&robot).unwrap();
         assert_eq!(
-            examined.refusal().as_deref(),
+            loads.refusal().as_deref(),
             Some("bus 1: load of the bus would be 130 %, at most 70 % is right\n")
         );
-        assert!(examined.table().contains("250 kbit/s"), "{}", examined.table());
-        let error = examined.check(Path::new("a.toml")).unwrap_err().to_string();
+        assert!(loads.table().contains("250 kbit/s"), "{}", loads.table());
+        let error = loads.check(Path::new("a.toml")).unwrap_err().to_string();
         assert!(error.starts_with("a.toml: no controller can drive"), "{error}");
     }
 
     #[test]
-    fn poses_that_are_told_too_seldom_are_refused() {
+    fn poses_that_are_reported_too_seldom_are_refused() {
         let mut robot = agilebot();
         let odrive = |estimates_hz| Bus {
             protocol: Protocol::Odrive(Odrive {
@@ -148,8 +149,8 @@ mod tests {
         };
         for (estimates_hz, refused) in [(59, true), (60, false)] {
             robot.buses = [(0, odrive(estimates_hz))].into();
-            let refusal = Examined::new(&robot).unwrap().refusal();
-            let expected = "bus 0: poses have to be told at least 60 times a second\n";
+            let refusal = BusLoads::new(&robot).unwrap().refusal();
+            let expected = "bus 0: drives must report their poses at least 60 times a second\n";
             assert_eq!(refusal.as_deref(), refused.then_some(expected));
         }
     }

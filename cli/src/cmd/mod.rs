@@ -28,12 +28,14 @@ use orders::Order;
 #[derive(clap::Subcommand)]
 pub enum Command {
     Demo(demo::Args),
-    Robot(robot::Args),
+    #[command(subcommand)]
+    Robot(robot::Action),
     Plan(plan::Args),
     Report(report::Args),
     Plot(plot::Args),
     Export(export::Args),
-    Library(library::Args),
+    #[command(subcommand)]
+    Library(library::Action),
     Discover(discover::Args),
     Flash(flash::Args),
     Send(send::Args),
@@ -41,19 +43,19 @@ pub enum Command {
     Gains(gains::Args),
     Doctor(doctor::Args),
     Console(console::Args),
-    /// Stop the robot at once: torque off. Repeated until the controller acknowledges, or Ctrl-C; `clear` leads out of it.
+    /// Emergency stop: torque off at once. Sent until the controller acknowledges it, or Ctrl-C; `clear` ends it.
     #[command(after_long_help = "Examples:\n  rollwalk estop --bus can:can0")]
     Estop(orders::Args),
-    /// Leave an emergency stop or a fault that has passed; the robot can then be armed again.
+    /// Clear an emergency stop, or a fault whose cause is gone; the robot can then be armed again.
     #[command(after_long_help = "Examples:\n  rollwalk clear --bus can:can0")]
     Clear(orders::Args),
     /// Return to SAFE and turn torque off.
     #[command(after_long_help = "Examples:\n  rollwalk disarm --bus can:can0")]
     Disarm(orders::Args),
-    /// Hold the robot where its motion is.
+    /// Pause the motion: the robot holds its pose.
     #[command(after_long_help = "Examples:\n  rollwalk pause --bus can:can0")]
     Pause(orders::Args),
-    /// Go on after a pause.
+    /// Resume a paused motion.
     #[command(after_long_help = "Examples:\n  rollwalk resume --bus can:can0")]
     Resume(orders::Args),
     /// Return to the safe motion and stay there.
@@ -72,12 +74,12 @@ impl Command {
     pub fn run(&self, root: &mut clap::Command) -> miette::Result<Exit> {
         match self {
             Command::Demo(args) => demo::run(args),
-            Command::Robot(args) => robot::run(args),
+            Command::Robot(action) => robot::run(action),
             Command::Plan(args) => plan::run(args),
             Command::Report(args) => report::run(args),
             Command::Plot(args) => plot::run(args),
             Command::Export(args) => export::run(args),
-            Command::Library(args) => library::run(args),
+            Command::Library(action) => library::run(action),
             Command::Discover(args) => discover::run(args),
             Command::Flash(args) => flash::run(args),
             Command::Send(args) => send::run(args),

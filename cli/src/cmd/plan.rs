@@ -3,12 +3,11 @@
 use crate::choices::{self, Choices, MethodChoice, StartChoice};
 use crate::inputs::Source;
 use crate::kind::Kind;
-use crate::planning::{self, shortfall};
+use crate::planning::{self, PlanOutcome, shortfall};
 use crate::problem::{Parsed, Problem};
 use crate::progress::{Watch, words};
 use crate::{Exit, files, inputs, interrupt, output};
 use miette::{IntoDiagnostic, miette};
-use rollwalk_planner::families::Family;
 use rollwalk_planner::plan::{Diagnosis, Plan, StartKind, Started, Status};
 use rollwalk_planner::{Options, replan};
 use serde::Serialize;
@@ -17,8 +16,8 @@ use std::path::{Path, PathBuf};
 
 /// Optimise a motion and write the plan.
 ///
-/// The motion file names its robot. The plan is written whether or not every constraint could be met,
-/// so that it can be looked at; the exit code tells the two apart. After Ctrl-C nothing is written.
+/// The motion file names its robot. A plan that violates a constraint is written, too, so that it can be
+/// examined; the exit code is then 3. After Ctrl-C nothing is written.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -28,33 +27,33 @@ Examples:
   rollwalk plan motions/walk.toml -o walk.plan.json --seed 3
   rollwalk plan faster.toml -o faster.plan.json --from walk.plan.json
   rollwalk plan odd.toml -o odd.plan.json --dump odd.problem.json
-  rollwalk plan odd.problem.json -o odd.plan.json           the same once more
+  rollwalk plan odd.problem.json -o odd.plan.json           repeats that solve
 
 The format is described in docs/motion-files.md.")]
 pub struct Args {
-    /// Motion file (TOML), or a problem file of `--dump` (JSON) to solve once more as it was.
+    /// Motion file (TOML), or a problem file (JSON) that `--dump` wrote, to repeat that solve.
     #[arg(value_name = "MOTION.toml")]
     motion: PathBuf,
     /// Where to write the plan.
     #[arg(short, long, value_name = "PLAN.json")]
     output: PathBuf,
-    /// Where to start.
+    /// Starting point of the optimisation.
     #[arg(long, value_enum)]
     start: Option<StartChoice>,
-    /// Seed of everything random in the start; the same seed gives the same plan [default: 0].
+    /// Random seed of the starting point; the same seed gives the same plan [default: 0].
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// Start from this plan of a similar motion, such as the same one before an edit.
     #[arg(long, value_name = "PLAN.json", conflicts_with_all = ["start", "seed"])]
     from: Option<PathBuf>,
-    /// How to minimise; the others are the thesis's, for comparison, and much slower.
+    /// Optimisation method; those of the thesis are for comparison, and much slower.
     #[arg(long, value_enum)]
     method: Option<MethodChoice>,
-    /// Most iterations of each start [default: 300].
+    /// Maximum number of iterations from each starting point [default: 300].
     #[arg(long, value_name = "N")]
     iterations: Option<NonZeroU32>,
-    /// First write all that this solve needs into one file, for a bug report: the texts of motion, robot
-    /// and neighbouring plan, and the options.
+    /// Before solving, write all inputs to one file, for a bug report: motion, robot, neighbouring plan and
+    /// options.
     #[arg(long, value_name = "PROBLEM.json")]
     dump: Option<PathBuf>,
     /// Print every iteration to stderr.
@@ -68,14 +67,10 @@ pub struct Args {
 /// Output of `--json`.
 #[derive(Serialize)]
 struct Outcome<'a> {
-    motion: &'a str,
+    #[serde(flatten)]
+    solve: PlanOutcome<'a>,
     robot: &'a str,
-    status: Status,
-    iterations: usize,
-    time_s: f64,
     energy: f64,
-    worst_level: f64,
-    worst_constraint: Family,
     start: Started,
     /// Null unless the request is infeasible.
     diagnosis: Option<&'a Diagnosis>,
@@ -166,14 +161,9 @@ fn problem(args: &Args) -> miette::Result<(Problem, Option<&Path>)> {
 
 fn outcome<'a>(plan: &'a Plan, time_s: f64, written: Option<&'a PathBuf>) -> Outcome<'a> {
     Outcome {
-        motion: &plan.motion.name,
+        solve: PlanOutcome::new(plan, time_s),
         robot: &plan.robot.name,
-        status: plan.solve.status,
-        iterations: plan.solve.iterations,
-        time_s,
         energy: plan.solve.energy,
-        worst_level: plan.solve.worst_level,
-        worst_constraint: plan.solve.worst_constraint,
         start: plan.solve.start,
         diagnosis: plan.solve.diagnosis.as_ref(),
         plan: written,

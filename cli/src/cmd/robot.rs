@@ -1,7 +1,7 @@
 //! `rollwalk robot check`: is a robot file right, and what does it describe? And the other commands
 //! about robot files.
 
-use super::buses::Examined;
+use super::buses::BusLoads;
 use super::import;
 use crate::inputs::Source;
 use crate::output::Table;
@@ -12,15 +12,9 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Look at robot files.
-#[derive(clap::Args)]
-pub struct Args {
-    #[command(subcommand)]
-    command: Subcommand,
-}
-
+/// Check robot files and import them from URDF.
 #[derive(clap::Subcommand)]
-enum Subcommand {
+pub enum Action {
     Check(Check),
     Import(import::Args),
 }
@@ -33,7 +27,7 @@ Examples:
   rollwalk robot check my-robot.toml --json | jq .mass_kg
 
 The format is described in docs/robot-files.md; robots/agilebot.toml is a worked example.")]
-struct Check {
+pub struct Check {
     /// Robot file (TOML).
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
@@ -50,16 +44,16 @@ struct Report<'a> {
 }
 
 /// Runs the subcommand.
-pub fn run(args: &Args) -> miette::Result<Exit> {
-    match &args.command {
-        Subcommand::Check(args) => check(args),
-        Subcommand::Import(args) => import::run(args),
+pub fn run(action: &Action) -> miette::Result<Exit> {
+    match action {
+        Action::Check(args) => check(args),
+        Action::Import(args) => import::run(args),
     }
 }
 
 fn check(check: &Check) -> miette::Result<Exit> {
     let robot = Source::Disk.robot(&check.robot)?;
-    let buses = Examined::new(&robot).into_diagnostic()?;
+    let buses = BusLoads::new(&robot).into_diagnostic()?;
     if check.json {
         output::print_json(&Report { mass_kg: mass_kg(&robot), robot: &robot })?;
     } else {

@@ -3,10 +3,8 @@
 use crate::inputs::Source;
 use crate::link::names;
 use crate::packed::Packed;
-use crate::planning::{Planned, Plans, plan_all};
+use crate::planning::{PlanOutcome, Plans, plan_all};
 use crate::{Exit, files, output};
-use rollwalk_planner::families::Family;
-use rollwalk_planner::plan::Status;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -46,16 +44,6 @@ struct Outcome<'a> {
     plans: Vec<PlanOutcome<'a>>,
 }
 
-#[derive(Serialize)]
-struct PlanOutcome<'a> {
-    motion: &'a str,
-    status: Status,
-    iterations: usize,
-    time_s: f64,
-    worst_level: f64,
-    worst_constraint: Family,
-}
-
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let library = Source::Disk.library(&args.library)?;
@@ -74,24 +62,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             robot: &library.robot.name,
             library: written,
             bytes: bytes.len(),
-            plans: plans.all().map(outcome).collect(),
+            plans: plans.all().map(|p| PlanOutcome::new(&p.plan, p.took.as_secs_f64())).collect(),
         })?;
     } else {
         output::print(&describe(&plans, written, bytes.len()))?;
     }
     Ok(if converged { Exit::Ok } else { Exit::NotConverged })
-}
-
-fn outcome(planned: &Planned) -> PlanOutcome<'_> {
-    let Planned { plan, took } = planned;
-    PlanOutcome {
-        motion: &plan.motion.name,
-        status: plan.solve.status,
-        iterations: plan.solve.iterations,
-        time_s: took.as_secs_f64(),
-        worst_level: plan.solve.worst_level,
-        worst_constraint: plan.solve.worst_constraint,
-    }
 }
 
 fn describe(plans: &Plans, written: Option<&PathBuf>, bytes: usize) -> String {

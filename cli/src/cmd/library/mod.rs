@@ -5,23 +5,17 @@ mod inspect;
 
 use crate::Exit;
 
-/// Build motion libraries and look into them.
-#[derive(clap::Args)]
-pub struct Args {
-    #[command(subcommand)]
-    command: Subcommand,
-}
-
+/// Build and inspect motion libraries.
 #[derive(clap::Subcommand)]
-enum Subcommand {
+pub enum Action {
     Build(build::Args),
     Inspect(inspect::Args),
 }
 
 /// Runs the subcommand.
-pub fn run(args: &Args) -> miette::Result<Exit> {
-    match &args.command {
-        Subcommand::Build(args) => build::run(args),
-        Subcommand::Inspect(args) => inspect::run(args),
+pub fn run(action: &Action) -> miette::Result<Exit> {
+    match action {
+        Action::Build(args) => build::run(args),
+        Action::Inspect(args) => inspect::run(args),
     }
 }
