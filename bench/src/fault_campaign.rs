@@ -18,7 +18,7 @@ const SEEDS: u64 = 20;
 /// What to run.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Runs of each scenario with each loss: 20, or with `--seed` one.
+    /// Runs of each scenario at each loss [default: 20; with --seed 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     seeds: Option<u64>,
     /// Only this scenario; may be given several times.
@@ -27,11 +27,10 @@ pub struct Args {
     /// Only this loss, in percent of the link's frames; may be given several times.
     #[arg(long, value_name = "PERCENT", value_parser = loss)]
     loss: Vec<u16>,
-    /// The first seed. Otherwise they begin at 0. A single run, of one scenario with one loss, writes no file but
-    /// that of `--log`.
+    /// First seed [default: 0]. A single run, one scenario at one loss, writes no file but that of --log.
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
-    /// Writes every frame of a single run, in the format of candump.
+    /// Write every frame of a single run, in candump's format.
     #[arg(long, value_name = "FILE", requires_all = ["scenario", "loss", "seed"])]
     log: Option<PathBuf>,
 }

@@ -28,15 +28,15 @@ use std::path::PathBuf;
 /// A benchmark with its options.
 #[derive(clap::Subcommand)]
 pub enum Benchmark {
-    /// Table 2.1: its motions, several seeds each, cold and planned again after an edit.
+    /// Table 2.1: its motions from scratch and replanned after an edit, several seeds each.
     #[command(name = "table-2-1")]
     Table21(table_2_1::Args),
-    /// Cost against the number of samples, 12 to 240.
+    /// CPU time against the number of samples, 12 to 240.
     Samples(samples::Args),
-    /// Figure 2.3: Hessians, L-BFGS and Gauss-Newton with multipliers.
+    /// Figure 2.3: convergence of Newton with two Hessians, of L-BFGS, and of Gauss-Newton with multipliers.
     #[command(name = "figure-2-3")]
     Figure23(figure_2_3::Args),
-    /// Figure 3.2: the thesis's warm start against none.
+    /// Figure 3.2: convergence with and without the thesis's warm start.
     #[command(name = "figure-3-2")]
     Figure32(only::Only),
     /// Table 3.2: SwizzleBots with two to five motors a leg.
@@ -45,10 +45,10 @@ pub enum Benchmark {
     /// Table 3.3: top speeds of walking, rolling, swizzling and skating.
     #[command(name = "table-3-3")]
     Table33(table_3_3::Args),
-    /// The motion library on the shipped libraries: bytes a second against raw f32, postcard and zstd.
+    /// Size of the shipped motion libraries, in bytes a second, against raw f32, postcard and zstd.
     #[command(name = "library-format")]
     LibraryFormat(only::Only),
-    /// Faults on the simulated buses: losses and scenarios against outcomes, rules checked on every frame.
+    /// Fault scenarios in simulation at several rates of frame loss: outcomes; safety rules checked on every frame.
     #[command(name = "fault-campaign")]
     FaultCampaign(fault_campaign::Args),
 }

@@ -6,16 +6,16 @@ use std::path::Path;
 /// Which rows to run.
 #[derive(clap::Args)]
 pub struct Only {
-    /// Only the row of this name, or else those whose names contain it.
+    /// Only the row with this name; if there is none, all rows whose names contain it.
     #[arg(long, value_name = "NAME")]
     only: Option<String>,
 }
 
 impl Only {
-    /// The rows to run; `file` tells the motion file of a row, whose name is the row's.
+    /// The rows to run; `file` returns the motion file of a row, whose name is the row's.
     ///
     /// # Errors
-    /// No row has such a name; tells which there are.
+    /// No row has such a name; the message lists those that there are.
     pub fn choose<'a, T>(&self, rows: &'a [T], file: fn(&T) -> &str) -> miette::Result<Vec<&'a T>> {
         let Some(only) = &self.only else { return Ok(rows.iter().collect()) };
         let with = |fits: &dyn Fn(&str) -> bool| -> Vec<&'a T> {

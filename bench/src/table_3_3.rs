@@ -36,7 +36,7 @@ const SEEDS: u64 = 2;
 /// What to run.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Most speeds to try for each motion; few give a quick lower bound.
+    /// Maximum number of speeds to try for each motion; few give a quick lower bound.
     #[arg(long, value_name = "N", default_value_t = 60)]
     steps: usize,
     #[command(flatten)]

@@ -11,7 +11,7 @@ Exit codes:
   2    wrong command line
   3    the optimiser did not converge; the plan was written and says why
   4    a measured error exceeds its stated bound; a rule of the fault campaign is broken
-  5    the robot did not do it: it refused, stopped, or does not answer
+  5    the robot refused a command, stopped, or does not answer
   130  interrupted with Ctrl-C";
 
 /// How a run ended.

@@ -1,7 +1,7 @@
 //! End effectors that touch the ground: the kinds of contact and what each can do.
 //!
-//! Only this crate tells the kinds apart. All other code asks for a capability (an axis, a motor, a
-//! drag), so that a new kind is defined here, in the reader of robot files (`file/`) and nowhere else.
+//! Only this crate distinguishes the kinds: here, in the reader of robot files (`file/`) and in the URDF import
+//! (`urdf/`). All other crates ask for a capability (an axis, a motor, a drag).
 
 use crate::model::{Actuator, EndEffector};
 use nalgebra::Vector3;

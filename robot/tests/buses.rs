@@ -231,7 +231,7 @@ fn a_bus_that_cannot_be_is_refused() {
     let range = CYBERGEAR.replace("12.5", "12.0");
     assert_fault(1, &range, "max_position_rad", "is 12 rad", "12.5 and 12.566");
     let alone = "protocol = \"rollwalk\"\ncontrol = \"on_controller\"\n";
-    assert_fault(0, alone, "control", "no torque can be told to Rollwalk", "leave it out");
+    assert_fault(0, alone, "control", "Rollwalk has no torque command", "leave it out");
     // A bus that no controller has is a fault of the motor on it alone.
     let text = ROBOT.replace("bus = 1", "bus = 4");
     let error = Robot::from_toml("arm.toml", &format!("{text}\n[[bus]]\nnumber = 4\n{MIT}"));
@@ -240,7 +240,7 @@ fn a_bus_that_cannot_be_is_refused() {
     assert_eq!(found.len(), 1, "{found:#?}");
     assert!(found[0].0.contains("`wheel`: `bus` is 4"), "{found:#?}");
     let assumed = format!("{MIT}pose = \"assumed_safe\"\n");
-    assert_fault(0, &assumed, "pose", "AK80-9 tells its own", "leave it out");
+    assert_fault(0, &assumed, "pose", "AK80-9 reports its position", "leave it out");
 }
 
 /// Robots in plan files are read without the reader of robot files: the same numbers are refused.
@@ -282,7 +282,7 @@ fn numbers_that_no_drive_can_be_set_to_are_refused_from_json_too() {
 #[test]
 fn what_an_actuator_cannot_be_told_is_found_at_the_motor() {
     // The limits of the data sheet, above what the bus can say.
-    assert_fault(0, ODRIVE, "id = 70", "is 70, which cannot be told to ODrive on bus 0", "0 to 63");
+    assert_fault(0, ODRIVE, "id = 70", "is 70, beyond the range of ODrive on bus 0", "0 to 63");
     let wheel = MAESTRO;
     assert_fault(1, wheel, "bus = 1", "cannot drive it", "wheel speed");
     let text = |from: &str, to: &str, lines: &str| {

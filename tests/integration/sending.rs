@@ -121,7 +121,7 @@ fn beside_a_host_orders_are_given_without_heartbeats_and_no_second_host_begins()
         nameless.stderr
     );
     nameless.succeeds();
-    run(&["send", "stand", "rest:9"]).fails(1, &["`rest:9`", "without --arm nobody here ends"]);
+    run(&["send", "stand", "rest:9"]).fails(1, &["`rest:9`", "without --arm this program ends"]);
     run(&["return"]).succeeds();
     let numbers = heartbeats(&mut link);
     assert!(numbers.len() > 20, "{numbers:?}");

@@ -12,9 +12,8 @@ use std::path::{Path, PathBuf};
 
 /// Re-run the thesis's tables and figures, measure the library format, and run the fault campaign.
 ///
-/// Every solve runs on one thread and is measured in CPU time of that thread; the fault campaign, which measures
-/// none, runs on all cores. Results go to stdout and, as Markdown, JSON and SVG, to the output folder. What each
-/// shows: docs/benchmarks.md.
+/// Solves run on one thread, and their time is CPU time of that thread. The fault campaign is not timed, and runs on all
+/// cores. Results go to stdout and, as Markdown, JSON and SVG, to the output folder. docs/benchmarks.md describes them.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:

@@ -10,10 +10,10 @@ use std::path::PathBuf;
 
 /// Write the frames of the link or of an actuator bus as a DBC file.
 ///
-/// Without a robot file the link has controllers at all addresses, and an actuator bus servos of the Rollwalk
-/// profile at all addresses. With one, messages and signals have the names of its joints and wheels: JOINT
-/// then has position, velocity and torque of each by name. Link and actuator buses use the same identifiers
-/// for different frames, hence a file for each.
+/// Without a robot file the DBC file describes controllers at all addresses of the link, or servos of the Rollwalk
+/// profile at all addresses of an actuator bus. With one, messages and signals are named after its joints and wheels:
+/// JOINT then has position, velocity and torque of each by name. Link and actuator buses use the same identifiers for
+/// different frames, so each needs a file of its own.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -22,8 +22,8 @@ Examples:
   rollwalk dbc robots/agilebot.toml --bus 0 -o agilebot-bus0.dbc
   candump can0 | cantools decode agilebot.dbc
 
-docs/rollwalk.dbc and docs/rollwalk-actuators.dbc are those without a robot file; docs/decode_log.py decodes
-logs with them. The frames are described in docs/wire-format.md.")]
+docs/rollwalk.dbc and docs/rollwalk-actuators.dbc are made without a robot file; docs/decode_log.py
+decodes logs with them. The frames are described in docs/wire-format.md.")]
 pub struct Args {
     /// Robot file (TOML).
     #[arg(value_name = "ROBOT.toml")]
@@ -35,7 +35,7 @@ pub struct Args {
     #[arg(long, value_name = "NODE", default_value_t = 1, requires = "robot",
           value_parser = clap::value_parser!(u8).range(0..15))]
     node: u8,
-    /// Where to write it; printed if not given.
+    /// Where to write it; printed without this option.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
 }
@@ -82,10 +82,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             }
             let kind = robot.as_ref().and_then(|robot| robot.buses.get(&bus));
             if let Some(kind) = kind.filter(|kind| !kind.protocol.has_dbc()) {
-                let (robot, speaks) = (&names.robot, kind.protocol.name());
+                let (robot, protocol) = (&names.robot, kind.protocol.name());
                 return Err(miette::miette!(
                     help = "its frames are in docs/actuators.md, or in its maker's own DBC file",
-                    "bus {bus} of {robot} speaks {speaks}: only the Rollwalk profile is written"
+                    "bus {bus} of {robot} speaks {protocol}: only the Rollwalk profile is written"
                 ));
             }
             Database::actuators_of(bus, names)

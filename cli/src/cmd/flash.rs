@@ -11,11 +11,11 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Transfer a motion library to the controller, have it checked there, and take it into use.
+/// Transfer a motion library to the controller, which checks and activates it.
 ///
-/// The library is validated here first, as the controller will. The controller must be disarmed; it checks every
-/// block, then the whole, and the library that it has stays in use until then. A transfer that was broken off
-/// goes on where it stopped.
+/// The library is first validated on this computer, by the controller's rules. The controller must be disarmed. It
+/// checks every block and then the whole library; until then its previous library stays active. A transfer that was
+/// interrupted resumes where it stopped.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:

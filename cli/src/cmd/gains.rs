@@ -12,8 +12,8 @@ use serde::Serialize;
 
 /// Show or set stiffness, damping and torque limit of every servo.
 ///
-/// A value that is set holds at once, or within half a second while the robot
-/// moves, until power fails; `gains save` keeps all of them. Limits are those of the robot file.
+/// A new value takes effect at once, or within half a second while the robot moves, and lasts until the controller loses
+/// power; `gains save` stores all values permanently. The robot file limits them.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -21,7 +21,7 @@ Examples:
   rollwalk gains set front_left_knee --kp 60 --kd 1.5 --bus can:can0
   rollwalk gains set all --torque-limit 1.2 --bus can:can0
   rollwalk gains save --bus can:can0
-  rollwalk gains reset --bus can:can0       # what the robot file says
+  rollwalk gains reset --bus can:can0       # values of the robot file
 
 docs/parameters.md says what the values do and how they are kept.")]
 pub struct Args {
@@ -44,11 +44,11 @@ struct Show {
 enum Action {
     /// Show all values.
     Show(Show),
-    /// Set values of a channel, or of all.
+    /// Set values of one channel, or of all.
     Set(Set),
     /// Set all values to those of the robot file.
     Reset(Link),
-    /// Keep the values as they are over a power cycle; only while disarmed.
+    /// Store the current values permanently; only while disarmed.
     Save(Link),
 }
 

@@ -9,10 +9,10 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Turn a URDF into a robot file, with a side file for what a URDF lacks.
+/// Convert a URDF to a robot file; a side file adds what a URDF lacks.
 ///
-/// Without a side file it shows what is in the URDF: joints, what looks like feet and wheels, a standing
-/// pose. `--template` writes that as a first side file, to be checked and completed.
+/// Without a side file it prints the joints of the URDF, links that look like feet and wheels, and a standing pose.
+/// `--template` writes them to a first side file, to be checked and completed.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -81,7 +81,7 @@ fn look(urdf: Text<'_>, args: &Args) -> miette::Result<Exit> {
         // An existing side file may have been completed by the user.
         if path.exists() {
             return Err(miette!(
-                help = "give another name, or remove the file if nobody needs it",
+                help = "give another name, or remove the file",
                 "{} exists already",
                 path.display()
             ));

@@ -41,12 +41,16 @@ impl Check<'_> {
         }
         if bus.control == ControlLoop::OnController && !can.torque_alone {
             let help = "leave it out: the drives close the loop";
-            let problem = format!("is \"on_controller\", and no torque can be told to {name}");
+            let problem = format!("is \"on_controller\", but {name} has no torque command");
             self.violated("control", problem, help);
         }
         if bus.pose == Pose::AssumedSafe && can.measures_position {
             let help = "leave it out: the pose is the one that they measure";
-            self.violated("pose", format!("is \"assumed_safe\", and {name} tells its own"), help);
+            self.violated(
+                "pose",
+                format!("is \"assumed_safe\", but {name} reports its position"),
+                help,
+            );
         }
         bus.protocol.check_settings(self);
     }
@@ -57,7 +61,7 @@ impl Check<'_> {
         let config = channel.config();
         let bus = self.robot.buses.get(&config.bus).copied().unwrap_or_default();
         let Err(refusal) = bus.can_drive(&config) else { return };
-        let speaker = format!("{} on bus {}", bus.protocol.name(), config.bus);
+        let drive = format!("{} on bus {}", bus.protocol.name(), config.bus);
         let (field, value) = match refusal {
             Refusal::Address => ("id", f64::from(config.id)),
             Refusal::OutOfRange("position") => {
@@ -74,12 +78,12 @@ impl Check<'_> {
             Refusal::OutOfRange("kd") => ("kd_nm_s_rad", channel.actuator().kd_nm_s_rad),
             Refusal::OutOfRange("torque") => ("torque_max_nm", channel.actuator().torque_max_nm),
             Refusal::OutOfRange(_) | Refusal::Unsupported(_) | Refusal::Missing(_) => {
-                let help = format!("put it on a bus whose actuators can ({speaker}: {refusal})");
+                let help = format!("put it on a bus whose actuators can ({drive}: {refusal})");
                 self.violated("bus", "is one that cannot drive it", help);
                 return;
             }
         };
-        let problem = format!("is {value}, which cannot be told to {speaker}");
+        let problem = format!("is {value}, beyond the range of {drive}");
         self.violated(field, problem, range_of(&bus.protocol, refusal));
     }
 }

@@ -18,14 +18,15 @@ const HOME_US: u64 = 30_000_000;
 
 /// Play motions by command code or name.
 ///
-/// With --arm the robot is armed first, plays every motion in turn, returns to SAFE and is disarmed; until
-/// then this program is the host whose heartbeat the robot waits for, and Ctrl-C brings the robot home. It is
-/// refused while another program is the host. Without --arm the robot must be armed already and kept so by another
-/// program, such as `rollwalk console`: motions are sent without a heartbeat of this program, which waits for the
-/// end of each but the last, and ends when that one is acknowledged.
+/// With --arm this program arms the robot, plays every motion in turn, returns the robot to SAFE and disarms it; Ctrl-C
+/// returns it to SAFE, too. Meanwhile this program is the robot's host and sends the heartbeat, so it is refused while
+/// another program is the host.
 ///
-/// A motion that loops is played for one round, or for the seconds after its colon; the last one without --arm until
-/// another is asked for.
+/// Without --arm another program, such as `rollwalk console`, must have armed the robot and keep it armed. This program
+/// then waits for the end of every motion but the last, and ends when the controller has acknowledged the last.
+///
+/// A motion that loops is played once, or for the seconds after its colon. Without --arm the last motion loops until
+/// another one is commanded.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -61,8 +62,8 @@ fn speed(text: &str) -> Result<i8, String> {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     if let (false, Some(last)) = (args.arm, args.motions.last().filter(|last| last.has_seconds())) {
         return Err(miette!(
-            help = "leave its seconds out, or say which motion comes after them",
-            "`{last}`: without --arm nobody here ends the last motion"
+            help = "leave its seconds out, or add the motion that follows",
+            "`{last}`: without --arm this program ends before its last motion does"
         ));
     }
     let mut session = if args.arm { args.link.connect()? } else { args.link.join()? };
