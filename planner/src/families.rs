@@ -11,8 +11,6 @@ pub use in_plans::Formulation;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 
-/// Standard gravity, m/s².
-pub const GRAVITY_M_S2: f64 = 9.806_65;
 /// Clearance β between end effectors of different links, m (Eq. 2.10).
 pub const CLEARANCE_M: f64 = 0.02;
 /// Rolling velocity v₀ at which rolling resistance has nearly its full value, m/s: its sign is tanh(v/v₀).

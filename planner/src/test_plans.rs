@@ -11,12 +11,11 @@ use crate::plan::{
 };
 use nalgebra::{DVector, Isometry3, Matrix3, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, JOINTS, Model};
-use rollwalk_robot::{Actuator, Contact, EndEffector, Joint, Link, Robot};
+use rollwalk_robot::{Actuator, Contact, EndEffector, GRAVITY_M_S2, Joint, Link, Robot};
 use std::f64::consts::TAU;
 
 const LEG_M: f64 = 0.2;
 const RADIUS_M: f64 = 0.05;
-const GRAVITY_M_S2: f64 = 9.806_65;
 
 /// How the box moves: body x and leg angle φ as functions of time.
 pub struct Drive {

@@ -1,13 +1,11 @@
 //! The controller's view of a robot: channels in order, and the configuration derived from them.
 
+use crate::GRAVITY_M_S2;
 use crate::model::{Actuator, EndEffector, Joint, Robot};
 use crate::rules::{self, InvalidRobot};
 use rollwalk_protocol::actuators::bus::{Bus, Buses, MAX_BUSES};
 use rollwalk_protocol::config::{self, ChannelKind, RobotConfig, robot_id};
 use rollwalk_protocol::crc::crc32c_append;
-
-/// Standard gravity, m/s².
-const GRAVITY_M_S2: f64 = 9.806_65;
 
 /// A motor-driven degree of freedom, in channel order (`docs/conventions.md`).
 #[derive(Clone, Copy, Debug, PartialEq)]

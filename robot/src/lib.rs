@@ -17,3 +17,6 @@ pub use contact::{Blade, Contact, RollingDrag};
 pub use controller::Channel;
 pub use model::{Actuator, EndEffector, Joint, Link, Robot, TorqueSpeedLine};
 pub use rules::{InvalidRobot, Place, Violation};
+
+/// Standard gravity, m/s².
+pub const GRAVITY_M_S2: f64 = 9.806_65;

@@ -5,9 +5,7 @@
 
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
 use rollwalk_multibody::{CompositeInertia, Configuration, Frames, JOINTS, Tree};
-
-/// Standard gravity, m/s².
-const GRAVITY_M_S2: f64 = 9.80665;
+use rollwalk_robot::GRAVITY_M_S2;
 
 /// Load of one joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

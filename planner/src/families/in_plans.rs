@@ -1,6 +1,7 @@
 //! The catalogue as every plan carries it, so that a check in another language needs no table of its own.
 
-use super::{CLEARANCE_M, Family, GRAVITY_M_S2, Kind, Level, ROLLING_SIGN_WIDTH_M_S};
+use super::{CLEARANCE_M, Family, Kind, Level, ROLLING_SIGN_WIDTH_M_S};
+use rollwalk_robot::GRAVITY_M_S2;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;

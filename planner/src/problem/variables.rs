@@ -15,11 +15,11 @@
 //! | at rest | first slot | last slot |
 //! | prescribed | frozen slot | frozen slot, placed by (D, ψ) like the last sample |
 
-use crate::families::GRAVITY_M_S2;
 use crate::plan::{Placement, Sample};
 use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model};
 use rollwalk_multibody::rotation;
+use rollwalk_robot::GRAVITY_M_S2;
 
 /// Indices of one end effector's variables in a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

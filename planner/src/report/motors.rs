@@ -6,9 +6,9 @@
 use super::Grid;
 use super::grid::{State, Timeline};
 use super::rows::{Worst, feet};
-use crate::families::{Family, GRAVITY_M_S2};
+use crate::families::Family;
 use rollwalk_multibody::euler::JOINTS;
-use rollwalk_robot::Actuator;
+use rollwalk_robot::{Actuator, GRAVITY_M_S2};
 
 /// Torques of joints and driven wheels at the samples, torque-speed lines on the intervals.
 pub fn torques(timeline: &Timeline) -> Vec<Worst> {

@@ -2,10 +2,10 @@
 
 use super::grid::{State, Timeline, Window};
 use super::{Grid, Place, Row, choreography, motors};
-use crate::families::{CLEARANCE_M, Family, GRAVITY_M_S2, ROLLING_SIGN_WIDTH_M_S};
+use crate::families::{CLEARANCE_M, Family, ROLLING_SIGN_WIDTH_M_S};
 use crate::problem::state::{ContactFrame, rolling_direction};
 use nalgebra::Vector3;
-use rollwalk_robot::EndEffector;
+use rollwalk_robot::{EndEffector, GRAVITY_M_S2};
 
 /// All residuals that a plan must satisfy at its samples.
 pub fn at_samples(timeline: &Timeline) -> Vec<Row> {

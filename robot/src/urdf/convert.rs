@@ -10,12 +10,11 @@ use super::rigid;
 use super::side::{EndEffectorSide, JointSide, Side};
 use super::tree::{Graph, Tree, choose};
 use super::xml::{Joint, Kind, Urdf};
+use crate::GRAVITY_M_S2;
 use crate::document::{Document, alternatives};
 use nalgebra::{Point3, Vector3};
 use std::collections::HashMap;
 
-/// Standard gravity, m/s².
-const GRAVITY_M_S2: f64 = 9.806_65;
 /// Limit of a joint that turns without end: below 2π also when written with twelve digits.
 pub(super) const TURN_RAD: f64 = std::f64::consts::TAU - 1e-6;
 

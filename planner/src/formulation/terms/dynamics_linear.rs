@@ -1,10 +1,11 @@
 //! Linear centroidal dynamics (Eq. 2.3): Σ f + M g − M ẍ = 0, ẍ by second differences of the centre
 //! of mass. Three rows a sample, N, in world.
 
-use crate::families::{Family, GRAVITY_M_S2};
+use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use nalgebra::Vector3;
+use rollwalk_robot::GRAVITY_M_S2;
 
 /// See the module.
 pub struct DynamicsLinear;

@@ -10,11 +10,12 @@
 //! with w and o the axis and origin of the joint, e and f the contacts beyond it, m_c and x_c the mass that it
 //! carries and its centre. |τ| has a kink at 0, where the row is far from active, so one row covers both signs.
 
-use crate::families::{Family, GRAVITY_M_S2};
+use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use nalgebra::Vector3;
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
+use rollwalk_robot::GRAVITY_M_S2;
 
 /// See the module.
 pub struct JointTorque;
