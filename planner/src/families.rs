@@ -53,7 +53,7 @@ impl Unit {
             Self::Rad => "rad",
             Self::RadPerS => "rad/s",
             Self::N => "N",
-            Self::Nm => "N m",
+            Self::Nm => "N·m",
             Self::S => "s",
             Self::OfLine => "of the line",
             Self::None => "-",
