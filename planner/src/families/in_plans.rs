@@ -1,13 +1,14 @@
 //! The catalogue as every plan carries it, so that a check in another language needs no table of its own.
 
-use super::{CLEARANCE_M, Family, Kind, Level, ROLLING_SIGN_WIDTH_M_S};
+use super::{AGREEMENT, CLEARANCE_M, Family, Kind, Level, ROLLING_SIGN_WIDTH_M_S};
 use rollwalk_robot::GRAVITY_M_S2;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
 /// Constants and families of the formulation. The value is the same in every plan of this program: a plan
-/// with other ones is refused, because its levels are not those that a report applies.
+/// with other ones is refused, because its levels are not those that a report applies. Wording of equations, order
+/// and families added since the plan was made do not matter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Formulation;
 
@@ -67,54 +68,106 @@ impl Serialize for Formulation {
 impl<'de> Deserialize<'de> for Formulation {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let found = Value::deserialize(deserializer)?;
-        let expected = serde_json::to_value(Record::new()).map_err(D::Error::custom)?;
-        match first_difference(&found, &expected) {
-            None => Ok(Self),
-            Some((path, found, expected)) => Err(D::Error::custom(format!(
-                "{path} is {found}; expected {expected}, as this program plans and reports"
-            ))),
-        }
+        let known = serde_json::to_value(Record::new()).map_err(D::Error::custom)?;
+        agree(&found, &known).map(|()| Self).map_err(D::Error::custom)
     }
 }
 
-/// Path of the first value that differs, with the found and the expected value.
-fn first_difference(found: &Value, expected: &Value) -> Option<(String, Value, Value)> {
-    let within = |key: String, found: Option<&Value>, expected: &Value| {
-        let found = found.unwrap_or(&Value::Null);
-        first_difference(found, expected).map(|(rest, found, expected)| {
-            let dot = if rest.is_empty() || rest.starts_with('[') { "" } else { "." };
-            (format!("{key}{dot}{rest}"), found, expected)
-        })
-    };
-    match (found, expected) {
-        (Value::Object(found), Value::Object(expected)) if found.len() == expected.len() => {
-            expected
-                .iter()
-                .find_map(|(key, expected)| within(key.clone(), found.get(key), expected))
-        }
-        (Value::Array(found), Value::Array(expected)) if found.len() == expected.len() => expected
-            .iter()
-            .enumerate()
-            .find_map(|(index, expected)| within(format!("[{index}]"), found.get(index), expected)),
-        _ => (found != expected).then(|| (String::new(), found.clone(), expected.clone())),
+/// Compares a catalogue in a file with the one of this program.
+fn agree(found: &Value, known: &Value) -> Result<(), String> {
+    for constant in ["gravity_m_s2", "clearance_m", "rolling_sign_width_m_s"] {
+        same("", found, known, constant)?;
     }
+    let families = &found["families"];
+    let families =
+        families.as_array().ok_or_else(|| format!("families is {families}; expected a list"))?;
+    for (index, found) in families.iter().enumerate() {
+        let path = format!("families[{index}]");
+        let name = &found["name"];
+        let family = name.as_str().and_then(Family::by_name).ok_or_else(|| {
+            format!(
+                "{path}.name is {name}; expected a residual family that this program knows: the plan is \
+                 from another rollwalk, use that one or plan the motion once more"
+            )
+        })?;
+        let known = &known["families"][family as usize];
+        for key in ["kind", "unit", "level", "level_of"] {
+            same(&format!("{path}."), found, known, key)?;
+        }
+    }
+    Ok(())
+}
+
+/// Compares one field; numbers agree to a relative [`AGREEMENT`].
+fn same(path: &str, found: &Value, known: &Value, key: &str) -> Result<(), String> {
+    let (found, known) = (&found[key], &known[key]);
+    let near = |(found, known): (f64, f64)| (found - known).abs() <= AGREEMENT * known.abs();
+    if found == known || found.as_f64().zip(known.as_f64()).is_some_and(near) {
+        return Ok(());
+    }
+    Err(format!("{path}{key} is {found}; expected {known}, as this program plans and reports"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn catalogue() -> Value {
+        serde_json::to_value(Formulation).unwrap()
+    }
+
+    fn read(catalogue: &Value) -> Result<Formulation, serde_json::Error> {
+        serde_json::from_str(&catalogue.to_string())
+    }
+
     #[test]
-    fn the_catalogue_reads_back_and_another_one_is_refused_by_its_field() {
-        let text = serde_json::to_string(&Formulation).unwrap();
-        assert_eq!(serde_json::from_str::<Formulation>(&text).unwrap(), Formulation);
-        for (from, to, expected) in [
-            ("\"level\":0.3", "\"level\":9.0", "families[0].level is 9.0; expected 0.3,"),
-            ("9.80665", "9.8", "gravity_m_s2 is 9.8; expected 9.80665,"),
-            ("\"slip\"", "\"slide\"", "families[5].name is \"slide\"; expected \"slip\","),
-        ] {
-            let error = serde_json::from_str::<Formulation>(&text.replacen(from, to, 1));
-            let message = error.expect_err("another catalogue").to_string();
+    fn catalogues_that_mean_the_same_are_read() {
+        let changes: [fn(&mut Value); 5] = [
+            |_| (),
+            |catalogue| catalogue["families"][5]["equation"] = "Eq. 2.8, in other words".into(),
+            |catalogue| catalogue["gravity_m_s2"] = 9.806_650_001.into(),
+            |catalogue| catalogue["families"][0]["level"] = (0.1 + 0.2).into(),
+            // A plan made before a family was added, by a program with another order.
+            |catalogue| {
+                let families = catalogue["families"].as_array_mut().unwrap();
+                families.remove(7);
+                families.reverse();
+            },
+        ];
+        for (index, change) in changes.into_iter().enumerate() {
+            let mut changed = catalogue();
+            change(&mut changed);
+            assert_eq!(read(&changed).ok(), Some(Formulation), "change {index}");
+        }
+    }
+
+    #[test]
+    fn catalogues_that_mean_something_else_are_refused_by_their_field() {
+        let cases: [(&str, Value, &str); 11] = [
+            ("/gravity_m_s2", 9.8.into(), "gravity_m_s2 is 9.8; expected 9.80665, as this"),
+            ("/clearance_m", Value::Null, "clearance_m is null; expected 0.02,"),
+            ("/families", 3.into(), "families is 3; expected a list"),
+            ("/families/0", 3.into(), "families[0].name is null; expected a residual family"),
+            ("/families/5/name", "slide".into(), "families[5].name is \"slide\"; expected a resid"),
+            ("/families/5/unit", "mm/s".into(), "families[5].unit is \"mm/s\"; expected \"m/s\","),
+            (
+                "/families/5/kind",
+                "cost".into(),
+                "families[5].kind is \"cost\"; expected \"build\",",
+            ),
+            ("/families/0/level", 9.0.into(), "families[0].level is 9.0; expected 0.3,"),
+            ("/families/0/level", Value::Null, "families[0].level is null; expected 0.3,"),
+            ("/families/25/level", 1.0.into(), "families[25].level is 1.0; expected null,"),
+            (
+                "/families/0/level_of",
+                "limit".into(),
+                "level_of is \"limit\"; expected \"residual\",",
+            ),
+        ];
+        for (pointer, value, expected) in cases {
+            let mut changed = catalogue();
+            *changed.pointer_mut(pointer).unwrap() = value;
+            let message = read(&changed).expect_err("another catalogue").to_string();
             assert!(message.contains(expected), "{message}");
         }
     }
