@@ -4,9 +4,12 @@
     python3 docs/check_plan.py [--json] PLAN.json [PLAN.json ...]
 
 Python's standard library only; no code is shared with the planner. What the fields mean, in which
-frames and units, is in docs/plan-format.md; the equation numbers are the thesis's. Names, units and levels
-of the residuals and the constants of the equations are those of the plan's `formulation`. For every residual
+frames and units, is in docs/plan-format.md; the equation numbers are the thesis's. For every residual
 the table shows the worst case, the level up to which a plan is physically credible, and where it is.
+
+Names, units and levels of the residuals and the constants of the equations are those of the plan's
+`formulation`, and this script trusts them: of a plan of unknown origin look at the levels in the table, or
+have it read by `rollwalk report`, which refuses other ones than its own.
 
 Exit code: 0 all residuals are within their levels, 1 one is not, 2 a file is no plan.
 """
@@ -141,9 +144,11 @@ class Table:
         self.rows = {}
 
     def see(self, name, residual, sample=None, subject="", limit=None):
-        family = self.families[name]
+        family = self.families.get(name)
+        if family is None:
+            raise ValueError("formulation.families has no %r; expected the level of every residual" % name)
         level = family["level"] * (limit if family["level_of"] == "limit" else 1)
-        where = "" if sample is None else "sample %d %s" % (sample, subject)
+        where = subject if sample is None else "sample %d %s" % (sample, subject)
         known = self.rows.get(name)
         # A residual that is not a number is worse than any.
         if known is None or not residual / level <= known[0] / known[1]:
@@ -284,8 +289,9 @@ def contact_from_center(foot, e):
     return wheel_frame(e["tilt_rad"], e["yaw_rad"], foot["radius_m"])[2]
 
 
-def pose_difference(a, b, offset, turn, feet):
-    """Largest difference between state a, turned about the vertical and moved, and state b."""
+def state_difference(a, b, offset, turn, feet, periodic):
+    """Largest difference between state a, turned about the vertical and moved, and state b. What repeats has the
+    same wheel speeds; at rest those outside the motion mean nothing."""
     r = from_axis_angle([0, 0, 1], turn)
     points = [(a["base_position_m"], b["base_position_m"]), (a["com_m"], b["com_m"])]
     pairs = list(zip(a["joint_rad"], b["joint_rad"]))
@@ -293,8 +299,11 @@ def pose_difference(a, b, offset, turn, feet):
     pairs += zip([heading + turn, pitch, roll], b["base_yaw_pitch_roll_rad"])
     for foot, e, e2 in zip(feet, a["end_effectors"], b["end_effectors"]):
         points.append((e["position_m"], e2["position_m"]))
+        pairs += zip(apply(r, e["force_n"]), e2["force_n"])
         wheel_turn = turn if "axis_in_link" in foot["contact"] else 0.0
         pairs += [(e["tilt_rad"], e2["tilt_rad"]), (e["yaw_rad"] + wheel_turn, e2["yaw_rad"])]
+        if periodic:
+            pairs.append((e["wheel_speed_rad_s"], e2["wheel_speed_rad_s"]))
     for p, q in points:
         pairs += zip(add(apply(r, p), offset), q)
     return max(abs(x - y) for x, y in pairs)
@@ -306,63 +315,92 @@ def contact_point(foot, e, poses):
     return add(add(p, apply(r, foot["center_in_link_m"])), contact_from_center(foot, e))
 
 
+def wheel_axis_error(foot, e, poses):
+    """Length of the difference between a wheel's axis and the one that its link carries."""
+    _, axis, _ = wheel_frame(e["tilt_rad"], e["yaw_rad"], foot["radius_m"])
+    return norm(sub(apply(poses[foot["link"]][0], foot["contact"]["axis_in_link"]), axis))
+
+
 def inconsistency(robot, state, poses, contacts):
     """Largest difference between what one state says and what follows from its base and joints."""
-    pairs = list(zip(center_of_mass(robot, poses), state["com_m"]))
+    off = [abs(x - y) for x, y in zip(center_of_mass(robot, poses), state["com_m"])]
     for x, y in zip(euler_matrix(state["base_yaw_pitch_roll_rad"]), poses[0][0]):
-        pairs += zip(x, y)
+        off += [abs(a - b) for a, b in zip(x, y)]
     if contacts:
         for foot, e in zip(robot["end_effectors"], state["end_effectors"]):
-            pairs += zip(contact_point(foot, e, poses), e["position_m"])
-    return max(abs(x - y) for x, y in pairs)
+            off.append(norm(sub(contact_point(foot, e, poses), e["position_m"])))
+            if "axis_in_link" in foot["contact"]:
+                off.append(wheel_axis_error(foot, e, poses))
+    return max(off)
 
 
 # --- the equations ---
 
 
-def check(plan):
-    robot, motion, h = plan["robot"], plan["motion"], plan["sample_interval_s"]
-    samples, feet = plan["samples"], robot["end_effectors"]
-    periodic = motion["ends"] == "periodic"
-    mass = sum(link["mass_kg"] for link in robot["links"])
-    inertia_in_body = centroidal_inertia(robot)
-    formulation = plan["formulation"]
-    gravity = formulation["gravity_m_s2"]
-    table = Table(formulation["families"])
+class Timeline:
+    """A plan with the states outside its motion, and what follows from base and joints of every state."""
 
-    # Times on the grid: T intervals of a periodic motion, T - 1 of any other.
-    intervals = len(samples) if periodic else len(samples) - 1
-    table.see("duration", abs(intervals * h - motion["duration_s"]))
-    for i, s in enumerate(samples):
-        table.see("time", abs(s["time_s"] - i * h), i)
+    def __init__(self, plan):
+        self.plan, self.robot, self.motion = plan, plan["robot"], plan["motion"]
+        self.samples, self.h = plan["samples"], plan["sample_interval_s"]
+        self.feet, self.formulation = self.robot["end_effectors"], plan["formulation"]
+        self.periodic = self.motion["ends"] == "periodic"
+        # T intervals of a periodic motion, T - 1 of any other.
+        self.intervals = len(self.samples) if self.periodic else len(self.samples) - 1
+        self.states = [plan["before"]] + self.samples + [plan["after"]]
+        self.rotations = [from_quaternion(s["base_orientation_wxyz"]) for s in self.states]
+        self.poses = [
+            link_poses(self.robot, s["base_position_m"], r, s["joint_rad"])
+            for s, r in zip(self.states, self.rotations)
+        ]
+        gravity = self.formulation["gravity_m_s2"]
+        self.torques = [joint_torques(self.robot, s, p, gravity) for s, p in zip(self.states, self.poses)]
 
-    # The states outside belong to the motion as its ends say.
-    d, psi = plan["end_placement"]["offset_m"] + [0.0], plan["end_placement"]["yaw_rad"]
-    if periodic:
-        pairs = [(plan["before"], samples[-1], d, psi), (samples[0], plan["after"], d, psi)]
-    elif motion["ends"] == "at_rest":
-        pairs = [(plan["before"], samples[0], [0.0] * 3, 0.0), (samples[-1], plan["after"], [0.0] * 3, 0.0)]
+
+def check_times(table, line):
+    table.see("duration", abs(line.intervals * line.h - line.motion["duration_s"]))
+    for i, s in enumerate(line.states, -1):
+        table.see("time", abs(s["time_s"] - i * line.h), i)
+
+
+def check_ends(table, line):
+    """The states outside belong to the motion as its ends say, and their numbers agree with each other."""
+    before, first, last, after = line.states[0], line.samples[0], line.samples[-1], line.states[-1]
+    placed = line.plan["end_placement"]["offset_m"] + [0.0], line.plan["end_placement"]["yaw_rad"]
+    prescribed = line.motion["ends"] == "prescribed"
+    if line.periodic:
+        pairs = [(before, last, placed), (first, after, placed)]
+        for e, e2 in zip(before["end_effectors"], last["end_effectors"]):
+            table.see("ends", abs(e["motor_speed_rad_s"] - e2["motor_speed_rad_s"]))
     else:
-        pairs = []
-    for a, b, offset, turn in pairs:
-        table.see("ends", pose_difference(a, b, offset, turn, feet))
+        still = [0.0] * 3, 0.0
+        pairs = [(before, first, still), (last, after, still)]
+    for a, b, (offset, turn) in pairs:
+        for foot, e, e2 in zip(line.feet, a["end_effectors"], b["end_effectors"]):
+            if e["contact"] != e2["contact"]:
+                table.see("contact flag", 1, subject=foot["name"])
+        if not prescribed:
+            table.see("ends", state_difference(a, b, offset, turn, line.feet, line.periodic))
+    if prescribed:
+        # The base of the last sample is that of the first, moved.
+        offset, turn = placed
+        start, end = first["base_position_m"][:2] + [0.0], last["base_position_m"][:2] + [0.0]
+        moved = add(apply(from_axis_angle([0, 0, 1], turn), start), offset)
+        turned = last["base_yaw_pitch_roll_rad"][0] - first["base_yaw_pitch_roll_rad"][0]
+        table.see("ends", max(norm(sub(moved, end)), abs(turned - turn)))
+    # Prescribed states are exact to their contact points; others repeat samples, whose contact points are residuals.
+    for k in (0, -1):
+        table.see("ends", inconsistency(line.robot, line.states[k], line.poses[k], contacts=prescribed))
 
-    timeline = [plan["before"]] + samples + [plan["after"]]
-    rotations = [from_quaternion(s["base_orientation_wxyz"]) for s in timeline]
-    poses = [
-        link_poses(robot, s["base_position_m"], r, s["joint_rad"]) for s, r in zip(timeline, rotations)
-    ]
 
-    # Their numbers agree with each other. Prescribed states are exact to their contact points; others repeat
-    # samples, whose contact points are residuals.
-    for state, pose in ((plan["before"], poses[0]), (plan["after"], poses[-1])):
-        table.see("ends", inconsistency(robot, state, pose, contacts=not pairs))
-
-    torques = [joint_torques(robot, s, p, gravity) for s, p in zip(timeline, poses)]
-
-    for i, s in enumerate(samples):
+def check_dynamics(table, line):
+    """Newton and Euler for the whole robot, at every sample."""
+    h, gravity = line.h, line.formulation["gravity_m_s2"]
+    mass = sum(link["mass_kg"] for link in line.robot["links"])
+    inertia_in_body = centroidal_inertia(line.robot)
+    for i, s in enumerate(line.samples):
         k = i + 1  # place in the timeline
-        before, after, r = timeline[k - 1], timeline[k + 1], rotations[k]
+        before, after, r = line.states[k - 1], line.states[k + 1], line.rotations[k]
 
         # Linear dynamics, Eq. 2.3: sum f + M g - M x'' = 0.
         acceleration = scale(
@@ -377,134 +415,162 @@ def check(plan):
 
         # Angular dynamics, Eq. 2.4, with world inertia R I R^T and angular velocities on intervals.
         inertia = matmul(matmul(r, inertia_in_body), transpose(r))
-        v_in = scale(rotation_vector(matmul(r, transpose(rotations[k - 1]))), 1 / h)
-        v_out = scale(rotation_vector(matmul(rotations[k + 1], transpose(r))), 1 / h)
+        v_in = scale(rotation_vector(matmul(r, transpose(line.rotations[k - 1]))), 1 / h)
+        v_out = scale(rotation_vector(matmul(line.rotations[k + 1], transpose(r))), 1 / h)
         mean = scale(add(v_in, v_out), 0.5)
         rate = add(apply(inertia, scale(sub(v_out, v_in), 1 / h)), cross(mean, apply(inertia, mean)))
         table.see("angular dynamics", norm(sub(moment, rate)), i)
 
+
+def check_body(table, line):
+    """Centre of mass, orientation and joints of every sample."""
+    robot = line.robot
+    for i, s in enumerate(line.samples):
+        k = i + 1
         # Centre of mass and orientation agree with the pose, Eq. 2.11 and 2.12.
-        off = norm(sub(center_of_mass(robot, poses[k]), s["com_m"]))
+        off = norm(sub(center_of_mass(robot, line.poses[k]), s["com_m"]))
         table.see("centre of mass", off, i)
         euler = euler_matrix(s["base_yaw_pitch_roll_rad"])
-        off = max(abs(a - b) for x, y in zip(euler, r) for a, b in zip(x, y))
+        off = max(abs(a - b) for x, y in zip(euler, line.rotations[k]) for a, b in zip(x, y))
         table.see("base orientation", off, i)
-
-        for joint, q in zip(robot["joints"], s["joint_rad"]):
+        for joint, q, torque in zip(robot["joints"], s["joint_rad"], line.torques[k]):
             beyond = max(q - joint["position_max_rad"], joint["position_min_rad"] - q, 0)
             table.see("joint limit", beyond, i, joint["name"])
-
-        for joint, torque in zip(robot["joints"], torques[k]):
             limit = joint["actuator"]["torque_max_nm"]
             beyond = max(abs(torque) - limit, 0)
             table.see("joint torque", beyond, i, joint["name"], limit)
 
-        for j, (foot, e) in enumerate(zip(feet, s["end_effectors"])):
-            name, f, radius = foot["name"], e["force_n"], foot["radius_m"]
-            stands, wheel = e["contact"], "axis_in_link" in foot["contact"]
-            rolling, axis, _ = wheel_frame(e["tilt_rad"], e["yaw_rad"], radius)
-            if stands != motion["stance"][i][j]:
-                table.see("contact flag", 1, i, name)
 
-            # Forces: friction cone, Eq. 2.5; free wheels, Eq. 2.6; none in swing, Eq. 2.7.
-            if stands:
-                beyond = math.hypot(f[0], f[1]) - foot["friction_coefficient"] * max(f[2], 0)
-                table.see("friction", max(beyond, -f[2], 0), i, name)
-                drag = foot["contact"].get("drag")
-                if drag is not None:
-                    speed = e["wheel_speed_rad_s"] * radius
-                    sign = math.tanh(speed / formulation["rolling_sign_width_m_s"])
-                    slowing = drag["rolling_resistance"] * sign + drag["rolling_drag_s_m"] * speed
-                    pushed = dot(f, rolling) + f[2] * slowing
-                    table.see("free-wheel traction", abs(pushed), i, name)
-            else:
-                table.see("swing force", norm(f), i, name)
+def check_contacts(table, line):
+    """Every end effector at every sample."""
+    for i, s in enumerate(line.samples):
+        for j, (foot, e) in enumerate(zip(line.feet, s["end_effectors"])):
+            if e["contact"] != line.motion["stance"][i][j]:
+                table.see("contact flag", 1, i, foot["name"])
+            check_ground_force(table, line, i, foot, e)
+            check_contact_place(table, line, i, foot, e)
+            for other, e2 in list(zip(line.feet, s["end_effectors"]))[j + 1:]:
+                check_clearance(table, line, i, (foot, e), (other, e2))
 
-            if "actuator" in foot["contact"]:
-                limit = foot["contact"]["actuator"]["torque_max_nm"]
-                beyond = max(abs(wheel_torque(foot, e)) - limit, 0)
-                table.see("wheel torque", beyond, i, name, limit)
 
-            # Height, Eq. 2.9: on the ground in stance, not below it in swing.
-            z = e["position_m"][2]
-            if stands:
-                table.see("contact height", abs(z), i, name)
-            else:
-                table.see("depth in swing", max(-z, 0), i, name)
+def check_ground_force(table, line, i, foot, e):
+    """Friction cone, Eq. 2.5; free wheels, Eq. 2.6; none in swing, Eq. 2.7; what a wheel's motor holds."""
+    name, f, radius, contact = foot["name"], e["force_n"], foot["radius_m"], foot["contact"]
+    if not e["contact"]:
+        table.see("swing force", norm(f), i, name)
+    else:
+        beyond = math.hypot(f[0], f[1]) - foot["friction_coefficient"] * max(f[2], 0)
+        table.see("friction", max(beyond, -f[2], 0), i, name)
+        drag = contact.get("drag")
+        if drag is not None:
+            rolling, _, _ = wheel_frame(e["tilt_rad"], e["yaw_rad"], radius)
+            speed = e["wheel_speed_rad_s"] * radius
+            sign = math.tanh(speed / line.formulation["rolling_sign_width_m_s"])
+            slowing = drag["rolling_resistance"] * sign + drag["rolling_drag_s_m"] * speed
+            table.see("free-wheel traction", abs(dot(f, rolling) + f[2] * slowing), i, name)
+    if "actuator" in contact:
+        limit = contact["actuator"]["torque_max_nm"]
+        beyond = max(abs(wheel_torque(foot, e)) - limit, 0)
+        table.see("wheel torque", beyond, i, name, limit)
 
-            # Clearance, Eq. 2.10.
-            for other, e2 in list(zip(feet, s["end_effectors"]))[j + 1:]:
-                if other["link"] != foot["link"]:
-                    apart = norm(sub(e["position_m"], e2["position_m"]))
-                    missing = max(reach(foot) + reach(other) + formulation["clearance_m"] - apart, 0)
-                    table.see("end-effector clearance", missing, i, name)
 
-            # Wheel axis and contact point agree with the pose, Eq. 2.13 and 2.14.
-            link_r, _ = poses[k][foot["link"]]
-            if wheel:
-                mounted = apply(link_r, foot["contact"]["axis_in_link"])
-                table.see("wheel axis", norm(sub(mounted, axis)), i, name)
-            blade = foot["contact"].get("blade_length_m")
-            if blade is not None and stands:
-                # The middle of the blade is opposite to the link's z, square to the axis across it.
-                across = foot["contact"]["axis_in_link"]
-                down = sub(scale(across, across[2]), [0.0, 0.0, 1.0])
-                middle = apply(link_r, scale(down, radius / norm(down)))
-                most = radius * math.sin(min(0.5 * blade / radius, 0.5 * math.pi))
-                beyond = max(abs(dot(middle, rolling)) - most, 0)
-                table.see("contact on the blade", beyond, i, name)
-            off = norm(sub(contact_point(foot, e, poses[k]), e["position_m"]))
-            table.see("contact point", off, i, name)
+def check_contact_place(table, line, i, foot, e):
+    """Height over the ground, Eq. 2.9; wheel axis and contact point agree with the pose, Eq. 2.13 and 2.14."""
+    name, radius, contact, poses = foot["name"], foot["radius_m"], foot["contact"], line.poses[i + 1]
+    z = e["position_m"][2]
+    if e["contact"]:
+        table.see("contact height", abs(z), i, name)
+    else:
+        table.see("depth in swing", max(-z, 0), i, name)
+    if "axis_in_link" in contact:
+        table.see("wheel axis", wheel_axis_error(foot, e, poses), i, name)
+    blade = contact.get("blade_length_m")
+    if blade is not None and e["contact"]:
+        # The middle of the blade is opposite to the link's z, square to the axis across it.
+        across = contact["axis_in_link"]
+        down = sub(scale(across, across[2]), [0.0, 0.0, 1.0])
+        middle = apply(poses[foot["link"]][0], scale(down, radius / norm(down)))
+        rolling, _, _ = wheel_frame(e["tilt_rad"], e["yaw_rad"], radius)
+        most = radius * math.sin(min(0.5 * blade / radius, 0.5 * math.pi))
+        beyond = max(abs(dot(middle, rolling)) - most, 0)
+        table.see("contact on the blade", beyond, i, name)
+    off = norm(sub(contact_point(foot, e, poses), e["position_m"]))
+    table.see("contact point", off, i, name)
 
-    # Intervals: speeds and slip.
-    for i in range(intervals):
+
+def check_clearance(table, line, i, one, another):
+    """End effectors of different links keep apart, Eq. 2.10."""
+    (foot, e), (other, e2) = one, another
+    if other["link"] != foot["link"]:
+        apart = norm(sub(e["position_m"], e2["position_m"]))
+        missing = max(reach(foot) + reach(other) + line.formulation["clearance_m"] - apart, 0)
+        table.see("end-effector clearance", missing, i, foot["name"])
+
+
+def check_intervals(table, line):
+    """Speeds, and torques at speeds, from every sample to the next."""
+    for i in range(line.intervals):
         k = i + 1
-        s, after = timeline[k], timeline[k + 1]
-        held = [0.5 * (a + b) for a, b in zip(torques[k], torques[k + 1])]
-        for joint, q, q_next, torque in zip(robot["joints"], s["joint_rad"], after["joint_rad"], held):
-            beyond = beyond_line(joint["actuator"], torque, (q_next - q) / h)
+        s, after = line.states[k], line.states[k + 1]
+        held = [0.5 * (a + b) for a, b in zip(line.torques[k], line.torques[k + 1])]
+        for joint, q, q_next, torque in zip(line.robot["joints"], s["joint_rad"], after["joint_rad"], held):
+            beyond = beyond_line(joint["actuator"], torque, (q_next - q) / line.h)
             if beyond is not None:
                 table.see("torque-speed line", beyond, i, joint["name"])
             limit = joint["actuator"]["speed_max_rad_s"]
-            beyond = max(abs(q_next - q) / h - limit, 0)
+            beyond = max(abs(q_next - q) / line.h - limit, 0)
             table.see("joint speed", beyond, i, joint["name"], limit)
-        for foot, e, e2, j in zip(feet, s["end_effectors"], after["end_effectors"], range(len(feet))):
-            name, radius, contact = foot["name"], foot["radius_m"], foot["contact"]
-            wheel, driven, free = (key in contact for key in ("axis_in_link", "actuator", "drag"))
-            tilt, yaw = 0.5 * (e["tilt_rad"] + e2["tilt_rad"]), 0.5 * (e["yaw_rad"] + e2["yaw_rad"])
-            rolling, axis, _ = wheel_frame(tilt, yaw, radius)
-            speed = e["wheel_speed_rad_s"]
+        for j, (foot, e, e2) in enumerate(zip(line.feet, s["end_effectors"], after["end_effectors"])):
+            check_slip(table, line, i, foot, e, e2)
+            if "axis_in_link" in foot["contact"]:
+                check_wheel_speed(table, line, i, j, e, e2)
 
-            # No slip, Eq. 2.8 at the interval's middle: (e' - e) / h = omega r t, and 0 for a foot.
-            # Free wheels and blades leave the ground and come down along their direction, too.
-            landing = free and e["contact"] != e2["contact"]
-            if e["contact"] and e2["contact"] or landing:
-                slip = scale(sub(e2["position_m"], e["position_m"]), 1 / h)
-                if wheel:
-                    slip = sub(slip, scale(rolling, speed * radius))
-                kind_of_slip = "landing slip" if landing else "slip"
-                table.see(kind_of_slip, math.hypot(slip[0], slip[1]), i, name)
 
-            # The wheel turns against its link by omega + yaw' (v.a) - Omega.a. A motor turns it so; a
-            # welded or held wheel does not turn.
-            link_in, link_out = poses[k][foot["link"]][0], poses[k + 1][foot["link"]][0]
-            turn = scale(rotation_vector(matmul(link_out, transpose(link_in))), 1 / h)
-            needed = speed + (e2["yaw_rad"] - e["yaw_rad"]) / h * axis[2] - dot(turn, axis)
-            if wheel and not driven and not free or motion["held_wheels"][j]:
-                table.see("held wheel", abs(needed) * radius, i, name)
-            if driven:
-                motor = e["motor_speed_rad_s"]
-                table.see("motor against wheel", abs(motor - needed) * radius, i, name)
-                limit = foot["contact"]["actuator"]["speed_max_rad_s"]
-                beyond = max(abs(motor) - limit, 0)
-                table.see("wheel motor speed", beyond, i, name, limit)
-                torque = 0.5 * (wheel_torque(foot, e) + wheel_torque(foot, e2))
-                beyond = beyond_line(foot["contact"]["actuator"], torque, motor)
-                if beyond is not None and not motion["held_wheels"][j]:
-                    table.see("torque-speed line", beyond, i, name)
+def mean_wheel_frame(foot, e, e2):
+    """Rolling direction and axis in the middle of an interval."""
+    tilt, yaw = 0.5 * (e["tilt_rad"] + e2["tilt_rad"]), 0.5 * (e["yaw_rad"] + e2["yaw_rad"])
+    return wheel_frame(tilt, yaw, foot["radius_m"])[:2]
 
-    # Goals: displacement of the centre of mass along and across the starting heading, and turn.
-    first, last = timeline[1], timeline[1 + intervals]
+
+def check_slip(table, line, i, foot, e, e2):
+    """No slip, Eq. 2.8 at the interval's middle: (e' - e) / h = omega r t, and 0 for a foot."""
+    # Free wheels and blades leave the ground and come down along their direction, too.
+    landing = "drag" in foot["contact"] and e["contact"] != e2["contact"]
+    if e["contact"] and e2["contact"] or landing:
+        slip = scale(sub(e2["position_m"], e["position_m"]), 1 / line.h)
+        if "axis_in_link" in foot["contact"]:
+            rolling, _ = mean_wheel_frame(foot, e, e2)
+            slip = sub(slip, scale(rolling, e["wheel_speed_rad_s"] * foot["radius_m"]))
+        kind_of_slip = "landing slip" if landing else "slip"
+        table.see(kind_of_slip, math.hypot(slip[0], slip[1]), i, foot["name"])
+
+
+def check_wheel_speed(table, line, i, j, e, e2):
+    """The wheel turns against its link by omega + yaw' (v.a) - Omega.a. A motor turns it so; a welded or held
+    wheel does not turn."""
+    foot, k = line.feet[j], i + 1
+    name, radius, contact, held = foot["name"], foot["radius_m"], foot["contact"], line.motion["held_wheels"][j]
+    _, axis = mean_wheel_frame(foot, e, e2)
+    link_in, link_out = line.poses[k][foot["link"]][0], line.poses[k + 1][foot["link"]][0]
+    turn = scale(rotation_vector(matmul(link_out, transpose(link_in))), 1 / line.h)
+    needed = e["wheel_speed_rad_s"] + (e2["yaw_rad"] - e["yaw_rad"]) / line.h * axis[2] - dot(turn, axis)
+    if held or not ("actuator" in contact or "drag" in contact):
+        table.see("held wheel", abs(needed) * radius, i, name)
+    if "actuator" in contact:
+        motor = e["motor_speed_rad_s"]
+        table.see("motor against wheel", abs(motor - needed) * radius, i, name)
+        limit = contact["actuator"]["speed_max_rad_s"]
+        beyond = max(abs(motor) - limit, 0)
+        table.see("wheel motor speed", beyond, i, name, limit)
+        torque = 0.5 * (wheel_torque(foot, e) + wheel_torque(foot, e2))
+        beyond = beyond_line(contact["actuator"], torque, motor)
+        if beyond is not None and not held:
+            table.see("torque-speed line", beyond, i, name)
+
+
+def check_goals(table, line):
+    """Displacement of the centre of mass along and across the starting heading, and turn."""
+    first, last = line.states[1], line.states[1 + line.intervals]
     yaw = first["base_yaw_pitch_roll_rad"][0]
     moved = sub(last["com_m"], first["com_m"])
     reached = {
@@ -513,11 +579,23 @@ def check(plan):
         "turn_rad": last["base_yaw_pitch_roll_rad"][0] - yaw,
     }
     for name, value in reached.items():
-        goal = motion["goal"].get(name)
+        goal = line.motion["goal"].get(name)
         if goal is not None:
             kind = "turning goal" if name == "turn_rad" else "displacement goal"
-            table.see(kind, abs(value - goal), intervals, name.rsplit("_", 1)[0])
-    check_choreography(table, plan, timeline)
+            table.see(kind, abs(value - goal), line.intervals, name.rsplit("_", 1)[0])
+
+
+def check(plan):
+    line = Timeline(plan)
+    table = Table(line.formulation["families"])
+    check_times(table, line)
+    check_ends(table, line)
+    check_dynamics(table, line)
+    check_body(table, line)
+    check_contacts(table, line)
+    check_intervals(table, line)
+    check_goals(table, line)
+    check_choreography(table, plan, line.states)
     return table
 
 

@@ -38,11 +38,13 @@ pub struct Plan {
     pub sample_interval_s: f64,
     /// The samples, T of them.
     pub samples: Vec<Sample>,
-    /// State one interval before the first sample. At rest: equal to the first sample. Periodic: the last sample,
-    /// moved back by one period. Prescribed: the first sample, moved back by one interval at its prescribed velocity.
+    /// State one interval before the first sample. At rest: pose, contacts and forces of the first sample. Periodic:
+    /// the last sample, moved back by one period. Prescribed: the first sample, moved back by one interval at its
+    /// prescribed velocity.
     pub before: Sample,
-    /// State one interval after the last sample. At rest: equal to the last sample. Periodic: the first sample, moved
-    /// on by one period. Prescribed: the last sample, moved on by one interval at its prescribed velocity.
+    /// State one interval after the last sample. At rest: pose, contacts and forces of the last sample. Periodic: the
+    /// first sample, moved on by one period, without motor speeds. Prescribed: the last sample, moved on by one
+    /// interval at its prescribed velocity.
     pub after: Sample,
     /// Placement of the end relative to the start.
     pub end_placement: Placement,

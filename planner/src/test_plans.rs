@@ -202,6 +202,11 @@ impl Drive {
             }
         };
         let last = self.samples - 1;
+        let samples: Vec<Sample> = (0..self.samples).map(|i| sample(i + 2)).collect();
+        let outside = |k: usize, copied: usize| match self.ends {
+            Ends::AtRest => Sample { time_s: (k as f64 - 2.0) * h, ..samples[copied].clone() },
+            Ends::Periodic | Ends::Prescribed => sample(k),
+        };
         Plan {
             format: FORMAT.to_owned(),
             version: VERSION,
@@ -218,9 +223,9 @@ impl Drive {
                 heights: Vec::new(),
             },
             sample_interval_s: h,
-            samples: (0..self.samples).map(|i| sample(i + 2)).collect(),
-            before: sample(1),
-            after: sample(self.samples + 2),
+            before: outside(1, 0),
+            after: outside(self.samples + 2, last),
+            samples,
             end_placement: Placement {
                 offset_m: match self.ends {
                     Ends::Periodic => [grid[self.samples + 2].0 - grid[2].0, 0.0],

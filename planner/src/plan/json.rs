@@ -186,6 +186,7 @@ fn find_outside_strings(text: &str, wanted: impl Fn(char) -> bool) -> Option<usi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::Ends;
     use crate::plan::Sample;
     use crate::test_plans;
 
@@ -305,31 +306,53 @@ mod tests {
     }
 
     #[test]
-    fn ends_must_agree_with_the_kind_of_motion() {
-        let mut rest = test_plans::start_stop();
-        rest.after.joint_rad[2] += 0.01;
-        let message = rest.validate("x.json").expect_err("moving at rest").to_string();
-        assert!(message.contains("after is 1.000e-2 (m or rad) away from it"), "{message}");
-        let moves: [fn(&mut Sample); 4] = [
-            |after| after.base_position_m[1] += 1e-5,
-            |after| after.com_m[0] += 1e-5,
-            |after| after.end_effectors[3].position_m[2] += 1e-5,
-            |after| after.end_effectors[1].tilt_rad += 1e-5,
+    fn states_outside_the_motion_agree_with_its_kind_of_ends() {
+        let refused = |plan: &Plan| plan.validate("x.json").expect_err("a change").to_string();
+        let everywhere: [fn(&mut Sample); 8] = [
+            |state| state.time_s += 1e-5,
+            |state| state.base_position_m[1] += 1e-5,
+            |state| state.com_m[0] += 1e-5,
+            |state| state.joint_rad[2] += 1e-5,
+            |state| state.end_effectors[1].contact = false,
+            |state| state.end_effectors[3].position_m[2] += 1e-5,
+            |state| state.end_effectors[1].tilt_rad += 1e-5,
+            |state| state.end_effectors[2].yaw_rad += 1e-5,
         ];
-        for plan in [test_plans::start_stop(), test_plans::cruise()] {
-            for change in moves {
-                let mut moved = plan.clone();
-                change(&mut moved.after);
-                moved.validate("x.json").expect_err("a moved pose");
+        let of_copies: fn(&mut Sample) = |state| state.end_effectors[0].force_n[1] += 1e-5;
+        let plans = [test_plans::start_stop(), test_plans::cruise(), test_plans::cruise_middle()];
+        for plan in plans {
+            plan.validate("x.json").expect("a plan");
+            let copied = plan.motion.ends != Ends::Prescribed;
+            let changes = everywhere.into_iter().chain(copied.then_some(of_copies));
+            for (index, change) in changes.enumerate() {
+                for end in ["before", "after"] {
+                    let mut changed = plan.clone();
+                    change(if end == "after" { &mut changed.after } else { &mut changed.before });
+                    let message = refused(&changed);
+                    assert!(message.starts_with(&format!("x.json: {end}.")), "{index}: {message}");
+                }
             }
         }
-        let mut periodic = test_plans::cruise();
-        periodic.end_placement.yaw_rad = 0.1;
-        let message =
-            periodic.validate("x.json").expect_err("a turn that after does not make").to_string();
-        assert!(
-            message.contains("expected the pose of the first sample moved by end_placement"),
-            "{message}"
-        );
+
+        let mut speeds = test_plans::cruise();
+        speeds.after.end_effectors[0].wheel_speed_rad_s += 1e-5;
+        assert!(refused(&speeds).contains("after.end_effectors[0].wheel_speed_rad_s is"));
+        let mut speeds = test_plans::cruise();
+        speeds.before.end_effectors[0].motor_speed_rad_s += 1e-5;
+        assert!(refused(&speeds).contains("before.end_effectors[0].motor_speed_rad_s is"));
+    }
+
+    #[test]
+    fn the_placement_of_the_end_is_that_of_the_last_state() {
+        for (plan, field) in [
+            (test_plans::cruise(), "before.base_position_m is [-0.02"),
+            (test_plans::cruise_middle(), "samples[12].base_position_m is [0.3"),
+        ] {
+            let mut turned = plan;
+            turned.end_placement.yaw_rad = 0.1;
+            let message = turned.validate("x.json").expect_err("no such turn").to_string();
+            assert!(message.contains(field), "{message}");
+            assert!(message.contains("end_placement"), "{message}");
+        }
     }
 }

@@ -1,10 +1,12 @@
 //! What a plan must be before anything computes with it: right counts, finite numbers, unit quaternions,
 //! times on the grid, ends that agree with the kind of motion.
 
-use super::{EndEffectorSample, FORMAT, Placement, Plan, PlanError, Sample, Status, VERSION};
+mod ends;
+
+use super::{EndEffectorSample, FORMAT, Plan, PlanError, Sample, Status, VERSION};
 use crate::families::{AGREEMENT, Kind};
 use crate::motion::{Ends, Subject};
-use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 use std::fmt::Display;
 
 /// Fewest samples for which periodic splines and second differences are defined.
@@ -190,43 +192,6 @@ impl Plan {
             "the same rotation, R_z(yaw) R_y(pitch) R_x(roll)",
         )
     }
-
-    /// The states one interval outside belong to the motion as its kind of ends says.
-    fn validate_ends(&self, at: &Field) -> Result<(), PlanError> {
-        at.of("end_placement.offset_m").finite(&self.end_placement.offset_m)?;
-        at.of("end_placement.yaw_rad").finite(&[self.end_placement.yaw_rad])?;
-        let (Some(first), Some(last)) = (self.samples.first(), self.samples.last()) else {
-            return Ok(());
-        };
-        match self.motion.ends {
-            Ends::Periodic => {
-                let (moved, back) = (self.end_placement, self.end_placement.inverse());
-                at.of("after").same_pose(
-                    &self.after,
-                    first,
-                    moved,
-                    "the first sample moved by end_placement",
-                )?;
-                at.of("before").same_pose(
-                    &self.before,
-                    last,
-                    back,
-                    "the last sample moved back by end_placement",
-                )
-            }
-            Ends::AtRest => {
-                let still = Placement::default();
-                at.of("before").same_pose(
-                    &self.before,
-                    first,
-                    still,
-                    "the first sample: at rest",
-                )?;
-                at.of("after").same_pose(&self.after, last, still, "the last sample: at rest")
-            }
-            Ends::Prescribed => Ok(()),
-        }
-    }
 }
 
 fn validate_end_effector(end_effector: &EndEffectorSample, at: &Field) -> Result<(), PlanError> {
@@ -289,33 +254,8 @@ impl Field<'_> {
         self.holds(ok, value, format!("{expected}, {meaning}"))
     }
 
-    fn same_pose(
-        &self,
-        found: &Sample,
-        wanted: &Sample,
-        moved: Placement,
-        meaning: &str,
-    ) -> Result<(), PlanError> {
-        let point = |found: [f64; 3], wanted: [f64; 3]| {
-            (Vector3::from(found) - Vector3::from(moved.point(wanted))).amax()
-        };
-        let angles = |sample: &Sample| Vector3::from(sample.base_yaw_pitch_roll_rad);
-        let turn = Vector3::new(moved.yaw_rad, 0.0, 0.0);
-        let mut away = vec![
-            point(found.base_position_m, wanted.base_position_m),
-            (angles(found) - angles(wanted) - turn).amax(),
-            point(found.com_m, wanted.com_m),
-        ];
-        away.extend(found.joint_rad.iter().zip(&wanted.joint_rad).map(|(a, b)| (a - b).abs()));
-        for (found, wanted) in found.end_effectors.iter().zip(&wanted.end_effectors) {
-            away.push(point(found.position_m, wanted.position_m));
-            away.push((found.tilt_rad - wanted.tilt_rad).abs());
-        }
-        let away = away.into_iter().fold(0.0, f64::max);
-        self.holds(
-            away <= AGREEMENT,
-            format!("{away:.3e} (m or rad) away from it"),
-            format!("the pose of {meaning}"),
-        )
+    fn all_near(&self, found: &[f64], expected: &[f64], meaning: &str) -> Result<(), PlanError> {
+        let ok = found.iter().zip(expected).all(|(a, b)| (a - b).abs() <= AGREEMENT);
+        self.holds(ok, format!("{found:?}"), format!("{expected:?}, {meaning}"))
     }
 }

@@ -3,8 +3,9 @@
 
 use super::{Grid, Report};
 use crate::families::{Family, Kind};
+use crate::motion::{Ends, Motion};
 use crate::plan::{Plan, Sample};
-use crate::{motion::Motion, optimise, test_plans, test_robots};
+use crate::{optimise, test_plans, test_robots};
 use rollwalk_robot::{Actuator, Contact, Robot, RollingDrag, TorqueSpeedLine};
 use serde_json::Value;
 use std::io::Write;
@@ -108,28 +109,67 @@ fn a_number_that_is_none_is_refused_wherever_it_stands() {
     }
 }
 
+/// A family that the script notices, and a change of a state outside the motion.
+type Change = (&'static str, fn(&mut Sample));
+
 #[test]
-fn a_moved_pose_outside_the_motion_is_noticed() {
-    let moves: [fn(&mut Sample); 5] = [
-        |sample| sample.joint_rad[1] += 0.01,
-        |sample| sample.base_position_m[0] += 0.002,
-        |sample| sample.base_yaw_pitch_roll_rad[2] += 0.001,
-        |sample| sample.com_m[1] += 0.0005,
-        |sample| sample.end_effectors[2].position_m[2] += 0.002,
+fn what_changes_outside_the_motion_is_noticed() {
+    let everywhere: [Change; 9] = [
+        ("time", |state| state.time_s += 0.001),
+        ("ends", |state| state.base_position_m[0] += 0.002),
+        ("ends", |state| state.joint_rad[1] += 0.01),
+        ("ends", |state| state.base_yaw_pitch_roll_rad[2] += 0.001),
+        ("ends", |state| state.com_m[1] += 0.0005),
+        ("contact flag", |state| state.end_effectors[0].contact = false),
+        ("ends", |state| state.end_effectors[2].position_m[2] += 0.002),
+        ("ends", |state| state.end_effectors[1].tilt_rad += 0.001),
+        ("ends", |state| state.end_effectors[3].yaw_rad += 0.001),
     ];
+    let of_copies: Change = ("ends", |state| state.end_effectors[1].force_n[0] += 0.001);
+    let noticed = |plan: &Plan, family: &str| {
+        let (code, table) = check_plan(plan);
+        let number = |field: &str| table[family][field].as_f64();
+        assert_eq!(code, Some(1), "{table:#}");
+        assert!(number("worst") > number("level"), "{family}: {table:#}");
+    };
     let plans = [test_plans::start_stop(), test_plans::cruise(), test_plans::cruise_middle()];
     for plan in plans {
         assert_eq!(check_plan(&plan).0, Some(0), "{}", check_plan(&plan).1);
-        for (index, change) in moves.iter().enumerate() {
+        let copied = plan.motion.ends != Ends::Prescribed;
+        for (family, change) in everywhere.into_iter().chain(copied.then_some(of_copies)) {
             for after in [false, true] {
-                let mut moved = plan.clone();
-                change(if after { &mut moved.after } else { &mut moved.before });
-                let (code, table) = check_plan(&moved);
-                assert_eq!(code, Some(1), "move {index}, after: {after}: {table:#}");
-                assert!(table["ends"]["worst"].as_f64() > table["ends"]["level"].as_f64());
+                let mut changed = plan.clone();
+                change(if after { &mut changed.after } else { &mut changed.before });
+                noticed(&changed, family);
             }
         }
     }
+    let mut speeds = test_plans::cruise();
+    speeds.after.end_effectors[0].wheel_speed_rad_s += 0.001;
+    noticed(&speeds, "ends");
+    let mut speeds = test_plans::cruise();
+    speeds.before.end_effectors[0].motor_speed_rad_s += 0.001;
+    noticed(&speeds, "ends");
+    let mut moved = test_plans::cruise_middle();
+    moved.end_placement.offset_m[1] += 0.001;
+    noticed(&moved, "ends");
+    let mut turned = test_plans::cruise_middle();
+    turned.end_placement.yaw_rad = 0.001;
+    noticed(&turned, "ends");
+}
+
+#[test]
+fn the_script_names_a_residual_for_which_the_plan_has_no_level() {
+    let mut document = serde_json::to_value(test_plans::cruise()).expect("a plan is JSON");
+    let families = document["formulation"]["families"].as_array_mut().expect("a list");
+    families.retain(|family| family["name"] != "friction");
+    let file = std::env::temp_dir().join(format!("rollwalk-no-level-{}.json", std::process::id()));
+    std::fs::write(&file, document.to_string()).expect("a folder for tests");
+    let output = python().arg(&file).output().expect("python3 runs");
+    std::fs::remove_file(&file).expect("the file is ours");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{errors}");
+    assert!(errors.contains("formulation.families has no 'friction'"), "{errors}");
 }
 
 /// Moves every number of a plan a little, so that no residual is 0.

@@ -127,6 +127,8 @@ fn a_turning_motion_goes_round_a_circle() {
         outside.com_m = placement.point(inside.com_m);
         for (to, from) in outside.end_effectors.iter_mut().zip(&inside.end_effectors) {
             to.position_m = placement.point(from.position_m);
+            to.force_n = placement.vector(from.force_n);
+            to.yaw_rad = from.yaw_rad + placement.yaw_rad;
         }
     }
     plan.validate("circle").expect("a plan");
