@@ -74,6 +74,9 @@ impl CompositeInertia {
     }
 
     /// Mass matrix M(q), [`Tree::dofs`] square: kinetic energy ½ νᵀ M ν, momenta M ν.
+    ///
+    /// # Panics
+    /// `out` is smaller.
     pub fn mass_matrix(&self, tree: &Tree, frames: &Frames, out: &mut DMatrix<f64>) {
         out.fill(0.0);
         let base = &self.links[0];

@@ -30,6 +30,9 @@ pub struct Frames {
 
 impl Frames {
     /// Frames of a robot at a configuration.
+    ///
+    /// # Panics
+    /// The configuration has fewer angles than the robot has joints.
     pub fn new(tree: &Tree, at: &Configuration) -> Self {
         let links = tree.robot().links.len();
         let mut frames = Self {
@@ -43,6 +46,9 @@ impl Frames {
     }
 
     /// Moves to another configuration; allocates nothing (RBDA sec. 4.1.3, Eq. 2.14 of the thesis).
+    ///
+    /// # Panics
+    /// As [`Self::new`].
     pub fn update(&mut self, tree: &Tree, at: &Configuration) {
         let robot = tree.robot();
         let (rotations, origins) = (&mut self.world_from_link, &mut self.link_origins);

@@ -8,6 +8,9 @@ impl Kinematics {
     /// Generalised forces τ = M ν̇ + h that produce the present acceleration ν̇ under gravity (world, m/s²).
     /// After [`Kinematics::update`], with ν̇ = 0, these are the bias forces h: Coriolis, centrifugal and
     /// gyroscopic forces and weight. `out` has [`Tree::dofs`] entries, N and N·m.
+    ///
+    /// # Panics
+    /// `out` is shorter.
     pub fn inverse_dynamics(&self, tree: &Tree, gravity_m_s2: &Vector3<f64>, out: &mut [f64]) {
         out.fill(0.0);
         for (l, link) in tree.robot().links.iter().enumerate() {

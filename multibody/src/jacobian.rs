@@ -1,7 +1,8 @@
 //! Jacobians of points, of links' rotation and of the centre of mass, and their time derivatives.
 //!
 //! A degree of freedom with axis w through o moves a point x by w × (x − o) and turns by w (RBDA sec. 4.1.3).
-//! All matrices are 3 × [`Tree::dofs`]: world vectors, one column for each entry of ν.
+//! All matrices are 3 × [`Tree::dofs`]: world vectors, one column for each entry of ν. An output with fewer columns
+//! is a panic.
 
 use crate::{ANGULAR, Frames, JOINTS, Kinematics, LINEAR, Tree};
 use nalgebra::{Matrix3, Matrix3xX, Vector3};

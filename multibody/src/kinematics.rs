@@ -34,6 +34,9 @@ pub struct Kinematics {
 
 impl Kinematics {
     /// The robot at rest at a configuration.
+    ///
+    /// # Panics
+    /// As [`Frames::new`].
     pub fn new(tree: &Tree, at: &Configuration) -> Self {
         let zeros = vec![Vector3::zeros(); tree.robot().links.len()];
         Self {
@@ -49,6 +52,9 @@ impl Kinematics {
 
     /// Moves to a configuration with velocity ν and without acceleration: accelerations are then bias
     /// accelerations J̇ν.
+    ///
+    /// # Panics
+    /// As [`Frames::new`], or `velocity` is not [`Tree::dofs`] long.
     pub fn update(&mut self, tree: &Tree, at: &Configuration, velocity: &[f64]) {
         self.frames.update(tree, at);
         self.velocity.copy_from_slice(velocity);
@@ -66,6 +72,9 @@ impl Kinematics {
     }
 
     /// Sets the acceleration ν̇ at the present configuration and velocity.
+    ///
+    /// # Panics
+    /// `acceleration` is not [`Tree::dofs`] long.
     pub fn accelerate(&mut self, tree: &Tree, acceleration: &[f64]) {
         self.acceleration.copy_from_slice(acceleration);
         self.propagate_accelerations(tree);

@@ -13,6 +13,9 @@
 //! Accelerations and forces follow Featherstone, *Rigid Body Dynamics Algorithms* (RBDA), written with
 //! ordinary 3-vectors in world axes: no transform between link frames, and every intermediate is a
 //! velocity, force or moment that can be looked at.
+//!
+//! The caller's vectors and matrices have the tree's size: [`Tree::dofs`], one angle for each joint. Loops of
+//! controllers reuse them, so nothing here returns an error for a wrong size; it panics.
 
 mod centroidal;
 mod composite;

@@ -70,8 +70,11 @@ impl Tree {
     }
 
     /// Makes the spin of every driven and passive wheel a degree of freedom. `spin_inertia_kg_m2` is the
-    /// inertia about its axis of what turns with the wheel: it must be positive and cannot exceed the
-    /// inertia of the link, which it is part of.
+    /// inertia about its axis of what turns with the wheel.
+    ///
+    /// # Panics
+    /// That inertia is not positive, or exceeds the inertia of the link, which it is part of: no such wheel exists, and
+    /// mass matrices with it are not positive definite.
     pub fn with_spinning_wheels(
         mut self,
         spin_inertia_kg_m2: impl Fn(&EndEffector) -> f64,
@@ -82,11 +85,21 @@ impl Tree {
                 let contact = &end_effector.contact;
                 let spins = contact.actuator().is_some() || contact.freewheels();
                 let axis = contact.axis_in_link().filter(|_| spins)?;
+                let spin_inertia_kg_m2 = spin_inertia_kg_m2(end_effector);
+                let link = &self.robot.links[end_effector.link];
+                // With room for rounding where the link is nothing but the wheel.
+                let most = axis.dot(&(link.inertia_in_link_kg_m2 * axis)) * (1.0 + 1e-9);
+                assert!(
+                    spin_inertia_kg_m2 > 0.0 && spin_inertia_kg_m2 <= most,
+                    "the wheel of `{}` has {spin_inertia_kg_m2} kg·m² about its axis; expected more than 0 and at \
+                     most {most}, what its link has",
+                    end_effector.name
+                );
                 Some(Wheel {
                     end_effector: index,
                     link: end_effector.link,
                     axis_in_link: *axis,
-                    spin_inertia_kg_m2: spin_inertia_kg_m2(end_effector),
+                    spin_inertia_kg_m2,
                     armature_kg_m2: contact.actuator().map_or(0.0, |motor| motor.armature_kg_m2),
                 })
             })

@@ -236,6 +236,7 @@ def undetected(data, state, expected):
         values = getattr(model.m, name)
         # The last body or joint; what has no joints has no armature, and its body is where the state says.
         if not np.any(values[-1]):
+            print(f"{data['robot']}: {name} is 0, so no error of it is planted")
             continue
         values[-1] *= 1.0 + 1e-3
         mujoco.mj_setConst(model.m, model.d)

@@ -194,3 +194,15 @@ fn a_wheel_that_lies_flat_has_no_lowest_point() {
     let frames = Frames::new(&tree, &state.configuration());
     assert!(RimContact::new(&tree, &frames, 0, &Vector3::y()).is_none());
 }
+
+#[test]
+#[should_panic(expected = "the wheel of `wheel` has 0.1 kg·m² about its axis")]
+fn a_wheel_with_more_inertia_than_its_link_is_refused() {
+    let _ = Tree::new(unicycle().robot()).with_spinning_wheels(|_| 0.1);
+}
+
+#[test]
+#[should_panic(expected = "has NaN kg·m² about its axis")]
+fn a_wheel_whose_inertia_is_no_number_is_refused() {
+    let _ = Tree::new(unicycle().robot()).with_spinning_wheels(|_| f64::NAN);
+}
