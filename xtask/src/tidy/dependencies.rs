@@ -4,7 +4,7 @@ use serde_json::Value;
 
 /// Every library crate, and this one, with the workspace crates that it may depend on. What is not listed, the
 /// binaries and the tests at the end of the data flow, may depend on all.
-const ALLOWED: [(&str, &[&str]); 12] = [
+const ALLOWED: &[(&str, &[&str])] = &[
     ("rollwalk-protocol", &[]),
     ("rollwalk-firmware", &["rollwalk-protocol"]),
     ("rollwalk-drives", &["rollwalk-protocol"]),
@@ -50,8 +50,8 @@ const ALLOWED: [(&str, &[&str]); 12] = [
 ];
 
 /// What only a crate's tests may depend on.
-const ALLOWED_FOR_TESTS: [(&str, &str); 2] =
-    [("rollwalk-firmware", "rollwalk-drives"), ("rollwalk-sim-host", "rollwalk-host")];
+const ALLOWED_FOR_TESTS: &[(&str, &str)] =
+    &[("rollwalk-firmware", "rollwalk-drives"), ("rollwalk-sim-host", "rollwalk-host")];
 
 /// Dependencies against the arrows, in the output of `cargo metadata --no-deps`. Those of tests and
 /// build scripts count as well.
@@ -63,7 +63,7 @@ pub fn violations(metadata: &str) -> Result<Vec<String>, String> {
         serde_json::from_str(metadata).map_err(|error| format!("cargo metadata: {error}"))?;
     let packages = metadata["packages"].as_array().ok_or("cargo metadata: no packages")?;
     let mut found = Vec::new();
-    for (name, allowed) in ALLOWED {
+    for &(name, allowed) in ALLOWED {
         let package = packages.iter().find(|package| package["name"] == name);
         let dependencies = package.and_then(|package| package["dependencies"].as_array());
         let Some(dependencies) = dependencies else {
@@ -85,18 +85,19 @@ pub fn violations(metadata: &str) -> Result<Vec<String>, String> {
 #[cfg(test)]
 mod tests {
     use super::{ALLOWED, ALLOWED_FOR_TESTS, violations};
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     /// The workspace as allowed, with one dependency more, of this kind.
     fn workspace(from: &str, to: &str, kind: Option<&str>) -> String {
-        let packages = ALLOWED.map(|(name, allowed)| {
+        let package = |&(name, allowed): &(&str, &[&str])| {
             let mut dependencies: Vec<_> = allowed.iter().map(|d| json!({ "name": d })).collect();
             dependencies.push(json!({ "name": "serde" }));
             if name == from {
                 dependencies.push(json!({ "name": to, "kind": kind }));
             }
             json!({ "name": name, "dependencies": dependencies })
-        });
+        };
+        let packages: Vec<Value> = ALLOWED.iter().map(package).collect();
         json!({ "packages": packages }).to_string()
     }
 
@@ -120,7 +121,7 @@ mod tests {
 
     #[test]
     fn what_tests_may_depend_on_is_for_them_alone() {
-        for (from, to) in ALLOWED_FOR_TESTS {
+        for &(from, to) in ALLOWED_FOR_TESTS {
             let found = violations(&workspace(from, to, Some("dev"))).unwrap();
             assert_eq!(found, Vec::<String>::new());
             let found = violations(&workspace(from, to, None)).unwrap();
