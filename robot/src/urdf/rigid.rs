@@ -19,23 +19,50 @@ pub(super) fn rigid(
     document: &Document<'_>,
     notes: &mut Notes<'_>,
 ) -> Option<Rigid> {
-    let named: HashMap<_, _> =
-        tree.order.iter().map(|&joint| (urdf.joints[joint].name.as_str(), joint)).collect();
-    let mut names: Vec<&str> =
-        tree.order.iter().map(|&joint| urdf.joints[joint].name.as_str()).collect();
-    names.truncate(60);
+    let named = Named::new(urdf, tree);
     let mut rigid = Rigid { body_from_root: side.body_from_root, ..Rigid::default() };
+    lock(&mut rigid, &named, side, document);
+    take_axles(&mut rigid, &named, side, document);
+    if !document.is_clean() {
+        return None;
+    }
+    check_moving(&rigid, urdf, graph, tree, notes);
+    notes.faults.is_empty().then_some(rigid)
+}
+
+/// The joints of the tree by name.
+struct Named<'a> {
+    urdf: &'a Urdf,
+    joints: HashMap<&'a str, usize>,
+    /// Names to propose where there is none such.
+    names: Vec<&'a str>,
+}
+
+impl<'a> Named<'a> {
+    fn new(urdf: &'a Urdf, tree: &Tree) -> Self {
+        let named = |&joint: &usize| (urdf.joints[joint].name.as_str(), joint);
+        let mut names: Vec<_> = tree.order.iter().map(|joint| named(joint).0).collect();
+        names.truncate(60);
+        Self { urdf, joints: tree.order.iter().map(named).collect(), names }
+    }
+
+    fn alternatives(&self, name: &str) -> String {
+        alternatives(name, self.names.iter().copied())
+    }
+}
+
+/// Locks the joints of `[lock]`.
+fn lock(rigid: &mut Rigid, named: &Named<'_>, side: &Side, document: &Document<'_>) {
     for lock in &side.locks {
         let fault = |problem: String, help: String| {
             let message = format!("[lock]: joint `{}` {problem}", lock.joint);
             document.fault(lock.span.clone(), message, "here", help);
         };
-        let Some(&index) = named.get(lock.joint.as_str()) else {
-            fault("does not exist".into(), alternatives(&lock.joint, names.iter().copied()));
+        let Some(&index) = named.joints.get(lock.joint.as_str()) else {
+            fault("does not exist".into(), named.alternatives(&lock.joint));
             continue;
         };
-        let joint = &urdf.joints[index];
-        match joint.kind {
+        match named.urdf.joints[index].kind {
             Kind::Fixed => fault("is fixed already".into(), "remove it here".into()),
             Kind::Planar | Kind::Floating if lock.position != 0.0 => {
                 fault(
@@ -48,11 +75,15 @@ pub(super) fn rigid(
             }
         }
     }
+}
+
+/// Takes the joints of wheels as their axles.
+fn take_axles(rigid: &mut Rigid, named: &Named<'_>, side: &Side, document: &Document<'_>) {
     for end in &side.end_effectors {
         let Some((name, span)) = &end.wheel_joint else { continue };
-        let problem = match named.get(name.as_str()) {
-            None => Some(("does not exist", alternatives(name, names.iter().copied()))),
-            Some(index) if !matches!(urdf.joints[*index].kind, Kind::Continuous | Kind::Revolute) => {
+        let problem = match named.joints.get(name.as_str()) {
+            None => Some(("does not exist", named.alternatives(name))),
+            Some(index) if !matches!(named.urdf.joints[*index].kind, Kind::Continuous | Kind::Revolute) => {
                 Some(("does not turn", "a wheel's joint is continuous; for one on a fixed joint give `link` and `axis_in_link`".into()))
             }
             Some(index) if rigid.locked.contains_key(index) => {
@@ -68,9 +99,10 @@ pub(super) fn rigid(
             document.fault(span.clone(), message, problem, help);
         }
     }
-    if !document.is_clean() {
-        return None;
-    }
+}
+
+/// Notes what else moves and cannot be a joint of a robot file.
+fn check_moving(rigid: &Rigid, urdf: &Urdf, graph: &Graph, tree: &Tree, notes: &mut Notes<'_>) {
     let mut on_wheel = HashSet::new();
     for &index in &tree.order {
         let joint = &urdf.joints[index];
@@ -107,5 +139,4 @@ pub(super) fn rigid(
             notes.fault(joint.span.clone(), message, "cannot be imported", help);
         }
     }
-    notes.faults.is_empty().then_some(rigid)
 }
