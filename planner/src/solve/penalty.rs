@@ -86,76 +86,116 @@ fn quasi_newton(gradient: &[f64], pairs: &VecDeque<(Vec<f64>, Vec<f64>)>) -> Vec
     direction
 }
 
+/// A point of the descent with its rows, energy and normal equations.
+struct Descent<'a> {
+    system: &'a System<'a>,
+    unknowns: Unknowns,
+    rows: Rows,
+    /// Memory for the rows of trials.
+    spare: Rows,
+    /// No multipliers: a shift of 0 for every row.
+    none: Vec<f64>,
+    normal: NormalEquations,
+    energy: f64,
+}
+
+impl<'a> Descent<'a> {
+    fn new(system: &'a System<'a>, unknowns: Unknowns) -> Self {
+        let rows = evaluate(system, &unknowns, Rows::default());
+        let none = vec![0.0; rows.rows.len()];
+        let normal = NormalEquations::new(&rows, system.columns().count);
+        let energy = NormalEquations::energy(&rows, &none, PENALTY);
+        let spare = Rows::default();
+        let mut here = Self { system, unknowns, rows, spare, none, normal, energy };
+        here.assemble();
+        here
+    }
+
+    fn assemble(&mut self) {
+        self.normal.assemble(&self.rows, &self.none, PENALTY);
+    }
+
+    /// Newton's direction: the damping grows until the Hessian is positive definite; `None` if it never is.
+    fn newton(
+        &mut self,
+        curvature: &Curvature,
+        filtered: bool,
+        damping: &mut f64,
+    ) -> Option<Vec<f64>> {
+        curvature.add(self.system, &self.unknowns, &self.rows, PENALTY, filtered, &mut self.normal);
+        *damping = f64::max(*damping * 0.01, 1e-9);
+        let mut direction = self.normal.step(*damping);
+        while direction.is_none() && *damping < 1e12 {
+            *damping *= 10.0;
+            direction = self.normal.step(*damping);
+        }
+        direction
+    }
+
+    /// Goes along a direction, halving the step until the energy falls enough. Returns the step and the relative
+    /// decrease; `None` if no step lowers the energy.
+    fn search_line(&mut self, direction: &[f64]) -> Option<(Vec<f64>, f64)> {
+        let slope = dot(&self.normal.gradient, direction);
+        let mut share = 1.0;
+        while slope < 0.0 && share > 1e-10 {
+            let step: Vec<f64> = direction.iter().map(|d| share * d).collect();
+            let trial = self.system.moved(&self.unknowns, &step);
+            self.spare = evaluate(self.system, &trial, std::mem::take(&mut self.spare));
+            let energy = NormalEquations::energy(&self.spare, &self.none, PENALTY);
+            if energy <= self.energy + 1e-4 * share * slope {
+                let decrease = (self.energy - energy) / self.energy.max(f64::MIN_POSITIVE);
+                self.unknowns = trial;
+                std::mem::swap(&mut self.rows, &mut self.spare);
+                self.energy = energy;
+                self.assemble();
+                return Some((step, decrease));
+            }
+            share *= 0.5;
+        }
+        None
+    }
+}
+
 /// Minimises the penalty energy from a starting point. `progress` sees every iteration and may stop the solve.
 pub fn solve(
     system: &System<'_>,
-    mut unknowns: Unknowns,
+    unknowns: Unknowns,
     settings: &Settings,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Outcome {
-    let mut rows = evaluate(system, &unknowns, Rows::default());
-    let mut trial_rows = Rows::default();
-    let none = vec![0.0; rows.rows.len()];
-    let mut normal = NormalEquations::new(&rows, system.columns().count);
-    let curvature = Curvature::new(system, &rows);
-    let mut energy = NormalEquations::energy(&rows, &none, PENALTY);
+    let mut here = Descent::new(system, unknowns);
+    let curvature = Curvature::new(system, &here.rows);
     let mut pairs: VecDeque<(Vec<f64>, Vec<f64>)> = VecDeque::new();
     let (mut damping, mut flat, mut iteration) = (1e-6, 0, 0);
     let mut status = Status::IterationLimit;
-    normal.assemble(&rows, &none, PENALTY);
     while iteration < settings.iterations {
         iteration += 1;
         let direction = if settings.method == Method::Lbfgs {
-            Some(quasi_newton(&normal.gradient, &pairs))
+            Some(quasi_newton(&here.normal.gradient, &pairs))
         } else {
-            let filtered = settings.method == Method::NewtonFiltered;
-            curvature.add(system, &unknowns, &rows, PENALTY, filtered, &mut normal);
-            damping = f64::max(damping * 0.01, 1e-9);
-            let mut direction = normal.step(damping);
-            while direction.is_none() && damping < 1e12 {
-                damping *= 10.0;
-                direction = normal.step(damping);
-            }
-            direction
+            here.newton(&curvature, settings.method == Method::NewtonFiltered, &mut damping)
         };
-        let gradient = normal.gradient.clone();
+        let gradient = here.normal.gradient.clone();
+        let taken = direction.and_then(|direction| here.search_line(&direction));
         let (mut decrease, mut length) = (0.0, 0.0);
-        if let Some(direction) = direction {
-            let slope = dot(&gradient, &direction);
-            let mut share = 1.0;
-            while slope < 0.0 && share > 1e-10 {
-                let step: Vec<f64> = direction.iter().map(|d| share * d).collect();
-                let trial = system.moved(&unknowns, &step);
-                trial_rows = evaluate(system, &trial, trial_rows);
-                let trial_energy = NormalEquations::energy(&trial_rows, &none, PENALTY);
-                if trial_energy <= energy + 1e-4 * share * slope {
-                    decrease = (energy - trial_energy) / energy.max(f64::MIN_POSITIVE);
-                    length = dot(&step, &step).sqrt();
-                    unknowns = trial;
-                    std::mem::swap(&mut rows, &mut trial_rows);
-                    energy = trial_energy;
-                    normal.assemble(&rows, &none, PENALTY);
-                    let change: Vec<f64> =
-                        normal.gradient.iter().zip(&gradient).map(|(a, b)| a - b).collect();
-                    if dot(&step, &change) > 0.0 {
-                        pairs.push_back((step, change));
-                        pairs.drain(..pairs.len().saturating_sub(MEMORY));
-                    }
-                    break;
-                }
-                share *= 0.5;
+        if let Some((step, lower)) = taken {
+            (decrease, length) = (lower, dot(&step, &step).sqrt());
+            let change: Vec<f64> =
+                here.normal.gradient.iter().zip(&gradient).map(|(a, b)| a - b).collect();
+            if dot(&step, &change) > 0.0 {
+                pairs.push_back((step, change));
+                pairs.drain(..pairs.len().saturating_sub(MEMORY));
             }
-        }
-        if length == 0.0 {
-            normal.assemble(&rows, &none, PENALTY);
+        } else {
+            here.assemble();
             pairs.clear();
         }
-        let (row, level) = worst(&rows);
+        let (row, level) = worst(&here.rows);
         let report = Progress {
             iteration,
             damping: if settings.method == Method::Lbfgs { 0.0 } else { damping },
             step: length,
-            ..Progress::at(&rows, (row, level), energy, PENALTY)
+            ..Progress::at(&here.rows, (row, level), here.energy, PENALTY)
         };
         if progress(&report).is_break() {
             status = Status::Interrupted;
@@ -171,6 +211,7 @@ pub fn solve(
             break;
         }
     }
+    let Descent { unknowns, rows, none, energy, .. } = here;
     let (row, level) = worst(&rows);
     Outcome {
         status,
