@@ -1,4 +1,4 @@
-//! The layers of the optimiser: which module may use which, read off the source.
+//! The layers of the optimiser: which module may use which, and that solvers see rows only, read off the source.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -36,33 +36,97 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-#[test]
-fn no_layer_uses_one_above_it() {
+/// Code of every file, without tests and comments, with its path below `src`.
+fn code() -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut files = Vec::new();
     sources(&root, &mut files);
-    let mut seen = 0;
-    for path in files {
-        // Tests may stand on any layer.
-        if path.ends_with("tests.rs")
-            || path.ends_with("second_opinion.rs")
-            || path.ends_with("derivatives.rs")
-        {
-            continue;
-        }
+    // Tests may stand on any layer.
+    files.retain(|path| {
+        !["tests.rs", "second_opinion.rs", "derivatives.rs"].iter().any(|test| path.ends_with(test))
+    });
+    let code_of = |path: PathBuf| {
         let text = fs::read_to_string(&path).unwrap();
         let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
-        let inside = path.strip_prefix(&root).unwrap();
-        let first = inside.components().next().unwrap();
-        let module = Path::new(&first).file_stem().unwrap().to_str().unwrap();
         let lines = code.lines().filter(|line| !line.trim_start().starts_with("//"));
-        for rest in lines.flat_map(|line| line.split("crate::").skip(1)) {
+        let code = lines.collect::<Vec<_>>().join("\n");
+        (path.strip_prefix(&root).unwrap().to_owned(), code)
+    };
+    files.into_iter().map(code_of).collect()
+}
+
+/// Module of the first level that a file belongs to.
+fn module(inside: &Path) -> &str {
+    let first = inside.components().next().unwrap();
+    Path::new(first.as_os_str()).file_stem().unwrap().to_str().unwrap()
+}
+
+#[test]
+fn no_layer_uses_one_above_it() {
+    let mut seen = 0;
+    for (inside, code) in code() {
+        let module = module(&inside);
+        for rest in code.split("crate::").skip(1) {
             let used: String =
                 rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
             let allowed = used == module || layer(&used) < layer(module);
             assert!(allowed, "{}: {module} uses {used}", inside.display());
             seen += 1;
         }
+        // `super` leads no further up than the module itself, so that `crate` says all there is to see.
+        let ups = inside.components().count();
+        let beyond = "super::".repeat(ups);
+        assert!(!code.contains(&beyond), "{}: {beyond} leaves {module}", inside.display());
     }
     assert!(seen > 100, "{seen} uses of modules");
+}
+
+/// All that a solver may know: rows as functions of unknowns, families to name the worst one, and the outcome's status.
+const SEEN_BY_SOLVERS: &[&str] = &[
+    "families::Family",
+    "families::FamilySet",
+    "formulation::System",
+    "formulation::rows::Role",
+    "formulation::rows::Row",
+    "formulation::rows::Rows",
+    "plan::Status",
+    "problem::Unknowns",
+];
+
+/// Paths behind `crate::` in a piece of code, with lists in braces written out.
+fn paths(code: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for rest in code.split("crate::").skip(1) {
+        let end = rest.find(|c: char| !c.is_alphanumeric() && !"_:".contains(c));
+        let (path, rest) = rest.split_at(end.unwrap_or(rest.len()));
+        let Some(list) = rest.strip_prefix('{') else {
+            found.push(path.to_owned());
+            continue;
+        };
+        let (list, _) = list.split_once('}').expect("a list ends");
+        assert!(!list.contains('{'), "nested lists are not read: {list}");
+        let items = list.split(',').map(str::trim).filter(|item| !item.is_empty());
+        found.extend(items.map(|item| format!("{path}{item}")));
+    }
+    found
+}
+
+#[test]
+fn solvers_see_rows_only() {
+    let mut seen = 0;
+    for (inside, code) in code().into_iter().filter(|(inside, _)| module(inside) == "solve") {
+        for path in paths(&code) {
+            let allowed = SEEN_BY_SOLVERS.iter().any(|seen| {
+                path == *seen || path.strip_prefix(seen).is_some_and(|rest| rest.starts_with("::"))
+            });
+            assert!(allowed, "{}: a solver uses {path}", inside.display());
+            seen += 1;
+        }
+        // Unknowns are moved by the system; what is in them is none of a solver's business.
+        let fields = code.replace("..", " ");
+        for inner in [".slots", "unknowns.placement", ".problem"] {
+            assert!(!fields.contains(inner), "{}: a solver looks at `{inner}`", inside.display());
+        }
+    }
+    assert!(seen > 10, "{seen} uses of modules");
 }
