@@ -6,36 +6,11 @@
 //! E(m) = Σ_equalities ρ (r + s)²  +  Σ_inequalities ρ ψ_ε(r + s)  +  Σ_costs w r²
 //! ```
 //!
-//! | constraint | equation | term |
-//! |---|---|---|
-//! | linear dynamics | 2.3 | [`DynamicsLinear`] |
-//! | angular dynamics | 2.4 | [`DynamicsAngular`] |
-//! | friction cone, unilateral contact | 2.5 | [`Friction`] |
-//! | traction of free wheels | 2.6 | [`Traction`] |
-//! | no force in swing | 2.7 | [`SwingForce`] |
-//! | no slip | 2.8, at the midpoint | [`NoSlip`] |
-//! | contact height | 2.9, with a profile | [`ContactHeight`] |
-//! | end effectors apart | 2.10 | [`Collision`] |
-//! | wheel axis | 2.13 | [`WheelAxis`] |
-//! | contact point | 2.14 | [`ContactPoint`] |
-//! | contact between the ends of a blade | | [`BladeContact`] |
-//! | welded wheels, held wheels | in place of 2.15 | [`WheelHeld`] |
-//! | joint angle, joint speed, wheel speed limits | "physical hardware constraints" | [`JointLimit`], [`JointSpeed`], [`WheelSpeed`] |
-//! | motor torque limits from planned forces | quasi-static | [`JointTorque`], [`WheelTorque`] |
-//! | torque-speed lines of motors | quasi-static | [`TorqueSpeed`] |
-//! | anchor of the start, displacement, turn | "boundary conditions", "functional objectives" | [`Anchor`], [`Displacement`], [`Turn`] |
-//! | targets at chosen times | "functional objectives" | [`TargetPosition`], [`TargetVelocity`], [`TargetHeading`] |
-//! | height limits | sec. 3.5.2 | [`HeightBound`] |
+//! [`TERMS`] lists the constraints, then the costs. Each term is a file in `formulation/terms/` with its equation and
+//! writes the rows of one family; [`crate::families`] is the table of their names, equations, units and levels.
 //!
 //! Equations 2.11 and 2.12 (centre of mass, body orientation) hold by elimination; periodic, at-rest
 //! and prescribed ends by construction of the timeline ([`crate::problem::variables`]).
-//!
-//! | cost | effect | term |
-//! |---|---|---|
-//! | smoothness | thesis: weight 0.1 on second differences of q | [`Smoothness`] |
-//! | even forces | lets soft servos play the plan | [`EvenForce`] |
-//! | posture | pulls towards the nominal pose | [`Posture`] |
-//! | wheel speed, wheel smoothness | determines free speeds; prevents jumps | [`WheelEffort`], [`WheelSmoothness`] |
 
 pub mod rows;
 pub mod terms;
@@ -201,5 +176,19 @@ impl<'a> System<'a> {
             write(*term, [0, 1, problem.last()]);
         }
         out.finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::families::Kind;
+
+    #[test]
+    fn every_family_but_checks_has_one_term_in_the_order_of_the_catalogue() {
+        let of_terms: Vec<Family> = TERMS.iter().map(|term| term.info().family).collect();
+        let solved = |family: &Family| family.kind() != Kind::Check;
+        let of_catalogue: Vec<Family> = Family::ALL.iter().copied().filter(solved).collect();
+        assert_eq!(of_terms, of_catalogue);
     }
 }

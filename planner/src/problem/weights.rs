@@ -1,7 +1,5 @@
 //! Penalties, weights and margins of the formulation.
 
-use crate::families::CLEARANCE_M;
-
 /// Penalties, weights and margins. The defaults gave the best results in measurements; each field states its effect
 /// on the result. Weights of costs are per sample at a spacing of 0.05 s and are converted to the actual spacing
 /// (`Problem::per_time`), so that more samples refine a plan without changing the balance of its costs.
@@ -31,8 +29,6 @@ pub struct Weights {
     pub least_normal_force: f64,
     /// Fraction of the friction cone available to plans; the rest is a reserve for disturbances.
     pub friction_use: f64,
-    /// Clearance β between end effectors, m (Eq. 2.10).
-    pub clearance_m: f64,
 }
 
 impl Default for Weights {
@@ -47,7 +43,6 @@ impl Default for Weights {
             wheel_smoothness: 0.1,
             least_normal_force: 0.1,
             friction_use: 0.8,
-            clearance_m: CLEARANCE_M,
         }
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! The row contains the distance, not its square, so that the residual is a clearance in metres.
 
-use crate::families::Family;
+use crate::families::{CLEARANCE_M, Family};
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 
@@ -38,9 +38,7 @@ impl Term for Collision {
                 let direction = between.try_normalize(1e-9).unwrap_or_else(nalgebra::Vector3::y);
                 out.d_vector(1, p, &-direction);
                 out.d_vector(1, q, &direction);
-                let least = first.clearance_radius_m()
-                    + second.clearance_radius_m()
-                    + problem.weights.clearance_m;
+                let least = first.clearance_radius_m() + second.clearance_radius_m() + CLEARANCE_M;
                 out.row_of(Subject::EndEffector(j), least - distance);
             }
         }
