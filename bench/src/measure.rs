@@ -2,7 +2,7 @@
 
 use crate::{Program, unless_interrupted};
 use cpu_time::ThreadTime;
-use rollwalk_planner::motion::{Ends, Goal, Motion};
+use rollwalk_planner::motion::{Goal, Motion};
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::{Options, ReplanError, Solution, optimise_solution};
 use rollwalk_robot::Robot;
@@ -69,18 +69,9 @@ pub fn goal_times(motion: &Motion, factor: f64) -> Motion {
 /// How far the plan's displacement and turn are from its goal, as a part of the goal; of goals that
 /// are not 0.
 pub fn goal_error(plan: &Plan) -> f64 {
-    let first = &plan.samples[0];
-    let last = match plan.motion.ends {
-        Ends::Periodic => &plan.after,
-        Ends::AtRest | Ends::Prescribed => &plan.samples[plan.samples.len() - 1],
-    };
-    let yaw = first.base_yaw_pitch_roll_rad[0];
-    let (s, c) = yaw.sin_cos();
-    let [x, y] = [0, 1].map(|axis| last.com_m[axis] - first.com_m[axis]);
-    let reached = [c * x + s * y, c * y - s * x, last.base_yaw_pitch_roll_rad[0] - yaw];
     let Goal { forward_m, left_m, turn_rad } = plan.motion.goal;
     let asked = [forward_m, left_m, turn_rad];
-    let errors = asked.into_iter().zip(reached).filter_map(|(asked, reached)| {
+    let errors = asked.into_iter().zip(plan.reached()).filter_map(|(asked, reached)| {
         asked.filter(|asked| *asked != 0.0).map(|asked| ((reached - asked) / asked).abs())
     });
     errors.fold(0.0, f64::max)

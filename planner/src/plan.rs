@@ -13,7 +13,7 @@ pub use started::{StartKind, Started};
 pub(crate) use json::join_plain_arrays;
 
 use crate::families::{Family, Formulation};
-use crate::motion::Motion;
+use crate::motion::{Ends, Motion};
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
 
@@ -52,6 +52,27 @@ pub struct Plan {
     pub solve: SolveSummary,
     /// Constants and residual families that the plan is made and checked with.
     pub formulation: Formulation,
+}
+
+impl Plan {
+    /// First sample and the state at the end of the motion: the first of the next period, or the last.
+    pub fn ends(&self) -> [&Sample; 2] {
+        let last = match self.motion.ends {
+            Ends::Periodic => &self.after,
+            Ends::AtRest | Ends::Prescribed => &self.samples[self.samples.len() - 1],
+        };
+        [&self.samples[0], last]
+    }
+
+    /// What a goal asks for, as the plan has it: displacement of the centre of mass along and across the starting
+    /// heading, m, and turn of the body, rad.
+    pub fn reached(&self) -> [f64; 3] {
+        let [first, last] = self.ends();
+        let yaw = first.base_yaw_pitch_roll_rad[0];
+        let (s, c) = yaw.sin_cos();
+        let [x, y] = [0, 1].map(|axis| last.com_m[axis] - first.com_m[axis]);
+        [c * x + s * y, c * y - s * x, last.base_yaw_pitch_roll_rad[0] - yaw]
+    }
 }
 
 /// Planar placement: turn by `yaw_rad` about the world's vertical, then move by `offset_m`.

@@ -72,15 +72,6 @@ impl<'a> Timeline<'a> {
     pub fn spacing_s(&self) -> f64 {
         self.plan.sample_interval_s
     }
-
-    /// First state and the state at the end of the motion: the first of the next period, or the last.
-    pub fn ends(&self) -> [&State<'a>; 2] {
-        let last = match self.plan.motion.ends {
-            Ends::Periodic => self.plan.samples.len() + 1,
-            Ends::AtRest | Ends::Prescribed => self.plan.samples.len(),
-        };
-        [&self.states[1], &self.states[last]]
-    }
 }
 
 impl<'a> State<'a> {

@@ -334,13 +334,9 @@ fn limits(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
 /// against the goal of the motion.
 fn goals(timeline: &Timeline) -> Vec<Row> {
     let goal = timeline.plan.motion.goal;
-    let [first, last] = timeline.ends();
-    let turn = last.sample.base_yaw_pitch_roll_rad[0] - first.sample.base_yaw_pitch_roll_rad[0];
-    let heading = rolling_direction(first.sample.base_yaw_pitch_roll_rad[0]);
-    let left = Vector3::z().cross(&heading);
-    let moved = last.com() - first.com();
-    let displacement =
-        [("forward", goal.forward_m, moved.dot(&heading)), ("left", goal.left_m, moved.dot(&left))];
+    let [_, last] = timeline.plan.ends();
+    let [forward, left, turn] = timeline.plan.reached();
+    let displacement = [("forward", goal.forward_m, forward), ("left", goal.left_m, left)];
     let off = |(subject, wanted, reached): (_, Option<f64>, f64)| {
         Some((Some(subject), (reached - wanted?).abs()))
     };
@@ -352,7 +348,7 @@ fn goals(timeline: &Timeline) -> Vec<Row> {
             let (subject, worst): (Option<&str>, f64) = worst?;
             let place = Place {
                 sample: timeline.plan.samples.len(),
-                time_s: last.sample.time_s,
+                time_s: last.time_s,
                 subject: subject.map(str::to_owned),
             };
             let (_, factor) = family.unit().shown();
