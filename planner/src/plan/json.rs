@@ -186,8 +186,9 @@ fn find_outside_strings(text: &str, wanted: impl Fn(char) -> bool) -> Option<usi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::families::{Family, Kind};
     use crate::motion::Ends;
-    use crate::plan::Sample;
+    use crate::plan::{Culprit, Diagnosis, Sample, Status, Verdict};
     use crate::test_plans;
 
     /// The plan with one piece of its JSON replaced.
@@ -340,6 +341,48 @@ mod tests {
         let mut speeds = test_plans::cruise();
         speeds.before.end_effectors[0].motor_speed_rad_s += 1e-5;
         assert!(refused(&speeds).contains("before.end_effectors[0].motor_speed_rad_s is"));
+    }
+
+    #[test]
+    fn a_diagnosis_repeats_the_catalogue_and_says_nothing_else() {
+        let mut plan = test_plans::start_stop();
+        plan.solve.status = Status::Infeasible;
+        let slip = Culprit {
+            constraint: Family::Slip,
+            part: Kind::Build,
+            subject: None,
+            time_s: [0.0, 1.0],
+            worst: 0.1,
+            unit: "m/s".to_owned(),
+            share: 1.0,
+            field: None,
+            given: None,
+            would_do: None,
+            advice: "steps".to_owned(),
+        };
+        let with = |culprit: Culprit| {
+            let diagnosis = Diagnosis { verdict: Verdict::Stuck, culprits: vec![culprit] };
+            let mut plan = plan.clone();
+            plan.solve.diagnosis = Some(diagnosis);
+            Plan::from_json("x.json", &plan.to_json()).map_err(|error| error.to_string())
+        };
+        with(slip.clone()).expect("a plan");
+        for (culprit, expected) in [
+            (
+                Culprit { part: Kind::Request, ..slip.clone() },
+                "culprits[0].part is request; expected build, the kind of slip",
+            ),
+            (
+                Culprit { unit: "mm/s".to_owned(), ..slip.clone() },
+                "culprits[0].unit is mm/s; expected m/s, the unit of slip",
+            ),
+            (Culprit { constraint: Family::Posture, ..slip.clone() }, "the name of a constraint"),
+            (Culprit { share: -1.0, ..slip.clone() }, "none of them negative"),
+            (Culprit { advice: "\u{1b}[2J".to_owned(), ..slip.clone() }, "control characters"),
+        ] {
+            let message = with(culprit).expect_err("another diagnosis");
+            assert!(message.contains(expected), "{message}");
+        }
     }
 
     #[test]

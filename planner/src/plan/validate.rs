@@ -112,6 +112,13 @@ impl Plan {
             let found = culprit.constraint;
             let constraint = !matches!(found.kind(), Kind::Cost | Kind::Check);
             at.of("constraint").holds(constraint, found, "the name of a constraint")?;
+            // Both stand in the catalogue as well, for readers that have the diagnosis alone.
+            let (kind, unit) = (found.kind(), found.unit().symbol());
+            let word = |kind: Kind| format!("{kind:?}").to_lowercase();
+            let expected = format!("{}, the kind of {found}", word(kind));
+            at.of("part").holds(culprit.part == kind, word(culprit.part), expected)?;
+            let expected = format!("{unit}, the unit of {found}");
+            at.of("unit").holds(culprit.unit == unit, culprit.unit.escape_debug(), expected)?;
             let [from_s, to_s] = culprit.time_s;
             let numbers = [culprit.worst, from_s, to_s, to_s - from_s, culprit.share];
             let given = [culprit.given.unwrap_or(0.0), culprit.would_do.unwrap_or(0.0)];
@@ -122,9 +129,8 @@ impl Plan {
                 "out of range",
                 "finite numbers, none of them negative, in order of time",
             )?;
-            let words = [Some(&culprit.advice), Some(&culprit.unit)];
-            let words = words.into_iter().chain([culprit.subject.as_ref(), culprit.field.as_ref()]);
-            let plain = !words.flatten().any(|text| text.contains(char::is_control));
+            let words = [Some(&culprit.advice), culprit.subject.as_ref(), culprit.field.as_ref()];
+            let plain = !words.into_iter().flatten().any(|text| text.contains(char::is_control));
             at.holds(plain, "text with control characters", "plain text")?;
         }
         Ok(())
