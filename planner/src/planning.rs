@@ -51,8 +51,8 @@ pub struct Solution {
 ///
 /// With [`Start::Auto`] it tries the [`candidates`] in order; the plan is that of the first that converges, or of the
 /// first candidate if none does. The outcome is in the plan's [`solve`](Plan::solve) summary; a plan that did not
-/// converge is returned too, for inspection. `progress` sees every iteration and may stop the solve. [`Search`] tries
-/// several starts in parallel.
+/// converge is returned too, for inspection. `progress` sees every iteration of one start after the other, each counted
+/// from 1, and may stop the solve. [`Search`] tries several starts in parallel.
 pub fn optimise(
     robot: &Robot,
     motion: &Motion,
@@ -76,6 +76,6 @@ pub fn optimise_solution(
 
 /// Options of every start that [`optimise`] tries, in order; a chosen start is the only one.
 pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Options> {
-    let starts = start::candidates(robot, motion, options.start, options.seed);
+    let starts = start::in_order(robot, motion, options.start, options.seed);
     starts.into_iter().map(|(start, seed)| Options { start, seed, ..options.clone() }).collect()
 }

@@ -3,7 +3,7 @@
 //! The optimiser finds a minimum near its start, and for some motions the obvious start is a bad one. Standing
 //! straight is a saddle point for robots on free wheels: thrust grows with steering angle times stroke, so every
 //! method stops there without moving. A small smooth random swing of every joint leaves the saddle point, but harms
-//! motions from rest to rest. [`candidates`] lists the starts of a motion in the order of trial.
+//! motions from rest to rest. [`crate::candidates`] lists the starts of a motion in the order of trial.
 //!
 //! All random numbers come from a seed: the same seed gives the same plan.
 
@@ -31,7 +31,7 @@ use std::f64::consts::TAU;
 /// Kind of start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Start {
-    /// Each of [`candidates`] in order, until one converges.
+    /// Each of [`crate::candidates`] in order, until one converges.
     #[default]
     Auto,
     /// Standing, moved evenly towards the goal. With a seed other than 0 the joints swing a little, so that different
@@ -60,9 +60,14 @@ const SEED_STRIDE: u64 = 1000;
 ///
 /// For [`Start::Auto`] these are, on free wheels that can be steered, two random swings, then standing; otherwise
 /// standing, with small random swings if that fails, then a random swing, and for motions with steps the warm start,
-/// which a flying trot needs. With many samples [`Start::Coarse`] comes first on free wheels and skates, whose
+/// which costs most. With many samples [`Start::Coarse`] comes first on free wheels and skates, whose
 /// strokes are hardly found otherwise, and second for all others. A chosen start is the only candidate.
-pub fn candidates(robot: &Robot, motion: &Motion, start: Start, seed: u64) -> Vec<(Start, u64)> {
+pub(crate) fn in_order(
+    robot: &Robot,
+    motion: &Motion,
+    start: Start,
+    seed: u64,
+) -> Vec<(Start, u64)> {
     let other = |i: u64| seed.wrapping_add(i * SEED_STRIDE);
     let swing = |i| (Start::Sinusoid, other(i));
     let nudge = |i| (Start::Standing, other(i));

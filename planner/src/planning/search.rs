@@ -50,7 +50,8 @@ impl<'a> Search<'a> {
 
     /// Solves candidates until none is left that can still win. The caller runs this at least once, and on several
     /// threads at once if there are cores for them. `progress` sees the iterations of the first candidate that can
-    /// still win, if this thread solves it, and may stop the search.
+    /// still win, if this thread solves it, and may stop the search. When a candidate fails, the iterations of the next
+    /// one follow: from 1, or from where it is if it ran beside the first.
     pub fn work(&self, progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>) {
         self.race.work(progress, &|index, watched| {
             let solution = attempt(self.robot, self.motion, &self.candidates[index], watched);

@@ -7,7 +7,7 @@ use crate::formulation::rows::{Role, Row, Rows};
 /// Progress of a solve, passed to the caller after every iteration.
 #[derive(Clone, Debug)]
 pub struct Progress {
-    /// Iterations so far.
+    /// Iterations so far, from the present start.
     pub iteration: usize,
     /// Energy E(m).
     pub energy: f64,
