@@ -15,9 +15,6 @@ use serde::Serialize;
 /// Plan against command, joints: the ends of a transition may be moved by so much onto the motions
 /// that it joins; rounding and the controller's cubics stay below that.
 const COMMAND_JOINT_RAD: f64 = library::JOIN_TOLERANCE_RAD as f64;
-/// Command against motor, joints: the credible level of a joint angle in a plan. The servos' stiffness
-/// gives way under the legs' weight, and lags behind fast swings.
-const TRACKING_JOINT_RAD: f64 = 0.05;
 /// A bus above this load has no room left for repetitions.
 const BUS_LOAD: f64 = 0.7;
 
@@ -193,6 +190,9 @@ fn wheel_step_rad_s(config: &RobotConfig) -> f64 {
 }
 
 fn bounds(clips: &[Clip], levels: &Levels, wheel_step_rad_s: f64) -> Vec<Bound> {
+    // The credible level of a joint angle in a plan. The servos' stiffness gives way under the legs' weight, and lags
+    // behind fast swings.
+    let tracking_joint_rad = Family::JointLimit.level().at(1.0);
     let bound = |name, unit, bound: f64, value: fn(&Clip) -> f64| {
         let worst = clips.iter().map(value).fold(0.0, f64::max);
         Bound { name, worst, bound, unit, holds: worst <= bound }
@@ -213,7 +213,7 @@ fn bounds(clips: &[Clip], levels: &Levels, wheel_step_rad_s: f64) -> Vec<Bound> 
         bound("plan against command, wheels", "rad/s", wheel_step_rad_s, |clip| {
             clip.command_wheel_rad_s
         }),
-        bound("command against motor, joints", "rad", TRACKING_JOINT_RAD, |clip| {
+        bound("command against motor, joints", "rad", tracking_joint_rad, |clip| {
             clip.tracking_joint_rad
         }),
         bound("command against motor, wheels", "rad/s", wheel_step_rad_s, |clip| {
