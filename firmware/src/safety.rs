@@ -80,6 +80,7 @@ pub fn step(state: State, event: Event) -> (State, Action) {
         (S::Aligning | S::Ready | S::Playing | S::Paused | S::Returning, V::Damp, _) => {
             (S::Damped, A::Damp)
         }
+        (_, V::TorqueOff, _) if state.torque() != Torque::Off => (S::TorqueOff, A::CutTorque),
         (S::Damped, _, E::DampingElapsed) => (S::TorqueOff, A::CutTorque),
 
         (S::TorqueOff, _, E::FaultFree) => (S::Disarmed, A::None),
@@ -148,26 +149,16 @@ impl StateMachine {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EventSet(u32);
 
-/// Bit sets of the events of each severity, most severe first.
-const BY_SEVERITY: [u32; 5] = [
-    of_severity(Severity::EStop),
-    of_severity(Severity::TorqueOff),
-    of_severity(Severity::Damp),
-    of_severity(Severity::Return),
-    of_severity(Severity::None),
-];
-
-const fn of_severity(severity: Severity) -> u32 {
-    let mut set = 0;
+/// Bit sets of the events of each severity, by its code.
+const BY_SEVERITY: [u32; Severity::ALL.len()] = {
+    let mut sets = [0; Severity::ALL.len()];
     let mut events = Event::ALL;
     while let [event, rest @ ..] = events {
-        if event.severity().code() == severity.code() {
-            set |= 1 << event.code();
-        }
+        sets[event.severity() as usize] |= 1 << event.code();
         events = rest;
     }
-    set
-}
+    sets
+};
 
 impl EventSet {
     /// Adds an event.
@@ -177,7 +168,7 @@ impl EventSet {
 
     /// Removes and returns the most severe event; of several, the one with the lowest code.
     pub fn pop(&mut self) -> Option<Event> {
-        let most_severe = BY_SEVERITY.iter().map(|class| self.0 & class).find(|&set| set != 0)?;
+        let most_severe = BY_SEVERITY.iter().rev().map(|set| self.0 & set).find(|&set| set != 0)?;
         self.0 &= !(most_severe & most_severe.wrapping_neg());
         Event::from_code(most_severe.trailing_zeros() as u8)
     }

@@ -1,8 +1,8 @@
 //! The monitor: checks every frame of every bus and every step of the motors against the rules.
 //!
-//! It knows the robot's limits and the documents (`docs/wire-format.md`, `docs/playback-and-safety.md`),
-//! and nothing of the firmware: whether torque may be on follows from the frames that the controller receives
-//! and sends.
+//! It uses the robot's limits, the documents (`docs/wire-format.md`, `docs/playback-and-safety.md`) and
+//! `rollwalk_protocol`, and no code of the firmware: whether torque may be on follows from the frames that the
+//! controller receives and sends.
 //!
 //! | module | is |
 //! |---|---|
