@@ -24,14 +24,18 @@ struct Bus {
 }
 
 impl Bus {
-    fn fault(&self) -> Option<(Fault, Event)> {
+    fn event(&self) -> Option<Event> {
         match self.state {
             BusState::Active => None,
             BusState::NotAcknowledged if self.ticks < NO_ACK_TICKS => None,
-            BusState::NotAcknowledged => Some((Fault::BusNoAck, Event::NotAcknowledged)),
-            BusState::Passive => Some((Fault::BusPassive, Event::BusPassive)),
-            BusState::Off => Some((Fault::BusOff, Event::BusOff)),
+            BusState::NotAcknowledged => Some(Event::NotAcknowledged),
+            BusState::Passive => Some(Event::BusPassive),
+            BusState::Off => Some(Event::BusOff),
         }
+    }
+
+    fn fault(&self) -> Option<Fault> {
+        self.event()?.fault()
     }
 }
 
@@ -60,19 +64,18 @@ impl BusWatch {
 
     /// Raises the events of bus faults while torque is on.
     pub fn watch(&self, events: &mut EventSet) {
-        self.0.iter().filter_map(Bus::fault).for_each(|(_, event)| events.insert(event));
+        self.0.iter().filter_map(Bus::event).for_each(|event| events.insert(event));
     }
 
     /// Faults that prevent arming.
     pub fn faults(&self) -> FaultBits {
-        let faults = self.0.iter().filter_map(Bus::fault);
-        faults.fold(FaultBits::default(), |all, (fault, _)| all.with(fault))
+        self.0.iter().filter_map(Bus::fault).fold(FaultBits::default(), FaultBits::with)
     }
 
     /// The number of the bus with a fault.
     pub fn about(&self, fault: Fault) -> Option<u8> {
-        let is_it = |bus: &Bus| bus.fault().is_some_and(|(f, _)| f == fault);
-        u8::try_from(self.0.iter().position(is_it)?).ok()
+        let number = self.0.iter().position(|bus| bus.fault() == Some(fault))?;
+        u8::try_from(number).ok()
     }
 
     /// Permits buses that are off to restart, after the operator's clear.

@@ -1,6 +1,6 @@
 //! States, events and faults in words. Facts about faults come from [`rollwalk_protocol::faults`].
 
-use rollwalk_protocol::faults::{Event, Fault, FaultBits, Quantity};
+use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 use rollwalk_protocol::wire::State;
 
 /// Description of a state, to follow "the robot is".
@@ -59,14 +59,8 @@ pub fn fault_report(fault: Fault, channel: Option<String>, value: Option<f32>) -
 
 /// Channel and value of a fault report in parentheses; empty without both.
 pub fn report_details(fault: Fault, channel: Option<String>, value: Option<f32>) -> String {
-    let value = fault.description().value.zip(value).map(|(quantity, value)| match quantity {
-        Quantity::MeasuredUnless(_, _, otherwise) if value < 0.0 => otherwise.to_owned(),
-        Quantity::Measured(unit, what) | Quantity::MeasuredUnless(unit, what, _) => {
-            format!("{value:.3} {unit} {what}")
-        }
-        Quantity::Number(what) => format!("{what} {value}"),
-        Quantity::Flags(what) => format!("{what} {:#04x}", value as u8),
-    });
+    let value = fault.description().value.zip(value);
+    let value = value.map(|(quantity, value)| quantity.reading(value).to_string());
     let details: Vec<_> = channel.into_iter().chain(value).collect();
     if details.is_empty() { String::new() } else { format!(" ({})", details.join(", ")) }
 }

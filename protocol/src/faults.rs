@@ -1,8 +1,11 @@
 //! The catalogue of faults: every fault and event of the safety state machine, with all that is known of it.
 //!
-//! A fault is a row here, a place in the firmware that raises its event and measures its value, and a section of
-//! `docs/faults.md`. Reactions, reports, advice, the DBC files and the tables in `docs/` follow from the rows.
-//! Firmware calls only what returns codes and severities, so that no text reaches its image.
+//! A fault is a row of [`Fault`] and one of the [`Event`] that raises it, a place in the firmware that raises the event and
+//! measures its value, and a section of `docs/faults.md`. Reactions, reports, advice, the DBC files and the tables in
+//! `docs/` follow from the rows. Firmware calls only what returns codes and severities, so that no text reaches its
+//! image.
+
+use core::fmt;
 
 use crate::wire::coded;
 
@@ -22,42 +25,6 @@ coded! {
         TorqueOff = 4,
         /// Emergency stop.
         EStop = 5,
-    }
-}
-
-coded! {
-    /// Faults by their bit in [`FaultBits`].
-    Fault {
-        /// No library, or it was refused.
-        NoLibrary = 0,
-        /// The library is for another robot configuration.
-        ConfigMismatch = 1,
-        /// The host's heartbeat stopped.
-        HostLost = 2,
-        /// An actuator does not answer.
-        ActuatorSilent = 3,
-        /// An actuator reports a fault, or dropped its torque.
-        ActuatorFault = 4,
-        /// A joint does not follow its setpoint.
-        TrackingError = 5,
-        /// A measured position is outside its limits.
-        OutOfLimits = 6,
-        /// The body is tilted further than its motion makes it.
-        Tilt = 7,
-        /// No node acknowledges on an actuator bus.
-        BusNoAck = 9,
-        /// An actuator bus is error-passive.
-        BusPassive = 10,
-        /// An actuator bus is off.
-        BusOff = 11,
-        /// An emergency stop was received.
-        EStop = 12,
-        /// The control loop missed its deadline.
-        Overrun = 13,
-        /// The library changed or cannot be read during playback.
-        LibraryUnreadable = 14,
-        /// Configuration or settings cannot be used.
-        Internal = 15,
     }
 }
 
@@ -95,89 +62,113 @@ impl Quantity {
             Self::Number(_) | Self::Flags(_) => "",
         }
     }
+
+    /// A value with its unit and its meaning, for people.
+    pub fn reading(self, value: f32) -> impl fmt::Display {
+        fmt::from_fn(move |f| match self {
+            Self::MeasuredUnless(_, _, negative) if value < 0.0 => f.write_str(negative),
+            Self::Measured(unit, what) | Self::MeasuredUnless(unit, what, _) => {
+                write!(f, "{value:.3} {unit} {what}")
+            }
+            Self::Number(what) => write!(f, "{what} {value}"),
+            Self::Flags(what) => write!(f, "{what} {:#04x}", value as u8),
+        })
+    }
+}
+
+impl fmt::Display for Quantity {
+    /// The unit and the meaning of the value.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Measured(unit, what) => write!(f, "{unit} {what}"),
+            Self::MeasuredUnless(unit, what, negative) => {
+                write!(f, "{unit} {what}, negative: {negative}")
+            }
+            Self::Number(what) | Self::Flags(what) => f.write_str(what),
+        }
+    }
+}
+
+/// Defines [`Fault`] by rows: bit, short description, advice, and of its report the meanings of channel and value.
+macro_rules! faults {
+    ($(
+        $(#[$doc:meta])*
+        $fault:ident = $bit:literal: $name:literal, $advice:literal
+        $(, channel $channel:literal)? $(, value $value:expr)?;
+    )*) => {
+        coded! {
+            /// Faults by their bit in [`FaultBits`].
+            Fault { $($(#[$doc])* $fault = $bit,)* }
+        }
+
+        impl Fault {
+            /// Description for people.
+            pub const fn description(self) -> Description {
+                use Quantity::{Flags, Measured, MeasuredUnless, Number};
+                let (name, advice, channel, value) = match self {
+                    $(Self::$fault => {
+                        ($name, $advice, concat!($($channel)?), faults!(@value $($value)?))
+                    })*
+                };
+                Description { name, advice, channel, value }
+            }
+        }
+    };
+    (@value) => { None };
+    (@value $value:expr) => { Some($value) };
+}
+
+faults! {
+    /// No library, or it was refused.
+    NoLibrary = 0: "no valid library", "flash a library, then arm";
+    /// The library is for another robot configuration.
+    ConfigMismatch = 1: "library for another robot",
+        "flash a library that was built from this robot's file";
+    /// The host's heartbeat stopped.
+    HostLost = 2: "heartbeat lost", "see why heartbeats did not arrive; clear, then arm",
+        value Measured("s", "since the last heartbeat");
+    /// An actuator does not answer.
+    ActuatorSilent = 3: "an actuator does not answer",
+        "check motor power and this actuator's cable; clear, then arm",
+        channel "longest silent", value Measured("s", "since its last feedback");
+    /// An actuator reports a fault, or dropped its torque.
+    ActuatorFault = 4: "an actuator reports a fault",
+        "read the drive's own error, let it cool; clear, then arm",
+        channel "first with a fault", value Flags("status byte");
+    /// A joint does not follow its setpoint.
+    TrackingError = 5: "a joint or wheel does not follow",
+        "free what holds the joint; is the torque limit or the gain too low? clear, then arm",
+        channel "furthest from its setpoint", value Measured("rad", "from its setpoint");
+    /// A measured position is outside its limits.
+    OutOfLimits = 6: "a joint is outside its limits",
+        "turn the joint back into its range by hand, then arm",
+        channel "first outside its limits", value Measured("rad", "measured");
+    /// The body is tilted further than its motion makes it.
+    Tilt = 7: "the body is tilted", "set the robot up, without torque; clear, then arm",
+        value MeasuredUnless("rad", "beyond the tilt of its motion", "the IMU is silent");
+    /// No node acknowledges on an actuator bus.
+    BusNoAck = 9: "no node acknowledges on an actuator bus",
+        "check motor power and the actuator bus; clear, then arm", value Number("bus");
+    /// An actuator bus is error-passive.
+    BusPassive = 10: "a bus is error-passive",
+        "check termination and bit rates of the actuator bus; clear, then arm", value Number("bus");
+    /// An actuator bus is off.
+    BusOff = 11: "a bus is off", "motor power off, mend the bus; clear, then arm",
+        value Number("bus");
+    /// An emergency stop was received.
+    EStop = 12: "emergency stop", "see why it was pressed, look at the robot; clear, then arm";
+    /// The control loop missed its deadline.
+    Overrun = 13: "the control loop missed its time",
+        "see what holds the control loop up; clear, then arm",
+        value Measured("s", "from one tick to the next");
+    /// The library changed or cannot be read during playback.
+    LibraryUnreadable = 14: "the library cannot be read",
+        "flash the library again; clear, then arm";
+    /// Configuration or settings cannot be used.
+    Internal = 15: "internal error", "the firmware's configuration is unusable: build it anew";
 }
 
 impl Fault {
-    /// Description for people.
-    pub const fn description(self) -> Description {
-        let (name, advice) = match self {
-            Self::NoLibrary => ("no valid library", "flash a library, then arm"),
-            Self::ConfigMismatch => (
-                "library for another robot",
-                "flash a library that was built from this robot's file",
-            ),
-            Self::HostLost => {
-                ("heartbeat lost", "see why heartbeats did not arrive; clear, then arm")
-            }
-            Self::ActuatorSilent => (
-                "an actuator does not answer",
-                "check motor power and this actuator's cable; clear, then arm",
-            ),
-            Self::ActuatorFault => (
-                "an actuator reports a fault",
-                "read the drive's own error, let it cool; clear, then arm",
-            ),
-            Self::TrackingError => (
-                "a joint or wheel does not follow",
-                "free what holds the joint; is the torque limit or the gain too low? clear, then arm",
-            ),
-            Self::OutOfLimits => (
-                "a joint is outside its limits",
-                "turn the joint back into its range by hand, then arm",
-            ),
-            Self::Tilt => {
-                ("the body is tilted", "set the robot up, without torque; clear, then arm")
-            }
-            Self::BusNoAck => (
-                "no node acknowledges on an actuator bus",
-                "check motor power and the actuator bus; clear, then arm",
-            ),
-            Self::BusPassive => (
-                "a bus is error-passive",
-                "check termination and bit rates of the actuator bus; clear, then arm",
-            ),
-            Self::BusOff => ("a bus is off", "motor power off, mend the bus; clear, then arm"),
-            Self::EStop => {
-                ("emergency stop", "see why it was pressed, look at the robot; clear, then arm")
-            }
-            Self::Overrun => (
-                "the control loop missed its time",
-                "see what holds the control loop up; clear, then arm",
-            ),
-            Self::LibraryUnreadable => {
-                ("the library cannot be read", "flash the library again; clear, then arm")
-            }
-            Self::Internal => {
-                ("internal error", "the firmware's configuration is unusable: build it anew")
-            }
-        };
-        let (channel, value) = match self {
-            Self::HostLost => ("", Some(Quantity::Measured("s", "since the last heartbeat"))),
-            Self::ActuatorSilent => {
-                ("longest silent", Some(Quantity::Measured("s", "since its last feedback")))
-            }
-            Self::ActuatorFault => ("first with a fault", Some(Quantity::Flags("status byte"))),
-            Self::TrackingError => {
-                ("furthest from its setpoint", Some(Quantity::Measured("rad", "from its setpoint")))
-            }
-            Self::OutOfLimits => {
-                ("first outside its limits", Some(Quantity::Measured("rad", "measured")))
-            }
-            Self::Tilt => {
-                let tilt = "beyond the tilt of its motion";
-                ("", Some(Quantity::MeasuredUnless("rad", tilt, "the IMU is silent")))
-            }
-            Self::BusNoAck | Self::BusPassive | Self::BusOff => ("", Some(Quantity::Number("bus"))),
-            Self::Overrun => ("", Some(Quantity::Measured("s", "from one tick to the next"))),
-            Self::NoLibrary
-            | Self::ConfigMismatch
-            | Self::EStop
-            | Self::LibraryUnreadable
-            | Self::Internal => ("", None),
-        };
-        Description { name, advice, channel, value }
-    }
-
     /// Events that raise this fault.
     pub fn events(self) -> impl Iterator<Item = Event> {
         Event::ALL.iter().copied().filter(move |event| event.fault() == Some(self))
@@ -232,130 +223,99 @@ impl FaultBits {
     }
 }
 
-coded! {
-    /// Everything that can change the controller's state. Codes are those of the log.
-    Event {
-        /// Emergency stop, from the link or from the board.
-        EStop = 0,
-        /// An actuator bus is off: no actuator on it hears the controller.
-        BusOff = 1,
-        /// Configuration or settings cannot be used.
-        SelfTestFailed = 2,
-        /// An actuator has been silent for too many ticks.
-        FeedbackLost = 3,
-        /// An actuator reports a fault or has dropped its torque.
-        ActuatorFault = 4,
-        /// No node acknowledges frames on an actuator bus.
-        NotAcknowledged = 5,
-        /// An actuator bus is error-passive: about to go off.
-        BusPassive = 6,
-        /// The body is tilted so far that no motion can save it.
-        Tipped = 7,
-        /// A joint has been far from its setpoint for too long.
-        NotFollowing = 8,
-        /// The library could not be played although it was validated.
-        PlaybackFailed = 9,
-        /// The control loop came so late that setpoints are outdated.
-        Overrun = 10,
-        /// The SAFE pose was not reached in time.
-        AlignFailed = 11,
-        /// The host's heartbeat has been missing for too long.
-        HostLost = 12,
-        /// The body is tilted further than the motion makes it.
-        Leaning = 13,
-        /// Command DISARM.
-        Disarm = 14,
-        /// Command CLEAR, second step, with the right nonce.
-        ClearConfirmed = 15,
-        /// Command ARM, second step, with the right nonce and every actuator fresh.
-        ArmConfirmed = 16,
-        /// First tick after power-on or reset.
-        Started = 17,
-        /// Configuration and settings can be used.
-        SelfTestPassed = 18,
-        /// The SAFE pose is reached.
-        Aligned = 19,
-        /// A command for another motion was accepted.
-        MotionStarted = 20,
-        /// Command PAUSE.
-        PauseAsked = 21,
-        /// Command RESUME, or RETURN from a pause.
-        ResumeAsked = 22,
-        /// The player has entered the safe motion and goes nowhere else.
-        SafeReached = 23,
-        /// SAFE was held long enough after returning.
-        HoldElapsed = 24,
-        /// Damping has lasted long enough.
-        DampingElapsed = 25,
-        /// Torque is off and no fault is latched.
-        FaultFree = 26,
-    }
+/// Defines [`Event`] by rows: code, severity, the fault that it raises, and what happened as a clause.
+macro_rules! events {
+    ($(
+        $(#[$doc:meta])*
+        $event:ident = $code:literal: $severity:ident, $fault:expr, $description:literal;
+    )*) => {
+        coded! {
+            /// Everything that can change the controller's state. Codes are those of the log.
+            Event { $($(#[$doc])* $event = $code,)* }
+        }
+
+        impl Event {
+            /// Reaction that the event calls for while torque is on.
+            pub const fn severity(self) -> Severity {
+                match self {
+                    $(Self::$event => Severity::$severity,)*
+                }
+            }
+
+            /// Fault that the event raises.
+            pub const fn fault(self) -> Option<Fault> {
+                match self {
+                    $(Self::$event => $fault,)*
+                }
+            }
+
+            /// What happened, as a clause.
+            pub const fn description(self) -> &'static str {
+                match self {
+                    $(Self::$event => $description,)*
+                }
+            }
+        }
+    };
 }
 
-impl Event {
-    /// Reaction that the event calls for while torque is on, and fault that it raises.
-    const fn consequence(self) -> (Severity, Option<Fault>) {
-        match self {
-            Self::EStop => (Severity::EStop, Some(Fault::EStop)),
-            Self::BusOff => (Severity::EStop, Some(Fault::BusOff)),
-            Self::SelfTestFailed => (Severity::TorqueOff, Some(Fault::Internal)),
-            Self::FeedbackLost => (Severity::Damp, Some(Fault::ActuatorSilent)),
-            Self::ActuatorFault => (Severity::Damp, Some(Fault::ActuatorFault)),
-            Self::NotAcknowledged => (Severity::Damp, Some(Fault::BusNoAck)),
-            Self::BusPassive => (Severity::Damp, Some(Fault::BusPassive)),
-            Self::Tipped => (Severity::Damp, Some(Fault::Tilt)),
-            Self::NotFollowing | Self::AlignFailed => (Severity::Damp, Some(Fault::TrackingError)),
-            Self::PlaybackFailed => (Severity::Damp, Some(Fault::LibraryUnreadable)),
-            Self::Overrun => (Severity::Damp, Some(Fault::Overrun)),
-            Self::HostLost => (Severity::Return, Some(Fault::HostLost)),
-            Self::Leaning => (Severity::Return, Some(Fault::Tilt)),
-            Self::Disarm => (Severity::Return, None),
-            _ => (Severity::None, None),
-        }
-    }
-
-    /// Reaction that the event calls for while torque is on.
-    pub const fn severity(self) -> Severity {
-        self.consequence().0
-    }
-
-    /// Fault that the event raises.
-    pub const fn fault(self) -> Option<Fault> {
-        self.consequence().1
-    }
-
-    /// What happened, as a clause.
-    pub const fn description(self) -> &'static str {
-        match self {
-            Self::EStop => "emergency stop",
-            Self::BusOff => "an actuator bus has gone off",
-            Self::SelfTestFailed => "its configuration or settings cannot be used",
-            Self::FeedbackLost => "an actuator did not answer",
-            Self::ActuatorFault => "an actuator reported a fault or dropped its torque",
-            Self::NotAcknowledged => "no node acknowledged on an actuator bus",
-            Self::BusPassive => "an actuator bus has become error-passive",
-            Self::Tipped => "the body was about to fall over",
-            Self::NotFollowing => "a joint did not follow",
-            Self::PlaybackFailed => "the library could not be played",
-            Self::Overrun => "the control loop came too late",
-            Self::AlignFailed => "the SAFE pose was not reached in time",
-            Self::HostLost => "the host's heartbeat was lost",
-            Self::Leaning => "the body was tilted further than its motion tilts it",
-            Self::Disarm => "a command to disarm",
-            Self::ClearConfirmed => "the operator cleared its faults",
-            Self::ArmConfirmed => "it was armed",
-            Self::Started => "it was switched on or reset",
-            Self::SelfTestPassed => "the self test passed",
-            Self::Aligned => "the SAFE pose was reached",
-            Self::MotionStarted => "a command for a motion",
-            Self::PauseAsked => "a command to pause",
-            Self::ResumeAsked => "a command to resume",
-            Self::SafeReached => "the safe motion was reached",
-            Self::HoldElapsed => "SAFE was held long enough",
-            Self::DampingElapsed => "its joints were damped long enough",
-            Self::FaultFree => "torque was off without a fault",
-        }
-    }
+events! {
+    /// Emergency stop, from the link or from the board.
+    EStop = 0: EStop, Some(Fault::EStop), "emergency stop";
+    /// An actuator bus is off: no actuator on it hears the controller.
+    BusOff = 1: EStop, Some(Fault::BusOff), "an actuator bus has gone off";
+    /// Configuration or settings cannot be used.
+    SelfTestFailed = 2: TorqueOff, Some(Fault::Internal),
+        "its configuration or settings cannot be used";
+    /// An actuator has been silent for too many ticks.
+    FeedbackLost = 3: Damp, Some(Fault::ActuatorSilent), "an actuator did not answer";
+    /// An actuator reports a fault or has dropped its torque.
+    ActuatorFault = 4: Damp, Some(Fault::ActuatorFault),
+        "an actuator reported a fault or dropped its torque";
+    /// No node acknowledges frames on an actuator bus.
+    NotAcknowledged = 5: Damp, Some(Fault::BusNoAck), "no node acknowledged on an actuator bus";
+    /// An actuator bus is error-passive: about to go off.
+    BusPassive = 6: Damp, Some(Fault::BusPassive), "an actuator bus has become error-passive";
+    /// The body is tilted so far that no motion can save it.
+    Tipped = 7: Damp, Some(Fault::Tilt), "the body was about to fall over";
+    /// A joint has been far from its setpoint for too long.
+    NotFollowing = 8: Damp, Some(Fault::TrackingError), "a joint did not follow";
+    /// The library could not be played although it was validated.
+    PlaybackFailed = 9: Damp, Some(Fault::LibraryUnreadable), "the library could not be played";
+    /// The control loop came so late that setpoints are outdated.
+    Overrun = 10: Damp, Some(Fault::Overrun), "the control loop came too late";
+    /// The SAFE pose was not reached in time.
+    AlignFailed = 11: Damp, Some(Fault::TrackingError), "the SAFE pose was not reached in time";
+    /// The host's heartbeat has been missing for too long.
+    HostLost = 12: Return, Some(Fault::HostLost), "the host's heartbeat was lost";
+    /// The body is tilted further than the motion makes it.
+    Leaning = 13: Return, Some(Fault::Tilt), "the body was tilted further than its motion tilts it";
+    /// Command DISARM.
+    Disarm = 14: Return, None, "a command to disarm";
+    /// Command CLEAR, second step, with the right nonce.
+    ClearConfirmed = 15: None, None, "the operator cleared its faults";
+    /// Command ARM, second step, with the right nonce and every actuator fresh.
+    ArmConfirmed = 16: None, None, "it was armed";
+    /// First tick after power-on or reset.
+    Started = 17: None, None, "it was switched on or reset";
+    /// Configuration and settings can be used.
+    SelfTestPassed = 18: None, None, "the self test passed";
+    /// The SAFE pose is reached.
+    Aligned = 19: None, None, "the SAFE pose was reached";
+    /// A command for another motion was accepted.
+    MotionStarted = 20: None, None, "a command for a motion";
+    /// Command PAUSE.
+    PauseAsked = 21: None, None, "a command to pause";
+    /// Command RESUME, or RETURN from a pause.
+    ResumeAsked = 22: None, None, "a command to resume";
+    /// The player has entered the safe motion and goes nowhere else.
+    SafeReached = 23: None, None, "the safe motion was reached";
+    /// SAFE was held long enough after returning.
+    HoldElapsed = 24: None, None, "SAFE was held long enough";
+    /// Damping has lasted long enough.
+    DampingElapsed = 25: None, None, "its joints were damped long enough";
+    /// Torque is off and no fault is latched.
+    FaultFree = 26: None, None, "torque was off without a fault";
 }
 
 #[cfg(test)]

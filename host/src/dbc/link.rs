@@ -2,7 +2,7 @@
 
 use super::layout::Layout;
 use super::{Database, Message, RobotNames, identifier, servo};
-use rollwalk_protocol::faults::{Fault, Quantity, Severity};
+use rollwalk_protocol::faults::{Fault, Severity};
 use rollwalk_protocol::wire::{
     CommandResult, HEARTBEAT_PERIOD_MS, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, Parameter,
     ParameterResult, SCHEMA, SCHEMA_HASH, STATUS_PERIOD_MS, State,
@@ -220,17 +220,7 @@ fn fault() -> Layout {
 
 /// Meaning of the value in a fault report, for each fault.
 fn fault_values() -> String {
-    let of = |fault: &Fault| {
-        let quantity = fault.description().value?;
-        let what = match quantity {
-            Quantity::Measured(unit, what) => format!("{unit} {what}"),
-            Quantity::MeasuredUnless(unit, what, negative) => {
-                format!("{unit} {what}, negative: {negative}")
-            }
-            Quantity::Number(what) | Quantity::Flags(what) => what.to_owned(),
-        };
-        Some(format!("{fault:?}: {what}"))
-    };
+    let of = |fault: &Fault| Some(format!("{fault:?}: {}", fault.description().value?));
     Fault::ALL.iter().filter_map(of).collect::<Vec<_>>().join("; ")
 }
 
