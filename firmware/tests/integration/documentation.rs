@@ -2,11 +2,12 @@
 //! `docs/faults.md` names its faults, events and settings.
 
 use std::cmp::Reverse;
+use std::fmt::Debug;
 use std::{env, fs, iter};
 
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::safety::{Action, step};
-use rollwalk_protocol::faults::{Description, Event, Fault, Quantity, Severity};
+use rollwalk_protocol::faults::{Description, Event, Fault, Severity};
 use rollwalk_protocol::wire::{State, Torque};
 
 /// The text of a page between `<!-- name -->` and the next comment.
@@ -24,7 +25,15 @@ fn the_tables_are_those_of_the_code() {
             "playback-and-safety.md",
             &[("states", states()), ("transitions", transitions()), ("events", reactions())][..],
         ),
-        ("wire-format.md", &[("faults", faults()), ("events", events())]),
+        (
+            "wire-format.md",
+            &[
+                ("states", listed(State::ALL, State::code)),
+                ("severities", listed(Severity::ALL, Severity::code)),
+                ("faults", faults()),
+                ("events", events()),
+            ],
+        ),
     ] {
         let path = format!("{}/../docs/{page}", env!("CARGO_MANIFEST_DIR"));
         let mut text = fs::read_to_string(&path).unwrap().replace("\r\n", "\n");
@@ -48,6 +57,12 @@ fn the_tables_are_those_of_the_code() {
 fn table(head: &str, rows: impl IntoIterator<Item = String>) -> String {
     let rule = "|---".repeat(head.matches('|').count() - 1) + "|";
     iter::once(head.to_owned()).chain([rule]).chain(rows).collect::<Vec<_>>().join("\n")
+}
+
+/// Codes and names of an enumeration.
+fn listed<T: Copy + Debug>(all: &[T], code: fn(T) -> u8) -> String {
+    let values: Vec<_> = all.iter().map(|&value| format!("{} {value:?}", code(value))).collect();
+    values.join(", ")
 }
 
 fn states() -> String {
@@ -100,14 +115,7 @@ fn reactions() -> String {
 fn faults() -> String {
     let row = |fault: &Fault| {
         let Description { name, channel, value, .. } = fault.description();
-        let value = value.map_or(String::new(), |quantity| match quantity {
-            Quantity::Measured(unit, what) => format!("{unit} {what}"),
-            Quantity::MeasuredUnless(unit, what, otherwise) => {
-                format!("{unit} {what}; negative: {otherwise}")
-            }
-            Quantity::Number(what) => format!("number of the {what}"),
-            Quantity::Flags(what) => what.to_owned(),
-        });
+        let value = value.map_or(String::new(), |quantity| quantity.to_string());
         format!("| {} | {fault:?} | {name} | {channel} | {value} |", fault.code())
     };
     table("| bit | fault | | channel | value |", Fault::ALL.iter().map(row))
@@ -202,6 +210,24 @@ fn each_section_of_the_runbook_says_what_an_operator_needs() {
             rest = after;
         }
         assert!(text.contains("\n1. "), "{title}: nothing to look at");
+    }
+}
+
+/// What a report contains, in the words of the catalogue, is the first sentence of "FAULT reports".
+#[test]
+fn the_runbook_says_what_each_fault_reports() {
+    for (fault, (_, text)) in (0..).map(Fault::from_code).zip(sections()) {
+        let Some(fault) = fault else { continue };
+        let Description { channel, value, .. } = fault.description();
+        let contents = match (channel, value) {
+            ("", None) => "neither channel nor value".to_owned(),
+            ("", Some(value)) => format!("value ({value})"),
+            (channel, value) => {
+                format!("channel ({channel}), value ({})", value.expect("comes with a channel"))
+            }
+        };
+        let expected = format!("\n**FAULT reports:** {contents}.");
+        assert!(text.contains(&expected), "{fault:?}: docs/faults.md lacks{expected}");
     }
 }
 
