@@ -268,10 +268,10 @@ impl Codec for CyberGear {
         }
     }
 
-    fn explain_range(&self, quantity: &'static str, say: &mut dyn FnMut(Arguments<'_>)) {
+    fn explain_range(&self, quantity: &'static str, report: &mut dyn FnMut(Arguments<'_>)) {
         match quantity {
-            "speed" => say(format_args!("at most {MAX_SPEED_RAD_S} rad/s")),
-            "torque" => say(format_args!("at most {MAX_TORQUE_NM} N·m")),
+            "speed" => report(format_args!("at most {MAX_SPEED_RAD_S} rad/s")),
+            "torque" => report(format_args!("at most {MAX_TORQUE_NM} N·m")),
             _ => {}
         }
     }

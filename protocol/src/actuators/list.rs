@@ -18,7 +18,9 @@ use crate::can::Frame;
 /// Passes the list of protocols to a macro, after the arguments given: of each its module, its codec's
 /// type, its transport and its name in robot files.
 ///
-/// The first is the Rollwalk profile, the default of a bus, which has no settings.
+/// The first is the Rollwalk profile, the default of a bus, which has no settings. A new protocol goes to the end:
+/// postcard encodes a [`Protocol`] by its place in this list, and the hash of a robot's configuration covers that
+/// encoding (`docs/wire-format.md`). In another order, controllers would refuse the libraries of robots with these buses.
 #[macro_export]
 macro_rules! actuator_protocols {
     ($macro:ident $(, $argument:tt)*) => {
@@ -108,6 +110,14 @@ macro_rules! define_protocol {
             /// Names of the protocols in robot files.
             pub const KEYS: &'static [&'static str] = &[$profile_key, $($key,)*];
 
+            /// Its name in robot files.
+            pub const fn key(&self) -> &'static str {
+                match self {
+                    Self::$Profile => $profile_key,
+                    $(Self::$Codec(_) => $key,)*
+                }
+            }
+
             /// Reads the settings of a protocol, by its place in [`Self::KEYS`], from a robot file.
             pub fn read(number: usize, keys: &dyn Keys) -> Self {
                 match Self::KEYS.get(number).copied() {
@@ -178,9 +188,9 @@ impl Protocol {
     pub fn explain_range(
         &self,
         quantity: &'static str,
-        say: &mut dyn FnMut(core::fmt::Arguments<'_>),
+        report: &mut dyn FnMut(core::fmt::Arguments<'_>),
     ) {
-        with_codec!(self, codec => codec.explain_range(quantity, say));
+        with_codec!(self, codec => codec.explain_range(quantity, report));
     }
 
     /// Hands `send` the frames of an order; none for a protocol on a serial line.

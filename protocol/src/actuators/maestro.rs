@@ -303,10 +303,10 @@ impl Codec for Maestro {
         }
     }
 
-    fn explain_range(&self, quantity: &'static str, say: &mut dyn FnMut(Arguments<'_>)) {
+    fn explain_range(&self, quantity: &'static str, report: &mut dyn FnMut(Arguments<'_>)) {
         if quantity == "position" {
             let (least, most) = self.pulse.limits_us;
-            say(format_args!(
+            report(format_args!(
                 "its pulses are {least} to {most} µs: see `centre_us` and `us_per_rad`"
             ));
         }

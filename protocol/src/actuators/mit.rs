@@ -320,12 +320,12 @@ impl Codec for Mit {
         }
     }
 
-    fn explain_range(&self, quantity: &'static str, say: &mut dyn FnMut(Arguments<'_>)) {
+    fn explain_range(&self, quantity: &'static str, report: &mut dyn FnMut(Arguments<'_>)) {
         let Model { max_speed_rad_s, max_torque_nm, .. } = self.model;
         match quantity {
-            "position" => say(format_args!("positions are within ±{MAX_POSITION_RAD} rad")),
-            "speed" => say(format_args!("at most {max_speed_rad_s} rad/s")),
-            "torque" => say(format_args!("at most {max_torque_nm} N·m")),
+            "position" => report(format_args!("positions are within ±{MAX_POSITION_RAD} rad")),
+            "speed" => report(format_args!("at most {max_speed_rad_s} rad/s")),
+            "torque" => report(format_args!("at most {max_torque_nm} N·m")),
             _ => {}
         }
     }

@@ -1,5 +1,5 @@
-//! Codecs for servos and wheel drives of several makers, behind one trait. Their documents and ours:
-//! `docs/actuators.md`.
+//! Codecs for servos and wheel drives of several makers: [`Codec`] is what all can do, [`CanCodec`] and
+//! [`SerialCodec`] what their transport adds. Their documents and ours: `docs/actuators.md`.
 //!
 //! | module | speaks to | over |
 //! |---|---|---|
@@ -50,46 +50,46 @@ pub type Packet = Vec<u8, MAX_PACKET>;
 /// A command for one actuator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ActuatorCommand {
-    /// Its address on the bus.
+    /// Address of the actuator on its bus.
     pub id: u8,
-    /// What it shall do.
+    /// The command.
     pub command: Command,
 }
 
 /// Commands to an actuator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {
-    /// Torque off.
+    /// Switch torque off.
     Disable,
-    /// Torque on, and hold a joint where it was measured.
+    /// Switch torque on and hold a joint at its measured position.
     EnableJoint {
-        /// Where it is now, rad.
+        /// Measured position, rad.
         measured_rad: f32,
     },
-    /// Torque on, and hold a wheel still.
+    /// Switch torque on and hold a wheel at 0 rad/s.
     EnableWheel,
-    /// Torque on, of which none is given yet, to follow [`Command::Torque`].
+    /// Switch torque control on at 0 N·m, for [`Command::Torque`].
     EnableTorque,
-    /// Tell what you measure, and change nothing.
+    /// Request feedback; changes nothing.
     Query,
-    /// Forget faults. Never turns torque on.
+    /// Clear latched faults. Never switches torque on.
     ClearFaults,
-    /// Gains, where they are kept by the actuator ([`UpdatePolicy::Stored`]).
+    /// Store gains in the actuator ([`UpdatePolicy::Stored`]).
     Gains(Gains),
-    /// Limits, where they are kept by the actuator ([`UpdatePolicy::Stored`]).
+    /// Store limits in the actuator ([`UpdatePolicy::Stored`]).
     Limits {
         /// Largest speed, rad/s.
         speed_rad_s: f32,
         /// Largest torque, N·m.
         torque_nm: f32,
     },
-    /// Go there.
+    /// Setpoint of a joint: position in rad, speed in rad/s, torque in N·m.
     Joint(JointSetpoint),
-    /// Turn so fast.
+    /// Setpoint of a wheel: speed in rad/s, torque in N·m.
     Wheel(WheelSetpoint),
-    /// Give this torque, at any position and speed: the sender closes the loop.
+    /// Setpoint of torque control, at any position and speed: the sender closes the loop.
     Torque {
-        /// N·m.
+        /// Torque, N·m.
         torque_nm: f32,
     },
 }
@@ -97,51 +97,51 @@ pub enum Command {
 /// Gains of torque = kp (q* − q) + kd (q̇* − q̇).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gains {
-    /// N·m/rad.
+    /// Stiffness kp, N·m/rad.
     pub kp_nm_rad: f32,
-    /// N·m·s/rad.
+    /// Damping kd, N·m·s/rad.
     pub kd_nm_s_rad: f32,
 }
 
-/// What a joint shall do: torque = kp (q* − q) + kd (q̇* − q̇) + τ.
+/// Setpoint of a joint: torque = kp (q* − q) + kd (q̇* − q̇) + τ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointSetpoint {
-    /// q*, rad.
+    /// Position q*, rad.
     pub position_rad: f32,
-    /// q̇*, rad/s: the slope of the positions. Protocols without a place for it leave it out.
+    /// Speed q̇*, rad/s: the slope of the positions. Protocols without a field for it leave it out.
     pub speed_rad_s: f32,
-    /// τ, N·m. Not 0 only where [`Capabilities::torque`] says so.
+    /// Feed-forward torque τ, N·m. Not 0 only where [`Capabilities::torque`] is set.
     pub torque_nm: f32,
-    /// kp and kd; there exactly where gains are [`UpdatePolicy::EverySetpoint`].
+    /// kp and kd; present exactly where gains are [`UpdatePolicy::EverySetpoint`].
     pub gains: Option<Gains>,
 }
 
-/// What a wheel shall do: torque = kd (ω* − ω) + τ, within a limit.
+/// Setpoint of a wheel: torque = kd (ω* − ω) + τ, within a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WheelSetpoint {
-    /// ω*, rad/s.
+    /// Speed ω*, rad/s.
     pub speed_rad_s: f32,
-    /// τ, N·m. Not 0 only where [`Capabilities::torque`] says so.
+    /// Feed-forward torque τ, N·m. Not 0 only where [`Capabilities::torque`] is set.
     pub torque_nm: f32,
-    /// kd, N·m·s/rad; there exactly where gains are [`UpdatePolicy::EverySetpoint`].
+    /// kd, N·m·s/rad; present exactly where gains are [`UpdatePolicy::EverySetpoint`].
     pub kd_nm_s_rad: Option<f32>,
-    /// Torque limit, N·m; there exactly where limits are [`UpdatePolicy::EverySetpoint`].
+    /// Torque limit, N·m; present exactly where limits are [`UpdatePolicy::EverySetpoint`].
     pub torque_limit_nm: Option<f32>,
 }
 
-/// Why an order cannot be put into frames.
+/// Why a command cannot be encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Refusal {
     /// The protocol has no such address.
     #[error("address is beyond the largest of this protocol")]
     Address,
-    /// Nothing in the protocol does that.
-    #[error("{0} cannot be told to this actuator")]
+    /// The protocol has no field for this value, or no such command.
+    #[error("this protocol cannot carry {0}")]
     Unsupported(&'static str),
-    /// The protocol needs it in every such command.
+    /// The protocol needs this value in every such command.
     #[error("{0} is missing")]
     Missing(&'static str),
-    /// No number, or beyond its scale.
+    /// Not a number, or beyond the protocol's scale.
     #[error("{0} is beyond its scale")]
     OutOfRange(&'static str),
 }
@@ -157,14 +157,14 @@ pub struct Feedback {
     pub torque_nm: Option<f32>,
     /// Temperature of the motor, °C.
     pub temperature_c: Option<f32>,
-    /// Torque is on.
+    /// Whether torque is on.
     pub enabled: Option<bool>,
-    /// What is wrong.
+    /// Its faults.
     pub faults: Option<Faults>,
 }
 
 impl Feedback {
-    /// Takes over whatever `newer` tells.
+    /// Takes over the values that `newer` contains.
     pub fn merge(&mut self, newer: &Feedback) {
         self.position_rad = newer.position_rad.or(self.position_rad);
         self.speed_rad_s = newer.speed_rad_s.or(self.speed_rad_s);
@@ -175,14 +175,14 @@ impl Feedback {
     }
 }
 
-/// What is wrong with an actuator, as bits. Any fault of its own sets at least one.
+/// Faults of an actuator, as bits. Any fault in its own protocol sets at least one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Faults(pub u8);
 
 impl Faults {
-    /// Nothing is wrong.
+    /// No fault.
     pub const NONE: Faults = Faults(0);
-    /// No command came for too long.
+    /// Its watchdog has expired: no command for too long.
     pub const TIMED_OUT: Faults = Faults(1 << 0);
     /// Too hot.
     pub const OVERHEATED: Faults = Faults(1 << 1);
@@ -199,12 +199,12 @@ impl Faults {
     /// Anything else.
     pub const OTHER: Faults = Faults(1 << 7);
 
-    /// Nothing is wrong.
+    /// Whether there is no fault.
     pub fn none(self) -> bool {
         self.0 == 0
     }
 
-    /// All of `other` are there.
+    /// Whether all faults of `other` are present.
     pub fn contains(self, other: Faults) -> bool {
         self.0 & other.0 == other.0
     }
@@ -230,7 +230,7 @@ pub enum UpdatePolicy {
     Never,
 }
 
-/// When an actuator tells what it measures.
+/// When an actuator sends feedback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answers {
     /// After every command.
@@ -243,16 +243,16 @@ pub enum Answers {
     Never,
 }
 
-/// What an actuator's own watchdog does when commands stay away.
+/// What an actuator's own watchdog does without commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Watchdog {
     /// Stops, and stays stopped until it is cleared.
     Latches,
-    /// Lets go; the next setpoint moves it again. The controller has to do the latching.
+    /// Takes torque away until the next setpoint. The controller has to do the latching.
     Resumes,
-    /// Goes to a position that was set beforehand.
+    /// Moves to a position that was configured beforehand.
     GoesHome,
-    /// Its documents do not tell.
+    /// Not documented.
     Unknown,
 }
 
@@ -368,10 +368,10 @@ pub trait Codec: Copy + 'static {
         let _ = report;
     }
 
-    /// Says the range of a quantity, by its name in [`Refusal::OutOfRange`], where the codec knows more of
+    /// Reports the range of a quantity, by its name in [`Refusal::OutOfRange`], where the codec knows more of
     /// it than [`Capabilities`] do.
-    fn explain_range(&self, quantity: &'static str, say: &mut dyn FnMut(Arguments<'_>)) {
-        let _ = (quantity, say);
+    fn explain_range(&self, quantity: &'static str, report: &mut dyn FnMut(Arguments<'_>)) {
+        let _ = (quantity, report);
     }
 }
 
@@ -414,7 +414,7 @@ fn address(id: u8, most: u8) -> Result<(), Refusal> {
     if id <= most { Ok(()) } else { Err(Refusal::Address) }
 }
 
-/// Refuses to leave out what the protocol has no place for.
+/// Refuses a value that the protocol has no field for.
 fn without<T>(value: Option<T>, name: &'static str) -> Result<(), Refusal> {
     if value.is_none() { Ok(()) } else { Err(Refusal::Unsupported(name)) }
 }

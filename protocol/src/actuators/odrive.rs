@@ -354,9 +354,9 @@ impl Codec for Odrive {
         }
     }
 
-    fn explain_range(&self, quantity: &'static str, say: &mut dyn FnMut(Arguments<'_>)) {
+    fn explain_range(&self, quantity: &'static str, report: &mut dyn FnMut(Arguments<'_>)) {
         if quantity == "kd" {
-            say(format_args!("its kp is a multiple of its kd: give kd above 0"));
+            report(format_args!("its kp is a multiple of its kd: give kd above 0"));
         }
     }
 }

@@ -347,13 +347,13 @@ impl Codec for Dynamixel {
         check_integer(report, "return_delay_us", self.return_delay_us, RETURN_DELAYS_US, " µs");
     }
 
-    fn explain_range(&self, quantity: &'static str, say: &mut dyn FnMut(Arguments<'_>)) {
+    fn explain_range(&self, quantity: &'static str, report: &mut dyn FnMut(Arguments<'_>)) {
         match quantity {
             "speed" => {
                 let most = self.model.max_velocity as f32 * VELOCITY_STEP_RAD_S;
-                say(format_args!("at most {most} rad/s"));
+                report(format_args!("at most {most} rad/s"));
             }
-            "torque" => say(format_args!("at most {} N·m", self.goal_current_max_nm())),
+            "torque" => report(format_args!("at most {} N·m", self.goal_current_max_nm())),
             _ => {}
         }
     }
