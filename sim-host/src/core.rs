@@ -20,15 +20,17 @@ pub trait Core {
     /// The controller is out of reach, or takes no such report.
     fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) -> Result<(), LinkError> {
         let _ = now_us;
-        Err(LinkError::Down(format!("a board that cannot be told that bus {bus} is {state:?}")))
+        Err(LinkError::Down(format!(
+            "this controller takes no bus states (bus {bus} is {state:?})"
+        )))
     }
 
     /// Takes the controller's request to restart an actuator bus that is off; `true` once per request.
     ///
     /// # Errors
-    /// The controller is out of reach, or cannot be asked.
+    /// The controller is out of reach, or gives no such requests.
     fn take_bus_restart(&mut self, bus: u8) -> Result<bool, LinkError> {
-        Err(LinkError::Down(format!("a board that cannot be asked about bus {bus}")))
+        Err(LinkError::Down(format!("this controller cannot restart its buses (bus {bus})")))
     }
 }
 

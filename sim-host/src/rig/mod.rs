@@ -36,7 +36,7 @@ use crate::wire::{ActuatorBus, Wire};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::player::Playing;
-use rollwalk_protocol::actuators::bus::ControlLoop;
+use rollwalk_protocol::actuators::bus::{ControlLoop, Protocol};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::ClipId;
@@ -88,8 +88,9 @@ pub enum CannotSimulate {
     Invalid(#[from] InvalidRobot),
     /// Serial lines have no bus here.
     #[error(
-        "bus {bus} of {robot} is a serial line ({speaks}), and only CAN buses are simulated: a robot \
-         with Rollwalk, MIT, ODrive or CyberGear drives there can be"
+        "bus {bus} of {robot} is a serial line ({speaks}), and only CAN buses are simulated: those with \
+         protocol {}",
+        can_protocols()
     )]
     Serial {
         /// Name of the robot.
@@ -99,6 +100,14 @@ pub enum CannotSimulate {
         /// Protocol of its actuators.
         speaks: &'static str,
     },
+}
+
+/// Names in robot files of the protocols that run over CAN.
+fn can_protocols() -> String {
+    let can = Protocol::examples().filter(|protocol| !protocol.is_serial());
+    let mut keys: Vec<_> = can.map(|protocol| protocol.key()).collect();
+    keys.dedup();
+    keys.join(", ")
 }
 
 impl CannotSimulate {
