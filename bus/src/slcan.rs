@@ -6,7 +6,7 @@ use crate::open::OpenError;
 use crate::port::{Event, Inlet, Outlet, Port};
 use crate::serial::open_device;
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::slcan::{Reader, Said, bitrate_digit};
+use rollwalk_protocol::slcan::{Message, Reader, bitrate_digit};
 use std::collections::VecDeque;
 use std::io::{Read, Write};
 use std::path::Path;
@@ -49,9 +49,9 @@ pub fn port(
 ) -> Result<Port, LinkError> {
     let mut writer = LineWriter::new(name, writer);
     // The first terminator ends a partial line of an earlier program.
-    let orders = [Said::Yes, Said::Close, Said::Bitrate(digit), Said::Open];
+    let orders = [Message::Ok, Message::Close, Message::Bitrate(digit), Message::Open];
     let orders: Vec<u8> =
-        orders.iter().flat_map(|said| said.encode().unwrap_or_default()).collect();
+        orders.iter().flat_map(|message| message.encode().unwrap_or_default()).collect();
     writer.put(&orders)?;
     let (answers, refuses) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
     let outlet = SlcanOutlet {
@@ -86,7 +86,7 @@ impl Outlet for SlcanOutlet {
     }
 
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
-        self.writer.put(&Said::Frame(*frame).encode().unwrap_or_default())
+        self.writer.put(&Message::Frame(*frame).encode().unwrap_or_default())
     }
 
     fn bitrate(&self) -> Option<u32> {
@@ -112,7 +112,7 @@ impl Outlet for SlcanOutlet {
 impl Drop for SlcanOutlet {
     fn drop(&mut self) {
         // Otherwise received frames would wait in the line for the program that opens it next.
-        self.writer.last(&Said::Close.encode().unwrap_or_default());
+        self.writer.last(&Message::Close.encode().unwrap_or_default());
     }
 }
 
@@ -131,14 +131,14 @@ impl<R: Read + Send> Inlet for SlcanInlet<R> {
             let mut bytes = [0; 256];
             let count = read(&self.name, &mut self.reader, &mut bytes)?;
             for &byte in &bytes[..count] {
-                let said = self.text.push(byte);
-                if said.is_some() {
+                let message = self.text.push(byte);
+                if message.is_some() {
                     self.answers.store(true, Ordering::Relaxed);
                 }
-                match said {
-                    Some(Said::Frame(frame)) => self.events.push_back(Event::Frame(frame)),
-                    Some(Said::Yes) => self.refuses.store(false, Ordering::Relaxed),
-                    Some(Said::No) => self.refuses.store(true, Ordering::Relaxed),
+                match message {
+                    Some(Message::Frame(frame)) => self.events.push_back(Event::Frame(frame)),
+                    Some(Message::Ok) => self.refuses.store(false, Ordering::Relaxed),
+                    Some(Message::Error) => self.refuses.store(true, Ordering::Relaxed),
                     _ => {}
                 }
             }
@@ -163,9 +163,9 @@ mod tests {
         assert!(link.complaint().unwrap().contains("no SLCAN message"));
         link.send(&Frame::standard(0x123, &[0xAB]).unwrap()).unwrap();
         let expected = b"\rC\rS8\rO\rt1231AB\r";
-        let mut said = vec![0; expected.len()];
-        adapter.read_exact(&mut said).unwrap();
-        assert_eq!(said, expected);
+        let mut received = vec![0; expected.len()];
+        adapter.read_exact(&mut received).unwrap();
+        assert_eq!(received, expected);
 
         adapter.write_all(b"\r\r\x07t3212").unwrap();
         adapter.write_all(b"0102\r").unwrap();
@@ -174,9 +174,9 @@ mod tests {
         assert!(link.complaint().unwrap().contains("the adapter refuses frames"));
 
         drop(link);
-        let mut said = [0; 2];
-        adapter.read_exact(&mut said).unwrap();
-        assert_eq!(&said, b"C\r");
+        let mut received = [0; 2];
+        adapter.read_exact(&mut received).unwrap();
+        assert_eq!(&received, b"C\r");
     }
 
     #[test]

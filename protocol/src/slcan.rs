@@ -2,14 +2,14 @@
 //!
 //! Source: Lawicel AB, "CANUSB manual" (command set of the CAN232). A line ends with a carriage return;
 //! `t1232AABB` is a frame with an identifier of 11 bits, two bytes of data, `T` one of 29 bits. An
-//! adapter answers a bare carriage return for yes, a bell for no.
+//! adapter answers a bare carriage return for OK, a bell for an error.
 
 use crate::can::{Frame, Id};
 use heapless::Vec;
 
-/// Ends a line, and alone says yes.
+/// Ends a line; alone it is OK.
 const END: u8 = b'\r';
-/// Says no.
+/// Error.
 const BELL: u8 = 7;
 /// Longest line with its end: `T`, eight digits, length, sixteen digits.
 const MAX_LINE: usize = 27;
@@ -17,9 +17,9 @@ const MAX_LINE: usize = 27;
 /// A line for an adapter or a host, its end included.
 pub type Line = Vec<u8, MAX_LINE>;
 
-/// Something said, by a host or an adapter.
+/// A message of a host or an adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Said {
+pub enum Message {
     /// A frame: from a host to be sent, from an adapter received.
     Frame(Frame),
     /// Host: the bus has this bitrate, by Lawicel's digit 0 to 8 (10, 20, 50, 100, 125, 250, 500, 800,
@@ -27,12 +27,12 @@ pub enum Said {
     Bitrate(u8),
     /// Host: take part in the bus.
     Open,
-    /// Host: take no part any more.
+    /// Host: take part no longer.
     Close,
-    /// Adapter: yes, or the frame has been sent.
-    Yes,
-    /// Adapter: no.
-    No,
+    /// Adapter: the command was carried out, or the frame sent.
+    Ok,
+    /// Adapter: the command was refused.
+    Error,
     /// A command that is none of these, by its letter.
     Other(u8),
 }
@@ -43,8 +43,8 @@ pub fn bitrate_digit(bitrate: u32) -> Option<u8> {
     (0..).zip(known).find(|&(_, kbit)| kbit * 1000 == bitrate).map(|(digit, _)| digit)
 }
 
-impl Said {
-    /// As a line; `None` for [`Said::Other`] and for a digit that is none.
+impl Message {
+    /// As a line; `None` for [`Message::Other`] and for a digit that is none.
     pub fn encode(&self) -> Option<Line> {
         let mut line = Line::new();
         match self {
@@ -68,8 +68,8 @@ impl Said {
             }
             Self::Open => line.push(b'O').ok()?,
             Self::Close => line.push(b'C').ok()?,
-            Self::Yes => {}
-            Self::No => {
+            Self::Ok => {}
+            Self::Error => {
                 line.push(BELL).ok()?;
                 return Some(line);
             }
@@ -87,7 +87,7 @@ fn digits(line: &mut Line, value: u32, count: u32) -> Option<()> {
     })
 }
 
-/// Finds what is said in bytes as they come. A line that is too long or makes no sense is skipped up
+/// Finds messages in bytes as they come. A line that is too long or makes no sense is skipped up
 /// to its end.
 #[derive(Clone, Debug, Default)]
 pub struct Reader {
@@ -99,19 +99,19 @@ pub struct Reader {
 const STAMP: usize = 4;
 
 impl Reader {
-    /// Takes a byte; says what it completes.
-    pub fn push(&mut self, byte: u8) -> Option<Said> {
+    /// Takes a byte; returns the message that it completes.
+    pub fn push(&mut self, byte: u8) -> Option<Message> {
         match byte {
             BELL => {
                 self.clear();
-                Some(Said::No)
+                Some(Message::Error)
             }
             // `slcand` and terminals may send both ends of a line.
             b'\n' => None,
             END => {
-                let said = if self.too_long { None } else { said(&self.line) };
+                let message = if self.too_long { None } else { parse(&self.line) };
                 self.clear();
-                said
+                message
             }
             _ => {
                 self.too_long |= self.line.push(byte).is_err();
@@ -126,24 +126,24 @@ impl Reader {
     }
 }
 
-fn said(line: &[u8]) -> Option<Said> {
-    let Some((&letter, rest)) = line.split_first() else { return Some(Said::Yes) };
+fn parse(line: &[u8]) -> Option<Message> {
+    let Some((&letter, rest)) = line.split_first() else { return Some(Message::Ok) };
     match (letter, rest) {
         (b't', _) => {
             let (id, data, len) = frame(rest, 3)?;
             let data = data.get(..len)?;
-            Frame::standard(id as u16, data).map(Said::Frame)
+            Frame::standard(id as u16, data).map(Message::Frame)
         }
         (b'T', _) => {
             let (id, data, len) = frame(rest, 8)?;
             let data = data.get(..len)?;
-            Frame::extended(id, data).map(Said::Frame)
+            Frame::extended(id, data).map(Message::Frame)
         }
-        (b'S', [digit @ b'0'..=b'8']) => Some(Said::Bitrate(digit - b'0')),
-        (b'O', []) => Some(Said::Open),
-        (b'C', []) => Some(Said::Close),
-        (b'z' | b'Z', []) => Some(Said::Yes),
-        _ => Some(Said::Other(letter)),
+        (b'S', [digit @ b'0'..=b'8']) => Some(Message::Bitrate(digit - b'0')),
+        (b'O', []) => Some(Message::Open),
+        (b'C', []) => Some(Message::Close),
+        (b'z' | b'Z', []) => Some(Message::Ok),
+        _ => Some(Message::Other(letter)),
     }
 }
 
@@ -172,13 +172,13 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn read(bytes: &[u8]) -> std::vec::Vec<Said> {
+    fn read(bytes: &[u8]) -> std::vec::Vec<Message> {
         let mut reader = Reader::default();
         bytes.iter().filter_map(|&byte| reader.push(byte)).collect()
     }
 
-    fn standard(id: u16, data: &[u8]) -> Said {
-        Said::Frame(Frame::standard(id, data).unwrap())
+    fn standard(id: u16, data: &[u8]) -> Message {
+        Message::Frame(Frame::standard(id, data).unwrap())
     }
 
     /// Examples of the manual, and what `slcand -o -s8` sends first.
@@ -187,10 +187,10 @@ mod tests {
         assert_eq!(read(b"t10021133\r"), [standard(0x100, &[0x11, 0x33])]);
         assert_eq!(read(b"t1230\r"), [standard(0x123, &[])]);
         let extended = Frame::extended(0x100, &[0x11, 0x33]).unwrap();
-        assert_eq!(read(b"T0000010021133\r"), [Said::Frame(extended)]);
-        assert_eq!(read(b"C\rS8\rO\r"), [Said::Close, Said::Bitrate(8), Said::Open]);
-        assert_eq!(read(b"\rz\r\x07"), [Said::Yes, Said::Yes, Said::No]);
-        assert_eq!(read(b"V\rN\r"), [Said::Other(b'V'), Said::Other(b'N')]);
+        assert_eq!(read(b"T0000010021133\r"), [Message::Frame(extended)]);
+        assert_eq!(read(b"C\rS8\rO\r"), [Message::Close, Message::Bitrate(8), Message::Open]);
+        assert_eq!(read(b"\rz\r\x07"), [Message::Ok, Message::Ok, Message::Error]);
+        assert_eq!(read(b"V\rN\r"), [Message::Other(b'V'), Message::Other(b'N')]);
         // With a time stamp.
         assert_eq!(read(b"t1002113312AF\r"), [standard(0x100, &[0x11, 0x33])]);
         assert_eq!(standard(0x7FF, &[0xAB; 8]).encode().unwrap(), b"t7FF8ABABABABABABABAB\r");
@@ -225,18 +225,18 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_said_is_heard(frames in prop::collection::vec(frame(), 0..5)) {
-            let said: std::vec::Vec<_> = frames.into_iter().map(Said::Frame).collect();
-            let lines: std::vec::Vec<u8> = said.iter().flat_map(|s| s.encode().unwrap()).collect();
-            prop_assert_eq!(read(&lines), said);
+        fn encoded_messages_are_read_back(frames in prop::collection::vec(frame(), 0..5)) {
+            let messages: std::vec::Vec<_> = frames.into_iter().map(Message::Frame).collect();
+            let lines: std::vec::Vec<u8> = messages.iter().flat_map(|s| s.encode().unwrap()).collect();
+            prop_assert_eq!(read(&lines), messages);
         }
 
         #[test]
         fn no_bytes_stop_the_reader(bytes in prop::collection::vec(any::<u8>(), 0..80), frame in frame()) {
             let mut line = bytes;
             line.push(END);
-            line.extend(Said::Frame(frame).encode().unwrap());
-            prop_assert_eq!(read(&line).pop(), Some(Said::Frame(frame)));
+            line.extend(Message::Frame(frame).encode().unwrap());
+            prop_assert_eq!(read(&line).pop(), Some(Message::Frame(frame)));
         }
     }
 }

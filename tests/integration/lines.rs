@@ -5,7 +5,7 @@ use crate::simulated::{Robot, desk_with_library_file, on};
 use rollwalk_bus::link::LinkBus;
 use rollwalk_bus::port::Live;
 use rollwalk_bus::sim;
-use rollwalk_protocol::slcan::{Reader, Said};
+use rollwalk_protocol::slcan::{Message, Reader};
 use rollwalk_tests::{Desk, Outcome};
 use serialport::{SerialPort, TTYPort};
 use std::fs::{self, Permissions};
@@ -76,23 +76,23 @@ fn adapter(mut line: TTYPort, mut link: Live) {
     let mut is_open = false;
     thread::spawn(move || {
         loop {
-            for said in heard(&mut line).iter().filter_map(|&byte| reader.push(byte)) {
-                let answer = match said {
-                    Said::Frame(frame) if is_open => {
-                        link.send(&frame).map_or(Said::No, |()| Said::Yes)
+            for message in heard(&mut line).iter().filter_map(|&byte| reader.push(byte)) {
+                let answer = match message {
+                    Message::Frame(frame) if is_open => {
+                        link.send(&frame).map_or(Message::Error, |()| Message::Ok)
                     }
-                    Said::Bitrate(8) => Said::Yes,
-                    Said::Open | Said::Close => {
-                        is_open = said == Said::Open;
-                        Said::Yes
+                    Message::Bitrate(8) => Message::Ok,
+                    Message::Open | Message::Close => {
+                        is_open = message == Message::Open;
+                        Message::Ok
                     }
-                    _ => Said::No,
+                    _ => Message::Error,
                 };
                 let _ = line.write_all(&answer.encode().unwrap());
             }
             while let Ok(Some(frame)) = link.receive(link.now_us()) {
                 if is_open {
-                    let _ = line.write_all(&Said::Frame(frame).encode().unwrap());
+                    let _ = line.write_all(&Message::Frame(frame).encode().unwrap());
                 }
             }
         }

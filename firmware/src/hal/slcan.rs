@@ -5,7 +5,7 @@
 //! and answers; [`Adapter::line`] turns a frame for the host into a line while the channel is open.
 
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::slcan::{Line, Reader, Said};
+use rollwalk_protocol::slcan::{Line, Message, Reader};
 
 /// Version of hardware and software in the format of Lawicel's adapters, and a serial number.
 const VERSION: &[u8] = b"V1010\r";
@@ -24,7 +24,7 @@ pub struct Adapter {
 
 /// Result of a line from the host.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Heard {
+pub struct Received {
     /// A frame for the controller.
     pub frame: Option<Frame>,
     /// Answer to the host.
@@ -33,44 +33,44 @@ pub struct Heard {
 
 impl Adapter {
     /// Processes a byte from the host; returns the result of the line that it completes.
-    pub fn push(&mut self, byte: u8) -> Option<Heard> {
+    pub fn push(&mut self, byte: u8) -> Option<Received> {
         let ends = byte == b'\r';
-        let said = self.reader.push(byte);
+        let message = self.reader.push(byte);
         // An overlong line was skipped up to its end and is refused.
-        let (frame, answer) = match (said, ends) {
-            (Some(said), _) => self.obey(said),
-            (None, true) => (None, no()),
+        let (frame, answer) = match (message, ends) {
+            (Some(message), _) => self.execute(message),
+            (None, true) => (None, error()),
             (None, false) => return None,
         };
-        Some(Heard { frame, answer })
+        Some(Received { frame, answer })
     }
 
-    fn obey(&mut self, said: Said) -> (Option<Frame>, Line) {
-        let done = match said {
+    fn execute(&mut self, message: Message) -> (Option<Frame>, Line) {
+        let done = match message {
             // The link has no node for frames with 29-bit identifiers.
-            Said::Frame(frame) if self.open => {
-                return (frame.standard_id().map(|_| frame), yes());
+            Message::Frame(frame) if self.open => {
+                return (frame.standard_id().map(|_| frame), ok());
             }
-            Said::Frame(_) => false,
-            Said::Bitrate(_) => !self.open,
-            Said::Open => !core::mem::replace(&mut self.open, true),
-            Said::Close => core::mem::take(&mut self.open),
+            Message::Frame(_) => false,
+            Message::Bitrate(_) => !self.open,
+            Message::Open => !core::mem::replace(&mut self.open, true),
+            Message::Close => core::mem::take(&mut self.open),
             // An empty line.
-            Said::Yes => true,
-            Said::Other(b'V') => return (None, line(VERSION)),
-            Said::Other(b'N') => return (None, line(SERIAL_NUMBER)),
-            Said::Other(b'F') => {
+            Message::Ok => true,
+            Message::Other(b'V') => return (None, line(VERSION)),
+            Message::Other(b'N') => return (None, line(SERIAL_NUMBER)),
+            Message::Other(b'F') => {
                 let lost = core::mem::take(&mut self.lost);
                 return (None, line(if lost { OVERRUN } else { ALL_WELL }));
             }
-            Said::No | Said::Other(_) => false,
+            Message::Error | Message::Other(_) => false,
         };
-        (None, if done { yes() } else { no() })
+        (None, if done { ok() } else { error() })
     }
 
     /// The line for a frame of the controller; `None` while the channel is closed.
     pub fn line(&self, frame: &Frame) -> Option<Line> {
-        if self.open { Said::Frame(*frame).encode() } else { None }
+        if self.open { Message::Frame(*frame).encode() } else { None }
     }
 
     /// Records that bytes of the host were lost; the status flags report it.
@@ -79,12 +79,12 @@ impl Adapter {
     }
 }
 
-fn yes() -> Line {
-    Said::Yes.encode().unwrap_or_default()
+fn ok() -> Line {
+    Message::Ok.encode().unwrap_or_default()
 }
 
-fn no() -> Line {
-    Said::No.encode().unwrap_or_default()
+fn error() -> Line {
+    Message::Error.encode().unwrap_or_default()
 }
 
 fn line(text: &[u8]) -> Line {
@@ -99,10 +99,10 @@ mod tests {
     use std::vec::Vec;
 
     /// Frames and answers.
-    fn told(adapter: &mut Adapter, bytes: &[u8]) -> (Vec<Frame>, Vec<u8>) {
-        let heard: Vec<_> = bytes.iter().filter_map(|&byte| adapter.push(byte)).collect();
-        let answers = heard.iter().flat_map(|heard| heard.answer.clone()).collect();
-        (heard.iter().filter_map(|heard| heard.frame).collect(), answers)
+    fn exchange(adapter: &mut Adapter, bytes: &[u8]) -> (Vec<Frame>, Vec<u8>) {
+        let received: Vec<_> = bytes.iter().filter_map(|&byte| adapter.push(byte)).collect();
+        let answers = received.iter().flat_map(|received| received.answer.clone()).collect();
+        (received.iter().filter_map(|received| received.frame).collect(), answers)
     }
 
     fn frame() -> Frame {
@@ -114,30 +114,30 @@ mod tests {
     fn a_host_opens_and_closes_the_channel() {
         let mut adapter = Adapter::default();
         assert_eq!(adapter.line(&frame()), None);
-        assert_eq!(told(&mut adapter, b"C\rS8\rO\r"), (Vec::new(), b"\x07\r\r".to_vec()));
+        assert_eq!(exchange(&mut adapter, b"C\rS8\rO\r"), (Vec::new(), b"\x07\r\r".to_vec()));
         assert_eq!(adapter.line(&frame()).unwrap(), b"t1232AABB\r");
-        assert_eq!(told(&mut adapter, b"O\rS6\rC\r"), (Vec::new(), b"\x07\x07\r".to_vec()));
+        assert_eq!(exchange(&mut adapter, b"O\rS6\rC\r"), (Vec::new(), b"\x07\x07\r".to_vec()));
         assert_eq!(adapter.line(&frame()), None);
-        assert_eq!(told(&mut adapter, b"C\rS8\rO\r"), (Vec::new(), b"\x07\r\r".to_vec()));
+        assert_eq!(exchange(&mut adapter, b"C\rS8\rO\r"), (Vec::new(), b"\x07\r\r".to_vec()));
     }
 
     #[test]
     fn frames_are_taken_while_the_channel_is_open() {
         let mut adapter = Adapter::default();
-        assert_eq!(told(&mut adapter, b"t1232AABB\rO\r"), (Vec::new(), b"\x07\r".to_vec()));
-        assert_eq!(told(&mut adapter, b"t1232AABB\r"), (vec![frame()], b"\r".to_vec()));
+        assert_eq!(exchange(&mut adapter, b"t1232AABB\rO\r"), (Vec::new(), b"\x07\r".to_vec()));
+        assert_eq!(exchange(&mut adapter, b"t1232AABB\r"), (vec![frame()], b"\r".to_vec()));
         // The link has no frames with 29-bit identifiers; half a line is no frame.
         let other = b"T000001232AABB\rt1232AAB\r";
-        assert_eq!(told(&mut adapter, other), (Vec::new(), b"\r\x07".to_vec()));
-        assert_eq!(told(&mut adapter, b"C\rt1232AABB\r"), (Vec::new(), b"\r\x07".to_vec()));
+        assert_eq!(exchange(&mut adapter, other), (Vec::new(), b"\r\x07".to_vec()));
+        assert_eq!(exchange(&mut adapter, b"C\rt1232AABB\r"), (Vec::new(), b"\r\x07".to_vec()));
     }
 
     #[test]
     fn a_host_may_ask_who_it_is_and_whether_bytes_were_lost() {
         let mut adapter = Adapter::default();
-        assert_eq!(told(&mut adapter, b"\rV\rN\rF\r").1, b"\rV1010\rN0001\rF00\r");
+        assert_eq!(exchange(&mut adapter, b"\rV\rN\rF\r").1, b"\rV1010\rN0001\rF00\r");
         adapter.lost();
-        assert_eq!(told(&mut adapter, b"F\rF\r").1, b"F08\rF00\r");
-        assert_eq!(told(&mut adapter, b"M00000000\rX1\r\x07").1, b"\x07\x07\x07");
+        assert_eq!(exchange(&mut adapter, b"F\rF\r").1, b"F08\rF00\r");
+        assert_eq!(exchange(&mut adapter, b"M00000000\rX1\r\x07").1, b"\x07\x07\x07");
     }
 }
