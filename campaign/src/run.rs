@@ -18,8 +18,8 @@ use rollwalk_protocol::wire::{
 };
 use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::core::Core;
-use rollwalk_sim_host::faults::stream::Spoil;
-use rollwalk_sim_host::faults::{Fault, Harm, Way};
+use rollwalk_sim_host::faults::stream::StreamFault;
+use rollwalk_sim_host::faults::{Fault, FaultKind, FramePath};
 use rollwalk_sim_host::interface::LogEntry;
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_sim_host::servo;
@@ -179,15 +179,15 @@ impl<C: Core> Run<'_, C> {
         scenario::between(&mut self.random, least_ms, most_ms)
     }
 
-    /// Adds the loss of the case on the link, both ways.
+    /// Adds the loss of the case on the link, in both directions.
     fn add_loss(&mut self, from: SimTime, until: SimTime) {
         let loss = self.case.loss_per_mille;
         if loss == 0 {
             return;
         }
-        for way in [Way::LinkToController, Way::LinkToHost] {
-            let harm = Harm::Stream(way, Spoil::Lose(loss));
-            self.rig.borrow().add_fault(Fault { harm, from, until });
+        for path in [FramePath::LinkToController, FramePath::LinkToHost] {
+            let kind = FaultKind::Stream(path, StreamFault::Lose(loss));
+            self.rig.borrow().add_fault(Fault { kind, from, until });
             self.losses += 1;
         }
     }

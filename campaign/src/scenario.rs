@@ -6,8 +6,9 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::faults::{Fault as Bit, FaultBits};
 use rollwalk_sim_host::clock::SimTime;
-use rollwalk_sim_host::faults::stream::Spoil;
-use rollwalk_sim_host::faults::{Fault, Harm, Way};
+use rollwalk_sim_host::faults::FaultKind::{self, Stream};
+use rollwalk_sim_host::faults::stream::StreamFault;
+use rollwalk_sim_host::faults::{Fault, FramePath};
 use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::rig::Adapter;
 
@@ -216,12 +217,12 @@ impl Scenario {
         let long = random.bool();
         let lasts = if long { between(random, 600, 2500) } else { between(random, 60, 400) };
         let until = start + lasts;
-        let link = [Way::LinkToController, Way::LinkToHost];
+        let link = [FramePath::LinkToController, FramePath::LinkToHost];
         let buses = config.channels.iter().map(|c| c.bus).max().map_or(0, |most| most + 1);
         let bus = random.u8(0..buses.max(1));
         let channel = random.usize(0..config.channels.len().max(1));
         let mut faults = Vec::new();
-        let mut add = |harm, until| faults.push(Fault { harm, from: start, until });
+        let mut add = |kind, until| faults.push(Fault { kind, from: start, until });
         let mut required: &[Bit] = &[];
         let mut allowed: &[Bit] = &[];
         // Reactions to an actuator out of reach, by any cause.
@@ -237,12 +238,12 @@ impl Scenario {
                 let rate = random.u16(100..=600);
                 let within = between(random, 0, 700);
                 link.iter()
-                    .for_each(|&way| add(Harm::Stream(way, Spoil::Repeat(rate, within)), ends));
+                    .for_each(|&path| add(Stream(path, StreamFault::Repeat(rate, within)), ends));
             }
             Self::Reorder => {
                 ends = while_streaming;
                 let window = random.u32(1..=12);
-                link.iter().for_each(|&way| add(Harm::Stream(way, Spoil::Reorder(window)), ends));
+                link.iter().for_each(|&path| add(Stream(path, StreamFault::Reorder(window)), ends));
                 if loss_per_mille > 0 {
                     allowed = &[Bit::HostLost];
                 }
@@ -252,16 +253,16 @@ impl Scenario {
                 let most = between(random, 5, 150);
                 let least = if random.bool() { most } else { SimTime::ZERO };
                 link.iter()
-                    .for_each(|&way| add(Harm::Stream(way, Spoil::Delay(least, most)), ends));
+                    .for_each(|&path| add(Stream(path, StreamFault::Delay(least, most)), ends));
                 if loss_per_mille > 0 {
                     allowed = &[Bit::HostLost];
                 }
             }
             Self::Corruption => {
                 ends = while_streaming;
-                for way in link {
-                    add(Harm::Stream(way, Spoil::Damage(random.u16(50..=300))), ends);
-                    add(Harm::Stream(way, Spoil::Cut(random.u16(20..=100))), ends);
+                for path in link {
+                    add(Stream(path, StreamFault::Damage(random.u16(50..=300))), ends);
+                    add(Stream(path, StreamFault::Cut(random.u16(20..=100))), ends);
                 }
                 allowed = &[Bit::HostLost];
             }
@@ -269,37 +270,37 @@ impl Scenario {
                 let every = SimTime::from_us(random.u64(40..=200));
                 // High priority, from a node outside the protocol.
                 let frame = noise(random.u16(0x001..=0x00F), random);
-                add(Harm::Babble(Interface::Link, frame, every), until);
+                add(FaultKind::Babble(Interface::Link, frame, every), until);
                 allowed = &[Bit::HostLost];
             }
             Self::BabbleActuators => {
                 let every = SimTime::from_us(random.u64(40..=200));
                 let frame = noise(random.u16(0x000..=0x07F), random);
-                add(Harm::Babble(Interface::Actuator(bus), frame, every), until);
+                add(FaultKind::Babble(Interface::Actuator(bus), frame, every), until);
                 allowed = UNREACHED;
             }
             Self::NoAck => {
-                add(Harm::NoAck(Interface::Actuator(bus)), until);
+                add(FaultKind::NoAck(Interface::Actuator(bus)), until);
                 plan.adapter = adapter(random);
                 (required, allowed) = (if long { UNREACHED } else { &[] }, UNREACHED);
             }
             Self::LinkUnplugged => {
-                add(Harm::NoAck(Interface::Link), until);
+                add(FaultKind::NoAck(Interface::Link), until);
                 allowed = &[Bit::HostLost];
                 required = if long { allowed } else { &[] };
             }
             Self::BusOff => {
-                add(Harm::BusOff(bus), until);
+                add(FaultKind::BusOff(bus), until);
                 required = &[Bit::BusOff];
                 allowed = &[Bit::BusOff, Bit::ActuatorSilent, Bit::ActuatorFault];
             }
             Self::ActuatorDeaf => {
-                add(Harm::Deaf(channel), until);
+                add(FaultKind::Deaf(channel), until);
                 plan.adapter = adapter(random);
                 (required, allowed) = (if long { UNREACHED } else { &[] }, UNREACHED);
             }
             Self::ActuatorDead => {
-                add(Harm::Unpowered(channel), until);
+                add(FaultKind::Unpowered(channel), until);
                 plan.adapter = adapter(random);
                 // Even a short power cut switches its torque off.
                 (required, allowed) = (UNREACHED, UNREACHED);
@@ -309,26 +310,26 @@ impl Scenario {
                 // Chaos includes it without loss on the link.
                 let loss = loss_per_mille.max(10);
                 for bus in 0..buses {
-                    for way in [Way::ToActuators(bus), Way::FromActuators(bus)] {
-                        add(Harm::Stream(way, Spoil::Lose(loss)), ends);
+                    for path in [FramePath::ToActuators(bus), FramePath::FromActuators(bus)] {
+                        add(Stream(path, StreamFault::Lose(loss)), ends);
                     }
                 }
                 allowed = UNREACHED;
             }
             Self::ActuatorDisorder => {
                 ends = while_streaming;
-                let spoils = [
-                    Spoil::Repeat(random.u16(50..=400), between(random, 0, 40)),
-                    Spoil::Reorder(random.u32(1..=4)),
-                    Spoil::Delay(SimTime::ZERO, between(random, 0, 40)),
+                let disorders = [
+                    StreamFault::Repeat(random.u16(50..=400), between(random, 0, 40)),
+                    StreamFault::Reorder(random.u32(1..=4)),
+                    StreamFault::Delay(SimTime::ZERO, between(random, 0, 40)),
                 ];
                 for bus in 0..buses {
-                    for way in [Way::ToActuators(bus), Way::FromActuators(bus)] {
-                        for spoil in spoils.into_iter().filter(|_| random.bool()) {
-                            add(Harm::Stream(way, spoil), ends);
+                    for path in [FramePath::ToActuators(bus), FramePath::FromActuators(bus)] {
+                        for disorder in disorders.into_iter().filter(|_| random.bool()) {
+                            add(Stream(path, disorder), ends);
                         }
                     }
-                    add(Harm::Stream(Way::FromActuators(bus), spoils[0]), ends);
+                    add(Stream(FramePath::FromActuators(bus), disorders[0]), ends);
                 }
                 allowed = UNREACHED;
             }
@@ -336,9 +337,9 @@ impl Scenario {
                 ends = while_streaming;
                 for bus in 0..buses {
                     let (damage, cut) = (random.u16(1..=100), random.u16(1..=100));
-                    add(Harm::Stream(Way::FromActuators(bus), Spoil::Damage(damage)), ends);
-                    add(Harm::Stream(Way::FromActuators(bus), Spoil::Cut(cut)), ends);
-                    add(Harm::Stream(Way::ToActuators(bus), Spoil::Cut(cut)), ends);
+                    add(Stream(FramePath::FromActuators(bus), StreamFault::Damage(damage)), ends);
+                    add(Stream(FramePath::FromActuators(bus), StreamFault::Cut(cut)), ends);
+                    add(Stream(FramePath::ToActuators(bus), StreamFault::Cut(cut)), ends);
                 }
                 allowed = &[Bit::ActuatorSilent, Bit::ActuatorFault, Bit::TrackingError];
             }
@@ -346,7 +347,7 @@ impl Scenario {
                 let whole = random.bool();
                 for (channel, c) in config.channels.iter().enumerate() {
                     if whole || c.bus == bus {
-                        add(Harm::Unpowered(channel), until);
+                        add(FaultKind::Unpowered(channel), until);
                     }
                 }
                 plan.adapter = adapter(random);
@@ -364,10 +365,10 @@ impl Scenario {
                 required = if long { allowed } else { &[] };
             }
             Self::BridgeStall => {
-                let ways = [&link[..], &link[..1], &link[1..]][random.usize(0..3)];
-                ways.iter().for_each(|&way| add(Harm::Stream(way, Spoil::Hold), until));
+                let paths = [&link[..], &link[..1], &link[1..]][random.usize(0..3)];
+                paths.iter().for_each(|&path| add(Stream(path, StreamFault::Hold), until));
                 // Heartbeats still arrive if only the other direction stalls.
-                if ways.contains(&Way::LinkToController) {
+                if paths.contains(&FramePath::LinkToController) {
                     allowed = &[Bit::HostLost];
                     required = if long { allowed } else { &[] };
                 }
@@ -438,7 +439,7 @@ mod tests {
         assert!(hosts(|host| matches!(host, Host::Dies(..))));
         assert!(hosts(|host| matches!(host, Host::Stalls(..))));
         assert!(hosts(|host| matches!(host, Host::Stops(_))));
-        let mut harms = plans.iter().flat_map(|plan| &plan.faults).map(|fault| fault.harm);
-        assert!(harms.any(|harm| harm == Harm::Stream(Way::ToActuators(0), Spoil::Lose(10))));
+        let mut kinds = plans.iter().flat_map(|plan| &plan.faults).map(|fault| fault.kind);
+        assert!(kinds.any(|kind| kind == Stream(FramePath::ToActuators(0), StreamFault::Lose(10))));
     }
 }

@@ -34,7 +34,7 @@ pub struct TickRecord {
 #[derive(Clone, Debug)]
 pub struct Recorder {
     /// Whether a channel takes setpoints of position or speed.
-    told: Vec<bool>,
+    takes_setpoints: Vec<bool>,
     in_force: Vec<f32>,
     fresh: Vec<bool>,
     /// The current period, without commanded values.
@@ -44,15 +44,16 @@ pub struct Recorder {
 
 impl Recorder {
     /// A recorder for a robot with the channels that take setpoints of position or speed instead of torque.
-    pub fn new(told: Vec<bool>) -> Self {
-        let (in_force, fresh) = (vec![f32::NAN; told.len()], vec![false; told.len()]);
-        Self { told, in_force, fresh, under_way: None, records: Vec::new() }
+    pub fn new(takes_setpoints: Vec<bool>) -> Self {
+        let (in_force, fresh) =
+            (vec![f32::NAN; takes_setpoints.len()], vec![false; takes_setpoints.len()]);
+        Self { takes_setpoints, in_force, fresh, under_way: None, records: Vec::new() }
     }
 
     /// Records a setpoint for `channel` that has crossed its bus, rad or rad/s. Channels with torque setpoints are
     /// ignored: the position and speed in their frames have no meaning.
     pub fn on_setpoint(&mut self, channel: usize, value: f32) {
-        if !self.told[channel] {
+        if !self.takes_setpoints[channel] {
             return;
         }
         self.in_force[channel] = value;
@@ -75,8 +76,8 @@ impl Recorder {
     pub fn end_period(&mut self) {
         if let Some(mut record) = self.under_way.take() {
             record.commanded.clone_from(&self.in_force);
-            let came = self.told.iter().zip(&self.fresh);
-            record.missed = came.filter(|&(&told, &fresh)| told && !fresh).count();
+            let came = self.takes_setpoints.iter().zip(&self.fresh);
+            record.missed = came.filter(|&(&expected, &fresh)| expected && !fresh).count();
             self.records.push(record);
         }
         self.fresh.fill(false);

@@ -16,11 +16,11 @@ use crate::interface::Interface;
 use fastrand::Rng;
 use rollwalk_protocol::can::Frame;
 use std::collections::BTreeMap;
-use stream::{Spoil, Stream};
+use stream::{Stream, StreamFault};
 
 /// Frames that have crossed a bus on their way to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Way {
+pub enum FramePath {
     /// From the host.
     LinkToController,
     /// From the controller.
@@ -33,9 +33,9 @@ pub enum Way {
 
 /// Kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Harm {
+pub enum FaultKind {
     /// Frames get lost, late or damaged behind the bus.
-    Stream(Way, Spoil),
+    Stream(FramePath, StreamFault),
     /// A foreign node sends this frame at this interval.
     Babble(Interface, Frame, SimTime),
     /// No node acknowledges on this bus: the sender repeats its frame again and again.
@@ -52,14 +52,14 @@ pub enum Harm {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
     /// Kind.
-    pub harm: Harm,
+    pub kind: FaultKind,
     /// Start.
     pub from: SimTime,
     /// End, exclusive.
     pub until: SimTime,
 }
 
-impl Harm {
+impl FaultKind {
     /// Whether the actuator of a channel neither receives nor answers.
     pub fn silences(&self, channel: usize) -> bool {
         [Self::Deaf(channel), Self::Unpowered(channel)].contains(self)
@@ -76,7 +76,7 @@ impl Fault {
 #[derive(Clone, Debug)]
 pub struct Faults {
     schedule: Vec<(Fault, u64)>,
-    streams: BTreeMap<Way, Stream>,
+    streams: BTreeMap<FramePath, Stream>,
     random: Rng,
 }
 
@@ -103,14 +103,14 @@ impl Faults {
     }
 
     /// Kinds of the faults active at `now`.
-    pub fn on(&self, now: SimTime) -> impl Iterator<Item = &Harm> {
-        self.schedule.iter().map(|(fault, _)| fault).filter(move |f| f.is_on(now)).map(|f| &f.harm)
+    pub fn on(&self, now: SimTime) -> impl Iterator<Item = &FaultKind> {
+        self.schedule.iter().map(|(fault, _)| fault).filter(move |f| f.is_on(now)).map(|f| &f.kind)
     }
 
     /// Counts an effect of every active fault for which `which` holds.
-    pub fn fire(&mut self, now: SimTime, which: impl Fn(&Harm) -> bool) {
+    pub fn fire(&mut self, now: SimTime, which: impl Fn(&FaultKind) -> bool) {
         for (fault, fired) in &mut self.schedule {
-            if fault.is_on(now) && which(&fault.harm) {
+            if fault.is_on(now) && which(&fault.kind) {
                 *fired += 1;
             }
         }
@@ -123,40 +123,41 @@ impl Faults {
     }
 
     /// Whether a fault may change, delay or lose frames on this path.
-    fn is_spoilt(&self, now: SimTime, way: Way) -> bool {
-        let waits = self.streams.get(&way).is_some_and(|stream| !stream.is_empty());
-        waits || self.on(now).any(|harm| matches!(harm, Harm::Stream(on, _) if *on == way))
+    fn is_disturbed(&self, now: SimTime, path: FramePath) -> bool {
+        let waits = self.streams.get(&path).is_some_and(|stream| !stream.is_empty());
+        waits || self.on(now).any(|kind| matches!(kind, FaultKind::Stream(on, _) if *on == path))
     }
 
     /// Accepts a frame that has crossed the bus. Returns it if no fault affects its path; otherwise [`Self::pop`]
     /// returns it, possibly changed, or it is lost.
-    pub fn push(&mut self, now: SimTime, way: Way, frame: Frame) -> Option<Frame> {
-        if !self.is_spoilt(now, way) {
+    pub fn push(&mut self, now: SimTime, path: FramePath, frame: Frame) -> Option<Frame> {
+        if !self.is_disturbed(now, path) {
             return Some(frame);
         }
-        let (indices, spoils): (Vec<_>, Vec<_>) = (self.schedule.iter().enumerate())
-            .filter_map(|(index, (fault, _))| match fault.harm {
-                Harm::Stream(on, spoil) if on == way && fault.is_on(now) => {
-                    Some((index, (spoil, fault.until)))
+        let (indices, stream_faults): (Vec<_>, Vec<_>) = (self.schedule.iter().enumerate())
+            .filter_map(|(index, (fault, _))| match fault.kind {
+                FaultKind::Stream(on, stream_fault) if on == path && fault.is_on(now) => {
+                    Some((index, (stream_fault, fault.until)))
                 }
                 _ => None,
             })
             .unzip();
         let Self { schedule, streams, random } = self;
-        let stream = streams.entry(way).or_default();
-        stream.push(now, frame, spoils.into_iter(), random, |k| schedule[indices[k]].1 += 1);
+        let stream = streams.entry(path).or_default();
+        stream.push(now, frame, stream_faults.into_iter(), random, |k| schedule[indices[k]].1 += 1);
         None
     }
 
     /// Instant and path of the next delayed frame.
-    pub fn next_due(&self) -> Option<(SimTime, Way)> {
-        let due = self.streams.iter().filter_map(|(&way, stream)| Some((stream.next_due()?, way)));
+    pub fn next_due(&self) -> Option<(SimTime, FramePath)> {
+        let due =
+            self.streams.iter().filter_map(|(&path, stream)| Some((stream.next_due()?, path)));
         due.min()
     }
 
     /// The next frame due at `now`.
-    pub fn pop(&mut self, now: SimTime, way: Way) -> Option<Frame> {
-        self.streams.get_mut(&way)?.pop(now)
+    pub fn pop(&mut self, now: SimTime, path: FramePath) -> Option<Frame> {
+        self.streams.get_mut(&path)?.pop(now)
     }
 }
 
@@ -171,35 +172,36 @@ mod tests {
     #[test]
     fn a_fault_begins_and_ends_and_counts_what_it_did() {
         let mut faults = Faults::new(1);
-        let lose = Harm::Stream(Way::LinkToHost, Spoil::Lose(1000));
-        faults.add(Fault { harm: lose, from: ms(10), until: ms(20) });
-        faults.add(Fault { harm: Harm::BusOff(1), from: ms(15), until: ms(30) });
+        let lose = FaultKind::Stream(FramePath::LinkToHost, StreamFault::Lose(1000));
+        faults.add(Fault { kind: lose, from: ms(10), until: ms(20) });
+        faults.add(Fault { kind: FaultKind::BusOff(1), from: ms(15), until: ms(30) });
         let edges = std::iter::successors(Some(ms(0)), |&at| faults.next_edge(at));
         assert_eq!(edges.collect::<Vec<_>>(), [0, 10, 15, 20, 30].map(ms));
 
         let frame = Frame::standard(1, &[1]).unwrap();
         for at in 0..40 {
-            let arrives = faults.push(ms(at), Way::LinkToHost, frame).is_some();
+            let arrives = faults.push(ms(at), FramePath::LinkToHost, frame).is_some();
             assert_eq!(arrives, !(10..20).contains(&at), "{at}");
-            assert!(faults.push(ms(at), Way::LinkToController, frame).is_some());
+            assert!(faults.push(ms(at), FramePath::LinkToController, frame).is_some());
         }
-        faults.fire(ms(14), |harm| *harm == Harm::BusOff(1));
-        faults.fire(ms(15), |harm| *harm == Harm::BusOff(1));
-        faults.fire(ms(15), |harm| *harm == Harm::BusOff(0));
+        faults.fire(ms(14), |kind| *kind == FaultKind::BusOff(1));
+        faults.fire(ms(15), |kind| *kind == FaultKind::BusOff(1));
+        faults.fire(ms(15), |kind| *kind == FaultKind::BusOff(0));
         assert_eq!(faults.all().map(|(_, fired)| fired).collect::<Vec<_>>(), [10, 1]);
     }
 
     #[test]
     fn what_is_late_is_not_overtaken_by_what_comes_when_all_is_well_again() {
         let mut faults = Faults::new(1);
-        let hold = Harm::Stream(Way::ToActuators(0), Spoil::Hold);
-        faults.add(Fault { harm: hold, from: ms(0), until: ms(10) });
+        let hold = FaultKind::Stream(FramePath::ToActuators(0), StreamFault::Hold);
+        faults.add(Fault { kind: hold, from: ms(0), until: ms(10) });
         let frame = |number| Frame::standard(1, &[number]).unwrap();
-        assert_eq!(faults.push(ms(1), Way::ToActuators(0), frame(1)), None);
-        assert_eq!(faults.next_due(), Some((ms(10), Way::ToActuators(0))));
-        assert_eq!(faults.push(ms(10), Way::ToActuators(0), frame(2)), None);
-        let out: Vec<_> = std::iter::from_fn(|| faults.pop(ms(10), Way::ToActuators(0))).collect();
+        assert_eq!(faults.push(ms(1), FramePath::ToActuators(0), frame(1)), None);
+        assert_eq!(faults.next_due(), Some((ms(10), FramePath::ToActuators(0))));
+        assert_eq!(faults.push(ms(10), FramePath::ToActuators(0), frame(2)), None);
+        let out: Vec<_> =
+            std::iter::from_fn(|| faults.pop(ms(10), FramePath::ToActuators(0))).collect();
         assert_eq!(out, [frame(1), frame(2)]);
-        assert_eq!(faults.push(ms(10), Way::ToActuators(0), frame(3)), Some(frame(3)));
+        assert_eq!(faults.push(ms(10), FramePath::ToActuators(0), frame(3)), Some(frame(3)));
     }
 }

@@ -12,7 +12,7 @@ const OVERTAKEN_WITHIN: SimTime = SimTime::from_ms(100);
 
 /// Effect on frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Spoil {
+pub enum StreamFault {
     /// Loses this many of a thousand frames.
     Lose(u16),
     /// Repeats this many of a thousand frames once, within a time.
@@ -57,47 +57,47 @@ impl Stream {
         self.late.iter().map(|late| late.due).min()
     }
 
-    /// Takes a frame. `spoils` are those in force, each with the end of its fault; `fired` is called with the index
+    /// Takes a frame. `faults` are those in force, each with its end; `fired` is called with the index
     /// of each that affected the frame.
     pub fn push(
         &mut self,
         now: SimTime,
         frame: Frame,
-        spoils: impl Iterator<Item = (Spoil, SimTime)>,
+        faults: impl Iterator<Item = (StreamFault, SimTime)>,
         random: &mut Rng,
         mut fired: impl FnMut(usize),
     ) {
         let mut late = Late { due: now, behind: 0, order: 0, frame };
         let (mut again, mut lost) = (None, false);
-        for (index, (spoil, until)) in spoils.enumerate() {
-            let did = match spoil {
+        for (index, (fault, until)) in faults.enumerate() {
+            let did = match fault {
                 // Last, after all other disturbances.
-                Spoil::Lose(per_mille) => {
+                StreamFault::Lose(per_mille) => {
                     let loses = hits(random, per_mille);
                     lost |= loses;
                     loses
                 }
-                Spoil::Repeat(per_mille, within) if hits(random, per_mille) => {
+                StreamFault::Repeat(per_mille, within) if hits(random, per_mille) => {
                     again = Some(now + SimTime::from_ns(random.u64(0..=within.as_ns())));
                     true
                 }
-                Spoil::Reorder(window) if random.bool() => {
+                StreamFault::Reorder(window) if random.bool() => {
                     late.behind = random.u32(1..=window.max(1));
                     late.due = late.due.max(now + OVERTAKEN_WITHIN);
                     true
                 }
-                Spoil::Delay(least, most) => {
+                StreamFault::Delay(least, most) => {
                     let by = SimTime::from_ns(random.u64(least.as_ns()..=most.as_ns()));
                     late.due = late.due.max(now + by);
                     by > SimTime::ZERO
                 }
-                Spoil::Damage(per_mille) if hits(random, per_mille) => {
+                StreamFault::Damage(per_mille) if hits(random, per_mille) => {
                     change(&mut late.frame, |data| damage(data, random))
                 }
-                Spoil::Cut(per_mille) if hits(random, per_mille) => {
+                StreamFault::Cut(per_mille) if hits(random, per_mille) => {
                     change(&mut late.frame, |data| data.truncate(random.usize(0..data.len())))
                 }
-                Spoil::Hold => {
+                StreamFault::Hold => {
                     late.due = late.due.max(until);
                     true
                 }
@@ -172,8 +172,8 @@ mod tests {
     }
 
     /// Sends a hundred numbered frames, a millisecond apart, and returns numbers and times as they come
-    /// out, and how often the spoil fired.
-    fn through(spoil: Spoil, until: SimTime) -> (Vec<(u8, SimTime)>, u32) {
+    /// out, and how often the fault fired.
+    fn through(fault: StreamFault, until: SimTime) -> (Vec<(u8, SimTime)>, u32) {
         let mut stream = Stream::default();
         let mut random = Rng::with_seed(7);
         let (mut out, mut fired) = (Vec::new(), 0);
@@ -181,8 +181,8 @@ mod tests {
             let now = ms(k);
             if k < 100 {
                 let frame = Frame::standard(0x123, &[k as u8, 0]).unwrap();
-                let spoils = [(spoil, until)].into_iter().filter(|_| now < until);
-                stream.push(now, frame, spoils, &mut random, |_| fired += 1);
+                let faults = [(fault, until)].into_iter().filter(|_| now < until);
+                stream.push(now, frame, faults, &mut random, |_| fired += 1);
             }
             while let Some(frame) = stream.pop(now) {
                 out.push((frame.data().first().copied().unwrap_or(255), now));
@@ -198,17 +198,17 @@ mod tests {
 
     #[test]
     fn what_is_lost_is_counted() {
-        let (out, fired) = through(Spoil::Lose(300), FOREVER);
+        let (out, fired) = through(StreamFault::Lose(300), FOREVER);
         assert_eq!(out.len() + fired as usize, 100);
         // Three standard deviations of a binomial distribution: 14.
         assert!((16..=44).contains(&fired), "{fired}");
-        assert_eq!(through(Spoil::Lose(0), FOREVER).1, 0);
-        assert_eq!(through(Spoil::Lose(1000), FOREVER).0, []);
+        assert_eq!(through(StreamFault::Lose(0), FOREVER).1, 0);
+        assert_eq!(through(StreamFault::Lose(1000), FOREVER).0, []);
     }
 
     #[test]
     fn what_is_repeated_comes_again_unchanged() {
-        let (out, fired) = through(Spoil::Repeat(500, ms(20)), FOREVER);
+        let (out, fired) = through(StreamFault::Repeat(500, ms(20)), FOREVER);
         assert_eq!(out.len(), 100 + fired as usize);
         for number in 0..100 {
             assert!((1..=2).contains(&out.iter().filter(|o| o.0 == number).count()));
@@ -217,7 +217,7 @@ mod tests {
 
     #[test]
     fn what_is_overtaken_is_so_by_no_more_than_the_window() {
-        let (out, fired) = through(Spoil::Reorder(3), FOREVER);
+        let (out, fired) = through(StreamFault::Reorder(3), FOREVER);
         let numbers = numbers(&out);
         assert!(fired > 20 && !numbers.is_sorted());
         let mut sorted = numbers.clone();
@@ -232,16 +232,16 @@ mod tests {
 
     #[test]
     fn a_constant_delay_keeps_the_order() {
-        let (out, fired) = through(Spoil::Delay(ms(30), ms(30)), FOREVER);
+        let (out, fired) = through(StreamFault::Delay(ms(30), ms(30)), FOREVER);
         assert_eq!((numbers(&out), fired), ((0..100).collect(), 100));
         assert!(out.iter().all(|&(number, at)| at == ms(u64::from(number) + 30)));
-        let (out, _) = through(Spoil::Delay(ms(0), ms(30)), FOREVER);
+        let (out, _) = through(StreamFault::Delay(ms(0), ms(30)), FOREVER);
         assert!(!numbers(&out).is_sorted() && out.len() == 100);
     }
 
     #[test]
     fn what_is_held_comes_at_once_and_in_order() {
-        let (out, fired) = through(Spoil::Hold, ms(50));
+        let (out, fired) = through(StreamFault::Hold, ms(50));
         assert_eq!((numbers(&out), fired), ((0..100).collect(), 50));
         assert!(out[..50].iter().all(|&(_, at)| at == ms(50)));
         assert_eq!(out[60].1, ms(60));
@@ -250,23 +250,23 @@ mod tests {
     #[test]
     fn damage_is_damage_and_a_cut_is_shorter() {
         let mut random = Rng::with_seed(1);
-        for spoil in [Spoil::Damage(1000), Spoil::Cut(1000)] {
+        for fault in [StreamFault::Damage(1000), StreamFault::Cut(1000)] {
             let frame = Frame::standard(0x123, &[1, 2, 3]).unwrap();
             for _ in 0..1000 {
                 let mut stream = Stream::default();
                 let mut fired = false;
-                let spoils = std::iter::once((spoil, FOREVER));
-                stream.push(ms(0), frame, spoils, &mut random, |_| fired = true);
+                let faults = std::iter::once((fault, FOREVER));
+                stream.push(ms(0), frame, faults, &mut random, |_| fired = true);
                 let out = stream.pop(ms(0)).unwrap();
                 assert!(fired && out != frame);
                 assert_eq!(out.id(), frame.id());
-                assert_eq!(out.data().len() < 3, spoil == Spoil::Cut(1000));
+                assert_eq!(out.data().len() < 3, fault == StreamFault::Cut(1000));
             }
             // There is nothing to damage.
             let empty = Frame::standard(0x123, &[]).unwrap();
             let mut stream = Stream::default();
-            let spoils = std::iter::once((spoil, FOREVER));
-            stream.push(ms(0), empty, spoils, &mut random, |_| panic!("nothing happened"));
+            let faults = std::iter::once((fault, FOREVER));
+            stream.push(ms(0), empty, faults, &mut random, |_| panic!("nothing happened"));
             assert_eq!(stream.pop(ms(0)), Some(empty));
         }
     }

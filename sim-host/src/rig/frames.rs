@@ -1,17 +1,17 @@
 //! Delivery of frames that have crossed a bus: to the host, the servos, the log, or the controller.
 
 use super::{Core, Interface, LogEntry, Rig, SimTime};
-use crate::faults::Way;
+use crate::faults::FramePath;
 use crate::wire::ActuatorBus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::tunnel::Input;
 
 impl<C: Core> Rig<C> {
     /// Sends unsolicited frames of drives that are due.
-    pub(super) fn drives_say(&mut self, now: SimTime) {
+    pub(super) fn send_timed_frames(&mut self, now: SimTime) {
         while let Some((channel, frame)) = self.body.on_timer(now) {
-            if self.faults.on(now).any(|harm| harm.silences(channel)) {
-                self.faults.fire(now, |harm| harm.silences(channel));
+            if self.faults.on(now).any(|kind| kind.silences(channel)) {
+                self.faults.fire(now, |kind| kind.silences(channel));
                 continue;
             }
             let (bus, _) = self.body.addresses()[channel];
@@ -32,12 +32,12 @@ impl<C: Core> Rig<C> {
             frame: delivery.frame,
         });
         if delivery.from == self.host {
-            return self.pass_on(Way::LinkToController, delivery.frame);
+            return self.pass_on(FramePath::LinkToController, delivery.frame);
         }
-        self.pass_on(Way::LinkToHost, delivery.frame);
+        self.pass_on(FramePath::LinkToHost, delivery.frame);
         // A foreign node's frame comes to both ends.
         let foreign = delivery.from != self.link.controller;
-        foreign.then(|| self.pass_on(Way::LinkToController, delivery.frame))?
+        foreign.then(|| self.pass_on(FramePath::LinkToController, delivery.frame))?
     }
 
     /// Completes a frame on an actuator bus; returns the controller's input, if any.
@@ -50,31 +50,35 @@ impl<C: Core> Rig<C> {
         let from_controller = delivery.from == wire.controller;
         let from_servo = servos.iter().any(|&(node, _)| node == delivery.from);
         // A controller that is bus-off receives nothing.
-        let hears = !from_controller && !wire.off;
+        let receives = !from_controller && !wire.off;
         if !from_servo {
-            self.pass_on(Way::ToActuators(number), frame);
+            self.pass_on(FramePath::ToActuators(number), frame);
         }
-        hears.then(|| self.pass_on(Way::FromActuators(number), frame))?
+        receives.then(|| self.pass_on(FramePath::FromActuators(number), frame))?
     }
 
     /// Applies stream faults to a frame that has crossed its bus; returns the controller's input, if any.
-    fn pass_on(&mut self, way: Way, frame: Frame) -> Option<Input> {
-        let frame = self.faults.push(self.now, way, frame)?;
-        self.arrive(way, &frame)
+    fn pass_on(&mut self, path: FramePath, frame: Frame) -> Option<Input> {
+        let frame = self.faults.push(self.now, path, frame)?;
+        self.arrive(path, &frame)
     }
 
     /// Delivers a frame; returns the controller's input, if any.
-    pub(super) fn arrive(&mut self, way: Way, frame: &Frame) -> Option<Input> {
-        match way {
+    pub(super) fn arrive(&mut self, path: FramePath, frame: &Frame) -> Option<Input> {
+        match path {
             // No node on the link accepts 29-bit identifiers.
-            Way::LinkToController | Way::LinkToHost if frame.standard_id().is_none() => None,
-            Way::LinkToController => Some(Input::Link(*frame)),
-            Way::FromActuators(bus) => Some(Input::Actuator(bus, *frame)),
-            Way::LinkToHost => {
+            FramePath::LinkToController | FramePath::LinkToHost
+                if frame.standard_id().is_none() =>
+            {
+                None
+            }
+            FramePath::LinkToController => Some(Input::Link(*frame)),
+            FramePath::FromActuators(bus) => Some(Input::Actuator(bus, *frame)),
+            FramePath::LinkToHost => {
                 self.host_inbox.push_back(*frame);
                 None
             }
-            Way::ToActuators(bus) => {
+            FramePath::ToActuators(bus) => {
                 self.reach_servos(bus, frame);
                 None
             }
@@ -88,8 +92,8 @@ impl<C: Core> Rig<C> {
             if let Some(value) = self.body.commanded(channel, frame) {
                 self.recorder.on_setpoint(channel, value);
             }
-            if self.faults.on(now).any(|harm| harm.silences(channel)) {
-                self.faults.fire(now, |harm| harm.silences(channel));
+            if self.faults.on(now).any(|kind| kind.silences(channel)) {
+                self.faults.fire(now, |kind| kind.silences(channel));
             } else if let Some(answer) = self.body.on_frame(channel, now, frame) {
                 wire.bus.post(now, node, answer).expect("a `Latest` node always takes frames");
             }

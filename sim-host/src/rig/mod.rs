@@ -21,15 +21,15 @@
 //! The controller itself is a [`Core`]: the firmware within this process, or a board elsewhere to which time and
 //! frames are carried.
 
+mod fault_injection;
 mod frames;
-mod harm;
 mod observer;
 
 use crate::body::Body;
 use crate::bus::{BusStatistics, DEFAULT_BITRATE, NodeId, TxPolicy};
 use crate::clock::{Periodic, SimTime};
 use crate::core::{Core, Local};
-use crate::faults::{Faults, Way};
+use crate::faults::{Faults, FramePath};
 use crate::interface::{Interface, LogEntry};
 use crate::record::{Recorder, TickRecord};
 use crate::wire::{ActuatorBus, Wire};
@@ -45,8 +45,8 @@ use rollwalk_protocol::wire::Node;
 use rollwalk_robot::{InvalidRobot, Robot};
 use std::collections::VecDeque;
 
-pub use harm::Adapter;
-use harm::Babbler;
+pub use fault_injection::Adapter;
+use fault_injection::Babbler;
 pub use observer::Observer;
 
 /// Steps of the motors per second.
@@ -128,7 +128,7 @@ impl CannotSimulate {
 enum Next {
     Link,
     Actuator(usize),
-    Late(Way),
+    Late(FramePath),
     Edge,
     Babble(usize),
     Drives,
@@ -300,8 +300,8 @@ impl<C: Core> Rig<C> {
         let noticed = match next {
             Next::Link => self.end_link_frame(),
             Next::Actuator(bus) => self.end_actuator_frame(bus),
-            Next::Late(way) => match self.faults.pop(at, way) {
-                Some(frame) => self.arrive(way, &frame),
+            Next::Late(path) => match self.faults.pop(at, path) {
+                Some(frame) => self.arrive(path, &frame),
                 None => return true,
             },
             Next::Edge => {
@@ -313,7 +313,7 @@ impl<C: Core> Rig<C> {
                 return true;
             }
             Next::Drives => {
-                self.drives_say(at);
+                self.send_timed_frames(at);
                 return true;
             }
             Next::Motors => {
@@ -389,7 +389,7 @@ impl<C: Core> Rig<C> {
         let actuators = self.actuator_buses.iter().enumerate().filter_map(|(index, bus)| {
             Some((bus.wire.bus.next_completion()?, Next::Actuator(index)))
         });
-        let late = self.faults.next_due().map(|(at, way)| (at.max(self.now), Next::Late(way)));
+        let late = self.faults.next_due().map(|(at, path)| (at.max(self.now), Next::Late(path)));
         let edge = self.faults.next_edge(self.edges_until).map(|at| (at, Next::Edge));
         let babblers = self.babblers.iter().enumerate().filter(|(_, b)| b.next < b.until);
         let babblers = babblers.map(|(index, b)| (b.next.max(self.now), Next::Babble(index)));

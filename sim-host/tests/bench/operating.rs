@@ -10,8 +10,8 @@ use rollwalk_protocol::faults;
 use rollwalk_protocol::library::{ClipId, Library, validate};
 use rollwalk_protocol::wire::{Node, State};
 use rollwalk_sim_host::clock::SimTime;
-use rollwalk_sim_host::faults::stream::Spoil;
-use rollwalk_sim_host::faults::{Fault, Harm, Way};
+use rollwalk_sim_host::faults::stream::StreamFault;
+use rollwalk_sim_host::faults::{Fault, FaultKind, FramePath};
 use rollwalk_sim_host::rig::Rig;
 
 /// A robot with its library on board, and an operator who has its names.
@@ -208,8 +208,8 @@ fn a_robot_that_is_not_heard_any_more_goes_home_without_the_deadman_and_when_its
         console.wait("roll", |view| view.status.unwrap().clip == clip(ROLL));
         let from = console.bus.now();
         let until = from + SimTime::from_ms(13_000);
-        let harm = Harm::Stream(Way::LinkToHost, Spoil::Lose(1000));
-        console.bus.add_fault(Fault { harm, from, until });
+        let kind = FaultKind::Stream(FramePath::LinkToHost, StreamFault::Lose(1000));
+        console.bus.add_fault(Fault { kind, from, until });
         console.run(2 * S);
         let turns = |console: &Console<Rig>| console.bus.body().values()[2].abs() > 0.1;
         assert!(turns(&console), "with the deadman held it goes on");

@@ -15,7 +15,7 @@ use rollwalk_protocol::library::ClipId;
 use rollwalk_protocol::wire::State;
 use rollwalk_robot::Robot;
 use rollwalk_sim_host::clock::SimTime;
-use rollwalk_sim_host::faults::{Fault as Trouble, Harm};
+use rollwalk_sim_host::faults::{Fault as InjectedFault, FaultKind};
 use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::record::tracking_errors;
 use rollwalk_sim_host::rig::Rig;
@@ -129,22 +129,22 @@ fn every_protocol_follows_is_stopped_and_follows_again() {
 #[test]
 fn without_feedback_of_one_drive_the_robot_is_let_down() {
     for (name, bus) in kinds() {
-        for harm in [Harm::Unpowered(1), Harm::Deaf(1)] {
+        for kind in [FaultKind::Unpowered(1), FaultKind::Deaf(1)] {
             let mut session = armed(&leg([bus; 2]));
             session.select(robot::SWING).unwrap();
             session.run_for(2 * S).unwrap();
             let mut rig = session.into_bus();
             let from = rig.now();
             let until = SimTime::from_ms(60_000);
-            rig.add_fault(Trouble { harm, from, until });
+            rig.add_fault(InjectedFault { kind, from, until });
             let mut session = connect(rig);
             session.run_for(2 * S).unwrap();
             let status = session.status().unwrap();
-            assert_eq!(status.state, State::TorqueOff, "{name}, {harm:?}: {status:?}");
-            assert!(status.faults.contains(Fault::ActuatorSilent), "{name}, {harm:?}");
+            assert_eq!(status.state, State::TorqueOff, "{name}, {kind:?}: {status:?}");
+            assert!(status.faults.contains(Fault::ActuatorSilent), "{name}, {kind:?}");
             let servos = session.bus().body().servos();
             let others = servos.iter().enumerate().filter(|(channel, _)| *channel != 1);
-            assert!(others.clone().all(|(_, servo)| !servo.is_driving()), "{name}, {harm:?}");
+            assert!(others.clone().all(|(_, servo)| !servo.is_driving()), "{name}, {kind:?}");
         }
     }
 }
@@ -152,27 +152,27 @@ fn without_feedback_of_one_drive_the_robot_is_let_down() {
 /// A bus that goes off takes all its drives with it; when it is back, the robot can be cleared and armed.
 #[test]
 fn a_bus_that_was_off_can_be_used_again() {
-    let harms = [
-        (Harm::NoAck(Interface::Actuator(1)), State::TorqueOff),
-        (Harm::BusOff(1), State::EStopped),
+    let faults = [
+        (FaultKind::NoAck(Interface::Actuator(1)), State::TorqueOff),
+        (FaultKind::BusOff(1), State::EStopped),
     ];
     for (name, bus) in kinds() {
-        for (harm, state) in harms {
-            let name = format!("{name}, {harm:?}");
+        for (kind, state) in faults {
+            let name = format!("{name}, {kind:?}");
             let mut session = armed(&leg([bus; 2]));
             session.select(robot::SWING).unwrap();
             session.run_for(S).unwrap();
             let mut rig = session.into_bus();
             let from = rig.now();
             let until = from + SimTime::from_ms(500);
-            rig.add_fault(Trouble { harm, from, until });
+            rig.add_fault(InjectedFault { kind, from, until });
             let mut session = connect(rig);
             session.run_for(3 * S).unwrap();
             let status = session.status().unwrap();
             assert_eq!(status.state, state, "{name}: {status:?}");
             // A bus that is off stays off until the operator clears. As delivered none of these drives has a watchdog:
             // the knee's follows what it was told last.
-            let cut_off = |channel| harm == Harm::BusOff(1) && channel == 1;
+            let cut_off = |channel| kind == FaultKind::BusOff(1) && channel == 1;
             for (channel, servo) in session.bus().body().servos().iter().enumerate() {
                 assert_eq!(servo.is_driving(), cut_off(channel), "{name}: {channel}");
             }

@@ -3,7 +3,7 @@
 
 use super::{Core, Interface, LinkError, Rig, SimTime};
 use crate::bus::{NodeId, TxPolicy};
-use crate::faults::{Fault, Harm};
+use crate::faults::{Fault, FaultKind};
 use crate::wire::ActuatorBus;
 use rollwalk_firmware::BusState;
 use rollwalk_protocol::can::Frame;
@@ -48,7 +48,7 @@ impl<C: Core> Rig<C> {
     pub fn add_fault(&mut self, fault: Fault) {
         let from = fault.from.max(self.now + SimTime::from_ns(1));
         let fault = Fault { from, ..fault };
-        if let Harm::Babble(bus, frame, every) = fault.harm {
+        if let FaultKind::Babble(bus, frame, every) = fault.kind {
             let node = self.wire(bus).bus.add_node(TxPolicy::Queue { depth: BABBLE_DEPTH });
             let (next, until) = (fault.from, fault.until);
             self.babblers.push(Babbler { node, bus, frame, every, next, until });
@@ -65,7 +65,7 @@ impl<C: Core> Rig<C> {
         let link = &self.link;
         let waits = [link.controller, self.host].iter().any(|&node| link.bus.pending(node) > 0);
         if link.alone_since.is_some() && waits {
-            self.faults.fire(now, |harm| *harm == Harm::NoAck(Interface::Link));
+            self.faults.fire(now, |kind| *kind == FaultKind::NoAck(Interface::Link));
         }
         for (number, ActuatorBus { wire, servos, .. }) in (0..).zip(&mut self.actuator_buses) {
             let mut state = if wire.off { BusState::Off } else { BusState::Active };
@@ -73,9 +73,9 @@ impl<C: Core> Rig<C> {
                 && wire.bus.pending(wire.controller) > 0
                 && !wire.off
             {
-                self.faults.fire(now, |harm| match harm {
-                    Harm::NoAck(bus) => *bus == Interface::Actuator(number),
-                    _ => servos.iter().any(|&(_, channel)| harm.silences(channel)),
+                self.faults.fire(now, |kind| match kind {
+                    FaultKind::NoAck(bus) => *bus == Interface::Actuator(number),
+                    _ => servos.iter().any(|&(_, channel)| kind.silences(channel)),
                 });
                 if now - since >= PASSIVE_AFTER {
                     state = adapter.alone;
@@ -86,10 +86,10 @@ impl<C: Core> Rig<C> {
             }
             self.controller.on_bus_state(now.as_us(), number, state)?;
             if wire.off && self.controller.take_bus_restart(number)? {
-                let short = self.faults.on(now).any(|harm| *harm == Harm::BusOff(number));
+                let short = self.faults.on(now).any(|kind| *kind == FaultKind::BusOff(number));
                 wire.off = short;
                 if short {
-                    self.faults.fire(now, |harm| *harm == Harm::BusOff(number));
+                    self.faults.fire(now, |kind| *kind == FaultKind::BusOff(number));
                     self.controller.on_bus_state(now.as_us(), number, BusState::Off)?;
                 }
             }
@@ -101,25 +101,28 @@ impl<C: Core> Rig<C> {
     pub(super) fn begin_and_end_faults(&mut self) {
         let (now, before) = (self.now, self.edges_until);
         self.edges_until = now;
-        let began: Vec<Harm> = (self.faults.all())
+        let began: Vec<FaultKind> = (self.faults.all())
             .filter(|(fault, _)| before < fault.from && fault.from <= now)
-            .map(|(fault, _)| fault.harm)
+            .map(|(fault, _)| fault.kind)
             .collect();
-        let on: Vec<Harm> = self.faults.on(now).copied().collect();
+        let on: Vec<FaultKind> = self.faults.on(now).copied().collect();
         for (number, ActuatorBus { wire, servos, .. }) in (0..).zip(&mut self.actuator_buses) {
-            let silent = |channel| on.iter().any(|harm| harm.silences(channel));
+            let silent = |channel| on.iter().any(|kind| kind.silences(channel));
             for &(node, channel) in servos.iter().filter(|(_, channel)| silent(*channel)) {
                 wire.bus.cancel(node);
-                if began.contains(&Harm::Unpowered(channel)) {
+                if began.contains(&FaultKind::Unpowered(channel)) {
                     self.body.cut_power(channel);
-                    self.faults.fire(now, |harm| *harm == Harm::Unpowered(channel));
+                    self.faults.fire(now, |kind| *kind == FaultKind::Unpowered(channel));
                 }
             }
             let listens = servos.iter().any(|&(_, channel)| !silent(channel));
-            wire.connect(now, listens && !on.contains(&Harm::NoAck(Interface::Actuator(number))));
-            if began.contains(&Harm::BusOff(number)) {
+            wire.connect(
+                now,
+                listens && !on.contains(&FaultKind::NoAck(Interface::Actuator(number))),
+            );
+            if began.contains(&FaultKind::BusOff(number)) {
                 wire.go_off(now);
-                self.faults.fire(now, |harm| *harm == Harm::BusOff(number));
+                self.faults.fire(now, |kind| *kind == FaultKind::BusOff(number));
                 if let Some(observer) = &mut self.observer {
                     observer.on_bus_off(now);
                 }
@@ -127,7 +130,7 @@ impl<C: Core> Rig<C> {
                 let _ = self.controller.on_bus_state(now.as_us(), number, BusState::Off);
             }
         }
-        self.link.connect(now, !on.contains(&Harm::NoAck(Interface::Link)));
+        self.link.connect(now, !on.contains(&FaultKind::NoAck(Interface::Link)));
     }
 
     /// Makes a babbling node send its next frame.
@@ -138,7 +141,7 @@ impl<C: Core> Rig<C> {
         let wire = self.wire(bus);
         if wire.bus.pending(node) < BABBLE_DEPTH {
             wire.bus.post(now, node, frame).expect("there is room");
-            self.faults.fire(now, |harm| *harm == Harm::Babble(bus, frame, every));
+            self.faults.fire(now, |kind| *kind == FaultKind::Babble(bus, frame, every));
         }
     }
 }
