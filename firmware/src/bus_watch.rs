@@ -16,14 +16,14 @@ use crate::safety::EventSet;
 const NO_ACK_TICKS: u8 = 3;
 
 #[derive(Clone, Copy, Debug, Default)]
-struct Bus {
+struct WatchedBus {
     state: BusState,
     /// Ticks in this state.
     ticks: u8,
     restart: bool,
 }
 
-impl Bus {
+impl WatchedBus {
     fn event(&self) -> Option<Event> {
         match self.state {
             BusState::Active => None,
@@ -41,14 +41,14 @@ impl Bus {
 
 /// All actuator buses.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct BusWatch([Bus; MAX_BUSES]);
+pub(crate) struct BusWatch([WatchedBus; MAX_BUSES]);
 
 impl BusWatch {
     /// Records the state of a bus; returns whether it changed. Unknown bus numbers are ignored.
     pub fn observe(&mut self, bus: u8, state: BusState) -> bool {
         match self.0.get_mut(usize::from(bus)) {
             Some(bus) if bus.state != state => {
-                *bus = Bus { state, ticks: 0, restart: bus.restart };
+                *bus = WatchedBus { state, ticks: 0, restart: bus.restart };
                 true
             }
             _ => false,
@@ -64,12 +64,12 @@ impl BusWatch {
 
     /// Raises the events of bus faults while torque is on.
     pub fn watch(&self, events: &mut EventSet) {
-        self.0.iter().filter_map(Bus::event).for_each(|event| events.insert(event));
+        self.0.iter().filter_map(WatchedBus::event).for_each(|event| events.insert(event));
     }
 
     /// Faults that prevent arming.
     pub fn faults(&self) -> FaultBits {
-        self.0.iter().filter_map(Bus::fault).fold(FaultBits::default(), FaultBits::with)
+        self.0.iter().filter_map(WatchedBus::fault).fold(FaultBits::default(), FaultBits::with)
     }
 
     /// The number of the bus with a fault.
@@ -89,7 +89,7 @@ impl BusWatch {
     pub fn take_restart(&mut self, bus: u8) -> bool {
         match self.0.get_mut(usize::from(bus)) {
             Some(bus) if bus.restart => {
-                *bus = Bus::default();
+                *bus = WatchedBus::default();
                 true
             }
             _ => false,

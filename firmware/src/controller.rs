@@ -15,21 +15,21 @@ use crate::gate::Gate;
 use crate::journal::Journal;
 use crate::limiter::Target;
 use crate::link::Link;
-use crate::motion::{Machine, Motion};
+use crate::motion::{Motion, Setup};
 use crate::player::{PLANNED_SPEED_64THS, Playing};
 use crate::safety::{Action, EventSet, StateMachine};
 use crate::settings::Settings;
 use crate::store::{LibraryStore, NoParameters, ParameterStore, StoreError};
 use crate::tilt::TiltWatch;
-use crate::transfer::Shelf;
+use crate::transfer::LibraryStorage;
 use crate::tuning::Tuning;
 
 /// A robot's controller: frames and time in, frames out.
 ///
 /// Times are microseconds of the controller's monotonic clock, the same clock in every call.
 pub struct Controller<S, P = NoParameters> {
-    pub(crate) machine: Machine,
-    pub(crate) shelf: Shelf<S>,
+    pub(crate) setup: Setup,
+    pub(crate) storage: LibraryStorage<S>,
     pub(crate) motion: Motion,
     pub(crate) link: Link,
     pub(crate) gate: Gate,
@@ -71,12 +71,12 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         parameters: P,
         settings: Settings,
     ) -> Self {
-        let machine = Machine { config, buses, settings };
+        let setup = Setup { config, buses, settings };
         Self {
-            motion: Motion::new(&machine),
+            motion: Motion::new(&setup),
             link: Link::new(settings.node),
-            machine,
-            shelf: Shelf::new(store),
+            setup,
+            storage: LibraryStorage::new(store),
             gate: Gate::default(),
             tuning: Tuning::new(parameters),
             bus_watch: BusWatch::default(),
@@ -94,17 +94,17 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     /// The stores of library and parameters.
     pub fn into_stores(self) -> (S, P) {
-        (self.shelf.into_store(), self.tuning.into_store())
+        (self.storage.into_store(), self.tuning.into_store())
     }
 
     /// Processes a frame of actuator bus `bus`.
     pub fn on_actuator_frame(&mut self, _now_us: u64, bus: u8, frame: &Frame) {
-        self.motion.actuators.receive(&self.machine.config, bus, frame);
+        self.motion.actuators.receive(&self.setup.config, bus, frame);
     }
 
     /// Processes bytes of serial line `bus`, in portions of any size.
     pub fn on_serial(&mut self, _now_us: u64, bus: u8, bytes: &[u8]) {
-        self.motion.actuators.receive_serial(&self.machine.config, bus, bytes);
+        self.motion.actuators.receive_serial(&self.setup.config, bus, bytes);
     }
 
     /// Records the error state of an actuator bus; call on change, or in every control period. Bus-off switches
@@ -128,8 +128,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             Some(playing) => playing.clip,
             None => library.safe_node().clip(),
         };
-        let told = self.shelf.library().and_then(|library| library.attitude(clip(&library)));
-        told.unwrap_or(Attitude::LEVEL)
+        let attitude = self.storage.library().and_then(|library| library.attitude(clip(&library)));
+        attitude.unwrap_or(Attitude::LEVEL)
     }
 
     /// Whether to restart an actuator bus that is off, because the operator has cleared the fault; true once.
@@ -150,18 +150,18 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.tick_gap_us = self.last_tick_us.map_or(0, |last| now_us.saturating_sub(last));
         self.last_tick_us = Some(now_us);
         self.bus_watch.age();
-        self.motion.watch(&self.machine, &mut self.events);
+        self.motion.watch(&self.setup, &mut self.events);
         self.watch_time(now_us);
         self.settle(now_us);
-        self.motion.drive(&self.machine, self.shelf.library(), &mut self.events);
+        self.motion.drive(&self.setup, self.storage.library(), &mut self.events);
         self.settle(now_us);
         if let Some(playing) = self.motion.playing() {
-            self.shelf.see(playing.clip);
+            self.storage.on_clip(playing.clip);
         }
-        self.shelf.settle(self.state());
+        self.storage.settle(self.state());
 
         if self.ticks_to_frame == 0 {
-            self.ticks_to_frame = self.machine.settings.ticks_per_frame();
+            self.ticks_to_frame = self.setup.settings.ticks_per_frame();
             self.link.allow_telemetry();
         }
         self.ticks_to_frame -= 1;
@@ -171,13 +171,13 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     /// The next frame for actuator bus `bus`, if there is one.
     pub fn poll_actuator(&mut self, bus: u8) -> Option<Frame> {
-        self.motion.actuators.poll(&self.machine.config, bus)
+        self.motion.actuators.poll(&self.setup.config, bus)
     }
 
     /// The next packet for serial line `bus`. Poll again once the packet has been sent; `None` also while
     /// servos may be answering.
     pub fn poll_serial(&mut self, bus: u8) -> Option<Packet> {
-        self.motion.actuators.poll_serial(&self.machine.config, bus)
+        self.motion.actuators.poll_serial(&self.setup.config, bus)
     }
 
     /// The current state.
@@ -189,9 +189,9 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     pub fn faults(&self) -> FaultBits {
         let started = !matches!(self.state(), State::Boot | State::SelfTest);
         let mut faults = self.safety.latched();
-        if started && self.shelf.library().is_none() {
+        if started && self.storage.library().is_none() {
             faults = faults.with(Fault::NoLibrary);
-            if self.shelf.is_for_another_robot() {
+            if self.storage.is_for_another_robot() {
                 faults = faults.with(Fault::ConfigMismatch);
             }
         }
@@ -210,18 +210,18 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     /// The robot's configuration.
     pub fn config(&self) -> &RobotConfig {
-        &self.machine.config
+        &self.setup.config
     }
 
     /// The active library.
     pub fn library(&self) -> Option<Library<'_>> {
-        self.shelf.library()
+        self.storage.library()
     }
 
     /// Whether the library is on trial: unless one of its motions is played to the end within a few boots, the
     /// previous library is activated again.
     pub fn library_on_trial(&self) -> bool {
-        self.shelf.on_trial()
+        self.storage.on_trial()
     }
 
     /// Confirms a library on trial without playing it; only while disarmed.
@@ -229,7 +229,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         if self.state() != State::Disarmed {
             return Err(StoreError::NotSealed);
         }
-        self.shelf.confirm()
+        self.storage.confirm()
     }
 
     /// Count of damaged frames on the link.
@@ -239,12 +239,12 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     /// Reason for which the library in the store was refused, if it was.
     pub fn library_reject(&self) -> Option<Reject> {
-        self.shelf.reject()
+        self.storage.reject()
     }
 
     /// Whether the host's heartbeat has timed out.
     pub(crate) fn host_silent(&self, now_us: u64) -> bool {
-        let timeout = u64::from(self.machine.settings.heartbeat_timeout_us);
+        let timeout = u64::from(self.setup.settings.heartbeat_timeout_us);
         self.link.host_seen_us().is_none_or(|at| now_us.saturating_sub(at) > timeout)
     }
 
@@ -258,18 +258,18 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     fn watch_time(&mut self, now_us: u64) {
         if self.state().torque() != Torque::Off {
             self.bus_watch.watch(&mut self.events);
-            if self.tilt.is_there() || self.machine.settings.imu_required {
+            if self.tilt.is_there() || self.setup.settings.imu_required {
                 let expected = self.expected_attitude();
-                self.tilt.watch(now_us, &expected, &self.machine.settings, &mut self.events);
+                self.tilt.watch(now_us, &expected, &self.setup.settings, &mut self.events);
             }
             if self.host_silent(now_us) {
                 self.events.insert(Event::HostLost);
             }
-            if self.tick_gap_us > u64::from(self.machine.settings.overrun_us) {
+            if self.tick_gap_us > u64::from(self.setup.settings.overrun_us) {
                 self.events.insert(Event::Overrun);
             }
         }
-        let settings = &self.machine.settings;
+        let settings = &self.setup.settings;
         let elapsed = |since: u64, limit: u32| now_us.saturating_sub(since) >= u64::from(limit);
         match self.state() {
             State::Returning => {
@@ -312,7 +312,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             if (self.state(), self.safety.latched()) != (before, known) {
                 self.note(now_us, event, before);
             }
-            self.shelf.observe(event);
+            self.storage.observe(event);
             if self.state() != before || event == Event::EStop {
                 // A nonce requested in another state, or before a stop, is void.
                 self.gate.void();
@@ -331,7 +331,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             // when the host is lost during a return at reduced speed.
             self.motion.set_speed(PLANNED_SPEED_64THS);
         }
-        let library = self.shelf.library();
+        let library = self.storage.library();
         let played = match action {
             Action::None => Ok(()),
             Action::RunSelfTest => {
@@ -346,7 +346,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 self.motion.align();
                 Ok(())
             }
-            Action::HoldSafe => self.motion.hold_safe(&self.machine, library),
+            Action::HoldSafe => self.motion.hold_safe(&self.setup, library),
             Action::Pause => {
                 self.motion.pause();
                 Ok(())
@@ -361,7 +361,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 Ok(())
             }
             Action::Damp => {
-                self.motion.damp(&self.machine);
+                self.motion.damp(&self.setup);
                 Ok(())
             }
             Action::CutTorque => {
@@ -375,7 +375,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     fn self_test(&mut self) {
-        let Machine { config, buses, settings } = &self.machine;
+        let Setup { config, buses, settings } = &self.setup;
         let buses_fit = |()| loads(config, buses, settings.control_hz);
         let usable = settings.check().is_ok()
             && config
@@ -384,7 +384,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 .is_ok_and(|mut rows| rows.all(|row| row.problem.is_none()));
         if usable {
             // An empty or invalid store is no failure: the controller waits for a library.
-            self.shelf.load(&self.machine.config);
+            self.storage.load(&self.setup.config);
         }
         self.events.insert(if usable { Event::SelfTestPassed } else { Event::SelfTestFailed });
     }

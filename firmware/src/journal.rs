@@ -75,8 +75,8 @@ mod tests {
                 let log = journal.since(7_000, since);
                 let expected = since.max(count.saturating_sub(16)).min(count)..count;
                 assert_eq!((log.now_ms, log.first, log.next), (7, expected.start, count));
-                let told: Vec<_> = log.entries().map(|(n, e)| (n, e.at_ms)).collect();
-                assert_eq!(told, expected.map(|n| (n, 100 + n)).collect::<Vec<_>>(), "{since}");
+                let kept: Vec<_> = log.entries().map(|(n, e)| (n, e.at_ms)).collect();
+                assert_eq!(kept, expected.map(|n| (n, 100 + n)).collect::<Vec<_>>(), "{since}");
             }
             journal.record(entry(100 + count));
         }

@@ -22,6 +22,7 @@ mod align;
 mod bus_watch;
 mod controller;
 mod gate;
+pub mod graph_cursor;
 pub mod hal;
 mod hermite;
 mod journal;
@@ -38,7 +39,6 @@ pub mod store;
 mod tilt;
 mod transfer;
 mod tuning;
-pub mod walk;
 
 pub use actuators::load;
 pub use controller::Controller;

@@ -28,7 +28,7 @@ const MAX_POLLS: usize = 4;
 
 /// A message whose content is sampled at the moment of transmission.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Say {
+pub(crate) enum Outgoing {
     EstopAck,
     HeartbeatReply(HeartbeatReply),
     FaultReport { bit: u8, counter: u8 },
@@ -185,44 +185,44 @@ impl Link {
     }
 
     /// The next message to send, most urgent first.
-    pub fn next(&mut self, now_us: u64, channels: u8) -> Option<Say> {
+    pub fn next(&mut self, now_us: u64, channels: u8) -> Option<Outgoing> {
         let node = self.node?;
         if core::mem::take(&mut self.estop_ack) {
-            return Some(Say::EstopAck);
+            return Some(Outgoing::EstopAck);
         }
         if let Some(reply) = self.heartbeat.take() {
-            return Some(Say::HeartbeatReply(reply));
+            return Some(Outgoing::HeartbeatReply(reply));
         }
         if core::mem::take(&mut self.status_due) {
             self.status_counter = self.status_counter.wrapping_add(1);
-            return Some(Say::Status { counter: self.status_counter & 0xF });
+            return Some(Outgoing::Status { counter: self.status_counter & 0xF });
         }
         if !self.reports.is_empty() {
             let bit = self.reports.0.trailing_zeros() as u8;
             self.reports.0 &= self.reports.0.wrapping_sub(1);
             self.report_counter = self.report_counter.wrapping_add(1);
-            return Some(Say::FaultReport { bit, counter: self.report_counter });
+            return Some(Outgoing::FaultReport { bit, counter: self.report_counter });
         }
         if let Some(ack) = self.acks.pop_front() {
-            return Some(Say::CommandAck(ack));
+            return Some(Outgoing::CommandAck(ack));
         }
         if let Some(ack) = self.parameter.take() {
-            return Some(Say::ParameterAck(ack));
+            return Some(Outgoing::ParameterAck(ack));
         }
         if self.telemetry_left > 0 && channels > 0 {
             self.telemetry_left -= 1;
             let channel = self.telemetry_next % channels;
             self.telemetry_next = channel.wrapping_add(1);
-            return Some(Say::Telemetry { channel });
+            return Some(Outgoing::Telemetry { channel });
         }
         for _ in 0..MAX_POLLS {
             match self.endpoint.poll(now_us) {
-                Output::Send(pdu) => return Some(Say::Frame(frame_to_host(node, &pdu))),
+                Output::Send(pdu) => return Some(Outgoing::Frame(frame_to_host(node, &pdu))),
                 Output::Failed(_) => {}
                 Output::Idle => break,
             }
         }
-        core::mem::take(&mut self.discovered).then_some(Say::Discovered)
+        core::mem::take(&mut self.discovered).then_some(Outgoing::Discovered)
     }
 }
 

@@ -12,7 +12,7 @@ use rollwalk_protocol::wire::{
 
 use crate::controller::Controller;
 use crate::gate::{Permit, Verdict};
-use crate::link::Say;
+use crate::link::Outgoing;
 use crate::player::PLANNED_SPEED_64THS;
 use crate::store::{LibraryStore, ParameterStore};
 
@@ -41,7 +41,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             ToController::Heartbeat(heartbeat) => {
                 // A late heartbeat must not hide the timeout, even if it arrives before the next tick.
                 self.notice_lost_host(now_us);
-                let timeout_us = self.machine.settings.heartbeat_timeout_us;
+                let timeout_us = self.setup.settings.heartbeat_timeout_us;
                 self.link.on_heartbeat(now_us, heartbeat, timeout_us);
             }
             ToController::Command(command) => self.on_command(now_us, command),
@@ -60,22 +60,22 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     /// The next frame for the link, if there is one.
     pub fn poll_link(&mut self, now_us: u64) -> Option<Frame> {
         let node = self.link.node?;
-        let channels = self.machine.config.channels.len() as u8;
+        let channels = self.setup.config.channels.len() as u8;
         // Channels without telemetry are skipped; all other messages are sent as they come.
         for _ in 0..=channels {
             let frame = match self.link.next(now_us, channels)? {
-                Say::EstopAck => Some(EstopAck { state: self.state() }.encode(node)),
-                Say::HeartbeatReply(reply) => Some(reply.encode(node)),
-                Say::FaultReport { bit, counter } => {
+                Outgoing::EstopAck => Some(EstopAck { state: self.state() }.encode(node)),
+                Outgoing::HeartbeatReply(reply) => Some(reply.encode(node)),
+                Outgoing::FaultReport { bit, counter } => {
                     self.fault_report(now_us, bit, counter).map(|report| report.encode(node))
                 }
-                Say::Status { counter } => Some(self.status(counter).encode(node)),
-                Say::CommandAck(ack) => Some(ack.encode(node)),
-                Say::ParameterAck(ack) => Some(ack.encode(node)),
-                Say::Telemetry { channel } => self.telemetry(channel).map(|t| t.encode(node)),
-                Say::Frame(frame) => Some(frame),
-                Say::Discovered => {
-                    let uid = self.machine.settings.uid;
+                Outgoing::Status { counter } => Some(self.status(counter).encode(node)),
+                Outgoing::CommandAck(ack) => Some(ack.encode(node)),
+                Outgoing::ParameterAck(ack) => Some(ack.encode(node)),
+                Outgoing::Telemetry { channel } => self.telemetry(channel).map(|t| t.encode(node)),
+                Outgoing::Frame(frame) => Some(frame),
+                Outgoing::Discovered => {
+                    let uid = self.setup.settings.uid;
                     Some(Discovered { uid, protocol_major: PROTOCOL_MAJOR }.encode(node))
                 }
             };
@@ -116,7 +116,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         match action {
             Action::Play { code, speed_64ths } => self.play(now_us, code, speed_64ths),
             Action::Return => {
-                let safe = self.shelf.library().map(|library| library.safe_node());
+                let safe = self.storage.library().map(|library| library.safe_node());
                 self.go(now_us, safe.ok_or(CommandResult::NoLibrary))
             }
             Action::Disarm => {
@@ -169,8 +169,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         let obstacle = |fault| (CommandResult::FaultPresent, FaultBits::default().with(fault));
         let (result, faults) = if self.state() != State::Disarmed {
             (CommandResult::WrongState, FaultBits::default())
-        } else if self.shelf.library().is_none() {
-            let other = self.shelf.is_for_another_robot();
+        } else if self.storage.library().is_none() {
+            let other = self.storage.is_for_another_robot();
             (
                 if other { CommandResult::ConfigMismatch } else { CommandResult::NoLibrary },
                 self.faults(),
@@ -179,16 +179,16 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             (CommandResult::FaultPresent, self.bus_watch.faults())
         } else if self.host_silent(now_us) {
             obstacle(Fault::HostLost)
-        } else if self.machine.settings.imu_required && !self.tilt.is_awake(now_us) {
+        } else if self.setup.settings.imu_required && !self.tilt.is_awake(now_us) {
             obstacle(Fault::Tilt)
         } else if self.motion.actuators.health().faulty {
             obstacle(Fault::ActuatorFault)
-        } else if !self.motion.actuators_heard(&self.machine)
+        } else if !self.motion.actuators_are_fresh(&self.setup)
             // An actuator that missed "off" would resume its previous setpoint.
             || !self.motion.actuators.all_known_off()
         {
             (CommandResult::PoseUnknown, FaultBits::default().with(Fault::ActuatorSilent))
-        } else if self.motion.implausible(&self.machine).is_some() {
+        } else if self.motion.implausible(&self.setup).is_some() {
             (CommandResult::PoseUnknown, FaultBits::default().with(Fault::OutOfLimits))
         } else {
             return Ok(());
@@ -215,7 +215,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         let speed = u8::try_from(speed_64ths).ok();
         let speed = speed.filter(|speed| (1..=PLANNED_SPEED_64THS).contains(speed));
         let speed = speed.ok_or(CommandResult::BadSpeed)?;
-        let library = self.shelf.library();
+        let library = self.storage.library();
         let node = match library.map(|library| library.node_for_code(code)) {
             None => Err(CommandResult::NoLibrary),
             Some(None) => Err(CommandResult::UnknownCode),
@@ -240,7 +240,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             return Err(if armed { CommandResult::WrongState } else { CommandResult::NotArmed });
         }
         let node = node?;
-        let library = self.shelf.library().ok_or(CommandResult::NoLibrary)?;
+        let library = self.storage.library().ok_or(CommandResult::NoLibrary)?;
         let frames =
             self.motion.set_goal(&library, node).map_err(|_| CommandResult::Unreachable)?;
         let moves = !self.motion.rests_in_safe(&library);
@@ -253,7 +253,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     fn on_request(&mut self, now_us: u64) {
-        let config = &self.machine.config;
+        let config = &self.setup.config;
         let may_write = self.state() == State::Disarmed;
         let response = match Request::decode(self.link.request()) {
             Ok(Request::Hello { .. }) => Response::Hello(Hello {
@@ -263,7 +263,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 config_hash: config.hash(),
                 format_major: FORMAT_MAJOR,
                 format_minor: FORMAT_MINOR,
-                library: self.shelf.library().map(|library| library.index().id()),
+                library: self.storage.library().map(|library| library.index().id()),
                 max_block: MAX_BLOCK as u16,
                 channels: config.channels.len() as u8,
             }),
@@ -271,11 +271,11 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             Ok(request) => {
                 // The operator who was about to arm expected another library.
                 self.gate.void();
-                Response::Reply(self.shelf.handle(&request, may_write, config))
+                Response::Reply(self.storage.handle(&request, may_write, config))
             }
             Err(error) => {
                 let kind = self.link.request().first().copied().unwrap_or(0);
-                Response::Reply(Reply::new(kind, unreadable(error), self.shelf.next()))
+                Response::Reply(Reply::new(kind, unreadable(error), self.storage.next()))
             }
         };
         self.link.respond(&response);
@@ -299,7 +299,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             clip: playing.map(|p| p.clip.0),
             frame: playing.map_or(0, |p| p.frame),
             counter,
-            library: self.shelf.library().map_or(0, |library| library.index().id() as u8),
+            library: self.storage.library().map_or(0, |library| library.index().id() as u8),
         }
     }
 
@@ -322,7 +322,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     /// Channel and current value of a fault.
     pub(crate) fn details(&self, now_us: u64, fault: Fault) -> (Option<u8>, f32) {
-        let about = self.motion.details(&self.machine, fault);
+        let about = self.motion.details(&self.setup, fault);
         match fault {
             Fault::HostLost => {
                 let since = self.link.host_seen_us().map(|at| now_us.saturating_sub(at));

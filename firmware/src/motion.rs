@@ -12,12 +12,12 @@ use rollwalk_protocol::library::{Library, NodeId, Unreadable};
 use crate::actuators::{Actuators, FRESH_TICKS, Hold};
 use crate::align::Ramp;
 use crate::bus::Buses;
+use crate::graph_cursor::GoalError;
 use crate::limiter::{Limiter, Target};
 use crate::parameters::Parameters;
 use crate::player::{Player, Playing};
 use crate::safety::EventSet;
 use crate::settings::Settings;
-use crate::walk::GoalError;
 
 /// Rate at which each actuator is queried for its pose while torque is off, Hz.
 const QUERY_HZ: u16 = 20;
@@ -33,7 +33,7 @@ enum Stage {
 }
 
 /// Robot and settings: constant while the controller runs.
-pub(crate) struct Machine {
+pub(crate) struct Setup {
     pub config: RobotConfig,
     pub buses: Buses,
     pub settings: Settings,
@@ -52,12 +52,12 @@ pub(crate) struct Motion {
 }
 
 impl Motion {
-    pub fn new(machine: &Machine) -> Self {
+    pub fn new(setup: &Setup) -> Self {
         Self {
             stage: Stage::Off,
-            limiter: Limiter::new(machine.settings.period_s()),
-            actuators: Actuators::new(&machine.config, &machine.buses),
-            parameters: Parameters::new(&machine.config, &machine.settings),
+            limiter: Limiter::new(setup.settings.period_s()),
+            actuators: Actuators::new(&setup.config, &setup.buses),
+            parameters: Parameters::new(&setup.config, &setup.settings),
             emitted: [None; MAX_CHANNELS],
             behind_ticks: 0,
             ticks_to_query: 0,
@@ -78,28 +78,28 @@ impl Motion {
     }
 
     /// Age in ticks beyond which feedback counts as missing.
-    fn patience_ticks(&self, machine: &Machine) -> u16 {
+    fn patience_ticks(&self, setup: &Setup) -> u16 {
         match self.stage {
             // While torque is off the actuators are queried at a low rate, and when enabling starts the
             // last answer may be one query interval old.
             Stage::Off | Stage::Enabling { .. } => {
-                let query_ticks = machine.settings.control_hz / QUERY_HZ;
+                let query_ticks = setup.settings.control_hz / QUERY_HZ;
                 query_ticks.saturating_mul(2).saturating_add(FRESH_TICKS)
             }
-            _ => machine.settings.silent_ticks,
+            _ => setup.settings.silent_ticks,
         }
     }
 
     /// Whether the pose of every actuator is fresh.
-    pub fn actuators_heard(&self, machine: &Machine) -> bool {
-        self.actuators.health().heard_within(self.patience_ticks(machine))
+    pub fn actuators_are_fresh(&self, setup: &Setup) -> bool {
+        self.actuators.health().fresh_within(self.patience_ticks(setup))
     }
 
     /// A joint whose measured position is missing or far outside its range.
-    pub fn implausible(&self, machine: &Machine) -> Option<usize> {
-        let slack = machine.settings.out_of_range_rad;
-        machine.config.channels.iter().enumerate().position(|(i, channel)| {
-            let measured = self.actuators.measured(&machine.config, i);
+    pub fn implausible(&self, setup: &Setup) -> Option<usize> {
+        let slack = setup.settings.out_of_range_rad;
+        setup.config.channels.iter().enumerate().position(|(i, channel)| {
+            let measured = self.actuators.measured(&setup.config, i);
             let plausible =
                 measured.is_some_and(|q| q >= channel.min - slack && q <= channel.max + slack);
             channel.kind == ChannelKind::JointPosition && !plausible
@@ -107,12 +107,12 @@ impl Motion {
     }
 
     /// Channel and value of a fault, for its report.
-    pub fn details(&self, machine: &Machine, fault: Fault) -> Option<(u8, f32)> {
-        let mut channels = 0..machine.config.channels.len();
+    pub fn details(&self, setup: &Setup, fault: Fault) -> Option<(u8, f32)> {
+        let mut channels = 0..setup.config.channels.len();
         let (channel, value) = match fault {
             Fault::ActuatorSilent => {
                 let (channel, ticks) = self.actuators.most_silent()?;
-                (channel, f32::from(ticks) * machine.settings.period_s())
+                (channel, f32::from(ticks) * setup.settings.period_s())
             }
             Fault::ActuatorFault => {
                 let status = |i| self.actuators.feedback(i).map(|f| f.status);
@@ -125,13 +125,13 @@ impl Motion {
                 (channel, f32::from(status(channel)?.0))
             }
             Fault::OutOfLimits => {
-                let channel = self.implausible(machine)?;
-                (channel, self.actuators.measured(&machine.config, channel)?)
+                let channel = self.implausible(setup)?;
+                (channel, self.actuators.measured(&setup.config, channel)?)
             }
             Fault::TrackingError => {
-                let size = |i: usize| self.lag_rad(machine, i).unwrap_or(0.0);
+                let size = |i: usize| self.lag_rad(setup, i).unwrap_or(0.0);
                 let worst = channels.max_by(|&a, &b| size(a).total_cmp(&size(b)))?;
-                (worst, self.lag_rad(machine, worst)?)
+                (worst, self.lag_rad(setup, worst)?)
             }
             _ => return None,
         };
@@ -139,10 +139,10 @@ impl Motion {
     }
 
     /// Distance between a joint's measured position and its last setpoint, rad.
-    fn lag_rad(&self, machine: &Machine, channel: usize) -> Option<f32> {
-        let joint = machine.config.channels.get(channel)?.kind == ChannelKind::JointPosition;
+    fn lag_rad(&self, setup: &Setup, channel: usize) -> Option<f32> {
+        let joint = setup.config.channels.get(channel)?.kind == ChannelKind::JointPosition;
         let setpoint = self.limiter.last(channel).filter(|_| joint)?;
-        Some((setpoint - self.actuators.measured(&machine.config, channel)?).abs())
+        Some((setpoint - self.actuators.measured(&setup.config, channel)?).abs())
     }
 
     /// Switches torque off at once.
@@ -162,11 +162,11 @@ impl Motion {
     /// Starts playback at rest in SAFE.
     pub fn hold_safe(
         &mut self,
-        machine: &Machine,
+        setup: &Setup,
         library: Option<Library<'_>>,
     ) -> Result<(), Unreadable> {
         let library = library.ok_or(Unreadable)?;
-        let player = Player::start(&library, machine.settings.ticks_per_frame())?;
+        let player = Player::start(&library, setup.settings.ticks_per_frame())?;
         self.stage = Stage::Playing(player);
         Ok(())
     }
@@ -216,10 +216,10 @@ impl Motion {
     }
 
     /// Damps joints without stiffness and brakes wheels.
-    pub fn damp(&mut self, machine: &Machine) {
-        for i in 0..machine.config.channels.len() {
+    pub fn damp(&mut self, setup: &Setup) {
+        for i in 0..setup.config.channels.len() {
             if self.limiter.last(i).is_none()
-                && let Some(measured) = self.actuators.measured(&machine.config, i)
+                && let Some(measured) = self.actuators.measured(&setup.config, i)
             {
                 self.limiter.start(i, measured);
             }
@@ -230,9 +230,9 @@ impl Motion {
     }
 
     /// Checks feedback once per control period.
-    pub fn watch(&mut self, machine: &Machine, events: &mut EventSet) {
+    pub fn watch(&mut self, setup: &Setup, events: &mut EventSet) {
         self.actuators.age();
-        self.parameters.advance(&machine.config);
+        self.parameters.advance(&setup.config);
         let torque_must_be_on = match self.stage {
             Stage::Off => return,
             // Of actuators damped during enabling, some were never enabled.
@@ -240,21 +240,20 @@ impl Motion {
             Stage::Ramping { .. } | Stage::Playing(_) => true,
         };
         let health = self.actuators.health();
-        if !health.heard_within(self.patience_ticks(machine)) {
+        if !health.fresh_within(self.patience_ticks(setup)) {
             events.insert(Event::FeedbackLost);
         }
         let dropped = torque_must_be_on && !health.enabled;
         if dropped || health.faulty {
             events.insert(Event::ActuatorFault);
         }
-        self.watch_following(machine, events);
+        self.watch_following(setup, events);
     }
 
     /// Raises `NotFollowing` after a joint was far from its setpoint for too long.
-    fn watch_following(&mut self, machine: &Machine, events: &mut EventSet) {
-        let Machine { config, settings, .. } = machine;
-        let far =
-            |i| self.lag_rad(machine, i).is_some_and(|lag| lag > settings.follow_tolerance_rad);
+    fn watch_following(&mut self, setup: &Setup, events: &mut EventSet) {
+        let Setup { config, settings, .. } = setup;
+        let far = |i| self.lag_rad(setup, i).is_some_and(|lag| lag > settings.follow_tolerance_rad);
         let plays = matches!(self.stage, Stage::Playing(_));
         let behind = plays && (0..config.channels.len()).any(far);
         self.behind_ticks = if behind { self.behind_ticks.saturating_add(1) } else { 0 };
@@ -264,20 +263,15 @@ impl Motion {
     }
 
     /// Writes the setpoints of the next control period into the mailboxes.
-    pub fn drive(
-        &mut self,
-        machine: &Machine,
-        library: Option<Library<'_>>,
-        events: &mut EventSet,
-    ) {
+    pub fn drive(&mut self, setup: &Setup, library: Option<Library<'_>>, events: &mut EventSet) {
         match self.stage {
             Stage::Off => {
                 self.assume_safe(library);
-                self.stay_off(machine);
+                self.stay_off(setup);
             }
-            Stage::Damped => self.emit_damping(machine),
+            Stage::Damped => self.emit_damping(setup),
             _ => {
-                let done = library.ok_or(Unreadable).and_then(|l| self.follow(machine, &l, events));
+                let done = library.ok_or(Unreadable).and_then(|l| self.follow(setup, &l, events));
                 if done.is_err() {
                     events.insert(Event::PlaybackFailed);
                 }
@@ -287,16 +281,16 @@ impl Motion {
 
     fn follow(
         &mut self,
-        machine: &Machine,
+        setup: &Setup,
         library: &Library<'_>,
         events: &mut EventSet,
     ) -> Result<(), Unreadable> {
         if let Stage::Enabling { ticks } = &mut self.stage {
             *ticks = ticks.saturating_add(1);
-            let late = *ticks > machine.settings.ticks(machine.settings.align_patience_us);
+            let late = *ticks > setup.settings.ticks(setup.settings.align_patience_us);
             let health = self.actuators.health();
-            if health.enabled && health.heard_within(FRESH_TICKS) {
-                self.start_ramp(machine, library)?;
+            if health.enabled && health.fresh_within(FRESH_TICKS) {
+                self.start_ramp(setup, library)?;
             } else if late {
                 events.insert(Event::AlignFailed);
             } else {
@@ -304,18 +298,18 @@ impl Motion {
             }
         }
         if let Stage::Playing(player) = &mut self.stage {
-            player.advance(library, &machine.config)?;
+            player.advance(library, &setup.config)?;
             if player.rests_in_safe(library) {
                 events.insert(Event::SafeReached);
             }
         }
-        self.emit_targets(machine);
+        self.emit_targets(setup);
         if let Stage::Ramping { ramp, settling_ticks } = &mut self.stage {
             ramp.advance();
             if ramp.arrived() {
                 *settling_ticks = settling_ticks.saturating_add(1);
-                let patience = machine.settings.ticks(machine.settings.align_patience_us);
-                if *settling_ticks > 1 && arrived(machine, ramp, &self.actuators) {
+                let patience = setup.settings.ticks(setup.settings.align_patience_us);
+                if *settling_ticks > 1 && arrived(setup, ramp, &self.actuators) {
                     events.insert(Event::Aligned);
                 } else if *settling_ticks > patience {
                     events.insert(Event::AlignFailed);
@@ -325,55 +319,55 @@ impl Motion {
         Ok(())
     }
 
-    fn start_ramp(&mut self, machine: &Machine, library: &Library<'_>) -> Result<(), Unreadable> {
+    fn start_ramp(&mut self, setup: &Setup, library: &Library<'_>) -> Result<(), Unreadable> {
         let mut safe = [0.0; MAX_CHANNELS];
         library.safe_pose_into(&mut safe).ok_or(Unreadable)?;
-        let config = &machine.config;
+        let config = &setup.config;
         let mut ends: Vec<(f32, f32), MAX_CHANNELS> = Vec::new();
         for (i, to) in safe.into_iter().enumerate().take(config.channels.len()) {
             let from = self.actuators.measured(config, i).ok_or(Unreadable)?;
             self.limiter.start(i, from);
             ends.push((from, to)).map_err(|_| Unreadable)?;
         }
-        let settings = &machine.settings;
+        let settings = &setup.settings;
         let (speed, period) = (settings.align_speed_rad_s, settings.period_s());
         let ramp = Ramp::new(config, ends, speed, period);
         self.stage = Stage::Ramping { ramp, settling_ticks: 0 };
         Ok(())
     }
 
-    fn emit_targets(&mut self, machine: &Machine) {
-        for i in 0..machine.config.channels.len() {
+    fn emit_targets(&mut self, setup: &Setup) {
+        for i in 0..setup.config.channels.len() {
             let target = match &self.stage {
                 Stage::Ramping { ramp, .. } => ramp.target(i),
-                Stage::Playing(player) => player.target(&machine.config, i),
+                Stage::Playing(player) => player.target(&setup.config, i),
                 Stage::Off | Stage::Enabling { .. } | Stage::Damped => None,
             };
             if let Some(target) = target {
-                self.emit(machine, i, target, Hold::Driven);
+                self.emit(setup, i, target, Hold::Driven);
             }
         }
     }
 
-    fn emit_damping(&mut self, machine: &Machine) {
-        for (i, channel) in machine.config.channels.iter().enumerate() {
+    fn emit_damping(&mut self, setup: &Setup) {
+        for (i, channel) in setup.config.channels.iter().enumerate() {
             let value = match channel.kind {
                 // Without stiffness the position has no effect; the last value cannot jump.
                 ChannelKind::JointPosition => self.limiter.last(i),
                 ChannelKind::WheelSpeed => Some(0.0),
             };
             if let Some(value) = value {
-                self.emit(machine, i, Target { value, slope: 0.0 }, Hold::Damped);
+                self.emit(setup, i, Target { value, slope: 0.0 }, Hold::Damped);
             }
         }
     }
 
-    fn emit(&mut self, machine: &Machine, channel: usize, target: Target, hold: Hold) {
+    fn emit(&mut self, setup: &Setup, channel: usize, target: Target, hold: Hold) {
         let damped;
         let limits = match hold {
             Hold::Driven => self.parameters.driven(channel),
             Hold::Damped => {
-                damped = self.parameters.damped(&machine.config, channel);
+                damped = self.parameters.damped(&setup.config, channel);
                 damped.as_ref()
             }
         };
@@ -395,10 +389,10 @@ impl Motion {
         }
     }
 
-    fn stay_off(&mut self, machine: &Machine) {
+    fn stay_off(&mut self, setup: &Setup) {
         let query = self.ticks_to_query == 0;
         self.ticks_to_query = match self.ticks_to_query {
-            0 => (machine.settings.control_hz / QUERY_HZ).saturating_sub(1),
+            0 => (setup.settings.control_hz / QUERY_HZ).saturating_sub(1),
             n => n - 1,
         };
         self.actuators.keep_disabled(query);
@@ -406,12 +400,12 @@ impl Motion {
 }
 
 /// Whether the measured position of every joint is close to the end of the ramp.
-fn arrived(machine: &Machine, ramp: &Ramp, actuators: &Actuators) -> bool {
-    machine.config.channels.iter().enumerate().all(|(i, channel)| {
-        let error = ramp.target(i).zip(actuators.measured(&machine.config, i));
+fn arrived(setup: &Setup, ramp: &Ramp, actuators: &Actuators) -> bool {
+    setup.config.channels.iter().enumerate().all(|(i, channel)| {
+        let error = ramp.target(i).zip(actuators.measured(&setup.config, i));
         channel.kind == ChannelKind::WheelSpeed
             || error.is_some_and(|(target, measured)| {
-                (target.value - measured).abs() <= machine.settings.align_tolerance_rad
+                (target.value - measured).abs() <= setup.settings.align_tolerance_rad
             })
     })
 }

@@ -19,13 +19,13 @@ const LEAST_TORQUE: f32 = 0.1;
 
 /// A value on its ramp.
 #[derive(Clone, Copy, Debug, Default)]
-struct Ramp {
+struct GainRamp {
     from: f32,
     to: f32,
     ticks_left: u16,
 }
 
-impl Ramp {
+impl GainRamp {
     fn at(to: f32) -> Self {
         Self { from: to, to, ticks_left: 0 }
     }
@@ -49,7 +49,7 @@ pub(crate) type Refusal = (ParameterResult, f32);
 /// The parameters of all channels.
 #[derive(Clone, Debug)]
 pub(crate) struct Parameters {
-    channels: Vec<[Ramp; PARAMETERS], MAX_CHANNELS>,
+    channels: Vec<[GainRamp; PARAMETERS], MAX_CHANNELS>,
     /// Channels in force: the configuration with these parameters. Cached, because every control period reads it.
     driven: Vec<Channel, MAX_CHANNELS>,
     ramp_ticks: u16,
@@ -61,7 +61,7 @@ impl Parameters {
     /// The configuration's parameters.
     pub fn new(config: &RobotConfig, settings: &Settings) -> Self {
         let ramp_ticks = u16::try_from(settings.ticks(RAMP_US)).unwrap_or(u16::MAX).max(1);
-        let channels = gathered(config.channels.iter().map(|c| configured(c).map(Ramp::at)));
+        let channels = gathered(config.channels.iter().map(|c| configured(c).map(GainRamp::at)));
         Self { channels, driven: config.channels.clone(), ramp_ticks, moving_ticks: 0 }
     }
 
@@ -127,7 +127,7 @@ impl Parameters {
         let to = value + 0.0;
         // A repeated value does not restart the ramp, so repeated requests do not delay it.
         if to != ramp.to {
-            *ramp = Ramp { from: ramp.now(ramp_ticks), to, ticks_left: ramp_ticks };
+            *ramp = GainRamp { from: ramp.now(ramp_ticks), to, ticks_left: ramp_ticks };
             self.moving_ticks = ramp_ticks;
         }
         if !driven {
@@ -144,7 +144,7 @@ impl Parameters {
         for (values, limits) in self.channels.iter_mut().zip(&config.channels) {
             for (ramp, to) in values.iter_mut().zip(configured(limits)) {
                 let from = ramp.now(ramp_ticks);
-                *ramp = Ramp { from, to, ticks_left: if driven { ramp_ticks } else { 0 } };
+                *ramp = GainRamp { from, to, ticks_left: if driven { ramp_ticks } else { 0 } };
             }
         }
         self.apply(config);
@@ -170,7 +170,7 @@ impl Parameters {
                 each.all(|(&which, &value)| check(limits, settings, which, value).is_ok())
             });
         if fits {
-            self.channels = gathered(set.values.iter().map(|values| values.map(Ramp::at)));
+            self.channels = gathered(set.values.iter().map(|values| values.map(GainRamp::at)));
             self.apply(config);
         }
         fits

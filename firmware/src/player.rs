@@ -1,6 +1,6 @@
-//! Playback of the frames of a [`Walk`] as a smooth curve, at the control rate.
+//! Playback of the frames of a [`GraphCursor`] as a smooth curve, at the control rate.
 //!
-//! Keeps four consecutive frames and interpolates between the middle two. The walk is thus two frames ahead of
+//! Keeps four consecutive frames and interpolates between the middle two. The cursor is thus two frames ahead of
 //! playback: a new goal takes effect after two frames at the earliest, and the slopes are known across every seam.
 //!
 //! Playback may be slower than planned, down to a halt, never faster: the limits were checked at the planned speed
@@ -10,11 +10,11 @@
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::library::{ClipId, Library, NodeId, RATE_HZ, Unreadable};
 
+use crate::graph_cursor::{GoalError, GraphCursor};
 use crate::hermite::{self, Sample};
 use crate::limiter::Target;
-use crate::walk::{GoalError, Walk};
 
-/// Frames by which the walk is ahead of playback.
+/// Frames by which the cursor is ahead of playback.
 const AHEAD: u16 = 2;
 
 /// The planned playback speed, in 64ths: the highest.
@@ -54,18 +54,18 @@ struct Frame {
 }
 
 impl Frame {
-    fn of(walk: &Walk, library: &Library<'_>) -> Result<Self, Unreadable> {
-        let (clip, number) = walk.at();
+    fn of(cursor: &GraphCursor, library: &Library<'_>) -> Result<Self, Unreadable> {
+        let (clip, number) = cursor.at();
         let mut frame = Self { clip, number, rests_in_safe: false, values: [0.0; MAX_CHANNELS] };
-        frame.take(walk, library)?;
+        frame.take(cursor, library)?;
         Ok(frame)
     }
 
-    /// Becomes the frame at which a walk stands.
-    fn take(&mut self, walk: &Walk, library: &Library<'_>) -> Result<(), Unreadable> {
-        (self.clip, self.number) = walk.at();
-        self.rests_in_safe = walk.rests_in_safe(library);
-        walk.frame_into(library, &mut self.values)
+    /// Becomes the frame at which a cursor stands.
+    fn take(&mut self, cursor: &GraphCursor, library: &Library<'_>) -> Result<(), Unreadable> {
+        (self.clip, self.number) = cursor.at();
+        self.rests_in_safe = cursor.rests_in_safe(library);
+        cursor.frame_into(library, &mut self.values)
     }
 }
 
@@ -74,8 +74,8 @@ impl Frame {
 /// It borrows nothing: every call takes the library of [`Player::start`].
 #[derive(Clone, Debug)]
 pub struct Player {
-    walk: Walk,
-    /// Frames k−1, k, k+1, k+2, the walk stands at the last. A ring buffer that begins at `first`, so that no frame
+    cursor: GraphCursor,
+    /// Frames k−1, k, k+1, k+2, the cursor stands at the last. A ring buffer that begins at `first`, so that no frame
     /// is ever copied.
     window: [Frame; WINDOW],
     first: usize,
@@ -92,10 +92,10 @@ pub struct Player {
 impl Player {
     /// A player that rests in the SAFE pose, for a control rate of `ticks_per_frame` · 60 Hz.
     pub fn start(library: &Library<'_>, ticks_per_frame: u16) -> Result<Self, Unreadable> {
-        let walk = Walk::start(library)?;
-        let frame = Frame::of(&walk, library)?;
+        let cursor = GraphCursor::start(library)?;
+        let frame = Frame::of(&cursor, library)?;
         Ok(Self {
-            walk,
+            cursor,
             window: [frame; WINDOW],
             first: 0,
             parts: 0,
@@ -123,12 +123,12 @@ impl Player {
 
     /// Sets the motion to play next.
     pub fn set_goal(&mut self, library: &Library<'_>, goal: NodeId) -> Result<(), GoalError> {
-        self.walk.set_goal(library, goal)
+        self.cursor.set_goal(library, goal)
     }
 
     /// Frames until the requested motion starts; 0 once it plays.
     pub fn frames_to_goal(&self, library: &Library<'_>) -> u16 {
-        match self.walk.frames_to_goal(library) {
+        match self.cursor.frames_to_goal(library) {
             0 => 0,
             n => n.saturating_add(AHEAD),
         }
@@ -145,9 +145,9 @@ impl Player {
         // A control period advances by one frame at most.
         if self.parts >= frame {
             self.parts = self.parts.saturating_sub(frame);
-            self.walk.advance(library)?;
+            self.cursor.advance(library)?;
             if let Some(oldest) = self.window.get_mut(self.first) {
-                oldest.take(&self.walk, library)?;
+                oldest.take(&self.cursor, library)?;
             }
             self.first = (self.first + 1) % WINDOW;
         }
@@ -199,7 +199,7 @@ impl Player {
     /// Whether the robot rests in the SAFE pose and no other frame follows.
     pub fn rests_in_safe(&self, library: &Library<'_>) -> bool {
         let [_, rest @ ..] = self.frames();
-        rest.iter().all(|frame| frame.rests_in_safe) && self.walk.rests_in_safe(library)
+        rest.iter().all(|frame| frame.rests_in_safe) && self.cursor.rests_in_safe(library)
     }
 
     /// The present target of a channel.

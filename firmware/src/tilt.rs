@@ -16,7 +16,7 @@ const STALE_US: u64 = 100_000;
 /// The latest IMU measurement and the time spent beyond each angle.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TiltWatch {
-    told: Option<([f32; 3], u64)>,
+    attitude: Option<([f32; 3], u64)>,
     /// Ticks spent beyond the first and beyond the second angle.
     leaning_ticks: u32,
     tipped_ticks: u32,
@@ -28,23 +28,23 @@ impl TiltWatch {
     pub fn observe(&mut self, now_us: u64, up_body: [f32; 3]) {
         let length = length(up_body);
         if length > 1e-3 && length.is_finite() {
-            self.told = Some((up_body.map(|x| x / length), now_us));
+            self.attitude = Some((up_body.map(|x| x / length), now_us));
         }
     }
 
     /// Whether an IMU has ever delivered a measurement.
     pub fn is_there(&self) -> bool {
-        self.told.is_some()
+        self.attitude.is_some()
     }
 
     /// Whether the latest measurement is fresh.
     pub fn is_awake(&self, now_us: u64) -> bool {
-        self.told.is_some_and(|(_, at)| now_us.saturating_sub(at) <= STALE_US)
+        self.attitude.is_some_and(|(_, at)| now_us.saturating_sub(at) <= STALE_US)
     }
 
     /// Tilt beyond the clip's own deviation, rad.
     pub fn excess_rad(&self, expected: &Attitude) -> Option<f32> {
-        let (up, _) = self.told?;
+        let (up, _) = self.attitude?;
         let cosine: f32 = up.iter().zip(&expected.up_body).map(|(a, b)| a * b).sum();
         let cosine = cosine / length(expected.up_body);
         let angle = libm::acosf(cosine.clamp(-1.0, 1.0));

@@ -30,7 +30,7 @@ enum Proof {
 }
 
 /// The store, its library, and the transfer in progress.
-pub(crate) struct Shelf<S> {
+pub(crate) struct LibraryStorage<S> {
     store: S,
     active: Option<Index>,
     transfer: Option<Transfer>,
@@ -42,7 +42,7 @@ pub(crate) struct Shelf<S> {
     suspect: bool,
 }
 
-impl<S: LibraryStore> Shelf<S> {
+impl<S: LibraryStore> LibraryStorage<S> {
     pub fn new(store: S) -> Self {
         let proof = Proof::None;
         Self {
@@ -106,7 +106,7 @@ impl<S: LibraryStore> Shelf<S> {
     }
 
     /// Records the clip that plays.
-    pub fn see(&mut self, clip: ClipId) {
+    pub fn on_clip(&mut self, clip: ClipId) {
         let left_safe = |library: Library<'_>| library.safe_node().clip() != clip;
         if self.proof == Proof::Asked && self.library().is_some_and(left_safe) {
             self.proof = Proof::Playing;
@@ -307,8 +307,8 @@ mod tests {
         bytes[..len].iter().copied().collect()
     }
 
-    fn send(shelf: &mut Shelf<RamStore<1024>>, request: Request<'_>) -> (R, u32) {
-        let reply = shelf.handle(&request, true, &config());
+    fn send(storage: &mut LibraryStorage<RamStore<1024>>, request: Request<'_>) -> (R, u32) {
+        let reply = storage.handle(&request, true, &config());
         assert_eq!(reply.request, request.kind());
         (reply.result, reply.next)
     }
@@ -321,46 +321,46 @@ mod tests {
     fn arrives_in_blocks_and_is_used_only_after_activation() {
         let bytes = library(&config());
         let crc = crc32c(&bytes);
-        let mut shelf = Shelf::new(RamStore::<1024>::new());
-        assert_eq!(send(&mut shelf, Request::Finish), (R::NotBegun, 0));
+        let mut storage = LibraryStorage::new(RamStore::<1024>::new());
+        assert_eq!(send(&mut storage, Request::Finish), (R::NotBegun, 0));
         assert_eq!(
-            send(&mut shelf, Request::Block { offset: 0, bytes: &bytes[..9] }),
+            send(&mut storage, Request::Block { offset: 0, bytes: &bytes[..9] }),
             (R::NotBegun, 0)
         );
-        assert_eq!(send(&mut shelf, begin(&bytes)), (R::Ok, 0));
+        assert_eq!(send(&mut storage, begin(&bytes)), (R::Ok, 0));
         let n = bytes.len() as u32;
         assert_eq!(
-            send(&mut shelf, Request::Block { offset: 0, bytes: &bytes[..100] }),
+            send(&mut storage, Request::Block { offset: 0, bytes: &bytes[..100] }),
             (R::Ok, 100)
         );
         // A repeated block, one too far ahead, and an incomplete library.
         assert_eq!(
-            send(&mut shelf, Request::Block { offset: 0, bytes: &bytes[..100] }),
+            send(&mut storage, Request::Block { offset: 0, bytes: &bytes[..100] }),
             (R::Ok, 100)
         );
         assert_eq!(
-            send(&mut shelf, Request::Block { offset: 120, bytes: &bytes[120..] }),
+            send(&mut storage, Request::Block { offset: 120, bytes: &bytes[120..] }),
             (R::OutOfOrder, 100)
         );
-        assert_eq!(send(&mut shelf, Request::Finish), (R::Incomplete, 100));
+        assert_eq!(send(&mut storage, Request::Finish), (R::Incomplete, 100));
         // After a loss of the link the same Begin resumes.
-        assert_eq!(send(&mut shelf, begin(&bytes)), (R::Ok, 100));
+        assert_eq!(send(&mut storage, begin(&bytes)), (R::Ok, 100));
         assert_eq!(
-            send(&mut shelf, Request::Block { offset: 50, bytes: &bytes[50..] }),
+            send(&mut storage, Request::Block { offset: 50, bytes: &bytes[50..] }),
             (R::Ok, n)
         );
-        assert_eq!(send(&mut shelf, Request::Activate { crc32c: crc }), (R::NotFinished, n));
-        assert_eq!(send(&mut shelf, Request::Finish), (R::Ok, n));
-        assert!(shelf.library().is_none());
-        assert_eq!(send(&mut shelf, Request::Activate { crc32c: !crc }), (R::NotFinished, n));
-        assert_eq!(send(&mut shelf, Request::Activate { crc32c: crc }), (R::Ok, n));
-        assert!(shelf.library().is_some());
+        assert_eq!(send(&mut storage, Request::Activate { crc32c: crc }), (R::NotFinished, n));
+        assert_eq!(send(&mut storage, Request::Finish), (R::Ok, n));
+        assert!(storage.library().is_none());
+        assert_eq!(send(&mut storage, Request::Activate { crc32c: !crc }), (R::NotFinished, n));
+        assert_eq!(send(&mut storage, Request::Activate { crc32c: crc }), (R::Ok, n));
+        assert!(storage.library().is_some());
 
         // For another library the store changes, and the active one is dropped.
-        assert_eq!(send(&mut shelf, Request::Begin { len: 4000, crc32c: 1 }).0, R::TooLong);
-        assert!(shelf.library().is_some());
-        assert_eq!(send(&mut shelf, Request::Begin { len: 400, crc32c: 1 }), (R::Ok, 0));
-        assert!(shelf.library().is_none());
+        assert_eq!(send(&mut storage, Request::Begin { len: 4000, crc32c: 1 }).0, R::TooLong);
+        assert!(storage.library().is_some());
+        assert_eq!(send(&mut storage, Request::Begin { len: 400, crc32c: 1 }), (R::Ok, 0));
+        assert!(storage.library().is_none());
     }
 
     #[test]
@@ -368,61 +368,61 @@ mod tests {
         let mut other = config();
         other.channels[0].max_torque_nm = 2.0;
         let bytes = library(&other);
-        let mut shelf = Shelf::new(RamStore::<1024>::new());
-        send(&mut shelf, begin(&bytes));
-        send(&mut shelf, Request::Block { offset: 0, bytes: &bytes });
-        assert_eq!(send(&mut shelf, Request::Finish).0, R::Rejected);
-        assert!(shelf.is_for_another_robot());
+        let mut storage = LibraryStorage::new(RamStore::<1024>::new());
+        send(&mut storage, begin(&bytes));
+        send(&mut storage, Request::Block { offset: 0, bytes: &bytes });
+        assert_eq!(send(&mut storage, Request::Finish).0, R::Rejected);
+        assert!(storage.is_for_another_robot());
 
         let bytes = library(&config());
-        send(&mut shelf, Request::Begin { len: bytes.len() as u32, crc32c: 7 });
-        send(&mut shelf, Request::Block { offset: 0, bytes: &bytes });
-        assert_eq!(send(&mut shelf, Request::Finish).0, R::BadCrc);
+        send(&mut storage, Request::Begin { len: bytes.len() as u32, crc32c: 7 });
+        send(&mut storage, Request::Block { offset: 0, bytes: &bytes });
+        assert_eq!(send(&mut storage, Request::Finish).0, R::BadCrc);
         // The transfer begins from the start, not where the damaged one ended.
-        assert_eq!(send(&mut shelf, begin(&bytes)), (R::Ok, 0));
-        assert!(shelf.library().is_none());
+        assert_eq!(send(&mut storage, begin(&bytes)), (R::Ok, 0));
+        assert!(storage.library().is_none());
     }
 
     #[test]
     fn nothing_is_written_while_that_is_not_allowed() {
         let bytes = library(&config());
-        let mut shelf = Shelf::new(RamStore::<1024>::new());
+        let mut storage = LibraryStorage::new(RamStore::<1024>::new());
         for request in [
             begin(&bytes),
             Request::Block { offset: 0, bytes: &bytes },
             Request::Finish,
             Request::Activate { crc32c: 0 },
         ] {
-            assert_eq!(shelf.handle(&request, false, &config()).result, R::WrongState);
+            assert_eq!(storage.handle(&request, false, &config()).result, R::WrongState);
         }
-        assert_eq!(send(&mut shelf, Request::Finish).0, R::NotBegun);
+        assert_eq!(send(&mut storage, Request::Finish).0, R::NotBegun);
     }
 
     #[test]
     fn a_store_that_holds_a_library_is_used_after_power_on() {
         let bytes = library(&config());
-        let mut shelf = Shelf::new(RamStore::<1024>::holding(&bytes).unwrap());
-        shelf.load(&config());
-        assert!(shelf.library().is_some());
+        let mut storage = LibraryStorage::new(RamStore::<1024>::holding(&bytes).unwrap());
+        storage.load(&config());
+        assert!(storage.library().is_some());
 
         let mut damaged = bytes.clone();
         damaged[40] ^= 1;
-        let mut shelf = Shelf::new(RamStore::<1024>::holding(&damaged).unwrap());
-        shelf.load(&config());
-        assert!(shelf.library().is_none() && shelf.reject().is_some());
+        let mut storage = LibraryStorage::new(RamStore::<1024>::holding(&damaged).unwrap());
+        storage.load(&config());
+        assert!(storage.library().is_none() && storage.reject().is_some());
     }
 
     type Flash = crate::store::tests::nor::Nor<8, 64>;
 
-    fn reset(shelf: Shelf<FlashStore<Flash>>) -> Shelf<FlashStore<Flash>> {
-        let store = FlashStore::mount(shelf.store.into_flash(), 2).unwrap();
-        let mut shelf = Shelf::new(store);
-        shelf.load(&config());
-        shelf
+    fn reset(storage: LibraryStorage<FlashStore<Flash>>) -> LibraryStorage<FlashStore<Flash>> {
+        let store = FlashStore::mount(storage.store.into_flash(), 2).unwrap();
+        let mut storage = LibraryStorage::new(store);
+        storage.load(&config());
+        storage
     }
 
-    fn ask(shelf: &mut Shelf<FlashStore<Flash>>, request: Request<'_>) -> (R, u32) {
-        let reply = shelf.handle(&request, true, &config());
+    fn ask(storage: &mut LibraryStorage<FlashStore<Flash>>, request: Request<'_>) -> (R, u32) {
+        let reply = storage.handle(&request, true, &config());
         (reply.result, reply.next)
     }
 
@@ -431,17 +431,17 @@ mod tests {
     #[test]
     fn what_could_not_be_played_is_validated_again() {
         let first = library(&config());
-        let mut shelf = Shelf::new(RamStore::<1024>::holding(&first).unwrap());
-        shelf.load(&config());
+        let mut storage = LibraryStorage::new(RamStore::<1024>::holding(&first).unwrap());
+        storage.load(&config());
         let mut rotten = first.clone();
         rotten[40] ^= 1;
-        shelf.store = RamStore::holding(&rotten).unwrap();
-        shelf.observe(Event::HostLost);
-        shelf.load(&config());
-        assert!(shelf.active.is_some());
-        shelf.observe(Event::PlaybackFailed);
-        shelf.load(&config());
-        assert!(shelf.active.is_none() && shelf.reject().is_some());
+        storage.store = RamStore::holding(&rotten).unwrap();
+        storage.observe(Event::HostLost);
+        storage.load(&config());
+        assert!(storage.active.is_some());
+        storage.observe(Event::PlaybackFailed);
+        storage.load(&config());
+        assert!(storage.active.is_none() && storage.reject().is_some());
     }
 
     #[test]
@@ -449,60 +449,60 @@ mod tests {
         let first = library(&config());
         let (len, crc) = (first.len() as u32, crc32c(&first));
         assert!(len > 100);
-        let mut shelf = Shelf::new(FlashStore::mount(Flash::blank(12), 2).unwrap());
-        assert_eq!(ask(&mut shelf, begin(&first)), (R::Ok, 0));
+        let mut storage = LibraryStorage::new(FlashStore::mount(Flash::blank(12), 2).unwrap());
+        assert_eq!(ask(&mut storage, begin(&first)), (R::Ok, 0));
         let some = Request::Block { offset: 0, bytes: &first[..70] };
-        assert_eq!(ask(&mut shelf, some), (R::Ok, 70));
-        let mut shelf = reset(shelf);
-        assert!(shelf.library().is_none());
-        assert_eq!(ask(&mut shelf, Request::Finish), (R::NotBegun, 0));
-        assert_eq!(ask(&mut shelf, begin(&first)), (R::Ok, 64));
+        assert_eq!(ask(&mut storage, some), (R::Ok, 70));
+        let mut storage = reset(storage);
+        assert!(storage.library().is_none());
+        assert_eq!(ask(&mut storage, Request::Finish), (R::NotBegun, 0));
+        assert_eq!(ask(&mut storage, begin(&first)), (R::Ok, 64));
         let rest = Request::Block { offset: 64, bytes: &first[64..] };
-        assert_eq!(ask(&mut shelf, rest), (R::Ok, len));
-        assert_eq!(ask(&mut shelf, Request::Finish), (R::Ok, len));
-        assert_eq!(ask(&mut shelf, Request::Activate { crc32c: crc }), (R::Ok, len));
-        assert_eq!(ask(&mut shelf, Request::Activate { crc32c: crc }), (R::Ok, len));
+        assert_eq!(ask(&mut storage, rest), (R::Ok, len));
+        assert_eq!(ask(&mut storage, Request::Finish), (R::Ok, len));
+        assert_eq!(ask(&mut storage, Request::Activate { crc32c: crc }), (R::Ok, len));
+        assert_eq!(ask(&mut storage, Request::Activate { crc32c: crc }), (R::Ok, len));
         // A return to SAFE before the motion has left it proves nothing.
-        shelf.observe(Event::MotionStarted);
-        shelf.see(ClipId(0));
-        shelf.observe(Event::SafeReached);
-        shelf.settle(State::Disarmed);
-        assert!(shelf.on_trial());
+        storage.observe(Event::MotionStarted);
+        storage.on_clip(ClipId(0));
+        storage.observe(Event::SafeReached);
+        storage.settle(State::Disarmed);
+        assert!(storage.on_trial());
         // One complete motion, the next one not: this proves nothing either.
-        shelf.observe(Event::MotionStarted);
-        shelf.see(ClipId(1));
-        shelf.observe(Event::SafeReached);
-        shelf.observe(Event::Tipped);
-        shelf.settle(State::Disarmed);
-        assert!(shelf.on_trial());
-        shelf.observe(Event::MotionStarted);
-        shelf.see(ClipId(1));
-        shelf.observe(Event::SafeReached);
-        shelf.settle(State::Ready);
-        assert!(shelf.on_trial());
-        shelf.settle(State::Disarmed);
-        assert!(!shelf.on_trial());
+        storage.observe(Event::MotionStarted);
+        storage.on_clip(ClipId(1));
+        storage.observe(Event::SafeReached);
+        storage.observe(Event::Tipped);
+        storage.settle(State::Disarmed);
+        assert!(storage.on_trial());
+        storage.observe(Event::MotionStarted);
+        storage.on_clip(ClipId(1));
+        storage.observe(Event::SafeReached);
+        storage.settle(State::Ready);
+        assert!(storage.on_trial());
+        storage.settle(State::Disarmed);
+        assert!(!storage.on_trial());
 
         // A library for another robot is refused and the first stays active, now and after a reset.
         let mut other = config();
         other.channels[0].max_torque_nm = 2.0;
         let second = library(&other);
-        assert_eq!(ask(&mut shelf, begin(&second)), (R::Ok, 0));
-        assert_eq!(ask(&mut shelf, Request::Block { offset: 0, bytes: &second }).0, R::Ok);
-        assert_eq!(ask(&mut shelf, Request::Finish).0, R::Rejected);
-        assert!(shelf.library().is_some() && shelf.reject().is_none());
+        assert_eq!(ask(&mut storage, begin(&second)), (R::Ok, 0));
+        assert_eq!(ask(&mut storage, Request::Block { offset: 0, bytes: &second }).0, R::Ok);
+        assert_eq!(ask(&mut storage, Request::Finish).0, R::Rejected);
+        assert!(storage.library().is_some() && storage.reject().is_none());
 
         // The robot is exchanged during the trial: the library is refused at the next start and rolled back.
-        let mut shelf = reset(shelf);
-        assert_eq!(ask(&mut shelf, begin(&second)), (R::Ok, 0));
-        assert_eq!(ask(&mut shelf, Request::Block { offset: 0, bytes: &second }).0, R::Ok);
-        let finish = shelf.handle(&Request::Finish, true, &other);
+        let mut storage = reset(storage);
+        assert_eq!(ask(&mut storage, begin(&second)), (R::Ok, 0));
+        assert_eq!(ask(&mut storage, Request::Block { offset: 0, bytes: &second }).0, R::Ok);
+        let finish = storage.handle(&Request::Finish, true, &other);
         assert_eq!(finish.result, R::Ok);
-        assert_eq!(ask(&mut shelf, Request::Activate { crc32c: crc32c(&second) }).0, R::Ok);
-        assert!(shelf.on_trial());
-        let shelf = reset(shelf);
-        assert!(!shelf.on_trial() && shelf.reject().is_none());
-        assert_eq!(shelf.library().unwrap().index().len_bytes(), len);
-        assert_eq!(shelf.store.bytes(), first);
+        assert_eq!(ask(&mut storage, Request::Activate { crc32c: crc32c(&second) }).0, R::Ok);
+        assert!(storage.on_trial());
+        let storage = reset(storage);
+        assert!(!storage.on_trial() && storage.reject().is_none());
+        assert_eq!(storage.library().unwrap().index().len_bytes(), len);
+        assert_eq!(storage.store.bytes(), first);
     }
 }

@@ -48,15 +48,15 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         if core::mem::replace(&mut self.tuning.loaded, true) {
             return;
         }
-        let machine = &self.machine;
+        let setup = &self.setup;
         self.tuning.origin = match self.tuning.store.load() {
             None => ParameterOrigin::Configuration,
-            Some(set) if set.config_hash != machine.config.hash() => {
+            Some(set) if set.config_hash != setup.config.hash() => {
                 ParameterOrigin::OtherConfiguration
             }
             Some(set) => {
                 let parameters = &mut self.motion.parameters;
-                if parameters.restore(&machine.config, &machine.settings, &set) {
+                if parameters.restore(&setup.config, &setup.settings, &set) {
                     ParameterOrigin::Saved
                 } else {
                     ParameterOrigin::OutOfRange
@@ -91,20 +91,20 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     fn tune(&mut self, action: ParameterAction) -> Result<f32, Refusal> {
         let state = self.state();
         let driven = state.torque() != Torque::Off;
-        let machine = &self.machine;
+        let setup = &self.setup;
         let parameters = &mut self.motion.parameters;
         match action {
             ParameterAction::Get { parameter, channel } => parameters.get(parameter, channel),
             ParameterAction::Set { parameter, channel, value } => {
                 let actuators = &self.motion.actuators;
-                let heeded = |which| actuators.heeds(&machine.config, usize::from(channel), which);
+                let heeded = |which| actuators.heeds(&setup.config, usize::from(channel), which);
                 if parameters.get(parameter, channel).is_ok()
                     && !Parameter::from_code(parameter).is_some_and(heeded)
                 {
                     return Err((ParameterResult::NotSupported, 0.0));
                 }
                 // The drive's frames cannot carry a setpoint with a gain beyond its scale.
-                let most = actuators.max_gains(&machine.config, usize::from(channel));
+                let most = actuators.max_gains(&setup.config, usize::from(channel));
                 let most = most.and_then(|gains| match Parameter::from_code(parameter)? {
                     Parameter::Kp => Some(gains.kp_nm_rad),
                     Parameter::Kd => Some(gains.kd_nm_s_rad),
@@ -114,14 +114,13 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                     return Err((ParameterResult::OutOfRange, most));
                 }
                 let which = (parameter, channel);
-                let set =
-                    parameters.set(&machine.config, &machine.settings, which, value, driven)?;
+                let set = parameters.set(&setup.config, &setup.settings, which, value, driven)?;
                 // An operator who is about to arm has requested that with other gains.
                 self.gate.void();
                 Ok(set)
             }
             ParameterAction::Reset => {
-                parameters.reset(&machine.config, driven);
+                parameters.reset(&setup.config, driven);
                 self.gate.void();
                 Ok(0.0)
             }
@@ -130,7 +129,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 Err((ParameterResult::WrongState, 0.0))
             }
             ParameterAction::Save => {
-                let set = parameters.all(&machine.config);
+                let set = parameters.all(&setup.config);
                 let saved = self.tuning.store.save(&set);
                 self.gate.void();
                 saved.map(|()| 0.0).map_err(|_| (ParameterResult::StoreFailed, 0.0))

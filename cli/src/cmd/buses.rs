@@ -71,7 +71,7 @@ impl BusLoads {
                 Some(BusProblem::TooSeldom { needed_hz }) => {
                     format!("drives must report their poses at least {needed_hz} times a second")
                 }
-                Some(BusProblem::CannotTell { channel, refusal }) => {
+                Some(BusProblem::CannotCarry { channel, refusal }) => {
                     format!("{}: {refusal}", self.channels[usize::from(channel)])
                 }
             };

@@ -17,9 +17,9 @@ enum Switched {
 /// An actuator.
 #[derive(Clone, Debug, Default)]
 pub struct Actuator {
-    told: Feedback,
-    has_told_pose: bool,
-    has_told_state: bool,
+    reported: Feedback,
+    has_reported_pose: bool,
+    has_reported_state: bool,
     /// Faults in this control period add up: a later frame without them does not take them back.
     faults_are_new: bool,
     /// Ticks since the last new pose.
@@ -39,77 +39,77 @@ pub struct Actuator {
 impl Actuator {
     /// Latest feedback; `None` before its pose and state are known.
     pub fn feedback(&self) -> Option<Feedback> {
-        self.is_known().then_some(self.told)
+        self.is_known().then_some(self.reported)
     }
 
     /// Its pose and state are known.
     pub fn is_known(&self) -> bool {
-        self.has_told_pose && self.has_told_state
+        self.has_reported_pose && self.has_reported_state
     }
 
-    /// It said that its torque is on.
+    /// It has reported that its torque is on.
     pub fn enabled(&self) -> bool {
-        self.is_known() && self.told.status.enabled()
+        self.is_known() && self.reported.status.enabled()
     }
 
     /// It reports a fault, whether or not its pose is known.
     pub fn faulty(&self) -> bool {
-        self.told.status.faulty()
+        self.reported.status.faulty()
     }
 
-    /// A feedback of the Rollwalk profile, which tells everything and counts. A repeated counter is a
+    /// Takes feedback of the Rollwalk profile, which is complete and counted. A repeated counter is a
     /// repeated frame: not a sign of life.
-    pub fn hear_counted(&mut self, feedback: Feedback) {
+    pub fn on_counted_feedback(&mut self, feedback: Feedback) {
         if self.feedback().is_none_or(|last| last.counter != feedback.counter) {
             self.silent_ticks = 0;
-            // It may have sent that before it was told, and say otherwise now.
+            // It may have sent "off" before it received "on", and report otherwise now.
             self.known_off = !feedback.status.enabled();
-            self.told = feedback;
-            (self.has_told_pose, self.has_told_state) = (true, true);
+            self.reported = feedback;
+            (self.has_reported_pose, self.has_reported_state) = (true, true);
         }
     }
 
-    /// A frame of another protocol, which tells a part, and does not count: that it has come is what
-    /// makes it new. A sign of life is the pose only.
-    pub fn hear(&mut self, news: &actuators::Feedback, tells_enabled: bool) {
-        let told = &mut self.told;
+    /// Takes feedback of another protocol, which is partial and not counted: every frame is new. Only the
+    /// pose is a sign of life.
+    pub fn on_feedback(&mut self, news: &actuators::Feedback, reports_enabled: bool) {
+        let reported = &mut self.reported;
         if let Some(position_rad) = news.position_rad {
-            told.position_rad = position_rad;
-            told.counter = told.counter.wrapping_add(1);
-            self.has_told_pose = true;
+            reported.position_rad = position_rad;
+            reported.counter = reported.counter.wrapping_add(1);
+            self.has_reported_pose = true;
             self.silent_ticks = 0;
         }
-        told.velocity_rad_s = news.speed_rad_s.unwrap_or(told.velocity_rad_s);
-        told.torque_nm = news.torque_nm.unwrap_or(told.torque_nm);
+        reported.velocity_rad_s = news.speed_rad_s.unwrap_or(reported.velocity_rad_s);
+        reported.torque_nm = news.torque_nm.unwrap_or(reported.torque_nm);
         if let Some(faults) = news.faults {
-            let before = if self.faults_are_new { told.status.0 } else { 0 };
-            let enabled = told.status.0 & ActuatorStatus::ENABLED;
-            told.status.0 = enabled | before & ActuatorStatus::FAULTS | status_of(faults);
+            let before = if self.faults_are_new { reported.status.0 } else { 0 };
+            let enabled = reported.status.0 & ActuatorStatus::ENABLED;
+            reported.status.0 = enabled | before & ActuatorStatus::FAULTS | status_of(faults);
             self.faults_are_new = true;
         }
-        // Of one that does not tell, an answer since it was told stands for it.
+        // Of an actuator that does not report it, an answer since the last switch counts as confirmation.
         let (enabled, off) = match self.switched {
-            _ if tells_enabled => (news.enabled, news.enabled.map(|on| !on)),
+            _ if reports_enabled => (news.enabled, news.enabled.map(|on| !on)),
             switched => (Some(switched == Switched::On), Some(switched == Switched::Off)),
         };
         if let (Some(enabled), Some(off)) = (enabled, off) {
             let bit = if enabled { ActuatorStatus::ENABLED } else { 0 };
-            told.status.0 = told.status.0 & !ActuatorStatus::ENABLED | bit;
-            self.has_told_state = true;
+            reported.status.0 = reported.status.0 & !ActuatorStatus::ENABLED | bit;
+            self.has_reported_state = true;
             self.known_off = off;
         }
     }
 
-    /// An answer of what stands between it and the bus, which knows no pose.
-    pub fn hear_of(&mut self, news: &actuators::Feedback) {
+    /// Takes an answer of the adapter between it and the bus, which knows no pose.
+    pub fn on_adapter_answer(&mut self, news: &actuators::Feedback) {
         self.silent_ticks = 0;
-        self.hear(news, false);
+        self.on_feedback(news, false);
     }
 
     /// Assumes a position, for actuators that do not measure theirs.
     pub fn assume(&mut self, position_rad: f32) {
-        self.told.position_rad = position_rad;
-        self.has_told_pose = true;
+        self.reported.position_rad = position_rad;
+        self.has_reported_pose = true;
     }
 
     /// All of "off" has left.

@@ -20,19 +20,19 @@ const ENABLE_PATIENCE_TICKS: u16 = 24;
 
 /// Content of a transmission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum About {
+pub enum Content {
     DriveRequest(DriveRequest),
     Setpoint,
 }
 
 /// A transmission of which some frames have left.
 #[derive(Clone, Copy, Debug)]
-pub struct Begun {
-    pub about: About,
+pub struct Transmission {
+    pub content: Content,
     /// The addressed actuators, as bits.
     pub channels: u32,
     /// Frames that have left.
-    pub left: u8,
+    pub sent: u8,
 }
 
 /// Transmit state of a bus.
@@ -44,7 +44,7 @@ pub struct BusDriver {
     members: u32,
     /// Where the next search for a setpoint begins, so that a slow bus serves all in turn.
     next: usize,
-    pub begun: Option<Begun>,
+    pub transmission: Option<Transmission>,
     /// Nothing waited when it was looked for last, and nothing was put there since.
     pub idle: bool,
     /// A frame was taken in this control period.
@@ -67,7 +67,7 @@ impl BusDriver {
             can: bus.protocol.capabilities(),
             members: members.fold(0, |bits, (i, _)| bits | bit(i)),
             next: 0,
-            begun: None,
+            transmission: None,
             idle: false,
             moved: false,
             listening: false,
@@ -94,8 +94,8 @@ impl BusDriver {
         !self.can.measures_position && self.bus.pose == Pose::AssumedSafe
     }
 
-    /// Actuators can be asked without changing anything.
-    pub fn asks(&self) -> bool {
+    /// Actuators can be queried without changing anything.
+    pub fn can_be_queried(&self) -> bool {
         matches!(self.can.answers, Answers::Always | Answers::OnQuery)
     }
 
@@ -106,57 +106,59 @@ impl BusDriver {
 
     /// Drops what was begun.
     pub fn interrupt(&mut self) {
-        self.begun = None;
+        self.transmission = None;
         self.listening = false;
     }
 
     /// Drops an unfinished transmission to a channel.
     pub fn give_up(&mut self, channel: usize) {
-        self.begun = self.begun.filter(|begun| begun.channels & bit(channel) == 0);
+        self.transmission =
+            self.transmission.filter(|transmission| transmission.channels & bit(channel) == 0);
     }
 
     /// A control period has passed. An order that has stuck halfway begins again: its pose is old.
     pub fn age(&mut self) {
         if !self.moved {
-            self.begun = None;
+            self.transmission = None;
         }
         (self.moved, self.listening) = (false, false);
     }
 
     /// What to go on with or to begin: of an order that is not single, all its actuators.
-    fn due(&self, list: &[Actuator]) -> Option<Begun> {
-        if self.begun.is_some() {
-            return self.begun;
+    fn due(&self, list: &[Actuator]) -> Option<Transmission> {
+        if self.transmission.is_some() {
+            return self.transmission;
         }
-        let single = |about, channel| Some(Begun { about, channels: bit(channel), left: 0 });
+        let single =
+            |content, channel| Some(Transmission { content, channels: bit(channel), sent: 0 });
         for channel in channels(self.members) {
             if let Some(request) = list.get(channel).and_then(|a| a.pending.first()) {
-                return single(About::DriveRequest(request), channel);
+                return single(Content::DriveRequest(request), channel);
             }
         }
         let waits = |&channel: &usize| list.get(channel).is_some_and(|a| a.setpoint.is_some());
         let first = u32::MAX.checked_shl(self.next as u32).unwrap_or(0);
         let mut turns = channels(self.members & first).chain(channels(self.members & !first));
-        single(About::Setpoint, turns.find(waits)?)
+        single(Content::Setpoint, turns.find(waits)?)
     }
 
     /// One more frame of an order of so many has left, or there is none: then it is over.
-    pub fn left(&mut self, list: &mut [Actuator], begun: Begun, frames: u8) {
+    pub fn frame_sent(&mut self, list: &mut [Actuator], transmission: Transmission, frames: u8) {
         self.moved = true;
-        let left = begun.left.saturating_add(1);
-        if left < frames {
-            self.begun = Some(Begun { left, ..begun });
+        let sent = transmission.sent.saturating_add(1);
+        if sent < frames {
+            self.transmission = Some(Transmission { sent, ..transmission });
             return;
         }
-        self.begun = None;
-        for channel in channels(begun.channels) {
+        self.transmission = None;
+        for channel in channels(transmission.channels) {
             let Some(actuator) = list.get_mut(channel) else { continue };
-            match begun.about {
-                About::Setpoint => {
+            match transmission.content {
+                Content::Setpoint => {
                     actuator.setpoint = None;
                     self.next = channel + 1;
                 }
-                About::DriveRequest(request) => {
+                Content::DriveRequest(request) => {
                     actuator.pending = actuator.pending.without(request);
                     match request {
                         DriveRequest::Disable if frames > 0 => actuator.switched_off(),
@@ -201,21 +203,22 @@ impl Actuators {
         // Every turn ends an order, if it does not return.
         loop {
             let driver = self.drivers.get_mut(usize::from(bus))?;
-            // A board asks for frames far more often than there are any.
+            // A board polls for frames far more often than there are any.
             if driver.idle || driver.bus.protocol.is_serial() {
                 return None;
             }
-            let Some(begun) = driver.due(&self.list) else {
+            let Some(transmission) = driver.due(&self.list) else {
                 driver.idle = true;
                 return None;
             };
-            let channel = begun.channels.trailing_zeros() as usize;
-            let order = order(&self.list, config, &driver.bus, &driver.can, begun.about, channel);
+            let channel = transmission.channels.trailing_zeros() as usize;
+            let order =
+                order(&self.list, config, &driver.bus, &driver.can, transmission.content, channel);
             let (frame, frames) = match order {
-                Some(order) => nth(&driver.bus.protocol, &order, begun.left),
+                Some(order) => nth(&driver.bus.protocol, &order, transmission.sent),
                 None => (None, 0),
             };
-            driver.left(&mut self.list, begun, frames);
+            driver.frame_sent(&mut self.list, transmission, frames);
             if frame.is_some() {
                 return frame;
             }
@@ -229,17 +232,17 @@ pub fn order(
     config: &RobotConfig,
     bus: &Bus,
     can: &Capabilities,
-    about: About,
+    content: Content,
     channel: usize,
 ) -> Option<ActuatorCommand> {
     let (actuator, configured) = (list.get(channel)?, config.channels.get(channel)?);
-    let About::DriveRequest(request) = about else {
+    let Content::DriveRequest(request) = content else {
         return Some(ActuatorCommand { id: configured.id, command: actuator.setpoint? });
     };
     let max_torque_nm = actuator.torque_limit_nm.unwrap_or(configured.max_torque_nm);
     let limits = &Channel { max_torque_nm, ..*configured };
     // Only torque-on needs to know the pose, and where it holds something at once, the pose of this
-    // moment. Dropped otherwise: it will be told again.
+    // moment. Dropped otherwise: it will be requested again.
     let holds =
         !(can.gains == UpdatePolicy::EverySetpoint || bus.control == ControlLoop::OnController);
     let feedback = match actuator.feedback() {

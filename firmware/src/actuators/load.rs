@@ -1,6 +1,5 @@
-//! Whether a robot's buses can carry what the controller will have to say ([`loads`], which its self
-//! test looks at), and whether their protocols can say it ([`examine`], for who makes a configuration
-//! and wants the reasons).
+//! Whether a robot's buses have the capacity for the controller's commands ([`loads`], for its self test), and
+//! whether their protocols can carry them ([`examine`], for tools that report the reasons).
 
 use rollwalk_protocol::actuators::bus::{Bus, Buses, MAX_BUSES};
 use rollwalk_protocol::actuators::traffic::Overload;
@@ -39,7 +38,7 @@ pub enum BusProblem {
         needed_hz: u32,
     },
     /// The protocol cannot carry a command within the channel's limits.
-    CannotTell {
+    CannotCarry {
         /// Number of the channel.
         channel: u8,
         /// What, and why.
@@ -56,16 +55,16 @@ pub fn examine<'a>(
 ) -> impl Iterator<Item = BusLoad> + 'a {
     loads(config, buses, control_hz).map(|row| {
         let members = config.channels.iter().enumerate().filter(move |(_, c)| c.bus == row.bus);
-        let mut cannot_tell = members.filter_map(|(channel, limits)| {
+        let mut cannot_carry = members.filter_map(|(channel, limits)| {
             let refusal = row.kind.can_drive(limits).err()?;
-            Some(BusProblem::CannotTell { channel: channel as u8, refusal })
+            Some(BusProblem::CannotCarry { channel: channel as u8, refusal })
         });
-        BusLoad { problem: row.problem.or_else(|| cannot_tell.next()), ..row }
+        BusLoad { problem: row.problem.or_else(|| cannot_carry.next()), ..row }
     })
 }
 
 /// What every bus carries, as the controller's self test looks at it: without
-/// [`BusProblem::CannotTell`], which takes room in flash for what does not change on a robot.
+/// [`BusProblem::CannotCarry`], which takes room in flash for what does not change on a robot.
 pub fn loads<'a>(
     config: &'a RobotConfig,
     buses: &'a Buses,

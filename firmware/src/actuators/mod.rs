@@ -43,15 +43,15 @@ pub const FRESH_TICKS: u16 = 2;
 pub struct Health {
     /// Longest silence of an actuator, ticks; `None` while one has not sent any feedback yet.
     silent_ticks: Option<u16>,
-    /// Every actuator said in its last feedback that its torque is on.
+    /// Every actuator has reported in its last feedback that its torque is on.
     pub enabled: bool,
     /// Some actuator reports a fault.
     pub faulty: bool,
 }
 
 impl Health {
-    /// Every actuator has been heard within so many ticks.
-    pub fn heard_within(&self, ticks: u16) -> bool {
+    /// Every actuator has sent feedback within so many ticks.
+    pub fn fresh_within(&self, ticks: u16) -> bool {
         self.silent_ticks.is_some_and(|silent| silent <= ticks)
     }
 }
@@ -67,7 +67,7 @@ pub struct Actuators {
 }
 
 impl Actuators {
-    /// The actuators of a robot, never heard of.
+    /// The actuators of a robot, without feedback.
     pub fn new(config: &RobotConfig, buses: &Buses) -> Self {
         let mut list = Vec::new();
         // A configuration has no more channels than fit.
@@ -86,18 +86,22 @@ impl Actuators {
     pub fn receive(&mut self, config: &RobotConfig, bus: u8, frame: &Frame) {
         let Some(driver) = self.driver(bus) else { return };
         if let Some((id, decoded)) = driver.bus.protocol.decode_counted(frame) {
-            self.hear(config, bus, id, &decoded);
+            self.on_decoded(config, bus, id, &decoded);
         }
     }
 
-    fn hear(&mut self, config: &RobotConfig, bus: u8, id: u8, decoded: &Decoded) {
+    fn on_decoded(&mut self, config: &RobotConfig, bus: u8, id: u8, decoded: &Decoded) {
         if let Some(driver) = self.driver(bus)
             && let Some(channel) = driver.channel_of(config, id)
         {
-            let tells_enabled = driver.can.tells_enabled;
+            let reports_enabled = driver.can.reports_enabled;
             match (self.list.get_mut(channel), decoded) {
-                (Some(actuator), Decoded::Counted(feedback)) => actuator.hear_counted(*feedback),
-                (Some(actuator), Decoded::Partial(news)) => actuator.hear(news, tells_enabled),
+                (Some(actuator), Decoded::Counted(feedback)) => {
+                    actuator.on_counted_feedback(*feedback)
+                }
+                (Some(actuator), Decoded::Partial(news)) => {
+                    actuator.on_feedback(news, reports_enabled)
+                }
                 (None, _) => {}
             }
         }
@@ -169,7 +173,7 @@ impl Actuators {
         }
     }
 
-    /// Torque off, now: drops everything else and keeps telling until each actuator has confirmed.
+    /// Torque off, now: drops everything else and repeats "off" until each actuator has confirmed it.
     pub fn disable_all(&mut self) {
         self.drop_orders();
         for actuator in &mut self.list {
@@ -190,8 +194,8 @@ impl Actuators {
         }
     }
 
-    /// While torque is off: tells those again that have not confirmed; when `query`, asks the others
-    /// for their pose, and clears faults of drives that keep them.
+    /// While torque is off: disables again those that have not confirmed; when `query`, queries the pose of the
+    /// others, and clears faults of drives that keep them.
     pub fn keep_disabled(&mut self, query: bool) {
         for driver in &mut self.drivers {
             driver.idle = false;
@@ -206,23 +210,23 @@ impl Actuators {
                     // Also one of the Rollwalk profile: an "enable" that came late over a bad bus has it time
                     // out once it has confirmed that it is off.
                     //
-                    // Some cannot be told to clear: they are asked by telling "off" again, and lose a fault when
-                    // it is over.
+                    // Some have no command to clear faults: they answer another "off", and lose a fault when it is
+                    // over.
                     PendingRequests::of(DriveRequest::ClearFaults)
-                        .and_if(!driver.can.tells_enabled, DriveRequest::Disable)
+                        .and_if(!driver.can.reports_enabled, DriveRequest::Disable)
                         .and_if(on_query, DriveRequest::Query)
                 } else {
-                    // What does not tell that it is off is told again. Asking an ODrive would feed
-                    // its watchdog.
+                    // Those that do not report that they are off are disabled again. A query would feed
+                    // the watchdog of an ODrive.
                     PendingRequests::NOTHING
-                        .and_if(!driver.can.tells_enabled, DriveRequest::Disable)
-                        .and_if(driver.asks(), DriveRequest::Query)
+                        .and_if(!driver.can.reports_enabled, DriveRequest::Disable)
+                        .and_if(driver.can_be_queried(), DriveRequest::Query)
                 };
             }
         }
     }
 
-    /// Tells those to enable that are not, and asks the others for their pose.
+    /// Enables those that are not enabled, and queries the pose of the others.
     pub fn keep_enabling(&mut self) {
         for driver in &mut self.drivers {
             driver.idle = false;
@@ -233,8 +237,8 @@ impl Actuators {
             for actuator in members(&mut self.list, driver) {
                 (actuator.gains, actuator.torque_limit_nm) = (None, None);
                 if actuator.enabled() {
-                    actuator.pending =
-                        PendingRequests::NOTHING.and_if(driver.asks(), DriveRequest::Query);
+                    actuator.pending = PendingRequests::NOTHING
+                        .and_if(driver.can_be_queried(), DriveRequest::Query);
                 } else if actuator.waits_for_enable(patience) {
                     actuator.pending = actuator.pending.and_if(on_query, DriveRequest::Query);
                 } else if !actuator.pending.has(DriveRequest::Enable) {
@@ -281,19 +285,19 @@ impl Actuators {
             ControlLoop::OnController if actuator.silent_ticks <= FRESH_TICKS => {
                 Some(orders::torque(limits, target, hold, &feedback))
             }
-            // It has moved since, nobody knows where. It is told all the same: it may answer.
+            // Its present pose is unknown. The command is sent all the same: it may be answered.
             ControlLoop::OnController => Some(Command::Torque { torque_nm: 0.0 }),
         };
         driver.give_up(channel);
-        // What cannot be damped is let go, and told so until it confirms.
-        let off = setpoint.is_none() && !(actuator.known_off && driver.can.tells_enabled);
+        // What cannot be damped is disabled, and again until it confirms.
+        let off = setpoint.is_none() && !(actuator.known_off && driver.can.reports_enabled);
         let mut pending = actuator.pending.without_switches();
         pending = pending.and_if(off, DriveRequest::Disable).and_if(on_query, DriveRequest::Query);
         let in_drive = driver.bus.control == ControlLoop::InDrive;
         if driver.can.gains == UpdatePolicy::Stored && in_drive {
             let gains = Some(orders::gains(limits, hold));
             let urgent = hold == Hold::Damped || actuator.gains.is_none();
-            // That of the damped stop may be lost on a bus in trouble: told again and again.
+            // Those of the damped stop may be lost on a disturbed bus: repeated.
             let again = hold == Hold::Damped && self.turn == channel;
             if again || actuator.gains != gains && (urgent || self.turn == channel) {
                 pending = pending.and(DriveRequest::Gains);

@@ -11,27 +11,27 @@ use rollwalk_protocol::actuators::{ActuatorCommand, Command, Decoded, Packet};
 use rollwalk_protocol::config::{MAX_CHANNELS, RobotConfig};
 
 use super::actuator::Actuator;
-use super::driver::{About, Begun, BusDriver, bit, channels, order};
+use super::driver::{BusDriver, Content, Transmission, bit, channels, order};
 use super::orders::DriveRequest;
 use super::{Actuators, members};
 
 impl BusDriver {
     /// The transmission to continue or to begin, with all actuators that it addresses.
-    fn due_together(&self, list: &[Actuator]) -> Option<Begun> {
-        if self.begun.is_some() {
-            return self.begun;
+    fn due_together(&self, list: &[Actuator]) -> Option<Transmission> {
+        if self.transmission.is_some() {
+            return self.transmission;
         }
-        let all = |wanted: &dyn Fn(&Actuator) -> bool, about| {
+        let all = |wanted: &dyn Fn(&Actuator) -> bool, content| {
             let those = channels(self.members()).filter(|&i| list.get(i).is_some_and(wanted));
             let channels = those.fold(0, |bits, i| bits | bit(i));
-            (channels != 0).then_some(Begun { about, channels, left: 0 })
+            (channels != 0).then_some(Transmission { content, channels, sent: 0 })
         };
-        let request = |request| all(&|a| a.pending.has(request), About::DriveRequest(request));
+        let request = |request| all(&|a| a.pending.has(request), Content::DriveRequest(request));
         let setpoints = |joints: bool| {
             let wanted = move |a: &Actuator| {
                 a.setpoint.is_some_and(|s| matches!(s, Command::Wheel(_)) != joints)
             };
-            all(&wanted, About::Setpoint)
+            all(&wanted, Content::Setpoint)
         };
         request(DriveRequest::Disable)
             .or_else(|| request(DriveRequest::ClearFaults))
@@ -56,32 +56,43 @@ impl Actuators {
         // Every turn ends an order, or leaves an actuator out of one, if it does not return.
         loop {
             let driver = self.drivers.get_mut(usize::from(bus))?;
-            let begun = driver.due_together(&self.list)?;
+            let transmission = driver.due_together(&self.list)?;
             let mut orders = Vec::<ActuatorCommand, MAX_CHANNELS>::new();
-            let mut told = 0;
-            for channel in channels(begun.channels) {
-                match order(&self.list, config, &driver.bus, &driver.can, begun.about, channel) {
-                    Some(order) if orders.push(order).is_ok() => told |= bit(channel),
+            let mut ordered = 0;
+            for channel in channels(transmission.channels) {
+                match order(
+                    &self.list,
+                    config,
+                    &driver.bus,
+                    &driver.can,
+                    transmission.content,
+                    channel,
+                ) {
+                    Some(order) if orders.push(order).is_ok() => ordered |= bit(channel),
                     _ => {}
                 }
             }
-            let question = begun.about == About::DriveRequest(DriveRequest::Query);
+            let question = transmission.content == Content::DriveRequest(DriveRequest::Query);
             if question && driver.bus.protocol.adapter_answers() {
                 orders.truncate(1);
             }
-            match nth(&driver.bus.protocol, &orders, begun.left) {
+            match nth(&driver.bus.protocol, &orders, transmission.sent) {
                 Ok((packet, packets)) => {
-                    driver.left(&mut self.list, begun, packets);
+                    driver.frame_sent(&mut self.list, transmission, packets);
                     if packet.is_some() {
                         driver.listening = question;
                         return packet;
                     }
                 }
-                // Left out; the others are told.
+                // Left out; the others get their command.
                 Err(refused) => {
-                    let channel = channels(told).nth(refused).map_or(begun.channels, bit);
-                    driver.begun = None;
-                    driver.left(&mut self.list, Begun { channels: channel, ..begun }, 0);
+                    let channel = channels(ordered).nth(refused).map_or(transmission.channels, bit);
+                    driver.transmission = None;
+                    driver.frame_sent(
+                        &mut self.list,
+                        Transmission { channels: channel, ..transmission },
+                        0,
+                    );
                 }
             }
         }
@@ -102,11 +113,11 @@ impl Actuators {
         {
             match answer {
                 Answer::Actuator(id, feedback) => {
-                    self.hear(config, bus, id, &Decoded::Partial(feedback));
+                    self.on_decoded(config, bus, id, &Decoded::Partial(feedback));
                 }
                 Answer::Adapter(feedback) => {
                     members(&mut self.list, driver)
-                        .for_each(|actuator| actuator.hear_of(&feedback));
+                        .for_each(|actuator| actuator.on_adapter_answer(&feedback));
                 }
             }
         }
@@ -120,11 +131,11 @@ fn nth(
     n: u8,
 ) -> Result<(Option<Packet>, u8), usize> {
     let (mut packet, mut count) = (None, 0u8);
-    let told = protocol.encode(orders, &mut |sent| {
+    let result = protocol.encode(orders, &mut |sent| {
         if count == n {
             packet = Some(sent);
         }
         count = count.saturating_add(1);
     });
-    told.map(|()| (packet, count)).map_err(|(refused, _)| refused)
+    result.map(|()| (packet, count)).map_err(|(refused, _)| refused)
 }

@@ -5,7 +5,7 @@
 //! No call erases or writes much: a transfer erases each unit when it reaches it, not all of them at the beginning.
 
 use super::log::Log;
-use super::record::{Candidate, Footer, Image, RECORD_LEN, State};
+use super::record::{Candidate, Footer, Image, RECORD_LEN, StoreState};
 use super::slots::{self, GeometryError, MappedFlash};
 use super::{LibraryStore, StoreError};
 
@@ -23,7 +23,7 @@ struct Upload {
 pub struct FlashStore<F> {
     pub(super) flash: F,
     pub(super) log: Log,
-    pub(super) state: State,
+    pub(super) state: StoreState,
     /// The library in use, read and found intact.
     pub(super) active: Option<Image>,
     upload: Option<Upload>,
@@ -43,7 +43,7 @@ impl<F: MappedFlash> FlashStore<F> {
         let state = state.unwrap_or_else(|| {
             let (confirmed, generation) = slots::newest_by_footers(&mut flash);
             log.generation = generation;
-            State { confirmed, candidate: Candidate::None }
+            StoreState { confirmed, candidate: Candidate::None }
         });
         let mut store =
             Self { flash, log, state, active: None, upload: None, sealed: false, trial_boots };
@@ -70,7 +70,7 @@ impl<F: MappedFlash> FlashStore<F> {
                 // rolled back too.
                 if let Some(boots_left) = boots_left.checked_sub(1) {
                     let candidate = Candidate::Trial { len, crc32c, boots_left };
-                    if self.save(State { candidate, ..self.state }).is_ok() {
+                    if self.save(StoreState { candidate, ..self.state }).is_ok() {
                         self.active = Some(image);
                         return;
                     }
@@ -96,12 +96,12 @@ impl<F: MappedFlash> FlashStore<F> {
         {
             // The confirmed library is damaged: the newest intact one takes its place.
             self.active = Some(image);
-            self.state = State { confirmed: Some(image), candidate: Candidate::None };
+            self.state = StoreState { confirmed: Some(image), candidate: Candidate::None };
         }
     }
 
     /// Records `state` in flash and adopts it.
-    fn save(&mut self, state: State) -> Result<(), StoreError> {
+    fn save(&mut self, state: StoreState) -> Result<(), StoreError> {
         self.log.append(&mut self.flash, &state)?;
         self.state = state;
         Ok(())
@@ -109,7 +109,7 @@ impl<F: MappedFlash> FlashStore<F> {
 
     /// Drops the candidate, in RAM even if the flash fails.
     fn drop_candidate(&mut self) {
-        let state = State { candidate: Candidate::None, ..self.state };
+        let state = StoreState { candidate: Candidate::None, ..self.state };
         let _ = self.save(state);
         self.state = state;
         self.upload = None;
@@ -156,7 +156,10 @@ impl<F: MappedFlash> FlashStore<F> {
             return Err(StoreError::OutOfRange);
         };
         let have = u32::try_from(written).unwrap_or(u32::MAX).min(len);
-        self.save(State { candidate: Candidate::Receiving { len, crc32c, have }, ..self.state })
+        self.save(StoreState {
+            candidate: Candidate::Receiving { len, crc32c, have },
+            ..self.state
+        })
     }
 }
 
@@ -183,7 +186,7 @@ impl<F: MappedFlash> LibraryStore for FlashStore<F> {
         let written = if resumes { have } else { 0 };
         if written == 0 {
             let candidate = Candidate::Receiving { len: announced, crc32c, have: 0 };
-            self.save(State { candidate, ..self.state })?;
+            self.save(StoreState { candidate, ..self.state })?;
             // A library on trial is being overwritten; the confirmed one is used instead.
             self.active = self.intact_confirmed();
             slots::erase_footers(&mut self.flash, self.state.candidate_slot())
@@ -232,7 +235,7 @@ impl<F: MappedFlash> LibraryStore for FlashStore<F> {
         let image = image.ok_or(StoreError::NotSealed)?;
         if let Candidate::Receiving { len, crc32c, .. } = self.state.candidate {
             let candidate = Candidate::Trial { len, crc32c, boots_left: self.trial_boots };
-            self.save(State { candidate, ..self.state })?;
+            self.save(StoreState { candidate, ..self.state })?;
         }
         self.active = Some(image);
         Ok(())
@@ -265,7 +268,7 @@ impl<F: MappedFlash> LibraryStore for FlashStore<F> {
         let Image { slot, len, crc32c } = confirmed;
         let generation = self.log.generation.saturating_add(1);
         slots::write_footer(&mut self.flash, slot, Footer { generation, len, crc32c });
-        self.save(State { confirmed: Some(confirmed), candidate: Candidate::None })?;
+        self.save(StoreState { confirmed: Some(confirmed), candidate: Candidate::None })?;
         self.upload = None;
         self.sealed = false;
         Ok(())

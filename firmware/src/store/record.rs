@@ -50,14 +50,14 @@ pub(super) enum Candidate {
     Trial { len: u32, crc32c: u32, boots_left: u8 },
 }
 
-/// State that must survive a reset.
+/// StoreState that must survive a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct State {
+pub(super) struct StoreState {
     pub confirmed: Option<Image>,
     pub candidate: Candidate,
 }
 
-impl State {
+impl StoreState {
     /// Slot of a candidate: the one without the confirmed library.
     pub fn candidate_slot(&self) -> Slot {
         self.confirmed.map_or(Slot::A, |image| image.slot.other())
@@ -76,7 +76,7 @@ impl State {
     }
 }
 
-impl Record<RECORD_LEN> for State {
+impl Record<RECORD_LEN> for StoreState {
     fn encode(&self, generation: u32) -> [u8; RECORD_LEN] {
         let slot = match self.confirmed {
             None => 0,
@@ -93,7 +93,7 @@ impl Record<RECORD_LEN> for State {
         sealed([generation, head, confirmed.0, confirmed.1, len, crc, have])
     }
 
-    fn decode(bytes: &[u8; RECORD_LEN]) -> Option<(u32, State)> {
+    fn decode(bytes: &[u8; RECORD_LEN]) -> Option<(u32, StoreState)> {
         let [generation, head, confirmed_len, confirmed_crc, len, crc32c, have] = opened(bytes)?;
         let [MAGIC, kinds, boots_left, 0] = head.to_le_bytes() else { return None };
         let confirmed = |slot| Some(Image { slot, len: confirmed_len, crc32c: confirmed_crc });
@@ -109,7 +109,7 @@ impl Record<RECORD_LEN> for State {
             2 => Candidate::Trial { len, crc32c, boots_left },
             _ => return None,
         };
-        Some((generation, State { confirmed, candidate }))
+        Some((generation, StoreState { confirmed, candidate }))
     }
 }
 
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn golden_bytes() {
-        let state = State {
+        let state = StoreState {
             confirmed: Some(Image { slot: Slot::B, len: 0x1234, crc32c: 0xDEAD_BEEF }),
             candidate: Candidate::Trial { len: 0x5678, crc32c: 0x0102_0304, boots_left: 3 },
         };
@@ -181,13 +181,13 @@ mod tests {
             ]
         );
         assert_eq!(bytes[28..], crc32c(&bytes[..28]).to_le_bytes());
-        assert_eq!(State::decode(&bytes), Some((9, state)));
+        assert_eq!(StoreState::decode(&bytes), Some((9, state)));
 
         let footer = Footer { generation: 7, len: 0x1234, crc32c: 0xDEAD_BEEF };
         let bytes = footer.encode();
         assert_eq!(bytes[..16], *b"RW-SLOT1\x07\0\0\0\x34\x12\0\0");
         assert_eq!(Footer::decode(&bytes), Some(footer));
-        assert_eq!(State::decode(&bytes), None);
+        assert_eq!(StoreState::decode(&bytes), None);
     }
 
     #[test]
@@ -199,17 +199,17 @@ mod tests {
                 Candidate::Receiving { len: 400, crc32c: 6, have: 256 },
                 Candidate::Trial { len: 400, crc32c: 6, boots_left: 0 },
             ] {
-                let state = State { confirmed, candidate };
+                let state = StoreState { confirmed, candidate };
                 let bytes = state.encode(u32::MAX);
-                assert_eq!(State::decode(&bytes), Some((u32::MAX, state)));
+                assert_eq!(StoreState::decode(&bytes), Some((u32::MAX, state)));
                 for bit in 0..8 * RECORD_LEN {
                     let mut damaged = bytes;
                     damaged[bit / 8] ^= 1 << (bit % 8);
-                    assert_eq!(State::decode(&damaged), None);
+                    assert_eq!(StoreState::decode(&damaged), None);
                 }
             }
         }
-        assert_eq!(State::decode(&[0; RECORD_LEN]), None);
-        assert_eq!(State::decode(&[0xFF; RECORD_LEN]), None);
+        assert_eq!(StoreState::decode(&[0; RECORD_LEN]), None);
+        assert_eq!(StoreState::decode(&[0xFF; RECORD_LEN]), None);
     }
 }

@@ -75,7 +75,7 @@ fn every_protocol_fits_on_a_bus_of_its_own() {
 #[test]
 fn what_cannot_be_told_is_found_before_it_has_to_be() {
     let cannot = |config: &RobotConfig, bus| match only(config, bus, 120).problem {
-        Some(BusProblem::CannotTell { channel, refusal }) => (channel, refusal),
+        Some(BusProblem::CannotCarry { channel, refusal }) => (channel, refusal),
         other => panic!("{other:?}"),
     };
     // AK80-64: 8 rad/s at most. The gains of an MIT frame end at 500 and 5.

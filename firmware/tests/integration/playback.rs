@@ -1,8 +1,8 @@
 //! The order of frames along the graph, and the curve through them.
 
 use proptest::prelude::*;
+use rollwalk_firmware::graph_cursor::{GoalError, GraphCursor};
 use rollwalk_firmware::player::Player;
-use rollwalk_firmware::walk::{GoalError, Walk};
 use rollwalk_protocol::library::{ClipCursor, ClipId, Index, Library, NodeId, validate};
 
 use crate::robot::*;
@@ -40,7 +40,7 @@ fn node(lib: &Library<'_>, code: u8) -> NodeId {
 }
 
 /// The next `n` frames of a walk.
-fn go(walk: &mut Walk, lib: &Library<'_>, n: usize) -> Vec<(u8, u16)> {
+fn go(walk: &mut GraphCursor, lib: &Library<'_>, n: usize) -> Vec<(u8, u16)> {
     (0..n)
         .map(|_| {
             walk.advance(lib).unwrap();
@@ -59,7 +59,7 @@ fn run(clip: u8, frames: std::ops::RangeInclusive<u16>) -> Vec<(u8, u16)> {
 fn a_motion_that_ends_goes_back_to_safe_by_itself() {
     let loaded = Loaded::new();
     let lib = loaded.open();
-    let mut walk = Walk::start(&lib).unwrap();
+    let mut walk = GraphCursor::start(&lib).unwrap();
     assert_eq!(walk.at(), (ClipId(STAND_CLIP), 1));
     assert!(walk.rests_in_safe(&lib));
     walk.set_goal(&lib, node(&lib, CODE_DRIVE)).unwrap();
@@ -78,7 +78,7 @@ fn a_motion_that_ends_goes_back_to_safe_by_itself() {
 fn a_loop_is_left_only_at_its_exit_frame() {
     let loaded = Loaded::new();
     let lib = loaded.open();
-    let mut walk = Walk::start(&lib).unwrap();
+    let mut walk = GraphCursor::start(&lib).unwrap();
     walk.set_goal(&lib, node(&lib, CODE_WALK)).unwrap();
     let mut expected = run(STAND_TO_WALK, 1..=TRANSITION_FRAMES - 2);
     expected.extend(run(WALK_CLIP, WALK_ENTRY..=WALK_FRAMES - 1));
@@ -103,7 +103,7 @@ fn a_loop_is_left_only_at_its_exit_frame() {
 fn a_motion_asked_for_again_is_played_again() {
     let loaded = Loaded::new();
     let lib = loaded.open();
-    let mut walk = Walk::start(&lib).unwrap();
+    let mut walk = GraphCursor::start(&lib).unwrap();
     let drive = node(&lib, CODE_DRIVE);
     walk.set_goal(&lib, drive).unwrap();
     // On the way there, asking again is the same request.
@@ -134,7 +134,7 @@ fn a_motion_asked_for_again_is_played_again() {
 fn the_latest_goal_counts() {
     let loaded = Loaded::new();
     let lib = loaded.open();
-    let mut walk = Walk::start(&lib).unwrap();
+    let mut walk = GraphCursor::start(&lib).unwrap();
     walk.set_goal(&lib, node(&lib, CODE_DRIVE)).unwrap();
     walk.set_goal(&lib, node(&lib, CODE_WALK)).unwrap();
     assert_eq!(go(&mut walk, &lib, 1), [(STAND_TO_WALK, 1)]);
@@ -154,7 +154,7 @@ fn the_latest_goal_counts() {
 fn a_safe_motion_that_ends_is_played_to_its_end_and_held() {
     let loaded = Loaded::from(library_that_settles());
     let lib = loaded.open();
-    let mut walk = Walk::start(&lib).unwrap();
+    let mut walk = GraphCursor::start(&lib).unwrap();
     let last = SETTLE_FRAMES - 1;
     assert_eq!(go(&mut walk, &lib, 2), [(STAND_CLIP, last), (STAND_CLIP, last)]);
     assert!(walk.rests_in_safe(&lib));
@@ -277,7 +277,7 @@ proptest! {
     ) {
         let loaded = Loaded::new();
         let lib = loaded.open();
-        let mut walk = Walk::start(&lib).unwrap();
+        let mut walk = GraphCursor::start(&lib).unwrap();
         for (code, wait) in requests {
             let goal = node(&lib, code);
             let on_the_spot = walk.at().0 == goal.clip();
@@ -337,7 +337,7 @@ fn with_damaged(clip: u8) -> Loaded {
 }
 
 /// Advances into a clip; whether its frames were taken for good.
-fn gets_into(clip: u8, mut walk: Walk, lib: &Library<'_>) -> bool {
+fn gets_into(clip: u8, mut walk: GraphCursor, lib: &Library<'_>) -> bool {
     for _ in 0..200 {
         if walk.advance(lib).is_err() {
             return false;
@@ -354,7 +354,7 @@ fn the_way_to_a_goal_is_checked_when_it_is_set() {
     let loaded = Loaded::new();
     let lib = loaded.open();
     let damaged = with_damaged(STAND_TO_WALK);
-    let mut walk = Walk::start(&lib).unwrap();
+    let mut walk = GraphCursor::start(&lib).unwrap();
     // Damaged before it was looked at: found at the latest on the way in.
     walk.set_goal(&damaged.open(), node(&lib, CODE_WALK)).unwrap();
     assert!(!gets_into(STAND_TO_WALK, walk.clone(), &damaged.open()));
@@ -380,7 +380,7 @@ fn what_comes_by_itself_is_checked_on_the_way() {
     let lib = loaded.open();
     // Where the transition arrives.
     let damaged = with_damaged(WALK_CLIP);
-    let mut walk = Walk::start(&lib).unwrap();
+    let mut walk = GraphCursor::start(&lib).unwrap();
     walk.set_goal(&lib, node(&lib, CODE_WALK)).unwrap();
     assert!(!gets_into(WALK_CLIP, walk.clone(), &damaged.open()));
     go(&mut walk, &lib, usize::from(TRANSITION_FRAMES) - 3);
@@ -388,7 +388,7 @@ fn what_comes_by_itself_is_checked_on_the_way() {
 
     // And where a motion leads that ends.
     let damaged = with_damaged(DRIVE_TO_STAND);
-    let mut walk = Walk::start(&lib).unwrap();
+    let mut walk = GraphCursor::start(&lib).unwrap();
     walk.set_goal(&lib, node(&lib, CODE_DRIVE)).unwrap();
     go(&mut walk, &lib, 2);
     assert!(!gets_into(DRIVE_TO_STAND, walk.clone(), &damaged.open()));

@@ -1,8 +1,8 @@
-//! Plays a library: frame by frame as the walk goes, and tick by tick as the player and the limiter do.
+//! Plays a library: frame by frame as the cursor goes, and tick by tick as the player and the limiter do.
 
 use rollwalk_firmware::limiter::Limiter;
 use rollwalk_firmware::player::Player;
-use rollwalk_firmware::walk::Walk;
+use rollwalk_firmware::graph_cursor::GraphCursor;
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::library::{ClipCursor, ClipId, ClipKind, Library, NodeId, RATE_HZ};
 
@@ -51,8 +51,8 @@ pub fn ten_seconds(library: &Library<'_>, config: &RobotConfig, commands: &[u8])
     let mut pose = [0.0; MAX_CHANNELS];
     library.safe_pose_into(&mut pose).expect("validated");
 
-    let mut walk = Walk::start(library).expect("validated");
-    let mut before = frame_at(&walk, library);
+    let mut cursor = GraphCursor::start(library).expect("validated");
+    let mut before = frame_at(&cursor, library);
     for (channel, limits) in config.channels.iter().enumerate() {
         let at_rest = limits.kind == ChannelKind::WheelSpeed || before[channel] == pose[channel];
         assert!(at_rest, "starts in the safe pose");
@@ -62,21 +62,21 @@ pub fn ten_seconds(library: &Library<'_>, config: &RobotConfig, commands: &[u8])
     let mut announced = None;
     for _ in 0..FRAMES {
         if let Some(goal) = todo.next() {
-            let accepted = walk.set_goal(library, goal).is_ok();
+            let accepted = cursor.set_goal(library, goal).is_ok();
             assert!(exists(goal) || !accepted, "{goal:?} does not exist");
             if accepted {
-                announced = Some((walk.frames_to_goal(library), goal));
+                announced = Some((cursor.frames_to_goal(library), goal));
             }
         }
-        let (clip, _) = walk.at();
-        walk.advance(library).expect("validated");
-        let now = frame_at(&walk, library);
+        let (clip, _) = cursor.at();
+        cursor.advance(library).expect("validated");
+        let now = frame_at(&cursor, library);
         assert_within(config, library, &before, &now);
-        assert_joined(library, &walk, clip, &before);
+        assert_joined(library, &cursor, clip, &before);
         if let Some((frames, goal)) = announced {
             announced = frames.checked_sub(1).map(|left| (left, goal));
             if frames == 1 {
-                assert_eq!(walk.at().0, goal.clip(), "the goal is entered as announced");
+                assert_eq!(cursor.at().0, goal.clip(), "the goal is entered as announced");
             }
         }
         before = now;
@@ -84,9 +84,9 @@ pub fn ten_seconds(library: &Library<'_>, config: &RobotConfig, commands: &[u8])
     tick_by_tick(library, config, commands);
 }
 
-fn frame_at(walk: &Walk, library: &Library<'_>) -> Frame {
+fn frame_at(cursor: &GraphCursor, library: &Library<'_>) -> Frame {
     let mut frame = [0.0; MAX_CHANNELS];
-    walk.frame_into(library, &mut frame).expect("validated");
+    cursor.frame_into(library, &mut frame).expect("validated");
     frame
 }
 
@@ -102,8 +102,8 @@ fn assert_within(config: &RobotConfig, library: &Library<'_>, before: &Frame, no
 }
 
 /// A clip begins with the very frame in which the one before was left.
-fn assert_joined(library: &Library<'_>, walk: &Walk, from: ClipId, before: &Frame) {
-    let (clip, frame) = walk.at();
+fn assert_joined(library: &Library<'_>, cursor: &GraphCursor, from: ClipId, before: &Frame) {
+    let (clip, frame) = cursor.at();
     let kind = library.clip(clip).expect("validated").kind;
     if clip != from && kind == ClipKind::Transition {
         let first = frame.checked_sub(1).expect("frame 0 was played under another name");

@@ -48,49 +48,49 @@ impl Bus {
     /// The value that the protocol cannot carry.
     pub fn can_drive(&self, limits: &Channel) -> Result<(), Refusal> {
         let can = self.protocol.capabilities();
-        let tell = |command| self.protocol.check(&ActuatorCommand { id: limits.id, command });
+        let check = |command| self.protocol.check(&ActuatorCommand { id: limits.id, command });
         let wheel = limits.kind == ChannelKind::WheelSpeed;
         let fastest = if wheel { limits.max.max(-limits.min) } else { limits.max_rate };
         let Channel { kp_nm_rad, kd_nm_s_rad, max_torque_nm: torque_nm, .. } = *limits;
-        tell(Command::Disable)?;
+        check(Command::Disable)?;
         if can.query {
-            tell(Command::Query)?;
+            check(Command::Query)?;
         }
         if can.limits == UpdatePolicy::Stored {
-            tell(Command::Limits { speed_rad_s: fastest, torque_nm })?;
+            check(Command::Limits { speed_rad_s: fastest, torque_nm })?;
         }
-        // Stiff, let down, and limp: with that, who cannot be asked is asked.
+        // Stiff, damped, and limp: a limp setpoint stands in for a query that the protocol has not.
         let limp = can.answers == Answers::Always && !can.query;
         let gains = [(kp_nm_rad, kd_nm_s_rad), (0.0, kd_nm_s_rad), (0.0, 0.0)];
         let gains = gains.into_iter().take(if limp { 3 } else { 2 });
         let gains = gains.map(|(kp_nm_rad, kd_nm_s_rad)| Gains { kp_nm_rad, kd_nm_s_rad });
         if can.gains == UpdatePolicy::Stored {
-            gains.clone().try_for_each(|gains| tell(Command::Gains(gains)))?;
+            gains.clone().try_for_each(|gains| check(Command::Gains(gains)))?;
         }
         if self.control == ControlLoop::OnController {
-            tell(Command::EnableTorque)?;
-            tell(Command::Torque { torque_nm })?;
-            return tell(Command::Torque { torque_nm: -torque_nm });
+            check(Command::EnableTorque)?;
+            check(Command::Torque { torque_nm })?;
+            return check(Command::Torque { torque_nm: -torque_nm });
         }
-        // Who is told no limit gives what its own scale has: the channel's is within that.
+        // A drive without a limit gives up to its own scale: the channel's limit is within that.
         let most_nm = if can.torque && can.limits == UpdatePolicy::Never { torque_nm } else { 0.0 };
         for (value, slope, torque_nm) in
             [(limits.min, -limits.max_rate, -most_nm), (limits.max, limits.max_rate, most_nm)]
         {
-            tell(if wheel {
+            check(if wheel {
                 Command::EnableWheel
             } else {
                 Command::EnableJoint { measured_rad: value }
             })?;
             for gains in gains.clone() {
-                let told = (can.gains == UpdatePolicy::EverySetpoint).then_some(gains);
+                let sent = (can.gains == UpdatePolicy::EverySetpoint).then_some(gains);
                 let limit =
                     (can.limits == UpdatePolicy::EverySetpoint).then_some(limits.max_torque_nm);
-                tell(if wheel {
+                check(if wheel {
                     Command::Wheel(WheelSetpoint {
                         speed_rad_s: value,
                         torque_nm,
-                        kd_nm_s_rad: told.map(|gains| gains.kd_nm_s_rad),
+                        kd_nm_s_rad: sent.map(|gains| gains.kd_nm_s_rad),
                         torque_limit_nm: limit,
                     })
                 } else {
@@ -98,7 +98,7 @@ impl Bus {
                         position_rad: value,
                         speed_rad_s: slope,
                         torque_nm,
-                        gains: told,
+                        gains: sent,
                     })
                 })?;
             }

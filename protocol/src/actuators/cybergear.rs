@@ -180,7 +180,7 @@ impl Codec for CyberGear {
             measures_position: true,
             measures_torque: true,
             query: false,
-            tells_enabled: true,
+            reports_enabled: true,
             // Stop is answered, also when it changes nothing.
             pose_while_disabled: true,
             watchdog: Watchdog::Unknown,

@@ -187,7 +187,7 @@ impl Codec for Maestro {
             measures_position: false,
             measures_torque: false,
             query: true,
-            tells_enabled: false,
+            reports_enabled: false,
             pose_while_disabled: false,
             watchdog: Watchdog::GoesHome,
             max_id: MAX_CHANNEL,

@@ -250,7 +250,7 @@ impl Codec for Mit {
             measures_position: true,
             measures_torque: true,
             query: false,
-            tells_enabled: false,
+            reports_enabled: false,
             // Exit is answered, also when it changes nothing.
             pose_while_disabled: true,
             watchdog: Watchdog::Resumes,

@@ -287,7 +287,7 @@ pub struct Capabilities {
     /// nothing takes its place.
     pub query: bool,
     /// It reports whether its torque is on. Where not, the last command has to stand for it.
-    pub tells_enabled: bool,
+    pub reports_enabled: bool,
     /// The pose can be read while torque is off: by [`Command::Query`], by [`Command::Disable`]
     /// again where that is answered, or because it comes on a timer.
     pub pose_while_disabled: bool,

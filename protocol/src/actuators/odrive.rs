@@ -260,7 +260,7 @@ impl Codec for Odrive {
             measures_position: true,
             measures_torque: true,
             query: false,
-            tells_enabled: true,
+            reports_enabled: true,
             pose_while_disabled: true,
             watchdog: Watchdog::Latches,
             max_id: MAX_NODE,

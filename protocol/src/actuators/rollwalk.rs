@@ -84,7 +84,7 @@ impl Codec for Rollwalk {
             measures_position: true,
             measures_torque: true,
             query: true,
-            tells_enabled: true,
+            reports_enabled: true,
             pose_while_disabled: true,
             watchdog: Watchdog::Latches,
             max_id: actuator::MAX_ID,
@@ -109,15 +109,15 @@ impl Codec for Rollwalk {
 
 impl CanCodec for Rollwalk {
     fn decode(&self, received: &Frame) -> Option<(u8, Feedback)> {
-        let (id, told) = actuator::Feedback::decode(received)?;
+        let (id, feedback) = actuator::Feedback::decode(received)?;
         let feedback = Feedback {
-            position_rad: Some(told.position_rad),
-            speed_rad_s: Some(told.velocity_rad_s),
-            torque_nm: Some(told.torque_nm),
+            position_rad: Some(feedback.position_rad),
+            speed_rad_s: Some(feedback.velocity_rad_s),
+            torque_nm: Some(feedback.torque_nm),
             temperature_c: None,
-            enabled: Some(told.status.enabled()),
+            enabled: Some(feedback.status.enabled()),
             faults: Some(Faults::translate(
-                u32::from(told.status.0 & ActuatorStatus::FAULTS),
+                u32::from(feedback.status.0 & ActuatorStatus::FAULTS),
                 &FAULTS,
             )),
         };
@@ -125,6 +125,6 @@ impl CanCodec for Rollwalk {
     }
 
     fn decode_counted(&self, received: &Frame) -> Option<(u8, Decoded)> {
-        actuator::Feedback::decode(received).map(|(id, told)| (id, Decoded::Counted(told)))
+        actuator::Feedback::decode(received).map(|(id, feedback)| (id, Decoded::Counted(feedback)))
     }
 }

@@ -1,8 +1,8 @@
-//! One walk over everything, after which playback cannot fail.
+//! Validation of a whole library in one pass, after which playback cannot fail.
 //!
 //! Order: outside (CRCs, sections), manifest and channels against the robot, every frame of every
 //! clip, then the graph. Work is bounded by the size of the library: each frame is decoded once,
-//! each transition's four joints by a seek, each of at most 32 · 32 routes is walked.
+//! each transition's four joints by a seek, each of at most 32 · 32 routes is followed.
 
 use super::container::{self, Container, SECTIONS, Span};
 use super::cursor::{Advance, ClipCursor};
@@ -34,14 +34,14 @@ pub fn validate(bytes: &[u8], config: &RobotConfig) -> Result<Index, Reject> {
         safe_node: manifest.safe_node,
         lsb_exponents,
     };
-    let walk = Walk { library: Library::unchecked(bytes, index), sections, records };
-    walk.tables()?;
-    walk.clips()?;
-    walk.edges()?;
-    walk.routes()?;
-    walk.codes()?;
-    walk.safe_pose()?;
-    walk.names()?;
+    let validation = Validation { library: Library::unchecked(bytes, index), sections, records };
+    validation.tables()?;
+    validation.clips()?;
+    validation.edges()?;
+    validation.routes()?;
+    validation.codes()?;
+    validation.safe_pose()?;
+    validation.names()?;
     Ok(index)
 }
 
@@ -115,14 +115,14 @@ fn channels(
     Ok((records, exponents))
 }
 
-/// A library on its way to be validated.
-pub(super) struct Walk<'a> {
+/// A library under validation.
+pub(super) struct Validation<'a> {
     pub library: Library<'a>,
     sections: [Span; SECTIONS],
     pub records: [ChannelRecord; MAX_CHANNELS],
 }
 
-impl Walk<'_> {
+impl Validation<'_> {
     pub fn fail(&self, section: Section, record: usize, why: Why) -> Reject {
         Reject { section, offset: span(&self.sections, section).record_offset(record), why }
     }
@@ -154,7 +154,7 @@ impl Walk<'_> {
         Ok(())
     }
 
-    fn tells_attitudes(&self) -> bool {
+    fn has_attitudes(&self) -> bool {
         span(&self.sections, Section::Clips).stride >= CLIP_LEN + ATTITUDE_LEN
     }
 
@@ -170,7 +170,7 @@ impl Walk<'_> {
             if record.flags & !FLAG_LOOPING != 0
                 || (transition && info.looping)
                 || record.offset != offset
-                || (self.tells_attitudes() && self.library.attitude(clip).is_none())
+                || (self.has_attitudes() && self.library.attitude(clip).is_none())
             {
                 return Err(broken);
             }

@@ -1,13 +1,13 @@
-//! The second half of the walk: the motion graph, its codes, the safe pose, names.
+//! The second half of validation: the motion graph, its codes, the safe pose, names.
 
 use super::container::u16_at;
 use super::cursor::ClipCursor;
 use super::records::CodeRecord;
 use super::reject::{Reject, Section, Why};
-use super::validate::Walk;
+use super::validate::Validation;
 use super::{MAX_MOTIONS, MAX_NAME, NO_EDGE, NodeId};
 
-impl Walk<'_> {
+impl Validation<'_> {
     /// Transitions join motions that exist, at frames where they can be left and entered, without
     /// any gap.
     pub fn edges(&self) -> Result<(), Reject> {

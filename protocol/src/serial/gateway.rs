@@ -34,7 +34,7 @@ impl Gateway {
         let Some(id) = frame.standard_id().filter(|&id| partner(id).is_some()) else {
             return Some(Packet::Link(*frame));
         };
-        self.talk_as(id);
+        self.use_id(id);
         let whole = self.endpoint.on_frame(frame.data(), now_us) == Event::Received;
         whole.then(|| Packet::Message { id, bytes: self.endpoint.received() })
     }
@@ -43,7 +43,7 @@ impl Gateway {
     /// frames are still pending, because a sender that starts anew has given up on that one.
     pub fn receive(&mut self, id: u16, message: &[u8]) {
         if let Some(ours) = partner(id) {
-            self.talk_as(ours);
+            self.use_id(ours);
             self.endpoint.stop_sending();
             // Messages of packets always fit an endpoint.
             let _ = self.endpoint.send(message);
@@ -64,7 +64,7 @@ impl Gateway {
     }
 
     /// Sets the identifier of this end's frames; another one starts a new conversation.
-    fn talk_as(&mut self, id: u16) {
+    fn use_id(&mut self, id: u16) {
         if self.ours != id {
             self.ours = id;
             self.endpoint.reset();
@@ -90,7 +90,7 @@ mod tests {
         frame: fn(Node, &Pdu) -> Frame,
         gateway: Gateway,
         line: Deframer,
-        heard: Vec<Vec<u8>>,
+        received: Vec<Vec<u8>>,
         /// Number of packets put on the line.
         packets: usize,
     }
@@ -99,7 +99,7 @@ mod tests {
         fn new(frame: fn(Node, &Pdu) -> Frame) -> Self {
             let (gateway, line) = (Gateway::default(), Deframer::default());
             let endpoint = Endpoint::new(Timing::default());
-            Self { endpoint, frame, gateway, line, heard: Vec::new(), packets: 0 }
+            Self { endpoint, frame, gateway, line, received: Vec::new(), packets: 0 }
         }
 
         /// Takes bytes from the line, passes frames between program and gateway, and returns the bytes they send.
@@ -117,7 +117,7 @@ mod tests {
                 while let Some(frame) = self.gateway.poll(0) {
                     idle = false;
                     if self.endpoint.on_frame(frame.data(), 0) == Event::Received {
-                        self.heard.push(self.endpoint.received().to_vec());
+                        self.received.push(self.endpoint.received().to_vec());
                     }
                 }
                 while let Output::Send(pdu) = self.endpoint.poll(0) {
@@ -150,8 +150,8 @@ mod tests {
                 controller.endpoint.send(&answered).unwrap();
                 let back = controller.work(&[]);
                 prop_assert!(host.work(&back).is_empty());
-                prop_assert_eq!(controller.heard.last(), Some(&asked));
-                prop_assert_eq!(host.heard.last(), Some(&answered));
+                prop_assert_eq!(controller.received.last(), Some(&asked));
+                prop_assert_eq!(host.received.last(), Some(&answered));
                 prop_assert_eq!((host.packets, controller.packets), (round, round));
             }
         }
@@ -180,7 +180,7 @@ mod tests {
             host.endpoint.send(&asked).unwrap();
             let line = host.work(&[]);
             controller.work(&line);
-            prop_assert_eq!(controller.heard, [asked]);
+            prop_assert_eq!(controller.received, [asked]);
         }
     }
 

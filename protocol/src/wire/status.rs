@@ -136,9 +136,9 @@ pub struct FaultReport {
     pub counter: u8,
     /// The fault.
     pub fault: Fault,
-    /// Channel concerned, as [`Fault::description`] says.
+    /// Channel concerned, see [`Fault::description`].
     pub channel: Option<u8>,
-    /// Offending value in SI units, as [`Fault::description`] says; 0 when there is none.
+    /// Offending value in SI units, see [`Fault::description`]; 0 when there is none.
     pub value: f32,
 }
 

@@ -17,7 +17,7 @@ const RELOAD: *mut u32 = 0x4000_0008 as *mut u32;
 const CTRL_ENABLE: u32 = 1 << 0;
 
 /// A control period has begun, and [`Clock::begun`] has not reported it yet.
-static BEGUN: AtomicBool = AtomicBool::new(false);
+static PERIOD_STARTED: AtomicBool = AtomicBool::new(false);
 
 /// The clock. There is one; it is made once, by `main`.
 pub struct Clock {
@@ -52,17 +52,17 @@ impl Clock {
     }
 
     /// Whether a control period has begun since the last call that returned true.
-    pub fn begun(&mut self) -> bool {
-        BEGUN.swap(false, Ordering::AcqRel)
+    pub fn take_period(&mut self) -> bool {
+        PERIOD_STARTED.swap(false, Ordering::AcqRel)
     }
 
-    /// Whether the next [`Self::begun`] will return true.
+    /// Whether the next [`Self::take_period`] will return true.
     pub fn is_due(&self) -> bool {
-        BEGUN.load(Ordering::Acquire)
+        PERIOD_STARTED.load(Ordering::Acquire)
     }
 }
 
 #[exception]
 fn SysTick() {
-    BEGUN.store(true, Ordering::Release);
+    PERIOD_STARTED.store(true, Ordering::Release);
 }

@@ -81,7 +81,7 @@ impl Board {
     fn drive(&mut self) -> bool {
         let now_us = self.clock.now_us();
         let mut any = false;
-        if self.clock.begun() {
+        if self.clock.take_period() {
             self.controller.tick(now_us);
             any = true;
         }

@@ -90,7 +90,7 @@ fn main() -> ! {
         serial,
         node: settings.node,
         gateway: Gateway::default(),
-        host: Way::Can,
+        host: HostPort::Can,
         contact: Contact::new(p.PA10),
         light: Output::new(p.PA5, Level::Low, Speed::Low),
         torque: Torque::Off,
@@ -107,7 +107,7 @@ fn main() -> ! {
 
 /// Where the host's last message came from: it is answered there.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Way {
+enum HostPort {
     Can,
     Serial,
 }
@@ -118,10 +118,10 @@ fn is_from_a_host(node: u8, frame: &Frame) -> bool {
         .is_ok_and(|(to, _)| to.number() == node || to == Node::BROADCAST)
 }
 
-/// The host is here now. A message that is on its way elsewhere is left.
-fn turn_to(way: Way, host: &mut Way, gateway: &mut Gateway) {
-    if *host != way {
-        *host = way;
+/// Answers the host at this port from now on. A message under way to the other port is dropped.
+fn turn_to(port: HostPort, host: &mut HostPort, gateway: &mut Gateway) {
+    if *host != port {
+        *host = port;
         *gateway = Gateway::default();
     }
 }
@@ -136,7 +136,7 @@ struct Board {
     serial: Serial,
     /// Between the controller and the serial line.
     gateway: Gateway,
-    host: Way,
+    host: HostPort,
     contact: Contact,
     light: Output<'static>,
     /// Torque at the last check.
@@ -158,7 +158,7 @@ impl Board {
             self.take_in();
             self.watch_torque();
             let now_us = self.clock.now_us();
-            if let Some(missed) = self.periods.begun(now_us) {
+            if let Some(missed) = self.periods.next(now_us) {
                 self.tick(now_us, missed);
                 self.watch_torque();
             }
@@ -179,21 +179,21 @@ impl Board {
         }
         if let Some(frame) = self.link.receive() {
             if is_from_a_host(self.node, &frame) {
-                turn_to(Way::Can, &mut self.host, &mut self.gateway);
+                turn_to(HostPort::Can, &mut self.host, &mut self.gateway);
             }
             self.controller.on_link_frame(now_us, &frame);
         }
         match self.serial.receive() {
             Some(Packet::Link(frame)) => {
                 if is_from_a_host(self.node, &frame) {
-                    turn_to(Way::Serial, &mut self.host, &mut self.gateway);
+                    turn_to(HostPort::Serial, &mut self.host, &mut self.gateway);
                 }
                 self.controller.on_link_frame(now_us, &frame);
             }
             Some(Packet::Message { id, bytes }) => {
                 // Its identifier names sender and receiver.
                 if Frame::standard(id, &[]).is_some_and(|frame| is_from_a_host(self.node, &frame)) {
-                    turn_to(Way::Serial, &mut self.host, &mut self.gateway);
+                    turn_to(HostPort::Serial, &mut self.host, &mut self.gateway);
                     self.gateway.receive(id, bytes);
                 }
             }
@@ -284,13 +284,13 @@ impl Board {
             self.serial.send(&Packet::Report(self.report));
         }
         let free = match self.host {
-            Way::Can => self.link.is_free(),
-            Way::Serial => self.serial.is_free(),
+            HostPort::Can => self.link.is_free(),
+            HostPort::Serial => self.serial.is_free(),
         };
         if free && let Some(frame) = self.controller.poll_link(now_us) {
             match self.host {
-                Way::Can => self.link.send(now_us, &frame),
-                Way::Serial => {
+                HostPort::Can => self.link.send(now_us, &frame),
+                HostPort::Serial => {
                     if let Some(packet) = self.gateway.send(now_us, &frame) {
                         self.serial.send(&packet);
                     }

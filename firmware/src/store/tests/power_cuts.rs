@@ -9,7 +9,7 @@ use super::std::string::String;
 use super::std::{format, println};
 use super::*;
 use crate::store::log::Log;
-use crate::store::record::{Candidate, Image, State};
+use crate::store::record::{Candidate, Image, StoreState};
 use crate::store::slots::{self, LOG_UNITS};
 
 /// Of the cuts, one in so many: all of them, but for Miri, which is a hundred times slower.
@@ -31,7 +31,7 @@ enum Bug {
 
 /// Answers that the host received before the power failed.
 #[derive(Clone, Copy, Default)]
-struct Told {
+struct Progress {
     activating: bool,
     activated: bool,
     confirmed: bool,
@@ -57,7 +57,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     fn mount(&self, flash: Nor<W, E>) -> FlashStore<Nor<W, E>> {
         let mut store = FlashStore::mount(flash, TRIAL_BOOTS).unwrap();
         if self.bug == Bug::RecordBeforeData
-            && let (_, Some(State { confirmed: Some(image), .. })) =
+            && let (_, Some(StoreState { confirmed: Some(image), .. })) =
                 Log::open(&mut store.flash, LOG_UNITS, E)
         {
             store.active = Some(image);
@@ -67,18 +67,18 @@ impl<const W: usize, const E: usize> Bench<W, E> {
 
     /// Sends the new library, activates it, resets, confirms it. Ends where the power does.
     #[expect(clippy::result_large_err, reason = "the flash comes back either way")]
-    fn live(&self, flash: Nor<W, E>, told: &mut Told) -> Result<Nor<W, E>, Nor<W, E>> {
+    fn live(&self, flash: Nor<W, E>, progress: &mut Progress) -> Result<Nor<W, E>, Nor<W, E>> {
         let mut store = self.mount(flash);
         if store.bytes() != self.new {
             if self.send(&mut store).is_err() {
                 return Err(store.into_flash());
             }
-            told.activating = true;
+            progress.activating = true;
             self.spoil_log(&mut store);
             if self.bug != Bug::RecordBeforeData && store.activate().is_err() {
                 return Err(store.into_flash());
             }
-            told.activated = true;
+            progress.activated = true;
             store = self.mount(store.into_flash());
         }
         if store.on_trial() {
@@ -86,7 +86,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
             if store.confirm().is_err() {
                 return Err(store.into_flash());
             }
-            told.confirmed = true;
+            progress.confirmed = true;
         }
         let flash = store.into_flash();
         if flash.has_power() { Ok(flash) } else { Err(flash) }
@@ -108,7 +108,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
                 if store.begin(len, crc32c)? < E {
                     let have = E as u32;
                     let candidate = Candidate::Receiving { len: len as u32, crc32c, have };
-                    let noted = State { candidate, ..store.state };
+                    let noted = StoreState { candidate, ..store.state };
                     store.log.append(&mut store.flash, &noted)?;
                 }
             }
@@ -122,7 +122,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         store.begin(len, crc32c)?;
         let slot = store.state.candidate_slot();
         let image = Image { slot, len: len as u32, crc32c };
-        store.state = State { confirmed: Some(image), candidate: Candidate::None };
+        store.state = StoreState { confirmed: Some(image), candidate: Candidate::None };
         store.log.append(&mut store.flash, &store.state)?;
         let at = slots::start(&store.flash, slot);
         for (i, bytes) in self.new.chunks(32).enumerate() {
@@ -141,7 +141,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     }
 
     /// Checks what plays after a reset.
-    fn judge(&self, flash: &Nor<W, E>, told: Told) -> Result<(), String> {
+    fn judge(&self, flash: &Nor<W, E>, progress: Progress) -> Result<(), String> {
         let store = self.mount(flash.clone());
         let playing = store.bytes();
         let name = match playing {
@@ -150,13 +150,13 @@ impl<const W: usize, const E: usize> Bench<W, E> {
             [] => return Err("none plays".into()),
             _ => return Err("what plays is neither".into()),
         };
-        if !told.activating && name != "old" {
+        if !progress.activating && name != "old" {
             return Err("the new one plays before it was activated".into());
         }
-        if told.activated && name != "new" {
+        if progress.activated && name != "new" {
             return Err("the new one was activated and does not play".into());
         }
-        if told.confirmed && store.on_trial() {
+        if progress.confirmed && store.on_trial() {
             return Err("confirmed and yet on trial".into());
         }
         let overwrites = store.into_flash().overwrites;
@@ -171,14 +171,14 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         let mut report = Report::default();
         let mut whole = start.clone();
         whole.arm(self.torn, None);
-        let Ok(whole) = self.live(whole, &mut Told::default()) else {
+        let Ok(whole) = self.live(whole, &mut Progress::default()) else {
             return Err("fails without a cut".into());
         };
         for fuel in (0..whole.used).step_by(EVERY) {
             let mut flash = start.clone();
             flash.arm(self.torn, Some(fuel));
-            let mut told = Told::default();
-            let Err(mut flash) = self.live(flash, &mut told) else {
+            let mut progress = Progress::default();
+            let Err(mut flash) = self.live(flash, &mut progress) else {
                 return Err(format!("no cut at {fuel} of {}", whole.used));
             };
             assert!(!flash.has_power(), "{:?}: an error without a cut", self.torn);
@@ -187,10 +187,10 @@ impl<const W: usize, const E: usize> Bench<W, E> {
             report.cut_erases += flash.cut_erases;
             flash.power_on();
             let at = |what| move |why| format!("{what} at {fuel}: {why}");
-            self.judge(&flash, told).map_err(at("cut"))?;
-            self.recover(&flash, told, fuel, second_step, &mut report).map_err(at("cut"))?;
+            self.judge(&flash, progress).map_err(at("cut"))?;
+            self.recover(&flash, progress, fuel, second_step, &mut report).map_err(at("cut"))?;
             flash.fade();
-            self.judge(&flash, told).map_err(at("cut that faded"))?;
+            self.judge(&flash, progress).map_err(at("cut that faded"))?;
         }
         Ok(report)
     }
@@ -199,38 +199,39 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     fn recover(
         &self,
         flash: &Nor<W, E>,
-        told: Told,
+        progress: Progress,
         fuel: usize,
         step: usize,
         report: &mut Report,
     ) -> Result<(), String> {
         let mut whole = flash.clone();
         whole.arm(self.torn, None);
-        let mut told_whole = told;
-        let Ok(whole) = self.live(whole, &mut told_whole) else {
+        let mut progress_whole = progress;
+        let Ok(whole) = self.live(whole, &mut progress_whole) else {
             return Err("does not recover".into());
         };
-        let told_whole = Told { activating: true, activated: true, ..told_whole };
-        self.judge(&whole, told_whole)?;
+        let progress_whole = Progress { activating: true, activated: true, ..progress_whole };
+        self.judge(&whole, progress_whole)?;
         if step == 0 {
             return Ok(());
         }
         for second in (fuel % step..whole.used).step_by(step) {
             let mut flash = flash.clone();
             flash.arm(self.torn, Some(second));
-            let mut told = told;
-            let Err(mut flash) = self.live(flash, &mut told) else {
+            let mut progress = progress;
+            let Err(mut flash) = self.live(flash, &mut progress) else {
                 return Err(format!("no second cut at {second} of {}", whole.used));
             };
             report.second_cuts += 1;
             flash.fade();
             flash.power_on();
             let at = |why| format!("second cut at {second}: {why}");
-            self.judge(&flash, told).map_err(at)?;
-            let Ok(flash) = self.live(flash, &mut told) else {
+            self.judge(&flash, progress).map_err(at)?;
+            let Ok(flash) = self.live(flash, &mut progress) else {
                 return Err(at("does not recover".into()));
             };
-            self.judge(&flash, Told { activating: true, activated: true, ..told }).map_err(at)?;
+            self.judge(&flash, Progress { activating: true, activated: true, ..progress })
+                .map_err(at)?;
         }
         Ok(())
     }

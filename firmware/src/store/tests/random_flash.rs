@@ -32,7 +32,7 @@ fn survive(cells: Vec<u8>, unreadable: &[u16]) {
 
 /// Records, footers and noise, so that what is checked last is reached too.
 fn piece() -> impl Strategy<Value = [u8; 32]> {
-    use crate::store::record::{Candidate, Footer, Image, Slot, State};
+    use crate::store::record::{Candidate, Footer, Image, Slot, StoreState};
     let number = || prop_oneof![0..700u32, any::<u32>()];
     let image = (any::<bool>(), number(), any::<u32>()).prop_map(|(b, len, crc32c)| Image {
         slot: if b { Slot::B } else { Slot::A },
@@ -51,7 +51,9 @@ fn piece() -> impl Strategy<Value = [u8; 32]> {
         any::<[u8; 32]>(),
         Just([0xFF; 32]),
         (number(), proptest::option::of(image), candidate).prop_map(
-            |(generation, confirmed, c)| { State { confirmed, candidate: c }.encode(generation) }
+            |(generation, confirmed, c)| {
+                StoreState { confirmed, candidate: c }.encode(generation)
+            }
         ),
         (number(), number(), any::<u32>()).prop_map(|(generation, len, crc32c)| Footer {
             generation,

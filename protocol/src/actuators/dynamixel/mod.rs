@@ -258,7 +258,7 @@ impl Codec for Dynamixel {
             measures_position: true,
             measures_torque: true,
             query: true,
-            tells_enabled: false,
+            reports_enabled: false,
             pose_while_disabled: true,
             watchdog: Watchdog::Latches,
             max_id: MAX_ID,

@@ -1,10 +1,10 @@
-//! Walk through the motion graph: chooses the next 60 Hz frame.
+//! GraphCursor through the motion graph: chooses the next 60 Hz frame.
 //!
 //! It follows motions, repeats loops and takes transitions towards the goal node:
 //!
 //! - A looping motion repeats until a goal elsewhere is set, and is left only at the exit frame of the transition that
 //!   leads there. A motion that ends is left at its last frame.
-//! - After a motion that ends without a goal the walk returns to SAFE, where it stays.
+//! - After a motion that ends without a goal the cursor returns to SAFE, where it stays.
 //! - The first frame of a transition is the exit frame and its last frame is the entry frame, so
 //!   neither is played twice.
 //!
@@ -29,11 +29,11 @@ pub enum GoalError {
     Unreachable,
 }
 
-/// A walk over the frames of a library.
+/// Position in the motion graph of a library, with its goal.
 ///
-/// It borrows nothing: every call takes the library of [`Walk::start`].
+/// It borrows nothing: every call takes the library of [`GraphCursor::start`].
 #[derive(Clone, Debug)]
-pub struct Walk {
+pub struct GraphCursor {
     place: Place,
     cursor: ClipCursor,
     /// Node that is still to be reached.
@@ -44,8 +44,8 @@ pub struct Walk {
     entries: [Option<Entry>; 2],
 }
 
-impl Walk {
-    /// A walk that rests in the SAFE pose.
+impl GraphCursor {
+    /// A cursor at rest in the SAFE pose.
     pub fn start(library: &Library<'_>) -> Result<Self, Unreadable> {
         let safe = library.safe_node();
         let frames = library.clip(safe.clip()).ok_or(Unreadable)?.frames;
@@ -71,14 +71,14 @@ impl Walk {
             Place::Transition(edge) => (edge.to, true),
         };
         if from == goal && (arriving || self.stays_at(library, goal)) {
-            // The walk is there or on the way: only another goal is dropped.
+            // The cursor is there or on the way: only another goal is dropped.
             self.goal = arriving.then_some(goal);
         } else {
             library.next_hop(from, goal).ok_or(GoalError::Unreachable)?;
             self.goal = Some(goal);
         }
         self.look_ahead(library);
-        // The walk may leave with the next frame, or arrive with it and leave with the one after.
+        // The cursor may leave with the next frame, or arrive with it and leave with the one after.
         self.entries.iter_mut().flatten().for_each(|entry| entry.check_all(library));
         Ok(())
     }
@@ -158,7 +158,7 @@ impl Walk {
         sum
     }
 
-    /// Whether the walk stays at a node until a goal is set.
+    /// Whether the cursor stays at a node until a goal is set.
     fn stays_at(&self, library: &Library<'_>, node: NodeId) -> bool {
         node == library.safe_node() || library.clip(node.clip()).is_some_and(|clip| clip.looping)
     }
