@@ -1,15 +1,15 @@
-//! GraphCursor through the motion graph: chooses the next 60 Hz frame.
+//! A cursor that moves through the motion graph: chooses the next 60 Hz frame.
 //!
 //! It follows motions, repeats loops and takes transitions towards the goal node:
 //!
 //! - A looping motion repeats until a goal elsewhere is set, and is left only at the exit frame of the transition that
 //!   leads there. A motion that ends is left at its last frame.
-//! - After a motion that ends without a goal the cursor returns to SAFE, where it stays.
+//! - When a motion ends and no goal is set, the cursor returns to SAFE and stays there.
 //! - The first frame of a transition is the exit frame and its last frame is the entry frame, so
 //!   neither is played twice.
 //!
-//! The frame blocks that it enters after the present clip, and after the next one, are checked beforehand: at once
-//! when a goal is set, otherwise a portion in each frame.
+//! The blocks in which the cursor will enter the next clip and the one after it are checked
+//! beforehand: at once when a goal is set, otherwise a portion in each frame.
 
 use rollwalk_protocol::library::{
     ClipCursor, ClipId, Edge, Entry, Library, MAX_MOTIONS, NodeId, Unreadable,
@@ -38,7 +38,8 @@ pub struct GraphCursor {
     cursor: ClipCursor,
     /// Node that is still to be reached.
     goal: Option<NodeId>,
-    /// Transition by which it will leave the present motion, or the one that it is about to enter.
+    /// Transition by which the cursor will leave the present motion or, during a transition, the
+    /// motion to which that leads.
     onward: Option<Edge>,
     /// Entries into the next clip and into the one after.
     entries: [Option<Entry>; 2],
@@ -64,14 +65,16 @@ impl GraphCursor {
         self.cursor.frame_into(library, out)
     }
 
-    /// Sets the goal. A motion that ends and is being played is played once more.
+    /// Sets the goal. If the goal is the motion being played, and that motion ends instead of
+    /// looping, it is played once more.
     pub fn set_goal(&mut self, library: &Library<'_>, goal: NodeId) -> Result<(), GoalError> {
         let (from, arriving) = match self.place {
             Place::Motion(node) => (node, false),
             Place::Transition(edge) => (edge.to, true),
         };
         if from == goal && (arriving || self.stays_at(library, goal)) {
-            // The cursor is there or on the way: only another goal is dropped.
+            // The cursor is at the goal or on the way to it: all that changes is that another goal
+            // is dropped.
             self.goal = arriving.then_some(goal);
         } else {
             library.next_hop(from, goal).ok_or(GoalError::Unreachable)?;

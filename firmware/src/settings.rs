@@ -21,7 +21,7 @@ pub struct Settings {
     /// Largest distance of a measured joint from the SAFE pose at the end of alignment, rad: servos with proportional
     /// gain sag under the robot's weight.
     pub align_tolerance_rad: f32,
-    /// Longest duration of enabling, and of settling after the ramp, µs each.
+    /// Timeout of enabling the actuators, and of settling after the ramp, µs each.
     pub align_patience_us: u32,
     /// Largest distance of a measured joint from its setpoint during playback, rad.
     pub follow_tolerance_rad: f32,
@@ -29,21 +29,23 @@ pub struct Settings {
     pub follow_patience_us: u32,
     /// Longest interval between ticks, µs; a longer one is an overrun.
     pub overrun_us: u32,
-    /// Largest distance of a measured joint from its range at which arming is possible, rad; beyond it the
-    /// measurement or the servo's zero is wrong.
+    /// Largest distance outside its range at which a measured joint still permits arming, rad;
+    /// beyond it the measurement or the servo's zero is wrong.
     pub out_of_range_rad: f32,
     /// Largest gain at run time as a multiple of the configured one, 1 or more.
     pub max_gain_ratio: f32,
     /// Whether an IMU is required: without it arming is refused, and stale measurements count as a lean.
     pub imu_required: bool,
-    /// Tilt beyond that of the motion at which the robot returns to SAFE, rad; infinite to disable this.
-    pub lean_rad: f32,
-    /// Tilt beyond that of the motion at which the joints are damped, because a return is hopeless, rad; infinite to
+    /// Tilt in excess of the motion's own at which the robot returns to SAFE, rad; infinite to
     /// disable this.
+    pub lean_rad: f32,
+    /// Tilt in excess of the motion's own at which the joints are damped, because a return is
+    /// hopeless, rad; infinite to disable this.
     pub tip_rad: f32,
-    /// Time beyond either angle before the controller reacts, µs.
+    /// Time beyond `lean_rad` or `tip_rad` after which the controller reacts, µs.
     pub tilt_patience_us: u32,
-    /// Duration for which SAFE is held after the host was lost, µs.
+    /// Duration for which SAFE is held after a return because of a fault, such as a lost host, µs;
+    /// a return by DISARM alone does not hold it.
     pub hold_us: u32,
     /// Duration of damping before torque is switched off, µs.
     pub damping_us: u32,

@@ -73,7 +73,7 @@ pub struct Findings<'a> {
     pub transferring: bool,
     /// The controller's log.
     pub history: Option<&'a History>,
-    /// Diagnosis of the bus adapter.
+    /// A known fault of the bus and its remedy.
     pub complaint: Option<&'a str>,
     /// Bitrate of the link, bit/s.
     pub bitrate: u32,
@@ -102,7 +102,7 @@ pub enum Gravity {
 pub struct Finding {
     /// Severity.
     pub gravity: Gravity,
-    /// Finding.
+    /// The finding as a sentence.
     pub what: String,
     /// Remedy, or command to type; empty if there is none.
     pub help: String,

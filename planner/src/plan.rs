@@ -55,7 +55,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// First sample and the state at the end of the motion: the first of the next period, or the last.
+    /// First sample, and the state at the end of the motion: for a periodic motion the first sample
+    /// of the next period, otherwise the last sample.
     pub fn ends(&self) -> [&Sample; 2] {
         let last = match self.motion.ends {
             Ends::Periodic => &self.after,
@@ -64,8 +65,8 @@ impl Plan {
         [&self.samples[0], last]
     }
 
-    /// What a goal asks for, as the plan has it: displacement of the centre of mass along and across the starting
-    /// heading, m, and turn of the body, rad.
+    /// What the plan reaches of the quantities that a goal asks for: displacement of the centre of
+    /// mass along and across the starting heading, m, and turn of the body, rad.
     pub fn reached(&self) -> [f64; 3] {
         let [first, last] = self.ends();
         let yaw = first.base_yaw_pitch_roll_rad[0];
@@ -159,7 +160,8 @@ impl SolveSummary {
 pub enum Ending {
     /// It converged or was interrupted: no other start is needed.
     Decided,
-    /// The request looks impossible from this start. If it does from the first two, no others are tried.
+    /// The request looks impossible from this start. If it looks so from each of the first two
+    /// starts, no others are tried.
     Hopeless,
     /// The solve failed; another start may succeed.
     Failed,
@@ -171,11 +173,11 @@ pub enum Ending {
 pub enum Status {
     /// All constraints hold within 0.2 of their credible levels.
     Converged,
-    /// The iterations stopped improving with a constraint violated, or proved that the constraints
-    /// contradict each other: see [`SolveSummary::diagnosis`].
+    /// The iterations stopped improving while a constraint was violated, or proved that the
+    /// constraints contradict each other: see [`SolveSummary::diagnosis`].
     Infeasible,
-    /// No step lowers the energy any more with a constraint violated, or the constraints can be met close by: the
-    /// obstacle is numerical, not the motion.
+    /// A constraint is violated and no step lowers the energy any more, or the constraints can be
+    /// met close by: the obstacle is numerical, not the motion.
     Stalled,
     /// The iteration limit was reached.
     IterationLimit,

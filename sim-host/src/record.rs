@@ -1,9 +1,10 @@
 //! Commanded and measured values of every control period.
 //!
 //! The commanded values are decoded from the frames on the actuator buses, not taken from the
-//! firmware's memory: a lost, late or wrongly rounded setpoint shows. Where the controller closes the loop
-//! ([`ControlLoop::OnController`](rollwalk_protocol::actuators::bus::ControlLoop)) the bus carries torques, so the
-//! commanded values are unknown.
+//! firmware's memory, so that a lost, late or wrongly rounded setpoint shows. Where the controller
+//! closes the loop
+//! ([`ControlLoop::OnController`](rollwalk_protocol::actuators::bus::ControlLoop)) the bus carries
+//! torques, so the commanded values are unknown.
 
 use crate::clock::SimTime;
 use rollwalk_firmware::player::Playing;
@@ -14,7 +15,7 @@ use std::collections::BTreeMap;
 /// One control period in which a library was played.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TickRecord {
-    /// Start of the period: the instant that the setpoints are for, microseconds.
+    /// Start of the period, which is the instant that its setpoints belong to, µs.
     pub time_us: u64,
     /// Clip that was played.
     pub clip: ClipId,
@@ -60,7 +61,7 @@ impl Recorder {
         self.fresh[channel] = true;
     }
 
-    /// Begins a period in which the controller plays.
+    /// Begins a period in which the controller plays a library.
     pub fn begin_period(&mut self, at: SimTime, playing: Playing, measured: Vec<f32>) {
         self.under_way = Some(TickRecord {
             time_us: at.as_us(),

@@ -1,10 +1,11 @@
-//! Library store and parameter store of the simulated controller: those of a real board, on flash simulated in RAM.
+//! Library store and parameter store of the simulated controller: the code of a real board, on
+//! flash that is simulated in RAM.
 
 use rollwalk_firmware::store::{FlashParameters, FlashStore, LibraryStore, RamFlash};
 use rollwalk_protocol::crc::crc32c;
 use rollwalk_protocol::wire::transport::MAX_BLOCK;
 
-/// The flash, bytes: two libraries of up to 1 MiB, and the store's log.
+/// Size of the flash, bytes: two libraries of up to 1 MiB, and the store's log.
 const CAPACITY: usize = (2 << 20) + (8 << 10);
 /// Boots after which an unconfirmed library on trial is rolled back.
 const TRIAL_BOOTS: u8 = 3;

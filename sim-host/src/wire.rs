@@ -1,4 +1,5 @@
-//! The buses of a [`crate::rig`]: each with the controller's place on it, and those of its servos.
+//! The buses of a [`crate::rig`]: each with the controller's node and, on an actuator bus, the
+//! nodes of its servos.
 
 use crate::bus::{CanBus, NodeId, TxPolicy};
 use crate::clock::SimTime;
@@ -8,14 +9,14 @@ use rollwalk_protocol::can::Frame;
 /// Largest transmit buffer of a controller's adapter, frames.
 const MAX_DEPTH: usize = 64;
 
-/// A bus and the controller's place on it.
+/// A bus and the controller's node on it.
 pub struct Wire {
     pub bus: CanBus,
-    /// The controller's place.
+    /// The controller's node.
     pub controller: NodeId,
-    /// Start of the time without acknowledgement.
+    /// Time since which no node acknowledges; `None` while nodes do.
     pub alone_since: Option<SimTime>,
-    /// The controller's end is off.
+    /// Whether the controller is bus-off.
     pub off: bool,
 }
 
@@ -31,14 +32,15 @@ impl Wire {
         !self.off && self.bus.pending(self.controller) < depth.min(MAX_DEPTH)
     }
 
-    /// Puts a frame into the controller's transmit buffer, which has room.
+    /// Puts the frame, if there is one, into the controller's transmit buffer, which must have
+    /// room.
     pub fn fill(&mut self, now: SimTime, frame: Option<Frame>) {
         if let Some(frame) = frame {
             self.bus.post(now, self.controller, frame).expect("the buffer has room");
         }
     }
 
-    /// Connects or removes the nodes that acknowledge.
+    /// Restores or removes the acknowledgement by other nodes.
     pub fn connect(&mut self, now: SimTime, connected: bool) {
         match (connected, self.alone_since) {
             (false, None) => {
@@ -56,7 +58,7 @@ impl Wire {
     /// The controller goes bus-off and loses its queued frames.
     pub fn go_off(&mut self, now: SimTime) {
         self.off = true;
-        // Cuts its frame in flight short.
+        // Aborts the frame in flight.
         self.bus.disconnect(now);
         self.bus.cancel(self.controller);
         if self.alone_since.is_none() {

@@ -1,5 +1,5 @@
-//! Devices on a microcontroller's pins, through `embedded-hal` 1.0, or on its serial line, for the boards that own
-//! them.
+//! Drivers that boards may use: for devices on a microcontroller's pins, through `embedded-hal`
+//! 1.0, and for the link on a serial line.
 //!
 //! | module | is |
 //! |---|---|

@@ -4,8 +4,8 @@ use rollwalk_protocol::faults::Fault;
 
 use super::*;
 
-/// The catalogue written a second time: the fault campaign takes severities from the same catalogue as the firmware, so
-/// that it would not notice a wrong one.
+/// The catalogue written a second time: the fault campaign takes severities from the same catalogue
+/// as the firmware, so it would not notice a wrong severity.
 #[test]
 fn events_have_these_severities_and_faults() {
     use Event as E;
@@ -77,7 +77,7 @@ fn torque_comes_on_only_by_arming_from_disarmed() {
     }
 }
 
-/// Which states can be reached from one, along events that `may` allows.
+/// The states that can be reached from `from` by events that `may` allows.
 fn reachable(from: State, may: impl Fn(State, Event) -> bool) -> [bool; State::ALL.len()] {
     let mut seen = [false; State::ALL.len()];
     let mut stack = heapless::Vec::<State, 512>::new();
@@ -117,7 +117,7 @@ fn every_state_reaches_torque_off() {
         let seen = reachable(from, |_, e| e != Event::EStop && e != Event::BusOff);
         let off = [State::TorqueOff, State::EStopped].map(|s| seen[s as usize]);
         assert!(off.contains(&true), "{from:?}");
-        // States with torque end there without a command.
+        // Torque goes off without a command, except in the states that the operator holds.
         let seen = reachable(from, |_, e| e.severity() == Severity::None && !by_command(e));
         let idle =
             State::ALL.iter().copied().any(|s| seen[s as usize] && s.torque() == Torque::Off);
@@ -151,8 +151,8 @@ fn every_loss_of_torque_is_acted_on_and_no_step_gains_torque_back() {
     }
 }
 
-/// Timers and player alone lead out of every state with torque once the host is gone: the robot ends
-/// without torque without a command.
+/// Once the host is gone, timers and the player alone lead out of every state with torque: torque
+/// goes off without a command.
 #[test]
 fn without_a_host_every_state_ends_without_torque() {
     for &start in State::ALL {
@@ -179,7 +179,7 @@ fn latched_states_leave_only_by_clearing_into_the_self_test() {
     }
 }
 
-/// How far down the way to no torque a state is, as the severity that leads there.
+/// How near a state is to torque off, as the severity that leads to it.
 fn depth(s: State) -> Severity {
     match s {
         State::EStopped => Severity::EStop,
@@ -190,8 +190,8 @@ fn depth(s: State) -> Severity {
     }
 }
 
-/// While torque is driven every fault that can happen there gets the reaction that it calls for or
-/// a stronger one.
+/// In every state that drives the motors, each fault that can occur there gets the reaction that it
+/// calls for, or a stronger one.
 #[test]
 fn a_fault_gets_at_least_its_reaction() {
     for s in State::ALL.iter().copied().filter(|s| s.torque() == Torque::Driven) {

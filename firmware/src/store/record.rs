@@ -50,7 +50,7 @@ pub(super) enum Candidate {
     Trial { len: u32, crc32c: u32, boots_left: u8 },
 }
 
-/// StoreState that must survive a reset.
+/// State of the store that must survive a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct StoreState {
     pub confirmed: Option<Image>,

@@ -8,7 +8,7 @@ const KEPT: usize = 200;
 /// Importance of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weight {
-    /// Something went as it should.
+    /// Information.
     Note,
     /// A command was refused.
     Refused,

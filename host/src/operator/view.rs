@@ -17,7 +17,7 @@ pub struct View {
     pub link: LinkView,
     /// Cause of the loss of the bus, if it is lost.
     pub bus_lost: Option<String>,
-    /// Diagnosis of the bus and what would help.
+    /// A known fault of the bus and its remedy.
     pub complaint: Option<String>,
     /// The controller's identity.
     pub hello: Option<Hello>,
@@ -25,17 +25,17 @@ pub struct View {
     pub mismatch: Option<String>,
     /// Last status of the controller.
     pub status: Option<Status>,
-    /// Faults that are present or recently refused ARM.
+    /// Faults that are present, or because of which ARM was refused recently.
     pub faults: Vec<FaultView>,
     /// What to do next, without naming keys.
     pub advice: &'static str,
     /// Joints and wheels by channel.
     pub joints: BTreeMap<u8, JointView>,
-    /// Commanded speed in 64ths of the planned one.
+    /// Commanded playback speed, in 64ths of the planned speed.
     pub speed_64ths: i8,
     /// Code and speed, in 64ths, of the last accepted motion command.
     pub asked: Option<(u8, i8)>,
-    /// The command in flight or waiting.
+    /// The command that is in flight or waits to be sent.
     pub asking: Option<String>,
     /// An emergency stop was sent and is not acknowledged yet.
     pub stopping: bool,
@@ -67,7 +67,7 @@ pub struct LinkView {
 pub struct FaultView {
     /// The fault.
     pub fault: Fault,
-    /// Whether STATUS reports it; otherwise it refused ARM.
+    /// Whether STATUS reports it; otherwise ARM was refused because of it.
     pub present: bool,
     /// Channel of its report.
     pub channel: Option<u8>,
@@ -89,8 +89,8 @@ pub struct JointView {
 pub enum Leaving {
     /// The operator is not leaving.
     No,
-    /// Once the robot has reached SAFE and torque is off.
+    /// The operator leaves once the robot has reached SAFE and torque is off.
     WhenHome,
-    /// At once: torque is off, or the operator insists.
+    /// The operator leaves at once: torque is off, or the operator insists.
     Now,
 }

@@ -9,11 +9,11 @@ use rollwalk_protocol::wire::{
     Action, CommandAck, CommandResult, Node, ParameterAck, ParameterAction, ParameterResult, Status,
 };
 
-/// Largest number of transmissions of a command. It expires before the last answer times out, so an unanswered
-/// command is not executed later.
+/// Largest number of transmissions of a command. The command expires before its last answer times
+/// out, so a command that was given up is not executed later.
 const COMMAND_SENDS: u32 = 9;
 const _: () = assert!(ACK_TIMEOUT_US * COMMAND_SENDS as u64 > COMMAND_LIFE_US);
-/// Retry interval of a full transmit queue, µs.
+/// Interval between attempts to send while the transmit queue is full, µs.
 const BUSY_RETRY_US: u64 = 500;
 
 /// A bus and the client on it.
@@ -40,13 +40,14 @@ impl<B: LinkBus> Exchange<B> {
         self.client.status()
     }
 
-    /// Starts an emergency stop, repeated until it is acknowledged. A frame refused by the bus is dropped.
+    /// Starts an emergency stop, which is repeated until it is acknowledged. A frame that waits for
+    /// room in the transmit queue is dropped.
     pub fn estop(&mut self) {
         self.unsent = None;
         self.client.estop(self.bus.now_us());
     }
 
-    /// Sends a command until it is answered; an answer other than `Ok` is an error.
+    /// Sends a command and repeats it until the answer arrives; one other than `Ok` is an error.
     pub fn command(
         &mut self,
         what: &'static str,
@@ -80,7 +81,8 @@ impl<B: LinkBus> Exchange<B> {
         Err(SessionError::Refused { what, result: CommandResult::OutOfOrder })
     }
 
-    /// Sends a request about parameters until it is answered; an answer other than `Ok` is an error.
+    /// Sends a request about parameters and repeats it until the answer arrives; one other than
+    /// `Ok` is an error.
     pub fn parameter(
         &mut self,
         what: &'static str,

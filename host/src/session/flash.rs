@@ -1,7 +1,8 @@
 //! Transfer of a motion library: BEGIN, blocks, FINISH, ACTIVATE.
 //!
-//! A lost block is repeated at half the size: one lost frame of a long message loses the whole message, so on a bad
-//! link short messages are more likely to arrive. Every answer makes the blocks grow again.
+//! A block that is lost or damaged is repeated at half the size: one lost frame of a long message
+//! loses the whole message, so on a bad link short messages are more likely to arrive. With every
+//! block that arrives the blocks grow again.
 
 use super::{Session, SessionError, ask_hello};
 use rollwalk_bus::link::LinkBus;
@@ -13,11 +14,11 @@ use rollwalk_protocol::wire::transport::{MAX_BLOCK, Reply, Request, Response, Tr
 const BLOCK_TIMEOUT_US: u64 = 250_000;
 /// Timeout of requests that erase or read memory, µs.
 const MEMORY_TIMEOUT_US: u64 = 5_000_000;
-/// Largest number of transmissions of any other request.
+/// Largest number of transmissions of a request other than a block.
 const REQUEST_SENDS: u32 = 5;
 /// Smallest size of a block, and step by which blocks grow, bytes.
 const SMALLEST_BLOCK: usize = 32;
-/// Largest number of losses of a block in a row.
+/// Number of blocks in a row without progress after which the transfer is given up.
 const LOST_BLOCKS: u32 = 16;
 
 /// Progress of a transfer.

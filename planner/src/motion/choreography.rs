@@ -41,8 +41,8 @@ pub struct Target {
     pub of: Subject,
     /// Time since the start, s.
     pub at_s: f64,
-    /// Position forward, to the left and above the ground, m. The height of an end effector scales the whole swing in
-    /// which it lies.
+    /// Position forward, to the left and above the ground, m. A height for an end effector scales
+    /// the whole swing that contains `at_s`.
     pub position_m: [Option<f64>; 3],
     /// Velocity in the same directions, m/s.
     pub velocity_m_s: [Option<f64>; 3],
@@ -65,9 +65,9 @@ pub struct HeightLimit {
     pub below_m: Option<f64>,
 }
 
-/// Time on the grid of samples: a sample and the distance from it in intervals. A motion that is not periodic has no
-/// samples beyond its ends, so that times in its first and last half interval refer to the inner sample, with
-/// fractions up to ±1.
+/// Time on the grid of samples: a sample and the distance from it in intervals. A motion that is
+/// not periodic has no samples beyond its ends: times in its first half interval refer to the
+/// second sample, those in its last one to the last sample but one, with fractions up to ±1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
     /// The sample in the middle.
@@ -93,7 +93,7 @@ impl Moment {
         Self { sample, fraction: if on_sample { nearest } else { fraction } }
     }
 
-    /// Index of the nearest sample. The end of a period is sample 0.
+    /// Index of the nearest sample; the end of a period counts as sample 0.
     pub fn nearest(self, motion: &Motion) -> usize {
         let nearest = (self.sample as f64 + self.fraction).round() as usize;
         if motion.ends == Ends::Periodic { nearest % motion.stance.len() } else { nearest }
@@ -113,8 +113,8 @@ impl Moment {
 }
 
 impl HeightLimit {
-    /// Whether the limit holds at a sample: at those of the span and the two that enclose it. The end of a period is
-    /// sample 0.
+    /// Whether the limit applies to a sample: to those in the span and to the two that enclose it.
+    /// The end of a period counts as sample 0.
     pub fn holds_at(&self, motion: &Motion, sample: usize) -> bool {
         let h = motion.interval_s();
         let span = (self.from_s / h + 1e-6).floor()..=(self.to_s / h - 1e-6).ceil();

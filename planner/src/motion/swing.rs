@@ -8,9 +8,9 @@
 use super::{Ends, Moment, Motion, Subject};
 use std::f64::consts::PI;
 
-/// Contact heights along a timeline, `[timeline sample][end effector]`, m. `timeline` holds the slot of each of its
-/// samples and `slot_stance` the contact flags of the slots. In a periodic motion a swing may continue from the end
-/// of the period at its start.
+/// Contact heights along a timeline, `[timeline sample][end effector]`, m. `timeline` holds the
+/// slot of each of its samples and `slot_stance` the contact flags of the slots. In a periodic
+/// motion a swing at the end of the period may continue at its start.
 pub fn heights(timeline: &[usize], slot_stance: &[Vec<bool>], motion: &Motion) -> Vec<Vec<f64>> {
     let periodic = motion.ends == Ends::Periodic;
     let mut heights = profiles(timeline, slot_stance, periodic, motion.swing_height_m);
@@ -44,8 +44,9 @@ fn at(heights: &[Vec<f64>], moment: Moment, j: usize) -> f64 {
     (0..3).map(|k| weights[k] * heights[moment.sample + k][j]).sum()
 }
 
-/// Timeline indices of the swing around index `middle`; none if that is in stance. In a periodic motion the swing may
-/// continue from the end of the period at its start; the two indices outside the period repeat those inside.
+/// Timeline indices of the swing around index `middle`; none if that is in stance. In a periodic
+/// motion a swing at the end of the period may continue at its start, and the indices before and
+/// after the period repeat its last and its first.
 fn swing_around(
     middle: usize,
     len: usize,

@@ -1,8 +1,9 @@
 //! Start from another plan: its motion, evaluated at the new problem's samples.
 //!
 //! The motions may differ in duration, sample count, footfalls and goal. Time is stretched from one duration to the
-//! other, and the start is moved to where the anchor term requires it. If the robot was edited, contact points and
-//! wheel angles are computed from the pose again; where the footfalls differ, the weight is shared anew.
+//! other, and the start is moved to where the anchor term requires it. If the robot was edited,
+//! contact points and wheel angles are computed from the pose again; at samples where the footfalls
+//! differ, the weight is distributed over the feet in stance again.
 
 use super::guess;
 use crate::plan::{Placement, Plan, Sample};
@@ -51,7 +52,7 @@ pub fn neighbour(problem: &Problem, previous: &Plan) -> Unknowns {
     Unknowns { slots, placement }
 }
 
-/// The placement as it acts on points in the frame `origin`.
+/// `placement`, expressed in the frame `origin`.
 fn seen_from(origin: &Placement, placement: &Placement) -> Placement {
     let [x, y] = origin.offset_m;
     let [x, y, _] = origin.inverse().point(placement.point([x, y, 0.0]));

@@ -11,11 +11,11 @@ use std::time::{Duration, Instant};
 /// Longest lag of the simulation behind real time while no frame arrives.
 const STEP: Duration = Duration::from_millis(1);
 
-/// Runs the robot until `goes_on` returns `false`; it is called every millisecond, with the frames of
-/// all buses since the last call.
+/// Runs the robot until `goes_on` returns `false`. `goes_on` is called at least once a millisecond,
+/// with the frames of all buses since its last call.
 ///
 /// # Errors
-/// The controller is out of reach, which never happens to one in this process.
+/// The controller is out of reach; one in this process never is.
 pub fn run(
     rig: &mut Rig,
     port: Port,
@@ -25,7 +25,7 @@ pub fn run(
     let start = Instant::now();
     let offset_us = rig.now_us();
     let (mut hub, mut link) = (Hub::new([port]), Kept::new(Interface::Link, 0));
-    // In both directions, frames that the next bus has no room for.
+    // Frames of each direction that wait because the next bus has no room for them.
     let (mut inward, mut outward) = (Waiting::default(), Waiting::default());
     loop {
         let now_us = offset_us + start.elapsed().as_micros() as u64;

@@ -7,7 +7,7 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::tunnel::Input;
 
 impl<C: Core> Rig<C> {
-    /// Sends unsolicited frames of drives that are due.
+    /// Sends the unsolicited frames of drives that are due by `now`.
     pub(super) fn send_timed_frames(&mut self, now: SimTime) {
         while let Some((channel, frame)) = self.body.on_timer(now) {
             if self.faults.on(now).any(|kind| kind.silences(channel)) {
@@ -35,7 +35,7 @@ impl<C: Core> Rig<C> {
             return self.pass_on(FramePath::LinkToController, delivery.frame);
         }
         self.pass_on(FramePath::LinkToHost, delivery.frame);
-        // A foreign node's frame comes to both ends.
+        // A foreign node's frame reaches both the host and the controller.
         let foreign = delivery.from != self.link.controller;
         foreign.then(|| self.pass_on(FramePath::LinkToController, delivery.frame))?
     }

@@ -1,4 +1,4 @@
-//! Any content of the flash: no panic, and never a library that is not one.
+//! Arbitrary content of the flash: the store never panics, and never returns a damaged library.
 
 use super::nor::Nor;
 use super::*;
@@ -8,7 +8,7 @@ use proptest::prelude::*;
 type Flash = Nor<4, 256>;
 const UNITS: usize = 8;
 
-/// Mounts it, plays it, and goes through a transfer.
+/// Mounts the flash, validates its library, and transfers, activates and confirms another one.
 fn survive(cells: Vec<u8>, unreadable: &[u16]) {
     let mut flash = Flash::with(cells);
     for &at in unreadable {
@@ -30,7 +30,7 @@ fn survive(cells: Vec<u8>, unreadable: &[u16]) {
     assert_eq!(FlashStore::mount(store.into_flash(), TRIAL_BOOTS).unwrap().bytes(), new);
 }
 
-/// Records, footers and noise, so that what is checked last is reached too.
+/// Records, footers and noise, so that the last checks of mounting are reached, too.
 fn piece() -> impl Strategy<Value = [u8; 32]> {
     use crate::store::record::{Candidate, Footer, Image, Slot, StoreState};
     let number = || prop_oneof![0..700u32, any::<u32>()];
@@ -77,7 +77,8 @@ proptest! {
         survive(pieces.concat(), &unreadable);
     }
 
-    /// Whatever is overwritten in a good store: what plays is one of its two libraries, or nothing.
+    /// Whatever is overwritten in a good store, the store returns one of its two libraries,
+    /// undamaged, or none.
     #[test]
     fn damaged_store(damage in proptest::collection::vec((0..UNITS * 256, any::<u8>()), 1..40),
                      unreadable in proptest::collection::vec(any::<u16>(), 0..3)) {
