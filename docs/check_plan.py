@@ -337,10 +337,26 @@ def inconsistency(robot, state, poses, contacts):
 # --- the equations ---
 
 
+def check_lengths(plan):
+    """Every list that is read beside the robot's joints, its feet or the samples has one element for each."""
+    robot, motion, samples = plan["robot"], plan["motion"], plan["samples"]
+    joints, feet = len(robot["joints"]), len(robot["end_effectors"])
+    lists = [("motion.stance", motion["stance"], len(samples)), ("motion.held_wheels", motion["held_wheels"], feet)]
+    lists += [("motion.stance[%d]" % i, flags, feet) for i, flags in enumerate(motion["stance"])]
+    states = [("before", plan["before"]), ("after", plan["after"])]
+    for path, state in states + [("samples[%d]" % i, s) for i, s in enumerate(samples)]:
+        lists.append((path + ".joint_rad", state["joint_rad"], joints))
+        lists.append((path + ".end_effectors", state["end_effectors"], feet))
+    for path, found, expected in lists:
+        if len(found) != expected:
+            raise ValueError("%s has %d elements; expected %d" % (path, len(found), expected))
+
+
 class Timeline:
     """A plan with the states outside its motion, and what follows from base and joints of every state."""
 
     def __init__(self, plan):
+        check_lengths(plan)
         self.plan, self.robot, self.motion = plan, plan["robot"], plan["motion"]
         self.samples, self.h = plan["samples"], plan["sample_interval_s"]
         self.feet, self.formulation = self.robot["end_effectors"], plan["formulation"]

@@ -160,16 +160,41 @@ fn what_changes_outside_the_motion_is_noticed() {
 
 #[test]
 fn the_script_names_a_residual_for_which_the_plan_has_no_level() {
+    let expected = "formulation.families has no 'friction'";
+    refuses("no-level", expected, |document| {
+        let families = document["formulation"]["families"].as_array_mut().expect("a list");
+        families.retain(|family| family["name"] != "friction");
+    });
+}
+
+#[test]
+fn the_script_refuses_lists_of_other_lengths() {
+    let lists = [
+        ("/motion/stance", "motion.stance has 23 elements; expected 24"),
+        ("/motion/stance/2", "motion.stance[2] has 3 elements; expected 4"),
+        ("/motion/held_wheels", "motion.held_wheels has 3 elements; expected 4"),
+        ("/before/end_effectors", "before.end_effectors has 3 elements; expected 4"),
+        ("/after/joint_rad", "after.joint_rad has 3 elements; expected 4"),
+        ("/samples/5/joint_rad", "samples[5].joint_rad has 3 elements; expected 4"),
+    ];
+    for (index, (list, expected)) in lists.into_iter().enumerate() {
+        refuses(&format!("short-{index}"), expected, |document| {
+            document.pointer_mut(list).and_then(Value::as_array_mut).expect("a list").pop();
+        });
+    }
+}
+
+/// Checks that the script refuses a changed plan with a message that contains `expected`.
+fn refuses(name: &str, expected: &str, change: impl FnOnce(&mut Value)) {
     let mut document = serde_json::to_value(test_plans::cruise()).expect("a plan is JSON");
-    let families = document["formulation"]["families"].as_array_mut().expect("a list");
-    families.retain(|family| family["name"] != "friction");
-    let file = std::env::temp_dir().join(format!("rollwalk-no-level-{}.json", std::process::id()));
+    change(&mut document);
+    let file = std::env::temp_dir().join(format!("rollwalk-{name}-{}.json", std::process::id()));
     std::fs::write(&file, document.to_string()).expect("a folder for tests");
     let output = python().arg(&file).output().expect("python3 runs");
     std::fs::remove_file(&file).expect("the file is ours");
     let errors = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{errors}");
-    assert!(errors.contains("formulation.families has no 'friction'"), "{errors}");
+    assert!(errors.contains(expected), "{errors}");
 }
 
 /// Moves every number of a plan a little, so that no residual is 0.
