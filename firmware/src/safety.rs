@@ -80,7 +80,10 @@ pub fn step(state: State, event: Event) -> (State, Action) {
         (S::Aligning | S::Ready | S::Playing | S::Paused | S::Returning, V::Damp, _) => {
             (S::Damped, A::Damp)
         }
-        (_, V::TorqueOff, _) if state.torque() != Torque::Off => (S::TorqueOff, A::CutTorque),
+        // In Disarmed as well: only the operator's CLEAR leads to where ARM is granted again.
+        (_, V::TorqueOff, _) if state == S::Disarmed || state.torque() != Torque::Off => {
+            (S::TorqueOff, A::CutTorque)
+        }
         (S::Damped, _, E::DampingElapsed) => (S::TorqueOff, A::CutTorque),
 
         (S::TorqueOff, _, E::FaultFree) => (S::Disarmed, A::None),

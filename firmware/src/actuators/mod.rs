@@ -297,7 +297,7 @@ impl Actuators {
         if driver.can.gains == UpdatePolicy::Stored && in_drive {
             let gains = Some(orders::gains(limits, hold));
             let urgent = hold == Hold::Damped || actuator.gains.is_none();
-            // Those of the damped stop may be lost on a disturbed bus: repeated.
+            // The gains of the damped stop may be lost on a disturbed bus, so they are repeated.
             let again = hold == Hold::Damped && self.turn == channel;
             if again || actuator.gains != gains && (urgent || self.turn == channel) {
                 pending = pending.and(DriveRequest::Gains);

@@ -53,8 +53,9 @@ fn estop_stops_from_every_state_in_one_step() {
 }
 
 #[test]
-fn severity_torque_off_takes_torque_away_from_every_state_that_has_it() {
-    for &s in State::ALL.iter().filter(|s| s.torque() != Torque::Off) {
+fn severity_torque_off_ends_every_state_that_has_torque_or_may_get_it() {
+    let armable = |s: State| s == State::Disarmed || s.torque() != Torque::Off;
+    for &s in State::ALL.iter().filter(|&&s| armable(s)) {
         for &e in Event::ALL.iter().filter(|e| e.severity() == Severity::TorqueOff) {
             assert_eq!(step(s, e), (State::TorqueOff, Action::CutTorque), "{s:?} {e:?}");
         }

@@ -41,7 +41,7 @@ fn a_paused_robot_holds_still_and_goes_on_where_it_was() {
     assert_eq!(rig.brain.state(), State::Paused);
     assert_eq!(rig.statuses().last().unwrap().1.severity, Severity::None);
 
-    // Said twice it is said once.
+    // A second PAUSE changes nothing.
     assert_eq!(rig.command(Action::Pause).result, CommandResult::Ok);
     assert_eq!(rig.command(Action::Resume).result, CommandResult::Ok);
     assert_eq!(rig.brain.state(), State::Playing);
