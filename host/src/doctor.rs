@@ -135,7 +135,7 @@ impl Findings<'_> {
     }
 
     fn not_asked(&self) -> Finding {
-        let what = "another program is in the middle of a transfer with the controller, which a question would break off";
+        let what = "another program is in the middle of a transfer with the controller; a request would interrupt it";
         let help = format!("after it: rollwalk doctor --bus {}", self.bus);
         finding(Gravity::Wrong, what.into(), help)
     }
@@ -144,7 +144,9 @@ impl Findings<'_> {
         let bus = self.bus;
         let others = match self.heard.by_id.len() {
             0 => "there is nothing on the bus at all".to_owned(),
-            count => format!("frames with {count} identifiers are on the bus, none of them its"),
+            count => format!(
+                "frames with {count} identifiers are on the bus, none of them from the controller"
+            ),
         };
         let help = format!(
             "is it powered, on this bus, and of this bitrate ({} bit/s)? rollwalk discover --bus {bus} lists \
@@ -177,10 +179,9 @@ impl Findings<'_> {
                 (Gravity::Wrong, format!("it needs a library: rollwalk flash LIB.rwl --bus {bus}"))
             }
             State::Disarmed if faulty => (Gravity::Note, String::new()),
-            State::Disarmed => (
-                Gravity::Fine,
-                format!("nothing bars it from being armed: rollwalk send --arm MOTION --bus {bus}"),
-            ),
+            State::Disarmed => {
+                (Gravity::Fine, format!("it can be armed: rollwalk send --arm MOTION --bus {bus}"))
+            }
             State::EStopped => {
                 let help = "once the cause is gone: rollwalk clear --bus";
                 (Gravity::Wrong, format!("{help} {bus}"))
@@ -189,9 +190,10 @@ impl Findings<'_> {
                 Gravity::Wrong,
                 format!("once the causes below are gone: rollwalk clear --bus {bus}"),
             ),
-            State::Damped | State::TorqueOff => {
-                (Gravity::Note, "it is letting itself down; wait a moment and ask again".into())
-            }
+            State::Damped | State::TorqueOff => (
+                Gravity::Note,
+                "it is on its way to Disarmed; run doctor again in a few seconds".into(),
+            ),
             State::Boot | State::SelfTest if faulty => {
                 (Gravity::Wrong, "its configuration cannot be used: rollwalk robot check".into())
             }
@@ -217,8 +219,8 @@ impl Findings<'_> {
         }
         let gravity = if status.state == State::Boot { Gravity::Note } else { Gravity::Wrong };
         let all = silent.len() == usize::from(hello.channels);
-        let who = if all { "no actuator".to_owned() } else { format!("not {}", silent.join(", ")) };
-        let what = format!("{who} reports its position: the robot cannot be armed");
+        let who = if all { "any actuator".to_owned() } else { silent.join(", ") };
+        let what = format!("no position from {who}: the robot cannot be armed");
         let help = if all {
             "is motor power on, and are the actuator buses connected and terminated?"
         } else {
@@ -249,7 +251,8 @@ impl Findings<'_> {
 
     fn host(&self, status: &Status) -> Option<Finding> {
         (status.state.torque() == Torque::Driven && !self.has_host).then(|| {
-            let what = "no host holds the robot: it will return to SAFE and let itself down";
+            let what =
+                "no host sends heartbeats: the robot will return to SAFE and switch torque off";
             finding(Gravity::Wrong, what.into(), "rollwalk console keeps it armed".into())
         })
     }
@@ -258,7 +261,7 @@ impl Findings<'_> {
         let percent = self.heard.load_percent(self.bitrate);
         let what = format!("frames of the link fill {percent:.1} % of {} bit/s", self.bitrate);
         if percent > FULL_PERCENT {
-            let help = "frames come late: see below who sends so much";
+            let help = "frames come late: the list below shows which identifiers take the most";
             return finding(Gravity::Wrong, what, help.into());
         }
         finding(Gravity::Fine, what, String::new())
@@ -349,7 +352,7 @@ mod tests {
     #[test]
     fn a_robot_that_is_well_is_told_so() {
         let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 2), Some(&hello()));
-        assert!(text.contains("nothing bars it from being armed"), "{text}");
+        assert!(text.contains("it can be armed"), "{text}");
         assert!(!text.contains("Wrong"), "{text}");
     }
 
@@ -377,9 +380,9 @@ mod tests {
     #[test]
     fn who_is_silent_is_named() {
         let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 1), Some(&hello()));
-        assert!(text.contains("not channel 1 reports its position"), "{text}");
+        assert!(text.contains("no position from channel 1:"), "{text}");
         let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 0), Some(&hello()));
-        assert!(text.contains("no actuator reports its position"), "{text}");
+        assert!(text.contains("no position from any actuator:"), "{text}");
         let text = diagnose(&Traffic::default(), None);
         assert!(text.contains("nothing on the bus at all"), "{text}");
     }
@@ -389,7 +392,7 @@ mod tests {
         let (heard_ready, ours) = (heard(State::Ready, FaultBits::default(), 2), hello());
         let nobody = findings(&heard_ready, Some(&ours));
         let told = text(&nobody);
-        assert!(told.contains("no host holds the robot"), "{told}");
+        assert!(told.contains("no host sends heartbeats"), "{told}");
         let told = text(&Findings { has_host: true, ..nobody });
         assert!(!told.contains("no host"), "{told}");
         let other = Hello { config_hash: 8, ..hello() };

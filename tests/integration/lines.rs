@@ -55,7 +55,7 @@ fn flash_and_play(desk: &Desk, bus: &str) {
     assert!(on(desk, bus, &["discover"]).succeeds().contains("none"));
     on(desk, bus, &["flash", "legbot.rwl"]).succeeds();
     on(desk, bus, &["send", "--arm", "rest", "1"]).succeeds();
-    on(desk, bus, &["doctor"]).succeeds_with(0, &["nothing bars it from being armed"]);
+    on(desk, bus, &["doctor"]).succeeds_with(0, &["it can be armed"]);
     on(desk, bus, &["estop"]).succeeds();
 }
 
