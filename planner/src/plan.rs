@@ -57,6 +57,9 @@ pub struct Plan {
 impl Plan {
     /// First sample, and the state at the end of the motion: for a periodic motion the first sample
     /// of the next period, otherwise the last sample.
+    ///
+    /// # Panics
+    /// The plan has no samples, which no validated plan lacks.
     pub fn ends(&self) -> [&Sample; 2] {
         let last = match self.motion.ends {
             Ends::Periodic => &self.after,
@@ -67,6 +70,9 @@ impl Plan {
 
     /// What the plan reaches of the quantities that a goal asks for: displacement of the centre of
     /// mass along and across the starting heading, m, and turn of the body, rad.
+    ///
+    /// # Panics
+    /// As [`ends`](Self::ends).
     pub fn reached(&self) -> [f64; 3] {
         let [first, last] = self.ends();
         let yaw = first.base_yaw_pitch_roll_rad[0];

@@ -10,7 +10,7 @@ use std::fmt;
 pub struct Diagnosis {
     /// Evidence against the request.
     pub verdict: Verdict,
-    /// The constraints that pull against each other: what the motion asks for first, the easiest to give
+    /// The constraints that conflict: what the motion asks for first, the easiest to give
     /// way before the others, then what stands against it, the hardest pulling first.
     pub culprits: Vec<Culprit>,
 }
@@ -96,8 +96,8 @@ impl fmt::Display for Diagnosis {
             match self.verdict {
                 Verdict::Contradiction => "these constraints contradict each other:",
                 Verdict::FarOff =>
-                    "no way found, far off whatever it costs; these constraints pull against each other:",
-                Verdict::Stuck => "where it got stuck, these constraints pull against each other:",
+                    "no solution near: even without costs these constraints stay far beyond their levels:",
+                Verdict::Stuck => "where it got stuck, these constraints conflict:",
             }
         )?;
         for culprit in &self.culprits {
