@@ -18,7 +18,7 @@ const SEEDS: u64 = 20;
 /// What to run.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Runs of each scenario at each loss [default: 20; with --seed 1].
+    /// Runs of each scenario at each loss [default: 20, or 1 with --seed].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     seeds: Option<u64>,
     /// Only this scenario; may be given several times.
@@ -27,7 +27,7 @@ pub struct Args {
     /// Only this loss, in percent of the link's frames; may be given several times.
     #[arg(long, value_name = "PERCENT", value_parser = loss)]
     loss: Vec<u16>,
-    /// First seed [default: 0]. A single run, one scenario at one loss, writes no file but that of --log.
+    /// First seed [default: 0]. A single run (one scenario, one loss, one seed) writes no file but that of --log.
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
     /// Write every frame of a single run, in candump's format.

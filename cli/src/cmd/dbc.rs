@@ -4,6 +4,7 @@ use crate::inputs::Source;
 use crate::{Exit, files, output};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use rollwalk_host::dbc::{ChannelName, Database, RobotNames};
+use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use rollwalk_protocol::wire::Node;
 use rollwalk_robot::{Actuator, Channel, Robot};
 use std::path::PathBuf;
@@ -48,8 +49,8 @@ enum Bus {
 }
 
 fn bus() -> impl TypedValueParser<Value = Bus> {
-    let names = ["link", "actuators", "0", "1", "2", "3", "4", "5", "6", "7"];
-    PossibleValuesParser::new(names).map(|name| match name.as_str() {
+    const NAMES: [&str; 2 + MAX_BUSES] = ["link", "actuators", "0", "1", "2", "3"];
+    PossibleValuesParser::new(NAMES).map(|name| match name.as_str() {
         "link" => Bus::Link,
         "actuators" => Bus::Actuators,
         number => number.parse().map_or(Bus::Actuators, Bus::Number),
