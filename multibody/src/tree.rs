@@ -74,7 +74,7 @@ impl Tree {
     ///
     /// # Panics
     /// That inertia is not positive, or exceeds the inertia of the link, which it is part of: no such wheel exists, and
-    /// mass matrices with it are not positive definite.
+    /// mass matrices with it are not positive definite. Parallel wheels of one link are not added up.
     pub fn with_spinning_wheels(
         mut self,
         spin_inertia_kg_m2: impl Fn(&EndEffector) -> f64,

@@ -29,7 +29,8 @@ pub fn system<S: AsRef<std::ffi::OsStr>>(program: &str, args: &[S]) -> Command {
     command(found.unwrap_or(program), args)
 }
 
-/// A command that is killed when this process ends, however it ends.
+/// A command that is killed when this process ends, however it ends. Start it from a thread that outlives it: the kernel
+/// kills it when the thread that started it ends.
 pub fn tied(program: &str) -> Command {
     command("setpriv", &["--pdeathsig", "KILL", "--", program])
 }

@@ -59,7 +59,7 @@ impl Bus {
         if can.limits == UpdatePolicy::Stored {
             check(Command::Limits { speed_rad_s: fastest, torque_nm })?;
         }
-        // Stiff, damped, and limp: a limp setpoint stands in for a query that the protocol has not.
+        // Stiff, damped, and limp: a limp setpoint stands in for a query that the protocol lacks.
         let limp = can.answers == Answers::Always && !can.query;
         let gains = [(kp_nm_rad, kd_nm_s_rad), (0.0, kd_nm_s_rad), (0.0, 0.0)];
         let gains = gains.into_iter().take(if limp { 3 } else { 2 });
@@ -72,7 +72,7 @@ impl Bus {
             check(Command::Torque { torque_nm })?;
             return check(Command::Torque { torque_nm: -torque_nm });
         }
-        // A drive without a limit gives up to its own scale: the channel's limit is within that.
+        // A drive that receives no torque limit delivers up to its protocol's scale, and the channel's limit is within that.
         let most_nm = if can.torque && can.limits == UpdatePolicy::Never { torque_nm } else { 0.0 };
         for (value, slope, torque_nm) in
             [(limits.min, -limits.max_rate, -most_nm), (limits.max, limits.max_rate, most_nm)]

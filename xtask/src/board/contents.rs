@@ -36,7 +36,7 @@ impl Contents {
     /// # Errors
     /// The panics of `panicking` do not show, or a file that cannot be read.
     pub fn read(path: PathBuf, panicking: &[u8], ram: Range<u64>) -> Result<Self, String> {
-        must_panic(panicking)?;
+        must_panic("the planted panic", panicking)?;
         let bytes = read(&path)?;
         let (sections, panics) = (sections(&bytes, ram)?, panic_paths(&bytes)?);
         Ok(Self { path, sections, panics })
@@ -85,9 +85,9 @@ pub fn sections(image: &[u8], ram: Range<u64>) -> Result<Sections, String> {
 ///
 /// # Errors
 /// It does not.
-pub fn must_panic(image: &[u8]) -> Result<(), String> {
+pub fn must_panic(name: &str, image: &[u8]) -> Result<(), String> {
     if panic_paths(image)?.is_empty() {
-        return Err("an image that can panic has no symbol that shows it".into());
+        return Err(format!("{name}: this image can panic, but has no symbol that shows it"));
     }
     Ok(())
 }

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 /// An image of a board: a program of the board's workspace.
 pub struct Image {
     folder: &'static str,
-    name: &'static str,
+    /// Name of the program.
+    pub name: &'static str,
 }
 
 /// The emulated board's, its buses and its time over the UART.

@@ -86,7 +86,7 @@ pub fn check() -> Result<(), String> {
 pub fn planted_panics() -> Result<(), String> {
     for image in [image::MPS2_AN386, image::MPS2_AN386_SLCAN] {
         let panicking = contents::read(&image.build_with("planted-panic")?)?;
-        contents::must_panic(&panicking)?;
+        contents::must_panic(image.name, &panicking)?;
     }
     Ok(())
 }

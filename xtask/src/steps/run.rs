@@ -64,7 +64,7 @@ impl Run {
         passed
     }
 
-    /// Starts a step in a process of its own; [`finish`](Self::finish) prints its output.
+    /// Starts a step in a process of its own; its output is printed when it has ended.
     pub fn beside(&mut self, name: &str, title: &str) {
         self.begin(name, title);
         match Beside::start(self.command, name) {
