@@ -1,8 +1,8 @@
 //! Plays a library: frame by frame as the cursor goes, and tick by tick as the player and the limiter do.
 
+use rollwalk_firmware::graph_cursor::GraphCursor;
 use rollwalk_firmware::limiter::Limiter;
 use rollwalk_firmware::player::Player;
-use rollwalk_firmware::graph_cursor::GraphCursor;
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::library::{ClipCursor, ClipId, ClipKind, Library, NodeId, RATE_HZ};
 

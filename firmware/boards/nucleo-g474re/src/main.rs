@@ -114,8 +114,7 @@ enum HostPort {
 
 /// Whether a frame is a host's and for this controller. Other frames on the link do not show where the host is.
 fn is_from_a_host(node: u8, frame: &Frame) -> bool {
-    ToController::decode(frame)
-        .is_ok_and(|(to, _)| to.number() == node || to == Node::BROADCAST)
+    ToController::decode(frame).is_ok_and(|(to, _)| to.number() == node || to == Node::BROADCAST)
 }
 
 /// Answers the host at this port from now on. A message under way to the other port is dropped.
