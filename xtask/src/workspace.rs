@@ -56,7 +56,20 @@ impl Program {
 /// # Errors
 /// The command line; the compiler's messages are on the terminal.
 pub fn programs() -> Result<Vec<Program>, String> {
+    build(&[])
+}
+
+/// Builds all programs and tests in the release profile.
+///
+/// # Errors
+/// The command line; the compiler's messages are on the terminal.
+pub fn optimised_programs() -> Result<Vec<Program>, String> {
+    build(&["--release"])
+}
+
+fn build(profile: &[&str]) -> Result<Vec<Program>, String> {
     let mut build = cargo(&["test", "--no-run", "--message-format", "json-render-diagnostics"]);
+    build.args(profile);
     let messages = shell::output(build.stderr(Stdio::inherit()))?;
     Ok(messages.lines().filter_map(of_message).collect())
 }

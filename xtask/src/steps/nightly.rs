@@ -1,7 +1,7 @@
 //! The steps of `cargo xtask nightly`: the long forms of what `cargo xtask test` samples.
 
 use super::{Extent, Step};
-use crate::{board, fuzz, miri, mujoco, shell, vcan};
+use crate::{board, fuzz, miri, mujoco, shell, vcan, workspace};
 use clap::ValueEnum;
 
 /// Random seeds of the fault campaign.
@@ -52,10 +52,10 @@ impl Step for NightlyStep {
             Self::Fuzz => fuzz::check(Extent::Full),
             Self::FaultCampaign => {
                 let out = shell::target_folder().join("fault-campaign");
-                let run = ["run", "--release", "--package", "rollwalk", "--bin", "rollwalk", "--"];
-                let mut campaign = shell::cargo(&run);
-                campaign.args(["bench", "fault-campaign", "--seeds", CAMPAIGN_SEEDS]);
-                shell::run(campaign.arg("--out").arg(out))
+                let programs = workspace::optimised_programs()?;
+                let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
+                let campaign = ["bench", "fault-campaign", "--seeds", CAMPAIGN_SEEDS];
+                shell::run(rollwalk.command(&campaign).arg("--out").arg(out))
             }
         }
     }

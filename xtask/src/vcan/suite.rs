@@ -64,7 +64,11 @@ pub fn run(place: Place, extent: Extent) -> Result<(), String> {
         _ => {}
     }
     let results = super::absolute(&results)?;
-    let programs = workspace::programs()?;
+    let programs = match extent {
+        Extent::Short => workspace::programs()?,
+        // Tools and simulator without optimisation are too slow for twenty motors on the machine's one processor.
+        Extent::Full => workspace::optimised_programs()?,
+    };
     let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
     let root = shell::workspace_root();
     let mut build = rollwalk.command(&["library", "build"]);
