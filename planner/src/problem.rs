@@ -2,7 +2,7 @@
 //! follow from them.
 //!
 //! It is built from a motion goal ([`Problem::new`]) or from two states of other motions ([`Problem::transition`]).
-//! [`crate::formulation`] defines what is minimised.
+//! Costs and constraints are in [`crate::formulation`].
 
 pub mod state;
 pub mod variables;
