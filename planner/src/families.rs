@@ -61,11 +61,6 @@ impl Unit {
         }
     }
 
-    /// Whether a plan calls the unit so: by its symbol, or without the dot, as the first plans of format 3 did.
-    pub(crate) fn is_called(self, name: &str) -> bool {
-        name == self.symbol() || self == Self::Nm && name == "N m"
-    }
-
     /// Symbol of the unit that tables show, and how many of it are one SI unit: residuals of lengths are
     /// millimetres.
     pub const fn shown(self) -> (&'static str, f64) {

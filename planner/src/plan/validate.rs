@@ -113,13 +113,12 @@ impl Plan {
             let constraint = !matches!(found.kind(), Kind::Cost | Kind::Check);
             at.of("constraint").holds(constraint, found, "the name of a constraint")?;
             // Both stand in the catalogue as well, for readers that have the diagnosis alone.
-            let (kind, unit) = (found.kind(), found.unit());
+            let (kind, unit) = (found.kind(), found.unit().symbol());
             let word = |kind: Kind| format!("{kind:?}").to_lowercase();
             let expected = format!("{}, the kind of {found}", word(kind));
             at.of("part").holds(culprit.part == kind, word(culprit.part), expected)?;
-            let expected = format!("{}, the unit of {found}", unit.symbol());
-            let called = unit.is_called(&culprit.unit);
-            at.of("unit").holds(called, culprit.unit.escape_debug(), expected)?;
+            let expected = format!("{unit}, the unit of {found}");
+            at.of("unit").holds(culprit.unit == unit, culprit.unit.escape_debug(), expected)?;
             let [from_s, to_s] = culprit.time_s;
             let numbers = [culprit.worst, from_s, to_s, to_s - from_s, culprit.share];
             let given = [culprit.given.unwrap_or(0.0), culprit.would_do.unwrap_or(0.0)];
