@@ -18,8 +18,10 @@
 //! controllers reuse them, so nothing here returns an error for a wrong size; it panics.
 
 mod centroidal;
+mod clearance;
 mod composite;
 mod contact;
+pub mod distance;
 pub mod euler;
 mod frames;
 mod inverse_dynamics;

@@ -11,6 +11,7 @@ use crate::plan::{
 };
 use nalgebra::{DVector, Isometry3, Matrix3, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, JOINTS, Model};
+use rollwalk_robot::shape::DEFAULT_CLEARANCE_MARGIN_M;
 use rollwalk_robot::{Actuator, Contact, EndEffector, GRAVITY_M_S2, Joint, Link, Robot};
 use std::f64::consts::TAU;
 
@@ -101,6 +102,7 @@ pub fn robot() -> Robot {
         mass_kg,
         com_in_link_m: com.into(),
         inertia_in_link_kg_m2: Matrix3::from_diagonal(&inertia.into()),
+        shapes: Vec::new(),
     };
     let mut robot = Robot {
         name: "box".to_owned(),
@@ -108,6 +110,7 @@ pub fn robot() -> Robot {
         joints: Vec::new(),
         end_effectors: Vec::new(),
         buses: Default::default(),
+        clearance_margin_m: DEFAULT_CLEARANCE_MARGIN_M,
     };
     let corners = [("fl", 0.2, 0.15), ("fr", 0.2, -0.15), ("rl", -0.2, 0.15), ("rr", -0.2, -0.15)];
     for (k, (name, x, y)) in corners.into_iter().enumerate() {

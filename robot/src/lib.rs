@@ -11,6 +11,7 @@ mod file;
 mod model;
 mod pose;
 mod rules;
+pub mod shape;
 pub mod urdf;
 
 pub use contact::{Blade, Contact, RollingDrag};

@@ -1,6 +1,7 @@
 //! The validated robot: plain data, indices instead of names, SI units.
 
 use crate::contact::Contact;
+use crate::shape::{self, Shape};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rollwalk_protocol::actuators::bus::Bus;
 use serde::{Deserialize, Serialize};
@@ -20,6 +21,9 @@ pub struct Robot {
     /// Protocols and settings of actuator buses by number; other buses speak the Rollwalk profile.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub buses: BTreeMap<u8, Bus>,
+    /// Smallest distance between the shapes of two links, and between a shape and the ground, m.
+    #[serde(default = "shape::default_margin", skip_serializing_if = "shape::is_default_margin")]
+    pub clearance_margin_m: f64,
 }
 
 /// A rigid link.
@@ -33,6 +37,9 @@ pub struct Link {
     pub com_in_link_m: Vector3<f64>,
     /// Inertia about the link's centre of mass, in link axes, kg·m².
     pub inertia_in_link_kg_m2: Matrix3<f64>,
+    /// Room that the link takes, end effectors excluded; empty if the robot file gives none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shapes: Vec<Shape>,
 }
 
 /// A revolute, motor-driven joint.

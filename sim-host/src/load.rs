@@ -40,6 +40,7 @@ pub fn joint_loads(tree: &Tree, joint_rad: &[f64]) -> Vec<JointLoad> {
 mod tests {
     use super::*;
     use nalgebra::{Isometry3, UnitQuaternion};
+    use rollwalk_robot::shape::DEFAULT_CLEARANCE_MARGIN_M;
     use rollwalk_robot::{Actuator, Joint, Link, Robot};
 
     fn link(name: &str, mass_kg: f64, com: [f64; 3], inertia: [f64; 3]) -> Link {
@@ -48,6 +49,7 @@ mod tests {
             mass_kg,
             com_in_link_m: com.into(),
             inertia_in_link_kg_m2: Matrix3::from_diagonal(&inertia.into()),
+            shapes: Vec::new(),
         }
     }
 
@@ -93,6 +95,7 @@ mod tests {
             ],
             end_effectors: vec![],
             buses: Default::default(),
+            clearance_margin_m: DEFAULT_CLEARANCE_MARGIN_M,
         }
     }
 

@@ -4,6 +4,7 @@
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::{LibrarySpec, MotionSpec, TransitionSpec, encode};
+use rollwalk_robot::shape::DEFAULT_CLEARANCE_MARGIN_M;
 use rollwalk_robot::{Actuator, Contact, EndEffector, Joint, Link, Robot};
 use std::collections::BTreeMap;
 use std::f32::consts::TAU;
@@ -44,6 +45,7 @@ pub fn robot() -> Robot {
         mass_kg,
         com_in_link_m: Vector3::new(0.0, 0.0, com_z_m),
         inertia_in_link_kg_m2: Matrix3::from_diagonal_element(1e-3 * mass_kg),
+        shapes: Vec::new(),
     };
     let joint = |name: &str, parent, child, z_m, nominal_rad, actuator| Joint {
         name: name.into(),
@@ -75,6 +77,7 @@ pub fn robot() -> Robot {
             },
         }],
         buses: BTreeMap::new(),
+        clearance_margin_m: DEFAULT_CLEARANCE_MARGIN_M,
     }
 }
 

@@ -34,6 +34,7 @@ fn two_link_arm() -> Robot {
             mass_kg: M[k],
             com_in_link_m: Vector3::new(LC[k], 0.0, 0.0),
             inertia_in_link_kg_m2: Matrix3::from_diagonal(&Vector3::new(1e-4, I[k], I[k])),
+            shapes: vec![],
         });
         robot.joints.push(Joint {
             name: format!("joint {k}"),

@@ -2,6 +2,7 @@
 
 mod closed_forms;
 mod contacts;
+mod distances;
 mod dynamics;
 mod euler;
 mod jacobians;

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::{Configuration, Tree};
+use rollwalk_robot::shape::DEFAULT_CLEARANCE_MARGIN_M;
 use rollwalk_robot::{Contact, EndEffector, Robot};
 use std::fs;
 use std::path::Path;
@@ -143,9 +144,11 @@ pub fn body(mass_kg: f64, inertia_kg_m2: [f64; 3]) -> Robot {
             mass_kg,
             com_in_link_m: Vector3::zeros(),
             inertia_in_link_kg_m2: Matrix3::from_diagonal(&inertia_kg_m2.into()),
+            shapes: vec![],
         }],
         joints: vec![],
         end_effectors: vec![],
         buses: Default::default(),
+        clearance_margin_m: DEFAULT_CLEARANCE_MARGIN_M,
     }
 }

@@ -10,6 +10,7 @@ mod group;
 pub(crate) mod parts;
 mod places;
 mod read;
+mod shapes;
 
 use crate::document::{Document, DocumentError};
 use crate::model::Robot;

@@ -1,6 +1,7 @@
 //! Mass properties of a link from the solids it is made of.
 
 use crate::document::Table;
+use crate::rules::LENGTH_MAX_M;
 use nalgebra::{Matrix3, Vector3};
 
 /// Mass, centre of mass and inertia about it.
@@ -35,10 +36,10 @@ pub(super) fn read(part: Table<'_>) -> MassProperties {
     let shapes = ["cylinder_x_m", "cylinder_y_m", "cylinder_z_m", "box_m"];
     let given: Vec<_> = (0..shapes.len()).filter(|&shape| part.has(shapes[shape])).collect();
     let diagonal_per_kg = match given[..] {
-        [3] => part.numbers("box_m").map(|[x, y, z]: [f64; 3]| {
+        [3] => sizes(&part, "box_m").map(|[x, y, z]: [f64; 3]| {
             Vector3::new(y * y + z * z, x * x + z * z, x * x + y * y) / 12.0
         }),
-        [axis] => part.numbers(shapes[axis]).map(|[radius, length]: [f64; 2]| {
+        [axis] => sizes(&part, shapes[axis]).map(|[radius, length]: [f64; 2]| {
             let across = radius * radius / 4.0 + length * length / 12.0;
             let mut diagonal = Vector3::repeat(across);
             diagonal[axis] = radius * radius / 2.0;
@@ -51,15 +52,25 @@ pub(super) fn read(part: Table<'_>) -> MassProperties {
             None
         }
     };
-    if let (Some(diagonal), [shape]) = (diagonal_per_kg, &given[..])
-        && !(diagonal.min() > 0.0 && diagonal.max() <= 100.0)
-    {
-        let help = "sizes are above 0 and below 10 m; millimetres need dividing by 1000";
-        part.fault(shapes[*shape], "has no sensible size", "in metres", help);
-    }
     part.done();
     let inertia_kg_m2 = Matrix3::from_diagonal(&(diagonal_per_kg.unwrap_or_default() * mass_kg));
     MassProperties { mass_kg, com_m, inertia_kg_m2 }
+}
+
+/// Reads lengths of a solid; notes each that no solid has.
+pub(super) fn sizes<const N: usize>(table: &Table<'_>, key: &'static str) -> Option<[f64; N]> {
+    let sizes = table.numbers::<N>(key)?;
+    let mut sound = true;
+    for (index, size) in sizes.iter().enumerate() {
+        if !(*size > 0.0 && *size <= LENGTH_MAX_M) {
+            let problem = format!("[{index}] is {size} m");
+            let mm = if *size > LENGTH_MAX_M { "; millimetres need dividing by 1000" } else { "" };
+            let help = format!("allowed is above 0 to {LENGTH_MAX_M} m{mm}");
+            table.fault(key, problem, "no size of a solid", help);
+            sound = false;
+        }
+    }
+    sound.then_some(sizes)
 }
 
 #[cfg(test)]

@@ -52,7 +52,7 @@ impl<'d> Places<'d> {
     /// Span of a field, or of its item if the field is not written.
     pub fn span(&self, place: Place, field: &str) -> Span {
         let source = match place {
-            Place::Robot if field == "name" => None,
+            Place::Robot if matches!(field, "name" | "clearance_margin_m") => None,
             // What is missing or too many has no single place: show the start of the file.
             Place::Robot => return 0..0,
             Place::Link(index) => self.links.get(index),
@@ -60,6 +60,6 @@ impl<'d> Places<'d> {
             Place::EndEffector(index) => self.end_effectors.get(index),
             Place::Bus(number) => self.buses.get(&number),
         };
-        source.map_or_else(|| self.root.span_of("name"), |source| source.span(field))
+        source.map_or_else(|| self.root.span_of(field), |source| source.span(field))
     }
 }

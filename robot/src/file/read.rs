@@ -8,9 +8,11 @@ use super::fields::{axis, byte, data_sheet, drag, mass, named, number, rpy, vect
 use super::group::{Group, Limb};
 use super::parts::MassProperties;
 use super::places::{Places, Source};
+use super::shapes::shape;
 use crate::contact::{Contact, KINDS};
 use crate::document::{Document, Span, Table, alternatives};
 use crate::model::{Actuator, EndEffector, Joint, Link, Robot};
+use crate::shape::DEFAULT_CLEARANCE_MARGIN_M;
 use nalgebra::{Isometry3, Translation3, Vector3};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -45,6 +47,9 @@ pub(super) fn robot<'d>(document: &'d Document<'_>) -> Option<(Robot, Places<'d>
         }
     }
     reader.groups(&groups);
+    if let Some(margin_m) = root.given("clearance_margin_m", Table::number) {
+        reader.robot.clearance_margin_m = margin_m;
+    }
     for table in root.tables("bus") {
         reader.bus(table);
     }
@@ -78,7 +83,14 @@ impl<'r, 'd> Reader<'r, 'd> {
         let buses = BTreeMap::new();
         Self {
             sheets,
-            robot: Robot { name, links: vec![], joints: vec![], end_effectors: vec![], buses },
+            robot: Robot {
+                name,
+                links: vec![],
+                joints: vec![],
+                end_effectors: vec![],
+                buses,
+                clearance_margin_m: DEFAULT_CLEARANCE_MARGIN_M,
+            },
             places: Places::new(root),
             unresolved: RefCell::default(),
         }
@@ -103,12 +115,14 @@ impl<'r, 'd> Reader<'r, 'd> {
     fn link(&mut self, group: &Group<'_, 'd>, mut table: Table<'d>) {
         let name = named(&mut table, "link");
         let MassProperties { mass_kg, com_m, inertia_kg_m2 } = mass(&table);
+        let shapes = table.tables("shapes").iter().filter_map(|part| shape(group, part)).collect();
         table.done();
         self.robot.links.push(Link {
             name: group.name(&name),
             mass_kg,
             com_in_link_m: group.point(com_m),
             inertia_in_link_kg_m2: group.inertia(inertia_kg_m2),
+            shapes,
         });
         self.places.links.push(Source::of(table));
     }

@@ -4,6 +4,7 @@ use super::{Place, Violation};
 use crate::contact::RollingDrag;
 use crate::controller::Channel;
 use crate::model::{Actuator, EndEffector, Joint, Link, Robot};
+use crate::shape::Shape;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_protocol::actuator;
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
@@ -14,7 +15,11 @@ use std::f64::consts::TAU;
 use std::fmt;
 
 /// Lengths and offsets of a robot that fits on a desk or in a hall, m.
-const LENGTH_MAX_M: f64 = 10.0;
+pub(crate) const LENGTH_MAX_M: f64 = 10.0;
+/// Largest radius of a capsule, m.
+const RADIUS_MAX_M: f64 = 1.0;
+/// Most shapes of a link, which bounds the number of pairs.
+const SHAPES_MAX: usize = 16;
 /// Heaviest link, kg.
 const MASS_MAX_KG: f64 = 1000.0;
 /// Fastest motor, rad/s; larger numbers are usually rev/min. This and the next are the ranges of the
@@ -132,6 +137,8 @@ impl Check<'_> {
             let help = "a robot has at least one foot or wheel";
             self.violated("end_effector", "is missing", help);
         }
+        let margin_m = robot.clearance_margin_m;
+        self.range("clearance_margin_m", margin_m, Bound::AtLeast(0.0), RADIUS_MAX_M, "m", "");
         let channels = robot.channels().count();
         if channels > MAX_CHANNELS {
             let help = format!(
@@ -154,10 +161,53 @@ impl Check<'_> {
         );
         self.vector("com_in_link_m", &link.com_in_link_m);
         self.inertia(&link.inertia_in_link_kg_m2);
+        self.shapes(index, link);
         let carriers = robot.joints.iter().filter(|joint| joint.child == index).count();
         if index > 0 && carriers != 1 {
             let help = "every link but the first is the `child` of exactly one joint";
             self.violated("name", format_args!("is the child of {carriers} joints"), help);
+        }
+    }
+
+    fn shapes(&mut self, index: usize, link: &Link) {
+        const FIELD: &str = "shapes";
+        if link.shapes.len() > SHAPES_MAX {
+            let help = format!("at most {SHAPES_MAX}: a few capsules around a link are enough");
+            self.violated(FIELD, format_args!("has {} entries", link.shapes.len()), help);
+        }
+        let far = |point: &Vector3<f64>| !point.iter().all(|value| value.abs() <= LENGTH_MAX_M);
+        for (number, shape) in link.shapes.iter().enumerate() {
+            let mut wrong = |key: &str, value: &dyn fmt::Display, help: String| {
+                self.violated(FIELD, format_args!("[{number}].{key} is {value}"), help);
+            };
+            let near = format!("each coordinate is within ±{LENGTH_MAX_M} m");
+            match shape {
+                Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
+                    for (key, end) in [("from_m", from_in_link_m), ("to_m", to_in_link_m)] {
+                        if far(end) {
+                            wrong(key, &show(end), near.clone());
+                        }
+                    }
+                    if !(*radius_m > 0.0 && *radius_m <= RADIUS_MAX_M) {
+                        let help = format!("allowed is above 0 to {RADIUS_MAX_M} m");
+                        wrong("radius_m", &format_args!("{radius_m} m"), help);
+                    }
+                }
+                Shape::Box { center_in_link_m, size_m } => {
+                    if far(center_in_link_m) {
+                        wrong("at_m", &show(center_in_link_m), near);
+                    }
+                    if !size_m.iter().all(|size| *size > 0.0 && *size <= LENGTH_MAX_M) {
+                        let help = format!("sides are above 0 to {LENGTH_MAX_M} m");
+                        wrong("box_m", &show(size_m), help);
+                    }
+                    if index > 0 {
+                        let help = "only the body, the first link, has boxes: give a capsule, \
+                                    `from_m`, `to_m` and `radius_m`";
+                        wrong("box_m", &"a box", help.to_owned());
+                    }
+                }
+            }
         }
     }
 

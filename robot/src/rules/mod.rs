@@ -8,7 +8,7 @@ mod buses;
 mod check;
 
 use check::Check;
-pub(crate) use check::violations;
+pub(crate) use check::{LENGTH_MAX_M, violations};
 
 use std::fmt;
 

@@ -4,6 +4,7 @@
 mod contacts;
 mod document;
 mod rules;
+mod shapes;
 
 use rollwalk_robot::Robot;
 

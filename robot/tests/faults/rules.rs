@@ -48,8 +48,15 @@ fn masses_and_inertias_that_no_body_has() {
         "cylinder_y_m = [0.03, 0.02]",
         "cylinder_y_m = [30, 20]",
         "  { mass_kg = 0.1, at_m = [0.0, 0.0, -0.2]",
-        "`cylinder_y_m` has no sensible size",
-        "millimetres",
+        "`cylinder_y_m` [0] is 30 m",
+        "above 0 to 10 m; millimetres",
+    );
+    assert_fault(
+        "box_m = [0.02, 0.02, 0.2]",
+        "box_m = [0.02, -0.3, 0.2]",
+        "  { mass_kg = 0.1, at_m = [0.0, 0.0, -0.1]",
+        "`box_m` [1] is -0.3 m",
+        "above 0 to 10 m",
     );
 }
 

@@ -1,0 +1,214 @@
+//! Distances between shapes of links, with their gradients: capsule to capsule, capsule to box, and both to the
+//! ground. For clearance between limbs, to the body and to the ground.
+//!
+//! A distance is that of the surfaces, negative by the depth where shapes overlap. Every gradient follows from one
+//! fact (Danskin): the distance of the nearest points p and q changes with n · (dp − dq), n = (p − q) / |p − q|,
+//! while their places on the two shapes stay. It is exact wherever the nearest points are unique, and one of the
+//! two one-sided gradients elsewhere, as between parallel capsules.
+//!
+//! Not `parry3d`: it has no gradients, and its iterations for capsules and boxes (GJK, EPA) end at a tolerance, so that
+//! a distance is neither smooth nor monotonous below it. Its vectors are of another library than ours.
+
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_robot::shape::Shape;
+
+/// Axes that are nearer than this have no direction between them, m.
+const TOUCHING_M: f64 = 1e-12;
+/// Halvings of a capsule's axis: to the last bit of its parameter.
+const HALVINGS: usize = 52;
+
+/// All points within a radius of a line segment, in world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Capsule {
+    /// First and other end of the segment, m.
+    pub ends: [Vector3<f64>; 2],
+    /// Radius, m.
+    pub radius_m: f64,
+}
+
+/// A box, in world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OrientedBox {
+    /// Its centre, m.
+    pub center: Vector3<f64>,
+    /// World-from-box rotation.
+    pub world_from_box: Matrix3<f64>,
+    /// Half the lengths of its sides, along its own axes, m.
+    pub half_size_m: Vector3<f64>,
+}
+
+/// Distance of two capsules.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CapsuleDistance {
+    /// Distance of the surfaces, m; negative where they overlap.
+    pub distance_m: f64,
+    /// Gradient with respect to the ends of the first capsule.
+    pub by_first: [Vector3<f64>; 2],
+    /// Gradient with respect to the ends of the second capsule.
+    pub by_second: [Vector3<f64>; 2],
+}
+
+/// Distance of a capsule and a box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoxDistance {
+    /// Distance of the surfaces, m; negative where they overlap.
+    pub distance_m: f64,
+    /// Gradient with respect to the ends of the capsule.
+    pub by_ends: [Vector3<f64>; 2],
+    /// Gradient with respect to the centre of the box.
+    pub by_center: Vector3<f64>,
+    /// Gradient with respect to a rotation of the box about its centre, in world axes, m/rad.
+    pub by_rotation: Vector3<f64>,
+}
+
+impl Capsule {
+    /// A capsule of a link that is placed by `origin` and `world_from_link`; `None` for a box.
+    pub fn of(
+        shape: &Shape,
+        origin: &Vector3<f64>,
+        world_from_link: &Matrix3<f64>,
+    ) -> Option<Self> {
+        let Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } = shape else { return None };
+        let ends = [from_in_link_m, to_in_link_m].map(|end| origin + world_from_link * end);
+        Some(Self { ends, radius_m: *radius_m })
+    }
+
+    /// Distance to another capsule. Depth ends at the sum of the radii: where the axes cross, the way out is along
+    /// their common normal.
+    pub fn distance(&self, other: &Self) -> CapsuleDistance {
+        let [s, t] = nearest(&self.ends, &other.ends);
+        let between = point(&self.ends, s) - point(&other.ends, t);
+        let apart = between.norm();
+        let normal = if apart > TOUCHING_M {
+            between / apart
+        } else {
+            across(&axis(&self.ends), &axis(&other.ends))
+        };
+        CapsuleDistance {
+            distance_m: apart - self.radius_m - other.radius_m,
+            by_first: [normal * (1.0 - s), normal * s],
+            by_second: [normal * (t - 1.0), normal * -t],
+        }
+    }
+
+    /// Distance to a box. Also inside, where it is the way out through the nearest face.
+    pub fn distance_to_box(&self, other: &OrientedBox) -> BoxDistance {
+        let box_from_world = other.world_from_box.transpose();
+        let ends = self.ends.map(|end| box_from_world * (end - other.center));
+        let (s, apart, normal) = lowest(&ends, &other.half_size_m);
+        let normal = other.world_from_box * normal;
+        let arm = point(&self.ends, s) - other.center;
+        BoxDistance {
+            distance_m: apart - self.radius_m,
+            by_ends: [normal * (1.0 - s), normal * s],
+            by_center: -normal,
+            by_rotation: normal.cross(&arm),
+        }
+    }
+
+    /// Height above the ground, the plane z = 0, m, and its gradient with respect to the ends: that of the lower end.
+    pub fn height(&self) -> (f64, [Vector3<f64>; 2]) {
+        let [from, to] = self.ends.map(|end| end.z);
+        let (lowest, share) = if from <= to { (from, 0.0) } else { (to, 1.0) };
+        (lowest - self.radius_m, [Vector3::z() * (1.0 - share), Vector3::z() * share])
+    }
+}
+
+impl OrientedBox {
+    /// A box of a link that is placed by `origin` and `world_from_link`; `None` for a capsule.
+    pub fn of(
+        shape: &Shape,
+        origin: &Vector3<f64>,
+        world_from_link: &Matrix3<f64>,
+    ) -> Option<Self> {
+        let Shape::Box { center_in_link_m, size_m } = shape else { return None };
+        let center = origin + world_from_link * center_in_link_m;
+        Some(Self { center, world_from_box: *world_from_link, half_size_m: size_m * 0.5 })
+    }
+
+    /// Height of the lowest corner above the ground, m, and its gradients with respect to the centre and to a
+    /// rotation about the centre, in world axes.
+    pub fn height(&self) -> (f64, [Vector3<f64>; 2]) {
+        let toward = self.world_from_box.row(2).map(|z| if z > 0.0 { -1.0 } else { 1.0 });
+        let corner = self.half_size_m.component_mul(&toward.transpose());
+        let arm = self.world_from_box * corner;
+        (self.center.z + arm.z, [Vector3::z(), arm.cross(&Vector3::z())])
+    }
+}
+
+fn axis(ends: &[Vector3<f64>; 2]) -> Vector3<f64> {
+    ends[1] - ends[0]
+}
+
+fn point(ends: &[Vector3<f64>; 2], s: f64) -> Vector3<f64> {
+    ends[0] + axis(ends) * s
+}
+
+/// A unit vector across two axes; across the first, if they are parallel.
+fn across(first: &Vector3<f64>, second: &Vector3<f64>) -> Vector3<f64> {
+    let thinnest = Vector3::ith(first.iamin(), 1.0);
+    let candidates = [first.cross(second), first.cross(&thinnest), thinnest];
+    let unit = |v: &Vector3<f64>| v.try_normalize(TOUCHING_M);
+    candidates.iter().find_map(unit).unwrap_or_else(Vector3::z)
+}
+
+/// Parameters, 0 to 1, of the nearest points of two line segments (Ericson, Real-Time Collision Detection, sec. 5.1.9).
+fn nearest(first: &[Vector3<f64>; 2], second: &[Vector3<f64>; 2]) -> [f64; 2] {
+    let (u, v) = (axis(first), axis(second));
+    let between = first[0] - second[0];
+    let (a, b, e) = (u.norm_squared(), u.dot(&v), v.norm_squared());
+    let (c, f) = (u.dot(&between), v.dot(&between));
+    // Of a segment that is a point, any parameter is right.
+    let on_first = |t: f64| if a > 0.0 { ((b * t - c) / a).clamp(0.0, 1.0) } else { 0.0 };
+    let on_second = |s: f64| if e > 0.0 { (b * s + f) / e } else { 0.0 };
+    let determinant = a * e - b * b;
+    // Of parallel segments any point is among the nearest, up to the ends.
+    let parallel = determinant <= 1e-14 * a * e;
+    let s = if parallel { 0.0 } else { ((b * f - c * e) / determinant).clamp(0.0, 1.0) };
+    let t = on_second(s);
+    if (0.0..=1.0).contains(&t) && !parallel {
+        return [s, t];
+    }
+    let t = t.clamp(0.0, 1.0);
+    [on_first(t), t]
+}
+
+/// Distance of a point, in the frame of a box, from its surface, negative inside, and the gradient. The distance to a
+/// convex body is convex.
+fn signed_distance(point: &Vector3<f64>, half_size_m: &Vector3<f64>) -> (f64, Vector3<f64>) {
+    let beyond = point.abs() - half_size_m;
+    let outside = beyond.map(|d| d.max(0.0));
+    let apart = outside.norm();
+    if apart > TOUCHING_M {
+        return (apart, outside.component_mul(&point.map(f64::signum)) / apart);
+    }
+    let face = beyond.imax();
+    (beyond[face], Vector3::ith(face, 1.0f64.copysign(point[face])))
+}
+
+/// Parameter of the point of a line segment that is nearest to a box or deepest in it, its distance, and the gradient
+/// with respect to that point.
+///
+/// Along the segment the distance is convex: halving finds where it ceases to fall. Inside the box that may be between
+/// two faces, one of which comes nearer as the other one recedes: the gradient is then the mean of both normals along
+/// which the distance keeps still.
+fn lowest(ends: &[Vector3<f64>; 2], half_size_m: &Vector3<f64>) -> (f64, f64, Vector3<f64>) {
+    let along = axis(ends);
+    let at = |s: f64| {
+        let (apart, normal) = signed_distance(&point(ends, s), half_size_m);
+        (s, apart, normal, normal.dot(&along))
+    };
+    let (mut falls, mut rises) = (at(0.0), at(1.0));
+    if falls.3 >= 0.0 {
+        return (falls.0, falls.1, falls.2);
+    }
+    if rises.3 <= 0.0 {
+        return (rises.0, rises.1, rises.2);
+    }
+    for _ in 0..HALVINGS {
+        let middle = at(0.5 * (falls.0 + rises.0));
+        if middle.3 < 0.0 { falls = middle } else { rises = middle }
+    }
+    let share = -falls.3 / (rises.3 - falls.3);
+    (rises.0, rises.1, falls.2.lerp(&rises.2, share))
+}
