@@ -4,6 +4,7 @@
 //! entries that explain why the robot stopped.
 
 use rollwalk_protocol::faults::Event;
+use rollwalk_protocol::time::wrapping_ms;
 use rollwalk_protocol::wire::{Log, LogEntry, MAX_LOG_ENTRIES, State};
 
 use crate::controller::Controller;
@@ -33,7 +34,7 @@ impl Journal {
         let oldest = self.next.saturating_sub(MAX_LOG_ENTRIES as u32);
         // A number that has not been reached yet dates from before a reset: no entry follows it.
         let first = since.max(oldest).min(self.next);
-        let mut log = Log::new((now_us / 1000) as u32, first, self.next);
+        let mut log = Log::new(wrapping_ms(now_us), first, self.next);
         for number in first..self.next {
             if let Some(Some(entry)) = self.entries.get(number as usize % MAX_LOG_ENTRIES) {
                 log.push(entry.encode());
@@ -47,7 +48,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     /// Records an event that changed the state, or a new fault. Must be called before the reaction is carried out:
     /// afterwards the joint furthest from its setpoint can no longer be determined.
     pub(crate) fn note(&mut self, at_us: u64, event: Event, before: State) {
-        let (at_ms, after, fault) = ((at_us / 1000) as u32, self.state(), event.fault());
+        let (at_ms, after, fault) = (wrapping_ms(at_us), self.state(), event.fault());
         let details = fault.map(|fault| self.details(at_us, fault));
         let (channel, value) = details.unwrap_or((None, 0.0));
         let event = event.code();

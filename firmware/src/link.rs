@@ -7,6 +7,7 @@
 use heapless::Deque;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::FaultBits;
+use rollwalk_protocol::time::wrapping_ms;
 use rollwalk_protocol::wire::isotp::{Event, Output, Timing};
 use rollwalk_protocol::wire::transport::{Endpoint, Response, frame_to_host};
 use rollwalk_protocol::wire::{
@@ -116,7 +117,7 @@ impl Link {
         if feeds {
             self.last_heartbeat = Some((heartbeat.seq, now_us));
         }
-        let controller_ms = (now_us / 1000) as u32;
+        let controller_ms = wrapping_ms(now_us);
         self.heartbeat = Some(HeartbeatReply { seq: heartbeat.seq, controller_ms });
     }
 

@@ -1,5 +1,7 @@
 //! Schedule of control periods and count of missed ones, for boards that keep the time themselves.
 
+use rollwalk_protocol::time::divided;
+
 /// Schedule of control periods, exact on average even when the period is no whole number of microseconds.
 #[derive(Clone, Copy, Debug)]
 pub struct Periods {
@@ -17,7 +19,8 @@ impl Periods {
     /// Returns the count of periods missed before the present one if a period has begun since the last such answer;
     /// otherwise `None`.
     pub fn next(&mut self, now_us: u64) -> Option<u64> {
-        let count = now_us.saturating_sub(self.start_us).saturating_mul(self.rate_hz) / 1_000_000;
+        let passed = now_us.saturating_sub(self.start_us).saturating_mul(self.rate_hz);
+        let count = divided(divided(passed, 1000), 1000);
         let missed = count.checked_sub(self.count)?;
         self.count = count.saturating_add(1);
         Some(missed)

@@ -144,8 +144,10 @@ impl Settings {
 
     /// Control periods of a duration, rounded up.
     pub fn ticks(&self, duration_us: u32) -> u32 {
-        let ticks = (u64::from(duration_us) * u64::from(self.control_hz)).div_ceil(1_000_000);
-        u32::try_from(ticks).unwrap_or(u32::MAX)
+        let control_hz = u32::from(self.control_hz);
+        let (seconds, rest_us) = (duration_us / 1_000_000, duration_us % 1_000_000);
+        let rest = rest_us.saturating_mul(control_hz).div_ceil(1_000_000);
+        seconds.saturating_mul(control_hz).saturating_add(rest)
     }
 }
 

@@ -47,8 +47,7 @@ impl TiltWatch {
         let (up, _) = self.attitude?;
         let cosine: f32 = up.iter().zip(&expected.up_body).map(|(a, b)| a * b).sum();
         let cosine = cosine / length(expected.up_body);
-        let angle = libm::acosf(cosine.clamp(-1.0, 1.0));
-        Some((angle - expected.spread_rad).max(0.0))
+        Some((angle_rad(cosine) - expected.spread_rad).max(0.0))
     }
 
     /// Advances by one control period in which the clip's attitude was `expected`.
@@ -78,6 +77,14 @@ impl TiltWatch {
     }
 }
 
+/// Angle with a cosine, to 0.1 mrad (Abramowitz and Stegun 4.4.45): finer than any IMU, in a fraction of `acosf`'s code.
+fn angle_rad(cosine: f32) -> f32 {
+    let x = cosine.abs().min(1.0);
+    let acute = 1.570_728_8 + x * (-0.212_114_4 + x * (0.074_261 - x * 0.018_729_3));
+    let acute = acute * libm::sqrtf(1.0 - x);
+    if cosine < 0.0 { core::f32::consts::PI - acute } else { acute }
+}
+
 fn length(v: [f32; 3]) -> f32 {
     libm::sqrtf(v.iter().map(|x| x * x).sum())
 }
@@ -98,6 +105,14 @@ mod tests {
             tilt.watch(tick * 8_333, expected, &SETTINGS(), &mut events);
         }
         events
+    }
+
+    proptest! {
+        #[test]
+        fn angles_are_those_of_their_cosines(rad in 0.02f32..3.12) {
+            // Cosines near 1 and −1 are rounded to 6e-8, which is 3e-6 rad at these ends.
+            prop_assert!((angle_rad(rad.cos()) - rad).abs() < 1e-4);
+        }
     }
 
     fn pitched(rad: f32) -> [f32; 3] {

@@ -14,6 +14,7 @@
 //! | [`slcan`] | CAN frames as lines of text, for adapters that speak Lawicel's protocol | |
 //! | [`can`] | a CAN frame as a value, and how many bits it takes | |
 //! | [`crc`] | the two checksums that all of it uses | |
+//! | [`time`] | division of times | |
 //!
 //! No std, no alloc, no `unsafe`, no panics whatever the input. Everything that decodes takes
 //! arbitrary bytes and answers with a value or a refusal, in bounded time.
@@ -33,5 +34,6 @@ pub mod library;
 pub mod packet;
 pub mod serial;
 pub mod slcan;
+pub mod time;
 pub mod tunnel;
 pub mod wire;

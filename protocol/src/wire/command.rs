@@ -142,7 +142,7 @@ impl Command {
     /// Whether the command has expired by the controller's clock: past `valid_until_ms`, or apparently valid for longer
     /// than [`MOST_VALID_MS`]. No host sends the latter: the command was delayed until the 16 bits wrapped.
     pub fn expired(self, now_us: u64) -> bool {
-        let now_ms = (now_us / 1000) as u16;
+        let now_ms = crate::time::wrapping_ms(now_us) as u16;
         self.valid_until_ms.wrapping_sub(now_ms) > MOST_VALID_MS
     }
 }

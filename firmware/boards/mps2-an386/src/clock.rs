@@ -5,10 +5,11 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::exception;
+use rollwalk_protocol::time::divided;
 
 /// Of the processor and of the board's timers.
 const HZ: u32 = 25_000_000;
-const COUNTS_PER_US: u64 = HZ as u64 / 1_000_000;
+const COUNTS_PER_US: u16 = (HZ / 1_000_000) as u16;
 
 /// Arm's CMSDK APB timer 0, which counts down.
 const CTRL: *mut u32 = 0x4000_0000 as *mut u32;
@@ -48,7 +49,7 @@ impl Clock {
         let value = unsafe { read_volatile(VALUE) };
         self.counts += u64::from(self.last.wrapping_sub(value));
         self.last = value;
-        self.counts / COUNTS_PER_US
+        divided(self.counts, COUNTS_PER_US)
     }
 
     /// Whether a control period has begun since the last call that returned true.

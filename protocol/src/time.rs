@@ -1,0 +1,43 @@
+//! Division of times in microseconds.
+//!
+//! The compiler's own division of 64-bit numbers takes 900 bytes of an image for a processor that divides 32 bits, and
+//! times are all that the controller divides so.
+
+/// A time divided by a small number of at least 1, rounded down: microseconds to milliseconds by 1000.
+// Once in the image instead of where it is called.
+#[inline(never)]
+pub fn divided(time: u64, by: u16) -> u64 {
+    let by = u32::from(by.max(1));
+    let mut rest = 0;
+    let digits = [48, 32, 16, 0].map(|shift| (time >> shift) as u32 & 0xFFFF);
+    digits.into_iter().fold(0, |quotient, digit| {
+        let part = rest << 16 | digit;
+        rest = part % by;
+        quotient << 16 | u64::from(part / by)
+    })
+}
+
+/// Microseconds to milliseconds, rounded down; wraps after 49 days.
+pub fn wrapping_ms(time_us: u64) -> u32 {
+    divided(time_us, 1000) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn divides(time: u64, by in 1u16..) {
+            prop_assert_eq!(divided(time, by), time / u64::from(by));
+        }
+    }
+
+    #[test]
+    fn milliseconds() {
+        assert_eq!(wrapping_ms(1_999), 1);
+        assert_eq!(wrapping_ms((1 << 32) * 1000 + 7_000), 7);
+        assert_eq!(divided(9, 0), 9);
+    }
+}
