@@ -300,7 +300,13 @@ mod tests {
     use rollwalk_protocol::library::{LibrarySpec, MotionSpec, encode};
 
     fn library(config: &RobotConfig) -> heapless::Vec<u8, 1024> {
-        let motions = [MotionSpec { name: "stand", code: 1, looping: true, frames: &[0.5, 0.5] }];
+        let motions = [MotionSpec {
+            name: "stand",
+            code: 1,
+            looping: true,
+            frames: &[0.5, 0.5],
+            torques: &[],
+        }];
         let spec = LibrarySpec { config, motions: &motions, transitions: &[], safe: 0 };
         let mut bytes = [0; 1024];
         let len = encode(&spec, &mut bytes).unwrap();

@@ -79,6 +79,9 @@ fn section_name(code: u8) -> &'static str {
         7 => "command code table",
         8 => "safe pose",
         9 => "names",
+        10 => "torque quanta",
+        11 => "torque clip table",
+        12 => "torques",
         255 => "footer",
         _ => "a section that this host does not know",
     }
@@ -99,7 +102,7 @@ fn why_sentence(code: u8) -> String {
         9 => "the controller's own configuration is unusable",
         10 => "the library was built for another robot: build it again from this robot's file",
         15 => "a channel differs from this robot's configuration",
-        19 => "a frame is outside the limits of its channel",
+        19 => "a frame or a torque is outside the limits of its channel",
         20 => "a motion is faster than the limit of its channel",
         21 => "a looping motion jumps from its last frame to its first",
         22 => "a motion ends with a turning wheel",
@@ -114,7 +117,7 @@ fn why_sentence(code: u8) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rollwalk_protocol::library::{Reject, Section, Why};
+    use rollwalk_protocol::library::{ClipId, Reject, Section, Why};
 
     fn sentence(section: Section, why: Why) -> String {
         transfer_refusal(&Reply::rejected(0x12, &Reject { section, offset: 77, why }))
@@ -129,6 +132,9 @@ mod tests {
             (Section::Header, Why::OtherMajor { found: 2 }, "another format version"),
             (Section::Manifest, Why::WrongRobot { library: 1, robot: 2 }, "another robot"),
             (Section::SafePose, Why::SafeNotAtRest { channel: 0 }, "does not come to rest"),
+            (Section::TorqueQuanta, Why::ChannelMismatch { channel: 0 }, "a channel differs"),
+            (Section::TorqueClips, Why::BadClip { clip: ClipId(0) }, "malformed"),
+            (Section::Torques, Why::BadBlock { clip: ClipId(0), frame: 0 }, "malformed"),
         ] {
             let sentence = sentence(section, why);
             assert!(sentence.contains(words), "{sentence}");

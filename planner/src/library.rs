@@ -125,6 +125,7 @@ pub fn build(content: &LibraryContent) -> Result<BuiltLibrary, LibraryError> {
             code: motion.code,
             looping: motion.plan.motion.ends == Ends::Periodic,
             frames: &clip.values,
+            torques: &[],
         })
         .collect();
     let transitions: Vec<TransitionSpec> = content
@@ -150,6 +151,7 @@ pub fn build(content: &LibraryContent) -> Result<BuiltLibrary, LibraryError> {
                     transition.entry_time_s,
                 )?,
                 frames: &clip.values,
+                torques: &[],
             })
         })
         .collect::<Result<_, LibraryError>>()?;

@@ -146,6 +146,7 @@ pub fn library_for(config: &RobotConfig) -> Vec<u8> {
             code,
             looping: code == SWING || code == ROLL,
             frames,
+            torques: &[],
         })
         .collect();
     let still = [POSE; 6].concat();

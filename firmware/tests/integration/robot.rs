@@ -157,9 +157,15 @@ fn build_told(
     let entry = [stand[0], stand[1], stand[2]];
     let last = (stand.len() / CHANNELS - 1) as u16;
     let motions = [
-        MotionSpec { name: "stand", code: CODE_STAND, looping, frames: stand },
-        MotionSpec { name: "drive", code: CODE_DRIVE, looping: false, frames: &drive },
-        MotionSpec { name: "walk", code: CODE_WALK, looping: true, frames: &walk },
+        MotionSpec { name: "stand", code: CODE_STAND, looping, frames: stand, torques: &[] },
+        MotionSpec {
+            name: "drive",
+            code: CODE_DRIVE,
+            looping: false,
+            frames: &drive,
+            torques: &[],
+        },
+        MotionSpec { name: "walk", code: CODE_WALK, looping: true, frames: &walk, torques: &[] },
     ];
     let still = transition(STAND, STAND);
     let out_of_drive = transition(STAND, entry);

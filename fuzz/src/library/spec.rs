@@ -121,18 +121,35 @@ pub fn encoded(u: &mut Unstructured<'_>) -> Result<(RobotConfig, Option<Vec<u8>>
             blend(&config, frame(from, exit), frame(to, entry)),
         ));
     }
+    // Torques that join because the values do.
+    let with_torques: bool = u.arbitrary()?;
+    let torques = |values: &[f32]| -> Vec<f32> {
+        let count = if with_torques { values.len() } else { 0 };
+        values.iter().take(count).map(|value| 3.0 * value.sin()).collect()
+    };
+    let of_motions: Vec<_> = motions.iter().map(|m| torques(&m.values)).collect();
+    let of_transitions: Vec<_> = transitions.iter().map(|t| torques(&t.4)).collect();
     let motions: Vec<MotionSpec<'_>> = motions
         .iter()
-        .map(|m| MotionSpec { name: "fuzzed", code: m.code, looping: m.looping, frames: &m.values })
+        .zip(&of_motions)
+        .map(|(m, torques)| MotionSpec {
+            name: "fuzzed",
+            code: m.code,
+            looping: m.looping,
+            frames: &m.values,
+            torques,
+        })
         .collect();
     let transitions: Vec<TransitionSpec<'_>> = transitions
         .iter()
-        .map(|&(from, exit_frame, to, entry_frame, ref frames)| TransitionSpec {
+        .zip(&of_transitions)
+        .map(|(&(from, exit_frame, to, entry_frame, ref frames), torques)| TransitionSpec {
             from,
             exit_frame,
             to,
             entry_frame,
             frames,
+            torques,
         })
         .collect();
     let spec =
@@ -155,7 +172,13 @@ pub fn encoded(u: &mut Unstructured<'_>) -> Result<(RobotConfig, Option<Vec<u8>>
 /// One motion of one frame, for the robot of the firmware's tests: as little as a library can be.
 pub fn smallest() -> Vec<u8> {
     let config = crate::robot::config();
-    let motions = [MotionSpec { name: "s", code: 1, looping: true, frames: &crate::robot::STAND }];
+    let motions = [MotionSpec {
+        name: "s",
+        code: 1,
+        looping: true,
+        frames: &crate::robot::STAND,
+        torques: &[],
+    }];
     let spec = LibrarySpec { config: &config, motions: &motions, transitions: &[], safe: 0 };
     let mut bytes = vec![0; 1024];
     let len = encode(&spec, &mut bytes).expect("sound");

@@ -3,9 +3,9 @@
 
 use super::codec::{BLOCK_CRC_AT, BLOCK_HEADER_LEN};
 use super::container::{u16_at, u32_at};
-use super::cursor::{Unreadable, block_of};
-use super::reject::Section;
-use super::view::Library;
+use super::cursor::Unreadable;
+use super::decoder::BlockPlace;
+use super::view::{Library, Track};
 use super::{BLOCK_FRAMES, ClipId};
 use crate::crc::crc32c_append;
 
@@ -16,7 +16,7 @@ const PORTION: usize = 64;
 /// The check of a block, as far as it has come.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct BlockCheck {
-    /// Header, bytes from the start of the frames section.
+    /// Header, bytes from the start of the track's section.
     block: u32,
     /// CRC of the header and of so many bytes of the payload.
     crc: u32,
@@ -41,29 +41,29 @@ impl BlockCheck {
 
     /// Checks what is left of a block, all of it if this check was of another or found it bad; whether it
     /// is good.
-    pub fn finish_for(&mut self, frames: &[u8], block: u32) -> bool {
+    pub fn finish_for(&mut self, blocks: &[u8], block: u32) -> bool {
         if self.block != block || self.over && !self.passed {
             *self = Self::of(block);
         }
-        self.take(frames, usize::MAX);
+        self.take(blocks, usize::MAX);
         self.passed
     }
 
-    /// One portion more of the frames section.
-    pub fn step(&mut self, frames: &[u8]) {
-        self.take(frames, PORTION);
+    /// One portion more, of the track's section.
+    pub fn step(&mut self, blocks: &[u8]) {
+        self.take(blocks, PORTION);
     }
 
-    fn take(&mut self, frames: &[u8], portion: usize) {
+    fn take(&mut self, blocks: &[u8], portion: usize) {
         if !self.over {
             // What lies outside is over, and not good.
-            self.over = self.portion(frames, portion).is_none_or(|rest| rest == 0);
+            self.over = self.portion(blocks, portion).is_none_or(|rest| rest == 0);
         }
     }
 
     /// How many bytes are left; `None` when the block is cut off.
-    fn portion(&mut self, frames: &[u8], portion: usize) -> Option<usize> {
-        let block = frames.get(usize::try_from(self.block).ok()?..)?;
+    fn portion(&mut self, blocks: &[u8], portion: usize) -> Option<usize> {
+        let block = blocks.get(usize::try_from(self.block).ok()?..)?;
         let (header, rest) = block.split_at_checked(BLOCK_HEADER_LEN)?;
         let covered = header.get(..BLOCK_CRC_AT)?;
         let payload = rest.get(..usize::from(u16_at(covered, 4)?))?;
@@ -80,7 +80,7 @@ impl BlockCheck {
     }
 }
 
-/// A place where playback will probably go on, and the check of its block.
+/// A place where playback will probably go on, and the checks of its blocks.
 ///
 /// Borrows nothing: each call takes the library again, and it must be the one of [`Entry::new`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,11 +88,8 @@ pub struct Entry {
     pub(super) library: u32,
     pub(super) clip: ClipId,
     pub(super) frame: u16,
-    /// First block of the clip.
-    pub(super) clip_at: u32,
-    /// Block of the frame.
-    pub(super) block: u32,
-    pub(super) check: BlockCheck,
+    /// By [`Track`].
+    pub(super) places: [BlockPlace; Track::ALL.len()],
 }
 
 impl Entry {
@@ -102,11 +99,13 @@ impl Entry {
         if frame >= record.frames {
             return Err(Unreadable);
         }
-        let frames = library.payload(Section::Frames).ok_or(Unreadable)?;
-        let block = block_of(frames, record.offset, frame / BLOCK_FRAMES)?;
-        let library = library.index().id();
-        let check = BlockCheck::of(block);
-        Ok(Self { library, clip, frame, clip_at: record.offset, block, check })
+        let mut places = [BlockPlace::NONE; Track::ALL.len()];
+        for (place, &track) in places.iter_mut().zip(library.tracks()) {
+            let (clip_at, _) = library.clip_span(track, clip).ok_or(Unreadable)?;
+            let blocks = library.payload(track.blocks()).ok_or(Unreadable)?;
+            *place = BlockPlace::new(blocks, clip_at, frame / BLOCK_FRAMES)?;
+        }
+        Ok(Self { library: library.index().id(), clip, frame, places })
     }
 
     /// Whether it is this frame of this clip.
@@ -114,15 +113,19 @@ impl Entry {
         (self.clip, self.frame) == (clip, frame)
     }
 
-    /// Checks a portion of the block, 64 bytes. `false` when nothing was left to do.
+    /// Checks a portion of a block, 64 bytes. `false` when nothing was left to do.
     pub fn check_a_portion(&mut self, library: &Library<'_>) -> bool {
-        if self.check.is_over() || library.index().id() != self.library {
+        if library.index().id() != self.library {
             return false;
         }
-        library.payload(Section::Frames).inspect(|frames| self.check.step(frames)).is_some()
+        let mut tracks = self.places.iter_mut().zip(library.tracks());
+        let Some((place, track)) = tracks.find(|(place, _)| !place.check.is_over()) else {
+            return false;
+        };
+        library.payload(track.blocks()).inspect(|blocks| place.check.step(blocks)).is_some()
     }
 
-    /// Checks what is left of the block.
+    /// Checks what is left of the blocks.
     pub fn check_all(&mut self, library: &Library<'_>) {
         while self.check_a_portion(library) {}
     }

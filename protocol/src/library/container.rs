@@ -14,7 +14,11 @@ pub(crate) const FOOTER_LEN: usize = 24;
 pub(crate) const SECTION_HEADER_LEN: usize = 8;
 
 /// Number of sections of this format version, tags 1 to `SECTIONS`.
-pub(crate) const SECTIONS: usize = 9;
+pub(crate) const SECTIONS: usize = 12;
+/// Sections that every library has; the others came with [`MINOR_WITH_TORQUES`], and are there together or not at all.
+const REQUIRED: usize = 9;
+/// The minor version that torques came with. A library without them is written in the version before.
+pub(crate) const MINOR_WITH_TORQUES: u16 = 2;
 
 /// Where a section's payload is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -69,7 +73,7 @@ pub fn identity(bytes: &[u8]) -> Option<u32> {
 }
 
 /// Header of a library of `len` bytes.
-pub(crate) fn header(len: u32) -> [u8; HEADER_LEN] {
+pub(crate) fn header(minor: u16, len: u32) -> [u8; HEADER_LEN] {
     let mut h = [0; HEADER_LEN];
     let (body, crc) = h.split_at_mut(HEADER_LEN - 4);
     fill(
@@ -77,7 +81,7 @@ pub(crate) fn header(len: u32) -> [u8; HEADER_LEN] {
         &[
             &HEADER_MAGIC,
             &FORMAT_MAJOR.to_le_bytes(),
-            &FORMAT_MINOR.to_le_bytes(),
+            &minor.to_le_bytes(),
             &len.to_le_bytes(),
             &[0; 4],
         ],
@@ -194,16 +198,21 @@ fn find_sections(body: &[u8], minor: u16) -> Result<[Span; SECTIONS], Reject> {
         if tag <= last_tag || stride == 0 || len % u32::from(stride) != 0 {
             return Err(fail(Why::BadSection { tag }));
         }
-        match found.get_mut(usize::from(tag) - 1) {
-            Some(slot) => *slot = Some(Span { offset: offset as u32, len, stride }),
+        let index = usize::from(tag) - 1;
+        match found.get_mut(index) {
+            Some(slot) if index < REQUIRED || minor >= MINOR_WITH_TORQUES => {
+                *slot = Some(Span { offset: offset as u32, len, stride });
+            }
             None if minor > FORMAT_MINOR => {}
-            None => return Err(fail(Why::BadSection { tag })),
+            _ => return Err(fail(Why::BadSection { tag })),
         }
         last_tag = tag;
         at = end;
     }
+    let torques = found.iter().skip(REQUIRED).any(Option::is_some);
+    let needed = if torques { SECTIONS } else { REQUIRED };
     let mut sections = [Span::default(); SECTIONS];
-    for (i, (slot, span)) in sections.iter_mut().zip(found).enumerate() {
+    for (i, (slot, span)) in sections.iter_mut().zip(found).enumerate().take(needed) {
         let missing = Reject {
             section: Section::Table,
             offset: body.len() as u32,

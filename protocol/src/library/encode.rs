@@ -4,13 +4,14 @@
 
 use super::attitude::Attitude;
 use super::codec::{BLOCK_CRC_AT, BLOCK_HEADER_LEN, GROUP, WIDTH_BITS, code_for, width_of, zigzag};
-use super::container::{HEADER_LEN, SECTION_HEADER_LEN};
+use super::container::{HEADER_LEN, MINOR_WITH_TORQUES, SECTION_HEADER_LEN};
 use super::records::*;
 use super::routes::{Arc, hops_to};
 use super::source::Source;
 use super::spec::{ClipRef, EncodeError, LibrarySpec};
+use super::view::Track;
 use super::writer::{BitWriter, Writer};
-use super::{BLOCK_FRAMES, MAX_MOTIONS, MAX_TRANSITIONS, RATE_HZ, validate};
+use super::{BLOCK_FRAMES, MAX_MOTIONS, MAX_TRANSITIONS, RATE_HZ, quantise, validate};
 use crate::config::MAX_CHANNELS;
 use crate::crc::{crc32c, crc32c_append};
 
@@ -19,7 +20,8 @@ use crate::crc::{crc32c, crc32c_append};
 /// Values are rounded to the nearest quantum that is within the channel's limits. First and last
 /// frames of transitions are moved onto the frames that they join when they are within
 /// [`super::JOIN_TOLERANCE_RAD`] (wheels: within the change that one frame allows); so are the wheel
-/// speeds in the last frame of a motion that ends, to 0.
+/// speeds in the last frame of a motion that ends, to 0. Torques of transitions are led over to those of the motions
+/// that they join within [`super::TORQUE_BLEND_FRAMES`].
 ///
 /// Motion `i` becomes node and clip `i`, transition `j` edge `j` and clip `motions + j`.
 pub fn encode(spec: &LibrarySpec<'_>, out: &mut [u8]) -> Result<usize, EncodeError> {
@@ -46,7 +48,13 @@ pub fn encode_with_attitudes(
         })
     })?;
     w.section(9, 1, |w| spec.motions.iter().try_for_each(|m| w.record(&m.name)))?;
-    let bytes = w.finish()?;
+    let minor = if source.has_torques() {
+        write_torques(&source, &mut w)?;
+        MINOR_WITH_TORQUES
+    } else {
+        MINOR_WITH_TORQUES - 1
+    };
+    let bytes = w.finish(minor)?;
     validate(bytes, spec.config)?;
     Ok(bytes.len())
 }
@@ -80,10 +88,7 @@ fn write_clips(
         let start = w.len();
         for (number, (clip, frames, flags)) in source.clips().enumerate() {
             let offset = w.len();
-            let block = usize::from(BLOCK_FRAMES);
-            for first in (0..frames).step_by(block) {
-                write_block(source, w, number as u8, clip, first, block.min(frames - first))?;
-            }
+            write_blocks(source, w, Track::Values, number as u8, clip, frames)?;
             let record = ClipRecord {
                 flags,
                 frames: frames as u16,
@@ -97,6 +102,28 @@ fn write_clips(
                 let attitude = attitude.ok_or(EncodeError::Attitude { clip })?;
                 w.record_at(record_at, record_len, &(record, attitude))?;
             }
+            record_at += record_len;
+        }
+        Ok(())
+    })
+}
+
+/// The torques, and before them the table that says where they are.
+fn write_torques(source: &Source<'_>, w: &mut Writer<'_>) -> Result<(), EncodeError> {
+    w.section(10, 1, |w| {
+        let channels = source.spec.config.channels.iter();
+        channels.map(quantise::torque_record).try_for_each(|(exponent, _)| w.record(&exponent))
+    })?;
+    let record_len = usize::from(TORQUE_CLIP_LEN);
+    let mut record_at = w.len().saturating_add(SECTION_HEADER_LEN);
+    w.section(11, TORQUE_CLIP_LEN, |w| w.zeros(source.clips().count() * record_len))?;
+    w.section(12, 1, |w| {
+        let start = w.len();
+        for (number, (clip, frames, _)) in source.clips().enumerate() {
+            let offset = w.len();
+            write_blocks(source, w, Track::Torques, number as u8, clip, frames)?;
+            let (offset, len) = ((offset - start) as u32, (w.len() - offset) as u32);
+            w.record_at(record_at, record_len, &TorqueClipRecord { offset, len })?;
             record_at += record_len;
         }
         Ok(())
@@ -144,18 +171,37 @@ fn write_graph(source: &Source<'_>, w: &mut Writer<'_>) -> Result<(), EncodeErro
     })
 }
 
-fn write_block(
+/// The blocks of a clip.
+fn write_blocks(
     source: &Source<'_>,
     w: &mut Writer<'_>,
+    track: Track,
     number: u8,
     clip: ClipRef,
+    frames: usize,
+) -> Result<(), EncodeError> {
+    let quanta = |frame, channel| source.quanta(track, clip, frame, channel).map(i32::from);
+    let block = usize::from(BLOCK_FRAMES);
+    (0..frames).step_by(block).try_for_each(|first| {
+        write_block(&quanta, source.channels, w, number, first, block.min(frames - first))
+    })
+}
+
+/// Quanta by frame and channel.
+type Quanta<'a> = dyn Fn(usize, usize) -> Result<i32, EncodeError> + 'a;
+
+fn write_block(
+    quanta: &Quanta<'_>,
+    channels: usize,
+    w: &mut Writer<'_>,
+    number: u8,
     first: usize,
     count: usize,
 ) -> Result<(), EncodeError> {
     let header_at = w.len();
     w.zeros(BLOCK_HEADER_LEN)?;
     let payload_at = w.len();
-    write_frames(source, w, clip, first, count)?;
+    write_frames(quanta, channels, w, first, count)?;
     // 60 frames of 24 channels of 18 bits, and heads: 3.4 kB at most.
     let payload_len = (w.len() - payload_at) as u16;
     let mut header = [0; BLOCK_HEADER_LEN];
@@ -170,14 +216,12 @@ fn write_block(
 
 /// Keyframe, first differences, then groups of second differences.
 fn write_frames(
-    source: &Source<'_>,
+    quanta: &Quanta<'_>,
+    channels: usize,
     w: &mut Writer<'_>,
-    clip: ClipRef,
     first: usize,
     count: usize,
 ) -> Result<(), EncodeError> {
-    let quanta = |frame, channel| source.quanta(clip, frame, channel).map(i32::from);
-    let channels = source.channels;
     let mut values = [0i32; MAX_CHANNELS];
     let mut deltas = [0i32; MAX_CHANNELS];
     for (channel, value) in values.iter_mut().enumerate().take(channels) {

@@ -4,7 +4,7 @@
 //! ```text
 //! LibrarySpec --encode--> bytes --validate(config)--> Index --Library::open(bytes, &index)--> Library
 //!                                                                                             │
-//!                                       ClipCursor: sequential frames, seek, 8 B a channel <──┘
+//!                  ClipCursor: sequential frames, seek, 8 B a channel, 16 B with torques <──┘
 //! ```
 //!
 //! - [`encode`] quantises, packs, works out the routes and validates its own result.
@@ -16,6 +16,7 @@
 //! # Terms
 //!
 //! - **Frame**: one value for each channel of the robot at one 60th of a second.
+//! - **Torque**: what the motion needs of a channel's actuator at a frame. A library has torques for all clips or none.
 //! - **Motion**: a clip with a command code, a node of the graph. The motion clip with number `i` is
 //!   node `i`.
 //! - **Transition**: a clip that leads from one motion to another, an edge of the graph. Its first
@@ -34,6 +35,7 @@ mod check;
 mod codec;
 mod container;
 mod cursor;
+mod decoder;
 mod encode;
 mod quantise;
 mod records;
@@ -52,7 +54,10 @@ pub use container::identity;
 pub use cursor::{Advance, ClipCursor, Unreadable};
 pub use encode::{encode, encode_with_attitudes};
 pub use reject::{Reject, Section, Why};
-pub use spec::{ClipRef, EncodeError, JOIN_TOLERANCE_RAD, LibrarySpec, MotionSpec, TransitionSpec};
+pub use spec::{
+    ClipRef, EncodeError, JOIN_TOLERANCE_RAD, LibrarySpec, MotionSpec, TORQUE_BLEND_FRAMES,
+    TransitionSpec,
+};
 pub use validate::validate;
 pub use view::{ClipInfo, ClipKind, Edge, Index, Library};
 
@@ -61,7 +66,7 @@ pub const RATE_HZ: u16 = 60;
 /// Format version: a different major number is refused.
 pub const FORMAT_MAJOR: u16 = 1;
 /// Format version: a higher minor number has sections and record fields that we skip.
-pub const FORMAT_MINOR: u16 = 1;
+pub const FORMAT_MINOR: u16 = 2;
 /// Most motions (nodes) of a library.
 pub const MAX_MOTIONS: usize = 32;
 /// Most transitions (edges) of a library.

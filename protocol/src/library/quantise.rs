@@ -11,12 +11,14 @@ use crate::config::{Channel, ChannelKind};
 pub(crate) const FINEST_EXPONENT: i8 = -10;
 /// Coarsest quantum that a record may have: 2⁶ rad/s.
 const COARSEST_EXPONENT: i8 = 6;
+/// Finest quantum of a torque: 0.06 µN·m.
+const FINEST_TORQUE_EXPONENT: i8 = -24;
 /// Quanta stay within ±32000, which leaves room to compute in.
 const MAX_QUANTA: f32 = 32000.0;
 
 /// 2 to the power of `exponent`.
 pub(crate) fn lsb(exponent: i8) -> f32 {
-    let biased = 127 + i32::from(exponent.clamp(FINEST_EXPONENT, COARSEST_EXPONENT));
+    let biased = 127 + i32::from(exponent.clamp(FINEST_TORQUE_EXPONENT, COARSEST_EXPONENT));
     f32::from_bits((biased as u32) << 23)
 }
 
@@ -63,6 +65,25 @@ pub(crate) fn channel_record(channel: &Channel) -> Option<ChannelRecord> {
 /// The value of some quanta: rad or rad/s.
 pub(crate) fn value(quanta: i32, exponent: i8) -> f32 {
     quanta as f32 * lsb(exponent)
+}
+
+/// Quantum of a channel's torques as a power of two, N·m, and the limit in quanta: 1024 to 2047 of them (fewer for
+/// limits below 60 µN·m), so that rounding moves a torque by at most 1/2048 of the limit.
+pub(crate) fn torque_record(channel: &Channel) -> (i8, i16) {
+    // The exponent of the limit, which is above 0 and at most 160 N·m.
+    let exponent = ((channel.max_torque_nm.to_bits() >> 23) & 0xFF) as i32 - 127;
+    let exponent = (exponent - 10).max(i32::from(FINEST_TORQUE_EXPONENT)) as i8;
+    (exponent, (channel.max_torque_nm / lsb(exponent)) as i16)
+}
+
+/// The nearest quanta of a torque within the limit, or `None` for one that is no number or beyond the limit by more
+/// than half a quantum.
+pub(crate) fn quantise_torque(torque_nm: f32, channel: &Channel) -> Option<i16> {
+    let (exponent, limit) = torque_record(channel);
+    let in_reach = torque_nm.abs() <= channel.max_torque_nm + 0.5 * lsb(exponent);
+    let exact = f64::from(torque_nm) / f64::from(lsb(exponent));
+    let nearest = if exact < 0.0 { exact - 0.5 } else { exact + 0.5 } as i16;
+    in_reach.then_some(nearest.min(limit).max(-limit))
 }
 
 /// The nearest quanta within the limits, or `None` for a value that is no number or beyond a limit

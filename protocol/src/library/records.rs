@@ -50,6 +50,15 @@ pub(crate) struct ClipRecord {
     pub len: u32,
 }
 
+/// Where the torques of a clip are, as in its [`ClipRecord`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub(crate) struct TorqueClipRecord {
+    #[serde(with = "postcard::fixint::le")]
+    pub offset: u32,
+    #[serde(with = "postcard::fixint::le")]
+    pub len: u32,
+}
+
 /// Direction of up during a clip; follows the [`ClipRecord`] where the builder has given it, since
 /// format 1.1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -103,3 +112,4 @@ pub(crate) const CLIP_LEN: u16 = 11;
 pub(crate) const ATTITUDE_LEN: u16 = 8;
 pub(crate) const EDGE_LEN: u16 = 6;
 pub(crate) const CODE_LEN: u16 = 2;
+pub(crate) const TORQUE_CLIP_LEN: u16 = 8;

@@ -41,6 +41,12 @@ pub enum Section {
     SafePose,
     /// Names of the motions.
     Names,
+    /// Quanta of the torques.
+    TorqueQuanta,
+    /// Where the torques of each clip are.
+    TorqueClips,
+    /// Blocks of torques.
+    Torques,
     /// Fixed footer.
     Footer,
 }
@@ -59,6 +65,9 @@ impl Section {
             Section::Codes => Some(6),
             Section::SafePose => Some(7),
             Section::Names => Some(8),
+            Section::TorqueQuanta => Some(9),
+            Section::TorqueClips => Some(10),
+            Section::Torques => Some(11),
         }
     }
 }
@@ -88,6 +97,9 @@ impl fmt::Display for Section {
             Section::Codes => "command code table",
             Section::SafePose => "safe pose",
             Section::Names => "names",
+            Section::TorqueQuanta => "torque quanta",
+            Section::TorqueClips => "torque clip table",
+            Section::Torques => "torques",
             Section::Footer => "footer",
         })
     }
@@ -224,10 +236,10 @@ pub enum Why {
         /// First frame that could not be had.
         frame: u16,
     },
-    /// A frame outside a channel's limits.
+    /// A frame outside a channel's limits, or a torque.
     #[error(
         "clip {}, frame {frame}, channel {channel}: {value} is outside the limits {min} to {max} \
-         (rad, or rad/s for a wheel)",
+         (rad, rad/s for a wheel, N·m in the torques)",
         clip.0
     )]
     OutOfLimits {
@@ -237,7 +249,7 @@ pub enum Why {
         frame: u16,
         /// The channel.
         channel: u8,
-        /// Value, rad or rad/s.
+        /// Value, rad or rad/s; N·m in the torques.
         value: f32,
         /// Smallest value.
         min: f32,
@@ -312,13 +324,13 @@ pub enum Why {
     /// A transition whose end is not the frame that it joins.
     #[error(
         "transition {}, channel {channel}: its {end} is {found}, the motion that it joins is at \
-         {expected} (rad, or rad/s for a wheel)",
+         {expected} (rad, rad/s for a wheel, N·m of a torque)",
         edge.0
     )]
     EndMismatch {
         /// The transition.
         edge: EdgeId,
-        /// "first frame" or "last frame".
+        /// "first frame" or "last frame", or the torque there.
         end: &'static str,
         /// The channel.
         channel: u8,

@@ -2,7 +2,10 @@
 
 use super::quantise;
 use super::records::{ChannelRecord, FLAG_LOOPING};
-use super::spec::{ClipRef, EncodeError, JOIN_TOLERANCE_RAD, LibrarySpec, TransitionSpec};
+use super::spec::{
+    ClipRef, EncodeError, JOIN_TOLERANCE_RAD, LibrarySpec, TORQUE_BLEND_FRAMES, TransitionSpec,
+};
+use super::view::Track;
 use super::{MAX_CLIP_FRAMES, MAX_MOTIONS, MAX_NAME, MAX_TRANSITIONS, RATE_HZ};
 use crate::config::{Channel, ChannelKind, ConfigError, MAX_CHANNELS};
 
@@ -45,10 +48,10 @@ impl<'a> Source<'a> {
 
     fn check_shapes(&self) -> Result<(), EncodeError> {
         let motions = self.spec.motions.iter().enumerate();
-        let clips = motions
-            .map(|(i, m)| (ClipRef::Motion(i), m.frames, 1))
-            .chain(self.transitions().map(|(i, t)| (ClipRef::Transition(i), t.frames, 2)));
-        for (clip, values, min) in clips {
+        let clips = motions.map(|(i, m)| (ClipRef::Motion(i), m.frames, m.torques, 1)).chain(
+            self.transitions().map(|(i, t)| (ClipRef::Transition(i), t.frames, t.torques, 2)),
+        );
+        for (clip, values, torques, min) in clips {
             let frames = self.frame_count(values);
             if frames * self.channels != values.len()
                 || frames < min
@@ -56,6 +59,10 @@ impl<'a> Source<'a> {
             {
                 let (values, channels) = (values.len(), self.channels);
                 return Err(EncodeError::Shape { clip, values, channels, min });
+            }
+            if self.has_torques() && torques.len() != values.len() {
+                let (torques, values) = (torques.len(), values.len());
+                return Err(EncodeError::TorqueShape { clip, torques, values });
             }
         }
         for (motion, m) in self.spec.motions.iter().enumerate() {
@@ -82,6 +89,12 @@ impl<'a> Source<'a> {
 
     pub fn transitions(&self) -> impl Iterator<Item = (usize, &'a TransitionSpec<'a>)> + use<'a> {
         self.spec.transitions.iter().enumerate()
+    }
+
+    /// Whether any clip has torques: then all must.
+    pub fn has_torques(&self) -> bool {
+        let motions = self.spec.motions.iter().map(|m| m.torques);
+        motions.chain(self.spec.transitions.iter().map(|t| t.torques)).any(|t| !t.is_empty())
     }
 
     pub fn frame_count(&self, values: &[f32]) -> usize {
@@ -179,11 +192,78 @@ impl<'a> Source<'a> {
         Ok(target)
     }
 
-    pub fn quanta(&self, clip: ClipRef, frame: usize, channel: usize) -> Result<i16, EncodeError> {
-        match clip {
-            ClipRef::Motion(i) => self.motion_quanta(i, frame, channel),
-            ClipRef::Transition(i) => self.transition_quanta(i, frame, channel),
+    pub fn quanta(
+        &self,
+        track: Track,
+        clip: ClipRef,
+        frame: usize,
+        channel: usize,
+    ) -> Result<i16, EncodeError> {
+        match (track, clip) {
+            (Track::Values, ClipRef::Motion(i)) => self.motion_quanta(i, frame, channel),
+            (Track::Values, ClipRef::Transition(i)) => self.transition_quanta(i, frame, channel),
+            (Track::Torques, _) => self.torque_quanta(clip, frame, channel),
         }
+    }
+
+    /// A torque as given.
+    fn torque(&self, clip: ClipRef, frame: usize, channel: usize) -> Result<f32, EncodeError> {
+        let torques = match clip {
+            ClipRef::Motion(i) => self.spec.motions.get(i).map(|m| m.torques),
+            ClipRef::Transition(i) => self.spec.transitions.get(i).map(|t| t.torques),
+        };
+        let torque_nm = torques.and_then(|t| t.get(frame * self.channels + channel).copied());
+        let torque_nm = torque_nm.unwrap_or(f32::NAN);
+        let Some((limits, _)) = self.channel(channel) else { return Ok(0.0) };
+        let limit_nm = limits.max_torque_nm;
+        let beyond = EncodeError::TorqueBeyondLimit { clip, frame, channel, torque_nm, limit_nm };
+        quantise::quantise_torque(torque_nm, limits).map(|_| torque_nm).ok_or(beyond)
+    }
+
+    /// Quanta of a torque. Those of a transition are moved by what they are off at its ends, the less the further
+    /// from there.
+    fn torque_quanta(
+        &self,
+        clip: ClipRef,
+        frame: usize,
+        channel: usize,
+    ) -> Result<i16, EncodeError> {
+        let mut torque_nm = self.torque(clip, frame, channel)?;
+        let Some((limits, _)) = self.channel(channel) else { return Ok(0) };
+        if let ClipRef::Transition(i) = clip
+            && let Some(spec) = self.spec.transitions.get(i)
+        {
+            let last = self.frame_count(spec.frames) - 1;
+            let blend = TORQUE_BLEND_FRAMES.min(last) as f32;
+            let ends = [
+                (0, ClipRef::Motion(spec.from), spec.exit_frame),
+                (last, ClipRef::Motion(spec.to), spec.entry_frame),
+            ];
+            for (end, joined, joined_frame) in ends {
+                let found_nm = self.torque(clip, end, channel)?;
+                let expected_nm = self.torque(joined, usize::from(joined_frame), channel)?;
+                let tolerance_nm = limits.max_torque_nm;
+                if (found_nm - expected_nm).abs() > tolerance_nm {
+                    let torque_nm = found_nm;
+                    return Err(EncodeError::TorqueMismatch {
+                        clip,
+                        frame: end,
+                        channel,
+                        torque_nm,
+                        expected_nm,
+                        tolerance_nm,
+                    });
+                }
+                if frame == end {
+                    return self.torque_quanta(joined, usize::from(joined_frame), channel);
+                }
+                let weight = (1.0 - frame.abs_diff(end) as f32 / blend).max(0.0);
+                torque_nm += weight * (expected_nm - found_nm);
+            }
+        }
+        let limit_nm = limits.max_torque_nm;
+        let within = torque_nm.min(limit_nm).max(-limit_nm);
+        Ok(quantise::quantise_torque(within, limits).unwrap_or(0))
     }
 
     /// All clips with their frame counts and flags, motions first.

@@ -10,6 +10,9 @@ use thiserror::Error;
 /// rad. The encoder moves it onto the motion's frame, so that the library has no gap at all.
 pub const JOIN_TOLERANCE_RAD: f32 = 0.005;
 
+/// Frames over which the encoder leads a transition's torques over to those of the motions that it joins: 0.1 s.
+pub const TORQUE_BLEND_FRAMES: usize = 6;
+
 /// What goes into a library.
 #[derive(Clone, Copy, Debug)]
 pub struct LibrarySpec<'a> {
@@ -36,6 +39,9 @@ pub struct MotionSpec<'a> {
     /// Frames at 60 Hz one after the other, each with one value for every channel: joint angles in
     /// rad, then wheel motor speeds in rad/s.
     pub frames: &'a [f32],
+    /// Torques of the actuators at these frames in the same order, N·m, within the channels' limits; empty for none.
+    /// All clips have them or none.
+    pub torques: &'a [f32],
 }
 
 /// A transition to put into a library.
@@ -51,10 +57,13 @@ pub struct TransitionSpec<'a> {
     pub entry_frame: u16,
     /// Frames at 60 Hz, like those of a motion; two at least.
     pub frames: &'a [f32],
+    /// Torques, like those of a motion. At each end they may be off those of the motion that it joins by the channel's
+    /// limit: the encoder leads over to them within [`TORQUE_BLEND_FRAMES`].
+    pub torques: &'a [f32],
 }
 
 impl<'a> TransitionSpec<'a> {
-    /// From frame `exit_frame` of motion `from` to frame `entry_frame` of motion `to`.
+    /// From frame `exit_frame` of motion `from` to frame `entry_frame` of motion `to`, without torques.
     pub const fn new(
         from: usize,
         exit_frame: u16,
@@ -62,7 +71,7 @@ impl<'a> TransitionSpec<'a> {
         entry_frame: u16,
         frames: &'a [f32],
     ) -> Self {
-        Self { from, exit_frame, to, entry_frame, frames }
+        Self { from, exit_frame, to, entry_frame, frames, torques: &[] }
     }
 }
 
@@ -144,6 +153,51 @@ pub enum EncodeError {
         min: f32,
         /// Largest value.
         max: f32,
+    },
+    /// Some clips have torques and this one has not as many as values.
+    #[error("{clip}: {torques} torques are not one for each of its {values} values")]
+    TorqueShape {
+        /// The clip.
+        clip: ClipRef,
+        /// Torques given.
+        torques: usize,
+        /// Values given.
+        values: usize,
+    },
+    /// A torque that is no number, or beyond the channel's limit.
+    #[error(
+        "{clip}, frame {frame}, channel {channel}: a torque of {torque_nm} N·m is beyond the limit of {limit_nm} N·m"
+    )]
+    TorqueBeyondLimit {
+        /// The clip.
+        clip: ClipRef,
+        /// The frame.
+        frame: usize,
+        /// The channel.
+        channel: usize,
+        /// The torque, N·m.
+        torque_nm: f32,
+        /// Largest torque, N·m.
+        limit_nm: f32,
+    },
+    /// A transition's torque at an end is too far from that of the motion that it joins.
+    #[error(
+        "{clip}, frame {frame}, channel {channel}: a torque of {torque_nm} N·m must be within {tolerance_nm} N·m of \
+         {expected_nm} N·m, where it ends"
+    )]
+    TorqueMismatch {
+        /// The clip.
+        clip: ClipRef,
+        /// The frame.
+        frame: usize,
+        /// The channel.
+        channel: usize,
+        /// The torque, N·m.
+        torque_nm: f32,
+        /// What it must meet, N·m.
+        expected_nm: f32,
+        /// How far it may be off, N·m: the channel's limit.
+        tolerance_nm: f32,
     },
     /// A transition names a motion or a frame that does not exist.
     #[error(

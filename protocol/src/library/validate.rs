@@ -5,10 +5,10 @@
 //! each transition's four joints by a seek, each of at most 32 · 32 routes is followed.
 
 use super::container::{self, Container, SECTIONS, Span};
-use super::cursor::{Advance, ClipCursor};
+use super::decoder::{BlockPlace, Decoder, Shape};
 use super::records::*;
 use super::reject::{Reject, Section, Why};
-use super::view::{ClipKind, Index, Library};
+use super::view::{ClipInfo, ClipKind, Index, Library, Track};
 use super::{
     BLOCK_FRAMES, ClipId, MAX_CLIP_FRAMES, MAX_MOTIONS, MAX_TRANSITIONS, RATE_HZ, quantise,
 };
@@ -22,7 +22,8 @@ pub fn validate(bytes: &[u8], config: &RobotConfig) -> Result<Index, Reject> {
     let config_fault = |fault| reject(&sections, Section::Manifest, Why::BadConfig(fault));
     config.check().map_err(config_fault)?;
     let manifest = manifest(bytes, &sections, config)?;
-    let (records, lsb_exponents) = channels(bytes, &sections, config)?;
+    let Channels { records, max_torques, lsb_exponents, torque_exponents } =
+        channels(bytes, &sections, config)?;
     let index = Index {
         len: bytes.len() as u32,
         id: body_crc,
@@ -33,9 +34,12 @@ pub fn validate(bytes: &[u8], config: &RobotConfig) -> Result<Index, Reject> {
         transitions: manifest.transitions,
         safe_node: manifest.safe_node,
         lsb_exponents,
+        torque_exponents,
     };
-    let validation = Validation { library: Library::unchecked(bytes, index), sections, records };
+    let library = Library::unchecked(bytes, index);
+    let validation = Validation { library, sections, records, max_torques };
     validation.tables()?;
+    validation.torque_quanta()?;
     validation.clips()?;
     validation.edges()?;
     validation.routes()?;
@@ -87,7 +91,14 @@ fn manifest(
     Ok(manifest)
 }
 
-type Channels = ([ChannelRecord; MAX_CHANNELS], [i8; MAX_CHANNELS]);
+/// Channels by the robot's configuration.
+struct Channels {
+    records: [ChannelRecord; MAX_CHANNELS],
+    /// Torque limits, in quanta.
+    max_torques: [i16; MAX_CHANNELS],
+    lsb_exponents: [i8; MAX_CHANNELS],
+    torque_exponents: [i8; MAX_CHANNELS],
+}
 
 fn channels(
     bytes: &[u8],
@@ -96,8 +107,12 @@ fn channels(
 ) -> Result<Channels, Reject> {
     let table = span(sections, Section::Channels);
     let unused = ChannelRecord { kind: 0, lsb_exponent: 0, min: 0, max: 0, max_step: 0 };
-    let mut records = [unused; MAX_CHANNELS];
-    let mut exponents = [0; MAX_CHANNELS];
+    let mut all = Channels {
+        records: [unused; MAX_CHANNELS],
+        max_torques: [0; MAX_CHANNELS],
+        lsb_exponents: [0; MAX_CHANNELS],
+        torque_exponents: [0; MAX_CHANNELS],
+    };
     for (i, channel) in config.channels.iter().enumerate() {
         let found = table
             .record(bytes, i)
@@ -108,11 +123,16 @@ fn channels(
         if quantise::channel_record(channel) != Some(found) {
             return Err(fail(Why::ChannelMismatch { channel: i as u8 }));
         }
-        if let (Some(record), Some(exponent)) = (records.get_mut(i), exponents.get_mut(i)) {
+        let exponents = all.lsb_exponents.iter_mut().zip(&mut all.torque_exponents);
+        let limits = all.records.iter_mut().zip(&mut all.max_torques);
+        if let Some(((record, max_torque), (exponent, torque_exponent))) =
+            limits.zip(exponents).nth(i)
+        {
             (*record, *exponent) = (found, found.lsb_exponent);
+            (*torque_exponent, *max_torque) = quantise::torque_record(channel);
         }
     }
-    Ok((records, exponents))
+    Ok(all)
 }
 
 /// A library under validation.
@@ -120,6 +140,7 @@ pub(super) struct Validation<'a> {
     pub library: Library<'a>,
     sections: [Span; SECTIONS],
     pub records: [ChannelRecord; MAX_CHANNELS],
+    max_torques: [i16; MAX_CHANNELS],
 }
 
 impl Validation<'_> {
@@ -139,12 +160,16 @@ impl Validation<'_> {
             (Section::Routes, motions * motions, 1),
             (Section::Codes, motions, CODE_LEN),
             (Section::SafePose, channels, 2),
+            (Section::TorqueQuanta, channels, 1),
+            (Section::TorqueClips, motions + transitions, TORQUE_CLIP_LEN),
         ];
-        for (section, expected, record_len) in tables {
+        let count = if self.library.has_torques() { tables.len() } else { tables.len() - 2 };
+        for &(section, expected, record_len) in tables.iter().take(count) {
             let table = span(&self.sections, section);
             let found = table.len / u32::from(table.stride.max(1));
-            // Routes and safe pose are read as plain arrays: their stride is fixed.
-            let plain = matches!(section, Section::Routes | Section::SafePose);
+            // These are read as plain arrays: their stride is fixed.
+            let plain =
+                matches!(section, Section::Routes | Section::SafePose | Section::TorqueQuanta);
             let stride_fits =
                 if plain { table.stride == record_len } else { table.stride >= record_len };
             if found != expected || !stride_fits {
@@ -154,12 +179,25 @@ impl Validation<'_> {
         Ok(())
     }
 
+    /// Quanta of torques as they follow from the robot's limits.
+    fn torque_quanta(&self) -> Result<(), Reject> {
+        let found = self.library.payload(Section::TorqueQuanta).unwrap_or(&[]);
+        let expected = &self.library.index().torque_exponents;
+        match found.iter().zip(expected).position(|(&found, &expected)| found as i8 != expected) {
+            Some(channel) => {
+                let why = Why::ChannelMismatch { channel: channel as u8 };
+                Err(self.fail(Section::TorqueQuanta, channel, why))
+            }
+            None => Ok(()),
+        }
+    }
+
     fn has_attitudes(&self) -> bool {
         span(&self.sections, Section::Clips).stride >= CLIP_LEN + ATTITUDE_LEN
     }
 
     fn clips(&self) -> Result<(), Reject> {
-        let mut offset = 0u32;
+        let mut offsets = [0u32; Track::ALL.len()];
         for i in 0..self.library.clip_count() {
             let clip = ClipId(i);
             let fail = |why| self.fail(Section::Clips, usize::from(i), why);
@@ -169,7 +207,6 @@ impl Validation<'_> {
             let transition = info.kind == ClipKind::Transition;
             if record.flags & !FLAG_LOOPING != 0
                 || (transition && info.looping)
-                || record.offset != offset
                 || (self.has_attitudes() && self.library.attitude(clip).is_none())
             {
                 return Err(broken);
@@ -178,98 +215,124 @@ impl Validation<'_> {
             if frames < min || frames > MAX_CLIP_FRAMES {
                 return Err(fail(Why::ClipLength { clip, frames, min }));
             }
-            let end = self.frames(clip, info.looping, transition, offset)?;
-            if offset.checked_add(record.len) != Some(end) {
-                return Err(broken);
+            for (offset, &track) in offsets.iter_mut().zip(self.library.tracks()) {
+                let broken = self.fail(track.clips(), usize::from(i), Why::BadClip { clip });
+                let (at, len) = self.library.clip_span(track, clip).ok_or(broken)?;
+                if at != *offset {
+                    return Err(broken);
+                }
+                let end = self.frames(track, clip, &info, at)?;
+                if at.checked_add(len) != Some(end) {
+                    return Err(broken);
+                }
+                *offset = end;
             }
-            offset = end;
         }
-        let frames = span(&self.sections, Section::Frames).len;
-        if offset != frames {
-            let why = Why::WrongCount { found: frames, expected: offset };
-            return Err(self.fail(Section::Frames, 0, why));
+        for (&track, expected) in self.library.tracks().iter().zip(offsets) {
+            let found = span(&self.sections, track.blocks()).len;
+            if found != expected {
+                return Err(self.fail(track.blocks(), 0, Why::WrongCount { found, expected }));
+            }
         }
         Ok(())
     }
 
-    /// Every frame of a clip: decodes, within limits, not too fast, the seam closed or the wheels
-    /// at rest. Answers where its blocks end.
+    /// Every frame of a clip: decodes and is within limits. Values are not too fast, the seam is closed or
+    /// the wheels rest. Answers where its blocks end.
     fn frames(
         &self,
+        track: Track,
         clip: ClipId,
-        looping: bool,
-        transition: bool,
+        info: &ClipInfo,
         offset: u32,
     ) -> Result<u32, Reject> {
-        let start = span(&self.sections, Section::Frames).offset;
+        let start = span(&self.sections, track.blocks()).offset;
         let mut at = start.saturating_add(offset);
         let mut frame = 0;
-        let fail = |at, why| Reject { section: Section::Frames, offset: at, why };
+        let fail = |at, why| Reject { section: track.blocks(), offset: at, why };
         let bad_block = |at, frame| fail(at, Why::BadBlock { clip, frame });
-        let mut cursor =
-            ClipCursor::new(&self.library, clip, 0).map_err(|_| bad_block(at, frame))?;
-        let first = cursor;
-        let mut previous = cursor;
+        let ClipInfo { frames, looping, .. } = *info;
+        let channels = self.library.channel_count() as u8;
+        let shape = Shape { clip, frames, looping, channels };
+        let blocks = self.library.payload(track.blocks()).ok_or(bad_block(at, frame))?;
+        let place = BlockPlace::new(blocks, offset, 0).map_err(|_| bad_block(at, frame))?;
+        let mut decoder = Decoder::new(place);
+        decoder.seek(blocks, &shape, 0).map_err(|_| bad_block(at, frame))?;
+        let first = decoder;
+        let mut previous = decoder;
         loop {
-            for (channel, quanta) in cursor.quanta().enumerate() {
-                self.limits(clip, frame, channel, quanta).map_err(|why| fail(at, why))?;
+            for (channel, quanta) in decoder.quanta(channels).enumerate() {
+                self.limits(track, clip, frame, channel, quanta).map_err(|why| fail(at, why))?;
             }
-            if frame > 0
-                && let Some((channel, step)) = self.too_fast(&previous, &cursor)
-            {
+            if let Some((channel, step)) = self.too_fast(track, &previous, &decoder) {
                 let rate = self.value(channel, step) * f32::from(RATE_HZ);
                 let max_rate = self.value(channel, self.max_step(channel)) * f32::from(RATE_HZ);
                 let channel = channel as u8;
                 return Err(fail(at, Why::TooFast { clip, frame, channel, rate, max_rate }));
             }
-            let last_of_block = cursor.at_last_frame() || (frame + 1) % BLOCK_FRAMES == 0;
-            if last_of_block {
-                if !cursor.block_used_up(&self.library) {
+            let is_last = frame + 1 >= frames;
+            if is_last || (frame + 1) % BLOCK_FRAMES == 0 {
+                if !decoder.block_used_up(blocks) {
                     return Err(bad_block(at, frame));
                 }
-                at = cursor.after_block().map_err(|_| bad_block(at, frame))?.saturating_add(start);
+                at = decoder.after_block().map_err(|_| bad_block(at, frame))?.saturating_add(start);
             }
-            if cursor.at_last_frame() {
+            if is_last {
                 break;
             }
-            previous = cursor;
+            previous = decoder;
             frame += 1;
-            match cursor.advance(&self.library) {
-                Ok(Advance::Next) => {}
-                _ => return Err(bad_block(at, frame)),
-            }
+            decoder.advance(blocks, &shape, frame).map_err(|_| bad_block(at, frame))?;
         }
-        if looping && let Some((channel, step)) = self.too_fast(&cursor, &first) {
+        if looping && let Some((channel, step)) = self.too_fast(track, &decoder, &first) {
             let max_step = self.value(channel, self.max_step(channel));
             let (step, channel) = (self.value(channel, step), channel as u8);
             return Err(fail(at, Why::SeamJump { clip, channel, step, max_step }));
         }
-        if !looping && !transition {
-            self.wheels_rest(clip, &cursor).map_err(|why| fail(at, why))?;
+        if track == Track::Values && !looping && info.kind == ClipKind::Motion {
+            self.wheels_rest(clip, &decoder).map_err(|why| fail(at, why))?;
         }
         Ok(at.saturating_sub(start))
     }
 
-    fn limits(&self, clip: ClipId, frame: u16, channel: usize, quanta: i16) -> Result<(), Why> {
-        let Some(record) = self.records.get(channel) else { return Ok(()) };
-        if quanta >= record.min && quanta <= record.max {
+    fn limits(
+        &self,
+        track: Track,
+        clip: ClipId,
+        frame: u16,
+        channel: usize,
+        quanta: i16,
+    ) -> Result<(), Why> {
+        let limits = self.records.get(channel).zip(self.max_torques.get(channel));
+        let Some((record, &max_torque)) = limits else { return Ok(()) };
+        let (min, max) = match track {
+            Track::Values => (record.min, record.max),
+            Track::Torques => (-max_torque, max_torque),
+        };
+        if quanta >= min && quanta <= max {
             return Ok(());
         }
+        let value = |quanta: i16| {
+            self.library.track_value(track, channel, i32::from(quanta)).unwrap_or(f32::NAN)
+        };
         Err(Why::OutOfLimits {
             clip,
             frame,
             channel: channel as u8,
-            value: self.value(channel, i32::from(quanta)),
-            min: self.value(channel, i32::from(record.min)),
-            max: self.value(channel, i32::from(record.max)),
+            value: value(quanta),
+            min: value(min),
+            max: value(max),
         })
     }
 
-    /// The first channel that changes by more than its largest step.
-    fn too_fast(&self, from: &ClipCursor, to: &ClipCursor) -> Option<(usize, i32)> {
-        from.quanta().zip(to.quanta()).enumerate().find_map(|(channel, (a, b))| {
+    /// The first channel that changes by more than its largest step. A torque may: where contact is made, it
+    /// does.
+    fn too_fast(&self, track: Track, from: &Decoder, to: &Decoder) -> Option<(usize, i32)> {
+        let channels = self.library.channel_count() as u8;
+        let mut pairs = from.quanta(channels).zip(to.quanta(channels)).enumerate();
+        pairs.find_map(|(channel, (a, b))| {
             let step = (i32::from(b) - i32::from(a)).abs();
-            (step > self.max_step(channel)).then_some((channel, step))
+            (track == Track::Values && step > self.max_step(channel)).then_some((channel, step))
         })
     }
 
@@ -281,8 +344,9 @@ impl Validation<'_> {
         self.library.value(channel, quanta).unwrap_or(f32::NAN)
     }
 
-    fn wheels_rest(&self, clip: ClipId, cursor: &ClipCursor) -> Result<(), Why> {
-        for (channel, (quanta, record)) in cursor.quanta().zip(&self.records).enumerate() {
+    fn wheels_rest(&self, clip: ClipId, decoder: &Decoder) -> Result<(), Why> {
+        let quanta = decoder.quanta(self.library.channel_count() as u8);
+        for (channel, (quanta, record)) in quanta.zip(&self.records).enumerate() {
             if record.kind == 1 && quanta != 0 {
                 let speed = self.value(channel, i32::from(quanta));
                 return Err(Why::EndsInMotion { clip, channel: channel as u8, speed });

@@ -5,6 +5,7 @@ use super::cursor::ClipCursor;
 use super::records::CodeRecord;
 use super::reject::{Reject, Section, Why};
 use super::validate::Validation;
+use super::view::Track;
 use super::{MAX_MOTIONS, MAX_NAME, NO_EDGE, NodeId};
 
 impl Validation<'_> {
@@ -30,22 +31,25 @@ impl Validation<'_> {
                 return Err(fail(Why::ExitBeforeEnd { edge: id, exit_frame, last }));
             }
             let ends = [
-                ("first frame", 0, edge.from.clip(), edge.exit_frame),
-                ("last frame", own.frames - 1, edge.to.clip(), edge.entry_frame),
+                ("first frame", "first torque", 0, edge.from.clip(), edge.exit_frame),
+                ("last frame", "last torque", own.frames - 1, edge.to.clip(), edge.entry_frame),
             ];
-            for (end, frame, joined, joined_frame) in ends {
+            for (end, torque, frame, joined, joined_frame) in ends {
                 let found = ClipCursor::new(&self.library, edge.clip, frame).map_err(|_| bad)?;
                 let expected =
                     ClipCursor::new(&self.library, joined, joined_frame).map_err(|_| bad)?;
-                let pairs = found.quanta().zip(expected.quanta()).enumerate();
-                for (channel, (found, expected)) in pairs {
-                    if found != expected {
+                for &track in self.library.tracks() {
+                    let pairs = found.track_quanta(track).zip(expected.track_quanta(track));
+                    let different =
+                        |&(_, (found, expected)): &(usize, (i16, i16))| found != expected;
+                    if let Some((channel, (found, expected))) = pairs.enumerate().find(different) {
+                        let value = |quanta| self.library.track_value(track, channel, quanta);
                         return Err(fail(Why::EndMismatch {
                             edge: id,
-                            end,
+                            end: if track == Track::Values { end } else { torque },
                             channel: channel as u8,
-                            found: self.value(channel, i32::from(found)),
-                            expected: self.value(channel, i32::from(expected)),
+                            found: value(i32::from(found)).unwrap_or(f32::NAN),
+                            expected: value(i32::from(expected)).unwrap_or(f32::NAN),
                         }));
                     }
                 }

@@ -2,6 +2,7 @@
 
 use super::attitude::Attitude;
 use super::container::{FOOTER_LEN, SECTIONS, Span, u16_at, u32_at};
+use super::cursor::{ClipCursor, Unreadable};
 use super::records::{AttitudeRecord, CLIP_LEN, CodeRecord, EdgeRecord, FLAG_LOOPING};
 use super::reject::Section;
 use super::{ClipId, EdgeId, NO_EDGE, NodeId, quantise, records};
@@ -24,6 +25,7 @@ pub struct Index {
     pub(super) transitions: u8,
     pub(super) safe_node: u8,
     pub(super) lsb_exponents: [i8; MAX_CHANNELS],
+    pub(super) torque_exponents: [i8; MAX_CHANNELS],
 }
 
 impl Index {
@@ -41,6 +43,33 @@ impl Index {
     /// Hash of the robot's configuration that the library was built for and validated against.
     pub fn config_hash(&self) -> u32 {
         self.config_hash
+    }
+}
+
+/// What the blocks of a section hold of every channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Track {
+    Values,
+    Torques,
+}
+
+impl Track {
+    pub const ALL: [Self; 2] = [Self::Values, Self::Torques];
+
+    /// Where its blocks are.
+    pub fn blocks(self) -> Section {
+        match self {
+            Self::Values => Section::Frames,
+            Self::Torques => Section::Torques,
+        }
+    }
+
+    /// Where it says where those of a clip are.
+    pub fn clips(self) -> Section {
+        match self {
+            Self::Values => Section::Clips,
+            Self::Torques => Section::TorqueClips,
+        }
     }
 }
 
@@ -64,7 +93,7 @@ pub struct ClipInfo {
     pub looping: bool,
     /// Command code; `None` for a transition.
     pub code: Option<u8>,
-    /// Bytes of its frames in the library.
+    /// Bytes of its frames in the library, those of the torques included.
     pub bytes: u32,
 }
 
@@ -113,6 +142,18 @@ impl<'a> Library<'a> {
         &self.index
     }
 
+    /// Whether there are torques with the frames.
+    pub fn has_torques(&self) -> bool {
+        self.tracks().len() > 1
+    }
+
+    /// The tracks that there are.
+    pub(super) fn tracks(&self) -> &'static [Track] {
+        // A section that is there has a stride.
+        let has_torques = self.span(Section::Torques).is_some_and(|span| span.stride > 0);
+        if has_torques { &Track::ALL } else { &[Track::Values] }
+    }
+
     /// Joints and wheels of a frame.
     pub fn channel_count(&self) -> usize {
         usize::from(self.index.channels)
@@ -147,7 +188,9 @@ impl<'a> Library<'a> {
             frames: record.frames,
             looping: record.flags & FLAG_LOOPING != 0,
             code: if motion { self.code_of(NodeId(clip.0)) } else { None },
-            bytes: record.len,
+            bytes: (self.tracks().iter())
+                .filter_map(|&track| self.clip_span(track, clip))
+                .fold(0, |sum, (_, len)| sum.saturating_add(len)),
         })
     }
 
@@ -156,7 +199,7 @@ impl<'a> Library<'a> {
         if clip.0 >= self.clip_count() {
             return None;
         }
-        let span = self.index.sections.get(Section::Clips.index()?)?;
+        let span = self.span(Section::Clips)?;
         let record = span.record(self.bytes, usize::from(clip.0))?.get(usize::from(CLIP_LEN)..)?;
         // Libraries of format 1.0, and those that were not told, end here.
         AttitudeRecord::read(record).as_ref().and_then(Attitude::of)
@@ -216,9 +259,22 @@ impl<'a> Library<'a> {
         Some(())
     }
 
+    /// Writes the torques in the safe pose, N·m; 0 when the library has none. As
+    /// [`safe_pose_into`](Self::safe_pose_into).
+    pub fn safe_torques_into(&self, out: &mut [f32]) -> Result<(), Unreadable> {
+        let clip = self.safe_node().clip();
+        let frames = self.clip(clip).ok_or(Unreadable)?.frames;
+        ClipCursor::new(self, clip, frames.saturating_sub(1))?.torques_into(self, out)
+    }
+
     /// The size of a quantum of a channel: rad for a joint, rad/s for a wheel.
     pub fn quantum(&self, channel: usize) -> Option<f32> {
         self.value(channel, 1)
+    }
+
+    /// The size of a quantum of a channel's torques, N·m.
+    pub fn torque_quantum(&self, channel: usize) -> Option<f32> {
+        self.track_value(Track::Torques, channel, 1)
     }
 
     /// Name of a motion. `None` for a motion that does not exist.
@@ -232,10 +288,27 @@ impl<'a> Library<'a> {
 
     /// Value of some quanta of a channel.
     pub(super) fn value(&self, channel: usize, quanta: i32) -> Option<f32> {
+        self.track_value(Track::Values, channel, quanta)
+    }
+
+    /// The same of a track.
+    pub(super) fn track_value(&self, track: Track, channel: usize, quanta: i32) -> Option<f32> {
         if channel >= self.channel_count() {
             return None;
         }
-        Some(quantise::value(quanta, *self.index.lsb_exponents.get(channel)?))
+        let exponents = match track {
+            Track::Values => &self.index.lsb_exponents,
+            Track::Torques => &self.index.torque_exponents,
+        };
+        Some(quantise::value(quanta, *exponents.get(channel)?))
+    }
+
+    /// Where the blocks of a clip begin, from the start of the track's section, and how many bytes they have.
+    pub(super) fn clip_span(&self, track: Track, clip: ClipId) -> Option<(u32, u32)> {
+        let record = self.span(track.clips())?.record(self.bytes, usize::from(clip.0))?;
+        // Frames are behind flags and count.
+        let at = if track == Track::Values { 3 } else { 0 };
+        Some((u32_at(record, at)?, u32_at(record, at + 4)?))
     }
 
     pub(super) fn clip_record(&self, clip: ClipId) -> Option<records::ClipRecord> {
@@ -245,12 +318,16 @@ impl<'a> Library<'a> {
         self.record(Section::Clips, usize::from(clip.0))
     }
 
+    fn span(&self, section: Section) -> Option<&Span> {
+        self.index.sections.get(section.index()?)
+    }
+
     pub(super) fn payload(&self, section: Section) -> Option<&'a [u8]> {
-        self.index.sections.get(section.index()?)?.of(self.bytes)
+        self.span(section)?.of(self.bytes)
     }
 
     pub(super) fn record<T: DeserializeOwned>(&self, section: Section, i: usize) -> Option<T> {
-        let record = self.index.sections.get(section.index()?)?.record(self.bytes, i)?;
+        let record = self.span(section)?.record(self.bytes, i)?;
         postcard::take_from_bytes(record).ok().map(|(value, _)| value)
     }
 

@@ -80,11 +80,11 @@ impl<'a> Writer<'a> {
         self.overwrite(len_at, &len.to_le_bytes())
     }
 
-    /// Header and footer; the whole file.
-    pub fn finish(mut self) -> Result<&'a [u8], EncodeError> {
+    /// Header, of a format version, and footer; the whole file.
+    pub fn finish(mut self, minor: u16) -> Result<&'a [u8], EncodeError> {
         let full = self.full();
         let total = u32::try_from(self.len.saturating_add(FOOTER_LEN)).map_err(|_| full)?;
-        let header: [u8; HEADER_LEN] = container::header(total);
+        let header: [u8; HEADER_LEN] = container::header(minor, total);
         self.overwrite(0, &header)?;
         let body_crc = crc32c(self.written_since(0));
         self.bytes(&container::footer(total, body_crc))?;

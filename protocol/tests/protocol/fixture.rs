@@ -55,6 +55,8 @@ pub struct Fixture {
     pub from_trot: Vec<f32>,
     pub to_drive: Vec<f32>,
     pub from_drive: Vec<f32>,
+    /// Of each clip, motions first; empty for none.
+    pub torques: [Vec<f32>; 7],
 }
 
 /// From the first to the last of two poses with zero speed at both ends.
@@ -89,23 +91,67 @@ impl Fixture {
             drive: frames(130, drive_at),
             stand,
             config,
+            torques: Default::default(),
         }
+    }
+
+    /// The same with torques: stiff springs' and, of a trot, steps as where feet touch the ground.
+    pub fn with_torques() -> Self {
+        let mut fixture = Self::new();
+        let f = &fixture;
+        let clips =
+            [&f.stand, &f.trot, &f.drive, &f.to_trot, &f.from_trot, &f.to_drive, &f.from_drive];
+        let torques = clips.map(|values| {
+            let torque = |(i, value): (usize, &f32)| {
+                let limit = f.config.channels[i % 3].max_torque_nm;
+                let step = if values.len() == f.trot.len() && i / 3 % 45 < 20 { 0.4 } else { -0.1 };
+                limit * (0.5 * (3.0 * value).sin() + step)
+            };
+            values.iter().enumerate().map(torque).collect()
+        });
+        fixture.torques = torques;
+        fixture
     }
 
     pub fn motions(&self) -> [MotionSpec<'_>; 3] {
         [
-            MotionSpec { name: "stand", code: 1, looping: true, frames: &self.stand },
-            MotionSpec { name: "trot", code: 20, looping: true, frames: &self.trot },
-            MotionSpec { name: "drive", code: 10, looping: false, frames: &self.drive },
+            MotionSpec {
+                name: "stand",
+                code: 1,
+                looping: true,
+                frames: &self.stand,
+                torques: &self.torques[0],
+            },
+            MotionSpec {
+                name: "trot",
+                code: 20,
+                looping: true,
+                frames: &self.trot,
+                torques: &self.torques[1],
+            },
+            MotionSpec {
+                name: "drive",
+                code: 10,
+                looping: false,
+                frames: &self.drive,
+                torques: &self.torques[2],
+            },
         ]
     }
 
     pub fn transitions(&self) -> [TransitionSpec<'_>; 4] {
+        let [.., to_trot, from_trot, to_drive, from_drive] = &self.torques;
         [
-            TransitionSpec::new(0, 0, 1, 0, &self.to_trot),
-            TransitionSpec::new(1, TROT_EXIT, 0, 0, &self.from_trot),
-            TransitionSpec::new(0, 0, 2, 0, &self.to_drive),
-            TransitionSpec::new(2, 129, 0, 0, &self.from_drive),
+            TransitionSpec { torques: to_trot, ..TransitionSpec::new(0, 0, 1, 0, &self.to_trot) },
+            TransitionSpec {
+                torques: from_trot,
+                ..TransitionSpec::new(1, TROT_EXIT, 0, 0, &self.from_trot)
+            },
+            TransitionSpec { torques: to_drive, ..TransitionSpec::new(0, 0, 2, 0, &self.to_drive) },
+            TransitionSpec {
+                torques: from_drive,
+                ..TransitionSpec::new(2, 129, 0, 0, &self.from_drive)
+            },
         ]
     }
 

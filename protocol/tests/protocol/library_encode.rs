@@ -14,7 +14,7 @@ fn error(config: &RobotConfig, motions: &[MotionSpec], transitions: &[Transition
 }
 
 fn motion(frames: &[f32], looping: bool) -> MotionSpec<'_> {
-    MotionSpec { name: "m", code: 1, looping, frames }
+    MotionSpec { name: "m", code: 1, looping, frames, torques: &[] }
 }
 
 #[track_caller]
@@ -53,6 +53,7 @@ fn errors_say_what_is_wrong() {
         to: 0,
         entry_frame: 0,
         frames,
+        torques: &[],
     };
     says(
         error(&config, &two, &[back(1, 1, &[0.0; 4])]),
@@ -87,13 +88,21 @@ fn the_largest_step_is_the_rate_and_one_quantum() {
             config: &config,
             motions: &[motion(&[0.0], true), MotionSpec { code: 2, ..motion(&frames, false) }],
             transitions: &[
-                TransitionSpec { from: 0, exit_frame: 0, to: 1, entry_frame: 0, frames: &[0.0; 2] },
+                TransitionSpec {
+                    from: 0,
+                    exit_frame: 0,
+                    to: 1,
+                    entry_frame: 0,
+                    frames: &[0.0; 2],
+                    torques: &[],
+                },
                 TransitionSpec {
                     from: 1,
                     exit_frame: 1,
                     to: 0,
                     entry_frame: 0,
                     frames: &[quanta / 1024.0, 0.0],
+                    torques: &[],
                 },
             ],
             safe: 0,
@@ -124,7 +133,13 @@ fn the_largest_library_fits_the_format() {
     let still = vec![0.25; 24];
     let names: Vec<String> = (0..MAX_MOTIONS).map(|i| format!("motion {i:0>25}")).collect();
     let motions: Vec<_> = (0..MAX_MOTIONS)
-        .map(|i| MotionSpec { name: &names[i], code: 255 - i as u8, looping: true, frames: &still })
+        .map(|i| MotionSpec {
+            name: &names[i],
+            code: 255 - i as u8,
+            looping: true,
+            frames: &still,
+            torques: &[],
+        })
         .collect();
     let pair = vec![0.25; 48];
     // Three rings: to the next, back, and across.
@@ -135,6 +150,7 @@ fn the_largest_library_fits_the_format() {
             to: (i % 32 + [1, 31, 16][i / 32]) % 32,
             entry_frame: 0,
             frames: &pair,
+            torques: &[],
         })
         .collect();
     let spec =
@@ -207,11 +223,11 @@ proptest! {
         }
         let there_and_back: Vec<f32> = out.iter().chain(out.iter().rev()).flatten().copied().collect();
         let motions = [
-            MotionSpec { name: "stand", code: 0, looping: true, frames: &out[0] },
-            MotionSpec { name: "m", code: 1, looping: true, frames: &there_and_back },
+            MotionSpec { name: "stand", code: 0, looping: true, frames: &out[0], torques: &[] },
+            MotionSpec { name: "m", code: 1, looping: true, frames: &there_and_back, torques: &[] },
         ];
         let still = frames(2, |_| out[0].clone());
-        let edge = |from, to| TransitionSpec { from, exit_frame: 0, to, entry_frame: 0, frames: &still };
+        let edge = |from, to| TransitionSpec { from, exit_frame: 0, to, entry_frame: 0, frames: &still, torques: &[] };
         let transitions = [edge(0, 1), edge(1, 0)];
         let spec = LibrarySpec { config: &config, motions: &motions, transitions: &transitions, safe: 0 };
         let bytes = encode_vec(&spec);

@@ -1,4 +1,4 @@
-//! The bytes of libraries of formats 1.0 and 1.1. Do not change: libraries like these are stored in
+//! The bytes of libraries of formats 1.0 to 1.2. Do not change: libraries like these are stored in
 //! robots. If a test here fails, the code is wrong, or the format needs a new version.
 
 use crate::fixture::robot;
@@ -6,6 +6,28 @@ use rollwalk_protocol::library::{
     Attitude, ClipCursor, ClipId, Library, LibrarySpec, MotionSpec, NodeId, TransitionSpec,
     encode_with_attitudes, validate,
 };
+
+/// Do not change: with attitudes and torques.
+const GOLDEN_1_2: &str = "\
+524f4c4c57414c4b010002003402000000000000e48dce0101000a000a000000
+7eded3f13c0002020200020008001000000000f600fa0006670001f600e00020
+0104030013004c00000001010000000000120000000000000000400000004000
+12000000450000009ad900003333fa0000020057000000130000000000000000
+4000000002006a00000013000000000000400000c409040001007d0000000001
+000008005cc87e366400000000000000013c000023005f3a9225640000020300
+0000034892c44e92c4034e92c44e92c4034e92c44e92c4034e92c44e0001043c
+000e000b778fb06a000002ffff0000a10008c0ff010202000009007dfa0dcd64
+00000000000002000302000009009237c68d640000000000000000050006000c
+00000000010000000001003f0000000600010004000000000001010700020004
+00000003010700080002000400000064000000090001000a000000057374616e
+64036e6f640a00010002000000f7f60b00080020000000000000001200000012
+0000004500000057000000130000006a000000130000000c0001007d00000000
+0100000800b2c023ae9cff000000000000013c00002300794eb47a9cff0001fd
+ff0000039024a99524a9039524a99524a9039524a99524a9039524a995000104
+3c000e0011a0a4cf96ff00010100000092001080ff01020200000900d1183ab6
+9cff00000000000100030200000900a77d16c29cff0000000000000052574c2d
+454e442e3402000070aed8de000000000afc99be
+";
 
 /// Do not change: with attitudes.
 const GOLDEN_1_1: &str = "\
@@ -55,19 +77,24 @@ fn nod() -> Vec<f32> {
     (0..64).flat_map(frame).collect()
 }
 
-fn spec_bytes() -> Vec<u8> {
+/// Torques of frames: against the joint's angle, along the wheel's speed. Multiples of their quanta.
+fn torques(frames: &[f32]) -> Vec<f32> {
+    frames.chunks(2).flat_map(|frame| [-2.0 * frame[0], 0.5 * frame[1]]).collect()
+}
+
+fn spec_bytes(with_torques: bool) -> Vec<u8> {
     let config = robot(1, 1);
     let stand = [100.0 / 1024.0, 0.0];
-    let nod = nod();
-    let still = [stand, stand].concat();
-    let motions = [
-        MotionSpec { name: "stand", code: 7, looping: true, frames: &stand },
-        MotionSpec { name: "nod", code: 3, looping: false, frames: &nod },
-    ];
     let to = [stand, [100.0 / 1024.0, 0.5]].concat();
+    let clips = [stand.to_vec(), nod(), to, [stand, stand].concat()];
+    let of = clips.each_ref().map(|c| if with_torques { torques(c) } else { vec![] });
+    let motions = [
+        MotionSpec { name: "stand", code: 7, looping: true, frames: &clips[0], torques: &of[0] },
+        MotionSpec { name: "nod", code: 3, looping: false, frames: &clips[1], torques: &of[1] },
+    ];
     let transitions = [
-        TransitionSpec { from: 0, exit_frame: 0, to: 1, entry_frame: 0, frames: &to },
-        TransitionSpec { from: 1, exit_frame: 63, to: 0, entry_frame: 0, frames: &still },
+        TransitionSpec { torques: &of[2], ..TransitionSpec::new(0, 0, 1, 0, &clips[2]) },
+        TransitionSpec { torques: &of[3], ..TransitionSpec::new(1, 63, 0, 0, &clips[3]) },
     ];
     let spec =
         LibrarySpec { config: &config, motions: &motions, transitions: &transitions, safe: 0 };
@@ -91,12 +118,17 @@ fn encodes_to_the_golden_bytes() {
         let line = |line: &[u8]| line.iter().map(|b| format!("{b:02x}")).collect::<String>();
         bytes.chunks(32).map(|l| line(l) + "\n").collect()
     };
-    assert_eq!(hex(&spec_bytes()), hex(&golden(GOLDEN_1_1)));
+    assert_eq!(hex(&spec_bytes(false)), hex(&golden(GOLDEN_1_1)));
+    assert_eq!(hex(&spec_bytes(true)), hex(&golden(GOLDEN_1_2)));
 }
 
 #[test]
 fn the_golden_bytes_still_play() {
-    for (bytes, attitude) in [(golden(GOLDEN_1_0), false), (golden(GOLDEN_1_1), true)] {
+    for (bytes, attitude, with_torques) in [
+        (golden(GOLDEN_1_0), false, false),
+        (golden(GOLDEN_1_1), true, false),
+        (golden(GOLDEN_1_2), true, true),
+    ] {
         let config = robot(1, 1);
         let index = validate(&bytes, &config).unwrap();
         let library = Library::open(&bytes, &index).unwrap();
@@ -109,6 +141,9 @@ fn the_golden_bytes_still_play() {
             let mut frame = [0.0; 2];
             cursor.frame_into(&library, &mut frame).unwrap();
             assert_eq!(frame, expected, "multiples of a quantum return exactly");
+            cursor.torques_into(&library, &mut frame).unwrap();
+            let expected = if with_torques { torques(expected) } else { vec![0.0; 2] };
+            assert_eq!(frame, *expected, "so do those of a torque");
             cursor.advance(&library).unwrap();
         }
     }

@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 fn golden() -> &'static (Fixture, Vec<u8>) {
     static GOLDEN: OnceLock<(Fixture, Vec<u8>)> = OnceLock::new();
     GOLDEN.get_or_init(|| {
-        let fixture = Fixture::new();
+        let fixture = Fixture::with_torques();
         let bytes = fixture.encode();
         (fixture, bytes)
     })
@@ -28,6 +28,10 @@ fn assert_playable(bytes: &[u8], index: &Index, config: &RobotConfig) {
             cursor.frame_into(&library, &mut pose).expect("validated");
             for (value, c) in pose.iter().zip(&config.channels) {
                 assert!(*value >= c.min && *value <= c.max);
+            }
+            cursor.torques_into(&library, &mut pose).expect("validated");
+            for (torque, c) in pose.iter().zip(&config.channels) {
+                assert!(torque.abs() <= c.max_torque_nm);
             }
             cursor.advance(&library).expect("validated");
         }
@@ -45,6 +49,7 @@ fn assert_playable(bytes: &[u8], index: &Index, config: &RobotConfig) {
         assert_eq!(at, library.safe_node(), "SAFE is reached");
     }
     library.safe_pose_into(&mut [0.0; 24]).expect("validated");
+    library.safe_torques_into(&mut [0.0; 24]).expect("validated");
 }
 
 fn refused_or_playable(bytes: &[u8], config: &RobotConfig) {
@@ -143,6 +148,7 @@ proptest! {
         let library = Library::open(&forged, &index).unwrap();
         for _ in 0..100 {
             let _ = cursor.frame_into(&library, &mut [0.0; 3]);
+            let _ = cursor.torques_into(&library, &mut [0.0; 3]);
             let _ = cursor.advance(&library);
         }
         let _ = cursor.seek(&library, frame);

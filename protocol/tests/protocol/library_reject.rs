@@ -119,11 +119,14 @@ fn future_minor_version_is_read() {
     bytes[header + 4..header + 8].copy_from_slice(&(wider.len() as u32).to_le_bytes());
     bytes.splice(clips, wider);
     let end = bytes.len() - 24;
-    bytes.splice(end..end, [10, 0, 1, 0, 3, 0, 0, 0, 1, 2, 3]);
-    reseal(&mut bytes);
-    let reject = validate(&bytes, &fixture.config).unwrap_err();
-    expect(reject, Section::Table, "section 10 is out of order, repeated, unknown");
-    bytes[10] = 2;
+    bytes.splice(end..end, [13, 0, 1, 0, 3, 0, 0, 0, 1, 2, 3]);
+    for minor in [1, 2] {
+        bytes[10] = minor;
+        reseal(&mut bytes);
+        let reject = validate(&bytes, &fixture.config).unwrap_err();
+        expect(reject, Section::Table, "section 13 is out of order, repeated, unknown");
+    }
+    bytes[10] = 3;
     reseal(&mut bytes);
     let new = validate(&bytes, &fixture.config).unwrap();
     let before = good().1;
@@ -394,7 +397,13 @@ fn a_safe_loop_holds_still_in_all_frames() {
 #[test]
 fn a_safe_loop_has_no_turning_wheel() {
     let config = &robot(2, 1);
-    let roll = MotionSpec { name: "roll", code: 1, looping: true, frames: &[0.5, -1.0, 2.0] };
+    let roll = MotionSpec {
+        name: "roll",
+        code: 1,
+        looping: true,
+        frames: &[0.5, -1.0, 2.0],
+        torques: &[],
+    };
     let spec = LibrarySpec { config, motions: &[roll], transitions: &[], safe: 0 };
     let error = encode(&spec, &mut [0; 1 << 15]).unwrap_err().to_string();
     let sentence = "channel 2: the safe motion does not come to rest in the safe pose";

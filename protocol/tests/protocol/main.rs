@@ -17,6 +17,7 @@ mod library_hostile;
 mod library_reject;
 mod library_round_trip;
 mod library_size;
+mod library_torques;
 mod reason_codes;
 mod reseal;
 mod transport_golden;

@@ -36,9 +36,11 @@ pub fn reseal(bytes: &mut [u8]) {
     if bytes.len() < HEADER + FOOTER {
         return;
     }
-    if let Some(frames) = find_section(bytes, 4)
-        && frames.end <= bytes.len() - FOOTER
-    {
+    for tag in [4, 12] {
+        let blocks = find_section(bytes, tag);
+        let Some(frames) = blocks.filter(|blocks| blocks.end <= bytes.len() - FOOTER) else {
+            continue;
+        };
         let mut at = frames.start;
         while let Some(len) = u16_at(bytes, at + 4)
             && at + 10 <= frames.end

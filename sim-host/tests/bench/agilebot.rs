@@ -34,7 +34,8 @@ fn library(robot: &Robot) -> Vec<u8> {
     let ease = |u: f32| 40.0 * slope * u * u * (u - 1.0);
     let ease_in: Vec<f32> = (0..=40).flat_map(|k| frame(ease(k as f32 / 40.0))).collect();
     let ease_out: Vec<f32> = (0..=40).flat_map(|k| frame(-ease(1.0 - k as f32 / 40.0))).collect();
-    let motion = |name, code, looping, frames| MotionSpec { name, code, looping, frames };
+    let motion =
+        |name, code, looping, frames| MotionSpec { name, code, looping, frames, torques: &[] };
     let spec = LibrarySpec {
         config: &config,
         motions: &[motion("stand", STAND, false, &stand), motion("squat", SQUAT, true, &squat)],

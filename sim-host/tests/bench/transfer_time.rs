@@ -39,12 +39,23 @@ fn large_library() -> Vec<u8> {
     let clips: Vec<_> = (0..names.len()).map(|k| noise(3600, k as u64)).collect();
     let still = stand[..3].repeat(6);
     for count in 1..=names.len() {
-        let mut motions =
-            vec![MotionSpec { name: "stand", code: STAND, looping: false, frames: &stand }];
+        let mut motions = vec![MotionSpec {
+            name: "stand",
+            code: STAND,
+            looping: false,
+            frames: &stand,
+            torques: &[],
+        }];
         let mut transitions = Vec::new();
         for k in 0..count {
             let code = 10 + k as u8;
-            motions.push(MotionSpec { name: names[k], code, looping: false, frames: &clips[k] });
+            motions.push(MotionSpec {
+                name: names[k],
+                code,
+                looping: false,
+                frames: &clips[k],
+                torques: &[],
+            });
             transitions.extend([
                 TransitionSpec::new(0, 1, 1 + k, 0, &still),
                 TransitionSpec::new(1 + k, 3599, 0, 0, &still),

@@ -28,8 +28,8 @@ pub fn encoded(robot: &Robot) -> Result<Vec<u8>, String> {
     let bend: Vec<f32> = (0..=BEND_FRAMES).flat_map(|k| bent(&config, &pose, k)).collect();
     let still = pose.repeat(STILL_FRAMES);
     let motions = [
-        MotionSpec { name: "stand", code: 1, looping: false, frames: &stand },
-        MotionSpec { name: "bend", code: 2, looping: false, frames: &bend },
+        MotionSpec { name: "stand", code: 1, looping: false, frames: &stand, torques: &[] },
+        MotionSpec { name: "bend", code: 2, looping: false, frames: &bend, torques: &[] },
     ];
     let transitions = [
         TransitionSpec::new(0, 1, 1, 0, &still),

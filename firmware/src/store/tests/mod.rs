@@ -45,7 +45,8 @@ fn library(seed: u32, frames: usize) -> Vec<u8> {
             0.04 * ((random >> 16) as f32 / 65536.0)
         })
         .collect();
-    let motions = [MotionSpec { name: "settle", code: 1, looping: false, frames: &frames }];
+    let motions =
+        [MotionSpec { name: "settle", code: 1, looping: false, frames: &frames, torques: &[] }];
     let spec = LibrarySpec { config: &config, motions: &motions, transitions: &[], safe: 0 };
     let mut bytes = std::vec![0; 1 << 16];
     let len = encode(&spec, &mut bytes).unwrap();

@@ -1,0 +1,201 @@
+//! The decoder of one track of a clip: the values of its channels, or their torques.
+//!
+//! Both tracks have the same blocks, group for group, so that one decoder reads either.
+
+use super::check::BlockCheck;
+use super::codec::{BLOCK_HEADER_LEN, BitReader, GROUP, WIDTH_BITS, unzigzag, width_of};
+use super::container::u16_at;
+use super::cursor::Unreadable;
+use super::{BLOCK_FRAMES, ClipId};
+use crate::config::MAX_CHANNELS;
+
+/// Decoder state of one channel: 7 bytes, 8 with padding.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct ChannelState {
+    value: i16,
+    width: u8,
+    delta: [u8; 4],
+}
+
+const _: () = assert!(size_of::<ChannelState>() <= 8, "decoder state is 8 bytes a channel at most");
+
+/// What the tracks of a clip have in common.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape {
+    pub clip: ClipId,
+    pub frames: u16,
+    pub looping: bool,
+    pub channels: u8,
+}
+
+/// A clip of a track, and the check of the block that will be entered next, as far as it has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct BlockPlace {
+    /// First block of the clip, bytes from the start of the track's section.
+    pub clip_at: u32,
+    pub check: BlockCheck,
+}
+
+impl BlockPlace {
+    /// Of a track that the library does not have.
+    pub const NONE: Self = Self { clip_at: 0, check: BlockCheck::NONE };
+
+    /// Block `n` of the clip that begins at `clip_at`, of which nothing has been checked.
+    pub fn new(blocks: &[u8], clip_at: u32, n: u16) -> Result<Self, Unreadable> {
+        Ok(Self { clip_at, check: BlockCheck::of(block_of(blocks, clip_at, n)?) })
+    }
+}
+
+/// A place in a track, with the frame there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Decoder {
+    place: BlockPlace,
+    /// Header of the current block, bytes from the start of the track's section.
+    block: u32,
+    /// Bytes of its payload.
+    payload: u16,
+    /// Frame within the block.
+    in_block: u8,
+    /// Next bit of the payload.
+    bit: u32,
+    states: [ChannelState; MAX_CHANNELS],
+}
+
+impl Decoder {
+    /// A decoder that has yet to enter its block.
+    pub fn new(place: BlockPlace) -> Self {
+        Self { place, block: 0, payload: 0, in_block: 0, bit: 0, states: Default::default() }
+    }
+
+    /// The frame, in quanta.
+    pub fn quanta(&self, channels: u8) -> impl Iterator<Item = i16> + '_ {
+        self.states.iter().take(usize::from(channels)).map(|state| state.value)
+    }
+
+    /// To the next frame of the clip, which is not its first.
+    pub fn advance(&mut self, blocks: &[u8], shape: &Shape, next: u16) -> Result<(), Unreadable> {
+        if next.is_multiple_of(BLOCK_FRAMES) {
+            let block = self.after_block()?;
+            return self.enter_block(blocks, shape, block, next);
+        }
+        self.decode_next(blocks, shape)?;
+        if !self.place.check.is_over() {
+            self.place.check.step(blocks);
+        }
+        Ok(())
+    }
+
+    /// To any frame of the clip.
+    pub fn seek(&mut self, blocks: &[u8], shape: &Shape, frame: u16) -> Result<(), Unreadable> {
+        let block = block_of(blocks, self.place.clip_at, frame / BLOCK_FRAMES)?;
+        self.enter_block(blocks, shape, block, frame - frame % BLOCK_FRAMES)?;
+        for _ in 0..frame % BLOCK_FRAMES {
+            self.decode_next(blocks, shape)?;
+        }
+        Ok(())
+    }
+
+    /// Whether there is nothing left to check of the block that follows.
+    pub fn is_checked_ahead(&self) -> bool {
+        self.place.check.is_over()
+    }
+
+    /// Where the track's section goes on after the current block.
+    pub fn after_block(&self) -> Result<u32, Unreadable> {
+        block_end(self.block, self.payload)
+    }
+
+    /// Whether the payload of the current block was used to the last byte, with zeros for padding.
+    pub fn block_used_up(&self, blocks: &[u8]) -> bool {
+        let padding = (8 - self.bit % 8) % 8;
+        u32::from(self.payload) * 8 == self.bit.saturating_add(padding)
+            && self
+                .payload_bytes(blocks)
+                .and_then(|payload| BitReader::new(payload, self.bit)?.read(padding as u8))
+                == Some(0)
+    }
+
+    fn payload_bytes<'a>(&self, blocks: &'a [u8]) -> Option<&'a [u8]> {
+        let start = usize::try_from(self.block).ok()?.checked_add(BLOCK_HEADER_LEN)?;
+        blocks.get(start..start.checked_add(usize::from(self.payload))?)
+    }
+
+    /// Takes the keyframe of the block at `block`, whose first frame must be `first_frame`.
+    fn enter_block(
+        &mut self,
+        blocks: &[u8],
+        shape: &Shape,
+        block: u32,
+        first_frame: u16,
+    ) -> Result<(), Unreadable> {
+        let start = usize::try_from(block).map_err(|_| Unreadable)?;
+        let header = blocks.get(start..).and_then(|b| b.get(..BLOCK_HEADER_LEN));
+        let header = header.ok_or(Unreadable)?;
+        let expected_frames = shape.frames.saturating_sub(first_frame).min(BLOCK_FRAMES);
+        let fits = header.first() == Some(&shape.clip.0)
+            && header.get(1).map(|&n| u16::from(n)) == Some(expected_frames)
+            && u16_at(header, 2) == Some(first_frame);
+        if !fits || !self.place.check.finish_for(blocks, block) {
+            return Err(Unreadable);
+        }
+        self.block = block;
+        self.payload = u16_at(header, 4).ok_or(Unreadable)?;
+        self.place.check = if first_frame.saturating_add(BLOCK_FRAMES) < shape.frames {
+            BlockCheck::of(self.after_block()?)
+        } else if shape.looping {
+            BlockCheck::of(self.place.clip_at)
+        } else {
+            BlockCheck::NONE
+        };
+        let payload = self.payload_bytes(blocks).ok_or(Unreadable)?;
+        let channels = usize::from(shape.channels);
+        for (i, state) in self.states.iter_mut().take(channels).enumerate() {
+            state.width = 0;
+            state.value = u16_at(payload, 2 * i).ok_or(Unreadable)? as i16;
+            let delta = u16_at(payload, 2 * (channels + i)).ok_or(Unreadable)? as i16;
+            state.delta = i32::from(delta).to_le_bytes();
+        }
+        self.bit = u32::from(shape.channels) * 32;
+        self.in_block = 0;
+        Ok(())
+    }
+
+    /// The next frame of the current block.
+    fn decode_next(&mut self, blocks: &[u8], shape: &Shape) -> Result<(), Unreadable> {
+        let payload = self.payload_bytes(blocks).ok_or(Unreadable)?;
+        let channels = usize::from(shape.channels);
+        let mut bits = BitReader::new(payload, self.bit).ok_or(Unreadable)?;
+        let mut read = 0;
+        if self.in_block.is_multiple_of(GROUP) {
+            for state in self.states.iter_mut().take(channels) {
+                state.width = width_of(bits.read(WIDTH_BITS).ok_or(Unreadable)? as u8);
+                read += u32::from(WIDTH_BITS);
+            }
+        }
+        for state in self.states.iter_mut().take(channels) {
+            let second = unzigzag(bits.read(state.width).ok_or(Unreadable)?);
+            read += u32::from(state.width);
+            let delta = i32::from_le_bytes(state.delta).wrapping_add(second);
+            let value = i32::from(state.value).wrapping_add(delta);
+            state.value = i16::try_from(value).map_err(|_| Unreadable)?;
+            state.delta = delta.to_le_bytes();
+        }
+        self.bit = self.bit.saturating_add(read);
+        self.in_block = self.in_block.saturating_add(1);
+        Ok(())
+    }
+}
+
+fn block_end(block: u32, payload: u16) -> Result<u32, Unreadable> {
+    block.checked_add(BLOCK_HEADER_LEN as u32 + u32::from(payload)).ok_or(Unreadable)
+}
+
+/// Block `n` after the one at `block`, bytes from the start of the track's section.
+fn block_of(blocks: &[u8], mut block: u32, n: u16) -> Result<u32, Unreadable> {
+    for _ in 0..n {
+        let header = usize::try_from(block).map_err(|_| Unreadable)?;
+        let payload = u16_at(blocks, header.saturating_add(4)).ok_or(Unreadable)?;
+        block = block_end(block, payload)?;
+    }
+    Ok(block)
+}
