@@ -410,7 +410,7 @@ def check_ends(table, line):
 
 
 def check_dynamics(table, line):
-    """Newton and Euler for the whole robot, at every sample."""
+    """Newton and Euler for the whole robot, in the mean around every sample."""
     h, gravity = line.h, line.formulation["gravity_m_s2"]
     mass = sum(link["mass_kg"] for link in line.robot["links"])
     inertia_in_body = centroidal_inertia(line.robot)
@@ -418,14 +418,21 @@ def check_dynamics(table, line):
         k = i + 1  # place in the timeline
         before, after, r = line.states[k - 1], line.states[k + 1], line.rotations[k]
 
+        # Means around the sample with the weight 1 - |t| / h: 2/3 and 1/3 on the interval to a neighbour, since forces
+        # are linear there. The mean of an acceleration is the second difference. At an end there is one interval.
+        inside = [n for n, there in ((before, i > 0), (after, i < len(line.samples) - 1)) if there or line.periodic]
+        per_mean = 2 / (h * len(inside))
+        force, moment = [0.0] * 3, [0.0] * 3
+        for state, weight in [(s, 2 / 3)] * len(inside) + [(n, 1 / 3) for n in inside]:
+            for e in state["end_effectors"]:
+                f = scale(e["force_n"], weight / len(inside))
+                force = add(force, f)
+                moment = add(moment, cross(sub(e["position_m"], state["com_m"]), f))
+
         # Linear dynamics, Eq. 2.3: sum f + M g - M x'' = 0.
         acceleration = scale(
-            add(sub(before["com_m"], scale(s["com_m"], 2)), after["com_m"]), 1 / (h * h)
+            add(sub(before["com_m"], scale(s["com_m"], 2)), after["com_m"]), per_mean / h
         )
-        force, moment = [0.0] * 3, [0.0] * 3
-        for e in s["end_effectors"]:
-            force = add(force, e["force_n"])
-            moment = add(moment, cross(sub(e["position_m"], s["com_m"]), e["force_n"]))
         wrong = sub(force, scale(add(acceleration, [0, 0, gravity]), mass))
         table.see("linear dynamics", norm(wrong), i)
 
@@ -434,7 +441,7 @@ def check_dynamics(table, line):
         v_in = scale(rotation_vector(matmul(r, transpose(line.rotations[k - 1]))), 1 / h)
         v_out = scale(rotation_vector(matmul(line.rotations[k + 1], transpose(r))), 1 / h)
         mean = scale(add(v_in, v_out), 0.5)
-        rate = add(apply(inertia, scale(sub(v_out, v_in), 1 / h)), cross(mean, apply(inertia, mean)))
+        rate = add(apply(inertia, scale(sub(v_out, v_in), per_mean)), cross(mean, apply(inertia, mean)))
         table.see("angular dynamics", norm(sub(moment, rate)), i)
 
 

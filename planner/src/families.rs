@@ -158,9 +158,9 @@ macro_rules! catalogue {
 use Level::{OfLimit, Residual};
 
 catalogue! {
-    LinearDynamics: "linear dynamics", "Eq. 2.3", N, Residual(0.3), Request,
+    LinearDynamics: "linear dynamics", "Eq. 2.3, mean", N, Residual(0.3), Request,
         "footfalls with more feet on the ground, or shorter flights";
-    AngularDynamics: "angular dynamics", "Eq. 2.4", Nm, Residual(0.03), Request,
+    AngularDynamics: "angular dynamics", "Eq. 2.4, mean", Nm, Residual(0.03), Request,
         "footfalls that stand around the centre of mass";
     Friction: "friction", "Eq. 2.5", N, Residual(0.2), Limit,
         "gentler motion or a higher friction_coefficient";

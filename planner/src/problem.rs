@@ -4,10 +4,12 @@
 //! It is built from a motion goal ([`Problem::new`]) or from two states of other motions ([`Problem::transition`]).
 //! Costs and constraints are in [`crate::formulation`].
 
+mod means;
 pub mod state;
 pub mod variables;
 mod weights;
 
+pub use means::Means;
 pub use weights::Weights;
 
 use crate::motion::{Ends, Goal, HeightLimit, Moment, Motion, Target, swing};
@@ -189,8 +191,8 @@ impl Problem {
         }
         for slot in [0, samples - 1] {
             frozen[slot].fill(true);
-            for ee in &layout.end_effectors {
-                frozen[slot][ee.force..ee.force + 3].fill(false);
+            for force in layout.vectors() {
+                frozen[slot][force..force + 3].fill(false);
             }
         }
         // The speed in the first interval is that of the first sample, and free.
@@ -235,6 +237,22 @@ impl Problem {
     /// Timeline index of the sample in which the motion's displacement is measured.
     pub fn last(&self) -> usize {
         if self.periodic { self.samples + 1 } else { self.samples }
+    }
+
+    /// Weights with which the samples around timeline index `t` enter the dynamics there.
+    pub fn means(&self, t: usize) -> Means {
+        let [before, after] = [t > 1, t < self.samples].map(|inside| inside || self.periodic);
+        Means::new(before, after)
+    }
+
+    /// Sets the sums of forces and moments of every slot to those of its forces.
+    pub fn add_up(&self, unknowns: &mut Unknowns) {
+        for slot in &mut unknowns.slots {
+            let state = State::new(&self.model, &self.layout, slot.clone());
+            let [force, moment] = state.wrench(&self.layout);
+            slot.fixed_rows_mut::<3>(self.layout.wrench).copy_from(&force);
+            slot.fixed_rows_mut::<3>(self.layout.wrench + 3).copy_from(&moment);
+        }
     }
 
     /// Evaluates the whole timeline.

@@ -9,7 +9,7 @@ use crate::motion::{Ends, Goal, Motion};
 use crate::plan::{
     EndEffectorSample, FORMAT, Placement, Plan, Sample, SolveSummary, Status, VERSION,
 };
-use nalgebra::{DVector, Isometry3, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, MatrixXx3, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, JOINTS, Model};
 use rollwalk_robot::shape::DEFAULT_CLEARANCE_MARGIN_M;
 use rollwalk_robot::{Actuator, Contact, EndEffector, GRAVITY_M_S2, Joint, Link, Robot};
@@ -142,6 +142,29 @@ pub fn robot() -> Robot {
 }
 
 impl Drive {
+    /// Forces at the samples, linear in between, whose mean around every sample with the weight 1 − |t|/h is what the
+    /// centre of mass needs. Its acceleration has the second difference as that mean. `com` begins two samples early.
+    fn forces(&self, com: &[Vector3<f64>], h: f64, mass_kg: f64) -> MatrixXx3<f64> {
+        let count = self.samples;
+        let mut weights = DMatrix::zeros(count, count);
+        let mut means = MatrixXx3::zeros(count);
+        for i in 0..count {
+            let mut neighbours = vec![(i + count - 1) % count, (i + 1) % count];
+            if self.ends != Ends::Periodic {
+                neighbours.retain(|other| other.abs_diff(i) == 1);
+            }
+            let share = 1.0 / neighbours.len() as f64;
+            for &other in &neighbours {
+                weights[(i, i)] += 2.0 / 3.0 * share;
+                weights[(i, other)] += 1.0 / 3.0 * share;
+            }
+            let k = i + 2;
+            let change = (com[k - 1] - com[k] * 2.0 + com[k + 1]) * (2.0 * share / (h * h));
+            means.set_row(i, &((change + Vector3::z() * GRAVITY_M_S2) * mass_kg).transpose());
+        }
+        weights.lu().solve(&means).expect("diagonally dominant")
+    }
+
     /// The plan of this drive on [`robot`].
     pub fn plan(&self, name: &str) -> Plan {
         let robot = robot();
@@ -161,11 +184,12 @@ impl Drive {
             .collect();
         let com: Vec<Vector3<f64>> =
             grid.iter().map(|&(x, leg)| model.pose(&q(&model, x, leg)).com).collect();
+        let forces = self.forces(&com, h, model.total_mass_kg());
         let sample = |k: usize| {
             let (x, leg) = grid[k];
             let pose = model.pose(&q(&model, x, leg));
-            let acceleration = (com[k - 1] - com[k] * 2.0 + com[k + 1]) / (h * h);
-            let force = (acceleration + Vector3::z() * GRAVITY_M_S2) * model.total_mass_kg();
+            // Beyond the ends those of the next period; at other ends they mean nothing.
+            let force = forces.row((k + self.samples - 2) % self.samples).transpose();
             let contacts: Vec<_> =
                 pose.end_effectors.iter().map(|e| e.center - Vector3::z() * RADIUS_M).collect();
             // Front and rear share the vertical force so that no pitching moment is left:

@@ -56,11 +56,12 @@ pub(super) fn solve(
 pub(super) fn solve_selected(
     problem: &Problem,
     selection: Selection,
-    unknowns: Unknowns,
+    mut unknowns: Unknowns,
     begin: Begin<'_>,
     settings: &Settings,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Solved {
+    problem.add_up(&mut unknowns);
     let system = System::selected(problem, selection);
     if settings.method != Method::GaussNewton {
         // At the balance of penalties and costs the residuals do not show which constraints contradict each other.

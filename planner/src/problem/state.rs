@@ -95,6 +95,17 @@ impl State {
         Self { vars, pose, frames }
     }
 
+    /// Sum of the ground forces, and of their moments about the centre of mass.
+    pub fn wrench(&self, layout: &Layout) -> [Vector3<f64>; 2] {
+        let mut sum = [Vector3::zeros(); 2];
+        for ee in &layout.end_effectors {
+            let force = self.vector(ee.force);
+            sum[0] += force;
+            sum[1] += (self.vector(ee.position) - self.pose.com).cross(&force);
+        }
+        sum
+    }
+
     /// Three consecutive variables as a vector.
     pub fn vector(&self, first: usize) -> Vector3<f64> {
         self.vars.fixed_rows::<3>(first).into()

@@ -68,6 +68,14 @@ impl<'a> Timeline<'a> {
         self.samples().take(count)
     }
 
+    /// The neighbours of a sample that are in the motion: of a periodic one both.
+    pub fn neighbours<'b>(&self, w: &Window<'b>) -> Vec<&'b State<'b>> {
+        let periodic = self.plan.motion.ends == Ends::Periodic;
+        let before = (periodic || w.index > 0).then_some(w.before);
+        let after = (periodic || w.index + 1 < self.plan.samples.len()).then_some(w.after);
+        before.into_iter().chain(after).collect()
+    }
+
     /// Sample spacing h, s.
     pub fn spacing_s(&self) -> f64 {
         self.plan.sample_interval_s

@@ -98,12 +98,21 @@ fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let h = timeline.spacing_s();
     let mass = timeline.model.total_mass_kg();
     for w in timeline.samples() {
+        // Means around the sample, with the weight 1 − |t|/h. Forces and moments are linear between samples: their
+        // means over the interval to a neighbour have weights 2/3 and 1/3. At an end there is one interval.
+        let inside = timeline.neighbours(&w);
         let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
-        for (j, _) in feet(timeline) {
-            force += w.here.force(j);
-            moment += (w.here.contact(j) - w.here.com()).cross(&w.here.force(j));
+        for neighbour in &inside {
+            for (state, weight) in [(w.here, 2.0 / 3.0), (*neighbour, 1.0 / 3.0)] {
+                for (j, _) in feet(timeline) {
+                    let f = state.force(j) * (weight / inside.len() as f64);
+                    force += f;
+                    moment += (state.contact(j) - state.com()).cross(&f);
+                }
+            }
         }
-        let acceleration = (w.before.com() - w.here.com() * 2.0 + w.after.com()) / (h * h);
+        let per_mean = 2.0 / (h * inside.len() as f64);
+        let acceleration = (w.before.com() - w.here.com() * 2.0 + w.after.com()) * (per_mean / h);
         let gravity = Vector3::new(0.0, 0.0, -GRAVITY_M_S2);
         linear.see((force + (gravity - acceleration) * mass).norm(), &w, None);
 
@@ -114,7 +123,7 @@ fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
         let v_in = w.before.body_velocity(w.here, h);
         let v_out = w.here.body_velocity(w.after, h);
         let mean = (v_in + v_out) * 0.5;
-        let momentum_rate = inertia * (v_out - v_in) / h + mean.cross(&(inertia * mean));
+        let momentum_rate = inertia * (v_out - v_in) * per_mean + mean.cross(&(inertia * mean));
         angular.see((moment - momentum_rate).norm(), &w, None);
     }
     vec![linear, angular]

@@ -132,8 +132,7 @@ enum Part {
 
 fn free(problem: &mut Problem, part: Part) {
     let layout = &problem.layout;
-    let is_force =
-        |v: usize| layout.end_effectors.iter().any(|ee| (ee.force..ee.force + 3).contains(&v));
+    let is_force = |v: usize| layout.vectors().any(|force| (force..force + 3).contains(&v));
     let moves = |v: usize| match part {
         Part::Forces => is_force(v),
         Part::ForcesAndBody => is_force(v) || v < JOINTS,

@@ -1,5 +1,8 @@
-//! Linear centroidal dynamics (Eq. 2.3): Σ f + M g − M ẍ = 0, ẍ by second differences of the centre
-//! of mass. Three rows a sample, N, in world.
+//! Linear centroidal dynamics (Eq. 2.3): Σ f + M g − M ẍ = 0 in the mean around every sample ([`Means`]): forces
+//! (f₋ + 4f + f₊)/6, ẍ the second difference of the centre of mass. Three rows a sample, N, in world; they read sums of
+//! forces that are variables, which three more rows define.
+//!
+//! [`Means`]: crate::problem::Means
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
@@ -18,15 +21,24 @@ impl Term for DynamicsLinear {
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         let mass = problem.model.total_mass_kg();
-        let m_h2 = mass / problem.interval_s.powi(2);
+        let means = problem.means(window.at[1]);
+        let m_h2 = mass * means.second_difference / problem.interval_s.powi(2);
         let [before, here, after] = window.states;
+        let layout = &problem.layout;
         let mut residual = Vector3::new(0.0, 0.0, -mass * GRAVITY_M_S2)
             - (before.pose.com - here.pose.com * 2.0 + after.pose.com) * m_h2;
-        for ee in &problem.layout.end_effectors {
-            residual += here.vector(ee.force);
+        for (state, weight) in window.states.iter().zip(means.linear) {
+            residual += state.vector(layout.wrench) * weight;
         }
+        let [sum, _] = here.wrench(layout);
         out.set(problem.force_scale_n(), Role::Equality);
         for c in 0..3 {
+            for ee in &layout.end_effectors {
+                out.d(1, ee.force + c, 1.0);
+            }
+            out.d(1, layout.wrench + c, -1.0);
+            out.row(sum[c] - here.vars[layout.wrench + c]);
+
             for (k, weight) in [(0, -m_h2), (1, 2.0 * m_h2), (2, -m_h2)] {
                 for (dof, column) in window.states[k].pose.d_com.iter().enumerate() {
                     // A coordinate of the base position moves the COM only along itself.
@@ -35,8 +47,8 @@ impl Term for DynamicsLinear {
                     }
                 }
             }
-            for ee in &problem.layout.end_effectors {
-                out.d(1, ee.force + c, 1.0);
+            for (k, weight) in means.linear.into_iter().enumerate() {
+                out.d(k, layout.wrench + c, weight);
             }
             out.row(residual[c]);
         }

