@@ -21,9 +21,10 @@ use nalgebra::Vector3;
 use rows::{Columns, RowWriter, Rows, Window};
 use terms::{
     Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
-    DynamicsLinear, EvenForce, Friction, HeightBound, JointLimit, JointSpeed, JointTorque, NoSlip,
-    Posture, Smoothness, SwingForce, TargetHeading, TargetPosition, TargetVelocity, TorqueSpeed,
-    Traction, Turn, WheelAxis, WheelEffort, WheelHeld, WheelSmoothness, WheelSpeed, WheelTorque,
+    DynamicsLinear, EvenForce, Friction, HeightBound, JointLimit, JointSpeed, JointTorque,
+    LiftOffSlip, NoSlip, Posture, Smoothness, SwingForce, TargetHeading, TargetPosition,
+    TargetVelocity, TorqueSpeed, Traction, Turn, WheelAxis, WheelEffort, WheelHeld,
+    WheelSmoothness, WheelSpeed, WheelTorque,
 };
 
 /// Samples from which a term is computed.
@@ -87,6 +88,7 @@ pub static TERMS: &[&dyn Term] = &[
     &Posture,
     &WheelEffort,
     &WheelSmoothness,
+    &LiftOffSlip,
 ];
 
 /// Whether a term with this span has rows for the window around timeline sample `t`.

@@ -1,16 +1,21 @@
 //! Heights of end effectors in swing: a smooth profile from lift-off to touch-down (Eq. 2.9).
 //!
-//! The thesis requires a constant height in swing. A profile w_h·sin²(πu), with u from 0 at the last stance sample
-//! before the swing to 1 at the first after it, transfers better to real servos: the vertical speed is zero at
-//! lift-off and touch-down. A height target of an end effector scales the profile of the swing in which it lies, so
+//! The thesis requires a constant height in swing. A profile w_h·sin²(πu) transfers better to real servos: the vertical
+//! speed is zero at lift-off and touch-down. u is 0 at the first sample of a swing and 1 at its last: until then the
+//! force of the foot goes to zero, linearly between samples, and no foot that has left the ground can take it. With the
+//! profile from the last stance sample to the next, held walks came to 0.960 of their way instead of 1.002. Swings of
+//! fewer than five samples have that longer profile. A height target of an end effector scales the profile of the swing in which it lies, so
 //! that the profile passes through it.
 
 use super::{Ends, Moment, Motion, Subject};
 use std::f64::consts::PI;
 
-/// Contact heights along a timeline, `[timeline sample][end effector]`, m. `timeline` holds the
-/// slot of each of its samples and `slot_stance` the contact flags of the slots. In a periodic
-/// motion a swing at the end of the period may continue at its start.
+/// Fewest samples off the ground that lift-off and touch-down leave to a swing.
+const LEAST_SWING: isize = 3;
+
+/// Contact heights along a timeline, `[timeline sample][end effector]`, m. `timeline` holds the slot of each of its
+/// samples and `slot_stance` the contact flags of the slots. In a periodic motion a swing may continue from the end
+/// of the period at its start.
 pub fn heights(timeline: &[usize], slot_stance: &[Vec<bool>], motion: &Motion) -> Vec<Vec<f64>> {
     let periodic = motion.ends == Ends::Periodic;
     let mut heights = profiles(timeline, slot_stance, periodic, motion.swing_height_m);
@@ -106,6 +111,8 @@ fn profiles(
                     let to = |step: isize| (1..reach).find(|k| in_stance(t + step * k, j));
                     match (to(-1), to(1)) {
                         (Some(since), Some(until)) => {
+                            let still = isize::from(since + until > LEAST_SWING + 2);
+                            let (since, until) = (since - still, until - still);
                             let u = since as f64 / (since + until) as f64;
                             swing_height_m * (PI * u).sin().powi(2)
                         }
@@ -148,6 +155,17 @@ mod tests {
         // sin²(π/4) is 1/2; the bound allows for rounding only.
         for (height, expected) in heights.iter().zip([0.0, 0.0, 0.5, 1.0, 0.5, 0.0, 0.0]) {
             assert!((height - 0.03 * expected).abs() < 1e-15, "{heights:?}");
+        }
+    }
+
+    #[test]
+    fn a_long_swing_is_on_the_ground_at_its_first_and_last_sample() {
+        let stance: Vec<Vec<bool>> =
+            [true, false, false, false, false, false, true].map(|down| vec![down]).to_vec();
+        let heights = profiles(&[0, 0, 1, 2, 3, 4, 5, 6, 6], &stance, false, 0.03);
+        for (height, expected) in heights.iter().zip([0.0, 0.0, 0.0, 0.5, 1.0, 0.5, 0.0, 0.0, 0.0])
+        {
+            assert!((height[0] - 0.03 * expected).abs() < 1e-15, "{heights:?}"); // rounding only
         }
     }
 

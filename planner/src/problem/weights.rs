@@ -25,6 +25,9 @@ pub struct Weights {
     /// Pull of wheel speeds towards a constant (differences of rim speed, m/s), because wheels have inertia. Too low,
     /// and transitions require 50 rad/s² of the wheels; too high, and legs lean where wheels should roll.
     pub wheel_smoothness: f64,
+    /// Pull of feet and driven wheels to stand still (m/s) in the interval at lift-off and touch-down in which force
+    /// and foot leave the ground together. Too low, and the force is missing; too high, and swings are too fast.
+    pub lift_off_slip: f64,
     /// Smallest normal force of a foot in stance, as a fraction of its even share of the weight.
     pub least_normal_force: f64,
     /// Fraction of the friction cone available to plans; the rest is a reserve for disturbances.
@@ -41,6 +44,7 @@ impl Default for Weights {
             posture: 4e-3,
             wheel_speed: 1e-6,
             wheel_smoothness: 0.1,
+            lift_off_slip: 1.0,
             least_normal_force: 0.1,
             friction_use: 0.8,
         }

@@ -40,7 +40,7 @@ pub use height_limit::HeightBound;
 pub use joint_limit::JointLimit;
 pub use joint_speed::JointSpeed;
 pub use joint_torque::JointTorque;
-pub use no_slip::NoSlip;
+pub use no_slip::{LiftOffSlip, NoSlip};
 pub use regularisers::{EvenForce, Posture, WheelEffort, WheelSmoothness};
 pub use smoothness::Smoothness;
 pub use swing_force::SwingForce;
