@@ -555,8 +555,14 @@ def mean_wheel_frame(foot, e, e2):
     return wheel_frame(tilt, yaw, foot["radius_m"])[:2]
 
 
+def link_turn(line, i, foot):
+    """Angular velocity in world of the link that carries an end effector, on the interval after sample i."""
+    link_in, link_out = (line.poses[k][foot["link"]][0] for k in (i + 1, i + 2))
+    return scale(rotation_vector(matmul(link_out, transpose(link_in))), 1 / line.h)
+
+
 def check_slip(table, line, i, foot, e, e2):
-    """No slip, Eq. 2.8 at the interval's middle: (e' - e) / h = omega r t, and 0 for a foot."""
+    """No slip, Eq. 2.8 at the interval's middle: (e' - e) / h = omega r t, and r Omega x z for the sphere of a foot."""
     # Free wheels and blades leave the ground and come down along their direction, too.
     landing = "drag" in foot["contact"] and e["contact"] != e2["contact"]
     if e["contact"] and e2["contact"] or landing:
@@ -564,6 +570,9 @@ def check_slip(table, line, i, foot, e, e2):
         if "axis_in_link" in foot["contact"]:
             rolling, _ = mean_wheel_frame(foot, e, e2)
             slip = sub(slip, scale(rolling, e["wheel_speed_rad_s"] * foot["radius_m"]))
+        else:
+            turn = link_turn(line, i, foot)
+            slip = sub(slip, scale(cross(turn, [0.0, 0.0, 1.0]), foot["radius_m"]))
         kind_of_slip = "landing slip" if landing else "slip"
         table.see(kind_of_slip, math.hypot(slip[0], slip[1]), i, foot["name"])
 
@@ -571,11 +580,10 @@ def check_slip(table, line, i, foot, e, e2):
 def check_wheel_speed(table, line, i, j, e, e2):
     """The wheel turns against its link by omega + yaw' (v.a) - Omega.a. A motor turns it so; a welded or held
     wheel does not turn."""
-    foot, k = line.feet[j], i + 1
+    foot = line.feet[j]
     name, radius, contact, held = foot["name"], foot["radius_m"], foot["contact"], line.motion["held_wheels"][j]
     _, axis = mean_wheel_frame(foot, e, e2)
-    link_in, link_out = line.poses[k][foot["link"]][0], line.poses[k + 1][foot["link"]][0]
-    turn = scale(rotation_vector(matmul(link_out, transpose(link_in))), 1 / line.h)
+    turn = link_turn(line, i, foot)
     needed = e["wheel_speed_rad_s"] + (e2["yaw_rad"] - e["yaw_rad"]) / line.h * axis[2] - dot(turn, axis)
     if held or not ("actuator" in contact or "drag" in contact):
         table.see("held wheel", abs(needed) * radius, i, name)

@@ -170,7 +170,7 @@ fn swing_force(timeline: &Timeline) -> Worst {
 }
 
 /// Slip on the ground and height above it. Slip is the travel of the contact point less that of the rolling wheel,
-/// with the rolling direction at the middle of the interval; a foot does not roll.
+/// with the rolling direction at the middle of the interval, or of the foot.
 fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let mut slip = Worst::of(Family::Slip, grid);
     let mut landing = Worst::of(Family::LandingSlip, grid);
@@ -191,7 +191,8 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
                 let direction = rolling_direction(0.5 * (here.yaw_rad + after.yaw_rad));
                 direction * (here.wheel_speed_rad_s * foot.radius_m)
             } else {
-                Vector3::zeros()
+                // The sphere of a foot rolls with its link.
+                w.here.link_velocity(j, w.after, h).cross(&Vector3::z()) * foot.radius_m
             };
             let slipped = (moved - rolled).xy().norm();
             row.see(slipped, &w, Some(&foot.name));

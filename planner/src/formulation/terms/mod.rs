@@ -15,6 +15,7 @@ mod height_limit;
 mod joint_limit;
 mod joint_speed;
 mod joint_torque;
+mod link_turn;
 mod no_slip;
 mod regularisers;
 mod smoothness;

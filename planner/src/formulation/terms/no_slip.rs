@@ -1,5 +1,6 @@
-//! Rolling without slip (Eq. 2.8): (e₊ − e)/h + ω a × ρ = 0 on intervals with both ends in stance. Two rows (x, y)
-//! per end effector and interval, m/s. For free wheels and blades one end in stance is enough: they lift off and touch down along their
+//! Rolling without slip (Eq. 2.8) on intervals with both ends in stance: (e₊ − e)/h + ω a × ρ = 0 for wheels,
+//! (e₊ − e)/h − r Ω × v = 0 for feet, spheres that roll with their link's turn Ω. Two rows (x, y) per end effector and
+//! interval, m/s. For free wheels and blades one end in stance is enough: they lift off and touch down along their
 //! rolling direction, at any speed along it. For feet and driven wheels, which may be too slow for that, the rows at
 //! those intervals are costs.
 //!
@@ -9,10 +10,12 @@
 //! from 0.66–0.94 of the planned one to 0.96–1.04. Feet carry force there, too: without the cost a held walk came to
 //! 0.96 of its way and a side step to 1.06, with it both to 1.00.
 
+use super::link_turn::{d_link_turn, link_turn};
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use crate::problem::state::{d_yaw, rolling_direction};
+use nalgebra::Vector3;
 
 /// See the module.
 pub struct NoSlip;
@@ -62,6 +65,12 @@ fn slip(window: &Window, j: usize, out: &mut RowWriter) {
             let d_mid_yaw = -0.5 * rim_speed * d_yaw(&t)[c];
             out.d(1, wheel.yaw, d_mid_yaw);
             out.d(2, wheel.yaw, d_mid_yaw);
+        } else {
+            // Component c of −r Ω × v.
+            let along = Vector3::z().cross(&Vector3::ith(c, 1.0)) * (-radius / h);
+            let turn = link_turn(j, here, after);
+            slip += along.dot(&turn);
+            d_link_turn(window, j, &turn, &along, out);
         }
         out.row_of(Subject::EndEffector(j), slip);
     }
@@ -97,5 +106,53 @@ impl Term for LiftOffSlip {
                 slip(window, j, out);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::families::Family;
+    use crate::formulation::System;
+    use crate::formulation::rows::Rows;
+    use crate::motion::Ends;
+    use crate::plan::Placement;
+    use crate::problem::{Problem, Unknowns, Weights};
+    use crate::test_robots;
+    use rollwalk_multibody::euler::{BASE_YAW, Model};
+    use rollwalk_robot::Contact;
+
+    /// Largest slip, m/s, of a foot on the body that pitches and rolls at (0.3, 0.2) rad/s while it moves by
+    /// `forward_m` and `left_m` per second.
+    fn worst(forward_m_s: f64, left_m_s: f64) -> f64 {
+        let mut robot = test_robots::all().swap_remove(0);
+        robot.end_effectors.truncate(1);
+        robot.end_effectors[0].link = 0;
+        robot.end_effectors[0].contact = Contact::PointFoot;
+        let mut motion = test_robots::motion(&robot, Ends::AtRest);
+        motion.stance.iter_mut().for_each(|flags| flags[0] = true);
+        let problem = Problem::new(Model::new(&robot), &motion, Weights::default());
+        let position = problem.layout.end_effectors[0].position;
+        let slot = |i: usize| {
+            let t = i as f64 * problem.interval_s;
+            let mut vars = nalgebra::DVector::zeros(problem.layout.len);
+            (vars[BASE_YAW + 1], vars[BASE_YAW + 2]) = (0.3 * t, 0.2 * t);
+            (vars[position], vars[position + 1]) = (forward_m_s * t, left_m_s * t);
+            vars
+        };
+        let slots = (0..problem.samples).map(slot).collect();
+        let unknowns = Unknowns { slots, placement: Placement::default() };
+        let rows = System::new(&problem).rows(&unknowns, Rows::default()).rows;
+        let slips = rows.iter().filter(|row| row.family == Family::Slip);
+        slips.map(|row| row.value.abs()).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_foot_rolls_forward_as_it_pitches_and_to_the_right_as_it_rolls() {
+        let radius_m = test_robots::all()[0].end_effectors[0].radius_m;
+        // Pitch and roll together turn about a slightly other axis: their product up to 0.5 s.
+        let coupled = radius_m * 0.3 * 0.2 * 0.5;
+        assert!(worst(0.3 * radius_m, -0.2 * radius_m) < coupled);
+        let still = worst(0.0, 0.0);
+        assert!((still - 0.3 * radius_m).abs() < coupled, "{still}");
     }
 }

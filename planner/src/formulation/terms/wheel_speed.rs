@@ -6,6 +6,7 @@
 //! holds still stand: see [`super::WheelHeld`].
 
 use super::joint_speed::BAND_FRACTION;
+use super::link_turn::{d_link_turn, link_turn};
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
@@ -13,7 +14,6 @@ use crate::problem::Problem;
 use crate::problem::state::{ContactFrame, State, d_yaw};
 use crate::problem::variables::WheelVars;
 use nalgebra::Vector3;
-use rollwalk_multibody::rotation;
 
 /// See the module.
 pub struct WheelSpeed;
@@ -44,12 +44,6 @@ fn middle_axis(wheel: WheelVars, here: &State, after: &State) -> (Vector3<f64>, 
     let middle = |v: usize| 0.5 * (here.vars[v] + after.vars[v]);
     let frame = ContactFrame::wheel(1.0, middle(wheel.tilt), middle(wheel.yaw));
     (frame.axis, frame.d_axis_tilt)
-}
-
-/// Rotation vector of the mounting link's turn over an interval, in world, rad.
-fn link_turn(j: usize, here: &State, after: &State) -> Vector3<f64> {
-    let (from, to) = (&here.pose.end_effectors[j], &after.pose.end_effectors[j]);
-    rotation::log(&(to.world_from_link * from.world_from_link.transpose()))
 }
 
 /// The speed of a wheel relative to its link on one interval, with what its derivative needs.
@@ -86,22 +80,12 @@ impl<'w> MotorSpeed<'w> {
         // Through the axis at the middle, which moves half as far as either end.
         let d_tilt = 0.5 * (yaw_rate * self.d_axis_tilt.z - self.d_axis_tilt.dot(turn) / h);
         let d_yaw_mid = -0.5 * d_yaw(axis).dot(turn) / h;
-        // Through the turn of the link: log(exp(δ₊) Φ exp(−δ)).
-        let right = rotation::right_jacobian_inverse(turn);
-        let d_here = (right.transpose() * axis) / h;
-        let d_after = -(right * axis) / h;
         out.d(1, wheel.speed, factor);
         for (k, d_rate) in [(1, -axis.z / h), (2, axis.z / h)] {
             out.d(k, wheel.tilt, factor * d_tilt);
             out.d(k, wheel.yaw, factor * (d_yaw_mid + d_rate));
         }
-        for (k, state, d) in [(1, here, d_here), (2, after, d_after)] {
-            let mount = &state.pose.end_effectors[self.j];
-            let columns = problem.model.chain(self.j).dofs.iter().zip(&mount.d_rotation);
-            for (&dof, rotation_axis) in columns.skip(3) {
-                out.d(k, dof, factor * d.dot(rotation_axis));
-            }
-        }
+        d_link_turn(self.window, self.j, turn, &(axis * (-factor / h)), out);
     }
 }
 
