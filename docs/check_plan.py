@@ -103,21 +103,23 @@ def center_of_mass(robot, poses):
     return scale(moment, 1 / total)
 
 
-def centroidal_inertia(robot):
-    """Inertia about the centre of mass at the nominal joint angles, in body axes (Eq. 2.4: I)."""
-    identity = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-    poses = link_poses(robot, [0.0] * 3, identity, [j["nominal_rad"] for j in robot["joints"]])
-    com = center_of_mass(robot, poses)
-    inertia = [[0.0] * 3 for _ in range(3)]
-    for link, (r, p) in zip(robot["links"], poses):
-        flat = link["inertia_in_link_kg_m2"]
-        own = matmul(matmul(r, [flat[0:3], flat[3:6], flat[6:9]]), transpose(r))
+def swept_moment(robot, poses, poses_next):
+    """Sum of m r x r' over all mass: what the angular momentum about the centre of mass is in the mean over an
+    interval, times its length. A link is its mass at its centre and second moments J about that."""
+    com, com_next = center_of_mass(robot, poses), center_of_mass(robot, poses_next)
+    total = [0.0] * 3
+    for link, (r, p), (r_next, p_next) in zip(robot["links"], poses, poses_next):
         arm = sub(add(p, apply(r, link["com_in_link_m"])), com)
+        arm_next = sub(add(p_next, apply(r_next, link["com_in_link_m"])), com_next)
+        total = add(total, scale(cross(arm, arm_next), link["mass_kg"]))
+        flat = link["inertia_in_link_kg_m2"]
+        half_trace = 0.5 * (flat[0] + flat[4] + flat[8])
+        columns, columns_next = transpose(r), transpose(r_next)
         for i in range(3):
             for j in range(3):
-                steiner = (dot(arm, arm) if i == j else 0.0) - arm[i] * arm[j]
-                inertia[i][j] += own[i][j] + link["mass_kg"] * steiner
-    return inertia
+                second = (half_trace if i == j else 0.0) - flat[3 * i + j]
+                total = add(total, scale(cross(columns[i], columns_next[j]), second))
+    return total
 
 
 def wheel_frame(tilt, yaw, radius):
@@ -413,10 +415,9 @@ def check_dynamics(table, line):
     """Newton and Euler for the whole robot, in the mean around every sample."""
     h, gravity = line.h, line.formulation["gravity_m_s2"]
     mass = sum(link["mass_kg"] for link in line.robot["links"])
-    inertia_in_body = centroidal_inertia(line.robot)
     for i, s in enumerate(line.samples):
         k = i + 1  # place in the timeline
-        before, after, r = line.states[k - 1], line.states[k + 1], line.rotations[k]
+        before, after = line.states[k - 1], line.states[k + 1]
 
         # Means around the sample with the weight 1 - |t| / h: 2/3 and 1/3 on the interval to a neighbour, since forces
         # are linear there. The mean of an acceleration is the second difference. At an end there is one interval.
@@ -436,12 +437,10 @@ def check_dynamics(table, line):
         wrong = sub(force, scale(add(acceleration, [0, 0, gravity]), mass))
         table.see("linear dynamics", norm(wrong), i)
 
-        # Angular dynamics, Eq. 2.4, with world inertia R I R^T and angular velocities on intervals.
-        inertia = matmul(matmul(r, inertia_in_body), transpose(r))
-        v_in = scale(rotation_vector(matmul(r, transpose(line.rotations[k - 1]))), 1 / h)
-        v_out = scale(rotation_vector(matmul(line.rotations[k + 1], transpose(r))), 1 / h)
-        mean = scale(add(v_in, v_out), 0.5)
-        rate = add(apply(inertia, scale(sub(v_out, v_in), per_mean)), cross(mean, apply(inertia, mean)))
+        # Angular dynamics, Eq. 2.4, with the angular momentum of all links in the mean over the intervals.
+        swept_in = swept_moment(robot, line.poses[k - 1], line.poses[k])
+        swept_out = swept_moment(robot, line.poses[k], line.poses[k + 1])
+        rate = scale(sub(swept_out, swept_in), per_mean / h)
         table.see("angular dynamics", norm(sub(moment, rate)), i)
 
 

@@ -257,12 +257,18 @@ impl Problem {
 
     /// Evaluates the whole timeline.
     pub fn states(&self, unknowns: &Unknowns) -> Vec<State> {
-        self.timeline
+        let mut states: Vec<State> = self
+            .timeline
             .iter()
             .map(|s| {
                 let vars = s.lift.apply(&self.layout, &unknowns.slots[s.slot], &unknowns.placement);
                 State::new(&self.model, &self.layout, vars)
             })
-            .collect()
+            .collect();
+        for t in 1..states.len() {
+            let swept = self.model.swept_moment(&states[t - 1].pose, &states[t].pose);
+            states[t - 1].swept_to_next = Some(swept);
+        }
+        states
     }
 }

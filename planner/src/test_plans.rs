@@ -9,8 +9,8 @@ use crate::motion::{Ends, Goal, Motion};
 use crate::plan::{
     EndEffectorSample, FORMAT, Placement, Plan, Sample, SolveSummary, Status, VERSION,
 };
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, MatrixXx3, Vector3};
-use rollwalk_multibody::euler::{BASE_POSITION, JOINTS, Model};
+use nalgebra::{DMatrix, DVector, Dyn, Isometry3, Matrix3, OMatrix, RowVector6, U6, Vector3};
+use rollwalk_multibody::euler::{BASE_POSITION, JOINTS, Model, Pose};
 use rollwalk_robot::shape::DEFAULT_CLEARANCE_MARGIN_M;
 use rollwalk_robot::{Actuator, Contact, EndEffector, GRAVITY_M_S2, Joint, Link, Robot};
 use std::f64::consts::TAU;
@@ -142,12 +142,14 @@ pub fn robot() -> Robot {
 }
 
 impl Drive {
-    /// Forces at the samples, linear in between, whose mean around every sample with the weight 1 − |t|/h is what the
-    /// centre of mass needs. Its acceleration has the second difference as that mean. `com` begins two samples early.
-    fn forces(&self, com: &[Vector3<f64>], h: f64, mass_kg: f64) -> MatrixXx3<f64> {
+    /// Forces, and their moments about the centre of mass, at the samples. They are linear in between, and their mean
+    /// around every sample with the weight 1 − |t|/h is the change of momentum: second differences of the centre of mass
+    /// and differences of angular momentum on the intervals. `poses` begins two samples early.
+    fn wrenches(&self, model: &Model, poses: &[Pose], h: f64) -> OMatrix<f64, Dyn, U6> {
+        let mass_kg = model.total_mass_kg();
         let count = self.samples;
         let mut weights = DMatrix::zeros(count, count);
-        let mut means = MatrixXx3::zeros(count);
+        let mut means = OMatrix::<f64, Dyn, U6>::zeros(count);
         for i in 0..count {
             let mut neighbours = vec![(i + count - 1) % count, (i + 1) % count];
             if self.ends != Ends::Periodic {
@@ -159,8 +161,15 @@ impl Drive {
                 weights[(i, other)] += 1.0 / 3.0 * share;
             }
             let k = i + 2;
-            let change = (com[k - 1] - com[k] * 2.0 + com[k + 1]) * (2.0 * share / (h * h));
-            means.set_row(i, &((change + Vector3::z() * GRAVITY_M_S2) * mass_kg).transpose());
+            let per_mean = 2.0 * share / (h * h);
+            let [before, here, after] = [&poses[k - 1], &poses[k], &poses[k + 1]];
+            let change = (before.com - here.com * 2.0 + after.com) * per_mean;
+            let force = (change + Vector3::z() * GRAVITY_M_S2) * mass_kg;
+            let [swept_in, swept_out] = [(before, here), (here, after)]
+                .map(|(from, to)| model.swept_moment(from, to).value);
+            let moment = (swept_out - swept_in) * per_mean;
+            let wrench = [force.x, force.y, force.z, moment.x, moment.y, moment.z];
+            means.set_row(i, &RowVector6::from_row_slice(&wrench));
         }
         weights.lu().solve(&means).expect("diagonally dominant")
     }
@@ -182,20 +191,21 @@ impl Drive {
                 ((self.x_m)(t), (self.leg_rad)(t))
             })
             .collect();
-        let com: Vec<Vector3<f64>> =
-            grid.iter().map(|&(x, leg)| model.pose(&q(&model, x, leg)).com).collect();
-        let forces = self.forces(&com, h, model.total_mass_kg());
+        let poses: Vec<Pose> =
+            grid.iter().map(|&(x, leg)| model.pose(&q(&model, x, leg))).collect();
+        let wrenches = self.wrenches(&model, &poses, h);
         let sample = |k: usize| {
             let (x, leg) = grid[k];
-            let pose = model.pose(&q(&model, x, leg));
+            let pose = &poses[k];
             // Beyond the ends those of the next period; at other ends they mean nothing.
-            let force = forces.row((k + self.samples - 2) % self.samples).transpose();
+            let wrench = wrenches.row((k + self.samples - 2) % self.samples).transpose();
+            let force: Vector3<f64> = wrench.fixed_rows::<3>(0).into();
             let contacts: Vec<_> =
                 pose.end_effectors.iter().map(|e| e.center - Vector3::z() * RADIUS_M).collect();
-            // Front and rear share the vertical force so that no pitching moment is left:
-            // Σ (z f_x − x f_z) about the centre of mass = 0.
-            let (front, rear) = (contacts[0].x - com[k].x, contacts[2].x - com[k].x);
-            let needed = -com[k].z * force.x;
+            // Front and rear share the vertical force so that the pitching moment Σ (z f_x − x f_z) about the centre of
+            // mass is that of the legs.
+            let (front, rear) = (contacts[0].x - pose.com.x, contacts[2].x - pose.com.x);
+            let needed = -pose.com.z * force.x - wrench[4];
             let front_force = (needed - rear * force.z) / (front - rear);
             // Wheel centres move by the body and by the swing of the leg.
             let travel = |k: usize| grid[k].0 - LEG_M * grid[k].1.sin();
@@ -224,7 +234,7 @@ impl Drive {
                 base_yaw_pitch_roll_rad: [0.0; 3],
                 base_orientation_wxyz: [1.0, 0.0, 0.0, 0.0],
                 joint_rad: vec![leg; 4],
-                com_m: com[k].into(),
+                com_m: pose.com.into(),
                 end_effectors,
             }
         };

@@ -7,9 +7,11 @@
 
 mod model;
 mod pose;
+mod swept;
 
 pub use model::{Carried, Chain, Model};
 pub use pose::{EndEffectorPose, Pose};
+pub use swept::{CarriedPair, SweptMoment, cross_sum, turned_first, turned_second};
 
 pub use crate::JOINTS;
 

@@ -1,6 +1,7 @@
-//! A robot prepared for the optimiser: nominal pose, constant inertia, chains of degrees of freedom.
+//! A robot prepared for the optimiser: nominal pose, second moments of links, chains of degrees of freedom.
 
 use super::pose::drop_to_contact;
+use super::swept::second_moments;
 use super::{BASE_POSITION, JOINTS};
 use crate::Tree;
 use nalgebra::{DVector, Matrix3, Vector3};
@@ -10,7 +11,7 @@ use rollwalk_robot::Robot;
 #[derive(Clone, Debug)]
 pub struct Model {
     tree: Tree,
-    centroidal_inertia_kg_m2: Matrix3<f64>,
+    second_moments_kg_m2: Vec<Matrix3<f64>>,
     nominal_q: DVector<f64>,
     chains: Vec<Chain>,
     carried: Vec<Carried>,
@@ -45,7 +46,7 @@ impl Model {
             dofs: (0..JOINTS).chain(joints.iter().map(|&j| JOINTS + j)).collect(),
         };
         let mut model = Self {
-            centroidal_inertia_kg_m2: Matrix3::zeros(),
+            second_moments_kg_m2: second_moments(&robot.links),
             nominal_q: DVector::zeros(JOINTS + robot.joints.len()),
             chains: limbs.map(chain).collect(),
             carried: carried(&tree),
@@ -53,10 +54,6 @@ impl Model {
         };
         let nominal_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
         model.nominal_q = model.standing_q(&nominal_rad);
-        let frames = model.frames(&model.nominal_q);
-        let world_from_body = frames.world_from_link[0];
-        model.centroidal_inertia_kg_m2 =
-            world_from_body.transpose() * frames.centroidal_inertia(&model.tree) * world_from_body;
         model
     }
 
@@ -80,10 +77,9 @@ impl Model {
         self.tree.total_mass_kg()
     }
 
-    /// Inertia I about the centre of mass, in body axes, at the nominal pose, kg·m². Taken as constant
-    /// along a motion: the thesis's centroidal model.
-    pub fn centroidal_inertia_kg_m2(&self) -> &Matrix3<f64> {
-        &self.centroidal_inertia_kg_m2
+    /// Second moment Σ m x xᵀ of a link about its centre of mass, in link axes, kg·m².
+    pub(super) fn second_moment(&self, link: usize) -> &Matrix3<f64> {
+        &self.second_moments_kg_m2[link]
     }
 
     /// Nominal configuration: nominal joint angles, level body above the world origin, lowest end

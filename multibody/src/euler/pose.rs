@@ -30,6 +30,8 @@ pub struct EndEffectorPose {
 pub struct Pose {
     /// World-from-body rotation.
     pub world_from_body: Matrix3<f64>,
+    /// World-from-link rotation of every link.
+    pub world_from_link: Vec<Matrix3<f64>>,
     /// Axes in world of the base's yaw, pitch and roll.
     pub base_axes: [Vector3<f64>; 3],
     /// Centre of mass φ_CoM(q), m.
@@ -96,6 +98,7 @@ impl Model {
             link_origins: frames.link_origins,
             joint_axes: frames.joint_axes,
             carried_moment: frames.carried_moments,
+            world_from_link: frames.world_from_link,
         }
     }
 

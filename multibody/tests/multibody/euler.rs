@@ -1,8 +1,9 @@
 //! The optimiser's coordinates: derivatives against finite differences, and against ν.
 
 use crate::robots::{all, numbers};
-use nalgebra::{DVector, Matrix3xX, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6xX, Vector3};
 use rollwalk_multibody::euler::{BASE_YAW, Model};
+use rollwalk_multibody::{ANGULAR, CompositeInertia, centroidal_momentum_matrix};
 use rollwalk_robot::Robot;
 
 /// A random configuration: base anywhere, tilted by less than a quarter turn, joints within their limits.
@@ -79,5 +80,70 @@ fn the_nominal_pose_touches_the_ground_and_is_not_below_it() {
             })
             .fold(f64::INFINITY, f64::min);
         assert!(lowest.abs() < 1e-12, "{}: {lowest}", robot.name); // rounding only
+    }
+}
+
+#[test]
+fn the_swept_moment_is_angular_momentum_over_a_short_interval() {
+    for robot in all() {
+        let model = Model::new(&robot);
+        let q = random_q(&robot, 8);
+        let rates = DVector::from_vec(numbers(model.dofs(), 1.0, &mut fastrand::Rng::with_seed(9)));
+        let h = 1e-4;
+        let at = |t: f64| model.pose(&(&q + &rates * t));
+        let (before, here, after) = (at(-0.5 * h), at(0.0), at(0.5 * h));
+        let moment = model.swept_moment(&before, &after).value / h;
+        // Momentum of every link about the centre of mass, from the rates alone.
+        let mut velocity = rates.clone();
+        let omega: Vector3<f64> =
+            here.base_axes.iter().zip(rates.rows(BASE_YAW, 3).iter()).map(|(w, v)| w * *v).sum();
+        velocity.rows_mut(BASE_YAW, 3).copy_from(&omega);
+        let (tree, frames) = (model.tree(), model.frames(&q));
+        let mut mass = DMatrix::zeros(model.dofs(), model.dofs());
+        CompositeInertia::new(tree, &frames).mass_matrix(tree, &frames, &mut mass);
+        let mut momentum = Matrix6xX::zeros(model.dofs());
+        let base_to_com = here.com - frames.link_origins[0];
+        centroidal_momentum_matrix(&mass, &base_to_com, &mut momentum);
+        let expected: Vector3<f64> = (momentum * velocity).fixed_rows::<3>(ANGULAR).into();
+        // Second order in h, and rounding of moments of inertia over h.
+        assert!((moment - expected).norm() < 1e-7 * (1.0 + expected.norm()), "{}", robot.name);
+    }
+}
+
+#[test]
+fn derivatives_of_the_swept_moment_match_finite_differences() {
+    let step = 1e-6; // as above
+    for robot in all() {
+        let model = Model::new(&robot);
+        let (q, next) = (random_q(&robot, 1), random_q(&robot, 2));
+        let swept = |q: &DVector<f64>, next: &DVector<f64>| {
+            model.swept_moment(&model.pose(q), &model.pose(next))
+        };
+        let exact = swept(&q, &next);
+        for k in 0..model.dofs() {
+            let shifted = |q: &DVector<f64>, by: f64| {
+                let mut q = q.clone();
+                q[k] += by;
+                q
+            };
+            let from =
+                swept(&shifted(&q, step), &next).value - swept(&shifted(&q, -step), &next).value;
+            let to =
+                swept(&q, &shifted(&next, step)).value - swept(&q, &shifted(&next, -step)).value;
+            // The base's position changes nothing.
+            let column =
+                |d: &[Vector3<f64>]| if k < BASE_YAW { Vector3::zeros() } else { d[k - BASE_YAW] };
+            let size = 1.0 + exact.value.norm();
+            assert!(
+                (from / (2.0 * step) - column(&exact.d_from)).norm() < 1e-8 * size,
+                "{} {k}",
+                robot.name
+            );
+            assert!(
+                (to / (2.0 * step) - column(&exact.d_to)).norm() < 1e-8 * size,
+                "{} {k}",
+                robot.name
+            );
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::problem::variables::Layout;
 use nalgebra::{DVector, Vector3};
-use rollwalk_multibody::euler::{Model, Pose};
+use rollwalk_multibody::euler::{Model, Pose, SweptMoment};
 
 /// A sample with all values that terms use.
 #[derive(Clone, Debug)]
@@ -13,6 +13,8 @@ pub struct State {
     pub pose: Pose,
     /// Contact frames of the end effectors, in robot order.
     pub frames: Vec<ContactFrame>,
+    /// Angular momentum on the interval to the next sample of the timeline, times its length; `None` at the last.
+    pub swept_to_next: Option<SweptMoment>,
 }
 
 /// The frame W(α) of a wheel (Eq. 2.2) with its derivatives; for a foot the frame about the vertical.
@@ -92,7 +94,7 @@ impl State {
                 None => ContactFrame::foot(ee.radius_m),
             })
             .collect();
-        Self { vars, pose, frames }
+        Self { vars, pose, frames, swept_to_next: None }
     }
 
     /// Sum of the ground forces, and of their moments about the centre of mass.

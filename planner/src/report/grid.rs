@@ -124,12 +124,6 @@ impl<'a> State<'a> {
         self.sample.com_m.into()
     }
 
-    /// Angular velocity in world on the interval from here to `to`, rad/s.
-    pub fn body_velocity(&self, to: &Self, spacing_s: f64) -> Vector3<f64> {
-        rotation::log(&(to.pose.world_from_body * self.pose.world_from_body.transpose()))
-            / spacing_s
-    }
-
     /// Angular velocity in world of the link that carries end effector `j`, rad/s.
     pub fn link_velocity(&self, j: usize, to: &Self, spacing_s: f64) -> Vector3<f64> {
         let (from, to) = (&self.pose.end_effectors[j], &to.pose.end_effectors[j]);

@@ -5,7 +5,8 @@ use super::{Grid, Place, Row, choreography, motors};
 use crate::families::{CLEARANCE_M, Family, ROLLING_SIGN_WIDTH_M_S};
 use crate::problem::state::{ContactFrame, rolling_direction};
 use nalgebra::Vector3;
-use rollwalk_robot::{EndEffector, GRAVITY_M_S2};
+use rollwalk_multibody::euler::Pose;
+use rollwalk_robot::{EndEffector, GRAVITY_M_S2, Robot};
 
 /// All residuals that a plan must satisfy at its samples.
 pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
@@ -116,17 +117,35 @@ fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
         let gravity = Vector3::new(0.0, 0.0, -GRAVITY_M_S2);
         linear.see((force + (gravity - acceleration) * mass).norm(), &w, None);
 
-        // Inertia in world axes. A rotation leaves its own axis unchanged, so that the interval's velocity may be
-        // used at either end.
-        let to_world = &w.here.pose.world_from_body;
-        let inertia = to_world * timeline.model.centroidal_inertia_kg_m2() * to_world.transpose();
-        let v_in = w.before.body_velocity(w.here, h);
-        let v_out = w.here.body_velocity(w.after, h);
-        let mean = (v_in + v_out) * 0.5;
-        let momentum_rate = inertia * (v_out - v_in) * per_mean + mean.cross(&(inertia * mean));
+        // Mean angular momentum of all links on the intervals before and after, times their length.
+        let swept =
+            |from: &State, to: &State| swept_moment(&timeline.plan.robot, &from.pose, &to.pose);
+        let change = swept(w.here, w.after) - swept(w.before, w.here);
+        let momentum_rate = change * (per_mean / h);
         angular.see((moment - momentum_rate).norm(), &w, None);
     }
     vec![linear, angular]
+}
+
+/// Σ m r × r₊ of all links about the centre of mass, kg·m²: their centres of mass, and three pairs of masses each that
+/// have the rest of its inertia.
+fn swept_moment(robot: &Robot, from: &Pose, to: &Pose) -> Vector3<f64> {
+    let mut moment = Vector3::zeros();
+    for (l, link) in robot.links.iter().enumerate() {
+        let place = |pose: &Pose| {
+            pose.link_origins[l] + pose.world_from_link[l] * link.com_in_link_m - pose.com
+        };
+        moment += place(from).cross(&place(to)) * link.mass_kg;
+        let principal = link.inertia_in_link_kg_m2.symmetric_eigen();
+        for (inertia, axis) in
+            principal.eigenvalues.iter().zip(principal.eigenvectors.column_iter())
+        {
+            let second = 0.5 * link.inertia_in_link_kg_m2.trace() - inertia;
+            let turned = |pose: &Pose| pose.world_from_link[l] * axis;
+            moment += turned(from).cross(&turned(to)) * second;
+        }
+    }
+    moment
 }
 
 fn friction(timeline: &Timeline) -> Worst {

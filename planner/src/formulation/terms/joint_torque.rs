@@ -1,20 +1,26 @@
-//! Torque limits of joint motors. One inequality row per joint and sample, N·m: |τ| ≤ τ_max.
+//! Torque limits of joint motors. One inequality row per joint and sample, N·m: |τ| ≤ u τ_max, u the part of the limit
+//! that plans may use.
 //!
-//! The torque is quasi-static: it balances the planned ground forces and the weight of everything beyond the joint,
-//! but does not accelerate the limb, for which light legs need little torque:
+//! The torque balances the planned ground forces and weight and inertia of everything beyond the joint, its own rotor
+//! included:
 //!
 //! ```text
-//! τ = −w · [ Σ (e − o) × f + (x_c − o) × m_c g ]
+//! τ = w · [ Σ m (p − o) × (p̈ − g) − Σ (e − o) × f ] + I_a q̈
 //! ```
 //!
-//! with w and o the axis and origin of the joint, e and f the contacts beyond it, m_c and x_c the mass that it
-//! carries and its centre. |τ| has a kink at 0, where the row is far from active, so one row covers both signs.
+//! with w and o the axis and origin of the joint, p the points of what it carries, e and f the contacts beyond it, I_a
+//! the inertia of rotor and gearbox. Accelerations are second differences in the mean around the sample
+//! ([`crate::problem::Means`]), p × p̈ those of the moments that the limb sweeps
+//! ([`rollwalk_multibody::euler::SweptMoment`]). |τ| has a kink at 0, where the row is far from active, so one row
+//! covers both signs.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use nalgebra::Vector3;
-use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
+use rollwalk_multibody::euler::{
+    BASE_POSITION, BASE_YAW, CarriedPair, JOINTS, Model, cross_sum, turned_first, turned_second,
+};
 use rollwalk_robot::GRAVITY_M_S2;
 
 /// See the module.
@@ -23,87 +29,155 @@ pub struct JointTorque;
 /// Half-width of the smoothing of Eq. 2.16, as a fraction of the limit.
 pub(super) const BAND_FRACTION: f64 = 0.05;
 
-/// Quasi-static torque of one joint at one sample, with the values that its derivative needs.
+/// Torque of one joint at the middle sample of a window, with the values that its derivative needs.
 pub(super) struct Torque<'w> {
     window: &'w Window<'w>,
-    /// Sample of the window.
-    k: usize,
     joint: usize,
     /// The torque, N·m.
     pub value_nm: f64,
     axis: Vector3<f64>,
     origin: Vector3<f64>,
-    /// Moment about the origin of all forces beyond the joint, N·m.
+    /// Moment of inertia forces less that of all other forces beyond the joint, about the origin, N·m.
     moment: Vector3<f64>,
     /// Sum of the ground forces beyond the joint, N.
     ground_force: Vector3<f64>,
-    /// (x_c − o) m_c, kg·m.
-    weight_arm: Vector3<f64>,
+    /// Σ m (p − o) before, at and after the sample, kg·m.
+    arms: [Vector3<f64>; 3],
+    /// What the joint carries, before and after the sample.
+    carried: [CarriedPair<'w>; 2],
+    /// Mean of a second derivative over the sum of its samples' differences, 1/s².
+    per_h2: f64,
 }
 
 impl<'w> Torque<'w> {
-    /// Computes the torque of joint `joint` at sample `k` of the window. Feet in swing carry no force.
-    pub fn new(window: &'w Window<'w>, k: usize, joint: usize) -> Self {
-        let model = &window.problem.model;
-        let state = window.states[k];
-        let child = model.robot().joints[joint].child;
+    /// Computes the torque of joint `joint`. Feet in swing carry no force.
+    pub fn new(window: &'w Window<'w>, joint: usize) -> Self {
+        let problem = window.problem;
+        let model = &problem.model;
         let carried = model.carried(joint);
-        let axis = state.pose.joint_axes[joint];
-        let origin = state.pose.link_origins[child];
-        let weight_arm = state.pose.carried_moment[child] - origin * carried.mass_kg;
-        let mut moment = weight_arm.cross(&gravity());
+        let child = model.robot().joints[joint].child;
+        let [before, here, after] = window.states;
+        let (axis, origin) = (here.pose.joint_axes[joint], here.pose.link_origins[child]);
+        let second_difference = problem.means(window.at[1]).second_difference;
+        let per_h2 = second_difference / problem.interval_s.powi(2);
+
+        let pairs = [(before, here), (here, after)].map(|(from, to)| {
+            let swept = from.swept_to_next.as_ref().expect("each state but the last has a next");
+            CarriedPair::new(&from.pose, &to.pose, swept)
+        });
+        let swept = pairs.map(|pair| cross_sum(&pair.about(model, joint, &origin, &origin)));
+        let arms = [before, here, after]
+            .map(|state| state.pose.carried_moment[child] - origin * carried.mass_kg);
+        let mut moment = (swept[1] - swept[0]) * per_h2 - arms[1].cross(&gravity());
         let mut ground_force = Vector3::zeros();
-        for &j in carried.end_effectors.iter().filter(|&&j| window.stance(k, j)) {
-            let vars = &window.problem.layout.end_effectors[j];
-            let f = state.vector(vars.force);
-            moment += (state.vector(vars.position) - origin).cross(&f);
+        for &j in carried.end_effectors.iter().filter(|&&j| window.stance(1, j)) {
+            let vars = &problem.layout.end_effectors[j];
+            let f = here.vector(vars.force);
+            moment -= (here.vector(vars.position) - origin).cross(&f);
             ground_force += f;
         }
-        let value_nm = -axis.dot(&moment);
-        Self { window, k, joint, value_nm, axis, origin, moment, ground_force, weight_arm }
+        let angles = window.states.map(|state| state.vars[JOINTS + joint]);
+        let acceleration = (angles[0] - 2.0 * angles[1] + angles[2]) * per_h2;
+        let value_nm = axis.dot(&moment) + armature_kg_m2(model, joint) * acceleration;
+        Self {
+            window,
+            joint,
+            value_nm,
+            axis,
+            origin,
+            moment,
+            ground_force,
+            arms,
+            carried: pairs,
+            per_h2,
+        }
     }
 
     /// Adds `factor` times the derivative of the torque to the next row.
     pub fn differentiate(&self, factor: f64, out: &mut RowWriter) {
-        let Self { window, k, axis, origin, ground_force, weight_arm, .. } = self;
-        let k = *k;
+        let Self { window, joint, axis, per_h2, .. } = self;
         let model = &window.problem.model;
-        let pose = &window.states[k].pose;
-        let carried = model.carried(self.joint);
-        let base_origin = window.states[k].vector(BASE_POSITION);
-        for &j in carried.end_effectors.iter().filter(|&&j| window.stance(k, j)) {
+        let here = window.states[1];
+        let (axis, per_h2) = (axis * factor, per_h2 * factor);
+        for &j in self.standing() {
             let vars = &window.problem.layout.end_effectors[j];
-            let state = window.states[k];
-            let arm = state.vector(vars.position) - origin;
-            out.d_vector(k, vars.force, &(arm.cross(axis) * factor));
-            out.d_vector(k, vars.position, &(axis.cross(&state.vector(vars.force)) * factor));
+            let arm = here.vector(vars.position) - self.origin;
+            out.d_vector(1, vars.force, &arm.cross(&axis));
+            out.d_vector(1, vars.position, &axis.cross(&here.vector(vars.force)));
         }
-        // Contact points are separate variables: moving the joint's origin changes their lever arms.
-        let d_origin = ground_force.cross(axis) * factor;
-        out.d_vector(k, BASE_POSITION, &d_origin);
-        // A rotation w_k above the joint rotates its axis and the lever arm of the weight, and moves its origin.
-        let d_axis = axis.cross(&self.moment) * -factor;
-        let d_weight_arm = axis.cross(&gravity()) * factor;
-        let above = |w: &Vector3<f64>, about: &Vector3<f64>| {
-            d_axis.dot(w)
-                + d_origin.dot(&w.cross(&(origin - about)))
-                + d_weight_arm.dot(&w.cross(weight_arm))
-        };
-        for (c, w) in pose.base_axes.iter().enumerate() {
-            out.d(k, BASE_YAW + c, above(w, &base_origin));
+        // Contact points are separate variables: moving the joint's origin changes their lever arms. Points of the
+        // limb move with the base.
+        let d_origin = self.ground_force.cross(&axis);
+        let d_shift = self.axis.cross(&self.arms[1]) * per_h2;
+        out.d_vector(0, BASE_POSITION, &d_shift);
+        out.d_vector(1, BASE_POSITION, &(d_origin - d_shift * 2.0));
+        out.d_vector(2, BASE_POSITION, &d_shift);
+        let inertia = armature_kg_m2(model, *joint) * per_h2;
+        for (k, times) in [(0, 1.0), (1, -2.0), (2, 1.0)] {
+            out.d(k, JOINTS + joint, inertia * times);
         }
-        let child = |joint: usize| model.robot().joints[joint].child;
-        for &joint in &carried.above {
-            let (w, about) = (&pose.joint_axes[joint], &pose.link_origins[child(joint)]);
-            out.d(k, JOINTS + joint, above(w, about));
-        }
-        out.d(k, JOINTS + self.joint, d_weight_arm.dot(&axis.cross(weight_arm)));
-        for &joint in &carried.below {
-            let (w, about) = (&pose.joint_axes[joint], pose.link_origins[child(joint)]);
-            let arm = pose.carried_moment[child(joint)] - about * model.carried(joint).mass_kg;
-            out.d(k, JOINTS + joint, d_weight_arm.dot(&w.cross(&arm)));
+
+        let [before, here, after] = self.arms;
+        let d_origin = d_origin + self.axis.cross(&(before - here * 2.0 + after)) * per_h2;
+        let d_axis = axis.cross(&self.moment);
+        let d_weight_arm = axis.cross(&gravity());
+        for k in 0..3 {
+            let pose = &window.states[k].pose;
+            let mut turn =
+                |dof: usize, part: usize, w: &Vector3<f64>, about: &Vector3<f64>, above: bool| {
+                    let mut derivative = self.turned(k, part, w, about) * per_h2;
+                    if k == 1 && above {
+                        // A turn above the joint turns its axis and the lever arm of the weight, and moves its origin.
+                        derivative +=
+                            d_axis.dot(w) + d_origin.dot(&w.cross(&(self.origin - about)));
+                        derivative += d_weight_arm.dot(&w.cross(&here));
+                    } else if k == 1 {
+                        let child = model.robot().joints[part].child;
+                        let arm = pose.carried_moment[child] - about * model.carried(part).mass_kg;
+                        derivative += d_weight_arm.dot(&w.cross(&arm));
+                    }
+                    out.d(k, dof, derivative);
+                };
+            let base = window.states[k].vector(BASE_POSITION);
+            for (c, w) in pose.base_axes.iter().enumerate() {
+                turn(BASE_YAW + c, *joint, w, &base, true);
+            }
+            let origin = |joint: usize| pose.link_origins[model.robot().joints[joint].child];
+            for &above in &model.carried(*joint).above {
+                turn(JOINTS + above, *joint, &pose.joint_axes[above], &origin(above), true);
+            }
+            for &part in std::iter::once(joint).chain(&model.carried(*joint).below) {
+                turn(JOINTS + part, part, &pose.joint_axes[part], &origin(part), false);
+            }
         }
     }
+
+    /// End effectors beyond the joint that are in stance.
+    fn standing(&self) -> impl Iterator<Item = &usize> {
+        let carried = self.window.problem.model.carried(self.joint);
+        carried.end_effectors.iter().filter(|&&j| self.window.stance(1, j))
+    }
+
+    /// Derivative of w·Σ m (p − o) × (p₊ − 2p + p₋) with a turn of what joint `part` carries about an axis `turn`
+    /// through `about`, at sample `k` of the window, the joint's origin held still.
+    fn turned(&self, k: usize, part: usize, turn: &Vector3<f64>, about: &Vector3<f64>) -> f64 {
+        let model = &self.window.problem.model;
+        let [into, out_of] = &self.carried;
+        let first =
+            |pair: &CarriedPair| turned_first(&pair.about(model, part, about, &self.origin), turn);
+        let second =
+            |pair: &CarriedPair| turned_second(&pair.about(model, part, &self.origin, about), turn);
+        let change = match k {
+            0 => -first(into),
+            1 => first(out_of) - second(into),
+            _ => second(out_of),
+        };
+        self.axis.dot(&change)
+    }
+}
+
+fn armature_kg_m2(model: &Model, joint: usize) -> f64 {
+    model.robot().joints[joint].actuator.armature_kg_m2
 }
 
 fn gravity() -> Vector3<f64> {
@@ -120,10 +194,11 @@ impl Term for JointTorque {
             let limit = joint.actuator.torque_max_nm;
             let role = Role::Inequality { band: BAND_FRACTION };
             out.set(limit, role);
-            let torque = Torque::new(window, 1, j);
+            let torque = Torque::new(window, j);
             torque.differentiate(torque.value_nm.signum(), out);
-            out.given("torque_max_nm", limit, -1.0);
-            out.row_of(Subject::Joint(j), torque.value_nm.abs() - limit);
+            let usable = window.problem.weights.torque_use;
+            out.given("torque_max_nm", limit, -usable);
+            out.row_of(Subject::Joint(j), torque.value_nm.abs() - usable * limit);
         }
     }
 }
@@ -152,7 +227,7 @@ mod tests {
         let at = [0, 1, 2];
         let window =
             Window { problem: &problem, at, states: at.map(|t| &states[t]), swing_force_n: &[] };
-        Torque::new(&window, 1, 0).value_nm
+        Torque::new(&window, 0).value_nm
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! Torque-speed lines of motors. One inequality row per motor and interval, without unit: |τ/τ_stall + q̇/ω₀| ≤ 1,
-//! with the torque at the interval's middle.
+//! Torque-speed lines of motors. One inequality row per motor and interval, without unit: |τ/τ_stall + q̇/ω₀| ≤ 1. For
+//! joints at the sample that begins the interval, with the mean speed around it; for wheels at the interval's middle.
 //!
 //! Where a motor drives its load, τ and q̇ have the same sign and this is the line. Where it brakes, the two partly
 //! cancel, and the row holds whenever torque and speed are within their limits, which do not exceed the ends of the
@@ -28,17 +28,15 @@ impl Term for TorqueSpeed {
         out.set(1.0, Role::Inequality { band: BAND_FRACTION });
         for (j, joint) in robot.joints.iter().enumerate() {
             let Some(line) = joint.actuator.torque_speed else { continue };
-            let torques = [1, 2].map(|k| Torque::new(window, k, j));
-            let torque_nm = 0.5 * (torques[0].value_nm + torques[1].value_nm);
-            let [_, here, after] = window.states;
-            let speed_rad_s = (after.vars[JOINTS + j] - here.vars[JOINTS + j]) / h;
-            let used = torque_nm / line.stall_torque_nm + speed_rad_s / line.no_load_speed_rad_s;
+            let torque = Torque::new(window, j);
+            let [before, _, after] = window.states;
+            let speed_rad_s = (after.vars[JOINTS + j] - before.vars[JOINTS + j]) / (2.0 * h);
+            let used =
+                torque.value_nm / line.stall_torque_nm + speed_rad_s / line.no_load_speed_rad_s;
             let sign = used.signum();
-            for torque in &torques {
-                torque.differentiate(0.5 * sign / line.stall_torque_nm, out);
-            }
-            let d_angle = sign / line.no_load_speed_rad_s / h;
-            out.d(1, JOINTS + j, -d_angle);
+            torque.differentiate(sign / line.stall_torque_nm, out);
+            let d_angle = sign / line.no_load_speed_rad_s / (2.0 * h);
+            out.d(0, JOINTS + j, -d_angle);
             out.d(2, JOINTS + j, d_angle);
             out.row_of(Subject::Joint(j), used.abs() - 1.0);
         }

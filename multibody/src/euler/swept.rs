@@ -1,0 +1,128 @@
+//! Angular momentum over an interval between two poses: Σ m r × r₊, r from the centre of mass to every point of the
+//! robot at the beginning and r₊ at the end of the interval, in world, kg·m².
+//!
+//! Over the length h of the interval it is the mean angular momentum about the centre of mass if points move in
+//! straight lines (twice the area that r sweeps, times the mass: Kepler), and rates of change of angular momentum are
+//! differences of it. Limbs count with all that they are, in place of the one body with constant inertia of Eq. 2.4.
+//!
+//! Everything follows from S = Σ m r r₊ᵀ, of which the moment is the antimetric part. For a rigid link of mass m with
+//! its centre of mass at p, S = m p p₊ᵀ + R J R₊ᵀ, J its second moment Σ m x xᵀ about p in link axes, and a link that
+//! carries others has their sum.
+
+use super::{JOINTS, Model, Pose};
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_robot::Link;
+
+/// The moment Σ m r × r₊ with its derivatives.
+#[derive(Clone, Debug)]
+pub struct SweptMoment {
+    /// Σ m r × r₊ in world, kg·m².
+    pub value: Vector3<f64>,
+    /// Derivative with respect to yaw, pitch, roll and joints at the beginning; the base's position changes nothing.
+    pub d_from: Vec<Vector3<f64>>,
+    /// The same at the end.
+    pub d_to: Vec<Vector3<f64>>,
+    /// Σ m r r₊ᵀ of every link with all that it carries, kg·m².
+    carried: Vec<Matrix3<f64>>,
+}
+
+/// Σ m (w × a) × b from S = Σ m a bᵀ.
+pub fn turned_first(s: &Matrix3<f64>, w: &Vector3<f64>) -> Vector3<f64> {
+    s * w - w * s.trace()
+}
+
+/// Σ m a × (w × b) from S = Σ m a bᵀ.
+pub fn turned_second(s: &Matrix3<f64>, w: &Vector3<f64>) -> Vector3<f64> {
+    w * s.trace() - s.tr_mul(w)
+}
+
+/// What a joint carries, at both ends of an interval.
+#[derive(Clone, Copy, Debug)]
+pub struct CarriedPair<'a> {
+    from: &'a Pose,
+    to: &'a Pose,
+    swept: &'a SweptMoment,
+}
+
+/// Σ m a × b from S = Σ m a bᵀ.
+pub fn cross_sum(s: &Matrix3<f64>) -> Vector3<f64> {
+    Vector3::new(s[(1, 2)] - s[(2, 1)], s[(2, 0)] - s[(0, 2)], s[(0, 1)] - s[(1, 0)])
+}
+
+/// Second moment Σ m x xᵀ of a link about its centre of mass, in link axes, kg·m².
+fn second_moment(link: &Link) -> Matrix3<f64> {
+    let inertia = &link.inertia_in_link_kg_m2;
+    Matrix3::from_diagonal_element(0.5 * inertia.trace()) - inertia
+}
+
+impl Model {
+    /// The moment that the robot sweeps from one pose to another.
+    pub fn swept_moment(&self, from: &Pose, to: &Pose) -> SweptMoment {
+        let robot = self.robot();
+        let center = |pose: &Pose, l: usize| {
+            pose.link_origins[l] + pose.world_from_link[l] * robot.links[l].com_in_link_m
+        };
+        // Positions from the centre of mass, so that numbers stay small far from the origin.
+        let mut sums: Vec<Matrix3<f64>> = (0..robot.links.len())
+            .map(|l| {
+                let (p, next) = (center(from, l) - from.com, center(to, l) - to.com);
+                let turning = from.world_from_link[l] * self.second_moment(l);
+                p * next.transpose() * robot.links[l].mass_kg
+                    + turning * to.world_from_link[l].transpose()
+            })
+            .collect();
+        for joint in robot.joints.iter().rev() {
+            let carried = sums[joint.child];
+            sums[joint.parent] += carried;
+        }
+        // A turn w about o moves a point at one end by w × (r − o). The first moment Σ m r of the whole robot about its
+        // centre of mass is zero, so that a turn of the whole needs no origin and the motion of the centre of mass
+        // drops out.
+        let mut d_from = Vec::with_capacity(self.dofs() - 3);
+        let mut d_to = Vec::with_capacity(self.dofs() - 3);
+        d_from.extend(from.base_axes.iter().map(|w| turned_first(&sums[0], w)));
+        d_to.extend(to.base_axes.iter().map(|w| turned_second(&sums[0], w)));
+        for (j, joint) in robot.joints.iter().enumerate() {
+            let child = joint.child;
+            let mass = self.tree().carried_mass_kg(j);
+            let moment = |pose: &Pose| pose.carried_moment[child] - pose.com * mass;
+            let arm = |pose: &Pose| pose.link_origins[child] - pose.com;
+            let first = sums[child] - arm(from) * moment(to).transpose();
+            let second = sums[child] - moment(from) * arm(to).transpose();
+            d_from.push(turned_first(&first, &from.joint_axes[j]));
+            d_to.push(turned_second(&second, &to.joint_axes[j]));
+        }
+        debug_assert_eq!(d_from.len(), JOINTS - 3 + robot.joints.len());
+        SweptMoment { value: cross_sum(&sums[0]), d_from, d_to, carried: sums }
+    }
+}
+
+impl<'a> CarriedPair<'a> {
+    /// Poses with the moment that the robot sweeps from one to the other.
+    pub fn new(from: &'a Pose, to: &'a Pose, swept: &'a SweptMoment) -> Self {
+        Self { from, to, swept }
+    }
+
+    /// Σ m (p − o) (p₊ − o₊)ᵀ of all that joint `joint` carries, with points p, p₊ and origins o at the beginning and
+    /// o₊ at the end of the interval, in world, kg·m².
+    pub fn about(
+        &self,
+        model: &Model,
+        joint: usize,
+        origin: &Vector3<f64>,
+        origin_next: &Vector3<f64>,
+    ) -> Matrix3<f64> {
+        let child = model.robot().joints[joint].child;
+        let mass = model.tree().carried_mass_kg(joint);
+        let moment = |pose: &Pose| pose.carried_moment[child] - pose.com * mass;
+        let (shift, next) = (self.from.com - origin, self.to.com - origin_next);
+        self.swept.carried[child]
+            + (moment(self.from) + shift * mass) * next.transpose()
+            + shift * moment(self.to).transpose()
+    }
+}
+
+/// Second moments of all links of a robot.
+pub(super) fn second_moments(links: &[Link]) -> Vec<Matrix3<f64>> {
+    links.iter().map(second_moment).collect()
+}
