@@ -182,22 +182,40 @@ def carried_links(robot, joint):
     return found
 
 
-def joint_torques(robot, sample, poses, gravity):
-    """Torque that holds ground forces and weight of all that is beyond each joint, limb at rest."""
-    torques = []
-    for joint in robot["joints"]:
+def second_difference(before, here, after):
+    return add(sub(before, scale(here, 2)), after)
+
+
+def joint_torques(line, k):
+    """Torque of every joint at state k: it balances ground forces, weight and inertia of all that is beyond it, its
+    rotor included. Accelerations are second differences, in the mean around the sample."""
+    robot, state, torques = line.robot, line.states[k], []
+    gravity, per_h2 = line.formulation["gravity_m_s2"], line.mean_of_second_derivative(k)
+    around = line.poses[k - 1], line.poses[k], line.poses[k + 1]
+    for index_of_joint, joint in enumerate(robot["joints"]):
         frame = joint["parent_from_joint"]
-        turn = matmul(poses[joint["parent"]][0], from_quaternion(frame["orientation_wxyz"]))
-        axis, origin = apply(turn, joint["axis_in_joint"]), poses[joint["child"]][1]
+        turn = matmul(around[1][joint["parent"]][0], from_quaternion(frame["orientation_wxyz"]))
+        axis, origin = apply(turn, joint["axis_in_joint"]), around[1][joint["child"]][1]
         beyond, moment = carried_links(robot, joint), [0.0] * 3
         for index in beyond:
-            link, (r, p) = robot["links"][index], poses[index]
-            arm = sub(add(p, apply(r, link["com_in_link_m"])), origin)
-            moment = add(moment, cross(arm, [0.0, 0.0, -gravity * link["mass_kg"]]))
-        for foot, e in zip(robot["end_effectors"], sample["end_effectors"]):
+            link = robot["links"][index]
+            centers = [add(p, apply(r, link["com_in_link_m"])) for r, p in (poses[index] for poses in around)]
+            push = add(scale(second_difference(*centers), per_h2), [0.0, 0.0, gravity])
+            moment = add(moment, scale(cross(sub(centers[1], origin), push), link["mass_kg"]))
+            axes = [transpose(poses[index][0]) for poses in around]
+            flat = link["inertia_in_link_kg_m2"]
+            half_trace = 0.5 * (flat[0] + flat[4] + flat[8])
+            for i in range(3):
+                for j in range(3):
+                    second = (half_trace if i == j else 0.0) - flat[3 * i + j]
+                    bent = scale(second_difference(*(a[j] for a in axes)), per_h2)
+                    moment = add(moment, scale(cross(axes[1][i], bent), second))
+        for foot, e in zip(robot["end_effectors"], state["end_effectors"]):
             if foot["link"] in beyond:
-                moment = add(moment, cross(sub(e["position_m"], origin), e["force_n"]))
-        torques.append(-dot(axis, moment))
+                moment = sub(moment, cross(sub(e["position_m"], origin), e["force_n"]))
+        angles = [line.states[n]["joint_rad"][index_of_joint] for n in (k - 1, k, k + 1)]
+        rotor = joint["actuator"]["armature_kg_m2"] * (angles[0] - 2 * angles[1] + angles[2]) * per_h2
+        torques.append(dot(axis, moment) + rotor)
     return torques
 
 
@@ -371,8 +389,16 @@ class Timeline:
             link_poses(self.robot, s["base_position_m"], r, s["joint_rad"])
             for s, r in zip(self.states, self.rotations)
         ]
-        gravity = self.formulation["gravity_m_s2"]
-        self.torques = [joint_torques(self.robot, s, p, gravity) for s, p in zip(self.states, self.poses)]
+        self.torques = [joint_torques(self, k) for k in range(1, len(self.samples) + 1)]
+
+    def neighbours(self, k):
+        """Places of the states beside state k that are in the motion: at an end there is one interval."""
+        inside = [(k - 1, k > 1), (k + 1, k < len(self.samples))]
+        return [n for n, there in inside if there or self.periodic]
+
+    def mean_of_second_derivative(self, k):
+        """Mean of a second derivative around state k over the second difference, 1/s^2."""
+        return 2 / (len(self.neighbours(k)) * self.h ** 2)
 
 
 def check_times(table, line):
@@ -413,16 +439,15 @@ def check_ends(table, line):
 
 def check_dynamics(table, line):
     """Newton and Euler for the whole robot, in the mean around every sample."""
-    h, gravity = line.h, line.formulation["gravity_m_s2"]
+    gravity = line.formulation["gravity_m_s2"]
     mass = sum(link["mass_kg"] for link in line.robot["links"])
     for i, s in enumerate(line.samples):
         k = i + 1  # place in the timeline
         before, after = line.states[k - 1], line.states[k + 1]
 
         # Means around the sample with the weight 1 - |t| / h: 2/3 and 1/3 on the interval to a neighbour, since forces
-        # are linear there. The mean of an acceleration is the second difference. At an end there is one interval.
-        inside = [n for n, there in ((before, i > 0), (after, i < len(line.samples) - 1)) if there or line.periodic]
-        per_mean = 2 / (h * len(inside))
+        # are linear there. The mean of an acceleration is the second difference.
+        inside, per_h2 = [line.states[n] for n in line.neighbours(k)], line.mean_of_second_derivative(k)
         force, moment = [0.0] * 3, [0.0] * 3
         for state, weight in [(s, 2 / 3)] * len(inside) + [(n, 1 / 3) for n in inside]:
             for e in state["end_effectors"]:
@@ -431,16 +456,14 @@ def check_dynamics(table, line):
                 moment = add(moment, cross(sub(e["position_m"], state["com_m"]), f))
 
         # Linear dynamics, Eq. 2.3: sum f + M g - M x'' = 0.
-        acceleration = scale(
-            add(sub(before["com_m"], scale(s["com_m"], 2)), after["com_m"]), per_mean / h
-        )
+        acceleration = scale(second_difference(before["com_m"], s["com_m"], after["com_m"]), per_h2)
         wrong = sub(force, scale(add(acceleration, [0, 0, gravity]), mass))
         table.see("linear dynamics", norm(wrong), i)
 
         # Angular dynamics, Eq. 2.4, with the angular momentum of all links in the mean over the intervals.
-        swept_in = swept_moment(robot, line.poses[k - 1], line.poses[k])
-        swept_out = swept_moment(robot, line.poses[k], line.poses[k + 1])
-        rate = scale(sub(swept_out, swept_in), per_mean / h)
+        swept_in = swept_moment(line.robot, line.poses[k - 1], line.poses[k])
+        swept_out = swept_moment(line.robot, line.poses[k], line.poses[k + 1])
+        rate = scale(sub(swept_out, swept_in), per_h2)
         table.see("angular dynamics", norm(sub(moment, rate)), i)
 
 
@@ -455,7 +478,7 @@ def check_body(table, line):
         euler = euler_matrix(s["base_yaw_pitch_roll_rad"])
         off = max(abs(a - b) for x, y in zip(euler, line.rotations[k]) for a, b in zip(x, y))
         table.see("base orientation", off, i)
-        for joint, q, torque in zip(robot["joints"], s["joint_rad"], line.torques[k]):
+        for joint, q, torque in zip(robot["joints"], s["joint_rad"], line.torques[i]):
             beyond = max(q - joint["position_max_rad"], joint["position_min_rad"] - q, 0)
             table.see("joint limit", beyond, i, joint["name"])
             limit = joint["actuator"]["torque_max_nm"]
@@ -534,9 +557,10 @@ def check_intervals(table, line):
     for i in range(line.intervals):
         k = i + 1
         s, after = line.states[k], line.states[k + 1]
-        held = [0.5 * (a + b) for a, b in zip(line.torques[k], line.torques[k + 1])]
-        for joint, q, q_next, torque in zip(line.robot["joints"], s["joint_rad"], after["joint_rad"], held):
-            beyond = beyond_line(joint["actuator"], torque, (q_next - q) / line.h)
+        before = line.states[k - 1]
+        angles = zip(before["joint_rad"], s["joint_rad"], after["joint_rad"])
+        for joint, (q_last, q, q_next), torque in zip(line.robot["joints"], angles, line.torques[i]):
+            beyond = beyond_line(joint["actuator"], torque, (q_next - q_last) / (2 * line.h))
             if beyond is not None:
                 table.see("torque-speed line", beyond, i, joint["name"])
             limit = joint["actuator"]["speed_max_rad_s"]

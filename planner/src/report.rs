@@ -290,6 +290,11 @@ mod tests {
             for s in &mut p.samples {
                 s.end_effectors[0].force_n = [0.0; 3];
             }
+            // At rest from sample 4 to 6: no inertia.
+            for i in [4, 6] {
+                p.samples[i].base_position_m = p.samples[5].base_position_m;
+                p.samples[i].joint_rad = p.samples[5].joint_rad.clone();
+            }
             // The heaviest load of all feet: 100 N upwards at the front right wheel, a leg's length behind the hip.
             p.samples[5].end_effectors[1].force_n = [0.0, 0.0, 100.0];
         });

@@ -247,8 +247,8 @@ fn a_foot_rises_to_the_height_of_its_target_and_the_others_do_not() {
     let played = PlanSpline::new(&plan).sample(0.62).end_effectors[0].position_m[2];
     // Between samples: h³/16 times the third derivative of the arch, 0.03·(2π/0.4)³ m/s³, is 0.9 mm.
     assert!((played - 0.06).abs() < 1e-3, "{played}");
-    // The arch is over 0.98 of its top there.
-    assert!((0.0600..0.0615).contains(&height(0)), "{}", height(0));
+    // The arch is over 0.95 of its top there.
+    assert!((0.0600..0.0630).contains(&height(0)), "{}", height(0));
     assert!((height(1) - 0.03).abs() < 1e-3, "{}", height(1));
 }
 

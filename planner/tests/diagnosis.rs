@@ -2,7 +2,7 @@
 
 use rollwalk_planner::families::{Family, Kind};
 use rollwalk_planner::motion::{Goal, HeightLimit, Motion, Subject};
-use rollwalk_planner::plan::{Diagnosis, Ending, Plan, Status, Verdict};
+use rollwalk_planner::plan::{Culprit, Diagnosis, Ending, Plan, Status, Verdict};
 use rollwalk_planner::{Options, candidates, optimise};
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
@@ -175,13 +175,15 @@ fn a_second_on_one_foot_names_the_balance() {
 fn servos_too_weak_to_stand_names_the_torque() {
     let (mut robot, motion) = walk(|_| ());
     for joint in &mut robot.joints {
-        joint.actuator.torque_max_nm = 0.15;
+        joint.actuator.torque_max_nm = 0.35;
         joint.actuator.torque_speed = None;
     }
     let diagnosis = impossible(&plan(&robot, &motion), &long_walk());
-    let first = &diagnosis.culprits[0];
-    let named = (first.constraint, first.field.as_deref(), first.part);
-    assert_eq!(named, (Family::JointTorque, Some("torque_max_nm"), Kind::Limit), "{diagnosis}");
+    // The legs could also be straighter, or the feet elsewhere.
+    let torque = |culprit: &&Culprit| culprit.constraint == Family::JointTorque;
+    let first = diagnosis.culprits.iter().find(torque).expect("motors too weak to stand");
+    let named = (first.field.as_deref(), first.part);
+    assert_eq!(named, (Some("torque_max_nm"), Kind::Limit), "{diagnosis}");
     assert!(robot.joints.iter().any(|joint| Some(&joint.name) == first.subject.as_ref()));
     // Servos that strong can do it.
     for joint in &mut robot.joints {
@@ -244,7 +246,7 @@ fn a_side_step_that_one_start_sees_no_way_to_is_not_given_up() {
     let robot = robot(include_str!("../../robots/agilebot.toml"));
     let text = include_str!("../../motions/drive_1m.toml");
     let text =
-        text.replace("forward_m = 1.0", "forward_m = 0.0").replace("left_m = 0.0", "left_m = 0.3");
+        text.replace("forward_m = 1.0", "forward_m = 0.0").replace("left_m = 0.0", "left_m = 0.4");
     let aside = Motion::from_toml("aside.toml", &text, &robot).unwrap();
     let options = candidates(&robot, &aside, &Options::default());
     let endings = options.iter().take(2).map(|start| {

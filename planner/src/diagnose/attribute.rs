@@ -17,7 +17,7 @@ use std::ops::Range;
 
 /// Largest number of requests that are named, besides one limit and one property of the robot.
 const REQUESTS: usize = 2;
-/// Share of the strongest family's pull below which a family without an estimate is omitted.
+/// Share of the strongest family's pull below which limits, and families without an estimate, are omitted.
 const LEAST_SHARE: f64 = 0.05;
 /// The same for footfalls, to which balance, flight and free feet are attributed together.
 const LEAST_OF_FOOTFALLS: f64 = 0.3;
@@ -225,6 +225,8 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
             Kind::Request if group.is_swing() && !number => &mut builds,
             Kind::Request if !(pulls || group.family.is_goal() || group.is_swing()) => continue,
             Kind::Request => &mut requests,
+            // A limit that is hardly exceeded is not the cause, whatever its lever.
+            Kind::Limit if !pulls => continue,
             Kind::Limit => &mut limits,
             Kind::Build => &mut builds,
             Kind::Cost | Kind::Check => continue,

@@ -76,6 +76,11 @@ impl<'a> Timeline<'a> {
         before.into_iter().chain(after).collect()
     }
 
+    /// Mean of a second derivative around a sample over x₋ − 2x + x₊, 1/s².
+    pub fn mean_of_second_derivative(&self, w: &Window) -> f64 {
+        2.0 / (self.neighbours(w).len() as f64 * self.spacing_s().powi(2))
+    }
+
     /// Sample spacing h, s.
     pub fn spacing_s(&self) -> f64 {
         self.plan.sample_interval_s

@@ -1,12 +1,14 @@
 //! Motor torques that the planned forces require, against torque limits and torque-speed lines.
 //!
 //! They follow from virtual work, not from the optimiser's equations: the torque of a joint is minus the power of
-//! ground forces and weight per unit of its rate, with the limb at rest.
+//! ground forces, weight and inertia of all mass points per unit of its rate, and what accelerates its rotor.
 
 use super::Grid;
-use super::grid::{State, Timeline};
+use super::grid::{State, Timeline, Window};
 use super::rows::{Worst, feet};
 use crate::families::Family;
+use crate::motion::Ends;
+use nalgebra::Vector3;
 use rollwalk_multibody::euler::JOINTS;
 use rollwalk_robot::{Actuator, GRAVITY_M_S2};
 
@@ -16,13 +18,24 @@ pub fn torques(timeline: &Timeline) -> Vec<Worst> {
     let mut wheel = Worst::of(Family::WheelTorque, Grid::Samples);
     let mut line = Worst::of(Family::TorqueSpeedLine, Grid::Samples);
     let robot = &timeline.plan.robot;
+    let periodic = timeline.plan.motion.ends == Ends::Periodic;
     let driven =
         || feet(timeline).filter_map(|(j, foot)| Some((j, foot, foot.contact.actuator()?)));
+    let h = timeline.spacing_s();
     for w in timeline.samples() {
-        for (j, of) in robot.joints.iter().enumerate() {
+        let torques = joint_torques_nm(timeline, &w);
+        // Lines hold where an interval begins.
+        let begins = periodic || w.index + 1 < timeline.plan.samples.len();
+        for ((j, of), torque_nm) in robot.joints.iter().enumerate().zip(torques) {
             let limit = of.actuator.torque_max_nm;
-            let beyond = (joint_torque_nm(timeline, w.here, j).abs() - limit).max(0.0);
+            let beyond = (torque_nm.abs() - limit).max(0.0);
             joint.see_beyond(beyond, limit, &w, Some(&of.name));
+            let [before, after] = [w.before, w.after].map(|state| state.sample.joint_rad[j]);
+            let speed_rad_s = (after - before) / (2.0 * h);
+            let beyond = beyond_line(&of.actuator, torque_nm, speed_rad_s);
+            if let Some(beyond) = beyond.filter(|_| begins) {
+                line.see(beyond, &w, Some(&of.name));
+            }
         }
         for (j, foot, motor) in driven() {
             let limit = motor.torque_max_nm;
@@ -30,17 +43,9 @@ pub fn torques(timeline: &Timeline) -> Vec<Worst> {
             wheel.see_beyond(beyond, limit, &w, Some(&foot.name));
         }
     }
-    let h = timeline.spacing_s();
     for w in timeline.intervals() {
         let mean =
             |torque_nm: &dyn Fn(&State) -> f64| 0.5 * (torque_nm(w.here) + torque_nm(w.after));
-        for (j, of) in robot.joints.iter().enumerate() {
-            let torque_nm = mean(&|state| joint_torque_nm(timeline, state, j));
-            let speed_rad_s = (w.after.sample.joint_rad[j] - w.here.sample.joint_rad[j]) / h;
-            if let Some(beyond) = beyond_line(&of.actuator, torque_nm, speed_rad_s) {
-                line.see(beyond, &w, Some(&of.name));
-            }
-        }
         for (j, foot, motor) in driven().filter(|(j, ..)| !timeline.plan.motion.held_wheels[*j]) {
             let torque_nm = mean(&|state| wheel_torque_nm(timeline, state, j));
             let speed_rad_s = w.here.sample.end_effectors[j].motor_speed_rad_s;
@@ -52,22 +57,57 @@ pub fn torques(timeline: &Timeline) -> Vec<Worst> {
     vec![joint, wheel, line]
 }
 
-/// Minus the power of ground forces and weight per unit of the joint's rate, N·m.
-fn joint_torque_nm(timeline: &Timeline, state: &State, joint: usize) -> f64 {
+/// Minus the power of ground forces, weight and inertia per unit of each joint's rate, and its rotor's share, N·m.
+fn joint_torques_nm(timeline: &Timeline, w: &Window) -> Vec<f64> {
     let model = &timeline.model;
-    // Of the robot's mass only that which the joint moves shifts the centre of mass.
-    let weight_n = model.total_mass_kg() * GRAVITY_M_S2;
-    let mut power = -weight_n * state.pose.d_com[JOINTS + joint].z;
-    for (j, at) in state.pose.end_effectors.iter().enumerate() {
-        let Some(column) = model.chain(j).dofs.iter().position(|&dof| dof == JOINTS + joint) else {
-            continue;
+    let here = w.here;
+    let per_h2 = timeline.mean_of_second_derivative(w);
+    let gravity = Vector3::new(0.0, 0.0, -GRAVITY_M_S2);
+    let bent = |of: &dyn Fn(&State) -> Vector3<f64>| {
+        (of(w.before) - of(here) * 2.0 + of(w.after)) * per_h2
+    };
+    let mut torques: Vec<f64> = timeline
+        .plan
+        .robot
+        .joints
+        .iter()
+        .enumerate()
+        .map(|(j, joint)| {
+            let angle = |state: &State| Vector3::repeat(state.sample.joint_rad[j]);
+            joint.actuator.armature_kg_m2 * bent(&angle).x
+        })
+        .collect();
+    for (l, link) in timeline.plan.robot.links.iter().enumerate() {
+        let center = |state: &State| {
+            state.pose.link_origins[l] + state.pose.world_from_link[l] * link.com_in_link_m
         };
-        // The material point at the contact moves with the link, regardless of the wheel's spin.
-        let arm = state.contact(j) - at.center;
-        let velocity = at.d_center[column] + at.d_rotation[column].cross(&arm);
-        power += state.force(j).dot(&velocity);
+        let push = (bent(&center) - gravity) * link.mass_kg;
+        let principal = link.inertia_in_link_kg_m2.symmetric_eigen();
+        let axes: Vec<(Vector3<f64>, f64)> = (0..3)
+            .map(|k| {
+                let second = 0.5 * link.inertia_in_link_kg_m2.trace() - principal.eigenvalues[k];
+                (principal.eigenvectors.column(k).into(), second)
+            })
+            .collect();
+        for &j in model.tree().joints_to_link(l) {
+            let w_j = here.pose.joint_axes[j];
+            let origin = here.pose.link_origins[timeline.plan.robot.joints[j].child];
+            torques[j] += push.dot(&w_j.cross(&(center(here) - origin)));
+            for (axis, second) in &axes {
+                let turned = |state: &State| state.pose.world_from_link[l] * axis;
+                torques[j] += second * bent(&turned).dot(&w_j.cross(&turned(here)));
+            }
+        }
     }
-    -power
+    for (index, at) in here.pose.end_effectors.iter().enumerate() {
+        // The material point at the contact moves with the link, regardless of the wheel's spin.
+        let arm = here.contact(index) - at.center;
+        for (column, &dof) in model.chain(index).dofs.iter().enumerate().skip(JOINTS) {
+            let velocity = at.d_center[column] + at.d_rotation[column].cross(&arm);
+            torques[dof - JOINTS] -= here.force(index).dot(&velocity);
+        }
+    }
+    torques
 }
 
 /// Minus the power of the ground force per unit of the wheel's spin, N·m: the rim moves against its

@@ -96,7 +96,6 @@ pub(super) fn feet<'a>(timeline: &'a Timeline) -> impl Iterator<Item = (usize, &
 fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let mut linear = Worst::of(Family::LinearDynamics, grid);
     let mut angular = Worst::of(Family::AngularDynamics, grid);
-    let h = timeline.spacing_s();
     let mass = timeline.model.total_mass_kg();
     for w in timeline.samples() {
         // Means around the sample, with the weight 1 − |t|/h. Forces and moments are linear between samples: their
@@ -112,8 +111,8 @@ fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
                 }
             }
         }
-        let per_mean = 2.0 / (h * inside.len() as f64);
-        let acceleration = (w.before.com() - w.here.com() * 2.0 + w.after.com()) * (per_mean / h);
+        let per_h2 = timeline.mean_of_second_derivative(&w);
+        let acceleration = (w.before.com() - w.here.com() * 2.0 + w.after.com()) * per_h2;
         let gravity = Vector3::new(0.0, 0.0, -GRAVITY_M_S2);
         linear.see((force + (gravity - acceleration) * mass).norm(), &w, None);
 
@@ -121,7 +120,7 @@ fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
         let swept =
             |from: &State, to: &State| swept_moment(&timeline.plan.robot, &from.pose, &to.pose);
         let change = swept(w.here, w.after) - swept(w.before, w.here);
-        let momentum_rate = change * (per_mean / h);
+        let momentum_rate = change * per_h2;
         angular.see((moment - momentum_rate).norm(), &w, None);
     }
     vec![linear, angular]
