@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 /// Samples per second where a motion file gives no count.
 const SAMPLES_PER_S: f64 = 15.0;
 /// Fewest samples of a motion whose file gives no count, as in Table 2.1.
-const SAMPLES_DEFAULT_MIN: f64 = 12.0;
+const SAMPLES_DEFAULT_MIN: f64 = 24.0;
 /// Fewest samples of a swing that can lift a foot and put it down.
 const SWING_SAMPLES_MIN: usize = 3;
 
