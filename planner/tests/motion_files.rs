@@ -147,8 +147,10 @@ fn durations_are_whole_frames_and_may_be_rounded_to_four_decimals() {
 
 #[test]
 fn samples_follow_from_the_duration_when_not_given() {
-    assert_eq!(broken("samples = 32\n", "").unwrap().stance.len(), 24); // 15 a second
-    assert_eq!(motion(&STAND.replace("samples = 12\n", "")).stance.len(), 15);
+    let stand = STAND.replace("samples = 12\n", "");
+    assert_eq!(motion(&stand).stance.len(), 24);
+    let long = stand.replace("duration_s = 1.0", "duration_s = 4.0");
+    assert_eq!(motion(&long).stance.len(), 60); // 15 a second
 }
 
 #[test]

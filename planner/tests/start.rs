@@ -66,7 +66,7 @@ fn robots_on_free_wheels_start_swinging_and_others_standing() {
     // In many samples strokes are found in few first; walks start standing all the same.
     let many = |robot: &Robot, text: &str| {
         let text =
-            text.replace("samples = 12", "samples = 48").replace("samples = 32", "samples = 64");
+            text.replace("samples = 24", "samples = 48").replace("samples = 32", "samples = 64");
         candidates(robot, &motion(robot, &text), &Options::default())
     };
     assert_eq!(many(&swizzlebot(), FORWARD)[0].start, Start::Coarse);

@@ -33,13 +33,13 @@ fn servos_too_weak_are_named_with_the_torque_that_would_do() {
     let desk = desk_with_shipped_files();
     let robot = desk.read_text("robots/agilebot.toml");
     let weak = |line: &str| match line.split_once('=') {
-        Some((key, _)) if key.trim() == "torque_max_nm" => "torque_max_nm = 0.3\n".to_owned(),
+        Some((key, _)) if key.trim() == "torque_max_nm" => "torque_max_nm = 0.35\n".to_owned(),
         _ => format!("{line}\n"),
     };
     desk.write("robots/agilebot.toml", robot.lines().map(weak).collect::<String>());
     let outcome = desk.run(&["plan", "motions/walk.toml", "-o", "weak.json"]);
     assert_eq!(outcome.code, 3, "{}", outcome.stdout);
-    for words in ["joint torque of ", "torque_max_nm is 0.300", "stronger motors"] {
+    for words in ["joint torque of ", "torque_max_nm is 0.350", "stronger motors"] {
         assert!(outcome.stdout.contains(words), "{words} in\n{}", outcome.stdout);
     }
 }
