@@ -17,7 +17,7 @@ use std::ops::Range;
 
 /// Largest number of requests that are named, besides one limit and one property of the robot.
 const REQUESTS: usize = 2;
-/// Share of the strongest family's pull below which limits, and families without an estimate, are omitted.
+/// Share of the strongest family's pull below which a family without an estimate is omitted.
 const LEAST_SHARE: f64 = 0.05;
 /// The same for footfalls, to which balance, flight and free feet are attributed together.
 const LEAST_OF_FOOTFALLS: f64 = 0.3;
@@ -34,6 +34,8 @@ const LAST_RANK: f64 = 1e3;
 const PULLING: f64 = 0.1;
 /// Smallest number, m or rad, by which changes are divided: a number of 0 can be changed too.
 const COMPARED_WITH: f64 = 0.1;
+/// Part of a limit by which it is exceeded to count as a cause.
+const LEAST_EXCESS: f64 = 1e-3;
 /// Factors of a limit of the robot file within which an estimate is accepted: beyond them the motors are not the
 /// cause.
 const STRONGER: Range<f64> = 1.0..4.0;
@@ -61,6 +63,12 @@ struct Estimate {
 impl Group {
     fn square(&self) -> f64 {
         self.pulls.iter().map(|(y, ..)| y * y).sum()
+    }
+
+    /// Whether the number that the rows compare with is exceeded, or there is none.
+    fn is_exceeded(&self) -> bool {
+        let worst = self.pulls.iter().map(|&(.., residual)| residual).fold(0.0, f64::max);
+        self.given.is_none_or(|(_, limit)| worst > LEAST_EXCESS * limit)
     }
 
     fn is_swing(&self) -> bool {
@@ -226,7 +234,7 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
             Kind::Request if !(pulls || group.family.is_goal() || group.is_swing()) => continue,
             Kind::Request => &mut requests,
             // A limit that is hardly exceeded is not the cause, whatever its lever.
-            Kind::Limit if !pulls => continue,
+            Kind::Limit if !group.is_exceeded() => continue,
             Kind::Limit => &mut limits,
             Kind::Build => &mut builds,
             Kind::Cost | Kind::Check => continue,

@@ -103,11 +103,20 @@ impl fmt::Display for Diagnosis {
         for culprit in &self.culprits {
             writeln!(f, "  {culprit}")?;
         }
-        let Some(first) = self.culprits.first() else { return Ok(()) };
-        write!(f, "what would help: {}", first.advice)?;
-        match self.culprits.iter().find(|other| other.part != first.part) {
-            Some(other) if other.advice != first.advice => write!(f, "; or {}", other.advice),
-            _ => Ok(()),
+        // One piece of advice for each kind of constraint: a request, a limit, the build of the robot.
+        let mut parts: Vec<&Culprit> = Vec::new();
+        for culprit in &self.culprits {
+            let new =
+                |other: &&Culprit| other.part != culprit.part && other.advice != culprit.advice;
+            if parts.iter().all(new) {
+                parts.push(culprit);
+            }
+        }
+        let advice: Vec<&str> = parts.iter().map(|culprit| culprit.advice.as_str()).collect();
+        if advice.is_empty() {
+            Ok(())
+        } else {
+            write!(f, "what would help: {}", advice.join("; or "))
         }
     }
 }
