@@ -3,20 +3,23 @@
 use super::bodies::{Bodies, Moving, Rigid, merge};
 use super::draft::{Draft, DraftEnd, DraftJoint, DraftLink, Origin};
 use super::emit::show;
+use super::joints::ranges;
+use super::loads::loads;
 use super::motors::Motors;
 use super::names::{Names, allowed};
 use super::notes::Notes;
 use super::rigid;
-use super::side::{EndEffectorSide, JointSide, Side};
+use super::shapes::shapes;
+use super::side::{EndEffectorSide, Side};
+use super::stance::Tip;
 use super::tree::{Graph, Tree, choose};
 use super::xml::{Joint, Kind, Urdf};
 use crate::GRAVITY_M_S2;
 use crate::document::{Document, alternatives};
-use nalgebra::{Point3, Vector3};
+use crate::shape::Shape;
+use nalgebra::{Isometry3, Point3, Vector3};
+use rollwalk_protocol::config::MAX_CHANNELS;
 use std::collections::HashMap;
-
-/// Limit of a joint that turns without end: below 2π also when written with twelve digits.
-pub(super) const TURN_RAD: f64 = std::f64::consts::TAU - 1e-6;
 
 /// Inputs of a conversion.
 struct Conversion<'a, 't> {
@@ -57,31 +60,28 @@ pub(super) fn convert(
         .draft(&rigid, &tree)
 }
 
-impl Conversion<'_, '_> {
+impl<'a> Conversion<'a, '_> {
     fn draft(mut self, rigid: &Rigid, tree: &Tree) -> Option<Draft> {
-        let links = self.links();
+        let tips = self.tips();
+        let links = self.links(rigid, &tips);
         let mass_kg: f64 = links.iter().map(|link| link.mass.mass_kg).sum();
         let mut motors = Motors::new(self.side, mass_kg * GRAVITY_M_S2);
         let limbs = limbs(self.bodies);
         self.unknown_joints(rigid, tree);
+        self.channels(tree);
+        let ranges = ranges(self.urdf, self.side, self.side_document, self.bodies, self.notes);
+        let angles: Vec<_> = ranges.iter().map(|range| range.nominal_rad).collect();
+        let axes: Vec<_> =
+            self.bodies.moving.iter().map(|m| self.urdf.joints[m.joint].axis).collect();
+        let loads = loads(self.bodies, &axes, &angles, &limbs, &tips);
         let mut names = Names::default();
-        let mut unposed = Vec::new();
-        let mut endless = Vec::new();
         let mut joints = Vec::new();
-        for moving in &self.bodies.moving {
+        for ((moving, range), load) in self.bodies.moving.iter().zip(&ranges).zip(&loads) {
             let joint = &self.urdf.joints[moving.joint];
             let given = self.side.joints.iter().find(|given| given.joint == joint.name);
-            let Some((min_rad, max_rad)) = self.limits(joint, given, &mut endless) else {
-                continue;
-            };
-            let nominal_rad = given.and_then(|given| given.nominal_rad).unwrap_or_else(|| {
-                let nearest = 0.0_f64.clamp(min_rad, max_rad);
-                unposed.push((joint, nearest));
-                nearest
-            });
             let fallback = Default::default();
             let motor = given.map_or(&fallback, |given| &given.motor);
-            let motor = motors.motor(motor, Some(joint), None, limbs[moving.child]);
+            let motor = motors.joint(motor, joint, load, limbs[moving.child]);
             joints.push(DraftJoint {
                 name: names.give("joint", &joint.name, &joint.span, self.notes),
                 from: joint.name.clone(),
@@ -89,16 +89,12 @@ impl Conversion<'_, '_> {
                 child: moving.child,
                 parent_from_joint: moving.parent_from_joint,
                 axis: joint.axis.into_inner(),
-                min_rad,
-                max_rad,
-                nominal_rad,
+                range: *range,
                 motor,
                 urdf: joint.span.clone(),
                 side: given.map(|given| given.span.clone()),
             });
         }
-        self.warn_endless(&endless);
-        self.warn_unposed(&unposed);
         let ends: Vec<_> = self.side.end_effectors.iter().collect();
         let end_effectors = ends
             .into_iter()
@@ -120,16 +116,84 @@ impl Conversion<'_, '_> {
         })
     }
 
-    fn links(&mut self) -> Vec<DraftLink> {
+    /// Feet and wheels of the side file that have a place on the robot.
+    fn tips(&self) -> Vec<Tip> {
+        let tip = |end: &'a EndEffectorSide| {
+            let (body, body_from_link) = self.place(self.link_of(end)?)?;
+            let center = Point3::from(Vector3::from(end.center_m.unwrap_or_default()));
+            let center_m = (body_from_link * center).coords;
+            Some(Tip { body, center_m, radius_m: end.radius_m })
+        };
+        self.side.end_effectors.iter().filter_map(tip).collect()
+    }
+
+    /// Name of the link of a foot or wheel.
+    fn link_of(&self, end: &'a EndEffectorSide) -> Option<&'a str> {
+        let axle = self.axle(end).map(|axle| &axle.child);
+        axle.or(end.link.as_ref().map(|(name, _)| name)).map(String::as_str)
+    }
+
+    /// Body of a link and the link's pose in it, if the robot has it.
+    fn place(&self, link: &str) -> Option<(usize, Isometry3<f64>)> {
+        self.link_index.get(link).and_then(|&link| self.bodies.places[link])
+    }
+
+    /// The joint that a wheel turns about. Wheels' joints have been looked up before: they exist.
+    fn axle(&self, end: &EndEffectorSide) -> Option<&'a Joint> {
+        let (name, _) = end.wheel_joint.as_ref()?;
+        self.urdf.joints.iter().find(|joint| joint.name == *name)
+    }
+
+    /// More joints and wheels than a controller has channels are a fault, with those to lock.
+    fn channels(&mut self, tree: &Tree) {
+        let driven = self.side.end_effectors.iter().filter(|end| end.contact == "actuated_wheel");
+        let (joints, wheels) = (self.bodies.moving.len(), driven.count());
+        let excess = (joints + wheels).saturating_sub(MAX_CHANNELS);
+        if excess == 0 {
+            return;
+        }
+        let tips: Vec<_> = self.tips().iter().map(|tip| tip.body).collect();
+        let idle = idle_joints(self.bodies, &tips);
+        let locks: Vec<_> = idle
+            .iter()
+            .map(|&index| {
+                let joint = &self.urdf.joints[self.bodies.moving[index].joint];
+                format!("{} = {}", key(&joint.name), show(locked_position(joint)))
+            })
+            .collect();
+        let help = if idle.is_empty() {
+            format!(
+                "lock {excess} of them under [lock] of the side file, or leave out wheels' motors"
+            )
+        } else {
+            format!(
+                "lock at least {excess} joints under [lock] of the side file; {} carry no foot or wheel: {}",
+                idle.len(),
+                locks.join(", ")
+            )
+        };
+        let message = format!(
+            "the robot has {} channels, {joints} joints and {wheels} driven wheels; a controller and a \
+             library have at most {MAX_CHANNELS}",
+            joints + wheels
+        );
+        let span = self.urdf.links[tree.root].span.clone();
+        self.notes.fault(span, message, "the body", help);
+    }
+
+    fn links(&mut self, rigid: &Rigid, tips: &[Tip]) -> Vec<DraftLink> {
         let mut names = Names::default();
         let urdf = self.urdf;
-        let bodies = self.bodies.bodies.iter();
-        let link = |body: &super::bodies::Body| {
+        let wheels = rigid.wheels.iter().map(|&axle| urdf.joints[axle].child.clone()).collect();
+        let shapes = shapes(urdf, self.bodies, &wheels, tips, self.notes);
+        let bodies = self.bodies.bodies.iter().zip(shapes);
+        let link = |(body, shapes): (&super::bodies::Body, Vec<Shape>)| {
             let first = &urdf.links[body.links[0]];
             DraftLink {
                 name: names.give("link", &first.name, &first.span, self.notes),
                 from: body.links.iter().map(|&link| urdf.links[link].name.clone()).collect(),
                 mass: body.mass,
+                shapes,
                 origin: Origin::Urdf(first.span.clone()),
             }
         };
@@ -165,91 +229,22 @@ impl Conversion<'_, '_> {
         }
     }
 
-    /// Position limits of a joint, from the side file, else from the URDF.
-    fn limits<'j>(
-        &mut self,
-        joint: &'j Joint,
-        given: Option<&JointSide>,
-        endless: &mut Vec<&'j Joint>,
-    ) -> Option<(f64, f64)> {
-        let (mut lower, mut upper) = match (joint.kind, joint.limit.lower, joint.limit.upper) {
-            (Kind::Continuous, _, _) | (_, None, None) => (-TURN_RAD, TURN_RAD),
-            // Absent limits are 0 in URDF.
-            (_, lower, upper) => (lower.unwrap_or(0.0), upper.unwrap_or(0.0)),
-        };
-        let (min, max) = given.map_or((None, None), |given| (given.min_rad, given.max_rad));
-        if lower > upper {
-            if min.is_none() || max.is_none() {
-                let span = joint.span.clone();
-                self.notes.warn(&span, format_args!("joint `{}`: lower=\"{lower}\" is above upper=\"{upper}\": taken the other way round", joint.name));
-            }
-            (lower, upper) = (upper, lower);
-        }
-        if min.is_none() && lower <= -TURN_RAD || max.is_none() && upper >= TURN_RAD {
-            endless.push(joint);
-        }
-        let min_rad = min.unwrap_or(lower.clamp(-TURN_RAD, TURN_RAD));
-        let max_rad = max.unwrap_or(upper.clamp(-TURN_RAD, TURN_RAD));
-        if min_rad < max_rad {
-            return Some((min_rad, max_rad));
-        }
-        let message = format!(
-            "joint `{}` cannot move: its limits are {min_rad} and {max_rad} rad",
-            joint.name
-        );
-        let help = format!(
-            "lock it in the side file, [lock] {} = {}, or give it `position_min_rad` and \
-             `position_max_rad` there",
-            key(&joint.name),
-            show(min_rad)
-        );
-        match given {
-            Some(given) if min.is_some() || max.is_some() => {
-                self.side_document.fault(given.span.clone(), message, "here", help);
-            }
-            _ => self.notes.fault(joint.span.clone(), message, "no room between its limits", help),
-        }
-        None
-    }
-
-    fn warn_endless(&mut self, endless: &[&Joint]) {
-        if let Some(first) = endless.first() {
-            let names = some_names(endless.iter().map(|joint| &joint.name));
-            self.notes.warn(&first.span, format_args!("joint {names}: no position limits within a turn: taken as ±2π; give `position_min_rad` and `position_max_rad` in the side file where the robot is narrower"));
-        }
-    }
-
-    fn warn_unposed(&mut self, unposed: &[(&Joint, f64)]) {
-        if let Some((first, _)) = unposed.first() {
-            let names = some_names(unposed.iter().map(|(joint, _)| &joint.name));
-            let shown: Vec<_> = unposed.iter().take(4).map(|(_, angle)| show(*angle)).collect();
-            self.notes.warn(&first.span, format_args!("joint {names}: no `nominal_rad` in the side file: taken as {} rad, next to 0 within the limits", shown.join(", ")));
-        }
-    }
-
     fn end_effector(
         &mut self,
-        end: &EndEffectorSide,
+        end: &'a EndEffectorSide,
         motors: &mut Motors<'_>,
         limbs: &[usize],
     ) -> Option<DraftEnd> {
-        let axle = end.wheel_joint.as_ref().and_then(|(name, _)| {
-            // The wheels' joints have been looked up before: they exist.
-            self.urdf.joints.iter().find(|joint| joint.name == *name)
-        });
-        let (name, span) = match (axle, &end.link) {
-            (Some(axle), _) => (&axle.child, end.span.clone()),
-            (None, Some((name, span))) => (name, span.clone()),
-            (None, None) => return None,
-        };
-        let placed = self.link_index.get(name).and_then(|&link| self.bodies.places[link]);
-        let Some((body, body_from_link)) = placed else {
+        let name = self.link_of(end)?;
+        let Some((body, body_from_link)) = self.place(name) else {
             let known = self.bodies.bodies.iter().flat_map(|body| &body.links);
             let known: Vec<_> = known.map(|&link| self.urdf.links[link].name.as_str()).collect();
             let message = format!("end effector `{}`: the robot has no link `{name}`", end.name);
+            let span = end.link.as_ref().map_or(end.span.clone(), |(_, span)| span.clone());
             self.side_document.fault(span, message, "unknown link", alternatives(name, known));
             return None;
         };
+        let axle = self.axle(end);
         let center = Point3::from(Vector3::from(end.center_m.unwrap_or_default()));
         let axis = axle.map(|axle| axle.axis.into_inner()).or(end.axis);
         if axis.is_some_and(|axis| axis.norm() < 1e-6) {
@@ -258,9 +253,8 @@ impl Conversion<'_, '_> {
             self.side_document.fault(end.span.clone(), message, "has no direction", help);
             return None;
         }
-        let motor = (end.contact == "actuated_wheel").then(|| {
-            motors.motor(&end.motor, axle, Some(&(end.name.clone(), end.span.clone())), limbs[body])
-        });
+        let motor = (end.contact == "actuated_wheel")
+            .then(|| motors.wheel(&end.motor, axle, &end.name, limbs[body]));
         let wheel = axle.map(|axle| format!("wheel of joint {}", axle.name));
         Some(DraftEnd {
             name: end.name.clone(),
@@ -298,8 +292,27 @@ pub(super) fn key(name: &str) -> String {
     if allowed(name) == name { name.to_owned() } else { super::emit::quoted(name) }
 }
 
+/// Joints that carry no foot or wheel, whose bodies `tips` has; indices into [`Bodies::moving`].
+pub(super) fn idle_joints(bodies: &Bodies, tips: &[usize]) -> Vec<usize> {
+    let mut carries = vec![false; bodies.bodies.len()];
+    tips.iter().for_each(|&body| carries[body] = true);
+    for moving in bodies.moving.iter().rev() {
+        carries[moving.parent] |= carries[moving.child];
+    }
+    (0..bodies.moving.len()).filter(|&joint| !carries[bodies.moving[joint].child]).collect()
+}
+
+/// Where a joint is locked in the proposed side file: next to 0 within its limits, rad or m.
+pub(super) fn locked_position(joint: &Joint) -> f64 {
+    match (joint.kind, joint.limit.lower, joint.limit.upper) {
+        (Kind::Planar | Kind::Floating, _, _) => 0.0,
+        (_, Some(lower), Some(upper)) if lower <= upper => 0.0_f64.clamp(lower, upper),
+        _ => 0.0,
+    }
+}
+
 /// A few names and how many more there are.
-fn some_names<'n>(names: impl ExactSizeIterator<Item = &'n String>) -> String {
+pub(super) fn some_names<'n>(names: impl ExactSizeIterator<Item = &'n String>) -> String {
     let count = names.len();
     let mut shown = names.take(4).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
     if count > 4 {

@@ -4,7 +4,9 @@ use crate::document::Span;
 use crate::file::parts::MassProperties;
 use nalgebra::{Isometry3, Vector3};
 
+use super::joints::Range;
 use super::side::NUMBERS;
+use crate::shape::Shape;
 
 /// Source of an item.
 #[derive(Clone, Debug)]
@@ -54,6 +56,7 @@ pub(super) struct DraftLink {
     /// Names of the URDF links in it.
     pub from: Vec<String>,
     pub mass: MassProperties,
+    pub shapes: Vec<Shape>,
     pub origin: Origin,
 }
 
@@ -66,9 +69,7 @@ pub(super) struct DraftJoint {
     pub child: usize,
     pub parent_from_joint: Isometry3<f64>,
     pub axis: Vector3<f64>,
-    pub min_rad: f64,
-    pub max_rad: f64,
-    pub nominal_rad: f64,
+    pub range: Range,
     pub motor: Motor,
     /// Span in the URDF.
     pub urdf: Span,

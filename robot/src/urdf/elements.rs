@@ -4,6 +4,7 @@ use super::notes::Notes;
 use super::xml::{Joint, Kind, Limit, Link, Shape, Solid};
 use crate::document::{Span, alternatives};
 use crate::file::parts::MassProperties;
+use crate::rules::LENGTH_MAX_M;
 use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
@@ -38,6 +39,21 @@ fn called(node: Node<'_, '_>) -> String {
             }
         }
         None => format!("<{tag}>"),
+    }
+}
+
+/// Unit of an attribute, for help.
+fn unit(tag: &str, attribute: &str) -> &'static str {
+    match (tag, attribute) {
+        ("axis", _) | (_, "quat_xyzw") => "",
+        (_, "xyz" | "size" | "radius" | "length") => " in m",
+        (_, "rpy") => " in rad",
+        ("mass", _) => " in kg",
+        ("inertia", _) => " in kg·m²",
+        (_, "lower" | "upper") => " in rad (m, if prismatic)",
+        (_, "velocity") => " in rad/s",
+        (_, "effort") => " in N·m",
+        _ => "",
     }
 }
 
@@ -79,6 +95,7 @@ impl Reader<'_, '_> {
         let numbers = parsed.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
         if numbers.is_none() {
             let wanted = if N == 1 { "one number".to_owned() } else { format!("{N} numbers") };
+            let wanted = wanted + unit(node.tag_name().name(), name);
             let help = if written.contains("${") || written.contains("$(") {
                 EXPAND.to_owned()
             } else if written.contains(',') {
@@ -127,7 +144,7 @@ impl Reader<'_, '_> {
         let mut shapes = Vec::new();
         for kind in ["collision", "visual"] {
             for holder in node.children().filter(|child| child.tag_name().name() == kind) {
-                shapes.extend(self.shape(holder));
+                shapes.extend(self.shape(holder, kind == "collision"));
             }
         }
         Some(Link { name, span: tag(node), mass, shapes })
@@ -173,15 +190,24 @@ impl Reader<'_, '_> {
         (mass_kg > 0.0).then_some(MassProperties { mass_kg, com_m, inertia_kg_m2 })
     }
 
-    fn shape(&mut self, node: Node<'_, '_>) -> Option<Shape> {
+    /// The geometry of a `<collision>` or `<visual>`; none of a size that no solid has.
+    fn shape(&mut self, node: Node<'_, '_>, collision: bool) -> Option<Shape> {
         let geometry = child(node, "geometry")?;
-        let radius = |reader: &mut Self, solid| reader.number(solid, "radius").filter(|r| *r > 0.0);
+        let mut length =
+            |solid, name| self.number(solid, name).filter(|l| *l > 0.0 && *l <= LENGTH_MAX_M);
         let solid = if let Some(sphere) = child(geometry, "sphere") {
-            Solid::Sphere { radius_m: radius(self, sphere)? }
+            Solid::Sphere { radius_m: length(sphere, "radius")? }
+        } else if let Some(cylinder) = child(geometry, "cylinder") {
+            let radius_m = length(cylinder, "radius")?;
+            Solid::Cylinder { radius_m, length_m: length(cylinder, "length").unwrap_or(0.0) }
+        } else if let Some(cuboid) = child(geometry, "box") {
+            let size_m = Vector3::from(self.numbers::<3>(cuboid, "size")?);
+            let sound = size_m.iter().all(|side| *side > 0.0 && *side <= LENGTH_MAX_M);
+            sound.then_some(Solid::Box { size_m })?
         } else {
-            Solid::Cylinder { radius_m: radius(self, child(geometry, "cylinder")?)? }
+            child(geometry, "mesh").map(|_| Solid::Mesh)?
         };
-        Some(Shape { link_from_shape: self.origin(node), solid })
+        Some(Shape { link_from_shape: self.origin(node), solid, collision })
     }
 
     pub fn joint(&mut self, node: Node<'_, '_>) -> Option<Joint> {

@@ -2,6 +2,8 @@
 
 use super::draft::{Draft, DraftSheet, Motor, Origin};
 use super::side::NUMBERS;
+use crate::shape::Shape;
+use nalgebra::Vector3;
 use std::fmt::Write;
 use std::ops::Range;
 
@@ -41,6 +43,10 @@ pub(super) fn emit(draft: &Draft, sources: [&str; 2]) -> Emitted {
         out.line(format_args!("mass_kg = {}", show(link.mass.mass_kg)));
         out.line(format_args!("com_in_link_m = {}", array(link.mass.com_m.as_slice())));
         out.line(format_args!("inertia_in_link_kg_m2 = {}", array(&inertia)));
+        if !link.shapes.is_empty() {
+            let shapes: Vec<_> = link.shapes.iter().map(shape).collect();
+            out.line(format_args!("shapes = [\n  {},\n]", shapes.join(",\n  ")));
+        }
         out.came_from(start, &link.origin);
     }
     for joint in &draft.joints {
@@ -62,9 +68,9 @@ pub(super) fn emit(draft: &Draft, sources: [&str; 2]) -> Emitted {
         out.line(format_args!("axis_in_joint = {}", array(joint.axis.as_slice())));
         out.came_from(start, &Origin::Urdf(joint.urdf.clone()));
         let start = out.text.len();
-        out.line(format_args!("position_min_rad = {}", show(joint.min_rad)));
-        out.line(format_args!("position_max_rad = {}", show(joint.max_rad)));
-        out.line(format_args!("nominal_rad = {}", show(joint.nominal_rad)));
+        out.line(format_args!("position_min_rad = {}", show(joint.range.min_rad)));
+        out.line(format_args!("position_max_rad = {}", show(joint.range.max_rad)));
+        out.line(format_args!("nominal_rad = {}", show(joint.range.nominal_rad)));
         out.motor(draft, joint.motor);
         let side = joint.side.clone().map(Origin::Side);
         out.came_from(start, &side.unwrap_or(Origin::Urdf(joint.urdf.clone())));
@@ -107,6 +113,25 @@ impl Emitted {
 
     fn came_from(&mut self, start: usize, origin: &Origin) {
         self.origins.push((start..self.text.len(), origin.clone()));
+    }
+}
+
+/// An entry of `shapes`, to the tenth of a millimetre.
+fn shape(shape: &Shape) -> String {
+    let round = |length_m: f64| (length_m * 1e4).round() / 1e4 + 0.0;
+    let vector = |v: &Vector3<f64>| array(v.map(round).as_slice());
+    match shape {
+        Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => format!(
+            "{{ from_m = {}, to_m = {}, radius_m = {} }}",
+            vector(from_in_link_m),
+            vector(to_in_link_m),
+            show(round(*radius_m).max(1e-4))
+        ),
+        Shape::Box { center_in_link_m, size_m } => format!(
+            "{{ at_m = {}, box_m = {} }}",
+            vector(center_in_link_m),
+            vector(&size_m.map(|side| side.max(1e-4)))
+        ),
     }
 }
 

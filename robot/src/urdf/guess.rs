@@ -2,14 +2,17 @@
 //! into the template of the side file, for a person to check.
 
 use super::bodies::{Bodies, Rigid, merge};
+use super::convert::locked_position;
 use super::notes::Notes;
 use super::stance::Tip;
 use super::tree::{Graph, Tree};
-use super::xml::{Joint, Kind, Link, Solid, Urdf};
+use super::xml::{Kind, Link, Solid, Urdf};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 /// Parts of names of links that stand on the ground.
 const FEET: [&str; 8] = ["foot", "feet", "toe", "sole", "hoof", "paw", "tip", "contact"];
+/// Parts of names of links that are wheels.
+const WHEELS: [&str; 3] = ["wheel", "tire", "tyre"];
 /// Radius of a foot whose URDF has no sphere, m.
 const FOOT_RADIUS_M: f64 = 0.02;
 /// Radius of a wheel whose URDF has neither cylinder nor sphere, m.
@@ -27,8 +30,18 @@ pub(super) struct End {
     pub radius_m: f64,
     /// Whether the radius comes from the URDF.
     pub measured: bool,
-    pub passive: bool,
+    pub kind: EndKind,
     pub tip: Tip,
+}
+
+/// Kind of contact of a guessed foot or wheel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum EndKind {
+    Foot,
+    DrivenWheel,
+    FreeWheel,
+    /// A wheel that is fixed to its link, with its axis in that.
+    WeldedWheel(Vector3<f64>),
 }
 
 /// Joints of kinds that robot files do not have, with their locked position.
@@ -40,18 +53,14 @@ pub(super) fn locks(urdf: &Urdf, tree: &Tree) -> Vec<(usize, f64)> {
             joint.kind == Kind::Revolute && limit.lower.is_some() && limit.lower == limit.upper;
         let foreign = matches!(joint.kind, Kind::Prismatic | Kind::Planar | Kind::Floating);
         let drives = joint.mimics.is_some() && joint.kind != Kind::Fixed;
-        let position = match (joint.kind, limit.lower, limit.upper) {
-            (Kind::Planar | Kind::Floating, _, _) => 0.0,
-            (_, Some(lower), Some(upper)) if lower <= upper => 0.0_f64.clamp(lower, upper),
-            _ => 0.0,
-        };
-        (stuck || foreign || drives).then_some((index, position))
+        (stuck || foreign || drives).then(|| (index, locked_position(joint)))
     };
     tree.order.iter().filter_map(locked).collect()
 }
 
-/// Axles of likely wheels: continuous leaves about a horizontal axis that have a wheel's name, a round
-/// shape about the axis, or their centre of mass on it.
+/// Axles of likely wheels, which are leaves about a horizontal axis: joints without limits whose link has a wheel's name,
+/// a round shape about the axis, or its centre of mass on it; and with limits, links with a wheel's name and a
+/// cylinder about the axis.
 pub(super) fn axles(urdf: &Urdf, graph: &Graph, tree: &Tree, rigid: &Rigid) -> Vec<usize> {
     // Warnings belong to the import itself.
     let bodies = merge(urdf, graph, tree, rigid, &mut Notes::new("", ""));
@@ -62,18 +71,23 @@ pub(super) fn axles(urdf: &Urdf, graph: &Graph, tree: &Tree, rigid: &Rigid) -> V
         straight[moving.child] = straight[moving.parent] * moving.parent_from_joint;
         let joint = &urdf.joints[moving.joint];
         let axis = straight[moving.child].rotation * joint.axis.into_inner();
-        if joint.kind != Kind::Continuous || !leaf(moving.child) || axis.z.abs() > 0.5 {
+        if !leaf(moving.child) || axis.z.abs() > 0.5 {
             continue;
         }
         let body = &bodies.bodies[moving.child];
         let links = || body.links.iter().map(|&link| &urdf.links[link]);
-        let called = links().any(|link| has(&link.name, &["wheel", "tire", "tyre"]))
-            || has(&joint.name, &["wheel"]);
-        let round = links().next().is_some_and(|link| roundness(link, joint).is_some());
+        let named = links().any(|link| has(&link.name, &WHEELS));
+        let called = named || has(&joint.name, &WHEELS);
+        let round = links().next().is_some_and(|link| roundness(link, &joint.axis).is_some());
         let centred = body.mass.com_m.cross(&joint.axis).norm() < 0.005
             && links().any(|link| link.mass.is_some());
         let footed = links().any(|link| has(&link.name, &FEET));
-        if called || !footed && (round || centred) {
+        let endless = joint.kind == Kind::Continuous
+            || joint.kind == Kind::Revolute
+                && joint.limit.lower.is_none()
+                && joint.limit.upper.is_none();
+        let wheel = if endless { called || !footed && (round || centred) } else { named && round };
+        if wheel {
             axles.push(moving.joint);
         }
     }
@@ -86,17 +100,18 @@ fn has(name: &str, words: &[&str]) -> bool {
 }
 
 /// Radius of a shape about a wheel's axis, and its centre.
-fn roundness(wheel: &Link, axle: &Joint) -> Option<(f64, Vector3<f64>)> {
+fn roundness(wheel: &Link, axis: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
     wheel.shapes.iter().find_map(|shape| {
         let center = shape.link_from_shape.translation.vector;
         let radius_m = match shape.solid {
             Solid::Sphere { radius_m } => radius_m,
-            Solid::Cylinder { radius_m } => {
+            Solid::Cylinder { radius_m, .. } => {
                 let along = shape.link_from_shape.rotation * Vector3::z();
-                (along.dot(&axle.axis).abs() > 0.95).then_some(radius_m)?
+                (along.dot(axis).abs() > 0.95).then_some(radius_m)?
             }
+            Solid::Box { .. } | Solid::Mesh => return None,
         };
-        (center.cross(&axle.axis).norm() < 0.2 * radius_m).then_some((radius_m, center))
+        (center.cross(axis).norm() < 0.2 * radius_m).then_some((radius_m, center))
     })
 }
 
@@ -117,6 +132,11 @@ pub(super) fn ends(urdf: &Urdf, graph: &Graph, bodies: &Bodies, axles: &[usize])
             continue;
         }
         let links = || body.links.iter().copied();
+        let welded = links().find_map(|link| welded_wheel(urdf, bodies, link));
+        if welded.is_some() {
+            ends.extend(welded);
+            continue;
+        }
         let sphere = |link: &usize| {
             urdf.links[*link].shapes.iter().any(|shape| matches!(shape.solid, Solid::Sphere { .. }))
         };
@@ -137,20 +157,33 @@ pub(super) fn ends(urdf: &Urdf, graph: &Graph, bodies: &Bodies, axles: &[usize])
 fn wheel(urdf: &Urdf, graph: &Graph, bodies: &Bodies, axle: usize) -> Option<End> {
     let link = graph.ends[axle].1;
     let joint = &urdf.joints[axle];
-    let round = roundness(&urdf.links[link], joint);
+    let round = roundness(&urdf.links[link], &joint.axis);
     let (radius_m, center) = round.unwrap_or((WHEEL_RADIUS_M, Vector3::zeros()));
     let words = ["caster", "passive", "free"];
     let passive = has(&joint.name, &words) || has(&urdf.links[link].name, &words);
-    end(bodies, link, Some(axle), center, radius_m, round.is_some(), passive)
+    let kind = if passive { EndKind::FreeWheel } else { EndKind::DrivenWheel };
+    end(bodies, link, Some(axle), center, radius_m, round.is_some(), kind)
+}
+
+/// A link with a wheel's name and a cylinder that no joint turns.
+fn welded_wheel(urdf: &Urdf, bodies: &Bodies, link: usize) -> Option<End> {
+    let wheel = &urdf.links[link];
+    let (radius_m, pose) = wheel.shapes.iter().find_map(|shape| match shape.solid {
+        Solid::Cylinder { radius_m, .. } => Some((radius_m, shape.link_from_shape)),
+        _ => None,
+    })?;
+    let kind = EndKind::WeldedWheel(pose.rotation * Vector3::z());
+    has(&wheel.name, &WHEELS)
+        .then(|| end(bodies, link, None, pose.translation.vector, radius_m, true, kind))?
 }
 
 fn foot(urdf: &Urdf, bodies: &Bodies, link: usize) -> Option<End> {
     let sphere = urdf.links[link].shapes.iter().find_map(|shape| match shape.solid {
         Solid::Sphere { radius_m } => Some((radius_m, shape.link_from_shape.translation.vector)),
-        Solid::Cylinder { .. } => None,
+        _ => None,
     });
     let (radius_m, center) = sphere.unwrap_or((FOOT_RADIUS_M, Vector3::zeros()));
-    end(bodies, link, None, center, radius_m, sphere.is_some(), false)
+    end(bodies, link, None, center, radius_m, sphere.is_some(), EndKind::Foot)
 }
 
 fn end(
@@ -160,10 +193,10 @@ fn end(
     center_in_link_m: Vector3<f64>,
     radius_m: f64,
     measured: bool,
-    passive: bool,
+    kind: EndKind,
 ) -> Option<End> {
     let (body, body_from_link) = bodies.places[link]?;
     let center_m = (body_from_link * Point3::from(center_in_link_m)).coords;
     let tip = Tip { body, center_m, radius_m };
-    Some(End { axle, link, center_in_link_m, radius_m, measured, passive, tip })
+    Some(End { axle, link, center_in_link_m, radius_m, measured, kind, tip })
 }

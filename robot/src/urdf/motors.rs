@@ -2,12 +2,13 @@
 //! The defaults are documented in `docs/urdf-import.md`.
 
 use super::draft::{DraftSheet, Motor, Sheet};
+use super::loads::Load;
 use super::names::{Names, allowed};
 use super::notes::Notes;
 use super::side::{ActuatorSide, MotorSide, Side};
 use super::xml::Joint;
 use crate::document::Span;
-use rollwalk_protocol::actuator::{MAX_KP_NM_RAD, MAX_SPEED_RAD_S, MAX_TORQUE_NM};
+use rollwalk_protocol::actuator::{MAX_KD_NM_S_RAD, MAX_KP_NM_RAD, MAX_SPEED_RAD_S, MAX_TORQUE_NM};
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use std::collections::HashSet;
 
@@ -15,12 +16,17 @@ use std::collections::HashSet;
 const SPEED_RAD_S: f64 = 10.0;
 /// Default torque limit: the robot's weight on this lever, m.
 const LEVER_M: f64 = 0.1;
-/// Stiffness per torque limit, 1/rad: full torque at 0.05 rad.
-const KP_PER_TORQUE: f64 = 20.0;
+/// Angle that a joint yields by under what it holds at the longest lever, rad: a bent leg sinks by a few per cent of
+/// its length.
+const YIELD_RAD: f64 = 0.3;
+/// Smallest position error that takes the whole torque of a joint, rad.
+const SATURATION_RAD: f64 = 0.1;
+/// Period of the control loop where the controller closes it, s.
+const CONTROL_PERIOD_S: f64 = 1.0 / 60.0;
+/// Smallest stiffness, of joints that hold nothing, N·m/rad.
+const KP_MIN_NM_RAD: f64 = 0.1;
 /// Armature per torque limit, s²: full torque spins up the rotor alone by 1000 rad/s².
 const ARMATURE_PER_TORQUE: f64 = 1e-3;
-/// Damping of joints, times critical on the rotor alone.
-const DAMPING: f64 = 1.5;
 /// Time constant of a wheel's speed on the rotor alone, s.
 const WHEEL_TIME_S: f64 = 0.01;
 /// Name of the table with defaults for limits that the URDF lacks.
@@ -48,21 +54,38 @@ impl<'s> Motors<'s> {
         Self { side, weight_n, sheets: vec![], names, taken, remarks: vec![] }
     }
 
-    /// The motor of a joint or, for `wheel`, of a driven wheel. Motors without a joint in the URDF have
-    /// their limits from the side file alone.
-    pub fn motor(
+    /// The motor of a joint.
+    pub fn joint(&mut self, given: &MotorSide, joint: &Joint, load: &Load, limb: usize) -> Motor {
+        self.motor(given, Some(joint), Some(load), (joint.span.clone(), &joint.name), limb)
+    }
+
+    /// The motor of a driven wheel. Without a joint in the URDF it has its limits from the side file alone.
+    pub fn wheel(
+        &mut self,
+        given: &MotorSide,
+        axle: Option<&Joint>,
+        name: &str,
+        limb: usize,
+    ) -> Motor {
+        let about = axle.map_or((0..0, name), |axle| (axle.span.clone(), axle.name.as_str()));
+        self.motor(given, axle, None, about, limb)
+    }
+
+    /// The motor of a joint with its load, or of a wheel, which has none.
+    fn motor(
         &mut self,
         given: &MotorSide,
         joint: Option<&Joint>,
-        wheel: Option<&(String, Span)>,
+        load: Option<&Load>,
+        about: (Span, &str),
         limb: usize,
     ) -> Motor {
         let find = |name: &str| self.side.actuators.iter().find(|table| table.name == name);
         let own = given.actuator.as_ref().and_then(|(name, _)| find(name));
-        let sheet = self.sheet(own, find(DEFAULT), joint, wheel);
+        let sheet = self.sheet(own, find(DEFAULT), joint, load, about);
         let known = self.sheets.iter().position(|known| known.sheet == sheet);
         let sheet = known.unwrap_or_else(|| {
-            let fallback = if wheel.is_some() { "drive" } else { "motor" };
+            let fallback = if load.is_some() { "motor" } else { "drive" };
             let name = own.map_or(fallback, |own| own.name.as_str());
             let name = self.names.unique(&allowed(name));
             let side = own.or_else(|| find(DEFAULT)).map_or(0..0, |table| table.span.clone());
@@ -86,73 +109,51 @@ impl<'s> Motors<'s> {
         own: Option<&ActuatorSide>,
         default: Option<&ActuatorSide>,
         joint: Option<&Joint>,
-        wheel: Option<&(String, Span)>,
+        load: Option<&Load>,
+        about: (Span, &str),
     ) -> Sheet {
-        let mut remark = |message: String| {
-            let about = joint
-                .map(|joint| (joint.span.clone(), joint.name.clone()))
-                .or_else(|| wheel.map(|(name, _)| (0..0, name.clone())));
-            let Some(about) = about else { return };
-            match self.remarks.iter_mut().find(|(known, _)| *known == message) {
-                Some((_, joints)) => joints.push(about),
-                None => self.remarks.push((message, vec![about])),
-            }
-        };
         let side = |index: usize| own.and_then(|own| own.numbers[index]);
         let fallback = |index: usize| default.and_then(|default| default.numbers[index]);
-        let mut limit = |index,
-                         key: &str,
-                         field: &str,
-                         unit: &str,
-                         written: Option<f64>,
-                         max: f64,
-                         value: f64| {
-            if let Some(given) = side(index) {
+        let limits = joint.map(|joint| joint.limit).unwrap_or_default();
+        let usual = (self.weight_n * LEVER_M).min(MAX_TORQUE_NM.into());
+        let mut limit = |limit: &Limit, written: Option<f64>, usual: f64| {
+            if let Some(given) = side(limit.index) {
                 return given;
             }
-            let sensible = written.filter(|written| *written > 0.0 && *written <= max);
-            if let Some(sensible) = sensible {
-                return sensible;
-            }
-            let (taken, from) =
-                fallback(index).map_or((value, "a default"), |given| (given, "[actuator.default]"));
-            let problem = match written {
-                Some(0.0) | None => format!("has no <limit {key}>"),
-                Some(bad) => format!("has {key}=\"{bad}\", outside 0 to {max} {unit}"),
-            };
-            // A value of the side file needs no remark unless it overrides one of the URDF.
-            if from == "a default" || written.is_some_and(|written| written != 0.0) {
-                remark(format!(
-                    "{problem}: `{field}` is {taken:.3} {unit}, {from}; say what is right in an [actuator.NAME] of the side file"
-                ));
+            let (taken, remark) = limit.settle(written, fallback(limit.index), usual);
+            if let Some(remark) = remark {
+                self.remark_on(&about, remark);
             }
             taken
         };
-        let limits = joint.map(|joint| joint.limit).unwrap_or_default();
-        let speed = limit(
-            0,
-            "velocity",
-            "speed_max_rad_s",
-            "rad/s",
-            limits.velocity,
-            MAX_SPEED_RAD_S.into(),
-            SPEED_RAD_S,
-        );
-        let torque_max: f64 = MAX_TORQUE_NM.into();
-        let usual = (self.weight_n * LEVER_M).min(torque_max);
-        let torque = limit(1, "effort", "torque_max_nm", "N·m", limits.effort, torque_max, usual);
+        let speed = limit(&SPEED, limits.velocity, SPEED_RAD_S);
+        let torque = limit(&TORQUE, limits.effort, usual);
         let or = |index, value: f64| side(index).or(fallback(index)).unwrap_or(value);
-        let armature = or(4, (ARMATURE_PER_TORQUE * torque).min(10.0));
-        let (kp, kd) = if wheel.is_some() {
+        // An effort that no drive has says nothing about the motor.
+        let placeholder = limits.effort.is_some_and(|effort| effort > TORQUE.max);
+        let strength = if placeholder { torque.min(usual) } else { torque };
+        let armature = or(4, (ARMATURE_PER_TORQUE * strength).min(10.0));
+        let (kp, kd) = match load {
             // The defaults are for joints: a wheel holds no angle.
-            (side(2).unwrap_or(0.0), side(3).unwrap_or(armature / WHEEL_TIME_S))
-        } else {
-            let kp = or(2, (KP_PER_TORQUE * torque).min(MAX_KP_NM_RAD.into()));
-            (kp, or(3, DAMPING * 2.0 * (kp * armature).max(0.0).sqrt()))
+            None => (side(2).unwrap_or(0.0), side(3).unwrap_or(armature / WHEEL_TIME_S)),
+            Some(load) => {
+                let inertia = load.inertia_kg_m2 + armature;
+                let kp = or(2, stiffness(load.holds_nm, torque, inertia));
+                (kp, or(3, damping(kp, inertia)))
+            }
         };
         let model =
             own.and_then(|own| own.model.clone()).or_else(|| default.and_then(|d| d.model.clone()));
-        let model = model.unwrap_or_else(|| "from URDF limits".to_owned());
+        let model = model.unwrap_or_else(|| {
+            let sound = |written: Option<f64>, max| written.is_some_and(|w| w > 0.0 && w <= max);
+            let read = [sound(limits.velocity, SPEED.max), sound(limits.effort, TORQUE.max)];
+            match read {
+                [true, true] => "from URDF limits",
+                [false, false] => "default of the URDF import",
+                _ => "URDF limits and defaults",
+            }
+            .to_owned()
+        });
         let line = [5, 6].map(|index| side(index).or(fallback(index)));
         Sheet {
             model,
@@ -168,6 +169,14 @@ impl<'s> Motors<'s> {
         }
     }
 
+    fn remark_on(&mut self, (span, name): &(Span, &str), message: String) {
+        let about = (span.clone(), (*name).to_owned());
+        match self.remarks.iter_mut().find(|(known, _)| *known == message) {
+            Some((_, joints)) => joints.push(about),
+            None => self.remarks.push((message, vec![about])),
+        }
+    }
+
     /// Warns of every remark once, with its joints.
     pub fn remark(self, notes: &mut Notes<'_>) {
         for (message, about) in self.remarks {
@@ -176,5 +185,139 @@ impl<'s> Motors<'s> {
             let and = if more > 0 { format!(" and {more} more") } else { String::new() };
             notes.warn(&about[0].0, format_args!("motor of {}{and} {message}", names.join(", ")));
         }
+    }
+}
+
+/// A limit that URDF has.
+struct Limit {
+    /// Of [`super::side::NUMBERS`].
+    index: usize,
+    /// Attribute of `<limit>`.
+    attribute: &'static str,
+    field: &'static str,
+    unit: &'static str,
+    /// The largest one that a drive has.
+    max: f64,
+}
+
+const SPEED: Limit = Limit {
+    index: 0,
+    attribute: "velocity",
+    field: "speed_max_rad_s",
+    unit: "rad/s",
+    max: MAX_SPEED_RAD_S as f64,
+};
+
+const TORQUE: Limit = Limit {
+    index: 1,
+    attribute: "effort",
+    field: "torque_max_nm",
+    unit: "N·m",
+    max: MAX_TORQUE_NM as f64,
+};
+
+impl Limit {
+    /// The limit from what the URDF says, the side file's default and the usual value, with a remark if it is not the
+    /// URDF's.
+    fn settle(
+        &self,
+        written: Option<f64>,
+        default: Option<f64>,
+        usual: f64,
+    ) -> (f64, Option<String>) {
+        let Self { attribute, field, unit, max, .. } = self;
+        let say = "say what is right in an [actuator.NAME] of the side file";
+        match written {
+            Some(written) if written > 0.0 && written <= *max => (written, None),
+            Some(written) if written > *max => {
+                let (most, of) = match default {
+                    Some(most) if most <= *max => (most, "that of [actuator.default]"),
+                    _ => (*max, "the most that a drive can have"),
+                };
+                let remark = format!(
+                    "has {attribute}=\"{written}\": `{field}` is {most:.3} {unit}, {of}; {say}"
+                );
+                (most, Some(remark))
+            }
+            _ => {
+                let problem = match written {
+                    Some(bad) => format!("has {attribute}=\"{bad}\", which is no limit"),
+                    None => format!("has no <limit {attribute}>"),
+                };
+                let (taken, from) =
+                    default.map_or((usual, "a default"), |given| (given, "[actuator.default]"));
+                // A value of the side file needs no remark unless it overrides one of the URDF.
+                let silent = default.is_some() && written.is_none_or(|written| written == 0.0);
+                let remark = format!("{problem}: `{field}` is {taken:.3} {unit}, {from}; {say}");
+                (taken, (!silent).then_some(remark))
+            }
+        }
+    }
+}
+
+/// Default stiffness of a joint that holds a torque at the longest lever, N·m/rad.
+fn stiffness(holds_nm: f64, torque_nm: f64, inertia_kg_m2: f64) -> f64 {
+    let most = (torque_nm / SATURATION_RAD)
+        .min(inertia_kg_m2 / CONTROL_PERIOD_S.powi(2))
+        .min(MAX_KP_NM_RAD.into());
+    two_digits((holds_nm / YIELD_RAD).min(most).max(KP_MIN_NM_RAD))
+}
+
+/// Default damping: critical on limb and rotor, or what is stable in the control period, N·m·s/rad.
+fn damping(kp_nm_rad: f64, inertia_kg_m2: f64) -> f64 {
+    let critical = 2.0 * (kp_nm_rad.max(0.0) * inertia_kg_m2).sqrt();
+    two_digits(critical.min(inertia_kg_m2 / CONTROL_PERIOD_S).min(MAX_KD_NM_S_RAD.into()))
+}
+
+/// Rounded down to two digits, so that limbs that differ by rounding have the same data sheet.
+fn two_digits(value: f64) -> f64 {
+    if value <= 0.0 || !value.is_finite() {
+        return 0.0;
+    }
+    let unit = 10_f64.powi(value.log10().floor() as i32 - 1);
+    // Rounding of the quotient is no digit; and decimals are to be read.
+    let rounded = (value / unit + 1e-6).floor() * unit;
+    format!("{rounded:.12}").parse().unwrap_or(rounded)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gains_follow_from_load_and_inertia_within_bounds() {
+        // 12 kg on four legs of 0.4 m: 11.8 N·m at the longest lever.
+        let holds_nm = 12.0 * 9.81 / 4.0 * 0.4;
+        assert_eq!(stiffness(holds_nm, 30.0, 0.1), 39.0);
+        // 2 √(39 · 0.1) = 3.9.
+        assert_eq!(damping(39.0, 0.1), 3.9);
+        // A weak motor would saturate; a light limb would not be stable at 60 Hz; a giant is beyond the protocol.
+        assert_eq!(stiffness(holds_nm, 2.0, 0.1), 20.0);
+        assert_eq!(stiffness(holds_nm, 30.0, 0.005), 18.0);
+        assert_eq!(damping(39.0, 0.005), 0.3);
+        assert_eq!(stiffness(1e4, 1e4, 1e3), 650.0);
+        assert_eq!(stiffness(0.0, 1.0, 1e-6), 0.1);
+        assert_eq!(damping(600.0, 100.0), 65.0);
+    }
+
+    /// A double integrator under sampled position and damping feedback with the largest gains: its two eigenvalues are
+    /// inside the unit circle (Jury's criterion).
+    #[test]
+    fn the_largest_gains_are_stable_at_the_control_rate() {
+        for inertia_kg_m2 in [1e-4, 0.01, 0.3] {
+            let kp = stiffness(1e6, 1e6, inertia_kg_m2);
+            let kd = damping(kp, inertia_kg_m2);
+            let a = kp * CONTROL_PERIOD_S.powi(2) / inertia_kg_m2;
+            let b = kd * CONTROL_PERIOD_S / inertia_kg_m2;
+            let (trace, det) =
+                (2.0 - 0.5 * a - b, (1.0 - 0.5 * a) * (1.0 - b) + a * (1.0 - 0.5 * b));
+            assert!(det.abs() < 1.0 && trace.abs() < 1.0 + det, "{inertia_kg_m2}: {trace} {det}");
+        }
+    }
+
+    #[test]
+    fn two_digits_are_kept() {
+        let rounded = [0.0123, 9.99, 123.4, 650.0, 0.1, 0.3].map(two_digits);
+        assert_eq!(rounded, [0.012, 9.9, 120.0, 650.0, 0.1, 0.3]);
     }
 }

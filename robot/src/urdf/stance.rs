@@ -83,19 +83,27 @@ pub(super) fn stance(bodies: &Bodies, turns: &[Turn], tips: &[Tip]) -> Stance {
         }
         leg.chain.iter().for_each(|&joint| placed[joint] = true);
     }
-    let poses = poses(bodies, turns, &angles);
+    let poses = poses(bodies, axes(turns), &angles);
     let tips_m = tips.iter().map(|tip| at(&poses, tip)).collect();
     Stance { angles_rad: angles, tips_m, missed }
 }
 
-/// Poses of all bodies in the frame of the root.
-fn poses(bodies: &Bodies, turns: &[Turn], angles_rad: &[f64]) -> Vec<Isometry3<f64>> {
+/// Poses of all bodies in the frame of the root, at these angles about these axes.
+pub(super) fn poses<'a>(
+    bodies: &Bodies,
+    axes: impl IntoIterator<Item = &'a Unit<Vector3<f64>>>,
+    angles_rad: &[f64],
+) -> Vec<Isometry3<f64>> {
     let mut poses = vec![Isometry3::identity(); bodies.bodies.len()];
-    for (moving, (turn, &angle)) in bodies.moving.iter().zip(turns.iter().zip(angles_rad)) {
-        let motion = motion(Kind::Revolute, &turn.axis, angle);
+    for (moving, (axis, &angle)) in bodies.moving.iter().zip(axes.into_iter().zip(angles_rad)) {
+        let motion = motion(Kind::Revolute, axis, angle);
         poses[moving.child] = poses[moving.parent] * moving.parent_from_joint * motion;
     }
     poses
+}
+
+fn axes(turns: &[Turn]) -> impl Iterator<Item = &Unit<Vector3<f64>>> {
+    turns.iter().map(|turn| &turn.axis)
 }
 
 fn at(poses: &[Isometry3<f64>], tip: &Tip) -> Vector3<f64> {
@@ -122,7 +130,7 @@ fn leg(bodies: &Bodies, turns: &[Turn], straight: &[f64], tip: &Tip) -> Option<L
         body = bodies.moving[joint].parent;
     }
     chain.reverse();
-    let poses = poses(bodies, turns, straight);
+    let poses = poses(bodies, axes(turns), straight);
     let child = |joint: usize| poses[bodies.moving[joint].child];
     let lateral =
         |joint: &usize| (child(*joint).rotation * turns[*joint].axis.into_inner()).y.abs() > 0.7;
@@ -149,21 +157,22 @@ fn reach(
     side: f64,
 ) -> (Vec<f64>, f64) {
     let mut angles = angles_rad.to_vec();
-    let straight = poses(bodies, turns, angles_rad);
+    let straight = poses(bodies, axes(turns), angles_rad);
     for (number, &joint) in leg.bending.iter().take(2).enumerate() {
         let axis = straight[bodies.moving[joint].child].rotation * turns[joint].axis.into_inner();
         // About +y, a positive angle swings what hangs down backward.
         let bend = if number == 0 { BEND_RAD } else { -2.0 * BEND_RAD };
         angles[joint] = inside(&turns[joint], side * bend * axis.y.signum());
     }
-    let miss =
-        |angles: &[f64]| (goal - at(&poses(bodies, turns, angles), tip)).component_mul(&WEIGHTS);
+    let miss = |angles: &[f64]| {
+        (goal - at(&poses(bodies, axes(turns), angles), tip)).component_mul(&WEIGHTS)
+    };
     for _ in 0..STEPS {
         let error = miss(&angles);
         if error.norm() < 1e-9 {
             break;
         }
-        let now = poses(bodies, turns, &angles);
+        let now = poses(bodies, axes(turns), &angles);
         let mut jacobian = DMatrix::zeros(3, leg.chain.len());
         for (column, &joint) in leg.chain.iter().enumerate() {
             let pose = now[bodies.moving[joint].child];

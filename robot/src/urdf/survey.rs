@@ -1,13 +1,15 @@
 //! Survey of a URDF: its contents, and a first side file for it.
 
-use super::bodies::{Rigid, merge};
-use super::convert::TURN_RAD;
-use super::guess::{self, End};
+use super::bodies::{Bodies, Rigid, merge};
+use super::convert::{idle_joints, locked_position, some_names};
+use super::guess::{self, End, EndKind};
+use super::joints::TURN_RAD;
 use super::notes::Notes;
 use super::stance::{self, Stance, Turn};
 use super::xml::{Joint, Kind};
 use super::{Text, template, tree, xml};
 use crate::document::DocumentError;
+use rollwalk_protocol::config::MAX_CHANNELS;
 use serde::Serialize;
 
 /// Contents of a URDF, with guesses.
@@ -80,13 +82,23 @@ pub fn survey(urdf: Text<'_>) -> Result<Survey, DocumentError> {
     let Some(tree) = tree::choose(&read, &graph, explicit, &mut notes) else {
         unreachable!("one root is given")
     };
-    let mut rigid =
-        Rigid { locked: guess::locks(&read, &tree).into_iter().collect(), ..Rigid::default() };
-    let axles = guess::axles(&read, &graph, &tree, &rigid);
-    rigid.wheels = axles.iter().copied().collect();
-    let bodies = merge(&read, &graph, &tree, &rigid, &mut notes);
+    let mut locks = guess::locks(&read, &tree);
+    // Warnings belong to the final guess alone.
+    let first = guessed(&read, &graph, &tree, &locks, &mut Notes::new("", ""));
+    let idle = first.idle_beyond_channels();
+    if let Some(joint) = idle.first() {
+        let names = idle.iter().map(|&joint| &read.joints[joint].name);
+        let (names, channels) = (some_names(names), first.channels());
+        notes.warn(&read.joints[*joint].span, format_args!("joint {names}: locked in the side file that is proposed, as they carry no foot or wheel: the robot has {channels} channels, a controller and a library have at most {MAX_CHANNELS}"));
+    }
+    locks.extend(idle.iter().map(|&joint| (joint, locked_position(&read.joints[joint]))));
+    let guess = guessed(&read, &graph, &tree, &locks, &mut notes);
     notes.check()?;
-    let ends = guess::ends(&read, &graph, &bodies, &axles);
+    if guess.channels() > MAX_CHANNELS {
+        let span = &read.links[tree.root].span;
+        notes.warn(span, format_args!("{} channels are left, a controller and a library have at most {MAX_CHANNELS}: lock more joints under [lock]", guess.channels()));
+    }
+    let Guess { rigid, bodies, ends } = guess;
     let moving: Vec<_> = bodies.moving.iter().map(|moving| &read.joints[moving.joint]).collect();
     let turns: Vec<_> = moving.iter().map(|joint| turn(joint)).collect();
     let tips: Vec<_> = ends.iter().map(|end| end.tip).collect();
@@ -138,7 +150,7 @@ pub fn survey(urdf: Text<'_>) -> Result<Survey, DocumentError> {
         root: explicit,
         moving: &moving,
         stance: &stance,
-        locks: guess::locks(&read, &tree),
+        locks,
         ends: ends.iter().zip(&names).collect(),
     });
     Ok(Survey {
@@ -154,12 +166,53 @@ pub fn survey(urdf: Text<'_>) -> Result<Survey, DocumentError> {
     })
 }
 
+/// Guesses about the robot with some joints locked.
+struct Guess {
+    rigid: Rigid,
+    bodies: Bodies,
+    ends: Vec<End>,
+}
+
+fn guessed(
+    urdf: &xml::Urdf,
+    graph: &tree::Graph,
+    tree: &tree::Tree,
+    locks: &[(usize, f64)],
+    notes: &mut Notes<'_>,
+) -> Guess {
+    let mut rigid = Rigid { locked: locks.iter().copied().collect(), ..Rigid::default() };
+    let axles = guess::axles(urdf, graph, tree, &rigid);
+    rigid.wheels = axles.iter().copied().collect();
+    let bodies = merge(urdf, graph, tree, &rigid, notes);
+    let ends = guess::ends(urdf, graph, &bodies, &axles);
+    Guess { rigid, bodies, ends }
+}
+
+impl Guess {
+    /// Joints and driven wheels.
+    fn channels(&self) -> usize {
+        let driven = self.ends.iter().filter(|end| end.kind == EndKind::DrivenWheel);
+        self.bodies.moving.len() + driven.count()
+    }
+
+    /// Joints of arms and the like, if there are more channels than a controller has: indices into the URDF's.
+    fn idle_beyond_channels(&self) -> Vec<usize> {
+        if self.channels() <= MAX_CHANNELS {
+            return Vec::new();
+        }
+        let tips: Vec<_> = self.ends.iter().map(|end| end.tip.body).collect();
+        let idle = idle_joints(&self.bodies, &tips);
+        idle.into_iter().map(|index| self.bodies.moving[index].joint).collect()
+    }
+}
+
 /// Kind of contact of a guessed end effector.
 pub(super) fn contact(end: &End) -> &'static str {
-    match (end.axle, end.passive) {
-        (None, _) => "point_foot",
-        (Some(_), false) => "actuated_wheel",
-        (Some(_), true) => "passive_wheel",
+    match end.kind {
+        EndKind::Foot => "point_foot",
+        EndKind::DrivenWheel => "actuated_wheel",
+        EndKind::FreeWheel => "passive_wheel",
+        EndKind::WeldedWheel(_) => "welded_wheel",
     }
 }
 

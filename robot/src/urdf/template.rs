@@ -2,7 +2,7 @@
 
 use super::convert::key;
 use super::emit::{array, comment, quoted, show};
-use super::guess::End;
+use super::guess::{End, EndKind};
 use super::stance::Stance;
 use super::survey::contact;
 use super::xml::{Joint, Urdf};
@@ -52,7 +52,7 @@ pub(super) fn template(content: &Content<'_>) -> String {
     }
     text += ACTUATORS;
     if !content.locks.is_empty() {
-        text += "\n# Joints that become rigid, at this position (rad, or m): of kinds that robot files do not have.\n[lock]\n";
+        text += "\n# Joints that become rigid, at this position (rad, or m): of kinds that robot files do not have,\n# or beyond the channels of a controller.\n[lock]\n";
     }
     for &(joint, position) in &content.locks {
         let joint = &content.urdf.joints[joint];
@@ -91,8 +91,12 @@ pub(super) fn template(content: &Content<'_>) -> String {
         };
         let _ = writeln!(text, "radius_m = {}   # {source}", show(end.radius_m));
         text += "friction_coefficient = 0.7\n";
-        if end.passive {
-            text += "rolling_resistance = 0.02\n";
+        match end.kind {
+            EndKind::FreeWheel => text += "rolling_resistance = 0.02\n",
+            EndKind::WeldedWheel(axis) => {
+                let _ = writeln!(text, "axis_in_link = {}", array(axis.as_slice()));
+            }
+            EndKind::Foot | EndKind::DrivenWheel => {}
         }
     }
     text

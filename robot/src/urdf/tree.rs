@@ -1,7 +1,7 @@
 //! Links and joints to a tree: names resolved, one root, joints ordered so that parents come first.
 
 use super::notes::Notes;
-use super::xml::{Kind, Urdf};
+use super::xml::{Kind, Solid, Urdf};
 use crate::document::alternatives;
 use std::collections::HashMap;
 
@@ -119,7 +119,8 @@ impl Graph {
             let link = &urdf.links[root];
             let &[joint] = &self.leaving[root][..] else { return root };
             let ground = GROUND.contains(&link.name.to_ascii_lowercase().as_str());
-            let empty = link.mass.is_none() && link.shapes.is_empty();
+            let empty =
+                link.mass.is_none() && link.shapes.iter().all(|shape| shape.solid == Solid::Mesh);
             if !(ground || empty && urdf.joints[joint].kind != Kind::Fixed) {
                 return root;
             }

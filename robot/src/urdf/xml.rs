@@ -1,5 +1,5 @@
-//! URDF text to links and joints, each with its place in the text; names are not resolved yet. Ignores
-//! meshes, and tags without mass, geometry or joints (gazebo, transmission, material, sensor).
+//! URDF text to links and joints, each with its place in the text; names are not resolved yet. Does not
+//! read the files of meshes, and ignores tags without mass, geometry or joints (gazebo, transmission, material, sensor).
 //!
 //! Not `urdf-rs`: its errors have no position and it stops at the first, accepts NaN, and does not
 //! tell an absent limit from 0.
@@ -33,7 +33,7 @@ pub(super) struct Link {
     pub span: Span,
     /// Mass, centre of mass and inertia in link axes; none without `<inertial>` or with mass 0.
     pub mass: Option<MassProperties>,
-    /// Simple solids of collision and visual geometry, collision first.
+    /// Collision and visual geometry, collision first.
     pub shapes: Vec<Shape>,
 }
 
@@ -42,9 +42,11 @@ pub(super) struct Link {
 pub(super) struct Shape {
     pub link_from_shape: Isometry3<f64>,
     pub solid: Solid,
+    /// Whether it is collision geometry; else it is visual.
+    pub collision: bool,
 }
 
-/// Solids with a radius.
+/// Kinds of geometry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Solid {
     Sphere {
@@ -53,7 +55,13 @@ pub(super) enum Solid {
     /// Along z of the shape.
     Cylinder {
         radius_m: f64,
+        length_m: f64,
     },
+    Box {
+        size_m: Vector3<f64>,
+    },
+    /// In a file of its own, which is not read.
+    Mesh,
 }
 
 /// The types of `<joint>`.
@@ -181,8 +189,15 @@ fn syntax_fault(notes: &mut Notes<'_>, error: &Error) {
     let before: usize = lines.by_ref().take(position.row as usize - 1).map(str::len).sum();
     let line = lines.next().unwrap_or_default();
     let column = line.char_indices().nth(position.col as usize - 1).map_or(0, |(at, _)| at);
-    let at = (before + column).min(notes.text.len());
+    let mut at = (before + column).min(notes.text.len());
     let (message, help) = match error {
+        Error::UnclosedRootNode | Error::UnexpectedEndOfStream => {
+            at = notes.text.trim_end().len();
+            (
+                "this is not XML: the file ends inside an element".to_owned(),
+                "the last line of a URDF file is </robot>: is the file complete?".to_owned(),
+            )
+        }
         Error::DtdDetected => (
             "the file has a document type declaration (<!DOCTYPE …>)".to_owned(),
             "URDF needs none: remove it, and write its entities out".to_owned(),

@@ -37,6 +37,19 @@ fn numbers_that_are_none() {
 }
 
 #[test]
+fn numbers_say_their_unit_and_files_where_they_end() {
+    urdf("mass value=\"5.0\"", "mass value=\"heavy\"", &["`trunk`: <mass>", "one number in kg"]);
+    urdf("ixx=\"0.03\"", "ixx=\"much\"", &["`trunk`: <inertia>", "`ixx`", "in kg·m²"]);
+    urdf("xyz=\"-0.2 0.1 -0.1\"", "xyz=\"a b c\"", &["`left_arm`: <origin>", "3 numbers in m"]);
+    let limit = "velocity=\"1\" effort=\"10\"";
+    urdf(limit, "velocity=\"1\" effort=\"ten\"", &["`mast`: <limit>", "`effort`", "in N·m"]);
+    let cut = &URDF[..URDF.find("<joint name=\"left_hip\"").unwrap()];
+    let fault = imported(cut, SIDE).unwrap_err().faults().next().unwrap().clone();
+    assert_eq!(fault.line, cut.trim_end().lines().count(), "{fault}");
+    assert!(fault.help.contains("</robot>"), "{}", fault.help);
+}
+
+#[test]
 fn what_is_no_urdf() {
     refused("", SIDE, &["not XML"]);
     refused("<robot name=\"r\"><link name=\"a\">", SIDE, &["not XML"]);

@@ -3,9 +3,11 @@
 
 mod faults;
 mod hostile;
+mod large;
 mod oracle;
 mod physics;
 mod repairs;
+mod shapes;
 mod surveys;
 
 use rollwalk_robot::document::DocumentError;

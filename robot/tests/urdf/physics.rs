@@ -107,8 +107,17 @@ fn values_of_urdf_and_side_file_arrive() {
     assert_eq!((hip.actuator.bus, hip.actuator.id), (3, 9));
     assert_eq!((hip.actuator.speed_max_rad_s, hip.actuator.torque_max_nm), (12.0, 20.0));
     assert_eq!(hip.actuator.armature_kg_m2, 0.01);
-    // Documented default: full torque at 0.05 rad.
-    assert_eq!(hip.actuator.kp_nm_rad, 400.0);
+    // Documented default: 0.3 rad under a quarter of the weight, as two legs and two wheels stand, on the leg's length.
+    let length_m = 0.2 + (0.2_f64.powi(2) + 0.01_f64.powi(2)).sqrt();
+    let share_n = robot.total_mass_kg() * 9.806_65 / 4.0;
+    let kp = share_n * length_m / 0.3;
+    let found = hip.actuator.kp_nm_rad;
+    assert!(found <= kp && kp < found + 1.0, "{found} is not {kp} rounded down to two digits");
+    // Critical on limb and rotor: shank and foot below the knee, which is the lightest.
+    let knee = &robot.joints[4].actuator;
+    let inertia = 0.0008 + 0.2 * 0.1_f64.powi(2) + 0.01;
+    let kd = 2.0 * (found * inertia).sqrt();
+    assert!((knee.kd_nm_s_rad - kd.min(60.0 * inertia)).abs() < 0.1, "{knee:?} {kd}");
     let actuator = robot.end_effectors[2].contact.actuator().unwrap();
     assert_eq!((actuator.kp_nm_rad, actuator.kd_nm_s_rad, actuator.torque_max_nm), (0.0, 0.5, 5.0));
     assert!(robot.end_effectors[3].contact.freewheels());

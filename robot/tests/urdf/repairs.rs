@@ -123,12 +123,7 @@ fn limits_are_put_right() {
 fn motors_without_limits_get_documented_ones() {
     let knee = "lower=\"0.3\" upper=\"2.5\" velocity=\"12\" effort=\"20\"";
     let weight_n = good(URDF, SIDE).robot.total_mass_kg() * 9.806_65;
-    for limits in [
-        "",
-        "velocity=\"0\" effort=\"0\"",
-        "velocity=\"1000\" effort=\"1000\"",
-        "velocity=\"-1\" effort=\"-1\"",
-    ] {
+    for limits in ["", "velocity=\"0\" effort=\"0\"", "velocity=\"-1\" effort=\"-1\""] {
         let urdf = edited(URDF, knee, &format!("lower=\"0.3\" upper=\"2.5\" {limits}"));
         let robot = warns(&urdf, SIDE, &["`right_knee`", "`torque_max_nm`", "a default"]);
         warns(&urdf, SIDE, &["`right_knee`", "`speed_max_rad_s` is 10"]);
@@ -141,6 +136,32 @@ fn motors_without_limits_get_documented_ones() {
         let motor = joint(&good(&urdf, &side).robot, "right_knee").actuator.clone();
         assert_eq!((motor.speed_max_rad_s, motor.torque_max_nm), (9.0, 15.0));
     }
+}
+
+#[test]
+fn limits_beyond_every_drive_are_clamped() {
+    let knee = "lower=\"0.3\" upper=\"2.5\" velocity=\"12\" effort=\"20\"";
+    let far = "lower=\"0.3\" upper=\"2.5\" velocity=\"1000\" effort=\"1000\"";
+    let urdf = edited(URDF, knee, far);
+    let robot = warns(&urdf, SIDE, &["`right_knee`", "effort=\"1000\"", "160.000 N·m, the most"]);
+    warns(&urdf, SIDE, &["`right_knee`", "velocity=\"1000\"", "65.000 rad/s, the most"]);
+    let motor = &joint(&robot, "right_knee").actuator;
+    assert_eq!((motor.speed_max_rad_s, motor.torque_max_nm), (65.0, 160.0));
+    // Drives of the side file carry less.
+    let side = edited(
+        SIDE,
+        "armature_kg_m2 = 0.01",
+        "armature_kg_m2 = 0.01\nspeed_max_rad_s = 9.0\ntorque_max_nm = 15.0",
+    );
+    let robot = warns(&urdf, &side, &["`right_knee`", "15.000 N·m, that of [actuator.default]"]);
+    let motor = &joint(&robot, "right_knee").actuator;
+    assert_eq!((motor.speed_max_rad_s, motor.torque_max_nm), (9.0, 15.0));
+    // A drive that is chosen for the joint needs no remark.
+    let chosen = format!("[actuator.strong]\nspeed_max_rad_s = 8.0\ntorque_max_nm = 40.0\n{SIDE}");
+    let chosen = edited(&chosen, "nominal_rad = 1.4", "nominal_rad = 1.4, actuator = \"strong\"");
+    let made = good(&urdf, &chosen);
+    assert_eq!(made.warnings, [""; 0]);
+    assert_eq!(joint(&made.robot, "right_knee").actuator.torque_max_nm, 40.0);
 }
 
 #[test]

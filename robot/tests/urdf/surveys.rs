@@ -73,6 +73,42 @@ fn wheels_are_known_by_name_shape_or_balance() {
     );
 }
 
+/// Exporters write axles as revolute joints, without limits or with some beyond a turn.
+#[test]
+fn wheels_on_revolute_and_fixed_joints_are_known() {
+    let axle = |kind: &str, limits: &str| {
+        let urdf = edited(
+            URDF,
+            "name=\"left_axle\" type=\"continuous\"",
+            &format!("name=\"left_axle\" type=\"{kind}\""),
+        );
+        let (before, after) = urdf.split_once("name=\"left_axle\"").unwrap();
+        let after = after.replacen("velocity=\"30\"", &format!("{limits} velocity=\"30\""), 1);
+        format!("{before}name=\"left_axle\"{after}")
+    };
+    let kind = |urdf: &str, link: &str| {
+        let found = surveyed(urdf);
+        let robot =
+            import(Text { name: "u", text: urdf }, Text { name: "t", text: &found.template });
+        robot.unwrap_or_else(|error| panic!("{error}\n{}", found.template));
+        let end = found.end_effectors.iter().find(|end| end.link == link);
+        end.map(|end| end.contact.clone())
+    };
+    let limits = "lower=\"-1000\" upper=\"1000\"";
+    for urdf in [axle("revolute", ""), axle("revolute", limits)] {
+        assert_eq!(kind(&urdf, "left_wheel").as_deref(), Some("actuated_wheel"), "{urdf}");
+        // Without the name limits make it a joint of the arm; without limits its shape tells.
+        let disc = urdf.replace("\"left_wheel\"", "\"left_disc\"");
+        let wheel = !urdf.contains(limits);
+        assert_eq!(kind(&disc, "left_disc").is_some(), wheel, "{disc}");
+    }
+    let welded = axle("fixed", "");
+    assert_eq!(kind(&welded, "left_wheel").as_deref(), Some("welded_wheel"));
+    let template = surveyed(&welded).template;
+    assert!(template.contains("contact = \"welded_wheel\"\nlink = \"left_wheel\""), "{template}");
+    assert!(template.contains("axis_in_link = [0.0, -1.0, "), "{template}");
+}
+
 #[test]
 fn several_roots_are_settled_in_the_template() {
     let urdf = edited(

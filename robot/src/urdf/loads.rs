@@ -1,0 +1,82 @@
+//! Load of every joint in the standing pose: what its default gains follow from.
+
+use super::bodies::Bodies;
+use super::stance::{Tip, poses};
+use crate::GRAVITY_M_S2;
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
+
+/// Load of one joint.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Load {
+    /// Torque of what the joint has to hold at the longest lever, N·m: of its limb's share of the robot's weight on
+    /// the whole limb, or of the weight beyond the joint where that is more, as of an arm.
+    pub holds_nm: f64,
+    /// Inertia of all that the joint moves about its axis, in the standing pose, kg·m²; rotors excluded.
+    pub inertia_kg_m2: f64,
+}
+
+/// Loads of all joints in the order of [`Bodies::moving`]; `limbs` has the limb of every body.
+pub(super) fn loads(
+    bodies: &Bodies,
+    axes: &[Unit<Vector3<f64>>],
+    angles_rad: &[f64],
+    limbs: &[usize],
+    tips: &[Tip],
+) -> Vec<Load> {
+    let poses = poses(bodies, axes, angles_rad);
+    let weight_n: f64 =
+        bodies.bodies.iter().map(|body| body.mass.mass_kg).sum::<f64>() * GRAVITY_M_S2;
+    // What stands on the ground: limbs with feet or wheels, and each of those that the body itself has.
+    let mut standing: Vec<_> =
+        tips.iter().filter(|tip| tip.body > 0).map(|tip| limbs[tip.body]).collect();
+    standing.sort_unstable();
+    standing.dedup();
+    let supports = standing.len() + tips.iter().filter(|tip| tip.body == 0).count();
+    let length = |limb: usize| {
+        let tips = tips.iter().filter(|tip| tip.body > 0 && limbs[tip.body] == limb);
+        tips.map(|tip| length_m(bodies, &poses, tip)).fold(0.0, f64::max)
+    };
+    let load = |(joint, axis): (usize, &Unit<Vector3<f64>>)| {
+        let child = bodies.moving[joint].child;
+        let axis = poses[child].rotation * axis.into_inner();
+        let origin = poses[child].translation.vector;
+        let (mut inertia_kg_m2, mut beyond_nm) = (0.0, 0.0);
+        for body in beyond(bodies, child) {
+            let mass = &bodies.bodies[body].mass;
+            let arm = (poses[body] * Point3::from(mass.com_m)).coords - origin;
+            let axis_in_body = poses[body].rotation.inverse() * axis;
+            inertia_kg_m2 += axis_in_body.dot(&(mass.inertia_kg_m2 * axis_in_body))
+                + mass.mass_kg * axis.cross(&arm).norm_squared();
+            beyond_nm += mass.mass_kg * GRAVITY_M_S2 * arm.norm();
+        }
+        let share_n = weight_n / supports.max(1) as f64;
+        Load { holds_nm: beyond_nm.max(share_n * length(limbs[child])), inertia_kg_m2 }
+    };
+    axes.iter().enumerate().map(load).collect()
+}
+
+/// A body and those that hang on it.
+fn beyond(bodies: &Bodies, body: usize) -> Vec<usize> {
+    let mut found = vec![body];
+    // Parents come first.
+    for moving in &bodies.moving {
+        if found.contains(&moving.parent) {
+            found.push(moving.child);
+        }
+    }
+    found
+}
+
+/// Length of the limb of a tip, from the limb's first joint along its joints, m.
+fn length_m(bodies: &Bodies, poses: &[Isometry3<f64>], tip: &Tip) -> f64 {
+    let mut length_m = tip.center_m.norm();
+    let mut body = tip.body;
+    while let Some(moving) = bodies.moving.iter().find(|moving| moving.child == body) {
+        if moving.parent > 0 {
+            let [here, next] = [body, moving.parent].map(|body| poses[body].translation.vector);
+            length_m += (here - next).norm();
+        }
+        body = moving.parent;
+    }
+    length_m
+}

@@ -1,0 +1,196 @@
+//! Collision geometry to shapes for clearance: capsules, and boxes of the body.
+//!
+//! A solid becomes the capsule along its longest direction, with the radius of its cross-section, its ends drawn in
+//! by that radius: a sphere, where it is not longer than wide. Boxes of the body stay boxes.
+
+use super::bodies::Bodies;
+use super::convert::some_names;
+use super::notes::Notes;
+use super::stance::Tip;
+use super::xml::{Link, Solid, Urdf};
+use crate::file::parts::MassProperties;
+use crate::shape::Shape;
+use nalgebra::{Isometry3, Point3, Rotation3, UnitQuaternion, Vector3};
+use std::collections::HashSet;
+
+/// Solids smaller than this in all directions only stand for a link, m.
+const PLACEHOLDER_M: f64 = 0.005;
+/// Most shapes of a body: as robot files allow.
+const SHAPES_MAX: usize = 16;
+/// Room around a foot or wheel within which a shape is part of it, as a share of its radius.
+const PART_OF_TIP: f64 = 0.1;
+
+/// Shapes of all bodies; notes where meshes are replaced.
+pub(super) fn shapes(
+    urdf: &Urdf,
+    bodies: &Bodies,
+    wheels: &HashSet<String>,
+    tips: &[Tip],
+    notes: &mut Notes<'_>,
+) -> Vec<Vec<Shape>> {
+    let mut meshes = Vec::new();
+    let all = bodies.bodies.iter().enumerate().map(|(index, body)| {
+        let mut shapes = Vec::new();
+        for link in body.links.iter().map(|&link| (link, &urdf.links[link])) {
+            let (link, Some((_, body_from_link))) = (link.1, &bodies.places[link.0]) else {
+                continue;
+            };
+            // A wheel is its end effector.
+            if wheels.contains(&link.name) {
+                continue;
+            }
+            shapes.extend(of_link(link, body_from_link, index == 0));
+            if link.shapes.iter().any(|shape| shape.collision && shape.solid == Solid::Mesh) {
+                meshes.push(link);
+            }
+        }
+        let tips: Vec<_> = tips.iter().filter(|tip| tip.body == index).collect();
+        thinned(shapes, &tips)
+    });
+    let all = all.collect();
+    if let Some(first) = meshes.first() {
+        let names = some_names(meshes.iter().map(|link| &link.name));
+        notes.warn(&first.span, format_args!("link {names}: collision meshes are not read: their shape is that of a box with the mass and inertia of the link; check `shapes` in the robot file"));
+    }
+    all
+}
+
+fn of_link(link: &Link, body_from_link: &Isometry3<f64>, root: bool) -> Vec<Shape> {
+    let collision = link.shapes.iter().filter(|shape| shape.collision);
+    let solid = |shape: &super::xml::Shape| {
+        let pose = body_from_link * shape.link_from_shape;
+        match shape.solid {
+            Solid::Sphere { radius_m } => Some(capsule(&pose, &Vector3::zeros(), radius_m)),
+            Solid::Cylinder { radius_m, length_m } => {
+                let half = (0.5 * length_m - radius_m).max(0.0);
+                Some(capsule(&pose, &(Vector3::z() * half), radius_m))
+            }
+            Solid::Box { size_m } => cuboid(&pose, size_m, root),
+            Solid::Mesh => None,
+        }
+    };
+    let mut shapes: Vec<_> = collision.clone().filter_map(solid).collect();
+    if collision.clone().any(|shape| shape.solid == Solid::Mesh) {
+        shapes.extend(link.mass.as_ref().and_then(inertia_box).and_then(
+            |(link_from_box, size_m)| cuboid(&(body_from_link * link_from_box), size_m, root),
+        ));
+    }
+    shapes
+}
+
+/// The capsule with ends at ± `half` in the frame of `pose`.
+fn capsule(pose: &Isometry3<f64>, half: &Vector3<f64>, radius_m: f64) -> Shape {
+    let end = |sign: f64| (pose * Point3::from(half * sign)).coords;
+    Shape::Capsule { from_in_link_m: end(-1.0), to_in_link_m: end(1.0), radius_m }
+}
+
+fn cuboid(pose: &Isometry3<f64>, size_m: Vector3<f64>, root: bool) -> Option<Shape> {
+    if size_m.max() < PLACEHOLDER_M {
+        return None;
+    }
+    if root {
+        // The box along the axes of the body that holds it.
+        let size_m = pose.rotation.to_rotation_matrix().matrix().abs() * size_m;
+        return Some(Shape::Box { center_in_link_m: pose.translation.vector, size_m });
+    }
+    let longest = size_m.imax();
+    let mut across = size_m;
+    across[longest] = 0.0;
+    let radius_m = 0.5 * across.norm();
+    let half = (0.5 * size_m[longest] - radius_m).max(0.0);
+    Some(capsule(pose, &Vector3::ith(longest, half), radius_m))
+}
+
+/// The homogeneous box of a mass and its inertia: pose in the link and size.
+fn inertia_box(mass: &MassProperties) -> Option<(Isometry3<f64>, Vector3<f64>)> {
+    let eigen = mass.inertia_kg_m2.symmetric_eigen();
+    let moments = eigen.eigenvalues;
+    let square = |axis: usize| 6.0 * (moments.sum() - 2.0 * moments[axis]) / mass.mass_kg;
+    let size_m = Vector3::from_fn(|axis, _| square(axis).max(0.0).sqrt());
+    let mut axes = eigen.eigenvectors;
+    if axes.determinant() < 0.0 {
+        axes.column_mut(0).neg_mut();
+    }
+    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+    (size_m.max() > 0.0).then(|| (Isometry3::from_parts(mass.com_m.into(), turn), size_m))
+}
+
+/// Leaves out shapes that are inside another or part of a foot or wheel, and the smallest of too many.
+fn thinned(mut shapes: Vec<Shape>, tips: &[&Tip]) -> Vec<Shape> {
+    let size = |shape: &Shape| match shape {
+        Shape::Capsule { radius_m, .. } => *radius_m,
+        Shape::Box { size_m, .. } => size_m.max(),
+    };
+    shapes.sort_by(|a, b| size(b).total_cmp(&size(a)));
+    let mut kept: Vec<Shape> = Vec::new();
+    for shape in shapes {
+        let foot = |tip: &&Tip| {
+            let ends = [tip.center_m; 2];
+            within(&shape, &ends, tip.radius_m * (1.0 + PART_OF_TIP))
+        };
+        let inside = |other: &Shape| match other {
+            Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
+                within(&shape, &[*from_in_link_m, *to_in_link_m], *radius_m)
+            }
+            Shape::Box { .. } => shape == *other,
+        };
+        if kept.len() < SHAPES_MAX && !tips.iter().any(foot) && !kept.iter().any(inside) {
+            kept.push(shape);
+        }
+    }
+    kept
+}
+
+/// Whether a shape is a capsule inside another one.
+fn within(shape: &Shape, ends: &[Vector3<f64>; 2], radius_m: f64) -> bool {
+    let Shape::Capsule { from_in_link_m, to_in_link_m, radius_m: own_m } = shape else {
+        return false;
+    };
+    let along = ends[1] - ends[0];
+    let far = |point: &Vector3<f64>| {
+        let s = (point - ends[0]).dot(&along) / along.norm_squared().max(f64::MIN_POSITIVE);
+        (point - ends[0] - along * s.clamp(0.0, 1.0)).norm()
+    };
+    far(from_in_link_m).max(far(to_in_link_m)) + own_m <= radius_m + 1e-9
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3;
+
+    #[test]
+    fn the_box_of_a_box_is_that_box() {
+        let size = Vector3::new(0.3, 0.2, 0.1);
+        let squares = size.component_mul(&size);
+        let moments = (Vector3::repeat(squares.sum()) - squares) * (5.0 / 12.0);
+        let turn = Rotation3::new(Vector3::new(0.3, -0.8, 0.5));
+        let inertia_kg_m2 = turn * Matrix3::from_diagonal(&moments) * turn.inverse();
+        let com_m = Vector3::new(0.1, 0.2, 0.3);
+        let (pose, found) =
+            inertia_box(&MassProperties { mass_kg: 5.0, com_m, inertia_kg_m2 }).unwrap();
+        assert_eq!(pose.translation.vector, com_m);
+        let mut sorted: Vec<_> = found.iter().copied().collect();
+        sorted.sort_by(f64::total_cmp);
+        for (found, expected) in sorted.iter().zip([0.1, 0.2, 0.3]) {
+            assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+        }
+        let longest = pose.rotation * Vector3::ith(found.imax(), 1.0);
+        assert!((turn * Vector3::x()).cross(&longest).norm() < 1e-12);
+    }
+
+    #[test]
+    fn small_shapes_inside_others_go() {
+        let line = |from: f64, to: f64, radius_m| Shape::Capsule {
+            from_in_link_m: Vector3::new(from, 0.0, 0.0),
+            to_in_link_m: Vector3::new(to, 0.0, 0.0),
+            radius_m,
+        };
+        let (long, inner, beside) =
+            (line(0.0, 1.0, 0.1), line(0.2, 0.9, 0.05), line(0.9, 1.2, 0.05));
+        let tip = Tip { body: 1, center_m: Vector3::new(3.0, 0.0, 0.0), radius_m: 0.02 };
+        let foot = line(3.0, 3.0, 0.021);
+        let kept = thinned(vec![inner, beside, long, foot], &[&tip]);
+        assert_eq!(kept, [long, beside]);
+    }
+}
