@@ -19,6 +19,8 @@ pub enum Kind {
     Plan,
     /// A problem file.
     Problem,
+    /// A URDF.
+    Urdf,
 }
 
 impl Kind {
@@ -29,6 +31,10 @@ impl Kind {
             let has = |format: &str| text.contains(&format!("\"{format}\""));
             let marks = [(problem::FORMAT, Self::Problem), (plan::FORMAT, Self::Plan)];
             return marks.into_iter().find(|(format, _)| has(format)).map(|(_, kind)| kind);
+        }
+        let beginning = text.trim_start().get(..5);
+        if beginning.is_some_and(|start| start == "<?xml" || start == "<robo") {
+            return Some(Self::Urdf);
         }
         let has = |header: &str| text.lines().any(|line| line.trim_start().starts_with(header));
         let marks = [("[[link]]", Self::Robot), ("[[motion]]", Self::Library)];
@@ -48,6 +54,7 @@ impl Kind {
             Self::Library => "a library file",
             Self::Plan => "a plan",
             Self::Problem => "a problem file",
+            Self::Urdf => "a URDF",
         }
     }
 
@@ -60,7 +67,20 @@ impl Kind {
             Self::Library => "`rollwalk library build` and `rollwalk demo --library` read it",
             Self::Plan => "`rollwalk report`, `plot` and `export` read it",
             Self::Problem => "`rollwalk plan` solves it again",
+            Self::Urdf => "`rollwalk robot import` makes a robot file of it",
         }
+    }
+
+    /// Rejects a text that looks like another kind.
+    ///
+    /// # Errors
+    /// It does.
+    pub fn expect(self, path: &Path, text: &str) -> miette::Result<()> {
+        Self::of(text).filter(|found| *found != self).map_or(Ok(()), |found| {
+            let path = path.display();
+            let (found, wanted, help) = (found.name(), self.name(), found.use_for());
+            Err(miette!(help = help, "{path} is {found}, not {wanted}"))
+        })
     }
 
     /// Turns the error of a reader of this kind into a report: that the file is of another kind, if it
@@ -69,15 +89,6 @@ impl Kind {
     where
         E: Diagnostic + Send + Sync + 'static,
     {
-        move |error| match Self::of(text) {
-            Some(found) if found != self => miette!(
-                help = found.use_for(),
-                "{} is {}, not {}",
-                path.display(),
-                found.name(),
-                self.name()
-            ),
-            _ => Report::new(error),
-        }
+        move |error| self.expect(path, text).err().unwrap_or_else(|| Report::new(error))
     }
 }

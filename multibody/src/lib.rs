@@ -28,6 +28,7 @@ mod inverse_dynamics;
 mod jacobian;
 mod kinematics;
 pub mod rotation;
+mod standing;
 mod tree;
 
 pub use centroidal::{about_com, centroidal_momentum_matrix};
@@ -35,6 +36,7 @@ pub use composite::{CompositeInertia, forward_dynamics};
 pub use contact::{ContactMotion, RimContact};
 pub use frames::{Configuration, Frames};
 pub use kinematics::Kinematics;
+pub use standing::{Standing, StandingContact};
 pub use tree::{Tree, Wheel};
 
 /// Index in ν of the first component of the base's linear velocity.

@@ -71,7 +71,7 @@ struct Capabilities<'c> {
 impl Contact {
     fn capabilities(&self) -> Capabilities<'_> {
         let foot = Capabilities {
-            kind: "foot",
+            kind: "point_foot",
             axis_in_link: None,
             actuator: None,
             drag: None,
@@ -80,16 +80,16 @@ impl Contact {
         match self {
             Contact::PointFoot => foot,
             Contact::WeldedWheel { axis_in_link } => {
-                Capabilities { kind: "welded wheel", axis_in_link: Some(axis_in_link), ..foot }
+                Capabilities { kind: "welded_wheel", axis_in_link: Some(axis_in_link), ..foot }
             }
             Contact::ActuatedWheel { axis_in_link, actuator } => Capabilities {
-                kind: "driven wheel",
+                kind: "actuated_wheel",
                 axis_in_link: Some(axis_in_link),
                 actuator: Some(actuator),
                 ..foot
             },
             Contact::PassiveWheel { axis_in_link, drag } => Capabilities {
-                kind: "free wheel",
+                kind: "passive_wheel",
                 axis_in_link: Some(axis_in_link),
                 drag: Some(*drag),
                 ..foot
@@ -104,7 +104,7 @@ impl Contact {
         }
     }
 
-    /// Name of the kind in tables, such as `driven wheel`.
+    /// The kind as robot files spell it, such as `actuated_wheel`.
     pub fn kind(&self) -> &'static str {
         self.capabilities().kind
     }

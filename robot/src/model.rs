@@ -21,7 +21,8 @@ pub struct Robot {
     /// Protocols and settings of actuator buses by number; other buses speak the Rollwalk profile.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub buses: BTreeMap<u8, Bus>,
-    /// Smallest distance between the shapes of two links, and between a shape and the ground, m.
+    /// Smallest distance between the shapes of two links, and between a shape and the ground unless its link has a foot or
+    /// wheel, m.
     #[serde(default = "shape::default_margin", skip_serializing_if = "shape::is_default_margin")]
     pub clearance_margin_m: f64,
 }

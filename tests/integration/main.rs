@@ -12,6 +12,7 @@ mod operating;
 mod problem_files;
 mod readme;
 mod results;
+mod robots;
 mod sending;
 mod simulated;
 mod solver_options;

@@ -3,7 +3,7 @@
 use crate::desk_with_shipped_files;
 use serde_json::Value;
 
-fn json(text: &str) -> Value {
+pub fn json(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|error| panic!("{error} in\n{text}"))
 }
 

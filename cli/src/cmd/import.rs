@@ -1,6 +1,7 @@
 //! `rollwalk robot import`: converts a URDF and a side file to a robot file.
 
 use super::robot::describe;
+use crate::kind::Kind;
 use crate::output::Table;
 use crate::{Exit, files, output};
 use miette::{Report, miette};
@@ -50,6 +51,7 @@ struct Made<'a> {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let urdf = files::read_text(&args.urdf, "URDF file (XML)", "give the path of a URDF file")?;
+    Kind::Urdf.expect(&args.urdf, &urdf)?;
     let urdf_name = args.urdf.to_string_lossy();
     let urdf = Text { name: &urdf_name, text: &urdf };
     match (&args.with, &args.output) {
@@ -108,7 +110,7 @@ fn look(urdf: Text<'_>, args: &Args) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
-fn say_warnings(warnings: &[String]) {
+pub(super) fn say_warnings(warnings: &[String]) {
     for warning in warnings {
         output::say(format_args!("warning: {warning}"));
     }

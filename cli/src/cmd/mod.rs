@@ -20,6 +20,7 @@ mod plot;
 mod report;
 mod robot;
 mod send;
+mod standing;
 
 use crate::Exit;
 use orders::Order;

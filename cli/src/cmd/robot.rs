@@ -2,7 +2,8 @@
 //! about robot files.
 
 use super::buses::BusLoads;
-use super::import;
+use super::import::{self, say_warnings};
+use super::standing::StandingReport;
 use crate::inputs::Source;
 use crate::output::Table;
 use crate::{Exit, output};
@@ -19,7 +20,8 @@ pub enum Action {
     Import(import::Args),
 }
 
-/// Validate a robot file and print its tree, masses, limits and wheels.
+/// Validate a robot file and print its tree, masses, limits and wheels, and how it stands: torques against limits, sag,
+/// clearance.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -41,6 +43,7 @@ pub struct Check {
 struct Report<'a> {
     mass_kg: f64,
     robot: &'a Robot,
+    standing: Option<StandingReport>,
 }
 
 /// Runs the subcommand.
@@ -54,17 +57,18 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
 fn check(check: &Check) -> miette::Result<Exit> {
     let robot = Source::Disk.robot(&check.robot)?;
     let buses = BusLoads::new(&robot).into_diagnostic()?;
+    let standing = StandingReport::new(&robot);
+    let warnings = standing.as_ref().map_or(Vec::new(), |standing| standing.warnings().to_vec());
     if check.json {
-        output::print_json(&Report { mass_kg: mass_kg(&robot), robot: &robot })?;
+        let mass_kg = robot.total_mass_kg();
+        output::print_json(&Report { mass_kg, robot: &robot, standing })?;
     } else {
-        output::print(&format!("{}\n{}", describe(&robot), buses.table()))?;
+        let standing = standing.map_or(String::new(), |standing| standing.show());
+        output::print(&format!("{}\n\n{standing}\n{}", describe(&robot), buses.table()))?;
     }
+    say_warnings(&warnings);
     buses.check(&check.robot)?;
     Ok(Exit::Ok)
-}
-
-fn mass_kg(robot: &Robot) -> f64 {
-    robot.links.iter().map(|link| link.mass_kg).sum()
 }
 
 /// Describes the robot as text: tree, joints, end effectors.
@@ -73,7 +77,7 @@ pub(super) fn describe(robot: &Robot) -> String {
     let mut text = format!(
         "{}: {:.3} kg, {} links, {} joints, {} wheels, {} feet\n\n",
         robot.name,
-        mass_kg(robot),
+        robot.total_mass_kg(),
         robot.links.len(),
         robot.joints.len(),
         wheels,

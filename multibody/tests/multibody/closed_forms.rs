@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Isometry3, Matrix3, Vector3};
 use rollwalk_multibody::{CompositeInertia, Configuration, Frames, JOINTS, Kinematics, Tree};
 use rollwalk_robot::{Actuator, Contact, EndEffector, Joint, Link, Robot};
 
-fn actuator(armature_kg_m2: f64) -> Actuator {
+pub fn actuator(armature_kg_m2: f64) -> Actuator {
     Actuator {
         model: "test".into(),
         speed_max_rad_s: 8.0,

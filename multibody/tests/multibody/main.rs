@@ -9,3 +9,4 @@ mod jacobians;
 mod mjcf;
 mod mujoco;
 mod robots;
+mod standing;

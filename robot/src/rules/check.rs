@@ -48,9 +48,10 @@ pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
     }
     check.addresses();
     check.buses();
-    // Ranges of protocols are compared with numbers that are sound themselves.
+    // Ranges of protocols and the pose are about numbers that are sound themselves.
     if check.found.is_empty() {
         check.drivable();
+        check.upright();
     }
     check.found
 }

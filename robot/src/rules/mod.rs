@@ -6,6 +6,7 @@
 
 mod buses;
 mod check;
+mod upright;
 
 use check::Check;
 pub(crate) use check::{LENGTH_MAX_M, violations};

@@ -199,7 +199,7 @@ impl Reader<'_, '_> {
             Solid::Sphere { radius_m: length(sphere, "radius")? }
         } else if let Some(cylinder) = child(geometry, "cylinder") {
             let radius_m = length(cylinder, "radius")?;
-            Solid::Cylinder { radius_m, length_m: length(cylinder, "length").unwrap_or(0.0) }
+            Solid::Cylinder { radius_m, length_m: length(cylinder, "length").unwrap_or(radius_m) }
         } else if let Some(cuboid) = child(geometry, "box") {
             let size_m = Vector3::from(self.numbers::<3>(cuboid, "size")?);
             let sound = size_m.iter().all(|side| *side > 0.0 && *side <= LENGTH_MAX_M);

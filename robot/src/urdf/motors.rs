@@ -21,8 +21,8 @@ const LEVER_M: f64 = 0.1;
 const YIELD_RAD: f64 = 0.3;
 /// Smallest position error that takes the whole torque of a joint, rad.
 const SATURATION_RAD: f64 = 0.1;
-/// Period of the control loop where the controller closes it, s.
-const CONTROL_PERIOD_S: f64 = 1.0 / 60.0;
+/// Period of the control loop where the controller closes it, at its default rate, s.
+const CONTROL_PERIOD_S: f64 = 1.0 / 120.0;
 /// Smallest stiffness, of joints that hold nothing, N·m/rad.
 const KP_MIN_NM_RAD: f64 = 0.1;
 /// Armature per torque limit, s²: full torque spins up the rotor alone by 1000 rad/s².
@@ -291,10 +291,10 @@ mod tests {
         assert_eq!(stiffness(holds_nm, 30.0, 0.1), 39.0);
         // 2 √(39 · 0.1) = 3.9.
         assert_eq!(damping(39.0, 0.1), 3.9);
-        // A weak motor would saturate; a light limb would not be stable at 60 Hz; a giant is beyond the protocol.
+        // A weak motor would saturate; a light limb would not be stable; a giant is beyond the protocol.
         assert_eq!(stiffness(holds_nm, 2.0, 0.1), 20.0);
-        assert_eq!(stiffness(holds_nm, 30.0, 0.005), 18.0);
-        assert_eq!(damping(39.0, 0.005), 0.3);
+        assert_eq!(stiffness(holds_nm, 30.0, 0.001), 14.0);
+        assert_eq!(damping(39.0, 0.001), 0.12);
         assert_eq!(stiffness(1e4, 1e4, 1e3), 650.0);
         assert_eq!(stiffness(0.0, 1.0, 1e-6), 0.1);
         assert_eq!(damping(600.0, 100.0), 65.0);

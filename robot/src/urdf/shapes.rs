@@ -1,7 +1,7 @@
 //! Collision geometry to shapes for clearance: capsules, and boxes of the body.
 //!
 //! A solid becomes the capsule along its longest direction, with the radius of its cross-section, its ends drawn in
-//! by that radius: a sphere, where it is not longer than wide. Boxes of the body stay boxes.
+//! by that radius; where it is not longer than wide, the sphere of its volume. Boxes of the body stay boxes.
 
 use super::bodies::Bodies;
 use super::convert::some_names;
@@ -12,6 +12,7 @@ use crate::file::parts::MassProperties;
 use crate::shape::Shape;
 use nalgebra::{Isometry3, Point3, Rotation3, UnitQuaternion, Vector3};
 use std::collections::HashSet;
+use std::f64::consts::PI;
 
 /// Solids smaller than this in all directions only stand for a link, m.
 const PLACEHOLDER_M: f64 = 0.005;
@@ -62,8 +63,8 @@ fn of_link(link: &Link, body_from_link: &Isometry3<f64>, root: bool) -> Vec<Shap
         match shape.solid {
             Solid::Sphere { radius_m } => Some(capsule(&pose, &Vector3::zeros(), radius_m)),
             Solid::Cylinder { radius_m, length_m } => {
-                let half = (0.5 * length_m - radius_m).max(0.0);
-                Some(capsule(&pose, &(Vector3::z() * half), radius_m))
+                let volume_m3 = PI * radius_m.powi(2) * length_m;
+                Some(rod(&pose, 2, length_m, radius_m, volume_m3))
             }
             Solid::Box { size_m } => cuboid(&pose, size_m, root),
             Solid::Mesh => None,
@@ -96,9 +97,17 @@ fn cuboid(pose: &Isometry3<f64>, size_m: Vector3<f64>, root: bool) -> Option<Sha
     let longest = size_m.imax();
     let mut across = size_m;
     across[longest] = 0.0;
-    let radius_m = 0.5 * across.norm();
-    let half = (0.5 * size_m[longest] - radius_m).max(0.0);
-    Some(capsule(pose, &Vector3::ith(longest, half), radius_m))
+    Some(rod(pose, longest, size_m[longest], 0.5 * across.norm(), size_m.product()))
+}
+
+/// A solid along an axis of `pose`, with the radius of its cross-section.
+fn rod(pose: &Isometry3<f64>, axis: usize, length_m: f64, radius_m: f64, volume_m3: f64) -> Shape {
+    let half_m = 0.5 * length_m - radius_m;
+    if half_m > 0.0 {
+        capsule(pose, &Vector3::ith(axis, half_m), radius_m)
+    } else {
+        capsule(pose, &Vector3::zeros(), (0.75 * volume_m3 / PI).cbrt())
+    }
 }
 
 /// The homogeneous box of a mass and its inertia: pose in the link and size.

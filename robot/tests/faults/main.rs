@@ -5,6 +5,7 @@ mod contacts;
 mod document;
 mod rules;
 mod shapes;
+mod upright;
 
 use rollwalk_robot::Robot;
 

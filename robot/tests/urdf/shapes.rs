@@ -32,7 +32,8 @@ fn solids_become_capsules_and_the_box_of_the_body() {
     let slim = geometry("<cylinder radius=\"0.02\" length=\"0.2\"/>");
     check(&slim, [0.0, 0.01, -0.18], [0.0, 0.01, -0.02], 0.02);
     let disc = geometry("<cylinder radius=\"0.05\" length=\"0.04\"/>");
-    check(&disc, [0.0, 0.01, -0.1], [0.0, 0.01, -0.1], 0.05);
+    // (3/4 r² l)^(1/3), the sphere of its volume.
+    check(&disc, [0.0, 0.01, -0.1], [0.0, 0.01, -0.1], 0.0422);
     let sphere = geometry("<sphere radius=\"0.04\"/>");
     check(&sphere, [0.0, 0.01, -0.1], [0.0, 0.01, -0.1], 0.04);
     // Half the diagonal of 0.03 x 0.04.

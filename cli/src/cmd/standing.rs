@@ -1,0 +1,229 @@
+//! How a robot stands in its nominal pose: heights, forces, torques against limits, sag, clearance; and what speaks
+//! against it, as warnings of `rollwalk robot check`.
+
+use crate::output::Table;
+use rollwalk_multibody::{Standing, Tree};
+use rollwalk_robot::Robot;
+use serde::Serialize;
+use std::fmt::Write;
+
+/// Share of its torque limit above which a joint is too weak: on two of four legs, as in a trot, it needs twice as much.
+const SHARE_MAX: f64 = 0.6;
+/// Closest pairs of shapes in the table.
+const PAIRS_SHOWN: usize = 5;
+
+/// A robot in its nominal pose, with its body level, on level ground. Static, without feed-forward torque.
+#[derive(Debug, Serialize)]
+pub struct StandingReport {
+    /// Height of the body's origin, m.
+    body_height_m: f64,
+    /// Centre of mass from the body's origin, forward and left, m, and above the ground, m.
+    com_m: [f64; 3],
+    contacts: Vec<Contact>,
+    joints: Vec<Joint>,
+    clearance_margin_m: f64,
+    /// Distances between shapes of links, the closest first.
+    clearances: Vec<Clearance>,
+    /// Heights of links with shapes above the ground.
+    heights: Vec<Height>,
+    warnings: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct Contact {
+    name: String,
+    /// From the body's origin, forward and left, m, and above the ground, m.
+    position_m: [f64; 3],
+    force_n: f64,
+    /// How far the body sinks here as joints yield by torque / stiffness, m.
+    sag_m: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Joint {
+    name: String,
+    torque_nm: f64,
+    torque_max_nm: f64,
+    /// |torque| / limit.
+    share: f64,
+    /// torque / stiffness.
+    yields_rad: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Clearance {
+    links: [String; 2],
+    distance_m: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Height {
+    link: String,
+    height_m: f64,
+    /// What is right: the margin, or 0 for a link with a foot or wheel.
+    least_m: f64,
+}
+
+impl StandingReport {
+    /// Examines a valid robot; `None` if it has a wheel that lies flat.
+    pub fn new(robot: &Robot) -> Option<Self> {
+        let tree = Tree::new(robot);
+        let standing = Standing::new(&tree)?;
+        let contacts = robot.end_effectors.iter().zip(&standing.contacts);
+        let joints = robot.joints.iter().zip(&standing.torque_nm);
+        let mut clearances: Vec<_> = robot
+            .clearance_pairs()
+            .map(|pair| Clearance {
+                links: pair.links.map(|link| robot.links[link].name.clone()),
+                distance_m: standing.frames.clearance(&pair),
+            })
+            .collect();
+        clearances.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+        let links = robot.links.iter().enumerate();
+        let height = |(index, link): (usize, &rollwalk_robot::Link)| {
+            let height_m = standing.frames.lowest_shape(&tree, index)?;
+            let stands = robot.end_effectors.iter().any(|end| end.link == index);
+            let least_m = if stands { 0.0 } else { robot.clearance_margin_m };
+            Some(Height { link: link.name.clone(), height_m, least_m })
+        };
+        let mut report = Self {
+            body_height_m: standing.frames.link_origins[0].z,
+            com_m: standing.com.into(),
+            contacts: contacts
+                .map(|(end, contact)| Contact {
+                    name: end.name.clone(),
+                    position_m: contact.position.into(),
+                    force_n: contact.force_n,
+                    sag_m: contact.sag_m,
+                })
+                .collect(),
+            joints: joints
+                .map(|(joint, &torque_nm)| Joint {
+                    name: joint.name.clone(),
+                    torque_nm,
+                    torque_max_nm: joint.actuator.torque_max_nm,
+                    share: torque_nm.abs() / joint.actuator.torque_max_nm,
+                    yields_rad: torque_nm / joint.actuator.kp_nm_rad,
+                })
+                .collect(),
+            clearance_margin_m: robot.clearance_margin_m,
+            clearances,
+            heights: links.filter_map(height).collect(),
+            warnings: Vec::new(),
+        };
+        report.warnings = report.warn(standing.balanced);
+        Some(report)
+    }
+
+    /// What speaks against the robot.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    fn warn(&self, balanced: bool) -> Vec<String> {
+        let mut warnings = Vec::new();
+        for contact in self.contacts.iter().filter(|contact| contact.force_n == 0.0) {
+            let height_mm = 1e3 * contact.position_m[2];
+            warnings.push(format!(
+                "end effector `{}` hangs {height_mm:.0} mm above the ground in the nominal pose: change `nominal_rad` of its joints if it is to stand",
+                contact.name
+            ));
+        }
+        if !balanced {
+            let [x, y, _] = self.com_m;
+            warnings.push(format!(
+                "the robot tips: its centre of mass, {x:.3} m forward and {y:.3} m left of the body's origin, is beyond the contacts that stand"
+            ));
+        }
+        for joint in self.joints.iter().filter(|joint| joint.share > SHARE_MAX) {
+            warnings.push(format!(
+                "joint `{}` needs {:.2} N·m to stand, {:.0} % of `torque_max_nm` {}: at most {:.0} % leaves room for motion; a stronger actuator, a lighter robot or straighter legs",
+                joint.name,
+                joint.torque_nm.abs(),
+                100.0 * joint.share,
+                joint.torque_max_nm,
+                100.0 * SHARE_MAX
+            ));
+        }
+        let margin_mm = 1e3 * self.clearance_margin_m;
+        for near in self.clearances.iter().filter(|near| near.distance_m < self.clearance_margin_m)
+        {
+            let [first, second] = &near.links;
+            let apart = apart(near.distance_m);
+            warnings.push(format!(
+                "links `{first}` and `{second}` {apart} in the nominal pose; at least {margin_mm:.1} mm are needed: check `shapes`, `nominal_rad` or `clearance_margin_m`"
+            ));
+        }
+        for Height { link, height_m, least_m } in &self.heights {
+            if height_m < least_m {
+                warnings.push(format!(
+                    "link `{link}` is {:.1} mm above the ground; at least {:.1} mm are needed: check its `shapes`, which end above the contact",
+                    1e3 * height_m,
+                    1e3 * least_m
+                ));
+            }
+        }
+        if self.heights.is_empty() {
+            warnings
+                .push("no link has `shapes`: clearance between links is not checked".to_owned());
+        }
+        warnings
+    }
+
+    /// Shows it as text.
+    pub fn show(&self) -> String {
+        let [x, y, z] = self.com_m.map(fixed::<3>);
+        let height = fixed::<3>(self.body_height_m);
+        let mut text = format!(
+            "standing in the nominal pose: body origin {height} m high, centre of mass {z} m high, {x} m forward, {y} m left\n\n"
+        );
+        let mut contacts =
+            Table::new(["end effector", "forward m", "left m", "height mm", "force N", "sag mm"]);
+        for Contact { name, position_m: [x, y, z], force_n, sag_m } in &self.contacts {
+            contacts.row([
+                name.clone(),
+                fixed::<3>(*x),
+                fixed::<3>(*y),
+                fixed::<1>(1e3 * z),
+                fixed::<1>(*force_n),
+                fixed::<1>(1e3 * sag_m),
+            ]);
+        }
+        let _ = writeln!(text, "{}", contacts.render());
+        if !self.joints.is_empty() {
+            let mut joints = Table::new(["joint", "standing N·m", "of limit", "yields rad"]);
+            for joint in &self.joints {
+                joints.row([
+                    joint.name.clone(),
+                    fixed::<3>(joint.torque_nm),
+                    format!("{:.0} %", 100.0 * joint.share),
+                    fixed::<3>(joint.yields_rad),
+                ]);
+            }
+            let _ = writeln!(text, "\n{}", joints.render());
+        }
+        if !self.clearances.is_empty() {
+            let margin = format!("margin {:.1} mm", 1e3 * self.clearance_margin_m);
+            let mut pairs = Table::new(["closest shapes", &margin]);
+            for near in self.clearances.iter().take(PAIRS_SHOWN) {
+                let [first, second] = &near.links;
+                let distance = format!("{:.1} mm", 1e3 * near.distance_m);
+                pairs.row([format!("{first} – {second}"), distance]);
+            }
+            let _ = writeln!(text, "\n{}", pairs.render());
+        }
+        text
+    }
+}
+
+fn apart(distance_m: f64) -> String {
+    let mm = 1e3 * distance_m;
+    if mm < 0.0 { format!("overlap by {:.1} mm", -mm) } else { format!("are {mm:.1} mm apart") }
+}
+
+/// A number with so many decimals, and no minus in front of zeros.
+fn fixed<const DECIMALS: usize>(value: f64) -> String {
+    let shown = format!("{value:.DECIMALS$}");
+    let zero = shown.trim_start_matches('-').chars().all(|digit| matches!(digit, '0' | '.'));
+    if zero { shown.trim_start_matches('-').to_owned() } else { shown }
+}

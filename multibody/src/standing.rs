@@ -1,0 +1,142 @@
+//! A robot that stands still in its nominal pose on level ground: heights, ground forces, torques of joints and how
+//! far they yield. Quasi-static and without feed-forward torque.
+
+use crate::{Configuration, Frames, RimContact, Tree};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use rollwalk_robot::GRAVITY_M_S2;
+
+/// Contacts that are higher than this share of the body's height do not stand.
+const HANGING: f64 = 0.05;
+/// Spread of contacts that stand in line, m: across the line they balance nothing, and the centre of mass may be off the
+/// line by as much.
+const IN_LINE_M: f64 = 0.005;
+
+/// A robot in its nominal pose; the ground is the plane z = 0.
+#[derive(Clone, Debug)]
+pub struct Standing {
+    /// Frames of all links. The body's axes are those of the world; its height is that of its origin.
+    pub frames: Frames,
+    /// Centre of mass, m.
+    pub com: Vector3<f64>,
+    /// By end effector.
+    pub contacts: Vec<StandingContact>,
+    /// Whether the weight is balanced by contacts that push. If not, forces are even and the robot tips.
+    pub balanced: bool,
+    /// Torque that each joint holds, N·m.
+    pub torque_nm: Vec<f64>,
+}
+
+/// Contact of an end effector of a [`Standing`] robot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StandingContact {
+    /// Lowest point, m; its z is the height above the ground.
+    pub position: Vector3<f64>,
+    /// Force of the ground, upward, N; 0 if it hangs above the ground.
+    pub force_n: f64,
+    /// How far the body sinks towards the contact as joints yield by torque / stiffness, m.
+    pub sag_m: f64,
+}
+
+impl Standing {
+    /// Puts the robot on the ground; `None` if a wheel lies flat, so that it has no lowest point.
+    pub fn new(tree: &Tree) -> Option<Self> {
+        let robot = tree.robot();
+        let nominal: Vec<_> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
+        let mut at = Configuration {
+            base_position_m: Vector3::zeros(),
+            world_from_body: Matrix3::identity(),
+            joint_rad: &nominal,
+        };
+        let mut frames = Frames::new(tree, &at);
+        let lowest = |frames: &Frames| {
+            let rim = |index| RimContact::new(tree, frames, index, &Vector3::z());
+            let points = (0..robot.end_effectors.len()).map(|index| Some(rim(index)?.position()));
+            points.collect::<Option<Vec<_>>>()
+        };
+        let ground_m = lowest(&frames)?.iter().map(|point| point.z).reduce(f64::min)?;
+        at.base_position_m.z = -ground_m;
+        frames.update(tree, &at);
+        let points = lowest(&frames)?;
+        let com = frames.com(tree);
+        let hanging_m = HANGING * at.base_position_m.z.abs();
+        let stands: Vec<_> = points.iter().map(|point| point.z <= hanging_m).collect();
+        let weight_n = tree.total_mass_kg() * GRAVITY_M_S2;
+        let (forces_n, balanced) = forces(&points, &stands, &com, weight_n);
+        let mut standing = Self {
+            frames,
+            com,
+            contacts: points
+                .iter()
+                .zip(&forces_n)
+                .map(|(&position, &force_n)| StandingContact { position, force_n, sag_m: 0.0 })
+                .collect(),
+            balanced,
+            torque_nm: Vec::new(),
+        };
+        standing.torque_nm = (0..nominal.len()).map(|joint| standing.torque(tree, joint)).collect();
+        for index in 0..points.len() {
+            standing.contacts[index].sag_m = standing.sag(tree, index);
+        }
+        Some(standing)
+    }
+
+    /// Torque that balances ground forces and weight beyond a joint: τ = −w · [Σ (e − o) × f + (x_c − o) × m_c g].
+    fn torque(&self, tree: &Tree, joint: usize) -> f64 {
+        let child = tree.robot().joints[joint].child;
+        let origin = self.frames.link_origins[child];
+        let lever = self.frames.carried_moments[child] - origin * tree.carried_mass_kg(joint);
+        let mut moment = lever.cross(&(Vector3::z() * -GRAVITY_M_S2));
+        for (contact, end) in self.contacts.iter().zip(&tree.robot().end_effectors) {
+            if tree.joints_to_link(end.link).contains(&joint) {
+                moment += (contact.position - origin).cross(&(Vector3::z() * contact.force_n));
+            }
+        }
+        -self.frames.joint_axes[joint].dot(&moment)
+    }
+
+    /// A joint is off its setpoint by −τ / kp, which lifts the contact towards the body.
+    fn sag(&self, tree: &Tree, end_effector: usize) -> f64 {
+        let robot = tree.robot();
+        let joints = tree.joints_to_link(robot.end_effectors[end_effector].link).iter();
+        let lift = |&joint: &usize| {
+            let arm = self.contacts[end_effector].position
+                - self.frames.link_origins[robot.joints[joint].child];
+            let off_rad = -self.torque_nm[joint] / robot.joints[joint].actuator.kp_nm_rad;
+            self.frames.joint_axes[joint].cross(&arm).z * off_rad
+        };
+        joints.map(lift).sum()
+    }
+}
+
+/// Upward forces that balance the weight and its moments, as even as that allows: each is the share of all plus a part
+/// that is linear in its place. Without balance, as when the centre of mass is beyond the contacts, even ones.
+fn forces(
+    points: &[Vector3<f64>],
+    stands: &[bool],
+    com: &Vector3<f64>,
+    weight_n: f64,
+) -> (Vec<f64>, bool) {
+    let count = stands.iter().filter(|stands| **stands).count() as f64;
+    let standing = || points.iter().zip(stands).filter(|(_, stands)| **stands).map(|(p, _)| p.xy());
+    let middle = standing().sum::<Vector2<f64>>() / count;
+    let spread: Matrix2<f64> = standing().map(|p| (p - middle) * (p - middle).transpose()).sum();
+    let inverse = spread
+        .pseudo_inverse(count * IN_LINE_M.powi(2))
+        .expect("the smallest singular value is not negative");
+    let slope = inverse * (com.xy() - middle) * weight_n;
+    let force =
+        |p: &Vector3<f64>, slope: &Vector2<f64>| weight_n / count + slope.dot(&(p.xy() - middle));
+    let even = |slope: Vector2<f64>| -> Vec<f64> {
+        let each = points.iter().zip(stands);
+        each.map(|(p, stands)| if *stands { force(p, &slope) } else { 0.0 }).collect()
+    };
+    let balancing = even(slope);
+    let center: Vector2<f64> =
+        points.iter().zip(&balancing).map(|(p, f)| p.xy() * (f / weight_n)).sum();
+    let beyond_m = (com.xy() - center).norm();
+    if balancing.iter().all(|force| *force >= 0.0) && beyond_m <= IN_LINE_M {
+        (balancing, true)
+    } else {
+        (even(Vector2::zeros()), false)
+    }
+}

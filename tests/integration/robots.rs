@@ -1,0 +1,86 @@
+//! `rollwalk robot check`: how a robot stands, and what is refused or warned of.
+
+use crate::desk_with_shipped_files;
+use crate::results::json;
+
+#[test]
+fn agilebot_stands_within_its_limits() {
+    let desk = desk_with_shipped_files();
+    let shown = desk.run(&["robot", "check", "robots/agilebot.toml"]).succeeds();
+    for words in [
+        "standing in the nominal pose",
+        "sag mm",
+        "standing N·m",
+        "margin 5.0 mm",
+        "actuated_wheel",
+    ] {
+        assert!(shown.contains(words), "{words} is missing in\n{shown}");
+    }
+    let report = json(&desk.run(&["robot", "check", "robots/agilebot.toml", "--json"]).succeeds());
+    let standing = &report["standing"];
+    assert_eq!(standing["warnings"].as_array().unwrap().len(), 0, "{}", standing["warnings"]);
+    // Two links of 0.12 m, each leaning by 0.6 rad, below them 0.06 m to the wheel's centre and its 0.05 m.
+    let height = 2.0 * 0.12 * 0.6_f64.cos() + 0.06 + 0.05;
+    assert!((standing["body_height_m"].as_f64().unwrap() - height).abs() < 1e-9);
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    let contacts = standing["contacts"].as_array().unwrap();
+    let force: f64 = contacts.iter().map(|contact| number(&contact["force_n"])).sum();
+    assert!((force - 9.806_65 * number(&report["mass_kg"])).abs() < 1e-9);
+    assert!(contacts.iter().all(|c| (0.0..0.01).contains(&number(&c["sag_m"]))), "{contacts:?}");
+    let knee =
+        standing["joints"].as_array().unwrap().iter().find(|j| j["name"] == "front_left_knee");
+    let share = number(&knee.unwrap()["share"]);
+    assert!((0.05..0.6).contains(&share), "{share}");
+}
+
+#[test]
+fn what_speaks_against_a_robot_is_warned_of() {
+    let desk = desk_with_shipped_files();
+    let file = "robots/agilebot.toml";
+    desk.edit(file, "torque_max_nm = 4.38", "torque_max_nm = 0.5");
+    desk.edit(file, "clearance_margin_m = 0.005", "clearance_margin_m = 0.02");
+    let outcome = desk.run(&["robot", "check", file]);
+    assert_eq!(outcome.code, 0, "{}", outcome.stderr);
+    for words in [
+        "warning: joint `front_left_knee` needs",
+        "of `torque_max_nm` 0.5",
+        "links `body` and `front_left_thigh` are 10.5 mm apart",
+        "at least 20.0 mm",
+    ] {
+        assert!(outcome.stderr.contains(words), "{words} is missing in\n{}", outcome.stderr);
+    }
+    let report = json(&desk.run(&["robot", "check", file, "--json"]).succeeds());
+    assert!(report["standing"]["warnings"].as_array().unwrap().len() >= 8);
+}
+
+#[test]
+fn a_robot_on_its_back_is_refused() {
+    let desk = desk_with_shipped_files();
+    let file = "robots/agilebot.toml";
+    // A minus forgotten twice: from hip to knee and from knee to steering.
+    let text = desk.read_text(file).replace("[0.0, 0.0, -0.12]", "[0.0, 0.0, 0.12]");
+    desk.write(file, text);
+    desk.run(&["robot", "check", file]).fails(
+        1,
+        &[
+            "agilebot.toml:",
+            "`center_in_link_m`",
+            "above the centre of mass",
+            "`front_left_knee` at -1.2 rad",
+            "sign",
+        ],
+    );
+}
+
+#[test]
+fn other_words_and_other_files_are_understood() {
+    let desk = desk_with_shipped_files();
+    desk.edit("robots/agilebot.toml", "contact = \"actuated_wheel\"", "contact = \"driven_wheel\"");
+    desk.run(&["robot", "check", "robots/agilebot.toml"])
+        .fails(1, &["cannot be \"driven_wheel\"", "did you mean `actuated_wheel`?"]);
+    desk.write("a.urdf", "<?xml version=\"1.0\"?>\n<robot name=\"a\"/>\n");
+    desk.run(&["robot", "check", "a.urdf"])
+        .fails(1, &["a.urdf is a URDF, not a robot file", "rollwalk robot import"]);
+    desk.run(&["robot", "import", "robots/legbot.toml"])
+        .fails(1, &["legbot.toml is a robot file, not a URDF", "rollwalk robot check"]);
+}
