@@ -1,0 +1,93 @@
+#!/usr/bin/env python3
+"""Replays plans in MuJoCo, open loop, with the servos of the robot file.
+
+    python3 tests/replay [options] PLAN.json [PLAN.json ...]
+
+What is simulated and what the columns mean is in docs/replay.md. Needs Python 3.11, mujoco and numpy.
+
+Exit code: 0 every motion holds (stays on its feet and within 0.95 to 1.05 of its plan) with every feed-forward that
+was asked for, 1 one does not, 2 a file or an option cannot be used.
+"""
+
+import argparse
+import json
+import multiprocessing
+import os
+import sys
+from pathlib import Path
+
+# One process for each run; more threads than that only wait for each other.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from errors import Unusable  # noqa: E402
+import jobs  # noqa: E402
+import player  # noqa: E402
+import tables  # noqa: E402
+import world  # noqa: E402
+
+FEED_FORWARD = ("none", "torque", "offset")
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+
+
+def main(arguments):
+    options = _options(arguments)
+    kinds = FEED_FORWARD if options.feed_forward == "all" else (options.feed_forward,)
+    cases = (world.Case(),) + (world.PERTURBATIONS if options.robustness else ())
+    inputs = jobs.Inputs(options.robot, options.robots, options.library, options.cycles, options.control_hz)
+    todo = [(path, kind, case, inputs) for path in options.plans for kind in kinds for case in cases]
+    try:
+        # What is wrong with any file is known before the first run.
+        for path in options.plans:
+            jobs.load(path, inputs)
+        if options.jobs > 1:
+            with multiprocessing.get_context("spawn").Pool(options.jobs) as pool:
+                results = pool.map(jobs.replay, todo, chunksize=1)
+        else:
+            results = [jobs.replay(job) for job in todo]
+    except Unusable as error:
+        print(error, file=sys.stderr)
+        return 2
+    nominal = [result for result in results if result["case"] == "nominal"]
+    text = tables.nominal(nominal)
+    if options.robustness:
+        text += "\n\n" + tables.robustness(results)
+    print(text)
+    if options.json:
+        Path(options.json).write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    return 0 if all(result["holds"] for result in nominal) else 1
+
+
+def _options(arguments):
+    parser = argparse.ArgumentParser(
+        prog="replay", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("plans", nargs="+", metavar="PLAN.json")
+    parser.add_argument("--feed-forward", choices=FEED_FORWARD + ("all",), default="none")
+    parser.add_argument("--robot", help="robot file of all plans; left out, NAME.toml in --robots")
+    parser.add_argument("--robots", type=Path, default=ROBOTS, help="folder of robot files")
+    parser.add_argument("--library", help="motion library (.rwl) whose frames are played, matched by name")
+    parser.add_argument("--cycles", type=_positive, default=20, help="periods of a motion that repeats (20)")
+    parser.add_argument("--control-hz", type=_control_hz, default=player.CONTROL_HZ, help="control rate (120)")
+    parser.add_argument("--robustness", action="store_true", help="perturbed runs as well")
+    parser.add_argument("--jobs", type=_positive, default=1, help="runs at a time (1)")
+    parser.add_argument("--json", help="write all results here")
+    return parser.parse_args(arguments)
+
+
+def _positive(text):
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{value} is below 1")
+    return value
+
+
+def _control_hz(text):
+    value = int(text)
+    if value % 60 or not 60 <= value <= 960:
+        raise argparse.ArgumentTypeError(f"{value} is no multiple of 60 from 60 to 960")
+    return value
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,12 @@
+"""What is wrong with an input: file and field in one line."""
+
+
+class Unusable(Exception):
+    """A file that cannot be used; the message names file and field."""
+
+
+def field_error(error):
+    """What a failed look-up says, in words: KeyError alone prints nothing but the key."""
+    if isinstance(error, KeyError):
+        return f"field {error.args[0]} is missing"
+    return f"{type(error).__name__}: {error}"

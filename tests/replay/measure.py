@@ -1,0 +1,104 @@
+"""Numbers from a run: how far the robot came, against the plan, and how."""
+
+import math
+
+import numpy as np
+
+from motion import yaw_matrix
+
+# What counts as played: achieved by planned.
+BAND = (0.95, 1.05)
+# Planned ways and turns below these are no goal to divide by, m and rad.
+SMALLEST = {"forward_m": 0.005, "left_m": 0.005, "turn_rad": 0.01}
+# A motion without a goal must stay where it is: m and rad.
+STAYS = {"forward_m": 0.005, "left_m": 0.005, "turn_rad": 0.02}
+# Periods over which the mean is taken, counted from 1: the start has worn off, and errors have not added up.
+FIRST, LAST = 2, 5
+
+
+def summary(motion, track, cycles):
+    """Everything that the tables and the JSON say about a run."""
+    planned = motion.planned()
+    ways = _ways(track)
+    wanted = motion.plan["motion"]["goal"]
+    goals = [key for key in planned if wanted.get(key) and abs(planned[key]) > SMALLEST[key]]
+    middle = ways[FIRST - 1 : LAST] if motion.periodic else ways
+    late = ways[cycles - 1 : cycles] if motion.periodic and cycles > LAST else []
+    ratio = lambda some: {key: mean(some, key) / planned[key] for key in goals} if some else None
+    drift = lambda some: {key: mean(some, key) - planned[key] for key in planned} if some else None
+    result = {
+        "planned": planned,
+        "cycles": ways,
+        "ratio": ratio(middle),
+        "ratio_late": ratio(late),
+        "drift": drift(middle),
+        "drift_late": drift(late),
+        "fell_at_s": track.fell_at_s,
+        "fell_in_cycle": None if track.fell_at_s is None else int(track.fell_at_s / motion.duration_s) + 1,
+        **_contact(track),
+        **_servos(track),
+        "links_on_ground": {name: round(steps * track.step_s, 4) for name, steps in sorted(track.touched.items())},
+        "missing_force": track.missing_force,
+    }
+    result["holds"] = _holds(motion, result, late)
+    return result
+
+
+def mean(ways, key):
+    return sum(way[key] for way in ways) / len(ways)
+
+
+def _ways(track):
+    """Way of the centre of mass in the heading at the beginning, and turn, of each period."""
+    found = []
+    for (start, yaw), (end, yaw_after) in zip(track.com_m, track.com_m[1:]):
+        moved = yaw_matrix(yaw).T @ (end - start)
+        turn = math.remainder(yaw_after - yaw, 2 * math.pi)
+        found.append({"forward_m": float(moved[0]), "left_m": float(moved[1]), "turn_rad": turn})
+    return found
+
+
+def _contact(track):
+    """Slip of what stands, contact where the plan swings, depth in the ground. Without the first period."""
+    begin = track.marks[1] if len(track.marks) > 2 else 0
+    slip = np.array(track.slip_m_s[begin:])
+    stance = np.array(track.planned_stance[begin:], dtype=bool)
+    if not len(slip):
+        return {key: None for key in ("slip_mean_m_s", "slip_p95_m_s", "swing_contact")} | {"depth_m": track.depth_m}
+    touches = np.isfinite(slip)
+    in_stance, swing = slip[stance & touches], ~stance
+    return {
+        "slip_mean_m_s": float(in_stance.mean()) if len(in_stance) else None,
+        "slip_p95_m_s": float(np.percentile(in_stance, 95)) if len(in_stance) else None,
+        # Share of the planned swing in which the end effector carries something.
+        "swing_contact": float(touches[swing].mean()) if swing.any() else None,
+        "stance_lifted": float((~touches)[stance].mean()) if stance.any() else None,
+        "depth_m": float(track.depth_m),
+    }
+
+
+def _servos(track):
+    begin = track.marks[1] if len(track.marks) > 2 else 0
+    saturated = np.array(track.saturated[begin:])
+    if not len(saturated):
+        return {key: None for key in ("saturation_worst", "saturation_mean", "sag_mean_m", "sag_worst_m", "joint_error_rad")}
+    height = np.array(track.height_error_m[begin:])
+    return {
+        # Share of time at the torque limit: of the motor that is there longest, and of all motors.
+        "saturation_worst": float(saturated.mean(axis=0).max()),
+        "saturation_mean": float(saturated.mean()),
+        "sag_mean_m": float(-height.mean()),
+        "sag_worst_m": float(-height.min()),
+        "joint_error_rad": float(np.max(track.joint_error_rad[begin:])),
+        "tilt_worst_rad": float(np.max(track.tilt_rad[begin:])),
+    }
+
+
+def _holds(motion, result, late):
+    """Whether the robot stays on its feet and comes where it should."""
+    if result["fell_at_s"] is not None or result["ratio"] is None:
+        return False
+    if not result["ratio"]:
+        return all(abs(result["drift"][key]) <= STAYS[key] for key in STAYS)
+    ratios = list(result["ratio"].values()) + (list(result["ratio_late"].values()) if late else [])
+    return all(BAND[0] <= ratio <= BAND[1] for ratio in ratios)

@@ -1,0 +1,105 @@
+"""What the controller sends: frames at 60 Hz, cubic Hermite between them, the limiter, at the control rate.
+
+After docs/playback-and-safety.md, "From a frame to a setpoint". Playback is open loop, so all setpoints of a run are
+known before it begins.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import robots
+from motion import RATE_HZ
+
+# The firmware's default.
+CONTROL_HZ = 120
+GRAVITY_M_S2 = 9.80665
+# Largest offset of a joint's target that stands for a torque, rad: a servo that is blocked then still knows where its
+# joint should be.
+OFFSET_RAD = 0.25
+
+
+@dataclass
+class Setpoints:
+    """One row for each control tick, one column for each channel."""
+
+    period_s: float
+    position_rad: np.ndarray
+    speed_rad_s: np.ndarray
+    torque_nm: np.ndarray
+
+
+def setpoints(robot, frames, torques, motion, periods, feed_forward, control_hz=CONTROL_HZ):
+    """Of a motion that is played `periods` times, or once; its torques as torque, as offset of the target, or not.
+
+    A motion that ends holds its first frame for `hold_s` before and its last one after: see `world`.
+    """
+    per_frame = control_hz // RATE_HZ
+    count = len(frames)
+    ticks = count * per_frame * periods if motion.periodic else (count - 1) * per_frame + 1
+    k = np.arange(ticks)
+    index, u = k // per_frame, (k % per_frame / per_frame)[:, None]
+    at = lambda i: frames[i % count] if motion.periodic else frames[np.clip(i, 0, count - 1)]
+    before, start, end, after = (at(index + j) for j in (-1, 0, 1, 2))
+    # Slopes at frames are central differences, m0 and m1 in units of a frame.
+    m0, m1, rise = 0.5 * (end - before), 0.5 * (after - start), end - start
+    c2, c3 = 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise
+    value = start + u * (m0 + u * (c2 + u * c3))
+    rate = motion.frame_rate_hz()
+    slope = (m0 + u * (2 * c2 + u * 3 * c3)) * rate
+
+    at = lambda i: torques[i % count] if motion.periodic else torques[np.clip(i, 0, count - 1)]
+    torque = (1 - u) * at(index) + u * at(index + 1)
+    channels = robots.channels(robot)
+    wheel = np.array([joint is None for _, _, joint, _ in channels])
+    gain = np.array([a["kd_nm_s_rad"] if w else a["kp_nm_rad"] for (_, a, _, _), w in zip(channels, wheel)])
+    most = np.array([a["torque_max_nm"] for _, a, _, _ in channels])
+    torque = np.clip(torque, -most, most)
+    if feed_forward == "offset":
+        # What a drive without a torque field can be told: where its spring (of a wheel: its damper) gives the torque.
+        offset = np.divide(torque, gain, out=np.zeros_like(torque), where=gain > 0)
+        value = value + np.where(wheel, offset, np.clip(offset, -OFFSET_RAD, OFFSET_RAD))
+    if feed_forward != "torque":
+        torque = np.zeros_like(torque)
+    period_s = 1 / (rate * per_frame)
+    value, slope = _limited(robot, channels, value, slope, period_s)
+    slope[:, wheel] = 0
+    return Setpoints(period_s, value, slope, torque)
+
+
+def _limited(robot, channels, value, slope, period_s):
+    """The limiter: range, then change per tick. The speed of a clamped value is its change."""
+    low, high, step = (np.empty(len(channels)) for _ in range(3))
+    most_speed = np.array([actuator["speed_max_rad_s"] for _, actuator, _, _ in channels])
+    for c, (_, actuator, joint, foot) in enumerate(channels):
+        if joint is not None:
+            low[c], high[c] = joint["position_min_rad"], joint["position_max_rad"]
+            step[c] = actuator["speed_max_rad_s"] * period_s
+        else:
+            wheel = robot["end_effectors"][foot]
+            low[c], high[c] = -actuator["speed_max_rad_s"], actuator["speed_max_rad_s"]
+            grip = wheel["friction_coefficient"] * GRAVITY_M_S2 / wheel["radius_m"]
+            step[c] = min(grip, actuator["torque_max_nm"] / actuator["armature_kg_m2"]) * period_s
+    out, speeds = np.empty_like(value), np.empty_like(slope)
+    last = np.clip(value[0], low, high)
+    for k in range(len(value)):
+        now = np.clip(np.clip(value[k], low, high), last - step, last + step)
+        clamped = np.where(now != value[k], (now - last) / period_s, slope[k])
+        speeds[k] = np.clip(clamped, -most_speed, most_speed)
+        out[k] = last = now
+    return out, speeds
+
+
+def hold(robot, frame, torque, feed_forward):
+    """Setpoints of a robot that stands on one frame, with torques that hold it there; its wheels stand still."""
+    channels = robots.channels(robot)
+    wheel = np.array([joint is None for _, _, joint, _ in channels])
+    gain = np.array([actuator["kp_nm_rad"] for _, actuator, _, _ in channels])
+    value = np.where(wheel, 0.0, frame)
+    torque = np.where(wheel, 0.0, torque)
+    if feed_forward == "offset":
+        offset = np.divide(torque, gain, out=np.zeros_like(torque), where=gain > 0)
+        value = value + np.clip(offset, -OFFSET_RAD, OFFSET_RAD)
+    if feed_forward != "torque":
+        torque = np.zeros_like(torque)
+    return Setpoints(1.0, value[None], np.zeros_like(value)[None], torque[None])

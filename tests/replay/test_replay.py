@@ -1,0 +1,309 @@
+#!/usr/bin/env python3
+"""Tests of the replay harness against closed forms, and on every robot file.
+
+    python3 tests/replay/test_replay.py
+
+Needs Python 3.11, mujoco and numpy; no plan and no program of the project.
+"""
+
+import math
+import sys
+import unittest
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import feedforward  # noqa: E402
+import library  # noqa: E402
+import measure  # noqa: E402
+import player  # noqa: E402
+import robots  # noqa: E402
+import world  # noqa: E402
+from curves import Spline  # noqa: E402
+from model import Ground, Model, nominal_poses  # noqa: E402
+from motion import Motion  # noqa: E402
+
+ROBOTS = sorted((Path(__file__).resolve().parents[2] / "robots").glob("*.toml"))
+G = 9.80665
+
+
+def standing(robot, duration_s=1.0, motor_rad_s=0.0):
+    """A plan of a robot that stands still in its nominal pose, or rolls with its wheels turning at one speed."""
+    poses = nominal_poses(robot)
+    contacts = []
+    for foot in robot["end_effectors"]:
+        rotation, origin = poses[foot["link"]]
+        point = origin + rotation @ foot["center_in_link_m"]
+        up = np.array([0.0, 0.0, 1.0])
+        if "axis_in_link" in foot["contact"]:
+            axis = rotation @ foot["contact"]["axis_in_link"]
+            up = up - axis[2] * axis
+            up /= np.linalg.norm(up)
+        contacts.append(point - foot["radius_m"] * up)
+    height = -min(point[2] for point in contacts)
+    mass = sum(link["mass_kg"] for link in robot["links"])
+    com = sum(
+        link["mass_kg"] * (o + r @ link["com_in_link_m"]) for link, (r, o) in zip(robot["links"], poses)
+    ) / mass
+    stands = [point[2] < 1e-3 - height for point in contacts]
+    feet = [p for p, s in zip(contacts, stands) if s]
+    # Vertical forces of least norm that hold weight and moments.
+    rows = np.array([[1.0] * len(feet), [p[0] - com[0] for p in feet], [p[1] - com[1] for p in feet]])
+    forces = iter(np.linalg.lstsq(rows, [mass * G, 0.0, 0.0], rcond=1e-9)[0])
+    sample = {
+        "time_s": 0.0,
+        "base_position_m": [0.0, 0.0, height],
+        "base_yaw_pitch_roll_rad": [0.0, 0.0, 0.0],
+        "joint_rad": [joint["nominal_rad"] for joint in robot["joints"]],
+        "com_m": list(com + [0.0, 0.0, height]),
+        "end_effectors": [
+            {
+                "contact": bool(s),
+                "position_m": list(p + [0.0, 0.0, height]),
+                "force_n": [0.0, 0.0, float(next(forces)) if s else 0.0],
+                "motor_speed_rad_s": motor_rad_s if robots.spins(f) else 0.0,
+            }
+            for f, p, s in zip(robot["end_effectors"], contacts, stands)
+        ],
+    }
+    return Motion({
+        "robot": robot,
+        "motion": {
+            "name": "stand", "ends": "at_rest", "duration_s": duration_s,
+            "goal": {"forward_m": 0.0, "left_m": 0.0, "turn_rad": 0.0},
+        },
+        "sample_interval_s": duration_s / 3,
+        "samples": [dict(sample, time_s=k * duration_s / 3) for k in range(4)],
+        "before": sample,
+        "after": sample,
+        "end_placement": {"offset_m": [0.0, 0.0], "yaw_rad": 0.0},
+        "formulation": {"gravity_m_s2": G, "rolling_sign_width_m_s": 0.05},
+    })
+
+
+def named(name):
+    return robots.from_file(next(path for path in ROBOTS if path.stem == name))
+
+
+def block(contact):
+    """A brick of 2 kg on four end effectors, without joints."""
+    inertia = [0.02, 0.0, 0.0, 0.0, 0.03, 0.0, 0.0, 0.0, 0.04]
+    feet = [
+        {
+            "name": f"foot{i}", "link": 0, "center_in_link_m": [x, y, 0.0], "radius_m": 0.05,
+            "friction_coefficient": 0.6, "contact": dict(contact),
+        }
+        for i, (x, y) in enumerate([(0.2, 0.15), (0.2, -0.15), (-0.2, 0.15), (-0.2, -0.15)])
+    ]
+    link = {
+        "name": "body", "mass_kg": 2.0, "com_in_link_m": [0.0, 0.0, 0.0],
+        "inertia_in_link_kg_m2": inertia, "shapes": [],
+    }
+    return {"name": "block", "links": [link], "joints": [], "end_effectors": feet}
+
+
+# One leg by itself; a car whose wheels do not all touch when its body is level.
+CANNOT_STAND_LEVEL = ("test_leg", "car_tilted")
+
+
+class Standing(unittest.TestCase):
+    def test_every_robot_file_stays_where_it_stands(self):
+        for path in ROBOTS:
+            robot = robots.from_file(path)
+            if robot["name"] in CANNOT_STAND_LEVEL:
+                continue
+            motion = standing(robot)
+            with self.subTest(robot=robot["name"]):
+                track = world.run(motion, robot, "torque")
+                result = measure.summary(motion, track, 1)
+                self.assertIsNone(result["fell_at_s"])
+                self.assertLess(abs(result["cycles"][0]["forward_m"]), 1e-3)
+                self.assertLess(abs(result["cycles"][0]["turn_rad"]), 1e-3)
+                # The feed-forward holds the weight: what sags is the ground, by its depth.
+                self.assertLess(abs(result["sag_mean_m"]), 5e-4)
+                # The ground carries the weight. Contacts settle to 1e-3 within the second before.
+                load = np.array(track.load_n)[-500:].sum(axis=1).mean()
+                self.assertAlmostEqual(load / (Model(robot, G).mass_kg * G), 1.0, delta=1e-3)
+
+    def test_torques_at_rest_are_those_of_virtual_work(self):
+        for path in ROBOTS:
+            robot = robots.from_file(path)
+            if robot["name"] in CANNOT_STAND_LEVEL:
+                continue
+            motion = standing(robot)
+            model = Model(robot, G)
+            inverse = feedforward.InverseDynamics(model)
+            torques, base = inverse.torques(motion, 0.5)
+            forces = motion.forces(0.5)
+
+            def potential(joint, angle):
+                """Weight's potential less the work of the ground's forces, with the base at rest."""
+                position, turn = motion.base(0.5)
+                joints, _ = motion.joints(0.5)
+                joints[joint] += angle
+                inverse.d.qpos[:] = model.place(position, turn, joints, motion.motors(0.5)[0])
+                mujoco.mj_forward(model.m, inverse.d)
+                work = sum(
+                    force @ inverse.lowest_point(j, foot)
+                    for j, (foot, force) in enumerate(zip(robot["end_effectors"], forces))
+                )
+                return model.mass_kg * G * inverse.d.subtree_com[1][2] - work
+
+            with self.subTest(robot=robot["name"]):
+                for joint in range(len(robot["joints"])):
+                    slope = (potential(joint, 1e-5) - potential(joint, -1e-5)) / 2e-5
+                    # Differences of energies of 100 J at 1e-5 rad.
+                    self.assertAlmostEqual(torques[joint], slope, delta=1e-6 * (1 + abs(slope)))
+                np.testing.assert_allclose(base[0:3], 0.0, atol=1e-6)
+
+
+class Physics(unittest.TestCase):
+    def test_momentum_in_free_fall(self):
+        """Without ground and torques: m v = m g t, angular momentum stays, energy up to the step's first order."""
+        lost = []
+        for step_s in (0.001, 0.0005):
+            robot = named("agilebot")
+            model = Model(robot, G, Ground(step_s=step_s))
+            m, d = model.m, mujoco.MjData(model.m)
+            m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION | mujoco.mjtDisableBit.mjDSBL_CONTACT
+            m.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+            d.qpos[:] = model.place_in_motion(standing(robot), 0.0)
+            d.qvel[:] = np.random.default_rng(1).uniform(-1, 1, m.nv)
+            momentum, energy = [], []
+            for _ in range(round(0.4 / step_s)):
+                mujoco.mj_step(m, d)
+                mujoco.mj_subtreeVel(m, d)
+                momentum.append(np.concatenate([d.subtree_linvel[1], d.subtree_angmom[1]]))
+                energy.append(d.energy.sum())
+            momentum = np.array(momentum)
+            fallen = momentum[-1] - momentum[0]
+            np.testing.assert_allclose(fallen[0:3], [0.0, 0.0, -G * step_s * (len(momentum) - 1)], atol=2e-3)
+            np.testing.assert_allclose(fallen[3:6], 0.0, atol=2e-3 * np.linalg.norm(momentum[0][3:6]) + 1e-4)
+            lost.append(abs(energy[-1] - energy[0]))
+        self.assertLess(lost[1], 0.7 * lost[0] + 1e-6)
+
+    def test_a_block_slides_to_a_stop_by_its_friction(self):
+        robot = block({"kind": "point_foot"})
+        way = self._coast(robot, 0.6)
+        # v^2 / (2 mu g); friction starts within a few steps.
+        self.assertAlmostEqual(way / (0.36 / (2 * 0.6 * G)), 1.0, delta=0.03)
+
+    def test_a_cart_rolls_out_by_its_drag(self):
+        drag = {"rolling_resistance": 0.05, "rolling_drag_s_m": 0.1}
+        robot = block({"kind": "passive_wheel", "axis_in_link": [0.0, 1.0, 0.0], "drag": drag})
+        speed, way, inertia = 0.6, 0.0, 2.0
+        wheel_kg = 0.1 * 2.0 / 4
+        inertia += 4 * 0.5 * wheel_kg
+        for _ in range(100000):
+            slowing = 0.05 * math.tanh(speed / 0.05) + 0.1 * speed
+            way += speed * 1e-5
+            speed -= 2.0 * G * slowing / inertia * 1e-5
+        self.assertAlmostEqual(self._coast(robot, 0.6, 1.0) / way, 1.0, delta=0.01)
+
+    def _coast(self, robot, speed_m_s, time_s=0.5):
+        motion = standing(robot)
+        simulation = world._Simulation(Model(robot, G), motion, world.Case())
+        simulation.start(moving=False)
+        points = player.hold(robot, np.zeros(0), np.zeros(0), "none")
+        simulation.play(points, 0.5, measured=False)
+        simulation.d.qvel[0] = speed_m_s
+        for j, foot in enumerate(robot["end_effectors"]):
+            if robots.spins(foot):
+                simulation.d.qvel[simulation.model.wheel_dofs[j]] = speed_m_s / foot["radius_m"]
+        begin = simulation.d.subtree_com[1][0]
+        simulation.play(points, time_s, measured=False)
+        return simulation.d.subtree_com[1][0] - begin
+
+    def test_wheels_roll_their_circumference(self):
+        robot = named("agilebot")
+        motion = standing(robot, duration_s=2.0, motor_rad_s=3.0)
+        frames = motion.frames()
+        track = world.run(motion, robot, "none", frames=frames)
+        driven = np.array([joint is None for _, _, joint, _ in robots.channels(robot)])
+        turned = frames[:-1, driven].mean() * motion.duration_s
+        way = measure.summary(motion, track, 1)["cycles"][0]["forward_m"]
+        # Speeds of frames to one quantum of 2^-10 rad/s; the rim sinks in by 0.04 mm.
+        self.assertAlmostEqual(way / (0.05 * turned), 1.0, delta=3e-3)
+
+
+class Playing(unittest.TestCase):
+    def test_a_periodic_spline_goes_on_with_two_derivatives(self):
+        turn, shift = complex(math.cos(0.7), math.sin(0.7)), 0.4 - 0.2j
+        values = np.array([[complex(i * i % 5, i * 3 % 7)] for i in range(7)])
+        spline = Spline.periodic(0.25, values, turn, shift)
+        (v0, s0), (v1, s1) = spline.at(0.0), spline.at(7 * 0.25)
+        self.assertAlmostEqual(abs(v1[0] - (turn * v0[0] + shift)), 0, delta=1e-12)
+        self.assertAlmostEqual(abs(s1[0] - turn * s0[0]), 0, delta=1e-11)
+
+        def second(t):
+            return (spline.at(t + 1e-5)[1] - spline.at(t - 1e-5)[1])[0] / 2e-5
+
+        for knot in range(1, 7):
+            jump = second(knot * 0.25 + 2e-5) - second(knot * 0.25 - 2e-5)
+            # Third derivatives of 1e4 between two places 4e-5 s apart.
+            self.assertLess(abs(jump), 1.0)
+
+    def test_a_clamped_spline_reproduces_a_cubic(self):
+        cubic = lambda t: 0.3 - 1.2 * t + 0.7 * t**2 - 0.4 * t**3
+        times = np.linspace(0, 1.5, 7)
+        spline = Spline.clamped(0.25, cubic(times)[:, None], -1.2, -1.2 + 1.4 * 1.5 - 1.2 * 1.5**2)
+        for t in np.linspace(0, 1.5, 40):
+            self.assertAlmostEqual(spline.at(t)[0][0].real, cubic(t), delta=1e-12)
+
+    def test_setpoints_meet_frames_and_reproduce_parabolas(self):
+        robot = named("agilebot")
+        motion = standing(robot, duration_s=0.5)
+        frames = np.tile(motion.frames()[0], (31, 1))
+        times = np.arange(31) / 60
+        frames[:, 0] = 0.3 * times + 0.4 * times**2
+        points = player.setpoints(robot, frames, np.zeros_like(frames), motion, 1, "none", 240)
+        at = np.arange(len(points.position_rad)) / 240
+        inside = slice(4, -5)
+        np.testing.assert_allclose(points.position_rad[inside, 0], (0.3 * at + 0.4 * at**2)[inside], atol=1e-12)
+        np.testing.assert_allclose(points.speed_rad_s[inside, 0], (0.3 + 0.8 * at)[inside], atol=1e-11)
+
+    def test_the_limiter_bounds_change_and_range(self):
+        robot = named("agilebot")
+        motion = standing(robot, duration_s=0.5)
+        frames = np.tile(motion.frames()[0], (31, 1))
+        frames[10:, 0] += 5.0
+        points = player.setpoints(robot, frames, np.zeros_like(frames), motion, 1, "none")
+        joint = robot["joints"][0]
+        steps = np.abs(np.diff(points.position_rad[:, 0]))
+        self.assertLessEqual(steps.max(), joint["actuator"]["speed_max_rad_s"] / 120 + 1e-12)
+        self.assertLessEqual(points.position_rad[:, 0].max(), joint["position_max_rad"])
+
+    def test_an_offset_is_torque_by_stiffness(self):
+        robot = named("agilebot")
+        motion = standing(robot, duration_s=0.5)
+        frames = motion.frames()
+        torques = np.full_like(frames, 0.4)
+        without, offset = (
+            player.setpoints(robot, frames, torques, motion, 1, kind) for kind in ("none", "offset")
+        )
+        gains = [a["kp_nm_rad"] for _, a, joint, _ in robots.channels(robot) if joint is not None]
+        added = (offset.position_rad - without.position_rad)[-1, : len(gains)]
+        np.testing.assert_allclose(added, 0.4 / np.array(gains), atol=1e-12)
+        self.assertEqual(np.abs(offset.torque_nm).max(), 0.0)
+
+
+class Libraries(unittest.TestCase):
+    def test_a_clip_of_the_format_is_decoded(self):
+        """A block written by hand after docs/motion-library.md: two channels, three frames."""
+        rows = [[100, -5], [103, -5], [104, 2]]
+        payload = np.array(rows[0] + [3, 0], dtype="<i2").tobytes()
+        # Widths 3 and 4. Second differences: 0, 0; then -2, +7 as zigzag 3 and 14.
+        bits, at = 0, 0
+        for value, width in [(3, 4), (4, 4), (0, 3), (0, 4), (3, 3), (14, 4)]:
+            bits |= value << at
+            at += width
+        payload += bits.to_bytes((at + 7) // 8, "little")
+        header = bytes([0, 3, 0, 0]) + len(payload).to_bytes(2, "little") + bytes(4)
+        self.assertEqual(library._clip(header + payload, 2), rows)
+
+
+if __name__ == "__main__":
+    unittest.main()

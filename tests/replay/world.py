@@ -1,0 +1,263 @@
+"""The robot on the ground, played open loop: MuJoCo, servos of the robot file, and what is measured.
+
+Every motion starts in the state of its plan: pose, velocity and spin of the wheels. One that begins at rest first
+stands on its first frame until it has settled, and rests on its last one afterwards.
+"""
+
+from dataclasses import dataclass, field
+import math
+
+import mujoco
+import numpy as np
+
+import feedforward
+import player
+from model import Ground, Model
+
+# A robot that began at rest settles before its motion begins, and after it ended.
+SETTLE_S = 1.0
+# Tilt against the plan, rad, and share of the planned height of the body that make a fall.
+FALL_TILT_RAD, FALL_HEIGHT = 1.0, 0.55
+# An end effector with less of the weight than this does not stand.
+STANDS = 0.01
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is different from the robot file and the level floor."""
+
+    name: str = "nominal"
+    friction: float | None = None
+    mass_factor: float = 1.0
+    delay_s: float = 0.0
+    slope_rad: float = 0.0
+    # Force sideways as a part of the weight, for PUSH_S.
+    push: float = 0.0
+
+
+PUSH_S = 0.1
+PERTURBATIONS = (
+    Case("friction 0.5", friction=0.5),
+    Case("friction 1.2", friction=1.2),
+    Case("mass +10 %", mass_factor=1.1),
+    Case("mass -10 %", mass_factor=0.9),
+    Case("delay 5 ms", delay_s=0.005),
+    Case("slope 2 deg", slope_rad=math.radians(2)),
+    Case("push 10 %", push=0.1),
+)
+
+
+@dataclass
+class Track:
+    """What one run did, a row for each step unless said otherwise."""
+
+    step_s: float
+    # Index of the step at which each period begins, and of the end.
+    marks: list = field(default_factory=list)
+    com_m: list = field(default_factory=list)
+    yaw_rad: list = field(default_factory=list)
+    height_error_m: list = field(default_factory=list)
+    tilt_rad: list = field(default_factory=list)
+    load_n: list = field(default_factory=list)
+    slip_m_s: list = field(default_factory=list)
+    planned_stance: list = field(default_factory=list)
+    saturated: list = field(default_factory=list)
+    joint_error_rad: list = field(default_factory=list)
+    depth_m: float = 0.0
+    touched: dict = field(default_factory=dict)
+    fell_at_s: float | None = None
+    missing_force: float = 0.0
+
+
+def run(motion, robot, feed_forward="none", case=Case(), cycles=20, control_hz=player.CONTROL_HZ, frames=None,
+        ground=Ground()):
+    """Plays a motion; `cycles` periods of one that repeats."""
+    model = Model(robot, motion.gravity_m_s2, ground)
+    frames = motion.frames() if frames is None else frames
+    torques, missing = feedforward.frames(model, motion)
+    periods = cycles if motion.periodic else 1
+    points = player.setpoints(robot, frames, torques, motion, periods, feed_forward, control_hz)
+    rest = feedforward.at_rest(model, motion)
+    holds = [
+        player.hold(robot, frames[index], torque, feed_forward) for index, torque in zip((0, -1), rest)
+    ]
+    simulation = _Simulation(model, motion, case)
+    track = simulation.track
+    track.missing_force = missing
+    if motion.periodic:
+        simulation.start(moving=True)
+    else:
+        simulation.start(moving=False)
+        simulation.play(holds[0], SETTLE_S, measured=False)
+    per_period = round(motion.duration_s / ground.step_s)
+    for period in range(periods):
+        track.marks.append(len(track.yaw_rad))
+        if not simulation.play(points, motion.duration_s, first=period * motion.duration_s, steps=per_period):
+            return track
+    if not motion.periodic:
+        simulation.play(holds[1], SETTLE_S, first=None)
+    track.marks.append(len(track.yaw_rad))
+    simulation.measure_place()
+    return track
+
+
+class _Simulation:
+    def __init__(self, model, motion, case):
+        self.model, self.motion, self.case = model, motion, case
+        self.m, self.d = model.m, mujoco.MjData(model.m)
+        m, robot = self.m, model.robot
+        self.track = Track(m.opt.timestep)
+        self.weight = model.mass_kg * motion.gravity_m_s2
+        if case.friction is not None:
+            m.geom_friction[model.foot_geoms, 0] = case.friction
+        if case.mass_factor != 1.0:
+            m.body_mass[:] *= case.mass_factor
+            m.body_inertia[:] *= case.mass_factor
+            mujoco.mj_setConst(m, self.d)
+        # The plane stays level and gravity turns: uphill along the first heading.
+        g, yaw = motion.gravity_m_s2, motion.base(0.0)[1][0]
+        down = -math.sin(case.slope_rad) * np.array([math.cos(yaw), math.sin(yaw), 0.0])
+        m.opt.gravity[:] = g * (down - [0.0, 0.0, math.cos(case.slope_rad)])
+        channels = model.channels
+        self.kp = -m.actuator_biasprm[:, 1]
+        self.kd = -m.actuator_biasprm[:, 2]
+        self.torque_max = np.array([a["torque_max_nm"] for _, a, _, _ in channels])
+        line = [a.get("torque_speed") or {} for _, a, _, _ in channels]
+        self.stall = np.array([entry.get("stall_torque_nm", np.inf) for entry in line])
+        self.no_load = np.array([entry.get("no_load_speed_rad_s", np.inf) for entry in line])
+        self.foot_of_geom = np.full(m.ngeom, -1)
+        self.foot_of_geom[model.foot_geoms] = np.arange(len(model.foot_geoms))
+        self.free = [
+            (j, model.wheel_dofs[j], f["radius_m"], f["contact"]["drag"])
+            for j, f in enumerate(robot["end_effectors"])
+            if "drag" in f["contact"]
+        ]
+        # Plan heights, up vectors and stance at every step of a period.
+        steps = round(motion.duration_s / m.opt.timestep) + 1
+        self.plan = [self._planned(k * m.opt.timestep) for k in range(steps)]
+        self.steps = 0
+
+    def _planned(self, time_s):
+        position, (yaw, pitch, roll) = self.motion.base(time_s)
+        up = np.array([
+            math.cos(yaw) * math.sin(pitch) * math.cos(roll) + math.sin(yaw) * math.sin(roll),
+            math.sin(yaw) * math.sin(pitch) * math.cos(roll) - math.cos(yaw) * math.sin(roll),
+            math.cos(pitch) * math.cos(roll),
+        ])
+        # In the frame of the heading, which a robot that turns may have lost.
+        c, s = math.cos(yaw), math.sin(yaw)
+        ahead = np.array([c * up[0] + s * up[1], c * up[1] - s * up[0], up[2]])
+        return position[2], ahead, self.motion.stance(time_s)
+
+    def start(self, moving):
+        """The state of the plan at time 0."""
+        q, v, _ = self.model.derivatives(self.motion, 0.0)
+        self.d.qpos[:] = q
+        if moving:
+            self.d.qvel[:] = v
+        mujoco.mj_forward(self.m, self.d)
+        self.load = np.zeros(len(self.model.foot_geoms))
+
+    def play(self, points, duration_s, first=0.0, steps=None, measured=True):
+        """Steps through setpoints from their time `first` on; a hold where it is None. False: the robot fell."""
+        step_s = self.m.opt.timestep
+        delay = 0.0 if first is None else self.case.delay_s
+        last = len(points.position_rad) - 1
+        tick = -1
+        for k in range(steps or round(duration_s / step_s)):
+            now = max((first or 0.0) + k * step_s - delay, 0.0)
+            index = min(int(now / points.period_s + 1e-6), last)
+            if index != tick:
+                tick = index
+                self.d.ctrl[:] = (
+                    self.kp * points.position_rad[tick]
+                    + np.where(self.kp > 0, self.kd * points.speed_rad_s[tick], self.kd * points.position_rad[tick])
+                    + points.torque_nm[tick]
+                )
+            during = None if not measured else (k if first is not None else len(self.plan) - 1)
+            self._push(first, k * step_s)
+            self._step(during, points.position_rad[tick])
+            if self.track.fell_at_s is not None:
+                return False
+        return True
+
+    def _push(self, first, time_s):
+        """In the third period, or halfway through a motion that ends."""
+        if not self.case.push or first is None:
+            return
+        begin = 2.3 * self.motion.duration_s if self.motion.periodic else 0.5 * self.motion.duration_s
+        pushed = begin <= first + time_s < begin + PUSH_S
+        yaw = self._yaw()
+        left = np.array([-math.sin(yaw), math.cos(yaw), 0.0])
+        self.d.xfrc_applied[1, 0:3] = left * self.case.push * self.weight if pushed else 0.0
+
+    def _step(self, during, position_rad):
+        m, d = self.m, self.d
+        # A motor drives no harder than its torque-speed line lets it; it brakes with all it has.
+        speed = d.qvel[self.model.channel_dofs]
+        driving = np.minimum(self.torque_max, np.maximum(self.stall * (1 - np.abs(speed) / self.no_load), 0.0))
+        high, low = m.actuator_forcerange[:, 1], m.actuator_forcerange[:, 0]
+        high[:] = np.where(speed > 0, driving, self.torque_max)
+        low[:] = np.where(speed < 0, -driving, -self.torque_max)
+        # Rolling resistance with the load of the step before.
+        width = self.motion.rolling_sign_width_m_s
+        for j, dof, radius, drag in self.free:
+            v = d.qvel[dof] * radius
+            slowing = drag["rolling_resistance"] * math.tanh(v / width) + drag["rolling_drag_s_m"] * v
+            d.qfrc_applied[dof] = -radius * self.load[j] * slowing
+        mujoco.mj_step(m, d)
+        self._contacts(during, high, low, position_rad)
+
+    def _contacts(self, during, high, low, position_rad):
+        m, d, track = self.m, self.d, self.track
+        self.load[:] = 0
+        slip = np.full(len(self.load), np.nan)
+        contact = d.contact
+        if d.ncon:
+            geoms, rows, places = contact.geom[:, 1], contact.efc_address, contact.pos
+            feet = self.foot_of_geom[geoms]
+            for i, (j, row) in enumerate(zip(feet, rows)):
+                force = d.efc_force[row] if row >= 0 else 0.0
+                if j < 0:
+                    if force > STANDS * self.weight:
+                        name = mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_GEOM, geoms[i]).split(":")[1]
+                        track.touched[name] = track.touched.get(name, 0) + 1
+                    continue
+                self.load[j] += force
+                track.depth_m = max(track.depth_m, -contact.dist[i])
+                if force > STANDS * self.weight:
+                    body = self.model.carriers[j]
+                    v = d.cvel[body]
+                    arm = places[i] - d.subtree_com[m.body_rootid[body]]
+                    slip[j] = math.hypot(v[3] + v[1] * arm[2] - v[2] * arm[1], v[4] + v[2] * arm[0] - v[0] * arm[2])
+        if during is None:
+            return
+        height, up, stance = self.plan[min(during, len(self.plan) - 1)]
+        yaw = self._yaw()
+        r = d.xmat[1]
+        c, s = math.cos(yaw), math.sin(yaw)
+        cosine = (c * r[2] + s * r[5]) * up[0] + (c * r[5] - s * r[2]) * up[1] + r[8] * up[2]
+        tilt = math.acos(min(max(cosine, -1.0), 1.0))
+        if len(track.yaw_rad) in track.marks[-1:]:
+            self.measure_place()
+        track.yaw_rad.append(yaw)
+        track.height_error_m.append(d.xpos[1, 2] - height)
+        track.tilt_rad.append(tilt)
+        track.load_n.append(self.load.copy())
+        track.slip_m_s.append(slip)
+        track.planned_stance.append(stance)
+        force = d.actuator_force
+        track.saturated.append((force >= high - 1e-9) | (force <= low + 1e-9))
+        joints = len(self.model.joint_qpos)
+        errors = np.abs(d.qpos[self.model.joint_qpos] - position_rad[:joints])
+        track.joint_error_rad.append(errors.max(initial=0.0))
+        if tilt > FALL_TILT_RAD or d.xpos[1, 2] < FALL_HEIGHT * height or not math.isfinite(d.xpos[1, 2]):
+            track.fell_at_s = len(track.yaw_rad) * m.opt.timestep
+
+    def _yaw(self):
+        r = self.d.xmat[1]
+        return math.atan2(r[3], r[0])
+
+    def measure_place(self):
+        """Where the robot is as a period begins: centre of mass and heading."""
+        self.track.com_m.append((self.d.subtree_com[1].copy(), self._yaw()))
