@@ -42,9 +42,9 @@ def main(arguments):
             jobs.load(path, inputs)
         if options.jobs > 1:
             with multiprocessing.get_context("spawn").Pool(options.jobs) as pool:
-                results = pool.map(jobs.replay, todo, chunksize=1)
+                results = _watched(pool.imap(jobs.replay, todo), len(todo))
         else:
-            results = [jobs.replay(job) for job in todo]
+            results = _watched(map(jobs.replay, todo), len(todo))
     except Unusable as error:
         print(error, file=sys.stderr)
         return 2
@@ -56,6 +56,16 @@ def main(arguments):
     if options.json:
         Path(options.json).write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
     return 0 if all(result["holds"] for result in nominal) else 1
+
+
+def _watched(results, count):
+    """All results; a line on stderr for each run, because many of them take minutes."""
+    found = []
+    for result in results:
+        found.append(result)
+        words = (f"{result['motion']} of {result['robot']}", result["feed_forward"], result["case"])
+        print(f"{len(found)} of {count}:", ", ".join(words), file=sys.stderr, flush=True)
+    return found
 
 
 def _options(arguments):
@@ -70,7 +80,7 @@ def _options(arguments):
     parser.add_argument("--cycles", type=_positive, default=20, help="periods of a motion that repeats (20)")
     parser.add_argument("--control-hz", type=_control_hz, default=player.CONTROL_HZ, help="control rate (120)")
     parser.add_argument("--robustness", action="store_true", help="perturbed runs as well")
-    parser.add_argument("--jobs", type=_positive, default=1, help="runs at a time (1)")
+    parser.add_argument("--jobs", type=_positive, default=os.cpu_count(), help="runs at a time (as many as cores)")
     parser.add_argument("--json", help="write all results here")
     return parser.parse_args(arguments)
 

@@ -35,6 +35,7 @@ def summary(motion, track, cycles):
         "drift_late": drift(late),
         "fell_at_s": track.fell_at_s,
         "fell_in_cycle": None if track.fell_at_s is None else int(track.fell_at_s / motion.duration_s) + 1,
+        **_path(motion, track),
         **_contact(track),
         **_servos(track),
         "links_on_ground": {name: round(steps * track.step_s, 4) for name, steps in sorted(track.touched.items())},
@@ -56,6 +57,27 @@ def _ways(track):
         turn = math.remainder(yaw_after - yaw, 2 * math.pi)
         found.append({"forward_m": float(moved[0]), "left_m": float(moved[1]), "turn_rad": turn})
     return found
+
+
+def _path(motion, track):
+    """How far the base is from its planned path within a period, and how wide it swings, against the plan."""
+    periods = list(zip(track.marks, track.marks[1:]))
+    periods = periods[FIRST - 1 : LAST] if motion.periodic else periods
+    heading = yaw_matrix(motion.base(0.0)[1][0])[:2, :2]
+    planned = track.planned_base_m[:, :2]
+    planned = (planned - planned[0]) @ heading
+    errors, widths = [], []
+    for begin, end in periods:
+        seen = np.array(track.base_m[begin:end])[:, :2]
+        seen = (seen - seen[0]) @ yaw_matrix(track.yaw_rad[begin])[:2, :2]
+        count = min(len(seen), len(planned))
+        errors.append(np.sum((seen[:count] - planned[:count]) ** 2, axis=1).mean())
+        widths.append(np.ptp(seen[:, 1]))
+    wide = np.ptp(planned[:, 1])
+    return {
+        "path_rms_m": float(np.sqrt(np.mean(errors))) if errors else None,
+        "sway_ratio": float(np.mean(widths) / wide) if errors and wide > 0.01 else None,
+    }
 
 
 def _contact(track):

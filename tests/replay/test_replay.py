@@ -105,7 +105,7 @@ def block(contact):
     return {"name": "block", "links": [link], "joints": [], "end_effectors": feet}
 
 
-# One leg by itself; a car whose wheels do not all touch when its body is level.
+# One leg by itself; a car whose front wheels hang above the ground.
 CANNOT_STAND_LEVEL = ("test_leg", "car_tilted")
 
 

@@ -56,6 +56,7 @@ class Track:
     marks: list = field(default_factory=list)
     com_m: list = field(default_factory=list)
     yaw_rad: list = field(default_factory=list)
+    base_m: list = field(default_factory=list)
     height_error_m: list = field(default_factory=list)
     tilt_rad: list = field(default_factory=list)
     load_n: list = field(default_factory=list)
@@ -67,6 +68,8 @@ class Track:
     touched: dict = field(default_factory=dict)
     fell_at_s: float | None = None
     missing_force: float = 0.0
+    # Planned place of the base at every step of a period.
+    planned_base_m: np.ndarray | None = None
 
 
 def run(motion, robot, feed_forward="none", case=Case(), cycles=20, control_hz=player.CONTROL_HZ, frames=None,
@@ -83,6 +86,7 @@ def run(motion, robot, feed_forward="none", case=Case(), cycles=20, control_hz=p
     ]
     simulation = _Simulation(model, motion, case)
     track = simulation.track
+    track.planned_base_m = np.array([position for position, _, _ in simulation.plan])
     track.missing_force = missing
     if motion.periodic:
         simulation.start(moving=True)
@@ -132,7 +136,7 @@ class _Simulation:
             for j, f in enumerate(robot["end_effectors"])
             if "drag" in f["contact"]
         ]
-        # Plan heights, up vectors and stance at every step of a period.
+        # Planned place of the base, up vector and stance at every step of a period.
         steps = round(motion.duration_s / m.opt.timestep) + 1
         self.plan = [self._planned(k * m.opt.timestep) for k in range(steps)]
         self.steps = 0
@@ -147,7 +151,7 @@ class _Simulation:
         # In the frame of the heading, which a robot that turns may have lost.
         c, s = math.cos(yaw), math.sin(yaw)
         ahead = np.array([c * up[0] + s * up[1], c * up[1] - s * up[0], up[2]])
-        return position[2], ahead, self.motion.stance(time_s)
+        return position, ahead, self.motion.stance(time_s)
 
     def start(self, moving):
         """The state of the plan at time 0."""
@@ -232,7 +236,8 @@ class _Simulation:
                     slip[j] = math.hypot(v[3] + v[1] * arm[2] - v[2] * arm[1], v[4] + v[2] * arm[0] - v[0] * arm[2])
         if during is None:
             return
-        height, up, stance = self.plan[min(during, len(self.plan) - 1)]
+        planned, up, stance = self.plan[min(during, len(self.plan) - 1)]
+        height = planned[2]
         yaw = self._yaw()
         r = d.xmat[1]
         c, s = math.cos(yaw), math.sin(yaw)
@@ -241,6 +246,7 @@ class _Simulation:
         if len(track.yaw_rad) in track.marks[-1:]:
             self.measure_place()
         track.yaw_rad.append(yaw)
+        track.base_m.append(d.xpos[1].copy())
         track.height_error_m.append(d.xpos[1, 2] - height)
         track.tilt_rad.append(tilt)
         track.load_n.append(self.load.copy())

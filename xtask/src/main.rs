@@ -16,6 +16,7 @@ mod mujoco;
 mod parallel;
 mod python;
 mod quick;
+mod replay;
 mod shell;
 mod steps;
 mod tidy;

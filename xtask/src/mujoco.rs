@@ -2,6 +2,7 @@
 
 use crate::steps::Extent;
 use crate::{python, shell, workspace};
+use std::ffi::OsString;
 
 /// Works with Python 3.10 and later.
 const MUJOCO: &str = "mujoco==4.0.0";
@@ -17,7 +18,15 @@ pub fn check(extent: Extent) -> Result<(), String> {
     };
     let programs = workspace::programs()?;
     let tests = workspace::find(&programs, "multibody", "multibody", true)?;
-    let path = python::path("mujoco", MUJOCO, "mujoco, numpy")?;
+    let path = path()?;
     let mut command = tests.tests(&["--ignored", "--nocapture"])?;
     shell::run(command.env("PYTHONPATH", path).env("MULTIBODY_STATES", states))
+}
+
+/// `PYTHONPATH` with MuJoCo, installed if it is missing.
+///
+/// # Errors
+/// The command that installs what is missing.
+pub fn path() -> Result<OsString, String> {
+    python::path("mujoco", MUJOCO, "mujoco, numpy")
 }

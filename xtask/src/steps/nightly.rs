@@ -1,7 +1,7 @@
 //! The steps of `cargo xtask nightly`: the long forms of what `cargo xtask test` samples.
 
 use super::{Extent, Step};
-use crate::{board, fuzz, miri, mujoco, shell, vcan, workspace};
+use crate::{board, fuzz, miri, mujoco, replay, shell, vcan, workspace};
 use clap::ValueEnum;
 
 /// Random seeds of the fault campaign.
@@ -20,6 +20,8 @@ pub enum NightlyStep {
     Miri,
     /// Kinematics and dynamics against MuJoCo on 1,000 states of every robot.
     Multibody,
+    /// Every shipped motion replayed in MuJoCo, without and with feed-forward, level and disturbed.
+    Replay,
     /// Every fuzz target for ten minutes.
     Fuzz,
     /// A thousand random faults and combinations of them.
@@ -37,6 +39,7 @@ impl Step for NightlyStep {
             Self::Sizes => "sizes and instructions of the emulated board's image",
             Self::Miri => "tests of protocol and firmware in Miri",
             Self::Multibody => "kinematics and dynamics against MuJoCo, 1,000 states a robot",
+            Self::Replay => "every shipped motion replayed in MuJoCo",
             Self::Fuzz => "fuzz targets, ten minutes each",
             Self::FaultCampaign => "fault campaign with 1,000 seeds",
         }
@@ -49,6 +52,7 @@ impl Step for NightlyStep {
             Self::Sizes => board::sizes(false).and_then(|()| board::planted_panics()),
             Self::Miri => miri::check(Extent::Full),
             Self::Multibody => mujoco::check(Extent::Full),
+            Self::Replay => replay::check(Extent::Full),
             Self::Fuzz => fuzz::check(Extent::Full),
             Self::FaultCampaign => {
                 let out = shell::target_folder().join("fault-campaign");

@@ -2,7 +2,7 @@
 
 use super::{Extent, Step};
 use crate::{
-    bare_metal, board, cantools, debian, fuzz, miri, mujoco, shell, tidy, toolchain, vcan,
+    bare_metal, board, cantools, debian, fuzz, miri, mujoco, replay, shell, tidy, toolchain, vcan,
     workspace,
 };
 use clap::ValueEnum;
@@ -34,6 +34,8 @@ pub enum TestStep {
     Dbc,
     /// Kinematics and dynamics of every robot against MuJoCo.
     Multibody,
+    /// The harness that replays plans in MuJoCo.
+    Replay,
     /// All tests of all crates.
     Test,
 }
@@ -56,6 +58,7 @@ impl Step for TestStep {
             Self::Miri => "golden bytes in Miri, big-endian",
             Self::Dbc => "DBC files as cantools reads them",
             Self::Multibody => "kinematics and dynamics against MuJoCo",
+            Self::Replay => "the replay harness against closed forms",
             Self::Test => "all tests",
         }
     }
@@ -77,6 +80,7 @@ impl Step for TestStep {
             Self::Miri => miri::check(Extent::Short),
             Self::Dbc => cantools::check(),
             Self::Multibody => mujoco::check(Extent::Short),
+            Self::Replay => replay::check(Extent::Short),
             Self::Test => {
                 need_python()?;
                 shell::run(&mut workspace::cargo(&["test", "--no-fail-fast"]))
