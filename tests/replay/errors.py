@@ -9,4 +9,6 @@ def field_error(error):
     """What a failed look-up says, in words: KeyError alone prints nothing but the key."""
     if isinstance(error, KeyError):
         return f"field {error.args[0]} is missing"
+    if isinstance(error, ValueError):
+        return str(error)
     return f"{type(error).__name__}: {error}"

@@ -61,7 +61,7 @@ class InverseDynamics:
 
 
 def frames(model, motion):
-    """Torques at every 60 Hz frame, and what share of the weight is missing there (root mean square)."""
+    """Torques at every 60 Hz frame, and the force that nothing supplies there: root mean square by the weight."""
     rate = motion.frame_rate_hz()
     count = round(motion.duration_s * rate) + (0 if motion.periodic else 1)
     inverse, rows, missing = InverseDynamics(model), [], []
@@ -94,3 +94,13 @@ def at_rest(model, motion):
             needed -= stacked @ (forces.ravel() + change)
         found.append(needed[model.channel_dofs])
     return found
+
+
+def hardest(model, torques):
+    """Name of the motor that the motion needs most of, and that torque by its limit."""
+    used = [
+        (np.abs(torques[:, c]).max() / actuator["torque_max_nm"], name)
+        for c, (name, actuator, _, _) in enumerate(model.channels)
+    ]
+    share, name = max(used, default=(0.0, ""))
+    return name, float(share)

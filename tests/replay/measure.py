@@ -40,6 +40,8 @@ def summary(motion, track, cycles):
         **_servos(track),
         "links_on_ground": {name: round(steps * track.step_s, 4) for name, steps in sorted(track.touched.items())},
         "missing_force": track.missing_force,
+        "hardest_motor": track.hardest_motor[0],
+        "needed_torque": track.hardest_motor[1],
     }
     result["holds"] = _holds(motion, result, late)
     return result

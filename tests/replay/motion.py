@@ -10,6 +10,7 @@ import numpy as np
 
 from curves import Spline
 from errors import Unusable, field_error
+import plan_fields
 import robots
 
 RATE_HZ = 60
@@ -24,8 +25,6 @@ class Motion:
         self.plan = plan
         self.name = plan["motion"]["name"]
         self.ends = plan["motion"]["ends"]
-        if self.ends not in ("periodic", "at_rest", "prescribed"):
-            raise ValueError(f"motion.ends is {self.ends!r}; expected periodic, at_rest or prescribed")
         self.periodic = self.ends == "periodic"
         self.duration_s = plan["motion"]["duration_s"]
         self.spacing_s = plan["sample_interval_s"]
@@ -208,18 +207,8 @@ def load(path):
     if not isinstance(version, int) or version < OLDEST_VERSION:
         raise Unusable(f"{path}: field version is {version!r}; expected {OLDEST_VERSION} or later")
     try:
-        _finite(plan, "")
+        plan_fields.check(plan)
         return Motion(plan)
-    except (LookupError, TypeError, ValueError, AttributeError, np.linalg.LinAlgError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise Unusable(f"{path}: {field_error(error)}") from error
 
-
-def _finite(value, path):
-    if isinstance(value, dict):
-        for key, item in value.items():
-            _finite(item, f"{path}.{key}" if path else key)
-    elif isinstance(value, list):
-        for index, item in enumerate(value):
-            _finite(item, f"{path}[{index}]")
-    elif isinstance(value, float) and not math.isfinite(value):
-        raise ValueError(f"field {path} is {value}; expected a finite number")

@@ -18,7 +18,7 @@ def from_file(path):
         with open(path, "rb") as file:
             data = tomllib.load(file)
     except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise Unusable(f"{path}: {error}") from error
+        raise Unusable(f"{path}: {error}; expected the robot file of the plan") from error
     try:
         return _resolve(data)
     except (KeyError, TypeError, ValueError, AttributeError) as error:

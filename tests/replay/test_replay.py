@@ -6,8 +6,11 @@
 Needs Python 3.11, mujoco and numpy; no plan and no program of the project.
 """
 
+import copy
+import json
 import math
 import sys
+import tempfile
 import unittest
 from pathlib import Path
 
@@ -19,10 +22,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import feedforward  # noqa: E402
 import library  # noqa: E402
 import measure  # noqa: E402
+import motion  # noqa: E402
 import player  # noqa: E402
 import robots  # noqa: E402
 import world  # noqa: E402
 from curves import Spline  # noqa: E402
+from errors import Unusable  # noqa: E402
 from model import Ground, Model, nominal_poses  # noqa: E402
 from motion import Motion  # noqa: E402
 
@@ -288,6 +293,50 @@ class Playing(unittest.TestCase):
         added = (offset.position_rad - without.position_rad)[-1, : len(gains)]
         np.testing.assert_allclose(added, 0.4 / np.array(gains), atol=1e-12)
         self.assertEqual(np.abs(offset.torque_nm).max(), 0.0)
+
+
+    def test_torques_that_a_plan_carries_are_used(self):
+        robot = named("agilebot")
+        plan = copy.deepcopy(standing(robot).plan)
+        for sample in plan["samples"]:
+            sample["joint_torque_nm"] = [0.1] * len(robot["joints"])
+            for foot in sample["end_effectors"]:
+                foot["motor_torque_nm"] = 0.2
+        torques, _ = feedforward.frames(Model(robot, G), Motion(plan))
+        np.testing.assert_allclose(torques[:, :16], 0.1)
+        np.testing.assert_allclose(torques[:, 16:], 0.2)
+
+
+class Files(unittest.TestCase):
+    def test_errors_name_file_and_field(self):
+        good = json.loads(json.dumps(standing(named("swizzlebot")).plan, default=list))
+        good |= {"format": "rollwalk-plan", "version": 3}
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "plan.json"
+
+            def why(change):
+                plan = copy.deepcopy(good)
+                change(plan)
+                path.write_text(json.dumps(plan))
+                with self.assertRaises(Unusable) as error:
+                    motion.load(path)
+                self.assertIn(str(path), str(error.exception))
+                return str(error.exception)
+
+            path.write_text(json.dumps(good))
+            motion.load(path)
+            self.assertIn("field version is 2", why(lambda p: p.update(version=2)))
+            self.assertIn("field motion.goal is missing", why(lambda p: p["motion"].pop("goal")))
+            self.assertIn("samples[1].joint_rad has 11", why(lambda p: p["samples"][1]["joint_rad"].pop()))
+            bad = lambda p: p["samples"][2]["end_effectors"][0]["force_n"].__setitem__(1, math.nan)
+            self.assertIn("samples[2].end_effectors[0].force_n[1] is nan", why(bad))
+
+    def test_a_robot_that_differs_is_found(self):
+        robot = named("legbot")
+        other = copy.deepcopy(robot)
+        self.assertIsNone(robots.difference(robot, other))
+        other["joints"][3]["actuator"]["kp_nm_rad"] *= 1.01
+        self.assertIn("robot.joints[3].actuator.kp_nm_rad", robots.difference(robot, other))
 
 
 class Libraries(unittest.TestCase):

@@ -1,7 +1,7 @@
 """The robot on the ground, played open loop: MuJoCo, servos of the robot file, and what is measured.
 
-Every motion starts in the state of its plan: pose, velocity and spin of the wheels. One that begins at rest first
-stands on its first frame until it has settled, and rests on its last one afterwards.
+Every motion starts in the state of its plan: pose, velocity and spin of the wheels. One that is at rest at its ends
+first stands on its first frame until it has settled, and rests on its last one afterwards.
 """
 
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ import feedforward
 import player
 from model import Ground, Model
 
-# A robot that began at rest settles before its motion begins, and after it ended.
+# A robot that is at rest at the ends of its motion settles before it, and comes to rest after it.
 SETTLE_S = 1.0
 # Tilt against the plan, rad, and share of the planned height of the body that make a fall.
 FALL_TILT_RAD, FALL_HEIGHT = 1.0, 0.55
@@ -68,6 +68,8 @@ class Track:
     touched: dict = field(default_factory=dict)
     fell_at_s: float | None = None
     missing_force: float = 0.0
+    # Motor that the feed-forward asks most of, and that torque by its limit.
+    hardest_motor: tuple = ("", 0.0)
     # Planned place of the base at every step of a period.
     planned_base_m: np.ndarray | None = None
 
@@ -88,17 +90,16 @@ def run(motion, robot, feed_forward="none", case=Case(), cycles=20, control_hz=p
     track = simulation.track
     track.planned_base_m = np.array([position for position, _, _ in simulation.plan])
     track.missing_force = missing
-    if motion.periodic:
-        simulation.start(moving=True)
-    else:
-        simulation.start(moving=False)
+    track.hardest_motor = feedforward.hardest(model, torques)
+    simulation.start(moving=motion.ends != "at_rest")
+    if motion.ends == "at_rest":
         simulation.play(holds[0], SETTLE_S, measured=False)
     per_period = round(motion.duration_s / ground.step_s)
     for period in range(periods):
         track.marks.append(len(track.yaw_rad))
         if not simulation.play(points, motion.duration_s, first=period * motion.duration_s, steps=per_period):
             return track
-    if not motion.periodic:
+    if motion.ends == "at_rest":
         simulation.play(holds[1], SETTLE_S, first=None)
     track.marks.append(len(track.yaw_rad))
     simulation.measure_place()
