@@ -194,10 +194,11 @@ def quaternion(roll, pitch, yaw):
 
 
 def difference(a, b, path="robot"):
-    """Path and values of the first place where two robots differ, or None. Addresses on buses do not matter here."""
+    """Path and values of the first place where two robots differ, or None. Addresses on buses and
+    clearance do not matter here."""
     if isinstance(a, dict) and isinstance(b, dict):
         for key in sorted(set(a) | set(b)):
-            if key in ("shapes", "bus", "id", "buses"):
+            if key in ("shapes", "clearance_margin_m", "bus", "id", "buses"):
                 continue
             if key not in a or key not in b:
                 return f"{path}.{key} is on one side only"
