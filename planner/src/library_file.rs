@@ -294,6 +294,7 @@ fn planned(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<
         held_wheels,
         targets,
         heights,
+        needs_feedback: None,
     })
 }
 

@@ -36,6 +36,9 @@ pub struct Report {
     pub motion: String,
     /// Name of the robot.
     pub robot: String,
+    /// Why the motion does not hold without feedback, as its file says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub needs_feedback: Option<String>,
     /// The residuals: at the samples first, then in between.
     pub rows: Vec<Row>,
 }
@@ -96,7 +99,12 @@ impl Report {
         {
             rows.extend(rows::between(&grid::Timeline::new(&resample(plan, rate_hz)), grid));
         }
-        Self { motion: plan.motion.name.clone(), robot: plan.robot.name.clone(), rows }
+        Self {
+            motion: plan.motion.name.clone(),
+            robot: plan.robot.name.clone(),
+            needs_feedback: plan.motion.needs_feedback.clone(),
+            rows,
+        }
     }
 
     /// The residual closest to its level, or furthest beyond it.

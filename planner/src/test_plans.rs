@@ -258,6 +258,7 @@ impl Drive {
                 held_wheels: vec![false; 4],
                 targets: Vec::new(),
                 heights: Vec::new(),
+                needs_feedback: None,
             },
             sample_interval_s: h,
             before: outside(1, 0),

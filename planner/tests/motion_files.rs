@@ -154,11 +154,24 @@ fn samples_follow_from_the_duration_when_not_given() {
 }
 
 #[test]
+fn a_motion_may_say_why_it_needs_feedback() {
+    let reason = "it balances on two feet";
+    let told = format!("swing_height_m = 0.03\nneeds_feedback = \"{reason}\"");
+    let motion = broken("swing_height_m = 0.03", &told).unwrap();
+    assert_eq!(motion.needs_feedback.as_deref(), Some(reason));
+    assert_eq!(broken("", "").unwrap().needs_feedback, None);
+}
+
+#[test]
 fn every_kind_of_mistake_in_a_motion_file_is_named() {
     let footfalls = line("[footfalls]");
     let gait = line("gait");
     let hand = |rows: &str| broken("gait = \"walk\"\nduty = 0.8", rows);
 
+    assert_faults(
+        broken("swing_height_m = 0.03", "swing_height_m = 0.03\nneeds_feedback = \" \""),
+        &[(line("swing_height_m") + 1, "`needs_feedback` is empty", "say why")],
+    );
     assert_faults(
         broken("ends = \"periodic\"", "ends = periodic"),
         &[(line("ends"), "not TOML", "quotes")],

@@ -55,7 +55,13 @@ def main(arguments):
     print(text)
     if options.json:
         Path(options.json).write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    return 0 if all(result["holds"] for result in nominal) else 1
+    return 0 if all(result["holds"] or result["needs_feedback"] for result in _deciding(nominal)) else 1
+
+
+def _deciding(results):
+    """Without feed-forward a motion need hold only if nothing else was asked for."""
+    fed = [result for result in results if result["feed_forward"] != "none"]
+    return fed or results
 
 
 def _watched(results, count):

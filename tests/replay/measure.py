@@ -44,6 +44,7 @@ def summary(motion, track, cycles):
         "needed_torque": track.hardest_motor[1],
     }
     result["holds"] = _holds(motion, result, late)
+    result["needs_feedback"] = motion.needs_feedback
     return result
 
 

@@ -25,6 +25,7 @@ class Motion:
         self.plan = plan
         self.name = plan["motion"]["name"]
         self.ends = plan["motion"]["ends"]
+        self.needs_feedback = plan["motion"].get("needs_feedback")
         self.periodic = self.ends == "periodic"
         self.duration_s = plan["motion"]["duration_s"]
         self.spacing_s = plan["sample_interval_s"]

@@ -25,7 +25,7 @@ def nominal(results):
         rows.append([
             f"{result['motion']} of {result['robot']}",
             result["feed_forward"],
-            "yes" if result["holds"] else "**no**",
+            "yes" if result["holds"] else "needs feedback" if result["needs_feedback"] else "**no**",
             _ratios(result["ratio"], result["drift"]),
             _ratios(result["ratio_late"], result["drift_late"]),
             _number(result["drift"] and result["drift"]["left_m"], 1e3),

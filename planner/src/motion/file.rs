@@ -55,6 +55,7 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
     let posture = if root.has("posture") { root.table("posture") } else { None };
     let posture_rad = posture_rad(document, posture.as_ref(), robot);
     let held_wheels = wheels::held(document, &root, robot);
+    let needs_feedback = needs_feedback(&root);
     let footfalls = root.table("footfalls").map(Footfalls::Table);
     let steps = steps(document, &root, robot, footfalls);
     let duration_s = steps.as_ref().map(|(duration_s, ..)| *duration_s);
@@ -77,6 +78,7 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
         held_wheels: held_wheels?,
         targets: targets.into_iter().collect::<Option<_>>()?,
         heights: heights.into_iter().collect::<Option<_>>()?,
+        needs_feedback: needs_feedback?,
     };
     if motion.ends == Ends::AtRest {
         check_rest(&root, &motion);
@@ -84,6 +86,21 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
     check_goal(&root, &motion, robot);
     choreography_check::check(&motion, robot, &target_tables, &height_tables);
     Some(motion)
+}
+
+/// Reads the reason why the motion does not hold without feedback; `Some(None)` if the file gives none.
+fn needs_feedback(table: &Table<'_>) -> Option<Option<String>> {
+    const KEY: &str = "needs_feedback";
+    if !table.has(KEY) {
+        return Some(None);
+    }
+    let reason = table.string(KEY)?;
+    if reason.trim().is_empty() {
+        let help = "say why the motion does not hold without feedback, or leave the key out";
+        table.fault(KEY, "is empty", "no reason", help);
+        return None;
+    }
+    Some(Some(reason))
 }
 
 /// Reads a name that fits into a motion library.

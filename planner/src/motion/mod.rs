@@ -41,6 +41,9 @@ pub struct Motion {
     pub targets: Vec<Target>,
     /// Height limits over spans of time.
     pub heights: Vec<HeightLimit>,
+    /// Why the motion does not hold without feedback, if it does not: what its author says, for those who play it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub needs_feedback: Option<String>,
 }
 
 impl Motion {

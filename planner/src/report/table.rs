@@ -45,6 +45,10 @@ impl fmt::Display for Report {
             ),
             1 => writeln!(f, "1 residual is beyond its level (marked with !)"),
             count => writeln!(f, "{count} residuals are beyond their level (marked with !)"),
+        }?;
+        match &self.needs_feedback {
+            Some(reason) => writeln!(f, "needs feedback when it is played: {reason}"),
+            None => Ok(()),
         }
     }
 }
