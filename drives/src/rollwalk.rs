@@ -50,6 +50,7 @@ impl Drive {
             let law = Law {
                 speed_rad_s: setpoint.speed_rad_s.into(),
                 kd_nm_s_rad: setpoint.kd_nm_s_rad.into(),
+                torque_nm: setpoint.torque_nm.into(),
                 torque_limit_nm: setpoint.torque_limit_nm.into(),
                 ..Law::default()
             };
@@ -61,8 +62,8 @@ impl Drive {
                 speed_rad_s: setpoint.velocity_rad_s.into(),
                 kp_nm_rad: setpoint.kp_nm_rad.into(),
                 kd_nm_s_rad: setpoint.kd_nm_s_rad.into(),
+                torque_nm: setpoint.torque_nm.into(),
                 torque_limit_nm: f64::INFINITY,
-                ..Law::default()
             };
             (id, law)
         };

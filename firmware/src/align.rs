@@ -14,44 +14,56 @@ const PEAK_SPEED: f32 = 1.875;
 /// Shortest ramp, s, also for a robot that already stands in SAFE.
 const MIN_DURATION_S: f32 = 0.25;
 
+/// Where a channel begins and ends.
+#[derive(Clone, Copy, Debug)]
+pub struct RampEnds {
+    /// Measured value, rad or rad/s.
+    pub from: f32,
+    /// Value in SAFE, rad or rad/s.
+    pub to: f32,
+    /// Torque in SAFE, N·m. It comes in along the ramp: the robot takes its weight on as it stands up.
+    pub torque_nm: f32,
+}
+
 /// A ramp in progress.
 #[derive(Clone, Debug)]
 pub struct Ramp {
-    ends: Vec<(f32, f32), MAX_CHANNELS>,
+    ends: Vec<RampEnds, MAX_CHANNELS>,
     duration_s: f32,
     period_s: f32,
     ticks: u32,
 }
 
 impl Ramp {
-    /// Creates a ramp of `(from, to)` per channel on which every joint stays below `speed_rad_s` and below its own
+    /// Creates a ramp of all channels on which every joint stays below `speed_rad_s` and below its own
     /// rate limit, for a control period in seconds.
     pub fn new(
         config: &RobotConfig,
-        ends: Vec<(f32, f32), MAX_CHANNELS>,
+        ends: Vec<RampEnds, MAX_CHANNELS>,
         speed_rad_s: f32,
         period_s: f32,
     ) -> Self {
-        let needed = config.channels.iter().zip(&ends).map(|(channel, (from, to))| {
-            // The value of a wheel is a speed and its rate an acceleration, which only its rate limit bounds.
-            let rate = match channel.kind {
-                ChannelKind::JointPosition => channel.max_rate.min(speed_rad_s),
-                ChannelKind::WheelSpeed => channel.max_rate,
-            };
-            PEAK_SPEED * (to - from).abs() / rate
-        });
+        let needed =
+            config.channels.iter().zip(&ends).map(|(channel, RampEnds { from, to, .. })| {
+                // The value of a wheel is a speed and its rate an acceleration, which only its rate limit bounds.
+                let rate = match channel.kind {
+                    ChannelKind::JointPosition => channel.max_rate.min(speed_rad_s),
+                    ChannelKind::WheelSpeed => channel.max_rate,
+                };
+                PEAK_SPEED * (to - from).abs() / rate
+            });
         Self { duration_s: needed.fold(MIN_DURATION_S, f32::max), ends, period_s, ticks: 0 }
     }
 
     /// Target at the current time; the first is the measured pose at rest.
     pub fn target(&self, channel: usize) -> Option<Target> {
-        let &(from, to) = self.ends.get(channel)?;
+        let &RampEnds { from, to, torque_nm } = self.ends.get(channel)?;
         let u = (self.elapsed_s() / self.duration_s).min(1.0);
         let blend = u * u * u * (10.0 + u * (6.0 * u - 15.0));
         let rate = 30.0 * u * u * (1.0 - u) * (1.0 - u) / self.duration_s;
         // At the end this is exactly the entry pose, from which `from + (to - from)` may differ by rounding.
         let value = if u == 1.0 { to } else { from + blend * (to - from) };
-        Some(Target { value, slope: rate * (to - from) })
+        Some(Target { value, slope: rate * (to - from), torque_nm: blend * torque_nm })
     }
 
     /// Advances by one control period.
@@ -91,14 +103,21 @@ mod tests {
         RobotConfig { robot: 0, channels: [joint, joint].into_iter().collect() }
     }
 
+    const SAFE_NM: f32 = 1.5;
+
+    fn ends(from: [f32; 2], to: [f32; 2]) -> Vec<RampEnds, MAX_CHANNELS> {
+        let pairs = from.into_iter().zip(to);
+        pairs.map(|(from, to)| RampEnds { from, to, torque_nm: SAFE_NM }).collect()
+    }
+
     proptest! {
         /// The ramp starts at the measured pose, ends at the goal and never exceeds the speed limit.
         #[test]
         fn is_gentle(from in prop::array::uniform2(-3.0f32..3.0), to in prop::array::uniform2(-3.0f32..3.0), speed in 0.2f32..8.0) {
             let period = 1.0 / 120.0;
-            let mut ramp = Ramp::new(&config(), from.into_iter().zip(to).collect(), speed, period);
+            let mut ramp = Ramp::new(&config(), ends(from, to), speed, period);
             for i in 0..2 {
-                prop_assert_eq!(ramp.target(i), Some(Target { value: from[i], slope: 0.0 }));
+                prop_assert_eq!(ramp.target(i), Some(Target { value: from[i], slope: 0.0, torque_nm: 0.0 }));
             }
             let mut last = from;
             for _ in 0..100_000 {
@@ -118,12 +137,13 @@ mod tests {
             }
             prop_assert!(ramp.arrived());
             prop_assert_eq!(last, to);
+            prop_assert!((ramp.target(0).unwrap().torque_nm - SAFE_NM).abs() < 1e-6);
         }
     }
 
     #[test]
     fn a_robot_already_there_still_takes_a_moment() {
-        let ramp = Ramp::new(&config(), [(0.1, 0.1), (0.2, 0.2)].into_iter().collect(), 1.0, 0.01);
+        let ramp = Ramp::new(&config(), ends([0.1, 0.2], [0.1, 0.2]), 1.0, 0.01);
         assert!(!ramp.arrived());
         assert_eq!(ramp.target(2), None);
     }

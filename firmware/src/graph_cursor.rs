@@ -65,6 +65,11 @@ impl GraphCursor {
         self.cursor.frame_into(library, out)
     }
 
+    /// Writes the torques of the present frame, N·m.
+    pub fn torques_into(&self, library: &Library<'_>, out: &mut [f32]) -> Result<(), Unreadable> {
+        self.cursor.torques_into(library, out)
+    }
+
     /// Sets the goal. If the goal is the motion being played, and that motion ends instead of
     /// looping, it is played once more.
     pub fn set_goal(&mut self, library: &Library<'_>, goal: NodeId) -> Result<(), GoalError> {

@@ -5,10 +5,24 @@
 //! channel emits nothing before [`Limiter::start`] sets its measured value, so the first setpoint after torque-on is
 //! the measured pose, not a remembered one.
 //!
+//! A torque that is not finite becomes 0. It starts at 0, changes by no more than [`FULL_TORQUE_S`] allows, and is within
+//! the channel's torque limit. Where the actuator cannot be told a torque, the value is offset by as much as its gain
+//! turns into that torque, [`MAX_OFFSET_RAD`] at most, before range and rate are looked at.
+//!
 //! A joint that starts outside its range (a leg resting on its stop) does not jump into it: it may stay or follow its
 //! target inwards, never further out.
 
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS};
+
+/// Shortest time for a torque to change by the channel's limit, s. Longer than a frame, so that a value that is wrong for
+/// one frame does not get far, and short enough for a foot that touches down: a step of two thirds of the limit passes.
+pub const FULL_TORQUE_S: f32 = 0.025;
+/// Largest offset of a joint in place of a torque, rad. Servos that hold a robot sag by less; and one that is stiffer than
+/// its file says is led astray by less than half of what alignment tolerates.
+pub const MAX_OFFSET_RAD: f32 = 0.15;
+/// Largest offset of a wheel's speed in place of a torque, rad/s: with a wheel of 5 cm and nothing to push against,
+/// 5 cm/s.
+pub const MAX_OFFSET_RAD_S: f32 = 1.0;
 
 /// Target of a channel, without gains.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -17,13 +31,24 @@ pub struct Target {
     pub value: f32,
     /// Joint speed, rad/s; not used for wheels.
     pub slope: f32,
+    /// Torque that is fed forward, N·m.
+    pub torque_nm: f32,
+}
+
+/// What a channel was told last.
+#[derive(Clone, Copy, Debug)]
+struct Last {
+    value: f32,
+    /// The value without an offset.
+    meant: f32,
+    torque_nm: f32,
 }
 
 /// The limiter of all channels.
 #[derive(Clone, Debug)]
 pub struct Limiter {
     period_s: f32,
-    last: [Option<f32>; MAX_CHANNELS],
+    last: [Option<Last>; MAX_CHANNELS],
 }
 
 impl Limiter {
@@ -42,22 +67,60 @@ impl Limiter {
         if let Some(last) = self.last.get_mut(channel)
             && measured.is_finite()
         {
-            *last = Some(measured);
+            *last = Some(Last { value: measured, meant: measured, torque_nm: 0.0 });
         }
+    }
+
+    /// Lets all torques begin at 0 again, at once.
+    pub fn drop_torques(&mut self) {
+        self.last.iter_mut().flatten().for_each(|last| last.torque_nm = 0.0);
     }
 
     /// The last emitted value, or the measured one after a start; `None` when the channel is stopped.
     pub fn last(&self, channel: usize) -> Option<f32> {
-        self.last.get(channel).copied().flatten()
+        self.last.get(channel)?.map(|last| last.value)
     }
 
-    /// Clamps the target to the channel's `limits`; returns `None` for a channel that has not been started.
-    pub fn apply(&mut self, limits: &Channel, channel: usize, target: Target) -> Option<Target> {
+    /// The same without an offset in place of a torque: what a measured value is to be compared with.
+    pub fn meant(&self, channel: usize) -> Option<f32> {
+        self.last.get(channel)?.map(|last| last.meant)
+    }
+
+    /// Clamps the target to the channel's `limits`; returns `None` for a channel that has not been started. A torque
+    /// for an actuator that does not take any becomes an offset of the value.
+    pub fn apply(
+        &mut self,
+        limits: &Channel,
+        channel: usize,
+        target: Target,
+        takes_torque: bool,
+    ) -> Option<Target> {
         let last = self.last.get_mut(channel)?.as_mut()?;
-        let out = limited(limits, *last, target, self.period_s);
-        *last = out.value;
+        let torque_nm = limited_torque(limits, last.torque_nm, target.torque_nm, self.period_s);
+        let offset = if takes_torque { 0.0 } else { offset(limits, torque_nm) };
+        let offset_target = Target { value: target.value + offset, ..target };
+        let mut out = limited(limits, last.value, offset_target, self.period_s);
+        *last = Last { value: out.value, meant: out.value - offset, torque_nm };
+        out.torque_nm = if takes_torque { torque_nm } else { 0.0 };
         Some(out)
     }
+}
+
+/// A torque that is not finite is none.
+fn limited_torque(limits: &Channel, last: f32, torque_nm: f32, period_s: f32) -> f32 {
+    let most = limits.max_torque_nm;
+    let step = most * (period_s / FULL_TORQUE_S);
+    let wanted = if torque_nm.is_finite() { torque_nm } else { 0.0 };
+    within(within(wanted, last - step, last + step), -most, most)
+}
+
+/// What an actuator's own law turns into a torque: an angle by kp, a speed by kd.
+fn offset(limits: &Channel, torque_nm: f32) -> f32 {
+    let (gain, most) = match limits.kind {
+        ChannelKind::JointPosition => (limits.kp_nm_rad, MAX_OFFSET_RAD),
+        ChannelKind::WheelSpeed => (limits.kd_nm_s_rad, MAX_OFFSET_RAD_S),
+    };
+    if gain > 0.0 { within(torque_nm / gain, -most, most) } else { 0.0 }
 }
 
 fn limited(limits: &Channel, last: f32, target: Target, period_s: f32) -> Target {
@@ -72,7 +135,7 @@ fn limited(limits: &Channel, last: f32, target: Target, period_s: f32) -> Target
         _ if value != target.value || !target.slope.is_finite() => (value - last) / period_s,
         _ => target.slope,
     };
-    Target { value, slope: within(slope, -limits.max_rate, limits.max_rate) }
+    Target { value, slope: within(slope, -limits.max_rate, limits.max_rate), torque_nm: 0.0 }
 }
 
 /// Clamps `value` to the range from `low` to `high`; a limit that is NaN is ignored.
@@ -84,24 +147,25 @@ fn within(value: f32, low: f32, high: f32) -> f32 {
     if value > high { high } else { value }
 }
 
-/// The gains `(kp, kd)`, scaled down by the same factor where `kp·position_error + kd·velocity_error` would exceed
-/// `max_torque_nm`. Errors are target minus last measurement, in rad and rad/s.
+/// The gains and the torque `(kp, kd, τ)`, scaled down by the same factor where
+/// `kp·position_error + kd·velocity_error + τ` would exceed `max_torque_nm`. Errors are target minus last measurement,
+/// in rad and rad/s.
 ///
 /// The actuator has a torque limit of its own; this one holds even when that is set wrongly.
 pub fn gains_within_torque(
-    (kp, kd): (f32, f32),
+    (kp, kd, torque_nm): (f32, f32, f32),
     position_error: f32,
     velocity_error: f32,
     max_torque_nm: f32,
-) -> (f32, f32) {
-    let torque = (kp * position_error + kd * velocity_error).abs();
+) -> (f32, f32, f32) {
+    let torque = (kp * position_error + kd * velocity_error + torque_nm).abs();
     if torque <= max_torque_nm {
-        (kp, kd)
+        (kp, kd, torque_nm)
     } else if torque.is_finite() {
         let scale = max_torque_nm / torque;
-        (kp * scale, kd * scale)
+        (kp * scale, kd * scale, torque_nm * scale)
     } else {
-        (0.0, 0.0)
+        (0.0, 0.0, 0.0)
     }
 }
 
@@ -148,14 +212,22 @@ mod tests {
         fn nothing_gets_past_the_limits(
             kind in kinds(),
             start in -4.0f32..4.0,
-            targets in prop::collection::vec((anything(), anything()), 1..200),
+            takes_torque: bool,
+            targets in prop::collection::vec((anything(), anything(), anything()), 1..200),
         ) {
             let (config, period) = (config(kind), 1.0 / 120.0);
             let mut limiter = Limiter::new(period);
             limiter.start(0, start);
             let mut last = start;
-            for (value, slope) in targets {
-                let out = limiter.apply(&config.channels[0], 0, Target { value, slope }).unwrap();
+            let mut last_nm = 0.0f32;
+            for (value, slope, torque_nm) in targets {
+                let target = Target { value, slope, torque_nm };
+                let out = limiter.apply(&config.channels[0], 0, target, takes_torque).unwrap();
+                prop_assert!(out.torque_nm.abs() <= 3.0 && (takes_torque || out.torque_nm == 0.0));
+                let step_nm = 3.0 * period / FULL_TORQUE_S;
+                prop_assert!((out.torque_nm - last_nm).abs() <= step_nm * 1.000_01);
+                prop_assert!((limiter.meant(0).unwrap() - out.value).abs() <= MAX_OFFSET_RAD_S * 1.001);
+                last_nm = out.torque_nm;
                 let (low, high) = (last.min(-1.0), last.max(2.0));
                 prop_assert!(out.value >= low && out.value <= high, "{out:?} after {last}");
                 // One rounding of `last + step` beyond the step itself.
@@ -167,15 +239,40 @@ mod tests {
 
         /// The commanded torque stays within the limit, and the gains change only where it would exceed it.
         #[test]
-        fn torque_is_bounded(gains in (0.0f32..655.0, 0.0f32..65.0), e in -7.0f32..7.0, de in -130.0f32..130.0, most in 0.01f32..160.0) {
-            let (kp, kd) = gains_within_torque(gains, e, de, most);
-            let asked = gains.0 * e + gains.1 * de;
-            let torque = kp * e + kd * de;
-            // Cancellation: a few roundings of the larger of the two parts.
-            let rounding = 1e-6 * (kp * e).abs().max((kd * de).abs());
+        fn torque_is_bounded(gains in (0.0f32..655.0, 0.0f32..65.0, -200.0f32..200.0), e in -7.0f32..7.0, de in -130.0f32..130.0, most in 0.01f32..160.0) {
+            let (kp, kd, nm) = gains_within_torque(gains, e, de, most);
+            let asked = gains.0 * e + gains.1 * de + gains.2;
+            let torque = kp * e + kd * de + nm;
+            // Cancellation: a few roundings of the largest of the parts.
+            let rounding = 1e-6 * (kp * e).abs().max((kd * de).abs()).max(nm.abs());
             prop_assert!(torque.abs() <= most + rounding);
-            prop_assert!(asked.abs() > most || (kp, kd) == gains);
-            prop_assert_eq!(gains_within_torque(gains, f32::NAN, de, most), (0.0, 0.0));
+            prop_assert!(asked.abs() > most || (kp, kd, nm) == gains);
+            prop_assert!(nm.abs() <= gains.2.abs() && nm * gains.2 >= 0.0);
+            prop_assert_eq!(gains_within_torque(gains, f32::NAN, de, most), (0.0, 0.0, 0.0));
+            let none = (gains.0, gains.1, f32::NAN);
+            prop_assert_eq!(gains_within_torque(none, e, de, most), (0.0, 0.0, 0.0));
+        }
+
+        /// A torque that is given again and again gets through, as itself or as an offset that the gain turns into it.
+        #[test]
+        fn a_torque_gets_through(kind in kinds(), asked in -1.0f32..=1.0) {
+            let config = config(kind);
+            let c = &config.channels[0];
+            // As much as the largest offset of the kind stands for.
+            let (gain, most) = match kind {
+                ChannelKind::JointPosition => (c.kp_nm_rad, MAX_OFFSET_RAD),
+                ChannelKind::WheelSpeed => (c.kd_nm_s_rad, MAX_OFFSET_RAD_S),
+            };
+            let torque_nm = asked * gain * most;
+            let target = Target { value: 0.5, slope: 0.0, torque_nm };
+            for takes_torque in [true, false] {
+                let mut limiter = Limiter::new(1.0 / 120.0);
+                limiter.start(0, 0.5);
+                let out = (0..60).filter_map(|_| limiter.apply(c, 0, target, takes_torque)).last();
+                let out = out.unwrap();
+                prop_assert!((out.torque_nm + gain * (out.value - 0.5) - torque_nm).abs() < 1e-5);
+                prop_assert!((limiter.meant(0).unwrap() - 0.5).abs() < 1e-6);
+            }
         }
 
         /// Targets within the limits pass unchanged.
@@ -184,8 +281,8 @@ mod tests {
             let config = config(ChannelKind::JointPosition);
             let mut limiter = Limiter::new(1.0 / 120.0);
             limiter.start(0, start);
-            let target = Target { value: start + step, slope };
-            prop_assert_eq!(limiter.apply(&config.channels[0], 0, target), Some(target));
+            let target = Target { value: start + step, slope, torque_nm: 0.9 };
+            prop_assert_eq!(limiter.apply(&config.channels[0], 0, target, true), Some(target));
         }
 
         /// Limits that are inverted or not finite do not panic.
@@ -196,7 +293,7 @@ mod tests {
             (c.min, c.max, c.max_rate) = (min, max, rate);
             let mut limiter = Limiter::new(1.0 / 120.0);
             limiter.start(0, 0.5);
-            let _ = limiter.apply(&config.channels[0], 0, Target { value: v, slope: v });
+            let _ = limiter.apply(&config.channels[0], 0, Target { value: v, slope: v, torque_nm: v }, v > 0.0);
         }
     }
 
@@ -204,14 +301,14 @@ mod tests {
     fn says_nothing_before_it_knows_where_it_is() {
         let config = config(ChannelKind::JointPosition);
         let mut limiter = Limiter::new(1.0 / 120.0);
-        assert_eq!(limiter.apply(&config.channels[0], 0, Target::default()), None);
+        assert_eq!(limiter.apply(&config.channels[0], 0, Target::default(), true), None);
         limiter.start(0, f32::NAN);
-        assert_eq!(limiter.apply(&config.channels[0], 0, Target::default()), None);
+        assert_eq!(limiter.apply(&config.channels[0], 0, Target::default(), true), None);
         limiter.start(0, 0.1);
-        assert!(limiter.apply(&config.channels[0], 0, Target::default()).is_some());
+        assert!(limiter.apply(&config.channels[0], 0, Target::default(), true).is_some());
         limiter.stop();
-        assert_eq!(limiter.apply(&config.channels[0], 0, Target::default()), None);
-        assert_eq!(limiter.apply(&config.channels[0], 1, Target::default()), None);
+        assert_eq!(limiter.apply(&config.channels[0], 0, Target::default(), true), None);
+        assert_eq!(limiter.apply(&config.channels[0], 1, Target::default(), true), None);
     }
 
     #[test]
@@ -219,11 +316,11 @@ mod tests {
         let config = config(ChannelKind::JointPosition);
         let mut limiter = Limiter::new(1.0 / 120.0);
         limiter.start(0, 0.7);
-        let nan = Target { value: f32::NAN, slope: f32::NAN };
-        assert_eq!(
-            limiter.apply(&config.channels[0], 0, nan),
-            Some(Target { value: 0.7, slope: 0.0 })
-        );
+        let nan = Target { value: f32::NAN, slope: f32::NAN, torque_nm: f32::NAN };
+        let held = Target { value: 0.7, slope: 0.0, torque_nm: 0.0 };
+        for takes_torque in [true, false] {
+            assert_eq!(limiter.apply(&config.channels[0], 0, nan, takes_torque), Some(held));
+        }
     }
 
     #[test]
@@ -232,7 +329,10 @@ mod tests {
         let mut limiter = Limiter::new(0.01);
         limiter.start(0, 2.5);
         let mut to = |value| {
-            limiter.apply(&config.channels[0], 0, Target { value, slope: 0.0 }).unwrap().value
+            limiter
+                .apply(&config.channels[0], 0, Target { value, ..Target::default() }, true)
+                .unwrap()
+                .value
         };
         assert_eq!(to(2.5), 2.5);
         assert_eq!(to(5.0), 2.5);

@@ -10,7 +10,7 @@ use rollwalk_protocol::faults::{Event, Fault};
 use rollwalk_protocol::library::{Library, NodeId, Unreadable};
 
 use crate::actuators::{Actuators, FRESH_TICKS, Hold};
-use crate::align::Ramp;
+use crate::align::{Ramp, RampEnds};
 use crate::bus::Buses;
 use crate::graph_cursor::GoalError;
 use crate::limiter::{Limiter, Target};
@@ -138,10 +138,10 @@ impl Motion {
         Some((u8::try_from(channel).ok()?, value))
     }
 
-    /// Distance between a joint's measured position and its last setpoint, rad.
+    /// Distance between a joint's measured position and where its last setpoint was meant to take it, rad.
     fn lag_rad(&self, setup: &Setup, channel: usize) -> Option<f32> {
         let joint = setup.config.channels.get(channel)?.kind == ChannelKind::JointPosition;
-        let setpoint = self.limiter.last(channel).filter(|_| joint)?;
+        let setpoint = self.limiter.meant(channel).filter(|_| joint)?;
         Some((setpoint - self.actuators.measured(&setup.config, channel)?).abs())
     }
 
@@ -224,6 +224,7 @@ impl Motion {
                 self.limiter.start(i, measured);
             }
         }
+        self.limiter.drop_torques();
         // A pending enable would be sent after the decision to damp.
         self.actuators.drop_orders();
         self.stage = Stage::Damped;
@@ -322,12 +323,15 @@ impl Motion {
     fn start_ramp(&mut self, setup: &Setup, library: &Library<'_>) -> Result<(), Unreadable> {
         let mut safe = [0.0; MAX_CHANNELS];
         library.safe_pose_into(&mut safe).ok_or(Unreadable)?;
+        let mut torques = [0.0; MAX_CHANNELS];
+        library.safe_torques_into(&mut torques)?;
         let config = &setup.config;
-        let mut ends: Vec<(f32, f32), MAX_CHANNELS> = Vec::new();
-        for (i, to) in safe.into_iter().enumerate().take(config.channels.len()) {
+        let mut ends: Vec<RampEnds, MAX_CHANNELS> = Vec::new();
+        let safe = safe.into_iter().zip(torques).enumerate();
+        for (i, (to, torque_nm)) in safe.take(config.channels.len()) {
             let from = self.actuators.measured(config, i).ok_or(Unreadable)?;
             self.limiter.start(i, from);
-            ends.push((from, to)).map_err(|_| Unreadable)?;
+            ends.push(RampEnds { from, to, torque_nm }).map_err(|_| Unreadable)?;
         }
         let settings = &setup.settings;
         let (speed, period) = (settings.align_speed_rad_s, settings.period_s());
@@ -337,13 +341,15 @@ impl Motion {
     }
 
     fn emit_targets(&mut self, setup: &Setup) {
+        let feed_forward = self.parameters.feed_forward();
         for i in 0..setup.config.channels.len() {
             let target = match &self.stage {
                 Stage::Ramping { ramp, .. } => ramp.target(i),
                 Stage::Playing(player) => player.target(&setup.config, i),
                 Stage::Off | Stage::Enabling { .. } | Stage::Damped => None,
             };
-            if let Some(target) = target {
+            if let Some(mut target) = target {
+                target.torque_nm *= feed_forward;
                 self.emit(setup, i, target, Hold::Driven);
             }
         }
@@ -357,7 +363,7 @@ impl Motion {
                 ChannelKind::WheelSpeed => Some(0.0),
             };
             if let Some(value) = value {
-                self.emit(setup, i, Target { value, slope: 0.0 }, Hold::Damped);
+                self.emit(setup, i, Target { value, slope: 0.0, torque_nm: 0.0 }, Hold::Damped);
             }
         }
     }
@@ -372,9 +378,11 @@ impl Motion {
             }
         };
         let Some(limits) = limits else { return };
-        let limited = self.limiter.apply(limits, channel, target);
+        let takes_torque = self.actuators.takes_torque(limits);
+        let limited = self.limiter.apply(limits, channel, target, takes_torque);
         if let (Some(target), Some(slot)) = (limited, self.emitted.get_mut(channel)) {
-            self.actuators.command(limits, channel, target, hold);
+            let meant = self.limiter.meant(channel).unwrap_or(target.value);
+            self.actuators.command(limits, channel, (target, meant), hold);
             *slot = Some(target);
         }
     }

@@ -1,4 +1,5 @@
-//! Gains and torque limits in force: those of the robot's configuration, or values set at run time.
+//! Gains, torque limits and the share of the torques that is fed forward, in force: those of the robot's configuration,
+//! or values set at run time.
 //!
 //! New values are checked against the configuration: a gain may be raised to a multiple of the configured one; a
 //! torque limit may only be lowered, because libraries are validated against it. While torque is on, a change takes
@@ -30,6 +31,11 @@ impl GainRamp {
         Self { from: to, to, ticks_left: 0 }
     }
 
+    /// Goes on from the current value to another, in so many ticks.
+    fn lead_to(&mut self, to: f32, ramp_ticks: u16, ticks_left: u16) {
+        *self = Self { from: self.now(ramp_ticks), to, ticks_left };
+    }
+
     /// The current value on the ramp.
     // Called rarely: kept once in the image instead of inlined.
     #[inline(never)]
@@ -52,6 +58,8 @@ pub(crate) struct Parameters {
     channels: Vec<[GainRamp; PARAMETERS], MAX_CHANNELS>,
     /// Channels in force: the configuration with these parameters. Cached, because every control period reads it.
     driven: Vec<Channel, MAX_CHANNELS>,
+    /// Share of the library's torques that is fed forward.
+    feed_forward: GainRamp,
     ramp_ticks: u16,
     /// Ticks until the last ramp ends.
     moving_ticks: u16,
@@ -62,7 +70,8 @@ impl Parameters {
     pub fn new(config: &RobotConfig, settings: &Settings) -> Self {
         let ramp_ticks = u16::try_from(settings.ticks(RAMP_US)).unwrap_or(u16::MAX).max(1);
         let channels = gathered(config.channels.iter().map(|c| configured(c).map(GainRamp::at)));
-        Self { channels, driven: config.channels.clone(), ramp_ticks, moving_ticks: 0 }
+        let (driven, feed_forward) = (config.channels.clone(), GainRamp::at(1.0));
+        Self { channels, driven, feed_forward, ramp_ticks, moving_ticks: 0 }
     }
 
     /// Advances the ramps by one control period.
@@ -71,7 +80,7 @@ impl Parameters {
             return;
         }
         self.moving_ticks -= 1;
-        for ramp in self.channels.iter_mut().flatten() {
+        for ramp in self.channels.iter_mut().flatten().chain([&mut self.feed_forward]) {
             ramp.ticks_left = ramp.ticks_left.saturating_sub(1);
         }
         self.apply(config);
@@ -95,6 +104,11 @@ impl Parameters {
         self.driven.get(channel)
     }
 
+    /// Share of the library's torques that is fed forward, in force: 0 to 1.
+    pub fn feed_forward(&self) -> f32 {
+        self.feed_forward.now(self.ramp_ticks)
+    }
+
     /// Parameters of a damped channel: kd of the configuration, not the tuned one, within the torque limit in force.
     pub fn damped(&self, config: &RobotConfig, channel: usize) -> Option<Channel> {
         let configured = config.channels.get(channel)?;
@@ -105,7 +119,15 @@ impl Parameters {
     /// Goal value of a parameter, even while its ramp runs.
     pub fn get(&self, parameter: u8, channel: u8) -> Result<f32, Refusal> {
         let values = self.channels.get(usize::from(channel)).ok_or(UNKNOWN_CHANNEL)?;
-        values.get(usize::from(parameter)).map(|ramp| ramp.to).ok_or(UNKNOWN_PARAMETER)
+        let ramp = match values.get(usize::from(parameter)) {
+            None if parameter == Parameter::FeedForward as u8 => self.of_robot(channel)?,
+            ramp => ramp.ok_or(UNKNOWN_PARAMETER)?,
+        };
+        Ok(ramp.to)
+    }
+
+    fn of_robot(&self, channel: u8) -> Result<&GainRamp, Refusal> {
+        if channel == 0 { Ok(&self.feed_forward) } else { Err(UNKNOWN_CHANNEL) }
     }
 
     /// Sets a parameter: at once, or in a ramp while `driven`.
@@ -121,13 +143,14 @@ impl Parameters {
         let which = Parameter::from_code(parameter).ok_or(UNKNOWN_PARAMETER)?;
         check(limits, settings, which, value)?;
         let ramp_ticks = self.ramp_ticks;
+        self.get(parameter, channel)?;
         let values = self.channels.get_mut(usize::from(channel)).ok_or(UNKNOWN_CHANNEL)?;
-        let ramp = values.get_mut(usize::from(parameter)).ok_or(UNKNOWN_PARAMETER)?;
+        let ramp = values.get_mut(usize::from(parameter)).unwrap_or(&mut self.feed_forward);
         // Turns −0 into 0.
         let to = value + 0.0;
         // A repeated value does not restart the ramp, so repeated requests do not delay it.
         if to != ramp.to {
-            *ramp = GainRamp { from: ramp.now(ramp_ticks), to, ticks_left: ramp_ticks };
+            ramp.lead_to(to, ramp_ticks, ramp_ticks);
             self.moving_ticks = ramp_ticks;
         }
         if !driven {
@@ -141,19 +164,21 @@ impl Parameters {
     pub fn reset(&mut self, config: &RobotConfig, driven: bool) {
         let ramp_ticks = self.ramp_ticks;
         self.moving_ticks = ramp_ticks;
+        let ticks_left = if driven { ramp_ticks } else { 0 };
         for (values, limits) in self.channels.iter_mut().zip(&config.channels) {
             for (ramp, to) in values.iter_mut().zip(configured(limits)) {
-                let from = ramp.now(ramp_ticks);
-                *ramp = GainRamp { from, to, ticks_left: if driven { ramp_ticks } else { 0 } };
+                ramp.lead_to(to, ramp_ticks, ticks_left);
             }
         }
+        self.feed_forward.lead_to(1.0, ramp_ticks, ticks_left);
         self.apply(config);
     }
 
     /// All values, for a store.
     pub fn all(&self, config: &RobotConfig) -> ParameterSet {
         let values = gathered(self.channels.iter().map(|values| values.map(|ramp| ramp.to)));
-        ParameterSet { config_hash: config.hash(), values }
+        let feed_forward = self.feed_forward.to;
+        ParameterSet { config_hash: config.hash(), values, feed_forward }
     }
 
     /// Restores a stored set as a whole or not at all; returns whether it fits the configuration and its
@@ -165,12 +190,14 @@ impl Parameters {
         set: &ParameterSet,
     ) -> bool {
         let fits = set.values.len() == config.channels.len()
+            && (0.0..=1.0).contains(&set.feed_forward)
             && set.values.iter().zip(&config.channels).all(|(values, limits)| {
                 let mut each = Parameter::ALL.iter().zip(values);
                 each.all(|(&which, &value)| check(limits, settings, which, value).is_ok())
             });
         if fits {
             self.channels = gathered(set.values.iter().map(|values| values.map(GainRamp::at)));
+            self.feed_forward = GainRamp::at(set.feed_forward);
             self.apply(config);
         }
         fits
@@ -180,7 +207,7 @@ impl Parameters {
 const UNKNOWN_CHANNEL: Refusal = (ParameterResult::UnknownChannel, 0.0);
 const UNKNOWN_PARAMETER: Refusal = (ParameterResult::UnknownParameter, 0.0);
 
-/// The configuration's values, in the order of [`Parameter::ALL`].
+/// The configuration's values of a channel, in the order of [`Parameter::ALL`].
 fn configured(limits: &Channel) -> [f32; PARAMETERS] {
     [limits.kp_nm_rad, limits.kd_nm_s_rad, limits.max_torque_nm]
 }
@@ -192,6 +219,7 @@ fn range(limits: &Channel, settings: &Settings, parameter: Parameter) -> (f32, f
         Parameter::Kp => raised(limits.kp_nm_rad, MAX_KP_NM_RAD),
         Parameter::Kd => raised(limits.kd_nm_s_rad, MAX_KD_NM_S_RAD),
         Parameter::MaxTorque => (LEAST_TORQUE * limits.max_torque_nm, limits.max_torque_nm),
+        Parameter::FeedForward => (0.0, 1.0),
     }
 }
 
@@ -227,6 +255,7 @@ mod tests {
     const KP: u8 = Parameter::Kp as u8;
     const KD: u8 = Parameter::Kd as u8;
     const TORQUE: u8 = Parameter::MaxTorque as u8;
+    const FEED_FORWARD: u8 = Parameter::FeedForward as u8;
 
     fn config() -> RobotConfig {
         let joint = Channel {
@@ -271,7 +300,9 @@ mod tests {
         assert_eq!(parameters.driven(2), None);
         assert_eq!(parameters.damped(&config(), 2), None);
         assert_eq!(parameters.get(TORQUE, 1), Ok(3.0));
-        assert_eq!(parameters.get(3, 1), Err(UNKNOWN_PARAMETER));
+        assert_eq!(parameters.get(4, 1), Err(UNKNOWN_PARAMETER));
+        assert_eq!(parameters.get(FEED_FORWARD, 0), Ok(1.0));
+        assert_eq!(parameters.get(FEED_FORWARD, 1), Err(UNKNOWN_CHANNEL), "it is the robot's");
         assert_eq!(parameters.get(KP, 2), Err(UNKNOWN_CHANNEL));
     }
 
@@ -294,7 +325,11 @@ mod tests {
         ] {
             assert_eq!(set(&mut p, which, value, false), range(limit), "{which:?} {value}");
         }
-        assert_eq!(set(&mut p, (3, 0), 1.0, false), UNKNOWN_PARAMETER);
+        for (value, limit) in [(-0.1, 0.0), (1.001, 1.0), (f32::NAN, 1.0)] {
+            assert_eq!(set(&mut p, (FEED_FORWARD, 0), value, false), range(limit));
+        }
+        assert_eq!(set(&mut p, (FEED_FORWARD, 1), 1.0, false), UNKNOWN_CHANNEL);
+        assert_eq!(set(&mut p, (4, 0), 1.0, false), UNKNOWN_PARAMETER);
         assert_eq!(set(&mut p, (KP, 2), 1.0, false), UNKNOWN_CHANNEL);
         for (i, limits) in config().channels.iter().enumerate() {
             assert_eq!(driven(&p, i), *limits, "nothing has changed");
@@ -379,17 +414,20 @@ mod tests {
         let mut p = fresh();
         set(&mut p, (KP, 0), 11.0, false);
         set(&mut p, (TORQUE, 1), 1.5, false);
+        set(&mut p, (FEED_FORWARD, 0), 0.25, false);
         let saved = p.all(&config);
         assert_eq!(saved.config_hash, config.hash());
         let mut restored = fresh();
         assert!(restored.restore(&config, &settings, &saved));
         assert_eq!((driven(&restored, 0), driven(&restored, 1)), (driven(&p, 0), driven(&p, 1)));
+        assert_eq!(restored.feed_forward(), 0.25);
 
         let mut bad = saved.clone();
         bad.values[1][2] = f32::NAN;
         let mut short = saved.clone();
         short.values.pop();
-        for refused in [bad, short] {
+        let beyond = ParameterSet { feed_forward: 1.5, ..saved.clone() };
+        for refused in [bad, short, beyond] {
             let mut p = fresh();
             assert!(!p.restore(&config, &settings, &refused));
             assert_eq!(driven(&p, 0), config.channels[0]);
@@ -411,7 +449,7 @@ mod tests {
         /// of a ramp.
         #[test]
         fn nothing_that_is_asked_for_leads_out_of_the_ranges(
-            requests in prop::collection::vec((0u8..5, 0u8..4, anything(), 0u8..30, any::<bool>()), 1..60),
+            requests in prop::collection::vec((0u8..6, 0u8..4, anything(), 0u8..30, any::<bool>()), 1..60),
         ) {
             let mut p = fresh();
             for (parameter, channel, value, ticks, reset) in requests {
@@ -422,7 +460,10 @@ mod tests {
                 }
                 for _ in 0..ticks {
                     let before = [driven(&p, 0), driven(&p, 1)];
+                    let share = p.feed_forward();
                     p.advance(&config());
+                    prop_assert!((0.0..=1.0).contains(&p.feed_forward()));
+                    prop_assert!((p.feed_forward() - share).abs() <= 1.001 / 60.0);
                     for (i, limits) in config().channels.iter().enumerate() {
                         let now = driven(&p, i);
                         prop_assert!(now.kp_nm_rad >= 0.0 && now.kp_nm_rad <= 2.0 * limits.kp_nm_rad);

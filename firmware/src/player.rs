@@ -6,6 +6,12 @@
 //! Playback may be slower than planned, down to a halt, never faster: the limits were checked at the planned speed
 //! and hold at every lower one. The playback speed changes gradually, so that joint speeds do not jump and wheels
 //! stay within their acceleration limits.
+//!
+//! Torques are interpolated linearly: they jump where a foot touches the ground, and a cubic would swing beyond both
+//! ends of such a step. They are not scaled with the playback speed s. Of a torque the part for weight stays, and the
+//! part for acceleration should be s² times what was planned; the library has the sum. Most of it is weight, a halt
+//! must stand, and what is too much, (1 − s²) times the acceleration's part, is what the gains had to make up for
+//! without torques.
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::library::{ClipId, Library, NodeId, RATE_HZ, Unreadable};
@@ -44,28 +50,34 @@ pub struct Playing {
     pub phase: f32,
 }
 
-/// A frame: clip and number, whether the robot rests in SAFE there, and the channels' values, rad or rad/s.
+/// A frame: clip and number, whether the robot rests in SAFE there, the channels' values, rad or rad/s, and torques,
+/// N·m.
 #[derive(Clone, Copy, Debug)]
 struct Frame {
     clip: ClipId,
     number: u16,
     rests_in_safe: bool,
     values: [f32; MAX_CHANNELS],
+    torques: [f32; MAX_CHANNELS],
 }
 
 impl Frame {
     fn of(cursor: &GraphCursor, library: &Library<'_>) -> Result<Self, Unreadable> {
         let (clip, number) = cursor.at();
-        let mut frame = Self { clip, number, rests_in_safe: false, values: [0.0; MAX_CHANNELS] };
+        let (values, torques) = ([0.0; MAX_CHANNELS], [0.0; MAX_CHANNELS]);
+        let mut frame = Self { clip, number, rests_in_safe: false, values, torques };
         frame.take(cursor, library)?;
         Ok(frame)
     }
 
     /// Becomes the frame at which a cursor stands.
+    // Once in the image instead of where it is called.
+    #[inline(never)]
     fn take(&mut self, cursor: &GraphCursor, library: &Library<'_>) -> Result<(), Unreadable> {
         (self.clip, self.number) = cursor.at();
         self.rests_in_safe = cursor.rests_in_safe(library);
-        cursor.frame_into(library, &mut self.values)
+        cursor.frame_into(library, &mut self.values)?;
+        cursor.torques_into(library, &mut self.torques)
     }
 }
 
@@ -206,12 +218,13 @@ impl Player {
     pub fn target(&self, config: &RobotConfig, channel: usize) -> Option<Target> {
         let kind = config.channels.get(channel)?.kind;
         let planned = self.planned(channel)?;
-        Some(match kind {
-            ChannelKind::JointPosition => {
-                Target { value: planned.value, slope: planned.slope * self.speed() }
-            }
-            ChannelKind::WheelSpeed => Target { value: planned.value * self.speed(), slope: 0.0 },
-        })
+        let (value, slope) = match kind {
+            ChannelKind::JointPosition => (planned.value, planned.slope * self.speed()),
+            ChannelKind::WheelSpeed => (planned.value * self.speed(), 0.0),
+        };
+        let [_, from, to, _] = self.frames();
+        let (from, to) = (*from.torques.get(channel)?, *to.torques.get(channel)?);
+        Some(Target { value, slope, torque_nm: from + self.phase() * (to - from) })
     }
 
     /// Planned value of a channel, and its slope at the planned speed.

@@ -108,7 +108,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 let most = most.and_then(|gains| match Parameter::from_code(parameter)? {
                     Parameter::Kp => Some(gains.kp_nm_rad),
                     Parameter::Kd => Some(gains.kd_nm_s_rad),
-                    Parameter::MaxTorque => None,
+                    Parameter::MaxTorque | Parameter::FeedForward => None,
                 });
                 if let Some(most) = most.filter(|&most| value > most) {
                     return Err((ParameterResult::OutOfRange, most));

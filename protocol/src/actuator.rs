@@ -6,12 +6,16 @@
 //! | `0x100 + n` | [`JointSetpoint`] | to actuator `n` |
 //! | `0x180 + n` | [`Feedback`] | from actuator `n` |
 //! | `0x200 + n` | [`WheelSetpoint`] | to actuator `n` |
+//! | `0x280 + n` | [`JointSetpoint`] with a torque | to actuator `n` |
+//! | `0x300 + n` | [`WheelSetpoint`] with a torque | to actuator `n` |
 //!
 //! `n` is 0 to 127. Disabling goes before any setpoint on a busy bus. Integers are little-endian
 //! and two's complement, every value rounds to the nearest step, and 0 is 0 exactly. −32768 is
 //! never sent and is refused. Values that do not fit their scale are not sent at all: `encode`
 //! answers `None`, a configuration that passed [`crate::config::RobotConfig::check`] never gets
 //! there with values within its limits.
+//!
+//! A setpoint whose torque rounds to 0 is sent in the frame without: drives that know no torque follow it.
 
 use crate::can::Frame;
 
@@ -45,6 +49,8 @@ const CONTROL: u16 = 0x080;
 const JOINT_SETPOINT: u16 = 0x100;
 const FEEDBACK: u16 = 0x180;
 const WHEEL_SETPOINT: u16 = 0x200;
+const JOINT_TORQUE_SETPOINT: u16 = 0x280;
+const WHEEL_TORQUE_SETPOINT: u16 = 0x300;
 
 // Steps of a unit. Whole numbers, so that `steps / STEPS` is the nearest f32 to the decimal value.
 pub(crate) const POSITION_STEPS: f32 = 5000.0;
@@ -99,7 +105,60 @@ fn split<const N: usize>(frame: &Frame, base: u16) -> Option<(u8, [u8; N])> {
     of_kind.then_some(((id & u16::from(MAX_ID)) as u8, data))
 }
 
-/// What a joint's servo shall do: torque = kp (q* − q) + kd (q̇* − q̇), within its torque limit.
+// Steps of a unit in setpoints with torque.
+const COARSE_SPEED_STEPS: f32 = 125.0;
+const SHORT_KP_STEPS: f32 = 1000.0;
+const SHORT_KD_STEPS: f32 = 10_000.0;
+const SHORT_TORQUE_STEPS: f32 = 1000.0;
+/// What brings the exponent of 128 steps to 1: the upper 16 bits of an `f32` of so many, less the code of 128.
+const SHORT_BIAS: u32 = (134 << 7) - 128;
+/// Largest code.
+const SHORT_MOST: u32 = (1 << 11) - 1;
+
+/// A number from 0 on in 11 bits: exponent e in the upper 4 and m in the lower 7 are m steps for e = 0, otherwise
+/// (128 + m) · 2^(e−1). Off by 1/256 at most from 128 steps on; by half a step below.
+// Once in the image instead of where it is called; so are the others.
+#[inline(never)]
+fn short(value: f32, per_unit: f32, rounding: u32) -> Option<u64> {
+    let steps = value * per_unit;
+    let code = if steps < 128.0 {
+        // A negative number and a NaN become 0, and are refused below.
+        (steps + rounding as f32 / 65536.0) as u32
+    } else {
+        (steps.to_bits().saturating_add(rounding) >> 16).saturating_sub(SHORT_BIAS)
+    };
+    (value >= 0.0 && code <= SHORT_MOST).then_some(u64::from(code))
+}
+
+/// To the nearest.
+const NEAREST: u32 = 1 << 15;
+/// Down, but for the rounding of the product: for a limit.
+const DOWN: u32 = 1 << 6;
+
+fn from_short(code: u64, per_unit: f32) -> f32 {
+    let code = code as u32 & SHORT_MOST;
+    let steps = if code < 128 { code as f32 } else { f32::from_bits((code + SHORT_BIAS) << 16) };
+    steps / per_unit
+}
+
+/// A torque of either sign in 12 bits, the sign in the highest. `Some(0)` for one that rounds to 0.
+fn short_torque(torque_nm: f32) -> Option<u64> {
+    let code = short(torque_nm.abs(), SHORT_TORQUE_STEPS, NEAREST)?;
+    Some(if torque_nm < 0.0 && code > 0 { 1 << 11 | code } else { code })
+}
+
+/// The last 34 bits of a setpoint with torque. `None` for a torque of 0, which has no such frame.
+fn torque_setpoint(word: u64) -> Option<(u64, u64, f32)> {
+    let (first, kd, torque) = (word >> 30, word >> 41, word >> 52);
+    let torque_nm = from_short(torque, SHORT_TORQUE_STEPS);
+    (torque_nm != 0.0).then_some((
+        first,
+        kd,
+        if torque >> 11 != 0 { -torque_nm } else { torque_nm },
+    ))
+}
+
+/// What a joint's servo shall do: torque = kp (q* − q) + kd (q̇* − q̇) + τ, within its torque limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointSetpoint {
     /// q*, rad.
@@ -110,13 +169,28 @@ pub struct JointSetpoint {
     pub kp_nm_rad: f32,
     /// kd, N·m·s/rad.
     pub kd_nm_s_rad: f32,
+    /// τ, N·m.
+    pub torque_nm: f32,
 }
 
 impl JointSetpoint {
-    /// `[position i16 0.2 mrad][velocity i16 2 mrad/s][kp u16 0.01 N·m/rad][kd u16 0.001 N·m·s/rad]`.
-    /// `None` when a value is no number or beyond its scale, or `id` above [`MAX_ID`].
+    /// `[position i16 0.2 mrad][velocity i16 2 mrad/s][kp u16 0.01 N·m/rad][kd u16 0.001 N·m·s/rad]`; with a torque
+    /// `[position i16 0.2 mrad][velocity i14 8 mrad/s][kp 11][kd 11][torque 12]` from the lowest bit of the first byte on,
+    /// in short numbers of 1 mN·m/rad, 0.1 mN·m·s/rad and 1 mN·m. `None` when a value is no number or beyond its scale, or
+    /// `id` above [`MAX_ID`].
     pub fn encode(&self, id: u8) -> Option<Frame> {
-        let [p0, p1] = i16_steps(self.position_rad, POSITION_STEPS)?.to_le_bytes();
+        let position = i16_steps(self.position_rad, POSITION_STEPS)?;
+        let torque = short_torque(self.torque_nm)?;
+        if torque != 0 {
+            let velocity = steps(self.velocity_rad_s, COARSE_SPEED_STEPS, (1 << 13) - 1)?;
+            let word = u64::from(position as u16)
+                | u64::from(velocity as u32 & 0x3FFF) << 16
+                | short(self.kp_nm_rad, SHORT_KP_STEPS, NEAREST)? << 30
+                | short(self.kd_nm_s_rad, SHORT_KD_STEPS, NEAREST)? << 41
+                | torque << 52;
+            return Some(Frame::known(address(JOINT_TORQUE_SETPOINT, id)?, word.to_le_bytes()));
+        }
+        let [p0, p1] = position.to_le_bytes();
         let [v0, v1] = i16_steps(self.velocity_rad_s, SPEED_STEPS)?.to_le_bytes();
         let [kp0, kp1] = u16_steps(self.kp_nm_rad, KP_STEPS)?.to_le_bytes();
         let [kd0, kd1] = u16_steps(self.kd_nm_s_rad, KD_STEPS)?.to_le_bytes();
@@ -126,18 +200,34 @@ impl JointSetpoint {
 
     /// Address and setpoint; `None` for any other frame.
     pub fn decode(frame: &Frame) -> Option<(u8, Self)> {
+        if let Some((id, [p0, p1, rest @ ..])) = split::<8>(frame, JOINT_TORQUE_SETPOINT) {
+            let [r0, r1, r2, r3, r4, r5] = rest;
+            let word = u64::from_le_bytes([p0, p1, r0, r1, r2, r3, r4, r5]);
+            // The two highest bits of 16 are the sign's.
+            let velocity = ((word >> 14) as i16) >> 2;
+            let (kp, kd, torque_nm) = torque_setpoint(word)?;
+            let setpoint = Self {
+                position_rad: signed(p0, p1, POSITION_STEPS)?,
+                velocity_rad_s: f32::from(velocity) / COARSE_SPEED_STEPS,
+                kp_nm_rad: from_short(kp, SHORT_KP_STEPS),
+                kd_nm_s_rad: from_short(kd, SHORT_KD_STEPS),
+                torque_nm,
+            };
+            return (velocity != -1 << 13).then_some((id, setpoint));
+        }
         let (id, [p0, p1, v0, v1, kp0, kp1, kd0, kd1]) = split(frame, JOINT_SETPOINT)?;
         let setpoint = Self {
             position_rad: signed(p0, p1, POSITION_STEPS)?,
             velocity_rad_s: signed(v0, v1, SPEED_STEPS)?,
             kp_nm_rad: unsigned(kp0, kp1, KP_STEPS),
             kd_nm_s_rad: unsigned(kd0, kd1, KD_STEPS),
+            torque_nm: 0.0,
         };
         Some((id, setpoint))
     }
 }
 
-/// What a wheel's drive shall do: torque = kd (ω* − ω), within the given limit.
+/// What a wheel's drive shall do: torque = kd (ω* − ω) + τ, within the given limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WheelSetpoint {
     /// ω*, rad/s.
@@ -146,12 +236,24 @@ pub struct WheelSetpoint {
     pub kd_nm_s_rad: f32,
     /// Torque limit, N·m.
     pub torque_limit_nm: f32,
+    /// τ, N·m.
+    pub torque_nm: f32,
 }
 
 impl WheelSetpoint {
-    /// `[speed i32 0.1 mrad/s][kd u16 0.001 N·m·s/rad][torque limit u16 5 mN·m]`.
+    /// `[speed i32 0.1 mrad/s][kd u16 0.001 N·m·s/rad][torque limit u16 5 mN·m]`; with a torque
+    /// `[speed i30 0.1 mrad/s][torque limit 11][kd 11][torque 12]`, as of a joint, the limit rounded down.
     /// `None` when a value is no number or beyond its scale, or `id` above [`MAX_ID`].
     pub fn encode(&self, id: u8) -> Option<Frame> {
+        let torque = short_torque(self.torque_nm)?;
+        if torque != 0 {
+            let speed = steps(self.speed_rad_s, WHEEL_SPEED_STEPS, (1 << 29) - 1)?;
+            let word = u64::from(speed as u32 & 0x3FFF_FFFF)
+                | short(self.torque_limit_nm, SHORT_TORQUE_STEPS, DOWN)? << 30
+                | short(self.kd_nm_s_rad, SHORT_KD_STEPS, NEAREST)? << 41
+                | torque << 52;
+            return Some(Frame::known(address(WHEEL_TORQUE_SETPOINT, id)?, word.to_le_bytes()));
+        }
         let [s0, s1, s2, s3] = steps(self.speed_rad_s, WHEEL_SPEED_STEPS, i32::MAX)?.to_le_bytes();
         let [kd0, kd1] = u16_steps(self.kd_nm_s_rad, KD_STEPS)?.to_le_bytes();
         let [t0, t1] = u16_steps(self.torque_limit_nm, TORQUE_STEPS)?.to_le_bytes();
@@ -161,6 +263,18 @@ impl WheelSetpoint {
 
     /// Address and setpoint; `None` for any other frame.
     pub fn decode(frame: &Frame) -> Option<(u8, Self)> {
+        if let Some((id, bytes)) = split(frame, WHEEL_TORQUE_SETPOINT) {
+            let word = u64::from_le_bytes(bytes);
+            let speed = (word as i32) << 2 >> 2;
+            let (limit, kd, torque_nm) = torque_setpoint(word)?;
+            let setpoint = Self {
+                speed_rad_s: speed as f32 / WHEEL_SPEED_STEPS,
+                kd_nm_s_rad: from_short(kd, SHORT_KD_STEPS),
+                torque_limit_nm: from_short(limit, SHORT_TORQUE_STEPS),
+                torque_nm,
+            };
+            return (speed != -1 << 29).then_some((id, setpoint));
+        }
         let (id, [s0, s1, s2, s3, kd0, kd1, t0, t1]) = split(frame, WHEEL_SETPOINT)?;
         let raw = i32::from_le_bytes([s0, s1, s2, s3]);
         if raw == i32::MIN {
@@ -170,6 +284,7 @@ impl WheelSetpoint {
             speed_rad_s: raw as f32 / WHEEL_SPEED_STEPS,
             kd_nm_s_rad: unsigned(kd0, kd1, KD_STEPS),
             torque_limit_nm: unsigned(t0, t1, TORQUE_STEPS),
+            torque_nm: 0.0,
         };
         Some((id, setpoint))
     }

@@ -113,9 +113,15 @@ mod tests {
     }
 
     fn setpoint(position_rad: f32, id: u8) -> Frame {
-        JointSetpoint { position_rad, velocity_rad_s: 0.0, kp_nm_rad: 20.0, kd_nm_s_rad: 0.5 }
-            .encode(id)
-            .unwrap()
+        JointSetpoint {
+            position_rad,
+            velocity_rad_s: 0.0,
+            kp_nm_rad: 20.0,
+            kd_nm_s_rad: 0.5,
+            torque_nm: 0.0,
+        }
+        .encode(id)
+        .unwrap()
     }
 
     fn ask(servo: &mut Servo, now: SimTime, frame: Frame) -> Feedback {
@@ -194,8 +200,13 @@ mod tests {
     fn a_wheel_reaches_its_speed_within_its_torque_limit_and_reports_a_wrapped_angle() {
         let plant = Plant::new(&actuator(), 0.0);
         let mut wheel = Servo::new(&Bus::default(), &channel(ChannelKind::WheelSpeed), plant);
-        let frame =
-            WheelSetpoint { speed_rad_s: 6.0, kd_nm_s_rad: 0.5, torque_limit_nm: 0.2 }.encode(5);
+        let frame = WheelSetpoint {
+            speed_rad_s: 6.0,
+            kd_nm_s_rad: 0.5,
+            torque_limit_nm: 0.2,
+            torque_nm: 0.0,
+        }
+        .encode(5);
         wheel.on_frame(SimTime::ZERO, &Control::Enable.encode(5).unwrap()).unwrap();
         run(&mut wheel, SimTime::ZERO, SimTime::from_ms(100), frame);
         // 0.2 N·m on 0.01 kg·m² for 0.1 s; the frame's torque step is a single-precision number.

@@ -16,6 +16,10 @@ const GAIN_RATIO: f32 = 2.0;
 /// Rounding of a pose in the feedback and in the setpoint, half a step each; and half a step of motion between two
 /// samples at the speeds of a robot without torque.
 const POSE_ROUNDING_RAD: f64 = 1.5 * POSITION_STEP_RAD as f64;
+/// Error of a gain in a setpoint with torque.
+const SHORT_GAIN: f32 = 1.004;
+/// Half a step of the speed in a setpoint with torque.
+const COARSE_SPEED_RAD_S: f32 = 4e-3;
 /// Steps of the motors between two samples of the pose: 2 ms.
 const STEPS_PER_SAMPLE: u32 = 8;
 
@@ -104,11 +108,14 @@ impl Setpoints {
         let Some((id, setpoint)) = Setpoint::decode(frame) else {
             return Err((Rule::ValidFrame, format!("{frame:?} on bus {bus}")));
         };
-        let (kind, value, kp) = match setpoint {
+        let (kind, value, kp, torque_nm) = match setpoint {
             Setpoint::Joint(joint) => {
-                (ChannelKind::JointPosition, joint.position_rad, Some(joint.kp_nm_rad))
+                let kp = Some(joint.kp_nm_rad);
+                (ChannelKind::JointPosition, joint.position_rad, kp, joint.torque_nm)
             }
-            Setpoint::Wheel(wheel) => (ChannelKind::WheelSpeed, wheel.speed_rad_s, None),
+            Setpoint::Wheel(wheel) => {
+                (ChannelKind::WheelSpeed, wheel.speed_rad_s, None, wheel.torque_nm)
+            }
         };
         let channel = self.channel(bus, id).filter(|&c| self.config.channels[c].kind == kind);
         let channel =
@@ -118,8 +125,9 @@ impl Setpoints {
         let last = self.last[channel].replace(Last { value, tick });
 
         check_limits(&limits, channel, &setpoint, last)?;
-        if damped && kp.is_some_and(|kp| kp > 0.0) {
-            return Err((Rule::CompliantWhenDamped, format!("channel {channel}: kp {kp:?}")));
+        if damped && (kp.is_some_and(|kp| kp > 0.0) || torque_nm != 0.0) {
+            let what = format!("channel {channel}: kp {kp:?}, {torque_nm} N·m");
+            return Err((Rule::CompliantWhenDamped, what));
         }
         match last {
             Some(last) => self.check_rate(channel, &limits, last, Last { value, tick })?,
@@ -201,9 +209,9 @@ fn check_limits(
     last: Option<Last>,
 ) -> Result<(), (Rule, String)> {
     let fail = |what: &str| Err((Rule::Limits, format!("channel {channel}: {what}: {setpoint:?}")));
-    let (value, kp, kd) = match setpoint {
-        Setpoint::Joint(joint) => (joint.position_rad, joint.kp_nm_rad, joint.kd_nm_s_rad),
-        Setpoint::Wheel(wheel) => (wheel.speed_rad_s, 0.0, wheel.kd_nm_s_rad),
+    let (value, kp, kd, torque_nm) = match setpoint {
+        Setpoint::Joint(j) => (j.position_rad, j.kp_nm_rad, j.kd_nm_s_rad, j.torque_nm),
+        Setpoint::Wheel(w) => (w.speed_rad_s, 0.0, w.kd_nm_s_rad, w.torque_nm),
     };
     let rounding = 0.51 * resolution(limits);
     let before = last.map_or(value, |last| last.value);
@@ -212,10 +220,14 @@ fn check_limits(
     if !(value >= low - rounding && value <= high + rounding) {
         return fail("out of range");
     }
-    let (kp_most, kd_most) = (GAIN_RATIO * limits.kp_nm_rad, GAIN_RATIO * limits.kd_nm_s_rad);
+    if torque_nm.abs() > SHORT_GAIN * limits.max_torque_nm {
+        return fail("feeds too much torque forward");
+    }
+    let most = GAIN_RATIO * SHORT_GAIN;
+    let (kp_most, kd_most) = (most * limits.kp_nm_rad, most * limits.kd_nm_s_rad);
     match setpoint {
         Setpoint::Joint(joint)
-            if joint.velocity_rad_s.abs() > limits.max_rate + SPEED_STEP_RAD_S =>
+            if joint.velocity_rad_s.abs() > limits.max_rate + COARSE_SPEED_RAD_S =>
         {
             return fail("too fast");
         }

@@ -255,6 +255,7 @@ impl Actuators {
     pub fn heeds(&self, config: &RobotConfig, channel: usize, parameter: Parameter) -> bool {
         let driver = config.channels.get(channel).and_then(|c| self.driver(c.bus));
         driver.is_some_and(|driver| match parameter {
+            Parameter::FeedForward => true,
             _ if driver.bus.control == ControlLoop::OnController => true,
             Parameter::Kp | Parameter::Kd => driver.can.gains != UpdatePolicy::Never,
             // With gains in every setpoint they are scaled to the limit.
@@ -272,9 +273,24 @@ impl Actuators {
         (driver.bus.control == ControlLoop::InDrive).then_some(driver.can.max_gains)
     }
 
+    /// Whether a channel's actuator can be told a torque. One that cannot is told another position or speed.
+    pub fn takes_torque(&self, limits: &Channel) -> bool {
+        self.driver(limits.bus).is_some_and(|driver| {
+            driver.can.torque || driver.bus.control == ControlLoop::OnController
+        })
+    }
+
     /// Puts a target, already limited, into the mailbox of an actuator. `limits` is its channel with
     /// the gains and limits of this moment, which need not be those of the configuration.
-    pub fn command(&mut self, limits: &Channel, channel: usize, target: Target, hold: Hold) {
+    ///
+    /// With the target comes the value that it was meant to be, before an offset in place of a torque.
+    pub fn command(
+        &mut self,
+        limits: &Channel,
+        channel: usize,
+        (target, meant): (Target, f32),
+        hold: Hold,
+    ) {
         let Some(driver) = self.drivers.get_mut(usize::from(limits.bus)) else { return };
         let Some(actuator) = self.list.get_mut(channel) else { return };
         let Some(feedback) = actuator.feedback() else { return };
@@ -317,7 +333,7 @@ impl Actuators {
         actuator.pending = pending;
         actuator.setpoint = setpoint;
         if driver.pose_is_assumed() && setpoint.is_some() {
-            actuator.assume(target.value);
+            actuator.assume(meant);
         }
     }
 }

@@ -152,6 +152,7 @@ pub fn torque(limits: &Channel, target: Target, hold: Hold, feedback: &Feedback)
         }
         ChannelKind::WheelSpeed => kd * (target.value - feedback.velocity_rad_s),
     };
+    let asked = asked + target.torque_nm;
     // Not `clamp`, which panics on limits that are none.
     let within = asked.max(-limits.max_torque_nm).min(limits.max_torque_nm);
     Command::Torque { torque_nm: if asked.is_finite() { within } else { 0.0 } }
@@ -170,16 +171,15 @@ pub fn setpoint(
     let speed_error = |target: f32| target - feedback.velocity_rad_s;
     Some(match limits.kind {
         ChannelKind::JointPosition => {
+            let (kp_nm_rad, kd_nm_s_rad, torque_nm) = gains_within_torque(
+                (kp, kd, target.torque_nm),
+                target.value - feedback.position_rad,
+                speed_error(target.slope),
+                limits.max_torque_nm,
+            );
             let gains = match can.gains {
-                UpdatePolicy::EverySetpoint => {
-                    let (kp_nm_rad, kd_nm_s_rad) = gains_within_torque(
-                        (kp, kd),
-                        target.value - feedback.position_rad,
-                        speed_error(target.slope),
-                        limits.max_torque_nm,
-                    );
-                    Some(Gains { kp_nm_rad, kd_nm_s_rad })
-                }
+                UpdatePolicy::EverySetpoint => Some(Gains { kp_nm_rad, kd_nm_s_rad }),
+                // The drive's own limit holds for the sum.
                 UpdatePolicy::Stored => None,
                 UpdatePolicy::Never if hold == Hold::Damped => return None,
                 UpdatePolicy::Never => None,
@@ -187,22 +187,26 @@ pub fn setpoint(
             Command::Joint(JointSetpoint {
                 position_rad: target.value,
                 speed_rad_s: target.slope,
-                torque_nm: 0.0,
+                torque_nm,
                 gains,
             })
         }
         ChannelKind::WheelSpeed => {
-            let (kd, torque_limit_nm) = match can.limits {
-                UpdatePolicy::EverySetpoint => (kd, Some(limits.max_torque_nm)),
+            let most = limits.max_torque_nm;
+            let (_, scaled_kd, scaled_nm) = gains_within_torque(
+                (0.0, kd, target.torque_nm),
+                0.0,
+                speed_error(target.value),
+                most,
+            );
+            let (kd, torque_nm, torque_limit_nm) = match can.limits {
+                UpdatePolicy::EverySetpoint => (kd, target.torque_nm, Some(most)),
                 // Without a limit of its own, or with one that may be wrong.
-                UpdatePolicy::Stored | UpdatePolicy::Never => {
-                    let error = speed_error(target.value);
-                    (gains_within_torque((0.0, kd), 0.0, error, limits.max_torque_nm).1, None)
-                }
+                UpdatePolicy::Stored | UpdatePolicy::Never => (scaled_kd, scaled_nm, None),
             };
             Command::Wheel(WheelSetpoint {
                 speed_rad_s: target.value,
-                torque_nm: 0.0,
+                torque_nm,
                 kd_nm_s_rad: (can.gains == UpdatePolicy::EverySetpoint).then_some(kd),
                 torque_limit_nm,
             })

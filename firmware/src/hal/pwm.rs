@@ -3,12 +3,15 @@
 //!
 //! Such a servo measures nothing: it reports the angle assumed at its creation, later its last setpoint. It must
 //! therefore be at the assumed angle before its torque comes on. It has no gains either: it holds an angle or gives
-//! no torque. A setpoint without stiffness ends its torque, and so do too many ticks without a setpoint.
+//! no torque. A setpoint without stiffness ends its torque, and so do too many ticks without a setpoint. A torque that is
+//! fed forward becomes an offset of the angle.
 
 use embedded_hal::pwm::SetDutyCycle;
 use rollwalk_protocol::actuator::{ActuatorStatus, Control, Feedback, JointSetpoint};
 use rollwalk_protocol::actuators::maestro::Pulse;
 use rollwalk_protocol::can::Frame;
+
+use crate::limiter::MAX_OFFSET_RAD;
 
 /// Settings of a servo and its output.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,7 +111,11 @@ impl<P: SetDutyCycle> PwmServo<P> {
             // The servo cannot damp.
             return self.let_go(self.status);
         }
-        let Some(duty) = self.duty(setpoint.position_rad) else {
+        // What the gain would turn into the torque, as far as the pulse goes.
+        let offset_rad = setpoint.torque_nm / setpoint.kp_nm_rad;
+        let offset_rad = offset_rad.clamp(-MAX_OFFSET_RAD, MAX_OFFSET_RAD);
+        let duty = self.duty(setpoint.position_rad + offset_rad);
+        let Some(duty) = duty.or_else(|| self.duty(setpoint.position_rad)) else {
             // The servo stays at the last setpoint.
             self.status.0 |= ActuatorStatus::POSITION_LIMITED;
             return;
@@ -222,8 +229,13 @@ mod tests {
         }
 
         fn go(&mut self, position_rad: f32, kp_nm_rad: f32) -> Feedback {
-            let setpoint =
-                JointSetpoint { position_rad, velocity_rad_s: 0.0, kp_nm_rad, kd_nm_s_rad: 0.5 };
+            let setpoint = JointSetpoint {
+                position_rad,
+                velocity_rad_s: 0.0,
+                kp_nm_rad,
+                kd_nm_s_rad: 0.5,
+                torque_nm: 0.0,
+            };
             self.tell(setpoint.encode(5).unwrap())
         }
     }
@@ -243,6 +255,27 @@ mod tests {
                 assert!(bench.duty.get().abs_diff(steps) <= 1, "{}", bench.duty.get());
                 assert!((told.position_rad - rad).abs() < 2e-4 && told.status.enabled());
             }
+        });
+    }
+
+    #[test]
+    fn a_torque_is_an_offset_by_the_gain() {
+        with(|mut bench| {
+            bench.control(Control::Enable);
+            let mut go = |position_rad: f32, torque_nm: f32| {
+                let kp_nm_rad = 20.0;
+                let setpoint =
+                    JointSetpoint { position_rad, kp_nm_rad, torque_nm, ..Default::default() };
+                (bench.tell(setpoint.encode(5).unwrap()), bench.duty.get())
+            };
+            let (_, offset) = go(0.1, 1.0);
+            let (told, _) = go(0.1, 1.0);
+            assert!((told.position_rad - 0.1).abs() < 2e-4, "where it is meant to be");
+            assert!(go(0.15, 0.0).1.abs_diff(offset) <= 1, "1 N·m by 20 N·m/rad");
+            let most = go(0.1 + MAX_OFFSET_RAD, 0.0).1;
+            assert!(go(0.1, 20.0).1.abs_diff(most) <= 1, "and no further");
+            let plain = go(0.75, 0.0).1;
+            assert_eq!(go(0.75, 1.0).1, plain, "the pulse would be too long");
         });
     }
 

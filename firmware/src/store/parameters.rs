@@ -14,22 +14,24 @@ use super::record::RECORD_LEN;
 use super::{GeometryError, StoreError};
 
 /// Parameters of a channel.
-pub(crate) const PARAMETERS: usize = Parameter::ALL.len();
+pub(crate) const PARAMETERS: usize = Parameter::MaxTorque as usize + 1;
 
 /// Bytes of a set: head, values, checksum, and padding to a multiple of 32 bytes, the largest write unit in use.
 pub(super) const SET_LEN: usize = 320;
 /// Units of the log, each of whole erase units.
 pub(super) const UNITS: usize = 3;
 const MAGIC: u8 = 0xB3;
-const _: () = assert!(12 + 4 * PARAMETERS * MAX_CHANNELS + 4 <= SET_LEN, "a set fits");
+const _: () = assert!(12 + 4 * PARAMETERS * MAX_CHANNELS + 8 <= SET_LEN, "a set fits");
 
-/// The parameters of all channels, and the configuration that they belong to.
+/// The parameters of all channels and of the robot, and the configuration that they belong to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParameterSet {
     /// [`rollwalk_protocol::config::RobotConfig::hash`].
     pub config_hash: u32,
     /// Values of each channel, in the order of [`Parameter::ALL`].
     pub values: Vec<[f32; PARAMETERS], MAX_CHANNELS>,
+    /// [`Parameter::FeedForward`].
+    pub feed_forward: f32,
 }
 
 /// Memory for one [`ParameterSet`].
@@ -102,9 +104,12 @@ impl<F: NorFlash> ParameterStore for FlashParameters<F> {
 
 impl Record<SET_LEN> for ParameterSet {
     fn encode(&self, generation: u32) -> [u8; SET_LEN] {
-        let head = [MAGIC, PARAMETERS as u8, self.values.len() as u8, 0];
+        // Firmware that does not know it reads a set in which it is 1.
+        let has_feed_forward = self.feed_forward != 1.0;
+        let head = [MAGIC, PARAMETERS as u8, self.values.len() as u8, u8::from(has_feed_forward)];
         let words = [generation, u32::from_le_bytes(head), self.config_hash];
-        let values = self.values.iter().flatten().map(|value| value.to_bits());
+        let feed_forward = has_feed_forward.then_some(&self.feed_forward);
+        let values = self.values.iter().flatten().chain(feed_forward).map(|value| value.to_bits());
         let mut bytes = [0; SET_LEN];
         for (place, word) in bytes.chunks_exact_mut(4).zip(words.into_iter().chain(values)) {
             place.copy_from_slice(&word.to_le_bytes());
@@ -122,7 +127,9 @@ impl Record<SET_LEN> for ParameterSet {
         }
         let mut words = body.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word));
         let generation = words.next()?;
-        let [MAGIC, parameters, channels, 0] = words.next()?.to_le_bytes() else { return None };
+        let [MAGIC, parameters, channels, of_robot @ 0..=1] = words.next()?.to_le_bytes() else {
+            return None;
+        };
         if usize::from(parameters) != PARAMETERS || usize::from(channels) > MAX_CHANNELS {
             return None;
         }
@@ -135,6 +142,7 @@ impl Record<SET_LEN> for ParameterSet {
             }
             values.push(of_channel).ok()?;
         }
-        Some((generation, Self { config_hash, values }))
+        let feed_forward = if of_robot == 1 { f32::from_bits(words.next()?) } else { 1.0 };
+        Some((generation, Self { config_hash, values, feed_forward }))
     }
 }

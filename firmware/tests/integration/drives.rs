@@ -28,6 +28,8 @@ pub struct Motor {
     pub largest_torque_nm: f32,
     /// What pushes it from outside, N·m.
     pub load_nm: f32,
+    /// Without inertia: it gives way until its drive holds the load.
+    pub gives_way: bool,
 }
 
 impl Motor {
@@ -44,6 +46,7 @@ impl Motor {
             torque_nm: 0.0,
             largest_torque_nm: 0.0,
             load_nm: 0.0,
+            gives_way: false,
         }
     }
 
@@ -78,10 +81,13 @@ impl Motor {
     }
 
     /// If its torque is on it goes there: a joint, if it is stiff.
-    fn follow(&mut self, value: f32, kp: f32, kd: f32) {
+    fn follow(&mut self, value: f32, kp: f32, kd: f32, torque_nm: f32) {
         let stiff = if self.is_wheel() { kd > 0.0 } else { kp > 0.0 };
         if self.enabled && stiff {
             assert_eq!(self.inertia_kg_m2, 0.0, "only torque moves it");
+            let gain = if self.is_wheel() { kd } else { kp };
+            let pushed = if self.gives_way { (torque_nm + self.load_nm) / gain } else { 0.0 };
+            let value = value + pushed;
             self.largest_step = self.largest_step.max((value - self.value).abs());
             self.value = value;
             self.setpoints += 1;
@@ -133,8 +139,9 @@ impl Drive {
             Sent::Torque(torque_nm) => motor.push(torque_nm),
             Sent::Setpoint { value, kp, kd, torque_nm } => {
                 motor.log.push(sent);
-                motor.follow(value, kp, kd);
+                motor.follow(value, kp, kd, torque_nm);
                 match &self.inner.kind {
+                    _ if motor.gives_way => {}
                     _ if motor.inertia_kg_m2 > 0.0 => motor.push(torque_nm),
                     // They make up for the rounding of a wheel's speed.
                     Kind::Mit(_) => {}
@@ -162,7 +169,8 @@ impl Drive {
                 assert_eq!(axis.control_mode, if by_torque { 1 } else { position_or_speed });
                 let (position_rad, speed_rad_s, _) = axis.input;
                 if !by_torque {
-                    motor.follow(if wheel { speed_rad_s } else { position_rad } as f32, 1.0, 1.0);
+                    let value = if wheel { speed_rad_s } else { position_rad };
+                    motor.follow(value as f32, 1.0, 1.0, 0.0);
                 }
             }
             kind => {
@@ -175,7 +183,7 @@ impl Drive {
                 }
                 let Some(law) = self.inner.law(&motor.shaft()) else { return };
                 let value = if wheel { law.speed_rad_s } else { law.position_rad };
-                motor.follow(value as f32, law.kp_nm_rad as f32, law.kd_nm_s_rad as f32);
+                motor.follow(value as f32, law.kp_nm_rad as f32, law.kd_nm_s_rad as f32, 0.0);
             }
         }
     }

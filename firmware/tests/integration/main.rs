@@ -5,6 +5,7 @@ mod arming;
 mod deeds;
 mod documentation;
 mod drives;
+mod feed_forward;
 mod flash;
 mod hostile;
 mod journal;

@@ -65,11 +65,15 @@ pub fn slow_down(config: &mut RobotConfig) {
 pub fn bench_of(config: RobotConfig, protocols: [Protocol; 2], like: Bus) -> Rig {
     let library = robot::library_for(&robot::config());
     let library = if config == robot::config() { library } else { robot::calm_library(&config) };
+    bench_with(config, protocols, like, &library)
+}
+
+pub fn bench_with(config: RobotConfig, protocols: [Protocol; 2], like: Bus, library: &[u8]) -> Rig {
     let settings = Settings::default();
     let mut rig = Rig::with(config.clone(), settings, None);
     let buses: Buses = protocols.iter().map(|&protocol| Bus { protocol, ..like }).collect();
     let of = buses.clone();
-    let store = flash::store(Some(&library));
+    let store = flash::store(Some(library));
     let parameters = flash::parameters();
     rig.brain = Controller::with_parameters(config.clone(), buses, store, parameters, settings);
     let start = [0.9, -1.2, 0.0];

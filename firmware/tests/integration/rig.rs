@@ -3,11 +3,12 @@
 use crate::drives::Drives;
 use crate::flash::{self, Flash};
 use crate::robot;
+use rollwalk_firmware::limiter::FULL_TORQUE_S;
 use rollwalk_firmware::store::{FlashParameters, FlashStore};
 use rollwalk_firmware::{Buses, Controller, Settings};
 use rollwalk_protocol::actuator::{
     ActuatorStatus, Control, Feedback, JointSetpoint, KD_STEP_NM_S_RAD, KP_STEP_NM_RAD,
-    POSITION_STEP_RAD, SPEED_STEP_RAD_S, WHEEL_SPEED_STEP_RAD_S, WheelSetpoint,
+    POSITION_STEP_RAD, WHEEL_SPEED_STEP_RAD_S, WheelSetpoint,
 };
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
@@ -40,6 +41,10 @@ pub struct Servo {
     set_at: u32,
     /// Setpoints since it was enabled last, with kp for a joint.
     pub setpoints: Vec<(f32, f32)>,
+    /// The torques of these setpoints, N·m.
+    pub torques: Vec<f32>,
+    /// What pushes it from outside, N·m: it gives way until its law holds that.
+    pub load_nm: f32,
 }
 
 impl Servo {
@@ -55,6 +60,8 @@ impl Servo {
             counter: 0,
             set_at: 0,
             setpoints: vec![],
+            torques: vec![],
+            load_nm: 0.0,
         }
     }
 
@@ -84,6 +91,7 @@ impl Servo {
                 assert!(fresh || !trust_pose, "enabled again without having been disabled");
                 self.enabled = !self.refuses;
                 self.setpoints.clear();
+                self.torques.clear();
             }
             Control::Query => {}
         }
@@ -92,8 +100,7 @@ impl Servo {
     /// Takes a setpoint and checks it.
     fn set(
         &mut self,
-        value: f32,
-        kp: f32,
+        (value, kp, gain, torque_nm): (f32, f32, f32, f32),
         tick: u32,
         period_s: f32,
         state: State,
@@ -130,6 +137,24 @@ impl Servo {
             assert!(value >= low - rounding && value <= high + rounding, "{value} out of range");
             self.set_at = tick;
             self.setpoints.push((value, kp));
+            // A torque begins at 0, and takes the time to its limit that the limiter has for it.
+            let last_nm = self.torques.last().copied().unwrap_or(0.0);
+            let most = c.max_torque_nm;
+            let rounding = 2e-3 + 0.01 * most;
+            let step_nm = most * period_s * ticks as f32 / FULL_TORQUE_S;
+            let torque_off = state == State::Damped;
+            assert!(torque_nm.abs() <= most * 1.004, "{torque_nm} N·m");
+            assert!(
+                torque_off && torque_nm == 0.0 || (torque_nm - last_nm).abs() <= step_nm + rounding,
+                "{last_nm} to {torque_nm} N·m in {state:?}"
+            );
+            self.torques.push(torque_nm);
+            let pushed = if gain > 0.0 && self.load_nm != 0.0 {
+                (torque_nm + self.load_nm) / gain
+            } else {
+                0.0
+            };
+            let value = value + pushed;
             if kp > 0.0 || c.kind == ChannelKind::WheelSpeed {
                 self.value = self.jammed_at.unwrap_or(value);
             }
@@ -477,27 +502,32 @@ impl Rig {
         } else if let Some((to, s)) = JointSetpoint::decode(frame) {
             (id, servo) = (to, self.servo(bus, to));
             assert_eq!(servo.channel.kind, ChannelKind::JointPosition);
-            let rounding = 0.5 * SPEED_STEP_RAD_S;
+            // Half a step of a setpoint with torque.
+            let rounding = 4e-3;
             assert!(s.velocity_rad_s.abs() <= servo.channel.max_rate + rounding, "{s:?}");
             // Gains may be raised to twice those of the configuration; half a step of rounding.
-            assert!(s.kp_nm_rad <= 2.0 * servo.channel.kp_nm_rad + 0.5 * KP_STEP_NM_RAD, "{s:?}");
-            assert!(s.kd_nm_s_rad <= 2.0 * servo.channel.kd_nm_s_rad + 0.5 * KD_STEP_NM_S_RAD);
+            // With a torque they are off by up to 0.4 %.
+            let (kp, kd) = (s.kp_nm_rad / 1.004, s.kd_nm_s_rad / 1.004);
+            assert!(kp <= 2.0 * servo.channel.kp_nm_rad + 0.5 * KP_STEP_NM_RAD, "{s:?}");
+            assert!(kd <= 2.0 * servo.channel.kd_nm_s_rad + 0.5 * KD_STEP_NM_S_RAD);
             // By the pose that the servo told last; roundings of gains and pose.
             let error = s.position_rad - servo.value;
-            let torque = s.kp_nm_rad * error + s.kd_nm_s_rad * s.velocity_rad_s;
+            let torque = s.kp_nm_rad * error + s.kd_nm_s_rad * s.velocity_rad_s + s.torque_nm;
             assert!(
                 !trust || torque.abs() <= servo.channel.max_torque_nm + 0.05,
                 "{torque} of {s:?}"
             );
             if servo.powered {
-                servo.set(s.position_rad, s.kp_nm_rad, tick, period, state, trust);
+                let setpoint = (s.position_rad, s.kp_nm_rad, s.kp_nm_rad, s.torque_nm);
+                servo.set(setpoint, tick, period, state, trust);
             }
         } else if let Some((to, s)) = WheelSetpoint::decode(frame) {
             (id, servo) = (to, self.servo(bus, to));
             assert_eq!(servo.channel.kind, ChannelKind::WheelSpeed);
             assert!(s.torque_limit_nm <= servo.channel.max_torque_nm + 1e-3);
             if servo.powered {
-                servo.set(s.speed_rad_s, 0.0, tick, period, state, trust);
+                let setpoint = (s.speed_rad_s, 0.0, s.kd_nm_s_rad, s.torque_nm);
+                servo.set(setpoint, tick, period, state, trust);
             }
         } else {
             panic!("{frame:?} is none of the servo profile");

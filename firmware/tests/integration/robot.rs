@@ -130,7 +130,17 @@ pub fn library_with_attitudes(code: u8, pitch_rad: f32, spread_rad: f32) -> Vec<
     let motions =
         [CODE_STAND, CODE_DRIVE, CODE_WALK].map(|c| if c == code { bowed } else { level });
     let attitudes = [&motions[..], &[level; 4]].concat();
-    build_told(&config(), &stand(), true, 1.0, &attitudes)
+    build_told(&config(), &stand(), true, 1.0, &attitudes, &|_| vec![])
+}
+
+/// The library with torques: those of a frame by its values.
+pub fn library_with_torques(
+    config: &RobotConfig,
+    speed: f32,
+    torques: &dyn Fn(&[f32]) -> [f32; CHANNELS],
+) -> Vec<u8> {
+    let of = |frames: &[f32]| frames.chunks(CHANNELS).flat_map(torques).collect();
+    build_told(config, &stand(), true, speed, &[], &of)
 }
 
 fn build(config: &RobotConfig, stand: &[f32], looping: bool) -> Vec<u8> {
@@ -139,7 +149,7 @@ fn build(config: &RobotConfig, stand: &[f32], looping: bool) -> Vec<u8> {
 
 /// With the wheel `speed` times as fast.
 fn build_at(config: &RobotConfig, stand: &[f32], looping: bool, speed: f32) -> Vec<u8> {
-    build_told(config, stand, looping, speed, &[])
+    build_told(config, stand, looping, speed, &[], &|_| vec![])
 }
 
 fn build_told(
@@ -148,6 +158,7 @@ fn build_told(
     looping: bool,
     speed: f32,
     attitudes: &[Attitude],
+    torques: &dyn Fn(&[f32]) -> Vec<f32>,
 ) -> Vec<u8> {
     let slower = |mut frames: Vec<f32>| {
         frames.chunks_mut(CHANNELS).for_each(|frame| frame[2] *= speed);
@@ -156,26 +167,47 @@ fn build_told(
     let (drive, walk) = (slower(drive()), slower(walk()));
     let entry = [stand[0], stand[1], stand[2]];
     let last = (stand.len() / CHANNELS - 1) as u16;
+    let of_motions = [torques(stand), torques(&drive), torques(&walk)];
     let motions = [
-        MotionSpec { name: "stand", code: CODE_STAND, looping, frames: stand, torques: &[] },
+        MotionSpec {
+            name: "stand",
+            code: CODE_STAND,
+            looping,
+            frames: stand,
+            torques: &of_motions[0],
+        },
         MotionSpec {
             name: "drive",
             code: CODE_DRIVE,
             looping: false,
             frames: &drive,
-            torques: &[],
+            torques: &of_motions[1],
         },
-        MotionSpec { name: "walk", code: CODE_WALK, looping: true, frames: &walk, torques: &[] },
+        MotionSpec {
+            name: "walk",
+            code: CODE_WALK,
+            looping: true,
+            frames: &walk,
+            torques: &of_motions[2],
+        },
     ];
     let still = transition(STAND, STAND);
     let out_of_drive = transition(STAND, entry);
     let into_walk = slower(transition(STAND, walk_at(f32::from(WALK_ENTRY))));
     let out_of_walk = slower(transition(walk_at(f32::from(WALK_EXIT)), entry));
+    let clips = [&still, &out_of_drive, &into_walk, &out_of_walk];
+    let of = clips.map(|frames| torques(frames));
     let transitions = [
-        TransitionSpec::new(0, last, 1, 0, &still[..]),
-        TransitionSpec::new(1, DRIVE_FRAMES - 1, 0, 0, &out_of_drive[..]),
-        TransitionSpec::new(0, last, 2, WALK_ENTRY, &into_walk[..]),
-        TransitionSpec::new(2, WALK_EXIT, 0, 0, &out_of_walk[..]),
+        TransitionSpec { torques: &of[0], ..TransitionSpec::new(0, last, 1, 0, &still) },
+        TransitionSpec {
+            torques: &of[1],
+            ..TransitionSpec::new(1, DRIVE_FRAMES - 1, 0, 0, &out_of_drive)
+        },
+        TransitionSpec {
+            torques: &of[2],
+            ..TransitionSpec::new(0, last, 2, WALK_ENTRY, &into_walk)
+        },
+        TransitionSpec { torques: &of[3], ..TransitionSpec::new(2, WALK_EXIT, 0, 0, &out_of_walk) },
     ];
     let spec = LibrarySpec { config, motions: &motions, transitions: &transitions, safe: 0 };
     let mut bytes = vec![0; 64 * 1024];

@@ -64,10 +64,14 @@ fn messages(actuator: &Actuator, node: &str) -> Vec<Message> {
     if actuator.is_wheel != Some(true) {
         let text = "Torque = kp (position - measured) + kd (velocity - measured)";
         messages.push(message("joint_setpoint", 0x100, 8, text, joint_setpoint()));
+        let text = "Torque = kp (position - measured) + kd (velocity - measured) + torque";
+        messages.push(message("joint_torque_setpoint", 0x280, 8, text, joint_torque_setpoint()));
     }
     if actuator.is_wheel != Some(false) {
         let text = "Torque = kd (speed - measured)";
         messages.push(message("wheel_setpoint", 0x200, 8, text, wheel_setpoint()));
+        let text = "Torque = kd (speed - measured) + torque";
+        messages.push(message("wheel_torque_setpoint", 0x300, 8, text, wheel_torque_setpoint()));
     }
     messages
 }
@@ -99,6 +103,33 @@ fn wheel_setpoint() -> Layout {
         .unit("Nms/rad")
         .steps_up("torque_limit", 16, 5e-3)
         .unit("Nm")
+}
+
+fn joint_torque_setpoint() -> Layout {
+    let layout = Layout::new().steps("position", 16, 2e-4).unit("rad");
+    let layout = layout.steps("velocity", 14, 8e-3).unit("rad/s");
+    torque(short(layout, "kp", "mNm/rad"))
+}
+
+fn wheel_torque_setpoint() -> Layout {
+    let layout = Layout::new().steps("speed", 30, 1e-4).unit("rad/s");
+    torque(short(layout, "torque_limit", "mNm"))
+}
+
+/// Adds what setpoints with a torque end with.
+fn torque(layout: Layout) -> Layout {
+    let layout = short(short(layout, "kd", "0.1 mNms/rad"), "torque", "mNm");
+    layout.unsigned("torque_sign", 1).comment("1: negative")
+}
+
+/// Adds a short number, in steps of `unit`: its value is no multiple of its bits, so that it stands here in two parts.
+fn short(layout: Layout, name: &str, unit: &str) -> Layout {
+    let text =
+        format!("Steps of {unit}; with an exponent e above 0: (128 + mantissa) 2^(e-1) of them");
+    layout
+        .unsigned(&format!("{name}_mantissa"), 7)
+        .comment(text)
+        .unsigned(&format!("{name}_exponent"), 4)
 }
 
 /// Adds position and velocity.

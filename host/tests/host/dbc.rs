@@ -211,6 +211,8 @@ fn with_a_robot_joints_have_their_names() {
         (0x181, "FEEDBACK_front_left_hip"),
         (0x183, "FEEDBACK_front_left"),
         (0x203, "WHEEL_SETPOINT_front_left"),
+        (0x281, "JOINT_TORQUE_SETPOINT_front_left_hip"),
+        (0x303, "WHEEL_TORQUE_SETPOINT_front_left"),
     ];
     assert_eq!(messages, expected);
 }

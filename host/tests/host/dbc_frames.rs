@@ -332,6 +332,80 @@ fn isotp_says(data: &[u8]) -> Vec<(String, f64)> {
     values
 }
 
+/// Mantissa and exponent of a short number, and what it is in steps.
+fn short() -> impl Strategy<Value = (u8, u8, f32)> {
+    (0u8..128, 0u8..12).prop_map(|(mantissa, exponent)| {
+        let m = f32::from(mantissa);
+        let steps =
+            if exponent == 0 { m } else { (128.0 + m) * 2f32.powi(i32::from(exponent) - 1) };
+        (mantissa, exponent, steps)
+    })
+}
+
+fn torque() -> impl Strategy<Value = ((u8, u8, f32), bool)> {
+    (short().prop_filter("0 has no such frame", |short| short.2 > 0.0), any::<bool>())
+}
+
+type Short = (u8, u8, f32);
+
+/// What ends a setpoint with torque.
+fn shorts(
+    first: &str,
+    a: Short,
+    kd: Short,
+    torque: Short,
+    is_negative: bool,
+) -> Vec<(String, f64)> {
+    let parts = [(first, a), ("kd", kd), ("torque", torque)];
+    let mut values: Vec<_> = parts
+        .into_iter()
+        .flat_map(|(name, (mantissa, exponent, _))| {
+            [("mantissa", mantissa), ("exponent", exponent)]
+                .map(|(part, number)| (format!("{name}_{part}"), f64::from(number)))
+        })
+        .collect();
+    values.push(("torque_sign".into(), f64::from(u8::from(is_negative))));
+    values
+}
+
+fn signed_torque((_, _, steps): Short, is_negative: bool) -> f32 {
+    if is_negative { -steps / 1000.0 } else { steps / 1000.0 }
+}
+
+fn joint_with_torque() -> impl Strategy<Value = Sample> {
+    let joint = (0u8..128, -32767i16..=32767, -8191i16..=8191, short(), short(), torque());
+    joint.prop_map(|(id, position, velocity, kp, kd, (torque, is_negative))| {
+        let setpoint = JointSetpoint {
+            position_rad: f32::from(position) / 5000.0,
+            velocity_rad_s: f32::from(velocity) / 125.0,
+            kp_nm_rad: kp.2 / 1000.0,
+            kd_nm_s_rad: kd.2 / 10_000.0,
+            torque_nm: signed_torque(torque, is_negative),
+        };
+        let mut values = says([
+            ("position", f64::from(position) / 5000.0),
+            ("velocity", f64::from(velocity) / 125.0),
+        ]);
+        values.extend(shorts("kp", kp, kd, torque, is_negative));
+        ("joint_torque_setpoint", setpoint.encode(id).unwrap(), values)
+    })
+}
+
+fn wheel_with_torque() -> impl Strategy<Value = Sample> {
+    let wheel = (0u8..128, -(1i32 << 22)..1 << 22, short(), short(), torque());
+    wheel.prop_map(|(id, speed, limit, kd, (torque, is_negative))| {
+        let setpoint = WheelSetpoint {
+            speed_rad_s: speed as f32 / 10_000.0,
+            kd_nm_s_rad: kd.2 / 10_000.0,
+            torque_limit_nm: limit.2 / 1000.0,
+            torque_nm: signed_torque(torque, is_negative),
+        };
+        let mut values = says([("speed", f64::from(speed) / 1e4)]);
+        values.extend(shorts("torque_limit", limit, kd, torque, is_negative));
+        ("wheel_torque_setpoint", setpoint.encode(id).unwrap(), values)
+    })
+}
+
 /// Of the Rollwalk servo profile.
 pub fn actuators() -> BoxedStrategy<Sample> {
     let control = (0u8..128, 0usize..3).prop_map(|(id, which)| {
@@ -345,6 +419,7 @@ pub fn actuators() -> BoxedStrategy<Sample> {
             velocity_rad_s: f32::from(velocity) / 500.0,
             kp_nm_rad: f32::from(kp) / 100.0,
             kd_nm_s_rad: f32::from(kd) / 1000.0,
+            torque_nm: 0.0,
         };
         let values = says([
             ("position", f64::from(position) / 5000.0),
@@ -375,6 +450,7 @@ pub fn actuators() -> BoxedStrategy<Sample> {
             speed_rad_s: speed as f32 / 10_000.0,
             kd_nm_s_rad: f32::from(kd) / 1000.0,
             torque_limit_nm: f32::from(limit) / 200.0,
+            torque_nm: 0.0,
         };
         let values = says([
             ("speed", f64::from(speed) / 1e4),
@@ -383,5 +459,6 @@ pub fn actuators() -> BoxedStrategy<Sample> {
         ]);
         ("wheel_setpoint", setpoint.encode(id).unwrap(), values)
     });
-    prop_oneof![control, setpoint, feedback, wheel].boxed()
+    prop_oneof![control, setpoint, feedback, wheel, joint_with_torque(), wheel_with_torque()]
+        .boxed()
 }

@@ -3,7 +3,7 @@
 use super::settings::Keys;
 use super::{
     ActuatorCommand, Answers, CanCodec, Capabilities, Codec, Command, Decoded, Faults, Feedback,
-    Refusal, Traffic, UpdatePolicy, Watchdog, without_torque,
+    Refusal, Traffic, UpdatePolicy, Watchdog,
 };
 use crate::actuator::{self, ActuatorStatus, Control};
 use crate::can::{Frame, worst_case_bits};
@@ -31,22 +31,22 @@ fn frame(id: u8, command: &Command) -> Result<Frame, Refusal> {
         Command::Limits { .. } => Err(Refusal::Unsupported("limits outside setpoints")),
         Command::EnableTorque | Command::Torque { .. } => Err(Refusal::Unsupported("torque")),
         Command::Joint(joint) => {
-            without_torque(joint.torque_nm)?;
             let gains = joint.gains.ok_or(Refusal::Missing("gains"))?;
             let setpoint = actuator::JointSetpoint {
                 position_rad: joint.position_rad,
                 velocity_rad_s: joint.speed_rad_s,
                 kp_nm_rad: gains.kp_nm_rad,
                 kd_nm_s_rad: gains.kd_nm_s_rad,
+                torque_nm: joint.torque_nm,
             };
             setpoint.encode(id).ok_or(Refusal::OutOfRange("setpoint"))
         }
         Command::Wheel(wheel) => {
-            without_torque(wheel.torque_nm)?;
             let setpoint = actuator::WheelSetpoint {
                 speed_rad_s: wheel.speed_rad_s,
                 kd_nm_s_rad: wheel.kd_nm_s_rad.ok_or(Refusal::Missing("kd"))?,
                 torque_limit_nm: wheel.torque_limit_nm.ok_or(Refusal::Missing("torque limit"))?,
+                torque_nm: wheel.torque_nm,
             };
             setpoint.encode(id).ok_or(Refusal::OutOfRange("setpoint"))
         }
@@ -77,7 +77,7 @@ impl Codec for Rollwalk {
             },
             limits: UpdatePolicy::EverySetpoint,
             joint_speed: true,
-            torque: false,
+            torque: true,
             torque_alone: false,
             exact_zero_speed: true,
             answers: Answers::Always,

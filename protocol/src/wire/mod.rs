@@ -50,7 +50,7 @@ use thiserror::Error;
 /// Major protocol version: with different ones the two sides may only exchange HELLO.
 pub const PROTOCOL_MAJOR: u8 = 1;
 /// Minor protocol version: a higher one has messages that we ignore.
-pub const PROTOCOL_MINOR: u8 = 1;
+pub const PROTOCOL_MINOR: u8 = 2;
 /// Period of the host's heartbeats, ms.
 pub const HEARTBEAT_PERIOD_MS: u32 = 50;
 /// Timeout after which the host counts as lost, ms.
@@ -88,6 +88,8 @@ isotp 90 reply request:u8 result:u8 next:u32 section:u8 why:u8
 100+n joint_setpoint position:i16*2e-4rad velocity:i16*2e-3rad/s kp:u16*1e-2Nm/rad kd:u16*1e-3Nms/rad
 180+n feedback position:i16*2e-4rad velocity:i16*2e-3rad/s torque:i16*5e-3Nm status:u8 counter:u8
 200+n wheel_setpoint speed:i32*1e-4rad/s kd:u16*1e-3Nms/rad torque_limit:u16*5e-3Nm
+280+n joint_torque_setpoint position:i16*2e-4rad velocity:i14*8e-3rad/s kp_mantissa:7 kp_exponent:4 kd_mantissa:7 kd_exponent:4 torque_mantissa:7 torque_exponent:4 torque_sign:1
+300+n wheel_torque_setpoint speed:i30*1e-4rad/s torque_limit_mantissa:7 torque_limit_exponent:4 kd_mantissa:7 kd_exponent:4 torque_mantissa:7 torque_exponent:4 torque_sign:1
 ";
 
 /// CRC-32C of [`SCHEMA`]: two sides with different hashes interpret the same bytes differently.

@@ -13,7 +13,7 @@ const ACK: Kind = Kind::new(6, 1);
 const NO_CHANNEL: u8 = 0xFF;
 
 coded! {
-    /// Parameter of a channel.
+    /// Parameter of a channel, or of the robot.
     Parameter {
         /// Proportional gain, N·m/rad. Of a wheel always 0.
         Kp = 0,
@@ -21,6 +21,8 @@ coded! {
         Kd = 1,
         /// Torque limit, N·m.
         MaxTorque = 2,
+        /// Share of the library's torques that is fed forward, 0 to 1. Of the robot: its channel is 0.
+        FeedForward = 3,
     }
 }
 

@@ -18,12 +18,29 @@ fn golden_bytes() {
         velocity_rad_s: 2.0,
         kp_nm_rad: 20.0,
         kd_nm_s_rad: 0.5,
+        torque_nm: 0.0,
     };
     assert_eq!(text(joint.encode(5)), "105#78ece803d007f401");
     assert_eq!(text(JointSetpoint::default().encode(5)), "105#0000000000000000");
-    let wheel = WheelSetpoint { speed_rad_s: -7.5, kd_nm_s_rad: 0.2, torque_limit_nm: 1.0 };
+    let wheel =
+        WheelSetpoint { speed_rad_s: -7.5, kd_nm_s_rad: 0.2, torque_limit_nm: 1.0, torque_nm: 0.0 };
     assert_eq!(text(wheel.encode(6)), "206#08dbfeffc800c800");
     assert_eq!(text(WheelSetpoint::default().encode(6)), "206#0000000000000000");
+    // With a torque. Bits from the lowest on: 16 position, 14 velocity, 11 kp, 11 kd, 12 torque.
+    let pushing = JointSetpoint { torque_nm: -1.5, ..joint };
+    assert_eq!(text(pushing.encode(5)), "285#78ecfa000739c6a3");
+    let largest = JointSetpoint {
+        position_rad: 6.5,
+        velocity_rad_s: -65.0,
+        kp_nm_rad: 655.0,
+        kd_nm_s_rad: 65.0,
+        torque_nm: 160.0,
+    };
+    assert_eq!(text(largest.encode(0x7F)), "2ff#f47e4320a83fcd59");
+    let least = JointSetpoint { torque_nm: 1e-3, ..JointSetpoint::default() };
+    assert_eq!(text(least.encode(0)), "280#0000000000001000");
+    let pushed = WheelSetpoint { torque_nm: 0.25, ..wheel };
+    assert_eq!(text(pushed.encode(6)), "306#08dbfebf7ef4a40f");
     let feedback = Feedback {
         position_rad: 6.5,
         velocity_rad_s: -0.002,
@@ -53,7 +70,21 @@ fn what_does_not_fit_is_not_sent() {
         let wheel = WheelSetpoint { torque_limit_nm: value, ..Default::default() };
         assert_eq!(wheel.encode(0).is_none(), value != 655.4 || value / TORQUE_STEP_NM > 65535.5);
     }
+    for torque_nm in bad {
+        assert_eq!(JointSetpoint { torque_nm, ..good }.encode(0), None, "{torque_nm}");
+        let wheel = WheelSetpoint { torque_nm, ..Default::default() };
+        assert_eq!(wheel.encode(0), None, "{torque_nm}");
+    }
     for value in bad {
+        let with_torque = JointSetpoint { torque_nm: 1.0, ..good };
+        for wrong in [
+            JointSetpoint { position_rad: value, ..with_torque },
+            JointSetpoint { velocity_rad_s: value, ..with_torque },
+            JointSetpoint { kp_nm_rad: value, ..with_torque },
+            JointSetpoint { kd_nm_s_rad: value, ..with_torque },
+        ] {
+            assert_eq!(wrong.encode(0), None, "{wrong:?}");
+        }
         let wheel = WheelSetpoint { speed_rad_s: value, ..Default::default() };
         assert_eq!(wheel.encode(0), None, "{value}");
     }
@@ -79,6 +110,13 @@ fn the_value_that_is_none_is_refused() {
     assert_eq!(JointSetpoint::decode(&frame(0x101, &[0, 0, 0, 0x80, 0, 0, 0, 0])), None);
     assert_eq!(WheelSetpoint::decode(&frame(0x201, &[0, 0, 0, 0x80, 0, 0, 0, 0])), None);
     assert_eq!(Feedback::decode(&frame(0x181, &[0, 0, 0, 0, 0, 0x80, 0, 0])), None);
+    let torque = 0x10;
+    assert_eq!(JointSetpoint::decode(&frame(0x281, &[0, 0x80, 0, 0, 0, 0, torque, 0])), None);
+    assert_eq!(JointSetpoint::decode(&frame(0x281, &[0, 0, 0, 0x20, 0, 0, torque, 0])), None);
+    assert_eq!(WheelSetpoint::decode(&frame(0x301, &[0, 0, 0, 0x20, 0, 0, torque, 0])), None);
+    // A torque of 0 has no such frame.
+    assert_eq!(JointSetpoint::decode(&frame(0x281, &[0, 0, 0, 0, 0, 0, 0, 0])), None);
+    assert_eq!(WheelSetpoint::decode(&frame(0x301, &[0, 0, 0, 0, 0, 0, 0, 0x80])), None);
     assert_eq!(Control::decode(&frame(0x081, &[3])), None);
     assert_eq!(Control::decode(&frame(0x081, &[])), None);
     assert_eq!(Control::decode(&frame(0x181, &[0])), None);
@@ -96,23 +134,62 @@ proptest! {
     ) {
         // Half a step and the rounding of f32.
         let close = |a: f32, b: f32, step: f32| (a - b).abs() <= 0.5 * step + 1e-6 * b.abs();
-        let sent = JointSetpoint { position_rad, velocity_rad_s, kp_nm_rad, kd_nm_s_rad };
+        let sent = JointSetpoint { position_rad, velocity_rad_s, kp_nm_rad, kd_nm_s_rad, torque_nm: 0.0 };
         let (to, got) = JointSetpoint::decode(&sent.encode(id).unwrap()).unwrap();
         prop_assert_eq!(to, id);
         prop_assert!(close(got.position_rad, position_rad, POSITION_STEP_RAD));
         prop_assert!(close(got.velocity_rad_s, velocity_rad_s, SPEED_STEP_RAD_S));
         prop_assert!(close(got.kp_nm_rad, kp_nm_rad, KP_STEP_NM_RAD));
         prop_assert!(close(got.kd_nm_s_rad, kd_nm_s_rad, KD_STEP_NM_S_RAD));
-        let sent = WheelSetpoint { speed_rad_s: velocity_rad_s, kd_nm_s_rad, torque_limit_nm };
+        let sent = WheelSetpoint { speed_rad_s: velocity_rad_s, kd_nm_s_rad, torque_limit_nm, torque_nm: 0.0 };
         let (to, got) = WheelSetpoint::decode(&sent.encode(id).unwrap()).unwrap();
         prop_assert_eq!(to, id);
         prop_assert!(close(got.speed_rad_s, velocity_rad_s, WHEEL_SPEED_STEP_RAD_S));
         prop_assert!(close(got.torque_limit_nm, torque_limit_nm, TORQUE_STEP_NM));
     }
 
+    /// With a torque positions are as fine; gains are within half a percent, torques within 0.4 % or 2.5 mN·m.
+    #[test]
+    fn setpoints_with_torque_return_within_their_errors(
+        position_rad in -6.5f32..6.5,
+        velocity_rad_s in -65f32..65.0,
+        kp_nm_rad in 0f32..655.0,
+        kd_nm_s_rad in 0f32..65.0,
+        torque_limit_nm in 0f32..160.0,
+        torque_nm in prop_oneof![-160f32..160.0, -1f32..1.0, -0.01f32..0.01],
+        id in 0u8..=127,
+    ) {
+        let close = |a: f32, b: f32, step: f32| (a - b).abs() <= 0.5 * step + 1e-6 * b.abs();
+        let near = |a: f32, b: f32, part: f32, least: f32| (a - b).abs() <= (part * b.abs()).max(least);
+        let sent = JointSetpoint { position_rad, velocity_rad_s, kp_nm_rad, kd_nm_s_rad, torque_nm };
+        let frame = sent.encode(id).unwrap();
+        let (to, got) = JointSetpoint::decode(&frame).unwrap();
+        prop_assert_eq!(to, id);
+        prop_assert_eq!(got.encode(id), Some(frame));
+        prop_assert!(close(got.position_rad, position_rad, POSITION_STEP_RAD));
+        prop_assert!(close(got.velocity_rad_s, velocity_rad_s, 8e-3));
+        // A step of the setpoint without torque is 0.01 N·m/rad, 0.001 N·m·s/rad.
+        prop_assert!(near(got.kp_nm_rad, kp_nm_rad, 0.004, 0.5e-2), "{got:?}");
+        prop_assert!(near(got.kd_nm_s_rad, kd_nm_s_rad, 0.004, 0.5e-3), "{got:?}");
+        prop_assert!(near(got.torque_nm, torque_nm, 0.004, 0.6e-3), "{got:?}");
+        let sent = WheelSetpoint { speed_rad_s: velocity_rad_s, kd_nm_s_rad, torque_limit_nm, torque_nm };
+        let frame = sent.encode(id).unwrap();
+        let (to, got) = WheelSetpoint::decode(&frame).unwrap();
+        prop_assert_eq!(to, id);
+        prop_assert_eq!(got.encode(id), Some(frame));
+        prop_assert!(close(got.speed_rad_s, velocity_rad_s, WHEEL_SPEED_STEP_RAD_S));
+        prop_assert!(near(got.kd_nm_s_rad, kd_nm_s_rad, 0.004, 0.5e-3), "{got:?}");
+        prop_assert!(near(got.torque_nm, torque_nm, 0.004, 0.6e-3), "{got:?}");
+        // A limit is not raised (by more than half a step of the frame without torque, or a rounding).
+        let frame_has_torque = frame.standard_id().unwrap() >= 0x300;
+        let most = if frame_has_torque { 1.000_02 * torque_limit_nm + 1e-6 } else { torque_limit_nm + 2.6e-3 };
+        prop_assert!(got.torque_limit_nm <= most, "{got:?}");
+        prop_assert!(near(got.torque_limit_nm, torque_limit_nm, 0.008, 2.6e-3), "{got:?}");
+    }
+
     /// What decodes encodes to the same bytes again: one meaning, one encoding.
     #[test]
-    fn arbitrary_frames(id in 0u16..0x300, data in proptest::collection::vec(any::<u8>(), 0..=8)) {
+    fn arbitrary_frames(id in 0u16..0x400, data in proptest::collection::vec(any::<u8>(), 0..=8)) {
         let frame = Frame::standard(id, &data).unwrap();
         if let Some((to, m)) = JointSetpoint::decode(&frame) {
             prop_assert_eq!(m.encode(to), Some(frame));

@@ -18,7 +18,7 @@ fn node() -> Node {
 
 #[test]
 fn schema_is_pinned() {
-    assert_eq!(SCHEMA_HASH, 0xf3e9_d4cf);
+    assert_eq!(SCHEMA_HASH, 0x9d10_884f);
 }
 
 #[test]
@@ -213,7 +213,7 @@ fn codes_are_pinned() {
     );
     check(
         Parameter::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
-        "0 Kp, 1 Kd, 2 MaxTorque",
+        "0 Kp, 1 Kd, 2 MaxTorque, 3 FeedForward",
     );
     check(
         ParameterOrigin::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),

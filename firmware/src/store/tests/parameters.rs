@@ -34,7 +34,8 @@ enum Bug {
 fn set(seed: u16) -> ParameterSet {
     let value = |i: u16| f32::from(seed) + f32::from(i) / 128.0;
     let values = (0..24).map(|c| [0, 1, 2].map(|p| value(3 * c + p))).collect();
-    ParameterSet { config_hash: 0x1234_5678 ^ u32::from(seed), values }
+    let feed_forward = if seed.is_multiple_of(2) { 1.0 } else { f32::from(seed) / 256.0 };
+    ParameterSet { config_hash: 0x1234_5678 ^ u32::from(seed), values, feed_forward }
 }
 
 /// A set that does not check its checksum.
@@ -226,7 +227,7 @@ fn planted_bugs_are_found() {
 #[test]
 fn golden_bytes_of_a_set() {
     let values = [[1.0, 0.5, -2.0]].into_iter().collect();
-    let set = ParameterSet { config_hash: 0xDEAD_BEEF, values };
+    let set = ParameterSet { config_hash: 0xDEAD_BEEF, values, feed_forward: 1.0 };
     let bytes = set.encode(7);
     assert_eq!(
         bytes[..24],
