@@ -4,11 +4,8 @@
 use super::contents::{Contents, Sections, read};
 use super::image::{MPS2_AN386_REPLAY, MPS2_AN386_SLCAN};
 use super::shown;
-use super::sizes::{MAX_STATIC_RAM, RAM};
+use super::sizes::{MAX_STATIC_RAM, MAX_TEXT, RAM};
 use std::path::PathBuf;
-
-/// Most bytes of code and constants: those of the emulated board, and its link as lines of text.
-const MAX_TEXT: u64 = 68 << 10;
 
 /// Builds the image.
 ///
