@@ -26,6 +26,9 @@ fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cl
 
     run(&["gains", "set", "all", "--kp", "12.5"]).succeeds();
     assert!(run(&["gains", "show", "--json"]).succeeds().contains("12.5"));
+    run(&["gains", "feed-forward", "0.25"]).succeeds();
+    assert!(run(&["gains", "show"]).succeeds().contains("feed-forward: 0.250"));
+    run(&["gains", "feed-forward", "1.5"]).fails(5, &["beyond"]);
     run(&["gains", "set", "nose", "--kp", "1"]).fails(1, &["no joint or wheel `nose`"]);
     run(&["gains", "set", "0", "--kp=-1"]).fails(5, &["the value is no number, or beyond"]);
 

@@ -1,4 +1,5 @@
-//! `rollwalk gains`: stiffness, damping and torque limits of the servos, at run time.
+//! `rollwalk gains`: stiffness, damping and torque limits of the servos, and the share of the library's torques that
+//! they are told, at run time.
 
 use crate::link::names::NamesArgs;
 use crate::link::{LinkArgs, LiveSession, ended};
@@ -20,6 +21,7 @@ Examples:
   rollwalk gains show --bus can:can0
   rollwalk gains set front_left_knee --kp 60 --kd 1.5 --bus can:can0
   rollwalk gains set all --torque-limit 1.2 --bus can:can0
+  rollwalk gains feed-forward 0.5 --bus can:can0
   rollwalk gains save --bus can:can0
   rollwalk gains reset --bus can:can0       # values of the robot file
 
@@ -46,10 +48,21 @@ enum Action {
     Show(Show),
     /// Set values of one channel, or of all.
     Set(Set),
-    /// Set all values to those of the robot file.
+    /// Set the share of the library's torques that is fed forward, for all channels.
+    FeedForward(FeedForward),
+    /// Set all values to those of the robot file, and feed-forward to 1.
     Reset(Link),
     /// Store the current values permanently; only while disarmed.
     Save(Link),
+}
+
+#[derive(clap::Args)]
+struct FeedForward {
+    /// From 0, no torques, to 1, those that were planned.
+    #[arg(value_name = "SHARE")]
+    share: f32,
+    #[command(flatten)]
+    link: LinkArgs,
 }
 
 #[derive(clap::Args)]
@@ -112,6 +125,8 @@ struct Row {
 struct Shown {
     /// Origin of the values in force after power-on.
     origin: String,
+    /// Share of the library's torques that is fed forward.
+    feed_forward: Option<f32>,
     channels: Vec<Row>,
 }
 
@@ -120,6 +135,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     match &args.action {
         Action::Show(args) => show(args),
         Action::Set(args) => set(args),
+        Action::FeedForward(FeedForward { share, link }) => {
+            let outcome = link.visit()?.set_parameter(Parameter::FeedForward, 0, *share);
+            told(link, outcome, "set, until the next power cycle; `gains save` keeps it")
+        }
         Action::Reset(Link { link }) => {
             let outcome = link.visit()?.reset_parameters();
             told(
@@ -177,7 +196,8 @@ fn read(session: &mut LiveSession, catalog: Option<&Catalog>) -> Result<Shown, S
         }
         ParameterOrigin::OutOfRange => "the robot file: a saved value is not allowed any more",
     };
-    Ok(Shown { origin: origin.to_owned(), channels })
+    let feed_forward = value(session, Parameter::FeedForward, 0)?;
+    Ok(Shown { origin: origin.to_owned(), feed_forward, channels })
 }
 
 /// Reads a value; `None` when the actuator has no such parameter.
@@ -208,7 +228,12 @@ fn table(shown: &Shown) -> String {
             number(row.torque_limit_nm),
         ]);
     }
-    format!("{}\n\nAfter power-on they were from {}.", table.render(), shown.origin)
+    let share = number(shown.feed_forward);
+    let table = table.render();
+    format!(
+        "{table}\n\nTorque feed-forward: {share}\n\nAfter power-on they were from {}.",
+        shown.origin
+    )
 }
 
 fn set(args: &Set) -> miette::Result<Exit> {
