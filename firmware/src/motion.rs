@@ -378,7 +378,7 @@ impl Motion {
             }
         };
         let Some(limits) = limits else { return };
-        let takes_torque = self.actuators.takes_torque(limits);
+        let takes_torque = self.actuators.takes_torque(channel);
         let limited = self.limiter.apply(limits, channel, target, takes_torque);
         if let (Some(target), Some(slot)) = (limited, self.emitted.get_mut(channel)) {
             let meant = self.limiter.meant(channel).unwrap_or(target.value);

@@ -77,7 +77,10 @@ impl Frame {
         (self.clip, self.number) = cursor.at();
         self.rests_in_safe = cursor.rests_in_safe(library);
         cursor.frame_into(library, &mut self.values)?;
-        cursor.torques_into(library, &mut self.torques)
+        if library.has_torques() {
+            cursor.torques_into(library, &mut self.torques)?;
+        }
+        Ok(())
     }
 }
 
@@ -99,6 +102,7 @@ pub struct Player {
     /// Playback speed that the operator commanded, in 64ths of the planned one.
     speed_64ths: u8,
     halted: bool,
+    has_torques: bool,
 }
 
 impl Player {
@@ -115,6 +119,7 @@ impl Player {
             rate: PARTS,
             speed_64ths: PLANNED_SPEED_64THS,
             halted: false,
+            has_torques: library.has_torques(),
         })
     }
 
@@ -222,9 +227,14 @@ impl Player {
             ChannelKind::JointPosition => (planned.value, planned.slope * self.speed()),
             ChannelKind::WheelSpeed => (planned.value * self.speed(), 0.0),
         };
+        let torque_nm = if self.has_torques { self.planned_torque_nm(channel)? } else { 0.0 };
+        Some(Target { value, slope, torque_nm })
+    }
+
+    fn planned_torque_nm(&self, channel: usize) -> Option<f32> {
         let [_, from, to, _] = self.frames();
         let (from, to) = (*from.torques.get(channel)?, *to.torques.get(channel)?);
-        Some(Target { value, slope, torque_nm: from + self.phase() * (to - from) })
+        Some(from + self.phase() * (to - from))
     }
 
     /// Planned value of a channel, and its slope at the planned speed.

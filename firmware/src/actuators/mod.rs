@@ -64,6 +64,8 @@ pub struct Actuators {
     /// The actuator whose changed gains or limits may be sent in this control period: one at a time, so
     /// that setpoints get through during tuning.
     turn: usize,
+    /// Channels whose actuators can be told a torque, a bit each.
+    torque_takers: u32,
 }
 
 impl Actuators {
@@ -72,10 +74,14 @@ impl Actuators {
         let mut list = Vec::new();
         // A configuration has no more channels than fit.
         let _ = list.resize_default(config.channels.len().min(MAX_CHANNELS));
-        let drivers = core::array::from_fn(|number| {
+        let drivers: [BusDriver; MAX_BUSES] = core::array::from_fn(|number| {
             BusDriver::new(buses.get(number).copied().unwrap_or_default(), config, number)
         });
-        Self { list, drivers, turn: 0 }
+        let takers = drivers
+            .iter()
+            .filter(|driver| driver.can.torque || driver.bus.control == ControlLoop::OnController);
+        let torque_takers = takers.fold(0, |bits, driver| bits | driver.members());
+        Self { list, drivers, turn: 0, torque_takers }
     }
 
     fn driver(&self, bus: u8) -> Option<&BusDriver> {
@@ -274,10 +280,8 @@ impl Actuators {
     }
 
     /// Whether a channel's actuator can be told a torque. One that cannot is told another position or speed.
-    pub fn takes_torque(&self, limits: &Channel) -> bool {
-        self.driver(limits.bus).is_some_and(|driver| {
-            driver.can.torque || driver.bus.control == ControlLoop::OnController
-        })
+    pub fn takes_torque(&self, channel: usize) -> bool {
+        self.torque_takers & driver::bit(channel) != 0
     }
 
     /// Puts a target, already limited, into the mailbox of an actuator. `limits` is its channel with
