@@ -11,16 +11,16 @@ use serde_json::json;
 /// Most bytes of code and constants: of what was 64 KiB before torques were fed forward, 4 KiB more.
 pub const MAX_TEXT: u64 = 70 << 10;
 /// The same with lines for every actuator protocol, which the board has not: today's size and a little more.
-const MAX_TEXT_WITH_EVERY_LINE: u64 = 73 << 10;
+const MAX_TEXT_WITH_EVERY_LINE: u64 = 78 << 10;
 /// Most bytes of static variables.
 pub const MAX_STATIC_RAM: u64 = 16 << 10;
 /// Aim for the instructions of a control tick: 1 kHz on a 170 MHz part with room to spare.
 const AIM: f64 = 10_000.0;
 /// Today's counts and a tenth more: above that is a step back. The worst tick goes to another clip and on to its
 /// next frame.
-const MAX_MEAN_TICK: f64 = 9_900.0;
-const MAX_TICK: f64 = 16_000.0;
-const MAX_PERIOD: f64 = 46_000.0;
+const MAX_MEAN_TICK: f64 = 11_400.0;
+const MAX_TICK: f64 = 21_900.0;
+const MAX_PERIOD: f64 = 52_000.0;
 /// The image's own RAM (`memory.x`); what lies above stands for external memory.
 pub const RAM: std::ops::Range<u64> = 0x2000_0000..0x2000_8000;
 
