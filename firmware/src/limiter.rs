@@ -6,7 +6,7 @@
 //! the measured pose, not a remembered one.
 //!
 //! A torque that is not finite becomes 0. It starts at 0, changes by no more than [`FULL_TORQUE_S`] allows, and is within
-//! the channel's torque limit. Where the actuator cannot be told a torque, the value is offset by as much as its gain
+//! the channel's torque limit. Where the actuator has no field for a torque, the value is offset by as much as its gain
 //! turns into that torque, [`MAX_OFFSET_RAD`] at most, before range and rate are looked at.
 //!
 //! A joint that starts outside its range (a leg resting on its stop) does not jump into it: it may stay or follow its
@@ -35,7 +35,7 @@ pub struct Target {
     pub torque_nm: f32,
 }
 
-/// What a channel was told last.
+/// What a channel was commanded last.
 #[derive(Clone, Copy, Debug)]
 struct Last {
     value: f32,

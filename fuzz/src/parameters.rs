@@ -21,7 +21,8 @@ fn set(number: u8) -> ParameterSet {
     let value = |channel: u8, i: u8| f32::from(number ^ channel) + f32::from(i) / 4.0;
     let channels = number % 25;
     let values = (0..channels).map(|channel| [0, 1, 2].map(|i| value(channel, i))).collect();
-    ParameterSet { config_hash: u32::from(number) * 0x0101_0101, values }
+    let feed_forward = f32::from(number) / 255.0;
+    ParameterSet { config_hash: u32::from(number) * 0x0101_0101, values, feed_forward }
 }
 
 struct Bench {

@@ -1,5 +1,5 @@
 //! `rollwalk gains`: stiffness, damping and torque limits of the servos, and the share of the library's torques that
-//! they are told, at run time.
+//! is fed forward, at run time.
 
 use crate::link::names::NamesArgs;
 use crate::link::{LinkArgs, LiveSession, ended};

@@ -64,7 +64,7 @@ pub struct Actuators {
     /// The actuator whose changed gains or limits may be sent in this control period: one at a time, so
     /// that setpoints get through during tuning.
     turn: usize,
-    /// Channels whose actuators can be told a torque, a bit each.
+    /// Channels whose actuators can be commanded a torque, a bit each.
     torque_takers: u32,
 }
 
@@ -279,7 +279,7 @@ impl Actuators {
         (driver.bus.control == ControlLoop::InDrive).then_some(driver.can.max_gains)
     }
 
-    /// Whether a channel's actuator can be told a torque. One that cannot is told another position or speed.
+    /// Whether a channel's actuator can be commanded a torque. One that cannot is sent another position or speed.
     pub fn takes_torque(&self, channel: usize) -> bool {
         self.torque_takers & driver::bit(channel) != 0
     }

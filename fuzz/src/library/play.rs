@@ -141,11 +141,12 @@ fn tick_by_tick(library: &Library<'_>, config: &RobotConfig, commands: &[u8]) {
                 limiter.start(channel, target.value);
             }
             let last = limiter.last(channel).expect("started");
-            let sent = limiter.apply(limits, channel, target).expect("started");
+            let sent = limiter.apply(limits, channel, target, true).expect("started");
             assert!(sent.value >= limits.min && sent.value <= limits.max);
             let step = limits.max_rate * period_s;
             assert!((sent.value - last).abs() <= step * 1.0001 + 1e-6);
             assert!(sent.slope.abs() <= limits.max_rate);
+            assert!(sent.torque_nm.abs() <= limits.max_torque_nm);
         }
     }
     let playing = player.playing();
