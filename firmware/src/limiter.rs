@@ -96,14 +96,13 @@ impl Limiter {
         takes_torque: bool,
     ) -> Option<Target> {
         let last = self.last.get_mut(channel)?.as_mut()?;
-        if target.torque_nm == 0.0 && last.torque_nm == 0.0 {
+        let (torque_nm, offset) = if target.torque_nm == 0.0 && last.torque_nm == 0.0 {
             // What a library without torques should cost.
-            let out = limited(limits, last.value, target, self.period_s);
-            (last.value, last.meant) = (out.value, out.value);
-            return Some(out);
-        }
-        let torque_nm = limited_torque(limits, last.torque_nm, target.torque_nm, self.period_s);
-        let offset = if takes_torque { 0.0 } else { offset(limits, torque_nm) };
+            (0.0, 0.0)
+        } else {
+            let torque_nm = limited_torque(limits, last.torque_nm, target.torque_nm, self.period_s);
+            (torque_nm, if takes_torque { 0.0 } else { offset(limits, torque_nm) })
+        };
         let offset_target = Target { value: target.value + offset, ..target };
         let mut out = limited(limits, last.value, offset_target, self.period_s);
         *last = Last { value: out.value, meant: out.value - offset, torque_nm };
