@@ -8,7 +8,7 @@ use super::contents::{Contents, Sections, read, sections};
 use super::image::{MPS2_AN386, MPS2_AN386_REPLAY};
 use serde_json::json;
 
-/// Most bytes of code and constants: of what was 64 KiB before torques were fed forward, 4 KiB more.
+/// Most bytes of code and constants: 64 KiB, as before torques were fed forward, and 6 KiB for these.
 pub const MAX_TEXT: u64 = 70 << 10;
 /// The same with lines for every actuator protocol, which the board has not: today's size and a little more.
 const MAX_TEXT_WITH_EVERY_LINE: u64 = 78 << 10;
