@@ -18,7 +18,8 @@ pub mod terms;
 use crate::families::{Family, FamilySet};
 use crate::problem::{Problem, Unknowns};
 use nalgebra::Vector3;
-use rows::{Columns, RowWriter, Rows, Window};
+use rows::{Columns, Pattern, RowWriter, Rows, Window};
+use std::cell::OnceCell;
 use terms::{
     Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
     DynamicsLinear, EvenForce, Friction, HeightBound, JointLimit, JointSpeed, JointTorque,
@@ -120,6 +121,8 @@ pub struct System<'a> {
     problem: &'a Problem,
     selection: Selection,
     columns: Columns,
+    /// The pattern of the rows, after their first evaluation.
+    pattern: OnceCell<Pattern>,
 }
 
 impl<'a> System<'a> {
@@ -131,7 +134,8 @@ impl<'a> System<'a> {
 
     /// Creates the system of selected rows.
     pub fn selected(problem: &'a Problem, selection: Selection) -> Self {
-        Self { problem, selection, columns: Columns::new(problem) }
+        let columns = Columns::new(problem);
+        Self { problem, selection, columns, pattern: OnceCell::new() }
     }
 
     /// Columns of the unknowns.
@@ -158,9 +162,9 @@ impl<'a> System<'a> {
 
     /// Residuals and Jacobian of every term. `reuse` is an earlier result whose memory is reused.
     pub fn rows(&self, unknowns: &Unknowns, reuse: Rows) -> Rows {
-        let Self { problem, selection, columns } = self;
+        let Self { problem, selection, columns, pattern } = self;
         let states = &problem.states(unknowns);
-        let mut out = RowWriter::new(problem, columns, unknowns, states, reuse);
+        let mut out = RowWriter::new(problem, columns, unknowns, states, pattern.get(), reuse);
         let mut write = |term: &dyn Term, at: [usize; 3]| {
             out.enter(term.info().family, at);
             let swing_force_n = &selection.swing_force_n;
@@ -177,7 +181,11 @@ impl<'a> System<'a> {
         for term in active().filter(|term| term.info().span == Span::Ends) {
             write(*term, [0, 1, problem.last()]);
         }
-        out.finish()
+        let (rows, found) = out.finish();
+        if let Some(found) = found {
+            pattern.get_or_init(|| found);
+        }
+        rows
     }
 }
 

@@ -5,13 +5,16 @@
 //! column, so that terms contain no bookkeeping. The pattern of a problem never changes: every call writes the same
 //! rows with the same columns.
 
+mod writer;
+
+pub use writer::{Pattern, RowWriter};
+
 use crate::families::Family;
 use crate::motion;
-use crate::plan::Placement;
 use crate::problem::state::State;
-use crate::problem::variables::Lift;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::Vector3;
+use std::sync::Arc;
 
 /// Columns of the unknowns: free entries of all slots, then Dx, Dy, ψ.
 #[derive(Clone, Debug)]
@@ -107,7 +110,7 @@ pub struct Given {
 }
 
 /// One residual.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// Family of the residual.
     pub family: Family,
@@ -134,8 +137,8 @@ pub struct Row {
 pub struct Rows {
     /// The rows.
     pub rows: Vec<Row>,
-    /// Columns of all derivatives.
-    pub columns: Vec<usize>,
+    /// Columns of all derivatives, shared by all rows of one system.
+    pub columns: Arc<[usize]>,
     /// Derivatives of scaled residuals with respect to scaled unknowns.
     pub derivatives: Vec<f64>,
 }
@@ -156,190 +159,6 @@ impl Window<'_> {
     /// Contact flag of end effector `j` in sample `k` of the window.
     pub fn stance(&self, k: usize, j: usize) -> bool {
         self.problem.stance[self.at[k]][j]
-    }
-}
-
-/// Collector of the rows of all terms.
-pub struct RowWriter<'a> {
-    problem: &'a Problem,
-    columns: &'a Columns,
-    placement: Placement,
-    states: &'a [State],
-    rows: Rows,
-    family: Family,
-    at: [usize; 3],
-    scale: f64,
-    level: f64,
-    role: Role,
-    given: Option<Given>,
-    /// Derivatives of the row under construction: a dense gradient for each sample of the window, the indices of
-    /// entries that were written, and for each entry whether it was written.
-    gradients: [Vec<f64>; 3],
-    written: [Vec<usize>; 3],
-    is_written: [Vec<bool>; 3],
-    /// Position of each column in the row, if it has one; dense scratch memory over all columns.
-    position: Vec<u32>,
-}
-
-const NO_POSITION: u32 = u32::MAX;
-
-impl<'a> RowWriter<'a> {
-    /// Creates a writer for one evaluation. `reuse` is an earlier result whose memory is reused.
-    pub fn new(
-        problem: &'a Problem,
-        columns: &'a Columns,
-        unknowns: &Unknowns,
-        states: &'a [State],
-        reuse: Rows,
-    ) -> Self {
-        let mut rows = reuse;
-        rows.rows.clear();
-        rows.columns.clear();
-        rows.derivatives.clear();
-        let gradient = vec![0.0; problem.layout.len];
-        Self {
-            problem,
-            columns,
-            placement: unknowns.placement,
-            states,
-            rows,
-            family: Family::LinearDynamics,
-            at: [0; 3],
-            scale: 1.0,
-            level: 1.0,
-            role: Role::Equality,
-            given: None,
-            gradients: [gradient.clone(), gradient.clone(), gradient],
-            written: Default::default(),
-            is_written: std::array::from_fn(|_| vec![false; problem.layout.len]),
-            position: vec![NO_POSITION; columns.count],
-        }
-    }
-
-    /// Returns the finished rows.
-    pub fn finish(self) -> Rows {
-        self.rows
-    }
-
-    /// Begins rows of a family for these samples of the timeline.
-    pub fn enter(&mut self, family: Family, at: [usize; 3]) {
-        self.family = family;
-        self.at = at;
-    }
-
-    /// Sets scale and role of the following rows. A row that compares with a limit has that limit as its scale if the
-    /// family's level is a fraction of the limit.
-    pub fn set(&mut self, scale: f64, role: Role) {
-        self.scale = scale;
-        self.level = self.family.level().at(scale);
-        self.role = role;
-    }
-
-    /// Adds to the derivative of the next row with respect to `variable` of sample `k` of the window.
-    pub fn d(&mut self, k: usize, variable: usize, derivative: f64) {
-        // An entry that is zero here may be nonzero at the next point: it stays in the pattern.
-        self.gradients[k][variable] += derivative;
-        if !std::mem::replace(&mut self.is_written[k][variable], true) {
-            self.written[k].push(variable);
-        }
-    }
-
-    /// Adds derivatives with respect to three consecutive variables.
-    pub fn d_vector(&mut self, k: usize, first: usize, derivative: &Vector3<f64>) {
-        for c in 0..3 {
-            self.d(k, first + c, derivative[c]);
-        }
-    }
-
-    /// Sets the number that the next row compares with.
-    pub fn given(&mut self, field: &'static str, value: f64, slope: f64) {
-        self.given = Some(Given { field, value, slope });
-    }
-
-    /// Ends a row for the whole robot, with its residual in the family's unit.
-    pub fn row(&mut self, residual: f64) {
-        self.row_of(Subject::Whole, residual);
-    }
-
-    /// Ends a row for a part of the robot, with its residual in the family's unit.
-    pub fn row_of(&mut self, subject: Subject, residual: f64) {
-        let start = self.rows.columns.len();
-        for k in 0..3 {
-            if self.written[k].is_empty() {
-                continue;
-            }
-            let sample = self.problem.timeline[self.at[k]];
-            let mut written = std::mem::take(&mut self.written[k]);
-            let mut gradient = std::mem::take(&mut self.gradients[k]);
-            for &variable in &written {
-                self.is_written[k][variable] = false;
-            }
-            if sample.lift != Lift::Identity {
-                self.pull_back(start, sample.lift, self.at[k], &mut written, &mut gradient);
-            }
-            for &variable in &written {
-                if let Some(column) = self.columns.of_slot[sample.slot][variable] {
-                    let derivative = gradient[variable] * self.problem.layout.scale[variable];
-                    self.push(start, column, derivative / self.scale);
-                }
-                gradient[variable] = 0.0;
-            }
-            written.clear();
-            self.written[k] = written;
-            self.gradients[k] = gradient;
-        }
-        let end = self.rows.columns.len();
-        for &column in &self.rows.columns[start..end] {
-            self.position[column] = NO_POSITION;
-        }
-        self.rows.rows.push(Row {
-            family: self.family,
-            at: self.at[1],
-            subject,
-            given: self.given.take(),
-            value: residual / self.scale,
-            scale: self.scale,
-            level: self.level,
-            role: self.role,
-            entries: start..end,
-        });
-    }
-
-    /// Converts derivatives with respect to a placed sample to those with respect to its slot and the placement.
-    fn pull_back(
-        &mut self,
-        start: usize,
-        lift: Lift,
-        at: usize,
-        written: &mut Vec<usize>,
-        gradient: &mut [f64],
-    ) {
-        let layout = &self.problem.layout;
-        // A turn mixes the horizontal components of a vector, so the pattern needs both.
-        for first in layout.points().chain(layout.vectors()) {
-            let (x, y) = (written.contains(&first), written.contains(&(first + 1)));
-            if x != y {
-                written.push(if x { first + 1 } else { first });
-            }
-        }
-        let to_placement = lift.pull_back(layout, &self.states[at].vars, &self.placement, gradient);
-        if let Some(columns) = self.columns.placement {
-            for (column, derivative) in columns.into_iter().zip(to_placement) {
-                self.push(start, column, derivative / self.scale);
-            }
-        }
-    }
-
-    /// Adds a derivative to a column of the row that starts at `start`.
-    fn push(&mut self, start: usize, column: usize, derivative: f64) {
-        match self.position[column] {
-            NO_POSITION => {
-                self.position[column] = (self.rows.columns.len() - start) as u32;
-                self.rows.columns.push(column);
-                self.rows.derivatives.push(derivative);
-            }
-            position => self.rows.derivatives[start + position as usize] += derivative,
-        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Columns and the way of derivatives into them.
 
 use super::*;
+use crate::formulation::System;
 use crate::motion::Ends;
 use crate::problem::Weights;
 use crate::test_robots::{self, random_unknowns};
@@ -20,18 +21,44 @@ fn row(
     let columns = Columns::new(problem);
     let unknowns = random_unknowns(&problem.model, problem.frozen.len(), 1);
     let states = problem.states(&unknowns);
-    let mut out = RowWriter::new(problem, &columns, &unknowns, &states, Rows::default());
+    let mut out = RowWriter::new(problem, &columns, &unknowns, &states, None, Rows::default());
     out.enter(Family::Slip, at);
     out.set(2.0, Role::Equality);
     write(&mut out);
     out.row(6.0);
     // Nothing of a row is left for the next one.
     out.row(0.0);
-    let rows = out.finish();
+    let (rows, _) = out.finish();
     assert_eq!(rows.rows.len(), 2);
     assert!(rows.rows[1].entries.is_empty());
     let entries = rows.columns.iter().copied().zip(rows.derivatives.iter().copied()).collect();
     (rows.rows[0].clone(), entries)
+}
+
+#[test]
+fn rows_with_a_known_pattern_are_those_without() {
+    for (robot, ends) in test_robots::all()
+        .iter()
+        .flat_map(|robot| [Ends::Periodic, Ends::AtRest].map(|ends| (robot, ends)))
+    {
+        let problem =
+            Problem::new(Model::new(robot), &test_robots::motion(robot, ends), Weights::default());
+        let at = |seed| random_unknowns(&problem.model, problem.frozen.len(), seed);
+        let system = System::new(&problem);
+        let mut reused = system.rows(&at(1), Rows::default());
+        for seed in [2, 3] {
+            let expected = System::new(&problem).rows(&at(seed), Rows::default());
+            reused = system.rows(&at(seed), reused);
+            for rows in [&reused, &system.rows(&at(seed), Rows::default())] {
+                assert_eq!(rows.rows, expected.rows);
+                assert_eq!(rows.columns, expected.columns);
+                for (found, expected) in rows.derivatives.iter().zip(&expected.derivatives) {
+                    // Sums in another order: a few roundings of terms of the size of a stiff row's.
+                    assert!((found - expected).abs() < 1e-12 * (1.0 + expected.abs()) * 1e3);
+                }
+            }
+        }
+    }
 }
 
 #[test]

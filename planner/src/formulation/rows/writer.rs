@@ -1,0 +1,316 @@
+//! The writer of rows: from derivatives with respect to samples to those with respect to unknowns.
+//!
+//! It takes the way of every derivative once, and then knows its place: the pattern of the rows is constant, and terms
+//! write the same derivatives in the same order at every point. Only rows of placed samples, whose derivatives are
+//! mixed by the placement, take the long way every time.
+
+use super::{Columns, Given, Role, Row, Rows, Subject};
+use crate::families::Family;
+use crate::plan::Placement;
+use crate::problem::state::State;
+use crate::problem::variables::Lift;
+use crate::problem::{Problem, Unknowns};
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// The pattern of a system's rows, known after their first evaluation.
+#[derive(Debug, Default)]
+pub struct Pattern {
+    columns: Arc<[usize]>,
+    /// End of the entries of every row.
+    ends: Vec<usize>,
+    /// For every row whether its derivatives have places, because none of its samples is placed.
+    is_direct: Vec<bool>,
+    /// Places of the derivatives of these rows, in the order in which terms write them.
+    places: Vec<DerivativePlace>,
+}
+
+/// Where a derivative with respect to a variable of a sample of the window goes.
+#[derive(Clone, Copy, Debug)]
+struct DerivativePlace {
+    sample: u16,
+    variable: u16,
+    /// Index in [`Rows::derivatives`], or [`NOWHERE`] for a frozen variable.
+    entry: u32,
+}
+
+const NOWHERE: u32 = u32::MAX;
+
+impl Pattern {
+    fn is_direct(&self, row: usize) -> bool {
+        self.is_direct.get(row).is_some_and(|direct| *direct)
+    }
+}
+
+/// Collector of the rows of all terms.
+pub struct RowWriter<'a> {
+    problem: &'a Problem,
+    columns: &'a Columns,
+    placement: Placement,
+    states: &'a [State],
+    rows: Vec<Row>,
+    derivatives: Vec<f64>,
+    /// The pattern if it is known, else that of the rows so far, whose columns are in `columns_found`.
+    known: Option<&'a Pattern>,
+    found: Pattern,
+    columns_found: Vec<usize>,
+    /// Index of the row under construction, of its first entry and of the next derivative with a known place.
+    row: usize,
+    start: usize,
+    place: usize,
+    /// Count of entries of the row under construction, and whether all its derivatives have known places.
+    entries: usize,
+    is_direct: bool,
+    family: Family,
+    at: [usize; 3],
+    scale: f64,
+    level: f64,
+    role: Role,
+    given: Option<Given>,
+    /// Derivatives of the row under construction: a dense gradient for each sample of the window, the indices of
+    /// entries that were written, and for each entry whether it was written.
+    gradients: [Vec<f64>; 3],
+    written: [Vec<usize>; 3],
+    is_written: [Vec<bool>; 3],
+    /// All derivatives of the row under construction in the order of writing, if the pattern is not known.
+    calls: Vec<(usize, usize)>,
+    /// Position of each column in the row, if it has one; dense scratch memory over all columns.
+    position: Vec<u32>,
+}
+
+const NO_POSITION: u32 = u32::MAX;
+
+impl<'a> RowWriter<'a> {
+    /// Creates a writer for one evaluation. `known` is the pattern that an earlier evaluation has found. `reuse` is an
+    /// earlier result whose memory is reused.
+    pub fn new(
+        problem: &'a Problem,
+        columns: &'a Columns,
+        unknowns: &Unknowns,
+        states: &'a [State],
+        known: Option<&'a Pattern>,
+        reuse: Rows,
+    ) -> Self {
+        let Rows { mut rows, columns: of_reuse, mut derivatives } = reuse;
+        // Of rows of the same system only values change.
+        if !known.is_some_and(|known| Arc::ptr_eq(&known.columns, &of_reuse)) {
+            rows.clear();
+        }
+        derivatives.clear();
+        derivatives.resize(known.map_or(0, |known| known.columns.len()), 0.0);
+        let gradient = vec![0.0; problem.layout.len];
+        Self {
+            problem,
+            columns,
+            placement: unknowns.placement,
+            states,
+            rows,
+            derivatives,
+            known,
+            found: Pattern::default(),
+            columns_found: Vec::new(),
+            row: 0,
+            start: 0,
+            place: 0,
+            entries: 0,
+            is_direct: known.is_some_and(|known| known.is_direct(0)),
+            family: Family::LinearDynamics,
+            at: [0; 3],
+            scale: 1.0,
+            level: 1.0,
+            role: Role::Equality,
+            given: None,
+            gradients: [gradient.clone(), gradient.clone(), gradient],
+            written: Default::default(),
+            is_written: std::array::from_fn(|_| vec![false; problem.layout.len]),
+            calls: Vec::new(),
+            position: vec![NO_POSITION; columns.count],
+        }
+    }
+
+    /// Returns the finished rows, and their pattern if it was not known.
+    pub fn finish(self) -> (Rows, Option<Pattern>) {
+        let Self { rows, derivatives, known, found, columns_found, .. } = self;
+        if let Some(known) = known {
+            return (Rows { rows, columns: Arc::clone(&known.columns), derivatives }, None);
+        }
+        let columns: Arc<[usize]> = columns_found.into();
+        let found = Pattern { columns: Arc::clone(&columns), ..found };
+        (Rows { rows, columns, derivatives }, Some(found))
+    }
+
+    /// Begins rows of a family for these samples of the timeline.
+    pub fn enter(&mut self, family: Family, at: [usize; 3]) {
+        self.family = family;
+        self.at = at;
+    }
+
+    /// Sets scale and role of the following rows. A row that compares with a limit has that limit as its scale if the
+    /// family's level is a fraction of the limit.
+    pub fn set(&mut self, scale: f64, role: Role) {
+        self.scale = scale;
+        self.level = self.family.level().at(scale);
+        self.role = role;
+    }
+
+    /// Adds to the derivative of the next row with respect to `variable` of sample `k` of the window.
+    pub fn d(&mut self, k: usize, variable: usize, derivative: f64) {
+        if let (true, Some(known)) = (self.is_direct, self.known) {
+            let place = known.places[self.place];
+            self.place += 1;
+            debug_assert_eq!((place.sample as usize, place.variable as usize), (k, variable));
+            if place.entry != NOWHERE {
+                let scaled = derivative * self.problem.layout.scale[variable];
+                self.derivatives[place.entry as usize] += scaled;
+            }
+            return;
+        }
+        if self.known.is_none() {
+            self.calls.push((k, variable));
+        }
+        // An entry that is zero here may be nonzero at the next point: it stays in the pattern.
+        self.gradients[k][variable] += derivative;
+        if !std::mem::replace(&mut self.is_written[k][variable], true) {
+            self.written[k].push(variable);
+        }
+    }
+
+    /// Adds derivatives with respect to three consecutive variables.
+    pub fn d_vector(&mut self, k: usize, first: usize, derivative: &Vector3<f64>) {
+        for c in 0..3 {
+            self.d(k, first + c, derivative[c]);
+        }
+    }
+
+    /// Sets the number that the next row compares with.
+    pub fn given(&mut self, field: &'static str, value: f64, slope: f64) {
+        self.given = Some(Given { field, value, slope });
+    }
+
+    /// Ends a row for the whole robot, with its residual in the family's unit.
+    pub fn row(&mut self, residual: f64) {
+        self.row_of(Subject::Whole, residual);
+    }
+
+    /// Ends a row for a part of the robot, with its residual in the family's unit.
+    pub fn row_of(&mut self, subject: Subject, residual: f64) {
+        let start = self.start;
+        let end = match (self.is_direct, self.known) {
+            (true, Some(known)) => {
+                let end = known.ends[self.row];
+                if self.scale != 1.0 {
+                    self.derivatives[start..end].iter_mut().for_each(|d| *d /= self.scale);
+                }
+                end
+            }
+            _ => self.collect(),
+        };
+        let (value, given) = (residual / self.scale, self.given.take());
+        match self.rows.get_mut(self.row) {
+            Some(row) => (row.value, row.given) = (value, given),
+            None => self.rows.push(Row {
+                family: self.family,
+                at: self.at[1],
+                subject,
+                given,
+                value,
+                scale: self.scale,
+                level: self.level,
+                role: self.role,
+                entries: start..end,
+            }),
+        }
+        (self.row, self.start, self.entries) = (self.row + 1, end, 0);
+        self.is_direct = self.known.is_some_and(|known| known.is_direct(self.row));
+    }
+
+    /// Takes the derivatives of a row to its entries, and returns their end. If the pattern is not known, it grows by
+    /// the row.
+    fn collect(&mut self) -> usize {
+        let start = self.start;
+        let mut is_direct = true;
+        for k in 0..3 {
+            if self.written[k].is_empty() {
+                continue;
+            }
+            let sample = self.problem.timeline[self.at[k]];
+            let mut written = std::mem::take(&mut self.written[k]);
+            let mut gradient = std::mem::take(&mut self.gradients[k]);
+            if sample.lift != Lift::Identity {
+                is_direct = false;
+                self.pull_back(sample.lift, k, &mut written, &mut gradient);
+            }
+            for &variable in &written {
+                self.is_written[k][variable] = false;
+                if let Some(column) = self.columns.of_slot[sample.slot][variable] {
+                    self.push(column, gradient[variable] * self.problem.layout.scale[variable]);
+                }
+                gradient[variable] = 0.0;
+            }
+            written.clear();
+            self.written[k] = written;
+            self.gradients[k] = gradient;
+        }
+        let end = start + self.entries;
+        if self.known.is_none() {
+            self.find(is_direct, end);
+        }
+        let columns = self.known.map_or(&self.columns_found[..], |known| &known.columns);
+        for &column in &columns[start..end] {
+            self.position[column] = NO_POSITION;
+        }
+        end
+    }
+
+    /// Adds the row under construction to the pattern.
+    fn find(&mut self, is_direct: bool, end: usize) {
+        let Self { problem, columns, at, start, position, found, .. } = self;
+        found.is_direct.push(is_direct);
+        found.ends.push(end);
+        for (k, variable) in self.calls.drain(..).filter(|_| is_direct) {
+            let column = columns.of_slot[problem.timeline[at[k]].slot][variable];
+            let entry = column.map_or(NOWHERE, |column| *start as u32 + position[column]);
+            let (sample, variable) = (k as u16, variable as u16);
+            found.places.push(DerivativePlace { sample, variable, entry });
+        }
+    }
+
+    /// Converts derivatives with respect to a placed sample to those with respect to its slot and the placement.
+    fn pull_back(&mut self, lift: Lift, k: usize, written: &mut Vec<usize>, gradient: &mut [f64]) {
+        let layout = &self.problem.layout;
+        // A turn mixes the horizontal components of a vector, so the pattern needs both.
+        for first in layout.points().chain(layout.vectors()) {
+            let [x, y] = [first, first + 1].map(|variable| self.is_written[k][variable]);
+            if x != y {
+                written.push(if x { first + 1 } else { first });
+            }
+        }
+        let vars = &self.states[self.at[k]].vars;
+        let to_placement = lift.pull_back(layout, vars, &self.placement, gradient);
+        if let Some(columns) = self.columns.placement {
+            for (column, derivative) in columns.into_iter().zip(to_placement) {
+                self.push(column, derivative);
+            }
+        }
+    }
+
+    /// Adds a derivative to a column of the row under construction.
+    fn push(&mut self, column: usize, derivative: f64) {
+        let derivative = derivative / self.scale;
+        let position = self.position[column];
+        if position != NO_POSITION {
+            self.derivatives[self.start + position as usize] += derivative;
+            return;
+        }
+        self.position[column] = self.entries as u32;
+        let entry = self.start + self.entries;
+        self.entries += 1;
+        if let Some(known) = self.known {
+            debug_assert_eq!(known.columns[entry], column);
+            self.derivatives[entry] = derivative;
+        } else {
+            self.columns_found.push(column);
+            self.derivatives.push(derivative);
+        }
+    }
+}
