@@ -8,6 +8,7 @@
 //! thesis's penalty of 10 000 alone ([`penalty`]) makes a narrow curved valley.
 
 mod curvature;
+mod fronts;
 mod multipliers;
 pub mod normal;
 mod one_sided;
@@ -122,7 +123,7 @@ impl<'a> Solver<'a> {
     ) -> Self {
         let penalty = system.penalty();
         let rows = system.rows(&unknowns, Rows::default());
-        let mut normal = NormalEquations::new(&rows, system.columns().count);
+        let mut normal = NormalEquations::new(&rows, system.columns());
         let (damping, shifts) = match begin {
             Begin::Cold => (DAMPING_COLD, vec![0.0; rows.rows.len()]),
             Begin::Near(known) => {

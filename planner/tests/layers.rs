@@ -81,11 +81,13 @@ fn no_layer_uses_one_above_it() {
     assert!(seen > 100, "{seen} uses of modules");
 }
 
-/// All that a solver may know: rows as functions of unknowns, families to name the worst one, and the outcome's status.
+/// All that a solver may know: rows as functions of unknowns, the columns of each slot, families to name the worst row,
+/// and the outcome's status.
 const SEEN_BY_SOLVERS: &[&str] = &[
     "families::Family",
     "families::FamilySet",
     "formulation::System",
+    "formulation::rows::Columns",
     "formulation::rows::Role",
     "formulation::rows::Row",
     "formulation::rows::Rows",

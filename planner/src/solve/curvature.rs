@@ -23,13 +23,15 @@ struct Group {
 /// Groups of columns of one problem.
 pub struct Curvature {
     groups: Vec<Group>,
+    /// Slot of each column, and the slots that each slot shares a row with. The placement is one more slot.
+    slot_of: Vec<usize>,
+    coupled: Vec<BTreeSet<usize>>,
 }
 
 impl Curvature {
     /// Determines the groups from the pattern of the rows.
     pub fn new(system: &System<'_>, rows: &Rows) -> Self {
         let columns = system.columns();
-        // The placement is treated as one more slot.
         let slots = columns.of_slot.len();
         let mut slot_of = vec![slots; columns.count];
         for (slot, variables) in columns.of_slot.iter().enumerate() {
@@ -62,7 +64,7 @@ impl Curvature {
         for column in columns.placement.into_iter().flatten() {
             groups.push(Group { columns: vec![column], of_q: false });
         }
-        Self { groups }
+        Self { groups, slot_of, coupled }
     }
 
     /// Adds the second derivatives to the normal equations. `filtered` omits those of the consistency constraints
@@ -109,7 +111,8 @@ impl Curvature {
             let mut change = gradient(&moved_rows, slopes);
             change.iter_mut().zip(here).for_each(|(there, here)| *there = (*there - here) / STEP);
             for &column in &group.columns {
-                normal.add_to_column(column, &change);
+                let coupled = &self.coupled[self.slot_of[column]];
+                normal.add_to_column(column, &change, |line| coupled.contains(&self.slot_of[line]));
             }
         }
     }

@@ -103,7 +103,7 @@ impl<'a> Descent<'a> {
     fn new(system: &'a System<'a>, unknowns: Unknowns) -> Self {
         let rows = evaluate(system, &unknowns, Rows::default());
         let none = vec![0.0; rows.rows.len()];
-        let normal = NormalEquations::new(&rows, system.columns().count);
+        let normal = NormalEquations::new(&rows, system.columns());
         let energy = NormalEquations::energy(&rows, &none, PENALTY);
         let spare = Rows::default();
         let mut here = Self { system, unknowns, rows, spare, none, normal, energy };

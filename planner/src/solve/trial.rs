@@ -95,7 +95,7 @@ mod tests {
             let mut trials = Trials { system: &system, spare: Vec::new() };
             let here = system.rows(&from, Rows::default());
             let shifts = vec![0.0; here.rows.len()];
-            let mut normal = NormalEquations::new(&here, system.columns().count);
+            let mut normal = NormalEquations::new(&here, system.columns());
             normal.assemble(&here, &shifts, penalty);
             // Damped so that the step is short enough for a second-order model.
             let step = normal.step(10.0 * penalty).unwrap();

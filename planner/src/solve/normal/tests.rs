@@ -1,4 +1,4 @@
-//! The sparse assembly and factorisation against dense ones.
+//! Assembly and steps against dense algebra.
 
 use super::*;
 use crate::test_robots::uniform;
@@ -14,15 +14,16 @@ const ROUNDING: f64 = 1e-12;
 fn random_rows(seed: u64) -> (Rows, Vec<f64>) {
     let mut random = uniform(seed);
     let mut rows = Rows::default();
+    let mut columns = Vec::new();
     for index in 0..24 {
         let role = match index % 3 {
             0 => Role::Equality,
             1 => Role::Inequality { band: 0.3 },
             _ => Role::Cost { weight: 0.7 },
         };
-        let start = rows.columns.len();
+        let start = columns.len();
         for k in 0..1 + index % 4 {
-            rows.columns.push((index * 5 + 7 * k) % COLUMNS); // 7 and 9 have no common factor: distinct
+            columns.push((index * 5 + 7 * k) % COLUMNS); // 7 and 9 have no common factor: distinct
             rows.derivatives.push(random());
         }
         rows.rows.push(Row {
@@ -34,11 +35,18 @@ fn random_rows(seed: u64) -> (Rows, Vec<f64>) {
             scale: 1.0,
             level: 1.0,
             role,
-            entries: start..rows.columns.len(),
+            entries: start..columns.len(),
         });
     }
+    rows.columns = columns.into();
     let shifts = rows.rows.iter().map(|_| 0.2 * random()).collect();
     (rows, shifts)
+}
+
+/// Columns of three slots with three variables each.
+fn slots(count: usize) -> Columns {
+    let of_slot = (0..count).map(Some).collect::<Vec<_>>().chunks(3).map(Vec::from).collect();
+    Columns { of_slot, placement: None, count }
 }
 
 /// Gradient Σ slope·J and matrix Σ curvature·JᵀJ, densely.
@@ -60,7 +68,7 @@ fn dense(rows: &Rows, shifts: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
 #[test]
 fn gradient_matrix_and_step_are_those_of_dense_algebra() {
     let pattern = random_rows(1).0;
-    let mut normal = NormalEquations::new(&pattern, COLUMNS);
+    let mut normal = NormalEquations::new(&pattern, &slots(COLUMNS));
     // The pattern of the first point serves every other.
     for seed in [1, 2, 3] {
         let (rows, shifts) = random_rows(seed);
@@ -70,12 +78,10 @@ fn gradient_matrix_and_step_are_those_of_dense_algebra() {
             assert!((normal.gradient[k] - gradient[k]).abs() < PENALTY * ROUNDING);
         }
         let mut sparse = DMatrix::zeros(COLUMNS, COLUMNS);
-        for (column, &start) in normal.diagonal.iter().enumerate() {
-            let end = normal.diagonal.get(column + 1).map_or(normal.values.len(), |&next| next);
-            for entry in start..end {
-                let line = normal.pattern.row_idx()[entry];
-                sparse[(line, column)] = normal.values[entry];
-                sparse[(column, line)] = normal.values[entry];
+        for column in 0..COLUMNS {
+            for (place, line) in normal.fronts.lines_of(column) {
+                sparse[(line, column)] = normal.matrix[place];
+                sparse[(column, line)] = normal.matrix[place];
             }
         }
         assert!((sparse - &matrix).amax() < PENALTY * ROUNDING);
@@ -119,7 +125,7 @@ fn the_slope_of_the_energy_is_its_derivative() {
 fn a_matrix_that_is_not_positive_definite_gives_no_step() {
     // A column that no row touches has a zero on the diagonal.
     let (rows, shifts) = random_rows(1);
-    let mut normal = NormalEquations::new(&rows, COLUMNS + 1);
+    let mut normal = NormalEquations::new(&rows, &slots(COLUMNS + 1));
     normal.assemble(&rows, &shifts, PENALTY);
     assert_eq!(normal.step(0.0), None);
     assert!(normal.step(1e-3).is_some());

@@ -1,0 +1,295 @@
+//! Cholesky factorisation along the timeline, of a matrix JᵀWJ whose rows couple neighbouring slots.
+//!
+//! Slots are eliminated one after the other, the columns of each together: one *front* with a dense block of its pivots
+//! and of the later columns that they couple, its *border*. Variables that do not couple slots with each other, as
+//! ground forces, form fronts of their own before their slot. What a front leaves on its border is added to the front
+//! in whose pivots its border begins (multifrontal method: Duff and Reid, 1983). In a periodic motion the last slots
+//! are in the border of every front: a ring is a chain with a wide border. Which columns couple follows from the
+//! pattern of the rows alone.
+//!
+//! A general sparse factorisation, whose order minimises fill, cuts these matrices into many small blocks, which took
+//! three times as long.
+
+mod order;
+mod places;
+
+pub(super) use places::Places;
+
+use crate::formulation::rows::{Columns, Rows};
+use faer::linalg::matmul::matmul;
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::linalg::triangular_solve::{
+    solve_lower_triangular_in_place, solve_upper_triangular_in_place,
+};
+use faer::prelude::ReborrowMut;
+use faer::{Accum, ColMut, ColRef, MatMut, MatRef, Par};
+
+/// Columns of a panel that are factorised one by one, after the products of all columns before them. Few enough for
+/// most of the work to be in products, and more than their calls cost.
+const BLOCK: usize = 8;
+
+/// Columns that are eliminated together. Positions are those in the order of elimination.
+#[derive(Debug)]
+struct Front {
+    /// Position of the first pivot.
+    first: usize,
+    /// Count of pivots.
+    pivots: usize,
+    /// Positions of the later columns that the pivots couple, ascending.
+    border: Vec<usize>,
+    /// Place of its panel: the columns of its pivots, with as many lines as pivots and border together.
+    panel: usize,
+    /// Earlier fronts whose borders begin in these pivots.
+    children: Vec<Child>,
+}
+
+impl Front {
+    fn lines(&self) -> usize {
+        self.pivots + self.border.len()
+    }
+
+    fn panel(&self) -> std::ops::Range<usize> {
+        self.panel..self.panel + self.lines() * self.pivots
+    }
+
+    /// Line of a position, if it has one. `before` is the line of a position that is likely just before.
+    fn line(&self, at: usize, before: usize) -> Option<usize> {
+        if at < self.first + self.pivots {
+            return at.checked_sub(self.first);
+        }
+        let next = (before + 1).checked_sub(self.pivots);
+        if let Some(next) = next.filter(|&next| self.border.get(next) == Some(&at)) {
+            return Some(self.pivots + next);
+        }
+        self.border.binary_search(&at).ok().map(|line| self.pivots + line)
+    }
+}
+
+/// What an earlier front leaves on its border, and where that goes.
+#[derive(Debug)]
+struct Child {
+    front: usize,
+    /// Lines of the parent that its border becomes: its pivots, then its border.
+    runs: Vec<Run>,
+    /// Count of the runs of pivots.
+    of_pivots: usize,
+}
+
+/// Consecutive lines of a child that are consecutive lines of its parent.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    from: usize,
+    to: usize,
+    count: usize,
+}
+
+impl Child {
+    /// Adds what the child leaves, a lower triangle by columns, to the pivots' columns of its parent.
+    fn add_to_pivots(&self, left: &[f64], panel: &mut [f64], lines: usize) {
+        self.add(0..self.of_pivots, left, panel, lines, 0);
+    }
+
+    /// Adds what the child leaves beyond the pivots of its parent to what the parent leaves.
+    fn add_to_border(&self, left: &[f64], update: &mut [f64], width: usize, pivots: usize) {
+        self.add(self.of_pivots..self.runs.len(), left, update, width, pivots);
+    }
+
+    /// Adds the columns of some runs to a matrix whose first line and column is line `skipped` of the parent.
+    fn add(
+        &self,
+        columns: std::ops::Range<usize>,
+        left: &[f64],
+        matrix: &mut [f64],
+        lines: usize,
+        skipped: usize,
+    ) {
+        let count = self.runs.last().map_or(0, |run| run.from + run.count);
+        for index in columns {
+            let run = self.runs[index];
+            for k in 0..run.count {
+                let source = &left[(run.from + k) * count..][..count];
+                let target = &mut matrix[(run.to + k - skipped) * lines..][..lines];
+                let mut add = |from: usize, to: usize, count: usize| {
+                    let (from, to) =
+                        (&source[from..][..count], &mut target[to - skipped..][..count]);
+                    to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+                };
+                add(run.from + k, run.to + k, run.count - k);
+                self.runs[index + 1..].iter().for_each(|run| add(run.from, run.to, run.count));
+            }
+        }
+    }
+}
+
+/// A factorisation: its order, and its memory.
+pub(super) struct Fronts {
+    /// Column at each position, and position of each column.
+    order: Vec<usize>,
+    position: Vec<usize>,
+    fronts: Vec<Front>,
+    /// For each position the index of its front.
+    front_of: Vec<usize>,
+    /// The factor, panel by panel, each by columns.
+    factor: Vec<f64>,
+    /// Memory of what fronts leave on their borders; and that of fronts whose parent has not come yet.
+    spare: Vec<Vec<f64>>,
+    left: Vec<Vec<f64>>,
+    simd: pulp::Arch,
+}
+
+impl Fronts {
+    /// Analyses the pattern of JᵀWJ for the rows whose flags in `counts` are set.
+    pub fn new(rows: &Rows, counts: &[bool], columns: &Columns) -> Self {
+        let groups = order::groups(rows, counts, columns);
+        let order: Vec<usize> = groups.iter().flatten().copied().collect();
+        let mut position = vec![0; order.len()];
+        order.iter().enumerate().for_each(|(at, &column)| position[column] = at);
+        let fronts = order::fronts(rows, counts, &groups, &position);
+        let mut front_of = Vec::with_capacity(order.len());
+        for (index, front) in fronts.iter().enumerate() {
+            front_of.resize(front.first + front.pivots, index);
+        }
+        Self {
+            order,
+            position,
+            front_of,
+            factor: vec![0.0; fronts.last().map_or(0, |front| front.panel().end)],
+            spare: Vec::new(),
+            left: vec![Vec::new(); fronts.len()],
+            simd: pulp::Arch::new(),
+            fronts,
+        }
+    }
+
+    /// Length of the panels, which hold the lower triangle of a matrix in this order with its fill.
+    pub fn len(&self) -> usize {
+        self.factor.len()
+    }
+
+    /// Places in the panels on and below the diagonal of a column, each with the column of its line.
+    pub fn lines_of(&self, column: usize) -> impl Iterator<Item = (usize, usize)> {
+        let at = self.position[column];
+        let front = &self.fronts[self.front_of[at]];
+        let start = front.panel + (at - front.first) * front.lines();
+        let own = front.first..front.first + front.pivots;
+        let lines = own.chain(front.border.iter().copied()).enumerate();
+        lines.skip(at - front.first).map(move |(line, at)| (start + line, self.order[at]))
+    }
+
+    /// Factorises a matrix, given in panels, plus `damping` on its diagonal; `None` if it is not positive definite.
+    pub fn factorise(&mut self, matrix: &[f64], damping: f64) -> Option<()> {
+        let Self { fronts, factor, spare, left, simd, .. } = self;
+        for (index, front) in fronts.iter().enumerate() {
+            let (lines, pivots, width) = (front.lines(), front.pivots, front.border.len());
+            let panel = &mut factor[front.panel()];
+            panel.copy_from_slice(&matrix[front.panel()]);
+            panel.iter_mut().step_by(lines + 1).for_each(|diagonal| *diagonal += damping);
+            for child in &front.children {
+                child.add_to_pivots(&left[child.front], panel, lines);
+            }
+            factorise_panel(*simd, panel, lines, pivots)?;
+            let mut update = spare.pop().unwrap_or_default();
+            update.resize(update.len().max(width * width), 0.0);
+            let below =
+                MatRef::from_column_major_slice(panel, lines, pivots).split_at_row(pivots).1;
+            triangular::matmul(
+                MatMut::from_column_major_slice_mut(&mut update[..width * width], width, width),
+                BlockStructure::TriangularLower,
+                Accum::Replace,
+                below,
+                BlockStructure::Rectangular,
+                below.transpose(),
+                BlockStructure::Rectangular,
+                -1.0,
+                Par::Seq,
+            );
+            for child in &front.children {
+                let from = std::mem::take(&mut left[child.front]);
+                child.add_to_border(&from, &mut update, width, pivots);
+                spare.push(from);
+            }
+            left[index] = update;
+        }
+        // The fronts without a border leave nothing, but have memory.
+        spare.extend(left.iter_mut().map(std::mem::take).filter(|left| left.capacity() > 0));
+        Some(())
+    }
+
+    /// Solves with the last factor, in place.
+    pub fn solve(&self, vector: &mut [f64]) {
+        let mut x: Vec<f64> = self.order.iter().map(|&column| vector[column]).collect();
+        let mut on_border: Vec<f64> = Vec::new();
+        for front in &self.fronts {
+            let (square, below) = self.panel(front);
+            let mut own = ColMut::from_slice_mut(&mut x[front.first..][..front.pivots]);
+            solve_lower_triangular_in_place(square, own.rb_mut().as_mat_mut(), Par::Seq);
+            on_border.clear();
+            on_border.resize(front.border.len(), 0.0);
+            let change = ColMut::from_slice_mut(&mut on_border);
+            matmul(change.as_mat_mut(), Accum::Replace, below, own.as_mat(), 1.0, Par::Seq);
+            front.border.iter().zip(&on_border).for_each(|(&line, change)| x[line] -= change);
+        }
+        for front in self.fronts.iter().rev() {
+            let (square, below) = self.panel(front);
+            on_border.clear();
+            on_border.extend(front.border.iter().map(|&line| x[line]));
+            let mut own =
+                ColMut::from_slice_mut(&mut x[front.first..][..front.pivots]).as_mat_mut();
+            let border = ColRef::from_slice(&on_border).as_mat();
+            matmul(own.rb_mut(), Accum::Add, below.transpose(), border, -1.0, Par::Seq);
+            solve_upper_triangular_in_place(square.transpose(), own, Par::Seq);
+        }
+        self.order.iter().zip(x).for_each(|(&column, x)| vector[column] = x);
+    }
+
+    /// The factor of a front: the square of its pivots, and the lines of its border.
+    fn panel(&self, front: &Front) -> (MatRef<'_, f64>, MatRef<'_, f64>) {
+        let panel = &self.factor[front.panel()];
+        MatRef::from_column_major_slice(panel, front.lines(), front.pivots)
+            .split_at_row(front.pivots)
+    }
+}
+
+/// Factorises the columns of a front's pivots, in place; `None` if a pivot is not positive.
+fn factorise_panel(simd: pulp::Arch, panel: &mut [f64], lines: usize, pivots: usize) -> Option<()> {
+    for first in (0..pivots).step_by(BLOCK) {
+        let count = BLOCK.min(pivots - first);
+        let (before, block) = panel.split_at_mut(first * lines);
+        let block = &mut block[..count * lines];
+        let before = MatRef::from_column_major_slice(before, lines, first).split_at_row(first).1;
+        matmul(
+            MatMut::from_column_major_slice_mut(block, lines, count).split_at_row_mut(first).1,
+            Accum::Add,
+            before,
+            before.subrows(0, count).transpose(),
+            -1.0,
+            Par::Seq,
+        );
+        simd.dispatch(|| factorise_block(block, lines, first))?;
+    }
+    Some(())
+}
+
+/// Factorises the first columns of what is left of a panel, from line `first` on.
+#[inline(always)]
+fn factorise_block(block: &mut [f64], lines: usize, first: usize) -> Option<()> {
+    for j in 0..block.len() / lines {
+        let (before, column) = block.split_at_mut(j * lines);
+        let column = &mut column[first + j..lines];
+        for before in before.chunks_exact(lines) {
+            let before = &before[first + j..];
+            let factor = before[0];
+            column.iter_mut().zip(before).for_each(|(entry, before)| *entry -= factor * before);
+        }
+        let pivot = column[0];
+        if pivot.is_nan() || pivot <= 0.0 {
+            return None;
+        }
+        let factor = pivot.sqrt().recip();
+        column.iter_mut().for_each(|entry| *entry *= factor);
+    }
+    Some(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,148 @@
+//! The order of elimination, and the fronts that follow from it.
+
+use super::{Child, Front, Run};
+use crate::formulation::rows::{Columns, Role, Row, Rows};
+
+/// Rows whose flags are set.
+fn counting<'a>(rows: &'a Rows, counts: &'a [bool]) -> impl Iterator<Item = &'a Row> {
+    rows.rows.iter().zip(counts).filter(|(_, counts)| **counts).map(|(row, _)| row)
+}
+
+/// Columns by front, in the order of elimination: before each slot the local columns that its columns couple, then the
+/// slot's others; the placement comes last. Local columns are in no row with those of another slot.
+pub(super) fn groups(rows: &Rows, counts: &[bool], columns: &Columns) -> Vec<Vec<usize>> {
+    let slots = columns.of_slot.len();
+    let mut place = vec![None; columns.count];
+    for (slot, of_slot) in columns.of_slot.iter().enumerate() {
+        for (variable, column) in of_slot.iter().enumerate() {
+            column.iter().for_each(|&column| place[column] = Some((slot, variable)));
+        }
+    }
+    let entries = |row: &Row| {
+        rows.columns[row.entries.clone()].iter().filter_map(|&c| place[c].map(|(s, v)| (c, s, v)))
+    };
+    let is_local = local_columns(rows, counts, columns, entries);
+    // First slot that the local columns of each slot couple.
+    let mut first: Vec<usize> = (0..slots).collect();
+    for row in counting(rows, counts) {
+        if let Some(earliest) = entries(row).map(|(_, slot, _)| slot).min() {
+            for (_, slot, _) in entries(row).filter(|(column, ..)| is_local[*column]) {
+                first[slot] = first[slot].min(earliest);
+            }
+        }
+    }
+    let of = |slot: usize, local: bool| -> Vec<usize> {
+        let columns = columns.of_slot[slot].iter().flatten().copied();
+        columns.filter(|&column| is_local[column] == local).collect()
+    };
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for slot in 0..slots {
+        groups
+            .extend((0..slots).filter(|&other| first[other] == slot).map(|other| of(other, true)));
+        groups.push(of(slot, false));
+    }
+    groups.push(columns.placement.into_iter().flatten().collect());
+    groups.retain(|group| !group.is_empty());
+    groups
+}
+
+/// Which columns are local. Equalities and costs decide which variables are; inequalities, few of which count, take
+/// single columns out.
+fn local_columns<'a, I: Iterator<Item = (usize, usize, usize)>>(
+    rows: &'a Rows,
+    counts: &'a [bool],
+    columns: &Columns,
+    entries: impl Fn(&'a Row) -> I,
+) -> Vec<bool> {
+    let variables = columns.of_slot.iter().map(Vec::len).max().unwrap_or(0);
+    let is_inequality = |row: &Row| matches!(row.role, Role::Inequality { .. });
+    // Whether variables of one slot and of another are in one row.
+    let mut across = vec![vec![false; variables]; variables];
+    for row in counting(rows, counts).filter(|row| !is_inequality(row)) {
+        for (_, slot, variable) in entries(row) {
+            for (_, _, other) in entries(row).filter(|(_, other_slot, _)| *other_slot != slot) {
+                across[variable][other] = true;
+            }
+        }
+    }
+    let mut is_local = vec![false; variables];
+    for variable in 0..variables {
+        let mut with = across[variable].iter().zip(&is_local);
+        is_local[variable] =
+            !across[variable][variable] && with.all(|(with, local)| !(with & local));
+    }
+    let mut local = vec![false; columns.count];
+    for of_slot in &columns.of_slot {
+        for (column, is_local) in of_slot.iter().zip(&is_local) {
+            column.iter().for_each(|&column| local[column] = *is_local);
+        }
+    }
+    for row in counting(rows, counts).filter(|row| is_inequality(row)) {
+        let mut kept = None;
+        for (column, slot, _) in entries(row) {
+            if local[column] && *kept.get_or_insert(slot) != slot {
+                local[column] = false;
+            }
+        }
+    }
+    local
+}
+
+/// The fronts of groups of columns.
+pub(super) fn fronts(
+    rows: &Rows,
+    counts: &[bool],
+    groups: &[Vec<usize>],
+    position: &[usize],
+) -> Vec<Front> {
+    // A row couples all its columns: once the first is eliminated, what it leaves couples the others.
+    let mut later: Vec<Vec<usize>> = vec![Vec::new(); position.len()];
+    for row in counting(rows, counts) {
+        let at = || rows.columns[row.entries.clone()].iter().map(|&column| position[column]);
+        if let Some(first) = at().min() {
+            later[first].extend(at());
+        }
+    }
+    let mut fronts: Vec<Front> = Vec::with_capacity(groups.len());
+    let mut taken_by = vec![usize::MAX; position.len()];
+    let (mut first, mut panel) = (0, 0);
+    for (index, group) in groups.iter().enumerate() {
+        let end = first + group.len();
+        let mut border = Vec::new();
+        for line in later[first..end].iter_mut().flat_map(std::mem::take) {
+            if line >= end && std::mem::replace(&mut taken_by[line], index) != index {
+                border.push(line);
+            }
+        }
+        border.sort_unstable();
+        if let Some(&next) = border.first() {
+            later[next].extend(&border);
+        }
+        let front = Front { first, pivots: group.len(), border, panel, children: Vec::new() };
+        (first, panel) = (end, front.panel().end);
+        fronts.push(front);
+    }
+    adopt(&mut fronts);
+    fronts
+}
+
+/// Gives every front to the one in whose pivots its border begins.
+fn adopt(fronts: &mut [Front]) {
+    for child in 0..fronts.len() {
+        let Some(&next) = fronts[child].border.first() else { continue };
+        let parent = fronts.partition_point(|front| front.first + front.pivots <= next);
+        let (before, after) = fronts.split_at_mut(parent);
+        let parent = &mut after[0];
+        let mut runs: Vec<Run> = Vec::new();
+        let mut line = 0;
+        for (from, &at) in before[child].border.iter().enumerate() {
+            line = parent.line(at, line).expect("a parent's lines are those of its children");
+            match runs.last_mut() {
+                Some(run) if run.to + run.count == line && line != parent.pivots => run.count += 1,
+                _ => runs.push(Run { from, to: line, count: 1 }),
+            }
+        }
+        let of_pivots = runs.partition_point(|run| run.to < parent.pivots);
+        parent.children.push(Child { front: child, runs, of_pivots });
+    }
+}
