@@ -329,6 +329,12 @@ def state_difference(a, b, offset, turn, feet, periodic):
     return max(abs(x - y) for x, y in pairs)
 
 
+def torques(state):
+    """Torques of all motors."""
+    wheels = [e["motor_torque_nm"] for e in state["end_effectors"]]
+    return state["joint_torque_nm"] + [torque for torque in wheels if torque is not None] + [0.0]
+
+
 def contact_point(foot, e, poses):
     """Contact point by forward kinematics."""
     r, p = poses[foot["link"]]
@@ -366,10 +372,18 @@ def check_lengths(plan):
     states = [("before", plan["before"]), ("after", plan["after"])]
     for path, state in states + [("samples[%d]" % i, s) for i, s in enumerate(samples)]:
         lists.append((path + ".joint_rad", state["joint_rad"], joints))
+        lists.append((path + ".joint_torque_nm", state["joint_torque_nm"], joints))
         lists.append((path + ".end_effectors", state["end_effectors"], feet))
     for path, found, expected in lists:
         if len(found) != expected:
             raise ValueError("%s has %d elements; expected %d" % (path, len(found), expected))
+    for path, state in states + [("samples[%d]" % i, s) for i, s in enumerate(samples)]:
+        for j, (foot, e) in enumerate(zip(robot["end_effectors"], state["end_effectors"])):
+            torque, driven = e["motor_torque_nm"], "actuator" in foot["contact"]
+            if isinstance(torque, (int, float)) != driven:
+                expected = "the torque of its motor" if driven else "null: it has no motor"
+                shown = (path, j, json.dumps(torque), expected)
+                raise ValueError("%s.end_effectors[%d].motor_torque_nm is %s; expected %s" % shown)
 
 
 class Timeline:
@@ -423,6 +437,7 @@ def check_ends(table, line):
         for foot, e, e2 in zip(line.feet, a["end_effectors"], b["end_effectors"]):
             if e["contact"] != e2["contact"]:
                 table.see("contact flag", 1, subject=foot["name"])
+        table.see("ends", max(abs(x - y) for x, y in zip(torques(a), torques(b))))
         if not prescribed:
             table.see("ends", state_difference(a, b, offset, turn, line.feet, line.periodic))
     if prescribed:
@@ -656,7 +671,7 @@ def check(plan):
 # What may be absent: options of a robot file, goals that a motion does not have, the level of a cost.
 NULLABLE = {
     "torque_speed", "diagnosis", "subject", "field", "given", "would_do", "forward_m", "left_m", "turn_rad",
-    "heading_rad", "below_m", "above_m", "level",
+    "heading_rad", "below_m", "above_m", "level", "motor_torque_nm",
 }  # fmt: skip
 # Components of a target that leave an axis free.
 NULLABLE_ITEMS = {"position_m", "velocity_m_s"}

@@ -1,5 +1,5 @@
 //! CPU time of whole solves from standing: the shipped motions, and walking with 12 to 240 samples, for
-//! which the time per sample tells whether cost is linear in samples.
+//! which the time per sample tells whether cost is linear in samples; and of the torques of a plan.
 //!
 //! CPU time instead of wall time, so that a busy machine changes little. `cargo bench -p
 //! rollwalk-planner` compares with the run before.
@@ -9,6 +9,7 @@ use criterion::measurement::{Measurement, ValueFormatter, WallTime};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::start::Start;
+use rollwalk_planner::torque::InverseDynamics;
 use rollwalk_planner::{Options, optimise};
 use rollwalk_robot::Robot;
 use std::hint::black_box;
@@ -88,9 +89,33 @@ fn samples(c: &mut Criterion<CpuTime>) {
     group.finish();
 }
 
+/// Torques at every frame of a motion library; per frame.
+fn torques(c: &mut Criterion<CpuTime>) {
+    let robot = agilebot();
+    let mut group = c.benchmark_group("torques at 60 Hz");
+    group.sample_size(10);
+    for (name, text) in [
+        ("walk", include_str!("../../motions/walk.toml")),
+        ("drive_1m", include_str!("../../motions/drive_1m.toml")),
+    ] {
+        let motion = motion(name, text, &robot);
+        let plan =
+            optimise(&robot, &motion, &Options::default(), &mut |_| ControlFlow::Continue(()));
+        let frames = (60.0 * motion.duration_s).round() as usize;
+        group.throughput(Throughput::Elements(frames as u64));
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                let mut inverse = InverseDynamics::new(&plan);
+                (0..frames).for_each(|k| drop(black_box(inverse.at(k as f64 / 60.0))));
+            });
+        });
+    }
+    group.finish();
+}
+
 criterion_group! {
     name = benches;
     config = Criterion::default().with_measurement(CpuTime(WallTime));
-    targets = shipped_motions, samples
+    targets = shipped_motions, samples, torques
 }
 criterion_main!(benches);

@@ -25,6 +25,7 @@ pub mod start;
 mod test_plans;
 #[cfg(test)]
 mod test_robots;
+pub mod torque;
 
 pub use planning::{
     Options, ReplanError, Search, Solution, TransitionError, candidates, optimise,

@@ -104,6 +104,9 @@ pub struct Sample {
     pub base_orientation_wxyz: [f64; 4],
     /// Joint angles in joint order, rad.
     pub joint_rad: Vec<f64>,
+    /// Torques of the joints' motors in joint order, N·m, as the motion is played ([`crate::torque`]). Before and after
+    /// the motion those of the sample that periodic motions repeat there, of others those of the sample beside it.
+    pub joint_torque_nm: Vec<f64>,
     /// Centre of mass x, m.
     pub com_m: [f64; 3],
     /// End effectors in robot order.
@@ -124,6 +127,8 @@ pub struct EndEffectorSample {
     /// Motor speed on the interval from this sample to the next, rad/s, about the axis of the robot
     /// file; 0 without a wheel.
     pub motor_speed_rad_s: f64,
+    /// Torque of the wheel's motor on the wheel, N·m, about the axis of the robot file; `None` without a motor.
+    pub motor_torque_nm: Option<f64>,
     /// Wheel axis tilt, rad; 0 for a foot.
     pub tilt_rad: f64,
     /// Wheel axis yaw, rad; 0 for a foot.

@@ -2,7 +2,8 @@
 //!
 //! The optimiser gives a pose every few hundredths of a second; servos need one every 16 ms, the controller every few
 //! milliseconds. Splines with two continuous derivatives join the free coordinates (base, joints, wheel angles);
-//! centre of mass, contact points and wheel axes are computed from the pose; forces are linear between samples.
+//! centre of mass, contact points and wheel axes are computed from the pose; forces and torques are linear between samples
+//! ([`crate::torque`] has the torques that the motion takes there).
 //!
 //! Ends: a periodic motion joins its next period with two continuous derivatives, a motion at rest starts and stops
 //! with zero speed, a prescribed end has the velocity that leads to or from the state outside.
@@ -11,11 +12,13 @@
 //! the speed is its derivative: the travel over every interval is exactly the planned one.
 
 mod curves;
+mod rates;
 mod resample;
 mod spline;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use rates::PlannedContact;
 pub use resample::resample;
 
 use crate::motion::Ends;
@@ -51,6 +54,8 @@ pub struct PlanSpline {
     yaw_rad: Vec<Vec<f64>>,
     /// `force_n[sample][end_effector]`, the end of the last interval included.
     force_n: Vec<Vec<Vector3<f64>>>,
+    /// Torques of joints and of wheels' motors at every sample, the end of the last interval included.
+    torque_nm: Vec<(Vec<f64>, Vec<Option<f64>>)>,
 }
 
 /// Instantaneous setpoints for the controller at one time.
@@ -86,7 +91,13 @@ impl PlanSpline {
         let forces =
             |s: &Sample| s.end_effectors.iter().map(|e| Vector3::from(e.force_n)).collect();
         let mut force_n: Vec<Vec<Vector3<f64>>> = plan.samples.iter().map(forces).collect();
+        let torques = |s: &Sample| {
+            let motors = s.end_effectors.iter().map(|e| e.motor_torque_nm).collect();
+            (s.joint_torque_nm.clone(), motors)
+        };
+        let mut torque_nm: Vec<_> = plan.samples.iter().map(torques).collect();
         if plan.motion.ends == Ends::Periodic {
+            torque_nm.push(torque_nm[0].clone());
             stance.push(stance[0].clone());
             let turned = rotation::yaw_rotation(plan.end_placement.yaw_rad);
             force_n.push(force_n[0].iter().map(|f| turned * f).collect());
@@ -109,6 +120,7 @@ impl PlanSpline {
                 .collect(),
             stance,
             force_n,
+            torque_nm,
         }
     }
 
@@ -156,9 +168,10 @@ impl PlanSpline {
         let pose = self.model.pose(&q);
         let rates: Vec<f64> = self.pose.iter().map(|spline| spline.at(time_s).rate.re).collect();
 
-        let position = time_s / self.spacing_s;
-        let i = (position.floor().max(0.0) as usize).min(self.force_n.len() - 2);
-        let u = (position - i as f64).clamp(0.0, 1.0);
+        let (i, u) = self.interval(time_s);
+        let linear = |from: f64, to: f64| from + u * (to - from);
+        let [(joints_here, motors_here), (joints_next, motors_next)] =
+            [&self.torque_nm[i], &self.torque_nm[i + 1]];
         let end_effectors = self
             .model
             .robot()
@@ -186,6 +199,9 @@ impl PlanSpline {
                         self.wheel_angle[j].at(time_s).rate.re
                     },
                     motor_speed_rad_s: self.motor_angle[j].at(time_s).rate.re,
+                    motor_torque_nm: motors_here[j]
+                        .zip(motors_next[j])
+                        .map(|(from, to)| linear(from, to)),
                     tilt_rad,
                     yaw_rad,
                 }
@@ -197,6 +213,11 @@ impl PlanSpline {
             base_yaw_pitch_roll_rad: ypr,
             base_orientation_wxyz: quaternion_wxyz(ypr),
             joint_rad,
+            joint_torque_nm: joints_here
+                .iter()
+                .zip(joints_next)
+                .map(|(&from, &to)| linear(from, to))
+                .collect(),
             com_m: pose.com.into(),
             end_effectors,
         }
@@ -210,6 +231,13 @@ impl PlanSpline {
             spline.at(time_s).value.re + periods as f64 * period
         };
         self.motor_angle.iter().map(angle).collect()
+    }
+
+    /// Interval of a time inside the motion, and the fraction of it that has passed.
+    fn interval(&self, time_s: f64) -> (usize, f64) {
+        let position = time_s / self.spacing_s;
+        let i = (position.floor().max(0.0) as usize).min(self.force_n.len() - 2);
+        (i, (position - i as f64).clamp(0.0, 1.0))
     }
 
     /// Whether end effector `j` is in stance at fraction `u` of interval `i`.

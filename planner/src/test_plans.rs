@@ -9,6 +9,7 @@ use crate::motion::{Ends, Goal, Motion};
 use crate::plan::{
     EndEffectorSample, FORMAT, Placement, Plan, Sample, SolveSummary, Status, VERSION,
 };
+use crate::torque;
 use nalgebra::{DMatrix, DVector, Dyn, Isometry3, Matrix3, OMatrix, RowVector6, U6, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, JOINTS, Model, Pose};
 use rollwalk_robot::shape::DEFAULT_CLEARANCE_MARGIN_M;
@@ -224,6 +225,7 @@ impl Drive {
                     ],
                     wheel_speed_rad_s,
                     motor_speed_rad_s: wheel_speed_rad_s - leg_speed,
+                    motor_torque_nm: None,
                     tilt_rad: 0.0,
                     yaw_rad: 0.0,
                 })
@@ -234,6 +236,7 @@ impl Drive {
                 base_yaw_pitch_roll_rad: [0.0; 3],
                 base_orientation_wxyz: [1.0, 0.0, 0.0, 0.0],
                 joint_rad: vec![leg; 4],
+                joint_torque_nm: Vec::new(),
                 com_m: pose.com.into(),
                 end_effectors,
             }
@@ -244,7 +247,7 @@ impl Drive {
             Ends::AtRest => Sample { time_s: (k as f64 - 2.0) * h, ..samples[copied].clone() },
             Ends::Periodic | Ends::Prescribed => sample(k),
         };
-        Plan {
+        let mut plan = Plan {
             format: FORMAT.to_owned(),
             version: VERSION,
             motion: Motion {
@@ -282,7 +285,9 @@ impl Drive {
             },
             formulation: Formulation,
             robot,
-        }
+        };
+        torque::write(&mut plan);
+        plan
     }
 }
 

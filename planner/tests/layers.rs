@@ -10,6 +10,7 @@ const LAYERS: &[&[&str]] = &[
     &["plan"],
     &["problem"],
     &["sample"],
+    &["torque"],
     &["formulation"],
     &["solve"],
     &["start", "diagnose"],

@@ -259,6 +259,17 @@ mod tests {
                 "samples[0].joint_rad is 3 long; expected one per joint of the robot, 4",
             ),
             (
+                "\"joint_torque_nm\": [",
+                "\"joint_torque_nm\": [0.0, ",
+                "samples[0].joint_torque_nm is 5 long; expected one per joint of the robot, 4",
+            ),
+            (
+                "\"motor_torque_nm\": ",
+                "\"motor_torque_nm\": null, \"old\": ",
+                "samples[0].end_effectors[0].motor_torque_nm is null; expected the torque of its",
+            ),
+            ("\"joint_torque_nm\": ", "\"old\": ", "samples[0]: missing field `joint_torque_nm`"),
+            (
                 "\"time_s\": 0.05,",
                 "\"time_s\": 0.04,",
                 "samples[1].time_s is 0.04; expected 0.05, the index",
@@ -309,7 +320,7 @@ mod tests {
     #[test]
     fn states_outside_the_motion_agree_with_its_kind_of_ends() {
         let refused = |plan: &Plan| plan.validate("x.json").expect_err("a change").to_string();
-        let everywhere: [fn(&mut Sample); 8] = [
+        let everywhere: [fn(&mut Sample); 10] = [
             |state| state.time_s += 1e-5,
             |state| state.base_position_m[1] += 1e-5,
             |state| state.com_m[0] += 1e-5,
@@ -318,6 +329,8 @@ mod tests {
             |state| state.end_effectors[3].position_m[2] += 1e-5,
             |state| state.end_effectors[1].tilt_rad += 1e-5,
             |state| state.end_effectors[2].yaw_rad += 1e-5,
+            |state| state.joint_torque_nm[0] += 1e-5,
+            |state| *state.end_effectors[3].motor_torque_nm.as_mut().expect("a motor") += 1e-5,
         ];
         let of_copies: fn(&mut Sample) = |state| state.end_effectors[0].force_n[1] += 1e-5;
         let plans = [test_plans::start_stop(), test_plans::cruise(), test_plans::cruise_middle()];

@@ -177,11 +177,23 @@ impl Plan {
         at.of("base_orientation_wxyz").finite(&sample.base_orientation_wxyz)?;
         at.of("joint_rad").length(sample.joint_rad.len(), self.robot.joints.len(), "joint")?;
         at.of("joint_rad").finite(&sample.joint_rad)?;
+        let torques = &sample.joint_torque_nm;
+        at.of("joint_torque_nm").length(torques.len(), self.robot.joints.len(), "joint")?;
+        at.of("joint_torque_nm").finite(torques)?;
         at.of("com_m").finite(&sample.com_m)?;
         let feet = self.robot.end_effectors.len();
         at.of("end_effectors").length(sample.end_effectors.len(), feet, "end effector")?;
-        for (j, end_effector) in sample.end_effectors.iter().enumerate() {
-            validate_end_effector(end_effector, &at.item("end_effectors", j))?;
+        for (j, (end_effector, foot)) in
+            sample.end_effectors.iter().zip(&self.robot.end_effectors).enumerate()
+        {
+            let at = at.item("end_effectors", j);
+            validate_end_effector(end_effector, &at)?;
+            let (at, torque_nm) = (at.of("motor_torque_nm"), end_effector.motor_torque_nm);
+            match foot.contact.actuator() {
+                Some(_) => at.holds(torque_nm.is_some(), "null", "the torque of its motor")?,
+                None => at.holds(torque_nm.is_none(), "a number", "null: it has no motor")?,
+            }
+            at.finite(torque_nm.as_slice())?;
         }
 
         let [w, x, y, z] = sample.base_orientation_wxyz;

@@ -7,6 +7,7 @@ use crate::plan::{EndEffectorSample, FORMAT, Plan, Sample, SolveSummary, VERSION
 use crate::problem::state::State;
 use crate::problem::variables::WheelVars;
 use crate::problem::{Problem, Unknowns};
+use crate::torque;
 use nalgebra::{Rotation3, UnitQuaternion};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
 
@@ -31,7 +32,7 @@ pub(super) fn write_plan(
     }
     let after = samples.pop().expect("the timeline has a sample after the last");
     let before = samples.remove(0);
-    Plan {
+    let mut plan = Plan {
         format: FORMAT.into(),
         version: VERSION,
         robot: problem.model.robot().clone(),
@@ -43,10 +44,12 @@ pub(super) fn write_plan(
         end_placement: unknowns.placement,
         solve,
         formulation: Formulation,
-    }
+    };
+    torque::write(&mut plan);
+    plan
 }
 
-/// Converts one sample of the timeline to a sample of the plan.
+/// Converts one sample of the timeline to a sample of the plan, without torques.
 fn sample(problem: &Problem, t: usize, state: &State, after: Option<&State>) -> Sample {
     let layout = &problem.layout;
     let rotation = Rotation3::from_matrix_unchecked(state.pose.world_from_body);
@@ -67,6 +70,7 @@ fn sample(problem: &Problem, t: usize, state: &State, after: Option<&State>) -> 
                 motor_speed_rad_s: after
                     .filter(|_| !problem.held[j])
                     .map_or(0.0, |after| motor_speed_rad_s(problem, j, state, after)),
+                motor_torque_nm: None,
                 tilt_rad: wheel(|w| w.tilt),
                 yaw_rad: wheel(|w| w.yaw),
             }
@@ -83,6 +87,7 @@ fn sample(problem: &Problem, t: usize, state: &State, after: Option<&State>) -> 
             .iter()
             .copied()
             .collect(),
+        joint_torque_nm: Vec::new(),
         com_m: state.pose.com.into(),
         end_effectors,
     }

@@ -114,7 +114,7 @@ type Change = (&'static str, fn(&mut Sample));
 
 #[test]
 fn what_changes_outside_the_motion_is_noticed() {
-    let everywhere: [Change; 9] = [
+    let everywhere: [Change; 11] = [
         ("time", |state| state.time_s += 0.001),
         ("ends", |state| state.base_position_m[0] += 0.002),
         ("ends", |state| state.joint_rad[1] += 0.01),
@@ -124,6 +124,10 @@ fn what_changes_outside_the_motion_is_noticed() {
         ("ends", |state| state.end_effectors[2].position_m[2] += 0.002),
         ("ends", |state| state.end_effectors[1].tilt_rad += 0.001),
         ("ends", |state| state.end_effectors[3].yaw_rad += 0.001),
+        ("ends", |state| state.joint_torque_nm[3] += 0.001),
+        ("ends", |state| {
+            *state.end_effectors[2].motor_torque_nm.as_mut().expect("a motor") += 0.001;
+        }),
     ];
     let of_copies: Change = ("ends", |state| state.end_effectors[1].force_n[0] += 0.001);
     let noticed = |plan: &Plan, family: &str| {
@@ -176,10 +180,27 @@ fn the_script_refuses_lists_of_other_lengths() {
         ("/before/end_effectors", "before.end_effectors has 3 elements; expected 4"),
         ("/after/joint_rad", "after.joint_rad has 3 elements; expected 4"),
         ("/samples/5/joint_rad", "samples[5].joint_rad has 3 elements; expected 4"),
+        ("/samples/9/joint_torque_nm", "samples[9].joint_torque_nm has 3 elements; expected 4"),
     ];
     for (index, (list, expected)) in lists.into_iter().enumerate() {
         refuses(&format!("short-{index}"), expected, |document| {
             document.pointer_mut(list).and_then(Value::as_array_mut).expect("a list").pop();
+        });
+    }
+}
+
+#[test]
+fn the_script_refuses_torques_of_motors_that_are_none() {
+    let motor = "/samples/3/end_effectors/1/motor_torque_nm";
+    let welded = serde_json::json!({ "kind": "welded_wheel", "axis_in_link": [0.0, 1.0, 0.0] });
+    let cases = [
+        (motor, Value::Null, "motor_torque_nm is null; expected the torque of its motor"),
+        (motor, "much".into(), "motor_torque_nm is \"much\"; expected the torque"),
+        ("/robot/end_effectors/1/contact", welded, "; expected null: it has no motor"),
+    ];
+    for (index, (field, value, expected)) in cases.into_iter().enumerate() {
+        refuses(&format!("motor-{index}"), expected, |document| {
+            *document.pointer_mut(field).expect("a field") = value;
         });
     }
 }
@@ -254,6 +275,7 @@ fn of_every_kind() -> Plan {
     // Choreography at and between samples, including the half intervals at the ends.
     plan.motion.targets = test_robots::targets();
     plan.motion.heights = test_robots::heights();
+    crate::torque::write(&mut plan);
     plan
 }
 
@@ -270,6 +292,7 @@ fn an_optimised_walk_passes_both_opinions() {
 fn both_opinions_agree_on_the_size_of_every_residual() {
     let mut on_feet = test_plans::start_stop();
     on_feet.robot.end_effectors.iter_mut().for_each(|e| e.contact = Contact::PointFoot);
+    crate::torque::write(&mut on_feet);
     let plans =
         [walk(), test_plans::start_stop(), test_plans::cruise_middle(), of_every_kind(), on_feet];
     let mut seen = std::collections::BTreeSet::new();

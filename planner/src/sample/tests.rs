@@ -8,13 +8,14 @@ fn plans() -> [Plan; 3] {
     [test_plans::start_stop(), test_plans::cruise(), test_plans::cruise_middle()]
 }
 
-/// Largest difference between two samples in positions, angles, forces and wheel axes.
+/// Largest difference between two samples in positions, angles, forces, torques and wheel axes.
 fn distance(a: &Sample, b: &Sample) -> f64 {
     let numbers = |s: &Sample| {
         let mut all = [s.base_position_m, s.base_yaw_pitch_roll_rad, s.com_m].concat();
-        all.extend(s.base_orientation_wxyz.iter().chain(&s.joint_rad));
+        all.extend(s.base_orientation_wxyz.iter().chain(&s.joint_rad).chain(&s.joint_torque_nm));
         for e in &s.end_effectors {
             all.extend(e.position_m.iter().chain(&e.force_n).chain([&e.tilt_rad, &e.yaw_rad]));
+            all.extend(e.motor_torque_nm);
         }
         all
     };

@@ -34,8 +34,13 @@ impl Plan {
                 after.copies(last, still, "as in the last sample: at rest")
             }
             Ends::Prescribed => {
-                before.has_contacts_of(first, "as in the first sample")?;
-                after.has_contacts_of(last, "as in the last sample")?;
+                for (end, sample, meaning) in [
+                    (&before, first, "as in the first sample"),
+                    (&after, last, "as in the last sample"),
+                ] {
+                    end.has_contacts_of(sample, meaning)?;
+                    end.has_torques_of(sample, meaning)?;
+                }
                 let model = Model::new(&self.robot);
                 before.is_pose_of(&model)?;
                 after.is_pose_of(&model)?;
@@ -86,7 +91,17 @@ impl End<'_> {
         Ok(())
     }
 
-    /// Pose, contacts and forces are those of a sample, moved.
+    fn has_torques_of(&self, sample: &Sample, meaning: &str) -> Result<(), PlanError> {
+        let at = self.at.of("joint_torque_nm");
+        at.all_near(&self.state.joint_torque_nm, &sample.joint_torque_nm, meaning)?;
+        for (at, here, there) in self.feet(sample) {
+            let [here, there] = [&here.motor_torque_nm, &there.motor_torque_nm];
+            at.of("motor_torque_nm").all_near(here.as_slice(), there.as_slice(), meaning)?;
+        }
+        Ok(())
+    }
+
+    /// Pose, contacts, forces and torques are those of a sample, moved.
     fn copies(&self, sample: &Sample, moved: Placement, meaning: &str) -> Result<(), PlanError> {
         let Self { plan, state, at } = self;
         let near = |name: &str, found: &[f64], expected: &[f64]| {
@@ -99,6 +114,7 @@ impl End<'_> {
         near("joint_rad", &state.joint_rad, &sample.joint_rad)?;
         near("com_m", &state.com_m, &moved.point(sample.com_m))?;
         self.has_contacts_of(sample, meaning)?;
+        self.has_torques_of(sample, meaning)?;
         for ((at, here, there), foot) in self.feet(sample).zip(&plan.robot.end_effectors) {
             let (position_m, force_n) =
                 (moved.point(there.position_m), moved.vector(there.force_n));

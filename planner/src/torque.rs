@@ -1,0 +1,166 @@
+//! Torques of a plan's motors as it is played: inverse dynamics of the whole robot, τ = M ν̇ + h − Σ Jᵀ f.
+//!
+//! The optimiser holds the equations of a simpler robot in the mean around its samples. The motion that is played is
+//! that of [`crate::sample`], and the robot is the one of the robot file, with rotors and turning wheels. Both need
+//! another force at the base than the planned ones give, and no motor moves the base. So at every time the forces are taken that are nearest to the planned ones among those that do give it
+//! (`ground_forces`); what no ground can give is left over and returned.
+
+mod ground_forces;
+#[cfg(test)]
+mod tests;
+
+use crate::motion::Ends;
+use crate::plan::{Plan, Sample};
+use crate::sample::PlanSpline;
+use ground_forces::{Support, Wanted};
+use nalgebra::{Matrix3xX, Vector3};
+use rollwalk_multibody::{JOINTS, Kinematics, RimContact, Tree, about_com};
+use rollwalk_robot::{EndEffector, GRAVITY_M_S2, Robot};
+
+/// Part of a link's mass that turns with a wheel on it: robot files do not tell.
+const WHEEL_MASS_PART: f64 = 0.1;
+
+/// Share of a contact that is none, up to rounding of the time.
+const NO_SHARE: f64 = 1e-9;
+
+/// Smallest unit of levers, m, for a robot whose centre of mass is near the ground, or below it.
+const LEVER_MIN_M: f64 = 0.01;
+
+/// Inverse dynamics along a plan.
+pub struct InverseDynamics {
+    tree: Tree,
+    spline: PlanSpline,
+    kinematics: Kinematics,
+}
+
+/// What motors and ground do at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Actuation {
+    /// Torque of every joint's motor in joint order, N·m: about the joint's axis, on the child.
+    pub joint_nm: Vec<f64>,
+    /// Torque of every wheel's motor in end-effector order, N·m: about the axis of the robot file, on the wheel;
+    /// `None` without a motor.
+    pub motor_nm: Vec<Option<f64>>,
+    /// Force of the ground on every end effector, N; world, of a periodic motion that of its first period.
+    pub force_n: Vec<Vector3<f64>>,
+    /// Force that the motion takes and nothing gives, N; frame as of `force_n`.
+    pub unmet_force_n: Vector3<f64>,
+    /// Moment about the centre of mass that the motion takes and nothing gives, N·m.
+    pub unmet_moment_nm: Vector3<f64>,
+}
+
+impl Actuation {
+    /// Torques in channel order: joints, then driven wheels, N·m.
+    pub fn channels_nm(&self) -> impl Iterator<Item = f64> + '_ {
+        self.joint_nm.iter().chain(self.motor_nm.iter().flatten()).copied()
+    }
+}
+
+impl InverseDynamics {
+    /// Prepares a validated plan.
+    pub fn new(plan: &Plan) -> Self {
+        let tree = tree(&plan.robot);
+        let spline = PlanSpline::new(plan);
+        let kinematics = Kinematics::new(&tree, &spline.rates(0.0, &tree).configuration());
+        Self { tree, spline, kinematics }
+    }
+
+    /// Torques and forces at a time of the plan. A periodic motion repeats, any other holds its ends.
+    pub fn at(&mut self, plan_time_s: f64) -> Actuation {
+        let (tree, kinematics) = (&self.tree, &mut self.kinematics);
+        let rates = self.spline.rates(plan_time_s, tree);
+        kinematics.update(tree, &rates.configuration(), &rates.velocity);
+        kinematics.accelerate(tree, &rates.acceleration);
+        let mut generalised = vec![0.0; tree.dofs()];
+        let gravity = Vector3::new(0.0, 0.0, -GRAVITY_M_S2);
+        kinematics.inverse_dynamics(tree, &gravity, &mut generalised);
+
+        let com = kinematics.frames.com(tree);
+        let base_to_com = com - kinematics.frames.link_origins[0];
+        let contacts: Vec<(RimContact, Support)> = self
+            .spline
+            .planned_contacts(plan_time_s)
+            .into_iter()
+            .enumerate()
+            .filter(|(_, planned)| planned.share > NO_SHARE)
+            .filter_map(|(j, planned)| {
+                let contact = RimContact::new(tree, &kinematics.frames, j, &Vector3::z())?;
+                let foot = &tree.robot().end_effectors[j];
+                let support = Support::new(foot, &contact, kinematics, &planned, &com);
+                Some((contact, support))
+            })
+            .collect();
+        let wanted = Wanted {
+            wrench: about_com(&generalised, &base_to_com),
+            weight_n: tree.total_mass_kg() * GRAVITY_M_S2,
+            height_m: com.z.max(LEVER_MIN_M),
+        };
+        let supports: Vec<&Support> = contacts.iter().map(|(_, support)| support).collect();
+        let forces = ground_forces::nearest(&supports, &wanted);
+
+        let mut unmet = wanted.wrench;
+        let mut force_n = vec![Vector3::zeros(); tree.robot().end_effectors.len()];
+        let mut jacobian = Matrix3xX::zeros(tree.dofs());
+        for ((contact, support), force) in contacts.iter().zip(&forces) {
+            contact.material_jacobian(tree, &kinematics.frames, &mut jacobian);
+            for (dof, column) in jacobian.column_iter().enumerate().skip(JOINTS) {
+                generalised[dof] -= column.dot(force);
+            }
+            unmet -= support.wrench(force);
+            force_n[contact.end_effector] = *force;
+        }
+        let joints = tree.robot().joints.len();
+        let feet = tree.robot().end_effectors.iter().enumerate();
+        let motor = |(j, foot): (usize, &EndEffector)| {
+            foot.contact.actuator().and_then(|_| tree.wheel_dof(j)).map(|dof| generalised[dof])
+        };
+        Actuation {
+            motor_nm: feet.map(motor).collect(),
+            joint_nm: generalised[JOINTS..JOINTS + joints].to_vec(),
+            force_n,
+            unmet_force_n: unmet.fixed_rows::<3>(0).into(),
+            unmet_moment_nm: unmet.fixed_rows::<3>(3).into(),
+        }
+    }
+}
+
+/// Writes the torques of a plan into its samples, and into the states before and after it.
+pub(crate) fn write(plan: &mut Plan) {
+    let mut inverse = InverseDynamics::new(plan);
+    for sample in &mut plan.samples {
+        let actuation = inverse.at(sample.time_s);
+        sample.joint_torque_nm = actuation.joint_nm;
+        for (end_effector, torque_nm) in sample.end_effectors.iter_mut().zip(actuation.motor_nm) {
+            end_effector.motor_torque_nm = torque_nm;
+        }
+    }
+    let [first, last] = [0, plan.samples.len() - 1].map(|index| plan.samples[index].clone());
+    let [before, after] = match plan.motion.ends {
+        Ends::Periodic => [&last, &first],
+        Ends::AtRest | Ends::Prescribed => [&first, &last],
+    };
+    copy(before, &mut plan.before);
+    copy(after, &mut plan.after);
+}
+
+/// Copies torques.
+fn copy(from: &Sample, to: &mut Sample) {
+    to.joint_torque_nm.clone_from(&from.joint_torque_nm);
+    for (from, to) in from.end_effectors.iter().zip(&mut to.end_effectors) {
+        to.motor_torque_nm = from.motor_torque_nm;
+    }
+}
+
+/// The robot with turning wheels and rotors. A wheel is a thin disc with a part of its link's mass, shared by the
+/// wheels on it, and no more of the link's inertia than half.
+fn tree(robot: &Robot) -> Tree {
+    let disc = |foot: &EndEffector| {
+        let link = &robot.links[foot.link];
+        let sharing = robot.end_effectors.iter().filter(|other| other.link == foot.link).count();
+        let axis = foot.contact.axis_in_link().copied().unwrap_or_else(Vector3::zeros);
+        let link_about_axis = axis.dot(&(link.inertia_in_link_kg_m2 * axis));
+        let mass_kg = WHEEL_MASS_PART * link.mass_kg / sharing as f64;
+        (0.5 * mass_kg * foot.radius_m.powi(2)).min(0.5 * link_about_axis / sharing as f64)
+    };
+    Tree::new(robot).with_spinning_wheels(disc).with_armature()
+}

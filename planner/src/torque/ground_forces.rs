@@ -1,0 +1,270 @@
+//! Ground forces nearest to the planned ones that move the base as the motion does: a small cone program at every time.
+//!
+//! Force of contact j is a_j B_j x_j. B has three columns for what grips and two for what rolls freely, whose force
+//! along its rolling direction is drag. a is 1 in stance. While a foot lifts off or lands, the footfalls leave a part
+//! of the contact, and height leaves less: what is above the ground carries nothing, although the plan's forces go
+//! linearly from a stance sample to zero.
+//!
+//! ```text
+//! minimise   ½ Σ |x_j − x_j⁰|² + ½ κ |w − Σ G_j a_j B_j x_j|²      with B_j x_j in the friction cone
+//! ```
+//!
+//! x⁰ are the planned forces by a's first part, G maps a force to a wrench about the centre of mass. Forces are in units
+//! of the weight, moments in that times the height of the centre of mass. So a wrench is met to about 1/κ where
+//! contacts can give it, and x is unique where they can give it in many ways.
+
+use crate::families::ROLLING_SIGN_WIDTH_M_S;
+use crate::sample::PlannedContact;
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{
+    DefaultSettingsBuilder, DefaultSolver, IPSolver, SecondOrderConeT, ZeroConeT,
+};
+use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3, Vector6};
+use rollwalk_multibody::{Kinematics, RimContact};
+use rollwalk_robot::EndEffector;
+
+/// κ: weight of the wrench against that of the planned forces.
+const WRENCH_WEIGHT: f64 = 1e4;
+/// Tolerance and regularisation of the solver: with its own, 1e-8, forces of 60 N are off by up to 1 mN.
+const TOLERANCE: f64 = 1e-10;
+const REGULARISATION: f64 = 1e-12;
+/// Height up to which a contact of a converged plan is on the ground, m: a fifth of the credible level.
+const ON_GROUND_M: f64 = 0.0002;
+/// Height above that at which a foot that lifts off or lands carries half of what it would on the ground, m.
+const CARRIES_HALF_AT_M: f64 = 0.0005;
+
+/// One contact that may carry.
+pub struct Support {
+    /// Force per unknown, B.
+    directions: Matrix3xX<f64>,
+    friction_coefficient: f64,
+    /// a: part of a full contact.
+    part: f64,
+    /// Force of the full contact, N, that is planned.
+    planned_n: Vector3<f64>,
+    /// From the centre of mass to the contact, m.
+    arm: Vector3<f64>,
+}
+
+/// What the motion takes from the ground.
+pub struct Wanted {
+    /// Force, N, and moment about the centre of mass, N·m.
+    pub wrench: Vector6<f64>,
+    /// Weight of the robot, N: the unit of forces.
+    pub weight_n: f64,
+    /// Height of the centre of mass, m: the unit of levers.
+    pub height_m: f64,
+}
+
+impl Support {
+    /// A contact of the plan, which has a share of it.
+    pub fn new(
+        foot: &EndEffector,
+        contact: &RimContact,
+        kinematics: &Kinematics,
+        planned: &PlannedContact,
+        com: &Vector3<f64>,
+    ) -> Self {
+        let directions = foot.contact.drag().map_or_else(
+            || Matrix3xX::identity(3),
+            |drag| {
+                // Eq. 2.6: the force along the rolling direction is a part of the load.
+                let rolling = contact.axis.cross(&Vector3::z()).normalize();
+                let speed_m_s =
+                    kinematics.point_velocity(contact.link, &contact.center).dot(&rolling);
+                let sign = (speed_m_s / ROLLING_SIGN_WIDTH_M_S).tanh();
+                let slowing = drag.rolling_resistance * sign + drag.rolling_drag_s_m * speed_m_s;
+                let across = Vector3::z().cross(&rolling);
+                Matrix3xX::from_columns(&[across, Vector3::z() - rolling * slowing])
+            },
+        );
+        let above = (contact.position().z - ON_GROUND_M).max(0.0);
+        let height = if planned.share < 1.0 { above } else { 0.0 };
+        let near = 1.0 / (1.0 + (height / CARRIES_HALF_AT_M).powi(2));
+        Self {
+            directions,
+            friction_coefficient: foot.friction_coefficient,
+            part: planned.share * near,
+            planned_n: planned.force_n,
+            arm: contact.position() - com,
+        }
+    }
+
+    /// Force and moment about the centre of mass of a force at the contact.
+    pub fn wrench(&self, force: &Vector3<f64>) -> Vector6<f64> {
+        let moment = self.arm.cross(force);
+        Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
+    }
+}
+
+/// The nearest forces, N, one for each support.
+pub fn nearest(supports: &[&Support], wanted: &Wanted) -> Vec<Vector3<f64>> {
+    let count: usize = supports.iter().map(|support| support.directions.ncols()).sum();
+    if count == 0 {
+        return Vec::new();
+    }
+    // Wrench per unknown, planned unknowns, and rows of the cones: (μ f_z, f_x, f_y) of each contact.
+    let mut wrenches = DMatrix::zeros(6, count);
+    let mut planned = DVector::zeros(count);
+    let mut cones = DMatrix::zeros(3 * supports.len(), count);
+    let lever = wanted.height_m;
+    let scale = Vector6::new(1.0, 1.0, 1.0, 1.0 / lever, 1.0 / lever, 1.0 / lever);
+    let mut first = 0;
+    for (k, support) in supports.iter().enumerate() {
+        for (c, direction) in support.directions.column_iter().enumerate() {
+            let direction = direction.into_owned();
+            let unknown = first + c;
+            let wrench = support.wrench(&(direction * support.part)).component_mul(&scale);
+            wrenches.set_column(unknown, &wrench);
+            planned[unknown] = if support.directions.ncols() == 3 {
+                support.planned_n[c]
+            } else if c == 0 {
+                support.planned_n.dot(&direction)
+            } else {
+                support.planned_n.z
+            } / wanted.weight_n;
+            let row = 3 * k;
+            cones[(row, unknown)] = support.friction_coefficient * direction.z;
+            cones[(row + 1, unknown)] = direction.x;
+            cones[(row + 2, unknown)] = direction.y;
+        }
+        first += support.directions.ncols();
+    }
+    let wrench = wanted.wrench.component_mul(&scale) / wanted.weight_n;
+    let unknowns = solve(&planned, &wrenches, &wrench, &cones);
+    let mut rest = unknowns.as_slice();
+    supports
+        .iter()
+        .map(|support| {
+            let (own, others) = rest.split_at(support.directions.ncols());
+            rest = others;
+            &support.directions * DVector::from_column_slice(own) * (support.part * wanted.weight_n)
+        })
+        .collect()
+}
+
+/// Minimum of ½ |x − x⁰|² + ½ κ |w − G x|² with every three entries of C x in the second-order cone.
+///
+/// What is missing of the wrench is a variable of its own. Condensed to a Hessian of x, whose eigenvalues span κ, some
+/// problems ended far from their solution.
+fn solve(
+    planned: &DVector<f64>,
+    wrenches: &DMatrix<f64>,
+    wrench: &Vector6<f64>,
+    cones: &DMatrix<f64>,
+) -> DVector<f64> {
+    let (count, rows) = (planned.len(), cones.nrows());
+    let missing_scale = WRENCH_WEIGHT.sqrt().recip();
+    // Rows: G x + missing = w, then −C x + s = 0 with s in the cones.
+    let mut left = DMatrix::zeros(6 + rows, count + 6);
+    left.view_mut((0, 0), (6, count)).copy_from(wrenches);
+    left.view_mut((0, count), (6, 6)).fill_diagonal(missing_scale);
+    left.view_mut((6, 0), (rows, count)).copy_from(&-cones);
+    let mut right = vec![0.0; 6 + rows];
+    right[..6].copy_from_slice(wrench.as_slice());
+    let mut gradient = vec![0.0; count + 6];
+    gradient.iter_mut().zip(planned).for_each(|(gradient, planned)| *gradient = -planned);
+    let mut kinds = vec![ZeroConeT(6)];
+    kinds.extend(vec![SecondOrderConeT(3); rows / 3]);
+    let settings = DefaultSettingsBuilder::default()
+        .verbose(false)
+        .tol_gap_abs(TOLERANCE)
+        .tol_gap_rel(TOLERANCE)
+        .tol_feas(TOLERANCE)
+        .static_regularization_constant(REGULARISATION)
+        .build()
+        .expect("the settings are those of the solver");
+    let identity = CscMatrix::identity(count + 6);
+    let solver = DefaultSolver::new(&identity, &gradient, &sparse(&left), &right, &kinds, settings);
+    let mut solver = solver.expect("the sizes fit");
+    solver.solve();
+    let found = DVector::from_column_slice(&solver.solution.x[..count]);
+    // Random problems are all solved. Should one not be, the planned forces are as good a guess as any.
+    if found.iter().all(|x| x.is_finite()) { found } else { planned.clone() }
+}
+
+/// The entries of a matrix that are not zero, column by column.
+fn sparse(matrix: &DMatrix<f64>) -> CscMatrix<f64> {
+    let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+    for column in matrix.column_iter() {
+        for (row, &value) in column.iter().enumerate().filter(|(_, value)| **value != 0.0) {
+            rows.push(row);
+            values.push(value);
+        }
+        starts.push(rows.len());
+    }
+    CscMatrix::new(matrix.nrows(), matrix.ncols(), starts, rows, values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_robots;
+
+    /// The point of the friction cone |f_xy| ≤ μ f_z that is nearest to `force`.
+    fn in_cone(force: &Vector3<f64>, friction_coefficient: f64) -> Vector3<f64> {
+        let (side, mu) = (force.xy().norm(), friction_coefficient);
+        if side <= mu * force.z {
+            return *force;
+        }
+        if mu * side <= -force.z {
+            return Vector3::zeros();
+        }
+        let load = (force.z + mu * side) / (1.0 + mu * mu);
+        Vector3::new(force.x / side * mu * load, force.y / side * mu * load, load)
+    }
+
+    /// Plans in files may have any finite numbers; forces of such are no use, but they end.
+    #[test]
+    fn numbers_beyond_reason_end_with_some_force() {
+        for number in [f64::NAN, f64::INFINITY, 1e300, -1e300, 1e-300] {
+            let support = Support {
+                directions: Matrix3xX::identity(3),
+                friction_coefficient: 0.7,
+                part: 1e-12,
+                planned_n: Vector3::new(number, 0.0, 10.0),
+                arm: Vector3::new(0.1, number, -0.3),
+            };
+            let wrench = Vector6::new(0.0, 0.0, number, 0.0, 1.0, 0.0);
+            let wanted = Wanted { wrench, weight_n: 60.0, height_m: 0.3 };
+            assert_eq!(nearest(&[&support, &support], &wanted).len(), 2);
+        }
+    }
+
+    /// A convex function has its minimum over a cone exactly where a step against the gradient, put back into the
+    /// cone, leads nowhere.
+    #[test]
+    fn no_step_within_the_cones_gets_nearer() {
+        let mut random = test_robots::uniform(3);
+        let mut vector = |scale: f64| Vector3::from_fn(|_, _| scale * random());
+        let mut at_the_edge = 0;
+        for case in 0..200 {
+            let supports: Vec<Support> = (0..1 + case % 5)
+                .map(|_| Support {
+                    directions: Matrix3xX::identity(3),
+                    friction_coefficient: 0.7,
+                    part: 1.0,
+                    planned_n: vector(40.0),
+                    arm: vector(0.4) - Vector3::z() * 0.3,
+                })
+                .collect();
+            let (force, moment) = (vector(30.0) + Vector3::z() * 50.0, vector(10.0));
+            let wrench = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
+            let wanted = Wanted { wrench, weight_n: 60.0, height_m: 0.3 };
+            let forces = nearest(&supports.iter().collect::<Vec<_>>(), &wanted);
+            let given: Vector6<f64> = supports.iter().zip(&forces).map(|(s, f)| s.wrench(f)).sum();
+            let missing = wrench - given;
+            let (linear, angular) = (missing.fixed_rows::<3>(0), missing.fixed_rows::<3>(3));
+            for (support, force) in supports.iter().zip(&forces) {
+                let pull = linear + angular.cross(&support.arm) / wanted.height_m.powi(2);
+                let gradient = force - support.planned_n - pull * WRENCH_WEIGHT;
+                let step = 1e-4;
+                let moved = in_cone(&(force - gradient * step), support.friction_coefficient);
+                // The solver's tolerance: measured, up to 1.2e-4 N of some 60 N.
+                assert!((moved - force).norm() < 1e-3, "{case}: {force:?} {moved:?}");
+                at_the_edge += usize::from((force.xy().norm() - 0.7 * force.z).abs() < 1e-4);
+            }
+        }
+        assert!(at_the_edge > 50, "{at_the_edge}");
+    }
+}
