@@ -7,6 +7,7 @@
 use crate::motion::Ends;
 use crate::plan::Plan;
 use crate::sample::PlanSpline;
+use crate::torque::InverseDynamics;
 use rollwalk_robot::Robot;
 use serde::Serialize;
 use thiserror::Error;
@@ -60,7 +61,7 @@ impl Table {
         let periodic = plan.motion.ends == Ends::Periodic;
         let repeats = periodic && last + 1e-3 > plan.motion.duration_s * rate_hz;
         let count = if repeats { last as usize } else { last as usize + 1 };
-        let spline = PlanSpline::new(plan);
+        let (spline, mut inverse) = (PlanSpline::new(plan), InverseDynamics::new(plan));
         let time_s = |k: usize| (k as f64 / rate_hz).min(plan.motion.duration_s);
         Ok(Self {
             format: "rollwalk-export",
@@ -71,7 +72,7 @@ impl Table {
             duration_s: plan.motion.duration_s,
             periodic,
             columns: columns(&plan.robot),
-            rows: (0..count).map(|k| row(&spline, time_s(k))).collect(),
+            rows: (0..count).map(|k| row(&spline, &mut inverse, time_s(k))).collect(),
         })
     }
 
@@ -101,7 +102,7 @@ fn columns(robot: &Robot) -> Vec<String> {
                 base_qy base_qz com_x_m com_y_m com_z_m";
     let mut columns: Vec<String> = base.split_whitespace().map(str::to_owned).collect();
     for joint in &robot.joints {
-        columns.extend(["rad", "rad_s"].map(|unit| format!("{}_{unit}", joint.name)));
+        columns.extend(["rad", "rad_s", "nm"].map(|unit| format!("{}_{unit}", joint.name)));
     }
     for end_effector in &robot.end_effectors {
         let foot = ["contact", "x_m", "y_m", "z_m", "fx_n", "fy_n", "fz_n"];
@@ -109,26 +110,30 @@ fn columns(robot: &Robot) -> Vec<String> {
         let wheel = if end_effector.contact.rolls() { &wheel[..] } else { &[][..] };
         columns
             .extend(foot.iter().chain(wheel).map(|what| format!("{}_{what}", end_effector.name)));
+        let motor = end_effector.contact.actuator();
+        columns.extend(motor.map(|_| format!("{}_motor_nm", end_effector.name)));
     }
     columns
 }
 
-fn row(spline: &PlanSpline, time_s: f64) -> Vec<f64> {
+fn row(spline: &PlanSpline, inverse: &mut InverseDynamics, time_s: f64) -> Vec<f64> {
     let sample = spline.sample(time_s);
     let setpoints = spline.setpoints(time_s);
+    let actuation = inverse.at(time_s);
     let mut row = vec![time_s];
     row.extend(sample.base_position_m.iter().chain(&sample.base_yaw_pitch_roll_rad));
     row.extend(sample.base_orientation_wxyz.iter().chain(&sample.com_m));
-    for joint in setpoints.joint_rad.iter().zip(&setpoints.joint_speed_rad_s) {
-        row.extend([joint.0, joint.1]);
+    for (k, torque_nm) in actuation.joint_nm.into_iter().enumerate() {
+        row.extend([setpoints.joint_rad[k], setpoints.joint_speed_rad_s[k], torque_nm]);
     }
-    for (end_effector, e) in spline.model().robot().end_effectors.iter().zip(&sample.end_effectors)
-    {
+    let feet = spline.model().robot().end_effectors.iter().zip(&sample.end_effectors);
+    for ((end_effector, e), torque_nm) in feet.zip(actuation.motor_nm) {
         row.push(f64::from(u8::from(e.contact)));
         row.extend(e.position_m.iter().chain(&e.force_n));
         if end_effector.contact.rolls() {
             row.extend([e.tilt_rad, e.yaw_rad, e.wheel_speed_rad_s, e.motor_speed_rad_s]);
         }
+        row.extend(torque_nm);
     }
     row
 }
@@ -165,6 +170,13 @@ mod tests {
             near(at("base_z_m"), sample.base_position_m[2]);
             near(at("com_x_m"), sample.com_m[0]);
             near(at("rl-hip_rad"), sample.joint_rad[2]);
+            // Times that differ in their last bit stop the solver of the forces elsewhere.
+            let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-7, "sample {i}: {a} {b}");
+            near(at("rl-hip_nm"), sample.joint_torque_nm[2]);
+            near(
+                at("fr-wheel_motor_nm"),
+                sample.end_effectors[1].motor_torque_nm.expect("a motor"),
+            );
             near(at("fr-wheel_fz_n"), sample.end_effectors[1].force_n[2]);
             near(at("fr-wheel_x_m"), sample.end_effectors[1].position_m[0]);
             near(at("fr-wheel_contact"), 1.0);

@@ -213,6 +213,10 @@ catalogue! {
     LiftOffSlip: "slip at lift-off", "sec. 2.4.1", MPerS, Level::None, Cost, NO_ADVICE;
     // Wheels that land are rows of the slip in a solve, feet in swing follow their profile there.
     LandingSlip: "landing slip", "Eq. 2.8, midpoint", MPerS, Residual(0.005), Check, NO_ADVICE;
+    JointTorqueAsPlayed: "joint torque as played", "inverse dynamics", Nm, OfLimit(0.1), Check, NO_ADVICE;
+    WheelTorqueAsPlayed: "wheel torque as played", "inverse dynamics", Nm, OfLimit(0.1), Check, NO_ADVICE;
+    UnmetForce: "unmet force", "inverse dynamics", N, Residual(0.3), Check, NO_ADVICE;
+    UnmetMoment: "unmet moment", "inverse dynamics", Nm, Residual(0.03), Check, NO_ADVICE;
     SwingDepth: "depth in swing", "Eq. 2.9", M, Residual(0.001), Check, NO_ADVICE;
     CentreOfMass: "centre of mass", "Eq. 2.11", M, Residual(0.001), Check, NO_ADVICE;
     MotorAgainstWheel: "motor against wheel", "conventions", MPerS, Residual(0.005), Check, NO_ADVICE;

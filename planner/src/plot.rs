@@ -1,7 +1,7 @@
 //! SVG pictures of a plan: one figure of all quantities over time, and strips of the robot.
 //!
-//! The figure has three columns over one time axis: motion of the body with the feet in stance, joint angles of every
-//! limb with their limits, ground force of every foot with its friction cone. Lines are the motion as played, dots
+//! The figure has four columns over one time axis: motion of the body with the feet in stance, joint angles of every
+//! limb with their limits, torques of its motors, ground force of every foot with its friction cone. Lines are the motion as played, dots
 //! the planned samples.
 
 mod axes;
@@ -110,6 +110,7 @@ mod tests {
             "base orientation (rad)",
             "wheel motors (rad/s)",
             "rr-wheel joints (rad)",
+            "rr-wheel torques (N·m)",
             "rr-wheel force (N)",
             "time (s)",
         ] {

@@ -11,6 +11,7 @@
 //!   the dynamics in between have no level. At the samples the dynamics hold in the mean over the
 //!   intervals around them.
 
+mod as_played;
 mod choreography;
 mod grid;
 mod motors;
@@ -18,6 +19,8 @@ mod rows;
 #[cfg(test)]
 mod second_opinion;
 mod table;
+
+pub use as_played::{LargestTorque, MotorKind};
 
 use crate::families::Family;
 use crate::plan::Plan;
@@ -41,6 +44,8 @@ pub struct Report {
     pub needs_feedback: Option<String>,
     /// The residuals: at the samples first, then in between.
     pub rows: Vec<Row>,
+    /// Largest torque of every motor as played at 60 Hz: joints, then wheels.
+    pub torques: Vec<LargestTorque>,
 }
 
 /// One residual over the whole motion.
@@ -94,16 +99,18 @@ impl Report {
     /// where no foot swings, have no row.
     pub fn new(plan: &Plan) -> Self {
         let mut rows = rows::at_samples(&grid::Timeline::new(plan));
-        for (grid, rate_hz) in
-            [(Grid::Library60Hz, LIBRARY_RATE_HZ), (Grid::Control500Hz, CONTROL_RATE_HZ)]
-        {
-            rows.extend(rows::between(&grid::Timeline::new(&resample(plan, rate_hz)), grid));
-        }
+        let [frames, ticks] = [LIBRARY_RATE_HZ, CONTROL_RATE_HZ].map(|hz| resample(plan, hz));
+        let (frames, ticks) = (grid::Timeline::new(&frames), grid::Timeline::new(&ticks));
+        rows.extend(rows::between(&frames, Grid::Library60Hz));
+        let (torques, of_torques) = as_played::as_played(plan, &frames);
+        rows.extend(of_torques);
+        rows.extend(rows::between(&ticks, Grid::Control500Hz));
         Self {
             motion: plan.motion.name.clone(),
             robot: plan.robot.name.clone(),
             needs_feedback: plan.motion.needs_feedback.clone(),
             rows,
+            torques,
         }
     }
 

@@ -1,10 +1,11 @@
-//! Panels of the figure in three columns, from the motion as played and the planned samples.
+//! Panels of the figure in four columns, from the motion as played and the planned samples.
 
 use super::axes::Series;
 pub(super) use super::axes::{Content, Panel};
 use crate::motion::{Ends, Subject};
 use crate::plan::{EndEffectorSample, Plan, Sample};
 use crate::sample::{PlanSpline, Setpoints, driven_wheels};
+use crate::torque::{Actuation, InverseDynamics};
 use rollwalk_multibody::euler::JOINTS;
 
 /// Points per line.
@@ -12,19 +13,23 @@ const POINTS: usize = 240;
 
 /// Distance from the motion within which a joint limit is drawn, rad.
 const LIMIT_SHOWN_WITHIN_RAD: f64 = 0.6;
+/// Part of a motor's largest torque from which on its limit is drawn.
+const LIMIT_SHOWN_FROM_PART: f64 = 0.6;
 
 /// A plan with its motion evaluated along the time axis.
 pub(super) struct Played<'a> {
     pub(super) plan: &'a Plan,
     spline: PlanSpline,
     states: Vec<(f64, Sample, Setpoints)>,
+    /// Torques in the same moments.
+    actuations: Vec<Actuation>,
 }
 
 /// The panels of the figure, column by column.
 pub fn columns(plan: &Plan) -> Vec<Vec<Panel>> {
     let spline = PlanSpline::new(plan);
     let duration_s = plan.motion.duration_s;
-    let states = (0..=POINTS)
+    let states: Vec<_> = (0..=POINTS)
         .map(|k| {
             let t = duration_s * k as f64 / POINTS as f64;
             // The end of a periodic motion, evaluated inside the period.
@@ -32,7 +37,9 @@ pub fn columns(plan: &Plan) -> Vec<Vec<Panel>> {
             (t, spline.sample(t), spline.setpoints(t))
         })
         .collect();
-    let played = Played { plan, spline, states };
+    let mut inverse = InverseDynamics::new(plan);
+    let actuations = states.iter().map(|(t, ..)| inverse.at(*t)).collect();
+    let played = Played { plan, spline, states, actuations };
     let body = vec![
         played.footfalls(),
         played.horizontal(),
@@ -41,7 +48,7 @@ pub fn columns(plan: &Plan) -> Vec<Vec<Panel>> {
         played.wheels(),
     ];
     let body = body.into_iter().flatten().chain(played.ways()).collect();
-    vec![body, played.joints(), played.forces()]
+    vec![body, played.joints(), played.torques(), played.forces()]
         .into_iter()
         .filter(|c: &Vec<Panel>| !c.is_empty())
         .collect()
@@ -178,12 +185,71 @@ impl Played<'_> {
 
     /// One panel per limb, and one for joints that move no end effector.
     fn joints(&self) -> Vec<Panel> {
+        self.limbs().iter().map(|(name, joints)| self.limb(name, joints)).collect()
+    }
+
+    /// The same limbs: what their motors do.
+    fn torques(&self) -> Vec<Panel> {
+        let limbs = self.limbs();
+        let panels = limbs.iter().map(|(name, joints)| {
+            let robot = &self.plan.robot;
+            let names = distinct(joints.iter().map(|&k| robot.joints[k].name.as_str()));
+            let mut limits = Vec::new();
+            let mut series = Vec::new();
+            for (color, &k) in joints.iter().enumerate() {
+                let of = |a: &Actuation| a.joint_nm[k];
+                series.push(self.torque(&names[color], color, of, |s| s.joint_torque_nm[k]));
+                limits.push(robot.joints[k].actuator.torque_max_nm);
+            }
+            for j in driven_wheels(robot).filter(|&j| self.joints_to(j) == *joints) {
+                let foot = &robot.end_effectors[j];
+                let of = |a: &Actuation| a.motor_nm[j].unwrap_or_default();
+                let planned = |s: &Sample| s.end_effectors[j].motor_torque_nm.unwrap_or_default();
+                series.push(self.torque(
+                    &format!("{} wheel", foot.name),
+                    series.len(),
+                    of,
+                    planned,
+                ));
+                limits.extend(foot.contact.actuator().map(|motor| motor.torque_max_nm));
+            }
+            let shown = |(limit, curve): (&f64, &Series)| {
+                let most = curve.line.iter().map(|[_, torque]| torque.abs()).fold(0.0, f64::max);
+                let near = most > LIMIT_SHOWN_FROM_PART * limit;
+                near.then(|| [(*limit, curve.color), (-limit, curve.color)])
+            };
+            let limits = limits.iter().zip(&series).filter_map(shown).flatten().collect();
+            self.limited(format!("{name} torques (N·m)"), series, limits, Vec::new())
+        });
+        panels.collect()
+    }
+
+    /// Curve of a torque, and its dots at the samples.
+    fn torque(
+        &self,
+        name: &str,
+        color: usize,
+        of: impl Fn(&Actuation) -> f64,
+        planned: impl Fn(&Sample) -> f64,
+    ) -> Series {
+        let times = self.states.iter().map(|(t, ..)| *t);
+        let line = times.zip(&self.actuations).map(|(t, actuation)| [t, of(actuation)]).collect();
+        let dots = self.plan.samples.iter().map(|s| [s.time_s, planned(s)]).collect();
+        Series { name: name.to_owned(), color, line, dots, dash: "" }
+    }
+
+    /// Joints that move an end effector, base first.
+    fn joints_to(&self, end_effector: usize) -> Vec<usize> {
+        let dofs = &self.spline.model().chain(end_effector).dofs;
+        dofs.iter().filter(|&&dof| dof >= JOINTS).map(|dof| dof - JOINTS).collect()
+    }
+
+    /// Limbs with their joints, and the joints that move no end effector.
+    fn limbs(&self) -> Vec<(String, Vec<usize>)> {
         let robot = &self.plan.robot;
         let mut limbs: Vec<(String, Vec<usize>)> = Vec::new();
         for (j, end_effector) in robot.end_effectors.iter().enumerate() {
-            let dofs = &self.spline.model().chain(j).dofs;
-            let joints: Vec<usize> =
-                dofs.iter().filter(|&&d| d >= JOINTS).map(|d| d - JOINTS).collect();
+            let joints = self.joints_to(j);
             match limbs.iter_mut().find(|(_, known)| *known == joints) {
                 Some((name, _)) => *name = format!("{name}, {}", end_effector.name),
                 None if joints.is_empty() => {}
@@ -195,7 +261,7 @@ impl Played<'_> {
         if !rest.is_empty() {
             limbs.push(("others".to_owned(), rest));
         }
-        limbs.iter().map(|(name, joints)| self.limb(name, joints)).collect()
+        limbs
     }
 
     fn limb(&self, name: &str, joints: &[usize]) -> Panel {

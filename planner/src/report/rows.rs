@@ -82,7 +82,7 @@ impl Worst {
     }
 
     /// The row, if any residual was recorded.
-    fn row(self) -> Option<Row> {
+    pub(super) fn row(self) -> Option<Row> {
         self.row.level.is_some().then_some(self.row)
     }
 }

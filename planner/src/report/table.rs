@@ -1,6 +1,6 @@
 //! The report as an aligned text table.
 
-use super::{Grid, Report, Row};
+use super::{Grid, LargestTorque, MotorKind, Report, Row};
 use std::fmt;
 
 const HEADER: [&str; 6] = ["residual", "equation", "worst", "level", "unit", "where"];
@@ -37,6 +37,19 @@ impl fmt::Display for Report {
                 writeln!(f, "{}", row.grid)?;
             }
             line(f, cells)?;
+        }
+        writeln!(f, "largest torques as played, 60 Hz")?;
+        for (kind, word) in [(MotorKind::Joint, "joint"), (MotorKind::Wheel, "wheel")] {
+            let motors = self.torques.iter().filter(|motor| motor.kind == kind);
+            let hardest = motors.max_by(|a, b| a.part_of_limit().total_cmp(&b.part_of_limit()));
+            let Some(motor) = hardest else { continue };
+            let percent = 100.0 * motor.part_of_limit();
+            let [torque_nm, limit_nm] = [motor.torque_nm, motor.limit_nm].map(number);
+            let LargestTorque { motor, time_s, .. } = motor;
+            writeln!(
+                f,
+                "  {word}: {torque_nm} of {limit_nm} N·m ({percent:.0} %) at {time_s:.3} s, {motor}"
+            )?;
         }
         match self.rows.iter().filter(|row| row.part_of_level() > 1.0).count() {
             0 => writeln!(

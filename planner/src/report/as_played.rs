@@ -1,0 +1,87 @@
+//! Motor torques of the motion as it is played, and the force that it takes from nowhere: [`crate::torque`].
+
+use super::grid::Timeline;
+use super::rows::Worst;
+use super::{Grid, Row};
+use crate::families::Family;
+use crate::plan::Plan;
+use crate::torque::InverseDynamics;
+use rollwalk_robot::Channel;
+use serde::Serialize;
+
+/// Largest torque of a motor over a motion as it is played.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LargestTorque {
+    /// Name of the joint or of the wheel.
+    pub motor: String,
+    /// What the motor turns.
+    pub kind: MotorKind,
+    /// The torque, N·m: its amount.
+    pub torque_nm: f64,
+    /// Limit of the robot file, N·m.
+    pub limit_nm: f64,
+    /// When it occurs, s.
+    pub time_s: f64,
+}
+
+/// What a motor turns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MotorKind {
+    /// A joint.
+    Joint,
+    /// A wheel.
+    Wheel,
+}
+
+/// Torques of the whole robot in the frames of a motion library: the largest of every motor, and rows of excesses and
+/// of what no ground force gives. The optimiser bounds torques of its own model at the samples, so that rows have no
+/// level.
+pub fn as_played(plan: &Plan, frames: &Timeline) -> (Vec<LargestTorque>, Vec<Row>) {
+    let grid = Grid::Library60Hz;
+    let mut joint = Worst::of(Family::JointTorqueAsPlayed, grid);
+    let mut wheel = Worst::of(Family::WheelTorqueAsPlayed, grid);
+    let mut force = Worst::of(Family::UnmetForce, grid);
+    let mut moment = Worst::of(Family::UnmetMoment, grid);
+    let mut largest: Vec<LargestTorque> = plan.robot.channels().map(LargestTorque::new).collect();
+    let mut inverse = InverseDynamics::new(plan);
+    for w in frames.samples() {
+        let time_s = w.here.sample.time_s;
+        let actuation = inverse.at(time_s);
+        force.see(actuation.unmet_force_n.norm(), &w, None);
+        moment.see(actuation.unmet_moment_nm.norm(), &w, None);
+        for (torque_nm, largest) in actuation.channels_nm().zip(&mut largest) {
+            let (torque_nm, limit) = (torque_nm.abs(), largest.limit_nm);
+            let worst = if largest.kind == MotorKind::Joint { &mut joint } else { &mut wheel };
+            worst.see_beyond((torque_nm - limit).max(0.0), limit, &w, Some(&largest.motor));
+            if torque_nm > largest.torque_nm {
+                (largest.torque_nm, largest.time_s) = (torque_nm, time_s);
+            }
+        }
+    }
+    let mut rows: Vec<Row> =
+        [joint, wheel, force, moment].into_iter().filter_map(Worst::row).collect();
+    rows.iter_mut().for_each(|row| row.level = None);
+    (largest, rows)
+}
+
+impl LargestTorque {
+    fn new(channel: Channel) -> Self {
+        let kind = match channel {
+            Channel::Joint(_) => MotorKind::Joint,
+            Channel::Wheel(..) => MotorKind::Wheel,
+        };
+        Self {
+            motor: channel.name().to_owned(),
+            kind,
+            torque_nm: 0.0,
+            limit_nm: channel.actuator().torque_max_nm,
+            time_s: 0.0,
+        }
+    }
+
+    /// The torque as a part of the limit.
+    pub fn part_of_limit(&self) -> f64 {
+        self.torque_nm / self.limit_nm
+    }
+}
