@@ -7,11 +7,10 @@
 //! and hold at every lower one. The playback speed changes gradually, so that joint speeds do not jump and wheels
 //! stay within their acceleration limits.
 //!
-//! Torques are interpolated linearly: they jump where a foot touches the ground, and a cubic would swing beyond both
-//! ends of such a step. They are not scaled with the playback speed s. Of a torque the part for weight stays, and the
-//! part for acceleration should be s² times what was planned; the library has the sum. Most of it is weight, a halt
-//! must stand, and what is too much, (1 − s²) times the acceleration's part, is what the gains had to make up for
-//! without torques.
+//! Torques are interpolated linearly: they jump where a foot touches the ground, and a cubic overshoots both ends of
+//! such a step. They are not scaled with the playback speed s. A slower motion needs the same torque for its weight and
+//! s² of the torque for its acceleration, but a library holds only the sum of the two. Weight is most of it, and a halted
+//! robot must stand on its torques. The gains correct the excess, (1 − s²) of the torque for acceleration.
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::library::{ClipId, Library, NodeId, RATE_HZ, Unreadable};

@@ -1,9 +1,9 @@
-//! Torques of a plan's motors as it is played: inverse dynamics of the whole robot, τ = M ν̇ + h − Σ Jᵀ f.
+//! Motor torques that a plan needs when it is played: inverse dynamics of the whole robot, τ = M ν̇ + h − Σ Jᵀ f.
 //!
-//! The optimiser holds the equations of a simpler robot in the mean around its samples. The motion that is played is
-//! that of [`crate::sample`], and the robot is the one of the robot file, with rotors and turning wheels. Both need
-//! another force at the base than the planned ones give, and no motor moves the base. So at every time the forces are taken that are nearest to the planned ones among those that do give it
-//! (`ground_forces`); what no ground can give is left over and returned.
+//! The optimiser satisfies the dynamics in the mean around its samples, and without rotors and turning wheels. Inverse
+//! dynamics here follow the played motion ([`crate::sample`]) at every time, with rotors and wheels. The planned ground
+//! forces therefore do not quite balance the base, which no motor drives. `ground_forces` finds the forces nearest to the
+//! planned ones that balance it; what no ground contact can supply is returned as unmet force and moment.
 
 mod ground_forces;
 #[cfg(test)]

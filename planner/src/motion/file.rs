@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 
 /// Samples per second where a motion file gives no count.
 const SAMPLES_PER_S: f64 = 15.0;
-/// Fewest samples of a motion whose file gives no count, as in Table 2.1.
+/// Fewest samples of a motion whose file gives no count. With the 12 of Table 2.1 short gaits fail when they are played.
 const SAMPLES_DEFAULT_MIN: f64 = 24.0;
 /// Fewest samples of a swing that can lift a foot and put it down.
 const SWING_SAMPLES_MIN: usize = 3;

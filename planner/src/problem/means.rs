@@ -1,10 +1,10 @@
 //! Means around a sample, in which the dynamics hold.
 //!
-//! The mean of a function of time around a sample has the weight 1 − |t|/h at a time t from it. That of a second
-//! derivative is the second difference (x₋ − 2x + x₊)/h², whatever the curve between the samples; that of what is
-//! linear between samples, as forces are, is (f₋ + 4f + f₊)/6. Rows in these means hold for the motion as it is played.
-//! With f at the sample alone, cubic splines through the samples missed forces of 4 % of the weight in a walk and of
-//! 46 % in a pronk, root mean square, now 0.04 % and 1 %; a finer grid did not help.
+//! A mean around a sample weights each time by 1 − |t|/h, with t counted from the sample. The mean of a second derivative
+//! is the second difference (x₋ − 2x + x₊)/h², for every curve through the samples. Forces are linear between samples,
+//! and their mean is (f₋ + 4f + f₊)/6. Rows in these means therefore hold for the splines that the controller plays.
+//! With the force f of the sample alone, those splines needed forces that the plan did not give: 4 % of the weight in a
+//! walk and 46 % in a pronk, root mean square. With the means 0.04 % and 1 % remain. A finer grid alone did not help.
 //!
 //! At the ends of a motion that is not periodic the mean is over the one interval inside. There x₋ = x − h ẋ, because
 //! the state outside is where the velocity at the end leads.
@@ -12,7 +12,7 @@
 /// Weights of a sample and its neighbours in the mean around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Means {
-    /// Weights in the mean of what is linear between the samples.
+    /// Weights of previous, present and next sample in the mean of a function that is linear between samples.
     pub linear: [f64; 3],
     /// Mean of a second derivative over the second difference.
     pub second_difference: f64,

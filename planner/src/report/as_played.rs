@@ -1,4 +1,5 @@
-//! Motor torques of the motion as it is played, and the force that it takes from nowhere: [`crate::torque`].
+//! Motor torques that the played motion needs, and the force at the base that no ground contact can supply:
+//! [`crate::torque`].
 
 use super::grid::Timeline;
 use super::rows::Worst;
@@ -9,7 +10,7 @@ use crate::torque::InverseDynamics;
 use rollwalk_robot::Channel;
 use serde::Serialize;
 
-/// Largest torque of a motor over a motion as it is played.
+/// Largest torque that one motor needs while a motion is played.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LargestTorque {
     /// Name of the joint or of the wheel.

@@ -270,7 +270,8 @@ fn factorise_panel(simd: pulp::Arch, panel: &mut [f64], lines: usize, pivots: us
     Some(())
 }
 
-/// Factorises the first columns of what is left of a panel, from line `first` on.
+/// Cholesky factorisation of one block of columns of a panel; earlier blocks are already subtracted. `lines` is the
+/// length of a column, `first` the row of the block's first diagonal entry. `None` if a pivot is not positive.
 #[inline(always)]
 fn factorise_block(block: &mut [f64], lines: usize, first: usize) -> Option<()> {
     for j in 0..block.len() / lines {

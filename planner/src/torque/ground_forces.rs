@@ -1,8 +1,8 @@
 //! Ground forces nearest to the planned ones that move the base as the motion does: a small cone program at every time.
 //!
 //! Force of contact j is a_j B_j x_j. B has three columns for what grips and two for what rolls freely, whose force
-//! along its rolling direction is drag. a is 1 in stance. While a foot lifts off or lands, the footfalls leave a part
-//! of the contact, and height leaves less: what is above the ground carries nothing, although the plan's forces go
+//! along its rolling direction is drag. a is 1 in stance. While a foot lifts off or lands, a falls with the time since
+//! stance and with the height of the foot: a foot above the ground carries nothing, although the plan's forces fall
 //! linearly from a stance sample to zero.
 //!
 //! ```text
