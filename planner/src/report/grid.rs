@@ -6,6 +6,7 @@ use crate::problem::state::ContactFrame;
 use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model, Pose};
 use rollwalk_multibody::rotation;
+use rollwalk_robot::Link;
 
 /// One state of a timeline.
 pub struct State<'a> {
@@ -25,6 +26,8 @@ pub struct Timeline<'a> {
     pub model: Model,
     /// `states[i + 1]` belongs to sample i.
     states: Vec<State<'a>>,
+    /// For each link the principal axes of its inertia, in its frame, with the second moments Σ m x² along them, kg·m².
+    pub principal: Vec<[(Vector3<f64>, f64); 3]>,
 }
 
 /// Three neighbouring states around sample `index`.
@@ -45,7 +48,8 @@ impl<'a> Timeline<'a> {
         let model = Model::new(&plan.robot);
         let all = std::iter::once(&plan.before).chain(&plan.samples).chain([&plan.after]);
         let states = all.map(|sample| State::new(&model, sample)).collect();
-        Self { plan, model, states }
+        let principal = plan.robot.links.iter().map(principal).collect();
+        Self { plan, model, states, principal }
     }
 
     /// Every sample with its neighbours.
@@ -134,4 +138,12 @@ impl<'a> State<'a> {
         let (from, to) = (&self.pose.end_effectors[j], &to.pose.end_effectors[j]);
         rotation::log(&(to.world_from_link * from.world_from_link.transpose())) / spacing_s
     }
+}
+
+fn principal(link: &Link) -> [(Vector3<f64>, f64); 3] {
+    let inertia = &link.inertia_in_link_kg_m2;
+    let found = inertia.symmetric_eigen();
+    std::array::from_fn(|k| {
+        (found.eigenvectors.column(k).into(), 0.5 * inertia.trace() - found.eigenvalues[k])
+    })
 }

@@ -82,18 +82,11 @@ fn joint_torques_nm(timeline: &Timeline, w: &Window) -> Vec<f64> {
             state.pose.link_origins[l] + state.pose.world_from_link[l] * link.com_in_link_m
         };
         let push = (bent(&center) - gravity) * link.mass_kg;
-        let principal = link.inertia_in_link_kg_m2.symmetric_eigen();
-        let axes: Vec<(Vector3<f64>, f64)> = (0..3)
-            .map(|k| {
-                let second = 0.5 * link.inertia_in_link_kg_m2.trace() - principal.eigenvalues[k];
-                (principal.eigenvectors.column(k).into(), second)
-            })
-            .collect();
         for &j in model.tree().joints_to_link(l) {
             let w_j = here.pose.joint_axes[j];
             let origin = here.pose.link_origins[timeline.plan.robot.joints[j].child];
             torques[j] += push.dot(&w_j.cross(&(center(here) - origin)));
-            for (axis, second) in &axes {
+            for (axis, second) in &timeline.principal[l] {
                 let turned = |state: &State| state.pose.world_from_link[l] * axis;
                 torques[j] += second * bent(&turned).dot(&w_j.cross(&turned(here)));
             }

@@ -5,8 +5,7 @@ use super::{Grid, Place, Row, choreography, motors};
 use crate::families::{CLEARANCE_M, Family, ROLLING_SIGN_WIDTH_M_S};
 use crate::problem::state::{ContactFrame, rolling_direction};
 use nalgebra::Vector3;
-use rollwalk_multibody::euler::Pose;
-use rollwalk_robot::{EndEffector, GRAVITY_M_S2, Robot};
+use rollwalk_robot::{EndEffector, GRAVITY_M_S2};
 
 /// All residuals that a plan must satisfy at its samples.
 pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
@@ -117,9 +116,8 @@ fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
         linear.see((force + (gravity - acceleration) * mass).norm(), &w, None);
 
         // Mean angular momentum of all links on the intervals before and after, times their length.
-        let swept =
-            |from: &State, to: &State| swept_moment(&timeline.plan.robot, &from.pose, &to.pose);
-        let change = swept(w.here, w.after) - swept(w.before, w.here);
+        let change =
+            swept_moment(timeline, w.here, w.after) - swept_moment(timeline, w.before, w.here);
         let momentum_rate = change * per_h2;
         angular.see((moment - momentum_rate).norm(), &w, None);
     }
@@ -128,20 +126,16 @@ fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
 
 /// Σ m r × r₊ of all links about the centre of mass, kg·m²: their centres of mass, and three pairs of masses each that
 /// have the rest of its inertia.
-fn swept_moment(robot: &Robot, from: &Pose, to: &Pose) -> Vector3<f64> {
+fn swept_moment(timeline: &Timeline, from: &State, to: &State) -> Vector3<f64> {
     let mut moment = Vector3::zeros();
-    for (l, link) in robot.links.iter().enumerate() {
-        let place = |pose: &Pose| {
-            pose.link_origins[l] + pose.world_from_link[l] * link.com_in_link_m - pose.com
+    for (l, link) in timeline.plan.robot.links.iter().enumerate() {
+        let turned = |state: &State, v: &Vector3<f64>| state.pose.world_from_link[l] * v;
+        let place = |state: &State| {
+            state.pose.link_origins[l] + turned(state, &link.com_in_link_m) - state.pose.com
         };
         moment += place(from).cross(&place(to)) * link.mass_kg;
-        let principal = link.inertia_in_link_kg_m2.symmetric_eigen();
-        for (inertia, axis) in
-            principal.eigenvalues.iter().zip(principal.eigenvectors.column_iter())
-        {
-            let second = 0.5 * link.inertia_in_link_kg_m2.trace() - inertia;
-            let turned = |pose: &Pose| pose.world_from_link[l] * axis;
-            moment += turned(from).cross(&turned(to)) * second;
+        for (axis, second) in &timeline.principal[l] {
+            moment += turned(from, axis).cross(&turned(to, axis)) * *second;
         }
     }
     moment

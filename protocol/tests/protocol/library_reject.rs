@@ -1,6 +1,7 @@
 //! Every reason to refuse a library, with the sentence that says so.
 
 use crate::fixture::{Fixture, robot};
+use crate::refusal::{self, expect};
 use crate::reseal::{HEADER, find_section, reseal};
 use rollwalk_protocol::library::{
     Library, LibrarySpec, MotionSpec, Reject, Section, Why, encode, validate,
@@ -17,28 +18,12 @@ fn good() -> (Fixture, Vec<u8>) {
     (fixture, bytes)
 }
 
-/// The refusal of the fixture's library after a change and with good checksums.
 fn refusal(change: impl FnOnce(&mut Vec<u8>)) -> Reject {
-    let (fixture, mut bytes) = good();
-    change(&mut bytes);
-    reseal(&mut bytes);
-    validate(&bytes, &fixture.config).expect_err("a change that must be refused")
+    refusal::refusal(&Fixture::new(), change)
 }
 
-/// The refusal after byte `at` of a section's payload became `value`.
 fn patched(tag: usize, at: usize, value: u8) -> Reject {
-    refusal(|bytes| {
-        let start = section(bytes, tag).start;
-        assert_ne!(bytes[start + at], value, "no change");
-        bytes[start + at] = value;
-    })
-}
-
-#[track_caller]
-fn expect(reject: Reject, section: Section, sentence: &str) {
-    assert_eq!(reject.section, section, "{reject}");
-    let text = reject.to_string();
-    assert!(text.contains(sentence), "{text:?} does not say {sentence:?}");
+    refusal::patched(&Fixture::new(), tag, at, value)
 }
 
 #[test]

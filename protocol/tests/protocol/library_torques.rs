@@ -1,6 +1,7 @@
 //! Torques in a library: what goes in comes out, ends of transitions join, and what is wrong is refused.
 
 use crate::fixture::{Fixture, encode_vec, frames, robot};
+use crate::refusal::{self, expect};
 use crate::reseal::{find_section, reseal};
 use proptest::prelude::*;
 use rollwalk_protocol::config::RobotConfig;
@@ -152,28 +153,12 @@ fn errors_say_what_is_wrong() {
     assert!(error(&[0.0, 0.0, 3.0 + 0.4 / 512.0, -1.0], &zero).is_ok());
 }
 
-/// The refusal of the fixture's library after a change and with good checksums.
 fn refusal(change: impl FnOnce(&mut Vec<u8>)) -> Reject {
-    let fixture = Fixture::with_torques();
-    let mut bytes = fixture.encode();
-    change(&mut bytes);
-    reseal(&mut bytes);
-    validate(&bytes, &fixture.config).expect_err("a change that must be refused")
+    refusal::refusal(&Fixture::with_torques(), change)
 }
 
 fn patched(tag: usize, at: usize, value: u8) -> Reject {
-    refusal(|bytes| {
-        let start = find_section(bytes, tag).unwrap().start;
-        assert_ne!(bytes[start + at], value, "no change");
-        bytes[start + at] = value;
-    })
-}
-
-#[track_caller]
-fn expect(reject: Reject, section: Section, sentence: &str) {
-    assert_eq!(reject.section, section, "{reject}");
-    let text = reject.to_string();
-    assert!(text.contains(sentence), "{text:?} does not say {sentence:?}");
+    refusal::patched(&Fixture::with_torques(), tag, at, value)
 }
 
 #[test]

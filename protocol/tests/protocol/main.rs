@@ -19,6 +19,7 @@ mod library_round_trip;
 mod library_size;
 mod library_torques;
 mod reason_codes;
+mod refusal;
 mod reseal;
 mod transport_golden;
 mod wire_golden;
