@@ -105,7 +105,12 @@ impl Limiter {
         };
         let offset_target = Target { value: target.value + offset, ..target };
         let mut out = limited(limits, last.value, offset_target, self.period_s);
-        *last = Last { value: out.value, meant: out.value - offset, torque_nm };
+        // Range and rate may have cut the offset. The intended value is then the one nearest to the target that differs
+        // from what goes out by no more than the offset.
+        let without = out.value - offset;
+        let (low, high) = if offset < 0.0 { (out.value, without) } else { (without, out.value) };
+        let wanted = if target.value.is_finite() { target.value } else { without };
+        *last = Last { value: out.value, meant: within(wanted, low, high), torque_nm };
         out.torque_nm = if takes_torque { torque_nm } else { 0.0 };
         Some(out)
     }
@@ -314,6 +319,23 @@ mod tests {
         limiter.stop();
         assert_eq!(limiter.apply(&config.channels[0], 0, Target::default(), true), None);
         assert_eq!(limiter.apply(&config.channels[0], 1, Target::default(), true), None);
+    }
+
+    #[test]
+    fn a_joint_at_its_limit_is_meant_to_be_there_though_no_offset_goes_out() {
+        for (limit, torque_nm) in [(2.0, 3.0), (-1.0, -3.0)] {
+            let config = config(ChannelKind::JointPosition);
+            let mut limiter = Limiter::new(1.0 / 120.0);
+            limiter.start(0, limit);
+            let target = Target { value: limit, slope: 0.0, torque_nm };
+            for _ in 0..10 {
+                assert_eq!(
+                    limiter.apply(&config.channels[0], 0, target, false).unwrap().value,
+                    limit
+                );
+            }
+            assert_eq!(limiter.meant(0), Some(limit));
+        }
     }
 
     #[test]
