@@ -91,6 +91,7 @@ impl Plans {
                 })
                 .collect(),
             safe: library.file.safe,
+            torques: library.file.torques,
         };
         library::build(&content).into_diagnostic()
     }

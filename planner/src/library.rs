@@ -33,6 +33,8 @@ pub struct LibraryContent<'a> {
     pub transitions: Vec<LibraryTransition<'a>>,
     /// Index of the motion that is SAFE: it stands still and every motion leads back to it.
     pub safe: usize,
+    /// Whether the library has the torques of the motors ([`crate::torque`]) as well.
+    pub torques: bool,
 }
 
 /// A motion of a library.
@@ -103,6 +105,8 @@ pub fn frames(plan: &Plan) -> Result<Vec<Setpoints>, LibraryError> {
 /// Builds a library.
 ///
 /// Values beyond a limit by no more than a plan's tolerance (a fifth of the credible level) are clamped to the limit.
+/// Torques are clamped to theirs however far they are beyond it: motors can do no more, and position control does the
+/// rest.
 ///
 /// # Errors
 /// The error names motion, channel, time and value that do not fit into a library.
@@ -113,7 +117,7 @@ pub fn build(content: &LibraryContent) -> Result<BuiltLibrary, LibraryError> {
     let transitions = content.transitions.iter().map(|t| (t.plan.motion.name.as_str(), t.plan));
     let clips: Vec<Clip> = plans
         .chain(transitions)
-        .map(|(name, plan)| channels.clip(name, plan))
+        .map(|(name, plan)| channels.clip(name, plan, content.torques))
         .collect::<Result<_, _>>()?;
     let (nodes, edges) = clips.split_at(content.motions.len());
     let motions: Vec<MotionSpec> = content
@@ -125,7 +129,7 @@ pub fn build(content: &LibraryContent) -> Result<BuiltLibrary, LibraryError> {
             code: motion.code,
             looping: motion.plan.motion.ends == Ends::Periodic,
             frames: &clip.values,
-            torques: &[],
+            torques: &clip.torques_nm,
         })
         .collect();
     let transitions: Vec<TransitionSpec> = content
@@ -151,7 +155,7 @@ pub fn build(content: &LibraryContent) -> Result<BuiltLibrary, LibraryError> {
                     transition.entry_time_s,
                 )?,
                 frames: &clip.values,
-                torques: &[],
+                torques: &clip.torques_nm,
             })
         })
         .collect::<Result<_, LibraryError>>()?;
@@ -206,7 +210,7 @@ fn encoded(
     attitudes: &[Attitude],
     clips: &[Clip],
 ) -> Result<Vec<u8>, EncodeError> {
-    let values: usize = clips.iter().map(|c| c.values.len()).sum();
+    let values: usize = clips.iter().map(|c| c.values.len() + c.torques_nm.len()).sum();
     // Packed frames take less than two bytes per value; tables take a few kilobytes.
     let mut room = 4096 + 2 * values;
     loop {
@@ -272,6 +276,7 @@ fn worst_error(so_far: f64, decoded: &[f32], planned: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::test_plans;
+    use crate::torque::InverseDynamics;
     use rollwalk_protocol::library::NodeId;
 
     /// Plan at rest in the pose in which `start_stop` starts and ends.
@@ -316,6 +321,7 @@ mod tests {
             motions: motions(&stand, drive),
             transitions,
             safe: 0,
+            torques: true,
         })
     }
 
@@ -339,6 +345,42 @@ mod tests {
     }
 
     #[test]
+    fn a_library_holds_the_torques_of_its_plans() {
+        let drive = test_plans::start_stop();
+        let bytes = built(&drive).expect("a library").bytes;
+        let config = test_plans::robot().controller_config().expect("a valid robot");
+        let index = library::validate(&bytes, &config).expect("valid for its robot");
+        let read = Library::open(&bytes, &index).expect("the same bytes");
+        assert!(read.has_torques());
+        let mut cursor = ClipCursor::new(&read, ClipId(1), 0).expect("the second clip");
+        let mut inverse = InverseDynamics::new(&drive);
+        for frame in 0..121 {
+            let mut torques_nm = [0.0; MAX_CHANNELS];
+            cursor.torques_into(&read, &mut torques_nm).expect("torques");
+            let planned = inverse.at(f64::from(frame) / f64::from(RATE_HZ));
+            for (channel, planned_nm) in planned.channels_nm().enumerate() {
+                let quantum_nm = read.torque_quantum(channel).expect("a channel");
+                let error = f64::from(torques_nm[channel]) - planned_nm;
+                assert!(error.abs() < 0.501 * f64::from(quantum_nm), "{frame} {channel}: {error}");
+            }
+            cursor.advance(&read).expect("the next frame");
+        }
+    }
+
+    #[test]
+    fn torques_beyond_a_limit_are_moved_onto_it() {
+        let mut robot = test_plans::robot();
+        robot.joints[2].actuator.torque_max_nm = 0.2;
+        let mut stand = stand();
+        stand.robot = robot.clone();
+        let config = robot.controller_config().expect("a valid robot");
+        let channels = Channels { robot: &robot, config: &config };
+        let clip = channels.clip("stand", &stand, true).expect("a clip");
+        let mut hips = clip.torques_nm.chunks(8).map(|frame| frame[2]);
+        assert!(stand.samples[0].joint_torque_nm[2] < -0.21 && hips.all(|torque| torque == -0.2));
+    }
+
+    #[test]
     fn values_beyond_limits_are_named_and_small_excesses_are_moved_onto_the_limit() {
         let with_limit = |max_rad: f64| {
             let mut robot = test_plans::robot();
@@ -352,6 +394,7 @@ mod tests {
                 motions: motions(&stand, &drive),
                 transitions,
                 safe: 0,
+                torques: false,
             })
         };
         // The legs reach 0.6 rad after one second; the credible level of joints is 0.05 rad.
@@ -393,7 +436,8 @@ mod tests {
         motions[1].code = 1;
         let transitions = transitions(&stand, drive.motion.duration_s);
         let robot = test_plans::robot();
-        let content = LibraryContent { robot: &robot, motions, transitions, safe: 0 };
+        let content =
+            LibraryContent { robot: &robot, motions, transitions, safe: 0, torques: false };
         let message = build(&content).expect_err("one code twice").to_string();
         assert!(
             message.contains("same command code 1") && message.contains("stand, drive"),

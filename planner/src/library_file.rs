@@ -24,6 +24,8 @@ pub struct LibraryFile {
     pub safe: usize,
     /// The transitions, at most one for each pair of motions.
     pub transitions: Vec<LibraryTransition>,
+    /// Whether the library has the torques of the motors as well.
+    pub torques: bool,
 }
 
 /// A motion of a library.
@@ -132,6 +134,7 @@ fn library(document: &Document<'_>, robot: &Robot) -> Option<LibraryFile> {
     let root = document.root();
     let name = name(&root);
     let robot_path = root.string("robot");
+    let torques = if root.has("torques") { root.boolean("torques") } else { Some(true) };
     let tables = root.tables("motion");
     let (first_motion, count) = (tables.first().map_or(0..0, Table::span), tables.len());
     let motions: Vec<_> = tables.into_iter().filter_map(motion).collect();
@@ -172,7 +175,8 @@ fn library(document: &Document<'_>, robot: &Robot) -> Option<LibraryFile> {
         check_graph(document, &motions, &transitions, safe);
     }
     let motions = motions.into_iter().map(|item| item.motion).collect();
-    Some(LibraryFile { name: name?, robot: robot_path?, motions, safe, transitions })
+    let (name, robot, torques) = (name?, robot_path?, torques?);
+    Some(LibraryFile { name, robot, motions, safe, transitions, torques })
 }
 
 struct MotionItem {

@@ -275,6 +275,10 @@ fn the_shipped_library_joins_stand_with_all_and_walk_with_turn() {
     let names: Vec<_> = library.motions.iter().map(|motion| motion.name.as_str()).collect();
     assert_eq!(names, ["stand", "drive_1m", "turn_in_place", "walk"]);
     assert_eq!(library.safe, 0);
+    assert!(library.torques);
+    let without = LIBRARY.replacen("safe = ", "torques = false\nsafe = ", 1);
+    let without = LibraryFile::from_toml("l.toml", &without, &agilebot()).unwrap();
+    assert_eq!(LibraryFile { torques: false, ..library.clone() }, without);
     let mut joined: Vec<_> = library.transitions.iter().map(|t| (t.from, t.to)).collect();
     joined.sort_unstable();
     assert_eq!(joined, [(0, 1), (0, 2), (0, 3), (1, 0), (2, 0), (2, 3), (3, 0), (3, 2)]);

@@ -33,8 +33,10 @@ pub struct PlannedLibrary {
     pub robot: Robot,
     /// Plans of its clips: motions, then transitions.
     pub plans: Vec<Plan>,
-    /// The plans, packed.
+    /// The plans, packed without their torques: frames are what the format is compared by.
     pub built: BuiltLibrary,
+    /// Size of the library with torques, bytes.
+    pub bytes_with_torques: usize,
 }
 
 /// One clip, measured.
@@ -62,6 +64,8 @@ struct Row {
     bytes: Bytes,
     /// The whole file: also the graph, the names, the tables, header and footer.
     file_bytes: usize,
+    /// The same with torques.
+    file_bytes_with_torques: usize,
     /// Raw `f32` of all clips compressed as one, level 19.
     zstd_19_of_all: usize,
     /// Raw `f32` over the whole file.
@@ -93,8 +97,8 @@ pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings
     blocks.push(Block::Table(library_table(&rows)));
     blocks.push(Block::Text(format!(
         "B/s: bytes for a second of 60 frames. clips: blocks of the motion library with headers, keyframes and \
-         CRCs.\nfile: all of the file. f32: raw. postcard: varints of the quanta's first differences; + zstd: those \
-         at level 19.\nzstd 3, 19: of f32, clip by clip; one: all clips as one, level 19; i16: of the quanta, level \
+         CRCs.\nfile: all of the file. torques: all of it with torques. f32: raw. postcard: varints of the quanta's first \
+         differences; + zstd: those at\nlevel 19. zstd 3, 19: of f32, clip by clip; one: all clips as one, level 19; i16: of the quanta, level \
          19. times: f32 over\nclips; least: of the worst clip; file: f32 over the whole file. mrad, rad/s: worst \
          error of a joint and of a wheel.\nns/frame: CPU time to read a frame.\n\n{targets}"
     )));
@@ -104,7 +108,7 @@ pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings
 
 /// Measures a library and everything it is compared with.
 fn measure(library: &PlannedLibrary) -> miette::Result<Row> {
-    let PlannedLibrary { name, robot, plans, built } = library;
+    let PlannedLibrary { name, robot, plans, built, bytes_with_torques } = library;
     let config = robot.controller_config().into_diagnostic()?;
     let index = validate(&built.bytes, &config).into_diagnostic()?;
     let packed = Library::open(&built.bytes, &index).ok_or_else(|| miette!("not this library"))?;
@@ -127,6 +131,7 @@ fn measure(library: &PlannedLibrary) -> miette::Result<Row> {
         seconds: clips.iter().map(|clip| clip.seconds).sum(),
         bytes,
         file_bytes: built.bytes.len(),
+        file_bytes_with_torques: *bytes_with_torques,
         zstd_19_of_all: packing::compressed(&all, 19)?,
         times_smaller: all.len() as f64 / built.bytes.len() as f64,
         read_ns_per_frame: packing::read_ns_per_frame(&packed)?,
@@ -183,8 +188,8 @@ fn clip_table(row: &Row) -> Table {
 /// The libraries in bytes a second for [`CHANNELS`] channels.
 fn library_table(rows: &[Row]) -> Table {
     let mut table = crate::table([
-        "library", "channels", "s", "clips", "file", "f32", "postcard", "+ zstd", "zstd 3",
-        "zstd 19", "one", "i16", "times", "least", "file", "mrad", "rad/s", "ns/frame",
+        "library", "channels", "s", "clips", "file", "torques", "f32", "postcard", "+ zstd",
+        "zstd 3", "zstd 19", "one", "i16", "times", "least", "file", "mrad", "rad/s", "ns/frame",
     ]);
     for row in rows {
         let channels = row.joints + row.wheels;
@@ -197,6 +202,7 @@ fn library_table(rows: &[Row]) -> Table {
             format!("{:.1}", row.seconds),
             rate(row.bytes.library),
             rate(row.file_bytes),
+            rate(row.file_bytes_with_torques),
             rate(row.bytes.f32),
             rate(row.bytes.postcard),
             rate(row.bytes.postcard_zstd),
@@ -267,6 +273,7 @@ mod tests {
             seconds: 0.5,
             bytes,
             file_bytes,
+            file_bytes_with_torques: 2 * file_bytes,
             zstd_19_of_all: 900,
             times_smaller: 1000.0 / file_bytes as f64,
             read_ns_per_frame: 100.0,
@@ -292,6 +299,6 @@ mod tests {
     fn totals_are_for_16_channels() {
         let table = library_table(&[row(190, 200, 0.4)]);
         // Four channels for half a second: eight times as much for 16 and a second.
-        assert_eq!(table[1][..6], ["robot", "4", "0.5", "1520", "1600", "8000"]);
+        assert_eq!(table[1][..7], ["robot", "4", "0.5", "1520", "1600", "3200", "8000"]);
     }
 }

@@ -54,15 +54,18 @@ impl Program for Rollwalk {
     }
 
     fn library(&self, file: &str) -> miette::Result<Option<PlannedLibrary>> {
-        let library = Source::Shipped.library(Path::new(file))?;
+        let mut library = Source::Shipped.library(Path::new(file))?;
         let Some(plans) = plan_all(&library, false)? else { return Ok(None) };
         if let Some(failure) = plans.failures().first() {
             return Err(miette!("{file}: {failure}"));
         }
+        let bytes_with_torques = plans.pack(&library)?.bytes.len();
+        library.file.torques = false;
         let built = plans.pack(&library)?;
         let plans = plans.all().map(|planned| planned.plan.clone()).collect();
         let name = library.file.name.clone();
-        Ok(Some(PlannedLibrary { name, robot: library.robot, plans, built }))
+        let robot = library.robot;
+        Ok(Some(PlannedLibrary { name, robot, plans, built, bytes_with_torques }))
     }
 
     fn interrupted(&self) -> bool {

@@ -4,6 +4,7 @@ use super::{LibraryError, frames};
 use crate::families::Family;
 use crate::plan::Plan;
 use crate::sample::Setpoints;
+use crate::torque::InverseDynamics;
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
 use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_robot::Robot;
@@ -27,13 +28,15 @@ pub struct Clip {
     pub setpoints: Vec<Setpoints>,
     /// Stored values: frame after frame, one value per channel, within limits.
     pub values: Vec<f32>,
+    /// Torques of the channels at the same frames, N·m, within limits; empty if the library has none.
+    pub torques_nm: Vec<f32>,
     /// Largest excess that was clamped to a limit, as a fraction of the credible level.
     pub clamped: f64,
 }
 
 impl Channels<'_> {
-    /// Samples a plan and checks it against the limits.
-    pub fn clip(&self, name: &str, plan: &Plan) -> Result<Clip, LibraryError> {
+    /// Samples a plan and checks it against the limits; `torques` adds those of the motors.
+    pub fn clip(&self, name: &str, plan: &Plan, torques: bool) -> Result<Clip, LibraryError> {
         if plan.robot != *self.robot {
             return Err(LibraryError::OtherRobot {
                 motion: name.to_owned(),
@@ -59,7 +62,24 @@ impl Channels<'_> {
             }
             previous = Some(planned);
         }
-        Ok(Clip { name: name.to_owned(), setpoints, values, clamped })
+        let torques_nm = if torques { self.torques_nm(plan, setpoints.len()) } else { Vec::new() };
+        Ok(Clip { name: name.to_owned(), setpoints, values, torques_nm, clamped })
+    }
+
+    /// Torques at the frames of a plan.
+    fn torques_nm(&self, plan: &Plan, frames: usize) -> Vec<f32> {
+        let mut inverse = InverseDynamics::new(plan);
+        let at = |frame: usize| inverse.at(frame as f64 / f64::from(RATE_HZ));
+        let clamped = |(channel, torque_nm): (&Channel, f64)| {
+            (torque_nm as f32).clamp(-channel.max_torque_nm, channel.max_torque_nm)
+        };
+        (0..frames)
+            .map(at)
+            .flat_map(|actuation| {
+                let channels = self.config.channels.iter();
+                channels.zip(actuation.channels_nm()).map(clamped).collect::<Vec<_>>()
+            })
+            .collect()
     }
 
     /// Clamps a value to the channel's limits; returns the excess as a fraction of the credible level too.

@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::IntoDiagnostic;
 use rollwalk_host::session::Session;
 use rollwalk_planner::motion::Ends;
-use rollwalk_protocol::wire::State;
+use rollwalk_protocol::wire::{Parameter, State};
 use rollwalk_sim_host::rig::Rig;
 
 /// Longest wait for a motion to begin, beyond what is being played before it, µs.
@@ -42,6 +42,9 @@ pub fn play(library: &Library, packed: &[u8]) -> miette::Result<Played> {
     let flash_s = session.bus().now().as_s() - before.as_s();
     output::say(format_args!("✓ flashed {} B over the bus, verified and activated", packed.len()));
 
+    // In the air, torques that hold the robot's weight would push its limbs away from their targets.
+    session.set_parameter(Parameter::FeedForward, 0, 0.0).into_diagnostic()?;
+    output::say("✓ set feed-forward to 0: the simulated robot hangs on a stand");
     session.arm().into_diagnostic()?;
     output::say("✓ armed");
 

@@ -42,6 +42,7 @@ struct Content {
     config_hash: String,
     rate_hz: u16,
     channels: usize,
+    torques: bool,
     safe: String,
     motions: Vec<Motion>,
     transitions: Vec<Transition>,
@@ -116,6 +117,7 @@ fn content(robot: &Robot, library: &Library) -> Content {
         config_hash: format!("{:#010x}", index.config_hash()),
         rate_hz: RATE_HZ,
         channels: library.channel_count(),
+        torques: library.has_torques(),
         safe: name(library.safe_node()),
         motions: library.nodes().filter_map(motion).collect(),
         transitions: library.edges().filter_map(transition).collect(),
@@ -147,13 +149,14 @@ fn describe(content: &Content) -> String {
         ]);
     }
     format!(
-        "motion library {} for {} (configuration {}): {} B, {} channels at {} Hz\n\n{}\n\n{}",
+        "motion library {} for {} (configuration {}): {} B, {} channels at {} Hz{}\n\n{}\n\n{}",
         content.id,
         content.robot,
         content.config_hash,
         content.bytes,
         content.channels,
         content.rate_hz,
+        if content.torques { ", with torques" } else { "" },
         motions.render(),
         transitions.render(),
     )
