@@ -16,6 +16,7 @@ mod robots;
 mod sending;
 mod simulated;
 mod solver_options;
+mod torques;
 mod urdf;
 
 use rollwalk_tests::{Desk, checkout};
