@@ -39,7 +39,7 @@ def main(arguments):
     try:
         # What is wrong with any file is known before the first run.
         for path in options.plans:
-            jobs.load(path, inputs)
+            jobs.load(path, kinds[-1], inputs)
         if options.jobs > 1:
             with multiprocessing.get_context("spawn").Pool(options.jobs) as pool:
                 results = _watched(pool.imap(jobs.replay, todo), len(todo))
@@ -82,7 +82,7 @@ def _options(arguments):
     parser.add_argument("--feed-forward", choices=FEED_FORWARD + ("all",), default="none")
     parser.add_argument("--robot", help="robot file of all plans; left out, NAME.toml in --robots")
     parser.add_argument("--robots", type=Path, default=ROBOTS, help="folder of robot files")
-    parser.add_argument("--library", help="motion library (.rwl) whose frames are played, matched by name")
+    parser.add_argument("--library", help="motion library (.rwl) whose frames and torques are played, by name")
     parser.add_argument("--cycles", type=_positive, default=20, help="periods of a motion that repeats (20)")
     parser.add_argument("--control-hz", type=_control_hz, default=player.CONTROL_HZ, help="control rate (120)")
     parser.add_argument("--robustness", action="store_true", help="perturbed runs as well")

@@ -23,8 +23,8 @@ class Inputs:
     control_hz: int = player.CONTROL_HZ
 
 
-def load(path, inputs):
-    """Motion, robot and frames of a plan; the robot is that of the robot file, which must be the plan's."""
+def load(path, kind, inputs):
+    """Motion, robot, frames and torques of a plan; the robot is that of the robot file, which must be the plan's."""
     motion = motions.load(path)
     name = motion.robot["name"]
     file = Path(inputs.robot) if inputs.robot else inputs.robots / f"{name}.toml"
@@ -32,15 +32,19 @@ def load(path, inputs):
     differs = robots.difference(robot, motion.robot)
     if differs:
         raise Unusable(f"{path}: its robot is not that of {file}: {differs}; plan again, or name its robot file")
-    frames = library.frames_of(inputs.library, motion) if inputs.library else None
-    return motion, robot, frames
+    if not inputs.library:
+        return motion, robot, None, None
+    frames, torques = library.frames_of(inputs.library, motion)
+    if torques is None and kind != "none":
+        raise Unusable(f"{inputs.library}: it has no torques to feed forward; build it without torques = false")
+    return motion, robot, frames, torques
 
 
 def replay(job):
     """Results of one plan with one kind of feed-forward in one case."""
     path, kind, case, inputs = job
-    motion, robot, frames = load(path, inputs)
-    track = world.run(motion, robot, kind, case, inputs.cycles, inputs.control_hz, frames)
+    motion, robot, frames, torques = load(path, kind, inputs)
+    track = world.run(motion, robot, kind, case, inputs.cycles, inputs.control_hz, frames, torques)
     return {
         "motion": motion.name,
         "robot": robot["name"],

@@ -8,11 +8,11 @@ from errors import Unusable
 import robots
 
 HEADER, FOOTER, BLOCK_HEADER, GROUP = 24, 24, 10, 16
-MANIFEST, CHANNELS, CLIPS, FRAMES, NAMES = 1, 2, 3, 4, 9
+MANIFEST, CHANNELS, CLIPS, FRAMES, NAMES, TORQUE_QUANTA, TORQUE_CLIPS, TORQUES = 1, 2, 3, 4, 9, 10, 11, 12
 
 
 def frames_of(path, motion):
-    """Setpoints of the clip with the motion's name, one row for each frame."""
+    """Setpoints of the clip with the motion's name, one row for each frame, and its torques; None if it has none."""
     try:
         with open(path, "rb") as file:
             data = file.read()
@@ -40,12 +40,24 @@ def _frames(data, motion):
     if motion.name not in names:
         raise ValueError(f"field names: no motion {motion.name}; there are {', '.join(names)}")
     stride, clips = sections[CLIPS]
-    _, count, offset, length = struct.unpack_from("<BHII", clips, stride * names.index(motion.name))
+    clip = names.index(motion.name)
+    _, count, offset, length = struct.unpack_from("<BHII", clips, stride * clip)
     if abs(count - motion.duration_s * rate) > 1.5:
         raise ValueError(f"field frames of {motion.name} is {count}; the plan lasts {motion.duration_s} s")
     stride, records = sections[CHANNELS]
     exponents = [struct.unpack_from("<Bb", records, stride * c)[1] for c in range(channels)]
-    quanta = _clip(sections[FRAMES][1][offset : offset + length], channels)
+    values = _values(sections[FRAMES][1][offset : offset + length], exponents, count, motion)
+    if TORQUES not in sections:
+        return values, None
+    stride, records = sections[TORQUE_CLIPS]
+    offset, length = struct.unpack_from("<II", records, stride * clip)
+    exponents = struct.unpack_from(f"<{channels}b", sections[TORQUE_QUANTA][1])
+    return values, _values(sections[TORQUES][1][offset : offset + length], exponents, count, motion)
+
+
+def _values(blocks, exponents, count, motion):
+    """The frames of a clip's blocks, one row each."""
+    quanta = _clip(blocks, len(exponents))
     if len(quanta) != count:
         raise ValueError(f"field frames of {motion.name} is {count}; its blocks have {len(quanta)}")
     return np.array(quanta, dtype=float) * 2.0 ** np.array(exponents, dtype=float)

@@ -190,6 +190,18 @@ def quantised(frames, robot):
     return out
 
 
+def quantised_torques(torques, robot):
+    """Torques as a library holds them: quanta of the limit in 1024 to 2047 parts, within the limits."""
+    out = torques.copy()
+    for column, (_, actuator, _, _) in enumerate(robots.channels(robot)):
+        limit = actuator["torque_max_nm"]
+        quantum = 2.0 ** (math.floor(math.log2(limit)) - 10)
+        quanta = np.trunc(torques[:, column] / quantum + np.copysign(0.5, torques[:, column]))
+        most = math.floor(limit / quantum)
+        out[:, column] = np.clip(quanta, -most, most) * quantum
+    return out
+
+
 def yaw_matrix(yaw):
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

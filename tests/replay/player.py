@@ -14,9 +14,10 @@ from motion import RATE_HZ
 # The firmware's default.
 CONTROL_HZ = 120
 GRAVITY_M_S2 = 9.80665
-# Largest offset of a joint's target that stands for a torque, rad: a servo that is blocked then still knows where its
-# joint should be.
-OFFSET_RAD = 0.25
+# Largest offsets in place of a torque, of a joint's target, rad, and of a wheel's speed, rad/s, and the shortest time for a
+# torque to change by its limit, s: those of the firmware's limiter.
+OFFSET_RAD, OFFSET_RAD_S = 0.15, 1.0
+FULL_TORQUE_S = 0.025
 
 
 @dataclass
@@ -52,19 +53,31 @@ def setpoints(robot, frames, torques, motion, periods, feed_forward, control_hz=
     torque = (1 - u) * at(index) + u * at(index + 1)
     channels = robots.channels(robot)
     wheel = np.array([joint is None for _, _, joint, _ in channels])
-    gain = np.array([a["kd_nm_s_rad"] if w else a["kp_nm_rad"] for (_, a, _, _), w in zip(channels, wheel)])
+    period_s = 1 / (rate * per_frame)
     most = np.array([a["torque_max_nm"] for _, a, _, _ in channels])
-    torque = np.clip(torque, -most, most)
+    torque = _limited_torque(torque, most, most * period_s / FULL_TORQUE_S)
     if feed_forward == "offset":
-        # What a drive without a torque field can be told: where its spring (of a wheel: its damper) gives the torque.
-        offset = np.divide(torque, gain, out=np.zeros_like(torque), where=gain > 0)
-        value = value + np.where(wheel, offset, np.clip(offset, -OFFSET_RAD, OFFSET_RAD))
+        value = value + _offset(channels, wheel, torque)
     if feed_forward != "torque":
         torque = np.zeros_like(torque)
-    period_s = 1 / (rate * per_frame)
     value, slope = _limited(robot, channels, value, slope, period_s)
     slope[:, wheel] = 0
     return Setpoints(period_s, value, slope, torque)
+
+
+def _offset(channels, wheel, torque):
+    """What a drive without a torque field can be told: where its spring (of a wheel: its damper) gives the torque."""
+    gain = np.array([a["kd_nm_s_rad"] if w else a["kp_nm_rad"] for (_, a, _, _), w in zip(channels, wheel)])
+    most = np.where(wheel, OFFSET_RAD_S, OFFSET_RAD)
+    return np.clip(np.divide(torque, gain, out=np.zeros_like(torque), where=gain > 0), -most, most)
+
+
+def _limited_torque(torque, most, step):
+    """The limiter's part for torques: the limit, and change per tick. The run begins with its torques in force."""
+    torque = np.clip(torque, -most, most)
+    for k in range(1, len(torque)):
+        torque[k] = np.clip(torque[k], torque[k - 1] - step, torque[k - 1] + step)
+    return torque
 
 
 def _limited(robot, channels, value, slope, period_s):
@@ -94,12 +107,9 @@ def hold(robot, frame, torque, feed_forward):
     """Setpoints of a robot that stands on one frame, with torques that hold it there; its wheels stand still."""
     channels = robots.channels(robot)
     wheel = np.array([joint is None for _, _, joint, _ in channels])
-    gain = np.array([actuator["kp_nm_rad"] for _, actuator, _, _ in channels])
     value = np.where(wheel, 0.0, frame)
-    torque = np.where(wheel, 0.0, torque)
     if feed_forward == "offset":
-        offset = np.divide(torque, gain, out=np.zeros_like(torque), where=gain > 0)
-        value = value + np.clip(offset, -OFFSET_RAD, OFFSET_RAD)
+        value = value + _offset(channels, wheel, torque)
     if feed_forward != "torque":
         torque = np.zeros_like(torque)
     return Setpoints(1.0, value[None], np.zeros_like(value)[None], torque[None])

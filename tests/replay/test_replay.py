@@ -9,6 +9,7 @@ Needs Python 3.11, mujoco and numpy; no plan and no program of the project.
 import copy
 import json
 import math
+import struct
 import sys
 import tempfile
 import unittest
@@ -294,6 +295,35 @@ class Playing(unittest.TestCase):
         np.testing.assert_allclose(added, 0.4 / np.array(gains), atol=1e-12)
         self.assertEqual(np.abs(offset.torque_nm).max(), 0.0)
 
+    def test_torques_take_their_time_and_offsets_end(self):
+        robot = named("agilebot")
+        motion = standing(robot, duration_s=0.5)
+        frames, most = motion.frames(), [a["torque_max_nm"] for _, a, _, _ in robots.channels(robot)]
+        torques = np.zeros_like(frames)
+        torques[10:] = 10.0
+        points = player.setpoints(robot, frames, torques, motion, 1, "torque")
+        # A third of the limit in each of the 120 periods a second, and no more than the limit.
+        steps = np.diff(points.torque_nm, axis=0) / most
+        self.assertAlmostEqual(steps.max(), 1 / 3, delta=1e-12)
+        np.testing.assert_allclose(points.torque_nm[-1], most)
+        without, offset = (
+            player.setpoints(robot, frames, torques, motion, 1, kind) for kind in ("none", "offset")
+        )
+        added = (offset.position_rad - without.position_rad)[-1]
+        wheel = [joint is None for _, _, joint, _ in robots.channels(robot)]
+        # By stiffness 1.8 N·m / 80 or 4.38 N·m / 100, and 1.8 N·m / 0.5.
+        self.assertLess(added.max(), 1.0 + 1e-12)
+        np.testing.assert_allclose(added[wheel], 1.0)
+
+    def test_torques_are_whole_quanta_of_the_limit(self):
+        robot = named("agilebot")
+        most = np.array([a["torque_max_nm"] for _, a, _, _ in robots.channels(robot)])
+        torques = np.vstack([0.37 * most, -0.9 * most, 2.0 * most])
+        held = motion.quantised_torques(torques, robot)
+        self.assertLess((np.abs(held - torques) / most)[:2].max(), 1 / 2048)
+        self.assertLess((most - held[2]).max() / most.max(), 1 / 1024)
+        # Of 1.8 N·m: 2^0 / 1024.
+        self.assertEqual(held[0, 0], round(0.37 * 1.8 * 1024) / 1024)
 
     def test_torques_that_a_plan_carries_are_used(self):
         robot = named("agilebot")
@@ -352,6 +382,41 @@ class Libraries(unittest.TestCase):
         payload += bits.to_bytes((at + 7) // 8, "little")
         header = bytes([0, 3, 0, 0]) + len(payload).to_bytes(2, "little") + bytes(4)
         self.assertEqual(library._clip(header + payload, 2), rows)
+
+    def test_a_library_holds_torques_beside_its_frames(self):
+        robot = block({"kind": "actuated_wheel", "axis_in_link": [0.0, 1.0, 0.0], "actuator": {"torque_max_nm": 2.0}})
+        plan = type("Plan", (), {"robot": robot, "name": "stand", "duration_s": 2 / 60})
+
+        def clip(values):
+            """Three frames that grow by the same step: no second differences."""
+            first, step = np.array(values), np.array([1, 0, -1, 2])
+            payload = np.concatenate([first, step]).astype("<i2").tobytes() + bytes(4)
+            return bytes([0, 3, 0, 0]) + len(payload).to_bytes(2, "little") + bytes(4) + payload
+
+        def section(tag, stride, data):
+            return struct.pack("<HHI", tag, stride, len(data)) + data
+
+        def file(*torques):
+            return b"ROLLWALK" + struct.pack("<HH", 1, 2) + bytes(12) + b"".join([
+                section(1, 10, struct.pack("<IHBBBB", 0, 60, 4, 1, 0, 0)),
+                section(2, 8, b"".join(struct.pack("<BbhhH", 1, -10, -9, 9, 9) for _ in range(4))),
+                section(3, 11, struct.pack("<BHII", 0, 3, 0, len(clip([5, 6, 7, 8])))),
+                section(4, 1, clip([5, 6, 7, 8])),
+                section(9, 1, bytes([5]) + b"stand"),
+                *torques,
+            ]) + bytes(24)
+
+        values, torques = library._frames(file(), plan)
+        np.testing.assert_array_equal(values[2] * 1024, [7, 6, 5, 12])
+        self.assertIsNone(torques)
+        held = clip([-5, 600, 0, 1])
+        sections = [
+            section(10, 1, struct.pack("<4b", -9, -9, -10, -9)),
+            section(11, 8, struct.pack("<II", 0, len(held))),
+            section(12, 1, held),
+        ]
+        _, torques = library._frames(file(*sections), plan)
+        np.testing.assert_array_equal(torques[1] * 512, [-4, 600, -0.5, 3])
 
 
 if __name__ == "__main__":

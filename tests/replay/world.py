@@ -13,6 +13,7 @@ import numpy as np
 import feedforward
 import player
 from model import Ground, Model
+from motion import quantised_torques
 
 # A robot that is at rest at the ends of its motion settles before it, and comes to rest after it.
 SETTLE_S = 1.0
@@ -75,14 +76,16 @@ class Track:
 
 
 def run(motion, robot, feed_forward="none", case=Case(), cycles=20, control_hz=player.CONTROL_HZ, frames=None,
-        ground=Ground()):
-    """Plays a motion; `cycles` periods of one that repeats."""
+        torques=None, ground=Ground()):
+    """Plays a motion; `cycles` periods of one that repeats. Its frames and torques are the plan's unless given."""
     model = Model(robot, motion.gravity_m_s2, ground)
     frames = motion.frames() if frames is None else frames
-    torques, missing = feedforward.frames(model, motion)
+    needed, missing = feedforward.frames(model, motion)
+    # The torques of a library that was made of the plan hold the robot at its ends, too.
+    rest = feedforward.at_rest(model, motion) if torques is None else torques[[0, -1]]
+    torques = quantised_torques(needed, robot) if torques is None else torques
     periods = cycles if motion.periodic else 1
     points = player.setpoints(robot, frames, torques, motion, periods, feed_forward, control_hz)
-    rest = feedforward.at_rest(model, motion)
     holds = [
         player.hold(robot, frames[index], torque, feed_forward) for index, torque in zip((0, -1), rest)
     ]
@@ -90,7 +93,7 @@ def run(motion, robot, feed_forward="none", case=Case(), cycles=20, control_hz=p
     track = simulation.track
     track.planned_base_m = np.array([position for position, _, _ in simulation.plan])
     track.missing_force = missing
-    track.hardest_motor = feedforward.hardest(model, torques)
+    track.hardest_motor = feedforward.hardest(model, needed)
     simulation.start(moving=motion.ends != "at_rest")
     if motion.ends == "at_rest":
         simulation.play(holds[0], SETTLE_S, measured=False)
