@@ -10,6 +10,7 @@ mod diagnose;
 pub mod export;
 pub mod families;
 mod formulation;
+mod growth;
 pub mod library;
 pub mod library_file;
 pub mod motion;

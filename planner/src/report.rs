@@ -23,6 +23,7 @@ mod table;
 pub use as_played::{LargestTorque, MotorKind};
 
 use crate::families::Family;
+use crate::growth;
 use crate::plan::Plan;
 use crate::sample::resample;
 use serde::Serialize;
@@ -46,6 +47,9 @@ pub struct Report {
     pub rows: Vec<Row>,
     /// Largest torque of every motor as played at 60 Hz: joints, then wheels.
     pub torques: Vec<LargestTorque>,
+    /// Factor by which small errors grow in a cycle without feedback; `None` for motions that do not repeat, and where
+    /// legs buckle.
+    pub growth_per_cycle: Option<f64>,
 }
 
 /// One residual over the whole motion.
@@ -111,6 +115,7 @@ impl Report {
             needs_feedback: plan.motion.needs_feedback.clone(),
             rows,
             torques,
+            growth_per_cycle: growth::per_cycle(plan),
         }
     }
 
@@ -320,6 +325,26 @@ mod tests {
         let row = at_samples(&report, Family::JointTorque);
         assert!((row.worst - expected).abs() < 1e-9, "{report}");
         assert_eq!(row.place.as_ref().and_then(|p| p.subject.as_deref()), Some("fr-hip"));
+    }
+
+    #[test]
+    fn errors_grow_where_the_robot_stands_on_a_line_and_servos_are_soft() {
+        let growth = |change: fn(&mut Plan)| changed(test_plans::cruise(), change).growth_per_cycle;
+        let stands = growth(|_| ()).expect("a periodic motion");
+        assert!(stands < 1.1, "{stands}");
+        let falls = growth(|plan| {
+            plan.motion.stance.fill(vec![true, false, false, true]);
+            for sample in &mut plan.samples {
+                let [a, b, c, d] = &mut sample.end_effectors[..] else { panic!("four wheels") };
+                for (stands, lifted) in [(a, b), (d, c)] {
+                    lifted.contact = false;
+                    stands.force_n[2] += lifted.force_n[2];
+                }
+            }
+        });
+        assert!(falls.is_some_and(|falls| falls > 3.0), "{falls:?}");
+        let report = changed(test_plans::start_stop(), |_| ());
+        assert_eq!(report.growth_per_cycle, None, "it does not repeat");
     }
 
     #[test]

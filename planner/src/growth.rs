@@ -1,0 +1,152 @@
+//! Growth of small errors from cycle to cycle of a periodic motion that is played open loop, by servos with the gains of
+//! the robot file and the plan's torques.
+//!
+//! A Floquet multiplier of the motion ([`cycle`]): the robot is one body on legs that yield like springs and dampers.
+//! With all joints q, gains k_p and ground forces f, legs yield by
+//!
+//! ```text
+//! (k_p − G) δq = Jᵀ δf        G = ∂(Jᵀ f)/∂q        compliance C = J (k_p − G)⁻¹ Jᵀ
+//! ```
+//!
+//! It tells motions that die out from those that fall, to first order: feet in swing that touch the ground early, legs
+//! with a mass of their own, slip and torque limits are not in it.
+
+mod cycle;
+
+use crate::motion::Ends;
+use crate::plan::Plan;
+use crate::sample::PlanSpline;
+use cycle::{Contact, Instant, Roll, growth};
+use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3};
+use rollwalk_multibody::{JOINTS, Kinematics, RimContact, Tree};
+use rollwalk_robot::{GRAVITY_M_S2, Joint};
+
+/// Instants of a cycle: forces and stances are interpolated between 24 samples and more.
+const INSTANTS: usize = 240;
+/// How far the ground yields under the whole weight, as a part of the height of the centre of mass: legs that are
+/// stiff in a direction, such as those with two joints, would otherwise divide by zero.
+const GROUND_YIELDS: f64 = 1e-4;
+
+/// Factor by which the errors of a periodic motion grow in a cycle: the largest Floquet multiplier, without those of
+/// shifts along the ground and turns about the vertical, which nothing in the robot notices.
+///
+/// Below 1 errors die out. `None` where a motion does not repeat, or a leg buckles under its load.
+pub fn per_cycle(plan: &Plan) -> Option<f64> {
+    if plan.motion.ends != Ends::Periodic {
+        return None;
+    }
+    let tree = Tree::new(&plan.robot);
+    let spline = PlanSpline::new(plan);
+    let mut kinematics = Kinematics::new(&tree, &spline.rates(0.0, &tree).configuration());
+    let step_s = plan.motion.duration_s / INSTANTS as f64;
+    let instants: Option<Vec<_>> = (0..INSTANTS)
+        .map(|k| {
+            let time_s = (k as f64 + 0.5) * step_s;
+            let rates = spline.rates(time_s, &tree);
+            kinematics.update(&tree, &rates.configuration(), &rates.velocity);
+            instant(plan, &tree, &kinematics, &spline, time_s)
+        })
+        .collect();
+    growth(&instants?, step_s, plan.end_placement.yaw_rad)
+}
+
+/// Robot and ground at one time.
+fn instant(
+    plan: &Plan,
+    tree: &Tree,
+    kinematics: &Kinematics,
+    spline: &PlanSpline,
+    time_s: f64,
+) -> Option<Instant> {
+    let robot = tree.robot();
+    let frames = &kinematics.frames;
+    let com = frames.com(tree);
+    let planned = spline.planned_contacts(time_s);
+    let rims: Option<Vec<_>> = (0..robot.end_effectors.len())
+        .map(|j| RimContact::new(tree, frames, j, &Vector3::z()))
+        .collect();
+    let rims = rims?;
+    let stands = |j: &usize| planned[*j].share >= 1.0;
+    let standing: Vec<usize> = (0..rims.len()).filter(stands).collect();
+
+    let joints = robot.joints.len();
+    let mut jacobian = DMatrix::zeros(3 * standing.len(), joints);
+    let mut stiffness = DMatrix::from_diagonal(&DVector::from_iterator(
+        joints,
+        robot.joints.iter().map(|joint| joint.actuator.kp_nm_rad),
+    ));
+    let mut columns = Matrix3xX::zeros(tree.dofs());
+    for (row, &j) in standing.iter().enumerate() {
+        // A wheel's spin is none of the joints: it yields as `Roll`.
+        frames.point_jacobian(tree, rims[j].link, &rims[j].position(), &mut columns);
+        jacobian.view_mut((3 * row, 0), (3, joints)).copy_from(&columns.columns(JOINTS, joints));
+        // ∂J_b/∂q_a = axis_a × J_b for a joint a that carries joint b, and the same the other way round.
+        let chain = tree.joints_to_link(rims[j].link);
+        for (k, &a) in chain.iter().enumerate() {
+            for &b in &chain[k..] {
+                let turned = frames.joint_axes[a].cross(&columns.column(JOINTS + b));
+                let softer = turned.dot(&planned[j].force_n);
+                stiffness[(a, b)] -= softer;
+                if a != b {
+                    stiffness[(b, a)] -= softer;
+                }
+            }
+        }
+    }
+    let weight_n = tree.total_mass_kg() * GRAVITY_M_S2;
+    // Not `solve`, which panics for a robot without joints.
+    let mut compliance = &jacobian * stiffness.try_inverse()? * jacobian.transpose();
+    (0..compliance.nrows()).for_each(|k| compliance[(k, k)] += GROUND_YIELDS * com.z / weight_n);
+    Some(Instant {
+        mass_kg: tree.total_mass_kg(),
+        com,
+        com_velocity: kinematics.com_velocity(tree),
+        inertia_kg_m2: frames.centroidal_inertia(tree),
+        stiffness_n_m: compliance.try_inverse()?,
+        damping_s: damping_s(plan),
+        contacts: rims
+            .iter()
+            .enumerate()
+            .map(|(j, rim)| Contact {
+                position: rim.position(),
+                force_n: stands(&j).then_some(planned[j].force_n),
+                roll: roll(plan, kinematics, rim, &planned[j].force_n),
+            })
+            .collect(),
+    })
+}
+
+/// Damping by stiffness of the legs, s: the mean of their joints.
+fn damping_s(plan: &Plan) -> f64 {
+    let joints = &plan.robot.joints;
+    let ratio = |joint: &Joint| joint.actuator.kd_nm_s_rad / joint.actuator.kp_nm_rad;
+    joints.iter().map(ratio).sum::<f64>() / joints.len().max(1) as f64
+}
+
+/// How a wheel or blade rolls along the ground; `None` for what does not.
+fn roll(
+    plan: &Plan,
+    kinematics: &Kinematics,
+    rim: &RimContact,
+    force_n: &Vector3<f64>,
+) -> Option<Roll> {
+    let j = rim.end_effector;
+    let foot = &plan.robot.end_effectors[j];
+    let along = rim.axis.cross(&Vector3::z()).try_normalize(1e-9)?;
+    let mobility_m_ns = match (foot.contact.actuator(), foot.contact.drag()) {
+        (Some(motor), _) if !plan.motion.held_wheels[j] => {
+            foot.radius_m.powi(2) / motor.kd_nm_s_rad
+        }
+        (_, Some(drag)) => {
+            // The slope of Eq. 2.6 at speed, where small errors do not change its sign.
+            let drag_n_s_m = drag.rolling_drag_s_m * force_n.z.max(0.0);
+            1.0 / drag_n_s_m.max(LEAST_DRAG_N_S_M)
+        }
+        _ => return None,
+    };
+    let speed_m_s = kinematics.point_velocity(rim.link, &rim.center).dot(&along);
+    Some(Roll { along, velocity: along * speed_m_s, mobility_m_ns })
+}
+
+/// Drag of a free wheel that robot files give none, N·s/m.
+const LEAST_DRAG_N_S_M: f64 = 1e-3;
