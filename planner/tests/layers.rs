@@ -10,7 +10,7 @@ const LAYERS: &[&[&str]] = &[
     &["plan"],
     &["problem"],
     &["sample"],
-    &["torque"],
+    &["torque", "growth"],
     &["formulation"],
     &["solve"],
     &["start", "diagnose"],
