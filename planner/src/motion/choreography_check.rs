@@ -230,6 +230,20 @@ fn reach_m(robot: &Robot, of: Subject, j: usize) -> f64 {
     limb_m(robot, j) + if of == Subject::Com { com_m(robot) } else { 0.0 }
 }
 
+/// How much further than an end effector on the ground a subject can get, m: it is behind at first and ahead at the end.
+fn sway_m(robot: &Robot, of: Subject, j: usize) -> f64 {
+    2.0 * reach_m(robot, of, j)
+}
+
+/// How much further than a wheel's motor drives it the centre of mass can get over a motion, m: it leans from behind to
+/// ahead, and the wheel rolls as its link pitches. Nothing over a period, at whose end all is as at its start.
+pub(super) fn lean_m(motion: &Motion, robot: &Robot, j: usize) -> f64 {
+    if motion.ends == Ends::Periodic {
+        return 0.0;
+    }
+    sway_m(robot, Subject::Com, j) + TAU * robot.end_effectors[j].radius_m
+}
+
 /// Greatest height of a subject at a sample, m, with the foot that limits it.
 fn highest<'r>(
     motion: &Motion,
@@ -322,8 +336,8 @@ fn check_way(table: &Table<'_>, motion: &Motion, robot: &Robot, index: usize) ->
         if motion.stance.iter().any(|flags| !flags[j]) {
             continue;
         }
-        // The foot may be ahead at first and behind at the end; a wheel rolls further as its link pitches.
-        let sway_m = 2.0 * reach_m(robot, target.of, j) + slack_m;
+        // A wheel rolls further as its link pitches.
+        let sway_m = sway_m(robot, target.of, j) + slack_m;
         let rolls_m = if !foot.contact.rolls() {
             0.0
         } else if foot.contact.rolls_with_link() || motion.held_wheels[j] {

@@ -292,15 +292,21 @@ fn check_goal(root: &Table<'_>, motion: &Motion, robot: &Robot) {
             root.fault("goal", problem, "moves a foot that stands", help);
         } else if let Some(actuator) = foot.contact.actuator() {
             let speed_m_s = foot.radius_m * actuator.speed_max_rad_s;
-            let needed_s = distance_m / speed_m_s;
+            let lean_m = choreography_check::lean_m(motion, robot, index);
+            let needed_s = (distance_m - lean_m) / speed_m_s;
             if motion.duration_s < needed_s {
                 let problem = format!(
                     "is {} s for {distance_m} m on the wheel of `{}`",
                     motion.duration_s, foot.name
                 );
+                let lean = if lean_m > 0.0 {
+                    format!(", and the body leans {lean_m:.2} m further at most")
+                } else {
+                    String::new()
+                };
                 let help = format!(
-                    "at its {speed_m_s:.3} m/s (radius × speed limit) that takes {needed_s:.2} s, \
-                     and more with start and stop"
+                    "it rolls {speed_m_s:.3} m/s (radius × speed limit){lean}: that takes {needed_s:.2} s, and more with \
+                     start and stop"
                 );
                 root.fault("duration_s", problem, "too short", help);
             }
