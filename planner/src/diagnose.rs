@@ -5,6 +5,7 @@
 
 mod attribute;
 mod probe;
+mod weak;
 
 pub use attribute::diagnose;
 pub use probe::{FeasibilityProbe, Schedule};

@@ -2,6 +2,7 @@
 
 mod diagnosis;
 mod json;
+mod number;
 mod placement;
 mod started;
 mod validate;

@@ -10,6 +10,7 @@ mod coarse;
 mod probed_solve;
 mod replan;
 mod search;
+mod second_look;
 mod transition;
 mod write;
 

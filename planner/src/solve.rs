@@ -71,7 +71,9 @@ pub struct Iteration {
     /// Whether the energy is nearly minimal for the present multipliers with a constraint violated, so that the
     /// multipliers should be shifted.
     pub nearly_flat: bool,
-    /// Whether the worst constraint no longer improves.
+    /// Nearly flat iterations since the worst constraint last improved.
+    pub no_better: usize,
+    /// Whether they are so many that the solve leads nowhere.
     pub exhausted: bool,
 }
 
@@ -177,7 +179,13 @@ impl<'a> Solver<'a> {
         let Settings { target_level, flat, nearly_flat, .. } = *self.settings;
         if ended.is_some() || decrease < flat && level <= target_level {
             let ended = ended.or(Some(Status::Converged));
-            return Iteration { progress, ended, nearly_flat: false, exhausted: false };
+            return Iteration {
+                progress,
+                ended,
+                nearly_flat: false,
+                no_better: 0,
+                exhausted: false,
+            };
         }
         let nearly_flat = decrease < nearly_flat && level > target_level;
         if nearly_flat {
@@ -186,7 +194,8 @@ impl<'a> Solver<'a> {
         }
         let exhausted = self.no_better >= MOST_NO_BETTER;
         let ended = (exhausted && level <= ACCEPTED_LEVEL).then_some(Status::Converged);
-        Iteration { progress, ended, nearly_flat, exhausted }
+        let no_better = self.no_better;
+        Iteration { progress, ended, nearly_flat, no_better, exhausted }
     }
 
     /// Increases the damping until the step lowers the energy about as predicted, and takes it; returns the relative

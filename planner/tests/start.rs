@@ -183,6 +183,18 @@ fn an_edited_robot_may_start_from_the_plan_before_the_edit() {
     assert_eq!(plan.robot, longer);
 }
 
+/// From the plan of 1 m the first solve sees no way.
+#[test]
+fn what_one_plan_does_not_lead_to_is_not_called_infeasible() {
+    let robot = agilebot();
+    let metre = motion(&robot, DRIVE);
+    let previous = optimise(&robot, &metre, &Options::default(), &mut go);
+    let goal = Goal { forward_m: Some(1.5), ..metre.goal };
+    let further = Motion { goal, ..metre };
+    let plan = replan(&previous, &robot, &further, &Options::default(), &mut go).unwrap();
+    assert_eq!(plan.solve.status, Status::Converged, "{:?}", plan.solve);
+}
+
 #[test]
 fn plans_that_cannot_be_played_are_refused() {
     let robot = agilebot();

@@ -4,12 +4,12 @@ use crate::desk_with_shipped_files;
 use serde_json::Value;
 
 #[test]
-fn a_walk_too_far_is_told_how_far_would_do_and_that_is_about_right() {
+fn a_walk_too_far_is_told_how_far_works_and_that_works() {
     let desk = desk_with_shipped_files();
     desk.edit("motions/walk.toml", "forward_m = 0.12", "forward_m = 1.5");
     let outcome = desk.run(&["plan", "motions/walk.toml", "-o", "far.json"]);
     assert_eq!(outcome.code, 3, "{}", outcome.stdout);
-    let words = ["displacement goal", "forward_m is 1.500", "would do", "what would help"];
+    let words = ["displacement goal", "forward_m is 1.5, ", " works", "what would help"];
     for words in words {
         assert!(outcome.stdout.contains(words), "{words} in\n{}", outcome.stdout);
     }
@@ -22,24 +22,26 @@ fn a_walk_too_far_is_told_how_far_would_do_and_that_is_about_right() {
     let told: Value = serde_json::from_str(&told).unwrap();
     let goal = &told["diagnosis"]["culprits"][0];
     assert_eq!((&goal["field"], &goal["part"]), (&"forward_m".into(), &"request".into()));
-    let nearer = 0.95 * goal["would_do"].as_f64().unwrap();
-    assert!(nearer > 0.9, "{goal}");
+    let nearer = goal["would_do"].as_f64().unwrap();
+    assert!(nearer > 0.8, "{goal}");
     desk.edit("motions/walk.toml", "forward_m = 1.5", &format!("forward_m = {nearer}"));
     desk.run(&["plan", "motions/walk.toml", "-o", "near.json"]).succeeds();
 }
 
 #[test]
-fn servos_too_weak_are_named_with_the_torque_that_would_do() {
+fn servos_too_weak_are_named_with_the_torque_that_they_need() {
     let desk = desk_with_shipped_files();
     let robot = desk.read_text("robots/agilebot.toml");
     let weak = |line: &str| match line.split_once('=') {
-        Some((key, _)) if key.trim() == "torque_max_nm" => "torque_max_nm = 0.35\n".to_owned(),
+        Some((key, _)) if key.trim() == "torque_max_nm" => "torque_max_nm = 0.15\n".to_owned(),
         _ => format!("{line}\n"),
     };
     desk.write("robots/agilebot.toml", robot.lines().map(weak).collect::<String>());
     let outcome = desk.run(&["plan", "motions/walk.toml", "-o", "weak.json"]);
     assert_eq!(outcome.code, 3, "{}", outcome.stdout);
-    for words in ["joint torque of ", "torque_max_nm is 0.350", "stronger motors"] {
+    for words in
+        ["joint torque of ", "torque_max_nm is 0.15", "stronger motors: standing alone takes"]
+    {
         assert!(outcome.stdout.contains(words), "{words} in\n{}", outcome.stdout);
     }
 }

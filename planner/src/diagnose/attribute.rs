@@ -6,6 +6,7 @@
 //! 2E/(dE/dp) is feasible, with all else unchanged: to first order, and roughly where the probe has not come to rest
 //! yet. The request with the smallest relative change is named first.
 
+use super::weak;
 use crate::families::{Family, Kind};
 use crate::formulation::rows::{Given, Role, Row, Rows, Subject};
 use crate::motion;
@@ -265,11 +266,19 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
     builds.truncate(1);
     let sides =
         if requests.is_empty() { [requests, limits, builds] } else { [requests, builds, limits] };
-    let culprits = sides
+    let weak = weak::too_weak_to_stand(problem);
+    let is_weak = |culprit: &Culprit| {
+        weak.as_ref().is_some_and(|weak| {
+            (culprit.constraint, culprit.given) == (weak.constraint, weak.given)
+        })
+    };
+    let pulling = sides
         .into_iter()
         .flatten()
         .map(|(.., group, estimate)| culprit(problem, group, violation, estimate))
-        .collect();
+        .filter(|culprit| !is_weak(culprit));
+    let culprits = pulling.collect::<Vec<_>>();
+    let culprits = weak.into_iter().chain(culprits).collect();
     Some(Diagnosis { verdict, culprits })
 }
 

@@ -12,7 +12,7 @@ use crate::formulation::rows::Rows;
 use crate::plan::Verdict;
 use crate::problem::Unknowns;
 use crate::solve::normal::NormalEquations;
-use crate::solve::{ACCEPTED_LEVEL, Point, Progress, worst};
+use crate::solve::{ACCEPTED_LEVEL, Iteration, Point, Progress, worst};
 use std::ops::ControlFlow;
 
 /// Weight of the constraints against the costs, relative to a solve, so large that costs change residuals by less
@@ -39,6 +39,9 @@ const DOUBTFUL_LEVEL: f64 = 1.0;
 /// Iterations before the first probe, and the factor from one probe to the next.
 const FIRST: usize = 6;
 const PATIENCE: usize = 3;
+/// Nearly flat iterations without improvement of the worst constraint after which a solve is probed, once: requests that
+/// miss by little have small residuals, with multipliers that grow without end.
+const HALTING: usize = 8;
 
 /// Limit of dampings tried for a step.
 const TRIALS: usize = 8;
@@ -54,18 +57,24 @@ const CURABLE: f64 = 0.1;
 pub struct Schedule {
     next: usize,
     far_level: f64,
+    /// Whether it has been probed because the worst constraint did not improve.
+    halted: bool,
 }
 
 impl Default for Schedule {
     fn default() -> Self {
-        Self { next: FIRST, far_level: FAR_LEVEL }
+        Self { next: FIRST, far_level: FAR_LEVEL, halted: false }
     }
 }
 
 impl Schedule {
-    /// Whether to probe now, with the worst constraint at `level`; returns the level that counts as far off. Probes
-    /// become rarer, so that slow solves do not spend much time on them.
-    pub fn due(&mut self, iteration: usize, level: f64) -> Option<f64> {
+    /// Whether to probe after an iteration; returns the level that counts as far off. Probes become rarer, so that slow
+    /// solves do not spend much time on them.
+    pub fn due(&mut self, iteration: usize, last: &Iteration) -> Option<f64> {
+        if last.no_better == HALTING && !std::mem::replace(&mut self.halted, true) {
+            return Some(self.far_level);
+        }
+        let level = last.progress.worst_level;
         if iteration < self.next {
             return None;
         }

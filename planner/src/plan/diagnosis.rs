@@ -1,7 +1,7 @@
 //! The diagnosis of a request that cannot be met: which constraints contradict each other, where, by how much,
 //! and what to change. [`crate::diagnose`] makes it.
 
-use crate::families::{Family, Kind};
+use crate::families::{Family, Kind, Unit};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -58,11 +58,20 @@ pub struct Culprit {
     pub field: Option<String>,
     /// That number.
     pub given: Option<f64>,
-    /// The number that would do, all else as it is: estimated to first order from how the violation changes
-    /// with it. `null` where no estimate makes sense.
+    /// A number with which a plan was found, all else as it is; in a robot file, of every motor or foot with the given
+    /// one. `null` if none was found near.
     pub would_do: Option<f64>,
     /// What to change.
     pub advice: String,
+}
+
+/// Part of its credible level above which a residual is shown: below it the constraint holds, and only pulls.
+const LEAST_SHOWN: f64 = 0.1;
+
+/// A number with at most so many significant digits.
+fn significant(value: f64, digits: usize) -> String {
+    let rounded = format!("{value:.*e}", digits - 1).parse::<f64>();
+    rounded.map_or_else(|_| value.to_string(), |rounded| rounded.to_string())
 }
 
 impl fmt::Display for Culprit {
@@ -77,13 +86,25 @@ impl fmt::Display for Culprit {
         } else {
             write!(f, ", at {from:.2} s")?;
         }
-        write!(f, ": off by {:.3} {}", self.worst, self.unit)?;
+        let mut parts = Vec::new();
+        let limit = self.given.unwrap_or(f64::INFINITY);
+        if self.worst > LEAST_SHOWN * self.constraint.level().at(limit) {
+            let (unit, factor) = match self.constraint.unit() {
+                Unit::OfLine => ("of the line", 1.0),
+                unit if self.worst >= 1.0 => (unit.symbol(), 1.0),
+                unit => unit.shown(),
+            };
+            parts.push(format!("off by {} {unit}", significant(self.worst * factor, 2)));
+        }
         if let (Some(field), Some(given)) = (&self.field, self.given) {
-            write!(f, "; {field} is {given:.3}")?;
+            let works = self.would_do.map(|works| format!(", {} works", significant(works, 4)));
+            let everywhere = works.is_some() && self.part == Kind::Limit;
+            let everywhere = if everywhere { " wherever the robot file has it" } else { "" };
+            let works = works.unwrap_or_default();
+            parts.push(format!("{field} is {}{works}{everywhere}", significant(given, 4)));
         }
-        if let Some(would_do) = self.would_do {
-            write!(f, ", about {would_do:.3} would do")?;
-        }
+        let met = if parts.is_empty() { "nearly met" } else { "" };
+        write!(f, ": {met}{}", parts.join("; "))?;
         Ok(())
     }
 }
@@ -118,5 +139,68 @@ impl fmt::Display for Diagnosis {
         } else {
             write!(f, "what would help: {}", advice.join("; or "))
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shown(
+        constraint: Family,
+        worst: f64,
+        field: &str,
+        given: f64,
+        works: Option<f64>,
+    ) -> String {
+        let culprit = Culprit {
+            constraint,
+            part: constraint.kind(),
+            subject: None,
+            time_s: [0.0, 4.0],
+            worst,
+            unit: constraint.unit().symbol().to_owned(),
+            share: 1.0,
+            field: Some(field.to_owned()).filter(|field| !field.is_empty()),
+            given: Some(given).filter(|_| !field.is_empty()),
+            would_do: works,
+            advice: String::new(),
+        };
+        culprit.to_string()
+    }
+
+    #[test]
+    fn culprits_have_the_digits_and_units_that_matter() {
+        use Family::{ContactPoint, DisplacementGoal, JointSpeed, JointTorque, TorqueSpeedLine};
+        assert_eq!(
+            shown(DisplacementGoal, 0.1234, "forward_m", 1.5, Some(1.1)),
+            "displacement goal, 0.00 to 4.00 s: off by 120 mm; forward_m is 1.5, 1.1 works"
+        );
+        // Hardly off, it only pulls: nothing is off by 0.000.
+        assert_eq!(
+            shown(JointSpeed, 1e-4, "speed_max_rad_s", 10.5, None),
+            "joint speed, 0.00 to 4.00 s: speed_max_rad_s is 10.5"
+        );
+        assert_eq!(
+            shown(JointTorque, 0.321, "torque_max_nm", 0.35, Some(0.7)),
+            "joint torque, 0.00 to 4.00 s: off by 0.32 N·m; torque_max_nm is 0.35, 0.7 works wherever the robot file \
+             has it"
+        );
+        assert_eq!(
+            shown(ContactPoint, 3.14e-4, "", 0.0, None),
+            "contact point, 0.00 to 4.00 s: off by 0.31 mm"
+        );
+        assert_eq!(
+            shown(ContactPoint, 3.96, "", 0.0, None),
+            "contact point, 0.00 to 4.00 s: off by 4 m"
+        );
+        assert_eq!(
+            shown(TorqueSpeedLine, 0.254, "", 0.0, None),
+            "torque-speed line, 0.00 to 4.00 s: off by 0.25 of the line"
+        );
+        assert_eq!(
+            shown(ContactPoint, 1e-9, "", 0.0, None),
+            "contact point, 0.00 to 4.00 s: nearly met"
+        );
     }
 }

@@ -83,7 +83,7 @@ pub(super) fn solve_selected(
         if let Some(status) = iteration.ended {
             break status;
         }
-        let due = probes.due(solver.iteration(), iteration.progress.worst_level);
+        let due = probes.due(solver.iteration(), &iteration);
         if due.is_some() || iteration.exhausted {
             let probe = FeasibilityProbe {
                 system: &system,

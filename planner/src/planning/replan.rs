@@ -1,15 +1,18 @@
 //! Planning after an edit, from the previous plan and, if known, its multipliers.
 //!
 //! Planners are used most for editing a goal, a duration or a limb and seeing the consequences. A neighbouring plan
-//! is nearly optimal, so that a few Gauss-Newton steps without damping complete the solve.
+//! is nearly optimal, so that a few Gauss-Newton steps without damping complete the solve. Where they do not, the request
+//! is planned from scratch before it is called infeasible.
 
+use super::attempt::counting_from;
 use super::probed_solve::solve;
-use super::{Options, Solution};
+use super::second_look::{Request, second_look};
+use super::{Options, Solution, candidates, optimise_solution};
 use crate::motion::{Ends, Motion};
-use crate::plan::{Plan, StartKind, Started};
+use crate::plan::{Plan, StartKind, Started, Status};
 use crate::problem::Problem;
 use crate::solve::{Begin, Multipliers, Progress};
-use crate::start;
+use crate::start::{self, Start};
 use rollwalk_multibody::euler::Model;
 use rollwalk_robot::Robot;
 use std::mem::discriminant;
@@ -54,7 +57,7 @@ pub enum ReplanError {
 /// `robot` has the structure of the plan's robot, its measures may differ. `motion` has the same kind of
 /// ends, periodic or at rest; duration, sample count, goal and footfalls may differ. Start and seed in
 /// `options` play no part. As with [`optimise`](crate::optimise) the outcome is in the plan's solve
-/// summary, and a bad start shows there: a plan far away may converge worse than none.
+/// summary. A plan far away may converge worse than none; where it does not at all, none is used.
 ///
 /// # Errors
 /// The plan cannot be played by the robot, or has other ends.
@@ -65,7 +68,7 @@ pub fn replan(
     options: &Options,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Plan, ReplanError> {
-    from(previous, None, robot, motion, options, progress).map(|solution| solution.plan)
+    surely(previous, None, robot, motion, options, progress).map(|solution| solution.plan)
 }
 
 impl Solution {
@@ -81,11 +84,45 @@ impl Solution {
         options: &Options,
         progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Self, ReplanError> {
-        from(&self.plan, Some(&self.multipliers), robot, motion, options, progress)
+        surely(&self.plan, Some(&self.multipliers), robot, motion, options, progress)
     }
 }
 
-pub(crate) fn from(
+/// [`from`], and from scratch if it fails: a request is not infeasible because one plan does not lead to it.
+fn surely(
+    previous: &Plan,
+    multipliers: Option<&Multipliers>,
+    robot: &Robot,
+    motion: &Motion,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Solution, ReplanError> {
+    let solution = from(previous, multipliers, robot, motion, options, progress)?;
+    let from_scratch = Options { start: Start::Auto, ..options.clone() };
+    let first = candidates(robot, motion, &from_scratch).swap_remove(0);
+    let request = Request { robot, motion, options: &first };
+    let (_, mut solution) = second_look(request, solution, progress);
+    if !matches!(solution.plan.solve.status, Status::Infeasible | Status::Stalled) {
+        return Ok(solution);
+    }
+    let before = solution.plan.solve.iterations;
+    let counted = &mut counting_from(before, progress);
+    let mut scratch = optimise_solution(robot, motion, &from_scratch, counted);
+    scratch.plan.solve.iterations += before;
+    match scratch.plan.solve.status {
+        Status::Converged | Status::Interrupted => Ok(scratch),
+        _ => {
+            solution.plan.solve.iterations = scratch.plan.solve.iterations;
+            Ok(solution)
+        }
+    }
+}
+
+/// Optimises a motion from the plan of a neighbouring one, and from nothing else.
+///
+/// # Errors
+/// As [`replan`].
+pub(super) fn from(
     previous: &Plan,
     multipliers: Option<&Multipliers>,
     robot: &Robot,

@@ -5,6 +5,7 @@
 //! thread they do not even begin. A request that looks impossible from the first two candidates is given up.
 
 use super::attempt::attempt;
+use super::second_look::{Request, second_look};
 use super::{Options, Solution, candidates};
 use crate::motion::Motion;
 use crate::plan::Ending;
@@ -54,8 +55,14 @@ impl<'a> Search<'a> {
     /// one follow: from 1, or from where it is if it ran beside the first.
     pub fn work(&self, progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>) {
         self.race.work(progress, &|index, watched| {
-            let solution = attempt(self.robot, self.motion, &self.candidates[index], watched);
-            (solution.plan.solve.ending(), solution)
+            let Self { robot, motion, .. } = *self;
+            let options = &self.candidates[index];
+            let solution = attempt(robot, motion, options, watched);
+            if index > 0 {
+                return (solution.plan.solve.ending(), solution);
+            }
+            // If no candidate converges, it is the diagnosis of the first that is shown.
+            second_look(Request { robot, motion, options }, solution, watched)
         });
     }
 

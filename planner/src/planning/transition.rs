@@ -104,7 +104,12 @@ pub fn optimise_transition(
         Problem::transition(model, motion, &start, &end, options.weights.clone());
     let unknowns = start::joined(&problem, fixed);
     let solved = solve(&problem, unknowns, Begin::Cold, &options.settings, progress);
-    Ok(solved.write(&problem, motion, Started { kind: StartKind::Joined, seed: 0 }).plan)
+    let mut plan =
+        solved.write(&problem, motion, Started { kind: StartKind::Joined, seed: 0 }).plan;
+    // Estimates that nothing has tried are not told.
+    let diagnosis = plan.solve.diagnosis.iter_mut();
+    diagnosis.flat_map(|why| &mut why.culprits).for_each(|culprit| culprit.would_do = None);
+    Ok(plan)
 }
 
 /// Time step of the difference quotient for the velocity of a spline, s. With accelerations of 20 rad/s² the error is

@@ -1,0 +1,43 @@
+//! Motors too weak for the robot to stand in the posture of its motion, which a diagnosis names before anything else.
+//!
+//! The point with the least violation does not show them: there the robot lies on its limits in other ways, such as
+//! legs stretched beyond its joints, and much weaker motors pull less.
+
+use crate::families::Family;
+use crate::plan::Culprit;
+use crate::problem::Problem;
+use rollwalk_multibody::euler::JOINTS;
+use rollwalk_multibody::{Standing, Tree};
+
+/// Torque for motion, over that for standing, with which trials begin: of four legs a walk lifts one.
+const FOR_MOTION: f64 = 1.5;
+
+/// The joint whose motor is the weakest for what it holds when the robot stands on all its feet in its posture; `None`
+/// if all can hold that.
+pub(super) fn too_weak_to_stand(problem: &Problem) -> Option<Culprit> {
+    let mut robot = problem.model.robot().clone();
+    for (joint, angle) in robot.joints.iter_mut().zip(problem.posture_q[0].iter().skip(JOINTS)) {
+        joint.nominal_rad = *angle;
+    }
+    let standing = Standing::new(&Tree::new(&robot)).filter(|standing| standing.balanced)?;
+    let needed = standing.torque_nm.iter().map(|torque_nm| torque_nm.abs());
+    let (joint, needed_nm) = robot.joints.iter().zip(needed).max_by(|(one, a), (other, b)| {
+        let share = |torque_nm: f64, limit_nm: f64| torque_nm / limit_nm;
+        share(*a, one.actuator.torque_max_nm).total_cmp(&share(*b, other.actuator.torque_max_nm))
+    })?;
+    let limit_nm = joint.actuator.torque_max_nm;
+    let family = Family::JointTorque;
+    (needed_nm > limit_nm).then(|| Culprit {
+        constraint: family,
+        part: family.kind(),
+        subject: Some(joint.name.clone()),
+        time_s: [0.0, problem.interval_s * (problem.last() - 1) as f64],
+        worst: needed_nm - limit_nm,
+        unit: family.unit().symbol().to_owned(),
+        share: 1.0,
+        field: Some("torque_max_nm".to_owned()),
+        given: Some(limit_nm),
+        would_do: Some(FOR_MOTION * needed_nm / problem.weights.torque_use),
+        advice: format!("{}: standing alone takes {needed_nm:.2} N·m", family.advice(false)),
+    })
+}
