@@ -13,6 +13,7 @@ mod library_format;
 mod measure;
 mod only;
 mod samples;
+mod suggestions;
 mod table_2_1;
 mod table_3_2;
 mod table_3_3;
@@ -48,6 +49,8 @@ pub enum Benchmark {
     /// Size of the shipped motion libraries, in bytes a second, against raw f32, postcard and zstd.
     #[command(name = "library-format")]
     LibraryFormat(only::Only),
+    /// Requests beyond what robots can do: whether the numbers that their diagnoses suggest work.
+    Suggestions(suggestions::Args),
     /// Fault scenarios in simulation at several rates of frame loss: outcomes; safety rules checked on every frame.
     #[command(name = "fault-campaign")]
     FaultCampaign(fault_campaign::Args),
@@ -67,6 +70,7 @@ impl Benchmark {
             Self::Table32(args) => table_3_2::run(args, program),
             Self::Table33(args) => table_3_3::run(args, program),
             Self::LibraryFormat(only) => library_format::run(only, program),
+            Self::Suggestions(args) => suggestions::run(args, program),
             Self::FaultCampaign(args) => fault_campaign::run(args, program),
         }
     }
@@ -178,7 +182,7 @@ pub fn motions() -> impl Iterator<Item = String> {
     let rows = table_2_1::ROWS.iter().map(|row| row.0);
     let rows = rows.chain(table_3_2::ROWS.map(|row| row.0)).chain(table_3_3::ROWS.map(|row| row.0));
     let others = figure_2_3::MOTIONS.into_iter().chain([samples::MOTION]);
-    rows.chain(others).map(str::to_owned).chain(gaits)
+    rows.chain(others).map(str::to_owned).chain(gaits).chain(suggestions::motions())
 }
 
 /// Library files that benchmarks read, by their path in the checkout.

@@ -25,6 +25,7 @@ Examples:
   rollwalk bench table-3-2 --out bench
   rollwalk bench table-3-3 --out bench
   rollwalk bench library-format --out bench
+  rollwalk bench suggestions --only walk --out bench
   rollwalk bench fault-campaign --seeds 100 --out bench
   rollwalk bench fault-campaign --scenario estop --loss 90 --seed 7 --log run.log")]
 pub struct Args {
