@@ -18,7 +18,7 @@ pub mod terms;
 use crate::families::{Family, FamilySet};
 use crate::problem::{Problem, Unknowns};
 use nalgebra::Vector3;
-use rows::{Columns, Pattern, RowWriter, Rows, Window};
+use rows::{Columns, Differentiated, Pattern, RowWriter, Rows, Wanted, Window};
 use std::cell::OnceCell;
 use terms::{
     Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
@@ -162,9 +162,34 @@ impl<'a> System<'a> {
 
     /// Residuals and Jacobian of every term. `reuse` is an earlier result whose memory is reused.
     pub fn rows(&self, unknowns: &Unknowns, reuse: Rows) -> Rows {
+        self.evaluate(unknowns, Wanted::All, reuse)
+    }
+
+    /// Residuals of every term, for the most part without derivatives.
+    pub fn values(&self, unknowns: &Unknowns, reuse: Rows) -> Rows {
+        self.evaluate(unknowns, Wanted::Values, reuse)
+    }
+
+    /// Differentiates the rows at a point that count with these multipliers.
+    pub fn differentiate(&self, unknowns: &Unknowns, rows: &mut Rows, shifts: &[f64]) {
+        if rows.differentiated != Differentiated::All {
+            let values = std::mem::take(rows);
+            *rows = self.evaluate(unknowns, Wanted::Derivatives(shifts), values);
+        }
+    }
+
+    fn evaluate(&self, unknowns: &Unknowns, wanted: Wanted<'_>, mut reuse: Rows) -> Rows {
         let Self { problem, selection, columns, pattern } = self;
-        let states = &problem.states(unknowns);
-        let mut out = RowWriter::new(problem, columns, unknowns, states, pattern.get(), reuse);
+        let known = pattern.get();
+        let mut states = match wanted {
+            Wanted::Derivatives(_) => std::mem::take(&mut reuse.states),
+            Wanted::Values | Wanted::All => problem.states(unknowns),
+        };
+        let wanted = if known.is_some() { wanted } else { Wanted::All };
+        if !matches!(wanted, Wanted::Values) {
+            problem.differentiate(&mut states);
+        }
+        let mut out = RowWriter::new(problem, columns, unknowns, &states, known, wanted, reuse);
         let mut write = |term: &dyn Term, at: [usize; 3]| {
             out.enter(term.info().family, at);
             let swing_force_n = &selection.swing_force_n;
@@ -185,7 +210,7 @@ impl<'a> System<'a> {
         if let Some(found) = found {
             pattern.get_or_init(|| found);
         }
-        rows
+        Rows { states, ..rows }
     }
 }
 

@@ -255,7 +255,7 @@ impl Problem {
         }
     }
 
-    /// Evaluates the whole timeline.
+    /// Evaluates the whole timeline, without derivatives of its kinematics.
     pub fn states(&self, unknowns: &Unknowns) -> Vec<State> {
         let mut states: Vec<State> = self
             .timeline
@@ -266,9 +266,21 @@ impl Problem {
             })
             .collect();
         for t in 1..states.len() {
-            let swept = self.model.swept_moment(&states[t - 1].pose, &states[t].pose);
+            let swept = self.model.swept_moment_value(&states[t - 1].pose, &states[t].pose);
             states[t - 1].swept_to_next = Some(swept);
         }
         states
+    }
+    /// Computes the derivatives of the kinematics of a timeline, if they are not known yet.
+    pub fn differentiate(&self, states: &mut [State]) {
+        for state in states.iter_mut() {
+            state.pose.differentiate(&self.model);
+        }
+        for t in 1..states.len() {
+            let [from, to] = &mut states[t - 1..=t] else { unreachable!("two states") };
+            if let Some(swept) = &mut from.swept_to_next {
+                swept.differentiate(&self.model, &from.pose, &to.pose);
+            }
+        }
     }
 }

@@ -201,7 +201,9 @@ impl<'a> Solver<'a> {
     /// Increases the damping until the step lowers the energy about as predicted, and takes it; returns the relative
     /// decrease.
     fn step(&mut self) -> f64 {
-        self.normal.assemble(&self.point.rows, &self.shifts, self.system.penalty());
+        let Point { unknowns, rows } = &mut self.point;
+        self.system.differentiate(unknowns, rows, &self.shifts);
+        self.normal.assemble(rows, &self.shifts, self.system.penalty());
         let mut rejected = false;
         while self.damping < DAMPING_LIMIT {
             let (point, energy) = (&self.point, self.energy);

@@ -7,6 +7,7 @@
 use super::{BASE_YAW, JOINTS, Model};
 use crate::{Configuration, Frames, rotation};
 use nalgebra::{DVector, Matrix3, Vector3};
+use rollwalk_robot::EndEffector;
 
 /// An end effector's mount in world, with derivatives along its [`super::Chain`].
 #[derive(Clone, Debug)]
@@ -48,53 +49,70 @@ pub struct Pose {
     pub carried_moment: Vec<Vector3<f64>>,
 }
 
+impl Pose {
+    /// Computes the derivatives, if they are not known yet.
+    pub fn differentiate(&mut self, model: &Model) {
+        if !self.d_com.is_empty() {
+            return;
+        }
+        let Self { base_axes, com, d_com, end_effectors, link_origins, .. } = self;
+        let (robot, tree) = (model.robot(), model.tree());
+        let base_origin = link_origins[0];
+        let translations = [Vector3::x(), Vector3::y(), Vector3::z()];
+        d_com.reserve_exact(model.dofs());
+        d_com.extend(translations);
+        d_com.extend(base_axes.iter().map(|w| w.cross(&(*com - base_origin))));
+        for (j, joint) in robot.joints.iter().enumerate() {
+            let arm = self.carried_moment[joint.child]
+                - link_origins[joint.child] * tree.carried_mass_kg(j);
+            d_com.push(self.joint_axes[j].cross(&arm) / tree.total_mass_kg());
+        }
+        for (at, ee) in end_effectors.iter_mut().zip(&robot.end_effectors) {
+            at.d_center.extend(translations);
+            at.d_rotation.extend([Vector3::zeros(); 3]);
+            let turns = base_axes.iter().map(|w| (w, base_origin));
+            let joints = tree.joints_to_link(ee.link).iter();
+            let joints =
+                joints.map(|&j| (&self.joint_axes[j], link_origins[robot.joints[j].child]));
+            for (w, origin) in turns.chain(joints) {
+                at.d_center.push(w.cross(&(at.center - origin)));
+                at.d_rotation.push(*w);
+            }
+            at.d_axis.extend(at.d_rotation.iter().map(|w| w.cross(&at.axis)));
+        }
+    }
+}
+
 impl Model {
     /// Forward kinematics with derivatives at `q`.
     pub fn pose(&self, q: &DVector<f64>) -> Pose {
+        let mut pose = self.pose_values(q);
+        pose.differentiate(self);
+        pose
+    }
+
+    /// Forward kinematics at `q` without derivatives: their columns are empty until [`Pose::differentiate`].
+    pub fn pose_values(&self, q: &DVector<f64>) -> Pose {
         let ypr = Vector3::new(q[BASE_YAW], q[BASE_YAW + 1], q[BASE_YAW + 2]);
-        let base_axes = rotation::yaw_pitch_roll_axes(&ypr);
         let frames = self.frames(q);
-        let base_origin = frames.link_origins[0];
-        let com = frames.com(self.tree());
-        let joints = &self.robot().joints;
-
-        let mut d_com = Vec::with_capacity(self.dofs());
-        d_com.extend([Vector3::x(), Vector3::y(), Vector3::z()]);
-        d_com.extend(base_axes.iter().map(|w| w.cross(&(com - base_origin))));
-        let columns = joints.iter().enumerate();
-        d_com.extend(columns.map(|(j, joint)| frames.com_column(self.tree(), j, joint.child)));
-
-        let end_effectors = self
-            .robot()
-            .end_effectors
-            .iter()
-            .enumerate()
-            .map(|(index, ee)| {
-                let world_from_link = frames.world_from_link[ee.link];
-                let center = frames.point(ee.link, &ee.center_in_link_m);
-                let axis =
-                    world_from_link * self.wheel_axis_in_link(index).unwrap_or_else(Vector3::zeros);
-                let mut d_center = vec![Vector3::x(), Vector3::y(), Vector3::z()];
-                let mut d_rotation = vec![Vector3::zeros(); 3];
-                for w in &base_axes {
-                    d_center.push(w.cross(&(center - base_origin)));
-                    d_rotation.push(*w);
-                }
-                for &j in self.tree().joints_to_link(ee.link) {
-                    let w = frames.joint_axes[j];
-                    d_center.push(w.cross(&(center - frames.link_origins[joints[j].child])));
-                    d_rotation.push(w);
-                }
-                let d_axis = d_rotation.iter().map(|w| w.cross(&axis)).collect();
-                EndEffectorPose { center, d_center, axis, d_axis, world_from_link, d_rotation }
-            })
-            .collect();
+        let mount = |(index, ee): (usize, &EndEffector)| {
+            let world_from_link = frames.world_from_link[ee.link];
+            let axis_in_link = self.wheel_axis_in_link(index).unwrap_or_else(Vector3::zeros);
+            EndEffectorPose {
+                center: frames.point(ee.link, &ee.center_in_link_m),
+                d_center: Vec::new(),
+                axis: world_from_link * axis_in_link,
+                d_axis: Vec::new(),
+                world_from_link,
+                d_rotation: Vec::new(),
+            }
+        };
         Pose {
             world_from_body: frames.world_from_link[0],
-            base_axes,
-            com,
-            d_com,
-            end_effectors,
+            base_axes: rotation::yaw_pitch_roll_axes(&ypr),
+            com: frames.com(self.tree()),
+            d_com: Vec::new(),
+            end_effectors: self.robot().end_effectors.iter().enumerate().map(mount).collect(),
             link_origins: frames.link_origins,
             joint_axes: frames.joint_axes,
             carried_moment: frames.carried_moments,

@@ -56,14 +56,21 @@ fn second_moment(link: &Link) -> Matrix3<f64> {
 }
 
 impl Model {
-    /// The moment that the robot sweeps from one pose to another.
+    /// The moment that the robot sweeps from one pose to another, with derivatives.
     pub fn swept_moment(&self, from: &Pose, to: &Pose) -> SweptMoment {
+        let mut swept = self.swept_moment_value(from, to);
+        swept.differentiate(self, from, to);
+        swept
+    }
+
+    /// The moment without derivatives: their columns are empty until [`SweptMoment::differentiate`].
+    pub fn swept_moment_value(&self, from: &Pose, to: &Pose) -> SweptMoment {
         let robot = self.robot();
         let center = |pose: &Pose, l: usize| {
             pose.link_origins[l] + pose.world_from_link[l] * robot.links[l].com_in_link_m
         };
         // Positions from the centre of mass, so that numbers stay small far from the origin.
-        let mut sums: Vec<Matrix3<f64>> = (0..robot.links.len())
+        let mut carried: Vec<Matrix3<f64>> = (0..robot.links.len())
             .map(|l| {
                 let (p, next) = (center(from, l) - from.com, center(to, l) - to.com);
                 let turning = from.world_from_link[l] * self.second_moment(l);
@@ -72,19 +79,31 @@ impl Model {
             })
             .collect();
         for joint in robot.joints.iter().rev() {
-            let carried = sums[joint.child];
-            sums[joint.parent] += carried;
+            let sum = carried[joint.child];
+            carried[joint.parent] += sum;
         }
+        let value = cross_sum(&carried[0]);
+        SweptMoment { value, d_from: Vec::new(), d_to: Vec::new(), carried }
+    }
+}
+
+impl SweptMoment {
+    /// Computes the derivatives, if they are not known yet.
+    pub fn differentiate(&mut self, model: &Model, from: &Pose, to: &Pose) {
+        if !self.d_from.is_empty() {
+            return;
+        }
+        let Self { d_from, d_to, carried: sums, .. } = self;
         // A turn w about o moves a point at one end by w × (r − o). The first moment Σ m r of the whole robot about its
         // centre of mass is zero, so that a turn of the whole needs no origin and the motion of the centre of mass
         // drops out.
-        let mut d_from = Vec::with_capacity(self.dofs() - 3);
-        let mut d_to = Vec::with_capacity(self.dofs() - 3);
+        d_from.reserve_exact(model.dofs() - 3);
+        d_to.reserve_exact(model.dofs() - 3);
         d_from.extend(from.base_axes.iter().map(|w| turned_first(&sums[0], w)));
         d_to.extend(to.base_axes.iter().map(|w| turned_second(&sums[0], w)));
-        for (j, joint) in robot.joints.iter().enumerate() {
+        for (j, joint) in model.robot().joints.iter().enumerate() {
             let child = joint.child;
-            let mass = self.tree().carried_mass_kg(j);
+            let mass = model.tree().carried_mass_kg(j);
             let moment = |pose: &Pose| pose.carried_moment[child] - pose.com * mass;
             let arm = |pose: &Pose| pose.link_origins[child] - pose.com;
             let first = sums[child] - arm(from) * moment(to).transpose();
@@ -92,8 +111,7 @@ impl Model {
             d_from.push(turned_first(&first, &from.joint_axes[j]));
             d_to.push(turned_second(&second, &to.joint_axes[j]));
         }
-        debug_assert_eq!(d_from.len(), JOINTS - 3 + robot.joints.len());
-        SweptMoment { value: cross_sum(&sums[0]), d_from, d_to, carried: sums }
+        debug_assert_eq!(d_from.len(), JOINTS - 3 + model.robot().joints.len());
     }
 }
 

@@ -7,7 +7,7 @@
 
 mod writer;
 
-pub use writer::{Pattern, RowWriter};
+pub use writer::{Pattern, RowWriter, Wanted};
 
 use crate::families::Family;
 use crate::motion;
@@ -132,6 +132,16 @@ pub struct Row {
     pub entries: std::ops::Range<usize>,
 }
 
+impl Row {
+    /// Whether the row takes part in the energy when it is shifted by its multiplier.
+    pub fn counts(&self, shift: f64) -> bool {
+        match self.role {
+            Role::Inequality { band } => self.value + shift > -band,
+            Role::Equality | Role::Cost { .. } => true,
+        }
+    }
+}
+
 /// All rows of a problem at one point.
 #[derive(Clone, Debug, Default)]
 pub struct Rows {
@@ -139,8 +149,24 @@ pub struct Rows {
     pub rows: Vec<Row>,
     /// Columns of all derivatives, shared by all rows of one system.
     pub columns: Arc<[usize]>,
-    /// Derivatives of scaled residuals with respect to scaled unknowns.
+    /// Derivatives of scaled residuals with respect to scaled unknowns; undefined for rows without.
     pub derivatives: Vec<f64>,
+    /// Which rows have derivatives.
+    pub differentiated: Differentiated,
+    /// The timeline at the point.
+    pub(super) states: Vec<State>,
+}
+
+/// Which rows have derivatives.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Differentiated {
+    /// None: values alone are known.
+    #[default]
+    None,
+    /// Those that count with the multipliers with which they were differentiated.
+    Counting,
+    /// All.
+    All,
 }
 
 /// Input of a term: the problem and up to three samples of the timeline.

@@ -82,9 +82,9 @@ pub fn tilt_and_yaw(axis: &Vector3<f64>, near_yaw_rad: f64) -> (f64, f64) {
 }
 
 impl State {
-    /// Evaluates a sample.
+    /// Evaluates a sample, without derivatives of its kinematics.
     pub fn new(model: &Model, layout: &Layout, vars: DVector<f64>) -> Self {
-        let pose = model.pose(&vars.rows(0, layout.dofs).into_owned());
+        let pose = model.pose_values(&vars.rows(0, layout.dofs).into_owned());
         let frames = layout
             .end_effectors
             .iter()

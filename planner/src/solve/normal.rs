@@ -72,10 +72,10 @@ impl NormalEquations {
         self.gradient.fill(0.0);
         let mut fits = true;
         for (index, (row, &shift)) in rows.rows.iter().zip(shifts).enumerate() {
-            let [_, slope, curvature] = row_energy(row, shift, penalty);
-            if curvature == 0.0 && slope == 0.0 {
+            if !row.counts(shift) {
                 continue;
             }
+            let [_, slope, curvature] = row_energy(row, shift, penalty);
             let columns = &rows.columns[row.entries.clone()];
             let derivatives = &rows.derivatives[row.entries.clone()];
             for (&column, d) in columns.iter().zip(derivatives) {
@@ -131,10 +131,10 @@ impl NormalEquations {
     ) -> Option<Vec<f64>> {
         let mut gradient = vec![0.0; self.gradient.len()];
         for ((row, end), &shift) in here.rows.iter().zip(&there.rows).zip(shifts) {
-            let [_, _, curvature] = row_energy(row, shift, penalty);
-            if curvature == 0.0 {
+            if !row.counts(shift) {
                 continue;
             }
+            let [_, _, curvature] = row_energy(row, shift, penalty);
             let entries = row.entries.clone().map(|k| (here.columns[k], here.derivatives[k]));
             let change: f64 = entries.clone().map(|(column, d)| d * step[column]).sum();
             let pull = curvature * (end.value - row.value - change);

@@ -65,7 +65,7 @@ impl Trials<'_> {
     fn attempt(&mut self, from: &Unknowns, shifts: &[f64], step: Vec<f64>) -> Trial {
         let unknowns = self.system.moved(from, &step);
         let reuse = self.spare.pop().unwrap_or_default();
-        let rows = self.system.rows(&unknowns, reuse);
+        let rows = self.system.values(&unknowns, reuse);
         let energy = NormalEquations::energy(&rows, shifts, self.system.penalty());
         Trial { step, point: Point { unknowns, rows }, energy }
     }

@@ -21,7 +21,8 @@ fn row(
     let columns = Columns::new(problem);
     let unknowns = random_unknowns(&problem.model, problem.frozen.len(), 1);
     let states = problem.states(&unknowns);
-    let mut out = RowWriter::new(problem, &columns, &unknowns, &states, None, Rows::default());
+    let reuse = Rows::default();
+    let mut out = RowWriter::new(problem, &columns, &unknowns, &states, None, Wanted::All, reuse);
     out.enter(Family::Slip, at);
     out.set(2.0, Role::Equality);
     write(&mut out);
@@ -58,6 +59,35 @@ fn rows_with_a_known_pattern_are_those_without() {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn values_and_derivatives_apart_are_those_together_for_rows_that_count() {
+    for robot in test_robots::all() {
+        let motion = test_robots::motion(&robot, Ends::Periodic);
+        let problem = Problem::new(Model::new(&robot), &motion, Weights::default());
+        let system = System::new(&problem);
+        let at = |seed| random_unknowns(&problem.model, problem.frozen.len(), seed);
+        let mut apart = system.rows(&at(1), Rows::default());
+        let (mut counting, mut others) = (0, 0);
+        for seed in [2, 3] {
+            let together = system.rows(&at(seed), Rows::default());
+            // Some inequalities count by their multipliers alone.
+            let shifts: Vec<f64> =
+                (0..together.rows.len()).map(|k| if k % 7 == 0 { 0.5 } else { 0.0 }).collect();
+            apart = system.values(&at(seed), apart);
+            system.differentiate(&at(seed), &mut apart, &shifts);
+            assert_eq!(apart.rows, together.rows);
+            for (row, &shift) in together.rows.iter().zip(&shifts) {
+                if row.counts(shift) {
+                    let entries = row.entries.clone();
+                    assert_eq!(apart.derivatives[entries.clone()], together.derivatives[entries]);
+                }
+                *(if row.counts(shift) { &mut counting } else { &mut others }) += 1;
+            }
+        }
+        assert!(counting > 0 && others > 0, "{}: {counting} {others}", robot.name);
     }
 }
 

@@ -3,8 +3,11 @@
 //! It takes the way of every derivative once, and then knows its place: the pattern of the rows is constant, and terms
 //! write the same derivatives in the same order at every point. Only rows of placed samples, whose derivatives are
 //! mixed by the placement, take the long way every time.
+//!
+//! Trials of steps need values alone, and of the rows at an accepted point only those that count need derivatives:
+//! [`Wanted`] says which evaluation it is.
 
-use super::{Columns, Given, Role, Row, Rows, Subject};
+use super::{Columns, Differentiated, Given, Role, Row, Rows, Subject};
 use crate::families::Family;
 use crate::plan::Placement;
 use crate::problem::state::State;
@@ -19,8 +22,8 @@ pub struct Pattern {
     columns: Arc<[usize]>,
     /// End of the entries of every row.
     ends: Vec<usize>,
-    /// For every row whether its derivatives have places, because none of its samples is placed.
-    is_direct: Vec<bool>,
+    /// For every row the first of the places of its derivatives; `None` if they have none, because a sample is placed.
+    first_places: Vec<Option<usize>>,
     /// Places of the derivatives of these rows, in the order in which terms write them.
     places: Vec<DerivativePlace>,
 }
@@ -36,10 +39,15 @@ struct DerivativePlace {
 
 const NOWHERE: u32 = u32::MAX;
 
-impl Pattern {
-    fn is_direct(&self, row: usize) -> bool {
-        self.is_direct.get(row).is_some_and(|direct| *direct)
-    }
+/// What an evaluation writes. The first, which finds the pattern, writes all.
+#[derive(Clone, Copy, Debug)]
+pub enum Wanted<'a> {
+    /// Values and all derivatives.
+    All,
+    /// Values alone.
+    Values,
+    /// Derivatives of the rows that count with these multipliers, at the point whose values are known.
+    Derivatives(&'a [f64]),
 }
 
 /// Collector of the rows of all terms.
@@ -50,6 +58,7 @@ pub struct RowWriter<'a> {
     states: &'a [State],
     rows: Vec<Row>,
     derivatives: Vec<f64>,
+    wanted: Wanted<'a>,
     /// The pattern if it is known, else that of the rows so far, whose columns are in `columns_found`.
     known: Option<&'a Pattern>,
     found: Pattern,
@@ -58,8 +67,9 @@ pub struct RowWriter<'a> {
     row: usize,
     start: usize,
     place: usize,
-    /// Count of entries of the row under construction, and whether all its derivatives have known places.
+    /// Count of entries of the row under construction, and whether its derivatives are wanted and have known places.
     entries: usize,
+    differentiates: bool,
     is_direct: bool,
     family: Family,
     at: [usize; 3],
@@ -82,30 +92,32 @@ const NO_POSITION: u32 = u32::MAX;
 
 impl<'a> RowWriter<'a> {
     /// Creates a writer for one evaluation. `known` is the pattern that an earlier evaluation has found. `reuse` is an
-    /// earlier result whose memory is reused.
+    /// earlier result whose memory is reused; with [`Wanted::Derivatives`] it has the values.
     pub fn new(
         problem: &'a Problem,
         columns: &'a Columns,
         unknowns: &Unknowns,
         states: &'a [State],
         known: Option<&'a Pattern>,
+        wanted: Wanted<'a>,
         reuse: Rows,
     ) -> Self {
-        let Rows { mut rows, columns: of_reuse, mut derivatives } = reuse;
+        let Rows { mut rows, columns: of_reuse, mut derivatives, .. } = reuse;
         // Of rows of the same system only values change.
         if !known.is_some_and(|known| Arc::ptr_eq(&known.columns, &of_reuse)) {
             rows.clear();
+            derivatives.clear();
         }
-        derivatives.clear();
         derivatives.resize(known.map_or(0, |known| known.columns.len()), 0.0);
         let gradient = vec![0.0; problem.layout.len];
-        Self {
+        let mut writer = Self {
             problem,
             columns,
             placement: unknowns.placement,
             states,
             rows,
             derivatives,
+            wanted,
             known,
             found: Pattern::default(),
             columns_found: Vec::new(),
@@ -113,7 +125,8 @@ impl<'a> RowWriter<'a> {
             start: 0,
             place: 0,
             entries: 0,
-            is_direct: known.is_some_and(|known| known.is_direct(0)),
+            differentiates: false,
+            is_direct: false,
             family: Family::LinearDynamics,
             at: [0; 3],
             scale: 1.0,
@@ -125,18 +138,27 @@ impl<'a> RowWriter<'a> {
             is_written: std::array::from_fn(|_| vec![false; problem.layout.len]),
             calls: Vec::new(),
             position: vec![NO_POSITION; columns.count],
-        }
+        };
+        writer.begin_row();
+        writer
     }
 
     /// Returns the finished rows, and their pattern if it was not known.
     pub fn finish(self) -> (Rows, Option<Pattern>) {
-        let Self { rows, derivatives, known, found, columns_found, .. } = self;
+        let Self { rows, derivatives, known, found, columns_found, wanted, .. } = self;
+        let differentiated = match wanted {
+            Wanted::All => Differentiated::All,
+            Wanted::Values => Differentiated::None,
+            Wanted::Derivatives(_) => Differentiated::Counting,
+        };
         if let Some(known) = known {
-            return (Rows { rows, columns: Arc::clone(&known.columns), derivatives }, None);
+            let columns = Arc::clone(&known.columns);
+            let states = Vec::new();
+            return (Rows { rows, columns, derivatives, differentiated, states }, None);
         }
         let columns: Arc<[usize]> = columns_found.into();
         let found = Pattern { columns: Arc::clone(&columns), ..found };
-        (Rows { rows, columns, derivatives }, Some(found))
+        (Rows { rows, columns, derivatives, differentiated, states: Vec::new() }, Some(found))
     }
 
     /// Begins rows of a family for these samples of the timeline.
@@ -153,8 +175,25 @@ impl<'a> RowWriter<'a> {
         self.role = role;
     }
 
+    /// Whether the derivatives of the next row are wanted: if not, they need not be written.
+    pub fn differentiates(&self) -> bool {
+        self.differentiates
+    }
+
+    /// Ends the next row if neither its value nor its derivatives are wanted, and returns whether it has done so.
+    pub fn skips_row(&mut self) -> bool {
+        let skips = matches!(self.wanted, Wanted::Derivatives(_)) && !self.differentiates;
+        if skips {
+            self.begin_next_row(self.end());
+        }
+        skips
+    }
+
     /// Adds to the derivative of the next row with respect to `variable` of sample `k` of the window.
     pub fn d(&mut self, k: usize, variable: usize, derivative: f64) {
+        if !self.differentiates {
+            return;
+        }
         if let (true, Some(known)) = (self.is_direct, self.known) {
             let place = known.places[self.place];
             self.place += 1;
@@ -195,15 +234,16 @@ impl<'a> RowWriter<'a> {
     /// Ends a row for a part of the robot, with its residual in the family's unit.
     pub fn row_of(&mut self, subject: Subject, residual: f64) {
         let start = self.start;
-        let end = match (self.is_direct, self.known) {
-            (true, Some(known)) => {
-                let end = known.ends[self.row];
+        let end = match (self.differentiates, self.is_direct) {
+            (false, _) => self.end(),
+            (true, true) => {
+                let end = self.end();
                 if self.scale != 1.0 {
                     self.derivatives[start..end].iter_mut().for_each(|d| *d /= self.scale);
                 }
                 end
             }
-            _ => self.collect(),
+            (true, false) => self.collect(),
         };
         let (value, given) = (residual / self.scale, self.given.take());
         match self.rows.get_mut(self.row) {
@@ -220,8 +260,34 @@ impl<'a> RowWriter<'a> {
                 entries: start..end,
             }),
         }
+        self.begin_next_row(end);
+    }
+
+    /// End of the entries of the row under construction, whose pattern is known.
+    fn end(&self) -> usize {
+        self.known.map_or(self.start, |known| known.ends[self.row])
+    }
+
+    /// Goes on to the next row after one whose entries end at `end`.
+    fn begin_next_row(&mut self, end: usize) {
         (self.row, self.start, self.entries) = (self.row + 1, end, 0);
-        self.is_direct = self.known.is_some_and(|known| known.is_direct(self.row));
+        self.begin_row();
+    }
+
+    fn begin_row(&mut self) {
+        self.differentiates = match self.wanted {
+            Wanted::All => true,
+            Wanted::Values => false,
+            Wanted::Derivatives(shifts) => {
+                let row = self.rows.get(self.row).zip(shifts.get(self.row));
+                row.is_some_and(|(row, &shift)| row.counts(shift))
+            }
+        };
+        let Some(known) = self.known.filter(|_| self.differentiates) else { return };
+        let Some(&end) = known.ends.get(self.row) else { return };
+        self.derivatives[self.start..end].fill(0.0);
+        self.is_direct = known.first_places[self.row].is_some();
+        self.place = known.first_places[self.row].unwrap_or(0);
     }
 
     /// Takes the derivatives of a row to its entries, and returns their end. If the pattern is not known, it grows by
@@ -265,7 +331,7 @@ impl<'a> RowWriter<'a> {
     /// Adds the row under construction to the pattern.
     fn find(&mut self, is_direct: bool, end: usize) {
         let Self { problem, columns, at, start, position, found, .. } = self;
-        found.is_direct.push(is_direct);
+        found.first_places.push(is_direct.then_some(found.places.len()));
         found.ends.push(end);
         for (k, variable) in self.calls.drain(..).filter(|_| is_direct) {
             let column = columns.of_slot[problem.timeline[at[k]].slot][variable];

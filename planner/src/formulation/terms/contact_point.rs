@@ -22,10 +22,11 @@ impl Term for ContactPoint {
             let (mount, frame) = (&here.pose.end_effectors[j], &here.frames[j]);
             let residual = mount.center + frame.to_contact - here.vector(ee.position);
             for c in 0..3 {
-                for (column, &dof) in problem.model.chain(j).dofs.iter().enumerate() {
+                let chain = problem.model.chain(j).dofs.iter().zip(&mount.d_center);
+                for (column, (&dof, d_center)) in chain.enumerate() {
                     // The base position moves the wheel along itself only.
                     if column >= 3 || column == c {
-                        out.d(1, dof, mount.d_center[column][c]);
+                        out.d(1, dof, d_center[c]);
                     }
                 }
                 if let Some(wheel) = ee.wheel {

@@ -52,9 +52,9 @@ impl Term for DynamicsAngular {
             out.d(1, layout.wrench + 3 + c, -1.0);
             out.row(sum[c] - here.vars[layout.wrench + 3 + c]);
 
-            for angle in 0..here.pose.d_com.len() - BASE_YAW {
+            for (angle, d_in) in swept_in.d_from.iter().enumerate() {
                 let dof = BASE_YAW + angle;
-                out.d(0, dof, swept_in.d_from[angle][c] * per_h2);
+                out.d(0, dof, d_in[c] * per_h2);
                 out.d(1, dof, (swept_in.d_to[angle] - swept_out.d_from[angle])[c] * per_h2);
                 out.d(2, dof, -swept_out.d_to[angle][c] * per_h2);
             }

@@ -95,6 +95,9 @@ impl<'w> Torque<'w> {
 
     /// Adds `factor` times the derivative of the torque to the next row.
     pub fn differentiate(&self, factor: f64, out: &mut RowWriter) {
+        if !out.differentiates() {
+            return;
+        }
         let Self { window, joint, axis, per_h2, .. } = self;
         let model = &window.problem.model;
         let here = window.states[1];
@@ -194,6 +197,9 @@ impl Term for JointTorque {
             let limit = joint.actuator.torque_max_nm;
             let role = Role::Inequality { band: BAND_FRACTION };
             out.set(limit, role);
+            if out.skips_row() {
+                continue;
+            }
             let torque = Torque::new(window, j);
             torque.differentiate(torque.value_nm.signum(), out);
             let usable = window.problem.weights.torque_use;

@@ -19,6 +19,9 @@ pub(super) fn d_link_turn(
     along: &Vector3<f64>,
     out: &mut RowWriter,
 ) {
+    if !out.differentiates() {
+        return;
+    }
     // φ = log(exp(δ₊) Φ exp(−δ)) for turns δ of the link in world at either end.
     let right: Matrix3<f64> = rotation::right_jacobian_inverse(turn);
     let [_, here, after] = window.states;

@@ -28,6 +28,9 @@ impl Term for TorqueSpeed {
         out.set(1.0, Role::Inequality { band: BAND_FRACTION });
         for (j, joint) in robot.joints.iter().enumerate() {
             let Some(line) = joint.actuator.torque_speed else { continue };
+            if out.skips_row() {
+                continue;
+            }
             let torque = Torque::new(window, j);
             let [before, _, after] = window.states;
             let speed_rad_s = (after.vars[JOINTS + j] - before.vars[JOINTS + j]) / (2.0 * h);
