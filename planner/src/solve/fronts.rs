@@ -13,6 +13,7 @@
 mod order;
 mod places;
 
+pub(super) use order::Locals;
 pub(super) use places::Places;
 
 use crate::formulation::rows::{Columns, Rows};
@@ -23,6 +24,7 @@ use faer::linalg::triangular_solve::{
 };
 use faer::prelude::ReborrowMut;
 use faer::{Accum, ColMut, ColRef, MatMut, MatRef, Par};
+use pulp::NullaryFnOnce;
 
 /// Columns of a panel that are factorised one by one, after the products of all columns before them. Few enough for
 /// most of the work to be in products, and more than their calls cost.
@@ -139,8 +141,8 @@ pub(super) struct Fronts {
 
 impl Fronts {
     /// Analyses the pattern of JᵀWJ for the rows whose flags in `counts` are set.
-    pub fn new(rows: &Rows, counts: &[bool], columns: &Columns) -> Self {
-        let groups = order::groups(rows, counts, columns);
+    pub fn new(rows: &Rows, counts: &[bool], columns: &Columns, locals: &Locals) -> Self {
+        let groups = order::groups(rows, counts, columns, locals);
         let order: Vec<usize> = groups.iter().flatten().copied().collect();
         let mut position = vec![0; order.len()];
         order.iter().enumerate().for_each(|(at, &column)| position[column] = at);
@@ -174,6 +176,18 @@ impl Fronts {
         let own = front.first..front.first + front.pivots;
         let lines = own.chain(front.border.iter().copied()).enumerate();
         lines.skip(at - front.first).map(move |(line, at)| (start + line, self.order[at]))
+    }
+
+    /// Adds `factor` times the products of a row's derivatives to a matrix, given in panels. `sorted` is scratch memory.
+    pub fn add(
+        &self,
+        places: &Places,
+        derivatives: &[f64],
+        factor: f64,
+        panels: &mut [f64],
+        sorted: &mut Vec<f64>,
+    ) {
+        self.simd.dispatch(places::Products { places, derivatives, factor, panels, sorted });
     }
 
     /// Factorises a matrix, given in panels, plus `damping` on its diagonal; `None` if it is not positive definite.
@@ -265,31 +279,44 @@ fn factorise_panel(simd: pulp::Arch, panel: &mut [f64], lines: usize, pivots: us
             -1.0,
             Par::Seq,
         );
-        simd.dispatch(|| factorise_block(block, lines, first))?;
+        simd.dispatch(Block { entries: block, lines, first })?;
     }
     Some(())
 }
 
-/// Cholesky factorisation of one block of columns of a panel; earlier blocks are already subtracted. `lines` is the
-/// length of a column, `first` the row of the block's first diagonal entry. `None` if a pivot is not positive.
-#[inline(always)]
-fn factorise_block(block: &mut [f64], lines: usize, first: usize) -> Option<()> {
-    for j in 0..block.len() / lines {
-        let (before, column) = block.split_at_mut(j * lines);
-        let column = &mut column[first + j..lines];
-        for before in before.chunks_exact(lines) {
-            let before = &before[first + j..];
-            let factor = before[0];
-            column.iter_mut().zip(before).for_each(|(entry, before)| *entry -= factor * before);
+/// A block of columns of a panel from which the products of earlier blocks are subtracted. `lines` is the length of a
+/// column, `first` the row of the block's first diagonal entry.
+struct Block<'a> {
+    entries: &'a mut [f64],
+    lines: usize,
+    first: usize,
+}
+
+/// Cholesky factorisation of the block; `None` if a pivot is not positive. A type, because a closure is compiled on its
+/// own, without the instructions of this processor.
+impl NullaryFnOnce for Block<'_> {
+    type Output = Option<()>;
+
+    #[inline(always)]
+    fn call(self) -> Option<()> {
+        let Self { entries, lines, first } = self;
+        for j in 0..entries.len() / lines {
+            let (before, column) = entries.split_at_mut(j * lines);
+            let column = &mut column[first + j..lines];
+            for before in before.chunks_exact(lines) {
+                let before = &before[first + j..];
+                let factor = before[0];
+                column.iter_mut().zip(before).for_each(|(entry, before)| *entry -= factor * before);
+            }
+            let pivot = column[0];
+            if pivot.is_nan() || pivot <= 0.0 {
+                return None;
+            }
+            let factor = pivot.sqrt().recip();
+            column.iter_mut().for_each(|entry| *entry *= factor);
         }
-        let pivot = column[0];
-        if pivot.is_nan() || pivot <= 0.0 {
-            return None;
-        }
-        let factor = pivot.sqrt().recip();
-        column.iter_mut().for_each(|entry| *entry *= factor);
+        Some(())
     }
-    Some(())
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Energy, gradient and Gauss-Newton matrix of a set of rows.
 
-use super::fronts::{Fronts, Places};
+use super::fronts::{Fronts, Locals, Places};
 use super::one_sided::one_sided_square;
 use crate::formulation::rows::{Columns, Role, Row, Rows};
 
@@ -14,6 +14,7 @@ pub struct NormalEquations {
     /// Which rows have counted so far, and the places of those that have.
     counts: Vec<bool>,
     places: Vec<Option<Places>>,
+    locals: Locals,
     fronts: Fronts,
     matrix: Vec<f64>,
     /// ∂E/∂(unknowns).
@@ -39,8 +40,9 @@ pub fn row_energy(row: &Row, shift: f64, penalty: f64) -> [f64; 3] {
 impl NormalEquations {
     /// Creates the equations of rows whose pattern stays the same afterwards.
     pub fn new(rows: &Rows, columns: &Columns) -> Self {
-        let counts = vec![false; rows.rows.len()];
-        let fronts = Fronts::new(rows, &counts, columns);
+        let counts: Vec<bool> = rows.rows.iter().map(|row| row.counts(0.0)).collect();
+        let locals = Locals::new(rows, columns);
+        let fronts = Fronts::new(rows, &counts, columns, &locals);
         Self {
             columns: columns.clone(),
             places: vec![None; rows.rows.len()],
@@ -48,6 +50,7 @@ impl NormalEquations {
             gradient: vec![0.0; columns.count],
             sorted: Vec::new(),
             counts,
+            locals,
             fronts,
         }
     }
@@ -60,7 +63,7 @@ impl NormalEquations {
     /// Assembles gradient and Gauss-Newton matrix.
     pub fn assemble(&mut self, rows: &Rows, shifts: &[f64], penalty: f64) {
         while !self.assembled(rows, shifts, penalty) {
-            self.fronts = Fronts::new(rows, &self.counts, &self.columns);
+            self.fronts = Fronts::new(rows, &self.counts, &self.columns, &self.locals);
             self.places.fill(None);
             self.matrix.resize(self.fronts.len(), 0.0);
         }
@@ -88,7 +91,8 @@ impl NormalEquations {
             }
             match places {
                 Some(places) => {
-                    places.add(derivatives, curvature, &mut self.matrix, &mut self.sorted);
+                    let (matrix, sorted) = (&mut self.matrix, &mut self.sorted);
+                    self.fronts.add(places, derivatives, curvature, matrix, sorted);
                 }
                 None => fits = false,
             }

@@ -8,20 +8,63 @@ fn counting<'a>(rows: &'a Rows, counts: &'a [bool]) -> impl Iterator<Item = &'a 
     rows.rows.iter().zip(counts).filter(|(_, counts)| **counts).map(|(row, _)| row)
 }
 
-/// Columns by front, in the order of elimination: before each slot the local columns that its columns couple, then the
-/// slot's others; the placement comes last. Local columns are in no row with those of another slot.
-pub(super) fn groups(rows: &Rows, counts: &[bool], columns: &Columns) -> Vec<Vec<usize>> {
-    let slots = columns.of_slot.len();
+/// Slot and variable of every column but those of the placement.
+fn places(columns: &Columns) -> Vec<Option<(usize, usize)>> {
     let mut place = vec![None; columns.count];
     for (slot, of_slot) in columns.of_slot.iter().enumerate() {
         for (variable, column) in of_slot.iter().enumerate() {
             column.iter().for_each(|&column| place[column] = Some((slot, variable)));
         }
     }
+    place
+}
+
+/// Variables whose columns are in no equality or cost with such a column of another slot.
+pub(in super::super) struct Locals(Vec<bool>);
+
+impl Locals {
+    /// Finds them; rows of a system with any pattern of inequalities have the same.
+    pub fn new(rows: &Rows, columns: &Columns) -> Self {
+        let place = places(columns);
+        let variables = columns.of_slot.iter().map(Vec::len).max().unwrap_or(0);
+        // Whether variables of one slot and of another are in one row.
+        let mut across = vec![vec![false; variables]; variables];
+        for row in rows.rows.iter().filter(|row| !is_inequality(row)) {
+            let entries = || rows.columns[row.entries.clone()].iter().filter_map(|&c| place[c]);
+            for (slot, variable) in entries() {
+                for (_, other) in entries().filter(|(other_slot, _)| *other_slot != slot) {
+                    across[variable][other] = true;
+                }
+            }
+        }
+        let mut is_local = vec![false; variables];
+        for variable in 0..variables {
+            let mut with = across[variable].iter().zip(&is_local);
+            is_local[variable] =
+                !across[variable][variable] && with.all(|(with, local)| !(with & local));
+        }
+        Self(is_local)
+    }
+}
+
+fn is_inequality(row: &Row) -> bool {
+    matches!(row.role, Role::Inequality { .. })
+}
+
+/// Columns by front, in the order of elimination: before each slot the local columns that its columns couple, then the
+/// slot's others; the placement comes last. Local columns are in no row with those of another slot.
+pub(super) fn groups(
+    rows: &Rows,
+    counts: &[bool],
+    columns: &Columns,
+    locals: &Locals,
+) -> Vec<Vec<usize>> {
+    let slots = columns.of_slot.len();
+    let place = places(columns);
     let entries = |row: &Row| {
         rows.columns[row.entries.clone()].iter().filter_map(|&c| place[c].map(|(s, v)| (c, s, v)))
     };
-    let is_local = local_columns(rows, counts, columns, entries);
+    let is_local = local_columns(rows, counts, columns, locals, entries);
     // First slot that the local columns of each slot couple.
     let mut first: Vec<usize> = (0..slots).collect();
     for row in counting(rows, counts) {
@@ -46,34 +89,17 @@ pub(super) fn groups(rows: &Rows, counts: &[bool], columns: &Columns) -> Vec<Vec
     groups
 }
 
-/// Which columns are local. Equalities and costs decide which variables are; inequalities, few of which count, take
-/// single columns out.
+/// Which columns are local: those of local variables, of which inequalities, few of which count, take single ones out.
 fn local_columns<'a, I: Iterator<Item = (usize, usize, usize)>>(
     rows: &'a Rows,
     counts: &'a [bool],
     columns: &Columns,
+    Locals(is_local): &Locals,
     entries: impl Fn(&'a Row) -> I,
 ) -> Vec<bool> {
-    let variables = columns.of_slot.iter().map(Vec::len).max().unwrap_or(0);
-    let is_inequality = |row: &Row| matches!(row.role, Role::Inequality { .. });
-    // Whether variables of one slot and of another are in one row.
-    let mut across = vec![vec![false; variables]; variables];
-    for row in counting(rows, counts).filter(|row| !is_inequality(row)) {
-        for (_, slot, variable) in entries(row) {
-            for (_, _, other) in entries(row).filter(|(_, other_slot, _)| *other_slot != slot) {
-                across[variable][other] = true;
-            }
-        }
-    }
-    let mut is_local = vec![false; variables];
-    for variable in 0..variables {
-        let mut with = across[variable].iter().zip(&is_local);
-        is_local[variable] =
-            !across[variable][variable] && with.all(|(with, local)| !(with & local));
-    }
     let mut local = vec![false; columns.count];
     for of_slot in &columns.of_slot {
-        for (column, is_local) in of_slot.iter().zip(&is_local) {
+        for (column, is_local) in of_slot.iter().zip(is_local) {
             column.iter().for_each(|&column| local[column] = *is_local);
         }
     }

@@ -1,6 +1,7 @@
 //! Places of rows in the panels: where the products of their derivatives go.
 
 use super::Fronts;
+use pulp::NullaryFnOnce;
 
 /// Where the products of the derivatives of one row go.
 #[derive(Clone, Debug, Default)]
@@ -9,7 +10,7 @@ pub(in super::super) struct Places {
     entries: Vec<u32>,
     pieces: Vec<Piece>,
     /// Lines of entries in the fronts of the pieces.
-    lines: Vec<u32>,
+    runs: Vec<Run>,
 }
 
 /// The entries of a row that are pivots of one front.
@@ -18,11 +19,19 @@ struct Piece {
     /// Place of the front's panel, and count of its lines.
     panel: usize,
     stride: usize,
-    /// First entry and end of the entries in the order of elimination.
-    first: usize,
+    /// End of the entries in the order of elimination.
     end: usize,
-    /// Where the lines of these and all later entries begin.
-    lines: usize,
+    /// End of the runs of these and all later entries, which begin where those of the piece before end.
+    runs: usize,
+}
+
+/// Consecutive entries in consecutive lines.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    first: u32,
+    end: u32,
+    /// Line of the first.
+    line: u32,
 }
 
 impl Fronts {
@@ -31,39 +40,65 @@ impl Fronts {
         let at = |entry: &u32| self.position[columns[*entry as usize]];
         let mut entries: Vec<u32> = (0..columns.len() as u32).collect();
         entries.sort_unstable_by_key(at);
-        let (mut pieces, mut lines) = (Vec::new(), Vec::new());
+        let (mut pieces, mut runs) = (Vec::new(), Vec::<Run>::new());
         let mut first = 0;
         while first < entries.len() {
             let front = &self.fronts[self.front_of[at(&entries[first])]];
             let own = |entry: &u32| at(entry) < front.first + front.pivots;
             let end = first + entries[first..].partition_point(own);
-            let (panel, stride) = (front.panel, front.lines());
-            pieces.push(Piece { panel, stride, first, end, lines: lines.len() });
-            let mut line = 0;
-            for entry in &entries[first..] {
-                line = front.line(at(entry), line)?;
-                lines.push(line as u32);
+            let (mut line, of_piece) = (0, runs.len());
+            for (entry, column) in entries.iter().enumerate().skip(first) {
+                line = front.line(at(column), line)?;
+                let (entry, line) = (entry as u32, line as u32);
+                match runs[of_piece..].last_mut() {
+                    Some(run) if run.line + (entry - run.first) == line => run.end = entry + 1,
+                    _ => runs.push(Run { first: entry, end: entry + 1, line }),
+                }
             }
+            let (panel, stride) = (front.panel, front.lines());
+            pieces.push(Piece { panel, stride, end, runs: runs.len() });
             first = end;
         }
-        Some(Places { entries, pieces, lines })
+        Some(Places { entries, pieces, runs })
     }
 }
 
-impl Places {
-    /// Adds `factor` times the products of a row's derivatives to the panels. `sorted` is scratch memory.
-    pub fn add(&self, derivatives: &[f64], factor: f64, panels: &mut [f64], sorted: &mut Vec<f64>) {
+/// Addition of `factor` times the products of a row's derivatives to the panels. `sorted` is scratch memory.
+pub(super) struct Products<'a> {
+    pub places: &'a Places,
+    pub derivatives: &'a [f64],
+    pub factor: f64,
+    pub panels: &'a mut [f64],
+    pub sorted: &'a mut Vec<f64>,
+}
+
+impl NullaryFnOnce for Products<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { places, derivatives, factor, panels, sorted } = self;
         sorted.clear();
-        sorted.extend(self.entries.iter().map(|&entry| derivatives[entry as usize]));
-        for piece in &self.pieces {
-            let later = &sorted[piece.first..];
-            let lines = &self.lines[piece.lines..][..later.len()];
-            for own in 0..piece.end - piece.first {
-                let start = piece.panel + lines[own] as usize * piece.stride;
-                let column = &mut panels[start..][..piece.stride];
-                let scaled = factor * later[own];
-                for (&line, derivative) in lines[own..].iter().zip(&later[own..]) {
-                    column[line as usize] += scaled * derivative;
+        sorted.extend(places.entries.iter().map(|&entry| derivatives[entry as usize]));
+        let mut runs = &places.runs[..];
+        let mut before = 0;
+        for piece in &places.pieces {
+            let (of_piece, others) = runs.split_at(piece.runs - before);
+            (runs, before) = (others, piece.runs);
+            for (index, own) in of_piece.iter().enumerate() {
+                for entry in own.first as usize..piece.end.min(own.end as usize) {
+                    let line = own.line as usize + entry - own.first as usize;
+                    let column = &mut panels[piece.panel + line * piece.stride..][..piece.stride];
+                    let scaled = factor * sorted[entry];
+                    let mut add = |first: usize, end: usize, line: usize| {
+                        let later = &sorted[first..end];
+                        let lines = &mut column[line..][..later.len()];
+                        lines.iter_mut().zip(later).for_each(|(sum, d)| *sum += scaled * d);
+                    };
+                    add(entry, own.end as usize, line);
+                    for run in &of_piece[index + 1..] {
+                        add(run.first as usize, run.end as usize, run.line as usize);
+                    }
                 }
             }
         }

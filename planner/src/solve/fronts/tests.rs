@@ -105,14 +105,15 @@ proptest! {
         let columns = timeline.columns();
         let rows = timeline.rows(&columns, seed);
         let counts = vec![true; rows.rows.len()];
-        let mut fronts = Fronts::new(&rows, &counts, &columns);
+        let locals = Locals::new(&rows, &columns);
+        let mut fronts = Fronts::new(&rows, &counts, &columns, &locals);
         let mut panels = vec![0.0; fronts.len()];
         let mut dense = DMatrix::<f64>::zeros(columns.count, columns.count);
         for row in &rows.rows {
             let derivatives = &rows.derivatives[row.entries.clone()];
             let of_row = &rows.columns[row.entries.clone()];
             let places = fronts.places(of_row).expect("fronts have room for their rows");
-            places.add(derivatives, 2.0, &mut panels, &mut Vec::new());
+            fronts.add(&places, derivatives, 2.0, &mut panels, &mut Vec::new());
             for (one, d) in of_row.iter().zip(derivatives) {
                 for (other, e) in of_row.iter().zip(derivatives) {
                     dense[(*one, *other)] += 2.0 * d * e;
