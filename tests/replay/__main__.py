@@ -26,13 +26,14 @@ import player  # noqa: E402
 import tables  # noqa: E402
 import world  # noqa: E402
 
-FEED_FORWARD = ("none", "torque", "offset")
+FEED_FORWARD = {"none": ["none"], "torque": ["torque"], "offset": ["offset"], "both": ["none", "torque"],
+                "all": ["none", "torque", "offset"]}
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 
 
 def main(arguments):
     options = _options(arguments)
-    kinds = FEED_FORWARD if options.feed_forward == "all" else (options.feed_forward,)
+    kinds = FEED_FORWARD[options.feed_forward]
     cases = (world.Case(),) + (world.PERTURBATIONS if options.robustness else ())
     inputs = jobs.Inputs(options.robot, options.robots, options.library, options.cycles, options.control_hz)
     todo = [(path, kind, case, inputs) for path in options.plans for kind in kinds for case in cases]
@@ -79,7 +80,8 @@ def _options(arguments):
         prog="replay", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("plans", nargs="+", metavar="PLAN.json")
-    parser.add_argument("--feed-forward", choices=FEED_FORWARD + ("all",), default="none")
+    parser.add_argument("--feed-forward", choices=FEED_FORWARD, default="none",
+                        help="torque or offset: as a torque, or on top of targets; both: none and torque")
     parser.add_argument("--robot", help="robot file of all plans; left out, NAME.toml in --robots")
     parser.add_argument("--robots", type=Path, default=ROBOTS, help="folder of robot files")
     parser.add_argument("--library", help="motion library (.rwl) whose frames and torques are played, by name")

@@ -1,5 +1,8 @@
 """Markdown tables of results."""
 
+import math
+import textwrap
+
 HEAD = {
     "motion": "motion of robot",
     "feed_forward": "feed-forward",
@@ -23,7 +26,7 @@ def nominal(results):
     rows = [list(HEAD.values())]
     for result in results:
         rows.append([
-            f"{result['motion']} of {result['robot']}",
+            _name(result),
             result["feed_forward"],
             "yes" if result["holds"] else "needs feedback" if result["needs_feedback"] else "**no**",
             _ratios(result["ratio"], result["drift"]),
@@ -41,13 +44,83 @@ def nominal(results):
     return _markdown(rows)
 
 
+def both(results):
+    """One row for each motion, with feed-forward and without."""
+    rows = [[
+        "motion of robot", "with feed-forward: cycles 2–5", "last cycle", "sideways mm", "yaw mrad", "slip mm/s",
+        "without: cycles 2–5", "last cycle", "slip mm/s", "",
+    ]]
+    for name, (fed, bare) in _pairs(results).items():
+        remark = [_fell(fed)] if fed["fell_at_s"] is not None else []
+        remark += ["needs feedback"] if fed["needs_feedback"] else [] if fed["holds"] else ["**does not hold**"]
+        remark += [] if bare["holds"] else ["without: " + ("falls" if bare["fell_at_s"] is not None else "no")]
+        ends = lambda result: [
+            _ratios(result["ratio"], result["drift"]), _ratios(result["ratio_late"], result["drift_late"])
+        ]
+        rows.append([
+            name, *ends(fed), _number(fed["drift"] and fed["drift"]["left_m"], 1e3),
+            _number(fed["drift"] and fed["drift"]["turn_rad"], 1e3), _number(fed["slip_mean_m_s"], 1e3),
+            *ends(bare), _number(bare["slip_mean_m_s"], 1e3), ", ".join(remark),
+        ])
+    return _markdown(rows)
+
+
+def in_words(results):
+    """What the README says of the shipped motions."""
+    pairs = _pairs(results)
+    fed = {name: fed for name, (fed, _) in pairs.items()}
+    bare = {name: bare for name, (_, bare) in pairs.items()}
+    marked = [name for name, result in fed.items() if result["needs_feedback"]]
+    failing = [name for name, result in fed.items() if not result["holds"] and name not in marked]
+    sagging = [name for name, result in bare.items() if not result["holds"] and name not in marked]
+    sagging.sort(key=lambda name: -abs(_worst(bare[name]) - 1))
+    held = sum(result["holds"] for result in fed.values())
+    text = (
+        f"{held} of the {len(fed)} shipped motions come to 0.95 to 1.05 of their way and turn, over 20 cycles, and stay "
+        "on their feet. "
+    )
+    if marked:
+        text += f"Not held, as the file and `rollwalk report` say: {', '.join(marked)}. "
+    if failing:
+        text += f"Not held, and not marked: {', '.join(failing)}. "
+    worst = [
+        f"{name} ({'falls' if bare[name]['fell_at_s'] is not None else f'{_worst(bare[name]):.2f}'})" for name in sagging[:4]
+    ]
+    if sagging:
+        text += f"Without feed-forward soft servos sag: {len(sagging)} more do not, worst {', '.join(worst)}."
+    return textwrap.fill(text.strip(), 116, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
+
+
+def _pairs(results):
+    """Level results of each motion with feed-forward as torque, and without."""
+    found = {}
+    for result in results:
+        if result["case"] == "nominal":
+            found.setdefault(_name(result), {})[result["feed_forward"]] = result
+    return {name: (kinds["torque"], kinds["none"]) for name, kinds in found.items()}
+
+
+def _name(result):
+    """Some motions of Table 2.1 have the names of others."""
+    table = " (Table 2.1)" if result["plan"].startswith("table_2_1-") else ""
+    return f"`{result['motion']}` of {result['robot']}{table}"
+
+
+def _worst(result):
+    """The part of its ways and turns that is farthest from 1; of a motion that falls farther than any."""
+    if result["fell_at_s"] is not None:
+        return math.inf
+    ratios = list((result["ratio"] or {}).values()) + list((result["ratio_late"] or {}).values())
+    return max(ratios, key=lambda ratio: abs(ratio - 1), default=0.0)
+
+
 def robustness(results):
     """One row for each motion, one column for each perturbation: ratio of cycles 2–5."""
     cases = list(dict.fromkeys(result["case"] for result in results))
     rows = [["motion of robot", "feed-forward"] + cases]
     by_motion = {}
     for result in results:
-        key = (f"{result['motion']} of {result['robot']}", result["feed_forward"])
+        key = (_name(result), result["feed_forward"])
         by_motion.setdefault(key, {})[result["case"]] = result
     for (motion, feed_forward), found in by_motion.items():
         cells = []
@@ -84,7 +157,8 @@ def _fell(result):
 
 
 def _number(value, factor, digits=1):
-    return "–" if value is None else f"{value * factor:.{digits}f}"
+    # 0 from below is 0 as well.
+    return "–" if value is None else f"{round(value * factor, digits) + 0.0:.{digits}f}"
 
 
 def _percent(value):

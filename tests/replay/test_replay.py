@@ -20,12 +20,14 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+import document  # noqa: E402
 import feedforward  # noqa: E402
 import library  # noqa: E402
 import measure  # noqa: E402
 import motion  # noqa: E402
 import player  # noqa: E402
 import robots  # noqa: E402
+import tables  # noqa: E402
 import world  # noqa: E402
 from curves import Spline  # noqa: E402
 from errors import Unusable  # noqa: E402
@@ -417,6 +419,46 @@ class Libraries(unittest.TestCase):
         ]
         _, torques = library._frames(file(*sections), plan)
         np.testing.assert_array_equal(torques[1] * 512, [-4, 600, -0.5, 3])
+
+
+class Words(unittest.TestCase):
+    @staticmethod
+    def result(motion, kind, ratio, marked=None, fell=None):
+        drift = {"forward_m": 0.0, "left_m": 0.001, "turn_rad": 0.0}
+        return {
+            "motion": motion, "robot": "pup", "plan": f"motions-{motion}.json", "feed_forward": kind, "case": "nominal",
+            "ratio": {"forward_m": ratio}, "ratio_late": {"forward_m": ratio}, "drift": drift, "drift_late": drift,
+            "fell_at_s": fell, "links_on_ground": {}, "slip_mean_m_s": 0.002, "needs_feedback": marked,
+            "holds": fell is None and 0.95 <= ratio <= 1.05,
+        }
+
+    def test_tables_and_words_count_what_holds(self):
+        results = []
+        for motion, fed, bare, marked, fell in [
+            ("walk", 1.0, 0.99, None, None), ("turn", 0.99, 0.4, None, None), ("run", 0.2, 0.1, "yes", 1.5),
+            ("hop", 0.96, 0.9, None, None),
+        ]:
+            results.append(self.result(motion, "torque", fed, marked, fell))
+            results.append(self.result(motion, "none", bare, marked, fell))
+        words = " ".join(tables.in_words(results).split())
+        self.assertIn("3 of the 4 shipped motions", words)
+        self.assertIn("rollwalk report` say: `run` of pup.", words)
+        self.assertIn("2 more do not, worst `turn` of pup (0.40), `hop` of pup (0.90).", words)
+        self.assertNotIn("not marked", words)
+        rows = tables.both(results).splitlines()
+        self.assertEqual(len(rows), 6)
+        self.assertIn("| `turn` of pup | 0.990 | 0.990 | 1.0 | 0.0 | 2.0 | 0.400 | 0.400 | 2.0 | without: no |", rows)
+        self.assertTrue(rows[4].endswith("fell at 1.50 s, needs feedback, without: falls |"), rows[4])
+
+    def test_marks_are_replaced_and_missed(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "a.md"
+            path.write_text("x <!-- a -->old<!-- end --> y <!-- b --><!-- end -->")
+            document.replace(path, {"a": "new", "b": "2"})
+            self.assertEqual(path.read_text(), "x <!-- a -->new<!-- end --> y <!-- b -->2<!-- end -->")
+            with self.assertRaises(SystemExit) as error:
+                document.replace(path, {"c": "new"})
+            self.assertIn("expected one <!-- c -->", str(error.exception))
 
 
 if __name__ == "__main__":

@@ -87,6 +87,9 @@ enum Task {
         #[arg(long, value_name = "FILE")]
         input: Option<std::path::PathBuf>,
     },
+    /// Plan and replay every shipped motion in MuJoCo, and motions of robots from URDF files, and write the tables of
+    /// docs/replay.md and the numbers of README: about an hour.
+    Replay(replay::Options),
     /// Run the full tests on real CAN interfaces vcan0, vcan1 and vcan2: here if this kernel has them, otherwise in a
     /// virtual machine with Debian's kernel. With a command, run that instead and exit with its status.
     Vcan(vcan::Options),
@@ -102,6 +105,7 @@ fn main() -> ExitCode {
         }
         Task::Sizes { json } => board::sizes(json),
         Task::Fuzz { target, seconds, input } => fuzz::run(target, seconds, input.as_deref()),
+        Task::Replay(options) => replay::document(&options),
         Task::Vcan(options) => return exit(vcan::run(&options)),
     };
     exit(outcome.map(|()| ExitCode::SUCCESS))

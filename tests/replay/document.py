@@ -1,0 +1,40 @@
+#!/usr/bin/env python3
+"""Writes the tables of docs/replay.md and the numbers of README from results of the harness.
+
+    python3 tests/replay/document.py LEVEL.json DISTURBED.json [ROBOT.json ...]
+
+They stand between `<!-- NAME -->` and `<!-- end -->`. Without results of imported robots that table stays.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import tables
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def main(level, disturbed, *imported):
+    level, disturbed, *imported = (json.loads(Path(path).read_text()) for path in (level, disturbed, *imported))
+    texts = {"shipped": tables.both(level), "disturbed": tables.robustness(disturbed)}
+    if imported:
+        texts["imported"] = tables.both([result for results in imported for result in results])
+    replace(ROOT / "docs/replay.md", {name: f"\n{text}\n" for name, text in texts.items()})
+    replace(ROOT / "README.md", {"replay": f"\n{tables.in_words(level)}\n  "})
+
+
+def replace(path, texts):
+    """Puts texts between their marks."""
+    whole = path.read_text(encoding="utf-8")
+    for name, text in texts.items():
+        mark, end = f"<!-- {name} -->", "<!-- end -->"
+        if whole.count(mark) != 1 or end not in whole.split(mark)[1]:
+            sys.exit(f"{path}: expected one {mark} and {end} after it")
+        before, after = whole.split(mark)
+        whole = before + mark + text + after[after.index(end) :]
+    path.write_text(whole, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
