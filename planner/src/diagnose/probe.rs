@@ -67,12 +67,20 @@ impl Default for Schedule {
     }
 }
 
+/// A probe that is due.
+#[derive(Clone, Copy, Debug)]
+pub struct Due {
+    /// Worst constraint, as a multiple of its credible level, that counts as far off.
+    pub far_level: f64,
+    /// Whether it is too early to end a solve that is only stuck: some find a way after more iterations.
+    pub is_early: bool,
+}
+
 impl Schedule {
-    /// Whether to probe after an iteration; returns the level that counts as far off. Probes become rarer, so that slow
-    /// solves do not spend much time on them.
-    pub fn due(&mut self, iteration: usize, last: &Iteration) -> Option<f64> {
+    /// Whether to probe after an iteration. Probes become rarer, so that slow solves do not spend much time on them.
+    pub fn due(&mut self, iteration: usize, last: &Iteration) -> Option<Due> {
         if last.no_better == HALTING && !std::mem::replace(&mut self.halted, true) {
-            return Some(self.far_level);
+            return Some(Due { far_level: self.far_level, is_early: true });
         }
         let level = last.progress.worst_level;
         if iteration < self.next {
@@ -82,7 +90,7 @@ impl Schedule {
         let doubtful = if self.next == FIRST { far_level } else { DOUBTFUL_LEVEL };
         self.next = PATIENCE * iteration;
         self.far_level *= PATIENCE as f64;
-        (level > doubtful).then_some(far_level)
+        (level > doubtful).then_some(Due { far_level, is_early: false })
     }
 
     /// The level that counts as far off when a solve has ended.

@@ -88,7 +88,7 @@ pub(super) fn solve_selected(
             let probe = FeasibilityProbe {
                 system: &system,
                 most_steps: settings.iterations - solver.iteration(),
-                far_level: due.unwrap_or_else(|| probes.far_level()),
+                far_level: due.map_or_else(|| probes.far_level(), |due| due.far_level),
             };
             let before = solver.iteration();
             let mut steps = 0;
@@ -99,6 +99,10 @@ pub(super) fn solve_selected(
             });
             solver.count(steps);
             let Some(nearest) = nearest else { break Status::Interrupted };
+            if due.is_some_and(|due| due.is_early) && nearest.verdict == Some(Verdict::Stuck) {
+                solver.shift_multipliers();
+                continue;
+            }
             let stuck = iteration.exhausted.then_some(Verdict::Stuck);
             if let Some(verdict) = nearest.verdict.or(stuck) {
                 if nearest.verdict.is_none() && !restarted {
