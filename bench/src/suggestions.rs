@@ -172,6 +172,9 @@ pub struct Args {
     /// Make the requests miss by little, and compare the time that takes with that of a request that is just possible.
     #[arg(long)]
     near: bool,
+    /// Try what is refused again from as many other seeds, to find false verdicts.
+    #[arg(long, default_value_t = 0, value_name = "SEEDS")]
+    harder: u64,
     /// Seed of the numbers that requests are made with.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -200,6 +203,8 @@ struct Row {
     iterations: usize,
     cpu_s: f64,
     tried: Vec<Tried>,
+    /// Seed from which a plan was found although the request was refused.
+    false_verdict: Option<u64>,
 }
 
 /// Runs the benchmark.
@@ -228,7 +233,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
                 continue;
             }
             let (robot, motion) = change.apply(&robot, &motion, number);
-            let Some(row) = follow(program, request, number, &robot, &motion) else {
+            let Some(row) = follow(program, args, request, number, &robot, &motion) else {
                 return Ok(None);
             };
             program.say(&line(&row).join("  "));
@@ -367,6 +372,7 @@ fn try_all(
 /// Plans a request, then every request that its diagnosis suggests; `None` after an interrupt.
 fn follow(
     program: &dyn Program,
+    args: &Args,
     request: String,
     number: f64,
     robot: &Robot,
@@ -374,6 +380,11 @@ fn follow(
 ) -> Option<Row> {
     let run = measure::cold(program, robot, motion, &Options::default());
     let solve = &run.plan().solve;
+    let from_seed = |seed: &u64| {
+        let options = Options { seed: *seed, ..Options::default() };
+        measure::cold(program, robot, motion, &options).solved()
+    };
+    let seeds = if run.solved() { 0 } else { args.harder };
     let row = Row {
         request,
         number,
@@ -388,6 +399,7 @@ fn follow(
         iterations: run.iterations,
         cpu_s: run.cpu_s,
         tried: try_all(program, &run, robot, motion),
+        false_verdict: (1..=seeds).find(from_seed),
     };
     (!program.interrupted()).then_some(row)
 }
@@ -408,11 +420,13 @@ fn line(row: &Row) -> Vec<String> {
         row.iterations.to_string(),
         format!("{:.0}", 1e3 * row.cpu_s),
         tried_line(&row.tried),
+        row.false_verdict.map_or_else(String::new, |seed| format!("possible: seed {seed}")),
     ]
 }
 
 fn findings(rows: &[Row]) -> Findings {
-    let mut table = table(["request", "number", "outcome", "iterations", "CPU ms", "suggested"]);
+    let mut table =
+        table(["request", "number", "outcome", "iterations", "CPU ms", "suggested", "false"]);
     table.extend(rows.iter().map(line));
     let refused = rows.iter().filter(|row| row.status != "Converged").count();
     let (tally, most) = tally(rows.iter().flat_map(|row| &row.tried));
