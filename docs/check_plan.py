@@ -5,7 +5,7 @@
 
 Python's standard library only; no code is shared with the planner. What the fields mean, in which
 frames and units, is in docs/plan-format.md; the equation numbers are the thesis's. For every residual
-the table shows the worst case, the level up to which a plan is physically credible, and where it is.
+the table shows the worst case, the level, which is the tolerance at the samples, and where it is.
 
 Names, units and levels of the residuals and the constants of the equations are those of the plan's
 `formulation`, and this script trusts them: of a plan of unknown origin look at the levels in the table, or

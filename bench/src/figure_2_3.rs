@@ -57,7 +57,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
         let (mut by_iteration, mut by_time): (Vec<Curve>, Vec<Curve>) = (Vec::new(), Vec::new());
         for (method, name) in METHODS {
             program.say(&format!("{} with {name}", motion.name));
-            let mut options = Options { seed: 1, ..Options::default() };
+            let mut options = Options { seed: 1, refine: false, ..Options::default() };
             options.settings.method = method;
             let factor = if method == Method::Lbfgs { 10 } else { 1 };
             options.settings.iterations = factor * args.iterations as usize;

@@ -35,7 +35,7 @@ pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings
         program.say(&motion.name);
         let mut curves: Vec<Curve> = Vec::new();
         for (name, start) in STARTS {
-            let options = Options { start, ..Options::default() };
+            let options = Options { start, refine: false, ..Options::default() };
             let clock = ThreadTime::now();
             let mut states = Vec::new();
             let plan = optimise(&robot, &motion, &options, &mut |progress| {

@@ -29,11 +29,16 @@ impl Run {
     }
 }
 
+/// The options without refinement: tables say the samples of their motions, and what a solve of so many takes.
+fn at_samples_of_file(options: &Options) -> Options {
+    Options { refine: false, ..options.clone() }
+}
+
 /// Plans from nothing: the candidate starts one after the other until one decides.
 pub fn cold(program: &dyn Program, robot: &Robot, motion: &Motion, options: &Options) -> Run {
     let clock = ThreadTime::now();
     let mut iterations = 0;
-    let solution = optimise_solution(robot, motion, options, &mut |_| {
+    let solution = optimise_solution(robot, motion, &at_samples_of_file(options), &mut |_| {
         iterations += 1;
         unless_interrupted(program)
     });
@@ -52,7 +57,9 @@ pub fn again(
     options: &Options,
 ) -> Result<Run, ReplanError> {
     let clock = ThreadTime::now();
-    let solution = solution.replan(robot, motion, options, &mut |_| unless_interrupted(program))?;
+    let options = at_samples_of_file(options);
+    let solution =
+        solution.replan(robot, motion, &options, &mut |_| unless_interrupted(program))?;
     let iterations = solution.plan.solve.iterations;
     Ok(Run { solution, iterations, cpu_s: clock.elapsed().as_secs_f64() })
 }

@@ -77,7 +77,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
     let legend = format!(
         "iter, max: iterations, median and worst seed. cold, max, cpu: CPU time, ms. again: planned \
          again with\n{EDIT} of the goal, from the cold plan. /s: ms of CPU time per second of motion. level: \
-         worst residual as a\npart of its credible level. goal err: part of the goal."
+         worst residual as a\npart of its tolerance. goal err: part of the goal."
     );
     let (targets, passed) = verdicts(targets(&rows));
     let blocks = vec![Block::Table(table(&rows)), Block::Text(legend), Block::Text(targets)];

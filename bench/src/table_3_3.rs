@@ -4,9 +4,8 @@ use crate::measure::{self, Run};
 use crate::only::Only;
 use crate::{Block, Findings, Program, table};
 use rollwalk_planner::Options;
-use rollwalk_planner::families::Family;
 use rollwalk_planner::motion::Motion;
-use rollwalk_planner::report::{Grid, Report};
+use rollwalk_planner::report::{Judgement, Report};
 use rollwalk_robot::{EndEffector, Robot};
 use serde::Serialize;
 
@@ -23,8 +22,6 @@ pub const ROWS: [(&str, &str, f64); 5] = [
 const DRAG_S_M: f64 = 0.02;
 /// Fewest samples of a cycle.
 const SAMPLES: usize = 24;
-/// Slip between samples that still counts as rolling, mm/s: the walk that replays well has 25 to 80.
-const SLIP_MM_S: f64 = 100.0;
 /// Speed at which the search ends, m/s.
 const ENOUGH_M_S: f64 = 20.0;
 /// First step of the distance, as a factor, and the finest.
@@ -91,11 +88,9 @@ fn refined(motion: Motion) -> Motion {
     Motion { stance, ..motion }
 }
 
-/// Whether a run solved its motion, also between the samples: limits as played, and slip.
+/// Whether a run solved its motion, also as it is played.
 fn holds(run: &Run) -> bool {
-    let report = Report::new(run.plan());
-    let slip = report.row(Family::Slip, Grid::Library60Hz).map_or(0.0, |row| row.worst);
-    run.solved() && report.is_credible() && slip <= SLIP_MM_S
+    run.solved() && Report::new(run.plan()).judgement == Judgement::Holds
 }
 
 fn drag_that_grows(end_effector: &mut EndEffector) {
@@ -133,7 +128,7 @@ fn top_speed(program: &dyn Program, robot: &Robot, motion: &Motion, steps: usize
                 break;
             }
             failed.get_or_insert(if run.solved() {
-                "slip or limits between samples".to_owned()
+                "does not hold as played".to_owned()
             } else {
                 run.plan().solve.worst_constraint.to_string()
             });

@@ -72,6 +72,9 @@ pub struct Choices {
     pub method: MethodChoice,
     /// Most iterations of each start.
     pub iterations: NonZeroU32,
+    /// Whether the samples stay those of the motion file.
+    #[serde(default)]
+    pub samples_fixed: bool,
 }
 
 /// Most iterations of a solve that does not say otherwise.
@@ -82,8 +85,9 @@ pub fn default_iterations() -> NonZeroU32 {
 
 impl From<Choices> for Options {
     fn from(choices: Choices) -> Self {
-        let Choices { start, seed, method, iterations } = choices;
-        let mut options = Self { start: start.into(), seed, ..Self::default() };
+        let Choices { start, seed, method, iterations, samples_fixed } = choices;
+        let mut options =
+            Self { start: start.into(), seed, refine: !samples_fixed, ..Self::default() };
         options.settings.method = method.into();
         options.settings.iterations = iterations.get() as usize;
         options

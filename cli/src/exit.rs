@@ -1,15 +1,15 @@
 //! How a run ends, as scripts see it.
 
-use rollwalk_planner::plan::Status;
+use rollwalk_planner::report::Judgement;
 use std::process::ExitCode;
 
 /// The exit codes, part of every help text.
 pub const HELP: &str = "\
 Exit codes:
-  0    done; a plan converged
+  0    done; a plan holds
   1    bad input, or a file that cannot be read or written
   2    wrong command line
-  3    the optimiser did not converge; the plan was written and says why
+  3    a plan does not hold: the optimiser did not converge, or the motion fails as it is played
   4    a measured error exceeds its stated bound; a rule of the fault campaign is broken
   5    the robot refused a command, stopped, or does not answer
   130  interrupted with Ctrl-C";
@@ -17,12 +17,12 @@ Exit codes:
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
-    /// Done; a plan converged.
+    /// Done; a plan holds.
     Ok,
     /// Bad input, or a file that cannot be read or written.
     BadInput,
-    /// The optimiser ended without meeting every constraint.
-    NotConverged,
+    /// A plan does not hold: the optimiser did not converge, or the motion fails as it is played.
+    DoesNotHold,
     /// A measured error exceeds its stated bound; a rule of the fault campaign is broken.
     OutOfBounds,
     /// The robot refused, stopped, or does not answer.
@@ -38,7 +38,7 @@ impl Exit {
         match self {
             Exit::Ok => 0,
             Exit::BadInput => 1,
-            Exit::NotConverged => 3,
+            Exit::DoesNotHold => 3,
             Exit::OutOfBounds => 4,
             Exit::NotDone => 5,
             Exit::Interrupted => 130,
@@ -52,12 +52,8 @@ impl From<Exit> for ExitCode {
     }
 }
 
-impl From<Status> for Exit {
-    fn from(status: Status) -> Self {
-        match status {
-            Status::Converged => Exit::Ok,
-            Status::Infeasible | Status::Stalled | Status::IterationLimit => Exit::NotConverged,
-            Status::Interrupted => Exit::Interrupted,
-        }
+impl From<Judgement> for Exit {
+    fn from(judgement: Judgement) -> Self {
+        if judgement.is_good() { Exit::Ok } else { Exit::DoesNotHold }
     }
 }

@@ -10,7 +10,8 @@ use rollwalk_planner::library::{
 };
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, SolveSummary, Status};
-use rollwalk_planner::{ACCEPTED_LEVEL, Options, Progress, Search, optimise_transition};
+use rollwalk_planner::report::Report;
+use rollwalk_planner::{Options, Progress, Search, optimise_transition};
 use rollwalk_robot::Robot;
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -59,7 +60,7 @@ pub struct PlannedTransition {
 pub struct Plans {
     /// Motions.
     pub motions: Vec<Planned>,
-    /// Transitions, without those of motions that did not converge.
+    /// Transitions, without those of motions that do not hold.
     pub transitions: Vec<PlannedTransition>,
 }
 
@@ -101,30 +102,29 @@ impl Plans {
         self.motions.iter().chain(self.transitions.iter().map(|transition| &transition.planned))
     }
 
-    /// Shortfall and diagnosis of each plan that did not converge.
+    /// Verdict and diagnosis of each plan that does not hold.
     pub fn failures(&self) -> Vec<String> {
         let plans = self.all().map(|planned| &planned.plan);
         plans
             .filter(|plan| plan.solve.status != Status::Converged)
             .map(|plan| {
-                let diagnosis = plan.solve.diagnosis.as_ref().map(|why| format!("\n{why}"));
-                format!(
-                    "{} {}{}",
-                    plan.motion.name,
-                    shortfall(&plan.solve),
-                    diagnosis.unwrap_or_default()
-                )
+                let report = Report::new(plan);
+                format!("{} {}", plan.motion.name, conclusion(plan, &report))
             })
             .collect()
     }
 }
 
-/// How far the worst constraint of a plan is from what a converged plan may have.
-pub fn shortfall(solve: &SolveSummary) -> String {
-    format!(
-        "did not converge: {} at {:.3} of its credible level, accepted is {ACCEPTED_LEVEL}",
-        solve.worst_constraint, solve.worst_level
-    )
+/// What a plan is worth, in the words of every command: verdict, diagnosis, and the grids that were too coarse.
+pub fn conclusion(plan: &Plan, report: &Report) -> String {
+    let mut text = report.conclusion(&plan.solve).to_string();
+    if let Some(why) = &plan.solve.diagnosis {
+        text += &format!("\n{why}");
+    }
+    for coarser in &plan.solve.refinements {
+        text += &format!("\n{coarser}");
+    }
+    text
 }
 
 /// Optimises a motion from its candidate starts on all cores; the plan does not depend on how many there are.
@@ -148,7 +148,7 @@ pub fn optimise(
 }
 
 /// Optimises every motion, from its candidate starts, and every transition; transitions only between motions that
-/// converged, because others have no physical start or end. `None` after Ctrl-C.
+/// hold, because others have no physical start or end. `None` after Ctrl-C.
 ///
 /// # Errors
 /// Motions that nothing can lead into or out of.
@@ -171,7 +171,11 @@ pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans
         let failed = [from, to].into_iter().find(|plan| plan.solve.status != Status::Converged);
         if let Some(failed) = failed {
             let (name, missing) = (&wanted.motion.name, &failed.motion.name);
-            output::say(format_args!("– {name:<26} left out: {missing} did not converge"));
+            let why = match failed.solve.status {
+                Status::FailsAsPlayed => "does not hold as it is played",
+                _ => "did not converge",
+            };
+            output::say(format_args!("– {name:<26} left out: {missing} {why}"));
             continue;
         }
         let watch = Watch::start(&wanted.motion.name, verbose);

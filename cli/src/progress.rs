@@ -66,19 +66,8 @@ impl Watch {
             "{mark} {name:<26} {:>4} iterations {:>6.2} s  {}",
             summary.iterations,
             took.as_secs_f64(),
-            words(summary.status),
+            summary.status,
         ));
         took
-    }
-}
-
-/// A status in words.
-pub fn words(status: Status) -> &'static str {
-    match status {
-        Status::Converged => "converged",
-        Status::Infeasible => "infeasible",
-        Status::Stalled => "stalled",
-        Status::IterationLimit => "iteration limit reached",
-        Status::Interrupted => "interrupted",
     }
 }

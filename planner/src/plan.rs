@@ -17,6 +17,7 @@ use crate::families::{Family, Formulation};
 use crate::motion::{Ends, Motion};
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// Value of [`Plan::format`].
 pub const FORMAT: &str = "rollwalk-plan";
@@ -145,7 +146,7 @@ pub struct SolveSummary {
     pub iterations: usize,
     /// Final energy E(m).
     pub energy: f64,
-    /// Largest constraint residual as a fraction of its credible level.
+    /// Largest constraint residual as a fraction of its tolerance.
     pub worst_level: f64,
     /// Family of the constraint with the worst residual.
     pub worst_constraint: Family,
@@ -153,6 +154,25 @@ pub struct SolveSummary {
     pub start: Started,
     /// Diagnosis of constraints that could not be met.
     pub diagnosis: Option<Diagnosis>,
+    /// Coarser grids on which the plan did not hold as it is played, in order; empty if the samples are as many as the
+    /// motion file asks for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub refinements: Vec<Refinement>,
+}
+
+/// A grid that was refined, and the residual as played that was the reason.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Refinement {
+    /// Count of samples of the grid.
+    pub samples: usize,
+    /// The residual that was furthest beyond its tolerance.
+    pub residual: Family,
+    /// Its worst value, in `unit`.
+    pub worst: f64,
+    /// Its tolerance, in `unit`.
+    pub tolerance: f64,
+    /// Unit of both: that of reports.
+    pub unit: String,
 }
 
 impl SolveSummary {
@@ -160,7 +180,8 @@ impl SolveSummary {
     pub fn ending(&self) -> Ending {
         let grave = self.diagnosis.as_ref().is_some_and(|diagnosis| diagnosis.verdict.is_grave());
         match self.status {
-            Status::Converged | Status::Interrupted => Ending::Decided,
+            // What fails between samples fails from other starts, too, and each costs its refinements.
+            Status::Converged | Status::FailsAsPlayed | Status::Interrupted => Ending::Decided,
             Status::Infeasible if grave => Ending::Hopeless,
             Status::Infeasible | Status::Stalled | Status::IterationLimit => Ending::Failed,
         }
@@ -170,7 +191,7 @@ impl SolveSummary {
 /// Consequence of one start's outcome for the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// It converged or was interrupted: no other start is needed.
+    /// It converged or was interrupted: no other start is tried.
     Decided,
     /// The request looks impossible from this start. If it looks so from each of the first two
     /// starts, no others are tried.
@@ -183,8 +204,11 @@ pub enum Ending {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// All constraints hold within 0.2 of their credible levels.
+    /// All constraints hold within 0.2 of their tolerances.
     Converged,
+    /// All constraints hold at the samples, but not in between, as the motion is played: more samples did not help, or
+    /// were too many.
+    FailsAsPlayed,
     /// The iterations stopped improving while a constraint was violated, or proved that the
     /// constraints contradict each other: see [`SolveSummary::diagnosis`].
     Infeasible,
@@ -195,4 +219,28 @@ pub enum Status {
     IterationLimit,
     /// Stopped by the caller.
     Interrupted,
+}
+
+impl fmt::Display for Status {
+    /// Writes the status in words.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Converged => "converged",
+            Self::FailsAsPlayed => "fails as played",
+            Self::Infeasible => "infeasible",
+            Self::Stalled => "stalled",
+            Self::IterationLimit => "iteration limit reached",
+            Self::Interrupted => "interrupted",
+        })
+    }
+}
+
+impl fmt::Display for Refinement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { samples, residual, worst, tolerance, unit } = self;
+        write!(
+            f,
+            "{samples} samples were too few: {residual} as played was {worst:.3} {unit}, tolerance {tolerance:.3}"
+        )
+    }
 }

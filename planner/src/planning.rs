@@ -3,11 +3,12 @@
 //! The only module that knows starts, solver and diagnosis. [`optimise`] tries the candidate starts of a motion
 //! in order until one decides; a [`Search`] does the same on as many threads as its caller has. Each attempt is
 //! one solve from one start, or from the plan with half the samples; `probed_solve` watches a solve and decides
-//! on restart and diagnosis.
+//! on restart and diagnosis. `refine` judges what is played of a plan and plans with more samples where that fails.
 
 mod attempt;
 mod coarse;
 mod probed_solve;
+mod refine;
 mod replan;
 mod search;
 mod second_look;
@@ -27,7 +28,7 @@ use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 
 /// Options of the optimisation.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Weights of the formulation.
     pub weights: Weights,
@@ -37,6 +38,21 @@ pub struct Options {
     pub start: Start,
     /// Seed of all random numbers in the start.
     pub seed: u64,
+    /// Whether a plan that does not hold as it is played is planned again with more samples. Without, the samples are
+    /// those of the motion, and [`Report`](crate::report::Report) alone tells what the plan is worth.
+    pub refine: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            weights: Weights::default(),
+            settings: Settings::default(),
+            start: Start::default(),
+            seed: 0,
+            refine: true,
+        }
+    }
 }
 
 /// A plan with its multipliers, from which [`replan`] starts best.
@@ -51,7 +67,7 @@ pub struct Solution {
 /// Optimises a motion with periodic or at-rest ends.
 ///
 /// With [`Start::Auto`] it tries the [`candidates`] in order; the plan is that of the first that converges, or of the
-/// first candidate if none does. The outcome is in the plan's [`solve`](Plan::solve) summary; a plan that did not
+/// first candidate if none does. A plan that does not hold as it is played is refined ([`Options::refine`]). The outcome is in the plan's [`solve`](Plan::solve) summary; a plan that did not
 /// converge is returned too, for inspection. `progress` sees every iteration of one start after the other, each counted
 /// from 1, and may stop the solve. [`Search`] tries several starts in parallel.
 pub fn optimise(

@@ -3,28 +3,31 @@
 //! The optimiser minimises rows with exact derivatives; this module implements the same equations a second time, from
 //! the numbers of a [`Plan`] and the robot inside it, and evaluates them
 //!
-//! - **at the samples**: what was optimised must hold there, against the levels up to which plans
-//!   survive an independent simulator;
-//! - **between the samples**, on the motion as it is played: what servos follow is the resampled
-//!   motion, so its slip, its heights and its limits are the ones that matter in the end. Ground
-//!   forces are taken as linear between samples, which is a choice, not a prediction: residuals of
-//!   the dynamics in between have no level. At the samples the dynamics hold in the mean over the
-//!   intervals around them.
+//! - **at the samples**: what was optimised must hold there, where the dynamics hold in the mean over the intervals around
+//!   a sample;
+//! - **between the samples**, on the motion as it is played: what servos follow is the resampled motion, so its slip, its
+//!   heights, its dynamics and its limits are the ones that matter in the end.
+//!
+//! Tolerances of both are those up to which motions hold in an independent simulator. One [`Judgement`] sums them up, for
+//! the planner, which refines the grid of a plan that fails between samples, and for everyone who reads the plan.
 
 mod as_played;
 mod choreography;
 mod grid;
+mod judgement;
 mod motors;
 mod rows;
 #[cfg(test)]
 mod second_opinion;
+mod slipping;
 mod table;
 
 pub use as_played::{LargestTorque, MotorKind};
+pub use judgement::{Conclusion, Judgement};
 
 use crate::families::Family;
 use crate::growth;
-use crate::plan::Plan;
+use crate::plan::{Plan, SolveSummary};
 use crate::sample::resample;
 use serde::Serialize;
 
@@ -32,6 +35,9 @@ use serde::Serialize;
 const LIBRARY_RATE_HZ: f64 = 60.0;
 /// Fastest control rate, Hz.
 const CONTROL_RATE_HZ: f64 = 500.0;
+/// Part of its tolerance up to which a residual at 60 Hz leaves no doubt about 500 Hz, where slip was up to three times as
+/// much: the means over frames hide the peaks.
+const CLEAR_PART: f64 = 0.2;
 
 /// Every residual of a plan with its worst case.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -43,6 +49,8 @@ pub struct Report {
     /// Why the motion does not hold without feedback, as its file says.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub needs_feedback: Option<String>,
+    /// What the plan is worth.
+    pub judgement: Judgement,
     /// The residuals: at the samples first, then in between.
     pub rows: Vec<Row>,
     /// Largest torque of every motor as played at 60 Hz: joints, then wheels.
@@ -66,7 +74,7 @@ pub struct Row {
     pub worst: f64,
     /// Unit of `worst` and `level`.
     pub unit: &'static str,
-    /// Residual up to which the plan is physically credible; `None` for residuals without a level.
+    /// Tolerance: the residual up to which motions hold in an independent simulator; `None` for residuals without one.
     pub level: Option<f64>,
     /// Place of the worst residual; `None` when the residual is 0 everywhere.
     pub place: Option<Place>,
@@ -103,36 +111,71 @@ impl Report {
     /// where no foot swings, have no row.
     pub fn new(plan: &Plan) -> Self {
         let mut rows = rows::at_samples(&grid::Timeline::new(plan));
-        let [frames, ticks] = [LIBRARY_RATE_HZ, CONTROL_RATE_HZ].map(|hz| resample(plan, hz));
-        let (frames, ticks) = (grid::Timeline::new(&frames), grid::Timeline::new(&ticks));
-        rows.extend(rows::between(&frames, Grid::Library60Hz));
-        let (torques, of_torques) = as_played::as_played(plan, &frames);
-        rows.extend(of_torques);
-        rows.extend(rows::between(&ticks, Grid::Control500Hz));
+        let torques = in_frames(plan, &mut rows);
+        in_ticks(plan, &mut rows);
+        Self { growth_per_cycle: growth::per_cycle(plan), ..Self::of(plan, rows, torques) }
+    }
+
+    /// The rows that decide whether a plan that holds at its samples holds as it is played: at 500 Hz only if 60 Hz leave
+    /// it open, which spares most plans most of the effort, and without growth.
+    pub(crate) fn as_played(plan: &Plan) -> Self {
+        let mut rows = Vec::new();
+        let torques = in_frames(plan, &mut rows);
+        let part = rows.iter().map(Row::part_of_level).fold(0.0, f64::max);
+        if (CLEAR_PART..=1.0).contains(&part) {
+            in_ticks(plan, &mut rows);
+        }
+        Self::of(plan, rows, torques)
+    }
+
+    fn of(plan: &Plan, rows: Vec<Row>, torques: Vec<LargestTorque>) -> Self {
         Self {
             motion: plan.motion.name.clone(),
             robot: plan.robot.name.clone(),
             needs_feedback: plan.motion.needs_feedback.clone(),
+            judgement: Judgement::new(plan, &rows),
             rows,
             torques,
-            growth_per_cycle: growth::per_cycle(plan),
+            growth_per_cycle: None,
         }
     }
 
-    /// The residual closest to its level, or furthest beyond it.
+    /// The residual closest to its tolerance, or furthest beyond it.
     pub fn worst(&self) -> Option<&Row> {
         self.rows.iter().max_by(|a, b| a.part_of_level().total_cmp(&b.part_of_level()))
     }
 
-    /// Whether every residual that has a level is within it.
-    pub fn is_credible(&self) -> bool {
-        self.rows.iter().all(|row| row.part_of_level() <= 1.0)
+    /// The same of the residuals as played, or of those at the samples.
+    pub fn worst_of(&self, played: bool) -> Option<&Row> {
+        let rows = self.rows.iter().filter(|row| row.is_as_played() == played);
+        rows.max_by(|a, b| a.part_of_level().total_cmp(&b.part_of_level()))
+    }
+
+    /// The judgement in words, with the residual that decides. `solve` is the summary of the plan.
+    pub fn conclusion<'a>(&'a self, solve: &'a SolveSummary) -> Conclusion<'a> {
+        Conclusion { report: self, solve }
     }
 
     /// The row of this family on this grid.
     pub fn row(&self, family: Family, grid: Grid) -> Option<&Row> {
         self.rows.iter().find(|row| row.family == family && row.grid == grid)
     }
+}
+
+/// Adds the rows of the motion at 60 Hz; returns its torques.
+fn in_frames(plan: &Plan, rows: &mut Vec<Row>) -> Vec<LargestTorque> {
+    let frames = resample(plan, LIBRARY_RATE_HZ);
+    let frames = grid::Timeline::new(&frames);
+    rows.extend(rows::between(&frames, Grid::Library60Hz));
+    let (torques, of_torques) = as_played::as_played(plan, &frames);
+    rows.extend(of_torques);
+    torques
+}
+
+/// Adds the rows of the motion at 500 Hz.
+fn in_ticks(plan: &Plan, rows: &mut Vec<Row>) {
+    let ticks = resample(plan, CONTROL_RATE_HZ);
+    rows.extend(rows::between(&grid::Timeline::new(&ticks), Grid::Control500Hz));
 }
 
 impl Row {
@@ -143,7 +186,17 @@ impl Row {
         Self { family, equation, grid, worst: 0.0, unit, level: None, place: None }
     }
 
-    /// Worst residual as a fraction of its level; 0 without a level.
+    /// Whether the residual is one between samples.
+    pub fn is_as_played(&self) -> bool {
+        self.grid != Grid::Samples
+    }
+
+    /// Whether the residual is beyond its tolerance.
+    pub fn is_beyond(&self) -> bool {
+        self.part_of_level() > 1.0
+    }
+
+    /// Worst residual as a fraction of its tolerance; 0 without one.
     pub fn part_of_level(&self) -> f64 {
         self.level.map_or(0.0, |level| self.worst / level)
     }
@@ -172,7 +225,7 @@ mod tests {
                 // Rounding: positions of 1e-16 m over h² of 2.5e-3 s² times 3 kg, in N; and in mm/s.
                 assert!(row.worst < 1e-9, "{report}");
             }
-            assert!(report.is_credible(), "{report}");
+            assert_eq!(report.judgement, Judgement::Holds, "{report}");
         }
     }
 
@@ -187,7 +240,6 @@ mod tests {
             assert!(report.row(Family::Slip, grid).expect("row").worst < 1.0, "{report}");
             // Linear forces against a smooth acceleration: h²/8 · |f''| = 0.003 · 3 kg · 1.5 · 27.
             assert!(report.row(Family::LinearDynamics, grid).expect("row").worst < 0.4, "{report}");
-            assert_eq!(report.row(Family::LinearDynamics, grid).expect("row").level, None);
         }
     }
 
@@ -207,7 +259,7 @@ mod tests {
             (at_samples(&report, Family::AngularDynamics).worst - lever * 2.0 / 3.0).abs() < 1e-9,
             "{report}"
         );
-        assert!(!report.is_credible());
+        assert_eq!(report.judgement, Judgement::BeyondTolerance);
 
         let report =
             changed(test_plans::cruise(), |p| p.samples[4].end_effectors[1].position_m[2] = -0.003);
@@ -356,7 +408,7 @@ mod tests {
             |name: &str| table.lines().find(|l| l.contains(name)).and_then(|l| l.find(" mm"));
         assert_eq!(unit_column("slip"), unit_column("centre of mass"), "{table}");
         assert!(table.contains("!0.667") && table.contains("sample 7 (0.350 s)"), "{table}");
-        assert!(table.contains("residuals are beyond their level"), "{table}");
+        assert!(table.contains("residuals are beyond their tolerance"), "{table}");
         let json = serde_json::to_value(&report).expect("a report is JSON");
         assert_eq!(json["rows"][0]["grid"], "samples");
         assert_eq!(json["rows"][0]["place"]["sample"], 7);

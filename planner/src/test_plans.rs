@@ -282,6 +282,7 @@ impl Drive {
                 worst_constraint: Family::LinearDynamics,
                 start: Default::default(),
                 diagnosis: None,
+                refinements: Vec::new(),
             },
             formulation: Formulation,
             robot,

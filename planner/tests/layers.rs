@@ -13,9 +13,9 @@ const LAYERS: &[&[&str]] = &[
     &["torque", "growth"],
     &["formulation"],
     &["solve"],
-    &["start", "diagnose"],
+    &["start", "diagnose", "report"],
     &["planning"],
-    &["export", "library", "library_file", "plot", "report"],
+    &["export", "library", "library_file", "plot"],
     &["lib", "test_plans", "test_robots"],
 ];
 

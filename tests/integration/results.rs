@@ -25,7 +25,7 @@ fn a_plan_reaches_its_goal_and_its_report_says_so() {
     assert_eq!(outcome["plan"], "plan.json");
 
     let report = json(&desk.run(&["report", "plan.json", "--json"]).succeeds());
-    assert_eq!(report["credible"], true);
+    assert_eq!((&report["holds"], &report["judgement"]), (&true.into(), &"holds".into()));
     let rows = report["rows"].as_array().unwrap();
     let row = |name: &str| {
         let at_samples = |row: &&Value| row["name"] == name && row["grid"] == "samples";
@@ -35,7 +35,7 @@ fn a_plan_reaches_its_goal_and_its_report_says_so() {
         ["linear dynamics", "angular dynamics", "slip", "contact point", "displacement goal"]
     {
         let row = row(name);
-        // A converged plan is asked to stay within a fifth of every credible level.
+        // A converged plan is asked to stay within a fifth of every tolerance.
         assert!(row["worst"].as_f64() <= row["level"].as_f64().map(|level| 0.2 * level), "{row}");
     }
 
@@ -58,8 +58,59 @@ fn a_plan_that_does_not_converge_exits_with_3_and_can_be_looked_at() {
     assert_ne!(outcome["status"], "converged");
     assert!(outcome["worst_level"].as_f64() > Some(0.2), "{outcome}");
     let report = desk.run(&["report", "plan.json", "--json"]);
-    assert_eq!(report.code, 4, "a residual beyond its level");
-    assert_eq!(json(&report.stdout)["credible"], false);
+    assert_eq!(report.code, 3, "one verdict for both");
+    let report = json(&report.stdout);
+    assert_eq!((&report["holds"], &report["judgement"]), (&false.into(), &outcome["judgement"]));
+}
+
+/// Plan and report of one motion: exit code, judgement and words agree.
+#[track_caller]
+fn agreed(desk: &rollwalk_tests::Desk, plan: &[&str]) -> (i32, Value) {
+    let planned = desk.run(&[&["plan", "-o", "plan.json"], plan].concat());
+    let report = desk.run(&["report", "plan.json"]);
+    assert_eq!(planned.code, report.code, "{}\n{}", planned.stdout, report.stdout);
+    let conclusion = planned.stdout.lines().nth(2).expect("a verdict");
+    assert!(report.stdout.contains(conclusion), "{conclusion} in\n{}", report.stdout);
+    let told = json(&desk.run(&["report", "plan.json", "--json"]).stdout);
+    assert_eq!(told["holds"], planned.code == 0);
+    (planned.code, told)
+}
+
+#[test]
+fn plan_and_report_have_one_verdict() {
+    let desk = desk_with_shipped_files();
+    let judged = |plan: &[&str]| {
+        let (code, told) = agreed(&desk, plan);
+        (code, told["judgement"].as_str().unwrap_or_default().to_owned())
+    };
+    let holds = |code: i32, word: &str| (code, word.to_owned());
+    assert_eq!(judged(&["motions/drive_1m.toml"]), holds(0, "holds"));
+    // Every residual may be within its tolerance when the iterations run out.
+    let few = ["motions/drive_1m.toml", "--start", "standing", "--iterations", "3"];
+    assert_eq!(judged(&few), holds(3, "not_converged"));
+    // The walk of a robot that needs feedback, as its file says.
+    assert_eq!(judged(&["motions/table_2_1/creature3_fast_walk.toml"]), holds(0, "needs_feedback"));
+    // Six strokes of a skate with twelve samples leave the ground and slip between them.
+    desk.edit("motions/table_2_1/dinobot_skating.toml", "samples = 24", "samples = 12");
+    let skating = "motions/table_2_1/dinobot_skating.toml";
+    assert_eq!(judged(&[skating, "--samples-fixed"]), holds(3, "fails_as_played"));
+
+    // With more samples the same motion holds, and says why there are more.
+    let (code, told) = agreed(&desk, &[skating]);
+    assert_eq!((code, &told["judgement"]), (0, &"holds".into()));
+    let coarser = &told["solve"]["refinements"][0];
+    assert_eq!(coarser["samples"], 12);
+    assert!(coarser["worst"].as_f64() > coarser["tolerance"].as_f64(), "{coarser}");
+    let told = desk.run(&["report", "plan.json"]).stdout;
+    assert!(told.contains("12 samples were too few: "), "{told}");
+
+    // A plan that was changed after it converged.
+    let mut plan = json(&desk.read_text("plan.json"));
+    plan["samples"][3]["com_m"][1] = 0.5.into();
+    desk.write("plan.json", plan.to_string());
+    let report = desk.run(&["report", "plan.json"]);
+    assert_eq!(report.code, 3, "{}", report.stdout);
+    assert!(report.stdout.contains("the plan was changed"), "{}", report.stdout);
 }
 
 #[test]

@@ -100,7 +100,7 @@ fn publish(findings: &Findings, out: &Path) -> miette::Result<Exit> {
     findings.failures.iter().for_each(output::say);
     Ok(match findings.verdict {
         Verdict::Passed => Exit::Ok,
-        Verdict::NotConverged => Exit::NotConverged,
+        Verdict::NotConverged => Exit::DoesNotHold,
         Verdict::OutOfBounds => Exit::OutOfBounds,
         Verdict::Interrupted => Exit::Interrupted,
     })

@@ -3,12 +3,13 @@
 use crate::choices::{self, Choices, MethodChoice, StartChoice};
 use crate::inputs::Source;
 use crate::kind::Kind;
-use crate::planning::{self, PlanOutcome, shortfall};
+use crate::planning::{self, PlanOutcome};
 use crate::problem::{Parsed, Problem};
-use crate::progress::{Watch, words};
+use crate::progress::Watch;
 use crate::{Exit, files, inputs, interrupt, output};
 use miette::{IntoDiagnostic, miette};
-use rollwalk_planner::plan::{Diagnosis, Plan, StartKind, Started, Status};
+use rollwalk_planner::plan::{Diagnosis, Plan, Refinement, StartKind, Started, Status};
+use rollwalk_planner::report::{Judgement, Report};
 use rollwalk_planner::{Options, replan};
 use serde::Serialize;
 use std::num::NonZeroU32;
@@ -16,8 +17,9 @@ use std::path::{Path, PathBuf};
 
 /// Optimise a motion and write the plan.
 ///
-/// The motion file names its robot. A plan that violates a constraint is written, too, so that it can be
-/// examined; the exit code is then 3. After Ctrl-C nothing is written.
+/// The motion file names its robot. A plan that does not hold is written, too, so that it can be
+/// examined; the exit code is then 3. After Ctrl-C nothing is written, unless a plan had converged and was being
+/// refined.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -52,6 +54,10 @@ pub struct Args {
     /// Maximum number of iterations from each starting point [default: 300].
     #[arg(long, value_name = "N")]
     iterations: Option<NonZeroU32>,
+    /// Keep the samples of the motion file. Otherwise a plan that does not hold as it is played is planned again
+    /// with twice the samples, up to eight times.
+    #[arg(long)]
+    samples_fixed: bool,
     /// Before solving, write all inputs to one file, for a bug report: motion, robot, neighbouring plan and
     /// options.
     #[arg(long, value_name = "PROBLEM.json")]
@@ -69,6 +75,10 @@ pub struct Args {
 struct Outcome<'a> {
     #[serde(flatten)]
     solve: PlanOutcome<'a>,
+    judgement: Judgement,
+    holds: bool,
+    samples: usize,
+    refinements: &'a [Refinement],
     robot: &'a str,
     energy: f64,
     start: Started,
@@ -97,15 +107,17 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         None => planning::optimise(&robot, &motion, &options, &|state| watch.iteration(state)),
     };
     let time_s = watch.finish().as_secs_f64();
-    let exit = Exit::from(plan.solve.status);
-    let written = (exit != Exit::Interrupted).then_some(&args.output);
+    let report = Report::new(&plan);
+    let interrupted = interrupt::requested();
+    // An interrupted refinement leaves the last plan that converged.
+    let written = (plan.solve.status != Status::Interrupted).then_some(&args.output);
     if let Some(path) = written {
         files::write(path, plan.to_json().as_bytes())?;
     }
     if args.json {
-        output::print_json(&outcome(&plan, time_s, written))?;
+        output::print_json(&outcome(&plan, &report, time_s, written))?;
     } else {
-        output::print(&describe(&plan, time_s, written))?;
+        output::print(&describe(&plan, &report, time_s, written))?;
     }
     if matches!(plan.solve.status, Status::Stalled | Status::IterationLimit) {
         output::say(match &args.dump {
@@ -118,7 +130,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
                 .to_owned(),
         });
     }
-    Ok(exit)
+    Ok(if interrupted { Exit::Interrupted } else { report.judgement.into() })
 }
 
 /// The problem to solve, and the file that carries it if it comes from one.
@@ -134,6 +146,7 @@ fn problem(args: &Args) -> miette::Result<(Problem, Option<&Path>)> {
             ("--from", args.from.is_some()),
             ("--method", args.method.is_some()),
             ("--iterations", args.iterations.is_some()),
+            ("--samples-fixed", args.samples_fixed),
         ];
         if let Some((option, _)) = given.into_iter().find(|(_, given)| *given) {
             return Err(miette!(
@@ -155,13 +168,23 @@ fn problem(args: &Args) -> miette::Result<(Problem, Option<&Path>)> {
         seed: args.seed.unwrap_or_default(),
         method: args.method.unwrap_or_default(),
         iterations: args.iterations.unwrap_or_else(choices::default_iterations),
+        samples_fixed: args.samples_fixed,
     };
     Ok((Problem::new(texts, from, options), None))
 }
 
-fn outcome<'a>(plan: &'a Plan, time_s: f64, written: Option<&'a PathBuf>) -> Outcome<'a> {
+fn outcome<'a>(
+    plan: &'a Plan,
+    report: &Report,
+    time_s: f64,
+    written: Option<&'a PathBuf>,
+) -> Outcome<'a> {
     Outcome {
         solve: PlanOutcome::new(plan, time_s),
+        judgement: report.judgement,
+        holds: report.judgement.is_good(),
+        samples: plan.samples.len(),
+        refinements: &plan.solve.refinements,
         robot: &plan.robot.name,
         energy: plan.solve.energy,
         start: plan.solve.start,
@@ -170,37 +193,29 @@ fn outcome<'a>(plan: &'a Plan, time_s: f64, written: Option<&'a PathBuf>) -> Out
     }
 }
 
-fn describe(plan: &Plan, time_s: f64, written: Option<&PathBuf>) -> String {
+fn describe(plan: &Plan, report: &Report, time_s: f64, written: Option<&PathBuf>) -> String {
     let solve = &plan.solve;
     let first = &plan.samples[0].com_m;
     let last = &plan.after.com_m;
     let [first_yaw, last_yaw] =
         [&plan.samples[0], &plan.after].map(|sample| sample.base_yaw_pitch_roll_rad[0]);
     format!(
-        "{} on {}: {} after {} iterations from {}, {time_s:.2} s\n\
+        "{} on {}: {} after {} iterations from {}, {} samples, {time_s:.2} s\n\
          the centre of mass moves {} m in x and {} m in y, turns {} rad, in {:.2} s\n\
          {}\n{}",
         plan.motion.name,
         plan.robot.name,
-        words(solve.status),
+        solve.status,
         solve.iterations,
         beginning(solve.start),
+        plan.samples.len(),
         millis(last[0] - first[0]),
         millis(last[1] - first[1]),
         millis(last_yaw - first_yaw),
         plan.motion.duration_s,
-        match solve.status {
-            Status::Infeasible | Status::Stalled | Status::IterationLimit => {
-                let diagnosis = solve.diagnosis.as_ref().map(|why| format!("\n{why}"));
-                shortfall(solve) + &diagnosis.unwrap_or_default()
-            }
-            Status::Converged | Status::Interrupted => format!(
-                "worst constraint: {}, at {:.3} of its credible level",
-                solve.worst_constraint, solve.worst_level
-            ),
-        },
+        planning::conclusion(plan, report),
         match written {
-            Some(path) if solve.status == Status::Converged => format!("wrote {}", path.display()),
+            Some(path) if report.judgement.is_good() => format!("wrote {}", path.display()),
             Some(path) => format!(
                 "wrote {0}; `rollwalk report {0}` shows where it fails{1}",
                 path.display(),

@@ -1,7 +1,6 @@
 //! `rollwalk report`: deviation of a plan from its physical model.
 
-use crate::progress::words;
-use crate::{Exit, inputs, output};
+use crate::{Exit, inputs, output, planning};
 use rollwalk_planner::plan::{Plan, SolveSummary};
 use rollwalk_planner::report::Report;
 use serde::Serialize;
@@ -10,8 +9,8 @@ use std::path::PathBuf;
 /// Recompute every residual of a plan and print the worst of each, with place and unit.
 ///
 /// Nothing is taken from the optimiser: the equations are evaluated once more from the plan's own
-/// numbers, at its samples and between them, as servos will play it. Exit code 4 when a residual is
-/// beyond the level up to which plans are physically credible.
+/// numbers, at its samples and between them, as servos will play it. Verdict and exit code are those of
+/// `rollwalk plan`: 3 if the plan does not hold.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -33,7 +32,7 @@ pub struct Args {
 struct Document<'a> {
     #[serde(flatten)]
     report: &'a Report,
-    credible: bool,
+    holds: bool,
     solve: &'a SolveSummary,
 }
 
@@ -41,20 +40,19 @@ struct Document<'a> {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let plan = inputs::plan(&args.plan)?;
     let report = Report::new(&plan);
-    let credible = report.is_credible();
+    let holds = report.judgement.is_good();
     if args.json {
-        output::print_json(&Document { report: &report, credible, solve: &plan.solve })?;
+        output::print_json(&Document { report: &report, holds, solve: &plan.solve })?;
     } else {
         output::print(&describe(&plan, &report))?;
     }
-    Ok(if credible { Exit::Ok } else { Exit::OutOfBounds })
+    Ok(report.judgement.into())
 }
 
 fn describe(plan: &Plan, report: &Report) -> String {
     let SolveSummary { status, iterations, energy, .. } = &plan.solve;
-    let diagnosis = plan.solve.diagnosis.as_ref().map(|why| format!("\n{why}")).unwrap_or_default();
     format!(
-        "{report}the optimiser: {} after {iterations} iterations, energy {energy:.6}{diagnosis}",
-        words(*status)
+        "{report}the optimiser: {status} after {iterations} iterations, energy {energy:.6}\n{}",
+        planning::conclusion(plan, report)
     )
 }

@@ -32,6 +32,7 @@ impl Solved {
             worst_constraint,
             start,
             diagnosis,
+            refinements: Vec::new(),
         };
         let plan = write_plan(problem, motion, &outcome.unknowns, summary);
         Solution { plan, multipliers: outcome.multipliers }

@@ -7,7 +7,7 @@
 use super::attempt::counting_from;
 use super::probed_solve::solve;
 use super::second_look::{Request, second_look};
-use super::{Options, Solution, candidates, optimise_solution};
+use super::{Options, Solution, candidates, optimise_solution, refine};
 use crate::motion::{Ends, Motion};
 use crate::plan::{Plan, StartKind, Started, Status};
 use crate::problem::Problem;
@@ -68,7 +68,8 @@ pub fn replan(
     options: &Options,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Plan, ReplanError> {
-    surely(previous, None, robot, motion, options, progress).map(|solution| solution.plan)
+    let solution = surely(previous, None, robot, motion, options, progress)?;
+    Ok(refine::motion(solution, robot, options, progress).plan)
 }
 
 impl Solution {
@@ -84,7 +85,9 @@ impl Solution {
         options: &Options,
         progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Self, ReplanError> {
-        surely(&self.plan, Some(&self.multipliers), robot, motion, options, progress)
+        let multipliers = Some(&self.multipliers);
+        let solution = surely(&self.plan, multipliers, robot, motion, options, progress)?;
+        Ok(refine::motion(solution, robot, options, progress))
     }
 }
 
@@ -98,7 +101,7 @@ fn surely(
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solution, ReplanError> {
     let solution = from(previous, multipliers, robot, motion, options, progress)?;
-    let from_scratch = Options { start: Start::Auto, ..options.clone() };
+    let from_scratch = Options { start: Start::Auto, refine: false, ..options.clone() };
     let first = candidates(robot, motion, &from_scratch).swap_remove(0);
     let request = Request { robot, motion, options: &first };
     let (_, mut solution) = second_look(request, solution, progress);

@@ -6,7 +6,7 @@
 
 use super::attempt::attempt;
 use super::second_look::{Request, second_look};
-use super::{Options, Solution, candidates};
+use super::{Options, Solution, candidates, refine};
 use crate::motion::Motion;
 use crate::plan::Ending;
 use crate::solve::Progress;
@@ -58,11 +58,13 @@ impl<'a> Search<'a> {
             let Self { robot, motion, .. } = *self;
             let options = &self.candidates[index];
             let solution = attempt(robot, motion, options, watched);
-            if index > 0 {
-                return (solution.plan.solve.ending(), solution);
-            }
-            // If no candidate converges, it is the diagnosis of the first that is shown.
-            second_look(Request { robot, motion, options }, solution, watched)
+            let (ending, solution) = if index > 0 {
+                (solution.plan.solve.ending(), solution)
+            } else {
+                // If no candidate converges, it is the diagnosis of the first that is shown.
+                second_look(Request { robot, motion, options }, solution, watched)
+            };
+            (ending, refine::motion(solution, robot, options, watched))
         });
     }
 

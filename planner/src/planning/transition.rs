@@ -4,8 +4,8 @@
 //! Position, joint angles and contact points at both ends come from the motions' splines, so that playback continues
 //! smoothly. The placement of the end on the ground is free.
 
-use super::Options;
 use super::probed_solve::solve;
+use super::{Options, Solution, refine};
 use crate::motion::Motion;
 use crate::plan::{Placement, Plan, StartKind, Started};
 use crate::problem::variables::{Layout, Lift};
@@ -95,6 +95,24 @@ pub fn optimise_transition(
             });
         }
     }
+    let solve = |motion: &Motion, progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>| {
+        solve_transition(motion, from, to, options, progress)
+    };
+    let solution = solve(motion, &mut *progress);
+    let refined = refine::until_it_holds(solution, options, progress, &mut |_, finer, progress| {
+        solve(finer, progress)
+    });
+    Ok(refined.plan)
+}
+
+/// Optimises a transition whose ends fit.
+fn solve_transition(
+    motion: &Motion,
+    from: &Plan,
+    to: &Plan,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Solution {
     let model = Model::new(&from.robot);
     let spacing_s = motion.duration_s / (motion.stance.len() - 1) as f64;
     let exit = Moment { plan: from, time_s: from.motion.exit_time_s() };
@@ -104,12 +122,11 @@ pub fn optimise_transition(
         Problem::transition(model, motion, &start, &end, options.weights.clone());
     let unknowns = start::joined(&problem, fixed);
     let solved = solve(&problem, unknowns, Begin::Cold, &options.settings, progress);
-    let mut plan =
-        solved.write(&problem, motion, Started { kind: StartKind::Joined, seed: 0 }).plan;
+    let mut solution = solved.write(&problem, motion, Started { kind: StartKind::Joined, seed: 0 });
     // Estimates that nothing has tried are not told.
-    let diagnosis = plan.solve.diagnosis.iter_mut();
+    let diagnosis = solution.plan.solve.diagnosis.iter_mut();
     diagnosis.flat_map(|why| &mut why.culprits).for_each(|culprit| culprit.would_do = None);
-    Ok(plan)
+    solution
 }
 
 /// Time step of the difference quotient for the velocity of a spline, s. With accelerations of 20 rad/s² the error is

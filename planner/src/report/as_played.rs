@@ -36,8 +36,7 @@ pub enum MotorKind {
 }
 
 /// Torques of the whole robot in the frames of a motion library: the largest of every motor, and rows of excesses and
-/// of what no ground force gives. The optimiser bounds torques of its own model at the samples, so that rows have no
-/// level.
+/// of what no ground force gives.
 pub fn as_played(plan: &Plan, frames: &Timeline) -> (Vec<LargestTorque>, Vec<Row>) {
     let grid = Grid::Library60Hz;
     let mut joint = Worst::of(Family::JointTorqueAsPlayed, grid);
@@ -60,10 +59,8 @@ pub fn as_played(plan: &Plan, frames: &Timeline) -> (Vec<LargestTorque>, Vec<Row
             }
         }
     }
-    let mut rows: Vec<Row> =
-        [joint, wheel, force, moment].into_iter().filter_map(Worst::row).collect();
-    rows.iter_mut().for_each(|row| row.level = None);
-    (largest, rows)
+    let rows = [joint, wheel, force, moment].into_iter();
+    (largest, rows.filter_map(|worst| worst.row_as_played(frames)).collect())
 }
 
 impl LargestTorque {

@@ -1,12 +1,16 @@
 //! States of a plan, with those before and after it and the kinematics of each, from which residuals are computed.
 
+use crate::families::Scales;
 use crate::motion::Ends;
 use crate::plan::{Plan, Sample};
 use crate::problem::state::ContactFrame;
 use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model, Pose};
 use rollwalk_multibody::rotation;
-use rollwalk_robot::Link;
+use rollwalk_robot::{GRAVITY_M_S2, Link};
+
+/// Least height of the centre of mass that tolerances are fractions of, m: edited plans may have any.
+const HEIGHT_MIN_M: f64 = 0.01;
 
 /// One state of a timeline.
 pub struct State<'a> {
@@ -83,6 +87,17 @@ impl<'a> Timeline<'a> {
     /// Mean of a second derivative around a sample over x₋ − 2x + x₊, 1/s².
     pub fn mean_of_second_derivative(&self, w: &Window) -> f64 {
         2.0 / (self.neighbours(w).len() as f64 * self.spacing_s().powi(2))
+    }
+
+    /// What tolerances as played are fractions of.
+    pub fn scales(&self) -> Scales {
+        let samples = &self.plan.samples;
+        let height_m =
+            samples.iter().map(|sample| sample.com_m[2]).sum::<f64>() / samples.len() as f64;
+        Scales {
+            weight_n: self.model.total_mass_kg() * GRAVITY_M_S2,
+            height_m: height_m.max(HEIGHT_MIN_M),
+        }
     }
 
     /// Sample spacing h, s.

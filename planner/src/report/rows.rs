@@ -1,9 +1,10 @@
 //! Residuals, each as an equation over neighbouring states.
 
 use super::grid::{State, Timeline, Window};
+use super::slipping::{slip_m_s, slipping};
 use super::{Grid, Place, Row, choreography, motors};
-use crate::families::{CLEARANCE_M, Family, ROLLING_SIGN_WIDTH_M_S};
-use crate::problem::state::{ContactFrame, rolling_direction};
+use crate::families::{AsPlayed, CLEARANCE_M, Family, ROLLING_SIGN_WIDTH_M_S};
+use crate::problem::state::ContactFrame;
 use nalgebra::Vector3;
 use rollwalk_robot::{EndEffector, GRAVITY_M_S2};
 
@@ -29,14 +30,21 @@ pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
 }
 
 /// Residuals of the motion as played. Those that are 0 by construction, because quantities follow from the pose, are
-/// omitted; only the limits of the motors have a level between samples.
+/// omitted.
 pub fn between(timeline: &Timeline, grid: Grid) -> Vec<Row> {
     let mut found = dynamics(timeline, grid);
     found.extend(contact_motion(timeline, grid));
+    found.extend(slipping(timeline, grid));
     found.extend(choreography::residuals(timeline, grid));
-    let mut rows: Vec<Row> = found.into_iter().filter_map(Worst::row).collect();
-    rows.iter_mut().for_each(|row| row.level = None);
-    rows.extend(limits(timeline, grid).into_iter().filter_map(Worst::row));
+    found.extend(limits(timeline, grid));
+    let mut rows: Vec<Row> =
+        found.into_iter().filter_map(|worst| worst.row_as_played(timeline)).collect();
+    if grid == Grid::Library60Hz {
+        // Means over frames say nothing of samples that are as close as frames.
+        let of_forces =
+            |row: &&mut Row| matches!(row.family, Family::LinearDynamics | Family::AngularDynamics);
+        rows.iter_mut().filter(of_forces).for_each(|row| row.level = None);
+    }
     rows
 }
 
@@ -80,9 +88,27 @@ impl Worst {
         }
     }
 
+    /// Records a residual of the whole motion, in the family's SI unit.
+    pub(super) fn see_everywhere(&mut self, residual: f64) {
+        let (_, factor) = self.row.family.unit().shown();
+        self.row.worst = residual * factor;
+        self.row.level = Some(self.row.family.level().at(1.0) * factor);
+    }
+
     /// The row, if any residual was recorded.
     pub(super) fn row(self) -> Option<Row> {
         self.row.level.is_some().then_some(self.row)
+    }
+
+    /// The same with the tolerance of a motion as it is played, if the family has one.
+    pub(super) fn row_as_played(self, timeline: &Timeline) -> Option<Row> {
+        let mut row = self.row()?;
+        let (_, factor) = row.family.unit().shown();
+        row.level = match row.family.as_played() {
+            AsPlayed::TimesLevel(times) => row.level.map(|level| times * level),
+            of_robot => of_robot.at(&timeline.scales()).map(|level| level * factor),
+        };
+        Some(row)
     }
 }
 
@@ -181,14 +207,12 @@ fn swing_force(timeline: &Timeline) -> Worst {
     worst
 }
 
-/// Slip on the ground and height above it. Slip is the travel of the contact point less that of the rolling wheel,
-/// with the rolling direction at the middle of the interval, or of the foot.
+/// Slip on the ground and height above it.
 fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let mut slip = Worst::of(Family::Slip, grid);
     let mut landing = Worst::of(Family::LandingSlip, grid);
     let mut height = Worst::of(Family::ContactHeight, grid);
     let mut dip = Worst::of(Family::SwingDepth, grid);
-    let h = timeline.spacing_s();
     for w in timeline.intervals() {
         for (j, foot) in feet(timeline) {
             let row = match (w.here.stands(j), w.after.stands(j), foot.contact.drag()) {
@@ -197,17 +221,7 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
                 (true, false, Some(_)) | (false, true, Some(_)) => &mut landing,
                 _ => continue,
             };
-            let moved = (w.after.contact(j) - w.here.contact(j)) / h;
-            let [here, after] = [w.here, w.after].map(|s| &s.sample.end_effectors[j]);
-            let rolled = if foot.contact.rolls() {
-                let direction = rolling_direction(0.5 * (here.yaw_rad + after.yaw_rad));
-                direction * (here.wheel_speed_rad_s * foot.radius_m)
-            } else {
-                // The sphere of a foot rolls with its link.
-                w.here.link_velocity(j, w.after, h).cross(&Vector3::z()) * foot.radius_m
-            };
-            let slipped = (moved - rolled).xy().norm();
-            row.see(slipped, &w, Some(&foot.name));
+            row.see(slip_m_s(timeline, &w, j, foot).norm(), &w, Some(&foot.name));
         }
     }
     for w in timeline.samples() {

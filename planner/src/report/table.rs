@@ -3,7 +3,7 @@
 use super::{Grid, LargestTorque, MotorKind, Report, Row};
 use std::fmt;
 
-const HEADER: [&str; 6] = ["residual", "equation", "worst", "level", "unit", "where"];
+const HEADER: [&str; 6] = ["residual", "equation", "worst", "tolerance", "unit", "where"];
 
 /// Growth a cycle above which errors grow: those that only stay, such as those of wheels that never leave the ground,
 /// are computed as up to this.
@@ -74,23 +74,16 @@ impl fmt::Display for Report {
                 ),
             }?;
         }
-        match self.rows.iter().filter(|row| row.part_of_level() > 1.0).count() {
-            0 => writeln!(
-                f,
-                "every residual that has a level is within it; docs/plan-format.md says why others have none"
-            ),
-            1 => writeln!(f, "1 residual is beyond its level (marked with !)"),
-            count => writeln!(f, "{count} residuals are beyond their level (marked with !)"),
-        }?;
-        match &self.needs_feedback {
-            Some(reason) => writeln!(f, "needs feedback when it is played: {reason}"),
-            None => Ok(()),
+        match self.rows.iter().filter(|row| row.is_beyond()).count() {
+            0 => Ok(()),
+            1 => writeln!(f, "1 residual is beyond its tolerance (marked with !)"),
+            count => writeln!(f, "{count} residuals are beyond their tolerance (marked with !)"),
         }
     }
 }
 
 fn cells(row: &Row) -> [String; 6] {
-    let mark = if row.part_of_level() > 1.0 { "!" } else { "" };
+    let mark = if row.is_beyond() { "!" } else { "" };
     let place = row.place.as_ref().map_or(String::new(), |place| {
         let subject = place.subject.as_ref().map_or(String::new(), |name| format!(", {name}"));
         format!("sample {} ({:.3} s){subject}", place.sample, place.time_s)
@@ -106,7 +99,7 @@ fn cells(row: &Row) -> [String; 6] {
 }
 
 /// Formats a number with three significant digits, small ones with an exponent.
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),
         small if small < 1e-3 => format!("{value:.2e}"),

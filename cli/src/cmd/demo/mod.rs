@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         let out = args.out.display();
         output::say(format_args!("{}\nnothing flashed", failures.join("\n")));
         output::say(format_args!("the plans and their plots are in {out}"));
-        return Ok(Exit::NotConverged);
+        return Ok(Exit::DoesNotHold);
     }
 
     let packed = plans.pack(&library)?.bytes;

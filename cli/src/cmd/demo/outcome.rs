@@ -190,7 +190,7 @@ fn wheel_step_rad_s(config: &RobotConfig) -> f64 {
 }
 
 fn bounds(clips: &[Clip], levels: &Levels, wheel_step_rad_s: f64) -> Vec<Bound> {
-    // The credible level of a joint angle in a plan. The servos' stiffness gives way under the legs' weight, and lags
+    // The tolerance of a joint angle in a plan. The servos' stiffness gives way under the legs' weight, and lags
     // behind fast swings.
     let tracking_joint_rad = Family::JointLimit.level().at(1.0);
     let bound = |name, unit, bound: f64, value: fn(&Clip) -> f64| {
@@ -198,7 +198,7 @@ fn bounds(clips: &[Clip], levels: &Levels, wheel_step_rad_s: f64) -> Vec<Bound> 
         Bound { name, worst, bound, unit, holds: worst <= bound }
     };
     let residuals = Bound {
-        name: "any residual of a plan, as a part of its credible level",
+        name: "any residual of a plan, as a part of its tolerance",
         worst: levels.worst_part,
         bound: 1.0,
         unit: "",

@@ -38,7 +38,7 @@ pub struct Args {
 #[derive(Serialize)]
 struct Outcome<'a> {
     robot: &'a str,
-    /// Null when a plan did not converge.
+    /// Null when a plan does not hold.
     library: Option<&'a PathBuf>,
     bytes: usize,
     plans: Vec<PlanOutcome<'a>>,
@@ -67,7 +67,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     } else {
         output::print(&describe(&plans, written, bytes.len()))?;
     }
-    Ok(if converged { Exit::Ok } else { Exit::NotConverged })
+    Ok(if converged { Exit::Ok } else { Exit::DoesNotHold })
 }
 
 fn describe(plans: &Plans, written: Option<&PathBuf>, bytes: usize) -> String {
@@ -81,7 +81,7 @@ fn describe(plans: &Plans, written: Option<&PathBuf>, bytes: usize) -> String {
         None => {
             let mut lines = plans.failures();
             lines.push(
-                "nothing written; `rollwalk plan` writes the plan of one motion whether it converges or \
+                "nothing written; `rollwalk plan` writes the plan of one motion whether it holds or \
                  not, and `rollwalk report` shows where it fails"
                     .to_owned(),
             );

@@ -1,0 +1,168 @@
+//! Refinement of the grid: a plan that converged and does not hold as it is played is planned again with more samples.
+//!
+//! What is played are splines through the samples. Between these they leave the ground and slip, the less the closer the
+//! samples are. Each refinement halves the spacing everywhere and starts from the plan before it, which is nearly
+//! feasible there. It ends when the plan holds, when a finer grid does not help, or when the samples are too many; a plan
+//! that does not hold then has a status that says so.
+
+use super::attempt::{attempt, counting_from};
+use super::{Options, Solution, replan};
+use crate::motion::{Ends, Motion};
+use crate::plan::{Plan, Refinement, Status};
+use crate::report::{Judgement, Report};
+use crate::solve::{Method, Progress};
+use rollwalk_robot::Robot;
+use std::ops::ControlFlow;
+
+/// Most samples of a refined plan, as of a motion file.
+const MOST_SAMPLES: usize = 480;
+/// Shortest spacing of a refined plan, s: half of that of a library's frames, through which the motion is played.
+const LEAST_SPACING_S: f64 = 1.0 / 120.0;
+/// What a refinement that helps leaves of the worst residual over its tolerance, at most.
+const HELPS: f64 = 0.8;
+/// Grids that do not help after which no finer one is tried.
+const IN_VAIN: usize = 2;
+
+/// Callback of a solve after every iteration.
+type Watched<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
+/// Plans a motion of more samples from the plan with fewer.
+type Resolve<'a> = dyn FnMut(&Plan, &Motion, &mut Watched<'_>) -> Solution + 'a;
+
+/// [`until_it_holds`] for a motion with periodic or at-rest ends.
+pub(super) fn motion(
+    solution: Solution,
+    robot: &Robot,
+    options: &Options,
+    progress: &mut Watched<'_>,
+) -> Solution {
+    until_it_holds(solution, options, progress, &mut |coarse, finer, progress| {
+        let near = replan::from(coarse, None, robot, finer, options, progress)
+            .expect("one robot, one kind of ends");
+        match near.plan.solve.status {
+            Status::Converged | Status::Interrupted => near,
+            _ => {
+                let before = near.plan.solve.iterations;
+                let mut cold = attempt(robot, finer, options, &mut counting_from(before, progress));
+                cold.plan.solve.iterations += before;
+                cold
+            }
+        }
+    })
+}
+
+/// Refines the grid of a plan until it holds as it is played.
+///
+/// If the last grid does not hold, cannot be solved or is interrupted, the plan is the last one that converged, with
+/// [`Status::FailsAsPlayed`].
+pub(super) fn until_it_holds(
+    mut best: Solution,
+    options: &Options,
+    progress: &mut Watched<'_>,
+    resolve: &mut Resolve<'_>,
+) -> Solution {
+    if !options.refine || options.settings.method != Method::GaussNewton {
+        return best;
+    }
+    let (mut least, mut in_vain) = (f64::INFINITY, 0);
+    while best.plan.solve.status == Status::Converged {
+        let report = Report::as_played(&best.plan);
+        let Some(row) = report.worst().filter(|_| report.judgement == Judgement::FailsAsPlayed)
+        else {
+            break;
+        };
+        let coarser = Refinement {
+            samples: best.plan.samples.len(),
+            residual: row.family,
+            worst: row.worst,
+            tolerance: row.level.unwrap_or_default(),
+            unit: row.unit.to_owned(),
+        };
+        let part = row.part_of_level();
+        in_vain += usize::from(part > HELPS * least);
+        least = least.min(part);
+        let refined = if in_vain < IN_VAIN { solved(&best, progress, resolve) } else { None };
+        match refined {
+            Some(mut refined) => {
+                let solve = &mut refined.plan.solve;
+                solve.start = best.plan.solve.start;
+                solve.refinements = best.plan.solve.refinements.clone();
+                solve.refinements.push(coarser);
+                best = refined;
+            }
+            None => best.plan.solve.status = Status::FailsAsPlayed,
+        }
+    }
+    best
+}
+
+/// The plan on the next finer grid, if the solve converges there.
+fn solved(
+    coarse: &Solution,
+    progress: &mut Watched<'_>,
+    resolve: &mut Resolve<'_>,
+) -> Option<Solution> {
+    let iterations = coarse.plan.solve.iterations;
+    let finer = doubled(&coarse.plan.motion)?;
+    let mut next = resolve(&coarse.plan, &finer, &mut counting_from(iterations, progress));
+    next.plan.solve.iterations += iterations;
+    (next.plan.solve.status == Status::Converged).then_some(next)
+}
+
+/// The motion with twice the intervals; `None` if that would be too many samples, or too close. Feet lift off and land when
+/// they did: as played a foot stands between two samples if it stands at both.
+fn doubled(motion: &Motion) -> Option<Motion> {
+    let next = |i: usize| match motion.stance.get(i + 1) {
+        None if motion.ends == Ends::Periodic => motion.stance.first(),
+        next => next,
+    };
+    let mut stance = Vec::with_capacity(2 * motion.stance.len());
+    for (i, here) in motion.stance.iter().enumerate() {
+        stance.push(here.clone());
+        let between = |next: &Vec<bool>| here.iter().zip(next).map(|(a, b)| *a && *b).collect();
+        stance.extend(next(i).map(between));
+    }
+    let finer = Motion { stance, ..motion.clone() };
+    // Half a percent for the rounding of durations.
+    let sensible = finer.interval_s() > 0.995 * LEAST_SPACING_S;
+    (finer.stance.len() <= MOST_SAMPLES && sensible).then_some(finer)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_robots;
+
+    fn walking(flags: &str, ends: Ends) -> Motion {
+        let robot = test_robots::all().swap_remove(0);
+        let mut motion = test_robots::motion(&robot, ends);
+        let feet = robot.end_effectors.len();
+        motion.stance =
+            flags.chars().map(|c| (0..feet).map(|j| j > 0 || c == '#').collect()).collect();
+        motion
+    }
+
+    fn flags(motion: &Motion) -> String {
+        motion.stance.iter().map(|feet| if feet[0] { '#' } else { '.' }).collect()
+    }
+
+    #[test]
+    fn feet_lift_off_and_land_when_they_did() {
+        let periodic = doubled(&walking("##...#", Ends::Periodic)).expect("few samples");
+        assert_eq!(flags(&periodic), "###.......##");
+        let at_rest = doubled(&walking("##...#", Ends::AtRest)).expect("few samples");
+        assert_eq!(flags(&at_rest), "###.......#");
+        // A swing over the end of the period.
+        let across = doubled(&walking(".####.", Ends::Periodic)).expect("few samples");
+        assert_eq!(flags(&across), "..#######...");
+    }
+
+    #[test]
+    fn there_is_a_finest_grid() {
+        let doubles = |samples: usize, duration_s: f64| {
+            let motion = walking(&"#".repeat(samples), Ends::Periodic);
+            doubled(&Motion { duration_s, ..motion }).is_some()
+        };
+        assert!(doubles(240, 10.0) && !doubles(241, 10.0), "of samples");
+        assert!(doubles(30, 0.5) && !doubles(31, 0.5), "of frames");
+    }
+}

@@ -1,0 +1,68 @@
+//! Slip as the motion is played, over the times that feet and wheels stand: how fast in the mean, how far in a stance.
+//!
+//! Splines leave the ground's constraints between samples, so that what stands slips a little there. Peaks of a few
+//! milliseconds are taken up by servos and do no harm; what decides whether a robot comes where it should is the mean.
+//! A slip that does not come back within a stance is way that is missing, however slow it is: wheels that are steered cut
+//! corners.
+
+use super::Grid;
+use super::grid::{Timeline, Window};
+use super::rows::{Worst, feet};
+use crate::families::Family;
+use crate::problem::state::rolling_direction;
+use nalgebra::Vector3;
+use rollwalk_robot::EndEffector;
+
+/// Travel of the contact point less that of the rolling wheel, with the rolling direction at the middle of the interval,
+/// or of the foot; per time, m/s.
+pub(super) fn slip_m_s(
+    timeline: &Timeline,
+    w: &Window,
+    j: usize,
+    foot: &EndEffector,
+) -> Vector3<f64> {
+    let h = timeline.spacing_s();
+    let moved = (w.after.contact(j) - w.here.contact(j)) / h;
+    let [here, after] = [w.here, w.after].map(|s| &s.sample.end_effectors[j]);
+    let rolled = if foot.contact.rolls() {
+        let direction = rolling_direction(0.5 * (here.yaw_rad + after.yaw_rad));
+        direction * (here.wheel_speed_rad_s * foot.radius_m)
+    } else {
+        // The sphere of a foot rolls with its link.
+        w.here.link_velocity(j, w.after, h).cross(&Vector3::z()) * foot.radius_m
+    };
+    Vector3::new(moved.x - rolled.x, moved.y - rolled.y, 0.0)
+}
+
+/// Mean slip of all that stands, and the farthest that one of them slips in one stance.
+pub(super) fn slipping(timeline: &Timeline, grid: Grid) -> [Worst; 2] {
+    let mut mean = Worst::of(Family::MeanSlip, grid);
+    let mut creep = Worst::of(Family::Creep, grid);
+    let h = timeline.spacing_s();
+    let (mut way_m, mut stood_s) = (0.0, 0.0);
+    for (j, foot) in feet(timeline) {
+        // Where the foot has slipped to since it stands, and the last interval of that.
+        let mut stance: Option<(Vector3<f64>, Window)> = None;
+        let mut end = |stance: Option<(Vector3<f64>, Window)>| {
+            if let Some((slipped_m, last)) = stance {
+                creep.see(slipped_m.norm(), &last, Some(&foot.name));
+            }
+        };
+        for w in timeline.intervals() {
+            if !(w.here.stands(j) && w.after.stands(j)) {
+                end(stance.take());
+                continue;
+            }
+            let slip = slip_m_s(timeline, &w, j, foot);
+            way_m += slip.norm() * h;
+            stood_s += h;
+            let before = stance.take().map_or_else(Vector3::zeros, |(slipped_m, _)| slipped_m);
+            stance = Some((before + slip * h, w));
+        }
+        end(stance);
+    }
+    if stood_s > 0.0 {
+        mean.see_everywhere(way_m / stood_s);
+    }
+    [mean, creep]
+}
