@@ -6,7 +6,7 @@
 //! at its end (a periodic motion where its cycle closes) and enters the other at its beginning.
 
 use crate::motion::file::{Footfalls, name, steps};
-use crate::motion::{Ends, Goal, Motion};
+use crate::motion::{Ends, Goal, Motion, Reserve};
 use rollwalk_protocol::library::{MAX_MOTIONS, MAX_TRANSITIONS};
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, DocumentError, Span, Table, alternatives};
@@ -298,6 +298,7 @@ fn planned(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<
         held_wheels,
         targets,
         heights,
+        reserve: Reserve::default(),
         needs_feedback: None,
     })
 }

@@ -12,7 +12,7 @@ mod weights;
 pub use means::Means;
 pub use weights::Weights;
 
-use crate::motion::{Ends, Goal, HeightLimit, Moment, Motion, Target, swing};
+use crate::motion::{Ends, Goal, HeightLimit, Moment, Motion, Reserve, Target, swing};
 use crate::plan::Placement;
 use nalgebra::DVector;
 use rollwalk_multibody::euler::Model;
@@ -47,6 +47,8 @@ pub struct Problem {
     pub placement_free: bool,
     /// End effectors whose wheel does not turn relative to its link: welded to it, or held still.
     pub held: Vec<bool>,
+    /// Shares of the motors that the plan may use.
+    pub reserve: Reserve,
     /// Functional objectives.
     pub goal: Goal,
     /// Targets at chosen times.
@@ -155,6 +157,7 @@ impl Problem {
             frozen: vec![vec![false; layout.len]; samples],
             placement_free: periodic,
             held: motion.still_wheels(model.robot()),
+            reserve: motion.reserve,
             goal: motion.goal,
             targets: placed_targets(motion),
             heights: placed_heights(motion),
@@ -210,6 +213,7 @@ impl Problem {
             frozen,
             placement_free: true,
             held: motion.still_wheels(model.robot()),
+            reserve: motion.reserve,
             goal: motion.goal,
             targets: placed_targets(motion),
             heights: placed_heights(motion),

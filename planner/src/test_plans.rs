@@ -261,6 +261,7 @@ impl Drive {
                 held_wheels: vec![false; 4],
                 targets: Vec::new(),
                 heights: Vec::new(),
+                reserve: Default::default(),
                 needs_feedback: None,
             },
             sample_interval_s: h,

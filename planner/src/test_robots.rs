@@ -148,6 +148,7 @@ pub fn motion(robot: &Robot, ends: Ends) -> Motion {
         held_wheels: vec![false; count],
         targets: Vec::new(),
         heights: Vec::new(),
+        reserve: Default::default(),
         needs_feedback: None,
     }
 }

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use rollwalk_planner::library_file::LibraryFile;
-use rollwalk_planner::motion::{Ends, Motion};
+use rollwalk_planner::motion::{Ends, Motion, Reserve};
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::DocumentError;
 
@@ -151,6 +151,21 @@ fn samples_follow_from_the_duration_when_not_given() {
     assert_eq!(motion(&stand).stance.len(), 24);
     let long = stand.replace("duration_s = 1.0", "duration_s = 4.0");
     assert_eq!(motion(&long).stance.len(), 60); // 15 a second
+}
+
+#[test]
+fn a_motion_may_leave_more_or_less_in_reserve() {
+    let told = "swing_height_m = 0.03\ntorque_use = 0.6\nspeed_use = 0.9";
+    let Reserve { torque_use, speed_use } = broken("swing_height_m = 0.03", told).unwrap().reserve;
+    assert_eq!((torque_use, speed_use), (0.6, 0.9));
+    assert_eq!(broken("", "").unwrap().reserve, Reserve { torque_use: 0.8, speed_use: 1.0 });
+    assert_faults(
+        broken("swing_height_m = 0.03", "swing_height_m = 0.03\ntorque_use = 1.2\nspeed_use = 0"),
+        &[
+            (line("swing_height_m") + 1, "`torque_use` is 1.2", "0.1 to 1"),
+            (line("swing_height_m") + 2, "`speed_use` is 0", "0.1 to 1"),
+        ],
+    );
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Reader of motion files: from TOML text to a [`Motion`] for a given robot (docs/motion-files.md).
 
-use super::{Ends, Goal, Motion};
+use super::{Ends, Goal, Motion, Reserve};
 use super::{choreography_check, choreography_file, footfall, wheels};
 use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
 use rollwalk_robot::Robot;
@@ -11,6 +11,8 @@ use std::f64::consts::TAU;
 const SAMPLES_PER_S: f64 = 15.0;
 /// Fewest samples of a motion whose file gives no count. With the 12 of Table 2.1 short gaits fail when they are played.
 const SAMPLES_DEFAULT_MIN: f64 = 24.0;
+/// Least share of torque or speed that a motion may use.
+const USE_MIN: f64 = 0.1;
 /// Fewest samples of a swing that can lift a foot and put it down.
 const SWING_SAMPLES_MIN: usize = 3;
 
@@ -55,6 +57,7 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
     let posture = if root.has("posture") { root.table("posture") } else { None };
     let posture_rad = posture_rad(document, posture.as_ref(), robot);
     let held_wheels = wheels::held(document, &root, robot);
+    let reserve = reserve(&root);
     let needs_feedback = needs_feedback(&root);
     let footfalls = root.table("footfalls").map(Footfalls::Table);
     let steps = steps(document, &root, robot, footfalls);
@@ -78,6 +81,7 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
         held_wheels: held_wheels?,
         targets: targets.into_iter().collect::<Option<_>>()?,
         heights: heights.into_iter().collect::<Option<_>>()?,
+        reserve: reserve?,
         needs_feedback: needs_feedback?,
     };
     if motion.ends == Ends::AtRest {
@@ -86,6 +90,17 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
     check_goal(&root, &motion, robot);
     choreography_check::check(&motion, robot, &target_tables, &height_tables);
     Some(motion)
+}
+
+/// Reads the shares of torque and speed that the motion may use.
+fn reserve(table: &Table<'_>) -> Option<Reserve> {
+    let share = |key, usual| match table.has(key) {
+        true => table.number_in(key, USE_MIN..=1.0, ""),
+        false => Some(usual),
+    };
+    let Reserve { torque_use, speed_use } = Reserve::default();
+    let [torque, speed] = [share("torque_use", torque_use), share("speed_use", speed_use)];
+    Some(Reserve { torque_use: torque?, speed_use: speed? })
 }
 
 /// Reads the reason why the motion does not hold without feedback; `Some(None)` if the file gives none.

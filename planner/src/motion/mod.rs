@@ -41,6 +41,9 @@ pub struct Motion {
     pub targets: Vec<Target>,
     /// Height limits over spans of time.
     pub heights: Vec<HeightLimit>,
+    /// Shares of the motors' torque and speed that the motion may use.
+    #[serde(default)]
+    pub reserve: Reserve,
     /// Why the motion does not hold without feedback, if it does not: what its author says, for those who play it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub needs_feedback: Option<String>,
@@ -91,6 +94,22 @@ impl fmt::Display for Ends {
             Self::AtRest => "at_rest",
             Self::Prescribed => "prescribed",
         })
+    }
+}
+
+/// Shares of the motors that plans may use. What is left is for feedback, and for what the model does not know.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Reserve {
+    /// Share of the torque limits of the joints' motors.
+    pub torque_use: f64,
+    /// Share of the speed limits of joints and wheels.
+    pub speed_use: f64,
+}
+
+impl Default for Reserve {
+    /// Torque, because servos correct with it. `pronk` has no plan with 5 % less speed.
+    fn default() -> Self {
+        Self { torque_use: 0.8, speed_use: 1.0 }
     }
 }
 

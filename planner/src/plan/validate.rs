@@ -5,7 +5,7 @@ mod ends;
 
 use super::{EndEffectorSample, FORMAT, Plan, PlanError, Sample, Status, VERSION};
 use crate::families::{AGREEMENT, Kind};
-use crate::motion::{Ends, Subject};
+use crate::motion::{Ends, Reserve, Subject};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 use std::fmt::Display;
 
@@ -86,6 +86,11 @@ impl Plan {
                 format!("{} flags long", row.len()),
                 format!("one flag per end effector, {feet}"),
             )?;
+        }
+        let Reserve { torque_use, speed_use } = self.motion.reserve;
+        for (name, share) in [("torque_use", torque_use), ("speed_use", speed_use)] {
+            let ok = share > 0.0 && share <= 1.0;
+            at.of("motion.reserve").of(name).holds(ok, share, "a share above 0, at most 1")?;
         }
         let duration_s = self.motion.duration_s;
         let positive = duration_s.is_finite() && duration_s > 0.0;

@@ -32,8 +32,6 @@ pub struct Weights {
     pub least_normal_force: f64,
     /// Fraction of the friction cone available to plans; the rest is a reserve for disturbances.
     pub friction_use: f64,
-    /// Fraction of the motors' torque available to plans; the rest is a reserve for the servos' feedback.
-    pub torque_use: f64,
 }
 
 impl Default for Weights {
@@ -49,7 +47,6 @@ impl Default for Weights {
             lift_off_slip: 1.0,
             least_normal_force: 0.1,
             friction_use: 0.8,
-            torque_use: 0.8,
         }
     }
 }

@@ -21,13 +21,14 @@ impl Term for JointSpeed {
         let [_, here, after] = window.states;
         for (j, joint) in window.problem.model.robot().joints.iter().enumerate() {
             let limit = joint.actuator.speed_max_rad_s;
+            let usable = window.problem.reserve.speed_use;
             out.set(limit, Role::Inequality { band: BAND_FRACTION });
             let speed = (after.vars[JOINTS + j] - here.vars[JOINTS + j]) / h;
             for sign in [1.0, -1.0] {
                 out.d(1, JOINTS + j, -sign / h);
                 out.d(2, JOINTS + j, sign / h);
-                out.given("speed_max_rad_s", limit, -1.0);
-                out.row_of(Subject::Joint(j), sign * speed - limit);
+                out.given("speed_max_rad_s", limit, -usable);
+                out.row_of(Subject::Joint(j), sign * speed - usable * limit);
             }
         }
     }

@@ -202,7 +202,7 @@ impl Term for JointTorque {
             }
             let torque = Torque::new(window, j);
             torque.differentiate(torque.value_nm.signum(), out);
-            let usable = window.problem.weights.torque_use;
+            let usable = window.problem.reserve.torque_use;
             out.given("torque_max_nm", limit, -usable);
             out.row_of(Subject::Joint(j), torque.value_nm.abs() - usable * limit);
         }

@@ -102,11 +102,12 @@ impl Term for WheelSpeed {
             };
             let Some(motor) = MotorSpeed::new(window, j) else { continue };
             let limit = actuator.speed_max_rad_s;
+            let usable = problem.reserve.speed_use;
             out.set(limit, Role::Inequality { band: BAND_FRACTION });
             for sign in [1.0, -1.0] {
                 motor.differentiate(sign, out);
-                out.given("speed_max_rad_s", limit, -1.0);
-                out.row_of(Subject::EndEffector(j), sign * motor.speed_rad_s - limit);
+                out.given("speed_max_rad_s", limit, -usable);
+                out.row_of(Subject::EndEffector(j), sign * motor.speed_rad_s - usable * limit);
             }
         }
     }
