@@ -115,7 +115,8 @@ impl Plans {
     }
 }
 
-/// What a plan is worth, in the words of every command: verdict, diagnosis, and the grids that were too coarse.
+/// What a plan is worth, in the words of every command: verdict, diagnosis, grids that were too coarse, and a warning
+/// where soft servos need feed-forward.
 pub fn conclusion(plan: &Plan, report: &Report) -> String {
     let mut text = report.conclusion(&plan.solve).to_string();
     if let Some(why) = &plan.solve.diagnosis {
@@ -123,6 +124,9 @@ pub fn conclusion(plan: &Plan, report: &Report) -> String {
     }
     for coarser in &plan.solve.refinements {
         text += &format!("\n{coarser}");
+    }
+    if let Some(sag) = report.sag.as_ref().filter(|sag| sag.is_much()) {
+        text += &format!("\n{sag}");
     }
     text
 }

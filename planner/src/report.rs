@@ -17,6 +17,7 @@ mod grid;
 mod judgement;
 mod motors;
 mod rows;
+mod sag;
 #[cfg(test)]
 mod second_opinion;
 mod slipping;
@@ -24,6 +25,7 @@ mod table;
 
 pub use as_played::{LargestTorque, MotorKind};
 pub use judgement::{Conclusion, Judgement};
+pub use sag::Sag;
 
 use crate::families::Family;
 use crate::growth;
@@ -55,6 +57,9 @@ pub struct Report {
     pub rows: Vec<Row>,
     /// Largest torque of every motor as played at 60 Hz: joints, then wheels.
     pub torques: Vec<LargestTorque>,
+    /// The swing that loses most of its height where servos yield without torque feed-forward; `None` where nothing
+    /// swings.
+    pub sag: Option<Sag>,
     /// Factor by which small errors grow in a cycle without feedback; `None` for motions that do not repeat, and where
     /// legs buckle.
     pub growth_per_cycle: Option<f64>,
@@ -110,10 +115,15 @@ impl Report {
     /// Recomputes every residual of a validated plan. Residuals that do not occur in the plan, such as a swing force
     /// where no foot swings, have no row.
     pub fn new(plan: &Plan) -> Self {
-        let mut rows = rows::at_samples(&grid::Timeline::new(plan));
+        let samples = grid::Timeline::new(plan);
+        let mut rows = rows::at_samples(&samples);
         let torques = in_frames(plan, &mut rows);
         in_ticks(plan, &mut rows);
-        Self { growth_per_cycle: growth::per_cycle(plan), ..Self::of(plan, rows, torques) }
+        Self {
+            sag: sag::sag(&samples),
+            growth_per_cycle: growth::per_cycle(plan),
+            ..Self::of(plan, rows, torques)
+        }
     }
 
     /// The rows that decide whether a plan that holds at its samples holds as it is played: at 500 Hz only if 60 Hz leave
@@ -136,6 +146,7 @@ impl Report {
             judgement: Judgement::new(plan, &rows),
             rows,
             torques,
+            sag: None,
             growth_per_cycle: None,
         }
     }
