@@ -18,6 +18,9 @@ use std::ops::ControlFlow;
 const MOST_SAMPLES: usize = 480;
 /// Shortest spacing of a refined plan, s: half of that of a library's frames, through which the motion is played.
 const LEAST_SPACING_S: f64 = 1.0 / 120.0;
+/// Most iterations of a solve on a finer grid, where the plan before it is nearly feasible: of 30 refinements half took 20 or
+/// less, none more than 199.
+const MOST_ITERATIONS: usize = 200;
 /// What a refinement that helps leaves of the worst residual over its tolerance, at most.
 const HELPS: f64 = 0.8;
 /// Grids that do not help after which no finer one is tried.
@@ -35,7 +38,10 @@ pub(super) fn motion(
     options: &Options,
     progress: &mut Watched<'_>,
 ) -> Solution {
+    let mut limited = options.clone();
+    limited.settings.iterations = limited.settings.iterations.min(MOST_ITERATIONS);
     until_it_holds(solution, options, progress, &mut |coarse, finer, progress| {
+        let options = &limited;
         let near = replan::from(coarse, None, robot, finer, options, progress)
             .expect("one robot, one kind of ends");
         match near.plan.solve.status {
