@@ -53,7 +53,7 @@ fn motion(name: &str, text: &str, robot: &Robot) -> Motion {
 }
 
 fn run(robot: &Robot, motion: &Motion, iterations: usize) {
-    let mut options = Options { start: Start::Standing, ..Options::default() };
+    let mut options = Options { start: Start::Standing, refine: false, ..Options::default() };
     options.settings.iterations = iterations;
     black_box(optimise(robot, motion, &options, &mut |_| ControlFlow::Continue(())));
 }
