@@ -6,7 +6,7 @@ use crate::{Block, Findings, Program, table};
 use rollwalk_planner::Options;
 use rollwalk_planner::families::Family;
 use rollwalk_planner::motion::Motion;
-use rollwalk_planner::report::{Grid, Report, Row};
+use rollwalk_planner::report::{self, Grid, Report};
 use rollwalk_robot::{EndEffector, Robot};
 use serde::Serialize;
 
@@ -96,9 +96,11 @@ fn refined(motion: Motion) -> Motion {
 fn holds(run: &Run) -> bool {
     let report = Report::new(run.plan());
     let of_motors = [Family::JointLimit, Family::JointSpeed, Family::WheelMotorSpeed];
-    let counts = |row: &&Row| !row.is_as_played() || of_motors.contains(&row.family);
+    let counts = |row: &&report::Row| !row.is_as_played() || of_motors.contains(&row.family);
     let slip = report.row(Family::Slip, Grid::Library60Hz).map_or(0.0, |row| row.worst);
-    run.solved() && !report.rows.iter().filter(counts).any(Row::is_beyond) && slip <= SLIP_MM_S
+    run.solved()
+        && !report.rows.iter().filter(counts).any(report::Row::is_beyond)
+        && slip <= SLIP_MM_S
 }
 
 fn drag_that_grows(end_effector: &mut EndEffector) {
