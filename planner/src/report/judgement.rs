@@ -1,4 +1,4 @@
-//! What a plan is worth: one verdict, the same for whoever asks.
+//! What a plan is worth: one verdict for the planner, the report and libraries.
 
 use super::{Report, Row};
 use crate::plan::{Plan, SolveSummary, Status};
