@@ -40,7 +40,7 @@ impl Fronts {
         let at = |entry: &u32| self.position[columns[*entry as usize]];
         let mut entries: Vec<u32> = (0..columns.len() as u32).collect();
         entries.sort_unstable_by_key(at);
-        let (mut pieces, mut runs) = (Vec::new(), Vec::<Run>::new());
+        let (mut pieces, mut runs) = (Vec::new(), Vec::<Run>::with_capacity(columns.len()));
         let mut first = 0;
         while first < entries.len() {
             let front = &self.fronts[self.front_of[at(&entries[first])]];
