@@ -5,10 +5,12 @@
 //! derivatives computed from `q`. Poses of links come from [`crate::Frames`]; this module adds the turn of the base by
 //! three angles in place of an angular velocity.
 
+mod clearance;
 mod model;
 mod pose;
 mod swept;
 
+pub use clearance::{Clearance, GroundPoint, Pair, PairDistance, PlacedShapes};
 pub use model::{Carried, Chain, Model};
 pub use pose::{EndEffectorPose, Pose};
 pub use swept::{CarriedPair, SweptMoment, cross_sum, turned_first, turned_second};

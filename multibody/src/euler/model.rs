@@ -1,5 +1,6 @@
 //! A robot prepared for the optimiser: nominal pose, second moments of links, chains of degrees of freedom.
 
+use super::clearance::Clearance;
 use super::pose::drop_to_contact;
 use super::swept::second_moments;
 use super::{BASE_POSITION, JOINTS};
@@ -15,6 +16,7 @@ pub struct Model {
     nominal_q: DVector<f64>,
     chains: Vec<Chain>,
     carried: Vec<Carried>,
+    clearance: Clearance,
 }
 
 /// The part of the robot that a joint moves, and the joints that move it.
@@ -50,10 +52,12 @@ impl Model {
             nominal_q: DVector::zeros(JOINTS + robot.joints.len()),
             chains: limbs.map(chain).collect(),
             carried: carried(&tree),
+            clearance: Clearance::default(),
             tree,
         };
         let nominal_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
         model.nominal_q = model.standing_q(&nominal_rad);
+        model.clearance = Clearance::new(&model.tree, &model.frames(&model.nominal_q));
         model
     }
 
@@ -113,6 +117,11 @@ impl Model {
     /// The part of the robot beyond joint `index`.
     pub fn carried(&self, index: usize) -> &Carried {
         &self.carried[index]
+    }
+
+    /// What must keep clear of each other and of the ground.
+    pub fn clearance(&self) -> &Clearance {
+        &self.clearance
     }
 
     /// Wheel axis in the mounting link, `None` for a foot.
