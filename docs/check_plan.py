@@ -135,6 +135,127 @@ def reach(foot):
     return foot["radius_m"] if blade is None else 0.5 * blade
 
 
+# --- room that links take ---
+
+
+def along(ends, s):
+    return add(ends[0], scale(sub(ends[1], ends[0]), s))
+
+
+def least(value):
+    """Lowest value of a convex function on 0 to 1, by ternary search."""
+    low, high = 0.0, 1.0
+    for _ in range(80):
+        a, b = low + (high - low) / 3, high - (high - low) / 3
+        low, high = (low, b) if value(a) < value(b) else (a, high)
+    return min(value(0.0), value(1.0), value(0.5 * (low + high)))
+
+
+def to_segment(point, ends):
+    """Distance of a point from a line segment."""
+    axis = sub(ends[1], ends[0])
+    s = dot(sub(point, ends[0]), axis) / (dot(axis, axis) or 1)
+    return norm(sub(point, along(ends, min(max(s, 0.0), 1.0))))
+
+
+def to_box(point, size):
+    """Distance of a point, in the frame of a box, from its surface; negative inside."""
+    beyond = [abs(x) - 0.5 * side for x, side in zip(point, size)]
+    if max(beyond) <= 0:
+        return max(beyond)
+    return norm([max(b, 0.0) for b in beyond])
+
+
+def capsule(shape, pose):
+    r, p = pose
+    return [add(p, apply(r, shape[end])) for end in ("from_in_link_m", "to_in_link_m")]
+
+
+def shape_distance(first, second, pose, pose2):
+    """Distance of the surfaces of two shapes; the second is a capsule."""
+    ends = capsule(second, pose2)
+    if first["kind"] == "capsule":
+        other = capsule(first, pose)
+        axes = least(lambda s: to_segment(along(ends, s), other))
+        return axes - first["radius_m"] - second["radius_m"]
+    r, p = pose
+    center = add(p, apply(r, first["center_in_link_m"]))
+    local = [apply(transpose(r), sub(end, center)) for end in ends]
+    return least(lambda s: to_box(along(local, s), first["size_m"])) - second["radius_m"]
+
+
+def are_far(one, two, pose, pose2, keeps):
+    """Whether the spheres around two shapes show that these are far enough apart."""
+    middles, reaches = [], 0.0
+    for shape, (r, p) in ((one, pose), (two, pose2)):
+        if shape["kind"] == "capsule":
+            ends = shape["from_in_link_m"], shape["to_in_link_m"]
+            middle, size = scale(add(*ends), 0.5), sub(*ends)
+            reaches += shape["radius_m"]
+        else:
+            middle, size = shape["center_in_link_m"], shape["size_m"]
+        reaches += 0.5 * norm(size)
+        middles.append(add(p, apply(r, middle)))
+    return norm(sub(*middles)) - reaches >= keeps
+
+
+class Clearance:
+    """Pairs of shapes and points of links with the distances that they must keep. The nominal pose is right: shapes
+    that overlap in it are no pair, others may come as near as they are there. The same holds for the ground."""
+
+    def __init__(self, robot):
+        upright = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+        nominal = [joint["nominal_rad"] for joint in robot["joints"]]
+        poses = link_poses(robot, [0.0] * 3, upright, nominal)
+        ground = min(lowest_contact(foot, poses[foot["link"]]) for foot in robot["end_effectors"])
+        margin = robot.get("clearance_margin_m", 0.01)
+        links, carriers = robot["links"], {foot["link"] for foot in robot["end_effectors"]}
+        joined = {frozenset((joint["parent"], joint["child"])) for joint in robot["joints"]}
+        self.pairs, self.points = [], []
+        for b, link2 in enumerate(links):
+            for a, link in enumerate(links[:b]):
+                for one in link.get("shapes", []) if frozenset((a, b)) not in joined else []:
+                    for two in link2.get("shapes", []):
+                        apart = shape_distance(one, two, poses[a], poses[b])
+                        if apart >= 0:
+                            self.pairs.append((a, b, one, two, min(margin, apart)))
+        for index, link in enumerate(links):
+            floor = 0.0 if index in carriers else margin
+            for point, radius, keeps in link_points(link, index, floor):
+                height = height_of(point, radius, poses[index]) - ground
+                if height >= 0:
+                    self.points.append((index, point, radius, min(keeps, height)))
+
+
+def lowest_contact(foot, pose):
+    """Height of the lowest point of a wheel or foot."""
+    r, p = pose
+    axis = apply(r, foot["contact"].get("axis_in_link", [0.0] * 3))
+    drop = foot["radius_m"] * math.sqrt(max(1 - axis[2] ** 2, 0.0))
+    return height_of(foot["center_in_link_m"], drop, pose)
+
+
+def height_of(point, radius, pose):
+    r, p = pose
+    return p[2] + dot(r[2], point) - radius
+
+
+def link_points(link, index, floor):
+    """Spheres of a link that stay above the ground: point, radius, height to keep."""
+    if not link.get("shapes"):
+        return [([0.0] * 3, 0.0, 0.0)] if index > 0 else []
+    found = []
+    for shape in link["shapes"]:
+        if shape["kind"] == "capsule":
+            found += [(shape[end], shape["radius_m"], floor) for end in ("from_in_link_m", "to_in_link_m")]
+        else:
+            half = scale(shape["size_m"], 0.5)
+            for x, y, z in ((x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)):
+                arm = [x * half[0], y * half[1], z * half[2]]
+                found.append((add(shape["center_in_link_m"], arm), 0.0, floor))
+    return found
+
+
 # --- the table ---
 
 
@@ -567,6 +688,19 @@ def check_clearance(table, line, i, one, another):
         table.see("end-effector clearance", missing, i, foot["name"])
 
 
+def check_link_clearance(table, line):
+    """Links keep apart, and above the ground."""
+    names, clearance = [link["name"] for link in line.robot["links"]], Clearance(line.robot)
+    for i, poses in enumerate(line.poses[1:-1]):
+        for a, b, one, two, keeps in clearance.pairs:
+            far = are_far(one, two, poses[a], poses[b], keeps)
+            missing = 0 if far else max(keeps - shape_distance(one, two, poses[a], poses[b]), 0)
+            table.see("link clearance", missing, i, names[a] + " and " + names[b])
+        for link, point, radius, keeps in clearance.points:
+            missing = max(keeps - height_of(point, radius, poses[link]), 0)
+            table.see("ground clearance", missing, i, names[link])
+
+
 def check_intervals(table, line):
     """Speeds, and torques at speeds, from every sample to the next."""
     for i in range(line.intervals):
@@ -662,6 +796,7 @@ def check(plan):
     check_dynamics(table, line)
     check_body(table, line)
     check_contacts(table, line)
+    check_link_clearance(table, line)
     check_intervals(table, line)
     check_goals(table, line)
     check_choreography(table, plan, line.states)

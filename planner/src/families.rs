@@ -215,6 +215,10 @@ catalogue! {
         "a lower swing_height_m or a longer swing";
     EndEffectorClearance: "end-effector clearance", "Eq. 2.10", M, Residual(0.001), Limit,
         "a posture with feet further apart";
+    LinkClearance: "link clearance", "shapes", M, Residual(0.001), Limit,
+        "a posture with limbs further apart, shorter strides, or smaller shapes in the robot file";
+    GroundClearance: "ground clearance", "shapes", M, Residual(0.001), Limit,
+        "a higher body, or a posture with knees further from the ground";
     WheelAxis: "wheel axis", "Eq. 2.13", Rad, Residual(0.5 * std::f64::consts::PI / 180.0), Build,
         "a motion that the joints can steer the wheel along";
     ContactPoint: "contact point", "Eq. 2.14", M, Residual(0.001), Build, REACH;
@@ -318,6 +322,7 @@ impl Family {
             Self::LinearDynamics => OfWeight(0.07),
             Self::AngularDynamics => OfMoment(0.05),
             Self::JointLimit | Self::JointSpeed | Self::WheelMotorSpeed => TimesLevel(1.0),
+            Self::LinkClearance | Self::GroundClearance => TimesLevel(1.0),
             // Half as much again as the motor has, for a frame: `pronk` lands with 0.38 and holds.
             Self::JointTorqueAsPlayed | Self::WheelTorqueAsPlayed => TimesLevel(5.0),
             _ => AsPlayed::None,

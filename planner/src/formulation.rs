@@ -22,10 +22,10 @@ use rows::{Columns, Differentiated, Pattern, RowWriter, Rows, Wanted, Window};
 use std::cell::OnceCell;
 use terms::{
     Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
-    DynamicsLinear, EvenForce, Friction, HeightBound, JointLimit, JointSpeed, JointTorque,
-    LiftOffSlip, NoSlip, Posture, Smoothness, SwingForce, TargetHeading, TargetPosition,
-    TargetVelocity, TorqueSpeed, Traction, Turn, WheelAxis, WheelEffort, WheelHeld,
-    WheelSmoothness, WheelSpeed, WheelTorque,
+    DynamicsLinear, EvenForce, Friction, GroundClearance, HeightBound, JointLimit, JointSpeed,
+    JointTorque, LiftOffSlip, LinkClearance, NoSlip, Posture, Smoothness, SwingForce,
+    TargetHeading, TargetPosition, TargetVelocity, TorqueSpeed, Traction, Turn, WheelAxis,
+    WheelEffort, WheelHeld, WheelSmoothness, WheelSpeed, WheelTorque,
 };
 
 /// Samples from which a term is computed.
@@ -67,6 +67,8 @@ pub static TERMS: &[&dyn Term] = &[
     &NoSlip,
     &ContactHeight,
     &Collision,
+    &LinkClearance,
+    &GroundClearance,
     &WheelAxis,
     &ContactPoint,
     &BladeContact,

@@ -13,6 +13,7 @@
 
 mod as_played;
 mod choreography;
+mod clearance;
 mod grid;
 mod judgement;
 mod motors;
@@ -107,7 +108,7 @@ pub struct Place {
     pub sample: usize,
     /// Time of the sample or frame, s.
     pub time_s: f64,
-    /// Name of the joint or end effector, if the residual belongs to one.
+    /// Name of the joint, end effector or links, if the residual belongs to some.
     pub subject: Option<String>,
 }
 

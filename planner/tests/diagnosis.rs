@@ -138,9 +138,9 @@ fn feet_that_cannot_be_lifted_so_high_names_the_height() {
     let named = (height.constraint, height.field.as_deref());
     assert_eq!(named, (Family::ContactHeight, Some("swing_height_m")), "{diagnosis}");
     assert!((height.given.unwrap() - 0.5).abs() < 1e-9, "{diagnosis}");
-    // 0.25 m can be done.
+    // 0.15 m can be done; 0.2 m could, if thighs went through the body.
     let would_do = height.would_do.unwrap();
-    assert!(would_do > 0.12 && would_do < 0.4, "{diagnosis}");
+    assert!(would_do > 0.05 && would_do < 0.25, "{diagnosis}");
     assert!(robot.end_effectors.iter().any(|ee| Some(&ee.name) == height.subject.as_ref()));
     assert!(height.advice.contains("swing_height_m"));
 }

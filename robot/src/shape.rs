@@ -63,6 +63,11 @@ impl Robot {
         })
     }
 
+    /// Two links as reports name them.
+    pub fn pair_name(&self, [first, second]: [usize; 2]) -> String {
+        format!("{} – {}", self.links[first].name, self.links[second].name)
+    }
+
     fn joined(&self, first: usize, second: usize) -> bool {
         let ends = |joint: &crate::Joint| [joint.parent, joint.child];
         self.joints.iter().any(|j| ends(j) == [first, second] || ends(j) == [second, first])

@@ -7,7 +7,7 @@
 //! yet. The request with the smallest relative change is named first.
 
 use super::weak;
-use crate::families::{Family, Kind};
+use crate::families::{Family, FamilySet, Kind};
 use crate::formulation::rows::{Given, Role, Row, Rows, Subject};
 use crate::motion;
 use crate::plan::{Culprit, Diagnosis, Verdict};
@@ -25,6 +25,8 @@ const LEAST_OF_FOOTFALLS: f64 = 0.3;
 /// Constraints that are violated if the footfalls are infeasible.
 const FOOTFALLS: [Family; 3] =
     [Family::AngularDynamics, Family::LinearDynamics, Family::SwingForce];
+/// Limits in the way that no stronger motor removes.
+const OBSTACLES: FamilySet = FamilySet::of(&[Family::LinkClearance, Family::GroundClearance]);
 /// Relative change of a motor limit up to which weak motors are a likely cause.
 const LIKELY_CHANGE: f64 = 2.0;
 /// Relative change of a goal beyond which the goal is not the cause.
@@ -155,6 +157,8 @@ fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
                 Subject::Whole => None,
                 Subject::EndEffector(j) => Some(robot.end_effectors[j].name.clone()),
                 Subject::Joint(j) => Some(robot.joints[j].name.clone()),
+                Subject::Link(link) => Some(robot.links[link].name.clone()),
+                Subject::Links(links) => Some(robot.pair_name(links)),
             },
             pulls: Vec::new(),
             given: given.map(|given| (given.field, given.value)),
@@ -260,7 +264,8 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
     requests.truncate(REQUESTS);
     if !requests.is_empty() {
         // Where a changed request would be feasible, motors that are far too weak are not the cause.
-        limits.retain(|(change, ..)| *change < 1.0);
+        let obstacle = |group: &Group| OBSTACLES.contains(group.family);
+        limits.retain(|(change, _, group, _)| *change < 1.0 || obstacle(group));
     }
     limits.truncate(1);
     builds.truncate(1);

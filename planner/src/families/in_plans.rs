@@ -157,7 +157,7 @@ mod tests {
             ),
             ("/families/0/level", 9.0.into(), "families[0].level is 9.0; expected 0.3,"),
             ("/families/0/level", Value::Null, "families[0].level is null; expected 0.3,"),
-            ("/families/25/level", 1.0.into(), "families[25].level is 1.0; expected null,"),
+            ("/families/27/level", 1.0.into(), "families[27].level is 1.0; expected null,"),
             (
                 "/families/0/level_of",
                 "limit".into(),

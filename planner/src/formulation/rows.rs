@@ -87,6 +87,10 @@ pub enum Subject {
     EndEffector(usize),
     /// A joint.
     Joint(usize),
+    /// A link.
+    Link(usize),
+    /// Two links.
+    Links([usize; 2]),
 }
 
 impl From<motion::Subject> for Subject {

@@ -2,7 +2,7 @@
 
 use super::grid::{State, Timeline, Window};
 use super::slipping::{slip_m_s, slipping};
-use super::{Grid, Place, Row, choreography, motors};
+use super::{Grid, Place, Row, choreography, clearance, motors};
 use crate::families::{AsPlayed, CLEARANCE_M, Family, ROLLING_SIGN_WIDTH_M_S};
 use crate::problem::state::ContactFrame;
 use nalgebra::Vector3;
@@ -14,7 +14,7 @@ pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
     found.extend([friction(timeline), rolling_force(timeline), swing_force(timeline)]);
     found.extend(contact_motion(timeline, Grid::Samples));
     found.extend([
-        clearance(timeline),
+        end_effector_clearance(timeline),
         com(timeline),
         contact_point(timeline),
         blade_contact(timeline),
@@ -22,6 +22,7 @@ pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
     ]);
     found.extend([motor_speed(timeline), held_wheel(timeline)]);
     found.extend(limits(timeline, Grid::Samples));
+    found.extend(clearance::residuals(timeline, Grid::Samples));
     found.extend(motors::torques(timeline));
     found.extend(choreography::residuals(timeline, Grid::Samples));
     let mut rows: Vec<Row> = found.into_iter().filter_map(Worst::row).collect();
@@ -37,6 +38,7 @@ pub fn between(timeline: &Timeline, grid: Grid) -> Vec<Row> {
     found.extend(slipping(timeline, grid));
     found.extend(choreography::residuals(timeline, grid));
     found.extend(limits(timeline, grid));
+    found.extend(clearance::residuals(timeline, grid));
     let mut rows: Vec<Row> =
         found.into_iter().filter_map(|worst| worst.row_as_played(timeline)).collect();
     if grid == Grid::Library60Hz {
@@ -235,7 +237,7 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     vec![slip, landing, height, dip]
 }
 
-fn clearance(timeline: &Timeline) -> Worst {
+fn end_effector_clearance(timeline: &Timeline) -> Worst {
     let mut worst = Worst::of(Family::EndEffectorClearance, Grid::Samples);
     for w in timeline.samples() {
         for (j, a) in feet(timeline) {

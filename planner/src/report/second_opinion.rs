@@ -293,8 +293,16 @@ fn both_opinions_agree_on_the_size_of_every_residual() {
     let mut on_feet = test_plans::start_stop();
     on_feet.robot.end_effectors.iter_mut().for_each(|e| e.contact = Contact::PointFoot);
     crate::torque::write(&mut on_feet);
-    let plans =
-        [walk(), test_plans::start_stop(), test_plans::cruise_middle(), of_every_kind(), on_feet];
+    let mut low = walk();
+    low.samples.iter_mut().for_each(|sample| sample.base_position_m[2] -= 0.2);
+    let plans = [
+        walk(),
+        low,
+        test_plans::start_stop(),
+        test_plans::cruise_middle(),
+        of_every_kind(),
+        on_feet,
+    ];
     let mut seen = std::collections::BTreeSet::new();
     for plan in plans.map(shaken) {
         let report = Report::new(&plan);

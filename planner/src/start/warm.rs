@@ -50,6 +50,8 @@ const STEPPING: FamilySet = FamilySet::of(&[
     Family::Slip,
     Family::HeldWheel,
     Family::EndEffectorClearance,
+    Family::LinkClearance,
+    Family::GroundClearance,
     Family::JointLimit,
     Family::BladeContact,
     Family::Posture,

@@ -1,0 +1,55 @@
+//! Clearance between links: d(a, b) ≥ β for every pair of shapes of limbs and body that no joint connects, β the
+//! margin of the robot file. One inequality row per pair and sample, m.
+//!
+//! A distance depends on the joints between the two links alone. Rows end at [`FAR_M`] beyond the margin: most pairs are
+//! further apart, which the spheres around their shapes show, so that they cost hardly anything. Such rows are constant
+//! there, far from counting.
+
+use crate::families::Family;
+use crate::formulation::rows::{Role, RowWriter, Subject, Window};
+use crate::formulation::{Span, Term, TermInfo};
+use rollwalk_multibody::euler::JOINTS;
+
+/// See the module.
+pub struct LinkClearance;
+
+/// Half-width of the smoothing of Eq. 2.16, m.
+pub(super) const BAND_M: f64 = 0.002;
+/// Distance beyond the margin, m, from which a row says only that there is room: well beyond the smoothing and the
+/// shifts of multipliers.
+pub(super) const FAR_M: f64 = 0.01;
+
+impl Term for LinkClearance {
+    fn info(&self) -> TermInfo {
+        TermInfo { family: Family::LinkClearance, span: Span::Samples }
+    }
+
+    fn write(&self, window: &Window, out: &mut RowWriter) {
+        let model = &window.problem.model;
+        let (robot, clearance, pose) = (model.robot(), model.clearance(), &window.states[1].pose);
+        let placed = clearance.placed(pose);
+        out.set(1.0, Role::Inequality { band: BAND_M });
+        for pair in clearance.pairs() {
+            if out.skips_row() {
+                continue;
+            }
+            let near = placed.distance(pair, pair.least_m + FAR_M);
+            if out.differentiates() {
+                for (joints, sign) in pair.joints.iter().zip([1.0, -1.0]) {
+                    for &j in joints {
+                        let by_turn = near.map_or(0.0, |near| {
+                            let origin = &pose.link_origins[robot.joints[j].child];
+                            near.by_turn(&pose.joint_axes[j], origin)
+                        });
+                        out.d(1, JOINTS + j, sign * by_turn);
+                    }
+                }
+            }
+            if pair.least_m == robot.clearance_margin_m {
+                out.given("clearance_margin_m", pair.least_m, 1.0);
+            }
+            let missing = near.map_or(-FAR_M, |near| pair.least_m - near.distance_m);
+            out.row_of(Subject::Links(pair.links), missing);
+        }
+    }
+}

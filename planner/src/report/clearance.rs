@@ -1,0 +1,99 @@
+//! Clearance of links from each other and from the ground, from the shapes of the robot in the plan.
+
+use super::Grid;
+use super::grid::{State, Timeline};
+use super::rows::Worst;
+use crate::families::Family;
+use rollwalk_multibody::distance::{Capsule, OrientedBox};
+use rollwalk_multibody::euler::Pair;
+
+/// What is missing of the margins, over all samples or frames.
+pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
+    let mut links = Worst::of(Family::LinkClearance, grid);
+    let mut ground = Worst::of(Family::GroundClearance, grid);
+    let (robot, clearance) = (&timeline.plan.robot, timeline.model.clearance());
+    for w in timeline.samples() {
+        for pair in clearance.pairs() {
+            let missing = pair.least_m - distance(w.here, pair);
+            // Names are made for the few that are too near.
+            let names = (missing > 0.0).then(|| robot.pair_name(pair.links));
+            links.see(missing.max(0.0), &w, names.as_deref());
+        }
+        for point in clearance.points() {
+            let height = point.center(&w.here.pose).z - point.radius_m;
+            let missing = (point.least_m - height).max(0.0);
+            ground.see(missing, &w, Some(&robot.links[point.link].name));
+        }
+    }
+    vec![links, ground]
+}
+
+/// Distance of the surfaces of a pair, m.
+fn distance(state: &State, pair: &Pair) -> f64 {
+    let place = |k: usize| {
+        let link = pair.links[k];
+        (&pair.shapes[k], &state.pose.link_origins[link], &state.pose.world_from_link[link])
+    };
+    let capsule = |k: usize| {
+        let (shape, origin, rotation) = place(k);
+        Capsule::of(shape, origin, rotation)
+    };
+    let limb = capsule(1).expect("only the body has boxes");
+    if let Some(other) = capsule(0) {
+        return limb.distance(&other).distance_m;
+    }
+    let (shape, origin, rotation) = place(0);
+    let body = OrientedBox::of(shape, origin, rotation).expect("no capsule is a box");
+    limb.distance_to_box(&body).distance_m
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formulation::System;
+    use crate::formulation::rows::Rows;
+    use crate::motion::Ends;
+    use crate::problem::{Problem, Weights};
+    use crate::report::Report;
+    use crate::solve::Settings;
+    use crate::{Options, optimise, test_robots};
+    use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model};
+    use std::ops::ControlFlow;
+
+    #[test]
+    fn the_solver_sees_what_the_report_sees() {
+        let mut seen = [0; 2];
+        for robot in test_robots::all().into_iter().chain(test_robots::others()) {
+            let motion = test_robots::motion(&robot, Ends::AtRest);
+            let model = Model::new(&robot);
+            let problem = Problem::new(model, &motion, Weights::default());
+            let settings = Settings { iterations: 0, ..Settings::default() };
+            let options = Options { settings, ..Options::default() };
+            let mut plan = optimise(&robot, &motion, &options, &mut |_| ControlFlow::Continue(()));
+            for seed in 0..4 {
+                let samples = plan.samples.len();
+                let unknowns = test_robots::random_unknowns(&problem.model, samples, seed);
+                for (sample, slot) in plan.samples.iter_mut().zip(&unknowns.slots) {
+                    sample.base_position_m = std::array::from_fn(|c| slot[BASE_POSITION + c]);
+                    sample.base_yaw_pitch_roll_rad = std::array::from_fn(|c| slot[BASE_YAW + c]);
+                    let joints = slot.rows(JOINTS, robot.joints.len());
+                    sample.joint_rad = joints.iter().copied().collect();
+                }
+                let report = Report::new(&plan);
+                let rows = System::new(&problem).rows(&unknowns, Rows::default()).rows;
+                let families = [Family::LinkClearance, Family::GroundClearance];
+                for (family, seen) in families.into_iter().zip(&mut seen) {
+                    let of_family = rows.iter().filter(|row| row.family == family);
+                    let solver_mm = of_family.map(|row| 1e3 * row.value).fold(0.0, f64::max);
+                    let reported_mm =
+                        report.row(family, Grid::Samples).map_or(0.0, |row| row.worst);
+                    // Both round differently, at lengths of 1 m.
+                    let error = (solver_mm - reported_mm).abs();
+                    assert!(error < 1e-9, "{}: {family} {solver_mm} {reported_mm}", robot.name);
+                    *seen += usize::from(solver_mm > 0.0);
+                }
+            }
+        }
+        assert!(seen.iter().all(|seen| *seen > 10), "{seen:?}");
+    }
+}
