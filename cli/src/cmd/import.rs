@@ -1,6 +1,7 @@
 //! `rollwalk robot import`: converts a URDF and a side file to a robot file.
 
 use super::robot::describe;
+use super::standing::StandingReport;
 use crate::kind::Kind;
 use crate::output::Table;
 use crate::{Exit, files, output};
@@ -66,10 +67,12 @@ fn import(urdf: Text<'_>, side: &Path, output: &Path, json: bool) -> miette::Res
     let side = Text { name: &side.to_string_lossy(), text: &text };
     let imported = urdf::import(urdf, side).map_err(Report::new)?;
     files::write(output, imported.toml.as_bytes())?;
-    say_warnings(&imported.warnings);
+    let overlaps = StandingReport::new(&imported.robot).and_then(|standing| standing.overlaps());
+    let warnings: Vec<_> = imported.warnings.iter().cloned().chain(overlaps).collect();
+    say_warnings(&warnings);
     if json {
         let mass_kg = imported.robot.total_mass_kg();
-        output::print_json(&Made { robot: output, mass_kg, warnings: &imported.warnings })?;
+        output::print_json(&Made { robot: output, mass_kg, warnings: &warnings })?;
     } else {
         let robot = describe(&imported.robot);
         output::print(&format!("{robot}\n\nwrote {}", output.display()))?;

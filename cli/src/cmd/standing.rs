@@ -120,6 +120,19 @@ impl StandingReport {
         &self.warnings
     }
 
+    /// The pairs of links that overlap as they stand, as one warning.
+    pub fn overlaps(&self) -> Option<String> {
+        let overlapping = self.clearances.iter().filter(|near| near.distance_m < 0.0);
+        let mut pairs: Vec<_> = overlapping.map(|near| near.links.join(" – ")).collect();
+        pairs.dedup();
+        (!pairs.is_empty()).then(|| {
+            format!(
+                "shapes of {} overlap in the nominal pose, so motions do not keep them apart: smaller `shapes` in the robot file would",
+                pairs.join(", ")
+            )
+        })
+    }
+
     fn warn(&self, balanced: bool) -> Vec<String> {
         let mut warnings = Vec::new();
         for contact in self.contacts.iter().filter(|contact| contact.force_n == 0.0) {
@@ -150,14 +163,19 @@ impl StandingReport {
         {
             let [first, second] = &near.links;
             let apart = apart(near.distance_m);
+            let so = if near.distance_m < 0.0 {
+                "motions do not keep them apart"
+            } else {
+                "motions may bring them as near"
+            };
             warnings.push(format!(
-                "links `{first}` and `{second}` {apart} in the nominal pose; at least {margin_mm:.1} mm are needed: check `shapes`, `nominal_rad` or `clearance_margin_m`"
+                "links `{first}` and `{second}` {apart} in the nominal pose; at least {margin_mm:.1} mm are needed, and {so}: check `shapes`, `nominal_rad` or `clearance_margin_m`"
             ));
         }
         for Height { link, height_m, least_m } in &self.heights {
             if height_m < least_m {
                 warnings.push(format!(
-                    "link `{link}` is {:.1} mm above the ground; at least {:.1} mm are needed: check its `shapes`, which end above the contact",
+                    "link `{link}` is {:.1} mm above the ground; at least {:.1} mm are needed, and motions may bring it as low: check its `shapes`, which end above the contact",
                     1e3 * height_m,
                     1e3 * least_m
                 ));
