@@ -128,6 +128,9 @@ pub fn conclusion(plan: &Plan, report: &Report) -> String {
     if let Some(sag) = report.sag.as_ref().filter(|sag| sag.is_much()) {
         text += &format!("\n{sag}");
     }
+    if let Some(growth) = report.growth_per_cycle.filter(|growth| growth.is_much()) {
+        text += &format!("\n{growth}");
+    }
     text
 }
 

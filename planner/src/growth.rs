@@ -20,6 +20,8 @@ use cycle::{Contact, Instant, Roll, growth};
 use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3};
 use rollwalk_multibody::{JOINTS, Kinematics, RimContact, Tree};
 use rollwalk_robot::{GRAVITY_M_S2, Joint};
+use serde::Serialize;
+use std::fmt;
 
 /// Instants of a cycle: forces and stances are interpolated between 24 samples and more.
 const INSTANTS: usize = 240;
@@ -27,11 +29,43 @@ const INSTANTS: usize = 240;
 /// stiff in a direction, such as those with two joints, would otherwise divide by zero.
 const GROUND_YIELDS: f64 = 1e-4;
 
+/// Growth a cycle above which errors grow: those that only stay, such as those of wheels that never leave the ground,
+/// are computed as up to this.
+const GROWS: f64 = 1.2;
+/// Growth a cycle up to which errors are gone after a few cycles.
+const DIES_OUT: f64 = 0.6;
+
 /// Factor by which the errors of a periodic motion grow in a cycle: the largest Floquet multiplier, without those of
-/// shifts along the ground and turns about the vertical, which nothing in the robot notices.
-///
-/// Below 1 errors die out. `None` where a motion does not repeat, or a leg buckles under its load.
-pub fn per_cycle(plan: &Plan) -> Option<f64> {
+/// shifts along the ground and turns about the vertical, which nothing in the robot notices. Below 1 errors die out.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(transparent)]
+pub struct Growth(pub f64);
+
+impl Growth {
+    /// Whether errors grow so much that the motion may need feedback.
+    pub fn is_much(self) -> bool {
+        self.0 > GROWS
+    }
+}
+
+impl fmt::Display for Growth {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (growth, left) = (self.0, 100.0 * self.0);
+        if self.is_much() {
+            write!(
+                f,
+                "without feedback small errors grow {growth:.1}-fold a cycle, until the robot falls or a foot in swing \
+                 catches it"
+            )
+        } else {
+            let how = if growth > DIES_OUT { "hardly die out" } else { "die out" };
+            write!(f, "without feedback small errors {how}: {left:.0} % are left after a cycle")
+        }
+    }
+}
+
+/// Growth in a plan; `None` where its motion does not repeat, or a leg buckles under its load.
+pub fn per_cycle(plan: &Plan) -> Option<Growth> {
     if plan.motion.ends != Ends::Periodic {
         return None;
     }
@@ -47,7 +81,7 @@ pub fn per_cycle(plan: &Plan) -> Option<f64> {
             instant(plan, &tree, &kinematics, &spline, time_s)
         })
         .collect();
-    growth(&instants?, step_s, plan.end_placement.yaw_rad)
+    growth(&instants?, step_s, plan.end_placement.yaw_rad).map(Growth)
 }
 
 /// Robot and ground at one time.

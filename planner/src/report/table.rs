@@ -5,12 +5,6 @@ use std::fmt;
 
 const HEADER: [&str; 6] = ["residual", "equation", "worst", "tolerance", "unit", "where"];
 
-/// Growth a cycle above which errors grow: those that only stay, such as those of wheels that never leave the ground,
-/// are computed as up to this.
-const GROWS: f64 = 1.2;
-/// Growth a cycle up to which errors are gone after a few cycles.
-const DIES_OUT: f64 = 0.6;
-
 impl fmt::Display for Grid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -58,21 +52,7 @@ impl fmt::Display for Report {
             )?;
         }
         if let Some(growth) = self.growth_per_cycle {
-            let left = 100.0 * growth;
-            match growth {
-                grows if grows > GROWS => writeln!(
-                    f,
-                    "without feedback small errors grow {growth:.1}-fold a cycle, until the robot falls or a foot in swing catches it"
-                ),
-                slow if slow > DIES_OUT => writeln!(
-                    f,
-                    "without feedback small errors hardly die out: {left:.0} % are left after a cycle"
-                ),
-                _ => writeln!(
-                    f,
-                    "without feedback small errors die out: {left:.0} % are left after a cycle"
-                ),
-            }?;
+            writeln!(f, "{growth}")?;
         }
         match self.rows.iter().filter(|row| row.is_beyond()).count() {
             0 => Ok(()),
