@@ -172,7 +172,7 @@ pub struct Args {
     /// Make the requests miss by little, and compare the time that takes with that of a request that is just possible.
     #[arg(long)]
     near: bool,
-    /// Try what is refused again from as many other seeds, to find false verdicts.
+    /// Plan every refused request again with this many other seeds: a plan that converges shows a false verdict.
     #[arg(long, default_value_t = 0, value_name = "SEEDS")]
     harder: u64,
     /// Seed of the numbers that requests are made with.

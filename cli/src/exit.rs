@@ -21,7 +21,7 @@ pub enum Exit {
     Ok,
     /// Bad input, or a file that cannot be read or written.
     BadInput,
-    /// A plan does not hold: the optimiser did not converge, or the motion fails as it is played.
+    /// A plan does not hold: the optimiser did not converge, or a residual between the samples exceeds its tolerance.
     DoesNotHold,
     /// A measured error exceeds its stated bound; a rule of the fault campaign is broken.
     OutOfBounds,

@@ -54,8 +54,8 @@ pub struct Args {
     /// Maximum number of iterations from each starting point [default: 300].
     #[arg(long, value_name = "N")]
     iterations: Option<NonZeroU32>,
-    /// Keep the samples of the motion file. Otherwise a plan that does not hold as it is played is planned again
-    /// with twice the samples, up to eight times.
+    /// Keep the number of samples of the motion file. By default `plan` doubles it when a residual between the samples
+    /// exceeds its tolerance, up to 480 samples.
     #[arg(long)]
     samples_fixed: bool,
     /// Before solving, write all inputs to one file, for a bug report: motion, robot, neighbouring plan and
