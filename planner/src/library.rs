@@ -167,7 +167,7 @@ pub fn build(content: &LibraryContent) -> Result<BuiltLibrary, LibraryError> {
     };
     let plans = content.motions.iter().map(|m| m.plan);
     let plans = plans.chain(content.transitions.iter().map(|t| t.plan));
-    let attitudes: Vec<Attitude> = plans.map(attitude::attitude).collect();
+    let attitudes = plans.map(attitude::attitude).collect::<Result<Vec<_>, _>>()?;
     let bytes = encoded(&spec, &attitudes, &clips).map_err(|error| LibraryError::Encode {
         clips: clips.iter().map(|c| c.name.clone()).collect(),
         error,

@@ -1,13 +1,14 @@
 //! Attitude of the body during a plan, from which the controller's IMU watch gets its limits.
 
+use super::LibraryError;
 use crate::plan::Plan;
-use rollwalk_protocol::library::Attitude;
+use rollwalk_protocol::library::{Attitude, MAX_TILT_RAD};
 
 type Direction = [f64; 3];
 
 /// Mean direction of the world's vertical in the base frame, and the largest angle of a sample's vertical from it,
-/// rad.
-pub fn attitude(plan: &Plan) -> Attitude {
+/// rad; an error where these tilt the body by more than [`MAX_TILT_RAD`].
+pub fn attitude(plan: &Plan) -> Result<Attitude, LibraryError> {
     let ups: Vec<Direction> =
         plan.samples.iter().map(|s| up_in_base(s.base_orientation_wxyz)).collect();
     let sum = ups.iter().fold([0.0; 3], |sum, up| [0, 1, 2].map(|i| sum[i] + up[i]));
@@ -15,7 +16,13 @@ pub fn attitude(plan: &Plan) -> Attitude {
     // A plan without samples has no mean direction, nor has one that turns over: upright is assumed.
     let mean = if length > 1e-6 { sum.map(|x| x / length) } else { [0.0, 0.0, 1.0] };
     let angles = ups.iter().map(|up| dot(up, &mean).clamp(-1.0, 1.0).acos());
-    Attitude { up_body: mean.map(|x| x as f32), spread_rad: angles.fold(0.0, f64::max) as f32 }
+    let spread_rad = angles.fold(0.0, f64::max) as f32;
+    let tilt_rad = mean[2].clamp(-1.0, 1.0).acos() as f32 + spread_rad;
+    // What rounding adds: the encoder looks at quanta.
+    if tilt_rad > MAX_TILT_RAD - 0.005 {
+        return Err(LibraryError::Tilted { motion: plan.motion.name.clone(), tilt_rad });
+    }
+    Ok(Attitude { up_body: mean.map(|x| x as f32), spread_rad })
 }
 
 /// Third row of the rotation matrix: the world's z axis in the base's frame.
@@ -53,7 +60,7 @@ mod tests {
 
     #[test]
     fn nose_down_is_up_ahead_wherever_it_heads() {
-        let a = attitude(&plan_with(|i| [0.7 * i as f64, 0.3, 0.0]));
+        let a = attitude(&plan_with(|i| [0.7 * i as f64, 0.3, 0.0])).unwrap();
         let expected = [-(0.3_f32.sin()), 0.0, 0.3_f32.cos()];
         assert!(a.up_body.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{a:?}");
         assert!(a.spread_rad < 1e-5);
@@ -61,7 +68,18 @@ mod tests {
 
     #[test]
     fn what_rolls_to_and_fro_is_level_on_average_and_spread() {
-        let a = attitude(&plan_with(|i| [0.0, 0.0, if i % 2 == 0 { 0.2 } else { -0.2 }]));
+        let a = attitude(&plan_with(|i| [0.0, 0.0, if i % 2 == 0 { 0.2 } else { -0.2 }])).unwrap();
         assert!((a.up_body[1]).abs() < 0.2 && (a.spread_rad - 0.2).abs() < 0.08, "{a:?}");
+    }
+
+    #[test]
+    fn a_body_that_turns_over_makes_no_library() {
+        for ypr in [[0.0, 1.2, 0.0], [0.0, 0.0, 3.1]] {
+            let refused = attitude(&plan_with(|_| ypr)).unwrap_err().to_string();
+            assert!(
+                refused.contains("still: its body tilts by") && refused.contains("60°"),
+                "{refused}"
+            );
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Reasons for which plans do not make a library.
 
-use rollwalk_protocol::library::{EncodeError, Reject};
+use rollwalk_protocol::library::{EncodeError, MAX_TILT_RAD, Reject};
 use rollwalk_robot::InvalidRobot;
 use thiserror::Error;
 
@@ -79,6 +79,17 @@ pub enum LibraryError {
         limit: f64,
         /// Unit of the value.
         unit: &'static str,
+    },
+    /// A motion tilts its body further than a controller's tilt protection allows.
+    #[error(
+        "{motion}: its body tilts by {tilt_rad:.3} rad; a library takes up to {MAX_TILT_RAD:.3} rad (60°), because the \
+         controller could not tell more from a fall"
+    )]
+    Tilted {
+        /// The motion or transition.
+        motion: String,
+        /// Mean tilt and largest deviation from it, rad.
+        tilt_rad: f32,
     },
     /// The encoder refuses the library.
     #[error("{error} (clips in order: {})", .clips.join(", "))]

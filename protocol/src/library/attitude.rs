@@ -6,8 +6,9 @@ use super::records::AttitudeRecord;
 const DIRECTION_LSB: f32 = 1.0 / 16384.0;
 /// Quantum of the spread, rad.
 const SPREAD_LSB_RAD: f32 = 1e-3;
-/// Half a turn, in quanta: there is no larger spread.
-const MAX_SPREAD: u16 = 3142;
+/// Largest tilt of the body in a clip, rad: the angle between up and the robot's own top, and how far up strays from
+/// there. A library that allows more would switch tilt protection off: a robot that leans so far lies on the ground.
+pub const MAX_TILT_RAD: f32 = core::f32::consts::FRAC_PI_3;
 
 /// The direction of "up" during a clip, and how far it strays from there.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,7 +23,7 @@ impl Attitude {
     /// A level body.
     pub const LEVEL: Self = Self { up_body: [0.0, 0.0, 1.0], spread_rad: 0.0 };
 
-    /// The nearest record; `None` for what is no direction or no angle of at most half a turn.
+    /// The nearest record; `None` for what is no direction, no angle, or beyond [`MAX_TILT_RAD`].
     pub(super) fn record(&self) -> Option<AttitudeRecord> {
         let nearest = |x: f32| (x / DIRECTION_LSB + if x < 0.0 { -0.5 } else { 0.5 }) as i16;
         let [up_x, up_y, up_z] = self.up_body.map(nearest);
@@ -32,11 +33,46 @@ impl Attitude {
         (spread >= 0.5 && Self::of(&record).is_some()).then_some(record)
     }
 
-    /// What a record says; `None` when that is no direction or more than half a turn.
+    /// What a record says; `None` when that is no direction, or beyond [`MAX_TILT_RAD`].
     pub(super) fn of(record: &AttitudeRecord) -> Option<Self> {
         let up_body = [record.up_x, record.up_y, record.up_z].map(|x| f32::from(x) * DIRECTION_LSB);
         let length_squared = up_body.iter().map(|x| x * x).sum::<f32>();
-        let sound = (length_squared - 1.0).abs() < 0.01 && record.spread <= MAX_SPREAD;
-        sound.then_some(Self { up_body, spread_rad: f32::from(record.spread) * SPREAD_LSB_RAD })
+        let spread_rad = f32::from(record.spread) * SPREAD_LSB_RAD;
+        let sound = (length_squared - 1.0).abs() < 0.01
+            && spread_rad <= MAX_TILT_RAD
+            && up_body[2] >= cosine(MAX_TILT_RAD - spread_rad);
+        sound.then_some(Self { up_body, spread_rad })
+    }
+}
+
+/// Cosine of an angle from 0 to [`MAX_TILT_RAD`]; at most 0.002 too large.
+fn cosine(angle_rad: f32) -> f32 {
+    let square = angle_rad * angle_rad;
+    1.0 - square / 2.0 + square * square / 24.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// However a direction and a spread share a tilt.
+        #[test]
+        fn what_tilts_further_than_a_robot_stands_is_no_attitude(
+            tilt in 0.0..3.1_f32, spread in 0.0..3.1_f32, about in 0.0..6.3_f32,
+        ) {
+            let up_body = [tilt.sin() * about.cos(), tilt.sin() * about.sin(), tilt.cos()];
+            let attitude = Attitude { up_body, spread_rad: spread };
+            // Quanta of both, and the cosine.
+            let margin_rad = 0.004;
+            match attitude.record() {
+                Some(record) => {
+                    prop_assert!(tilt + spread < MAX_TILT_RAD + margin_rad);
+                    prop_assert!(Attitude::of(&record).is_some());
+                }
+                None => prop_assert!(tilt + spread > MAX_TILT_RAD - margin_rad),
+            }
+        }
     }
 }

@@ -48,7 +48,7 @@ mod validate_graph;
 mod view;
 mod writer;
 
-pub use attitude::Attitude;
+pub use attitude::{Attitude, MAX_TILT_RAD};
 pub use check::Entry;
 pub use container::identity;
 pub use cursor::{Advance, ClipCursor, Unreadable};

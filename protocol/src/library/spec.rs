@@ -241,8 +241,10 @@ pub enum EncodeError {
         /// Their code.
         code: u8,
     },
-    /// The attitude of a clip is missing, or is not a unit vector with an angle.
-    #[error("{clip}: its attitude must be a unit vector and an angle from 0 to π rad")]
+    /// The attitude of a clip is missing, or is not a unit vector with an angle, or beyond [`MAX_TILT_RAD`](super::MAX_TILT_RAD).
+    #[error(
+        "{clip}: its attitude must be a unit vector and an angle, together at most 60° from upright"
+    )]
     Attitude {
         /// The clip.
         clip: ClipRef,

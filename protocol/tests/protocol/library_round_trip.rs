@@ -1,9 +1,10 @@
 //! What goes into a library comes out of it.
 
 use crate::fixture::{Fixture, TROT_EXIT};
+use crate::reseal::{find_section, reseal};
 use rollwalk_protocol::library::{
     Advance, Attitude, ClipCursor, ClipId, ClipKind, ClipRef, Edge, EdgeId, EncodeError, Entry,
-    Library, LibrarySpec, NodeId, Unreadable, encode_with_attitudes, validate,
+    Library, LibrarySpec, NodeId, Unreadable, Why, encode_with_attitudes, validate,
 };
 
 #[test]
@@ -178,13 +179,24 @@ fn attitudes_come_back_and_a_library_without_says_none() {
     for bad in [
         Attitude { spread_rad: -0.1, ..Attitude::LEVEL },
         Attitude { spread_rad: f32::NAN, ..Attitude::LEVEL },
-        Attitude { spread_rad: 3.2, ..Attitude::LEVEL },
+        Attitude { spread_rad: 1.1, ..Attitude::LEVEL },
+        Attitude { up_body: [0.0, 0.0, -1.0], ..Attitude::LEVEL },
+        Attitude { spread_rad: 0.45, ..bowed },
         Attitude { up_body: [0.0, 0.0, 0.9], ..Attitude::LEVEL },
         Attitude { up_body: [f32::NAN; 3], ..Attitude::LEVEL },
     ] {
         attitudes[1] = bad;
         let clip = ClipRef::Motion(1);
         assert_eq!(told(&attitudes), Err(EncodeError::Attitude { clip }), "{bad:?}");
+    }
+    // A file that claims more, with valid checksums, would switch tilt protection off.
+    let clips = find_section(&bytes, 3).unwrap();
+    for (at, value) in [(17, 3142_u16), (15, (-16384_i16) as u16)] {
+        let mut forged = bytes.clone();
+        forged[clips.start + at..][..2].copy_from_slice(&value.to_le_bytes());
+        reseal(&mut forged);
+        let reject = validate(&forged, &f.config).unwrap_err();
+        assert!(matches!(reject.why, Why::BadClip { clip: ClipId(0) }), "{reject}");
     }
     attitudes.truncate(1);
     assert!(matches!(told(&attitudes), Err(EncodeError::Attitude { .. })));
