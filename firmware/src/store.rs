@@ -39,9 +39,9 @@ pub trait LibraryStore {
     /// Largest library, bytes.
     fn capacity(&self) -> usize;
 
-    /// Makes room for a library of `len` bytes with that CRC-32C. Returns the count of its leading bytes that an
+    /// Makes room for a library of `len` bytes with that digest. Returns the count of its leading bytes that an
     /// interrupted transfer has already stored.
-    fn begin(&mut self, len: usize, crc32c: u32) -> Result<usize, StoreError>;
+    fn begin(&mut self, len: usize, digest: u32) -> Result<usize, StoreError>;
 
     /// Writes `data` at `offset` of the incoming library. `offset` is at most the count of stored bytes; bytes that
     /// are already stored are skipped.

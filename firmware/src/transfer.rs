@@ -12,11 +12,11 @@ use crate::store::{LibraryStore, StoreError};
 use rollwalk_protocol::faults::Event;
 use rollwalk_protocol::wire::State;
 
-/// A transfer: announced length and CRC, and received bytes.
+/// A transfer: announced length and digest, and received bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Transfer {
     len: u32,
-    crc32c: u32,
+    digest: u32,
     next: u32,
 }
 
@@ -153,13 +153,13 @@ impl<S: LibraryStore> LibraryStorage<S> {
         let result = if may_write {
             match *request {
                 Request::Hello { .. } | Request::Log { .. } => TransferResult::UnknownRequest,
-                Request::Begin { len, crc32c } => self.begin(len, crc32c, config),
+                Request::Begin { len, digest } => self.begin(len, digest, config),
                 Request::Block { offset, bytes } => self.block(offset, bytes),
                 Request::Finish => match self.finish(config) {
                     Ok(result) => result,
                     Err(reject) => return Reply::rejected(request.kind(), &reject),
                 },
-                Request::Activate { crc32c } => self.activate(crc32c),
+                Request::Activate { digest } => self.activate(digest),
             }
         } else {
             TransferResult::WrongState
@@ -167,8 +167,8 @@ impl<S: LibraryStore> LibraryStorage<S> {
         Reply::new(request.kind(), result, self.next())
     }
 
-    fn begin(&mut self, len: u32, crc32c: u32, config: &RobotConfig) -> TransferResult {
-        if self.transfer.is_some_and(|t| (t.len, t.crc32c) == (len, crc32c)) {
+    fn begin(&mut self, len: u32, digest: u32, config: &RobotConfig) -> TransferResult {
+        if self.transfer.is_some_and(|t| (t.len, t.digest) == (len, digest)) {
             // The same request resumes the transfer.
             return TransferResult::Ok;
         }
@@ -181,7 +181,7 @@ impl<S: LibraryStore> LibraryStorage<S> {
         self.active = None;
         self.reject = None;
         self.proof = Proof::None;
-        let begun = self.store.begin(size, crc32c);
+        let begun = self.store.begin(size, digest);
         if self.store.keeps_library() {
             // The same library as before, or the previous one if that was on trial.
             self.load(config);
@@ -189,7 +189,7 @@ impl<S: LibraryStore> LibraryStorage<S> {
         match begun {
             Ok(next) => {
                 let next = u32::try_from(next).unwrap_or(0).min(len);
-                self.transfer = Some(Transfer { len, crc32c, next });
+                self.transfer = Some(Transfer { len, digest, next });
                 TransferResult::Ok
             }
             Err(error) => result(error),
@@ -247,11 +247,11 @@ impl<S: LibraryStore> LibraryStorage<S> {
         }
     }
 
-    fn activate(&mut self, crc32c: u32) -> TransferResult {
+    fn activate(&mut self, digest: u32) -> TransferResult {
         let (Some(transfer), Some(index)) = (self.transfer, self.finished) else {
             return TransferResult::NotFinished;
         };
-        if transfer.crc32c != crc32c {
+        if transfer.digest != digest {
             return TransferResult::NotFinished;
         }
         match self.store.activate() {
@@ -296,7 +296,7 @@ mod tests {
     use crate::store::tests::config;
     use crate::store::{FlashStore, RamStore};
     use TransferResult as R;
-    use rollwalk_protocol::crc::crc32c;
+    use rollwalk_protocol::crc::file_digest;
     use rollwalk_protocol::library::{LibrarySpec, MotionSpec, encode};
 
     fn library(config: &RobotConfig) -> heapless::Vec<u8, 1024> {
@@ -320,13 +320,13 @@ mod tests {
     }
 
     fn begin(bytes: &[u8]) -> Request<'static> {
-        Request::Begin { len: bytes.len() as u32, crc32c: crc32c(bytes) }
+        Request::Begin { len: bytes.len() as u32, digest: file_digest(bytes) }
     }
 
     #[test]
     fn arrives_in_blocks_and_is_used_only_after_activation() {
         let bytes = library(&config());
-        let crc = crc32c(&bytes);
+        let digest = file_digest(&bytes);
         let mut storage = LibraryStorage::new(RamStore::<1024>::new());
         assert_eq!(send(&mut storage, Request::Finish), (R::NotBegun, 0));
         assert_eq!(
@@ -355,17 +355,17 @@ mod tests {
             send(&mut storage, Request::Block { offset: 50, bytes: &bytes[50..] }),
             (R::Ok, n)
         );
-        assert_eq!(send(&mut storage, Request::Activate { crc32c: crc }), (R::NotFinished, n));
+        assert_eq!(send(&mut storage, Request::Activate { digest }), (R::NotFinished, n));
         assert_eq!(send(&mut storage, Request::Finish), (R::Ok, n));
         assert!(storage.library().is_none());
-        assert_eq!(send(&mut storage, Request::Activate { crc32c: !crc }), (R::NotFinished, n));
-        assert_eq!(send(&mut storage, Request::Activate { crc32c: crc }), (R::Ok, n));
+        assert_eq!(send(&mut storage, Request::Activate { digest: !digest }), (R::NotFinished, n));
+        assert_eq!(send(&mut storage, Request::Activate { digest }), (R::Ok, n));
         assert!(storage.library().is_some());
 
         // For another library the store changes, and the active one is dropped.
-        assert_eq!(send(&mut storage, Request::Begin { len: 4000, crc32c: 1 }).0, R::TooLong);
+        assert_eq!(send(&mut storage, Request::Begin { len: 4000, digest: 1 }).0, R::TooLong);
         assert!(storage.library().is_some());
-        assert_eq!(send(&mut storage, Request::Begin { len: 400, crc32c: 1 }), (R::Ok, 0));
+        assert_eq!(send(&mut storage, Request::Begin { len: 400, digest: 1 }), (R::Ok, 0));
         assert!(storage.library().is_none());
     }
 
@@ -381,7 +381,7 @@ mod tests {
         assert!(storage.is_for_another_robot());
 
         let bytes = library(&config());
-        send(&mut storage, Request::Begin { len: bytes.len() as u32, crc32c: 7 });
+        send(&mut storage, Request::Begin { len: bytes.len() as u32, digest: 7 });
         send(&mut storage, Request::Block { offset: 0, bytes: &bytes });
         assert_eq!(send(&mut storage, Request::Finish).0, R::BadCrc);
         // The transfer begins from the start, not where the damaged one ended.
@@ -397,7 +397,7 @@ mod tests {
             begin(&bytes),
             Request::Block { offset: 0, bytes: &bytes },
             Request::Finish,
-            Request::Activate { crc32c: 0 },
+            Request::Activate { digest: 0 },
         ] {
             assert_eq!(storage.handle(&request, false, &config()).result, R::WrongState);
         }
@@ -453,7 +453,7 @@ mod tests {
     #[test]
     fn resumes_after_a_reset_and_rolls_back_what_never_played() {
         let first = library(&config());
-        let (len, crc) = (first.len() as u32, crc32c(&first));
+        let (len, digest) = (first.len() as u32, file_digest(&first));
         assert!(len > 100);
         let mut storage = LibraryStorage::new(FlashStore::mount(Flash::blank(12), 2).unwrap());
         assert_eq!(ask(&mut storage, begin(&first)), (R::Ok, 0));
@@ -466,8 +466,8 @@ mod tests {
         let rest = Request::Block { offset: 64, bytes: &first[64..] };
         assert_eq!(ask(&mut storage, rest), (R::Ok, len));
         assert_eq!(ask(&mut storage, Request::Finish), (R::Ok, len));
-        assert_eq!(ask(&mut storage, Request::Activate { crc32c: crc }), (R::Ok, len));
-        assert_eq!(ask(&mut storage, Request::Activate { crc32c: crc }), (R::Ok, len));
+        assert_eq!(ask(&mut storage, Request::Activate { digest }), (R::Ok, len));
+        assert_eq!(ask(&mut storage, Request::Activate { digest }), (R::Ok, len));
         // A return to SAFE before the motion has left it proves nothing.
         storage.observe(Event::MotionStarted);
         storage.on_clip(ClipId(0));
@@ -504,7 +504,7 @@ mod tests {
         assert_eq!(ask(&mut storage, Request::Block { offset: 0, bytes: &second }).0, R::Ok);
         let finish = storage.handle(&Request::Finish, true, &other);
         assert_eq!(finish.result, R::Ok);
-        assert_eq!(ask(&mut storage, Request::Activate { crc32c: crc32c(&second) }).0, R::Ok);
+        assert_eq!(ask(&mut storage, Request::Activate { digest: file_digest(&second) }).0, R::Ok);
         assert!(storage.on_trial());
         let storage = reset(storage);
         assert!(!storage.on_trial() && storage.reject().is_none());

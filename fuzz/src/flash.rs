@@ -4,7 +4,7 @@
 extern crate std;
 
 use rollwalk_firmware::store::{FlashParameters, FlashStore, LibraryStore};
-use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::crc::file_digest;
 
 /// Flash that can fail in every way that flash fails.
 #[path = "../../firmware/src/store/tests/nor.rs"]
@@ -20,7 +20,7 @@ const TRIAL_BOOTS: u8 = 3;
 pub fn store(library: Option<&[u8]>) -> FlashStore<Flash> {
     let mut store = FlashStore::mount(Flash::blank(18), TRIAL_BOOTS).expect("sound geometry");
     if let Some(bytes) = library {
-        store.begin(bytes.len(), crc32c(bytes)).expect("there is room");
+        store.begin(bytes.len(), file_digest(bytes)).expect("there is room");
         store.write(0, bytes).expect("flash that works");
         store.seal().expect("flash that works");
         store.activate().expect("flash that works");

@@ -6,7 +6,7 @@ mod forge;
 
 use arbitrary::{Result, Unstructured};
 use rollwalk_firmware::store::{FlashStore, LibraryStore, MappedFlash, StoreError};
-use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::crc::file_digest;
 
 use crate::flash::nor::{ALL_TORN, Torn};
 use crate::watched::{Power, Watched};
@@ -90,17 +90,17 @@ impl Bench {
         }
         let bytes = self.store().bytes().to_vec();
         if bytes.is_empty() {
-            let empty_image = self.found.contains(&crc32c(&[]));
+            let empty_image = self.found.contains(&file_digest(&[]));
             assert!(self.may_be_empty || empty_image, "nothing plays any more");
             return;
         }
-        let known = self.allowed.contains(&bytes) || self.found.contains(&crc32c(&bytes));
+        let known = self.allowed.contains(&bytes) || self.found.contains(&file_digest(&bytes));
         assert!(known, "{} bytes play that nobody stored", bytes.len());
     }
 
     fn begin(&mut self, number: u8) -> Result<usize, StoreError> {
         self.candidate = library(number);
-        let (len, crc) = (self.candidate.len(), crc32c(&self.candidate));
+        let (len, crc) = (self.candidate.len(), file_digest(&self.candidate));
         let have = self.store().begin(len, crc)?;
         assert!(have <= len);
         Ok(have)
@@ -122,7 +122,7 @@ impl Bench {
         let candidate = self.candidate.clone();
         // In foreign flash a transfer may have been finished that nobody here began.
         let received = self.store().received().to_vec();
-        assert!(received == candidate || self.found.contains(&crc32c(&received)));
+        assert!(received == candidate || self.found.contains(&file_digest(&received)));
         Ok(())
     }
 

@@ -127,10 +127,10 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let requests = [
         Request::Hello { major: 1, minor: 0 },
         Request::Log { since: 3 },
-        Request::Begin { len: 1000, crc32c: 7 },
+        Request::Begin { len: 1000, digest: 7 },
         Request::Block { offset: 512, bytes: b"some of the library" },
         Request::Finish,
-        Request::Activate { crc32c: 7 },
+        Request::Activate { digest: 7 },
     ];
     let messages = requests.map(|r| r.encode(&mut out).expect("fits").to_vec());
     let reply = Reply::new(0x10, TransferResult::Ok, 0);

@@ -1,12 +1,15 @@
-//! The two checksums of this crate: CRC-32C over stored or long data, CRC-8 over single CAN frames.
+//! The checksums of this crate: CRC-32C over stored or long data, CRC-8 over single CAN frames, and the digest of a whole
+//! file.
 //!
 //! CAN has its own CRC, but bridges (serial adapters, drivers with queues) lose, repeat and reorder
 //! whole frames and may damage them outside the reach of that CRC.
 
-use crc::{CRC_8_AUTOSAR, CRC_32_ISCSI, Crc};
+use crc::{CRC_8_AUTOSAR, CRC_32_ISCSI, CRC_32_ISO_HDLC, Crc, NoTable};
 
 static CRC_32C: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 static CRC_8: Crc<u8> = Crc::<u8>::new(&CRC_8_AUTOSAR);
+/// Without a table: whole files are looked at rarely, and a kilobyte of flash is worth more.
+static DIGEST: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// CRC-32C (Castagnoli; polynomial 0x1EDC6F41, reflected, initial value and final XOR all ones).
 pub fn crc32c(bytes: &[u8]) -> u32 {
@@ -17,6 +20,23 @@ pub fn crc32c(bytes: &[u8]) -> u32 {
 pub fn crc32c_append(before: u32, bytes: &[u8]) -> u32 {
     // The register is the CRC before its final XOR, and a reflected one takes its start reversed.
     let mut digest = CRC_32C.digest_with_initial((!before).reverse_bits());
+    digest.update(bytes);
+    digest.finalize()
+}
+
+/// What tells whole files apart: CRC-32/ISO-HDLC, that of zlib and Ethernet (polynomial 0x04C11DB7, reflected, initial value
+/// and final XOR all ones).
+///
+/// Not CRC-32C: libraries contain blocks that end with their own CRC-32C, and to the same polynomial each of them
+/// looks like any other of its length.
+pub fn file_digest(bytes: &[u8]) -> u32 {
+    DIGEST.checksum(bytes)
+}
+
+/// Digest of bytes whose digest is `before`, with `bytes` after them. Nothing has the digest 0.
+pub fn file_digest_append(before: u32, bytes: &[u8]) -> u32 {
+    // As for CRC-32C.
+    let mut digest = DIGEST.digest_with_initial((!before).reverse_bits());
     digest.update(bytes);
     digest.finalize()
 }
@@ -39,6 +59,7 @@ mod tests {
     #[test]
     fn published_check_values() {
         assert_eq!(crc32c(b"123456789"), 0xE306_9283);
+        assert_eq!(file_digest(b"123456789"), 0xCBF4_3926);
         let id = u16::from_le_bytes(*b"12");
         assert_eq!(crc8_with_id(id, b"3456789"), 0xDF);
     }
@@ -47,5 +68,17 @@ mod tests {
     fn pieces_are_one() {
         assert_eq!(crc32c_append(crc32c_append(0, b"12345"), b"6789"), crc32c(b"123456789"));
         assert_eq!(crc32c_append(crc32c(b"123456789"), b""), crc32c(b"123456789"));
+        assert_eq!(
+            file_digest_append(file_digest_append(0, b"12345"), b"6789"),
+            file_digest(b"123456789")
+        );
+    }
+
+    #[test]
+    fn a_block_with_its_own_checksum_does_not_hide_from_the_digest() {
+        let sealed = |body: &[u8]| [body, &crc32c(body).to_le_bytes()].concat();
+        let (a, b) = (sealed(b"major 1"), sealed(b"major 2"));
+        assert_eq!(crc32c(&a), crc32c(&b));
+        assert_ne!(file_digest(&a), file_digest(&b));
     }
 }

@@ -13,7 +13,7 @@
 //! | [`serial`] | the link over a serial line | `docs/wire-format.md` |
 //! | [`slcan`] | CAN frames as lines of text, for adapters that speak Lawicel's protocol | |
 //! | [`can`] | a CAN frame as a value, and how many bits it takes | |
-//! | [`crc`] | the two checksums that all of it uses | |
+//! | [`crc`] | the checksums that all of it uses | |
 //! | [`time`] | division of times | |
 //!
 //! No std, no alloc, no `unsafe`, no panics whatever the input. Everything that decodes takes

@@ -2,7 +2,7 @@
 //! flash that is simulated in RAM.
 
 use rollwalk_firmware::store::{FlashParameters, FlashStore, LibraryStore, RamFlash};
-use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::crc::file_digest;
 use rollwalk_protocol::wire::transport::MAX_BLOCK;
 
 /// Size of the flash, bytes: two libraries of up to 1 MiB, and the store's log.
@@ -33,7 +33,7 @@ pub fn mounted_again(
 /// A store with an active library that is not on trial.
 pub fn with(library: &[u8]) -> SimStore {
     let mut store = blank();
-    let crc = crc32c(library);
+    let crc = file_digest(library);
     store.begin(library.len(), crc).expect("the library fits");
     // In blocks, as over the link.
     for (number, block) in library.chunks(MAX_BLOCK).enumerate() {

@@ -58,7 +58,7 @@ impl<F: MappedFlash> FlashStore<F> {
 
     /// Selects the library to use after a reset.
     fn choose(&mut self) {
-        if let Candidate::Trial { len, crc32c, boots_left } = self.state.candidate {
+        if let Candidate::Trial { len, digest, boots_left } = self.state.candidate {
             let image = self.state.candidate_image().filter(|&i| self.is_intact(i));
             if let Some(image) = image {
                 // Without a library to roll back to, boots are not counted.
@@ -69,7 +69,7 @@ impl<F: MappedFlash> FlashStore<F> {
                 // The boot is counted before the library is used, so that a library that crashes the controller is
                 // rolled back too.
                 if let Some(boots_left) = boots_left.checked_sub(1) {
-                    let candidate = Candidate::Trial { len, crc32c, boots_left };
+                    let candidate = Candidate::Trial { len, digest, boots_left };
                     if self.save(StoreState { candidate, ..self.state }).is_ok() {
                         self.active = Some(image);
                         return;
@@ -152,12 +152,12 @@ impl<F: MappedFlash> FlashStore<F> {
 
     /// Records the progress, from which the transfer can be resumed after a reset.
     fn note(&mut self, written: usize) -> Result<(), StoreError> {
-        let Candidate::Receiving { len, crc32c, .. } = self.state.candidate else {
+        let Candidate::Receiving { len, digest, .. } = self.state.candidate else {
             return Err(StoreError::OutOfRange);
         };
         let have = u32::try_from(written).unwrap_or(u32::MAX).min(len);
         self.save(StoreState {
-            candidate: Candidate::Receiving { len, crc32c, have },
+            candidate: Candidate::Receiving { len, digest, have },
             ..self.state
         })
     }
@@ -168,7 +168,7 @@ impl<F: MappedFlash> LibraryStore for FlashStore<F> {
         slots::capacity(&self.flash)
     }
 
-    fn begin(&mut self, len: usize, crc32c: u32) -> Result<usize, StoreError> {
+    fn begin(&mut self, len: usize, digest: u32) -> Result<usize, StoreError> {
         let announced = u32::try_from(len).map_err(|_| StoreError::OutOfRange)?;
         if len > self.capacity() {
             return Err(StoreError::OutOfRange);
@@ -176,7 +176,7 @@ impl<F: MappedFlash> LibraryStore for FlashStore<F> {
         self.upload = None;
         self.sealed = false;
         let have = match self.state.candidate {
-            Candidate::Receiving { len: l, crc32c: c, have } if (l, c) == (announced, crc32c) => {
+            Candidate::Receiving { len: l, digest: c, have } if (l, c) == (announced, digest) => {
                 usize::try_from(have).unwrap_or(0)
             }
             _ => 0,
@@ -185,7 +185,7 @@ impl<F: MappedFlash> LibraryStore for FlashStore<F> {
         let resumes = have == len || have.is_multiple_of(F::ERASE_SIZE);
         let written = if resumes { have } else { 0 };
         if written == 0 {
-            let candidate = Candidate::Receiving { len: announced, crc32c, have: 0 };
+            let candidate = Candidate::Receiving { len: announced, digest, have: 0 };
             self.save(StoreState { candidate, ..self.state })?;
             // A library on trial is being overwritten; the confirmed one is used instead.
             self.active = self.intact_confirmed();
@@ -233,8 +233,8 @@ impl<F: MappedFlash> LibraryStore for FlashStore<F> {
     fn activate(&mut self) -> Result<(), StoreError> {
         let image = self.state.candidate_image().filter(|_| self.sealed);
         let image = image.ok_or(StoreError::NotSealed)?;
-        if let Candidate::Receiving { len, crc32c, .. } = self.state.candidate {
-            let candidate = Candidate::Trial { len, crc32c, boots_left: self.trial_boots };
+        if let Candidate::Receiving { len, digest, .. } = self.state.candidate {
+            let candidate = Candidate::Trial { len, digest, boots_left: self.trial_boots };
             self.save(StoreState { candidate, ..self.state })?;
         }
         self.active = Some(image);
@@ -265,9 +265,9 @@ impl<F: MappedFlash> LibraryStore for FlashStore<F> {
         }
         let image = self.state.candidate_image().filter(|&image| Some(image) == self.active);
         let confirmed = image.ok_or(StoreError::NotSealed)?;
-        let Image { slot, len, crc32c } = confirmed;
+        let Image { slot, len, digest } = confirmed;
         let generation = self.log.generation.saturating_add(1);
-        slots::write_footer(&mut self.flash, slot, Footer { generation, len, crc32c });
+        slots::write_footer(&mut self.flash, slot, Footer { generation, len, digest });
         self.save(StoreState { confirmed: Some(confirmed), candidate: Candidate::None })?;
         self.upload = None;
         self.sealed = false;

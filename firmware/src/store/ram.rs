@@ -1,6 +1,6 @@
 //! Library store in RAM: for tests, and for boards that receive their library after every start.
 
-use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::crc::file_digest;
 
 use super::{LibraryStore, StoreError};
 
@@ -9,20 +9,20 @@ use super::{LibraryStore, StoreError};
 pub struct RamStore<const N: usize> {
     memory: [u8; N],
     len: usize,
-    crc32c: u32,
+    digest: u32,
     sealed: bool,
 }
 
 impl<const N: usize> RamStore<N> {
     /// An empty store.
     pub const fn new() -> Self {
-        Self { memory: [0; N], len: 0, crc32c: 0, sealed: false }
+        Self { memory: [0; N], len: 0, digest: 0, sealed: false }
     }
 
     /// A store that holds `library`.
     pub fn holding(library: &[u8]) -> Result<Self, StoreError> {
         let mut store = Self::new();
-        store.begin(library.len(), crc32c(library))?;
+        store.begin(library.len(), file_digest(library))?;
         store.write(0, library)?;
         store.seal()?;
         Ok(store)
@@ -44,11 +44,11 @@ impl<const N: usize> LibraryStore for RamStore<N> {
         N
     }
 
-    fn begin(&mut self, len: usize, crc32c: u32) -> Result<usize, StoreError> {
+    fn begin(&mut self, len: usize, digest: u32) -> Result<usize, StoreError> {
         self.abandon();
         self.memory.get_mut(..len).ok_or(StoreError::OutOfRange)?.fill(0xFF);
         self.len = len;
-        self.crc32c = crc32c;
+        self.digest = digest;
         Ok(0)
     }
 
@@ -62,7 +62,7 @@ impl<const N: usize> LibraryStore for RamStore<N> {
     }
 
     fn seal(&mut self) -> Result<(), StoreError> {
-        self.sealed = crc32c(self.content()) == self.crc32c;
+        self.sealed = file_digest(self.content()) == self.digest;
         if self.sealed { Ok(()) } else { Err(StoreError::Damaged) }
     }
 
@@ -95,7 +95,7 @@ mod tests {
         assert_eq!(store.write(0, &[1]), Err(StoreError::OutOfRange));
         assert_eq!(store.begin(9, 0), Err(StoreError::OutOfRange));
         let library = [0xFF, 0xFF, 0xFF, 0xFF, 1, 2];
-        assert_eq!(store.begin(6, crc32c(&library)), Ok(0));
+        assert_eq!(store.begin(6, file_digest(&library)), Ok(0));
         assert_eq!(store.write(4, &[1, 2]), Ok(()));
         assert_eq!(store.write(4, &[1, 2]), Ok(()));
         assert_eq!(store.write(5, &[1, 2]), Err(StoreError::OutOfRange));

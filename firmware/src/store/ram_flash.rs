@@ -73,7 +73,7 @@ impl<M: AsRef<[u8]> + AsMut<[u8]>> MappedFlash for RamFlash<M> {
 mod tests {
     use super::*;
     use crate::store::{FlashStore, LibraryStore};
-    use rollwalk_protocol::crc::crc32c;
+    use rollwalk_protocol::crc::file_digest;
 
     #[test]
     fn bits_fall_and_rise_only_by_erasing() {
@@ -95,7 +95,7 @@ mod tests {
             let mut store = FlashStore::mount(RamFlash::new([filling; 5 * 4096]), 3).unwrap();
             assert!(store.bytes().is_empty());
             let library = [1, 2, 3, 4, 5];
-            assert_eq!(store.begin(5, crc32c(&library)), Ok(0));
+            assert_eq!(store.begin(5, file_digest(&library)), Ok(0));
             store.write(0, &library).unwrap();
             store.seal().unwrap();
             store.activate().unwrap();

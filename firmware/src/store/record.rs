@@ -31,12 +31,12 @@ impl Slot {
     }
 }
 
-/// Place, length and checksum of a library.
+/// Place, length and digest of a library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Image {
     pub slot: Slot,
     pub len: u32,
-    pub crc32c: u32,
+    pub digest: u32,
 }
 
 /// Content of the slot that does not hold the confirmed library.
@@ -45,9 +45,9 @@ pub(super) enum Candidate {
     /// Nothing of use.
     None,
     /// A library being received, of which the first `have` bytes are stored.
-    Receiving { len: u32, crc32c: u32, have: u32 },
+    Receiving { len: u32, digest: u32, have: u32 },
     /// A library on trial, rolled back to the confirmed one after `boots_left` more boots.
-    Trial { len: u32, crc32c: u32, boots_left: u8 },
+    Trial { len: u32, digest: u32, boots_left: u8 },
 }
 
 /// State of the store that must survive a reset.
@@ -67,10 +67,10 @@ impl StoreState {
     pub fn candidate_image(&self) -> Option<Image> {
         let slot = self.candidate_slot();
         match self.candidate {
-            Candidate::Receiving { len, crc32c, have } if have == len => {
-                Some(Image { slot, len, crc32c })
+            Candidate::Receiving { len, digest, have } if have == len => {
+                Some(Image { slot, len, digest })
             }
-            Candidate::Trial { len, crc32c, .. } => Some(Image { slot, len, crc32c }),
+            Candidate::Trial { len, digest, .. } => Some(Image { slot, len, digest }),
             _ => None,
         }
     }
@@ -83,20 +83,20 @@ impl Record<RECORD_LEN> for StoreState {
             Some(Image { slot: Slot::A, .. }) => 1,
             Some(Image { slot: Slot::B, .. }) => 2,
         };
-        let confirmed = self.confirmed.map_or((0, 0), |image| (image.len, image.crc32c));
-        let (kind, boots_left, len, crc, have) = match self.candidate {
+        let confirmed = self.confirmed.map_or((0, 0), |image| (image.len, image.digest));
+        let (kind, boots_left, len, digest, have) = match self.candidate {
             Candidate::None => (0, 0, 0, 0, 0),
-            Candidate::Receiving { len, crc32c, have } => (1, 0, len, crc32c, have),
-            Candidate::Trial { len, crc32c, boots_left } => (2, boots_left, len, crc32c, len),
+            Candidate::Receiving { len, digest, have } => (1, 0, len, digest, have),
+            Candidate::Trial { len, digest, boots_left } => (2, boots_left, len, digest, len),
         };
         let head = u32::from_le_bytes([MAGIC, slot | kind << 4, boots_left, 0]);
-        sealed([generation, head, confirmed.0, confirmed.1, len, crc, have])
+        sealed([generation, head, confirmed.0, confirmed.1, len, digest, have])
     }
 
     fn decode(bytes: &[u8; RECORD_LEN]) -> Option<(u32, StoreState)> {
-        let [generation, head, confirmed_len, confirmed_crc, len, crc32c, have] = opened(bytes)?;
+        let [generation, head, confirmed_len, confirmed_digest, len, digest, have] = opened(bytes)?;
         let [MAGIC, kinds, boots_left, 0] = head.to_le_bytes() else { return None };
-        let confirmed = |slot| Some(Image { slot, len: confirmed_len, crc32c: confirmed_crc });
+        let confirmed = |slot| Some(Image { slot, len: confirmed_len, digest: confirmed_digest });
         let confirmed = match kinds & 0xF {
             0 => None,
             1 => confirmed(Slot::A),
@@ -105,8 +105,8 @@ impl Record<RECORD_LEN> for StoreState {
         };
         let candidate = match kinds >> 4 {
             0 => Candidate::None,
-            1 if have <= len => Candidate::Receiving { len, crc32c, have },
-            2 => Candidate::Trial { len, crc32c, boots_left },
+            1 if have <= len => Candidate::Receiving { len, digest, have },
+            2 => Candidate::Trial { len, digest, boots_left },
             _ => return None,
         };
         Some((generation, StoreState { confirmed, candidate }))
@@ -119,19 +119,19 @@ pub(super) struct Footer {
     /// Generation of the record that confirmed it; the highest is the newest.
     pub generation: u32,
     pub len: u32,
-    pub crc32c: u32,
+    pub digest: u32,
 }
 
 impl Footer {
     pub fn encode(&self) -> [u8; RECORD_LEN] {
         let [a, b, c, d, e, f, g, h] = FOOTER_MAGIC;
         let magic = [u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h])];
-        sealed([magic[0], magic[1], self.generation, self.len, self.crc32c, 0, 0])
+        sealed([magic[0], magic[1], self.generation, self.len, self.digest, 0, 0])
     }
 
     pub fn decode(bytes: &[u8; RECORD_LEN]) -> Option<Footer> {
-        let [_, _, generation, len, crc32c, 0, 0] = opened(bytes)? else { return None };
-        bytes.starts_with(&FOOTER_MAGIC).then_some(Footer { generation, len, crc32c })
+        let [_, _, generation, len, digest, 0, 0] = opened(bytes)? else { return None };
+        bytes.starts_with(&FOOTER_MAGIC).then_some(Footer { generation, len, digest })
     }
 }
 
@@ -169,8 +169,8 @@ mod tests {
     #[test]
     fn golden_bytes() {
         let state = StoreState {
-            confirmed: Some(Image { slot: Slot::B, len: 0x1234, crc32c: 0xDEAD_BEEF }),
-            candidate: Candidate::Trial { len: 0x5678, crc32c: 0x0102_0304, boots_left: 3 },
+            confirmed: Some(Image { slot: Slot::B, len: 0x1234, digest: 0xDEAD_BEEF }),
+            candidate: Candidate::Trial { len: 0x5678, digest: 0x0102_0304, boots_left: 3 },
         };
         let bytes = state.encode(9);
         assert_eq!(
@@ -183,7 +183,7 @@ mod tests {
         assert_eq!(bytes[28..], crc32c(&bytes[..28]).to_le_bytes());
         assert_eq!(StoreState::decode(&bytes), Some((9, state)));
 
-        let footer = Footer { generation: 7, len: 0x1234, crc32c: 0xDEAD_BEEF };
+        let footer = Footer { generation: 7, len: 0x1234, digest: 0xDEAD_BEEF };
         let bytes = footer.encode();
         assert_eq!(bytes[..16], *b"RW-SLOT1\x07\0\0\0\x34\x12\0\0");
         assert_eq!(Footer::decode(&bytes), Some(footer));
@@ -192,12 +192,12 @@ mod tests {
 
     #[test]
     fn states_survive_and_no_single_flipped_bit_does() {
-        let image = |slot| Image { slot, len: 300, crc32c: 5 };
+        let image = |slot| Image { slot, len: 300, digest: 5 };
         for confirmed in [None, Some(image(Slot::A)), Some(image(Slot::B))] {
             for candidate in [
                 Candidate::None,
-                Candidate::Receiving { len: 400, crc32c: 6, have: 256 },
-                Candidate::Trial { len: 400, crc32c: 6, boots_left: 0 },
+                Candidate::Receiving { len: 400, digest: 6, have: 256 },
+                Candidate::Trial { len: 400, digest: 6, boots_left: 0 },
             ] {
                 let state = StoreState { confirmed, candidate };
                 let bytes = state.encode(u32::MAX);

@@ -54,9 +54,9 @@ impl<S: LibraryStore> LibraryStore for Signed<S> {
         self.store.capacity()
     }
 
-    fn begin(&mut self, len: usize, crc32c: u32) -> Result<usize, StoreError> {
+    fn begin(&mut self, len: usize, digest: u32) -> Result<usize, StoreError> {
         self.sealed = false;
-        let begun = self.store.begin(len, crc32c);
+        let begun = self.store.begin(len, digest);
         self.trust();
         begun
     }
@@ -121,7 +121,7 @@ mod tests {
     use super::*;
     use crate::store::RamStore;
     use ed25519_dalek::{Signer, SigningKey};
-    use rollwalk_protocol::crc::crc32c;
+    use rollwalk_protocol::crc::file_digest;
 
     const LIBRARY: [u8; 100] = [7; 100];
 
@@ -137,7 +137,7 @@ mod tests {
     }
 
     fn send(store: &mut impl LibraryStore, bytes: &[u8]) -> Result<(), StoreError> {
-        store.begin(bytes.len(), crc32c(bytes))?;
+        store.begin(bytes.len(), file_digest(bytes))?;
         store.write(0, bytes)?;
         store.seal()
     }

@@ -5,7 +5,7 @@
 //! raises a fault.
 
 use embedded_storage::nor_flash::NorFlash;
-use rollwalk_protocol::crc::crc32c_append;
+use rollwalk_protocol::crc::file_digest_append;
 
 use super::record::{Footer, Image, RECORD_LEN, Slot, is_blank};
 
@@ -87,14 +87,14 @@ pub(super) fn program<F: NorFlash>(flash: &mut F, at: usize, bytes: &[u8; 32]) -
     flash.write(u32::try_from(at).ok()?, bytes).ok()
 }
 
-/// Whether all of an image can be read and matches its CRC-32C.
+/// Whether all of an image can be read and matches its digest.
 pub(super) fn is_intact<F: NorFlash>(flash: &mut F, image: Image) -> bool {
     let Ok(len) = usize::try_from(image.len) else { return false };
     if len > capacity(flash) {
         return false;
     }
     let start = start(flash, image.slot);
-    let mut crc = 0;
+    let mut digest = 0;
     let mut chunk = [0; CHUNK];
     for at in (0..len).step_by(CHUNK) {
         let wanted = len.saturating_sub(at).min(CHUNK);
@@ -104,9 +104,9 @@ pub(super) fn is_intact<F: NorFlash>(flash: &mut F, image: Image) -> bool {
         if flash.read(offset, read).is_err() {
             return false;
         }
-        crc = crc32c_append(crc, read.get(..wanted).unwrap_or_default());
+        digest = file_digest_append(digest, read.get(..wanted).unwrap_or_default());
     }
-    crc == image.crc32c
+    digest == image.digest
 }
 
 /// The bytes of an image for which [`is_intact`] holds.
@@ -127,8 +127,8 @@ pub(super) fn newest_by_footers<F: NorFlash>(flash: &mut F) -> (Option<Image>, u
             let footer = footer_at(flash, slot, i)
                 .and_then(|at| read(flash, at))
                 .and_then(|bytes| Footer::decode(&bytes));
-            let Some(Footer { generation, len, crc32c }) = footer else { continue };
-            let image = Image { slot, len, crc32c };
+            let Some(Footer { generation, len, digest }) = footer else { continue };
+            let image = Image { slot, len, digest };
             highest = generation.max(highest);
             if newest.is_none_or(|(_, so_far)| generation > so_far) && is_intact(flash, image) {
                 newest = Some((image, generation));

@@ -56,17 +56,17 @@ pub fn act(rig: &mut Rig, deed: &Deed) {
         Deed::Actuator(bus, frame) => rig.brain.on_actuator_frame(rig.now_us, *bus, frame),
         Deed::Transfer(bytes) => rig.send_message(bytes),
         Deed::Begin(len) => {
-            rig.try_request(&Request::Begin { len: *len, crc32c: 5 });
+            rig.try_request(&Request::Begin { len: *len, digest: 5 });
         }
         Deed::Flash => {
             let bytes = library();
-            let crc32c = rollwalk_protocol::crc::crc32c(&bytes);
-            rig.try_request(&Request::Begin { len: bytes.len() as u32, crc32c });
+            let digest = rollwalk_protocol::crc::file_digest(&bytes);
+            rig.try_request(&Request::Begin { len: bytes.len() as u32, digest });
             for (i, block) in bytes.chunks(512).enumerate() {
                 rig.try_request(&Request::Block { offset: 512 * i as u32, bytes: block });
             }
             rig.try_request(&Request::Finish);
-            rig.try_request(&Request::Activate { crc32c });
+            rig.try_request(&Request::Activate { digest });
         }
         Deed::Host(alive) => rig.host_alive = *alive,
         Deed::Buses(up) => rig.buses_up = *up,

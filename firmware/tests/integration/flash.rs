@@ -6,7 +6,7 @@ use embedded_storage::nor_flash::{
 };
 
 use rollwalk_firmware::store::{FlashParameters, FlashStore, LibraryStore, MappedFlash};
-use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::crc::file_digest;
 use rollwalk_protocol::wire::transport::{MAX_BLOCK, TransferResult};
 use rollwalk_protocol::wire::{Action, Request, State};
 
@@ -64,7 +64,7 @@ impl MappedFlash for Flash {
 pub fn store(library: Option<&[u8]>) -> FlashStore<Flash> {
     let mut store = FlashStore::mount(Flash(vec![0xFF; 18 * 2048]), TRIAL_BOOTS).unwrap();
     if let Some(bytes) = library {
-        store.begin(bytes.len(), crc32c(bytes)).unwrap();
+        store.begin(bytes.len(), file_digest(bytes)).unwrap();
         store.write(0, bytes).unwrap();
         store.seal().unwrap();
         store.activate().unwrap();
@@ -136,12 +136,12 @@ fn the_library_in_use_outlasts_a_transfer() {
     let mut rig = Rig::booted();
     let active = rig.brain.library().unwrap().index().id();
     let next = library_that_settles();
-    let begin = Request::Begin { len: next.len() as u32, crc32c: crc32c(&next) };
+    let begin = Request::Begin { len: next.len() as u32, digest: file_digest(&next) };
     assert_eq!(result(rig.request(&begin)), TransferResult::Ok);
     let block = Request::Block { offset: 0, bytes: &next[..MAX_BLOCK] };
     assert_eq!(result(rig.request(&block)), TransferResult::Ok);
     // Another call that goes nowhere: too long.
-    let long = Request::Begin { len: 1 << 20, crc32c: 1 };
+    let long = Request::Begin { len: 1 << 20, digest: 1 };
     assert_eq!(result(rig.request(&long)), TransferResult::TooLong);
     assert_eq!(rig.brain.library().unwrap().index().id(), active);
     play_and_return(&mut rig);
@@ -151,6 +151,6 @@ fn the_library_in_use_outlasts_a_transfer() {
     assert_eq!(flash(&mut rig, &next), TransferResult::Ok);
     assert_ne!(rig.brain.library().unwrap().index().id(), active);
     // On trial; a transfer that begins drops it, and the confirmed one is back.
-    assert_eq!(result(rig.request(&Request::Begin { len: 99, crc32c: 1 })), TransferResult::Ok);
+    assert_eq!(result(rig.request(&Request::Begin { len: 99, digest: 1 })), TransferResult::Ok);
     assert_eq!(rig.brain.library().unwrap().index().id(), active);
 }

@@ -5,7 +5,7 @@ use crate::robot::*;
 use crate::transfer::result;
 use rollwalk_firmware::{BusState, Settings};
 use rollwalk_protocol::actuator::ActuatorStatus;
-use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::crc::file_digest;
 use rollwalk_protocol::faults::{Event, Fault};
 use rollwalk_protocol::wire::transport::TransferResult;
 use rollwalk_protocol::wire::{Action, Log, LogEntry, Request, Response, State};
@@ -258,8 +258,8 @@ fn asking_does_not_disturb_a_transfer() {
     let mut rig = Rig::new(None);
     rig.run(20);
     let bytes = library();
-    let crc32c = crc32c(&bytes);
-    let begin = Request::Begin { len: bytes.len() as u32, crc32c };
+    let digest = file_digest(&bytes);
+    let begin = Request::Begin { len: bytes.len() as u32, digest };
     assert_eq!(result(rig.request(&begin)), TransferResult::Ok);
     for (i, block) in bytes.chunks(100).enumerate() {
         ask(&mut rig, 0);
@@ -269,7 +269,7 @@ fn asking_does_not_disturb_a_transfer() {
     ask(&mut rig, 0);
     assert_eq!(result(rig.request(&Request::Finish)), TransferResult::Ok);
     ask(&mut rig, 0);
-    assert_eq!(result(rig.request(&Request::Activate { crc32c })), TransferResult::Ok);
+    assert_eq!(result(rig.request(&Request::Activate { digest })), TransferResult::Ok);
 }
 
 #[test]

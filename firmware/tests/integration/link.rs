@@ -6,7 +6,8 @@ use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Fault, Severity};
 use rollwalk_protocol::wire::{
-    Action, CommandResult, Discover, Discovered, FaultReport, FromController, Node, State,
+    Action, CommandResult, Discover, Discovered, FaultReport, FromController, Node, PROTOCOL_MAJOR,
+    State,
 };
 
 #[test]
@@ -199,7 +200,7 @@ fn a_question_to_all_is_answered_by_its_own_address_and_no_conversation_is_with_
         FromController::Discovered(answer) => Some(*answer),
         _ => None,
     });
-    let answer = Discovered { uid: rig.settings.uid, protocol_major: 1 };
+    let answer = Discovered { uid: rig.settings.uid, protocol_major: PROTOCOL_MAJOR };
     assert_eq!(answers.collect::<Vec<_>>(), [answer, answer]);
 
     // HELLO_REQUEST in a single frame.

@@ -3,7 +3,7 @@
 use crate::rig::{Rig, me};
 use crate::robot::*;
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::crc::{crc32c, file_digest};
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::library::validate;
 use rollwalk_protocol::wire::transport::{MAX_BLOCK, TransferResult};
@@ -17,8 +17,8 @@ pub fn result(response: Response) -> TransferResult {
 }
 
 pub fn flash(rig: &mut Rig, bytes: &[u8]) -> TransferResult {
-    let crc = crc32c(bytes);
-    let begin = Request::Begin { len: bytes.len() as u32, crc32c: crc };
+    let digest = file_digest(bytes);
+    let begin = Request::Begin { len: bytes.len() as u32, digest };
     assert_eq!(result(rig.request(&begin)), TransferResult::Ok);
     for (i, block) in bytes.chunks(MAX_BLOCK).enumerate() {
         let block = Request::Block { offset: (i * MAX_BLOCK) as u32, bytes: block };
@@ -26,7 +26,7 @@ pub fn flash(rig: &mut Rig, bytes: &[u8]) -> TransferResult {
         rig.step();
     }
     match result(rig.request(&Request::Finish)) {
-        TransferResult::Ok => result(rig.request(&Request::Activate { crc32c: crc })),
+        TransferResult::Ok => result(rig.request(&Request::Activate { digest })),
         refused => refused,
     }
 }
@@ -80,7 +80,7 @@ fn a_library_is_flashed_and_played() {
     assert_eq!(rig.brain.playing().unwrap().clip.0, DRIVE_CLIP);
 
     // Not while torque is on, and the library that plays stays as it is.
-    let begin = Request::Begin { len: 100, crc32c: 1 };
+    let begin = Request::Begin { len: 100, digest: 1 };
     assert_eq!(result(rig.request(&begin)), TransferResult::WrongState);
     rig.run(100);
     assert_eq!(rig.brain.state(), State::Playing);
@@ -96,10 +96,7 @@ fn damaged_truncated_future_and_foreign_libraries_are_refused() {
     let mut corrupted = good.clone();
     corrupted[200] ^= 4;
     let truncated = good[..good.len() - 7].to_vec();
-    let mut future = good.clone();
-    future[8] = 2;
-    let crc = crc32c(&future[..20]);
-    future[20..24].copy_from_slice(&crc.to_le_bytes());
+    let future = of_major_2(&good);
     let mut other_robot = config();
     other_robot.channels[0].max_torque_nm = 2.5;
     let foreign = library_for(&other_robot);
@@ -124,7 +121,7 @@ fn damaged_truncated_future_and_foreign_libraries_are_refused() {
     }
     assert!(rig.brain.faults().contains(Fault::ConfigMismatch));
     // What was refused is gone as soon as another one comes.
-    let begin = Request::Begin { len: good.len() as u32, crc32c: crc32c(&good) };
+    let begin = Request::Begin { len: good.len() as u32, digest: file_digest(&good) };
     assert_eq!(result(rig.request(&begin)), TransferResult::Ok);
     assert!(!rig.brain.faults().contains(Fault::ConfigMismatch));
     assert_eq!(rig.brain.library_reject(), None);
@@ -133,11 +130,36 @@ fn damaged_truncated_future_and_foreign_libraries_are_refused() {
     rig.arm();
 }
 
+/// A library with another version in its header, whose checksum is right.
+fn of_major_2(library: &[u8]) -> Vec<u8> {
+    let mut bytes = library.to_vec();
+    bytes[8] = 2;
+    let crc = crc32c(&bytes[..20]);
+    bytes[20..24].copy_from_slice(&crc.to_le_bytes());
+    bytes
+}
+
+/// The header's own checksum hid the header from a CRC-32C of the whole file: nothing had to be sent of a file that
+/// differed from the active library there, and it was activated.
+#[test]
+fn a_file_with_another_header_is_another_file() {
+    let good = library();
+    let future = of_major_2(&good);
+    let mut rig = Rig::new(None);
+    rig.run(20);
+    assert_eq!(flash(&mut rig, &good), TransferResult::Ok);
+    let begin = Request::Begin { len: future.len() as u32, digest: file_digest(&future) };
+    let reply = rig.request(&begin);
+    assert!(matches!(reply, Response::Reply(reply) if reply.next == 0), "{reply:?}");
+    assert_eq!(result(rig.request(&Request::Finish)), TransferResult::Incomplete);
+    assert_eq!(flash(&mut rig, &future), TransferResult::Rejected);
+}
+
 #[test]
 fn a_transfer_voids_the_request_to_arm() {
     let mut rig = Rig::booted();
     let nonce = rig.command(Action::ArmRequest).value;
-    let begin = Request::Begin { len: 100, crc32c: 1 };
+    let begin = Request::Begin { len: 100, digest: 1 };
     assert_eq!(result(rig.request(&begin)), TransferResult::Ok);
     assert_eq!(rig.command(Action::ArmConfirm { nonce }).result, CommandResult::WrongNonce);
     // The library in use is still there, and may be armed for.

@@ -2,7 +2,7 @@
 //! libraries that they name included. A second reader of what `docs/library-store.md` describes.
 
 use arbitrary::{Result, Unstructured};
-use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::crc::{crc32c, file_digest};
 
 use super::{Bench, library};
 
@@ -46,7 +46,7 @@ fn set(bytes: &mut [u8], i: usize, value: u32) {
 fn repair(cells: &mut [u8]) {
     let slot_of = |slot: usize| LOG_LEN + slot * SLOT_LEN..LOG_LEN + (slot + 1) * SLOT_LEN;
     let slots = [cells[slot_of(0)].to_vec(), cells[slot_of(1)].to_vec()];
-    let crc_of = |slot: usize, len: usize| slots[slot].get(..len).map(crc32c);
+    let crc_of = |slot: usize, len: usize| slots[slot].get(..len).map(file_digest);
     for record in cells[..LOG_LEN].chunks_exact_mut(RECORD) {
         if record.iter().all(|&byte| byte == 0xFF) {
             continue;

@@ -6,7 +6,7 @@
 
 use super::{Session, SessionError, ask_hello};
 use rollwalk_bus::link::LinkBus;
-use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::crc::file_digest;
 use rollwalk_protocol::library::identity;
 use rollwalk_protocol::wire::transport::{MAX_BLOCK, Reply, Request, Response, TransferResult};
 
@@ -38,12 +38,12 @@ impl<B: LinkBus> Session<B> {
         library: &[u8],
         mut progress: impl FnMut(Progress),
     ) -> Result<(), SessionError> {
-        let crc32c = crc32c(library);
+        let digest = file_digest(library);
         let len = u32::try_from(library.len()).unwrap_or(u32::MAX);
-        let begun = self.transfer(&Request::Begin { len, crc32c }, len, MEMORY_TIMEOUT_US)?;
+        let begun = self.transfer(&Request::Begin { len, digest }, len, MEMORY_TIMEOUT_US)?;
         self.send_blocks(library, begun.next as usize, &mut progress)?;
         self.transfer(&Request::Finish, len, MEMORY_TIMEOUT_US)?;
-        self.transfer(&Request::Activate { crc32c }, len, MEMORY_TIMEOUT_US)?;
+        self.transfer(&Request::Activate { digest }, len, MEMORY_TIMEOUT_US)?;
         self.hello = ask_hello(&mut self.exchange)?;
         let found = self.hello.library;
         if found == identity(library) { Ok(()) } else { Err(SessionError::NotInUse { found }) }

@@ -5,7 +5,7 @@
 
 use super::reject::{Reject, Section, Why};
 use super::{FORMAT_MAJOR, FORMAT_MINOR};
-use crate::crc::crc32c;
+use crate::crc::{crc32c, file_digest};
 
 pub(crate) const HEADER_MAGIC: [u8; 8] = *b"ROLLWALK";
 pub(crate) const FOOTER_MAGIC: [u8; 8] = *b"RWL-END.";
@@ -63,13 +63,14 @@ pub(crate) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(four.try_into().ok()?))
 }
 
-/// The identity that a library has by its own footer, wherever more follows it in the file; `None` if this is none. That
-/// it is sound only validation can tell.
+/// Identity of the library that a file begins with, as its header has its length: a signature may follow. `None` if there is
+/// none. That it is sound only validation can tell.
 pub fn identity(bytes: &[u8]) -> Option<u32> {
     let len = usize::try_from(u32_at(bytes, 12)?).ok()?;
-    let footer = bytes.get(len.checked_sub(FOOTER_LEN)?..len)?;
-    let sound = bytes.starts_with(&HEADER_MAGIC) && footer.starts_with(&FOOTER_MAGIC);
-    u32_at(footer, 12).filter(|_| sound)
+    let library = bytes.get(..len)?;
+    let footer = library.get(len.checked_sub(FOOTER_LEN)?..)?;
+    let sound = library.starts_with(&HEADER_MAGIC) && footer.starts_with(&FOOTER_MAGIC);
+    sound.then(|| file_digest(library))
 }
 
 /// Header of a library of `len` bytes.
@@ -107,7 +108,9 @@ fn fill(target: &mut [u8], parts: &[&[u8]]) {
 
 /// The sound outside of a library.
 pub(crate) struct Container {
-    /// CRC-32C of everything before the footer: what names a library.
+    /// What names the library.
+    pub identity: u32,
+    /// CRC-32C of everything before the footer, which has it.
     pub body_crc: u32,
     /// Sections by tag − 1.
     pub sections: [Span; SECTIONS],
@@ -118,7 +121,7 @@ pub(crate) fn open(bytes: &[u8]) -> Result<Container, Reject> {
     let minor = check_header(bytes)?;
     let (body, body_crc) = check_footer(bytes)?;
     let sections = find_sections(body, minor)?;
-    Ok(Container { body_crc, sections })
+    Ok(Container { identity: file_digest(bytes), body_crc, sections })
 }
 
 fn check_header(bytes: &[u8]) -> Result<u16, Reject> {

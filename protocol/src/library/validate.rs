@@ -18,7 +18,7 @@ use crate::config::{MAX_CHANNELS, RobotConfig};
 ///
 /// Errors: [`Reject`] says where and why, for the first thing that is wrong.
 pub fn validate(bytes: &[u8], config: &RobotConfig) -> Result<Index, Reject> {
-    let Container { body_crc, sections } = container::open(bytes)?;
+    let Container { identity, body_crc, sections } = container::open(bytes)?;
     let config_fault = |fault| reject(&sections, Section::Manifest, Why::BadConfig(fault));
     config.check().map_err(config_fault)?;
     let manifest = manifest(bytes, &sections, config)?;
@@ -26,7 +26,8 @@ pub fn validate(bytes: &[u8], config: &RobotConfig) -> Result<Index, Reject> {
         channels(bytes, &sections, config)?;
     let index = Index {
         len: bytes.len() as u32,
-        id: body_crc,
+        id: identity,
+        body_crc,
         config_hash: manifest.config_hash,
         sections,
         channels: manifest.channels,

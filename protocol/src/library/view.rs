@@ -18,6 +18,8 @@ use serde::de::DeserializeOwned;
 pub struct Index {
     pub(super) len: u32,
     pub(super) id: u32,
+    /// The CRC in the footer: a short look tells whether the bytes are still the same.
+    pub(super) body_crc: u32,
     pub(super) config_hash: u32,
     pub(super) sections: [Span; SECTIONS],
     pub(super) channels: u8,
@@ -29,8 +31,8 @@ pub struct Index {
 }
 
 impl Index {
-    /// Identity of the library: CRC-32C of everything before its footer. HELLO tells it, and a
-    /// status message its lowest byte.
+    /// Identity of the library: the [digest](crate::crc::file_digest) of all its bytes. HELLO tells it, and a status
+    /// message its lowest byte.
     pub fn id(&self) -> u32 {
         self.id
     }
@@ -124,11 +126,11 @@ pub struct Library<'a> {
 
 impl<'a> Library<'a> {
     /// The view of bytes that were validated. `None` when they are evidently other bytes than those
-    /// that `index` is about (length or identity differ).
+    /// that `index` is about (their lengths or the CRCs in their footers differ).
     pub fn open(bytes: &'a [u8], index: &Index) -> Option<Self> {
         let footer = bytes.len().checked_sub(FOOTER_LEN)?;
         let same = bytes.len() as u64 == u64::from(index.len)
-            && u32_at(bytes, footer.checked_add(12)?) == Some(index.id);
+            && u32_at(bytes, footer.checked_add(12)?) == Some(index.body_crc);
         same.then_some(Self::unchecked(bytes, *index))
     }
 

@@ -48,9 +48,9 @@ use crate::crc::crc8_with_id;
 use thiserror::Error;
 
 /// Major protocol version: with different ones the two sides may only exchange HELLO.
-pub const PROTOCOL_MAJOR: u8 = 1;
+pub const PROTOCOL_MAJOR: u8 = 2;
 /// Minor protocol version: a higher one has messages that we ignore.
-pub const PROTOCOL_MINOR: u8 = 2;
+pub const PROTOCOL_MINOR: u8 = 0;
 /// Period of the host's heartbeats, ms.
 pub const HEARTBEAT_PERIOD_MS: u32 = 50;
 /// Timeout after which the host counts as lost, ms.
@@ -77,10 +77,10 @@ pub const SCHEMA: &str = "\
 7n1 discovered uid:6*u8 protocol_major:u8
 isotp 01 hello_request major:u8 minor:u8
 isotp 02 log_request since:u32
-isotp 10 begin len:u32 crc32c:u32
+isotp 10 begin len:u32 digest:u32
 isotp 11 block offset:u32 crc32c:u32 bytes
 isotp 12 finish
-isotp 13 activate crc32c:u32
+isotp 13 activate digest:u32
 isotp 81 hello major:u8 minor:u8 schema:u32 config:u32 format_major:u16 format_minor:u16 has_library:u8 library:u32 max_block:u16 channels:u8
 isotp 82 log now_ms:u32 first:u32 next:u32 0..16*[at_ms:u32 event:u8 before:4 after:4 fault:u8 channel:u8 value:f32]
 isotp 90 reply request:u8 result:u8 next:u32 section:u8 why:u8

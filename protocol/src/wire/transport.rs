@@ -70,8 +70,8 @@ pub enum Request<'a> {
     Begin {
         /// Bytes of the library.
         len: u32,
-        /// CRC-32C of all its bytes.
-        crc32c: u32,
+        /// [Digest](crate::crc::file_digest) of all its bytes.
+        digest: u32,
     },
     /// A block of the library, 1 to [`MAX_BLOCK`] bytes. Repeating a block does no harm.
     Block {
@@ -84,8 +84,8 @@ pub enum Request<'a> {
     Finish,
     /// Activates the library.
     Activate {
-        /// CRC-32C of all its bytes, which identifies it.
-        crc32c: u32,
+        /// [Digest](crate::crc::file_digest) of all its bytes, which identifies it.
+        digest: u32,
     },
 }
 
@@ -137,9 +137,9 @@ impl<'a> Request<'a> {
         match *self {
             Request::Hello { major, minor } => w.put(&[major, minor])?,
             Request::Log { since } => w.put(&since.to_le_bytes())?,
-            Request::Begin { len, crc32c } => {
+            Request::Begin { len, digest } => {
                 w.put(&len.to_le_bytes())?;
-                w.put(&crc32c.to_le_bytes())?;
+                w.put(&digest.to_le_bytes())?;
             }
             Request::Block { offset, bytes } => {
                 if bytes.is_empty() || bytes.len() > MAX_BLOCK {
@@ -150,7 +150,7 @@ impl<'a> Request<'a> {
                 w.put(bytes)?;
             }
             Request::Finish => {}
-            Request::Activate { crc32c } => w.put(&crc32c.to_le_bytes())?,
+            Request::Activate { digest } => w.put(&digest.to_le_bytes())?,
         }
         w.finish()
     }
@@ -170,8 +170,8 @@ impl<'a> Request<'a> {
             }
             BEGIN => {
                 let [a, b, c, d, e, f, g, h] = rest.try_into().map_err(bad_length)?;
-                let (len, crc) = (u32::from_le_bytes([a, b, c, d]), [e, f, g, h]);
-                Ok(Request::Begin { len, crc32c: u32::from_le_bytes(crc) })
+                let (len, digest) = (u32::from_le_bytes([a, b, c, d]), [e, f, g, h]);
+                Ok(Request::Begin { len, digest: u32::from_le_bytes(digest) })
             }
             BLOCK => {
                 let (head, bytes) =
@@ -188,8 +188,8 @@ impl<'a> Request<'a> {
             FINISH if rest.is_empty() => Ok(Request::Finish),
             FINISH => Err(TransportError::BadLength),
             ACTIVATE => {
-                let crc = rest.try_into().map_err(bad_length)?;
-                Ok(Request::Activate { crc32c: u32::from_le_bytes(crc) })
+                let digest = rest.try_into().map_err(bad_length)?;
+                Ok(Request::Activate { digest: u32::from_le_bytes(digest) })
             }
             other => Err(TransportError::UnknownType(other)),
         }

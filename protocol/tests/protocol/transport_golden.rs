@@ -31,12 +31,12 @@ fn response(response: Response, golden: &str) {
 fn requests() {
     request(Request::Hello { major: 1, minor: 0 }, "010100");
     request(Request::Log { since: 0x0403_0201 }, "0201020304");
-    request(Request::Begin { len: 0x12345, crc32c: 0xDEAD_BEEF }, "1045230100efbeadde");
+    request(Request::Begin { len: 0x12345, digest: 0xDEAD_BEEF }, "1045230100efbeadde");
     // CRC-32C of "123456789" is 0xE3069283, the published check value.
     let block = Request::Block { offset: 512, bytes: b"123456789" };
     request(block, "1100020000839206e3313233343536373839");
     request(Request::Finish, "12");
-    request(Request::Activate { crc32c: 0xDEAD_BEEF }, "13efbeadde");
+    request(Request::Activate { digest: 0xDEAD_BEEF }, "13efbeadde");
 }
 
 #[test]

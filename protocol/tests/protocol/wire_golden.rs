@@ -18,7 +18,7 @@ fn node() -> Node {
 
 #[test]
 fn schema_is_pinned() {
-    assert_eq!(SCHEMA_HASH, 0x9d10_884f);
+    assert_eq!(SCHEMA_HASH, 0x9ed2_b139);
 }
 
 #[test]

@@ -74,7 +74,7 @@ fn a_transfer_goes_on_after_a_reset() {
     let (a, b) = (library(1, 90), library(2, 400));
     assert!(b.len() > 520);
     let mut store = holding(Flash::blank(12), &a);
-    assert_eq!(store.begin(b.len(), crc32c(&b)), Ok(0));
+    assert_eq!(store.begin(b.len(), file_digest(&b)), Ok(0));
     store.write(0, &b[..300]).unwrap();
     assert_eq!(store.write(301, &b[301..302]), Err(StoreError::OutOfRange));
     // Blocks that are here already, wholly or in part.
@@ -83,17 +83,17 @@ fn a_transfer_goes_on_after_a_reset() {
     let mut store = reboot(store);
     assert_eq!(store.bytes(), a);
     assert_eq!(store.seal(), Err(StoreError::NotSealed));
-    assert_eq!(store.begin(b.len(), crc32c(&b)), Ok(512));
+    assert_eq!(store.begin(b.len(), file_digest(&b)), Ok(512));
     store.write(512, &b[512..]).unwrap();
     let mut store = reboot(store);
-    assert_eq!(store.begin(b.len(), crc32c(&b)), Ok(b.len()));
+    assert_eq!(store.begin(b.len(), file_digest(&b)), Ok(b.len()));
     store.seal().unwrap();
     assert_eq!(store.received(), b);
     store.activate().unwrap();
     assert_eq!(store.bytes(), b);
     // Another one starts from its beginning.
     let c = library(3, 90);
-    assert_eq!(store.begin(c.len(), crc32c(&c)), Ok(0));
+    assert_eq!(store.begin(c.len(), file_digest(&c)), Ok(0));
     assert_eq!((store.bytes(), store.on_trial()), (&a[..], false));
     assert_eq!(store.into_flash().overwrites, 0);
 }
@@ -102,7 +102,7 @@ fn a_transfer_goes_on_after_a_reset() {
 fn what_is_not_what_was_announced_starts_again() {
     let (a, b) = (library(1, 90), library(2, 90));
     let mut store = holding(Flash::blank(10), &a);
-    store.begin(b.len(), crc32c(&b)).unwrap();
+    store.begin(b.len(), file_digest(&b)).unwrap();
     let mut other = b.clone();
     other[9] ^= 1;
     store.write(0, &other).unwrap();
@@ -112,7 +112,7 @@ fn what_is_not_what_was_announced_starts_again() {
     );
     assert!(store.received().is_empty());
     store.abandon();
-    assert_eq!(store.begin(b.len(), crc32c(&b)), Ok(0));
+    assert_eq!(store.begin(b.len(), file_digest(&b)), Ok(0));
     assert_eq!(store.bytes(), a);
 }
 
@@ -126,7 +126,7 @@ fn a_call_erases_little() {
         now - core::mem::replace(so_far, now)
     };
     let mut so_far = store.flash.erases;
-    store.begin(b.len(), crc32c(&b)).unwrap();
+    store.begin(b.len(), file_digest(&b)).unwrap();
     assert!(erases(&store, &mut so_far) <= 2);
     for (i, block) in b.chunks(256).enumerate() {
         store.write(256 * i, block).unwrap();

@@ -11,7 +11,7 @@ mod random_flash;
 use std::vec::Vec;
 
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
-use rollwalk_protocol::crc::crc32c;
+use rollwalk_protocol::crc::file_digest;
 use rollwalk_protocol::library::{LibrarySpec, MotionSpec, encode, validate};
 
 use super::*;
@@ -57,7 +57,7 @@ fn library(seed: u32, frames: usize) -> Vec<u8> {
 
 /// Sends a library as the transfer service does, in pieces that fit no word and no unit.
 fn send<F: MappedFlash>(store: &mut FlashStore<F>, library: &[u8]) -> Result<(), StoreError> {
-    let mut at = store.begin(library.len(), crc32c(library))?;
+    let mut at = store.begin(library.len(), file_digest(library))?;
     while at < library.len() {
         let end = library.len().min(at + 77);
         store.write(at, &library[at..end])?;

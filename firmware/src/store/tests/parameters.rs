@@ -12,6 +12,7 @@ use super::*;
 use crate::store::log::{Log, Record};
 use crate::store::parameters::{SET_LEN, UNITS};
 use embedded_storage::nor_flash::NorFlash;
+use rollwalk_protocol::crc::crc32c;
 
 /// Of the cuts while a cut is mended, one in so many; which ones, goes round with the first cut.
 const SECOND_STEP: usize = 131;

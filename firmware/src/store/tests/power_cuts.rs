@@ -99,15 +99,15 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     }
 
     fn send(&self, store: &mut FlashStore<Nor<W, E>>) -> Result<(), StoreError> {
-        let (len, crc32c) = (self.new.len(), crc32c(&self.new));
+        let (len, digest) = (self.new.len(), file_digest(&self.new));
         match self.bug {
             Bug::None | Bug::EraseNewestRecord => {}
             Bug::RecordBeforeData => return self.send_after_record(store),
             Bug::SlotInUse => store.state.confirmed = None,
             Bug::NoteBeforeData => {
-                if store.begin(len, crc32c)? < E {
+                if store.begin(len, digest)? < E {
                     let have = E as u32;
-                    let candidate = Candidate::Receiving { len: len as u32, crc32c, have };
+                    let candidate = Candidate::Receiving { len: len as u32, digest, have };
                     let noted = StoreState { candidate, ..store.state };
                     store.log.append(&mut store.flash, &noted)?;
                 }
@@ -118,10 +118,10 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     }
 
     fn send_after_record(&self, store: &mut FlashStore<Nor<W, E>>) -> Result<(), StoreError> {
-        let (len, crc32c) = (self.new.len(), crc32c(&self.new));
-        store.begin(len, crc32c)?;
+        let (len, digest) = (self.new.len(), file_digest(&self.new));
+        store.begin(len, digest)?;
         let slot = store.state.candidate_slot();
-        let image = Image { slot, len: len as u32, crc32c };
+        let image = Image { slot, len: len as u32, digest };
         store.state = StoreState { confirmed: Some(image), candidate: Candidate::None };
         store.log.append(&mut store.flash, &store.state)?;
         let at = slots::start(&store.flash, slot);

@@ -18,7 +18,7 @@ fn survive(cells: Vec<u8>, unreadable: &[u16]) {
     let image = store.active;
     assert_eq!(image.is_some(), !store.bytes().is_empty() || image.is_some_and(|i| i.len == 0));
     if let Some(image) = image {
-        assert_eq!(crc32c(store.bytes()), image.crc32c);
+        assert_eq!(file_digest(store.bytes()), image.digest);
     }
     let _ = validate(store.bytes(), &config());
     let new = library(9, 60);
@@ -34,18 +34,18 @@ fn survive(cells: Vec<u8>, unreadable: &[u16]) {
 fn piece() -> impl Strategy<Value = [u8; 32]> {
     use crate::store::record::{Candidate, Footer, Image, Slot, StoreState};
     let number = || prop_oneof![0..700u32, any::<u32>()];
-    let image = (any::<bool>(), number(), any::<u32>()).prop_map(|(b, len, crc32c)| Image {
+    let image = (any::<bool>(), number(), any::<u32>()).prop_map(|(b, len, digest)| Image {
         slot: if b { Slot::B } else { Slot::A },
         len,
-        crc32c,
+        digest,
     });
     let candidate = prop_oneof![
         Just(Candidate::None),
-        (number(), any::<u32>(), 0..700u32).prop_map(|(len, crc32c, have)| {
-            Candidate::Receiving { len, crc32c, have: have.min(len) }
+        (number(), any::<u32>(), 0..700u32).prop_map(|(len, digest, have)| {
+            Candidate::Receiving { len, digest, have: have.min(len) }
         }),
         (number(), any::<u32>(), any::<u8>())
-            .prop_map(|(len, crc32c, boots_left)| { Candidate::Trial { len, crc32c, boots_left } }),
+            .prop_map(|(len, digest, boots_left)| { Candidate::Trial { len, digest, boots_left } }),
     ];
     prop_oneof![
         any::<[u8; 32]>(),
@@ -55,10 +55,10 @@ fn piece() -> impl Strategy<Value = [u8; 32]> {
                 StoreState { confirmed, candidate: c }.encode(generation)
             }
         ),
-        (number(), number(), any::<u32>()).prop_map(|(generation, len, crc32c)| Footer {
+        (number(), number(), any::<u32>()).prop_map(|(generation, len, digest)| Footer {
             generation,
             len,
-            crc32c
+            digest
         }
         .encode()),
     ]
