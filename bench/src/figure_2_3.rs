@@ -16,8 +16,8 @@ const METHODS: [(Method, &str); 4] = [
 ];
 pub const MOTIONS: [&str; 2] =
     ["motions/table_2_1/swizzlebot_forward.toml", "motions/table_2_1/creature3_walk.toml"];
-/// A plan is physically credible when its worst constraint is this part of its level.
-const CREDIBLE: f64 = 1.0;
+/// Part of its tolerance that the worst constraint is at most when all are met.
+const MET: f64 = 1.0;
 
 /// What to run.
 #[derive(clap::Args)]
@@ -35,8 +35,8 @@ struct Row {
     motion: String,
     method: &'static str,
     cpu_s: f64,
-    /// Iteration and CPU time, s, after which every constraint was credible.
-    credible_after: Option<(usize, f64)>,
+    /// Iteration and CPU time, s, after which every constraint was met.
+    met_after: Option<(usize, f64)>,
     solve: SolveSummary,
 }
 
@@ -49,7 +49,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
             "method",
             "iterations",
             "CPU s",
-            "credible after",
+            "met after",
             "at CPU s",
             "final level",
             "status",
@@ -73,14 +73,14 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
             if program.interrupted() {
                 return Ok(None);
             }
-            let credible = states.iter().find(|state| state.2 <= CREDIBLE);
+            let met = states.iter().find(|state| state.2 <= MET);
             let or_never = |value: Option<String>| value.unwrap_or("never".into());
             table.push(vec![
                 name.into(),
                 plan.solve.iterations.to_string(),
                 format!("{:.2}", clock.elapsed().as_secs_f64()),
-                or_never(credible.map(|state| format!("{}", state.0))),
-                or_never(credible.map(|state| format!("{:.2}", state.1))),
+                or_never(met.map(|state| format!("{}", state.0))),
+                or_never(met.map(|state| format!("{:.2}", state.1))),
                 format!("{:.1e}", plan.solve.worst_level),
                 format!("{:?}", plan.solve.status),
             ]);
@@ -88,7 +88,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
                 motion: motion.name.clone(),
                 method: name,
                 cpu_s: clock.elapsed().as_secs_f64(),
-                credible_after: credible.map(|state| (state.0 as usize, state.1)),
+                met_after: met.map(|state| (state.0 as usize, state.1)),
                 solve: plan.solve,
             });
             by_iteration.push((name.into(), states.iter().map(|s| (s.0, s.2)).collect()));
@@ -102,7 +102,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
             let labels = Labels {
                 title: &format!("{}: convergence", motion.name),
                 x,
-                y: "worst constraint over its credible level",
+                y: "worst constraint over its tolerance",
             };
             let name = format!("figure-2-3-{}-{what}.svg", motion.name);
             charts.push((name, chart::draw(&labels, curves)?));
@@ -110,7 +110,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
     }
     let text = "The methods of the thesis minimise its penalty energy (weight 10000, goals 50), ours the same\n\
              constraints with multipliers, so the common measure is the worst constraint or goal as a part \
-             of the\nlevel up to which a plan is physically credible. Second derivatives come from \
+             of its\ntolerance. Second derivatives come from \
              differences of exact\ngradients, which makes a Newton iteration dearer than the thesis's closed \
              forms: compare iterations, not\nCPU time, between the two.";
     blocks.push(Block::Text(text.into()));

@@ -86,7 +86,7 @@ pub struct ClipStats {
     pub worst_joint_error_rad: f64,
     /// Largest difference of a decoded wheel speed from the plan, rad/s.
     pub worst_wheel_error_rad_s: f64,
-    /// Largest excess that was clamped to a limit, as a fraction of the credible level.
+    /// Largest excess that was clamped to a limit, as a fraction of the tolerance.
     pub clamped: f64,
 }
 
@@ -104,7 +104,7 @@ pub fn frames(plan: &Plan) -> Result<Vec<Setpoints>, LibraryError> {
 
 /// Builds a library.
 ///
-/// Values beyond a limit by no more than a plan's tolerance (a fifth of the credible level) are clamped to the limit.
+/// Values beyond a limit by no more than the optimiser accepts (a fifth of the tolerance) are clamped to the limit.
 /// Torques are clamped to theirs however far they are beyond it: motors can do no more, and position control does the
 /// rest.
 ///
@@ -397,7 +397,7 @@ mod tests {
                 torques: false,
             })
         };
-        // The legs reach 0.6 rad after one second; the credible level of joints is 0.05 rad.
+        // The legs reach 0.6 rad after one second; the tolerance of joints is 0.05 rad.
         let message = with_limit(0.58).expect_err("beyond its limit").to_string();
         assert!(message.starts_with("drive: fr-hip is at 0.59"), "{message}");
         assert!(message.ends_with("limits are -1.000 to 0.580"), "{message}");

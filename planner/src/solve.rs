@@ -29,7 +29,7 @@ use crate::problem::Unknowns;
 use normal::NormalEquations;
 use trial::Trials;
 
-/// Largest constraint residual in a converged plan, as a fraction of its credible level.
+/// Largest constraint residual in a converged plan, as a fraction of its tolerance.
 pub const ACCEPTED_LEVEL: f64 = 0.2;
 
 /// Flat steps without improvement of the worst constraint after which a solve is exhausted.
@@ -86,7 +86,7 @@ pub struct Outcome {
     pub iterations: usize,
     /// Final energy E(m).
     pub energy: f64,
-    /// Worst constraint residual as a fraction of its credible level.
+    /// Worst constraint residual as a fraction of its tolerance.
     pub worst_level: f64,
     /// Family of the worst constraint.
     pub worst_constraint: Family,

@@ -91,7 +91,7 @@ fn figure_2_3_has_every_method() {
     let text = bench(&desk, &["figure-2-3", "--only", "creature3_walk", "--iterations", "3"]);
     let text = text.succeeds();
     let titles =
-        ["method", "iterations", "CPU s", "credible after", "at CPU s", "final level", "status"];
+        ["method", "iterations", "CPU s", "met after", "at CPU s", "final level", "status"];
     let methods =
         [("Gauss-Newton", "3"), ("Newton, Filtered", "3"), ("Newton, true", "3"), ("L-BFGS", "30")];
     for (method, iterations) in methods {

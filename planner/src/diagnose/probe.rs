@@ -30,11 +30,11 @@ const FALLING_STEPS: usize = 4;
 /// Number of first energies that are ignored: multipliers keep a solve away from the point with the least violation,
 /// to which the first steps return.
 const SETTLING: usize = 2;
-/// Worst constraint, as a multiple of its credible level, that counts as far off at the first probe. No shipped
+/// Worst constraint, as a multiple of its tolerance, that counts as far off at the first probe. No shipped
 /// motion reaches it. Every later probe requires [`PATIENCE`] times more, as multipliers may have led a slow solve
 /// away by then.
 const FAR_LEVEL: f64 = 30.0;
-/// Worst constraint, as a multiple of its credible level, above which a solve is probed again.
+/// Worst constraint, as a multiple of its tolerance, above which a solve is probed again.
 const DOUBTFUL_LEVEL: f64 = 1.0;
 /// Iterations before the first probe, and the factor from one probe to the next.
 const FIRST: usize = 6;
@@ -70,7 +70,7 @@ impl Default for Schedule {
 /// A probe that is due.
 #[derive(Clone, Copy, Debug)]
 pub struct Due {
-    /// Worst constraint, as a multiple of its credible level, that counts as far off.
+    /// Worst constraint, as a multiple of its tolerance, that counts as far off.
     pub far_level: f64,
     /// Whether it is too early to end a solve that is only stuck: some find a way after more iterations.
     pub is_early: bool,
@@ -114,7 +114,7 @@ pub struct FeasibilityProbe<'a> {
     pub system: &'a System<'a>,
     /// Iterations left for the solve.
     pub most_steps: usize,
-    /// Worst constraint, as a multiple of its credible level, that counts as far off.
+    /// Worst constraint, as a multiple of its tolerance, that counts as far off.
     pub far_level: f64,
 }
 

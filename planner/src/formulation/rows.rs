@@ -128,7 +128,7 @@ pub struct Row {
     pub value: f64,
     /// Residual at which `value` is 1, in the family's unit.
     pub scale: f64,
-    /// Largest residual that is physically credible, in the family's unit.
+    /// Tolerance, in the family's unit.
     pub level: f64,
     /// Role in the energy.
     pub role: Role,

@@ -9,7 +9,7 @@ use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
 use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_robot::Robot;
 
-/// Accepted excess over a limit as a fraction of the credible level, the same to which the optimiser converges.
+/// Accepted excess over a limit as a fraction of the tolerance, the same to which the optimiser converges.
 const ACCEPTED_PART: f64 = 0.2;
 
 /// Channels of a robot.
@@ -30,7 +30,7 @@ pub struct Clip {
     pub values: Vec<f32>,
     /// Torques of the channels at the same frames, N·m, within limits; empty if the library has none.
     pub torques_nm: Vec<f32>,
-    /// Largest excess that was clamped to a limit, as a fraction of the credible level.
+    /// Largest excess that was clamped to a limit, as a fraction of the tolerance.
     pub clamped: f64,
 }
 
@@ -82,7 +82,7 @@ impl Channels<'_> {
             .collect()
     }
 
-    /// Clamps a value to the channel's limits; returns the excess as a fraction of the credible level too.
+    /// Clamps a value to the channel's limits; returns the excess as a fraction of the tolerance too.
     fn within(
         &self,
         place: &Place,

@@ -54,7 +54,7 @@ fn is_objective(row: &Row) -> bool {
     OBJECTIVES.contains(row.family)
 }
 
-/// Row with the worst residual among constraints and objectives, and that residual over its credible level.
+/// Row with the worst residual among constraints and objectives, and that residual over its tolerance.
 fn worst(rows: &Rows) -> (usize, f64) {
     let objectives = rows.rows.iter().enumerate().filter(|(_, row)| is_objective(row));
     objectives

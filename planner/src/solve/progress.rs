@@ -13,7 +13,7 @@ pub struct Progress {
     pub energy: f64,
     /// Share of the costs in the energy.
     pub cost: f64,
-    /// Worst constraint residual as a fraction of its credible level.
+    /// Worst constraint residual as a fraction of its tolerance.
     pub worst_level: f64,
     /// Family of the worst constraint.
     pub worst_constraint: Family,
@@ -25,7 +25,7 @@ pub struct Progress {
 
 impl Progress {
     /// Progress at a point with these rows and this energy. `worst` is the index of the worst constraint row and its
-    /// residual over its credible level.
+    /// residual over its tolerance.
     pub fn at(rows: &Rows, worst: (usize, f64), energy: f64, penalty: f64) -> Self {
         let costs = rows.rows.iter().filter(|row| matches!(row.role, Role::Cost { .. }));
         Self {
@@ -40,7 +40,7 @@ impl Progress {
     }
 }
 
-/// Index of the worst constraint row, and its residual over its credible level.
+/// Index of the worst constraint row, and its residual over its tolerance.
 pub fn worst(rows: &Rows) -> (usize, f64) {
     let level = |row: &Row| match row.role {
         Role::Equality => row.value.abs() * row.scale / row.level,

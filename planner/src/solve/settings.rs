@@ -22,7 +22,7 @@ pub struct Settings {
     pub method: Method,
     /// Iteration limit.
     pub iterations: usize,
-    /// Constraint residual, as a fraction of its credible level, at which a plan is accepted.
+    /// Constraint residual, as a fraction of its tolerance, at which a plan is accepted.
     pub target_level: f64,
     /// Relative energy decrease of a step below which multipliers are shifted.
     pub nearly_flat: f64,

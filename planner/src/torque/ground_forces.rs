@@ -28,7 +28,7 @@ const WRENCH_WEIGHT: f64 = 1e4;
 /// Tolerance and regularisation of the solver: with its own, 1e-8, forces of 60 N are off by up to 1 mN.
 const TOLERANCE: f64 = 1e-10;
 const REGULARISATION: f64 = 1e-12;
-/// Height up to which a contact of a converged plan is on the ground, m: a fifth of the credible level.
+/// Height up to which a contact of a converged plan is on the ground, m: a fifth of the tolerance.
 const ON_GROUND_M: f64 = 0.0002;
 /// Height above that at which a foot that lifts off or lands carries half of what it would on the ground, m.
 const CARRIES_HALF_AT_M: f64 = 0.0005;

@@ -160,7 +160,7 @@ fn clip(planned: &Planned, report: &Report, score: &Score) -> Clip {
     }
 }
 
-/// Credible levels, taken from the reports, and the worst of all residuals over its level.
+/// Tolerances, taken from the reports, and the worst of all residuals over its level.
 #[derive(Default)]
 struct Levels {
     linear: f64,

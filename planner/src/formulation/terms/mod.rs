@@ -1,5 +1,5 @@
 //! Terms of the formulation, one family of residuals per file: residual and exact derivative. Names, units and
-//! credible levels are in [`crate::families`]; [`crate::formulation`] lists the terms, and the tests in `derivatives`
+//! tolerances are in [`crate::families`]; [`crate::formulation`] lists the terms, and the tests in `derivatives`
 //! check all of them.
 
 mod anchor;
