@@ -7,7 +7,7 @@ mod placement;
 mod started;
 mod validate;
 
-pub use diagnosis::{Culprit, Diagnosis, Verdict};
+pub use diagnosis::{Culprit, DURATION, Diagnosis, Verdict};
 pub use json::PlanError;
 pub use started::{StartKind, Started};
 

@@ -3,7 +3,8 @@
 //! The only module that knows starts, solver and diagnosis. [`optimise`] tries the candidate starts of a motion
 //! in order until one decides; a [`Search`] does the same on as many threads as its caller has. Each attempt is
 //! one solve from one start, or from the plan with half the samples; `probed_solve` watches a solve and decides
-//! on restart and diagnosis. `refine` judges what is played of a plan and plans with more samples where that fails.
+//! on restart and diagnosis, and `second_look` tries what the diagnosis says. `refine` judges what is played of a plan
+//! and plans with more samples where that fails.
 
 mod attempt;
 mod coarse;
@@ -13,6 +14,7 @@ mod replan;
 mod search;
 mod second_look;
 mod transition;
+mod trials;
 mod write;
 
 pub use replan::{ReplanError, replan};
@@ -53,6 +55,14 @@ impl Default for Options {
             refine: true,
         }
     }
+}
+
+/// A motion of a robot, with one start.
+#[derive(Clone, Copy)]
+struct Request<'a> {
+    robot: &'a Robot,
+    motion: &'a Motion,
+    options: &'a Options,
 }
 
 /// A plan with its multipliers, from which [`replan`] starts best.

@@ -98,6 +98,23 @@ fn transitions_continue_the_motions_they_join() {
 }
 
 #[test]
+fn a_transition_that_is_too_short_is_told_how_long_works() {
+    let [walk, turn] = [3, 2];
+    let wanted = LIBRARY.transitions.iter().find(|t| (t.from, t.to) == (walk, turn)).unwrap();
+    let lasting = |duration_s| {
+        let motion = Motion { duration_s, ..wanted.motion.clone() };
+        let continue_ = &mut |_: &_| ControlFlow::Continue(());
+        optimise_transition(&motion, &PLANS[walk], &PLANS[turn], &Options::default(), continue_)
+            .unwrap()
+    };
+    let diagnosis = lasting(0.1).solve.diagnosis.expect("legs are not so fast");
+    let told = diagnosis.culprits.iter().find(|c| c.field.as_deref() == Some("duration_s"));
+    let works_s = told.and_then(|culprit| culprit.would_do).expect("a longer one works");
+    assert_eq!(lasting(works_s).solve.status, Status::Converged, "{diagnosis}");
+    assert!(diagnosis.to_string().contains("; duration_s is 0.1, "), "{diagnosis}");
+}
+
+#[test]
 fn the_same_problem_gives_the_same_plan_to_the_last_bit() {
     assert_eq!(plan(&motion(DRIVE)).to_json(), PLANS[1].to_json());
 }

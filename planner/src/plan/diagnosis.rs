@@ -21,7 +21,7 @@ pub struct Diagnosis {
 pub enum Verdict {
     /// The constraints, linearised at the nearest point, contradict each other: no small change meets them.
     Contradiction,
-    /// Even without any regard for costs the constraints stay far beyond their credible levels.
+    /// Even without any regard for costs the constraints stay far beyond their tolerances.
     FarOff,
     /// The solve has stopped getting anywhere.
     Stuck,
@@ -50,11 +50,11 @@ pub struct Culprit {
     pub time_s: [f64; 2],
     /// Its largest residual at the nearest point.
     pub worst: f64,
-    /// Unit of `worst`, `given` and `would_do`.
+    /// Unit of `worst`, `given` and `would_do`; a duration that is given is in s whatever this says.
     pub unit: String,
     /// Its part of the violation at the nearest point, 0 to 1.
     pub share: f64,
-    /// Field of the motion or robot file that says how much, where it is one number.
+    /// Field of the motion or robot file that says how much, where it is one number; or [`DURATION`].
     pub field: Option<String>,
     /// That number.
     pub given: Option<f64>,
@@ -65,7 +65,10 @@ pub struct Culprit {
     pub advice: String,
 }
 
-/// Part of its credible level above which a residual is shown: below it the constraint holds, and only pulls.
+/// The field of a culprit that names the duration, s: any constraint may be met in a longer one.
+pub const DURATION: &str = "duration_s";
+
+/// Part of its tolerance above which a residual is shown: below it the constraint holds, and only pulls.
 const LEAST_SHOWN: f64 = 0.1;
 
 /// A number with at most so many significant digits.
@@ -98,7 +101,7 @@ impl fmt::Display for Culprit {
         }
         if let (Some(field), Some(given)) = (&self.field, self.given) {
             let works = self.would_do.map(|works| format!(", {} works", significant(works, 4)));
-            let everywhere = works.is_some() && self.part == Kind::Limit;
+            let everywhere = works.is_some() && self.part == Kind::Limit && field != DURATION;
             let everywhere = if everywhere { " wherever the robot file has it" } else { "" };
             let works = works.unwrap_or_default();
             parts.push(format!("{field} is {}{works}{everywhere}", significant(given, 4)));

@@ -1,8 +1,9 @@
 //! The number of a motion or robot file that a culprit names, and the request in which it is another one.
 
-use super::Culprit;
+use super::{Culprit, DURATION};
 use crate::families::Family;
 use crate::motion::{Motion, Subject};
+use rollwalk_protocol::library::{MAX_CLIP_FRAMES, RATE_HZ};
 use rollwalk_robot::{Actuator, Robot};
 
 impl Culprit {
@@ -16,6 +17,9 @@ impl Culprit {
     ) -> Option<(Robot, Motion)> {
         let (field, given) = (self.field.as_deref()?, self.given?);
         let (mut robot, mut motion) = (robot.clone(), motion.clone());
+        if field == DURATION {
+            return longer(motion, number).map(|motion| (robot, motion));
+        }
         let mut found = false;
         let mut put = |place: &mut f64| {
             // Numbers in a plan file may have been rounded by other programs.
@@ -81,6 +85,21 @@ impl Culprit {
     }
 }
 
+/// The motion with another duration, to whose end heights stay limited that were so to the end; `None` if that is not a
+/// duration of a motion.
+fn longer(mut motion: Motion, number_s: f64) -> Option<Motion> {
+    let rate_hz = f64::from(RATE_HZ);
+    let frames = (rate_hz * number_s).round();
+    let duration_s = frames / rate_hz;
+    for limit in &mut motion.heights {
+        if limit.to_s == motion.duration_s {
+            limit.to_s = duration_s;
+        }
+    }
+    motion.duration_s = duration_s;
+    (frames <= f64::from(MAX_CLIP_FRAMES)).then_some(motion)
+}
+
 fn limit<'a>(motor: &'a mut Actuator, field: &str) -> &'a mut f64 {
     if field == "speed_max_rad_s" { &mut motor.speed_max_rad_s } else { &mut motor.torque_max_nm }
 }
@@ -140,6 +159,7 @@ heading_rad = 0.03
             (Family::TargetVelocity, "speed_left_m_s = 0.1", 0.05),
             (Family::TargetHeading, "heading_rad = 0.03", 0.01),
             (Family::HeightLimit, "below_m = 0.24", 0.25),
+            (Family::ContactPoint, "duration_s = 2.4", 3.0),
             (Family::JointTorque, "torque_max_nm = 4.38", 5.0),
             (Family::WheelMotorSpeed, "speed_max_rad_s = 6.85", 7.0),
             (Family::JointSpeed, "speed_max_rad_s = 4.16", 5.0),

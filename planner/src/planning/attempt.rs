@@ -1,28 +1,25 @@
 //! One attempt: solves a motion from one start, after the solves that this start needs.
 
 use super::probed_solve::{solve, solve_selected};
-use super::{Options, Solution, coarse};
+use super::{Request, Solution, coarse};
 use crate::formulation::Selection;
-use crate::motion::Motion;
 use crate::plan::{StartKind, Started, Status};
 use crate::problem::{Problem, Unknowns};
 use crate::solve::{Begin, Progress, Settings};
 use crate::start::{self, Start, WarmStart};
 use rollwalk_multibody::euler::Model;
-use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 
-/// Optimises a motion from the start in `options`.
+/// Solves a request.
 pub(super) fn attempt(
-    robot: &Robot,
-    motion: &Motion,
-    options: &Options,
+    request: Request<'_>,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Solution {
+    let Request { robot, motion, options } = request;
     let mut chosen = options.start;
     if chosen == Start::Coarse {
         if let Some(halved) = start::halved(motion) {
-            return coarse::from_coarse(robot, motion, &halved, options, progress);
+            return coarse::from_coarse(request, &halved, progress);
         }
         chosen = start::without_halving(robot, motion);
     }

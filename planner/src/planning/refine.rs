@@ -6,13 +6,13 @@
 //! that does not hold then has a status that says so.
 
 use super::attempt::{attempt, counting_from};
-use super::{Options, Solution, replan};
+use super::trials::Watched;
+use super::{Options, Request, Solution, replan};
 use crate::motion::{Ends, Motion};
 use crate::plan::{Plan, Refinement, Status};
 use crate::report::{Judgement, Report};
-use crate::solve::{Method, Progress};
+use crate::solve::Method;
 use rollwalk_robot::Robot;
-use std::ops::ControlFlow;
 
 /// Most samples of a refined plan, as of a motion file.
 const MOST_SAMPLES: usize = 480;
@@ -26,8 +26,6 @@ const HELPS: f64 = 0.8;
 /// Grids that do not help after which no finer one is tried.
 const IN_VAIN: usize = 2;
 
-/// Callback of a solve after every iteration.
-type Watched<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
 /// Plans a motion of more samples from the plan with fewer.
 type Resolve<'a> = dyn FnMut(&Plan, &Motion, &mut Watched<'_>) -> Solution + 'a;
 
@@ -41,14 +39,14 @@ pub(super) fn motion(
     let mut limited = options.clone();
     limited.settings.iterations = limited.settings.iterations.min(MOST_ITERATIONS);
     until_it_holds(solution, options, progress, &mut |coarse, finer, progress| {
-        let options = &limited;
-        let near = replan::from(coarse, None, robot, finer, options, progress)
-            .expect("one robot, one kind of ends");
+        let request = Request { robot, motion: finer, options: &limited };
+        let near =
+            replan::from(coarse, None, request, progress).expect("one robot, one kind of ends");
         match near.plan.solve.status {
             Status::Converged | Status::Interrupted => near,
             _ => {
                 let before = near.plan.solve.iterations;
-                let mut cold = attempt(robot, finer, options, &mut counting_from(before, progress));
+                let mut cold = attempt(request, &mut counting_from(before, progress));
                 cold.plan.solve.iterations += before;
                 cold
             }

@@ -6,8 +6,9 @@
 
 use super::attempt::counting_from;
 use super::probed_solve::solve;
-use super::second_look::{Request, second_look};
-use super::{Options, Solution, candidates, optimise_solution, refine};
+use super::second_look::second_look;
+use super::trials::OwnEnds;
+use super::{Options, Request, Solution, candidates, optimise_solution, refine};
 use crate::motion::{Ends, Motion};
 use crate::plan::{Plan, StartKind, Started, Status};
 use crate::problem::Problem;
@@ -68,7 +69,7 @@ pub fn replan(
     options: &Options,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Plan, ReplanError> {
-    let solution = surely(previous, None, robot, motion, options, progress)?;
+    let solution = surely(previous, None, Request { robot, motion, options }, progress)?;
     Ok(refine::motion(solution, robot, options, progress).plan)
 }
 
@@ -85,8 +86,8 @@ impl Solution {
         options: &Options,
         progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Self, ReplanError> {
-        let multipliers = Some(&self.multipliers);
-        let solution = surely(&self.plan, multipliers, robot, motion, options, progress)?;
+        let request = Request { robot, motion, options };
+        let solution = surely(&self.plan, Some(&self.multipliers), request, progress)?;
         Ok(refine::motion(solution, robot, options, progress))
     }
 }
@@ -95,16 +96,15 @@ impl Solution {
 fn surely(
     previous: &Plan,
     multipliers: Option<&Multipliers>,
-    robot: &Robot,
-    motion: &Motion,
-    options: &Options,
+    request: Request<'_>,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solution, ReplanError> {
-    let solution = from(previous, multipliers, robot, motion, options, progress)?;
+    let Request { robot, motion, options } = request;
+    let solution = from(previous, multipliers, request, progress)?;
     let from_scratch = Options { start: Start::Auto, refine: false, ..options.clone() };
     let first = candidates(robot, motion, &from_scratch).swap_remove(0);
-    let request = Request { robot, motion, options: &first };
-    let (_, mut solution) = second_look(request, solution, progress);
+    let (_, mut solution) =
+        second_look(Request { options: &first, ..request }, &OwnEnds, solution, progress);
     if !matches!(solution.plan.solve.status, Status::Infeasible | Status::Stalled) {
         return Ok(solution);
     }
@@ -128,11 +128,10 @@ fn surely(
 pub(super) fn from(
     previous: &Plan,
     multipliers: Option<&Multipliers>,
-    robot: &Robot,
-    motion: &Motion,
-    options: &Options,
+    request: Request<'_>,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solution, ReplanError> {
+    let Request { robot, motion, options } = request;
     if !same_structure(&previous.robot, robot) {
         return Err(ReplanError::OtherStructure {
             motion: previous.motion.name.clone(),

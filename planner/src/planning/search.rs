@@ -5,8 +5,9 @@
 //! thread they do not even begin. A request that looks impossible from the first two candidates is given up.
 
 use super::attempt::attempt;
-use super::second_look::{Request, second_look};
-use super::{Options, Solution, candidates, refine};
+use super::second_look::second_look;
+use super::trials::{OwnEnds, Watched};
+use super::{Options, Request, Solution, candidates, refine};
 use crate::motion::Motion;
 use crate::plan::Ending;
 use crate::solve::Progress;
@@ -57,12 +58,13 @@ impl<'a> Search<'a> {
         self.race.work(progress, &|index, watched| {
             let Self { robot, motion, .. } = *self;
             let options = &self.candidates[index];
-            let solution = attempt(robot, motion, options, watched);
+            let request = Request { robot, motion, options };
+            let solution = attempt(request, watched);
             let (ending, solution) = if index > 0 {
                 (solution.plan.solve.ending(), solution)
             } else {
                 // If no candidate converges, it is the diagnosis of the first that is shown.
-                second_look(Request { robot, motion, options }, solution, watched)
+                second_look(request, &OwnEnds, solution, watched)
             };
             (ending, refine::motion(solution, robot, options, watched))
         });
@@ -79,9 +81,6 @@ impl<'a> Search<'a> {
 
 /// Count of candidates from which a request must look impossible before it is given up.
 const HOPELESS: usize = 2;
-
-/// Callback of a solve after every iteration.
-type Watched<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
 
 /// A race of candidates, each with a result.
 struct Race<T>(Mutex<State<T>>);

@@ -2,17 +2,15 @@
 //!
 //! A diagnosis estimates to first order, at the point with the least violation, which number would make the request
 //! feasible. Here such numbers are tried: only one with which a plan was found stays in the diagnosis. From that plan the
-//! request itself is tried again. Sometimes it is found there. Otherwise, if the number is near, the verdict has been
-//! reached from both sides, and other starts are not worth their time.
+//! number is moved back towards the one asked for, in steps of which each starts from the plan before it. Such a path
+//! often leads to a plan of the request itself. Otherwise it ends between a number that works and one that does not; if that
+//! is near the request, the verdict has been reached from both sides, and other starts are not worth their time.
 
-use super::attempt::{attempt, counting_from};
-use super::{Options, Solution, replan};
+use super::trials::{Stopped, Trials, Watched, Ways};
+use super::{Request, Solution};
 use crate::families::{Family, Kind};
-use crate::motion::{Ends, Motion};
-use crate::plan::{Culprit, Diagnosis, Ending, Plan, Status, Verdict};
-use crate::solve::{Progress, Settings};
-use rollwalk_robot::Robot;
-use std::ops::ControlFlow;
+use crate::motion::{Goal, Motion};
+use crate::plan::{Culprit, DURATION, Diagnosis, Ending, Status, Verdict};
 
 /// Relative change of a number up to which a request misses by little. Then a trial starts from the point with the least
 /// violation; further away that is a worse start than none, because it is contorted. And if no way leads from the number
@@ -24,49 +22,59 @@ const FIRST_NEAR: f64 = 2.0;
 const FIRST: f64 = 1.1;
 /// Numbers tried instead of the first and the second one that a diagnosis names, and of the others.
 const TRIALS: [usize; 3] = [4, 2, 2];
-/// Iteration limits: of a trial, of all of them, and on the way back by little, which is a re-plan and takes few.
+/// Iteration limits: of a trial, of all trials of numbers, of a step back towards the request and of all such steps, and of
+/// the step that is left if the request misses by little, which takes few.
 const OF_TRIAL: usize = 100;
 const OF_ALL: usize = 300;
+const OF_STEP: usize = 60;
+const OF_STEPS: usize = 300;
 const BACK: usize = 20;
+/// Factors by which a goal is made nearer and a duration longer if no other number works, and how often.
+const NEARER: f64 = 0.5;
+const LONGER: f64 = 3.0;
+const TRIALS_WHOLE: usize = 3;
+/// Durations that are said are multiples of this, s: whole numbers of frames with few digits.
+const DURATIONS_S: f64 = 0.05;
+/// Most iterations of a second look, as a multiple of the limit of a solve.
+const MOST: usize = 2;
 /// Relative distance of a number that works from one that does not, at which no nearer one is sought.
-const CLOSE: f64 = 0.2;
+const CLOSE: f64 = 0.05;
 /// Part of the number asked for above which a number that works is said.
 const LEAST_SAID: f64 = 0.05;
-
-/// A request.
-#[derive(Clone, Copy)]
-pub(super) struct Request<'a> {
-    pub robot: &'a Robot,
-    pub motion: &'a Motion,
-    /// With one of its starts.
-    pub options: &'a Options,
-}
 
 /// Looks again at the solution of a request; one that is not infeasible is returned as it is. Also returns what the
 /// solution means for other starts.
 pub(super) fn second_look(
     request: Request<'_>,
+    ways: &dyn Ways,
     mut solution: Solution,
-    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    progress: &mut Watched<'_>,
 ) -> (Ending, Solution) {
     let ending = solution.plan.solve.ending();
-    let Some(diagnosis) = solution.plan.solve.diagnosis.take() else { return (ending, solution) };
+    let Some(mut diagnosis) = solution.plan.solve.diagnosis.take() else {
+        return (ending, solution);
+    };
     let first = solution.plan.solve.iterations;
-    let mut trials = Trials { request, first, spent: first, progress };
-    let looked = trials.look(&solution.plan, diagnosis);
-    let spent = trials.spent;
-    let (ending, mut solution) = match looked {
-        Looked::Found(found) => (Ending::Decided, *found),
-        Looked::Interrupted => {
-            solution.plan.solve.status = Status::Interrupted;
-            (Ending::Decided, solution)
+    let limit = request.options.settings.iterations;
+    let trials = Trials { request, ways, spent: first, left: MOST * limit, progress };
+    let mut look = Look { trials, nearest: &solution, left: OF_ALL };
+    let looked = look.at(&mut diagnosis);
+    let spent = look.trials.spent;
+    let ending = match looked {
+        Ok(Looked::Found(found)) => {
+            solution = *found;
+            Ending::Decided
         }
-        Looked::Told { diagnosis, from_both_sides } => {
-            solution.plan.solve.diagnosis = Some(diagnosis);
-            (if from_both_sides { Ending::Decided } else { ending }, solution)
+        Ok(Looked::FromBothSides) => Ending::Decided,
+        Ok(Looked::Open) => ending,
+        Err(Stopped) => {
+            solution.plan.solve.status = Status::Interrupted;
+            Ending::Decided
         }
     };
-    solution.plan.solve.iterations = spent;
+    let solve = &mut solution.plan.solve;
+    solve.diagnosis = Some(diagnosis).filter(|_| solve.status == Status::Infeasible);
+    solve.iterations = spent;
     (ending, solution)
 }
 
@@ -74,16 +82,11 @@ pub(super) fn second_look(
 enum Looked {
     /// The request works.
     Found(Box<Solution>),
-    /// The diagnosis, with numbers that work.
-    Told {
-        diagnosis: Diagnosis,
-        from_both_sides: bool,
-    },
-    Interrupted,
+    /// A number near the one asked for works, and no way leads from there to the request.
+    FromBothSides,
+    /// Other starts may find a plan.
+    Open,
 }
-
-/// The user has stopped a trial.
-struct Stopped;
 
 /// A number that works, and its plan.
 struct Works {
@@ -91,170 +94,203 @@ struct Works {
     solution: Solution,
 }
 
-/// Solves of other requests, one after the other.
-struct Trials<'a, 'p> {
-    request: Request<'a>,
-    /// Iterations of the first solve, and so far, those of the first solve included.
-    first: usize,
-    spent: usize,
-    progress: &'p mut dyn FnMut(&Progress) -> ControlFlow<()>,
+/// A second look in progress.
+struct Look<'a, 'p> {
+    trials: Trials<'a, 'p>,
+    /// The point with the least violation.
+    nearest: &'a Solution,
+    /// Iterations left in which numbers are sought.
+    left: usize,
 }
 
-impl Trials<'_, '_> {
-    fn look(&mut self, nearest: &Plan, mut diagnosis: Diagnosis) -> Looked {
-        let Request { robot, motion, .. } = self.request;
-        let mut from_both_sides = None;
+impl Look<'_, '_> {
+    /// Replaces the estimates of a diagnosis by numbers that work.
+    fn at(&mut self, diagnosis: &mut Diagnosis) -> Result<Looked, Stopped> {
+        let Diagnosis { verdict, culprits } = diagnosis;
         let mut trials = TRIALS.into_iter();
-        for culprit in &mut diagnosis.culprits {
+        let mut looked = None;
+        for culprit in culprits.iter_mut() {
             let Some(estimate) = culprit.would_do.take().or_else(|| guess(culprit)) else {
                 continue;
             };
             // The time of one that misses by little goes into the number that is the easiest to change.
-            if from_both_sides == Some(true) {
+            if matches!(looked, Some(Looked::FromBothSides)) {
                 continue;
             }
             let most = trials.next().unwrap_or_default();
-            let works = match self.seek(culprit, estimate, nearest, most) {
-                Ok(Some(works)) => works,
-                Ok(None) => continue,
-                Err(Stopped) => return Looked::Interrupted,
-            };
-            // A goal of next to nothing is no suggestion.
-            let said = works.number.abs() > LEAST_SAID * culprit.given.unwrap_or_default().abs();
-            culprit.would_do = said.then_some(works.number);
-            if from_both_sides.is_some() {
+            let Some(works) = self.seek(culprit, estimate, most)? else { continue };
+            if looked.is_some() {
+                tell(culprit, works.number);
                 continue;
             }
-            let given = culprit.given.unwrap_or_default();
-            let little = (works.number - given).abs() <= LITTLE * given.abs();
-            if little && diagnosis.verdict == Verdict::Contradiction {
-                from_both_sides = Some(true);
-                continue;
+            let followed = self.follow(culprit, works, *verdict)?;
+            if matches!(followed, Looked::Found(_)) {
+                return Ok(followed);
             }
-            let most = if little { BACK } else { OF_TRIAL };
-            match self.solve_back(&works.solution, robot, motion, most) {
-                Err(Stopped) => return Looked::Interrupted,
-                Ok(Some(again)) if again.plan.solve.status == Status::Converged => {
-                    return Looked::Found(Box::new(again));
-                }
-                Ok(again) => from_both_sides = Some(again.is_some() && little),
-            }
+            looked = Some(followed);
         }
-        Looked::Told { diagnosis, from_both_sides: from_both_sides.unwrap_or(false) }
+        match looked {
+            Some(looked) => Ok(looked),
+            None => self.at_whole(*verdict, culprits),
+        }
     }
 
-    /// Seeks a number that works instead of the one that a culprit names, and one not much further from it than it
-    /// has to be.
+    /// Seeks a nearer goal or a longer duration that works, where no number of the culprits is known to.
+    fn at_whole(
+        &mut self,
+        verdict: Verdict,
+        culprits: &mut Vec<Culprit>,
+    ) -> Result<Looked, Stopped> {
+        let motion = self.trials.request.motion;
+        let nearer = goal(motion).filter(|goal| {
+            culprits
+                .iter()
+                .all(|culprit| (&culprit.field, culprit.given) != (&goal.field, goal.given))
+        });
+        let longer = culprits.first().map(|first| Culprit {
+            field: Some(DURATION.to_owned()),
+            given: Some(motion.duration_s),
+            ..first.clone()
+        });
+        for (mut culprit, times) in
+            nearer.map(|c| (c, NEARER)).into_iter().chain(longer.map(|c| (c, LONGER)))
+        {
+            self.left = self.left.max(OF_TRIAL);
+            let estimate = times * culprit.given.unwrap_or_default();
+            if let Some(works) = self.seek(&culprit, estimate, TRIALS_WHOLE)? {
+                let looked = self.follow(&mut culprit, works, verdict)?;
+                culprits.insert(0, culprit);
+                return Ok(looked);
+            }
+        }
+        Ok(Looked::Open)
+    }
+
+    /// Seeks a number that works instead of the one that a culprit names.
     fn seek(
         &mut self,
         culprit: &Culprit,
         estimate: f64,
-        nearest: &Plan,
         most: usize,
     ) -> Result<Option<Works>, Stopped> {
-        let Request { robot, motion, .. } = self.request;
-        let given = culprit.given.unwrap_or_default();
-        let little = (estimate - given).abs() <= LITTLE * given.abs();
-        let mut fails = given;
-        let mut works: Option<Works> = None;
-        let mut number = beyond(given, estimate, if little { FIRST_NEAR } else { FIRST });
+        let Request { robot, motion, .. } = self.trials.request;
+        let asked = Asked::by(culprit);
+        let near = asked.is_near(estimate);
+        let mut number = asked.beyond(estimate, if near { FIRST_NEAR } else { FIRST });
         for trial in 0..most {
             let Some((robot, motion)) = culprit.with_number(robot, motion, number) else { break };
-            let solution = if little && trial == 0 {
-                self.solve_near(nearest, &robot, &motion)?
-            } else {
-                self.solve_cold(&robot, &motion)?
-            };
+            let most = self.left.min(OF_TRIAL);
+            let before = self.trials.spent;
+            let from = Some(self.nearest).filter(|_| near && trial == 0);
+            let solution = self.trials.solve(&robot, &motion, from, most)?;
+            self.left = self.left.saturating_sub(self.trials.spent - before);
             let Some(solution) = solution else { break };
             if solution.plan.solve.status == Status::Converged {
-                works = Some(Works { number, solution });
-                if (number - fails).abs() <= CLOSE * fails.abs().max(number.abs()) {
+                return Ok(Some(Works { number, solution }));
+            }
+            let why = solution.plan.solve.diagnosis;
+            let same = |other: &Culprit| {
+                (other.constraint, &other.field) == (culprit.constraint, &culprit.field)
+            };
+            let other = why.and_then(|why| why.culprits.into_iter().find(same)?.would_do);
+            let twice = asked.beyond(number, 2.0);
+            // From the number that has just failed.
+            let failed = Asked { number, ..asked };
+            let estimate = other.map_or(twice, |other| failed.beyond(other, FIRST));
+            let further = (estimate - asked.number).abs() > (twice - asked.number).abs();
+            number = if further { estimate } else { twice };
+        }
+        Ok(None)
+    }
+
+    /// Moves a number that works back towards the one asked for, and tells the last one from which plans are also found
+    /// from scratch.
+    fn follow(
+        &mut self,
+        culprit: &mut Culprit,
+        mut works: Works,
+        verdict: Verdict,
+    ) -> Result<Looked, Stopped> {
+        let Request { robot, motion, .. } = self.trials.request;
+        let asked = Asked::by(culprit);
+        let given = asked.number;
+        let mut worked = vec![works.number];
+        let mut left = OF_STEPS;
+        let mut step = given - works.number;
+        let mut near = asked.is_near(works.number);
+        while !(near && verdict == Verdict::Contradiction) {
+            let whole = step.abs() >= 0.999 * (given - works.number).abs();
+            let number = if whole { given } else { asked.rounded(works.number + step, -step) };
+            if number == works.number {
+                break;
+            }
+            let Some((robot, motion)) = culprit.with_number(robot, motion, number) else { break };
+            let most = if near { BACK } else { OF_STEP }.min(left);
+            let before = self.trials.spent;
+            let known = Some(&works.solution);
+            let Some(solution) = self.trials.solve(&robot, &motion, known, most)? else { break };
+            left = left.saturating_sub(self.trials.spent - before);
+            if solution.plan.solve.status != Status::Converged {
+                step *= 0.5;
+                if near || step.abs() < CLOSE * works.number.abs() {
                     break;
                 }
+            } else if whole {
+                return Ok(Looked::Found(Box::new(solution)));
             } else {
-                let why = solution.plan.solve.diagnosis;
-                let same = |other: &Culprit| {
-                    (other.constraint, &other.field) == (culprit.constraint, &culprit.field)
-                };
-                let other = why.and_then(|why| why.culprits.into_iter().find(same)?.would_do);
-                if works.is_none() {
-                    let twice = beyond(given, number, 2.0);
-                    let estimate = other.map_or(twice, |other| beyond(number, other, FIRST));
-                    fails = number;
-                    let further = (estimate - given).abs() > (twice - given).abs();
-                    number = if further { estimate } else { twice };
-                    continue;
-                }
-                fails = number;
-            }
-            if let Some(works) = &works {
-                number = rounded(0.5 * (works.number + fails), works.number - given);
-                if number == works.number || number == fails {
-                    break;
-                }
+                worked.push(number);
+                works = Works { number, solution };
+                near = asked.is_near(number);
             }
         }
-        Ok(works)
-    }
-
-    /// Solves a request from its start, as those do who type its numbers.
-    fn solve_cold(&mut self, robot: &Robot, motion: &Motion) -> Result<Option<Solution>, Stopped> {
-        self.solve(self.left(), |options, progress| Some(attempt(robot, motion, options, progress)))
-    }
-
-    /// Solves a request from a point near it.
-    fn solve_near(
-        &mut self,
-        nearest: &Plan,
-        robot: &Robot,
-        motion: &Motion,
-    ) -> Result<Option<Solution>, Stopped> {
-        self.solve(self.left(), |options, progress| {
-            replan::from(nearest, None, robot, motion, options, progress).ok()
-        })
-    }
-
-    /// Solves a request from the solution of another one.
-    fn solve_back(
-        &mut self,
-        known: &Solution,
-        robot: &Robot,
-        motion: &Motion,
-        most: usize,
-    ) -> Result<Option<Solution>, Stopped> {
-        let multipliers = Some(&known.multipliers);
-        self.solve(most, |options, progress| {
-            replan::from(&known.plan, multipliers, robot, motion, options, progress).ok()
-        })
-    }
-
-    /// Iterations that are left for the next number.
-    fn left(&self) -> usize {
-        (self.first + OF_ALL).saturating_sub(self.spent).min(OF_TRIAL)
-    }
-
-    /// Solves within a limit and that of the options; `None` if they leave no iteration, or it cannot be solved.
-    fn solve(
-        &mut self,
-        most: usize,
-        solve: impl FnOnce(&Options, &mut dyn FnMut(&Progress) -> ControlFlow<()>) -> Option<Solution>,
-    ) -> Result<Option<Solution>, Stopped> {
-        let Request { motion, options, .. } = self.request;
-        let iterations = options.settings.iterations.saturating_sub(self.spent).min(most);
-        if iterations == 0 || motion.ends == Ends::Prescribed {
-            return Ok(None);
+        // The first was found from scratch.
+        let mut last = worked.len() - 1;
+        while last > 0 {
+            let Some((robot, motion)) = culprit.with_number(robot, motion, worked[last]) else {
+                break;
+            };
+            let solved = self.trials.solve(&robot, &motion, None, OF_TRIAL)?;
+            if solved.is_some_and(|solved| solved.plan.solve.status == Status::Converged) {
+                break;
+            }
+            last /= 2;
         }
-        let settings = Settings { iterations, ..options.settings.clone() };
-        let options = Options { settings, ..options.clone() };
-        let Some(solution) = solve(&options, &mut counting_from(self.spent, self.progress)) else {
-            return Ok(None);
-        };
-        self.spent += solution.plan.solve.iterations;
-        match solution.plan.solve.status {
-            Status::Interrupted => Err(Stopped),
-            _ => Ok(Some(solution)),
-        }
+        tell(culprit, worked[last]);
+        Ok(if near { Looked::FromBothSides } else { Looked::Open })
     }
+}
+
+/// The largest number of the goal, as a culprit; `None` if all are 0.
+fn goal(motion: &Motion) -> Option<Culprit> {
+    let Goal { forward_m, left_m, turn_rad } = motion.goal;
+    let numbers = [
+        (Family::DisplacementGoal, "forward_m", forward_m),
+        (Family::DisplacementGoal, "left_m", left_m),
+        (Family::TurningGoal, "turn_rad", turn_rad),
+    ];
+    let size = |number: Option<f64>| number.unwrap_or_default().abs();
+    let (family, field, given) =
+        numbers.into_iter().max_by(|a, b| size(a.2).total_cmp(&size(b.2)))?;
+    let steps = motion.stance.iter().flatten().any(|stands| !stands);
+    given.filter(|given| *given != 0.0).map(|given| Culprit {
+        constraint: family,
+        part: family.kind(),
+        subject: None,
+        time_s: [0.0, motion.duration_s],
+        worst: 0.0,
+        unit: family.unit().symbol().to_owned(),
+        share: 0.0,
+        field: Some(field.to_owned()),
+        given: Some(given),
+        would_do: None,
+        advice: family.advice(steps).to_owned(),
+    })
+}
+
+/// Says a number that works, unless it asks for next to nothing.
+fn tell(culprit: &mut Culprit, number: f64) {
+    let said = number.abs() > LEAST_SAID * culprit.given.unwrap_or_default().abs();
+    culprit.would_do = said.then_some(number);
 }
 
 /// A number to begin with where there is no estimate: half of what is asked for, twice a limit.
@@ -268,22 +304,47 @@ fn guess(culprit: &Culprit) -> Option<f64> {
     }
 }
 
-/// A number that lies further from the given one than an estimate, or nearer to 0 without a change of sign.
-fn beyond(given: f64, estimate: f64, times: f64) -> f64 {
-    let change = estimate - given;
-    let number = given + times * change;
-    rounded(if number * given <= 0.0 { 0.5 * estimate } else { number }, change)
+/// The number asked for.
+#[derive(Clone, Copy)]
+struct Asked {
+    number: f64,
+    is_duration: bool,
 }
 
-/// A number with few digits, moved a little further in the direction of a change: by less than half of the change and
-/// of the number.
-fn rounded(number: f64, change: f64) -> f64 {
-    let decimals = (1.0 - change.abs().min(number.abs()).log10().floor()).clamp(0.0, 12.0);
-    let unit = 0.5 * 10f64.powf(1.0 - decimals);
-    let rounded =
-        if change < 0.0 { (number / unit).floor() } else { (number / unit).ceil() } * unit;
-    // Without the last digits of a product in binary.
-    format!("{rounded:.*}", decimals as usize).parse().unwrap_or(rounded)
+impl Asked {
+    fn by(culprit: &Culprit) -> Self {
+        let is_duration = culprit.field.as_deref() == Some(DURATION);
+        Self { number: culprit.given.unwrap_or_default(), is_duration }
+    }
+
+    /// Whether a request with another number instead misses by little.
+    fn is_near(self, number: f64) -> bool {
+        (number - self.number).abs() <= LITTLE * self.number.abs()
+    }
+
+    /// A number that lies further away than an estimate, or nearer to 0 without a change of sign.
+    fn beyond(self, estimate: f64, times: f64) -> f64 {
+        let change = estimate - self.number;
+        let number = self.number + times * change;
+        let crosses = number * self.number <= 0.0;
+        self.rounded(if crosses { 0.5 * estimate } else { number }, change)
+    }
+
+    /// A number with few digits, moved a little further in the direction of a change: by less than half of the change
+    /// and of the number.
+    fn rounded(self, number: f64, change: f64) -> f64 {
+        let (decimals, unit) = if self.is_duration {
+            (2.0, DURATIONS_S)
+        } else {
+            let decimals = 1.0 - change.abs().min(number.abs()).log10().floor();
+            let decimals = decimals.clamp(0.0, 12.0);
+            (decimals, 0.5 * 10f64.powf(1.0 - decimals))
+        };
+        let rounded =
+            if change < 0.0 { (number / unit).floor() } else { (number / unit).ceil() } * unit;
+        // Without the last digits of a product in binary.
+        format!("{rounded:.*}", decimals as usize).parse().unwrap_or(rounded)
+    }
 }
 
 #[cfg(test)]
@@ -302,7 +363,8 @@ mod tests {
             // Nearer to 0, but not beyond it.
             (1.0, 0.1, 2.0, 0.05),
         ] {
-            assert_eq!(beyond(given, estimate, times), expected, "{given} {estimate} {times}");
+            let asked = Asked { number: given, is_duration: false };
+            assert_eq!(asked.beyond(estimate, times), expected, "{given} {estimate} {times}");
         }
     }
 }

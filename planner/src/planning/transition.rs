@@ -5,7 +5,9 @@
 //! smoothly. The placement of the end on the ground is free.
 
 use super::probed_solve::solve;
-use super::{Options, Solution, refine};
+use super::second_look::second_look;
+use super::trials::{Watched, Ways};
+use super::{Options, Request, Solution, refine};
 use crate::motion::Motion;
 use crate::plan::{Placement, Plan, StartKind, Started};
 use crate::problem::variables::{Layout, Lift};
@@ -95,38 +97,54 @@ pub fn optimise_transition(
             });
         }
     }
-    let solve = |motion: &Motion, progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>| {
-        solve_transition(motion, from, to, options, progress)
-    };
-    let solution = solve(motion, &mut *progress);
+    let joined = Joined { from, to };
+    let request = Request { robot: &from.robot, motion, options };
+    let solution = joined.solve(request, progress);
+    let (_, solution) = second_look(request, &joined, solution, progress);
     let refined = refine::until_it_holds(solution, options, progress, &mut |_, finer, progress| {
-        solve(finer, progress)
+        joined.solve(Request { motion: finer, ..request }, progress)
     });
     Ok(refined.plan)
 }
 
-/// Optimises a transition whose ends fit.
-fn solve_transition(
-    motion: &Motion,
-    from: &Plan,
-    to: &Plan,
-    options: &Options,
-    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Solution {
-    let model = Model::new(&from.robot);
-    let spacing_s = motion.duration_s / (motion.stance.len() - 1) as f64;
-    let exit = Moment { plan: from, time_s: from.motion.exit_time_s() };
-    let start = prescribed_end(&model, exit, -spacing_s);
-    let end = prescribed_end(&model, Moment { plan: to, time_s: 0.0 }, spacing_s);
-    let (problem, fixed) =
-        Problem::transition(model, motion, &start, &end, options.weights.clone());
-    let unknowns = start::joined(&problem, fixed);
-    let solved = solve(&problem, unknowns, Begin::Cold, &options.settings, progress);
-    let mut solution = solved.write(&problem, motion, Started { kind: StartKind::Joined, seed: 0 });
-    // Estimates that nothing has tried are not told.
-    let diagnosis = solution.plan.solve.diagnosis.iter_mut();
-    diagnosis.flat_map(|why| &mut why.culprits).for_each(|culprit| culprit.would_do = None);
-    solution
+/// Two motions whose ends fit.
+#[derive(Clone, Copy)]
+struct Joined<'a> {
+    from: &'a Plan,
+    to: &'a Plan,
+}
+
+impl Ways for Joined<'_> {
+    fn cold(&self, request: Request<'_>, progress: &mut Watched<'_>) -> Option<Solution> {
+        // The motions are plans of one robot.
+        (*request.robot == self.from.robot).then(|| self.solve(request, progress))
+    }
+
+    fn near(
+        &self,
+        _: &Solution,
+        request: Request<'_>,
+        progress: &mut Watched<'_>,
+    ) -> Option<Solution> {
+        self.cold(request, progress)
+    }
+}
+
+impl Joined<'_> {
+    /// Optimises a transition between them.
+    fn solve(&self, request: Request<'_>, progress: &mut Watched<'_>) -> Solution {
+        let (Self { from, to }, Request { robot, motion, options }) = (*self, request);
+        let model = Model::new(robot);
+        let spacing_s = motion.duration_s / (motion.stance.len() - 1) as f64;
+        let exit = Moment { plan: from, time_s: from.motion.exit_time_s() };
+        let start = prescribed_end(&model, exit, -spacing_s);
+        let end = prescribed_end(&model, Moment { plan: to, time_s: 0.0 }, spacing_s);
+        let (problem, fixed) =
+            Problem::transition(model, motion, &start, &end, options.weights.clone());
+        let unknowns = start::joined(&problem, fixed);
+        let solved = solve(&problem, unknowns, Begin::Cold, &options.settings, progress);
+        solved.write(&problem, motion, Started { kind: StartKind::Joined, seed: 0 })
+    }
 }
 
 /// Time step of the difference quotient for the velocity of a spline, s. With accelerations of 20 rad/s² the error is
