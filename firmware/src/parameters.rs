@@ -17,6 +17,9 @@ use crate::store::{PARAMETERS, ParameterSet};
 const RAMP_US: u32 = 500_000;
 /// Smallest torque limit as a fraction of the configured one: the damped stop needs some torque.
 const LEAST_TORQUE: f32 = 0.1;
+/// Smallest gain and torque limit that can be set while torque is on, as a fraction of the configured one: whoever may send
+/// on the link must not make a robot that stands go limp.
+const LEAST_WHILE_DRIVEN: f32 = 0.5;
 
 /// A value on its ramp.
 #[derive(Clone, Copy, Debug, Default)]
@@ -141,9 +144,13 @@ impl Parameters {
     ) -> Result<f32, Refusal> {
         let limits = config.channels.get(usize::from(channel)).ok_or(UNKNOWN_CHANNEL)?;
         let which = Parameter::from_code(parameter).ok_or(UNKNOWN_PARAMETER)?;
-        check(limits, settings, which, value)?;
+        let present = self.get(parameter, channel)?;
+        let (least, most) = range(limits, settings, which);
+        let whole = configured(limits).get(usize::from(parameter)).copied();
+        let standing = whole.filter(|_| driven).map_or(least, |whole| LEAST_WHILE_DRIVEN * whole);
+        // What is lower already may be raised.
+        check((least.max(standing.min(present)), most), value)?;
         let ramp_ticks = self.ramp_ticks;
-        self.get(parameter, channel)?;
         let values = self.channels.get_mut(usize::from(channel)).ok_or(UNKNOWN_CHANNEL)?;
         let ramp = values.get_mut(usize::from(parameter)).unwrap_or(&mut self.feed_forward);
         // Turns −0 into 0.
@@ -193,7 +200,7 @@ impl Parameters {
             && (0.0..=1.0).contains(&set.feed_forward)
             && set.values.iter().zip(&config.channels).all(|(values, limits)| {
                 let mut each = Parameter::ALL.iter().zip(values);
-                each.all(|(&which, &value)| check(limits, settings, which, value).is_ok())
+                each.all(|(&which, &value)| check(range(limits, settings, which), value).is_ok())
             });
         if fits {
             self.channels = gathered(set.values.iter().map(|values| values.map(GainRamp::at)));
@@ -223,13 +230,7 @@ fn range(limits: &Channel, settings: &Settings, parameter: Parameter) -> (f32, f
     }
 }
 
-fn check(
-    limits: &Channel,
-    settings: &Settings,
-    parameter: Parameter,
-    value: f32,
-) -> Result<(), Refusal> {
-    let (least, most) = range(limits, settings, parameter);
+fn check((least, most): (f32, f32), value: f32) -> Result<(), Refusal> {
     // Comparisons are written so that a NaN fails them.
     if value >= least && value <= most {
         return Ok(());
@@ -336,6 +337,21 @@ mod tests {
         }
     }
 
+    #[test]
+    fn while_driven_nothing_goes_below_half() {
+        let mut p = fresh();
+        for (which, whole) in [((KP, 0), 20.0), ((KD, 0), 0.5), ((TORQUE, 0), 3.0), ((KD, 1), 0.5)]
+        {
+            let refused = (ParameterResult::OutOfRange, 0.5 * whole);
+            assert_eq!(set(&mut p, which, 0.4 * whole, true), refused, "{which:?}");
+            assert_eq!(set(&mut p, which, 0.5 * whole, true).0, ParameterResult::Ok);
+        }
+        // What was set lower before may be raised, not lowered further; and lowered while torque is off.
+        assert_eq!(set(&mut p, (KP, 0), 2.0, false).0, ParameterResult::Ok);
+        assert_eq!(set(&mut p, (KP, 0), 1.9, true), (ParameterResult::OutOfRange, 2.0));
+        assert_eq!(set(&mut p, (KP, 0), 2.5, true).0, ParameterResult::Ok);
+    }
+
     /// With any ratio and configuration, an allowed gain fits the scale of a setpoint.
     #[test]
     fn gains_stay_within_the_scale_of_a_setpoint() {
@@ -352,20 +368,20 @@ mod tests {
     #[test]
     fn a_gain_changed_while_driven_moves_smoothly_and_arrives() {
         let mut p = fresh();
-        assert_eq!(set(&mut p, (KP, 0), 8.0, true), (ParameterResult::Ok, 8.0));
-        assert_eq!(p.get(KP, 0), Ok(8.0), "what it was set to");
+        assert_eq!(set(&mut p, (KP, 0), 12.0, true), (ParameterResult::Ok, 12.0));
+        assert_eq!(p.get(KP, 0), Ok(12.0), "what it was set to");
         let mut last = driven(&p, 0).kp_nm_rad;
         assert_eq!(last, 20.0, "and not yet what is in force");
         let ticks = 60;
         for _ in 0..ticks {
             // The same value again and again does not delay the ramp.
-            set(&mut p, (KP, 0), 8.0, true);
+            set(&mut p, (KP, 0), 12.0, true);
             p.advance(&config());
             let now = driven(&p, 0).kp_nm_rad;
-            assert!(now < last && last - now < 1.001 * 12.0 / ticks as f32, "{last} to {now}");
+            assert!(now < last && last - now < 1.001 * 8.0 / ticks as f32, "{last} to {now}");
             last = now;
         }
-        assert_eq!(last, 8.0);
+        assert_eq!(last, 12.0);
         // While torque is off a change needs no ramp.
         set(&mut p, (KP, 0), 20.0, false);
         assert_eq!(driven(&p, 0).kp_nm_rad, 20.0);
@@ -466,9 +482,9 @@ mod tests {
                     prop_assert!((p.feed_forward() - share).abs() <= 1.001 / 60.0);
                     for (i, limits) in config().channels.iter().enumerate() {
                         let now = driven(&p, i);
-                        prop_assert!(now.kp_nm_rad >= 0.0 && now.kp_nm_rad <= 2.0 * limits.kp_nm_rad);
-                        prop_assert!(now.kd_nm_s_rad >= 0.0 && now.kd_nm_s_rad <= 2.0 * limits.kd_nm_s_rad);
-                        prop_assert!(now.max_torque_nm >= 0.1 * 3.0 && now.max_torque_nm <= 3.0);
+                        prop_assert!(now.kp_nm_rad >= 0.5 * limits.kp_nm_rad && now.kp_nm_rad <= 2.0 * limits.kp_nm_rad);
+                        prop_assert!(now.kd_nm_s_rad >= 0.5 * limits.kd_nm_s_rad && now.kd_nm_s_rad <= 2.0 * limits.kd_nm_s_rad);
+                        prop_assert!(now.max_torque_nm >= 0.5 * 3.0 && now.max_torque_nm <= 3.0);
                         let step = |now: f32, before: f32, whole: f32| (now - before).abs() <= 1.001 * whole / 60.0;
                         prop_assert!(step(now.kp_nm_rad, before[i].kp_nm_rad, 40.0));
                         prop_assert!(step(now.kd_nm_s_rad, before[i].kd_nm_s_rad, 1.0));

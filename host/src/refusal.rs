@@ -32,7 +32,9 @@ pub fn parameter_refusal(result: ParameterResult, limit: f32) -> String {
         ParameterResult::UnknownParameter => "its firmware is older than this parameter",
         ParameterResult::UnknownChannel => "the robot has fewer channels",
         ParameterResult::OutOfRange => {
-            return format!("the value is no number, or beyond the limit of {limit}");
+            return format!(
+                "the value is no number, or beyond the limit of {limit}; while torque is on, nothing goes below half of the robot file's"
+            );
         }
         ParameterResult::WrongState => "torque is on; disarm first",
         ParameterResult::StoreFailed => "it has no memory for parameters, or one that fails",

@@ -101,7 +101,7 @@ fn beside_a_host_orders_are_given_without_heartbeats_and_no_second_host_begins()
     wait_for(&mut link, State::Playing);
     heartbeats(&mut link);
     let run = |args: &[&str]| on(&desk, &bus, args);
-    run(&["gains", "set", "all", "--kp", "12.5"]).succeeds();
+    run(&["gains", "set", "all", "--kp", "62.5"]).succeeds();
     run(&["pause"]).succeeds();
     for second in [&["send", "--arm", "stand"][..], &["flash", "legbot.rwl"]] {
         run(second).fails(5, &["controller 1 has a host already", "end that program first"]);

@@ -11,7 +11,9 @@ use rollwalk_sim_host::rig::Rig;
 const HIP: u8 = 0;
 const KNEE: u8 = 1;
 /// A proportional gain a twelfth of the configuration's, N·m/rad.
-const SOFT: f32 = 5.0;
+/// The softest while torque is on: half of the configuration's. And softer, while it is off.
+const SOFT: f32 = 30.0;
+const LIMP: f32 = 5.0;
 
 /// The worst error of a joint in the swing that is played, rad.
 fn swing_error(session: &mut Session<Rig>) -> f64 {
@@ -36,8 +38,8 @@ fn softer_gains_follow_less_closely_and_the_configurations_as_before() {
     let stiff = swing_error(&mut session);
     set_kp(&mut session, SOFT);
     let soft = swing_error(&mut session);
-    // What lags with the control period stays, what weight and inertia pull grows to twelve times.
-    assert!(soft > 2.0 * stiff && soft < 12.0 * stiff, "{stiff} {soft} rad");
+    // What lags with the control period stays, what weight and inertia pull grows to twice as much.
+    assert!(soft > 1.1 * stiff && soft < 2.0 * stiff, "{stiff} {soft} rad");
     session.reset_parameters().unwrap();
     session.run_for(S).unwrap();
     let again = swing_error(&mut session);
@@ -58,14 +60,14 @@ fn a_gain_changed_while_the_robot_stands_does_not_make_it_jump() {
         let steps = records.windows(2).map(|r| (r[1].measured[joint] - r[0].measured[joint]).abs());
         steps.fold(0.0, f32::max)
     };
-    // It sinks by some 15 mrad and rises again, each within half a second of 60 periods.
+    // It sinks by some 2 mrad and rises again, each within half a second of 60 periods.
     for joint in [0, 1] {
         assert!(moved(joint) < 2e-3, "joint {joint}: {} rad in a period", moved(joint));
     }
     // There was something to jump from.
     let sags = records.iter().map(|r| (r.commanded[0] - r.measured[0]).abs());
     let (most, least) = (sags.clone().fold(0.0, f32::max), sags.fold(1.0, f32::min));
-    assert!(most > 3.0 * least && most > 5e-3, "{least} to {most} rad");
+    assert!(most > 3.0 * least && most > 1e-3, "{least} to {most} rad");
 }
 
 #[test]
@@ -80,13 +82,14 @@ fn what_was_saved_is_in_force_after_a_power_cycle() {
         error => panic!("{error}"),
     }
     session.disarm().unwrap();
+    set_kp(&mut session, LIMP);
     session.save_parameters().unwrap();
     set_kp(&mut session, 40.0);
 
     let mut session = connect(session.into_bus().power_cycled());
     session.wait_for_state(State::Disarmed, S).unwrap();
     assert_eq!(session.parameter_origin(), Ok(ParameterOrigin::Saved));
-    assert_eq!(session.parameter(Parameter::Kp, KNEE), Ok(SOFT));
+    assert_eq!(session.parameter(Parameter::Kp, KNEE), Ok(LIMP));
     session.arm().unwrap();
     let soft = swing_error(&mut session);
     assert!(soft > 2.0 * stiff, "{stiff} {soft} rad");
@@ -108,16 +111,16 @@ fn a_link_that_loses_frames_sets_the_same() {
     let mut lost = 0;
     for seed in 0..20 {
         let mut session = connect(Lossy::new(rig(), 20, seed));
-        for (i, kp) in [10.0, 20.0, 30.0, 25.0].into_iter().enumerate() {
+        for (i, kp) in [70.0, 50.0, 40.0, 45.0].into_iter().enumerate() {
             session.set_parameter(Parameter::Kp, i as u8 % 2, kp).unwrap();
         }
-        assert_eq!(session.parameter(Parameter::Kp, HIP), Ok(30.0), "seed {seed}");
-        assert_eq!(session.parameter(Parameter::Kp, KNEE), Ok(25.0), "seed {seed}");
+        assert_eq!(session.parameter(Parameter::Kp, HIP), Ok(40.0), "seed {seed}");
+        assert_eq!(session.parameter(Parameter::Kp, KNEE), Ok(45.0), "seed {seed}");
         lost += session.bus().lost();
         // Another host, which does not know where the first has stopped counting.
         let mut session = connect(session.into_bus());
-        session.set_parameter(Parameter::Kp, HIP, 12.0).unwrap();
-        assert_eq!(session.parameter(Parameter::Kp, HIP), Ok(12.0), "seed {seed}");
+        session.set_parameter(Parameter::Kp, HIP, 42.0).unwrap();
+        assert_eq!(session.parameter(Parameter::Kp, HIP), Ok(42.0), "seed {seed}");
     }
     assert!(lost > 5, "{lost}");
 }
