@@ -4,6 +4,7 @@
 //! the library, where the names are known, and stored next to it.
 
 use rollwalk_protocol::library::{EdgeId, Library, NodeId};
+use rollwalk_protocol::text::{Shown, is_plain_name};
 use serde::{Deserialize, Serialize};
 
 /// Names of a library's content.
@@ -21,7 +22,7 @@ pub struct Catalog {
     pub transitions: Vec<Transition>,
     /// Index of the safe motion.
     pub safe: usize,
-    /// Names of joints, then of driven wheels, in the order of the robot's configuration.
+    /// Names of joints, then of actuated wheels, in the order of the robot's configuration.
     pub channels: Vec<String>,
 }
 
@@ -45,6 +46,50 @@ pub struct Transition {
     pub from: usize,
     /// Index of the motion that it enters.
     pub to: usize,
+}
+
+/// Why the motions of a library cannot be distinguished by their names.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NameFault {
+    /// Characters that a terminal obeys or hides, or a space at an end.
+    #[error(
+        "the name of motion {motion}, \"{}\", has characters that cannot be seen, or a space at an end",
+        Shown(name)
+    )]
+    Unclear {
+        /// Number of the motion.
+        motion: u8,
+        /// Its name.
+        name: String,
+    },
+    /// Two motions with one name.
+    #[error("motions {first} and {second} have the same name, `{name}`")]
+    Duplicate {
+        /// Number of one.
+        first: u8,
+        /// Number of the other.
+        second: u8,
+        /// Their name.
+        name: String,
+    },
+}
+
+/// Checks what controllers do not: that operators can distinguish the motions of a validated library by their names.
+///
+/// # Errors
+/// The first name that cannot be distinguished.
+pub fn check_names(library: &Library<'_>) -> Result<(), NameFault> {
+    let names = || library.nodes().filter_map(|node| Some((node.0, library.name(node)?)));
+    for (motion, name) in names() {
+        let owned = || name.to_owned();
+        if !is_plain_name(name) {
+            return Err(NameFault::Unclear { motion, name: owned() });
+        }
+        if let Some((first, _)) = names().find(|(other, twin)| *other < motion && *twin == name) {
+            return Err(NameFault::Duplicate { first, second: motion, name: owned() });
+        }
+    }
+    Ok(())
 }
 
 /// Name of a channel; `names` are those of the first channels.

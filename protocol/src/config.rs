@@ -9,10 +9,10 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Most joints and driven wheels that one controller handles.
+/// Most joints and actuated wheels that one controller handles.
 pub const MAX_CHANNELS: usize = 24;
 
-/// Every joint and driven wheel of a robot: joints in file order, then wheels.
+/// Every joint and actuated wheel of a robot: joints in file order, then wheels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RobotConfig {
     /// Whose channels they are, [`robot_id`], and what they speak: robots with the same actuators still need
@@ -32,7 +32,7 @@ pub enum ChannelKind {
     WheelSpeed,
 }
 
-/// One joint or driven wheel.
+/// One joint or actuated wheel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Channel {
     /// Joint or wheel.

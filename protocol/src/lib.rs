@@ -15,6 +15,7 @@
 //! | [`can`] | a CAN frame as a value, and how many bits it takes | |
 //! | [`crc`] | the checksums that all of it uses | |
 //! | [`time`] | division of times | |
+//! | [`text`] | names and other text of strangers: what of it is safe to print | |
 //!
 //! No std, no alloc, no `unsafe`, no panics whatever the input. Everything that decodes takes
 //! arbitrary bytes and answers with a value or a refusal, in bounded time.
@@ -34,6 +35,7 @@ pub mod library;
 pub mod packet;
 pub mod serial;
 pub mod slcan;
+pub mod text;
 pub mod time;
 pub mod tunnel;
 pub mod wire;

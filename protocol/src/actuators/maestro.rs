@@ -305,9 +305,11 @@ impl Codec for Maestro {
 
     fn explain_range(&self, quantity: &'static str, report: &mut dyn FnMut(Arguments<'_>)) {
         if quantity == "position" {
-            let (least, most) = self.pulse.limits_us;
+            let Pulse { centre_us, us_per_rad, limits_us: (least, most) } = self.pulse;
+            let ends = [least, most].map(|pulse_us| (pulse_us - centre_us) / us_per_rad);
+            let (min, max) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
             report(format_args!(
-                "its pulses are {least} to {most} µs: see `centre_us` and `us_per_rad`"
+                "its pulses of {least} to {most} µs are {min:.3} to {max:.3} rad: see `centre_us` and `us_per_rad`"
             ));
         }
     }

@@ -8,6 +8,7 @@ use super::spec::{
 use super::view::Track;
 use super::{MAX_CLIP_FRAMES, MAX_MOTIONS, MAX_NAME, MAX_TRANSITIONS, RATE_HZ};
 use crate::config::{Channel, ChannelKind, ConfigError, MAX_CHANNELS};
+use crate::text::is_plain_name;
 
 /// A specification of sound shape, and its channels' quanta.
 pub(super) struct Source<'a> {
@@ -70,9 +71,16 @@ impl<'a> Source<'a> {
             if len == 0 || len > MAX_NAME {
                 return Err(EncodeError::Name { motion, len });
             }
+            if !is_plain_name(m.name) {
+                return Err(EncodeError::UnclearName { motion });
+            }
             let twin = self.spec.motions.iter().take(motion).position(|x| x.code == m.code);
             if let Some(first) = twin {
                 return Err(EncodeError::DuplicateCode { first, second: motion, code: m.code });
+            }
+            let twin = self.spec.motions.iter().take(motion).position(|x| x.name == m.name);
+            if let Some(first) = twin {
+                return Err(EncodeError::DuplicateName { first, second: motion });
             }
         }
         for (transition, t) in self.transitions() {

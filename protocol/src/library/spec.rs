@@ -135,6 +135,20 @@ pub enum EncodeError {
         /// Bytes of the name.
         len: usize,
     },
+    /// A name with characters that a terminal obeys or hides, or with a space at an end.
+    #[error("motion {motion}: its name has characters that cannot be seen, or a space at an end")]
+    UnclearName {
+        /// Number of the motion.
+        motion: usize,
+    },
+    /// Two motions with one name.
+    #[error("motions {first} and {second} have the same name")]
+    DuplicateName {
+        /// Number of one.
+        first: usize,
+        /// Number of the other.
+        second: usize,
+    },
     /// A value that is no number, or outside the channel's limits.
     #[error(
         "{clip}, frame {frame}, channel {channel}: {value} is outside the limits {min} to {max} \

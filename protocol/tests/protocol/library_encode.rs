@@ -40,6 +40,15 @@ fn errors_say_what_is_wrong() {
     let two = [motion(&[0.0; 2], true), motion(&[0.0; 2], true)];
     says(error(&config, &two, &[]), "motions 0 and 1 have the same command code 1");
     let two = [two[0], MotionSpec { code: 2, ..two[1] }];
+    says(error(&config, &two, &[]), "motions 0 and 1 have the same name");
+    let two = [two[0], MotionSpec { name: "n", ..two[1] }];
+    for name in ["a\0", "a\n", " a", "\u{202e}a"] {
+        let unclear = [two[0], MotionSpec { name, ..two[1] }];
+        says(
+            error(&config, &unclear, &[]),
+            "motion 1: its name has characters that cannot be seen",
+        );
+    }
     says(error(&config, &two, &[]), "motion 1 has no route to the safe motion 0");
     let long = "x".repeat(33);
     says(
@@ -86,7 +95,10 @@ fn the_largest_step_is_the_rate_and_one_quantum() {
         let frames = [0.0, quanta / 1024.0];
         let spec = LibrarySpec {
             config: &config,
-            motions: &[motion(&[0.0], true), MotionSpec { code: 2, ..motion(&frames, false) }],
+            motions: &[
+                motion(&[0.0], true),
+                MotionSpec { name: "n", code: 2, ..motion(&frames, false) },
+            ],
             transitions: &[
                 TransitionSpec {
                     from: 0,

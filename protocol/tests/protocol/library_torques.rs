@@ -129,7 +129,7 @@ fn errors_say_what_is_wrong() {
             frames: &values,
             torques: safe_torques,
         };
-        let motions = [stand, MotionSpec { code: 1, torques, ..stand }];
+        let motions = [stand, MotionSpec { name: "b", code: 1, torques, ..stand }];
         let still = TransitionSpec { torques: &values, ..TransitionSpec::new(0, 0, 1, 0, &values) };
         let transitions = [still, TransitionSpec { from: 1, to: 0, ..still }];
         let spec =

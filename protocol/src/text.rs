@@ -1,0 +1,85 @@
+//! Text that others wrote: names in libraries, files and messages. Which characters are safe to print, and the form in
+//! which the others are shown.
+//!
+//! A terminal obeys control characters, and formatting characters reorder or hide what stands beside them; a name with
+//! either can pass for another. For hosts: a controller prints nothing.
+
+use core::fmt::{self, Write};
+
+/// Whether a character changes how a terminal shows others: control characters, line and paragraph separators, marks of
+/// direction, and characters without width.
+pub fn is_hidden(c: char) -> bool {
+    c.is_control()
+        || matches!(c,
+            '\u{AD}' | '\u{61C}' | '\u{180E}' | '\u{200B}'..='\u{200F}' | '\u{2028}'..='\u{202E}'
+            | '\u{2060}'..='\u{206F}' | '\u{FEFF}' | '\u{FFF9}'..='\u{FFFB}' | '\u{E0000}'..='\u{E0FFF}')
+}
+
+/// Whether a printed name can be distinguished from others: not empty, no hidden characters, no space at its ends.
+pub fn is_plain_name(name: &str) -> bool {
+    !name.is_empty() && name.trim() == name && !name.contains(is_hidden)
+}
+
+/// A name as it is safe to print: hidden characters as `\u001b`, which is their form in JSON, too.
+#[derive(Clone, Copy, Debug)]
+pub struct Shown<'a>(pub &'a str);
+
+/// Text of several lines as it is safe to print: as [`Shown`], but line breaks and tabs stay.
+#[derive(Clone, Copy, Debug)]
+pub struct ShownLines<'a>(pub &'a str);
+
+impl fmt::Display for Shown<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_shown(f, self.0, is_hidden)
+    }
+}
+
+impl fmt::Display for ShownLines<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_shown(f, self.0, |c| is_hidden(c) && !matches!(c, '\n' | '\t'))
+    }
+}
+
+fn write_shown(f: &mut fmt::Formatter<'_>, text: &str, is_hidden: fn(char) -> bool) -> fmt::Result {
+    for c in text.chars() {
+        if is_hidden(c) {
+            for unit in c.encode_utf16(&mut [0; 2]) {
+                write!(f, "\\u{unit:04x}")?;
+            }
+        } else {
+            f.write_char(c)?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::format;
+
+    #[test]
+    fn what_a_terminal_would_obey_is_written_out() {
+        for (text, shown) in [
+            ("walk to übung, 5 N·m\n\tα", "walk to übung, 5 N·m\n\tα"),
+            ("\x1b[2Jwalk\x07", "\\u001b[2Jwalk\\u0007"),
+            ("a\rb\0\u{9b}1m\u{7f}", "a\\u000db\\u0000\\u009b1m\\u007f"),
+            ("\u{202e}kcul", "\\u202ekcul"),
+            ("\u{e0041}", "\\udb40\\udc41"),
+        ] {
+            assert_eq!(format!("{}", ShownLines(text)), shown);
+        }
+        assert_eq!(format!("{}", Shown("a\tb\n\x1b")), "a\\u0009b\\u000a\\u001b");
+    }
+
+    #[test]
+    fn names_are_what_they_look_like() {
+        for name in ["walk", "Übung 2", "turn_in-place.v2", "走"] {
+            assert!(is_plain_name(name), "{name}");
+        }
+        for name in ["", " walk", "walk ", "wa\nlk", "walk\0", "walk\u{200b}", "\u{202e}klaw", "\t"]
+        {
+            assert!(!is_plain_name(name), "{name:?}");
+        }
+    }
+}
