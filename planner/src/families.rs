@@ -206,7 +206,7 @@ catalogue! {
     Friction: "friction", "Eq. 2.5", N, Residual(0.2), Limit,
         "gentler motion or a higher friction_coefficient";
     FreeWheelTraction: "free-wheel traction", "Eq. 2.6", N, Residual(0.2), Limit,
-        "a slower motion, or a driven wheel to push with";
+        "a slower motion, or an actuated wheel to push with";
     SwingForce: "swing force", "Eq. 2.7", N, Residual(0.2), Request,
         "footfalls with more feet on the ground";
     Slip: "slip", "Eq. 2.8, midpoint", MPerS, Residual(0.005), Build,
@@ -312,7 +312,7 @@ impl Family {
             Self::MeanSlip => OfSpeed(0.0035),
             // Swizzling turns came 3 % too far with 0.6 % of the height, 6 % with 1.1 %.
             Self::Creep => OfHeight(0.007),
-            // Peaks of some milliseconds, the highest where free wheels land.
+            // Peaks of some milliseconds, the highest where passive wheels land.
             Self::Slip | Self::LandingSlip => OfSpeed(0.15),
             // 1 mm for a robot of 0.25 m: what stands higher does not carry, what stands lower carries all.
             Self::ContactHeight => OfHeight(0.004),

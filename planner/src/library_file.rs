@@ -136,6 +136,9 @@ fn library(document: &Document<'_>, robot: &Robot) -> Option<LibraryFile> {
     let robot_path = root.string("robot");
     let torques = if root.has("torques") { root.boolean("torques") } else { Some(true) };
     let tables = root.tables("motion");
+    if !root.count("motion", tables.len(), MAX_MOTIONS) {
+        return None;
+    }
     let (first_motion, count) = (tables.first().map_or(0..0, Table::span), tables.len());
     let motions: Vec<_> = tables.into_iter().filter_map(motion).collect();
     let sound = motions.len() == count;
@@ -145,7 +148,7 @@ fn library(document: &Document<'_>, robot: &Robot) -> Option<LibraryFile> {
     let safe_name = root.string("safe");
     let safe =
         safe_name.and_then(|safe| if sound { index(&root, "safe", &safe, &names) } else { None });
-    let tables = root.tables("transition");
+    let tables = root.tables_up_to("transition", MAX_TRANSITIONS);
     let mut transitions = Vec::new();
     for table in &tables {
         let transition = transition(document, table, &names, sound, robot);

@@ -421,7 +421,7 @@ proptest! {
 fn wheels_are_driven_unless_a_motion_holds_them() {
     let held = |line: &str| broken("samples = 32\n", &format!("samples = 32\n{line}\n"));
     assert_eq!(motion(WALK).held_wheels, [false; 4]);
-    assert_eq!(held("wheels = \"driven\"").unwrap().held_wheels, [false; 4]);
+    assert_eq!(held("wheels = \"actuated\"").unwrap().held_wheels, [false; 4]);
     assert_eq!(held("wheels = \"held\"").unwrap().held_wheels, [true; 4]);
     let one = held("wheels = [\"front_right\"]").unwrap();
     assert_eq!(one.held_wheels, [false, true, false, false]);
@@ -429,7 +429,7 @@ fn wheels_are_driven_unless_a_motion_holds_them() {
     assert_faults(held("wheels = \"locked\""), &[(at, "cannot be \"locked\"", "held")]);
     assert_faults(
         held("wheels = [\"front_rihgt\"]"),
-        &[(at, "no driven wheel `front_rihgt`", "front_right")],
+        &[(at, "no actuated wheel `front_rihgt`", "front_right")],
     );
     assert_faults(held("wheels = 1"), &[(at, "must be a string", "a string in quotes")]);
     let none = Motion::from_toml(

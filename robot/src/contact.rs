@@ -49,7 +49,7 @@ pub enum Contact {
 pub(crate) const KINDS: [&str; 5] =
     ["point_foot", "welded_wheel", "actuated_wheel", "passive_wheel", "skate"];
 
-/// Drag of a free wheel or blade along its rolling direction: f·t = −f_n (c_rr s(v) + c_v v) for a
+/// Drag of a passive wheel or blade along its rolling direction: f·t = −f_n (c_rr s(v) + c_v v) for a
 /// rolling velocity v and its sign s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RollingDrag {
@@ -130,12 +130,12 @@ impl Contact {
         self.drag().is_some() && self.blade_length_m().is_none()
     }
 
-    /// Motor of a driven wheel.
+    /// Motor of an actuated wheel.
     pub fn actuator(&self) -> Option<&Actuator> {
         self.capabilities().actuator
     }
 
-    /// Motor of a driven wheel, to be changed.
+    /// Motor of an actuated wheel, to be changed.
     pub fn actuator_mut(&mut self) -> Option<&mut Actuator> {
         match self {
             Contact::ActuatedWheel { actuator, .. } => Some(actuator),
@@ -143,7 +143,7 @@ impl Contact {
         }
     }
 
-    /// Drag of a contact that rolls or glides freely (Eq. 2.6); none for feet, driven and welded wheels.
+    /// Drag of a contact that rolls or glides freely (Eq. 2.6); none for feet, actuated and welded wheels.
     pub fn drag(&self) -> Option<RollingDrag> {
         self.capabilities().drag
     }

@@ -12,7 +12,7 @@ use rollwalk_protocol::crc::crc32c_append;
 pub enum Channel<'r> {
     /// A joint, commanded by angle.
     Joint(&'r Joint),
-    /// A driven wheel, commanded by motor speed.
+    /// An actuated wheel, commanded by motor speed.
     Wheel(&'r EndEffector, &'r Actuator),
 }
 
@@ -82,7 +82,7 @@ impl Robot {
         self.links.iter().map(|link| link.mass_kg).sum()
     }
 
-    /// Joints in file order, then driven wheels in end-effector order.
+    /// Joints in file order, then actuated wheels in end-effector order.
     pub fn channels(&self) -> impl Iterator<Item = Channel<'_>> {
         let wheels = self.end_effectors.iter().filter_map(|end_effector| {
             Some(Channel::Wheel(end_effector, end_effector.contact.actuator()?))

@@ -67,7 +67,7 @@ pub struct Joint {
     pub actuator: Actuator,
 }
 
-/// The motor of a joint or of a driven wheel, after its gearbox.
+/// The motor of a joint or of an actuated wheel, after its gearbox.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Actuator {
     /// Model name, such as `XM430-W210-T`.

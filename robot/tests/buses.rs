@@ -191,7 +191,7 @@ fn a_table_that_cannot_be_read_is_named() {
         "protocol = \"mit\"\nmodel = \"AK80-8\"\n",
         "model",
         "\"AK80-8\"",
-        "did you mean `AK80-",
+        "known are: `AK10-9`, ",
     );
     assert_fault(
         0,

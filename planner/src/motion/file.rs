@@ -3,6 +3,7 @@
 use super::{Ends, Goal, Motion, Reserve};
 use super::{choreography_check, choreography_file, footfall, wheels};
 use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
+use rollwalk_protocol::text::{Shown, is_plain_name};
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, DocumentError, Table, alternatives};
 use std::f64::consts::TAU;
@@ -13,6 +14,8 @@ const SAMPLES_PER_S: f64 = 15.0;
 const SAMPLES_DEFAULT_MIN: f64 = 24.0;
 /// Least share of torque or speed that a motion may use.
 const USE_MIN: f64 = 0.1;
+/// Most targets of a motion, and most height limits: each is compared with all others.
+const REQUESTS_MAX: usize = 100;
 /// Fewest samples of a swing that can lift a foot and put it down.
 const SWING_SAMPLES_MIN: usize = 3;
 
@@ -62,7 +65,8 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
     let footfalls = root.table("footfalls").map(Footfalls::Table);
     let steps = steps(document, &root, robot, footfalls);
     let duration_s = steps.as_ref().map(|(duration_s, ..)| *duration_s);
-    let (target_tables, height_tables) = (root.tables("target"), root.tables("height"));
+    let [target_tables, height_tables] =
+        ["target", "height"].map(|key| root.tables_up_to(key, REQUESTS_MAX));
     let target = |table| choreography_file::target(document, table, robot, duration_s);
     let targets: Vec<_> = target_tables.iter().map(target).collect();
     let height = |table| choreography_file::height(document, table, robot, duration_s);
@@ -121,12 +125,19 @@ fn needs_feedback(table: &Table<'_>) -> Option<Option<String>> {
 /// Reads a name that fits into a motion library.
 pub(crate) fn name(table: &Table<'_>) -> Option<String> {
     let name = table.string("name")?;
-    if (1..=MAX_NAME).contains(&name.len()) {
-        return Some(name);
+    if !(1..=MAX_NAME).contains(&name.len()) {
+        let help = format!("names have 1 to {MAX_NAME} bytes");
+        let problem = format_args!("has {} bytes", name.len());
+        table.fault("name", problem, "too short or too long", help);
+        return None;
     }
-    let help = format!("names have 1 to {MAX_NAME} bytes");
-    table.fault("name", format_args!("has {} bytes", name.len()), "too short or too long", help);
-    None
+    if !is_plain_name(&name) {
+        let help = "write letters, digits and signs that can be seen, without a space at the ends";
+        let problem = format_args!("is \"{}\"", Shown(&name));
+        table.fault("name", problem, "has what cannot be seen", help);
+        return None;
+    }
+    Some(name)
 }
 
 /// Source of a motion's footfalls.

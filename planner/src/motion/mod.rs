@@ -34,7 +34,7 @@ pub struct Motion {
     /// Joint angles that the posture term pulls towards, rad, in joint order: the robot's nominal ones unless the
     /// motion file gives others.
     pub posture_rad: Vec<f64>,
-    /// Flags of the end effectors whose motor-driven wheel the motion holds still, in robot order: such a wheel is a
+    /// Flags of the end effectors whose motor-actuated wheel the motion holds still, in robot order: such a wheel is a
     /// foot that rolls only as its link turns (LegBot, thesis sec. 3.5.2).
     pub held_wheels: Vec<bool>,
     /// Positions, velocities and headings required at chosen times.

@@ -1,4 +1,4 @@
-//! Driven wheels that a motion holds still (the key `wheels` of motion files), and goals beyond the reach of held and
+//! Actuated wheels that a motion holds still (the key `wheels` of motion files), and goals beyond the reach of held and
 //! welded wheels.
 
 use super::{Ends, Motion};
@@ -17,7 +17,7 @@ impl Motion {
     }
 }
 
-/// Reads `wheels`, which is `"driven"` (the default), `"held"`, or the names of the held wheels; returns one flag for
+/// Reads `wheels`, which is `"actuated"` (the default), `"held"`, or the names of the held wheels; returns one flag for
 /// each end effector.
 pub(super) fn held(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<Vec<bool>> {
     let feet = &robot.end_effectors;
@@ -28,13 +28,13 @@ pub(super) fn held(document: &Document<'_>, table: &Table<'_>, robot: &Robot) ->
         return named(document, table, robot);
     }
     let driven: Vec<bool> = feet.iter().map(is_driven).collect();
-    match table.choice(KEY, &["driven", "held"])? {
+    match table.choice(KEY, &["actuated", "held"])? {
         0 => Some(vec![false; feet.len()]),
         _ if driven.contains(&true) => Some(driven),
         _ => {
             let help = "only wheels with a motor can be held: leave `wheels` out";
             let problem = format!("are to be held, but robot `{}` drives none", robot.name);
-            table.fault(KEY, problem, "no driven wheel", help);
+            table.fault(KEY, problem, "no actuated wheel", help);
             None
         }
     }
@@ -49,9 +49,9 @@ fn named(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<Ve
             Some(index) => held[index] = true,
             None => {
                 let message =
-                    format!("wheels: robot `{}` has no driven wheel `{name}`", robot.name);
+                    format!("wheels: robot `{}` has no actuated wheel `{name}`", robot.name);
                 let help = alternatives(name, driven.map(|foot| foot.name.as_str()));
-                document.fault(span, message, "no driven wheel", help);
+                document.fault(span, message, "no actuated wheel", help);
                 sound = false;
             }
         }

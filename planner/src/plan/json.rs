@@ -7,6 +7,7 @@ use super::{FORMAT, Plan, VERSION};
 use miette::Diagnostic;
 use rollwalk_robot::InvalidRobot;
 use serde::Deserialize;
+use serde_json::error::Category;
 use thiserror::Error;
 
 /// Why a plan file cannot be used.
@@ -76,10 +77,11 @@ impl Plan {
             line: error.line(),
             column: error.column(),
             path,
-            message: if error.is_data() {
-                without_position(error)
-            } else {
-                format!("this is not JSON: {}", without_position(error))
+            message: match error.classify() {
+                Category::Data => without_position(error),
+                Category::Eof if text.trim().is_empty() => "the file is empty, no JSON".to_owned(),
+                Category::Eof => "this is not whole JSON: the file ends too early".to_owned(),
+                _ => format!("{}: {}", not_json(text, error), without_position(error)),
             },
         };
         // Format and version first: a plan of another version may differ in any other field.
@@ -117,9 +119,8 @@ impl Header {
         match self.version.as_u64() {
             Some(version) if version == u64::from(VERSION) => Ok(()),
             Some(version) if version > u64::from(VERSION) => {
-                let expected = format!(
-                    "{VERSION} or less: the plan is from a newer rollwalk, update this one"
-                );
+                let expected =
+                    format!("{VERSION}: the plan is from a newer rollwalk, update this one");
                 Err(fault("version", &self.version, expected))
             }
             Some(_) => {
@@ -130,6 +131,19 @@ impl Header {
             }
             None => Err(fault("version", &self.version, format!("{VERSION}"))),
         }
+    }
+}
+
+/// What is wrong with the syntax: a number that JSON cannot have is likelier than anything else.
+fn not_json(text: &str, error: &serde_json::Error) -> &'static str {
+    let line = text.lines().nth(error.line().saturating_sub(1)).unwrap_or_default();
+    // The reader may stop within the word.
+    let before = error.column().saturating_sub(1 + "-Infinity".len());
+    let near = line.as_bytes().get(before..).unwrap_or_default();
+    let near = String::from_utf8_lossy(&near[..near.len().min(2 * "-Infinity".len())]);
+    match ["NaN", "Infinity"].iter().any(|word| near.contains(word)) {
+        true => "NaN and Infinity are no numbers in JSON",
+        false => "this is not JSON",
     }
 }
 
@@ -229,7 +243,7 @@ mod tests {
             (
                 "\"version\": 3",
                 "\"version\": 7",
-                "x.json: version is 7; expected 3 or less: the plan is from a newer",
+                "x.json: version is 7; expected 3: the plan is from a newer",
             ),
             (
                 "\"version\": 3",
@@ -307,6 +321,9 @@ mod tests {
     fn what_is_not_json_is_located() {
         let error = Plan::from_json("x.json", "{\n  \"format\": ,").expect_err("not JSON");
         assert!(matches!(error, PlanError::Syntax { line: 2, column: 13, .. }), "{error}");
+        let whole = test_plans::start_stop().to_json();
+        let error = Plan::from_json("x.json", &whole[..whole.len() / 2]).expect_err("half a plan");
+        assert!(error.to_string().contains("the file ends too early"), "{error}");
         // A number too large for a float is not silently infinite.
         assert!(
             tampered("\"energy\": 0.0", "\"energy\": 1e999").to_string().contains("out of range")
@@ -314,6 +331,9 @@ mod tests {
         for number in ["NaN", "Infinity", "-Infinity", "null"] {
             let error = tampered("\"energy\": 0.0", &format!("\"energy\": {number}"));
             assert!(matches!(error, PlanError::Syntax { .. }), "{error}");
+            let expected =
+                if number == "null" { "invalid type: null" } else { "are no numbers in JSON" };
+            assert!(error.to_string().contains(expected), "{error}");
         }
     }
 

@@ -7,10 +7,16 @@ use super::{EndEffectorSample, FORMAT, Plan, PlanError, Sample, Status, VERSION}
 use crate::families::{AGREEMENT, Kind};
 use crate::motion::{Ends, Reserve, Subject};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
+use rollwalk_protocol::library::MAX_NAME;
+use rollwalk_protocol::text::{Shown, is_plain_name};
 use std::fmt::Display;
 
 /// Fewest samples for which periodic splines and second differences are defined.
 const MIN_SAMPLES: usize = 3;
+/// Most samples: more than the longest motion has, a minute at 15 per second.
+const MAX_SAMPLES: usize = 1000;
+/// Longest name, bytes: that of a transition, which names both motions that it joins.
+const MAX_PLAN_NAME: usize = 2 * MAX_NAME + " to ".len();
 
 impl Plan {
     /// Checks that the plan is whole and consistent; `file` is how errors name it.
@@ -53,6 +59,19 @@ impl Plan {
             count >= MIN_SAMPLES,
             format!("{count} samples long"),
             format!("at least {MIN_SAMPLES} samples"),
+        )?;
+        at.of("samples").holds(
+            count <= MAX_SAMPLES,
+            format!("{count} samples long"),
+            format!("at most {MAX_SAMPLES} samples"),
+        )?;
+        let name = &self.motion.name;
+        at.of("motion.name").holds(
+            is_plain_name(name) && name.len() <= MAX_PLAN_NAME,
+            format!("\"{}\"", Shown(name)),
+            format!(
+                "1 to {MAX_PLAN_NAME} bytes of characters that can be seen, no space at the ends"
+            ),
         )?;
         let (angles, joints) = (self.motion.posture_rad.len(), self.robot.joints.len());
         at.of("motion.posture_rad").holds(

@@ -8,6 +8,7 @@
 //! value notes a [`Fault`] and returns `None`; [`Document::finish`] then yields the value or all
 //! faults in file order. [`Table::done`] rejects keys that no getter asked for.
 
+mod excerpt;
 mod suggest;
 mod table;
 
@@ -26,6 +27,10 @@ pub type Span = Range<usize>;
 
 /// Most syntax faults in a report: a text that is not TOML at all has one on every line.
 const SYNTAX_FAULTS_MAX: usize = 3;
+/// Most faults in a report: a file that is wrong throughout has thousands.
+pub(crate) const FAULTS_MAX: usize = 20;
+/// Most characters of a message, a label or a help line: they quote what the file says.
+const WORDS_MAX: usize = 1000;
 
 /// A mistake in a document.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,6 +45,8 @@ pub struct Fault {
     pub line: usize,
     /// What would be right.
     pub help: String,
+    /// Span in the excerpt that reports show.
+    shown: Span,
 }
 
 impl Fault {
@@ -52,8 +59,19 @@ impl Fault {
         help: impl Into<String>,
     ) -> Self {
         let line = line_at(text, span.start);
-        Self { message: message.into(), label: label.into(), span, line, help: help.into() }
+        let [message, label, help] = [message.into(), label.into(), help.into()].map(cut);
+        let shown = span.clone();
+        Self { message, label, span, line, help, shown }
     }
+}
+
+/// A text of no more characters than reports show.
+fn cut(mut text: String) -> String {
+    if let Some((at, _)) = text.char_indices().nth(WORDS_MAX) {
+        text.truncate(at);
+        text.push('…');
+    }
+    text
 }
 
 /// Line of a byte of a text, counted from 1.
@@ -75,7 +93,7 @@ impl Diagnostic for Fault {
     }
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        let label = LabeledSpan::new_with_span(Some(self.label.clone()), self.span.clone());
+        let label = LabeledSpan::new_with_span(Some(self.label.clone()), self.shown.clone());
         Some(Box::new(std::iter::once(label)))
     }
 }
@@ -93,9 +111,10 @@ impl DocumentError {
     /// The error of these faults in file order; none without faults.
     pub(crate) fn of(file_name: &str, text: &str, mut faults: Vec<Fault>) -> Option<Self> {
         faults.sort_by_key(|fault| fault.span.start);
+        let text = excerpt::excerpt(text, &mut faults);
         let mut faults = faults.into_iter();
         let first = Box::new(faults.next()?);
-        let source = NamedSource::new(file_name, text.to_owned());
+        let source = NamedSource::new(file_name, text);
         Some(Self { source, first, rest: faults.collect() })
     }
 
@@ -115,8 +134,8 @@ impl fmt::Display for DocumentError {
         write!(f, "{}:{}: {}", self.source.name(), self.first.line, self.first)?;
         match self.rest.len() {
             0 => Ok(()),
-            1 => write!(f, " (and 1 more fault)"),
-            more => write!(f, " (and {more} more faults)"),
+            1 => write!(f, " (and 1 more error)"),
+            more => write!(f, " (and {more} more errors)"),
         }
     }
 }
@@ -186,8 +205,11 @@ impl<'t> Document<'t> {
         label: impl Into<String>,
         help: impl Into<String>,
     ) {
-        let fault = Fault::new(self.text, span, message, label, help);
         let mut faults = self.faults.borrow_mut();
+        if faults.len() == FAULTS_MAX {
+            return;
+        }
+        let fault = Fault::new(self.text, span, message, label, help);
         let same = |known: &Fault| {
             known.span == fault.span && known.label == fault.label && known.help == fault.help
         };

@@ -1,8 +1,10 @@
 //! Words for "did you mean": the nearest of some known names, and their list.
 
 /// Words that people use for a word of robot, motion and library files.
-const MEANINGS: [(&str, &str); 14] = [
+const MEANINGS: [(&str, &str); 17] = [
     ("driven", "actuated"),
+    ("drive", "actuated"),
+    ("motor", "actuated"),
     ("powered", "actuated"),
     ("motorised", "actuated"),
     ("motorized", "actuated"),
@@ -16,30 +18,94 @@ const MEANINGS: [(&str, &str); 14] = [
     ("rigid", "welded"),
     ("locked", "welded"),
     ("blade", "skate"),
+    ("feet", "foot"),
 ];
 
+/// Least likeness of words of which one is a slip in typing the other: one slip in three letters still is.
+const SLIP: f64 = 0.6;
+/// Letters of the shortest word that says what a name is about: shorter ones are units.
+const WORD_MIN: usize = 3;
+
 /// The known name most like `given`, if one is near enough to be meant: in its meaning, in its letters, or as the only
-/// one that has a word of it.
+/// one that has most of its words.
 fn closest<'a>(given: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> Option<&'a str> {
-    let words: Vec<_> = given.split(['_', '-', ' ']).collect();
+    let words = words_of(given);
     let means =
         |word: &&str| MEANINGS.iter().find(|(said, _)| said == word).map(|(_, meant)| *meant);
     let meant: Vec<_> = words.iter().map(|word| means(word).unwrap_or(word)).collect();
     let meant = meant.join("_");
-    if let Some(name) = known.clone().into_iter().find(|name| *name == meant) {
+    let meant = sorted(words_of(&meant));
+    if let Some(name) = known.clone().into_iter().find(|name| sorted(words_of(name)) == meant) {
         return Some(name);
     }
-    let similarity = |name: &str| strsim::normalized_damerau_levenshtein(given, name);
     let typed = known
         .clone()
         .into_iter()
-        .map(|name| (similarity(name), name))
-        // One slip in three letters is still a slip; more is another word.
-        .filter(|(score, _)| *score >= 0.6)
+        .map(|name| (likeness(given, name), name))
+        .filter(|(score, _)| *score >= SLIP)
         .max_by(|a, b| a.0.total_cmp(&b.0));
-    let mut sharing =
-        known.into_iter().filter(|name| name.split('_').any(|word| words.contains(&word)));
-    typed.map(|(_, name)| name).or_else(|| sharing.next().filter(|_| sharing.next().is_none()))
+    typed.map(|(_, name)| name).or_else(|| sharing(&words, known))
+}
+
+/// How alike two names are, 0 to 1. What they have in common does not count where the rest differs: `driving_wheel` and
+/// `passive_wheel` are mostly `_wheel`.
+fn likeness(given: &str, name: &str) -> f64 {
+    let similarity = strsim::normalized_damerau_levenshtein;
+    let letters = |name: &str| {
+        let plain = name.chars().filter(char::is_ascii_alphanumeric);
+        plain.map(|c| c.to_ascii_lowercase()).collect::<String>()
+    };
+    let digits = |name: &str| name.chars().filter(char::is_ascii_digit).collect::<String>();
+    if letters(given) == letters(name) {
+        return 1.0;
+    }
+    if is_model(name) || digits(given) != digits(name) {
+        return 0.0;
+    }
+    let (one, two) = (words_of(given), words_of(name));
+    let rest = |of: &[&str], other: &[&str]| {
+        of.iter().filter(|word| !other.contains(word)).copied().collect::<Vec<_>>().join("_")
+    };
+    let (rest_one, rest_two) = (rest(&one, &two), rest(&two, &one));
+    let whole = similarity(given, name);
+    if rest_one.is_empty() || rest_two.is_empty() {
+        return whole;
+    }
+    whole.min(similarity(&rest_one, &rest_two))
+}
+
+/// Whether a name is that of a product. Its neighbours in a series are other things, however alike their names are.
+fn is_model(name: &str) -> bool {
+    let has = |kind: fn(&char) -> bool| name.chars().any(|c| kind(&c));
+    has(char::is_ascii_digit) && has(char::is_ascii_uppercase)
+}
+
+/// The known name that has more of some words than any other.
+fn sharing<'a>(words: &[&str], known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let shared = |name: &str| {
+        let same = |word: &&str| word.len() >= WORD_MIN && words.contains(word);
+        words_of(name).into_iter().filter(|word| same(word)).count()
+    };
+    let known = known.into_iter().filter(|name| !is_model(name));
+    let mut scores: Vec<_> = known.map(|name| (shared(name), name)).collect();
+    scores.sort_by_key(|(score, _)| std::cmp::Reverse(*score));
+    match scores[..] {
+        [(best, name), ..]
+            if best > 0 && scores.iter().filter(|(s, _)| *s == best).count() == 1 =>
+        {
+            Some(name)
+        }
+        _ => None,
+    }
+}
+
+fn words_of(name: &str) -> Vec<&str> {
+    name.split(['_', '-', ' ']).collect()
+}
+
+fn sorted(mut words: Vec<&str>) -> Vec<&str> {
+    words.sort_unstable();
+    words
 }
 
 /// "did you mean `x`? known are: `x`, `y`" for a help line.
@@ -67,6 +133,30 @@ mod tests {
     }
 
     #[test]
+    fn neighbours_in_a_series_are_not_meant() {
+        let servos = ["XM430-W210", "XM430-W350", "XM540-W270", "XH430-V350"];
+        for given in ["XL430-W250", "XL430-W210", "XM430-W250", "XM430"] {
+            assert_eq!(closest(given, servos), None, "{given}");
+        }
+        assert_eq!(closest("xm430w210", servos), Some("XM430-W210"));
+        assert_eq!(closest("leg_2", ["leg_1", "leg_3"]), None);
+        assert_eq!(
+            closest("inertia_in_lnk_kg_m2", ["inertia_in_link_kg_m2"]),
+            Some("inertia_in_link_kg_m2")
+        );
+    }
+
+    #[test]
+    fn units_are_slips_and_ends_of_ranges_are_not() {
+        let known = ["position_min_rad", "position_max_rad", "radius_m", "origin_in_parent_m"];
+        assert_eq!(closest("position_min_deg", known), Some("position_min_rad"));
+        assert_eq!(closest("positon_min_rad", known), Some("position_min_rad"));
+        assert_eq!(closest("radius_mm", known), Some("radius_m"));
+        assert_eq!(closest("radiusm", known), Some("radius_m"));
+        assert_eq!(closest("colour_m", known), None);
+    }
+
+    #[test]
     fn other_words_for_a_contact_find_its_kind() {
         let kinds = ["point_foot", "welded_wheel", "actuated_wheel", "passive_wheel", "skate"];
         for (given, kind) in [
@@ -82,8 +172,11 @@ mod tests {
         ] {
             assert_eq!(closest(given, kinds), Some(kind), "{given}");
         }
-        // Any of three.
-        assert_eq!(closest("wheel", kinds), None);
+        // Any of three, or none of them.
+        for given in ["wheel", "driving_wheel", "steered_wheel", "omni_wheel", "mecanum_wheel"] {
+            assert_eq!(closest(given, kinds), None, "{given}");
+        }
+        assert_eq!(closest("wheel_driven", kinds), Some("actuated_wheel"));
         assert_eq!(alternatives("x", []), "known are: none");
     }
 }

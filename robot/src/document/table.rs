@@ -245,6 +245,21 @@ impl<'d> Table<'d> {
         tables
     }
 
+    /// As [`tables`](Self::tables), with a bound on their number: beyond it, a fault and no tables.
+    pub fn tables_up_to(&self, key: &'static str, most: usize) -> Vec<Table<'d>> {
+        let tables = self.tables(key);
+        if self.count(key, tables.len(), most) { tables } else { Vec::new() }
+    }
+
+    /// Whether there are no more of something than there may be; else notes a fault.
+    pub fn count(&self, key: &str, count: usize, most: usize) -> bool {
+        if count > most {
+            let help = format_args!("allowed are at most {most}");
+            self.fault(key, format_args!("has {count} entries"), "too many", help);
+        }
+        count <= most
+    }
+
     /// The tables of a table whose keys are names, such as `[actuator.NAME]`; none if absent.
     pub fn named_tables(&self, key: &'static str) -> Vec<(&'d str, Table<'d>)> {
         let Some(value) = self.raw(key) else { return Vec::new() };

@@ -4,6 +4,7 @@ use super::parts::{self, MassProperties};
 use crate::contact::RollingDrag;
 use crate::document::Table;
 use crate::model::{Actuator, TorqueSpeedLine};
+use crate::rules::ITEMS_MAX;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
 
@@ -37,6 +38,9 @@ pub(super) fn mass(table: &Table<'_>) -> MassProperties {
         let tables = table.tables("parts");
         if tables.is_empty() {
             table.fault("parts", "is empty", "no parts", "give at least one part");
+        }
+        if !table.count("parts", tables.len(), ITEMS_MAX) {
+            return MassProperties::default();
         }
         return parts::sum(&tables.into_iter().map(parts::read).collect::<Vec<_>>());
     }

@@ -12,6 +12,7 @@ use super::shapes::shape;
 use crate::contact::{Contact, KINDS};
 use crate::document::{Document, Span, Table, alternatives};
 use crate::model::{Actuator, EndEffector, Joint, Link, Robot};
+use crate::rules::ITEMS_MAX;
 use crate::shape::DEFAULT_CLEARANCE_MARGIN_M;
 use nalgebra::{Isometry3, Translation3, Vector3};
 use std::cell::RefCell;
@@ -34,7 +35,17 @@ pub(super) fn robot<'d>(document: &'d Document<'_>) -> Option<(Robot, Places<'d>
     let sheet = |(name, table)| (name, (data_sheet(&table), table));
     let sheets: Sheets<'_> = root.named_tables("actuator").into_iter().map(sheet).collect();
     let templates: BTreeMap<_, _> = root.named_tables("template").into_iter().collect();
-    let limbs: Vec<_> = root.tables("limb").into_iter().map(Limb::read).collect();
+    let limbs: Vec<_> = root.tables_up_to("limb", ITEMS_MAX).into_iter().map(Limb::read).collect();
+    for (index, limb) in limbs.iter().enumerate() {
+        if limbs[..index].iter().any(|other| other.name == limb.name) {
+            // What it is made of would be named twice, too.
+            let help =
+                "give each limb its own name: it takes the place of `*` in those of its links";
+            let problem = format_args!("is \"{}\" a second time", limb.name);
+            limb.table.fault("name", problem, "again", help);
+            return None;
+        }
+    }
     let mut reader = Reader::new(&sheets, name, root.clone());
     let mut groups = vec![Group { table: &root, is_template: false, limb: None }];
     for limb in &limbs {
@@ -46,19 +57,25 @@ pub(super) fn robot<'d>(document: &'d Document<'_>) -> Option<(Robot, Places<'d>
             }
         }
     }
+    if !few_enough(&root, &groups) {
+        return None;
+    }
     reader.groups(&groups);
     if let Some(margin_m) = root.given("clearance_margin_m", Table::number) {
         reader.robot.clearance_margin_m = margin_m;
     }
-    for table in root.tables("bus") {
+    for table in root.tables_up_to("bus", ITEMS_MAX) {
         reader.bus(table);
     }
     root.done();
     for (name, table) in &templates {
         if !limbs.iter().any(|limb| limb.template == *name) {
             // Nothing is built from it, but its faults count.
-            let group = Group { table, is_template: true, limb: None };
-            Reader::new(&sheets, String::new(), root.clone()).groups(&[group]);
+            let group = [Group { table, is_template: true, limb: None }];
+            if !few_enough(table, &group) {
+                continue;
+            }
+            Reader::new(&sheets, String::new(), root.clone()).groups(&group);
         }
         table.done();
     }
@@ -68,6 +85,15 @@ pub(super) fn robot<'d>(document: &'d Document<'_>) -> Option<(Robot, Places<'d>
         }
     }
     document.is_clean().then_some((reader.robot, reader.places))
+}
+
+/// Whether a robot has no more items than the rules allow, limbs counted: they take time with the square of their number.
+fn few_enough(root: &Table<'_>, groups: &[Group<'_, '_>]) -> bool {
+    let few = ["link", "joint", "end_effector"].map(|key| {
+        let count = groups.iter().map(|group| group.table.tables(key).len()).sum();
+        root.count(key, count, ITEMS_MAX)
+    });
+    few == [true; 3]
 }
 
 struct Reader<'r, 'd> {

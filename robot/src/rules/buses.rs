@@ -62,28 +62,31 @@ impl Check<'_> {
         let bus = self.robot.buses.get(&config.bus).copied().unwrap_or_default();
         let Err(refusal) = bus.can_drive(&config) else { return };
         let drive = format!("{} on bus {}", bus.protocol.name(), config.bus);
-        let (field, value) = match refusal {
-            Refusal::Address => ("id", f64::from(config.id)),
+        let motor = channel.actuator();
+        let (field, value, unit) = match refusal {
+            Refusal::Address => ("id", f64::from(config.id), ""),
             Refusal::OutOfRange("position") => {
-                let widest = config.min.abs() > config.max.abs();
-                let (field, value) = if widest {
-                    ("position_min_rad", config.min)
-                } else {
-                    ("position_max_rad", config.max)
+                // As the file says it, not rounded to the controller's numbers.
+                let (min, max) = match channel {
+                    Channel::Joint(joint) => (joint.position_min_rad, joint.position_max_rad),
+                    Channel::Wheel(..) => (config.min.into(), config.max.into()),
                 };
-                (field, value.into())
+                let widest = min.abs() > max.abs();
+                let (field, value) =
+                    if widest { ("position_min_rad", min) } else { ("position_max_rad", max) };
+                (field, value, " rad")
             }
-            Refusal::OutOfRange("speed") => ("speed_max_rad_s", channel.actuator().speed_max_rad_s),
-            Refusal::OutOfRange("kp") => ("kp_nm_rad", channel.actuator().kp_nm_rad),
-            Refusal::OutOfRange("kd") => ("kd_nm_s_rad", channel.actuator().kd_nm_s_rad),
-            Refusal::OutOfRange("torque") => ("torque_max_nm", channel.actuator().torque_max_nm),
+            Refusal::OutOfRange("speed") => ("speed_max_rad_s", motor.speed_max_rad_s, " rad/s"),
+            Refusal::OutOfRange("kp") => ("kp_nm_rad", motor.kp_nm_rad, " N·m/rad"),
+            Refusal::OutOfRange("kd") => ("kd_nm_s_rad", motor.kd_nm_s_rad, " N·m·s/rad"),
+            Refusal::OutOfRange("torque") => ("torque_max_nm", motor.torque_max_nm, " N·m"),
             Refusal::OutOfRange(_) | Refusal::Unsupported(_) | Refusal::Missing(_) => {
                 let help = format!("put it on a bus whose actuators can ({drive}: {refusal})");
                 self.violated("bus", "is one that cannot drive it", help);
                 return;
             }
         };
-        let problem = format!("is {value}, beyond the range of {drive}");
+        let problem = format!("is {value}{unit}, beyond the range of {drive}");
         self.violated(field, problem, range_of(&bus.protocol, refusal));
     }
 }

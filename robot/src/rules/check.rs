@@ -10,7 +10,7 @@ use rollwalk_protocol::actuator;
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use rollwalk_protocol::config::MAX_CHANNELS;
 use rollwalk_protocol::library::MAX_NAME;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::f64::consts::TAU;
 use std::fmt;
 
@@ -20,6 +20,8 @@ pub(crate) const LENGTH_MAX_M: f64 = 10.0;
 const RADIUS_MAX_M: f64 = 1.0;
 /// Most shapes of a link, which bounds the number of pairs.
 const SHAPES_MAX: usize = 16;
+/// Most items of a kind: a controller has 24 channels, and what they move is hardly more. Bounds the time of all rules.
+pub(crate) const ITEMS_MAX: usize = 64;
 /// Heaviest link, kg.
 const MASS_MAX_KG: f64 = 1000.0;
 /// Fastest motor, rad/s; larger numbers are usually rev/min. This and the next are the ranges of the
@@ -33,6 +35,14 @@ const BUSES: u8 = MAX_BUSES as u8;
 /// All rules that `robot` breaks, in the order of its items.
 pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
     let mut check = Check { robot, place: Place::Robot, what: "the robot".into(), found: vec![] };
+    check.counts();
+    if check.found.is_empty() {
+        check.names();
+    }
+    // The other rules go by names, and a name that is used twice would break many of them.
+    if !check.found.is_empty() {
+        return check.found;
+    }
     check.robot();
     for (index, link) in robot.links.iter().enumerate() {
         check.at(Place::Link(index), format!("link `{}`", link.name));
@@ -44,7 +54,7 @@ pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
     }
     for (index, end_effector) in robot.end_effectors.iter().enumerate() {
         check.at(Place::EndEffector(index), format!("end effector `{}`", end_effector.name));
-        check.end_effector(index, end_effector);
+        check.end_effector(end_effector);
     }
     check.addresses();
     check.buses();
@@ -128,9 +138,38 @@ impl Check<'_> {
         }
     }
 
-    fn robot(&mut self) {
+    /// Few enough items for the other rules, some of which compare all with all.
+    fn counts(&mut self) {
+        let Robot { links, joints, end_effectors, .. } = self.robot;
+        for (field, count) in
+            [("link", links.len()), ("joint", joints.len()), ("end_effector", end_effectors.len())]
+        {
+            if count > ITEMS_MAX {
+                let help = format!("a robot has at most {ITEMS_MAX} of each kind");
+                self.violated(field, format_args!("has {count} entries"), help);
+            }
+        }
+    }
+
+    fn names(&mut self) {
         let robot = self.robot;
         self.name(&robot.name, false);
+        let links = robot.links.iter().map(|link| &link.name).enumerate();
+        let joints = robot.joints.iter().map(|joint| &joint.name).enumerate();
+        let ends = robot.end_effectors.iter().map(|end| &end.name).enumerate();
+        let links = links.map(|(index, name)| (Place::Link(index), "link", name));
+        let joints = joints.map(|(index, name)| (Place::Joint(index), "joint", name));
+        let ends = ends.map(|(index, name)| (Place::EndEffector(index), "end effector", name));
+        let mut taken = HashSet::new();
+        for (place, kind, name) in links.chain(joints).chain(ends) {
+            self.at(place, format!("{kind} `{name}`"));
+            self.name(name, !taken.insert((kind, name)));
+        }
+    }
+
+    fn robot(&mut self) {
+        let robot = self.robot;
+        self.at(Place::Robot, "the robot".into());
         if robot.links.is_empty() {
             self.violated("link", "is missing", "a robot has at least one link, its body");
         }
@@ -143,15 +182,14 @@ impl Check<'_> {
         let channels = robot.channels().count();
         if channels > MAX_CHANNELS {
             let help = format!(
-                "one controller handles at most {MAX_CHANNELS} joints and driven wheels together"
+                "one controller handles at most {MAX_CHANNELS} joints and actuated wheels together"
             );
-            self.violated("joint", format_args!("and driven wheels number {channels}"), help);
+            self.violated("joint", format_args!("and actuated wheels number {channels}"), help);
         }
     }
 
     fn link(&mut self, index: usize, link: &Link) {
         let robot = self.robot;
-        self.name(&link.name, robot.links[..index].iter().any(|other| other.name == link.name));
         self.range(
             "mass_kg",
             link.mass_kg,
@@ -244,7 +282,6 @@ impl Check<'_> {
     fn joint(&mut self, index: usize, joint: &Joint) {
         let robot = self.robot;
         let earlier = &robot.joints[..index];
-        self.name(&joint.name, earlier.iter().any(|other| other.name == joint.name));
         let links = robot.links.len();
         for (field, link) in [("parent", joint.parent), ("child", joint.child)] {
             if link >= links {
@@ -364,10 +401,8 @@ impl Check<'_> {
         }
     }
 
-    fn end_effector(&mut self, index: usize, end_effector: &EndEffector) {
+    fn end_effector(&mut self, end_effector: &EndEffector) {
         let robot = self.robot;
-        let earlier = &robot.end_effectors[..index];
-        self.name(&end_effector.name, earlier.iter().any(|other| other.name == end_effector.name));
         if end_effector.link >= robot.links.len() {
             let help = format!("the robot has links 0 to {}", robot.links.len().saturating_sub(1));
             self.violated("link", format_args!("is link {}", end_effector.link), help);

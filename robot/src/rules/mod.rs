@@ -9,7 +9,7 @@ mod check;
 mod upright;
 
 use check::Check;
-pub(crate) use check::{LENGTH_MAX_M, violations};
+pub(crate) use check::{ITEMS_MAX, LENGTH_MAX_M, violations};
 
 use std::fmt;
 

@@ -173,7 +173,7 @@ impl<'a> Conversion<'a, '_> {
             )
         };
         let message = format!(
-            "the robot has {} channels, {joints} joints and {wheels} driven wheels; a controller and a \
+            "the robot has {} channels, {joints} joints and {wheels} actuated wheels; a controller and a \
              library have at most {MAX_CHANNELS}",
             joints + wheels
         );

@@ -26,6 +26,7 @@ mod tree;
 mod xml;
 
 pub use survey::{Survey, SurveyEnd, SurveyJoint, survey};
+pub use xml::TEXT_MAX;
 
 use crate::document::{Document, DocumentError};
 use crate::model::Robot;

@@ -59,7 +59,7 @@ impl<'s> Motors<'s> {
         self.motor(given, Some(joint), Some(load), (joint.span.clone(), &joint.name), limb)
     }
 
-    /// The motor of a driven wheel. Without a joint in the URDF it has its limits from the side file alone.
+    /// The motor of an actuated wheel. Without a joint in the URDF it has its limits from the side file alone.
     pub fn wheel(
         &mut self,
         given: &MotorSide,

@@ -1,10 +1,10 @@
 //! Findings in a URDF file: faults, which end the import, and warnings, which do not.
 
-use crate::document::{DocumentError, Fault, Span, line_at};
+use crate::document::{DocumentError, FAULTS_MAX, Fault, Span, line_at};
 use std::fmt::Display;
 
-/// Most faults in a report: a file that is wrong throughout has thousands.
-const FAULTS_MAX: usize = 20;
+/// Most warnings.
+const WARNINGS_MAX: usize = 100;
 
 /// Faults and warnings about one URDF text.
 #[derive(Debug)]
@@ -33,6 +33,9 @@ impl<'t> Notes<'t> {
     }
 
     pub fn warn(&mut self, span: &Span, message: impl Display) {
+        if self.warnings.len() == WARNINGS_MAX {
+            return;
+        }
         let line = line_at(self.text, span.start);
         self.warnings.push(format!("{}:{line}: {message}", self.file_name));
     }

@@ -189,7 +189,7 @@ fn guessed(
 }
 
 impl Guess {
-    /// Joints and driven wheels.
+    /// Joints and actuated wheels.
     fn channels(&self) -> usize {
         let driven = self.ends.iter().filter(|end| end.kind == EndKind::DrivenWheel);
         self.bodies.moving.len() + driven.count()

@@ -12,9 +12,12 @@ use nalgebra::{Isometry3, Unit, Vector3};
 use roxmltree::{Document, Error, Node, ParsingOptions};
 
 /// Largest text, bytes: meshes lie in files of their own, so that real ones stay far below.
-const TEXT_MAX: usize = 16 << 20;
+pub const TEXT_MAX: usize = 16 << 20;
 /// Most nodes of the XML tree.
 const NODES_MAX: u32 = 1 << 20;
+/// Most links, and most joints: humanoids with hands have a few hundred. What is done with them takes time with the square
+/// of their number.
+const ITEMS_MAX: usize = 2000;
 /// Namespace of prefixes that the file uses without declaring them.
 const UNDECLARED: &str = "urn:undeclared";
 
@@ -154,6 +157,14 @@ pub(super) fn read(notes: &mut Notes<'_>) -> Result<Urdf, DocumentError> {
         reader.fault(root, format!("the root element is <{name}>, not <robot>"), help);
     } else if let Some(macros) = root.descendants().find(|node| is_xacro(*node)) {
         reader.xacro(macros);
+    }
+    for kind in ["link", "joint"] {
+        let count = root.children().filter(|node| node.has_tag_name(kind)).count();
+        if count > ITEMS_MAX {
+            let message = format!("the robot has {count} <{kind}> elements");
+            let help = format!("at most {ITEMS_MAX} are read: is this the right file?");
+            reader.fault(root, message, &help);
+        }
     }
     reader.notes.check()?;
     let mut urdf =

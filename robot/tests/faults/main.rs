@@ -9,7 +9,7 @@ mod upright;
 
 use rollwalk_robot::Robot;
 
-/// A small robot to break: a body, one arm with a driven wheel, one limb with a foot.
+/// A small robot to break: a body, one arm with an actuated wheel, one limb with a foot.
 const ROBOT: &str = r#"name = "tiny"
 
 [actuator.servo]
@@ -148,7 +148,7 @@ fn a_report_shows_file_line_field_value_and_help() {
     let error = Robot::from_toml("robots/tiny.toml", &text).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "robots/tiny.toml:13: link `body`: `mass_kg` is -1 kg (and 1 more fault)"
+        "robots/tiny.toml:13: link `body`: `mass_kg` is -1 kg (and 1 more error)"
     );
     let theme = miette::GraphicalTheme::unicode_nocolor();
     let handler = miette::GraphicalReportHandler::new_themed(theme).with_width(100);

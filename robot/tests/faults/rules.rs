@@ -182,14 +182,19 @@ fn names_that_are_unknown_or_taken() {
         "cannot be \"tiny robot\"",
         "letters, digits",
     );
-    // The same limb name makes the same names for all of its parts.
-    let found = faults("name = \"right\"", "name = \"left\"");
-    assert!(
-        found.iter().all(
-            |(_, message, _)| message.contains("is used twice") || message.contains("child of")
+    // Where it is wrong, and not at all the parts that it names.
+    for (from, to, words) in [
+        ("name = \"right\"", "name = \"left\"", "limb `left`: `name` is \"left\" a second time"),
+        (
+            "[[template.leg.joint]]",
+            "[[template.leg.link]]\nname = \"*_shank\"\n\
+             parts = [{ mass_kg = 1, at_m = [0, 0, 0], box_m = [1, 1, 1] }]\n[[template.leg.joint]]",
+            "link `left_shank`: `name` is used twice",
         ),
-        "{found:#?}"
-    );
+    ] {
+        let found = faults(from, to);
+        assert!(found.len() == 1 && found[0].1.contains(words), "{found:#?}");
+    }
 }
 
 #[test]
@@ -219,7 +224,7 @@ fn more_motors_than_a_controller_has() {
         .collect();
     let found = faults("[[limb]]", &format!("{limbs}[[limb]]"));
     assert_eq!(found.len(), 1, "{found:#?}");
-    assert!(found[0].1.contains("and driven wheels number 28"), "{found:#?}");
+    assert!(found[0].1.contains("and actuated wheels number 28"), "{found:#?}");
     assert!(found[0].2.contains("at most 24"), "{found:#?}");
 }
 
