@@ -3,8 +3,9 @@
 //! Motion and library files name other files relative to themselves. They come from the disk or from
 //! the binary, which carries the shipped robots and motions so that the demo runs in any folder.
 
+use crate::files::{self, Named};
 use crate::kind::Kind;
-use crate::{files, shipped};
+use crate::shipped;
 use miette::{Report, miette};
 use rollwalk_planner::library_file::LibraryFile;
 use rollwalk_planner::motion::Motion;
@@ -89,12 +90,7 @@ impl Source {
     /// # Errors
     /// The file is missing, or everything that is wrong in it.
     pub fn robot(self, path: &Path) -> miette::Result<Robot> {
-        robot(&self.robot_text(path)?)
-    }
-
-    fn robot_text(self, path: &Path) -> miette::Result<TextFile> {
-        let hint = "give the path of a robot file, such as robots/agilebot.toml";
-        self.text(path, "robot file (TOML)", hint)
+        robot(&self.text(path, Named::ByUser, Kind::Robot)?)
     }
 
     /// Reads and validates a motion file and the robot that it names.
@@ -102,15 +98,7 @@ impl Source {
     /// # Errors
     /// A file is missing, or everything that is wrong in it.
     pub fn motion(self, path: &Path) -> miette::Result<(Robot, Motion)> {
-        self.beside_motion(self.motion_text(path)?)?.parse()
-    }
-
-    /// The text of a motion file.
-    ///
-    /// # Errors
-    /// The file is missing or is no text.
-    pub fn motion_text(self, path: &Path) -> miette::Result<TextFile> {
-        self.text(path, "motion file (TOML)", "docs/motion-files.md shows how to write one")
+        self.beside_motion(self.text(path, Named::ByUser, Kind::Motion)?)?.parse()
     }
 
     /// A motion file's text with that of the robot file that it names.
@@ -121,7 +109,7 @@ impl Source {
         let TextFile { path, text } = &motion;
         let explain = Kind::Motion.explain(Path::new(path), text);
         let robot = Motion::robot_path_in_toml(path, text).map_err(explain)?;
-        let robot = self.robot_text(&beside(Path::new(path), &robot))?;
+        let robot = self.text(&beside(Path::new(path), &robot), Named::InFile, Kind::Robot)?;
         Ok(MotionTexts { motion, robot })
     }
 
@@ -130,16 +118,17 @@ impl Source {
     /// # Errors
     /// A file is missing, or everything that is wrong in it, or motions that do not fit together.
     pub fn library(self, path: &Path) -> miette::Result<Library> {
-        let hint = "give the path of a library file; docs/motion-files.md describes them";
-        let TextFile { path: name, text } = self.text(path, "library file (TOML)", hint)?;
+        let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Library)?;
         let explain = || Kind::Library.explain(path, &text);
         let robot = LibraryFile::robot_path_in_toml(&name, &text).map_err(explain())?;
-        let robot = self.robot(&beside(path, &robot))?;
+        let robot_file = self.text(&beside(path, &robot), Named::InFile, Kind::Robot)?;
+        let robot = self::robot(&robot_file)?;
         let file = LibraryFile::from_toml(&name, &text, &robot).map_err(explain())?;
         let mut motions = Vec::new();
         for item in &file.motions {
             let path = beside(path, &item.file);
-            let (other, mut motion) = self.motion(&path)?;
+            let text = self.text(&path, Named::InFile, Kind::Motion)?;
+            let (other, mut motion) = self.beside_motion(text)?.parse()?;
             if other != robot {
                 return Err(miette!(
                     help = "a library is for one robot: let `robot` name the same file in both",
@@ -159,15 +148,35 @@ impl Source {
         Ok(Library { robot, file, motions })
     }
 
-    fn text(self, path: &Path, kind: &'static str, hint: &str) -> miette::Result<TextFile> {
-        let text = match self {
-            Source::Disk => files::read_text(path, kind, hint),
-            Source::Shipped => shipped::text(path)
-                .map(str::to_owned)
-                .ok_or_else(|| miette!("the binary carries no {kind} called {}", path.display())),
-        };
-        Ok(TextFile { path: path.to_string_lossy().into_owned(), text: text? })
+    fn text(self, path: &Path, named: Named, kind: Kind) -> miette::Result<TextFile> {
+        match self {
+            Source::Disk => text(path, named, |_| kind),
+            Source::Shipped => {
+                let text = shipped::text(path);
+                let missing = || miette!("the binary carries no {kind} called {}", path.display());
+                Ok(TextFile::new(path, text.ok_or_else(missing)?.to_owned()))
+            }
+        }
     }
+}
+
+impl TextFile {
+    fn new(path: &Path, text: String) -> Self {
+        Self { path: path.to_string_lossy().into_owned(), text }
+    }
+}
+
+fn text(path: &Path, named: Named, kind_of: impl Fn(&[u8]) -> Kind) -> miette::Result<TextFile> {
+    let text = files::text(files::read_by(path, named, kind_of)?, path)?;
+    Ok(TextFile::new(path, text))
+}
+
+/// The text of a motion file or of a problem file.
+///
+/// # Errors
+/// The file is missing, too large or no text.
+pub fn motion_or_problem(path: &Path) -> miette::Result<TextFile> {
+    text(path, Named::ByUser, Kind::of_motion_or_problem)
 }
 
 /// Reads and validates a plan.
@@ -182,10 +191,9 @@ pub fn plan(path: &Path) -> miette::Result<Plan> {
 /// The text of a plan.
 ///
 /// # Errors
-/// The file is missing or is no text.
+/// The file is missing, too large or no text.
 pub fn plan_text(path: &Path) -> miette::Result<TextFile> {
-    let hint = "make one with `rollwalk plan MOTION.toml -o PLAN.json`";
-    Source::Disk.text(path, "plan (JSON)", hint)
+    text(path, Named::ByUser, |_| Kind::Plan)
 }
 
 /// The path of a file that `path` names relative to itself, without `x/..` detours.

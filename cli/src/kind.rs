@@ -1,12 +1,14 @@
-//! What kind of file a text is: giving one kind where another belongs is an easy slip, and deserves
-//! better than a list of unknown keys.
+//! The kinds of files that are read: their names, their bounds, and what a text is. Giving one kind where another belongs
+//! is an easy slip, and deserves better than a list of unknown keys.
 
 use crate::problem;
 use miette::{Diagnostic, Report, miette};
 use rollwalk_planner::plan;
+use rollwalk_robot::urdf;
+use std::fmt;
 use std::path::Path;
 
-/// The kinds of text that commands read.
+/// The kinds of files that commands read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A robot file.
@@ -21,6 +23,32 @@ pub enum Kind {
     Problem,
     /// A URDF.
     Urdf,
+    /// A side file of a URDF.
+    Side,
+    /// A mapping of a gamepad.
+    Gamepad,
+    /// A motion library.
+    Packed,
+    /// Names of a library's motions, in the user's cache.
+    Names,
+}
+
+/// As messages name a file of the kind.
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Robot => "robot file (TOML)",
+            Self::Motion => "motion file (TOML)",
+            Self::Library => "library file (TOML)",
+            Self::Plan => "plan (JSON)",
+            Self::Problem => "problem file (JSON)",
+            Self::Urdf => "URDF file (XML)",
+            Self::Side => "side file (TOML)",
+            Self::Gamepad => "gamepad mapping (TOML)",
+            Self::Packed => "motion library",
+            Self::Names => "cached list of names (JSON)",
+        })
+    }
 }
 
 impl Kind {
@@ -47,6 +75,43 @@ impl Kind {
         text.trim_start().starts_with('{') && Self::of(text) != Some(Self::Plan)
     }
 
+    /// Most bytes of such a file; the bounds are a hundred times what robots need.
+    pub fn max_bytes(self) -> u64 {
+        match self {
+            Self::Robot | Self::Motion | Self::Library | Self::Side => 1 << 20,
+            Self::Gamepad | Self::Names => 1 << 20,
+            // The most samples of a robot with the most joints are 10 MB.
+            Self::Plan | Self::Packed => 32 << 20,
+            // It may carry a plan, whose quotes are escaped.
+            Self::Problem => 48 << 20,
+            Self::Urdf => urdf::TEXT_MAX as u64,
+        }
+    }
+
+    /// What to type where such a file is missing.
+    pub fn hint(self) -> &'static str {
+        match self {
+            Self::Robot => "give the path of a robot file, such as robots/agilebot.toml",
+            Self::Motion => "docs/motion-files.md shows how to write one",
+            Self::Library => "give the path of a library file; docs/motion-files.md describes them",
+            Self::Plan => "make one with `rollwalk plan MOTION.toml -o PLAN.json`",
+            Self::Problem => {
+                "make one with `rollwalk plan MOTION.toml -o PLAN.json --dump PROBLEM.json`"
+            }
+            Self::Urdf => "give the path of a URDF file",
+            Self::Side => "make one with `rollwalk robot import ROBOT.urdf --template SIDE.toml`",
+            Self::Gamepad => "docs/gamepad.md shows how to write one",
+            Self::Packed => "make one with `rollwalk library build LIBRARY.toml -o LIB.rwl`",
+            Self::Names => "every build and flash of a library makes one",
+        }
+    }
+
+    /// The kind of a text where a motion or a problem may be given, by its beginning.
+    pub fn of_motion_or_problem(start: &[u8]) -> Self {
+        let first = start.iter().find(|byte| !byte.is_ascii_whitespace());
+        if first == Some(&b'{') { Self::Problem } else { Self::Motion }
+    }
+
     fn name(self) -> &'static str {
         match self {
             Self::Robot => "a robot file",
@@ -55,6 +120,10 @@ impl Kind {
             Self::Plan => "a plan",
             Self::Problem => "a problem file",
             Self::Urdf => "a URDF",
+            Self::Side => "a side file",
+            Self::Gamepad => "a gamepad mapping",
+            Self::Packed => "a motion library",
+            Self::Names => "a list of names",
         }
     }
 
@@ -68,6 +137,10 @@ impl Kind {
             Self::Plan => "`rollwalk report`, `plot` and `export` read it",
             Self::Problem => "`rollwalk plan` solves it again",
             Self::Urdf => "`rollwalk robot import` makes a robot file of it",
+            Self::Side => "`rollwalk robot import --with` reads it",
+            Self::Gamepad => "`rollwalk console --mapping` reads it",
+            Self::Packed => "`rollwalk library inspect` and `rollwalk flash` read it",
+            Self::Names => "rollwalk keeps it for itself",
         }
     }
 

@@ -53,18 +53,9 @@ fn command_line() -> clap::Command {
 
 /// Parses the command line and runs it.
 pub fn main() -> ExitCode {
-    report_in_whole_lines();
     let cli = Cli::from_arg_matches(&command_line().get_matches());
     let cli = cli.unwrap_or_else(|error| error.exit());
     end(cli.command.run(&mut command_line()))
-}
-
-/// Errors name commands to type: a line break of ours within one would break it when it is copied.
-fn report_in_whole_lines() {
-    // Refused only when there is one already; then that one stays.
-    let _ = miette::set_hook(Box::new(|_| {
-        Box::new(miette::MietteHandlerOpts::new().wrap_lines(false).build())
-    }));
 }
 
 /// Says why a run failed; how it ended, for the shell.
@@ -76,7 +67,7 @@ fn end(outcome: miette::Result<Exit>) -> ExitCode {
         Err(report) => match report.downcast_ref() {
             Some(link::Ended(exit)) => (*exit).into(),
             None => {
-                output::say(format_args!("{report:?}"));
+                output::say_report(&report);
                 Exit::BadInput.into()
             }
         },

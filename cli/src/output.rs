@@ -1,8 +1,14 @@
 //! Results on stdout as text or JSON, messages on stderr; ends quietly when the reader has closed the pipe.
+//!
+//! All that is printed passes through here, and what a terminal would obey is written out: names in files come from
+//! others.
 
-use miette::Diagnostic;
+use miette::{
+    Diagnostic, LabeledSpan, MietteHandlerOpts, Report, ReportHandler, Severity, SourceCode,
+};
+use rollwalk_protocol::text::ShownLines;
 use serde::Serialize;
-use std::fmt::Display;
+use std::fmt::{self, Display};
 use std::io::{self, Write};
 use thiserror::Error;
 
@@ -17,7 +23,7 @@ pub struct PipeClosed;
 /// [`PipeClosed`], or an error of the operating system.
 pub fn print(text: &str) -> miette::Result<()> {
     let mut stdout = io::stdout().lock();
-    let outcome = writeln!(stdout, "{}", text.trim_end()).and_then(|()| stdout.flush());
+    let outcome = writeln!(stdout, "{}", ShownLines(text.trim_end())).and_then(|()| stdout.flush());
     outcome.map_err(|error| match error.kind() {
         io::ErrorKind::BrokenPipe => PipeClosed.into(),
         _ => miette::miette!("cannot write to standard output: {error}"),
@@ -27,8 +33,109 @@ pub fn print(text: &str) -> miette::Result<()> {
 /// Prints a line on stderr and ignores that stderr is closed, which is no reason to end a run: `eprintln!` would
 /// panic.
 pub fn say(text: impl Display) {
+    let text = text.to_string();
     // A failure could only be reported in the same place.
-    let _ = writeln!(io::stderr().lock(), "{text}");
+    let _ = writeln!(io::stderr().lock(), "{}", ShownLines(&text));
+}
+
+/// Prints why a run failed on stderr, with colours of ours where the terminal has them.
+pub fn say_report(report: &Report) {
+    let _ = writeln!(io::stderr().lock(), "{}", Reported(report));
+}
+
+/// A report as text.
+struct Reported<'r>(&'r Report);
+
+impl Display for Reported<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Errors name commands to type: a line break of ours within one would break it when it is copied.
+        let handler = MietteHandlerOpts::new().wrap_lines(false).build();
+        handler.debug(&Plain::of(self.0.as_ref()), f)
+    }
+}
+
+/// A diagnostic whose words are safe to print. Its excerpt of a file is so already.
+struct Plain<'d> {
+    of: &'d dyn Diagnostic,
+    message: String,
+    labels: Vec<LabeledSpan>,
+    related: Vec<Plain<'d>>,
+    cause: Option<Cause>,
+}
+
+/// What caused an error: its message, and what caused that.
+#[derive(Debug, Error)]
+#[error("{message}")]
+struct Cause {
+    message: String,
+    source: Option<Box<Cause>>,
+}
+
+impl Cause {
+    fn of(error: &dyn std::error::Error) -> Self {
+        let source = error.source().map(|source| Box::new(Self::of(source)));
+        Self { message: shown(error), source }
+    }
+}
+
+fn shown(text: impl Display) -> String {
+    ShownLines(&text.to_string()).to_string()
+}
+
+impl<'d> Plain<'d> {
+    fn of(of: &'d dyn Diagnostic) -> Self {
+        let label = |label: LabeledSpan| {
+            LabeledSpan::new_with_span(label.label().map(shown), *label.inner())
+        };
+        Self {
+            of,
+            message: shown(of),
+            labels: of.labels().into_iter().flatten().map(label).collect(),
+            related: of.related().into_iter().flatten().map(Self::of).collect(),
+            cause: of.source().map(Cause::of),
+        }
+    }
+}
+
+impl fmt::Debug for Plain<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl Display for Plain<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Plain<'_> {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        self.cause.as_ref().map(|cause| cause as _)
+    }
+}
+
+impl Diagnostic for Plain<'_> {
+    fn severity(&self) -> Option<Severity> {
+        self.of.severity()
+    }
+
+    fn help<'a>(&'a self) -> Option<Box<dyn Display + 'a>> {
+        self.of.help().map(|help| Box::new(shown(help)) as _)
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        self.of.source_code()
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        (!self.labels.is_empty()).then(|| Box::new(self.labels.iter().cloned()) as _)
+    }
+
+    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn Diagnostic> + 'a>> {
+        let related = self.related.iter().map(|related| related as &dyn Diagnostic);
+        (!self.related.is_empty()).then(|| Box::new(related) as _)
+    }
 }
 
 /// Prints a result as JSON.
@@ -89,7 +196,16 @@ impl Table {
 
 #[cfg(test)]
 mod tests {
-    use super::Table;
+    use super::*;
+
+    #[test]
+    fn what_others_wrote_does_not_reach_the_terminal_as_it_is() {
+        let report = miette::miette!(help = "try \x1b[31mred", "no motion `\x1b[2Jwalk`");
+        let report = report.wrap_err("reading \u{202e}x");
+        let text = Reported(&report).to_string();
+        assert!(text.contains("\\u001b[2Jwalk") && text.contains("\\u001b[31mred"), "{text}");
+        assert!(text.contains("reading \\u202ex"), "{text}");
+    }
 
     #[test]
     fn columns_line_up() {

@@ -1,9 +1,10 @@
 //! Motion libraries from the disk, validated as a controller does, with the robot that they are for.
 
 use crate::inputs::Source;
+use crate::kind::Kind;
 use crate::{files, shipped};
 use miette::{IntoDiagnostic, miette};
-use rollwalk_host::catalog::Catalog;
+use rollwalk_host::catalog::{Catalog, check_names};
 use rollwalk_protocol::library::{Index, Library, Reject, Why, validate};
 use rollwalk_robot::Robot;
 use std::path::Path;
@@ -24,12 +25,11 @@ impl Packed {
     /// # Errors
     /// A file is missing or wrong, or the library is for no robot that is known.
     pub fn read(path: &Path, robot: Option<&Path>) -> miette::Result<Self> {
-        let hint = "make one with `rollwalk library build LIBRARY.toml -o LIB.rwl`";
-        let bytes = files::read(path, "motion library", hint)?;
+        let bytes = files::read(path, Kind::Packed)?;
         if let Some(robot) = robot {
             let robot = Source::Disk.robot(robot)?;
             return match check(&bytes, &robot)? {
-                Ok(index) => Ok(Self { robot, bytes, index }),
+                Ok(index) => Self { robot, bytes, index }.named(path),
                 Err(reject) => Err(miette!("{}: {reject}", path.display())),
             };
         }
@@ -38,7 +38,7 @@ impl Packed {
             let robot = Source::Shipped.robot(file)?;
             match check(&bytes, &robot)? {
                 Err(Reject { why: Why::WrongRobot { .. }, .. }) => {}
-                Ok(index) => return Ok(Self { robot, bytes, index }),
+                Ok(index) => return Self { robot, bytes, index }.named(path),
                 Err(reject) => return Err(miette!("{}: {reject}", path.display())),
             }
         }
@@ -47,6 +47,15 @@ impl Packed {
             "{}: built for none of the robots that ship with rollwalk",
             path.display()
         ))
+    }
+
+    /// Itself, if operators can tell its motions by their names.
+    fn named(self, path: &Path) -> miette::Result<Self> {
+        let help = "no `rollwalk library build` makes such a library: where does it come from?";
+        match check_names(&self.library()) {
+            Ok(()) => Ok(self),
+            Err(fault) => Err(miette!(help = help, "{}: {fault}", path.display())),
+        }
     }
 
     /// A library that was just packed for this robot.

@@ -126,7 +126,7 @@ impl Problem {
         }
         if header.version.as_u64().is_some_and(|version| version > u64::from(VERSION)) {
             let newer = "the problem is from a newer rollwalk, update this one";
-            return fault("version", &header.version, format!("{VERSION} or less: {newer}"));
+            return fault("version", &header.version, format!("{VERSION}: {newer}"));
         }
         if header.version != VERSION {
             return fault("version", &header.version, VERSION.to_string());

@@ -5,6 +5,7 @@ use crate::{interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use rollwalk_planner::Progress;
 use rollwalk_planner::plan::{SolveSummary, Status};
+use rollwalk_protocol::text::Shown;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -23,7 +24,7 @@ impl Watch {
             ProgressStyle::with_template("{spinner} {prefix:<26} {msg}")
                 .unwrap_or_else(|_| ProgressStyle::default_spinner()),
         );
-        bar.set_prefix(name.to_owned());
+        bar.set_prefix(Shown(name).to_string());
         bar.enable_steady_tick(Duration::from_millis(100));
         if table {
             let titles = format!(

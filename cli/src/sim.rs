@@ -1,9 +1,10 @@
 //! `rollwalk-sim`: a robot without hardware on a bus of this computer, in real time.
 
 use crate::cmd::buses::BusLoads;
+use crate::files::Output;
 use crate::inputs::Source;
 use crate::link::cannot_open;
-use crate::{Exit, end, exit, files, interrupt, output, report_in_whole_lines};
+use crate::{Exit, end, exit, files, interrupt, output};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_bus::link::LinkError;
@@ -93,7 +94,6 @@ pub(crate) fn command_line() -> clap::Command {
 
 /// Parses the command line and runs the robot.
 pub fn main() -> ExitCode {
-    report_in_whole_lines();
     let cli = Cli::from_arg_matches(&command_line().get_matches());
     end(run(&cli.unwrap_or_else(|error| error.exit())))
 }
@@ -311,7 +311,7 @@ struct Log {
 
 impl Log {
     fn create(path: &Path) -> miette::Result<Self> {
-        Ok(Self { path: path.to_owned(), file: files::create(path)? })
+        Ok(Self { path: path.to_owned(), file: Output::at(path)?.create()? })
     }
 
     fn write(&mut self, entries: &[LogEntry]) -> miette::Result<()> {

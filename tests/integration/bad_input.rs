@@ -45,7 +45,7 @@ fn a_drive_that_cannot_do_what_the_file_says_is_named_with_its_line() {
         (
             speed.0,
             speed.1,
-            &["joint `hip`", "is 60, beyond the range of AK80-9", "at most 50 rad/s"][..],
+            &["joint `hip`", "is 60 rad/s, beyond the range of AK80-9", "at most 50 rad/s"][..],
         ),
         ("model = \"AK80-9\"\n#", "model = \"AK80\"\n#", &["bus 0: `model` cannot be", "`AK80-9`"]),
         ("number = 1", "number = 2", &["bus 2: `number` is a bus that no motor is on"]),
@@ -202,6 +202,42 @@ fn a_damaged_library_says_how() {
     }
 }
 
+/// Controllers do not look at names; people tell motions by them.
+#[test]
+fn a_library_whose_names_mislead_is_refused() {
+    let desk = desk_with_shipped_files();
+    let good = built_library(&desk);
+    for (name, words) in [
+        (b"driv\x1b[2J", "\"driv\\u001b[2J\", has characters that cannot be seen"),
+        (b"drive\n1m", "\"drive\\u000a1m\", has characters that cannot be seen"),
+        (b"drive_1\0", "\"drive_1\\u0000\", has characters that cannot be seen"),
+    ] {
+        desk.write("bad.rwl", renamed(&good, b"\x08drive_1m", &[b"\x08", &name[..]].concat()));
+        desk.run(&["library", "inspect", "bad.rwl"])
+            .fails(1, &["bad.rwl: the name of motion 1", words]);
+    }
+    desk.edit("motions/small.toml", "name = \"drive_1m\"", "name = \"drive\"");
+    desk.run(&["library", "build", "motions/small.toml", "-o", "a.rwl"]).succeeds();
+    desk.write("bad.rwl", renamed(&desk.read("a.rwl"), b"\x05drive", b"\x05stand"));
+    desk.run(&["library", "inspect", "bad.rwl"])
+        .fails(1, &["motions 0 and 1 have the same name, `stand`"]);
+}
+
+/// A library with other names and right checksums.
+fn renamed(good: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
+    assert_eq!(from.len(), to.len());
+    let mut bytes = good.to_vec();
+    let at = bytes.windows(from.len()).position(|window| window == from).expect("the name");
+    bytes[at..at + to.len()].copy_from_slice(to);
+    let footer = bytes.len() - 24;
+    let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI);
+    let body = crc.checksum(&bytes[..footer]).to_le_bytes();
+    bytes[footer + 12..footer + 16].copy_from_slice(&body);
+    let own = crc.checksum(&bytes[footer..footer + 20]).to_le_bytes();
+    bytes[footer + 20..].copy_from_slice(&own);
+    bytes
+}
+
 #[test]
 fn a_library_of_another_robot_is_refused() {
     let desk = desk_with_shipped_files();
@@ -236,7 +272,7 @@ fn an_unwritable_output_is_named() {
     // Before a long run, not after it.
     let outcome = desk.run(&["demo", "--out", "in_the_way"]);
     assert!(!outcome.stderr.contains("Planning"), "{}", outcome.stderr);
-    outcome.fails(1, &["cannot write into in_the_way/plans"]);
+    outcome.fails(1, &["cannot write into in_the_way: it is no folder"]);
 }
 
 #[test]

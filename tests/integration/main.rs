@@ -6,6 +6,7 @@ mod command_line;
 mod console;
 mod demo;
 mod diagnosis;
+mod files;
 mod libraries;
 mod lines;
 mod operating;

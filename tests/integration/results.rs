@@ -159,8 +159,8 @@ fn tables_have_a_row_for_every_tick_and_a_unit_in_every_column() {
 fn a_plot_is_an_svg_document() {
     let desk = desk_with_shipped_files();
     desk.run(&["plan", "motions/walk.toml", "-o", "plan.json"]).succeeds();
-    desk.run(&["plot", "plan.json", "-o", "plots/walk.svg"]).succeeds();
-    let svg = desk.read_text("plots/walk.svg");
+    desk.run(&["plot", "plan.json", "-o", "walk.svg"]).succeeds();
+    let svg = desk.read_text("walk.svg");
     assert!(svg.trim_start().starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
     for label in ["front_left", "walk"] {
         assert!(svg.contains(label), "the plot names {label}");

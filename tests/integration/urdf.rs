@@ -65,15 +65,15 @@ fn a_urdf_becomes_a_robot_that_trots() {
         "--with",
         "side.toml",
         "-o",
-        "robots/quad.toml",
+        "quad.toml",
         "--json",
     ]);
     let made = made.succeeds();
-    assert!(made.contains("robots/quad.toml") && made.contains("\"warnings\": []"), "{made}");
-    desk.run(&["robot", "check", "robots/quad.toml"]).succeeds();
+    assert!(made.contains("quad.toml") && made.contains("\"warnings\": []"), "{made}");
+    desk.run(&["robot", "check", "quad.toml"]).succeeds();
     desk.write(
         "trot.toml",
-        "name = \"trot\"\nrobot = \"robots/quad.toml\"\nduration_s = 0.6\nends = \"periodic\"\nswing_height_m = 0.04\n\
+        "name = \"trot\"\nrobot = \"quad.toml\"\nduration_s = 0.6\nends = \"periodic\"\nswing_height_m = 0.04\n\
          [goal]\nforward_m = 0.15\nleft_m = 0.0\nturn_rad = 0.0\n[footfalls]\ngait = \"trot\"\nduty = 0.6\n",
     );
     // Exit code 0 is that of a plan that holds.

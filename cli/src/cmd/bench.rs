@@ -31,14 +31,14 @@ Examples:
 pub struct Args {
     #[command(subcommand)]
     which: Benchmark,
-    /// Folder to write to; made if it is missing.
+    /// Folder to write to; made if it is missing, in a folder that exists.
     #[arg(long, value_name = "DIR", global = true, default_value = "bench-out")]
     out: PathBuf,
 }
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    files::prepare(&args.out)?;
+    files::make_folder(&args.out)?;
     interrupt::listen();
     match args.which.run(&Rollwalk)? {
         Some(findings) => publish(&findings, &args.out),

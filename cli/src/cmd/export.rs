@@ -2,7 +2,7 @@
 
 use crate::{Exit, files, inputs, output};
 use clap::ValueEnum;
-use miette::IntoDiagnostic;
+use miette::{IntoDiagnostic, miette};
 use rollwalk_planner::export::Table;
 use std::path::PathBuf;
 
@@ -24,15 +24,15 @@ pub struct Args {
     /// Rows per second.
     #[arg(long, value_name = "HZ", allow_negative_numbers = true, default_value_t = 60.0)]
     rate: f64,
-    /// Form of the table.
-    #[arg(long, value_enum, default_value_t = Format::Csv)]
-    format: Format,
+    /// Form of the table [default: that of the ending of FILE, else csv].
+    #[arg(long, value_enum)]
+    format: Option<Format>,
     /// Where to write the table.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Format {
     /// Comma-separated values with a header line.
     Csv,
@@ -42,8 +42,9 @@ enum Format {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
+    let format = format(args)?;
     let table = Table::new(&inputs::plan(&args.plan)?, args.rate).into_diagnostic()?;
-    let text = match args.format {
+    let text = match format {
         Format::Csv => table.to_csv(),
         Format::Json => table.to_json(),
     };
@@ -56,4 +57,21 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         table.rate_hz
     ))?;
     Ok(Exit::Ok)
+}
+
+/// The form of the table: as it is asked for, or as the name of the file ends.
+fn format(args: &Args) -> miette::Result<Format> {
+    let ending = match files::ending(&args.output, "a table", &["csv", "json"])? {
+        Some("csv") => Some(Format::Csv),
+        Some(_) => Some(Format::Json),
+        None => None,
+    };
+    match (args.format, ending) {
+        (Some(format), Some(ending)) if format != ending => Err(miette!(
+            help = "leave --format out, or give another name",
+            "the name {} is not that of the --format",
+            args.output.display()
+        )),
+        (format, ending) => Ok(format.or(ending).unwrap_or(Format::Csv)),
+    }
 }

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 Examples:
   rollwalk robot import a1.urdf                                      what is in it?
   rollwalk robot import a1.urdf --template a1.side.toml              a side file to fill in
-  rollwalk robot import a1.urdf --with a1.side.toml -o robots/a1.toml
+  rollwalk robot import a1.urdf --with a1.side.toml -o a1.toml
 
 Side files are described in docs/urdf-import.md, robot files in docs/robot-files.md.")]
 pub struct Args {
@@ -51,7 +51,7 @@ struct Made<'a> {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    let urdf = files::read_text(&args.urdf, "URDF file (XML)", "give the path of a URDF file")?;
+    let urdf = files::read_text(&args.urdf, Kind::Urdf)?;
     Kind::Urdf.expect(&args.urdf, &urdf)?;
     let urdf_name = args.urdf.to_string_lossy();
     let urdf = Text { name: &urdf_name, text: &urdf };
@@ -62,8 +62,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 }
 
 fn import(urdf: Text<'_>, side: &Path, output: &Path, json: bool) -> miette::Result<Exit> {
-    let hint = "make one with `rollwalk robot import ROBOT.urdf --template SIDE.toml`";
-    let text = files::read_text(side, "side file (TOML)", hint)?;
+    let text = files::read_text(side, Kind::Side)?;
     let side = Text { name: &side.to_string_lossy(), text: &text };
     let imported = urdf::import(urdf, side).map_err(Report::new)?;
     files::write(output, imported.toml.as_bytes())?;
@@ -102,9 +101,7 @@ fn look(urdf: Text<'_>, args: &Args) -> miette::Result<Exit> {
     let next = match &args.template {
         Some(side) => format!(
             "wrote {side}: check it, then\n  rollwalk robot import {urdf} --with {side} -o {}",
-            Path::new("robots")
-                .join(args.urdf.with_extension("toml").file_name().unwrap_or_default())
-                .display(),
+            Path::new(args.urdf.with_extension("toml").file_name().unwrap_or_default()).display(),
             side = side.display()
         ),
         None => format!("next: rollwalk robot import {urdf} --template SIDE.toml"),

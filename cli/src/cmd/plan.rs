@@ -1,12 +1,13 @@
 //! `rollwalk plan`: optimises a motion.
 
 use crate::choices::{self, Choices, MethodChoice, StartChoice};
+use crate::files::Output;
 use crate::inputs::Source;
 use crate::kind::Kind;
 use crate::planning::{self, PlanOutcome};
 use crate::problem::{Parsed, Problem};
 use crate::progress::Watch;
-use crate::{Exit, files, inputs, interrupt, output};
+use crate::{Exit, inputs, interrupt, output};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_planner::plan::{Diagnosis, Plan, Refinement, StartKind, Started, Status};
 use rollwalk_planner::report::{Judgement, Report};
@@ -92,9 +93,11 @@ struct Outcome<'a> {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let (problem, origin) = problem(args)?;
     let Parsed { robot, motion, from } = problem.parse(origin)?;
-    files::prepare(files::folder(&args.output))?;
+    let place = Output::at(&args.output)?;
     if let Some(path) = &args.dump {
-        files::write(path, problem.to_json().as_bytes())?;
+        let dump = Output::at(path)?;
+        place.apart_from(&dump)?;
+        dump.write(problem.to_json().as_bytes())?;
     }
     interrupt::listen();
     let options = Options::from(problem.options);
@@ -111,8 +114,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let interrupted = interrupt::requested();
     // An interrupted refinement leaves the last plan that converged.
     let written = (plan.solve.status != Status::Interrupted).then_some(&args.output);
-    if let Some(path) = written {
-        files::write(path, plan.to_json().as_bytes())?;
+    if written.is_some() {
+        place.write(plan.to_json().as_bytes())?;
     }
     if args.json {
         output::print_json(&outcome(&plan, &report, time_s, written))?;
@@ -135,10 +138,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 
 /// The problem to solve, and the file that carries it if it comes from one.
 fn problem(args: &Args) -> miette::Result<(Problem, Option<&Path>)> {
-    if args.dump.as_ref() == Some(&args.output) {
-        return Err(miette!("plan and problem would both be written to {}", args.output.display()));
-    }
-    let file = Source::Disk.motion_text(&args.motion)?;
+    let file = inputs::motion_or_problem(&args.motion)?;
     if Kind::is_problem(&file.text) {
         let given = [
             ("--start", args.start.is_some()),

@@ -28,6 +28,7 @@ pub struct Args {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
+    files::ending(&args.output, "a figure", &["svg"])?;
     let plans: Vec<Plan> =
         args.plans.iter().map(|path| inputs::plan(path)).collect::<miette::Result<_>>()?;
     let svg = match &plans[..] {

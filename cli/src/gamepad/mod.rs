@@ -18,6 +18,7 @@ pub mod pad;
 #[cfg(test)]
 mod tests;
 
+use crate::kind::Kind;
 use crate::{files, shipped};
 use device::Found;
 use file::Mapping;
@@ -30,8 +31,7 @@ use std::path::Path;
 /// The file is missing or wrong, or no shipped one is made for the device.
 pub fn mapping(named: Option<&Path>, device: &Found) -> miette::Result<Mapping> {
     if let Some(path) = named {
-        let hint = "docs/gamepad.md shows how to write one";
-        let text = files::read_text(path, "gamepad mapping (TOML)", hint)?;
+        let text = files::read_text(path, Kind::Gamepad)?;
         return Mapping::from_toml(&path.to_string_lossy(), &text).map_err(Report::new);
     }
     let mut names = Vec::new();

@@ -123,6 +123,6 @@ pub fn ended(args: &LinkArgs, error: &SessionError) -> Exit {
         return Exit::Interrupted;
     }
     let report = args.explain(error).wrap_err("the robot did not do it");
-    output::say(format_args!("{report:?}"));
+    output::say_report(&report);
     Exit::NotDone
 }

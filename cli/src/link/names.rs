@@ -1,6 +1,7 @@
 //! Names of motions and channels of the controller's library: from the user's cache, which every build and flash of a
 //! library fills, or from the library's file.
 
+use crate::kind::Kind;
 use crate::packed::Packed;
 use crate::{files, output};
 use directories::ProjectDirs;
@@ -43,6 +44,8 @@ impl NamesArgs {
 pub fn keep(catalog: &Catalog) {
     let Some(path) = place(catalog.library) else { return };
     let text = serde_json::to_string_pretty(catalog).unwrap_or_default();
+    // A folder that cannot be made is found by the writer.
+    let _ = fs::create_dir_all(files::folder(&path));
     if let Err(error) = files::write(&path, text.as_bytes()) {
         output::say(format_args!("the names of its motions are not kept: {error}"));
     }
@@ -50,7 +53,7 @@ pub fn keep(catalog: &Catalog) {
 
 /// Cached names of the library with this identity.
 pub fn kept(library: u32) -> Option<Catalog> {
-    let text = fs::read_to_string(place(library)?).ok()?;
+    let text = files::read_text(&place(library)?, Kind::Names).ok()?;
     let catalog: Catalog = serde_json::from_str(&text).ok()?;
     (catalog.library == library).then_some(catalog)
 }

@@ -38,7 +38,7 @@ The folder then holds
   ROBOT.rwl          the motion library
   bus.log            every frame of every bus, as candump writes it")]
 pub struct Args {
-    /// Folder for plans, plots, library and bus log; made if missing, its files are replaced.
+    /// Folder for plans, plots, library and bus log; made if missing, in a folder that exists. Its files are replaced.
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
     /// Library file (TOML) to play instead of AgileBot's.
@@ -58,8 +58,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Some(path) => Source::Disk.library(path)?,
         None => Source::Shipped.library(Path::new(shipped::DEMO_LIBRARY))?,
     };
+    files::make_folder(&args.out)?;
     for folder in ["plans", "plots"] {
-        files::prepare(&args.out.join(folder))?;
+        files::make_folder(&args.out.join(folder))?;
     }
     output::say(format_args!(
         "Planning {}: {} motions, {} transitions, each from scratch",

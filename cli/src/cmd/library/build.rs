@@ -1,10 +1,11 @@
 //! `rollwalk library build`: from a library file to a motion library.
 
+use crate::files::Output;
 use crate::inputs::Source;
 use crate::link::names;
 use crate::packed::Packed;
 use crate::planning::{PlanOutcome, Plans, plan_all};
-use crate::{Exit, files, output};
+use crate::{Exit, output};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -47,12 +48,12 @@ struct Outcome<'a> {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let library = Source::Disk.library(&args.library)?;
-    files::prepare(files::folder(&args.output))?;
+    let place = Output::at(&args.output)?;
     let Some(plans) = plan_all(&library, args.verbose)? else { return Ok(Exit::Interrupted) };
     let converged = plans.failures().is_empty();
     let bytes = if converged { plans.pack(&library)?.bytes } else { Vec::new() };
     if converged {
-        files::write(&args.output, &bytes)?;
+        place.write(&bytes)?;
         // So that tools know the motions by name wherever the library is flashed to.
         names::keep(&Packed::new(library.robot.clone(), bytes.clone())?.catalog());
     }

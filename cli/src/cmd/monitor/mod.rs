@@ -3,10 +3,11 @@
 mod ask;
 mod view;
 
+use crate::files::Output;
 use crate::link::names::NamesArgs;
 use crate::link::{Interruptible, LinkArgs};
 use crate::packed::Packed;
-use crate::{Exit, files, interrupt, output};
+use crate::{Exit, interrupt, output};
 use miette::miette;
 use rollwalk_bus::candump::LogEntry;
 use rollwalk_bus::link::{LinkBus, LinkError};
@@ -86,9 +87,14 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     };
     let config = packed.as_ref().map(|packed| packed.robot.controller_config()).transpose();
     let config = config.map_err(|error| miette!("{error}"))?;
+    let place = |path: &Option<PathBuf>| path.as_deref().map(Output::at).transpose();
+    let (log, mcap) = (place(&args.log)?, place(&args.mcap)?);
+    if let (Some(log), Some(mcap)) = (&log, &mcap) {
+        log.apart_from(mcap)?;
+    }
     let mut bus = args.link.open()?;
-    let log = args.log.as_deref().map(files::create).transpose()?;
-    let mcap = args.mcap.as_deref().map(files::create).transpose()?;
+    let log = log.as_ref().map(Output::create).transpose()?;
+    let mcap = mcap.as_ref().map(Output::create).transpose()?;
     let (start_us, began_us) = (bus.now_us(), since_1970_us());
     let end_us =
         args.seconds.map_or(u64::MAX, |seconds| start_us.saturating_add((seconds * 1e6) as u64));

@@ -123,7 +123,7 @@ fn arm_and_play(
         Ok(()) => Ok(exit),
         Err(error) => {
             let report = args.link.explain(&error).wrap_err("the robot was not brought home");
-            output::say(format_args!("{report:?}"));
+            output::say_report(&report);
             Ok(Exit::NotDone)
         }
     }

@@ -1,0 +1,188 @@
+//! Files: the one reader, with a bound for every kind, and the one writer, which never leaves half a file and never
+//! writes over what the run reads.
+//!
+//! [`read`] and [`read_text`] give the content of a file; [`Output`] is a place to write to, checked before a long run.
+//! Errors name the file and what to do.
+
+mod identity;
+mod read;
+mod write;
+
+pub use read::{Named, read, read_by, read_text, text};
+pub use write::{Output, cannot_write, make_folder, write};
+
+use crate::kind::Kind;
+use miette::Diagnostic;
+use std::io;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// A file that could not be read or written.
+#[derive(Debug, Error, Diagnostic)]
+pub enum FileError {
+    /// Nothing lies at the path.
+    #[error("there is no {kind} at {}", path.display())]
+    Missing {
+        /// What was looked for.
+        kind: Kind,
+        /// Where it was looked for.
+        path: PathBuf,
+        /// What to type.
+        #[help]
+        help: String,
+    },
+    /// The operating system refused.
+    #[error("cannot {action} {}: {reason}", path.display())]
+    Io {
+        /// "read" or "write".
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said. Not a `source`, which reports would print once more.
+        reason: io::Error,
+    },
+    /// The file is not text.
+    #[error("{} is not a {kind}: it is not UTF-8 text", path.display())]
+    NotText {
+        /// What was looked for.
+        kind: Kind,
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file is larger than any of its kind.
+    #[error(
+        "{} has {} bytes; a {kind} has at most {}",
+        path.display(),
+        bytes.map_or_else(|| format!("more than {}", kind.max_bytes()), |bytes| bytes.to_string()),
+        kind.max_bytes()
+    )]
+    #[diagnostic(help("is this the right file?"))]
+    TooLarge {
+        /// What was looked for.
+        kind: Kind,
+        /// The file.
+        path: PathBuf,
+        /// Its size, if it has one.
+        bytes: Option<u64>,
+    },
+    /// A device, a pipe or a folder, where only a file makes sense.
+    #[error("cannot read {}: it is {found}, not a file with a {kind}", path.display())]
+    NotAFile {
+        /// What was looked for.
+        kind: Kind,
+        /// Where it was looked for.
+        path: PathBuf,
+        /// What is there.
+        found: &'static str,
+    },
+    /// A pipe or device that says nothing.
+    #[error("cannot read {}: nothing came from it for {seconds} s", path.display())]
+    #[diagnostic(help("a pipe needs a program that writes into it"))]
+    Silent {
+        /// The pipe.
+        path: PathBuf,
+        /// How long it was silent.
+        seconds: u64,
+    },
+    /// The output is a file that the run reads.
+    #[error("cannot write {}: it is {}, a {kind} that this run reads", output.display(), input.display())]
+    #[diagnostic(help("write to a file of another name"))]
+    OverInput {
+        /// Where to write.
+        output: PathBuf,
+        /// The same file, as it was read.
+        input: PathBuf,
+        /// What it is.
+        kind: Kind,
+    },
+    /// Two outputs are one file.
+    #[error("cannot write {} and {}: they are the same file", first.display(), second.display())]
+    #[diagnostic(help("give each its own file"))]
+    SameOutput {
+        /// One output.
+        first: PathBuf,
+        /// The other.
+        second: PathBuf,
+    },
+    /// The folder of an output is not there.
+    #[error("cannot write {}: there is no folder {}", path.display(), folder.display())]
+    #[diagnostic(help("make it first: mkdir -p {}", folder.display()))]
+    NoFolder {
+        /// The output.
+        path: PathBuf,
+        /// The missing folder.
+        folder: PathBuf,
+    },
+    /// Something else is where the folder of an output should be.
+    #[error("cannot write into {}: it is no folder", path.display())]
+    NotAFolder {
+        /// What is no folder.
+        path: PathBuf,
+    },
+    /// The ending of an output's name stands for another format.
+    #[error("cannot write {what} as {}: {what} can be written as {}", path.display(), dotted(endings))]
+    Ending {
+        /// What is to be written.
+        what: &'static str,
+        /// The output.
+        path: PathBuf,
+        /// Endings of the formats that there are.
+        endings: &'static [&'static str],
+        /// How to get the format that was asked for.
+        #[help]
+        help: Option<&'static str>,
+    },
+}
+
+/// Endings of names as they are listed.
+fn dotted(endings: &[&str]) -> String {
+    endings.iter().map(|ending| format!(".{ending}")).collect::<Vec<_>>().join(" or ")
+}
+
+/// The ending of an output's name, which must be one of a format that `what` can be written in, or none.
+///
+/// # Errors
+/// It stands for another format.
+pub fn ending(
+    path: &Path,
+    what: &'static str,
+    endings: &'static [&'static str],
+) -> Result<Option<&'static str>, FileError> {
+    let Some(given) = path.extension() else { return Ok(None) };
+    let given = given.to_string_lossy().to_lowercase();
+    let found = endings.iter().copied().find(|ending| *ending == given);
+    let help = match &*given {
+        "png" => Some(
+            "write .svg; `rsvg-convert FILE.svg -o FILE.png`, Inkscape or a browser makes a PNG of it",
+        ),
+        "xlsx" | "ods" => Some("write .csv, which spreadsheets open"),
+        _ => None,
+    };
+    match found {
+        Some(found) => Ok(Some(found)),
+        None => Err(FileError::Ending { what, path: path.to_owned(), endings, help }),
+    }
+}
+
+/// The folder that a file lies in.
+pub fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn endings_say_which_formats_there_are() {
+        let ending = |name: &str| ending(Path::new(name), "a figure", &["svg"]);
+        assert_eq!(ending("a/b.SVG").unwrap(), Some("svg"));
+        assert_eq!(ending("a.b/c").unwrap(), None);
+        let error = ending("x.png").unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "cannot write a figure as x.png: a figure can be written as .svg"
+        );
+        assert!(error.help().unwrap().to_string().contains("rsvg-convert"));
+    }
+}

@@ -1,0 +1,260 @@
+//! Reading with a bound and errors that help.
+
+use super::{FileError, folder, identity};
+use crate::kind::Kind;
+use std::fs::{self, File, FileType};
+use std::io::{self, Read};
+use std::path::Path;
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+/// How long a pipe may be silent.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Who names a file that is to be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Named {
+    /// The user: a pipe makes sense, such as `<(program)` of a shell.
+    ByUser,
+    /// Another file, which may come from a stranger: regular files only.
+    InFile,
+}
+
+/// The bytes of a file that the user named.
+pub fn read(path: &Path, kind: Kind) -> miette::Result<Vec<u8>> {
+    Ok(read_by(path, Named::ByUser, |_| kind)?.0)
+}
+
+/// The text of a file that the user named.
+pub fn read_text(path: &Path, kind: Kind) -> miette::Result<String> {
+    Ok(text(read_by(path, Named::ByUser, |_| kind)?, path)?)
+}
+
+/// Turns bytes into text.
+///
+/// # Errors
+/// They are not UTF-8.
+pub fn text((bytes, kind): (Vec<u8>, Kind), path: &Path) -> Result<String, FileError> {
+    String::from_utf8(bytes).map_err(|_| FileError::NotText { kind, path: path.to_owned() })
+}
+
+/// The bytes of a file, no more than its kind has, and the kind, which `kind_of` tells from the beginning.
+///
+/// # Errors
+/// There is no such file, it is too large, or the operating system refuses.
+pub fn read_by(
+    path: &Path,
+    named: Named,
+    kind_of: impl Fn(&[u8]) -> Kind,
+) -> Result<(Vec<u8>, Kind), FileError> {
+    let refused = |reason: io::Error| {
+        let (path, kind) = (path.to_owned(), kind_of(&[]));
+        match reason.kind() {
+            io::ErrorKind::NotFound => FileError::Missing { kind, help: help(&path, kind), path },
+            _ => FileError::Io { action: "read", path, reason },
+        }
+    };
+    let found = fs::metadata(path).map_err(refused)?;
+    if found.is_file() {
+        let mut file = File::open(path).map_err(refused)?;
+        let mut content = Bounded::new(path, &kind_of, Some(found.len()));
+        let mut chunk = [0; 1 << 16];
+        loop {
+            match file.read(&mut chunk) {
+                Ok(0) => break,
+                Ok(length) => content.take(&chunk[..length])?,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(refused(error)),
+            }
+        }
+        let (bytes, kind) = content.finish();
+        identity::note_input(file, path, kind);
+        return Ok((bytes, kind));
+    }
+    if found.is_dir() || named == Named::InFile {
+        let (kind, found) = (kind_of(&[]), word_for(found.file_type()));
+        return Err(FileError::NotAFile { kind, path: path.to_owned(), found });
+    }
+    stream(path, &kind_of, PATIENCE)
+}
+
+/// What of a file has come, no more than its kind allows.
+struct Bounded<'a, K> {
+    path: &'a Path,
+    kind_of: &'a K,
+    kind: Option<Kind>,
+    length: Option<u64>,
+    bytes: Vec<u8>,
+}
+
+impl<'a, K: Fn(&[u8]) -> Kind> Bounded<'a, K> {
+    fn new(path: &'a Path, kind_of: &'a K, length: Option<u64>) -> Self {
+        Self { path, kind_of, kind: None, length, bytes: Vec::new() }
+    }
+
+    fn take(&mut self, chunk: &[u8]) -> Result<(), FileError> {
+        let kind = *self.kind.get_or_insert_with(|| (self.kind_of)(chunk));
+        let so_far = (self.bytes.len() + chunk.len()) as u64;
+        // A length known from the start need not be read first.
+        if so_far.max(self.length.unwrap_or(0)) > kind.max_bytes() {
+            let bytes = self.length.filter(|length| *length >= so_far);
+            return Err(FileError::TooLarge { kind, path: self.path.to_owned(), bytes });
+        }
+        self.bytes.extend_from_slice(chunk);
+        Ok(())
+    }
+
+    fn finish(self) -> (Vec<u8>, Kind) {
+        let kind = self.kind.unwrap_or_else(|| (self.kind_of)(&[]));
+        (self.bytes, kind)
+    }
+}
+
+/// Reads a pipe or a device, which may never say anything or never end.
+fn stream(
+    path: &Path,
+    kind_of: &impl Fn(&[u8]) -> Kind,
+    patience: Duration,
+) -> Result<(Vec<u8>, Kind), FileError> {
+    let (sender, chunks) = sync_channel(1);
+    let source = path.to_owned();
+    // Opening a pipe waits, too. A thread that waits for ever ends with the process.
+    thread::spawn(move || {
+        let send = || -> io::Result<()> {
+            let mut file = File::open(source)?;
+            let mut chunk = [0; 1 << 16];
+            loop {
+                let length = file.read(&mut chunk)?;
+                if length == 0 || sender.send(Ok(chunk[..length].to_vec())).is_err() {
+                    return Ok(());
+                }
+            }
+        };
+        if let Err(error) = send() {
+            // Nobody listens any more: the file was too large.
+            let _ = sender.send(Err(error));
+        }
+    });
+    let mut content = Bounded::new(path, kind_of, None);
+    loop {
+        match chunks.recv_timeout(patience) {
+            Ok(Ok(chunk)) => content.take(&chunk)?,
+            Ok(Err(reason)) => {
+                return Err(FileError::Io { action: "read", path: path.to_owned(), reason });
+            }
+            Err(RecvTimeoutError::Disconnected) => return Ok(content.finish()),
+            Err(RecvTimeoutError::Timeout) => {
+                let seconds = patience.as_secs();
+                return Err(FileError::Silent { path: path.to_owned(), seconds });
+            }
+        }
+    }
+}
+
+/// What lies at a path that is no regular file.
+fn word_for(found: FileType) -> &'static str {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        if found.is_fifo() {
+            return "a pipe";
+        }
+        if found.is_socket() {
+            return "a socket";
+        }
+    }
+    if found.is_dir() { "a folder" } else { "a device" }
+}
+
+/// What to type, after the files of the same kind that lie beside the missing one.
+fn help(path: &Path, kind: Kind) -> String {
+    let (folder, hint) = (folder(path), kind.hint());
+    let mut beside: Vec<String> = fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|found| found.extension() == path.extension() && found.is_file())
+        .filter_map(|found| Some(found.file_name()?.to_str()?.to_owned()))
+        .collect();
+    // The nearest name first: a slip in typing is the likeliest reason.
+    let given = path.file_name().unwrap_or_default().to_string_lossy();
+    let similarity = |name: &String| strsim::normalized_damerau_levenshtein(&given, name);
+    beside.sort();
+    beside.sort_by(|a, b| similarity(b).total_cmp(&similarity(a)));
+    beside.truncate(8);
+    if !folder.exists() {
+        format!("the folder {} does not exist either; {hint}", folder.display())
+    } else if beside.is_empty() {
+        hint.to_owned()
+    } else {
+        format!("{} has {}; {hint}", folder.display(), beside.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_file_names_its_neighbours_and_what_to_type() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("walk.toml"), "").unwrap();
+        fs::write(folder.path().join("walk.json"), "").unwrap();
+        let path = folder.path().join("wlak.toml");
+        let report = read(&path, Kind::Motion).unwrap_err();
+        assert!(report.to_string().contains("wlak.toml"), "{report}");
+        let help = report.help().unwrap().to_string();
+        assert!(help.contains("walk.toml") && !help.contains("walk.json"), "{help}");
+        assert!(help.contains("docs/motion-files.md"), "{help}");
+    }
+
+    #[test]
+    fn a_file_has_no_more_bytes_than_its_kind() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("robot.toml");
+        let most = Kind::Robot.max_bytes();
+        fs::write(&path, vec![b'#'; most as usize]).unwrap();
+        assert_eq!(read(&path, Kind::Robot).unwrap().len() as u64, most);
+        fs::write(&path, vec![b'#'; most as usize + 1]).unwrap();
+        let error = read(&path, Kind::Robot).unwrap_err().to_string();
+        assert!(
+            error.ends_with("has 1048577 bytes; a robot file (TOML) has at most 1048576"),
+            "{error}"
+        );
+        // Another kind by its beginning.
+        let plan = |start: &[u8]| if start.starts_with(b"#") { Kind::Plan } else { Kind::Robot };
+        assert_eq!(read_by(&path, Named::ByUser, plan).unwrap().1, Kind::Plan);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_has_no_end_is_read_up_to_the_bound() {
+        let error = read(Path::new("/dev/zero"), Kind::Robot).unwrap_err().to_string();
+        assert!(error.contains("/dev/zero has more than 1048576 bytes"), "{error}");
+        let error = read_by(Path::new("/dev/zero"), Named::InFile, |_| Kind::Robot).unwrap_err();
+        assert!(error.to_string().contains("/dev/zero: it is a device"), "{error}");
+        let error = read(Path::new("/dev"), Kind::Robot).unwrap_err().to_string();
+        assert!(error.contains("/dev: it is a folder"), "{error}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_is_read_to_its_end_or_given_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status().unwrap();
+        assert!(made.success());
+        let kind_of = |_: &[u8]| Kind::Robot;
+        let writer = thread::spawn({
+            let pipe = pipe.clone();
+            move || fs::write(pipe, "name = 1")
+        });
+        assert_eq!(stream(&pipe, &kind_of, PATIENCE).unwrap().0, b"name = 1");
+        writer.join().unwrap().unwrap();
+        let error = stream(&pipe, &kind_of, Duration::from_millis(50)).unwrap_err();
+        assert!(error.to_string().contains("nothing came from it"), "{error}");
+        let error = read_by(&pipe, Named::InFile, kind_of).unwrap_err().to_string();
+        assert!(error.contains("it is a pipe, not a file"), "{error}");
+    }
+}

@@ -1,0 +1,340 @@
+//! Writing: whole files or none, to what is there and not over it.
+
+use super::{FileError, folder, identity};
+use miette::Report;
+use std::fs::{self, File, OpenOptions, Permissions};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
+
+/// Symbolic links that are followed to a file that is not there yet, as many as Linux follows.
+const LINKS_MAX: usize = 40;
+
+/// A place to write to.
+///
+/// A regular file is replaced at once when all has been written, so that an interrupted run leaves the earlier one as
+/// it was; symbolic links to it and its permissions stay. What is no regular file (a device, a pipe) is written to.
+#[derive(Debug)]
+pub struct Output {
+    /// As the user named it.
+    path: PathBuf,
+    place: Place,
+}
+
+#[derive(Debug)]
+enum Place {
+    /// A regular file, links followed, with its permissions if it is there already.
+    File { path: PathBuf, permissions: Option<Permissions> },
+    /// A device or a pipe.
+    Stream,
+}
+
+impl Output {
+    /// Checks that a file can be written, so that a long run does not end with results that have nowhere to go.
+    ///
+    /// # Errors
+    /// The path is a file that was read, or a folder, lies in no folder, or the operating system refuses.
+    pub fn at(path: &Path) -> Result<Self, FileError> {
+        let refused = |reason| FileError::Io { action: "write", path: path.to_owned(), reason };
+        let place = match fs::metadata(path) {
+            Ok(found) if found.is_file() => {
+                identity::check_output(path)?;
+                // Without truncating it: is it writable?
+                OpenOptions::new().write(true).open(path).map_err(refused)?;
+                let path = fs::canonicalize(path).map_err(refused)?;
+                Place::File { path, permissions: Some(found.permissions()) }
+            }
+            Ok(found) if found.is_dir() => return Err(refused(io::ErrorKind::IsADirectory.into())),
+            Ok(_) => Place::Stream,
+            Err(error)
+                if matches!(
+                    error.kind(),
+                    io::ErrorKind::NotFound | io::ErrorKind::NotADirectory
+                ) =>
+            {
+                Place::File { path: end_of_links(path), permissions: None }
+            }
+            Err(reason) => return Err(refused(reason)),
+        };
+        if let Place::File { path: target, .. } = &place {
+            let folder = folder(target);
+            check_folder(folder, path)?;
+            temporary_in(folder).map_err(refused)?;
+        }
+        Ok(Self { path: path.to_owned(), place })
+    }
+
+    /// Refuses a second output that is the same file.
+    ///
+    /// # Errors
+    /// It is.
+    pub fn apart_from(&self, other: &Self) -> Result<(), FileError> {
+        let target = |output: &Self| match &output.place {
+            Place::File { path, .. } => {
+                let folder = fs::canonicalize(folder(path)).ok()?;
+                Some(folder.join(path.file_name()?))
+            }
+            Place::Stream => None,
+        };
+        match (target(self), target(other)) {
+            (Some(one), Some(two)) if one == two => {
+                Err(FileError::SameOutput { first: self.path.clone(), second: other.path.clone() })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Writes the whole content.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn write(&self, content: &[u8]) -> miette::Result<()> {
+        let attempt = || match &self.place {
+            Place::File { path, permissions } => replace(path, permissions.as_ref(), content),
+            Place::Stream => OpenOptions::new().write(true).open(&self.path)?.write_all(content),
+        };
+        attempt().map_err(|reason| cannot_write(&self.path, reason))
+    }
+
+    /// Empties the file, or makes it, to grow during a run. The caller must flush it at the end: dropping it ignores
+    /// errors of the last write.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn create(&self) -> miette::Result<BufWriter<File>> {
+        let file = File::create(&self.path).map_err(|reason| cannot_write(&self.path, reason))?;
+        Ok(BufWriter::new(file))
+    }
+}
+
+/// Writes a file.
+///
+/// # Errors
+/// Those of [`Output`].
+pub fn write(path: &Path, content: &[u8]) -> miette::Result<()> {
+    Output::at(path)?.write(content)
+}
+
+/// Makes a folder if it is missing, but not the one that it lies in, and makes sure that files can be written into it.
+///
+/// # Errors
+/// It cannot be made, or something else is there.
+pub fn make_folder(path: &Path) -> Result<(), FileError> {
+    check_folder(folder(path), path)?;
+    let made = fs::create_dir(path);
+    if path.exists() {
+        check_folder(path, path)?;
+    }
+    let made = made.or_else(|error| if path.is_dir() { Ok(()) } else { Err(error) });
+    made.and_then(|()| temporary_in(path).map(drop)).map_err(|reason| FileError::Io {
+        action: "write into",
+        path: path.to_owned(),
+        reason,
+    })
+}
+
+/// Refuses to write where there is no folder.
+fn check_folder(folder: &Path, output: &Path) -> Result<(), FileError> {
+    match fs::metadata(folder) {
+        Ok(found) if found.is_dir() => Ok(()),
+        Ok(_) => Err(FileError::NotAFolder { path: folder.to_owned() }),
+        Err(_) => {
+            let (path, folder) = (output.to_owned(), folder.to_owned());
+            Err(FileError::NoFolder { path, folder })
+        }
+    }
+}
+
+/// Why a file cannot be written.
+pub fn cannot_write(path: &Path, reason: io::Error) -> Report {
+    FileError::Io { action: "write", path: path.to_owned(), reason }.into()
+}
+
+/// Where a link to a file that is not there leads.
+fn end_of_links(path: &Path) -> PathBuf {
+    let mut path = path.to_owned();
+    for _ in 0..LINKS_MAX {
+        let Ok(next) = fs::read_link(&path) else { break };
+        path = folder(&path).join(next);
+    }
+    path
+}
+
+/// Replaces a file by another that was written beside it.
+fn replace(path: &Path, permissions: Option<&Permissions>, content: &[u8]) -> io::Result<()> {
+    let mut temporary = temporary_in(folder(path))?;
+    temporary.write_all(content)?;
+    if let Some(permissions) = permissions {
+        keep_owner(path, temporary.as_file());
+        temporary.as_file().set_permissions(permissions.clone())?;
+    }
+    temporary.as_file().sync_all()?;
+    temporary.persist(path).map_err(|error| error.error)?;
+    Ok(())
+}
+
+/// Creates a temporary file with the permissions of a new file; its errors leave out the random name.
+fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".rollwalk-");
+    // Those of the umask are taken off; by itself a temporary file would be private to its user.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder).map_err(|error| error.kind().into())
+}
+
+/// Leaves a file with the owner of the one that it replaces, where we may.
+#[cfg(unix)]
+fn keep_owner(path: &Path, file: &File) {
+    use std::os::unix::fs::{MetadataExt, fchown};
+    if let Ok(earlier) = fs::metadata(path) {
+        // Only root may give files away; for others a file that they replace becomes theirs.
+        let _ = fchown(file, Some(earlier.uid()), Some(earlier.gid()));
+    }
+}
+
+#[cfg(not(unix))]
+fn keep_owner(_: &Path, _: &File) {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::read;
+    use crate::kind::Kind;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn writing_replaces_whole_files_and_makes_no_folders() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("plan.json");
+        write(&path, b"a longer first text").unwrap();
+        write(&path, b"second").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"second");
+        assert_eq!(names(folder.path()), ["plan.json"], "temporary files are gone");
+        let error = write(&folder.path().join("a/b/plan.json"), b"x").unwrap_err().to_string();
+        assert!(error.contains("there is no folder") && error.ends_with("a/b"), "{error}");
+        assert_eq!(names(folder.path()), ["plan.json"]);
+    }
+
+    #[test]
+    fn a_folder_is_made_alone_and_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        make_folder(&out).unwrap();
+        write(&out.join("x"), b"x").unwrap();
+        make_folder(&out).unwrap();
+        assert_eq!(names(&out), ["x"]);
+        let error = make_folder(&folder.path().join("a/b")).unwrap_err().to_string();
+        assert!(error.contains("there is no folder"), "{error}");
+        let error = make_folder(&out.join("x")).unwrap_err().to_string();
+        assert!(error.contains("cannot write into"), "{error}");
+        let error = write(&out, b"x").unwrap_err().to_string();
+        assert!(error.contains("cannot write") && error.contains("directory"), "{error}");
+    }
+
+    #[test]
+    fn an_output_is_never_an_input() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("robot.toml"), "name").unwrap();
+        read(&at("robot.toml"), Kind::Robot).unwrap();
+        fs::hard_link(at("robot.toml"), at("hard.json")).unwrap();
+        let mut others = vec!["robot.toml", "hard.json", "sub/../robot.toml"];
+        fs::create_dir(at("sub")).unwrap();
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink("robot.toml", at("soft.json")).unwrap();
+            others.push("soft.json");
+        }
+        for other in others {
+            let error = Output::at(&at(other)).unwrap_err().to_string();
+            assert!(error.contains(&format!("{other}: it is ")), "{error}");
+            assert!(
+                error.ends_with("robot.toml, a robot file (TOML) that this run reads"),
+                "{error}"
+            );
+        }
+        assert_eq!(fs::read(at("robot.toml")).unwrap(), b"name");
+    }
+
+    #[test]
+    fn two_outputs_are_two_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| Output::at(&folder.path().join(name)).unwrap();
+        fs::create_dir(folder.path().join("sub")).unwrap();
+        at("a").apart_from(&at("b")).unwrap();
+        let error = at("a").apart_from(&at("sub/../a")).unwrap_err().to_string();
+        assert!(error.ends_with("they are the same file"), "{error}");
+    }
+
+    #[cfg(unix)]
+    mod unix {
+        use super::*;
+        use std::io::Read;
+        use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
+        use std::process::Command;
+        use std::thread;
+
+        #[test]
+        fn a_link_stays_and_its_file_is_replaced() {
+            let folder = tempfile::tempdir().unwrap();
+            let at = |name: &str| folder.path().join(name);
+            fs::create_dir(at("deep")).unwrap();
+            fs::write(at("deep/real"), "old").unwrap();
+            symlink("deep/real", at("link")).unwrap();
+            symlink("deep/new", at("dangling")).unwrap();
+            symlink("none/new", at("lost")).unwrap();
+            write(&at("link"), b"new").unwrap();
+            write(&at("dangling"), b"new").unwrap();
+            for (link, file) in [("link", "deep/real"), ("dangling", "deep/new")] {
+                assert!(at(link).is_symlink(), "{link}");
+                assert_eq!(fs::read(at(file)).unwrap(), b"new");
+            }
+            let error = write(&at("lost"), b"new").unwrap_err().to_string();
+            assert!(error.contains("there is no folder"), "{error}");
+        }
+
+        #[test]
+        fn permissions_stay_and_new_files_have_those_of_the_umask() {
+            let folder = tempfile::tempdir().unwrap();
+            let at = |name: &str| folder.path().join(name);
+            let mode = |name: &str| fs::metadata(at(name)).unwrap().permissions().mode() & 0o7777;
+            fs::write(at("plain"), "").unwrap();
+            write(&at("new"), b"").unwrap();
+            assert_eq!(mode("new"), mode("plain"), "as any program makes a file");
+            fs::set_permissions(at("plain"), Permissions::from_mode(0o640)).unwrap();
+            write(&at("plain"), b"x").unwrap();
+            assert_eq!(mode("plain"), 0o640);
+        }
+
+        #[test]
+        fn what_is_no_file_is_written_to() {
+            write(Path::new("/dev/null"), b"x").unwrap();
+            assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+            let folder = tempfile::tempdir().unwrap();
+            let pipe = folder.path().join("pipe");
+            assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+            let reader = thread::spawn({
+                let pipe = pipe.clone();
+                move || {
+                    let mut text = String::new();
+                    File::open(pipe).unwrap().read_to_string(&mut text).map(|_| text)
+                }
+            });
+            write(&pipe, b"through").unwrap();
+            assert_eq!(reader.join().unwrap().unwrap(), "through");
+            assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
+        }
+
+        #[cfg(target_os = "linux")]
+        #[test]
+        fn a_full_device_says_so() {
+            let error = write(Path::new("/dev/full"), b"x").unwrap_err().to_string();
+            assert!(error.starts_with("cannot write /dev/full: No space left"), "{error}");
+        }
+    }
+}
