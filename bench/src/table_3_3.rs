@@ -18,7 +18,7 @@ pub const ROWS: [(&str, &str, f64); 5] = [
     ("motions/table_2_1/swizzlebot_forward.toml", "SwizzleBot", 0.6897),
     ("motions/skate.toml", "SkaterBot", 0.9677),
 ];
-/// Rolling resistance that grows with speed, given to free wheels that have less, s/m: with a drag that does not
+/// Rolling resistance that grows with speed, given to passive wheels that have less, s/m: with a drag that does not
 /// grow the speed of a swizzle has no bound at all.
 const DRAG_S_M: f64 = 0.02;
 /// Fewest samples of a cycle.
@@ -77,7 +77,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
         "The fastest periodic plan with the given footfalls and period that meets every constraint, \
          also between samples: \
          joint and wheel\nspeed limits, torque limits and torque-speed lines of the servos, friction, \
-         rolling resistance of free wheels\nof c_rr + {DRAG_S_M} s/m times the speed. Within {:.0} %; a local search, so a lower bound.",
+         rolling resistance of passive wheels\nof c_rr + {DRAG_S_M} s/m times the speed. Within {:.0} %; a local search, so a lower bound.",
         1e2 * (FINEST - 1.0)
     );
     let blocks = vec![Block::Table(table), Block::Text(text)];

@@ -69,7 +69,7 @@ impl Tree {
         }
     }
 
-    /// Makes the spin of every driven and passive wheel a degree of freedom. `spin_inertia_kg_m2` is the
+    /// Makes the spin of every actuated and passive wheel a degree of freedom. `spin_inertia_kg_m2` is the
     /// inertia about its axis of what turns with the wheel.
     ///
     /// # Panics

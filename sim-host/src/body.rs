@@ -12,7 +12,7 @@ use rollwalk_robot::{Channel, Robot};
 #[derive(Clone, Debug)]
 pub struct Body {
     tree: Tree,
-    /// Servos in channel order: joints, then driven wheels.
+    /// Servos in channel order: joints, then actuated wheels.
     servos: Vec<Servo>,
     addresses: Vec<(u8, u8)>,
 }

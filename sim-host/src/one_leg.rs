@@ -1,4 +1,4 @@
-//! A minimal robot and its library: one leg with hip, knee and a driven wheel. For tests and for campaigns of many
+//! A minimal robot and its library: one leg with hip, knee and an actuated wheel. For tests and for campaigns of many
 //! runs.
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
