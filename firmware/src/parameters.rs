@@ -17,8 +17,8 @@ use crate::store::{PARAMETERS, ParameterSet};
 const RAMP_US: u32 = 500_000;
 /// Smallest torque limit as a fraction of the configured one: the damped stop needs some torque.
 const LEAST_TORQUE: f32 = 0.1;
-/// Smallest gain and torque limit that can be set while torque is on, as a fraction of the configured one: whoever may send
-/// on the link must not make a robot that stands go limp.
+/// Smallest gain and torque limit that can be set while torque is on, as a fraction of the configured one: no node on the link
+/// may make a robot that stands go limp.
 const LEAST_WHILE_DRIVEN: f32 = 0.5;
 
 /// A value on its ramp.
