@@ -827,6 +827,11 @@ def refuse_strange_numbers(value, path="", key="", in_targets=False):
         raise ValueError("%s is %s; expected a finite number" % (path, value))
 
 
+def plain(text):
+    """Text without what a terminal would obey: names in plans come from others."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 def main(arguments):
     paths = [a for a in arguments if a != "--json"]
     if not paths or paths[0] in ("-h", "--help"):
@@ -842,13 +847,13 @@ def main(arguments):
             refuse_strange_numbers(plan)
             table = check(plan)
         except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
-            print("%s: not a usable plan: %s: %s" % (path, type(error).__name__, error), file=sys.stderr)
+            print(plain("%s: not a usable plan: %s: %s" % (path, type(error).__name__, error)), file=sys.stderr)
             code = 2
             continue
         if "--json" in arguments:
             print(json.dumps(table.as_json()))
         else:
-            print("%s: %s of %s" % (path, plan["motion"]["name"], plan["robot"]["name"]))
+            print(plain("%s: %s of %s" % (path, plan["motion"]["name"], plan["robot"]["name"])))
             table.show()
         if not table.good():
             code = max(code, 1)

@@ -100,6 +100,8 @@ impl Reader<'_, '_> {
                 EXPAND.to_owned()
             } else if written.contains(',') {
                 format!("{wanted} with a decimal point, separated by blanks: no commas")
+            } else if N == 1 {
+                format!("{wanted}, finite")
             } else {
                 format!("{wanted}, finite, separated by blanks")
             };
