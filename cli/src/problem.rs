@@ -4,6 +4,7 @@
 //! one goes through the same readers and gives the same plan to the byte.
 
 use crate::choices::Choices;
+use crate::files::FileError;
 use crate::inputs::{MotionTexts, TextFile};
 use crate::kind::Kind;
 use miette::Diagnostic;
@@ -161,6 +162,15 @@ impl Problem {
             }
             None => file.clone(),
         };
+        let parts = [(Some(&self.motion), Kind::Motion), (Some(&self.robot), Kind::Robot)];
+        for (file, kind) in parts.into_iter().chain([(self.from.as_ref(), Kind::Plan)]) {
+            // As if each came from a file of its own.
+            let Some(file) = file.filter(|file| file.text.len() as u64 > kind.max_bytes()) else {
+                continue;
+            };
+            let (path, bytes) = (named(file).path.into(), Some(file.text.len() as u64));
+            return Err(FileError::TooLarge { kind, path, bytes }.into());
+        }
         let texts = MotionTexts { motion: named(&self.motion), robot: named(&self.robot) };
         let (robot, motion) = texts.parse()?;
         let plan = |file: &TextFile| {

@@ -93,6 +93,10 @@ fn a_bad_problem_names_the_place() {
         (edit("\"robot\": {", "\"robo\": {"), &["unknown field `robo`"]),
         (edit("\"lines\": [", "\"lines\": [7, "), &["motion.lines[0]", "integer `7`"]),
         (
+            edit("\"lines\": [", &format!("\"lines\": [\"# {}\", ", "x".repeat(1 << 20))),
+            &["it.json: motions/drive_1m.toml has", "a motion file (TOML) has at most 1048576"],
+        ),
+        (
             edit("ends = \\\"at_rest\\\"", "ends = \\\"resting\\\""),
             &["motions/drive_1m.toml:", "resting"],
         ),
