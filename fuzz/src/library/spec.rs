@@ -8,6 +8,8 @@ use rollwalk_protocol::library::{EncodeError, LibrarySpec, MotionSpec, Transitio
 
 /// Room for what a description can become.
 const ROOM: usize = 64 * 1024;
+/// Names of as many motions as a library has at most: the encoder takes no name twice.
+const NAMES: [&str; 5] = ["a", "b", "c", "d", "e"];
 
 fn channel(u: &mut Unstructured<'_>, kind: ChannelKind, id: u8) -> Result<Channel> {
     let wheel = kind == ChannelKind::WheelSpeed;
@@ -96,7 +98,7 @@ pub fn encoded(u: &mut Unstructured<'_>) -> Result<(RobotConfig, Option<Vec<u8>>
         return Ok((config, None));
     }
     let mut motions = vec![motion(u, &config, true)?];
-    for _ in 0..u.int_in_range(0..=4)? {
+    for _ in 1..u.int_in_range(1..=NAMES.len())? {
         motions.push(motion(u, &config, false)?);
     }
     let n = config.channels.len();
@@ -132,8 +134,9 @@ pub fn encoded(u: &mut Unstructured<'_>) -> Result<(RobotConfig, Option<Vec<u8>>
     let motions: Vec<MotionSpec<'_>> = motions
         .iter()
         .zip(&of_motions)
-        .map(|(m, torques)| MotionSpec {
-            name: "fuzzed",
+        .zip(NAMES)
+        .map(|((m, torques), name)| MotionSpec {
+            name,
             code: m.code,
             looping: m.looping,
             frames: &m.values,
