@@ -38,18 +38,20 @@ fn closest<'a>(given: &str, known: impl IntoIterator<Item = &'a str> + Clone) ->
     if let Some(name) = known.clone().into_iter().find(|name| sorted(words_of(name)) == meant) {
         return Some(name);
     }
-    let typed = known
-        .clone()
-        .into_iter()
-        .map(|name| (likeness(given, name), name))
-        .filter(|(score, _)| *score >= SLIP)
-        .max_by(|a, b| a.0.total_cmp(&b.0));
-    typed.map(|(_, name)| name).or_else(|| sharing(&words, known))
+    let alike = known.clone().into_iter().filter_map(|name| Some((likeness(given, name)?, name)));
+    let mut typed: Vec<_> = alike.collect();
+    typed.sort_by(|a, b| b.0.total_cmp(&a.0));
+    match typed[..] {
+        [] => sharing(&words, known),
+        // `x` is as near to `+x` as to `-x`.
+        [(best, _), (second, _), ..] if best == second => None,
+        [(_, name), ..] => Some(name),
+    }
 }
 
-/// How alike two names are, 0 to 1. What they have in common does not count where the rest differs: `driving_wheel` and
-/// `passive_wheel` are mostly `_wheel`.
-fn likeness(given: &str, name: &str) -> f64 {
+/// How alike two names are, up to 1; `None` if one is no slip in typing the other. The words that they have in common do not
+/// excuse that the rest differs: `driving_wheel` and `passive_wheel` are mostly `_wheel`.
+fn likeness(given: &str, name: &str) -> Option<f64> {
     let similarity = strsim::normalized_damerau_levenshtein;
     let letters = |name: &str| {
         let plain = name.chars().filter(char::is_ascii_alphanumeric);
@@ -57,10 +59,10 @@ fn likeness(given: &str, name: &str) -> f64 {
     };
     let digits = |name: &str| name.chars().filter(char::is_ascii_digit).collect::<String>();
     if letters(given) == letters(name) {
-        return 1.0;
+        return Some(1.0);
     }
     if is_model(name) || digits(given) != digits(name) {
-        return 0.0;
+        return None;
     }
     let (one, two) = (words_of(given), words_of(name));
     let rest = |of: &[&str], other: &[&str]| {
@@ -68,10 +70,9 @@ fn likeness(given: &str, name: &str) -> f64 {
     };
     let (rest_one, rest_two) = (rest(&one, &two), rest(&two, &one));
     let whole = similarity(given, name);
-    if rest_one.is_empty() || rest_two.is_empty() {
-        return whole;
-    }
-    whole.min(similarity(&rest_one, &rest_two))
+    let apart = !rest_one.is_empty() && !rest_two.is_empty();
+    let least = if apart { whole.min(similarity(&rest_one, &rest_two)) } else { whole };
+    (least >= SLIP).then_some(whole)
 }
 
 /// Whether a name is that of a product. Its neighbours in a series are other things, however alike their names are.
@@ -130,6 +131,15 @@ mod tests {
         assert_eq!(closest("amr", ["body", "arm"]), Some("arm"));
         assert_eq!(closest("colour", known), None);
         assert_eq!(closest("friction", known), Some("friction_coefficient"));
+    }
+
+    #[test]
+    fn the_nearest_is_meant_and_of_two_as_near_neither() {
+        let hips = ["fl_hip", "fr_hip", "rl_hip", "rr_hip"];
+        for given in ["fl_hp", "fl_hippp"] {
+            assert_eq!(closest(given, hips), Some("fl_hip"), "{given}");
+        }
+        assert_eq!(closest("x", ["+x", "-x", "+y", "-y"]), None);
     }
 
     #[test]
