@@ -238,9 +238,11 @@ impl fmt::Display for Status {
 impl fmt::Display for Refinement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { samples, residual, worst, tolerance, unit } = self;
+        // Some are of motions as they are played by their name.
+        let played = if residual.to_string().ends_with("as played") { "" } else { " as played" };
         write!(
             f,
-            "{samples} samples were too few: {residual} as played was {worst:.3} {unit}, tolerance {tolerance:.3}"
+            "{samples} samples were too few: {residual}{played} was {worst:.3} {unit}, tolerance {tolerance:.3}"
         )
     }
 }

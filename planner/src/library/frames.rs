@@ -1,16 +1,13 @@
 //! Frames of a plan as a library stores them: one value per channel, within the channel's limits and rate limit.
 
 use super::{LibraryError, frames};
-use crate::families::Family;
+use crate::families::{AsPlayed, Family};
 use crate::plan::Plan;
 use crate::sample::Setpoints;
 use crate::torque::InverseDynamics;
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
 use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_robot::Robot;
-
-/// Accepted excess over a limit as a fraction of the tolerance, the same to which the optimiser converges.
-const ACCEPTED_PART: f64 = 0.2;
 
 /// Channels of a robot.
 pub struct Channels<'a> {
@@ -47,20 +44,24 @@ impl Channels<'_> {
         let setpoints = frames(plan)?;
         let mut values = Vec::with_capacity(setpoints.len() * self.config.channels.len());
         let mut clamped: f64 = 0.0;
-        let mut previous: Option<Vec<f64>> = None;
+        // Planned and stored values of the frame before.
+        let mut previous: Option<(Vec<f64>, Vec<f32>)> = None;
         for (frame, at) in setpoints.iter().enumerate() {
             let planned: Vec<f64> =
                 at.joint_rad.iter().chain(&at.motor_speed_rad_s).copied().collect();
             for (c, channel) in self.config.channels.iter().enumerate() {
                 let place = Place { name, frame, channel: c };
-                if let Some(before) = &previous {
+                let (mut value, part) = self.within(&place, channel, planned[c])?;
+                if let Some((before, stored)) = &previous {
                     self.check_rate(&place, channel, planned[c] - before[c])?;
+                    let step = channel.max_rate / RATE_HZ as f32 + QUANTUM as f32;
+                    value = value.clamp(stored[c] - step, stored[c] + step);
                 }
-                let (value, part) = self.within(&place, channel, planned[c])?;
                 clamped = clamped.max(part);
                 values.push(value);
             }
-            previous = Some(planned);
+            let stored = values[values.len() - planned.len()..].to_vec();
+            previous = Some((planned, stored));
         }
         let torques_nm = if torques { self.torques_nm(plan, setpoints.len()) } else { Vec::new() };
         Ok(Clip { name: name.to_owned(), setpoints, values, torques_nm, clamped })
@@ -90,14 +91,13 @@ impl Channels<'_> {
         value: f64,
     ) -> Result<(f32, f64), LibraryError> {
         let (min, max) = (f64::from(channel.min), f64::from(channel.max));
-        let level = match channel.kind {
+        let family = match channel.kind {
             ChannelKind::JointPosition => Family::JointLimit,
             ChannelKind::WheelSpeed => Family::WheelMotorSpeed,
         };
-        let level = level.level().at(max);
-        let part = (value - max).max(min - value).max(0.0) / level;
+        let part = (value - max).max(min - value).max(0.0) / tolerance(family, max);
         // Written so that a NaN is refused.
-        if part <= ACCEPTED_PART && value.is_finite() {
+        if part <= 1.0 && value.is_finite() {
             return Ok(((value as f32).clamp(channel.min, channel.max), part));
         }
         Err(LibraryError::OutOfLimits {
@@ -111,17 +111,20 @@ impl Channels<'_> {
         })
     }
 
-    /// Checks that a channel changes no faster than its rate limit, with a margin for rounding.
+    /// Checks that a channel changes no faster than its rate limit, within the tolerance of joint speeds and a margin for
+    /// rounding.
     fn check_rate(
         &self,
         place: &Place,
         channel: &Channel,
         change: f64,
     ) -> Result<(), LibraryError> {
-        /// Largest quantum of a joint or of a wheel of ordinary speed: 2⁻¹⁰.
-        const QUANTUM: f64 = 1.0 / 1024.0;
         let limit = f64::from(channel.max_rate);
-        if change.abs() <= limit / f64::from(RATE_HZ) + QUANTUM {
+        let accepted = match channel.kind {
+            ChannelKind::JointPosition => limit + tolerance(Family::JointSpeed, limit),
+            ChannelKind::WheelSpeed => limit,
+        };
+        if change.abs() <= accepted / f64::from(RATE_HZ) + QUANTUM {
             return Ok(());
         }
         Err(LibraryError::TooFast {
@@ -136,6 +139,17 @@ impl Channels<'_> {
 
     fn name(&self, channel: usize) -> String {
         self.robot.channels().nth(channel).map_or_else(String::new, |c| c.name().to_owned())
+    }
+}
+
+/// Largest quantum of a joint or of a wheel of ordinary speed: 2⁻¹⁰.
+const QUANTUM: f64 = 1.0 / 1024.0;
+
+/// How far a value may be beyond its limit, to be moved onto it: as far as in a plan that holds as it is played.
+fn tolerance(family: Family, limit: f64) -> f64 {
+    match family.as_played() {
+        AsPlayed::TimesLevel(times) => times * family.level().at(limit),
+        _ => 0.0,
     }
 }
 
