@@ -125,6 +125,10 @@ pub fn conclusion(plan: &Plan, report: &Report) -> String {
     for coarser in &plan.solve.refinements {
         text += &format!("\n{coarser}");
     }
+    if plan.solve.diagnosis.is_some() {
+        // What would become of it if it were played is no news.
+        return text;
+    }
     if let Some(sag) = report.sag.as_ref().filter(|sag| sag.is_much()) {
         text += &format!("\n{sag}");
     }

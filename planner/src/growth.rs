@@ -54,12 +54,15 @@ impl fmt::Display for Growth {
         if self.is_much() {
             write!(
                 f,
-                "without feedback small errors grow {growth:.1}-fold a cycle, until the robot falls or a foot in swing \
-                 catches it"
+                "without feedback small errors grow {growth:.1}-fold a cycle, unless feet in swing that land early catch the \
+                 robot; a larger `duty`, shorter cycles and stiffer servos make it less"
             )
         } else {
             let how = if growth > DIES_OUT { "hardly die out" } else { "die out" };
-            write!(f, "without feedback small errors {how}: {left:.0} % are left after a cycle")
+            write!(
+                f,
+                "without feedback small errors {how}: {left:.0} % are left after a cycle, to first order"
+            )
         }
     }
 }

@@ -9,7 +9,7 @@
 use super::weak;
 use crate::families::{Family, FamilySet, Kind};
 use crate::formulation::rows::{Given, Role, Row, Rows, Subject};
-use crate::motion;
+use crate::motion::{self, Reserve};
 use crate::plan::{Culprit, Diagnosis, Verdict};
 use crate::problem::Problem;
 use crate::solve::normal::row_energy;
@@ -319,6 +319,23 @@ fn culprit(
         field: group.given.map(|(field, _)| field.to_owned()),
         given: group.given.map(|(_, value)| value),
         would_do: estimate.map(|estimate| estimate.value),
-        advice: group.family.advice(steps).to_owned(),
+        advice: advice(problem, group.family, steps),
+    }
+}
+
+/// What to change, the motion's own share of a limit included.
+fn advice(problem: &Problem, family: Family, steps: bool) -> String {
+    let Reserve { torque_use, speed_use } = problem.reserve;
+    let share = match family {
+        Family::JointTorque => Some(("torque_use", torque_use)),
+        Family::JointSpeed | Family::WheelMotorSpeed => Some(("speed_use", speed_use)),
+        _ => None,
+    };
+    let advice = family.advice(steps);
+    match share.filter(|(_, share)| *share < 1.0) {
+        Some((field, share)) => {
+            format!("{advice}, or a `{field}` above {share} in the motion file")
+        }
+        None => advice.to_owned(),
     }
 }
