@@ -104,7 +104,8 @@ pub fn frames(plan: &Plan) -> Result<Vec<Setpoints>, LibraryError> {
 
 /// Builds a library.
 ///
-/// Values beyond a limit of position or speed by no more than a plan that holds as it is played may be are clamped to the limit.
+/// Clamps joint positions, joint speeds and wheel speeds to their limits where the excess is within the tolerance of a
+/// played motion (`Family::as_played`); a larger excess is an error.
 /// Torques are clamped to theirs however far they are beyond it: motors can do no more, and position control does the
 /// rest.
 ///

@@ -124,9 +124,9 @@ fn a_walk_too_far_names_the_distance_and_the_legs() {
     let goal = &diagnosis.culprits[0];
     let named = (goal.constraint, goal.field.as_deref());
     assert_eq!(named, (Family::DisplacementGoal, Some("forward_m")), "{diagnosis}");
-    // Nearer, but not for nothing: 1.1 m can be walked in this time; the second look takes what it reaches in its bound.
+    // Nearer, but not for nothing: 1.1 m can be walked in this time.
     let would_do = goal.would_do.unwrap();
-    assert!((0.75..1.3).contains(&would_do), "{diagnosis}");
+    assert!(would_do > 0.8 && would_do < 1.3, "{diagnosis}");
     assert!(diagnosis.culprits.iter().any(|c| c.constraint == Family::ContactPoint), "{diagnosis}");
 }
 

@@ -23,7 +23,7 @@ fn a_walk_too_far_is_told_how_far_works_and_that_works() {
     let goal = &told["diagnosis"]["culprits"][0];
     assert_eq!((&goal["field"], &goal["part"]), (&"forward_m".into(), &"request".into()));
     let nearer = goal["would_do"].as_f64().unwrap();
-    assert!(nearer >= 0.75, "{goal}");
+    assert!(nearer > 0.8, "{goal}");
     desk.edit("motions/walk.toml", "forward_m = 1.5", &format!("forward_m = {nearer}"));
     // At the samples: between them, so close to what the legs can do, joints are too fast.
     let near = ["plan", "motions/walk.toml", "-o", "near.json", "--samples-fixed", "--json"];

@@ -59,7 +59,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
-/// The form of the table: as it is asked for, or as the name of the file ends.
+/// Format of the table: that of `--format`, otherwise that of the file's extension.
 fn format(args: &Args) -> miette::Result<Format> {
     let ending = match files::ending(&args.output, "a table", &["csv", "json"])? {
         Some("csv") => Some(Format::Csv),

@@ -1,4 +1,4 @@
-//! Writing: whole files or none, to what is there and not over it.
+//! Writes output files: replaces a regular file as a whole or not at all, and writes into devices and pipes.
 
 use super::{FileError, folder, identity};
 use miette::Report;

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 
 /// Keyword of the format for an unspecified node.
-const ANYONE: &str = "Vector__XXX";
+const ANY_NODE: &str = "Vector__XXX";
 
 pub(super) fn dbc(database: &Database) -> String {
     let mut text = String::new();
@@ -37,7 +37,7 @@ pub(super) fn dbc(database: &Database) -> String {
 }
 
 fn node(name: &Option<String>) -> &str {
-    name.as_deref().unwrap_or(ANYONE)
+    name.as_deref().unwrap_or(ANY_NODE)
 }
 
 fn signals(database: &Database) -> impl Iterator<Item = (&Message, &Signal)> {

@@ -145,7 +145,7 @@ impl Channels<'_> {
 /// Largest quantum of a joint or of a wheel of ordinary speed: 2⁻¹⁰.
 const QUANTUM: f64 = 1.0 / 1024.0;
 
-/// How far a value may be beyond its limit, to be moved onto it: as far as in a plan that holds as it is played.
+/// Largest excess over a limit that is clamped: the tolerance to which played motions are judged.
 fn tolerance(family: Family, limit: f64) -> f64 {
     match family.as_played() {
         AsPlayed::TimesLevel(times) => times * family.level().at(limit),

@@ -10,12 +10,8 @@ use crate::formulation::{Selection, System};
 use crate::motion::Motion;
 use crate::plan::{Diagnosis, SolveSummary, Started, Status, Verdict};
 use crate::problem::{Problem, Unknowns};
-use crate::solve::{Begin, Method, Outcome, Progress, Settings, Solver, penalty, worst};
+use crate::solve::{Begin, Method, Outcome, Progress, Settings, Solver, penalty};
 use std::ops::ControlFlow;
-
-/// What a probe leaves of the worst constraint, at most, for the solve to continue from there. Multipliers that are shifted
-/// far from all feasible points lead a solve astray.
-const NEARER: f64 = 0.2;
 
 /// Outcome of a solve, with the diagnosis of a failure.
 pub(super) struct Solved {
@@ -106,12 +102,6 @@ pub(super) fn solve_selected(
             let Some(nearest) = nearest else { break Status::Interrupted };
             if due.is_some_and(|due| due.is_early) && nearest.verdict == Some(Verdict::Stuck) {
                 solver.shift_multipliers();
-                continue;
-            }
-            let (_, left) = worst(&nearest.point.rows);
-            let is_nearer = left < NEARER * iteration.progress.worst_level;
-            if nearest.verdict.is_none() && is_nearer && !iteration.exhausted {
-                solver.restart(nearest.point);
                 continue;
             }
             let stuck = iteration.exhausted.then_some(Verdict::Stuck);
