@@ -6,8 +6,10 @@ use arbitrary::{Result, Unstructured};
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
 use rollwalk_protocol::library::{EncodeError, LibrarySpec, MotionSpec, TransitionSpec, encode};
 
-/// Room for what a description can become.
-const ROOM: usize = 64 * 1024;
+/// Bytes of a library besides its samples, at most.
+const OVERHEAD: usize = 4 * 1024;
+/// Bytes of a channel's value and torque in one frame, at most.
+const SAMPLE: usize = 2 * 4;
 /// Names of as many motions as a library has at most: the encoder takes no name twice.
 const NAMES: [&str; 5] = ["a", "b", "c", "d", "e"];
 
@@ -131,6 +133,9 @@ pub fn encoded(u: &mut Unstructured<'_>) -> Result<(RobotConfig, Option<Vec<u8>>
     };
     let of_motions: Vec<_> = motions.iter().map(|m| torques(&m.values)).collect();
     let of_transitions: Vec<_> = transitions.iter().map(|t| torques(&t.4)).collect();
+    // Slow joints with a wide range take minutes from one pose to another.
+    let samples = motions.iter().map(|m| m.values.len()).sum::<usize>()
+        + transitions.iter().map(|t| t.4.len()).sum::<usize>();
     let motions: Vec<MotionSpec<'_>> = motions
         .iter()
         .zip(&of_motions)
@@ -157,7 +162,7 @@ pub fn encoded(u: &mut Unstructured<'_>) -> Result<(RobotConfig, Option<Vec<u8>>
         .collect();
     let spec =
         LibrarySpec { config: &config, motions: &motions, transitions: &transitions, safe: 0 };
-    let mut bytes = vec![0; ROOM];
+    let mut bytes = vec![0; OVERHEAD + SAMPLE * samples];
     let library = match encode(&spec, &mut bytes) {
         Ok(len) => {
             bytes.truncate(len);
