@@ -11,6 +11,7 @@ mod cantools;
 mod debian;
 mod fuzz;
 mod fuzz_log;
+mod hostile;
 mod miri;
 mod mujoco;
 mod parallel;

@@ -1,7 +1,7 @@
 //! The steps of `cargo xtask nightly`: the long forms of what `cargo xtask test` samples.
 
 use super::{Extent, Step};
-use crate::{board, fuzz, miri, mujoco, replay, shell, vcan, workspace};
+use crate::{board, fuzz, hostile, miri, mujoco, replay, shell, vcan, workspace};
 use clap::ValueEnum;
 
 /// Random seeds of the fault campaign.
@@ -22,6 +22,8 @@ pub enum NightlyStep {
     Multibody,
     /// Every shipped motion replayed in MuJoCo, without and with feed-forward, level and disturbed.
     Replay,
+    /// 100,000 attacks on a simulated robot over its link; commands killed, and on a full disk, while they write.
+    Hostile,
     /// Every fuzz target for ten minutes.
     Fuzz,
     /// A thousand random faults and combinations of them.
@@ -40,6 +42,7 @@ impl Step for NightlyStep {
             Self::Miri => "tests of protocol and firmware in Miri",
             Self::Multibody => "kinematics and dynamics against MuJoCo, 1,000 states a robot",
             Self::Replay => "every shipped motion replayed in MuJoCo",
+            Self::Hostile => "attacks on a simulated robot, and on files being written",
             Self::Fuzz => "fuzz targets, ten minutes each",
             Self::FaultCampaign => "fault campaign with 1,000 seeds",
         }
@@ -53,6 +56,7 @@ impl Step for NightlyStep {
             Self::Miri => miri::check(Extent::Full),
             Self::Multibody => mujoco::check(Extent::Full),
             Self::Replay => replay::check(Extent::Full),
+            Self::Hostile => hostile::check(Extent::Full),
             Self::Fuzz => fuzz::check(Extent::Full),
             Self::FaultCampaign => {
                 let out = shell::target_folder().join("fault-campaign");

@@ -2,8 +2,8 @@
 
 use super::{Extent, Step};
 use crate::{
-    bare_metal, board, cantools, debian, fuzz, miri, mujoco, replay, shell, tidy, toolchain, vcan,
-    workspace,
+    bare_metal, board, cantools, debian, fuzz, hostile, miri, mujoco, replay, shell, tidy,
+    toolchain, vcan, workspace,
 };
 use clap::ValueEnum;
 
@@ -36,6 +36,8 @@ pub enum TestStep {
     Multibody,
     /// The harness that replays plans in MuJoCo.
     Replay,
+    /// The rules by which attacks on a simulated robot are judged.
+    Hostile,
     /// All tests of all crates.
     Test,
 }
@@ -59,6 +61,7 @@ impl Step for TestStep {
             Self::Dbc => "DBC files as cantools reads them",
             Self::Multibody => "kinematics and dynamics against MuJoCo",
             Self::Replay => "the replay harness against closed forms",
+            Self::Hostile => "the rules of attacks on a simulated robot",
             Self::Test => "all tests",
         }
     }
@@ -81,6 +84,7 @@ impl Step for TestStep {
             Self::Dbc => cantools::check(),
             Self::Multibody => mujoco::check(Extent::Short),
             Self::Replay => replay::check(Extent::Short),
+            Self::Hostile => hostile::check(Extent::Short),
             Self::Test => {
                 need_python()?;
                 shell::run(&mut workspace::cargo(&["test", "--no-fail-fast"]))

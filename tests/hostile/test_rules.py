@@ -1,0 +1,89 @@
+"""The rules find what they are there to find, and the bytes are those of docs/wire-format.md."""
+
+import pathlib
+import random
+import struct
+import tempfile
+import unittest
+
+import attacks
+import wire
+from libraries import hostile, resealed
+from robot import Motor
+from rules import Rules
+
+KNEE = {(0, 1): Motor("knee", False, -1.0, 1.0, 100.0, 2.0, 3.0)}
+STATES = wire.STATES.index
+
+
+def status(state):
+    return 0x310, wire.sealed(0x310, bytes([STATES(state), 0, 0, 0, 0, 0, 0]))[1]
+
+
+def joint(position, kp=50.0):
+    return 0x101, struct.pack("<hhHH", round(position / 2e-4), 0, round(kp * 100), 1000)
+
+
+def broken(*frames):
+    """The rules that (time, interface, frame) break."""
+    with tempfile.TemporaryDirectory() as folder:
+        log = pathlib.Path(folder) / "buses.log"
+        line = "({:.6f}) {} {:03X}#{}\n".format
+        log.write_text("".join(line(at, bus, i, d.hex().upper()) for at, bus, (i, d) in frames))
+        return Rules(KNEE, 1).check(log).broken
+
+
+class TheRules(unittest.TestCase):
+    def test_let_a_driven_robot_pass(self):
+        self.assertEqual(broken((0, "link0", status("Playing")), (1, "act0", joint(0.5)), (1.1, "act0", joint(-1.0))), [])
+
+    def test_find_setpoints_without_torque(self):
+        self.assertEqual(len(broken((0, "link0", status("Disarmed")), (1, "act0", joint(0.5)))), 1)
+        self.assertEqual(len(broken((0, "link0", status("Disarmed")), (1, "act0", (0x081, b"\1")))), 1)
+        self.assertEqual(broken((0, "link0", status("Disarmed")), (1, "act0", (0x081, b"\0"))), [])
+
+    def test_find_what_is_beyond_a_limit(self):
+        playing = (0, "link0", status("Playing"))
+        for bad in [joint(1.01), joint(-1.01), joint(0, kp=201), (0x102, joint(0)[1]), (0x201, bytes(8))]:
+            self.assertEqual(len(broken(playing, (1, "act0", bad))), 1, bad)
+
+    def test_find_setpoints_after_an_emergency_stop(self):
+        frames = [(0, "link0", status("Playing")), (1, "link0", (0x010, b"")), (1.01, "act0", joint(0))]
+        self.assertEqual(broken(*frames), [])
+        self.assertEqual(len(broken(*frames, (1.05, "act0", joint(0)))), 1)
+        cleared = (2, "link0", wire.sealed(0x312, bytes([wire.CLEAR_CONFIRM << 4, 0, 2, 255, 0, 0])))
+        self.assertEqual(broken(*frames, cleared, (3, "act0", joint(0))), [])
+
+
+class TheBytes(unittest.TestCase):
+    def test_have_the_checksums_of_the_document(self):
+        self.assertEqual(wire.crc8(b"123456789"), 0xDF)
+        self.assertEqual(wire.crc32c(b"123456789"), 0xE3069283)
+        self.assertEqual(wire.digest(b"123456789"), 0xCBF43926)
+
+    def test_are_stuffed_and_found_again(self):
+        rng = random.Random(0)
+        for length in [0, 1, 253, 254, 255, 300]:
+            for data in [rng.randbytes(length), bytes(length), b"\1" * length]:
+                self.assertNotIn(0, wire.stuffed(data))
+                self.assertEqual(wire.unstuffed(wire.stuffed(data)), data)
+
+    def test_of_hostile_libraries_are_others(self):
+        library = resealed(bytes(100) + struct.pack("<HHI", 1, 1, 400) + bytes(500))
+        made = [data for data, _ in hostile(library, 50, random.Random(1))]
+        self.assertEqual((len(made), library in made), (50, False))
+
+    def test_of_attacks_stop_when_they_may(self):
+        class Node:
+            node, seq, nonce, recent = 1, 0, None, []
+
+            def clock_ms(self):
+                return 0
+
+        for stops in [False, True]:
+            lines = attacks.several(Node(), random.Random(2), 3000, stops)
+            self.assertEqual(any(attacks.message(line) == wire.ESTOP for line in lines), stops)
+
+
+if __name__ == "__main__":
+    unittest.main()
