@@ -5,8 +5,8 @@
 
 What is simulated and what the columns mean is in docs/replay.md. Needs Python 3.11, mujoco and numpy.
 
-Exit code: 0 every motion holds (stays on its feet and within 0.95 to 1.05 of its plan) with every feed-forward that
-was asked for, 1 one does not, 2 a file or an option cannot be used.
+Exit code: 0 every motion holds (stays on its feet and within 0.95 to 1.05 of its plan) with the feed-forward that its
+robot's drives take, or if that was not asked for, with every one that was; 1 one does not, 2 a file or an option cannot be used.
 """
 
 import argparse
@@ -22,6 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from errors import Unusable  # noqa: E402
 import jobs  # noqa: E402
+import measure  # noqa: E402
 import player  # noqa: E402
 import tables  # noqa: E402
 import world  # noqa: E402
@@ -56,13 +57,7 @@ def main(arguments):
     print(text)
     if options.json:
         Path(options.json).write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    return 0 if all(result["holds"] or result["needs_feedback"] for result in _deciding(nominal)) else 1
-
-
-def _deciding(results):
-    """Without feed-forward a motion need hold only if nothing else was asked for."""
-    fed = [result for result in results if result["feed_forward"] != "none"]
-    return fed or results
+    return 0 if all(result["holds"] or result["needs_feedback"] for result in measure.deciding(nominal)) else 1
 
 
 def _watched(results, count):

@@ -26,8 +26,7 @@ class Inputs:
 def load(path, kind, inputs):
     """Motion, robot, frames and torques of a plan; the robot is that of the robot file, which must be the plan's."""
     motion = motions.load(path)
-    name = motion.robot["name"]
-    file = Path(inputs.robot) if inputs.robot else inputs.robots / f"{name}.toml"
+    file = _robot_file(motion, inputs)
     robot = robots.from_file(file)
     differs = robots.difference(robot, motion.robot)
     if differs:
@@ -40,6 +39,10 @@ def load(path, kind, inputs):
     return motion, robot, frames, torques
 
 
+def _robot_file(motion, inputs):
+    return Path(inputs.robot) if inputs.robot else inputs.robots / f"{motion.robot['name']}.toml"
+
+
 def replay(job):
     """Results of one plan with one kind of feed-forward in one case."""
     path, kind, case, inputs = job
@@ -50,6 +53,7 @@ def replay(job):
         "robot": robot["name"],
         "plan": Path(path).name,
         "feed_forward": kind,
+        "drives_take": robots.feed_forward(_robot_file(motion, inputs)),
         "case": case.name,
         **measure.summary(motion, track, inputs.cycles),
     }

@@ -127,3 +127,13 @@ def _holds(motion, result, late):
         return all(abs(result["drift"][key]) <= STAYS[key] for key in STAYS)
     ratios = list(result["ratio"].values()) + (list(result["ratio_late"].values()) if late else [])
     return all(BAND[0] <= ratio <= BAND[1] for ratio in ratios)
+
+
+def deciding(results):
+    """Of each plan the run with the feed-forward that the robot's drives take; all of them if there is none."""
+    of_plans = {}
+    for result in results:
+        of_plans.setdefault(result["plan"], []).append(result)
+    for runs in of_plans.values():
+        taken = [run for run in runs if run["feed_forward"] == run["drives_take"]]
+        yield from taken or runs

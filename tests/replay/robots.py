@@ -25,6 +25,18 @@ def from_file(path):
         raise Unusable(f"{path}: {field_error(error)}") from error
 
 
+# Protocols whose setpoints have no field for a torque (docs/actuators.md).
+WITHOUT_TORQUE = {"dynamixel", "feetech", "maestro"}
+
+
+def feed_forward(path):
+    """What the controller sends torques as: "offset" if drives of the robot file have no field for one, else "torque"."""
+    with open(path, "rb") as file:
+        buses = tomllib.load(file).get("bus", [])
+    loops_in_drives = [bus for bus in buses if bus.get("control", "in_drive") == "in_drive"]
+    return "offset" if any(bus["protocol"] in WITHOUT_TORQUE for bus in loops_in_drives) else "torque"
+
+
 def from_plan(plan):
     """The robot that a plan contains; its links have no shapes."""
     robot = {key: value for key, value in plan["robot"].items()}

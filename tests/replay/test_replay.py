@@ -432,6 +432,14 @@ class Words(unittest.TestCase):
             "holds": fell is None and 0.95 <= ratio <= 1.05,
         }
 
+    def test_drives_decide_with_which_feed_forward_a_motion_must_hold(self):
+        runs = [dict(self.result("walk", kind, ratio), drives_take="torque") for kind, ratio in
+                [("none", 0.4), ("torque", 1.0), ("offset", 0.9)]]
+        self.assertEqual([run["feed_forward"] for run in measure.deciding(runs)], ["torque"])
+        of_servos = [dict(run, drives_take="offset") for run in runs]
+        self.assertEqual([run["feed_forward"] for run in measure.deciding(of_servos)], ["offset"])
+        self.assertEqual(len(list(measure.deciding(of_servos[:2]))), 2)
+
     def test_tables_and_words_count_what_holds(self):
         results = []
         for motion, fed, bare, marked, fell in [
