@@ -352,20 +352,22 @@ mod tests {
 
     #[test]
     fn a_joint_on_its_stop_stays_or_follows_inwards() {
-        let config = config(ChannelKind::JointPosition);
-        let mut limiter = Limiter::new(0.01);
-        limiter.start(0, 2.5);
-        let mut to = |value| {
-            limiter
-                .apply(&config.channels[0], 0, Target { value, ..Target::default() }, true)
-                .unwrap()
-                .value
-        };
-        assert_eq!(to(2.5), 2.5);
-        assert_eq!(to(5.0), 2.5);
-        assert_eq!(to(2.45), 2.45);
-        // Once it has moved inwards, it does not move outwards again.
-        assert_eq!(to(2.5), 2.45);
-        assert!((to(1.0) - 2.39).abs() < 1e-6);
+        // The range is −1 to 2 rad: beyond the stop at either end.
+        for (stop, inwards) in [(2.5, -1.0), (-1.5, 1.0)] {
+            let config = config(ChannelKind::JointPosition);
+            let mut limiter = Limiter::new(0.01);
+            limiter.start(0, stop);
+            let mut to = |way: f32| {
+                let target = Target { value: stop + inwards * way, ..Target::default() };
+                let out = limiter.apply(&config.channels[0], 0, target, true).unwrap();
+                (out.value - stop) * inwards
+            };
+            assert_eq!(to(0.0), 0.0);
+            assert_eq!(to(-2.5), 0.0);
+            assert!((to(0.05) - 0.05).abs() < 1e-6);
+            // Once it has moved inwards, it does not move outwards again.
+            assert!((to(0.0) - 0.05).abs() < 1e-6);
+            assert!((to(1.5) - 0.11).abs() < 1e-6);
+        }
     }
 }

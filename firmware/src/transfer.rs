@@ -450,6 +450,30 @@ mod tests {
         assert!(storage.active.is_none() && storage.reject().is_some());
     }
 
+    /// A motion that ended in a fault proves nothing about its library, whichever fault it was.
+    #[test]
+    fn every_fault_voids_what_a_trial_has_shown() {
+        let bytes = library(&config());
+        let digest = file_digest(&bytes);
+        let mut storage = LibraryStorage::new(FlashStore::mount(Flash::blank(12), 2).unwrap());
+        let request = Request::Block { offset: 0, bytes: &bytes };
+        for request in [begin(&bytes), request, Request::Finish, Request::Activate { digest }] {
+            assert_eq!(ask(&mut storage, request).0, R::Ok);
+        }
+        let play = |storage: &mut LibraryStorage<_>, then: &[Event]| {
+            storage.observe(Event::MotionStarted);
+            storage.on_clip(ClipId(1));
+            storage.observe(Event::SafeReached);
+            then.iter().for_each(|&event| storage.observe(event));
+            storage.settle(State::Disarmed);
+            storage.on_trial()
+        };
+        for &event in Event::ALL.iter().filter(|event| event.fault().is_some()) {
+            assert!(play(&mut storage, &[event]), "{event:?}");
+        }
+        assert!(!play(&mut storage, &[Event::Disarm, Event::SafeReached, Event::HoldElapsed]));
+    }
+
     #[test]
     fn resumes_after_a_reset_and_rolls_back_what_never_played() {
         let first = library(&config());

@@ -190,6 +190,36 @@ fn times() -> impl Strategy<Value = Time> {
     prop_oneof![(1..=PLANNED_SPEED_64THS).prop_map(Time::Speed), Just(Time::Halt), Just(Time::GoOn)]
 }
 
+/// A frame rarely takes a whole number of control periods: what is left of one counts for the next.
+#[test]
+fn playback_time_is_exact_at_every_speed() {
+    let (config, bytes) = (config(), library());
+    let index = validate(&bytes, &config).unwrap();
+    let library = Library::open(&bytes, &index).unwrap();
+    for speed_64ths in 1..=PLANNED_SPEED_64THS {
+        let mut player = Player::start(&library, 2).unwrap();
+        player.set_goal(&library, library.node_for_code(CODE_WALK).unwrap()).unwrap();
+        player.set_speed(speed_64ths);
+        let mut advance = || {
+            player.advance(&library, &config).unwrap();
+            player.playing()
+        };
+        // Into the gait at the planned speed or less, and until the speed holds.
+        let begins = (0..4000).find(|_| advance().clip.0 == WALK_CLIP);
+        assert!(begins.is_some(), "{speed_64ths}");
+        let mut last = (0..240).map(|_| advance()).last().unwrap();
+        for _ in 0..256 {
+            let now = advance();
+            assert_eq!(now.clip.0, WALK_CLIP);
+            // Exact in f32: frames below 64, phases in parts of a power of two.
+            let frames = f32::from((now.frame + WALK_FRAMES - last.frame) % WALK_FRAMES);
+            let advanced = frames + (now.phase - last.phase);
+            assert_eq!(advanced, f32::from(speed_64ths) / 128.0, "{last:?} {now:?}");
+            last = now;
+        }
+    }
+}
+
 proptest! {
     /// However time is scaled: no joint is faster and no wheel accelerates harder than it may, and
     /// that without the limiter.

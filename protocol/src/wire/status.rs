@@ -162,3 +162,33 @@ impl FaultReport {
         Ok((node, report))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The table written a second time: STATUS tells the operator which reaction is under way.
+    #[test]
+    fn severity_is_the_reaction_under_way() {
+        use Severity as V;
+        let with_a_fault = [
+            (State::Boot, V::Notice),
+            (State::SelfTest, V::Notice),
+            (State::Disarmed, V::Notice),
+            (State::Aligning, V::Notice),
+            (State::Ready, V::Notice),
+            (State::Playing, V::Notice),
+            (State::Paused, V::Notice),
+            (State::Returning, V::Return),
+            (State::Damped, V::Damp),
+            (State::TorqueOff, V::TorqueOff),
+            (State::EStopped, V::EStop),
+        ];
+        let faults = FaultBits::default().with(Fault::HostLost);
+        assert!(State::ALL.iter().map(|&state| (state, state.severity(faults))).eq(with_a_fault));
+        for &state in State::ALL {
+            let expected = if state == State::EStopped { V::EStop } else { V::None };
+            assert_eq!(state.severity(FaultBits::default()), expected, "{state:?}");
+        }
+    }
+}

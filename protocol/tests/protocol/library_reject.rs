@@ -122,6 +122,40 @@ fn future_minor_version_is_read() {
     }
 }
 
+/// A record too many or too few in any table.
+#[test]
+fn tables_have_as_many_records_as_the_manifest_says() {
+    let (fixture, bytes) = good();
+    for tag in [2, 3, 5, 6, 7, 8] {
+        let table = section(&bytes, tag);
+        let stride = usize::from(bytes[table.start - 6]);
+        let last = bytes[table.end - stride..table.end].to_vec();
+        for more in [true, false] {
+            let mut changed = bytes.clone();
+            let len = if more { table.len() + stride } else { table.len() - stride };
+            changed[table.start - 4..table.start].copy_from_slice(&(len as u32).to_le_bytes());
+            if more {
+                changed.splice(table.end..table.end, last.iter().copied());
+            } else {
+                changed.drain(table.end - stride..table.end);
+            }
+            reseal(&mut changed);
+            let reject = validate(&changed, &fixture.config).unwrap_err();
+            // Channels are read one by one before tables are counted.
+            let missing = tag == 2 && !more;
+            let expected = if missing {
+                matches!(reject.why, Why::BadRecord { record: 2 })
+            } else {
+                matches!(reject.why, Why::WrongCount { .. })
+            };
+            assert!(
+                expected && usize::from(reject.section.code()) == tag,
+                "{tag} {more}: {reject}"
+            );
+        }
+    }
+}
+
 /// Tables that are plain arrays have no room for fields of later versions.
 #[test]
 fn routes_and_safe_pose_never_get_wider() {
@@ -257,6 +291,33 @@ fn padding_must_be_zero_and_short() {
         bytes.insert(end, 0);
     });
     expect(reject, Section::Frames, sentence);
+}
+
+/// What follows the last frame of a block is checked of each, not of a clip's last one alone.
+#[test]
+fn no_block_has_more_than_its_frames() {
+    // `trot` has two blocks.
+    let sentence = "clip 1: frame 59 cannot be decoded";
+    for garbage in [0x00, 0xFF] {
+        let reject = refusal(|bytes| {
+            let (first, table) = (block(bytes, 1), section(bytes, 3).start);
+            let frames = section(bytes, 4).start;
+            let mut add = |at: usize, width: usize| {
+                let mut number = [0; 4];
+                number[..width].copy_from_slice(&bytes[at..at + width]);
+                let number = (u32::from_le_bytes(number) + 1).to_le_bytes();
+                bytes[at..at + width].copy_from_slice(&number[..width]);
+            };
+            add(first + 4, 2);
+            add(table + 11 + 7, 4);
+            (2..7).for_each(|clip| add(table + clip * 11 + 3, 4));
+            add(frames - 4, 4);
+            let end =
+                first + 10 + usize::from(u16::from_le_bytes([bytes[first + 4], bytes[first + 5]]));
+            bytes.insert(end - 1, garbage);
+        });
+        expect(reject, Section::Frames, sentence);
+    }
 }
 
 /// Moves a value of the keyframe of a clip's block, which moves the whole block.

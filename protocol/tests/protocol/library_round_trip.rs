@@ -189,14 +189,26 @@ fn attitudes_come_back_and_a_library_without_says_none() {
         let clip = ClipRef::Motion(1);
         assert_eq!(told(&attitudes), Err(EncodeError::Attitude { clip }), "{bad:?}");
     }
-    // A file that claims more, with valid checksums, would switch tilt protection off.
-    let clips = find_section(&bytes, 3).unwrap();
-    for (at, value) in [(17, 3142_u16), (15, (-16384_i16) as u16)] {
-        let mut forged = bytes.clone();
-        forged[clips.start + at..][..2].copy_from_slice(&value.to_le_bytes());
-        reseal(&mut forged);
-        let reject = validate(&forged, &f.config).unwrap_err();
-        assert!(matches!(reject.why, Why::BadClip { clip: ClipId(0) }), "{reject}");
+    // A file that claims more, with valid checksums, would switch tilt protection off; a direction without length, or
+    // of another, is none.
+    let table = find_section(&bytes, 3).unwrap().start;
+    for clip in 0..clips {
+        for (at, value) in [
+            (17, 3142_u16),
+            (15, (-16384_i16) as u16),
+            (15, 0),
+            (15, 16000),
+            (11, 16384),
+            (13, 9000),
+        ] {
+            let mut forged = bytes.clone();
+            forged[table + 19 * usize::from(clip) + at..][..2]
+                .copy_from_slice(&value.to_le_bytes());
+            reseal(&mut forged);
+            let reject = validate(&forged, &f.config).unwrap_err();
+            let refused = matches!(reject.why, Why::BadClip { clip: found } if found.0 == clip);
+            assert!(refused, "clip {clip}, byte {at}: {reject}");
+        }
     }
     attitudes.truncate(1);
     assert!(matches!(told(&attitudes), Err(EncodeError::Attitude { .. })));

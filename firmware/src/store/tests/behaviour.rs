@@ -211,6 +211,25 @@ fn unusable_flash_is_refused() {
     assert_eq!(reboot(store).bytes(), full);
 }
 
+/// Footers that stay would name a slot whose library is being overwritten.
+#[test]
+fn a_transfer_does_not_begin_over_footers_that_cannot_be_erased() {
+    let (a, b, c) = (library(1, 90), library(2, 100), library(3, 90));
+    let mut store = holding(Flash::blank(10), &a);
+    send(&mut store, &b).unwrap();
+    store.activate().unwrap();
+    store.confirm().unwrap();
+    // C goes where A is, in slot A: units 2 to 5.
+    store.flash.worn = Some(5);
+    assert_eq!(store.begin(c.len(), file_digest(&c)), Err(StoreError::Medium));
+    assert_eq!(store.write(0, &c), Err(StoreError::OutOfRange));
+    assert_eq!(store.bytes(), b);
+    store.flash.worn = None;
+    send(&mut store, &c).unwrap();
+    store.activate().unwrap();
+    assert_eq!(reboot(store).bytes(), c);
+}
+
 /// Writes that fail now and then, without a cut: the transfer goes on after another begin.
 #[test]
 fn a_flash_with_bad_days_still_gets_there() {

@@ -48,6 +48,8 @@ pub struct Nor<const W: usize, const E: usize> {
     pub overwrites: usize,
     /// Failure rate of writes without a power cut: one in this many.
     pub failing: Option<u64>,
+    /// Unit whose erasure fails without a power cut.
+    pub worn: Option<usize>,
 }
 
 impl<const W: usize, const E: usize> Nor<W, E> {
@@ -72,6 +74,7 @@ impl<const W: usize, const E: usize> Nor<W, E> {
             cut_erases: 0,
             overwrites: 0,
             failing: None,
+            worn: None,
         }
     }
 
@@ -109,6 +112,11 @@ impl<const W: usize, const E: usize> Nor<W, E> {
 
     pub fn make_unreadable(&mut self, at: usize) {
         self.spoil(at / W, true);
+    }
+
+    /// Makes a word with its content unreadable, or readable again: charge at the edge of what ECC can correct.
+    pub fn hide(&mut self, at: usize, hidden: bool) {
+        self.unreadable[at / W] = hidden;
     }
 
     fn random(&mut self) -> u8 {
@@ -173,7 +181,7 @@ impl<const W: usize, const E: usize> NorFlash for Nor<W, E> {
     fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
         embedded_storage::nor_flash::check_erase(self, from, to)?;
         let (from, to) = (from as usize, to as usize);
-        if !self.powered {
+        if !self.powered || self.worn.is_some_and(|unit| (from..to).contains(&(unit * E))) {
             return Err(NorFlashErrorKind::Other);
         }
         self.erases += (to - from) / E;

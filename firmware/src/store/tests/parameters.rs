@@ -258,6 +258,25 @@ fn flash_that_cannot_hold_a_set_is_refused() {
     );
 }
 
+/// A set that cannot be read at one start may be readable at the next: by then it must be older than what was saved
+/// in between, wherever in the log both are.
+#[test]
+fn a_set_that_comes_back_is_older_than_what_was_saved_without_it() {
+    for saves in 1..=20 {
+        let (flash, _) = start::<8, 1024>(3, saves);
+        let newest = set(saves - 1).encode(saves.into());
+        let place = flash.mapped().windows(SET_LEN).position(|bytes| bytes == newest).unwrap();
+        let mut flash = flash;
+        flash.hide(place, true);
+        let mut store = FlashParameters::mount(flash).unwrap();
+        assert_eq!(store.load(), saves.checked_sub(2).map(set));
+        store.save(&set(1000)).unwrap();
+        let mut flash = store.into_flash();
+        flash.hide(place, false);
+        assert_eq!(FlashParameters::mount(flash).unwrap().load(), Some(set(1000)), "{saves}");
+    }
+}
+
 /// Writes that fail now and then, without a cut: what is saved in the end is there.
 #[test]
 fn a_flash_with_bad_days_keeps_what_it_said_it_keeps() {
