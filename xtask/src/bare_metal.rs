@@ -8,7 +8,8 @@ use crate::shell::{self, cargo, command};
 use std::path::PathBuf;
 use std::process::Command;
 
-const TARGET: &str = "thumbv7em-none-eabihf";
+/// The machine.
+pub const TARGET: &str = "thumbv7em-none-eabihf";
 const CRATES: [&str; 4] = ["-p", "rollwalk-protocol", "-p", "rollwalk-firmware"];
 const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "lld"];
 const DEBIAN_CARGO: &str = "/usr/bin/cargo";

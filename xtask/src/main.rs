@@ -2,13 +2,14 @@
 //!
 //! [`steps`] has the steps of `cargo xtask test` and `cargo xtask nightly`, [`quick`] the check of a change in one
 //! crate. [`tidy`] checks the house rules, [`bare_metal`] builds the controller's crates for the Cortex-M4, [`board`]
-//! builds, measures and emulates the board images, [`fuzz`] and [`miri`] test protocol and firmware, [`vcan`] runs a
-//! command on a machine with SocketCAN.
+//! builds, measures and emulates the board images, [`fuzz`] and [`miri`] test protocol and firmware, [`deny`] and [`sbom`] look
+//! after the crates of others, [`vcan`] runs a command on a machine with SocketCAN.
 
 mod bare_metal;
 mod board;
 mod cantools;
 mod debian;
+mod deny;
 mod fuzz;
 mod fuzz_log;
 mod hostile;
@@ -18,6 +19,7 @@ mod parallel;
 mod python;
 mod quick;
 mod replay;
+mod sbom;
 mod shell;
 mod steps;
 mod tidy;
@@ -91,6 +93,13 @@ enum Task {
     /// Plan and replay every shipped motion in MuJoCo, and motions of robots from URDF files, and write the tables of
     /// docs/replay.md and the numbers of README: about an hour.
     Replay(replay::Options),
+    /// Write the bills of materials of what ships, the programs and the boards' images, as CycloneDX; every crate that is
+    /// compiled in must be in them.
+    Sbom {
+        /// Folder to write to; `sbom` of the target folder by default.
+        #[arg(long, value_name = "FOLDER")]
+        out: Option<std::path::PathBuf>,
+    },
     /// Run the full tests on real CAN interfaces vcan0, vcan1 and vcan2: here if this kernel has them, otherwise in a
     /// virtual machine with Debian's kernel. With a command, run that instead and exit with its status.
     Vcan(vcan::Options),
@@ -106,6 +115,7 @@ fn main() -> ExitCode {
         }
         Task::Sizes { json } => board::sizes(json),
         Task::Fuzz { target, seconds, input } => fuzz::run(target, seconds, input.as_deref()),
+        Task::Sbom { out } => sbom::write(out.as_deref()),
         Task::Replay(options) => replay::document(&options),
         Task::Vcan(options) => return exit(vcan::run(&options)),
     };

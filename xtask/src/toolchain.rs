@@ -1,5 +1,5 @@
-//! Parts of the Rust toolchain that are installed when they are missing: components of the one in use, and nightly,
-//! which alone has Miri.
+//! Parts of the Rust toolchain that are installed when they are missing: components of the one in use, nightly, which
+//! alone has Miri, and programs of other projects that extend cargo.
 
 use crate::shell::{self, command};
 use std::process::Command;
@@ -39,6 +39,29 @@ pub fn need_nightly(components: &[&str]) -> Result<(), String> {
     }
     let why = done.err().map_or_else(String::new, |why| format!("{why}\n"));
     Err(format!("{why}Miri needs the nightly toolchain:\n\n    rustup {}", install.join(" ")))
+}
+
+/// The program behind a cargo subcommand of this name and version: the machine's own, of any version, or else built below
+/// the target folder.
+///
+/// # Errors
+/// The one command that installs it, when this machine cannot.
+pub fn subcommand((name, version): (&str, &str)) -> Result<String, String> {
+    let verb = name.trim_start_matches("cargo-");
+    let runs = |program: &str| shell::succeeds(&mut command(program, &[verb, "--version"]));
+    if runs(name) {
+        return Ok(name.to_owned());
+    }
+    let folder = shell::target_folder().join("tools");
+    let program = folder.join("bin").join(name).to_string_lossy().into_owned();
+    let _alone = shell::installing()?;
+    if !runs(&program) {
+        let mut install = shell::cargo(&["install", "--locked", "--version", version, name]);
+        shell::run(install.arg("--root").arg(folder)).map_err(|why| {
+            format!("{why}\nthe step needs {name}:\n\n    cargo install --locked {name}")
+        })?;
+    }
+    Ok(program)
 }
 
 /// Makes sure that the toolchain in use has a component that rustup's minimal profile leaves out.

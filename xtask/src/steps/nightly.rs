@@ -1,7 +1,7 @@
 //! The steps of `cargo xtask nightly`: the long forms of what `cargo xtask test` samples.
 
 use super::{Extent, Step};
-use crate::{board, fuzz, hostile, miri, mujoco, replay, shell, vcan, workspace};
+use crate::{board, deny, fuzz, hostile, miri, mujoco, replay, sbom, shell, vcan, workspace};
 use clap::ValueEnum;
 
 /// Random seeds of the fault campaign.
@@ -10,6 +10,8 @@ const CAMPAIGN_SEEDS: &str = "1000";
 /// A step of the nightly command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum NightlyStep {
+    /// Advisories, licences, duplicates and sources of all crates; the bills of materials.
+    Deny,
     /// AgileBot with its twenty motors on real CAN interfaces, and the emulated board behind `slcand`.
     Vcan,
     /// The whole demo on the emulated board, over its UART.
@@ -36,6 +38,7 @@ impl Step for NightlyStep {
 
     fn title(&self) -> &'static str {
         match self {
+            Self::Deny => "advisories, licences and duplicates; bills of materials",
             Self::Vcan => "AgileBot and the emulated board on real CAN interfaces",
             Self::BoardUart => "the whole demo on the emulated board over its UART",
             Self::Sizes => "sizes and instructions of the emulated board's image",
@@ -50,6 +53,7 @@ impl Step for NightlyStep {
 
     fn check(&self) -> Result<(), String> {
         match self {
+            Self::Deny => deny::check().and_then(|()| sbom::write(None)),
             Self::Vcan => vcan::check(Extent::Full),
             Self::BoardUart => board::demo_over_uart(),
             Self::Sizes => board::sizes(false).and_then(|()| board::planted_panics()),
