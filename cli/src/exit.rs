@@ -12,7 +12,7 @@ Exit codes:
   3    a plan does not hold: the optimiser did not converge, or the motion fails as it is played
   4    a measured error exceeds its stated bound; a rule of the fault campaign is broken
   5    the robot refused a command, stopped, or does not answer
-  130  interrupted with Ctrl-C";
+  130  interrupted: Ctrl-C, SIGTERM, SIGHUP";
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +27,7 @@ pub enum Exit {
     OutOfBounds,
     /// The robot refused, stopped, or does not answer.
     NotDone,
-    /// Interrupted with Ctrl-C.
+    /// Interrupted: Ctrl-C, SIGTERM, SIGHUP.
     Interrupted,
 }
 

@@ -1,30 +1,49 @@
-//! Ctrl-C as a value that a solve can look at between two iterations.
+//! The request to end, as a value that a solve can look at between two iterations: Ctrl-C, SIGTERM (`kill`, `timeout`, a
+//! service that is stopped) and SIGHUP (a terminal that is closed).
 
 use crate::output;
-use std::sync::Once;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock, Once};
 
-static REQUESTED: AtomicBool = AtomicBool::new(false);
+static REQUESTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 static LISTENING: Once = Once::new();
 
-/// From here on the first Ctrl-C asks what is running to end; a second one ends the process.
+/// From here on the first signal asks what is running to end; a second one ends the process.
 pub fn listen() {
     LISTENING.call_once(install);
 }
 
 fn install() {
-    let handler = || {
-        if REQUESTED.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
+    for signal in [SIGINT, SIGTERM].into_iter().chain(hang_up()) {
+        let requested = || Arc::clone(&REQUESTED);
+        // In this order: the flag is not set yet when the first signal arrives.
+        let installed = flag::register_conditional_shutdown(signal, 130, requested())
+            .and_then(|_| flag::register(signal, requested()));
+        if let Err(error) = installed {
+            output::say(format_args!("signal {signal} will end the process at once: {error}"));
         }
-    };
-    // Refused only when a handler is already installed; then that one stays.
-    if let Err(error) = ctrlc::set_handler(handler) {
-        output::say(format_args!("Ctrl-C will end the process at once: {error}"));
     }
 }
 
-/// Whether Ctrl-C was pressed since [`listen`].
+/// SIGHUP, unless it is ignored: `nohup` lets a program outlive its terminal.
+#[cfg(target_os = "linux")]
+fn hang_up() -> Option<i32> {
+    use signal_hook::consts::SIGHUP;
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"))?;
+    let ignored = u64::from_str_radix(ignored.trim(), 16).ok()?;
+    (ignored >> (SIGHUP - 1) & 1 == 0).then_some(SIGHUP)
+}
+
+/// Nothing says here whether it is ignored.
+#[cfg(not(target_os = "linux"))]
+fn hang_up() -> Option<i32> {
+    None
+}
+
+/// Whether the end was requested since [`listen`].
 pub fn requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
 }

@@ -74,10 +74,15 @@ impl Packed {
 
     /// Names for its numbers.
     pub fn catalog(&self) -> Catalog {
-        let channels = self.robot.channels().map(|channel| channel.name().to_owned()).collect();
+        let channels = channel_names(&self.robot);
         let catalog = Catalog::of(&self.library(), &self.robot.name, channels);
         catalog.expect("a validated library has a name for every motion")
     }
+}
+
+/// Names of a robot's joints and wheels, in the order of its configuration.
+pub fn channel_names(robot: &Robot) -> Vec<String> {
+    robot.channels().map(|channel| channel.name().to_owned()).collect()
 }
 
 fn check(bytes: &[u8], robot: &Robot) -> miette::Result<Result<Index, Reject>> {

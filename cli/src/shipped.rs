@@ -1,6 +1,8 @@
 //! The robots, motions and mappings of gamepads that ship with rollwalk, carried in the binary, so that `rollwalk demo`
 //! runs in any folder.
 
+use crate::inputs::Source;
+use rollwalk_robot::Robot;
 use std::path::Path;
 
 /// Declares the files, by their path in the checkout.
@@ -92,6 +94,12 @@ pub fn text(path: &Path) -> Option<&'static str> {
 /// The shipped robot files.
 pub fn robots() -> impl Iterator<Item = &'static Path> {
     FILES.iter().map(|(path, _)| Path::new(path)).filter(|path| path.starts_with("robots"))
+}
+
+/// The shipped robot with this hash of its configuration.
+pub fn robot_of(config_hash: u32) -> Option<Robot> {
+    let mut robots = robots().filter_map(|file| Source::Shipped.robot(file).ok());
+    robots.find(|robot| robot.controller_config().is_ok_and(|config| config.hash() == config_hash))
 }
 
 /// The shipped mappings of gamepads, with their texts; the first that fits a device counts.

@@ -126,6 +126,19 @@ impl Catalog {
         })
     }
 
+    /// Names of a robot whose library is not known: of its channels alone.
+    pub fn of_robot(robot: &str, config_hash: u32, channels: Vec<String>) -> Self {
+        Self {
+            robot: robot.to_owned(),
+            config_hash,
+            library: 0,
+            motions: Vec::new(),
+            transitions: Vec::new(),
+            safe: 0,
+            channels,
+        }
+    }
+
     /// The motion with a name.
     pub fn motion(&self, name: &str) -> Option<&Motion> {
         self.motions.iter().find(|motion| motion.name == name)

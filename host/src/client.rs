@@ -48,6 +48,8 @@ pub enum Incoming {
     EstopAck(EstopAck),
     /// The answer to a heartbeat (for a visitor, to another host's heartbeat), which contains the controller's clock.
     Alive,
+    /// The same, and the clock has begun anew: the controller has restarted since the last answer.
+    Restarted,
     /// The answer to a transport request.
     Response(Response),
     /// A transport message failed in either direction.
@@ -170,9 +172,12 @@ impl Client {
             FromController::HeartbeatReply(reply) => {
                 let expected = self.heartbeat_seq.wrapping_sub(1);
                 (reply.seq == expected).then(|| {
-                    self.clocks = Some((now_us, reply.controller_ms));
+                    let before = self.clocks.replace((now_us, reply.controller_ms));
                     self.round_trip_us = Some(now_us.saturating_sub(self.heartbeat_us));
-                    Incoming::Alive
+                    // Modulo 2^32, so that a controller that runs for 50 days has not restarted.
+                    let runs_on =
+                        |(_, ms): (u64, u32)| reply.controller_ms.wrapping_sub(ms) <= u32::MAX / 2;
+                    if before.is_none_or(runs_on) { Incoming::Alive } else { Incoming::Restarted }
                 })
             }
             FromController::Status(status) => {
@@ -375,6 +380,21 @@ mod tests {
         assert_eq!(command.valid_until_ms, 374);
         let next = client.command(11_000, Action::Return).unwrap();
         assert_eq!(next.seq, (command.seq + 1) & 0xF);
+    }
+
+    #[test]
+    fn a_clock_that_goes_back_is_of_a_controller_that_has_restarted() {
+        let mut client = Client::new(node());
+        let mut answer = |seq, controller_ms| {
+            frames(&mut client, 50_000 * u64::from(seq));
+            let reply = HeartbeatReply { seq, controller_ms }.encode(node());
+            client.on_frame(50_000 * u64::from(seq), &reply)
+        };
+        assert_eq!(answer(0, u32::MAX - 20), Some(Incoming::Alive));
+        assert_eq!(answer(1, 30), Some(Incoming::Alive), "it has run for 50 days");
+        assert_eq!(answer(2, 80), Some(Incoming::Alive));
+        assert_eq!(answer(3, 20), Some(Incoming::Restarted));
+        assert_eq!(answer(4, 70), Some(Incoming::Alive));
     }
 
     #[test]

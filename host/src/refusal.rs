@@ -1,7 +1,7 @@
 //! Sentences for the codes with which a controller refuses requests.
 
 use rollwalk_protocol::wire::transport::{Reply, TransferResult};
-use rollwalk_protocol::wire::{CommandResult, ParameterResult};
+use rollwalk_protocol::wire::{CommandResult, ParameterResult, State};
 
 /// Reason for which a command was not executed, and remedy.
 pub fn command_refusal(result: CommandResult) -> &'static str {
@@ -18,27 +18,37 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
         CommandResult::PoseUnknown => {
             "an actuator does not report its position, or is outside its limits"
         }
-        CommandResult::OutOfOrder => "another host is sending commands, too",
+        CommandResult::OutOfOrder => {
+            "other commands came at the same time: of another program, or the last of one that has ended; try again"
+        }
         CommandResult::UnknownKind => "its firmware is older than this kind of command",
         CommandResult::FaultPresent => "a fault is still present",
         CommandResult::BadSpeed => "playback speeds are 1/64 to 64/64 of the planned one",
     }
 }
 
-/// Reason for which a parameter request was refused, and remedy.
-pub fn parameter_refusal(result: ParameterResult, limit: f32) -> String {
+/// Reason for which a parameter request was refused in a state of the controller, if that is known, and remedy.
+pub fn parameter_refusal(result: ParameterResult, limit: f32, state: Option<State>) -> String {
     let sentence = match result {
         ParameterResult::Ok => "it was not refused",
         ParameterResult::UnknownParameter => "its firmware is older than this parameter",
         ParameterResult::UnknownChannel => "the robot has fewer channels",
         ParameterResult::OutOfRange => {
-            return format!(
-                "the value is no number, or beyond the limit of {limit}; while torque is on, nothing goes below half of the robot file's"
-            );
+            return format!("the value is beyond the limit of {limit}");
         }
-        ParameterResult::WrongState => "torque is on; disarm first",
+        ParameterResult::WrongState => match state {
+            None => "it is not disarmed: disarm it first, or clear it if it has stopped",
+            Some(State::EStopped) => "it is stopped by an emergency stop; clear it first",
+            Some(State::TorqueOff) => "it has stopped; clear it first",
+            Some(State::Boot | State::SelfTest | State::Disarmed) => {
+                "it was not disarmed at that moment; try again"
+            }
+            Some(_) => "torque is on; disarm first",
+        },
         ParameterResult::StoreFailed => "it has no memory for parameters, or one that fails",
-        ParameterResult::OutOfOrder => "another host is setting parameters, too",
+        ParameterResult::OutOfOrder => {
+            "other requests came at the same time: of another program, or the last of one that has ended; try again"
+        }
         ParameterResult::UnknownRequest => "its firmware is older than this kind of request",
         ParameterResult::NotSupported => "it makes no difference to the actuator of this channel",
     };
@@ -123,6 +133,17 @@ mod tests {
 
     fn sentence(section: Section, why: Why) -> String {
         transfer_refusal(&Reply::rejected(0x12, &Reject { section, offset: 77, why }))
+    }
+
+    #[test]
+    fn what_a_state_does_not_allow_is_told_by_the_state() {
+        let sentence = |state| parameter_refusal(ParameterResult::WrongState, 0.0, state);
+        assert!(sentence(Some(State::EStopped)).contains("emergency stop; clear it"));
+        assert!(sentence(Some(State::TorqueOff)).contains("clear it"));
+        for state in [State::Aligning, State::Ready, State::Playing, State::Damped] {
+            assert_eq!(sentence(Some(state)), "torque is on; disarm first");
+        }
+        assert!(sentence(None).contains("disarm it first, or clear it"));
     }
 
     #[test]

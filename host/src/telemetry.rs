@@ -3,7 +3,7 @@
 //! | topic | schema | when |
 //! |---|---|---|
 //! | `/joint_states` | `foxglove.JointStates` | when every channel has reported once more |
-//! | `/planned_joint_states` | `foxglove.JointStates` | at every status while a known library is played |
+//! | `/planned_joint_states` | `foxglove.JointStates` | at every status while a known library is played; not without it |
 //! | `/status`, `/fault`, `/command`, `/command_ack` | the message of that name | with it |
 //!
 //! Everything is JSON, in radians, rad/s and N·m.
@@ -22,6 +22,7 @@ use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
 /// Knowledge of the robot beyond the link.
+#[derive(Clone, Copy)]
 pub struct Known<'a> {
     /// Names of its channels.
     pub catalog: &'a Catalog,
@@ -38,7 +39,8 @@ pub struct Telemetry<'a, W: Write + Seek> {
     node: Node,
     known: Option<Known<'a>>,
     measured_topic: u16,
-    planned_topic: u16,
+    /// `None` where the library is unknown: readers would take an empty topic for a robot that plays nothing.
+    planned_topic: Option<u16>,
     topics: BTreeMap<&'static str, u16>,
     sequence: u32,
     /// Last telemetry of each channel.
@@ -83,7 +85,10 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
         let states = writer.add_schema("foxglove.JointStates", "jsonschema", schema.as_bytes())?;
         let none = BTreeMap::new();
         let measured_topic = writer.add_channel(states, "/joint_states", "json", &none)?;
-        let planned_topic = writer.add_channel(states, "/planned_joint_states", "json", &none)?;
+        let has_plans = known.is_some_and(|known| known.library.is_some());
+        let planned_topic = has_plans
+            .then(|| writer.add_channel(states, "/planned_joint_states", "json", &none))
+            .transpose()?;
         let mut topics = BTreeMap::new();
         for message in DECODED {
             let schema = json!({ "type": "object", "title": message }).to_string();
@@ -134,6 +139,14 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
         }
     }
 
+    /// Writes what waits, as a chunk: readers recover it from a file that was not ended.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn flush(&mut self) -> McapResult<()> {
+        self.writer.flush()
+    }
+
     /// Ends the file.
     ///
     /// # Errors
@@ -162,7 +175,9 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
     fn on_status(&mut self, at_us: u64, status: &Status) -> McapResult<()> {
         let plays = status.state != State::Aligning && status.state.torque() == Torque::Driven;
         let (Some(clip), true) = (status.clip, plays) else { return Ok(()) };
-        let Some(Known { library: Some((library, config)), .. }) = &self.known else {
+        let (Some(Known { library: Some((library, config)), .. }), Some(topic)) =
+            (self.known.as_ref(), self.planned_topic)
+        else {
             return Ok(());
         };
         let mut values = vec![0.0; library.channel_count()];
@@ -181,7 +196,7 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
             JointState { name: self.channel_name(channel), position, velocity, effort: None }
         });
         let states = JointStates { timestamp: timestamp(at_us), joints: joints.collect() };
-        self.write(self.planned_topic, at_us, &states)
+        self.write(topic, at_us, &states)
     }
 
     fn channel_name(&self, channel: u8) -> String {

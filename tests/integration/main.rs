@@ -12,6 +12,7 @@ mod lines;
 mod operating;
 mod problem_files;
 mod readme;
+mod recording;
 mod results;
 mod robots;
 mod sending;

@@ -1,6 +1,7 @@
 //! Load of a robot's actuator buses as a table, and reasons for which buses cannot carry it.
 
 use crate::output::Table;
+use crate::packed::channel_names;
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::load::{BusLoad, BusProblem, examine};
 use rollwalk_protocol::actuators::traffic::MAX_LOAD;
@@ -25,7 +26,7 @@ impl BusLoads {
         let (config, buses) = (robot.controller_config()?, robot.controller_buses());
         let control_hz = Settings::default().control_hz;
         let rows = examine(&config, &buses, control_hz).collect();
-        let channels = robot.channels().map(|channel| channel.name().to_owned()).collect();
+        let channels = channel_names(robot);
         Ok(Self { rows, control_hz, channels })
     }
 

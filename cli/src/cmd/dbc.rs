@@ -2,11 +2,11 @@
 
 use crate::inputs::Source;
 use crate::{Exit, files, output};
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use rollwalk_host::dbc::{ChannelName, Database, RobotNames};
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use rollwalk_protocol::wire::Node;
 use rollwalk_robot::{Actuator, Channel, Robot};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 /// Write the frames of the link or of an actuator bus as a DBC file.
@@ -30,7 +30,7 @@ pub struct Args {
     #[arg(value_name = "ROBOT.toml")]
     robot: Option<PathBuf>,
     /// `link`, `actuators` for all addresses of an actuator bus, or the number of a bus of the robot.
-    #[arg(long, value_name = "BUS", default_value = "link", value_parser = bus())]
+    #[arg(long, value_name = "BUS", default_value = "link", value_parser = bus)]
     bus: Bus,
     /// Address of the robot's controller on the link, 0 to 14.
     #[arg(long, value_name = "NODE", default_value_t = 1, requires = "robot",
@@ -48,13 +48,16 @@ enum Bus {
     Number(u8),
 }
 
-fn bus() -> impl TypedValueParser<Value = Bus> {
-    const NAMES: [&str; 2 + MAX_BUSES] = ["link", "actuators", "0", "1", "2", "3"];
-    PossibleValuesParser::new(NAMES).map(|name| match name.as_str() {
-        "link" => Bus::Link,
-        "actuators" => Bus::Actuators,
-        number => number.parse().map_or(Bus::Actuators, Bus::Number),
-    })
+fn bus(name: &str) -> Result<Bus, String> {
+    match (name, name.parse()) {
+        ("link", _) => Ok(Bus::Link),
+        ("actuators", _) => Ok(Bus::Actuators),
+        (_, Ok(number)) if usize::from(number) < MAX_BUSES => Ok(Bus::Number(number)),
+        _ => Err(format!(
+            "`link`, `actuators`, or the number of a bus of the robot, 0 to {}",
+            MAX_BUSES - 1
+        )),
+    }
 }
 
 /// Runs the subcommand.
@@ -79,7 +82,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         (Bus::Number(bus), Some(names)) => {
             if !names.channels.iter().any(|channel| channel.bus == bus) {
                 let robot = &names.robot;
-                return Err(miette::miette!("{robot} has no actuators on bus {bus}"));
+                let has: BTreeSet<u8> = names.channels.iter().map(|channel| channel.bus).collect();
+                let has: Vec<_> = has.iter().map(ToString::to_string).collect();
+                return Err(miette::miette!(
+                    help = format!("its buses are {}", has.join(", ")),
+                    "{robot} has no actuators on bus {bus}"
+                ));
             }
             let kind = robot.as_ref().and_then(|robot| robot.buses.get(&bus));
             if let Some(kind) = kind.filter(|kind| !kind.protocol.has_dbc()) {
@@ -122,7 +130,6 @@ fn names(robot: &Robot) -> RobotNames {
 mod tests {
     use super::*;
     use rollwalk_protocol::config::ChannelKind;
-    use std::collections::BTreeSet;
     use std::path::Path;
 
     #[test]

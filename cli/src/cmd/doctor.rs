@@ -91,8 +91,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if interrupt::requested() {
         return Ok(Exit::Interrupted);
     }
-    let library = hello.and_then(|hello| hello.library);
-    let catalog = library.map(|library| args.names.find(library)).transpose()?.flatten();
+    let catalog = args.names.look_up(hello.as_ref())?;
     let bus = args.link.bus.to_string();
     let bitrate = link.bitrate().unwrap_or(BITRATE);
     let findings = Findings {

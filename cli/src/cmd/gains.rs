@@ -59,7 +59,7 @@ enum Action {
 #[derive(clap::Args)]
 struct FeedForward {
     /// From 0, no torques, to 1, those that were planned.
-    #[arg(value_name = "SHARE")]
+    #[arg(value_name = "SHARE", allow_negative_numbers = true, value_parser = share)]
     share: f32,
     #[command(flatten)]
     link: LinkArgs,
@@ -88,14 +88,34 @@ struct Set {
 #[group(required = true, multiple = true)]
 struct Values {
     /// Stiffness, N·m/rad.
-    #[arg(long, value_name = "N·m/rad")]
+    #[arg(long, value_name = "N·m/rad", allow_negative_numbers = true, value_parser = gain)]
     kp: Option<f32>,
     /// Damping, N·m·s/rad.
-    #[arg(long, value_name = "N·m·s/rad")]
+    #[arg(long, value_name = "N·m·s/rad", allow_negative_numbers = true, value_parser = gain)]
     kd: Option<f32>,
     /// Torque limit, N·m.
-    #[arg(long, value_name = "N·m")]
+    #[arg(long, value_name = "N·m", allow_negative_numbers = true, value_parser = gain)]
     torque_limit: Option<f32>,
+}
+
+fn share(text: &str) -> Result<f32, String> {
+    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
+    share.ok_or_else(|| "the share is a number from 0 to 1".into())
+}
+
+fn gain(text: &str) -> Result<f32, String> {
+    let gain = text.parse().ok().filter(|gain: &f32| gain.is_finite() && *gain >= 0.0);
+    gain.ok_or_else(|| "a number that is 0 or more".into())
+}
+
+/// Option of a parameter, and its unit.
+fn words(parameter: Parameter) -> (&'static str, &'static str) {
+    match parameter {
+        Parameter::Kp => ("--kp", " N·m/rad"),
+        Parameter::Kd => ("--kd", " N·m·s/rad"),
+        Parameter::MaxTorque => ("--torque-limit", " N·m"),
+        Parameter::FeedForward => ("feed-forward", ""),
+    }
 }
 
 impl Values {
@@ -163,18 +183,13 @@ fn told(link: &LinkArgs, outcome: Result<(), SessionError>, what: &str) -> miett
 
 fn show(args: &Show) -> miette::Result<Exit> {
     let mut session = args.link.visit()?;
-    let catalog = catalog(&session, &args.names)?;
+    let catalog = args.names.look_up(Some(session.hello()))?;
     match read(&mut session, catalog.as_ref()) {
         Ok(shown) if args.json => output::print_json(&shown)?,
         Ok(shown) => output::print(&table(&shown))?,
         Err(error) => return Ok(ended(&args.link, &error)),
     }
     Ok(Exit::Ok)
-}
-
-fn catalog(session: &LiveSession, names: &NamesArgs) -> miette::Result<Option<Catalog>> {
-    let library = session.hello().library;
-    Ok(library.map(|library| names.find(library)).transpose()?.flatten())
 }
 
 fn read(session: &mut LiveSession, catalog: Option<&Catalog>) -> Result<Shown, SessionError> {
@@ -238,7 +253,7 @@ fn table(shown: &Shown) -> String {
 
 fn set(args: &Set) -> miette::Result<Exit> {
     let mut session = args.link.visit()?;
-    let catalog = catalog(&session, &args.names)?;
+    let catalog = args.names.look_up(Some(session.hello()))?;
     let channels = chosen(&args.channel, session.hello().channels, catalog.as_ref())?;
     let name = |channel: u8| {
         channel_name(catalog.as_ref().map_or(&[], |catalog| &catalog.channels), channel)
@@ -249,19 +264,27 @@ fn set(args: &Set) -> miette::Result<Exit> {
             match session.set_parameter(parameter, channel, value) {
                 Ok(()) => set += 1,
                 // `all` sets the channels that have the parameter.
-                Err(error) if channels.len() > 1 && has_none(&error, value) => {
+                Err(error) if channels.len() > 1 && has_none(&error) => {
                     // A channel that lacks both stiffness and damping is listed once.
                     if without.last() != Some(&name(channel)) {
                         without.push(name(channel));
                     }
                 }
                 Err(error) => {
-                    output::say(format_args!(
-                        "{}, {parameter:?}; {set} value(s) were set before; `rollwalk gains reset` sets all to the robot \
-                         file's:",
-                        name(channel)
-                    ));
-                    return Ok(ended(&args.link, &error));
+                    let before = match set {
+                        0 => "nothing was changed".to_owned(),
+                        set => format!(
+                            "{set} value(s) were set before; `rollwalk gains reset` sets all to the robot file's"
+                        ),
+                    };
+                    let (option, unit) = words(parameter);
+                    let what = format!("{}: {option} {value}{unit}", name(channel));
+                    let Some(why) = refusal(&error, &what, value, unit) else {
+                        output::say(format_args!("{what} was not set, {before}:"));
+                        return Ok(ended(&args.link, &error));
+                    };
+                    output::say_report(&miette!(help = before, "{why}"));
+                    return Ok(Exit::NotDone);
                 }
             }
         }
@@ -279,14 +302,30 @@ fn set(args: &Set) -> miette::Result<Exit> {
 }
 
 /// Whether a value was refused because the channel does not have the parameter, as wheels have no stiffness.
-fn has_none(error: &SessionError, wanted: f32) -> bool {
+fn has_none(error: &SessionError) -> bool {
     let SessionError::ParameterRefused { result, value, .. } = error else { return false };
     match result {
         ParameterResult::NotSupported => true,
-        // An upper bound of 0 means that the channel lacks the parameter; a negative value violates the lower bound 0
-        // of every channel.
-        ParameterResult::OutOfRange => *value == 0.0 && wanted > 0.0,
+        // An upper bound of 0; values are 0 or more.
+        ParameterResult::OutOfRange => *value == 0.0,
         _ => false,
+    }
+}
+
+/// Why a value is not allowed; `None` if that is not the reason. `what` names channel and value.
+fn refusal(error: &SessionError, what: &str, value: f32, unit: &str) -> Option<String> {
+    let SessionError::ParameterRefused { result, value: limit, .. } = error else { return None };
+    if has_none(error) {
+        return Some(format!("{what}: it has no such value, as wheels have no stiffness"));
+    }
+    match result {
+        ParameterResult::OutOfRange if value > *limit => {
+            Some(format!("{what} is too much: its robot file allows up to {limit}{unit}"))
+        }
+        ParameterResult::OutOfRange => Some(format!(
+            "{what} is too little: at least {limit}{unit}; while torque is on, half of the robot file's"
+        )),
+        _ => None,
     }
 }
 
@@ -303,7 +342,7 @@ fn chosen(text: &str, count: u8, catalog: Option<&Catalog>) -> miette::Result<Ve
     }
     let Some(catalog) = catalog else {
         return Err(miette!(
-            help = "name the library, --library LIB.rwl, or give the channel's number",
+            help = "name the robot's file, --robot ROBOT.toml, or give the channel's number",
             "`{text}`: the names of the robot's joints are not known on this computer"
         ));
     };

@@ -1,18 +1,22 @@
 //! Files: the one reader, with a bound for every kind, and the one writer, which never leaves half a file and never
 //! writes over what the run reads.
 //!
-//! [`read`] and [`read_text`] give the content of a file; [`Output`] is a place to write to, checked before a long run.
+//! [`read`] and [`read_text`] give the content of a file; [`Output`] is a place to write to, checked before a long run;
+//! [`Lines`] and [`Series`] are files that grow during a run.
 //! Errors name the file and what to do.
 
 mod identity;
 mod read;
+mod series;
 mod write;
 
 pub use read::{Named, read, read_by, read_text, text};
+pub use series::{Lines, Rotation, RotationArgs, Series};
 pub use write::{Output, cannot_write, make_folder, write};
 
 use crate::kind::Kind;
 use miette::Diagnostic;
+use std::ffi::OsString;
 use std::io;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -162,6 +166,16 @@ pub fn ending(
         Some(found) => Ok(Some(found)),
         None => Err(FileError::Ending { what, path: path.to_owned(), endings, help }),
     }
+}
+
+/// The name of a file that belongs to another, as `run.2.log` to `run.log`.
+pub fn numbered(path: &Path, number: u32) -> PathBuf {
+    let mut ending = OsString::from(number.to_string());
+    if let Some(last) = path.extension() {
+        ending.push(".");
+        ending.push(last);
+    }
+    path.with_extension(ending)
 }
 
 /// The folder that a file lies in.

@@ -64,6 +64,19 @@ impl Output {
         Ok(Self { path: path.to_owned(), place })
     }
 
+    /// The path as the user named it.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The path of the file, links followed; of a device or pipe, its own.
+    pub fn target(&self) -> &Path {
+        match &self.place {
+            Place::File { path, .. } => path,
+            Place::Stream => &self.path,
+        }
+    }
+
     /// Refuses a second output that is the same file.
     ///
     /// # Errors

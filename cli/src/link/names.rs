@@ -1,11 +1,14 @@
 //! Names of motions and channels of the controller's library: from the user's cache, which every build and flash of a
-//! library fills, or from the library's file.
+//! library fills, or from the library's file. Names of channels also from the robot's file.
 
+use crate::inputs::Source;
 use crate::kind::Kind;
-use crate::packed::Packed;
-use crate::{files, output};
+use crate::packed::{Packed, channel_names};
+use crate::{files, output, shipped};
 use directories::ProjectDirs;
+use miette::IntoDiagnostic;
 use rollwalk_host::catalog::Catalog;
+use rollwalk_protocol::wire::transport::Hello;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -16,7 +19,7 @@ pub struct NamesArgs {
     #[arg(long, value_name = "LIB.rwl")]
     pub library: Option<PathBuf>,
     /// Robot file (TOML) with the names of joints, if the robot does not ship with rollwalk.
-    #[arg(long, value_name = "ROBOT.toml", requires = "library")]
+    #[arg(long, value_name = "ROBOT.toml")]
     pub robot: Option<PathBuf>,
 }
 
@@ -37,6 +40,37 @@ impl NamesArgs {
             ));
         }
         Ok(Some(catalog))
+    }
+
+    /// The names for a controller whose identity is known or not: of motions and channels where its
+    /// library is known, otherwise of channels where its robot is.
+    ///
+    /// # Errors
+    /// A file that was named is missing or wrong.
+    pub fn look_up(&self, hello: Option<&Hello>) -> miette::Result<Option<Catalog>> {
+        let library = hello.and_then(|hello| hello.library);
+        if let Some(catalog) = library.map(|library| self.find(library)).transpose()?.flatten() {
+            return Ok(Some(catalog));
+        }
+        let (robot, config_hash) = match (&self.robot, hello) {
+            (Some(path), _) => {
+                let robot = Source::Disk.robot(path)?;
+                let config_hash = robot.controller_config().into_diagnostic()?.hash();
+                if hello.is_some_and(|hello| hello.config_hash != config_hash) {
+                    output::say(format_args!(
+                        "{} is not the controller's robot: names may be wrong",
+                        path.display()
+                    ));
+                }
+                (robot, config_hash)
+            }
+            (None, Some(hello)) => match shipped::robot_of(hello.config_hash) {
+                Some(robot) => (robot, hello.config_hash),
+                None => return Ok(None),
+            },
+            (None, None) => return Ok(None),
+        };
+        Ok(Some(Catalog::of_robot(&robot.name, config_hash, channel_names(&robot))))
     }
 }
 

@@ -80,6 +80,13 @@ impl LinkStatus {
         }
     }
 
+    /// Takes the state of an acknowledged emergency stop, which is newer than the last status.
+    pub fn on_stopped(&mut self, state: State) {
+        if let Some((_, status)) = &mut self.status {
+            status.state = state;
+        }
+    }
+
     /// Processes a fault report.
     pub fn on_fault(&mut self, now_us: u64, report: FaultReport, log: &mut Log) {
         let known = self.reports.insert(report.fault.code(), (now_us, report));

@@ -182,8 +182,9 @@ impl Operator {
             }
             Some(Incoming::Fault(report)) => self.link.on_fault(now_us, report, &mut self.log),
             Some(Incoming::Joint(joint)) => self.link.on_joint(now_us, joint),
-            Some(Incoming::EstopAck(_)) => {
+            Some(Incoming::EstopAck(ack)) => {
                 self.stopped();
+                self.link.on_stopped(ack.state);
                 self.log.say(now_us, Weight::Note, "the emergency stop is acknowledged");
             }
             Some(Incoming::Ack(ack)) => {
@@ -192,6 +193,13 @@ impl Operator {
                 }
             }
             Some(Incoming::Response(Response::Hello(hello))) => self.on_hello(now_us, hello),
+            Some(Incoming::Restarted) => {
+                self.log.say(now_us, Weight::Warning, "the controller has restarted");
+                // It may have lost its library, or be another one.
+                self.hello = None;
+                self.ask_hello_us = now_us;
+                self.forget_orders();
+            }
             Some(
                 Incoming::Alive
                 | Incoming::Parameter(_)

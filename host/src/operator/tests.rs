@@ -469,3 +469,32 @@ fn lost_frames_faults_and_silence_are_told() {
     assert!(desk.last_words().starts_with("no contact"), "{}", desk.last_words());
     assert!(!desk.operator.view(desk.now_us).link.contact);
 }
+
+#[test]
+fn a_controller_that_has_restarted_is_called_that_and_asked_who_it_is() {
+    let mut desk = Desk::new();
+    desk.now_us = 200_000;
+    desk.poll();
+    desk.reply();
+    assert!(desk.operator.hello().is_some());
+    desk.now_us = 400_000;
+    desk.hear(status(State::Disarmed, 1).encode(node()));
+    desk.poll();
+    desk.hear(HeartbeatReply { seq: desk.heartbeat, controller_ms: 40 }.encode(node()));
+    assert_eq!(desk.last_words(), "the controller has restarted");
+    assert!(desk.operator.hello().is_none());
+    assert!(desk.poll().contains(&ToController::Transport), "HELLO");
+}
+
+#[test]
+fn an_acknowledged_stop_can_be_cleared_before_the_next_status() {
+    let mut desk = Desk::new();
+    desk.hear(status(State::Playing, 1).encode(node()));
+    desk.want(Intent::Estop);
+    desk.poll();
+    desk.hear(EstopAck { state: State::EStopped }.encode(node()));
+    desk.want(Intent::Clear);
+    desk.poll();
+    let actions: Vec<_> = desk.commands().iter().map(|command| command.action).collect();
+    assert_eq!(actions, [Action::ClearRequest], "{}", desk.last_words());
+}

@@ -5,7 +5,7 @@ use crate::refusal::{command_refusal, parameter_refusal, transfer_refusal};
 use rollwalk_bus::link::LinkError;
 use rollwalk_protocol::wire::transport::Reply;
 use rollwalk_protocol::wire::{
-    CommandResult, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterResult, SCHEMA_HASH, Status,
+    CommandResult, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterResult, SCHEMA_HASH, State, Status,
 };
 
 /// Failure of a session.
@@ -76,7 +76,7 @@ pub enum SessionError {
         result: CommandResult,
     },
     /// A request about parameters was refused.
-    #[error("the controller refused to {what}: {}", parameter_refusal(*result, *value))]
+    #[error("the controller refused to {what}: {}", parameter_refusal(*result, *value, *state))]
     ParameterRefused {
         /// The request, in words.
         what: &'static str,
@@ -84,6 +84,8 @@ pub enum SessionError {
         result: ParameterResult,
         /// Limit that the request exceeded, if any.
         value: f32,
+        /// State of the controller, if it is known.
+        state: Option<State>,
     },
     /// A library, or a step of its transfer, was refused.
     #[error("the controller refused the library: {}", transfer_refusal(reply))]

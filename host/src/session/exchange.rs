@@ -107,11 +107,14 @@ impl<B: LinkBus> Exchange<B> {
             match result {
                 ParameterResult::Ok => return Ok(value),
                 ParameterResult::OutOfOrder => {}
-                _ => return Err(SessionError::ParameterRefused { what, result, value }),
+                _ => {
+                    let state = self.status().map(|status| status.state);
+                    return Err(SessionError::ParameterRefused { what, result, value, state });
+                }
             }
         }
         let result = ParameterResult::OutOfOrder;
-        Err(SessionError::ParameterRefused { what, result, value: 0.0 })
+        Err(SessionError::ParameterRefused { what, result, value: 0.0, state: None })
     }
 
     /// Sends a transport request up to `sends` times until `wanted` accepts an answer. Every request is safe to

@@ -20,9 +20,15 @@ impl History {
         self.now_ms.wrapping_sub(entry.at_ms)
     }
 
-    /// Entry that explains the last stop: the last one that led out of Ready, Playing or Paused.
+    /// Entry that explains the last stop: the last one that led out of Ready, Playing or Paused, or from a robot that
+    /// was disarmed or aligned to a stop that has to be cleared.
     pub fn last_stop(&self) -> Option<&LogEntry> {
-        let stops = |entry: &&LogEntry| follows(entry.before) && !follows(entry.after);
+        let latched = |entry: &LogEntry| {
+            matches!(entry.before, State::Disarmed | State::Aligning)
+                && matches!(entry.after, State::EStopped | State::TorqueOff | State::Damped)
+        };
+        let stops =
+            |entry: &&LogEntry| follows(entry.before) && !follows(entry.after) || latched(entry);
         self.entries.iter().rev().map(|(_, entry)| entry).find(stops)
     }
 }
@@ -88,6 +94,13 @@ mod tests {
         ];
         assert_eq!(history.last_stop(), Some(&lost));
         assert_eq!(history.age_ms(&lost), 10);
+        // One that is on its way down anyway adds nothing; one of a robot that was disarmed does.
+        let late = entry(26, Event::EStop, State::Damped, State::EStopped);
+        history.entries.push((12, late));
+        assert_eq!(history.last_stop(), Some(&lost));
+        let anew = entry(29, Event::EStop, State::Disarmed, State::EStopped);
+        history.entries.push((13, anew));
+        assert_eq!(history.last_stop(), Some(&anew));
         assert_eq!(history.age_ms(&first), 31);
     }
 }

@@ -259,7 +259,11 @@ impl<'a> App<'a> {
         }
         let (names, other) = self.lookup.names(hello.config_hash, hello.library);
         self.named = wanted;
-        if other {
+        if hello.library.is_none() {
+            let text =
+                "the controller has no library: quit, and `rollwalk flash LIB.rwl` gives it one";
+            self.operator.say(now_us, Weight::Warning, text);
+        } else if other {
             let text = "the controller has another library than the one named with --library";
             self.operator.say(now_us, Weight::Warning, text);
         }

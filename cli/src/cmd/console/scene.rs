@@ -2,7 +2,7 @@
 
 use crate::inputs::Source;
 use crate::link::names::{self, NamesArgs};
-use crate::packed::Packed;
+use crate::packed::{Packed, channel_names};
 use crate::shipped;
 use rollwalk_host::catalog::{Catalog, channel_name};
 use rollwalk_host::operator::View;
@@ -90,6 +90,8 @@ impl Names {
 /// Where names come from: the files that were named, else what is kept on this computer.
 pub struct Lookup {
     given: Option<Packed>,
+    /// The robot that was named, without or with a library.
+    robot: Option<Robot>,
 }
 
 impl Lookup {
@@ -99,12 +101,17 @@ impl Lookup {
     /// One is missing or wrong.
     pub fn new(args: &NamesArgs) -> miette::Result<Self> {
         let read = |library| Packed::read(library, args.robot.as_deref());
-        Ok(Self { given: args.library.as_deref().map(read).transpose()? })
+        let given = args.library.as_deref().map(read).transpose()?;
+        let robot = match (&given, &args.robot) {
+            (Some(packed), _) => Some(packed.robot.clone()),
+            (None, path) => path.as_deref().map(|path| Source::Disk.robot(path)).transpose()?,
+        };
+        Ok(Self { given, robot })
     }
 
     /// Hash of the configuration that the controller must have, if a robot was named.
     pub fn config_hash(&self) -> Option<u32> {
-        Some(config(&self.given.as_ref()?.robot)?.hash())
+        Some(config(self.robot.as_ref()?)?.hash())
     }
 
     /// Names and limits for a controller with this configuration and library; and whether the library is
@@ -113,10 +120,8 @@ impl Lookup {
         let given = self.given.as_ref().map(Packed::catalog);
         let other = given.as_ref().is_some_and(|given| Some(given.library) != library);
         let catalog = given.filter(|_| !other).or_else(|| names::kept(library?));
-        let given = self.given.as_ref().map(|packed| packed.robot.clone());
-        let shipped = || shipped::robots().filter_map(|file| Source::Shipped.robot(file).ok());
         let fits = |robot: &Robot| config(robot).is_some_and(|c| c.hash() == config_hash);
-        let robot = given.filter(&fits).or_else(|| shipped().find(fits));
+        let robot = self.robot.clone().filter(fits).or_else(|| shipped::robot_of(config_hash));
         let Some(robot) = robot else {
             let robot = catalog.as_ref().map(|catalog| catalog.robot.clone());
             let channels = catalog.as_ref().map(|catalog| catalog.channels.clone());
@@ -124,7 +129,7 @@ impl Lookup {
             return (Names { catalog, robot, channels, ranges: Vec::new() }, other);
         };
         let ranges = config(&robot).map_or_else(Vec::new, ranges);
-        let channels = robot.channels().map(|channel| channel.name().to_owned()).collect();
+        let channels = channel_names(&robot);
         (Names { catalog, robot: Some(robot.name), channels, ranges }, other)
     }
 }

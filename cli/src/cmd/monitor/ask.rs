@@ -1,5 +1,5 @@
-//! The one request of a monitor, for names: which library the controller has. It waits for the end of other programs'
-//! transfers, and keeps the frames received meanwhile.
+//! The one request of a monitor, for names: which robot and library the controller has. It waits for the end of other
+//! programs' transfers, and keeps the frames received meanwhile.
 
 use super::since_1970_us;
 use rollwalk_bus::link::{LinkBus, LinkError};
@@ -7,6 +7,7 @@ use rollwalk_host::listener::{self, Listener};
 use rollwalk_host::session::Session;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::Node;
+use rollwalk_protocol::wire::transport::Hello;
 
 /// A link that records every frame, with its time since 1970 in µs.
 struct Kept<'a, B> {
@@ -36,14 +37,14 @@ impl<B: LinkBus> LinkBus for Kept<'_, B> {
     }
 }
 
-/// Reads the identity of the library of controller `node`, if the controller is heard and answers before `end_us`. Adds
-/// all frames of the link meanwhile to `frames`.
-pub fn library(
+/// Reads the identity of controller `node`, if it is heard and answers before `end_us`. Adds all frames of the link
+/// meanwhile to `frames`.
+pub fn identity(
     bus: &mut impl LinkBus,
     node: Node,
     end_us: u64,
     frames: &mut Vec<(u64, Frame)>,
-) -> Option<u32> {
+) -> Option<Hello> {
     let mut bus = Kept { bus, frames };
     let now_us = bus.now_us();
     let timeout_us = listener::PAUSE_TIMEOUT_US.min(end_us.saturating_sub(now_us));
@@ -52,7 +53,7 @@ pub fn library(
     if !listener.has_controller() || !listener.may_ask(bus.now_us()) {
         return None;
     }
-    Session::visit(&mut bus, node).ok()?.hello().library
+    Some(*Session::visit(&mut bus, node).ok()?.hello())
 }
 
 #[cfg(test)]
@@ -88,7 +89,7 @@ mod tests {
     fn ask(frame: Frame, end_us: u64) -> (Wire, Vec<(u64, Frame)>) {
         let mut wire = Wire { now_us: 0, frame, sent: Vec::new() };
         let mut frames = Vec::new();
-        assert_eq!(library(&mut wire, Node::new(1).unwrap(), end_us, &mut frames), None);
+        assert_eq!(identity(&mut wire, Node::new(1).unwrap(), end_us, &mut frames), None);
         (wire, frames)
     }
 

@@ -1,25 +1,25 @@
 //! `rollwalk monitor`: listens to a link, prints its messages, writes logs and telemetry.
 
 mod ask;
+mod recording;
 mod view;
 
-use crate::files::Output;
+use crate::files::{Lines, Output, RotationArgs};
 use crate::link::names::NamesArgs;
 use crate::link::{Interruptible, LinkArgs};
 use crate::packed::Packed;
 use crate::{Exit, interrupt, output};
 use miette::miette;
+use recording::Recording;
 use rollwalk_bus::candump::LogEntry;
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::name::BusName;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::decode::{DecodedFrame, decode};
-use rollwalk_host::telemetry::{Known, Telemetry};
+use rollwalk_host::telemetry::Known;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
 use serde::Serialize;
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 use view::View;
@@ -32,7 +32,7 @@ const SILENCE_US: u64 = 2_000_000;
 /// A monitor is not a host: it sends neither commands nor heartbeats, so it does not keep a robot armed. On a serial
 /// line it receives the controller's frames only, and no other program can use the line.
 ///
-/// For the names of motions it asks the controller once which library it has, as soon as no transfer of another program
+/// For names it asks the controller once which robot and library it has, as soon as no transfer of another program
 /// is in progress. It does not ask with --library, nor with --json, which prints no names, unless --mcap needs them.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
@@ -44,7 +44,8 @@ Examples:
 
 A log is in candump's format: canplayer replays it; docs/decode_log.py and cantools decode it with
 docs/rollwalk.dbc. Foxglove opens the MCAP file: /joint_states has measured positions,
-/planned_joint_states planned ones.")]
+/planned_joint_states, which takes --library, planned ones. Both are complete when the monitor
+ends, by Ctrl-C, SIGTERM or SIGHUP as well; killed otherwise it loses a second.")]
 pub struct Args {
     #[command(flatten)]
     link: LinkArgs,
@@ -59,6 +60,8 @@ pub struct Args {
     /// Write telemetry for Foxglove.
     #[arg(long, value_name = "FILE")]
     mcap: Option<PathBuf>,
+    #[command(flatten)]
+    rotation: RotationArgs,
     /// End after this many seconds.
     #[arg(long = "for", value_name = "SECONDS")]
     seconds: Option<f64>,
@@ -93,8 +96,14 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         log.apart_from(mcap)?;
     }
     let mut bus = args.link.open()?;
-    let log = log.as_ref().map(Output::create).transpose()?;
-    let mcap = mcap.as_ref().map(Output::create).transpose()?;
+    if let (Some(path), None) = (&args.mcap, &packed) {
+        output::say(format_args!(
+            "{} gets no /planned_joint_states: --library LIB.rwl adds them",
+            path.display()
+        ));
+    }
+    let rotation = args.rotation.rotate;
+    let log = log.as_ref().map(|output| Lines::create(output, rotation)).transpose()?;
     let (start_us, began_us) = (bus.now_us(), since_1970_us());
     let end_us =
         args.seconds.map_or(u64::MAX, |seconds| start_us.saturating_add((seconds * 1e6) as u64));
@@ -104,26 +113,23 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         // Frames are printed without names.
         None if args.json && mcap.is_none() => None,
         None => {
-            let library = ask::library(&mut bus, args.link.node, end_us, &mut before);
-            library.map(|library| args.names.find(library)).transpose()?.flatten()
+            let hello = ask::identity(&mut bus, args.link.node, end_us, &mut before);
+            args.names.look_up(hello.as_ref())?
         }
     };
     let known = known(catalog.as_ref(), packed.as_ref(), config.as_ref());
-    let mcap = mcap.map(|file| Telemetry::new(file, args.link.node, known)).transpose();
-    let mut sinks = Sinks {
+    let mcap = mcap.map(|output| Recording::begin(&output, rotation, args.link.node, known));
+    let mut monitor = Monitor {
         interface: interface(&args.link.bus),
         json: args.json,
         log,
-        mcap: mcap.map_err(|error| miette!("{error}"))?,
+        mcap: mcap.transpose()?,
+        view: View::new(catalog.as_ref(), args.joints, args.json, began_us),
+        node: args.link.node.number(),
     };
-    let mut view = View::new(catalog.as_ref(), args.joints, args.json, began_us);
-    let mut take = |at_us, frame: &Frame| {
-        sinks.take(at_us, frame)?;
-        view.take(at_us, args.link.node.number(), frame)
-    };
-    let outcome = before.iter().try_for_each(|(at_us, frame)| take(*at_us, frame));
-    let outcome = outcome.and_then(|()| listen(&mut bus, args, end_us, take));
-    sinks.finish()?;
+    let outcome = before.iter().try_for_each(|(at_us, frame)| monitor.take(*at_us, frame));
+    let outcome = outcome.and_then(|()| listen(&mut bus, args, end_us, &mut monitor));
+    monitor.finish()?;
     match outcome {
         Ok(()) => Ok(Exit::Ok),
         Err(_) if interrupt::requested() => Ok(Exit::Ok),
@@ -148,7 +154,7 @@ fn listen(
     bus: &mut Interruptible,
     args: &Args,
     end_us: u64,
-    mut take: impl FnMut(u64, &Frame) -> miette::Result<()>,
+    monitor: &mut Monitor<'_>,
 ) -> miette::Result<()> {
     let down = |error: LinkError| miette!("{error}");
     let mut silent_us = bus.now_us();
@@ -157,13 +163,14 @@ fn listen(
         match bus.receive(deadline_us).map_err(down)? {
             Some(frame) => {
                 silent_us = bus.now_us();
-                take(since_1970_us(), &frame)?;
+                monitor.take(since_1970_us(), &frame)?;
             }
             None if bus.now_us() >= silent_us.saturating_add(SILENCE_US)
                 && bus.now_us() < end_us =>
             {
                 let why = bus.complaint().unwrap_or_else(|| "is the robot switched on?".into());
                 output::say(format_args!("silence on {}: {why}", args.link.bus));
+                monitor.keep()?;
                 // Once is enough.
                 silent_us = u64::MAX;
             }
@@ -183,23 +190,25 @@ fn interface(bus: &BusName) -> String {
     }
 }
 
-/// Where frames are written to.
-struct Sinks<'a> {
+/// Where frames go.
+struct Monitor<'a> {
     interface: String,
     json: bool,
-    log: Option<BufWriter<File>>,
-    mcap: Option<Telemetry<'a, BufWriter<File>>>,
+    log: Option<Lines>,
+    mcap: Option<Recording<'a>>,
+    view: View<'a>,
+    /// The controller's address.
+    node: u8,
 }
 
-impl Sinks<'_> {
+impl Monitor<'_> {
     fn take(&mut self, at_us: u64, frame: &Frame) -> miette::Result<()> {
         if let Some(log) = &mut self.log {
             let interface = self.interface.as_str();
-            let entry = LogEntry { at_us, interface, frame: *frame };
-            writeln!(log, "{entry}").map_err(|error| miette!("the log: {error}"))?;
+            log.push(LogEntry { at_us, interface, frame: *frame })?;
         }
         if let Some(mcap) = &mut self.mcap {
-            mcap.on_frame(at_us, frame).map_err(|error| miette!("the telemetry: {error}"))?;
+            mcap.take(at_us, frame)?;
         }
         if self.json
             && let Some(id) = frame.standard_id()
@@ -213,16 +222,17 @@ impl Sinks<'_> {
             };
             output::print(&serde_json::to_string(&line).map_err(|error| miette!("{error}"))?)?;
         }
-        Ok(())
+        self.view.take(at_us, self.node, frame)
+    }
+
+    /// Writes what waits for more.
+    fn keep(&mut self) -> miette::Result<()> {
+        self.log.as_mut().map_or(Ok(()), Lines::keep)?;
+        self.mcap.as_mut().map_or(Ok(()), Recording::keep)
     }
 
     fn finish(self) -> miette::Result<()> {
-        if let Some(mut log) = self.log {
-            log.flush().map_err(|error| miette!("the log: {error}"))?;
-        }
-        if let Some(mcap) = self.mcap {
-            mcap.finish().map_err(|error| miette!("the telemetry: {error}"))?;
-        }
-        Ok(())
+        self.log.map_or(Ok(()), |mut log| log.flush())?;
+        self.mcap.map_or(Ok(()), Recording::finish)
     }
 }

@@ -136,6 +136,11 @@ impl<'a> View<'a> {
             Action::Unknown { kind, .. } => format!("of unknown kind {kind}"),
         };
         match result {
+            // Its host begins to count where the one before had got to.
+            CommandResult::OutOfOrder => self.say(
+                at_us,
+                &format!("command: {what}: its number has been used; its host takes the next"),
+            ),
             CommandResult::Ok => self.say(at_us, &format!("command: {what}")),
             _ => self.say(at_us, &format!("command: {what}: refused, {}", command_refusal(result))),
         }

@@ -3,10 +3,11 @@
 mod play;
 mod wanted;
 
+use crate::inputs::Source;
 use crate::link::names::NamesArgs;
 use crate::link::{LinkArgs, LiveSession, ended};
 use crate::{Exit, interrupt, output};
-use miette::miette;
+use miette::{IntoDiagnostic, miette};
 use play::play;
 use rollwalk_host::describe::state_name;
 use rollwalk_host::session::SessionError;
@@ -82,7 +83,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             Err(error) => Ok(ended(&args.link, &error)),
         };
     }
-    if let Some(catalog) = &catalog {
+    if let (Some(path), None) = (&args.names.robot, &args.names.library) {
+        let robot = Source::Disk.robot(path)?;
+        session.expect_robot(robot.controller_config().into_diagnostic()?.hash());
+    } else if let Some(catalog) = &catalog {
         session.expect_robot(catalog.config_hash);
     }
     match session.arm_request() {

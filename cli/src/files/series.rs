@@ -1,0 +1,302 @@
+//! Files that grow during a run, and their bound: a full one is followed by another, and the oldest are removed.
+
+use super::{Output, cannot_write, numbered};
+use crate::output;
+use std::collections::VecDeque;
+use std::fmt::{self, Display};
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::time::{Duration, Instant};
+
+/// Interval at which a growing file is written to the disk: what a killed program loses at most.
+const PERIOD: Duration = Duration::from_secs(1);
+
+/// When a file is followed by another, and how many are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rotation {
+    /// Size of a full file, MB; `None` for files without bound.
+    megabytes: Option<u64>,
+    /// Files that are kept.
+    files: usize,
+}
+
+/// Ten gigabytes: twelve hours of a robot with twenty motors.
+impl Default for Rotation {
+    fn default() -> Self {
+        Self { megabytes: Some(250), files: 40 }
+    }
+}
+
+impl Display for Rotation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.megabytes {
+            Some(megabytes) => write!(f, "{megabytes}x{}", self.files),
+            None => f.write_str("off"),
+        }
+    }
+}
+
+impl FromStr for Rotation {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        if text == "off" {
+            return Ok(Self { megabytes: None, files: usize::MAX });
+        }
+        let parts = text.split_once('x');
+        let parts = parts.and_then(|(size, files)| Some((size.parse().ok()?, files.parse().ok()?)));
+        match parts {
+            Some((megabytes @ 1..=1_000_000, files @ 2..=10_000)) => {
+                Ok(Self { megabytes: Some(megabytes), files })
+            }
+            _ => Err(
+                "megabytes and number of files are given as 250x40: 1 to 1000000 MB, 2 to 10000 files; or `off`"
+                    .into(),
+            ),
+        }
+    }
+}
+
+/// Option of commands that write logs.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub struct RotationArgs {
+    /// Size of a full log in MB, which is followed by another (run.log, run.2.log, ...), and how many are kept; or off.
+    #[arg(long, value_name = "MBxFILES", default_value_t)]
+    pub rotate: Rotation,
+}
+
+/// Whether it is time to write a growing file to the disk.
+struct Clock(Instant);
+
+impl Clock {
+    fn strikes(&mut self) -> bool {
+        let strikes = self.0.elapsed() >= PERIOD;
+        if strikes {
+            self.0 = Instant::now();
+        }
+        strikes
+    }
+}
+
+/// The files of a run, one after the other. Files that were there before are left alone, but for the first, which the
+/// user has named.
+pub struct Series {
+    /// The first file, as the user named it.
+    named: PathBuf,
+    /// The same, links followed.
+    first: PathBuf,
+    rotation: Rotation,
+    /// Number of the file that is written.
+    number: u32,
+    /// Files of this run, oldest first; the last is written.
+    files: VecDeque<PathBuf>,
+    /// The file that is written, for its size.
+    file: File,
+    clock: Clock,
+    says: bool,
+}
+
+impl Series {
+    /// Begins with the file of `output`: empties or makes it.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn begin(output: &Output, rotation: Rotation) -> miette::Result<(Self, BufWriter<File>)> {
+        let file = output.create()?;
+        let series = Self {
+            named: output.path().to_owned(),
+            first: output.target().to_owned(),
+            rotation,
+            number: 1,
+            files: VecDeque::from([output.target().to_owned()]),
+            file: copy(output.path(), file.get_ref())?,
+            clock: Clock(Instant::now()),
+            says: true,
+        };
+        Ok((series, file))
+    }
+
+    /// Whether it is time to flush; then [`next`](Self::next).
+    pub fn is_due(&mut self) -> bool {
+        self.clock.strikes()
+    }
+
+    /// The file that follows if the present one is full. Only what is flushed counts.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn next(&mut self) -> miette::Result<Option<BufWriter<File>>> {
+        let named = self.named.clone();
+        let failed = |error| cannot_write(&named, error);
+        let found = self.file.metadata().map_err(failed)?;
+        // Devices and pipes do not fill up.
+        let is_full = |megabytes: u64| found.is_file() && found.len() >= megabytes * 1_000_000;
+        if !self.rotation.megabytes.is_some_and(is_full) {
+            return Ok(None);
+        }
+        let (path, file) = self.make().map_err(failed)?;
+        self.file = copy(&path, &file)?;
+        self.files.push_back(path);
+        while self.files.len() > self.rotation.files {
+            let oldest = self.files.pop_front().unwrap_or_default();
+            // Somebody may have moved it away.
+            if fs::remove_file(&oldest).is_ok() && std::mem::take(&mut self.says) {
+                output::say(format_args!(
+                    "removed {}, the oldest of {} files: --rotate {} keeps no more",
+                    oldest.display(),
+                    self.rotation.files + 1,
+                    self.rotation
+                ));
+            }
+        }
+        Ok(Some(BufWriter::new(file)))
+    }
+
+    /// Makes a file with the next number that is free.
+    fn make(&mut self) -> io::Result<(PathBuf, File)> {
+        loop {
+            self.number += 1;
+            let path = numbered(&self.first, self.number);
+            match File::create_new(&path) {
+                Ok(file) => return Ok((path, file)),
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(error),
+            }
+        }
+    }
+}
+
+fn copy(path: &Path, file: &File) -> miette::Result<File> {
+    file.try_clone().map_err(|error| cannot_write(path, error))
+}
+
+/// A log that grows line by line.
+pub struct Lines {
+    path: PathBuf,
+    series: Series,
+    file: BufWriter<File>,
+}
+
+impl Lines {
+    /// An empty log.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn create(output: &Output, rotation: Rotation) -> miette::Result<Self> {
+        let (series, file) = Series::begin(output, rotation)?;
+        Ok(Self { path: output.path().to_owned(), series, file })
+    }
+
+    /// Adds a line.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn push(&mut self, line: impl Display) -> miette::Result<()> {
+        let written = writeln!(self.file, "{line}");
+        written.map_err(|error| cannot_write(&self.path, error))?;
+        self.keep()
+    }
+
+    /// Writes what waits, once a second.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn keep(&mut self) -> miette::Result<()> {
+        if self.series.is_due() {
+            self.flush()?;
+            if let Some(next) = self.series.next()? {
+                self.file = next;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes what waits.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn flush(&mut self) -> miette::Result<()> {
+        self.file.flush().map_err(|error| cannot_write(&self.path, error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A series in a folder, full at a megabyte.
+    fn series(folder: &Path, files: usize) -> (Series, BufWriter<File>) {
+        let output = Output::at(&folder.join("run.log")).unwrap();
+        Series::begin(&output, Rotation { megabytes: Some(1), files }).unwrap()
+    }
+
+    /// Fills a file, and gives the one that follows.
+    fn fill(series: &mut Series, mut file: BufWriter<File>, mark: u8) -> BufWriter<File> {
+        file.write_all(&vec![mark; 999_999]).unwrap();
+        file.flush().unwrap();
+        assert!(series.next().unwrap().is_none());
+        file.write_all(&[mark]).unwrap();
+        file.flush().unwrap();
+        series.next().unwrap().unwrap()
+    }
+
+    fn files(folder: &Path) -> Vec<(String, Option<u8>)> {
+        let entries = fs::read_dir(folder).unwrap().map(|entry| {
+            let path = entry.unwrap().path();
+            let first = fs::read(&path).unwrap().first().copied();
+            (path.file_name().unwrap().to_str().unwrap().to_owned(), first)
+        });
+        let mut files: Vec<_> = entries.collect();
+        files.sort();
+        files
+    }
+
+    #[test]
+    fn the_newest_files_stay_and_those_of_others() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("run.3.log"), "x").unwrap();
+        let (mut series, mut file) = series(folder.path(), 2);
+        for mark in *b"abc" {
+            file = fill(&mut series, file, mark);
+        }
+        drop(file);
+        let (old, now) = (("run.4.log".into(), Some(b'c')), ("run.5.log".into(), None));
+        assert_eq!(files(folder.path()), [("run.3.log".into(), Some(b'x')), old, now]);
+    }
+
+    #[test]
+    fn a_log_that_is_killed_has_lost_a_second() {
+        let folder = tempfile::tempdir().unwrap();
+        let output = Output::at(&folder.path().join("run.log")).unwrap();
+        let mut lines = Lines::create(&output, Rotation::default()).unwrap();
+        lines.push("one").unwrap();
+        assert_eq!(fs::read(folder.path().join("run.log")).unwrap(), b"");
+        lines.series.clock.0 -= PERIOD;
+        lines.push("two").unwrap();
+        // What follows would be lost.
+        assert_eq!(fs::read(folder.path().join("run.log")).unwrap(), b"one\ntwo\n");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_log_whose_end_the_disk_does_not_take_says_so() {
+        let full = Output::at(Path::new("/dev/full")).unwrap();
+        let mut lines = Lines::create(&full, Rotation::default()).unwrap();
+        // It waits for more.
+        lines.push("one").unwrap();
+        let error = lines.flush().unwrap_err().to_string();
+        assert!(error.starts_with("cannot write /dev/full: No space left"), "{error}");
+    }
+
+    #[test]
+    fn rotations_are_read_as_they_are_shown() {
+        for text in ["250x40", "1x2", "off"] {
+            assert_eq!(text.parse::<Rotation>().unwrap().to_string(), text);
+        }
+        for wrong in ["", "250", "0x4", "10x1", "x", "1x2x3", "-1x3"] {
+            wrong.parse::<Rotation>().expect_err(wrong);
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! What `rollwalk monitor` records, however it ends.
+
+use crate::desk_with_shipped_files;
+use crate::simulated::{Robot, command_on, desk_with_library_file, on};
+use mcap::read::Options;
+use mcap::{MessageStream, Summary};
+use rollwalk_tests::{Desk, Outcome, signal};
+use std::collections::BTreeSet;
+use std::fs;
+use std::process::{Child, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+/// Topics of the messages in a file that may end anywhere.
+fn topics(bytes: &[u8]) -> BTreeSet<String> {
+    let messages = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into());
+    let messages = messages.into_iter().flatten().map_while(Result::ok);
+    messages.map(|message| message.channel.topic.clone()).collect()
+}
+
+/// A monitor that has recorded something.
+fn record(desk: &Desk, bus: &str, name: &str) -> Child {
+    let (log, mcap) = (format!("{name}.log"), format!("{name}.mcap"));
+    let mut command = command_on(desk, bus, &["monitor", "--log", &log, "--mcap", &mcap]);
+    let monitor = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+    let start = Instant::now();
+    while topics(&fs::read(desk.path(&mcap)).unwrap_or_default()).is_empty() {
+        assert!(start.elapsed() < Duration::from_secs(60), "nothing is recorded");
+        sleep(Duration::from_millis(20));
+    }
+    monitor.expect("the monitor starts")
+}
+
+#[test]
+fn a_recording_is_whole_however_the_monitor_ends() {
+    let desk = desk_with_shipped_files();
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    let _robot = Robot::start(&desk, &bus);
+    for name in ["INT", "TERM", "HUP", "KILL"] {
+        let monitor = record(&desk, &bus, name);
+        signal(&monitor, name);
+        let outcome = Outcome::from(monitor.wait_with_output().expect("it ends"));
+        let bytes = desk.read(&format!("{name}.mcap"));
+        let summary = Summary::read(&bytes).ok().flatten();
+        let is_whole = summary.is_some_and(|summary| !summary.chunk_indexes.is_empty());
+        assert_eq!((outcome.code, is_whole), if name == "KILL" { (-1, false) } else { (0, true) });
+        assert!(topics(&bytes).contains("/joint_states"), "{name}");
+        let planned = b"/planned_joint_states";
+        assert!(!bytes.windows(planned.len()).any(|window| window == planned), "not even a topic");
+        let says = format!("{name}.mcap gets no /planned_joint_states: --library LIB.rwl");
+        assert!(outcome.stderr.contains(&says), "{}", outcome.stderr);
+        let log = desk.read_text(&format!("{name}.log"));
+        assert!(log.lines().count() > 10 && log.ends_with('\n'), "{log}");
+    }
+}
+
+#[test]
+fn planned_joint_states_are_those_of_the_library() {
+    let desk = desk_with_library_file();
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    on(&desk, &bus, &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    let _robot = Robot::start(&desk, &bus);
+    on(&desk, &bus, &["flash", "legbot.rwl"]).succeeds();
+    let args = ["monitor", "--mcap", "run.mcap", "--library", "legbot.rwl"];
+    let mut monitor = command_on(&desk, &bus, &args);
+    let monitor = monitor.stdout(Stdio::null()).spawn().expect("the monitor starts");
+    let start = Instant::now();
+    // It listens once the file is there.
+    while !desk.path("run.mcap").exists() {
+        assert!(start.elapsed() < Duration::from_secs(60), "nothing is recorded");
+        sleep(Duration::from_millis(20));
+    }
+    on(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
+    signal(&monitor, "TERM");
+    monitor.wait_with_output().expect("it ends");
+    let topics = topics(&desk.read("run.mcap"));
+    assert!(topics.contains("/planned_joint_states"), "{topics:?}");
+}
