@@ -1,11 +1,14 @@
 //! `rollwalk-sim`: a robot without hardware on a bus of this computer, in real time.
 
+mod memory;
+
 use crate::cmd::buses::BusLoads;
-use crate::files::Output;
+use crate::files::{Lines, Output, RotationArgs};
 use crate::inputs::Source;
 use crate::link::cannot_open;
-use crate::{Exit, end, exit, files, interrupt, output};
+use crate::{Exit, end, exit, interrupt, output};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
+use memory::Memory;
 use miette::{IntoDiagnostic, miette};
 use rollwalk_bus::link::LinkError;
 use rollwalk_bus::name::BusName;
@@ -23,9 +26,7 @@ use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::interface::LogEntry;
 use rollwalk_sim_host::live::{Reopen, controller, motors, whole};
 use rollwalk_sim_host::rig::{CannotSimulate, Rig};
-use std::fs::File;
-use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -42,12 +43,17 @@ const ACTUATOR_DEPTH: usize = 2;
 /// can take their place. Motors speak what the file's [[bus]] says. The robot hangs on a stand: there is
 /// no ground under it.
 ///
+/// Like a robot's, its memory keeps the library that was flashed, with --library: a file that is read when the robot
+/// is switched on, if it is there, and has what was flashed since. A library that was in it before is not lost: it is
+/// put aside in a file of its own (pup.2.rwl for pup.rwl) before the first other one takes its place.
+///
 /// Runs until Ctrl-C.
 #[derive(Parser)]
 #[command(name = "rollwalk-sim", version, max_term_width = 100)]
 #[command(after_long_help = "\
 Examples:
   rollwalk-sim robots/agilebot.toml --bus sim
+  rollwalk-sim robots/agilebot.toml --bus sim --library agilebot.rwl
   rollwalk-sim robots/agilebot.toml --bus can:vcan0 --log robot.log
   rollwalk-sim robots/agilebot.toml --bus can:vcan0 --actuators can:vcan1 --actuators can:vcan2
   rollwalk-sim robots/agilebot.toml --only controller --bus can:can0 \\
@@ -72,9 +78,14 @@ struct Cli {
     /// Run this part of the robot only.
     #[arg(long, value_name = "PART", requires = "actuators")]
     only: Option<Part>,
+    /// Keep the controller's library in this file.
+    #[arg(long, value_name = "LIB.rwl")]
+    library: Option<PathBuf>,
     /// Write every frame of every simulated bus, as candump does.
     #[arg(long, value_name = "FILE", conflicts_with = "actuators")]
     log: Option<PathBuf>,
+    #[command(flatten)]
+    rotation: RotationArgs,
 }
 
 /// A part of a robot.
@@ -113,15 +124,19 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
         ));
     }
     let actuators = at_rates(&robot, &cli.actuators);
+    let memory = cli.library.as_deref().map(|path| Memory::open(path, &cli.robot)).transpose()?;
     interrupt::listen();
     match (cli.only, &cli.bus) {
+        (Some(Part::Motors), _) if memory.is_some() => {
+            return Err(miette!("--library is the controller's, and --only motors has none"));
+        }
         (Some(Part::Motors), _) => run_motors(&robot, &actuators)?,
         (_, None) => {
             return Err(miette!(help = "add --bus BUS", "the controller needs a link"));
         }
-        (Some(Part::Controller), Some(bus)) => run_controller(&robot, bus, &actuators)?,
+        (Some(Part::Controller), Some(bus)) => run_controller(&robot, bus, &actuators, memory)?,
         (None, Some(bus)) if actuators.is_empty() => {
-            run_whole(&robot, bus, cli.log.as_deref())?;
+            run_whole(&robot, bus, cli, memory)?;
         }
         (None, Some(bus)) => {
             // Two members of every bus, as the real ones are.
@@ -132,15 +147,33 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
                 let mut lost = Lost { link: None, actuators: &names, says: false };
                 motors::run(&mut body, ports, &mut lost, || !interrupt::requested());
             });
-            run_controller(&robot, bus, &actuators)?;
+            run_controller(&robot, bus, &actuators, memory)?;
         }
     }
     Ok(Exit::Ok)
 }
 
-fn run_whole(robot: &Robot, bus: &BusName, log: Option<&Path>) -> miette::Result<()> {
-    let mut log = log.map(Log::create).transpose()?;
-    let mut rig = Rig::new(robot).map_err(|error| miette!("{error}"))?;
+/// The firmware, with the library of its memory.
+fn core(robot: &Robot, memory: Option<&Memory>) -> miette::Result<Local> {
+    let config = robot.controller_config().into_diagnostic()?;
+    let (buses, settings) = (robot.controller_buses(), Settings::default());
+    Ok(match memory.and_then(Memory::library) {
+        Some(library) => Local::with_library(config, buses, settings, library),
+        None => Local::new(config, buses, settings),
+    })
+}
+
+fn run_whole(
+    robot: &Robot,
+    bus: &BusName,
+    cli: &Cli,
+    mut memory: Option<Memory>,
+) -> miette::Result<()> {
+    let log = cli.log.as_deref().map(Output::at).transpose()?;
+    let log = log.map(|output| Lines::create(&output, cli.rotation.rotate));
+    let mut log = log.transpose()?;
+    let core = core(robot, memory.as_ref())?;
+    let mut rig = Rig::with_core(robot, core).into_diagnostic()?;
     let port = port(bus)?;
     ready(robot, bus);
     let mut printer = StatusPrinter::new();
@@ -149,12 +182,17 @@ fn run_whole(robot: &Robot, bus: &BusName, log: Option<&Path>) -> miette::Result
         &mut rig,
         port,
         &mut Lost { link: Some(bus), actuators: &[], says: true },
-        |_, entries| {
+        |rig, entries| {
             for status in entries.iter().filter_map(status) {
                 printer.print(status.0, status.1);
             }
             if let Some(log) = &mut log
-                && let Err(error) = log.write(entries)
+                && let Err(error) = entries.iter().try_for_each(|entry| log.push(entry))
+            {
+                failed = Some(error);
+            }
+            if let Some(memory) = &mut memory
+                && let Err(error) = memory.watch(rig.core().library())
             {
                 failed = Some(error);
             }
@@ -162,28 +200,37 @@ fn run_whole(robot: &Robot, bus: &BusName, log: Option<&Path>) -> miette::Result
         },
     );
     outcome.map_err(|error| miette!("{error}"))?;
-    match (failed, log) {
-        (Some(error), _) => Err(error),
-        (None, Some(log)) => log.finish(),
-        (None, None) => Ok(()),
-    }
+    failed.map_or(Ok(()), Err)?;
+    memory.map_or(Ok(()), |mut memory| memory.keep(rig.core().library()))?;
+    log.map_or(Ok(()), |mut log| log.flush())
 }
 
-fn run_controller(robot: &Robot, bus: &BusName, actuators: &[BusName]) -> miette::Result<()> {
-    let settings = Settings::default();
-    let config = robot.controller_config().map_err(|error| miette!("{error}"))?;
-    let mut core = Local::new(config, robot.controller_buses(), settings);
-    let period = Duration::from_secs(1) / u32::from(settings.control_hz);
+fn run_controller(
+    robot: &Robot,
+    bus: &BusName,
+    actuators: &[BusName],
+    mut memory: Option<Memory>,
+) -> miette::Result<()> {
+    let mut core = core(robot, memory.as_ref())?;
+    let period = Duration::from_secs(1) / u32::from(Settings::default().control_hz);
     let (port, ports) = (port(bus)?, ports(actuators)?);
     ready(robot, bus);
     let mut printer = StatusPrinter::new();
     let mut lost = Lost { link: Some(bus), actuators, says: true };
+    let mut failed = None;
     let outcome = controller::run(&mut core, period, port, &mut lost, ports, |core| {
         let controller = core.controller_mut();
         printer.print(controller.state(), controller.faults());
-        !interrupt::requested()
+        if let Some(memory) = &mut memory
+            && let Err(error) = memory.watch(controller.library())
+        {
+            failed = Some(error);
+        }
+        failed.is_none() && !interrupt::requested()
     });
-    outcome.map_err(|error| miette!("{error}"))
+    outcome.map_err(|error| miette!("{error}"))?;
+    failed.map_or(Ok(()), Err)?;
+    memory.map_or(Ok(()), |mut memory| memory.keep(core.library()))
 }
 
 fn run_motors(robot: &Robot, actuators: &[BusName]) -> miette::Result<()> {
@@ -300,44 +347,5 @@ fn status(entry: &LogEntry) -> Option<(State, FaultBits)> {
     match FromController::decode(frame) {
         Ok((_, FromController::Status(status))) => Some((status.state, status.faults)),
         _ => None,
-    }
-}
-
-/// A log of frames that grows while the robot runs.
-struct Log {
-    path: PathBuf,
-    file: BufWriter<File>,
-}
-
-impl Log {
-    fn create(path: &Path) -> miette::Result<Self> {
-        Ok(Self { path: path.to_owned(), file: Output::at(path)?.create()? })
-    }
-
-    fn write(&mut self, entries: &[LogEntry]) -> miette::Result<()> {
-        let write = |entry: &LogEntry| writeln!(self.file, "{entry}");
-        let written = entries.iter().try_for_each(write);
-        written.map_err(|error| files::cannot_write(&self.path, error))
-    }
-
-    /// Writes what waits still.
-    fn finish(mut self) -> miette::Result<()> {
-        self.file.flush().map_err(|error| files::cannot_write(&self.path, error))
-    }
-}
-
-#[cfg(all(test, target_os = "linux"))]
-mod tests {
-    use super::*;
-    use rollwalk_protocol::can::Frame;
-
-    #[test]
-    fn a_log_whose_end_the_disk_does_not_take_says_so() {
-        let mut log = Log::create(Path::new("/dev/full")).unwrap();
-        let frame = Frame::standard(0x310, &[1]).unwrap();
-        // It waits for more.
-        log.write(&[LogEntry { at_us: 0, interface: Interface::Link, frame }]).unwrap();
-        let error = log.finish().unwrap_err().to_string();
-        assert!(error.starts_with("cannot write /dev/full: No space left"), "{error}");
     }
 }

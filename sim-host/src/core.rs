@@ -4,7 +4,10 @@ use crate::store::{self, SimParameters, SimStore};
 use rollwalk_bus::link::LinkError;
 use rollwalk_firmware::{BusState, Buses, Controller, Settings};
 use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::library::Library;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
+
+pub use crate::store::LIBRARY_MAX;
 
 /// A controller, in this process or elsewhere.
 pub trait Core {
@@ -65,6 +68,11 @@ impl Local {
         let config = self.controller.config().clone();
         let stores = store::mounted_again(self.controller.into_stores());
         Self::booting(config, self.buses, self.settings, stores)
+    }
+
+    /// The library that is active.
+    pub fn library(&self) -> Option<Library<'_>> {
+        self.controller.library()
     }
 
     /// The controller itself, for inputs that a real bus gives and the simulated one does not.

@@ -5,8 +5,10 @@ use rollwalk_firmware::store::{FlashParameters, FlashStore, LibraryStore, RamFla
 use rollwalk_protocol::crc::file_digest;
 use rollwalk_protocol::wire::transport::MAX_BLOCK;
 
-/// Size of the flash, bytes: two libraries of up to 1 MiB, and the store's log.
-const CAPACITY: usize = (2 << 20) + (8 << 10);
+/// Size of the largest library, bytes.
+pub const LIBRARY_MAX: usize = 1 << 20;
+/// Size of the flash, bytes: two libraries, and the store's log.
+const CAPACITY: usize = 2 * LIBRARY_MAX + (8 << 10);
 /// Boots after which an unconfirmed library on trial is rolled back.
 const TRIAL_BOOTS: u8 = 3;
 

@@ -2,6 +2,10 @@
 
 use crate::desk_with_shipped_files;
 use crate::simulated::{Robot, desk_with_library_file, on};
+use rollwalk_tests::Outcome;
+use std::process::Command;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 #[test]
 fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cleared() {
@@ -28,11 +32,17 @@ fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cl
     assert!(run(&["gains", "show", "--json"]).succeeds().contains("12.5"));
     run(&["gains", "feed-forward", "0.25"]).succeeds();
     assert!(run(&["gains", "show"]).succeeds().contains("feed-forward: 0.250"));
-    run(&["gains", "feed-forward", "1.5"]).fails(5, &["beyond"]);
+    for wrong in ["1.5", "-1", "NaN"] {
+        run(&["gains", "feed-forward", wrong]).fails(2, &["a number from 0 to 1"]);
+    }
     run(&["gains", "set", "nose", "--kp", "1"]).fails(1, &["no joint or wheel `nose`"]);
-    run(&["gains", "set", "0", "--kp=-1"]).fails(5, &["the value is no number, or beyond"]);
+    run(&["gains", "set", "0", "--kp", "-1"]).fails(2, &["a number that is 0 or more"]);
+    let legs = ["front_left_hip_roll: --kp 600 N·m/rad is too much", "nothing was changed"];
+    let refused = run(&["gains", "set", "0", "--kp", "600"]);
+    refused.fails(5, &legs);
 
     run(&["estop"]).succeeds();
+    run(&["gains", "save"]).fails(5, &["stopped by an emergency stop; clear it first"]);
     run(&["send", "--arm", "rest"]).fails(5, &["refused to arm"]);
     run(&["doctor"])
         .succeeds_with(5, &["stopped by an emergency stop", "rollwalk clear --bus sim:"]);
@@ -66,13 +76,62 @@ fn all_gains_are_those_that_there_are() {
     let _robot = Robot::of(&desk, "robots/test_leg.toml", &socket);
     let set = on(&desk, &socket, &["gains", "set", "all", "--kp", "20"]);
     // A wheel has no stiffness.
-    assert!(set.stderr.contains("they have no such value: channel 2"), "{}", set.stderr);
+    assert!(set.stderr.contains("they have no such value: wheel"), "{}", set.stderr);
     assert!(set.succeeds().starts_with("2 value(s) set"));
     let set = on(&desk, &socket, &["gains", "set", "all", "--kp", "20", "--kd", "1"]);
-    assert!(set.stderr.trim_end().ends_with("no such value: channel 2"), "{}", set.stderr);
-    // Nobody has it, but that is not why.
+    assert!(set.stderr.trim_end().ends_with("no such value: wheel"), "{}", set.stderr);
     for wrong in ["--kp=-1", "--kd=-1", "--kp=NaN"] {
         let refused = on(&desk, &socket, &["gains", "set", "all", wrong]);
-        refused.fails(5, &["channel 0", "the value is no number, or beyond"]);
+        refused.fails(2, &["a number that is 0 or more"]);
     }
+    let args = ["gains", "set", "2", "--kp", "20"];
+    on(&desk, &socket, &args).fails(5, &["--kp 20 N·m/rad: it has no such value"]);
+    let args = ["gains", "set", "0", "--torque-limit", "0.01"];
+    on(&desk, &socket, &args).fails(5, &["--torque-limit 0.01 N·m is too little: at least"]);
+}
+
+#[test]
+fn a_simulated_robot_keeps_its_library_and_loses_none() {
+    let desk = desk_with_library_file();
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    let run = |args: &[&str]| on(&desk, &bus, args);
+    run(&["library", "build", "legbot.toml", "-o", "first.rwl"]).succeeds();
+    desk.edit("legbot.toml", "duration_s = 0.5", "duration_s = 0.6");
+    run(&["library", "build", "legbot.toml", "-o", "second.rwl"]).succeeds();
+    let (first, second) = (desk.read("first.rwl"), desk.read("second.rwl"));
+    assert_ne!(first, second);
+    let has = |name: &str| std::fs::read(desk.path(name)).unwrap_or_default();
+    let until = |name: &str, content: &[u8]| {
+        let start = Instant::now();
+        while has(name) != content {
+            assert!(start.elapsed() < Duration::from_secs(60), "{name} is not what was flashed");
+            sleep(Duration::from_millis(10));
+        }
+    };
+    let switched_on = || Robot::with(&desk, &bus, &["--library", "kept.rwl"]);
+
+    let robot = switched_on();
+    run(&["flash", "first.rwl"]).succeeds();
+    until("kept.rwl", &first);
+    drop(robot);
+    let robot = switched_on();
+    run(&["send", "--arm", "rest"]).succeeds();
+    run(&["flash", "second.rwl"]).succeeds();
+    until("kept.rwl", &second);
+    // What was found may be somebody's only copy; what was flashed just now is not.
+    assert_eq!(has("kept.2.rwl"), first);
+    run(&["flash", "first.rwl"]).succeeds();
+    until("kept.rwl", &first);
+    assert!(!desk.path("kept.3.rwl").exists());
+    drop(robot);
+
+    let refused = |library: &str, words: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
+        command.args(["robots/legbot.toml", "--bus", &bus, "--library", library]);
+        let outcome = command.current_dir(desk.path("")).env("COLUMNS", "1000").output();
+        Outcome::from(outcome.expect("it starts")).fails(1, words);
+    };
+    refused("robots/legbot.toml", &["a robot file (TOML) that this run reads"]);
+    refused("stand.toml", &["stand.toml", "not a motion library"]);
+    refused("none/kept.rwl", &["there is no folder none"]);
 }

@@ -17,17 +17,22 @@ impl Robot {
 
     /// At one end of a line, of which `host` is the other; ready when it answers.
     pub fn start_at(desk: &Desk, bus: &str, host: &str) -> Self {
-        Self::run(desk, "robots/legbot.toml", bus, host)
+        Self::run(desk, &["robots/legbot.toml"], bus, host)
     }
 
     /// Another robot than LegBot, by its file.
     pub fn of(desk: &Desk, robot: &str, bus: &str) -> Self {
-        Self::run(desk, robot, bus, bus)
+        Self::run(desk, &[robot], bus, bus)
     }
 
-    fn run(desk: &Desk, robot: &str, bus: &str, host: &str) -> Self {
+    /// With more arguments.
+    pub fn with(desk: &Desk, bus: &str, args: &[&str]) -> Self {
+        Self::run(desk, &[&["robots/legbot.toml"], args].concat(), bus, bus)
+    }
+
+    fn run(desk: &Desk, args: &[&str], bus: &str, host: &str) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
-        command.arg(desk.path(robot)).args(["--bus", bus]);
+        command.args(args).args(["--bus", bus]).current_dir(desk.path(""));
         let robot = Self(command.stderr(Stdio::null()).spawn().expect("the robot starts"));
         let start = Instant::now();
         while on(desk, host, &["discover"]).code != 0 {

@@ -139,6 +139,11 @@ impl<'a> Library<'a> {
         Self { bytes, index }
     }
 
+    /// The whole file.
+    pub fn bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+
     /// The proof that opened this view.
     pub fn index(&self) -> &Index {
         &self.index

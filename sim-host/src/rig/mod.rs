@@ -280,6 +280,11 @@ impl<C: Core> Rig<C> {
     }
 
     /// The controller.
+    pub fn core(&self) -> &C {
+        &self.controller
+    }
+
+    /// The controller, to be changed.
     pub fn core_mut(&mut self) -> &mut C {
         &mut self.controller
     }

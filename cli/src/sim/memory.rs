@@ -1,0 +1,90 @@
+//! The file that keeps the library of a simulated controller while it is switched off.
+
+use crate::files::{self, Output};
+use crate::output;
+use crate::packed::Packed;
+use miette::miette;
+use rollwalk_protocol::library::Library;
+use rollwalk_sim_host::core::LIBRARY_MAX;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Interval at which the controller's library is compared with the file.
+const PERIOD: Duration = Duration::from_millis(100);
+
+/// What the controller has in its flash, and the file that has it too.
+pub struct Memory {
+    path: PathBuf,
+    output: Output,
+    library: Option<Vec<u8>>,
+    /// The file is as it was found: its user may have no other copy of it.
+    found: bool,
+    compared: Instant,
+}
+
+impl Memory {
+    /// Reads the library, if there is one, and makes sure that another can be written.
+    ///
+    /// # Errors
+    /// The library is for another robot or damaged; no file can be written there.
+    pub fn open(path: &Path, robot: &Path) -> miette::Result<Self> {
+        // In this order: what has been read is no output for any other purpose.
+        let output = Output::at(path)?;
+        let found = path.exists();
+        let library = found.then(|| Packed::read(path, Some(robot))).transpose()?;
+        let library = library.map(|packed| packed.bytes);
+        if let Some(bytes) = library.as_ref().map(Vec::len).filter(|bytes| *bytes > LIBRARY_MAX) {
+            return Err(miette!(
+                "{} has {bytes} bytes; the memory of a simulated controller has {LIBRARY_MAX}",
+                path.display()
+            ));
+        }
+        Ok(Self { path: path.to_owned(), output, library, found, compared: Instant::now() })
+    }
+
+    /// The library that the file has.
+    pub fn library(&self) -> Option<&[u8]> {
+        self.library.as_deref()
+    }
+
+    /// Compares the controller's library with the file's, now and then, and keeps another one.
+    ///
+    /// # Errors
+    /// As [`keep`](Self::keep).
+    pub fn watch(&mut self, library: Option<Library<'_>>) -> miette::Result<()> {
+        if self.compared.elapsed() < PERIOD {
+            return Ok(());
+        }
+        self.compared = Instant::now();
+        self.keep(library)
+    }
+
+    /// Keeps the controller's library. The one that was found goes to a file of its own.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn keep(&mut self, library: Option<Library<'_>>) -> miette::Result<()> {
+        let Some(library) = library.map(|library| library.bytes()) else { return Ok(()) };
+        if self.library() == Some(library) {
+            return Ok(());
+        }
+        let before = std::mem::take(&mut self.found).then(|| self.put_aside()).transpose()?;
+        self.output.write(library)?;
+        self.library = Some(library.to_vec());
+        let before = before.map(|path| format!("; the one before is in {}", path.display()));
+        output::say(format_args!(
+            "{} has the library that was flashed{}",
+            self.path.display(),
+            before.unwrap_or_default()
+        ));
+        Ok(())
+    }
+
+    fn put_aside(&self) -> miette::Result<PathBuf> {
+        let target = self.output.target();
+        let mut names = (2..).map(|number| files::numbered(target, number));
+        let free = names.find(|path| !path.exists()).unwrap_or_default();
+        files::write(&free, self.library.as_deref().unwrap_or_default())?;
+        Ok(free)
+    }
+}
