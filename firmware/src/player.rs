@@ -165,7 +165,7 @@ impl Player {
             if let Some(oldest) = self.window.get_mut(self.first) {
                 oldest.take(&self.cursor, library)?;
             }
-            self.first = (self.first + 1) % WINDOW;
+            self.first = self.first.wrapping_add(1) % WINDOW;
         }
         self.change_rate(config);
         Ok(())

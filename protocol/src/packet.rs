@@ -16,13 +16,19 @@ pub(crate) const fn line_len(packet: usize) -> usize {
     cobs::max_encoding_length(packet) + 1
 }
 
+/// Appends bytes; `None` when there is no room, and then as many as there was room for. In place of `extend_from_slice`,
+/// which counts without a proof for the compiler that the count does not overflow.
+pub(crate) fn append<const N: usize>(to: &mut Vec<u8, N>, bytes: &[u8]) -> Option<()> {
+    bytes.iter().try_for_each(|&byte| to.push(byte).ok())
+}
+
 /// A packet that is being written, of at most `N` bytes with its checksum.
 #[derive(Default)]
 pub(crate) struct Writer<const N: usize>(Vec<u8, N>);
 
 impl<const N: usize> Writer<N> {
     pub(crate) fn put(&mut self, bytes: &[u8]) -> Option<()> {
-        self.0.extend_from_slice(bytes).ok()
+        append(&mut self.0, bytes)
     }
 
     /// `None` for a frame with a 29-bit identifier: no packet carries those.

@@ -64,7 +64,7 @@ impl Message {
             }
             Self::Bitrate(digit) => {
                 line.push(b'S').ok()?;
-                line.push((*digit <= 8).then_some(b'0' + *digit)?).ok()?;
+                line.push((*digit <= 8).then(|| b'0' + *digit)?).ok()?;
             }
             Self::Open => line.push(b'O').ok()?,
             Self::Close => line.push(b'C').ok()?,
@@ -82,7 +82,7 @@ impl Message {
 
 fn digits(line: &mut Line, value: u32, count: u32) -> Option<()> {
     (0..count).rev().try_for_each(|place| {
-        let digit = (value >> (4 * place)) as u8 & 0xF;
+        let digit = value.wrapping_shr(place.wrapping_mul(4)) as u8 & 0xF;
         line.push(if digit < 10 { b'0' + digit } else { b'A' - 10 + digit }).ok()
     })
 }
@@ -152,7 +152,7 @@ fn frame(text: &[u8], id_digits: usize) -> Option<(u32, [u8; 8], usize)> {
     let (id, rest) = text.split_at_checked(id_digits)?;
     let (len, rest) = rest.split_at_checked(1)?;
     let (id, len) = (hex(id)?, hex(len)? as usize);
-    let (bytes, stamp) = rest.split_at_checked(2 * len)?;
+    let (bytes, stamp) = rest.split_at_checked(len.checked_mul(2)?)?;
     let mut data = [0; 8];
     if len > data.len() || !(stamp.is_empty() || stamp.len() == STAMP && hex(stamp).is_some()) {
         return None;
@@ -196,6 +196,15 @@ mod tests {
         assert_eq!(standard(0x7FF, &[0xAB; 8]).encode().unwrap(), b"t7FF8ABABABABABABABAB\r");
         assert_eq!([bitrate_digit(1_000_000), bitrate_digit(10_000)], [Some(8), Some(0)]);
         assert_eq!(bitrate_digit(83_333), None);
+    }
+
+    #[test]
+    fn what_has_no_line_is_not_encoded() {
+        assert_eq!(Message::Bitrate(8).encode().as_deref(), Some(&b"S8\r"[..]));
+        for digit in [9, 255] {
+            assert_eq!(Message::Bitrate(digit).encode(), None);
+        }
+        assert_eq!(Message::Other(b'S').encode(), None);
     }
 
     #[test]

@@ -9,7 +9,7 @@
 pub fn divided(time: u64, by: u16) -> u64 {
     let by = u32::from(by.max(1));
     let mut rest = 0;
-    let digits = [48, 32, 16, 0].map(|shift| (time >> shift) as u32 & 0xFFFF);
+    let digits = [48, 32, 16, 0].map(|shift| time.wrapping_shr(shift) as u32 & 0xFFFF);
     digits.into_iter().fold(0, |quotient, digit| {
         let part = rest << 16 | digit;
         rest = part % by;

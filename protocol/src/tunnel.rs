@@ -229,7 +229,7 @@ impl Answer {
                 if let Some(frame) = link {
                     bus_frame(&mut packet, 0, frame)?;
                 }
-                for (bus, frame) in (1..).zip(actuators) {
+                for (bus, frame) in (1..=MAX_ACTUATOR_BUSES).zip(actuators) {
                     if let Some(frame) = frame {
                         bus_frame(&mut packet, bus, frame)?;
                     }

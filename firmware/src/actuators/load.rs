@@ -71,7 +71,8 @@ pub fn loads<'a>(
     control_hz: u16,
 ) -> impl Iterator<Item = BusLoad> + 'a {
     (0..=u8::MAX).filter_map(move |bus| {
-        let actuators = config.channels.iter().filter(|c| c.bus == bus).count() as u32;
+        let on_bus = config.channels.iter().filter(|c| c.bus == bus);
+        let actuators = on_bus.fold(0u32, |count, _| count.saturating_add(1));
         let kind = buses.get(usize::from(bus)).copied().unwrap_or_default();
         let traffic = kind.protocol.traffic(actuators);
         let (hz, bit_rate) = (f32::from(control_hz), kind.bit_rate as f32);

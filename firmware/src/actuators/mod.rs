@@ -138,8 +138,13 @@ impl Actuators {
 
     /// The actuator that has been silent longest, and for how many ticks.
     pub fn most_silent(&self) -> Option<(usize, u16)> {
-        let ticks = self.list.iter().map(|a| a.silent_ticks);
-        ticks.enumerate().max_by_key(|&(_, ticks)| ticks)
+        let mut most = None;
+        for (channel, actuator) in self.list.iter().enumerate() {
+            if most.is_none_or(|(_, ticks)| actuator.silent_ticks >= ticks) {
+                most = Some((channel, actuator.silent_ticks));
+            }
+        }
+        most
     }
 
     /// Every actuator has confirmed the last torque-off command.
@@ -347,5 +352,6 @@ fn members<'a>(
     list: &'a mut [Actuator],
     driver: &'a BusDriver,
 ) -> impl Iterator<Item = &'a mut Actuator> {
-    list.iter_mut().enumerate().filter(|(i, _)| driver.has(*i)).map(|(_, actuator)| actuator)
+    let mut channels = 0..MAX_CHANNELS;
+    list.iter_mut().filter(move |_| channels.next().is_some_and(|channel| driver.has(channel)))
 }

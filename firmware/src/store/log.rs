@@ -119,7 +119,7 @@ impl Log {
 
     /// The unit whose newest record is the oldest; units without records come first.
     fn oldest(&self) -> usize {
-        let units = self.newest.iter().take(self.units).enumerate();
+        let units = (0..MOST_UNITS).zip(&self.newest).take(self.units);
         units.min_by_key(|&(_, newest)| newest).map_or(0, |(unit, _)| unit)
     }
 

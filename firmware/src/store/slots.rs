@@ -96,15 +96,18 @@ pub(super) fn is_intact<F: NorFlash>(flash: &mut F, image: Image) -> bool {
     let start = start(flash, image.slot);
     let mut digest = 0;
     let mut chunk = [0; CHUNK];
-    for at in (0..len).step_by(CHUNK) {
+    let mut at = 0;
+    while at < len {
         let wanted = len.saturating_sub(at).min(CHUNK);
         // Reads whole words; those beyond the image lie in the space of the footers.
-        let Some(read) = chunk.get_mut(..wanted.next_multiple_of(RECORD_LEN)) else { return false };
+        let words = wanted.checked_next_multiple_of(RECORD_LEN).unwrap_or(CHUNK);
+        let Some(read) = chunk.get_mut(..words) else { return false };
         let Ok(offset) = u32::try_from(start.saturating_add(at)) else { return false };
         if flash.read(offset, read).is_err() {
             return false;
         }
         digest = file_digest_append(digest, read.get(..wanted).unwrap_or_default());
+        at = at.saturating_add(CHUNK);
     }
     digest == image.digest
 }

@@ -19,6 +19,7 @@ use super::{
     ActuatorCommand, Answers, Capabilities, Codec, Command, Faults, Feedback, Packet, Refusal,
     SerialCodec, Traffic, UpdatePolicy, Watchdog, without, without_torque,
 };
+use crate::packet::append;
 
 /// A servo's pulses.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -91,10 +92,10 @@ impl Maestro {
     fn command(&self, command: u8, data: &[u8]) -> Packet {
         let mut packet = Packet::new();
         let _ = match self.device {
-            Some(device) => packet.extend_from_slice(&[0xAA, device & 0x7F, command & 0x7F]),
-            None => packet.extend_from_slice(&[command]),
+            Some(device) => append(&mut packet, &[0xAA, device & 0x7F, command & 0x7F]),
+            None => append(&mut packet, &[command]),
         };
-        let _ = packet.extend_from_slice(data);
+        let _ = append(&mut packet, data);
         if self.crc {
             let crc = crc7(&packet);
             let _ = packet.push(crc);
@@ -112,9 +113,9 @@ impl Maestro {
     pub fn set_targets(&self, first: u8, quarters_us: &[u16]) -> Packet {
         let mut data = heapless::Vec::<u8, 50>::new();
         let count = quarters_us.len().min(24);
-        let _ = data.extend_from_slice(&[count as u8, first & 0x7F]);
+        let _ = append(&mut data, &[count as u8, first & 0x7F]);
         for target in quarters_us.iter().take(24) {
-            let _ = data.extend_from_slice(&two(*target));
+            let _ = append(&mut data, &two(*target));
         }
         self.command(SET_MULTIPLE, &data)
     }
@@ -232,8 +233,8 @@ impl Codec for Maestro {
         }
         let mut targets = heapless::Vec::<u16, 24>::new();
         let mut first = 0;
-        for (i, order) in orders.iter().enumerate() {
-            let next = usize::from(order.id) == usize::from(first) + targets.len();
+        for (i, order) in (0..orders.len()).zip(orders) {
+            let next = usize::from(order.id) == usize::from(first).saturating_add(targets.len());
             let continues = next && matches!(order.command, Command::Joint(_));
             if !targets.is_empty() && !continues {
                 send(self.set_targets(first, &targets));

@@ -33,7 +33,7 @@ impl ReceiveBuffer {
     pub fn drop_front(&mut self, count: usize) {
         let left = self.0.len().saturating_sub(count);
         for to in 0..left {
-            let byte = self.0.get(to + count).copied().unwrap_or(0);
+            let byte = self.0.get(to.saturating_add(count)).copied().unwrap_or(0);
             if let Some(slot) = self.0.get_mut(to) {
                 *slot = byte;
             }

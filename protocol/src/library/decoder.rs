@@ -165,16 +165,17 @@ impl Decoder {
         let payload = self.payload_bytes(blocks).ok_or(Unreadable)?;
         let channels = usize::from(shape.channels);
         let mut bits = BitReader::new(payload, self.bit).ok_or(Unreadable)?;
-        let mut read = 0;
+        // Of every channel once the width, 4 bits, and a field of 18 at most.
+        let mut read = 0u32;
         if self.in_block.is_multiple_of(GROUP) {
             for state in self.states.iter_mut().take(channels) {
                 state.width = width_of(bits.read(WIDTH_BITS).ok_or(Unreadable)? as u8);
-                read += u32::from(WIDTH_BITS);
+                read = read.wrapping_add(u32::from(WIDTH_BITS));
             }
         }
         for state in self.states.iter_mut().take(channels) {
             let second = unzigzag(bits.read(state.width).ok_or(Unreadable)?);
-            read += u32::from(state.width);
+            read = read.wrapping_add(u32::from(state.width));
             let delta = i32::from_le_bytes(state.delta).wrapping_add(second);
             let value = i32::from(state.value).wrapping_add(delta);
             state.value = i16::try_from(value).map_err(|_| Unreadable)?;

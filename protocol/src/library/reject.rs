@@ -76,7 +76,7 @@ impl Section {
     /// Number on the wire: the section's tag, 0 for header and section table, 255 for the footer.
     pub fn code(self) -> u8 {
         match self.index() {
-            Some(index) => index as u8 + 1,
+            Some(index) => (index as u8).saturating_add(1),
             None if self == Section::Footer => 255,
             None => 0,
         }

@@ -271,8 +271,9 @@ impl Validation<'_> {
                 let channel = channel as u8;
                 return Err(fail(at, Why::TooFast { clip, frame, channel, rate, max_rate }));
             }
-            let is_last = frame + 1 >= frames;
-            if is_last || (frame + 1) % BLOCK_FRAMES == 0 {
+            let next = frame.saturating_add(1);
+            let is_last = next >= frames;
+            if is_last || next % BLOCK_FRAMES == 0 {
                 if !decoder.block_used_up(blocks) {
                     return Err(bad_block(at, frame));
                 }
@@ -282,7 +283,7 @@ impl Validation<'_> {
                 break;
             }
             previous = decoder;
-            frame += 1;
+            frame = next;
             decoder.advance(blocks, &shape, frame).map_err(|_| bad_block(at, frame))?;
         }
         if looping && let Some((channel, step)) = self.too_fast(track, &decoder, &first) {
@@ -308,7 +309,7 @@ impl Validation<'_> {
         let Some((record, &max_torque)) = limits else { return Ok(()) };
         let (min, max) = match track {
             Track::Values => (record.min, record.max),
-            Track::Torques => (-max_torque, max_torque),
+            Track::Torques => (max_torque.saturating_neg(), max_torque),
         };
         if quanta >= min && quanta <= max {
             return Ok(());

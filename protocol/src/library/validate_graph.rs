@@ -26,13 +26,14 @@ impl Validation<'_> {
             if edge.exit_frame >= source.frames || edge.entry_frame >= target.frames {
                 return Err(bad);
             }
-            let (exit_frame, last) = (edge.exit_frame, source.frames - 1);
+            let (exit_frame, last) = (edge.exit_frame, source.frames.saturating_sub(1));
             if !source.looping && exit_frame != last {
                 return Err(fail(Why::ExitBeforeEnd { edge: id, exit_frame, last }));
             }
+            let own_last = own.frames.saturating_sub(1);
             let ends = [
                 ("first frame", "first torque", 0, edge.from.clip(), edge.exit_frame),
-                ("last frame", "last torque", own.frames - 1, edge.to.clip(), edge.entry_frame),
+                ("last frame", "last torque", own_last, edge.to.clip(), edge.entry_frame),
             ];
             for (end, torque, frame, joined, joined_frame) in ends {
                 let found = ClipCursor::new(&self.library, edge.clip, frame).map_err(|_| bad)?;
@@ -143,7 +144,7 @@ impl Validation<'_> {
         };
         let clip = self.library.safe_node().clip();
         let info = self.library.clip(clip).ok_or_else(|| fail(0))?;
-        let start = if info.looping { 0 } else { info.frames - 1 };
+        let start = if info.looping { 0 } else { info.frames.saturating_sub(1) };
         let mut cursor = ClipCursor::new(&self.library, clip, start).map_err(|_| fail(0))?;
         let pose = self.library.payload(Section::SafePose).ok_or_else(|| fail(0))?;
         loop {

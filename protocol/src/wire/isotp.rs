@@ -48,7 +48,7 @@ impl Pdu {
         let mut pdu = Self::default();
         for (slot, byte) in pdu.data.iter_mut().zip(head.iter().chain(body)) {
             *slot = *byte;
-            pdu.len += 1;
+            pdu.len = pdu.len.saturating_add(1);
         }
         pdu
     }
@@ -286,7 +286,7 @@ impl<const N: usize> Endpoint<N> {
             Sending::Streaming { left: left.saturating_sub(1), bounded, st_min_us, not_before_us }
         };
         self.tx_at = self.tx_at.saturating_add(count);
-        self.tx_sequence = (self.tx_sequence + 1) & 0xF;
+        self.tx_sequence = self.tx_sequence.wrapping_add(1) & 0xF;
         pdu
     }
 

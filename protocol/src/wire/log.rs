@@ -84,7 +84,7 @@ impl Log {
     pub fn push(&mut self, entry: [u8; LOG_ENTRY_BYTES]) -> bool {
         let Some(slot) = self.entries.get_mut(usize::from(self.len)) else { return false };
         *slot = entry;
-        self.len += 1;
+        self.len = self.len.saturating_add(1);
         true
     }
 

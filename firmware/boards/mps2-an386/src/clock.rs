@@ -47,7 +47,7 @@ impl Clock {
     pub fn now_us(&mut self) -> u64 {
         // SAFETY: as above.
         let value = unsafe { read_volatile(VALUE) };
-        self.counts += u64::from(self.last.wrapping_sub(value));
+        self.counts = self.counts.saturating_add(self.last.wrapping_sub(value).into());
         self.last = value;
         divided(self.counts, COUNTS_PER_US)
     }

@@ -77,17 +77,21 @@ impl Line {
 
     /// Whether there is room for a frame.
     pub fn is_free(&self) -> bool {
-        SEND_BYTES - self.waiting.len() >= FRAME_BYTES
+        self.room() >= FRAME_BYTES
     }
 
     /// Sends a line of text if there is room for it, otherwise not.
     pub fn send(&mut self, text: &Text) {
-        if text.len() <= SEND_BYTES - self.waiting.len() {
+        if text.len() <= self.room() {
             for &byte in text {
                 let _ = self.waiting.push_back(byte);
             }
         }
         self.work();
+    }
+
+    fn room(&self) -> usize {
+        SEND_BYTES.saturating_sub(self.waiting.len())
     }
 
     /// Hands bytes to the hardware while it has room.

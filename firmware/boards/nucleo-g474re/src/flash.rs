@@ -102,7 +102,8 @@ impl Part {
         let offset = offset as usize;
         let within = offset.checked_add(len).is_some_and(|end| end <= self.size);
         let whole = offset.is_multiple_of(unit) && len.is_multiple_of(unit);
-        if within && whole { Ok(self.start + offset) } else { Err(FlashError::Range) }
+        let at = self.start.checked_add(offset).filter(|_| within && whole);
+        at.ok_or(FlashError::Range)
     }
 }
 
@@ -114,13 +115,14 @@ impl ReadNorFlash for Part {
     const READ_SIZE: usize = READ;
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
-        let at = self.place(offset, bytes.len(), READ)?;
+        let mut at = self.place(offset, bytes.len(), READ)? as *const u32;
         let before = broken_words();
         uncached(|| {
-            for (address, bytes) in (at..).step_by(4).zip(bytes.chunks_exact_mut(4)) {
+            for bytes in bytes.chunks_exact_mut(4) {
                 forget_corrected();
                 // SAFETY: aligned and within the part, by `place`.
-                let half = unsafe { read_volatile(address as *const u32) };
+                let half = unsafe { read_volatile(at) };
+                at = at.wrapping_add(1);
                 bytes.copy_from_slice(&half.to_le_bytes());
                 // The NMI of this load is taken before the next, and before the count is compared.
                 dsb();
@@ -141,9 +143,9 @@ impl NorFlash for Part {
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         let len = to.checked_sub(from).ok_or(FlashError::Range)?;
-        let first = (self.place(from, len as usize, PAGE)? - START) / PAGE;
+        let first = self.place(from, len as usize, PAGE)?.saturating_sub(START) / PAGE;
         uncached(|| {
-            for page in (first..).take(len as usize / PAGE) {
+            for page in first..first.saturating_add(len as usize / PAGE) {
                 operate(|| {
                     // 3.3.6: page erase.
                     FLASH.cr().modify(|w| {
@@ -159,10 +161,10 @@ impl NorFlash for Part {
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
-        let at = self.place(offset, bytes.len(), WORD)?;
+        let mut at = self.place(offset, bytes.len(), WORD)? as *mut u32;
         let (words, _) = bytes.as_chunks::<WORD>();
         uncached(|| {
-            for (address, [a, b, c, d, e, f, g, h]) in (at..).step_by(WORD).zip(words) {
+            for [a, b, c, d, e, f, g, h] in words {
                 operate(|| {
                     // 3.3.7: standard programming, the lower half first.
                     FLASH.cr().modify(|w| w.set_pg(true));
@@ -171,11 +173,12 @@ impl NorFlash for Part {
                     // SAFETY: aligned and within the part, by `place`. References to the part come
                     // from `mapped` alone, and cannot live during a call with `&mut self`.
                     unsafe {
-                        write_volatile(address as *mut u32, low);
+                        write_volatile(at, low);
                         isb();
-                        write_volatile((address + 4) as *mut u32, high);
+                        write_volatile(at.wrapping_add(1), high);
                     }
                 })?;
+                at = at.wrapping_add(2);
             }
             Ok(())
         })

@@ -88,7 +88,7 @@ impl Serial {
             && LPUART1.isr().read().txe()
         {
             LPUART1.tdr().write(|w| w.set_dr(byte.into()));
-            self.sent += 1;
+            self.sent = self.sent.saturating_add(1);
         }
     }
 }

@@ -21,6 +21,7 @@ use super::{
     SerialCodec, Traffic, UpdatePolicy, Watchdog, without, without_torque,
 };
 use crate::config::MAX_CHANNELS;
+use crate::packet::append;
 
 pub mod packet;
 pub mod table;
@@ -62,8 +63,8 @@ impl SyncWrite {
     /// Nothing to write yet: `bytes` from `address` on.
     pub fn new(address: u16, bytes: u16) -> Self {
         let mut parameters = Vec::new();
-        let _ = parameters.extend_from_slice(&address.to_le_bytes());
-        let _ = parameters.extend_from_slice(&bytes.to_le_bytes());
+        let _ = append(&mut parameters, &address.to_le_bytes());
+        let _ = append(&mut parameters, &bytes.to_le_bytes());
         Self { parameters, bytes }
     }
 
@@ -71,9 +72,9 @@ impl SyncWrite {
     /// is no room, or no such address.
     #[must_use]
     pub fn push(&mut self, id: u8, data: &[u8]) -> bool {
-        let room = self.parameters.capacity() - self.parameters.len() > data.len();
+        let room = self.parameters.capacity().saturating_sub(self.parameters.len()) > data.len();
         let fits = id <= MAX_ID && data.len() == usize::from(self.bytes) && room;
-        fits && self.parameters.push(id).is_ok() && self.parameters.extend_from_slice(data).is_ok()
+        fits && self.parameters.push(id).is_ok() && append(&mut self.parameters, data).is_some()
     }
 
     /// The packet; `None` when there is nothing to write.
@@ -87,9 +88,9 @@ impl SyncWrite {
 /// more than fit, or none.
 pub fn sync_read(address: u16, bytes: u16, ids: &[u8]) -> Option<Packet> {
     let mut parameters = Vec::<u8, MAX_WRITE>::new();
-    parameters.extend_from_slice(&address.to_le_bytes()).ok()?;
-    parameters.extend_from_slice(&bytes.to_le_bytes()).ok()?;
-    parameters.extend_from_slice(ids).ok()?;
+    append(&mut parameters, &address.to_le_bytes())?;
+    append(&mut parameters, &bytes.to_le_bytes())?;
+    append(&mut parameters, ids)?;
     (!ids.is_empty()).then(|| packet::packet(BROADCAST, SYNC_READ, &parameters)).flatten()
 }
 
@@ -118,7 +119,8 @@ impl Dynamixel {
     /// For [`table::GOAL_VELOCITY`].
     pub fn goal_velocity(&self, speed_rad_s: f32) -> Option<[u8; 4]> {
         let most = self.model.max_velocity;
-        nearest(speed_rad_s / VELOCITY_STEP_RAD_S, -most, most).map(i32::to_le_bytes)
+        nearest(speed_rad_s / VELOCITY_STEP_RAD_S, most.saturating_neg(), most)
+            .map(i32::to_le_bytes)
     }
 
     /// The largest torque that a goal current can carry, N·m.
@@ -129,7 +131,8 @@ impl Dynamixel {
     /// For [`table::GOAL_CURRENT`].
     pub fn goal_current(&self, torque_nm: f32) -> Option<[u8; 2]> {
         let (step, most) = (self.model.torque_nm_a * CURRENT_STEP_A, self.model.max_current);
-        nearest(torque_nm / step, -most, most).map(|steps| (steps as i16).to_le_bytes())
+        nearest(torque_nm / step, most.saturating_neg(), most)
+            .map(|steps| (steps as i16).to_le_bytes())
     }
 
     /// Address and feedback of an answer: measurements where it is one to a query, otherwise its faults.

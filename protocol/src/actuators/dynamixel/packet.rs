@@ -6,6 +6,7 @@ use heapless::Vec;
 
 use crate::actuators::serial::ReceiveBuffer;
 use crate::actuators::{MAX_PACKET, Packet};
+use crate::packet::append;
 
 static CRC_16: Crc<u16> = Crc::<u16>::new(&CRC_16_UMTS);
 
@@ -55,8 +56,8 @@ pub fn packet(id: u8, instruction: u8, parameters: &[u8]) -> Option<Packet> {
         return None;
     }
     let mut packet = Packet::new();
-    packet.extend_from_slice(&HEADER).ok()?;
-    packet.extend_from_slice(&[id, 0, 0, instruction]).ok()?;
+    append(&mut packet, &HEADER)?;
+    append(&mut packet, &[id, 0, 0, instruction])?;
     let (mut before_last, mut last) = (0, instruction);
     for &byte in parameters {
         packet.push(byte).ok()?;
@@ -65,11 +66,11 @@ pub fn packet(id: u8, instruction: u8, parameters: &[u8]) -> Option<Packet> {
         }
         (before_last, last) = (last, byte);
     }
-    let length = (packet.len() - BEFORE + 2) as u16;
+    let length = packet.len().saturating_sub(BEFORE).saturating_add(2) as u16;
     let [_, _, _, _, _, low, high, ..] = packet.as_mut_slice() else { return None };
     [*low, *high] = length.to_le_bytes();
     let crc = crc16(&packet);
-    packet.extend_from_slice(&crc.to_le_bytes()).ok()?;
+    append(&mut packet, &crc.to_le_bytes())?;
     Some(packet)
 }
 
