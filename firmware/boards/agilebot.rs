@@ -3,6 +3,7 @@
 
 use ChannelKind::*;
 use heapless::Vec;
+use rollwalk_protocol::actuators::bus::Buses;
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
 
 /// Joints in file order, then wheels.
@@ -46,4 +47,9 @@ const fn channel(
 /// The configuration that the controller starts with.
 pub fn config() -> RobotConfig {
     RobotConfig { robot: 0xe74d14fe, channels: Vec::from_array(CHANNELS) }
+}
+
+/// Its actuator buses, by number: all of the Rollwalk profile at 1 Mbit/s.
+pub fn buses() -> Option<Buses> {
+    Some(Buses::new())
 }

@@ -1,6 +1,6 @@
-//! Builds the controller's crates for the Cortex-M4F, where there is neither std nor alloc.
+//! Builds the controller's crates for microcontrollers, where there is neither std nor alloc.
 //!
-//! rustup installs the target when it is missing. Where rustup cannot download it, Debian's compiler, which comes
+//! rustup installs a target when it is missing. Where rustup cannot download it, Debian's compiler, which comes
 //! with the sources of `core`, builds the same crates.
 
 use crate::debian;
@@ -8,14 +8,16 @@ use crate::shell::{self, cargo, command};
 use std::path::PathBuf;
 use std::process::Command;
 
-/// The machine.
-pub const TARGET: &str = "thumbv7em-none-eabihf";
+/// Target of the Cortex-M4F.
+pub const CORTEX_M4F: &str = "thumbv7em-none-eabihf";
+/// Target of the Cortex-M33 with FPU.
+pub const CORTEX_M33F: &str = "thumbv8m.main-none-eabihf";
 const CRATES: [&str; 4] = ["-p", "rollwalk-protocol", "-p", "rollwalk-firmware"];
 const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "lld"];
 const DEBIAN_CARGO: &str = "/usr/bin/cargo";
 const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
 
-/// A `cargo build --release` for the target, to be completed by the caller.
+/// A `cargo build --release` for a target, to be completed by the caller.
 pub struct Build {
     /// Command without packages.
     pub cargo: Command,
@@ -23,34 +25,34 @@ pub struct Build {
     pub artefacts: PathBuf,
 }
 
-/// Builds the controller's crates.
+/// Builds the controller's crates for the Cortex-M4F.
 ///
 /// # Errors
 /// The compiler's errors, or the command that installs a toolchain.
 pub fn check() -> Result<(), String> {
-    shell::run(build()?.cargo.args(CRATES))
+    shell::run(build(CORTEX_M4F)?.cargo.args(CRATES))
 }
 
 /// A build with rustup's toolchain or, without its target, Debian's.
 ///
 /// # Errors
 /// The command that installs a toolchain.
-pub fn build() -> Result<Build, String> {
-    let rustup = rustup_target();
+pub fn build(target: &str) -> Result<Build, String> {
+    let rustup = rustup_has(target);
     // A folder for each: the artefacts of the two compilers do not mix.
     let folder = shell::target_folder().join(if rustup { "bare-metal" } else { "debian" });
-    let artefacts = folder.join(TARGET).join("release");
-    let args = ["build", "--release", "--target", TARGET];
+    let artefacts = folder.join(target).join("release");
+    let args = ["build", "--release", "--target", target];
     if rustup {
         let mut cargo = cargo(&args);
         cargo.arg("--target-dir").arg(folder);
         return Ok(Build { cargo, artefacts });
     }
-    eprintln!("rustup cannot install {TARGET}; falling back to Debian's compiler");
+    eprintln!("rustup cannot install {target}; falling back to Debian's compiler");
     debian::need(&DEBIAN_PACKAGES).map_err(|install| {
         format!(
-            "no compiler for {TARGET}. Run one of these, then try again:\n\n    \
-             rustup target add {TARGET}\n    {install}"
+            "no compiler for {target}. Run one of these, then try again:\n\n    \
+             rustup target add {target}\n    {install}"
         )
     })?;
     let mut cargo = command(DEBIAN_CARGO, &args);
@@ -58,19 +60,20 @@ pub fn build() -> Result<Build, String> {
     // these crates do not need.
     cargo.args(["-Z", "build-std=core", "--ignore-rust-version", "--target-dir"]).arg(folder);
     cargo.env("RUSTC_BOOTSTRAP", "1").env("RUSTC", DEBIAN_RUSTC);
-    cargo.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", "ld.lld");
+    let variable = target.to_uppercase().replace(['-', '.'], "_");
+    cargo.env(format!("CARGO_TARGET_{variable}_LINKER"), "ld.lld");
     without_rustup(&mut cargo);
     Ok(Build { cargo, artefacts })
 }
 
-/// Whether the toolchain in use has the target's `core`; asks rustup to install it.
-fn rustup_target() -> bool {
+/// Whether the toolchain in use has a target's `core`; asks rustup to install it.
+fn rustup_has(target: &str) -> bool {
     let installed = || {
         shell::output(&mut command("rustup", &["target", "list", "--installed"]))
-            .is_ok_and(|list| list.lines().any(|line| line.trim() == TARGET))
+            .is_ok_and(|list| list.lines().any(|line| line.trim() == target))
     };
     installed()
-        || (shell::run(&mut command("rustup", &["target", "add", TARGET])).is_ok() && installed())
+        || (shell::run(&mut command("rustup", &["target", "add", target])).is_ok() && installed())
 }
 
 /// Removes the variables by which rustup's cargo selects its own toolchain.

@@ -5,10 +5,11 @@ use crate::{shell, toolchain};
 const CARGO_DENY: (&str, &str) = ("cargo-deny", "0.20.2");
 
 /// Manifests of all workspaces: each has a `Cargo.lock` of its own.
-const WORKSPACES: [&str; 4] = [
+const WORKSPACES: [&str; 5] = [
     "Cargo.toml",
     "firmware/boards/mps2-an386/Cargo.toml",
     "firmware/boards/nucleo-g474re/Cargo.toml",
+    "firmware/boards/pico2/Cargo.toml",
     "fuzz/Cargo.toml",
 ];
 

@@ -68,10 +68,16 @@ enum Task {
         /// Torque stays off.
         #[arg(long, value_name = "DEVICE")]
         port: Option<std::path::PathBuf>,
+        /// Robot for which mps2-an386 plays a short motion from its memory and over its UART, in place of AgileBot.
+        #[arg(long, value_name = "ROBOT.toml", conflicts_with_all = ["port", "demo_over_uart"])]
+        robot: Option<std::path::PathBuf>,
         /// Play the whole demo over the UART of the emulated mps2-an386: minutes.
         #[arg(long, conflicts_with = "port")]
         demo_over_uart: bool,
     },
+    /// Build the image of a board for your own robot, from its file alone. Prints how the robot's motors are connected to
+    /// the board, the image's sizes, and how the board gets it. A robot that the board has not the ports for is refused.
+    Image(board::ImageOptions),
     /// Print the sizes of the image of mps2-an386: flash, RAM, stack, instructions; and check that nothing in it can
     /// panic.
     Sizes {
@@ -110,9 +116,10 @@ fn main() -> ExitCode {
         Task::Test { only } => steps::run(only),
         Task::Nightly { only } => steps::run(only),
         Task::Quick(options) => quick::run(&options),
-        Task::Board { board, port, demo_over_uart } => {
-            board::run(board, port.as_deref(), demo_over_uart)
+        Task::Board { board, port, robot, demo_over_uart } => {
+            board::run(board, port.as_deref(), robot.as_deref(), demo_over_uart)
         }
+        Task::Image(options) => board::image(&options),
         Task::Sizes { json } => board::sizes(json),
         Task::Fuzz { target, seconds, input } => fuzz::run(target, seconds, input.as_deref()),
         Task::Sbom { out } => sbom::write(out.as_deref()),

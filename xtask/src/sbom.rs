@@ -18,17 +18,22 @@ struct Shipped {
     target: Option<&'static str>,
 }
 
-const SHIPPED: [Shipped; 3] = [
+const SHIPPED: [Shipped; 4] = [
     Shipped { workspace: ".", package: "rollwalk", target: None },
     Shipped {
         workspace: "firmware/boards/mps2-an386",
         package: "rollwalk-mps2-an386",
-        target: Some(bare_metal::TARGET),
+        target: Some(bare_metal::CORTEX_M4F),
     },
     Shipped {
         workspace: "firmware/boards/nucleo-g474re",
         package: "rollwalk-nucleo-g474re",
-        target: Some(bare_metal::TARGET),
+        target: Some(bare_metal::CORTEX_M4F),
+    },
+    Shipped {
+        workspace: "firmware/boards/pico2",
+        package: "rollwalk-pico2",
+        target: Some(bare_metal::CORTEX_M33F),
     },
 ];
 

@@ -65,6 +65,22 @@ pub fn output(command: &mut Command) -> Result<String, String> {
     bytes(command).map(|out| String::from_utf8_lossy(&out).into_owned())
 }
 
+/// Runs a command whose errors are for the user as they are, and returns its output.
+///
+/// # Errors
+/// Its error output, when it does not exit with 0.
+pub fn said(command: &mut Command) -> Result<String, String> {
+    let out = command
+        .output()
+        .map_err(|error| format!("`{}` could not be started: {error}", shown(command)))?;
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    if out.status.success() {
+        Ok(text(&out.stdout))
+    } else {
+        Err(text(&out.stderr).trim_end().into())
+    }
+}
+
 /// Runs a command silently and returns its output.
 ///
 /// # Errors

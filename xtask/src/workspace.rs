@@ -59,6 +59,17 @@ pub fn programs() -> Result<Vec<Program>, String> {
     build(&[])
 }
 
+/// Builds one program, with the features of all other builds.
+///
+/// # Errors
+/// The command line; the compiler's messages are on the terminal.
+pub fn program(folder: &str, name: &str) -> Result<Program, String> {
+    let mut build = cargo(&["build", "--bin", name, "--message-format", "json-render-diagnostics"]);
+    let messages = shell::output(build.stderr(Stdio::inherit()))?;
+    let programs: Vec<_> = messages.lines().filter_map(of_message).collect();
+    find(&programs, folder, name, false).cloned()
+}
+
 /// Builds all programs and tests in the release profile.
 ///
 /// # Errors

@@ -1,12 +1,16 @@
-//! Drivers that boards may use: for devices on a microcontroller's pins, through `embedded-hal`
-//! 1.0, and for the link on a serial line.
+//! What boards have in common: drivers of devices on a microcontroller's pins, through `embedded-hal` 1.0, of the link
+//! on a serial line, and the robot's buses among the board's.
 //!
 //! | module | is |
 //! |---|---|
 //! | [`pwm`] | a hobby servo on a PWM output, as an actuator of the Rollwalk profile |
 //! | [`estop`] | the contact of an emergency stop |
 //! | [`slcan`] | the link on a serial line, as an SLCAN adapter |
+//! | [`servo_line`] | a line of serial servos on one wire |
+//! | [`ports`] | which bus of the robot is at which port of the board |
 
 pub mod estop;
+pub mod ports;
 pub mod pwm;
+pub mod servo_line;
 pub mod slcan;

@@ -16,6 +16,11 @@ pub const MAX_BUSES: usize = 4;
 /// The actuator buses of a controller, by number.
 pub type Buses = Vec<Bus, MAX_BUSES>;
 
+/// Buses from their postcard encoding, which images hold; `None` for anything else.
+pub fn decode(bytes: &[u8]) -> Option<Buses> {
+    postcard::take_from_bytes(bytes).ok().and_then(|(buses, rest)| rest.is_empty().then_some(buses))
+}
+
 /// A bus and the actuators on it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bus {
@@ -127,4 +132,36 @@ pub enum Pose {
     /// Those that do not measure it are taken to be in SAFE, where an operator has put the robot, and
     /// later where they were sent last. Wherever they are, they jump there.
     AssumedSafe,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Longest encoding of [`Buses`], bytes.
+    const LONGEST: usize = 256;
+
+    #[test]
+    fn buses_come_back_from_their_encoding() {
+        for protocol in Protocol::examples() {
+            for (control, pose) in [
+                (ControlLoop::InDrive, Pose::AssumedSafe),
+                (ControlLoop::OnController, Pose::Measured),
+            ] {
+                let bus = Bus { protocol, bit_rate: 57_600, control, pose };
+                let buses = Buses::from_slice(&[Bus::default(), bus, bus, bus]).unwrap();
+                let mut buffer = [0; LONGEST];
+                let bytes = postcard::to_slice(&buses, &mut buffer).unwrap();
+                assert_eq!(decode(bytes), Some(buses), "{protocol:?}");
+                // Cut anywhere, and with more behind it, it is something else.
+                for cut in 0..bytes.len() {
+                    assert_eq!(decode(&bytes[..cut]), None, "{protocol:?}");
+                }
+                let length = bytes.len();
+                assert_eq!(decode(&buffer[..=length]), None, "{protocol:?}");
+            }
+        }
+        assert_eq!(decode(&[0]), Some(Buses::new()));
+        assert_eq!(decode(&[5, 0, 0, 0, 0]), None);
+    }
 }

@@ -5,8 +5,9 @@ use super::shown;
 use crate::workspace::{self, Program};
 use crate::{debian, shell};
 use serde_json::Value;
-use std::fs;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
+use std::{env, fs};
 
 const MOTIONS: &str = "motions/agilebot_library.toml";
 const QEMU: &str = "qemu-system-arm";
@@ -27,20 +28,57 @@ impl Figures {
 /// The bench with what it needs.
 pub struct Bench {
     program: PathBuf,
-    /// The demo's library.
-    library: PathBuf,
+    /// The robot and its library: AgileBot and the demo's without, the short motion of another robot.
+    robot: Option<PathBuf>,
+    library: Option<PathBuf>,
     /// Output directory.
     out: PathBuf,
 }
 
+/// The robot's part of an image.
+pub struct Module {
+    /// The file.
+    pub path: PathBuf,
+    /// How the robot is connected to the board.
+    pub wiring: String,
+}
+
 impl Bench {
+    /// Builds the bench alone.
+    ///
+    /// # Errors
+    /// The compiler's verdict.
+    pub fn program() -> Result<Self, String> {
+        let out = out()?;
+        let Program { path, .. } =
+            workspace::program("firmware/boards/bench", "rollwalk-board-bench")?;
+        Ok(Self { program: path, robot: None, library: None, out })
+    }
+
+    /// The same for a robot, whose motion is a short one made for it.
+    pub fn of_robot(self, robot: &Path) -> Self {
+        Self { robot: Some(robot.into()), library: None, ..self }
+    }
+
+    /// Writes a robot's module for an image of a board.
+    ///
+    /// # Errors
+    /// What is wrong with the file, or which bus the board has no port for.
+    pub fn module(&self, robot: &Path, board: &str) -> Result<Module, String> {
+        let path = self.out.join(format!("{board}-robot.rs"));
+        let mut image = self.command("image");
+        // The file is where the user is.
+        let here = env::current_dir().map_err(|error| format!("the current folder: {error}"))?;
+        image.arg(board).arg("--robot").arg(robot).arg("--out").arg(&path).current_dir(here);
+        shell::said(&mut image).map(|wiring| Module { path, wiring })
+    }
+
     /// Builds the bench, and the demo's library with the command line.
     ///
     /// # Errors
     /// The compiler's verdict, or a motion without a plan.
     pub fn build() -> Result<Self, String> {
-        let out = shell::target_folder().join("board");
-        fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", shown(&out)))?;
+        let out = out()?;
         let programs = workspace::programs()?;
         let find = |folder, name| workspace::find(&programs, folder, name, false).cloned();
         let Program { path: program, .. } = find("firmware/boards/bench", "rollwalk-board-bench")?;
@@ -48,7 +86,7 @@ impl Bench {
         let library = out.join("agilebot.rwl");
         let mut build = shell::command(&rollwalk.to_string_lossy(), &["library", "build", MOTIONS]);
         shell::output(build.arg("-o").arg(&library))?;
-        Ok(Self { program, library, out })
+        Ok(Self { program, robot: None, library: Some(library), out })
     }
 
     /// Replays the demo from the memory of the emulated board.
@@ -58,7 +96,7 @@ impl Bench {
     pub fn replay(&self, image: &Path) -> Result<Figures, String> {
         need_qemu()?;
         let mut replay = self.command("replay");
-        replay.arg(image).arg(&self.library).arg("--out").arg(&self.out);
+        replay.arg(image).arg("--out").arg(&self.out).args(self.library());
         let report = shell::output(replay.stderr(std::process::Stdio::inherit()))?;
         serde_json::from_str(&report).map(Figures).map_err(|error| format!("the bench: {error}"))
     }
@@ -72,7 +110,7 @@ impl Bench {
         let mut uart = self.command("uart");
         uart.arg(image).arg("--out").arg(&self.out);
         if is_whole {
-            uart.arg("--library").arg(&self.library);
+            uart.args(self.library());
         }
         shell::run(&mut uart)
     }
@@ -82,12 +120,27 @@ impl Bench {
     /// # Errors
     /// A report that is not acceptable, or a failure of the line.
     pub fn visit(&self, port: &Path) -> Result<(), String> {
-        shell::run(self.command("visit").arg(port).arg(&self.library))
+        shell::run(self.command("visit").arg(port).args(&self.library))
+    }
+
+    fn library(&self) -> Vec<&OsStr> {
+        self.library.iter().flat_map(|path| [OsStr::new("--library"), path.as_os_str()]).collect()
     }
 
     fn command(&self, task: &str) -> std::process::Command {
-        shell::command(&self.program.to_string_lossy(), &[task])
+        let mut command = shell::command(&self.program.to_string_lossy(), &[task]);
+        if let Some(robot) = &self.robot {
+            command.arg("--robot").arg(robot);
+        }
+        command
     }
+}
+
+/// The folder for what the bench writes.
+fn out() -> Result<PathBuf, String> {
+    let out = shell::target_folder().join("board");
+    fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", shown(&out)))?;
+    Ok(out)
 }
 
 fn need_qemu() -> Result<(), String> {

@@ -93,7 +93,10 @@ pub fn must_panic(name: &str, image: &[u8]) -> Result<(), String> {
 }
 
 /// Symbols of the image that lead to a panic.
-fn panic_paths(image: &[u8]) -> Result<Vec<String>, String> {
+///
+/// # Errors
+/// The image is none whose panics show.
+pub fn panic_paths(image: &[u8]) -> Result<Vec<String>, String> {
     let file = object::File::parse(image).map_err(|error| format!("the image: {error}"))?;
     let names: Vec<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
     if !names.iter().any(|name| name.contains("CONTROLLER")) {

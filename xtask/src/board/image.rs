@@ -1,27 +1,44 @@
 //! The release images of the boards.
 
-use crate::{bare_metal, shell};
-use std::path::PathBuf;
+use crate::bare_metal::{self, CORTEX_M4F, CORTEX_M33F};
+use crate::shell;
+use std::path::{Path, PathBuf};
+
+/// Names the module of the robot that an image is for (`firmware/boards/robot_module.rs`).
+const ROBOT: &str = "ROLLWALK_ROBOT";
 
 /// An image of a board: a program of the board's workspace.
 pub struct Image {
     folder: &'static str,
+    target: &'static str,
     /// Name of the program.
     pub name: &'static str,
 }
 
 /// The emulated board's, its buses and its time over the UART.
 pub const MPS2_AN386: Image =
-    Image { folder: "firmware/boards/mps2-an386", name: "rollwalk-mps2-an386" };
+    Image { folder: "firmware/boards/mps2-an386", target: CORTEX_M4F, name: "rollwalk-mps2-an386" };
 /// The emulated board's with requests and expected answers in its memory.
-pub const MPS2_AN386_REPLAY: Image =
-    Image { folder: "firmware/boards/mps2-an386", name: "rollwalk-mps2-an386-replay" };
+pub const MPS2_AN386_REPLAY: Image = Image {
+    folder: "firmware/boards/mps2-an386",
+    target: CORTEX_M4F,
+    name: "rollwalk-mps2-an386-replay",
+};
 /// The emulated board's with its link as an SLCAN adapter, in real time.
-pub const MPS2_AN386_SLCAN: Image =
-    Image { folder: "firmware/boards/mps2-an386", name: "rollwalk-mps2-an386-slcan" };
-/// The real board's.
-pub const NUCLEO_G474RE: Image =
-    Image { folder: "firmware/boards/nucleo-g474re", name: "rollwalk-nucleo-g474re" };
+pub const MPS2_AN386_SLCAN: Image = Image {
+    folder: "firmware/boards/mps2-an386",
+    target: CORTEX_M4F,
+    name: "rollwalk-mps2-an386-slcan",
+};
+/// The NUCLEO-G474RE's.
+pub const NUCLEO_G474RE: Image = Image {
+    folder: "firmware/boards/nucleo-g474re",
+    target: CORTEX_M4F,
+    name: "rollwalk-nucleo-g474re",
+};
+/// The Pico 2's.
+pub const PICO2: Image =
+    Image { folder: "firmware/boards/pico2", target: CORTEX_M33F, name: "rollwalk-pico2" };
 
 impl Image {
     /// Builds the image and the others of its workspace, whose links then run at the same time.
@@ -29,7 +46,15 @@ impl Image {
     /// # Errors
     /// The compiler's verdict, or the one command that gets a compiler.
     pub fn build(&self) -> Result<PathBuf, String> {
-        self.run(&["--bins"])
+        self.run(&["--bins"], None)
+    }
+
+    /// Builds the image for the robot of a generated module; the next build without replaces the file.
+    ///
+    /// # Errors
+    /// As for [`Self::build`].
+    pub fn build_for(&self, module: &Path) -> Result<PathBuf, String> {
+        self.run(&["--bin", self.name], Some(module))
     }
 
     /// Builds the image with a cargo feature; the next build without replaces the file.
@@ -37,12 +62,17 @@ impl Image {
     /// # Errors
     /// As for [`Self::build`].
     pub fn build_with(&self, feature: &str) -> Result<PathBuf, String> {
-        self.run(&["--bin", self.name, "--features", feature])
+        self.run(&["--bin", self.name, "--features", feature], None)
     }
 
-    fn run(&self, selection: &[&str]) -> Result<PathBuf, String> {
-        let bare_metal::Build { mut cargo, artefacts } = bare_metal::build()?;
+    fn run(&self, selection: &[&str], robot: Option<&Path>) -> Result<PathBuf, String> {
+        let bare_metal::Build { mut cargo, artefacts } = bare_metal::build(self.target)?;
         cargo.current_dir(shell::workspace_root().join(self.folder)).arg("--quiet").args(selection);
+        // Not the robot of the shell that runs this.
+        match robot {
+            Some(module) => cargo.env(ROBOT, module),
+            None => cargo.env_remove(ROBOT),
+        };
         shell::run(&mut cargo)?;
         Ok(artefacts.join(self.name))
     }

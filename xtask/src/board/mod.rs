@@ -1,5 +1,5 @@
-//! `cargo xtask board` and `cargo xtask sizes`: builds the board images and measures them, and has the bench
-//! (`firmware/boards/bench`) compare the emulated one with the simulation.
+//! `cargo xtask board`, `cargo xtask image` and `cargo xtask sizes`: builds the board images and measures them, and has the
+//! bench (`firmware/boards/bench`) compare the emulated one with the simulation.
 //!
 //! ```text
 //! host session ── simulated buses and motors ── firmware on the host ──> script ──> memory of the emulated board
@@ -8,17 +8,20 @@
 
 mod bench;
 mod contents;
+mod formats;
 mod image;
 mod limits;
-mod nucleo;
+mod own;
+mod real;
 mod sizes;
 mod slcan;
 
 use crate::shell;
 use bench::Bench;
 use clap::ValueEnum;
-use std::path::Path;
+use std::path::{self, Path};
 
+pub use own::{Options as ImageOptions, run as image};
 pub use sizes::report as sizes;
 pub use slcan::build as slcan_image;
 
@@ -34,15 +37,29 @@ pub enum Board {
     /// ST's NUCLEO-G474RE: built and measured, ready to be flashed.
     #[value(name = "nucleo-g474re")]
     NucleoG474re,
+    /// Raspberry Pi Pico 2, for serial servos: likewise.
+    #[value(name = "pico2")]
+    Pico2,
 }
 
 /// Builds the image. The emulated board replays the demo from its memory and plays a short motion over its UART, or the
 /// whole demo over its UART. The real one is measured or, at a serial port, asked for its report and given the demo's
-/// library.
+/// library. For another robot than AgileBot, the emulated board plays a short motion made for it.
 ///
 /// # Errors
 /// The first failure, or the first difference from the simulation.
-pub fn run(board: Board, port: Option<&Path>, demo_over_uart: bool) -> Result<(), String> {
+pub fn run(
+    board: Board,
+    port: Option<&Path>,
+    robot: Option<&Path>,
+    demo_over_uart: bool,
+) -> Result<(), String> {
+    if let Some(robot) = robot {
+        return match board {
+            Board::Mps2An386 => other_robot(robot),
+            _ => Err("an image for another robot: cargo xtask image".into()),
+        };
+    }
     if demo_over_uart {
         return match board {
             Board::Mps2An386 => self::demo_over_uart(),
@@ -50,8 +67,13 @@ pub fn run(board: Board, port: Option<&Path>, demo_over_uart: bool) -> Result<()
         };
     }
     match (board, port) {
-        (Board::NucleoG474re, None) => nucleo::report(),
+        (Board::NucleoG474re, None) => real::report(&real::NUCLEO),
+        (Board::Pico2, None) => real::report(&real::PICO),
         (Board::NucleoG474re, Some(port)) => Bench::build()?.visit(port),
+        (Board::Pico2, Some(_)) => {
+            Err("the demo library is AgileBot's, and it has no serial servos: leave out --port"
+                .into())
+        }
         (Board::Mps2An386Slcan, None) => slcan::report(),
         (Board::Mps2An386 | Board::Mps2An386Slcan, Some(_)) => {
             Err("mps2-an386 is emulated, and has no serial port: leave out --port".into())
@@ -72,7 +94,8 @@ pub fn run(board: Board, port: Option<&Path>, demo_over_uart: bool) -> Result<()
 /// # Errors
 /// The first failure.
 pub fn check() -> Result<(), String> {
-    nucleo::report()?;
+    real::report(&real::NUCLEO)?;
+    real::report(&real::PICO)?;
     slcan::report()?;
     let bench = Bench::build()?;
     sizes::measure(&bench, false)?;
@@ -97,6 +120,22 @@ pub fn planted_panics() -> Result<(), String> {
 /// The first difference from the simulation, or a failure of the bench.
 pub fn demo_over_uart() -> Result<(), String> {
     Bench::build()?.uart(&image::MPS2_AN386.build()?, true)
+}
+
+/// Makes images of the emulated board for another robot, replays a short motion from its memory and plays it over its UART.
+///
+/// # Errors
+/// The first difference from the simulation, or a failure of the bench.
+pub fn other_robot(robot: &Path) -> Result<(), String> {
+    let bench = Bench::program()?;
+    let bench::Module { path: module, wiring } = bench.module(robot, "mps2-an386")?;
+    eprint!("{wiring}");
+    // Of the workspace's programs, those for other robots replace each other.
+    let replay = image::MPS2_AN386_REPLAY.build_for(&module)?;
+    let uart = image::MPS2_AN386.build_for(&module)?;
+    let bench = bench.of_robot(&path::absolute(robot).map_err(|error| error.to_string())?);
+    bench.replay(&replay)?;
+    bench.uart(&uart, false)
 }
 
 /// A path as the user would write it.

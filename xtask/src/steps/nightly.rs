@@ -4,6 +4,8 @@ use super::{Extent, Step};
 use crate::{board, deny, fuzz, hostile, miri, mujoco, replay, sbom, shell, vcan, workspace};
 use clap::ValueEnum;
 
+/// A robot of MIT drives and an ODrive.
+const OTHER_ROBOT: &str = "robots/test_leg.toml";
 /// Random seeds of the fault campaign.
 const CAMPAIGN_SEEDS: &str = "1000";
 
@@ -14,7 +16,7 @@ pub enum NightlyStep {
     Deny,
     /// AgileBot with its twenty motors on real CAN interfaces, and the emulated board behind `slcand`.
     Vcan,
-    /// The whole demo on the emulated board, over its UART.
+    /// The whole demo on the emulated board, over its UART, and a robot of other drives.
     BoardUart,
     /// Flash, RAM, stack and instructions of the emulated board's image; planted panics.
     Sizes,
@@ -40,7 +42,7 @@ impl Step for NightlyStep {
         match self {
             Self::Deny => "advisories, licences and duplicates; bills of materials",
             Self::Vcan => "AgileBot and the emulated board on real CAN interfaces",
-            Self::BoardUart => "the whole demo on the emulated board over its UART",
+            Self::BoardUart => "the whole demo and another robot on the emulated board",
             Self::Sizes => "sizes and instructions of the emulated board's image",
             Self::Miri => "tests of protocol and firmware in Miri",
             Self::Multibody => "kinematics and dynamics against MuJoCo, 1,000 states a robot",
@@ -55,7 +57,8 @@ impl Step for NightlyStep {
         match self {
             Self::Deny => deny::check().and_then(|()| sbom::write(None)),
             Self::Vcan => vcan::check(Extent::Full),
-            Self::BoardUart => board::demo_over_uart(),
+            Self::BoardUart => board::demo_over_uart()
+                .and_then(|()| board::other_robot(&shell::workspace_root().join(OTHER_ROBOT))),
             Self::Sizes => board::sizes(false).and_then(|()| board::planted_panics()),
             Self::Miri => miri::check(Extent::Full),
             Self::Multibody => mujoco::check(Extent::Full),

@@ -18,6 +18,7 @@ mod script;
 mod short_library;
 mod uart;
 mod visit;
+mod wiring;
 
 use clap::{Parser, Subcommand};
 use rollwalk_robot::Robot;
@@ -40,12 +41,22 @@ struct Cli {
 enum Task {
     /// Print the robot's controller configuration as the Rust module that the images include.
     Config,
+    /// Write that module for an image of a board, and print how the robot is connected to it.
+    Image {
+        /// The board.
+        #[arg(value_parser = wiring::board)]
+        board: &'static wiring::Board,
+        /// File for the module.
+        #[arg(long)]
+        out: PathBuf,
+    },
     /// Replay a library's scenario from the emulated board's memory; print what it cost as JSON.
     Replay {
         /// Image with the replay.
         image: PathBuf,
-        /// Library to flash and play.
-        library: PathBuf,
+        /// Library to flash and play; without one, a short motion made for this.
+        #[arg(long)]
+        library: Option<PathBuf>,
         /// Folder for the script.
         #[arg(long)]
         out: PathBuf,
@@ -83,19 +94,28 @@ fn main() -> ExitCode {
 fn run(cli: &Cli) -> Result<(), String> {
     let name = cli.robot.display().to_string();
     let text = String::from_utf8_lossy(&read(&cli.robot)?).into_owned();
-    let robot = Robot::from_toml(&name, &text).map_err(|error| format!("{name}: {error}"))?;
+    let robot = Robot::from_toml(&name, &text).map_err(|error| error.to_string())?;
     match &cli.task {
         Task::Config => config::module(&name, &robot).map(|module| print!("{module}")),
-        Task::Replay { image, library, out } => replay::run(&robot, image, &read(library)?, out),
+        Task::Image { board, out } => {
+            let wiring = wiring::describe(&name, &robot, board)?;
+            write(out, config::module(&name, &robot)?.as_bytes())?;
+            print!("{wiring}");
+            Ok(())
+        }
+        Task::Replay { image, library, out } => {
+            replay::run(&robot, image, &library_or_short(library.as_deref(), &robot)?, out)
+        }
         Task::Uart { image, library, out } => {
-            let library = match library {
-                Some(path) => read(path)?,
-                None => short_library::encoded(&robot)?,
-            };
-            uart::run(&robot, image, &library, out)
+            uart::run(&robot, image, &library_or_short(library.as_deref(), &robot)?, out)
         }
         Task::Visit { port, library } => visit::run(&robot, port, &read(library)?),
     }
+}
+
+/// The library of a file, or the short one of a robot.
+fn library_or_short(path: Option<&Path>, robot: &Robot) -> Result<Vec<u8>, String> {
+    path.map_or_else(|| short_library::encoded(robot), read)
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, String> {

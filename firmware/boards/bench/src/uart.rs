@@ -56,7 +56,7 @@ pub fn run(robot: &Robot, image: &Path, library: &[u8], out: &Path) -> Result<()
         return Err("board and host simulation played other clips at the same time".into());
     }
     println!(
-        "{} frames on 3 buses, {} bytes of log: the board's are the host simulation's, byte by byte",
+        "{} frames on all buses, {} bytes of log: the board's are the host simulation's, byte by byte",
         board.log().len(),
         board_log.len()
     );

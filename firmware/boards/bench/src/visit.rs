@@ -42,7 +42,7 @@ pub fn run(robot: &Robot, port: &Path, library: &[u8]) -> Result<(), String> {
     }
     if report.brown_out_level < BROWN_OUT_LEVEL {
         return Err(format!(
-            "brown-out reset level {}, must be {BROWN_OUT_LEVEL}: firmware/boards/README.md, first run",
+            "brown-out reset level {}, must be {BROWN_OUT_LEVEL}: firmware/boards/nucleo-g474re/README.md, first run",
             report.brown_out_level
         ));
     }

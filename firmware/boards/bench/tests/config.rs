@@ -1,28 +1,157 @@
-//! The configuration that the board images include is that of the robot file.
+//! Generated modules of robots hold the configuration and the buses of their files; robots that a board has not the ports for
+//! are refused.
 
 #[path = "../../agilebot.rs"]
 mod agilebot;
+mod test_leg;
 
 use rollwalk_robot::Robot;
-use std::path::Path;
-use std::process::Command;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
 
-const ROBOT: &str = "robots/agilebot.toml";
+/// Robots with generated modules in the repository: the default of all images, and one with buses of other protocols.
+const GENERATED: [(&str, &str); 2] = [
+    ("robots/agilebot.toml", "firmware/boards/agilebot.rs"),
+    ("robots/test_leg.toml", "firmware/boards/bench/tests/test_leg.rs"),
+];
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..")
+}
+
+fn bench(robot: &str, arguments: &[&str]) -> Output {
+    let mut bench = Command::new(env!("CARGO_BIN_EXE_rollwalk-board-bench"));
+    bench.args(["--robot", robot]).args(arguments).current_dir(root()).output().unwrap()
+}
+
+fn robot(file: &str) -> Robot {
+    let text = std::fs::read_to_string(root().join(file)).unwrap();
+    Robot::from_toml(file, &text).unwrap()
+}
 
 #[test]
-fn the_images_include_the_configuration_of_the_robot_file() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..");
-    let mut bench = Command::new(env!("CARGO_BIN_EXE_rollwalk-board-bench"));
-    let output = bench.arg("config").current_dir(&root).output().unwrap();
-    assert!(output.status.success(), "{output:?}");
-    assert!(
-        output.stdout == include_bytes!("../../agilebot.rs"),
-        "{ROBOT} has changed: cargo run -p rollwalk-board-bench -- config > firmware/boards/agilebot.rs"
-    );
+fn generated_modules_are_those_of_the_robot_files() {
+    for (file, module) in GENERATED {
+        let output = bench(file, &["config"]);
+        assert!(output.status.success(), "{output:?}");
+        assert!(
+            output.stdout == std::fs::read(root().join(module)).unwrap(),
+            "{file} has changed: cargo run -p rollwalk-board-bench -- --robot {file} config > {module}"
+        );
+    }
+}
 
-    let text = std::fs::read_to_string(root.join(ROBOT)).unwrap();
-    let config = Robot::from_toml(ROBOT, &text).unwrap().controller_config().unwrap();
-    assert_eq!(agilebot::config(), config);
-    assert_eq!(agilebot::config().hash(), config.hash());
-    assert_eq!(config.channels, agilebot::CHANNELS);
+#[test]
+fn generated_modules_hold_the_robot() {
+    let robots = GENERATED.map(|(file, _)| robot(file));
+    let modules = [
+        (agilebot::config(), agilebot::buses(), agilebot::CHANNELS.to_vec()),
+        (test_leg::config(), test_leg::buses(), test_leg::CHANNELS.to_vec()),
+    ];
+    for (robot, (config, buses, channels)) in robots.iter().zip(modules) {
+        let expected = robot.controller_config().unwrap();
+        assert_eq!((&config, config.hash()), (&expected, expected.hash()));
+        assert_eq!(buses, Some(robot.controller_buses()));
+        assert_eq!(expected.channels.as_slice(), channels);
+    }
+    assert_eq!(test_leg::buses().unwrap().len(), 2);
+}
+
+/// The wiring of a robot, or why it is refused.
+fn image(robot: &str, board: &str) -> Result<String, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let module = folder.path().join("robot.rs");
+    let output = bench(robot, &["image", board, "--out", module.to_str().unwrap()]);
+    assert_eq!(module.exists(), output.status.success(), "nothing is left of a refused robot");
+    if output.status.success() {
+        let config = bench(robot, &["config"]).stdout;
+        assert!(std::fs::read(module).unwrap() == config);
+        Ok(String::from_utf8(output.stdout).unwrap())
+    } else {
+        Err(String::from_utf8(output.stderr).unwrap())
+    }
+}
+
+/// A robot file with changes, each of which must apply.
+fn changed(file: &str, changes: &[(&str, &str)]) -> tempfile::NamedTempFile {
+    let mut text = std::fs::read_to_string(root().join(file)).unwrap();
+    for (from, to) in changes {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    let file = tempfile::Builder::new().suffix(".toml").tempfile().unwrap();
+    std::fs::write(file.path(), text).unwrap();
+    file
+}
+
+#[test]
+fn wiring_names_every_motor_at_its_port() {
+    let text = image("robots/test_leg.toml", "nucleo-g474re").unwrap();
+    let lines: Vec<_> = text.lines().collect();
+    assert!(lines[0].starts_with("bus 0  AK80-9, 1000 kbit/s  FDCAN2: RX PB12"), "{text}");
+    assert!(lines[3].starts_with("bus 1  ODrive"), "{text}");
+    assert!(lines[3].contains("FDCAN3: RX PA8"), "{text}");
+    for channel in robot("robots/test_leg.toml").channels() {
+        let motor = format!("  id {:>3}  {}", channel.actuator().id, channel.name());
+        assert_eq!(lines.iter().filter(|line| **line == motor).count(), 1, "{text}");
+    }
+    assert!(text.contains("emergency stop  PA10"), "{text}");
+}
+
+#[test]
+fn every_shipped_robot_gets_an_image_or_is_refused_by_its_bus() {
+    for entry in std::fs::read_dir(root().join("robots")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|extension| extension != "toml") {
+            continue;
+        }
+        let file = path.to_str().unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let Ok(robot) = Robot::from_toml(file, &text) else { continue };
+        let used: std::collections::BTreeSet<u8> =
+            robot.channels().map(|channel| channel.actuator().bus).collect();
+        let on_can =
+            |number: &&u8| robot.buses.get(number).is_none_or(|bus| !bus.protocol.is_serial());
+        let fits = used.iter().filter(on_can).count() == used.len() && used.len() <= 2;
+        let outcome = image(file, "nucleo-g474re");
+        assert_eq!(outcome.is_ok(), fits, "{file}: {outcome:?}");
+        if let Err(why) = outcome {
+            assert!(why.contains(": bus ") && why.contains("FDCAN2, FDCAN3"), "{why}");
+        }
+    }
+}
+
+#[test]
+fn a_bus_that_a_board_cannot_be_is_refused_with_what_it_offers() {
+    let servos = "protocol = \"dynamixel\"\nbit_rate = 1000000\nmodel = \"XM430-W210\"\n\
+                  watchdog_ms = 100\nreturn_delay_us = 20\n# ";
+    let odrive = "protocol = \"odrive\"\nfirmware = \"0.5\"\nreduction";
+    let serial = changed(
+        "robots/test_leg.toml",
+        &[
+            (odrive, servos),
+            ("torque_constant_nm_a", "# "),
+            ("estimates_hz", "# "),
+            ("speed_max_rad_s = 20.0", "speed_max_rad_s = 6.0"),
+        ],
+    );
+    let serial = serial.path().to_str().unwrap();
+    let why = image(serial, "nucleo-g474re").unwrap_err();
+    let expected =
+        "nucleo-g474re has no port left for it; its ports for actuators on serial lines: none";
+    assert!(why.starts_with(&format!("{serial}: bus 1 (")) && why.contains(expected), "{why}");
+
+    let why = image(serial, "pico2").unwrap_err();
+    let expected =
+        "bus 0 (AK80-9): pico2 has no port left for it; its ports for actuators on CAN: none";
+    assert!(why.contains(expected), "{why}");
+
+    let slow = changed("robots/test_leg.toml", &[("estimates_hz = 125", "estimates_hz = 10")]);
+    let why = image(slow.path().to_str().unwrap(), "nucleo-g474re").unwrap_err();
+    assert!(why.contains("bus 1: no controller can drive its actuators"), "{why}");
+
+    let why = image("robots/test_leg.toml", "mps2-an386-slcan").unwrap_err();
+    assert!(why.contains("bus 0 (AK80-9): mps2-an386-slcan has simulated servos"), "{why}");
+    let why = image("robots/agilebot.toml", "bluepill").unwrap_err();
+    assert!(why.contains("boards are mps2-an386, mps2-an386-slcan, nucleo-g474re, pico2"), "{why}");
 }

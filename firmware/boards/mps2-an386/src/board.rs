@@ -1,7 +1,7 @@
 //! The controller on the emulated board: makes the steps that it is asked for, and counts their cost.
 
-use crate::agilebot;
 use crate::cost::Cost;
+use crate::robot;
 use crate::stack;
 use crate::store::{self, BoardStore};
 use cortex_m::Peripherals;
@@ -26,7 +26,8 @@ impl Board {
     /// Makes the controller, once, and measures the stack that this takes.
     pub fn start(peripherals: Peripherals) -> Option<Self> {
         let store = store::mount()?;
-        let build = || Controller::new(agilebot::config(), store, Settings::default());
+        let buses = robot::buses()?;
+        let build = || Controller::with_buses(robot::config(), buses, store, Settings::default());
         let controller = CONTROLLER.try_init_with(build)?;
         let start_stack_bytes = stack::deepest();
         stack::paint();

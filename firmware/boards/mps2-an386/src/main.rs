@@ -4,8 +4,6 @@
 #![no_std]
 #![no_main]
 
-#[path = "../../agilebot.rs"]
-mod agilebot;
 mod board;
 mod cost;
 mod halt;
@@ -13,6 +11,9 @@ mod registers;
 mod stack;
 mod store;
 mod uart;
+
+// The module `robot`: configuration and buses.
+include!(concat!(env!("OUT_DIR"), "/robot.rs"));
 
 use board::Board;
 use cortex_m_rt::entry;

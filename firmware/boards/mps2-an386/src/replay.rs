@@ -5,13 +5,14 @@
 #![no_std]
 #![no_main]
 
-#[path = "../../agilebot.rs"]
-mod agilebot;
 mod board;
 mod cost;
 mod semihosting;
 mod stack;
 mod store;
+
+// The module `robot`: configuration and buses.
+include!(concat!(env!("OUT_DIR"), "/robot.rs"));
 
 use board::Board;
 use core::panic::PanicInfo;

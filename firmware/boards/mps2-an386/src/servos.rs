@@ -2,7 +2,7 @@
 //! actuator bus: a joint is at its setpoint and a wheel turns at its setpoint, at once and without torque. This is no
 //! model of a motor.
 
-use crate::agilebot::CHANNELS;
+use crate::robot::CHANNELS;
 use rollwalk_protocol::actuator::{
     ActuatorStatus, Control, Feedback, JointSetpoint, WheelSetpoint,
 };

@@ -6,14 +6,15 @@
 #![no_std]
 #![no_main]
 
-#[path = "../../agilebot.rs"]
-mod agilebot;
 mod clock;
 mod halt;
 mod line;
 mod registers;
 mod servos;
 mod store;
+
+// The module `robot`: configuration and buses.
+include!(concat!(env!("OUT_DIR"), "/robot.rs"));
 
 use cortex_m_rt::entry;
 use rollwalk_firmware::bus::MAX_BUSES;
@@ -33,7 +34,8 @@ fn main() -> ! {
     let Some(peripherals) = cortex_m::Peripherals::take() else { halt::halt() };
     let Some(store) = store::mount() else { halt::halt() };
     let settings = Settings::default();
-    let build = || Controller::new(agilebot::config(), store, settings);
+    let Some(buses) = robot::buses() else { halt::halt() };
+    let build = || Controller::with_buses(robot::config(), buses, store, settings);
     let Some(controller) = CONTROLLER.try_init_with(build) else { halt::halt() };
     let Some(line) = Line::new() else { halt::halt() };
     let clock = Clock::start(peripherals.SYST, settings.control_hz);

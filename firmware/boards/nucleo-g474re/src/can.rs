@@ -22,14 +22,11 @@ use embassy_stm32::{Peri, pac};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{BusReport, BusState};
 
-/// Of all buses.
-const BIT_RATE: u32 = 1_000_000;
-/// Time quanta of a bit at prescaler 1: 24, of which 1 synchronises.
-const QUANTA: u32 = CRYSTAL_HZ / BIT_RATE;
-/// Behind the sample point, at 87.5 % as CiA 601-3 wants; and how far a resynchronisation may jump.
-const SEGMENT_2: u32 = QUANTA / 8;
-const SEGMENT_1: u32 = QUANTA - 1 - SEGMENT_2;
-const _: () = assert!(CRYSTAL_HZ.is_multiple_of(BIT_RATE) && SEGMENT_1 <= 256);
+/// Most time quanta of segments 1 and 2 of a bit (FDCAN_NBTP).
+const MAX_SEGMENTS: (u32, u32) = (256, 128);
+
+/// Of an identifier of 29 bits, in the first word of an element.
+const EXTENDED: u32 = 1 << 30;
 
 /// Words of a FIFO element or transmit buffer in message RAM (44.3.8, 44.3.9).
 const ELEMENT_WORDS: usize = 18;
@@ -71,26 +68,51 @@ pub fn connect<T: Instance>(rx: Peri<'static, impl RxPin<T>>, tx: Peri<'static, 
     core::mem::forget((rx, tx));
 }
 
+/// Times of a bit, in quanta of the crystal's clock.
+#[derive(Clone, Copy)]
+struct Timing {
+    segment_1: u32,
+    /// Behind the sample point, at 87.5 % as CiA 601-3 wants; and how far a resynchronisation may jump.
+    segment_2: u32,
+}
+
+impl Timing {
+    /// Of a bus; `None` for a rate that whole quanta do not make: robot files have 125 kbit/s to 1 Mbit/s, and
+    /// 192 to 24 quanta make them.
+    fn at(bit_rate: u32) -> Option<Self> {
+        let quanta = CRYSTAL_HZ.checked_div(bit_rate)?;
+        let segment_2 = (quanta + 4) / 8;
+        // The first quantum synchronises.
+        let segment_1 = quanta.checked_sub(1 + segment_2)?;
+        let whole = quanta * bit_rate == CRYSTAL_HZ && segment_1 > 0 && segment_2 > 0;
+        let fits = segment_1 <= MAX_SEGMENTS.0 && segment_2 <= MAX_SEGMENTS.1;
+        (whole && fits).then_some(Self { segment_1, segment_2 })
+    }
+}
+
 /// A bus.
 pub struct Bus {
     port: Port,
+    timing: Timing,
     /// When the frame that waits in the hardware was put there.
     waits_since_us: u64,
     report: BusReport,
 }
 
 impl Bus {
-    /// Takes part in the bus of a port.
-    pub fn new(port: Port) -> Self {
-        let bus = Self { port, waits_since_us: 0, report: BusReport::default() };
+    /// Takes part in the bus of a port; `None` for a bit rate that the crystal does not make.
+    pub fn new(port: Port, bit_rate: u32) -> Option<Self> {
+        let timing = Timing::at(bit_rate)?;
+        let bus = Self { port, timing, waits_since_us: 0, report: BusReport::default() };
         bus.start();
-        bus
+        Some(bus)
     }
 
     /// Sets the hardware up and takes part in the bus, after bus-off once 129 times 11 recessive bits
     /// were seen. What was waiting to be sent is forgotten.
     pub fn start(&self) {
         let Port { regs, ram } = self.port;
+        let Timing { segment_1, segment_2 } = self.timing;
         // 44.3.4, "Software initialization": INIT, then CCE, which resets the requests to transmit and
         // both FIFOs.
         regs.cccr().modify(|w| w.set_init(true));
@@ -111,13 +133,13 @@ impl Bus {
         });
         regs.nbtp().write(|w| {
             w.set_nbrp(0);
-            w.set_ntseg1((SEGMENT_1 - 1) as u8);
-            w.set_ntseg2((SEGMENT_2 - 1) as u8);
-            w.set_nsjw((SEGMENT_2 - 1) as u8);
+            w.set_ntseg1((segment_1 - 1) as u8);
+            w.set_ntseg2((segment_2 - 1) as u8);
+            w.set_nsjw((segment_2 - 1) as u8);
         });
         regs.rxgfc().write(|w| {
             w.set_anfs(Anfs::ACCEPT_FIFO_0);
-            w.set_anfe(Anfe::REJECT);
+            w.set_anfe(Anfe::ACCEPT_FIFO_0);
             w.set_rrfs(true);
             w.set_rrfe(true);
         });
@@ -147,9 +169,13 @@ impl Bus {
         low.copy_from_slice(&word(2).to_le_bytes());
         high.copy_from_slice(&word(3).to_le_bytes());
         regs.rxfa(0).write(|w| w.set_fai(index));
-        // Remote frames and 29-bit identifiers are filtered out. A length above 8 means 8.
-        let id = (header >> 18) & 0x7FF;
-        Frame::standard(id as u16, data.get(..length as usize).unwrap_or(&data))
+        // Remote frames are filtered out. A length above 8 means 8.
+        let data = data.get(..length as usize).unwrap_or(&data);
+        if header & EXTENDED == 0 {
+            Frame::standard(((header >> 18) & 0x7FF) as u16, data)
+        } else {
+            Frame::extended(header & 0x1FFF_FFFF, data)
+        }
     }
 
     /// Whether a frame can be sent now.
@@ -160,14 +186,15 @@ impl Bus {
 
     /// Sends a frame, if [`Self::is_free`].
     pub fn send(&mut self, now_us: u64, frame: &Frame) {
-        // This board's robots have drives with 11-bit identifiers.
-        let Some(id) = frame.standard_id() else { return };
         let Port { regs, ram } = self.port;
         let mut data = [0; 8];
         data.iter_mut().zip(frame.data()).for_each(|(slot, byte)| *slot = *byte);
         let [a, b, c, d, e, f, g, h] = data;
         let words = [
-            u32::from(id) << 18,
+            match (frame.standard_id(), frame.extended_id()) {
+                (_, Some(id)) => EXTENDED | id,
+                (id, None) => u32::from(id.unwrap_or_default()) << 18,
+            },
             (frame.data().len() as u32) << 16,
             u32::from_le_bytes([a, b, c, d]),
             u32::from_le_bytes([e, f, g, h]),

@@ -1,14 +1,12 @@
-//! The controller on a NUCLEO-G474RE: FDCAN1 is the link, FDCAN2 and FDCAN3 are actuator buses 0 and
-//! 1, the debugger's serial port is a second way to the link.
+//! The controller on a NUCLEO-G474RE: FDCAN1 is the link, FDCAN2 and FDCAN3 are the actuator
+//! buses, the debugger's serial port is a second way to the link.
 //!
 //! One loop, nothing blocks while torque is on. Interrupts only take bytes of the serial line and
 //! note that the emergency-stop contact opened; everything else is asked in turn.
-//! `firmware/boards/README.md` says how it is wired, flashed and tried.
+//! `firmware/boards/nucleo-g474re/README.md` says how it is wired, flashed and tried.
 #![no_std]
 #![no_main]
 
-#[path = "../../agilebot.rs"]
-mod agilebot;
 mod can;
 mod chip;
 mod clock;
@@ -18,12 +16,17 @@ mod flash;
 mod serial;
 mod watchdog;
 
+// The module `robot`: configuration and buses.
+include!(concat!(env!("OUT_DIR"), "/robot.rs"));
+
 use cortex_m_rt::entry;
 use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::{Peripherals, peripherals};
+use heapless::Vec;
+use rollwalk_firmware::hal::ports::{self, Transport};
 use rollwalk_firmware::periods::Periods;
 use rollwalk_firmware::store::{FlashParameters, FlashStore};
-use rollwalk_firmware::{Buses, Controller, Settings};
+use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{BusState, Gateway, Packet, Report, Reset};
 use rollwalk_protocol::wire::{Node, State, ToController, Torque};
@@ -36,6 +39,9 @@ use flash::Part;
 use serial::Serial;
 use watchdog::Watchdog;
 
+/// CAN ports for actuators.
+const ACTUATOR_PORTS: usize = can::PORTS.len() - 1;
+const LINK_BIT_RATE: u32 = 1_000_000;
 /// Boots of a library on trial.
 const TRIAL_BOOTS: u8 = 3;
 /// How long a frame of the link may wait for the bus: one from before a break is no use after it.
@@ -60,17 +66,27 @@ fn main() -> ! {
     let Some((library, parameters)) = flash::parts() else { fault::halt() };
     let Ok(library) = FlashStore::mount(library, TRIAL_BOOTS) else { fault::halt() };
     let Ok(parameters) = FlashParameters::mount(parameters) else { fault::halt() };
-    let build = || {
-        let config = agilebot::config();
-        Controller::with_parameters(config, Buses::new(), library, parameters, settings)
-    };
+    let (config, Some(buses)) = (robot::config(), robot::buses()) else { fault::halt() };
+    // No image is made for a robot with others: `firmware/boards/bench/src/wiring.rs`.
+    let [on_can, on_serial] =
+        [Transport::Can, Transport::Serial].map(|kind| ports::assigned(&config, &buses, kind));
+    if on_can.len() > ACTUATOR_PORTS || !on_serial.is_empty() {
+        fault::halt();
+    }
+    let build = || Controller::with_parameters(config, buses, library, parameters, settings);
     let Some(controller) = CONTROLLER.try_init_with(build) else { fault::halt() };
 
     let Some(serial) = Serial::new(p.PA3, p.PA2) else { fault::halt() };
     can::connect::<peripherals::FDCAN1>(p.PA11, p.PA12);
     can::connect::<peripherals::FDCAN2>(p.PB12, p.PB13);
     can::connect::<peripherals::FDCAN3>(p.PA8, p.PA15);
-    let [link, actuators @ ..] = can::PORTS.map(Bus::new);
+    let [link, others @ ..] = can::PORTS;
+    let Some(link) = Bus::new(link, LINK_BIT_RATE) else { fault::halt() };
+    let mut actuators = Vec::new();
+    for (&(number, kind), port) in on_can.iter().zip(others) {
+        let Some(bus) = Bus::new(port, kind.bit_rate) else { fault::halt() };
+        let _ = actuators.push(ActuatorBus { number, bus });
+    }
     let reset = chip::take_reset_cause();
     let now_us = clock.now_us();
     if reset == Reset::Watchdog {
@@ -125,13 +141,20 @@ fn turn_to(port: HostPort, host: &mut HostPort, gateway: &mut Gateway) {
     }
 }
 
+/// A bus of the robot at a port of the board.
+struct ActuatorBus {
+    /// Its number in the robot.
+    number: u8,
+    bus: Bus,
+}
+
 /// The controller and everything around it.
 struct Board {
     /// Its address on the link.
     node: u8,
     controller: &'static mut Core,
     link: Bus,
-    actuators: [Bus; 2],
+    actuators: Vec<ActuatorBus, ACTUATOR_PORTS>,
     serial: Serial,
     /// Between the controller and the serial line.
     gateway: Gateway,
@@ -171,9 +194,9 @@ impl Board {
         if self.contact.take_opened() {
             self.controller.estop(now_us);
         }
-        for (b, bus) in (0..).zip(&mut self.actuators) {
+        for ActuatorBus { number, bus } in &mut self.actuators {
             if let Some(frame) = bus.receive() {
-                self.controller.on_actuator_frame(now_us, b, &frame);
+                self.controller.on_actuator_frame(now_us, *number, &frame);
             }
         }
         if let Some(frame) = self.link.receive() {
@@ -208,7 +231,7 @@ impl Board {
     fn watch_torque(&mut self) {
         let torque = self.controller.state().torque();
         if torque == Torque::Off && self.torque != Torque::Off {
-            self.actuators.iter_mut().for_each(Bus::cancel);
+            self.actuators.iter_mut().for_each(|actuator| actuator.bus.cancel());
         }
         self.torque = torque;
     }
@@ -240,11 +263,11 @@ impl Board {
     /// How the actuator buses are. One that is off stays so until an operator has cleared the stop.
     fn watch_actuator_buses(&mut self, now_us: u64) {
         let [_, slots @ ..] = &mut self.report.buses;
-        for (b, (bus, slot)) in (0..).zip(self.actuators.iter_mut().zip(slots)) {
+        for (ActuatorBus { number, bus }, slot) in self.actuators.iter_mut().zip(slots) {
             bus.expire(now_us, self.period_us);
             *slot = bus.report();
-            self.controller.on_bus_state(now_us, b, slot.state);
-            if self.controller.take_bus_restart(b) {
+            self.controller.on_bus_state(now_us, *number, slot.state);
+            if self.controller.take_bus_restart(*number) {
                 bus.start();
             }
         }
@@ -272,9 +295,9 @@ impl Board {
     /// To every bus that can take a frame, the next one.
     fn give_out(&mut self) {
         let now_us = self.clock.now_us();
-        for (b, bus) in (0..).zip(&mut self.actuators) {
+        for ActuatorBus { number, bus } in &mut self.actuators {
             if bus.is_free()
-                && let Some(frame) = self.controller.poll_actuator(b)
+                && let Some(frame) = self.controller.poll_actuator(*number)
             {
                 bus.send(now_us, &frame);
             }

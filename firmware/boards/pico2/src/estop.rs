@@ -1,0 +1,40 @@
+//! The emergency-stop contact: normally closed, from GP22 to ground.
+//!
+//! Closed is the only state that allows torque: a pressed button, a broken wire and a plug that is out are the same high
+//! level. The level counts in every control period; the hardware's memory of an edge catches what is shorter.
+
+use crate::chip;
+use embassy_rp::pac::{IO_BANK0, SIO};
+
+/// GP22, at pin 29 of the board, next to ground at 28.
+const PIN: usize = 22;
+
+/// The contact.
+pub struct Contact(());
+
+impl Contact {
+    /// With the pin's own pull-up.
+    pub fn new() -> Self {
+        chip::input::<PIN>();
+        let contact = Self(());
+        // Rising while the pull-up charges the wire.
+        contact.take_opened();
+        contact
+    }
+
+    /// Whether it is open.
+    pub fn is_open(&self) -> bool {
+        SIO.gpio_in(0).read() & 1 << PIN != 0
+    }
+
+    /// Whether it opened since the last call, however shortly: a latched edge, without an interrupt (9.5).
+    pub fn take_opened(&self) -> bool {
+        let edges = IO_BANK0.intr(PIN / 8);
+        let opened = edges.read().edge_high(PIN % 8);
+        if opened {
+            // Cleared by writing 1.
+            edges.write(|w| w.set_edge_high(PIN % 8, true));
+        }
+        opened
+    }
+}

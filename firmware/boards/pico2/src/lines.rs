@@ -1,0 +1,228 @@
+//! Two lines of serial servos, each on one wire, by PIO0 (RP2350 datasheet, chapter 11): a state machine sends, another
+//! receives.
+//!
+//! **The wire is never driven high.** A 0 is driven low, a 1 and the rest are the pull-up's: no two ends ever drive against
+//! each other, and there is no direction to be switched, so that a servo may answer at once. A second pin is high while a
+//! byte is sent, for a transceiver where there must be one (RS-485).
+
+use crate::chip::{self, CORE_HZ, FUNCTION_PIO0};
+use core::cell::Cell;
+use cortex_m::interrupt::{Mutex, free};
+use cortex_m::peripheral::NVIC;
+use embassy_rp::pac::{Interrupt, PIO0, RESETS, interrupt};
+use embassy_rp::pio::program::pio_asm;
+use heapless::spsc::{Consumer, Producer, Queue};
+use rollwalk_firmware::hal::servo_line::ServoLine;
+use rollwalk_protocol::actuators::Packet;
+use static_cell::StaticCell;
+
+/// Lines.
+pub const COUNT: usize = 2;
+
+/// Place of the receiver in the memory of the programs; the sender has the first.
+const RECEIVER_AT: u8 = 8;
+/// Cycles of a bit, in both programs.
+const CYCLES: u32 = 8;
+
+/// Bytes that a line has received: 5 ms at 1 Mbaud.
+type Received = Queue<u8, 512>;
+static RECEIVED: [StaticCell<Received>; COUNT] = [const { StaticCell::new() }; COUNT];
+/// The interrupt's ends.
+static WRITERS: [Mutex<Cell<Option<Producer<'static, u8>>>>; COUNT] =
+    [const { Mutex::new(Cell::new(None)) }; COUNT];
+
+/// A line.
+pub struct Line {
+    number: usize,
+    state: ServoLine,
+    received: Consumer<'static, u8>,
+}
+
+/// Stops all state machines: what is being sent ends in the middle of a byte, and the wires are released.
+pub fn silence() {
+    RESETS.reset().modify(|w| w.set_pio0(true));
+}
+
+impl Line {
+    /// The first line, its wire on GP2 and its direction on GP3; once.
+    pub fn first(bit_rate: u32) -> Option<Self> {
+        chip::connect::<2>(FUNCTION_PIO0);
+        chip::connect::<3>(FUNCTION_PIO0);
+        Self::new::<0, 1>(0, 2, bit_rate)
+    }
+
+    /// The second line, its wire on GP4 and its direction on GP5; once.
+    pub fn second(bit_rate: u32) -> Option<Self> {
+        chip::connect::<4>(FUNCTION_PIO0);
+        chip::connect::<5>(FUNCTION_PIO0);
+        Self::new::<2, 3>(1, 4, bit_rate)
+    }
+
+    fn new<const SENDER: usize, const RECEIVER: usize>(
+        number: usize,
+        pin: u8,
+        bit_rate: u32,
+    ) -> Option<Self> {
+        let (writer, received) = RECEIVED.get(number)?.try_init(Queue::new())?.split();
+        free(|cs| WRITERS.get(number).map(|end| end.borrow(cs).set(Some(writer))));
+        // Clocks of a cycle, in 256ths: 16 whole bits and 8 behind the point, above 1 (11.5.5).
+        let cycles = u64::from(CYCLES) * u64::from(bit_rate);
+        let divisor = (u64::from(CORE_HZ) * 256).checked_div(cycles)?;
+        if !(256..1 << 24).contains(&divisor) {
+            return None;
+        }
+        let divisor = (divisor as u32) << 8;
+        let (sender, receiver) = load_programs();
+        set_up_sender::<SENDER>(pin, divisor, sender);
+        set_up_receiver::<RECEIVER>(pin, divisor, receiver);
+        PIO0.ctrl().modify(|w| w.set_sm_enable(w.sm_enable() | 1 << SENDER | 1 << RECEIVER));
+        PIO0.irqs(0).inte().modify(|w| w.0 |= 1 << RECEIVER);
+        // SAFETY: the handler below touches its ends of the queues, and the receivers.
+        unsafe { NVIC::unmask(Interrupt::PIO0_IRQ_0) };
+        Some(Self { number, state: ServoLine::default(), received })
+    }
+
+    /// The next byte of a servo.
+    pub fn receive(&mut self) -> Option<u8> {
+        loop {
+            let byte = self.received.dequeue()?;
+            if let Some(byte) = self.state.receive(byte) {
+                return Some(byte);
+            }
+        }
+    }
+
+    /// Whether the packet before has been sent.
+    pub fn is_free(&self) -> bool {
+        self.state.is_free()
+    }
+
+    /// Sends a packet, if [`Self::is_free`].
+    pub fn send(&mut self, packet: Packet) {
+        self.state.send(packet);
+    }
+
+    /// Hands bytes to the hardware while it has room.
+    pub fn work(&mut self) {
+        let sender = 2 * self.number;
+        while PIO0.fstat().read().txfull() & 1 << sender == 0
+            && let Some(byte) = self.state.next_byte()
+        {
+            // The program drives where a bit is 1.
+            let low = u32::from(!byte);
+            match self.number {
+                0 => PIO0.txf(0).write_value(low),
+                _ => PIO0.txf(2).write_value(low),
+            }
+        }
+    }
+}
+
+/// First and last instruction of a program.
+type Wrap = (u8, u8);
+
+/// Writes both programs; the second line finds them as they are.
+fn load_programs() -> (Wrap, Wrap) {
+    // A pin that this drives is low: the value of the output stays 0, and its direction carries the bits.
+    let sender = pio_asm!(
+        ".side_set 1",
+        ".wrap_target",
+        "pull block        side 0",
+        "set x, 7          side 1",
+        "set pindirs, 1    side 1 [7]", // start bit
+        "bit:",
+        "out pindirs, 1    side 1",
+        "jmp x-- bit       side 1 [6]",
+        "set pindirs, 0    side 1 [5]", // stop bit, with the two instructions above
+        ".wrap",
+    );
+    // As pico-examples have it. A byte without its stop bit is dropped.
+    let receiver = pio_asm!(
+        ".wrap_target",
+        "start:",
+        "wait 0 pin 0",
+        "set x, 7          [10]", // to the middle of the first bit
+        "bit:",
+        "in pins, 1",
+        "jmp x-- bit       [6]",
+        "jmp pin good",
+        "wait 1 pin 0",
+        "jmp start",
+        "good:",
+        "push noblock",
+        ".wrap",
+    );
+    (load(&sender.program.code, 0), load(&receiver.program.code, RECEIVER_AT))
+}
+
+/// Writes a program to a place of the memory of 32 instructions.
+fn load(code: &[u16], at: u8) -> Wrap {
+    for (place, &word) in (at..32).zip(code) {
+        // The targets of jumps, which have the opcode 0, move along.
+        let moved = if word >> 13 == 0 { word + u16::from(at) } else { word };
+        PIO0.instr_mem(usize::from(place & 31)).write(|w| w.set_instr_mem(moved));
+    }
+    (at, at + (code.len() as u8).saturating_sub(1))
+}
+
+fn set_up_sender<const SM: usize>(pin: u8, divisor: u32, (first, last): Wrap) {
+    let sm = PIO0.sm(SM);
+    sm.clkdiv().write(|w| w.0 = divisor);
+    sm.execctrl().write(|w| {
+        w.set_wrap_bottom(first);
+        w.set_wrap_top(last);
+    });
+    sm.shiftctrl().write(|w| w.set_out_shiftdir(true));
+    sm.pinctrl().write(|w| {
+        w.set_out_base(pin);
+        w.set_out_count(1);
+        w.set_set_base(pin);
+        w.set_set_count(1);
+        w.set_sideset_base(pin + 1);
+        w.set_sideset_count(1);
+    });
+    // `set pins, 0`, `set pindirs, 0` and `jmp first`, as the program would. The direction's pin is always driven: `set`
+    // points there for a moment.
+    sm.instr().write(|w| w.set_instr(0xE000));
+    sm.instr().write(|w| w.set_instr(0xE080));
+    sm.pinctrl().modify(|w| w.set_set_base(pin + 1));
+    sm.instr().write(|w| w.set_instr(0xE081));
+    sm.pinctrl().modify(|w| w.set_set_base(pin));
+    sm.instr().write(|w| w.set_instr(u16::from(first)));
+}
+
+fn set_up_receiver<const SM: usize>(pin: u8, divisor: u32, (first, last): Wrap) {
+    let sm = PIO0.sm(SM);
+    sm.clkdiv().write(|w| w.0 = divisor);
+    sm.execctrl().write(|w| {
+        w.set_jmp_pin(pin);
+        w.set_wrap_bottom(first);
+        w.set_wrap_top(last);
+    });
+    sm.shiftctrl().write(|w| {
+        w.set_in_shiftdir(true);
+        w.set_fjoin_rx(true);
+    });
+    sm.pinctrl().write(|w| w.set_in_base(pin));
+    sm.instr().write(|w| w.set_instr(u16::from(first)));
+}
+
+#[interrupt]
+fn PIO0_IRQ_0() {
+    fetch::<1>(&WRITERS[0]);
+    fetch::<3>(&WRITERS[1]);
+}
+
+/// Takes the bytes that a receiver has.
+fn fetch<const SM: usize>(writer: &Mutex<Cell<Option<Producer<'static, u8>>>>) {
+    free(|cs| {
+        let mut end = writer.borrow(cs).take();
+        while PIO0.fstat().read().rxempty() & 1 << SM == 0 {
+            // Shifted in from above.
+            let byte = (PIO0.rxf(SM).read() >> 24) as u8;
+            // A byte without room is lost, and the checksum of its packet shows that.
+            let _ = end.as_mut().map(|end| end.enqueue(byte));
+        }
+        writer.borrow(cs).set(end);
+    });
+}

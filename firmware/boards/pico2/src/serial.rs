@@ -1,0 +1,116 @@
+//! UART0, the link: 1 Mbaud, 8N1, to the UART of a debug probe or any adapter of 3.3 V.
+
+use crate::chip::{self, CORE_HZ};
+use core::cell::Cell;
+use cortex_m::interrupt::{Mutex, free};
+use cortex_m::peripheral::NVIC;
+use embassy_rp::pac::{Interrupt, UART0, interrupt};
+use heapless::spsc::{Consumer, Producer, Queue};
+use rollwalk_protocol::serial::{Deframer, Line, Packet};
+use static_cell::StaticCell;
+
+const BAUD: u32 = 1_000_000;
+/// The divisor in 64ths of 16 clocks (RP2350 datasheet, 12.1.7.1).
+const DIVISOR: u32 = CORE_HZ * 4 / BAUD;
+
+/// GP0 and GP1, at pins 1 and 2 of the board.
+const TX: usize = 0;
+const RX: usize = 1;
+
+/// Receive queue: 10 ms of a line that never rests.
+static RECEIVED: StaticCell<Queue<u8, 1024>> = StaticCell::new();
+/// The interrupt's end of it.
+static WRITER: Mutex<Cell<Option<Producer<'static, u8>>>> = Mutex::new(Cell::new(None));
+
+/// The serial line.
+pub struct Serial {
+    received: Consumer<'static, u8>,
+    deframer: Deframer,
+    line: Line,
+    /// Bytes of the line that are with the hardware.
+    sent: usize,
+}
+
+impl Serial {
+    /// Switches it on; once.
+    pub fn new() -> Option<Self> {
+        let (writer, received) = RECEIVED.try_init(Queue::new())?.split();
+        free(|cs| WRITER.borrow(cs).set(Some(writer)));
+        chip::connect::<TX>(chip::FUNCTION_UART);
+        chip::connect::<RX>(chip::FUNCTION_UART);
+        UART0.uartibrd().write(|w| w.set_baud_divint((DIVISOR >> 6) as u16));
+        UART0.uartfbrd().write(|w| w.set_baud_divfrac((DIVISOR & 63) as u8));
+        // A write to it takes the divisor over.
+        UART0.uartlcr_h().write(|w| {
+            w.set_wlen(3);
+            w.set_fen(true);
+        });
+        // Bytes are fetched when 4 of 32 have arrived, or when the line rests.
+        UART0.uartifls().write(|w| w.set_rxiflsel(0));
+        UART0.uartimsc().write(|w| {
+            w.set_rxim(true);
+            w.set_rtim(true);
+        });
+        UART0.uartcr().write(|w| {
+            w.set_uarten(true);
+            w.set_txe(true);
+            w.set_rxe(true);
+        });
+        // SAFETY: the handler below touches its end of the queue, and the receiver.
+        unsafe { NVIC::unmask(Interrupt::UART0_IRQ) };
+        Some(Self { received, deframer: Deframer::default(), line: Line::new(), sent: 0 })
+    }
+
+    /// The next packet that was received.
+    pub fn receive(&mut self) -> Option<Packet<'_>> {
+        let zero = loop {
+            let byte = self.received.dequeue()?;
+            if byte == 0 {
+                break byte;
+            }
+            self.deframer.push(byte);
+        };
+        self.deframer.push(zero).and_then(Packet::decode)
+    }
+
+    /// Whether the packet before has been sent.
+    pub fn is_free(&self) -> bool {
+        self.sent >= self.line.len()
+    }
+
+    /// Sends a packet, if [`Self::is_free`].
+    pub fn send(&mut self, packet: &Packet<'_>) {
+        if let Some(line) = packet.encode() {
+            self.line = line;
+            self.sent = 0;
+        }
+    }
+
+    /// Hands bytes to the hardware while it has room.
+    pub fn work(&mut self) {
+        while let Some(&byte) = self.line.get(self.sent)
+            && !UART0.uartfr().read().txff()
+        {
+            UART0.uartdr().write(|w| w.set_data(byte));
+            self.sent += 1;
+        }
+    }
+}
+
+#[interrupt]
+fn UART0_IRQ() {
+    free(|cs| {
+        let mut writer = WRITER.borrow(cs).take();
+        while !UART0.uartfr().read().rxfe() {
+            let byte = UART0.uartdr().read().data();
+            // A byte without room is lost, and the checksum of its packet shows that.
+            let _ = writer.as_mut().map(|writer| writer.enqueue(byte));
+        }
+        WRITER.borrow(cs).set(writer);
+    });
+    // The timeout is over when the FIFO is empty; both are cleared here.
+    UART0.uarticr().write(|w| {
+        w.set_rxic(true);
+        w.set_rtic(true);
+    });
+}

@@ -1,0 +1,67 @@
+//! Which bus of a robot is at which port of a board: its CAN buses take the board's CAN ports in the order of their
+//! numbers, its serial lines the serial ports. Boards, and the tool that prints how a robot is wired, ask here.
+
+use crate::bus::{Bus, Buses, MAX_BUSES};
+use heapless::Vec;
+use rollwalk_protocol::config::RobotConfig;
+
+/// The two kinds of ports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transport {
+    /// CAN.
+    Can,
+    /// A serial line for servos.
+    Serial,
+}
+
+/// A robot's buses of one kind that have motors on them, with their numbers, ascending: the first is at the board's
+/// first port.
+pub fn assigned(
+    config: &RobotConfig,
+    buses: &Buses,
+    transport: Transport,
+) -> Vec<(u8, Bus), MAX_BUSES> {
+    let mut assigned = Vec::new();
+    for number in 0..MAX_BUSES as u8 {
+        let bus = buses.get(usize::from(number)).copied().unwrap_or_default();
+        let is_used = config.channels.iter().any(|channel| channel.bus == number);
+        if is_used && bus.protocol.is_serial() == (transport == Transport::Serial) {
+            // As many as fit.
+            let _ = assigned.push((number, bus));
+        }
+    }
+    assigned
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_protocol::actuators::bus::Protocol;
+    use rollwalk_protocol::config::{Channel, ChannelKind};
+
+    #[test]
+    fn buses_take_ports_of_their_kind_in_order() {
+        let serial = Protocol::examples().find(Protocol::is_serial).unwrap();
+        let serial = Bus { protocol: serial, ..Bus::default() };
+        let on_bus = |bus| Channel {
+            kind: ChannelKind::JointPosition,
+            min: -1.0,
+            max: 1.0,
+            max_rate: 1.0,
+            max_torque_nm: 1.0,
+            kp_nm_rad: 1.0,
+            kd_nm_s_rad: 1.0,
+            bus,
+            id: 1,
+        };
+        let config =
+            RobotConfig { robot: 0, channels: [3, 0, 1, 0].into_iter().map(on_bus).collect() };
+        // Bus 2 has no motors; bus 3 is none of the table, and so CAN.
+        let buses = Buses::from_slice(&[serial, Bus::default(), serial]).unwrap();
+        let can = Bus::default();
+        assert_eq!(assigned(&config, &buses, Transport::Can), [(1, can), (3, can)]);
+        assert_eq!(assigned(&config, &buses, Transport::Serial), [(0, serial)]);
+        let all = [(0, can), (1, can), (3, can)];
+        assert_eq!(assigned(&config, &Buses::new(), Transport::Can), all);
+    }
+}

@@ -1,0 +1,106 @@
+//! A line of serial servos on one wire for both directions: packets go out byte by byte as the hardware has room, and
+//! what comes back from it is without the echo of what was sent.
+//!
+//! The board takes packets from [`crate::Controller::poll_serial`] while the line [is free](ServoLine::is_free), hands the bytes
+//! of [`ServoLine::next_byte`] to its transmitter, and those that it received, after [`ServoLine::receive`], to
+//! [`crate::Controller::on_serial`]. The transmitter must release the wire by itself after the last bit: a servo answers within
+//! microseconds, when the control loop may be busy.
+
+use rollwalk_protocol::actuators::Packet;
+
+/// What is under way on a line.
+#[derive(Clone, Debug, Default)]
+pub struct ServoLine {
+    packet: Packet,
+    /// Bytes of the packet that are with the hardware.
+    sent: usize,
+    /// Bytes of the packet that have come back.
+    heard: usize,
+}
+
+impl ServoLine {
+    /// Whether the hardware has all of the packet before.
+    pub fn is_free(&self) -> bool {
+        self.sent >= self.packet.len()
+    }
+
+    /// Sends a packet, if [`Self::is_free`].
+    pub fn send(&mut self, packet: Packet) {
+        *self = Self { packet, sent: 0, heard: 0 };
+    }
+
+    /// The next byte for the hardware, which must have room for it.
+    pub fn next_byte(&mut self) -> Option<u8> {
+        let byte = self.packet.get(self.sent).copied()?;
+        self.sent += 1;
+        Some(byte)
+    }
+
+    /// A byte from the wire; `None` for the echo of one that was sent. What comes back as another byte has met a servo's,
+    /// and ends the echo.
+    pub fn receive(&mut self, byte: u8) -> Option<u8> {
+        if self.heard < self.sent {
+            let own = self.packet.get(self.heard) == Some(&byte);
+            self.heard = if own { self.heard + 1 } else { self.packet.len() };
+            if own {
+                return None;
+            }
+        }
+        Some(byte)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn packet(bytes: &[u8]) -> Packet {
+        Packet::from_slice(bytes).unwrap()
+    }
+
+    /// A wire on which everything sent is heard, and then what servos answer.
+    fn exchange(line: &mut ServoLine, bytes: &[u8], answer: &[u8]) -> Packet {
+        assert!(line.is_free());
+        line.send(packet(bytes));
+        let mut heard = Packet::new();
+        let mut on_wire = Packet::new();
+        while let Some(byte) = line.next_byte() {
+            on_wire.push(byte).unwrap();
+            // The echo comes while more is sent.
+            heard.extend(line.receive(byte));
+        }
+        assert_eq!(on_wire, bytes);
+        answer.iter().for_each(|&byte| heard.extend(line.receive(byte)));
+        heard
+    }
+
+    #[test]
+    fn the_echo_is_dropped_and_the_answer_is_not() {
+        let mut line = ServoLine::default();
+        // The answer begins as the question did.
+        assert_eq!(
+            exchange(&mut line, &[0xFF, 0xFF, 1, 2], &[0xFF, 0xFF, 1, 9]),
+            [0xFF, 0xFF, 1, 9]
+        );
+        assert_eq!(exchange(&mut line, &[7], &[]), []);
+        assert_eq!(line.receive(3), Some(3), "with nothing sent, everything is a servo's");
+    }
+
+    #[test]
+    fn a_collision_ends_the_echo() {
+        let mut line = ServoLine::default();
+        line.send(packet(&[1, 2, 3]));
+        (0..3).for_each(|_| assert!(line.next_byte().is_some()));
+        assert_eq!((line.receive(1), line.receive(0x80)), (None, Some(0x80)));
+        assert_eq!((line.receive(3), line.receive(5)), (Some(3), Some(5)));
+        assert!(line.is_free() && line.next_byte().is_none());
+    }
+
+    #[test]
+    fn an_echo_that_was_lost_does_not_cost_the_next_answer() {
+        let mut line = ServoLine::default();
+        line.send(packet(&[1, 2, 3]));
+        (0..3).for_each(|_| assert!(line.next_byte().is_some()));
+        assert_eq!(exchange(&mut line, &[4, 5], &[6]), [6]);
+    }
+}

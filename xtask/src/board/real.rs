@@ -1,0 +1,65 @@
+//! The images of real boards, which no emulator runs: they build, fit and cannot panic.
+
+use super::contents::{Contents, Sections, read};
+use super::image::{Image, NUCLEO_G474RE, PICO2};
+use super::shown;
+use super::sizes::MAX_STATIC_RAM;
+use std::ops::Range;
+
+/// A board's memories.
+pub struct Memory {
+    name: &'static str,
+    image: Image,
+    /// Variables and stack (`memory.x`).
+    pub ram: Range<u64>,
+    /// Of the stack's own.
+    stack_bytes: u64,
+    /// For the program; the library has its own.
+    pub flash_bytes: u64,
+    /// Most bytes of code and constants.
+    max_text: u64,
+}
+
+/// Its limit is that of the emulated board, which is the core's, and half as much for drivers, the store of parameters and
+/// clocks.
+pub const NUCLEO: Memory = Memory {
+    name: "nucleo-g474re",
+    image: NUCLEO_G474RE,
+    ram: 0x2000_0000..0x2002_0000,
+    stack_bytes: 32 << 10,
+    flash_bytes: 256 << 10,
+    max_text: 96 << 10,
+};
+
+/// The same limit.
+pub const PICO: Memory = Memory {
+    name: "pico2",
+    image: PICO2,
+    ram: 0x2000_0000..0x2008_0000,
+    stack_bytes: 32 << 10,
+    flash_bytes: 2 << 20,
+    max_text: 96 << 10,
+};
+
+/// Builds the image of a board and prints its sizes.
+///
+/// # Errors
+/// Sizes above their limits, or the compiler's verdict.
+pub fn report(board: &Memory) -> Result<(), String> {
+    let Memory { name, image, ram, stack_bytes, flash_bytes, max_text } = board;
+    let panicking = read(&image.build_with("planted-panic")?)?;
+    let contents = Contents::read(image.build()?, &panicking, ram.clone())?;
+    let Contents { path, sections: Sections { text, data, bss }, panics } = &contents;
+
+    println!("{name}, release: {}", shown(path));
+    println!("text           {text:>7} B of {max_text}, in {flash_bytes} of flash");
+    println!(
+        "data + bss     {:>7} B of {MAX_STATIC_RAM} ({data} + {bss}), in {} of RAM, {stack_bytes} of \
+         them the stack's",
+        data + bss,
+        ram.end - ram.start
+    );
+    println!("panic paths    {:>7} (a planted one was found)", panics.len());
+
+    contents.limits(*max_text).verdict()
+}
