@@ -7,6 +7,7 @@
 //! | [`estop`] | the contact of an emergency stop |
 //! | [`slcan`] | the link on a serial line, as an SLCAN adapter |
 //! | [`servo_line`] | a line of serial servos on one wire |
+//! | [`usb_serial`] | the link's serial port over USB: the answers at the control endpoint |
 //! | [`ports`] | which bus of the robot is at which port of the board |
 
 pub mod estop;
@@ -14,3 +15,4 @@ pub mod ports;
 pub mod pwm;
 pub mod servo_line;
 pub mod slcan;
+pub mod usb_serial;

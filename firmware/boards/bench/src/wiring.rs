@@ -94,7 +94,7 @@ static BOARDS: [Board; 4] = [
         long_identifiers: false,
         own_servos: false,
         others: &[
-            ["link", "UART0, 1 Mbaud: TX GP0 (pin 1), RX GP1 (pin 2)"],
+            ["link", "USB; or UART0, 1 Mbaud: TX GP0 (pin 1), RX GP1 (pin 2)"],
             ["emergency stop", "GP22 (pin 29), normally closed contact to ground (pin 28)"],
         ],
     },

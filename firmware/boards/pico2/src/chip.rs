@@ -2,11 +2,13 @@
 
 use crate::watchdog;
 use embassy_rp::pac::clocks::vals::{
-    ClkPeriCtrlAuxsrc, ClkRefCtrlSrc, ClkSysCtrlAuxsrc, ClkSysCtrlSrc,
+    ClkPeriCtrlAuxsrc, ClkRefCtrlSrc, ClkSysCtrlAuxsrc, ClkSysCtrlSrc, ClkUsbCtrlAuxsrc,
 };
+use embassy_rp::pac::pll::Pll;
 use embassy_rp::pac::xosc::vals::{CtrlFreqRange, Enable};
 use embassy_rp::pac::{
-    CLOCKS, IO_BANK0, OTP_DATA_RAW, PADS_BANK0, PLL_SYS, POWMAN, RESETS, TICKS, WATCHDOG, XOSC,
+    CLOCKS, IO_BANK0, OTP_DATA_RAW, PADS_BANK0, PLL_SYS, PLL_USB, POWMAN, RESETS, TICKS, WATCHDOG,
+    XOSC,
 };
 use rollwalk_protocol::serial::Reset;
 
@@ -24,6 +26,10 @@ pub const FUNCTION_UART: u8 = 2;
 const FUNCTION_SIO: u8 = 5;
 pub const FUNCTION_PIO0: u8 = 6;
 
+/// The same for the 48 MHz of USB.
+const USB_VCO_HZ: u32 = 1_200_000_000;
+const USB_POST_DIVIDERS: (u8, u8) = (5, 5);
+
 /// Switches clocks and peripherals on. Waits for the crystal, for good if there is none: nothing is driven then, and
 /// nothing sent.
 pub fn start() {
@@ -38,26 +44,26 @@ pub fn start() {
     CLOCKS.clk_sys_ctrl().modify(|w| w.set_src(ClkSysCtrlSrc::CLK_REF));
     while CLOCKS.clk_sys_selected().read().0 != 1 << ClkSysCtrlSrc::CLK_REF as u32 {}
 
-    RESETS.reset().modify(|w| w.set_pll_sys(true));
-    release(|w| w.set_pll_sys(false));
-    // The order of 8.6.3: dividers of the loop, power, lock, dividers behind it.
-    PLL_SYS.cs().write(|w| w.set_refdiv(1));
-    PLL_SYS.fbdiv_int().write(|w| w.set_fbdiv_int((VCO_HZ / CRYSTAL_HZ) as u16));
-    PLL_SYS.pwr().modify(|w| {
-        w.set_pd(false);
-        w.set_vcopd(false);
+    RESETS.reset().modify(|w| {
+        w.set_pll_sys(true);
+        w.set_pll_usb(true);
     });
-    while !PLL_SYS.cs().read().lock() {}
-    PLL_SYS.prim().write(|w| {
-        w.set_postdiv1(POST_DIVIDERS.0);
-        w.set_postdiv2(POST_DIVIDERS.1);
+    release(|w| {
+        w.set_pll_sys(false);
+        w.set_pll_usb(false);
     });
-    PLL_SYS.pwr().modify(|w| w.set_postdivpd(false));
+    lock(PLL_SYS, VCO_HZ, POST_DIVIDERS);
+    lock(PLL_USB, USB_VCO_HZ, USB_POST_DIVIDERS);
     CLOCKS.clk_sys_ctrl().modify(|w| w.set_auxsrc(ClkSysCtrlAuxsrc::CLKSRC_PLL_SYS));
     CLOCKS.clk_sys_ctrl().modify(|w| w.set_src(ClkSysCtrlSrc::CLKSRC_CLK_SYS_AUX));
     while CLOCKS.clk_sys_selected().read().0 != 1 << ClkSysCtrlSrc::CLKSRC_CLK_SYS_AUX as u32 {}
     CLOCKS.clk_peri_ctrl().write(|w| {
         w.set_auxsrc(ClkPeriCtrlAuxsrc::CLK_SYS);
+        w.set_enable(true);
+    });
+
+    CLOCKS.clk_usb_ctrl().write(|w| {
+        w.set_auxsrc(ClkUsbCtrlAuxsrc::CLKSRC_PLL_USB);
         w.set_enable(true);
     });
 
@@ -72,6 +78,7 @@ pub fn start() {
     RESETS.reset().modify(|w| {
         w.set_pio0(true);
         w.set_uart0(true);
+        w.set_usbctrl(true);
         w.set_timer0(true);
     });
     release(|w| {
@@ -79,8 +86,25 @@ pub fn start() {
         w.set_pads_bank0(false);
         w.set_pio0(false);
         w.set_uart0(false);
+        w.set_usbctrl(false);
         w.set_timer0(false);
     });
+}
+
+/// Starts a PLL and waits for it. The order of 8.6.3: dividers of the loop, power, lock, dividers behind it.
+fn lock(pll: Pll, vco_hz: u32, (first, second): (u8, u8)) {
+    pll.cs().write(|w| w.set_refdiv(1));
+    pll.fbdiv_int().write(|w| w.set_fbdiv_int((vco_hz / CRYSTAL_HZ) as u16));
+    pll.pwr().modify(|w| {
+        w.set_pd(false);
+        w.set_vcopd(false);
+    });
+    while !pll.cs().read().lock() {}
+    pll.prim().write(|w| {
+        w.set_postdiv1(first);
+        w.set_postdiv2(second);
+    });
+    pll.pwr().modify(|w| w.set_postdivpd(false));
 }
 
 /// Takes peripherals out of reset, and waits until they are.

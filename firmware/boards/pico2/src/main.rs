@@ -1,4 +1,4 @@
-//! The controller on a Raspberry Pi Pico 2: two lines of serial servos, and UART0 as the link.
+//! The controller on a Raspberry Pi Pico 2: two lines of serial servos; the link over USB or UART0.
 //!
 //! One loop, nothing blocks while torque is on. Interrupts only take bytes of the lines; everything else is asked in turn.
 //! `firmware/boards/pico2/README.md` says how it is wired, flashed and tried.
@@ -11,7 +11,9 @@ mod estop;
 mod fault;
 mod flash;
 mod lines;
-mod serial;
+mod link;
+mod uart;
+mod usb;
 mod watchdog;
 
 // The module `robot`: configuration and buses.
@@ -32,7 +34,9 @@ use static_cell::StaticCell;
 use estop::Contact;
 use flash::Part;
 use lines::Line;
-use serial::Serial;
+use link::{Link, Port};
+use uart::Uart;
+use usb::Usb;
 use watchdog::Watchdog;
 
 /// Boots of a library on trial.
@@ -67,7 +71,7 @@ fn main() -> ! {
     let build = || Controller::with_parameters(config, buses, library, parameters, settings);
     let Some(controller) = CONTROLLER.try_init_with(build) else { fault::halt() };
 
-    let Some(serial) = Serial::new() else { fault::halt() };
+    let Some(uart) = Uart::new() else { fault::halt() };
     let mut actuators = Vec::new();
     let make: [fn(u32) -> Option<Line>; lines::COUNT] = [Line::first, Line::second];
     for (&(number, bus), make) in on_serial.iter().zip(make) {
@@ -83,15 +87,14 @@ fn main() -> ! {
     let board = Board {
         controller,
         actuators,
-        serial,
-        node: settings.node,
-        gateway: Gateway::default(),
+        usb: Link::new(Usb::new(settings.uid)),
+        uart: Link::new(uart),
+        host: Host { node: settings.node, ..Host::default() },
         contact: Contact::new(),
         torque: Torque::Off,
         periods: Periods::start(now_us, settings.control_hz),
         watchdog: Watchdog::start(),
         report,
-        report_due: false,
     };
     board.run()
 }
@@ -103,23 +106,97 @@ struct ActuatorLine {
     line: Line,
 }
 
+/// The port over which the host's last message came: it is answered there.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+enum HostPort {
+    #[default]
+    Usb,
+    Uart,
+}
+
+/// The host, as the controller's side of the link sees it.
+#[derive(Default)]
+struct Host {
+    /// The controller's address on the link.
+    node: u8,
+    port: HostPort,
+    /// Between the controller and the port.
+    gateway: Gateway,
+    /// The port that has asked for the report.
+    report_due: Option<HostPort>,
+}
+
+impl Host {
+    /// Takes a packet from a port.
+    fn take(&mut self, controller: &mut Core, now_us: u64, port: HostPort, packet: &Packet<'_>) {
+        match packet {
+            Packet::Link(frame) => {
+                if self.is_from_a_host(frame) {
+                    self.turn_to(port);
+                }
+                controller.on_link_frame(now_us, frame);
+            }
+            Packet::Message { id, bytes } => {
+                // Its identifier names sender and receiver.
+                if Frame::standard(*id, &[]).is_some_and(|frame| self.is_from_a_host(&frame)) {
+                    self.turn_to(port);
+                    self.gateway.receive(*id, bytes);
+                }
+            }
+            Packet::Ask => self.report_due = Some(port),
+            Packet::Report(_) => {}
+        }
+    }
+
+    /// Whether a frame is a host's and for this controller.
+    fn is_from_a_host(&self, frame: &Frame) -> bool {
+        ToController::decode(frame)
+            .is_ok_and(|(to, _)| to.number() == self.node || to == Node::BROADCAST)
+    }
+
+    /// Answers the host at this port from now on. A message under way to the other port is dropped.
+    fn turn_to(&mut self, port: HostPort) {
+        if self.port != port {
+            (self.port, self.gateway) = (port, Gateway::default());
+        }
+    }
+
+    /// Gives a port that is free the next packet.
+    fn give(
+        &mut self,
+        controller: &mut Core,
+        now_us: u64,
+        (port, link): (HostPort, &mut Link<impl Port>),
+        report: &Report,
+    ) {
+        if link.is_free() && self.report_due == Some(port) {
+            self.report_due = None;
+            link.send(&Packet::Report(*report));
+        }
+        if link.is_free()
+            && self.port == port
+            && let Some(frame) = controller.poll_link(now_us)
+            && let Some(packet) = self.gateway.send(now_us, &frame)
+        {
+            link.send(&packet);
+        }
+        link.work();
+    }
+}
+
 /// The controller and everything around it.
 struct Board {
-    /// Its address on the link.
-    node: u8,
     controller: &'static mut Core,
     actuators: Vec<ActuatorLine, { lines::COUNT }>,
-    serial: Serial,
-    /// Between the controller and the serial line.
-    gateway: Gateway,
+    usb: Link<Usb>,
+    uart: Link<Uart>,
+    host: Host,
     contact: Contact,
     /// Torque at the last check.
     torque: Torque,
     periods: Periods,
     watchdog: Watchdog,
     report: Report,
-    /// The host has asked for the report.
-    report_due: bool,
 }
 
 impl Board {
@@ -145,20 +222,14 @@ impl Board {
                 self.controller.on_serial(now_us, *number, &[byte]);
             }
         }
-        match self.serial.receive() {
-            Some(Packet::Link(frame)) => self.controller.on_link_frame(now_us, &frame),
-            Some(Packet::Message { id, bytes }) => {
-                // Its identifier names sender and receiver.
-                let frame = Frame::standard(id, &[]);
-                let to = frame.and_then(|frame| ToController::decode(&frame).ok());
-                if to.is_some_and(|(to, _)| to.number() == self.node || to == Node::BROADCAST) {
-                    self.gateway.receive(id, bytes);
-                }
-            }
-            Some(Packet::Ask) => self.report_due = true,
-            Some(Packet::Report(_)) | None => {}
+        self.usb.port.work();
+        if let Some(packet) = self.usb.receive() {
+            self.host.take(self.controller, now_us, HostPort::Usb, &packet);
         }
-        if let Some(frame) = self.gateway.poll(now_us) {
+        if let Some(packet) = self.uart.receive() {
+            self.host.take(self.controller, now_us, HostPort::Uart, &packet);
+        }
+        if let Some(frame) = self.host.gateway.poll(now_us) {
             self.controller.on_link_frame(now_us, &frame);
         }
     }
@@ -200,16 +271,10 @@ impl Board {
             }
             line.work();
         }
-        if self.serial.is_free() && core::mem::take(&mut self.report_due) {
-            self.serial.send(&Packet::Report(self.report));
-        }
-        if self.serial.is_free()
-            && let Some(frame) = self.controller.poll_link(now_us)
-            && let Some(packet) = self.gateway.send(now_us, &frame)
-        {
-            self.serial.send(&packet);
-        }
-        self.serial.work();
+        let usb = (HostPort::Usb, &mut self.usb);
+        self.host.give(self.controller, now_us, usb, &self.report);
+        let uart = (HostPort::Uart, &mut self.uart);
+        self.host.give(self.controller, now_us, uart, &self.report);
         #[cfg(feature = "planted-panic")]
         {
             self.report.broken_words = u32::from(self.report.buses[usize::from(now_us as u8)].lost);

@@ -1,12 +1,12 @@
-//! UART0, the link: 1 Mbaud, 8N1, to the UART of a debug probe or any adapter of 3.3 V.
+//! UART0, a second way to the link: 1 Mbaud, 8N1, to the UART of a debug probe or any adapter of 3.3 V.
 
 use crate::chip::{self, CORE_HZ};
+use crate::link::Port;
 use core::cell::Cell;
 use cortex_m::interrupt::{Mutex, free};
 use cortex_m::peripheral::NVIC;
 use embassy_rp::pac::{Interrupt, UART0, interrupt};
 use heapless::spsc::{Consumer, Producer, Queue};
-use rollwalk_protocol::serial::{Deframer, Line, Packet};
 use static_cell::StaticCell;
 
 const BAUD: u32 = 1_000_000;
@@ -22,16 +22,10 @@ static RECEIVED: StaticCell<Queue<u8, 1024>> = StaticCell::new();
 /// The interrupt's end of it.
 static WRITER: Mutex<Cell<Option<Producer<'static, u8>>>> = Mutex::new(Cell::new(None));
 
-/// The serial line.
-pub struct Serial {
-    received: Consumer<'static, u8>,
-    deframer: Deframer,
-    line: Line,
-    /// Bytes of the line that are with the hardware.
-    sent: usize,
-}
+/// The UART.
+pub struct Uart(Consumer<'static, u8>);
 
-impl Serial {
+impl Uart {
     /// Switches it on; once.
     pub fn new() -> Option<Self> {
         let (writer, received) = RECEIVED.try_init(Queue::new())?.split();
@@ -58,42 +52,25 @@ impl Serial {
         });
         // SAFETY: the handler below touches its end of the queue, and the receiver.
         unsafe { NVIC::unmask(Interrupt::UART0_IRQ) };
-        Some(Self { received, deframer: Deframer::default(), line: Line::new(), sent: 0 })
+        Some(Self(received))
+    }
+}
+
+impl Port for Uart {
+    fn receive(&mut self) -> Option<u8> {
+        self.0.dequeue()
     }
 
-    /// The next packet that was received.
-    pub fn receive(&mut self) -> Option<Packet<'_>> {
-        let zero = loop {
-            let byte = self.received.dequeue()?;
-            if byte == 0 {
-                break byte;
+    fn write(&mut self, bytes: &[u8]) -> usize {
+        let mut taken = 0;
+        for &byte in bytes {
+            if UART0.uartfr().read().txff() {
+                break;
             }
-            self.deframer.push(byte);
-        };
-        self.deframer.push(zero).and_then(Packet::decode)
-    }
-
-    /// Whether the packet before has been sent.
-    pub fn is_free(&self) -> bool {
-        self.sent >= self.line.len()
-    }
-
-    /// Sends a packet, if [`Self::is_free`].
-    pub fn send(&mut self, packet: &Packet<'_>) {
-        if let Some(line) = packet.encode() {
-            self.line = line;
-            self.sent = 0;
-        }
-    }
-
-    /// Hands bytes to the hardware while it has room.
-    pub fn work(&mut self) {
-        while let Some(&byte) = self.line.get(self.sent)
-            && !UART0.uartfr().read().txff()
-        {
             UART0.uartdr().write(|w| w.set_data(byte));
-            self.sent += 1;
+            taken += 1;
         }
+        taken
     }
 }
 
