@@ -6,6 +6,7 @@ use rollwalk_firmware::load::examine;
 use rollwalk_protocol::actuators::bus::{Bus, Protocol};
 use rollwalk_robot::Robot;
 use std::fmt::Write;
+use std::ops::RangeInclusive;
 
 /// Pins of a board for a bus.
 #[derive(Debug)]
@@ -25,8 +26,8 @@ pub struct Board {
     can: &'static [Port],
     /// The same for serial lines.
     serial: &'static [Port],
-    /// Most bits per second of a serial line.
-    serial_max: u32,
+    /// Bits per second of its serial lines.
+    serial_rates: RangeInclusive<u32>,
     /// Whether its CAN ports carry 29-bit identifiers.
     long_identifiers: bool,
     /// The servos are in the image, which knows those of the Rollwalk profile.
@@ -47,7 +48,7 @@ static BOARDS: [Board; 4] = [
         name: "mps2-an386",
         can: &UART,
         serial: &[],
-        serial_max: 0,
+        serial_rates: 0..=0,
         long_identifiers: false,
         own_servos: false,
         others: &[],
@@ -56,7 +57,7 @@ static BOARDS: [Board; 4] = [
         name: "mps2-an386-slcan",
         can: &UART,
         serial: &[],
-        serial_max: 0,
+        serial_rates: 0..=0,
         long_identifiers: false,
         own_servos: true,
         others: &[["link", "UART 0, as an SLCAN adapter"]],
@@ -73,8 +74,8 @@ static BOARDS: [Board; 4] = [
                 pins: "RX PA8 (CN10 23), TX PA15 (CN7 17), to a CAN transceiver",
             },
         ],
-        serial: &[],
-        serial_max: 0,
+        serial: &[Port { name: "USART3", pins: "data PB10 (CN10 25, Arduino D6), with a pull-up" }],
+        serial_rates: 2_600..=10_600_000,
         long_identifiers: true,
         own_servos: false,
         others: &[
@@ -87,10 +88,10 @@ static BOARDS: [Board; 4] = [
         name: "pico2",
         can: &[],
         serial: &[
-            Port { name: "PIO 0", pins: "data GP2 (pin 4), direction GP3 (pin 5)" },
-            Port { name: "PIO 1", pins: "data GP4 (pin 6), direction GP5 (pin 7)" },
+            Port { name: "PIO 0", pins: "data GP2 (pin 4) with a pull-up, direction GP3 (pin 5)" },
+            Port { name: "PIO 1", pins: "data GP4 (pin 6) with a pull-up, direction GP5 (pin 7)" },
         ],
-        serial_max: 4_500_000,
+        serial_rates: 300..=4_500_000,
         long_identifiers: false,
         own_servos: false,
         others: &[
@@ -179,11 +180,10 @@ fn no_port(board: &Board, transport: Transport) -> String {
 /// Whether a port of the board can be this bus.
 fn check(board: &Board, bus: &Bus) -> Result<(), String> {
     let name = board.name;
-    if bus.protocol.is_serial() && bus.bit_rate > board.serial_max {
-        return Err(format!(
-            "{} bit/s are more than the {} of {name}",
-            bus.bit_rate, board.serial_max
-        ));
+    let rates = &board.serial_rates;
+    if bus.protocol.is_serial() && !board.serial.is_empty() && !rates.contains(&bus.bit_rate) {
+        let (rate, least, most) = (bus.bit_rate, rates.start(), rates.end());
+        return Err(format!("{rate} bit/s are not within the {least} to {most} of {name}"));
     }
     if !board.long_identifiers && matches!(bus.protocol, Protocol::CyberGear(_)) {
         return Err(format!("{name} carries no 29-bit identifiers"));

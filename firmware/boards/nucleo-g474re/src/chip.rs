@@ -48,6 +48,7 @@ pub fn start(peripherals: &mut Peripherals) {
     });
     pac::RCC.apb1enr1().modify(|w| {
         w.set_fdcanen(true);
+        w.set_usart3en(true);
         w.set_tim5en(true);
     });
     pac::RCC.apb1enr2().modify(|w| w.set_lpuart1en(true));

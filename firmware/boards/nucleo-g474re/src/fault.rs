@@ -4,7 +4,7 @@
 //! torque away, as they must when a cable breaks. Then the independent watchdog resets the chip; the
 //! controller starts as emergency stopped and waits for the operator.
 
-use crate::{can, flash};
+use crate::{can, flash, line};
 use core::panic::PanicInfo;
 use cortex_m_rt::{ExceptionFrame, exception};
 
@@ -12,6 +12,7 @@ use cortex_m_rt::{ExceptionFrame, exception};
 pub fn halt() -> ! {
     cortex_m::interrupt::disable();
     can::silence();
+    line::silence();
     loop {
         cortex_m::asm::nop();
     }

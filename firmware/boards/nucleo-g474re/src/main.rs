@@ -1,5 +1,5 @@
-//! The controller on a NUCLEO-G474RE: FDCAN1 is the link, FDCAN2 and FDCAN3 are the actuator
-//! buses, the debugger's serial port is a second way to the link.
+//! The controller on a NUCLEO-G474RE: FDCAN1 is the link, FDCAN2, FDCAN3 and USART3 are the
+//! actuator buses, the debugger's serial port is a second way to the link.
 //!
 //! One loop, nothing blocks while torque is on. Interrupts only take bytes of the serial line and
 //! note that the emergency-stop contact opened; everything else is asked in turn.
@@ -13,6 +13,7 @@ mod clock;
 mod estop;
 mod fault;
 mod flash;
+mod line;
 mod serial;
 mod watchdog;
 
@@ -36,6 +37,7 @@ use can::Bus;
 use clock::Clock;
 use estop::Contact;
 use flash::Part;
+use line::Line;
 use serial::Serial;
 use watchdog::Watchdog;
 
@@ -70,7 +72,7 @@ fn main() -> ! {
     // No image is made for a robot with others: `firmware/boards/bench/src/wiring.rs`.
     let [on_can, on_serial] =
         [Transport::Can, Transport::Serial].map(|kind| ports::assigned(&config, &buses, kind));
-    if on_can.len() > ACTUATOR_PORTS || !on_serial.is_empty() {
+    if on_can.len() > ACTUATOR_PORTS || on_serial.len() > 1 {
         fault::halt();
     }
     let build = || Controller::with_parameters(config, buses, library, parameters, settings);
@@ -87,6 +89,13 @@ fn main() -> ! {
         let Some(bus) = Bus::new(port, kind.bit_rate) else { fault::halt() };
         let _ = actuators.push(ActuatorBus { number, bus });
     }
+    let line = match on_serial.first() {
+        None => None,
+        Some((number, kind)) => match Line::new(p.PB10, kind.bit_rate) {
+            Some(line) => Some((*number, line)),
+            None => fault::halt(),
+        },
+    };
     let reset = chip::take_reset_cause();
     let now_us = clock.now_us();
     if reset == Reset::Watchdog {
@@ -103,6 +112,7 @@ fn main() -> ! {
         controller,
         link,
         actuators,
+        line,
         serial,
         node: settings.node,
         gateway: Gateway::default(),
@@ -155,6 +165,8 @@ struct Board {
     controller: &'static mut Core,
     link: Bus,
     actuators: Vec<ActuatorBus, ACTUATOR_PORTS>,
+    /// The servo line, with its number in the robot.
+    line: Option<(u8, Line)>,
     serial: Serial,
     /// Between the controller and the serial line.
     gateway: Gateway,
@@ -197,6 +209,11 @@ impl Board {
         for ActuatorBus { number, bus } in &mut self.actuators {
             if let Some(frame) = bus.receive() {
                 self.controller.on_actuator_frame(now_us, *number, &frame);
+            }
+        }
+        if let Some((number, line)) = &mut self.line {
+            while let Some(byte) = line.receive() {
+                self.controller.on_serial(now_us, *number, &[byte]);
             }
         }
         if let Some(frame) = self.link.receive() {
@@ -301,6 +318,14 @@ impl Board {
             {
                 bus.send(now_us, &frame);
             }
+        }
+        if let Some((number, line)) = &mut self.line {
+            if line.is_free()
+                && let Some(packet) = self.controller.poll_serial(*number)
+            {
+                line.send(packet);
+            }
+            line.work();
         }
         if self.serial.is_free() && core::mem::take(&mut self.report_due) {
             self.serial.send(&Packet::Report(self.report));
