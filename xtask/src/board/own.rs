@@ -151,3 +151,30 @@ fn save(path: &Path, bytes: &[u8]) -> io::Result<()> {
     }
     fs::write(path, bytes)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ending_of_the_file_chooses_the_format() {
+        let options = |board, output: Option<&str>| Options {
+            robot: "robots/pup.toml".into(),
+            board,
+            output: output.map(PathBuf::from),
+        };
+        let outputs_of = |board, output| {
+            let options = options(board, output);
+            outputs(&options, product(board).formats, "this board")
+        };
+        let of_file = outputs_of(Board::Pico2, Some("a/b.uf2"));
+        assert_eq!(of_file, Ok(vec![(Format::Uf2(RP2350_ARM), "a/b.uf2".into())]));
+        let why = outputs_of(Board::NucleoG474re, Some("b.uf2")).unwrap_err();
+        assert_eq!(why, "b.uf2: images of this board end with .elf or .bin");
+        assert!(outputs_of(Board::Mps2An386, Some("image")).is_err());
+
+        let both = outputs_of(Board::NucleoG474re, None).unwrap();
+        let names: Vec<_> = both.iter().map(|(_, path)| path.file_name().unwrap()).collect();
+        assert_eq!(names, ["pup-this board.elf", "pup-this board.bin"]);
+    }
+}
