@@ -32,7 +32,7 @@ impl ServoLine {
     /// The next byte for the hardware, which must have room for it.
     pub fn next_byte(&mut self) -> Option<u8> {
         let byte = self.packet.get(self.sent).copied()?;
-        self.sent += 1;
+        self.sent = self.sent.saturating_add(1);
         Some(byte)
     }
 
@@ -41,7 +41,7 @@ impl ServoLine {
     pub fn receive(&mut self, byte: u8) -> Option<u8> {
         if self.heard < self.sent {
             let own = self.packet.get(self.heard) == Some(&byte);
-            self.heard = if own { self.heard + 1 } else { self.packet.len() };
+            self.heard = if own { self.heard.saturating_add(1) } else { self.packet.len() };
             if own {
                 return None;
             }

@@ -123,12 +123,10 @@ impl UsbSerial {
             (1, 0) => bytes(&DEVICE),
             (2, 0) => bytes(&CONFIGURATION),
             (3, 0) => bytes(&LANGUAGES),
-            (3, 1..=2) => text(NAMES.get(usize::from(number) - 1)?.bytes()),
+            (3, 1..=2) => text(NAMES.get(usize::from(number).checked_sub(1)?)?.bytes()),
             (3, 3) => text(self.serial_number.iter().flat_map(|&byte| {
-                [byte >> 4, byte & 15].map(|digit| match digit {
-                    0..=9 => b'0' + digit,
-                    _ => b'A' + digit - 10,
-                })
+                [byte >> 4, byte & 15]
+                    .map(|digit| b"0123456789ABCDEF".get(usize::from(digit)).copied().unwrap_or(0))
             })),
             // No others; in particular none of a faster bus.
             _ => None,
