@@ -74,6 +74,22 @@ fn every_control_rate_plays_the_same_motion() {
     }
 }
 
+/// Poses are asked for now and then, not in every control period.
+#[test]
+fn actuators_are_queried_at_20_hz_while_torque_is_off() {
+    let mut rig = Rig::booted();
+    rig.buses_up = false;
+    let mut queries = 0;
+    for _ in 0..rig.settings.control_hz {
+        rig.step();
+        while let Some(frame) = rig.brain.poll_actuator(0) {
+            queries += u32::from(Control::decode(&frame).map(|(_, c)| c) == Some(Control::Query));
+        }
+    }
+    // Two joints.
+    assert_eq!(queries, 2 * 20);
+}
+
 #[test]
 fn nothing_moves_before_arming() {
     let mut rig = Rig::new(Some(&library()));

@@ -34,6 +34,14 @@ fn refusals_have_reasons() {
 }
 
 #[test]
+fn a_motion_that_is_there_already_starts_in_no_frames() {
+    let mut rig = Rig::ready();
+    let ack = rig.play(CODE_STAND);
+    assert_eq!((ack.result, ack.value), (CommandResult::Ok, 0));
+    assert!(rig.play(CODE_WALK).value > 2);
+}
+
+#[test]
 fn duplicate_command_not_executed_twice() {
     let mut rig = Rig::ready();
     let command = rig.next_command(Action::Play { code: CODE_DRIVE, speed_64ths: 64 });

@@ -94,6 +94,22 @@ fn what_is_out_of_range_is_answered_with_the_limit_and_changes_nothing() {
     assert!(told(&rig, 0).iter().all(|&kp| kp == 20.0));
 }
 
+/// Writing flash stops the control loop, which after a stop has to watch what led to it.
+#[test]
+fn nothing_is_saved_but_while_disarmed() {
+    let wrong_state = (ParameterResult::WrongState, 0.0);
+    let mut rig = Rig::ready();
+    assert_eq!(answer(rig.parameter(SAVE)), wrong_state);
+    rig.estop();
+    assert_eq!(answer(rig.parameter(SAVE)), wrong_state);
+    let mut rig = Rig::ready();
+    rig.host_alive = false;
+    rig.run_until(State::TorqueOff, 1000);
+    assert_eq!(answer(rig.parameter(SAVE)), wrong_state);
+    let mut rig = Rig::booted();
+    assert_eq!(answer(rig.parameter(SAVE)).0, ParameterResult::Ok);
+}
+
 #[test]
 fn a_repeated_request_is_executed_once_and_a_late_one_not_at_all() {
     let mut rig = Rig::booted();

@@ -125,6 +125,25 @@ fn a_repeated_heartbeat_is_no_sign_of_life() {
     assert_eq!(rig.brain.state(), State::Returning);
 }
 
+/// The heartbeat comes back between two control periods: the host was lost all the same.
+#[test]
+fn a_late_heartbeat_does_not_hide_that_the_host_was_lost() {
+    let mut rig = Rig::ready();
+    rig.play(CODE_WALK);
+    rig.host_alive = false;
+    let beat = |seq| Heartbeat { seq, host_ms: 0 }.encode(me());
+    rig.send(&beat(100));
+    let lost_us = rig.now_us + u64::from(rig.settings.heartbeat_timeout_us) + 1;
+    while rig.now_us + 8_400 < lost_us {
+        rig.step();
+    }
+    assert_eq!(rig.brain.state(), State::Playing);
+    rig.now_us = lost_us;
+    rig.send(&beat(101));
+    assert_eq!(rig.brain.state(), State::Returning);
+    assert!(rig.brain.faults().contains(Fault::HostLost));
+}
+
 /// A host that starts again counts from 0, where the one before it may have been.
 #[test]
 fn a_host_that_starts_again_is_heard_at_once() {

@@ -42,6 +42,24 @@ fn a_lean_leads_home_and_a_fall_is_let_down() {
     assert!(rig.brain.faults().contains(Fault::Tilt));
 }
 
+/// At 1/64 of the speed the way home would take minutes.
+#[test]
+fn a_slow_robot_that_leans_goes_home_at_the_planned_speed() {
+    let mut rig = Rig::ready();
+    let slow = Action::Play { code: CODE_WALK, speed_64ths: 1 };
+    assert_eq!(rig.command(slow).result, CommandResult::Ok);
+    run(&mut rig, 0.0, 600);
+    run(&mut rig, 0.5, 16);
+    assert_eq!(rig.brain.state(), State::Returning);
+    let mut leaning = || {
+        run(&mut rig, 0.5, 1);
+        rig.brain.state()
+    };
+    let ticks = (0..1000).take_while(|_| leaning() != State::Damped).count();
+    // Transition, gait and transition of 91 frames, two ticks each, 0.4 s to speed up, a second of hold.
+    assert!(ticks < 2 * 91 + 60 + 130, "{ticks}");
+}
+
 #[test]
 fn the_library_says_how_a_motion_tilts_the_body() {
     // It bows by 0.6 rad in the walk, and says so.
