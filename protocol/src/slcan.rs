@@ -215,6 +215,8 @@ mod tests {
             b"t12320011223\r",
             b"t1232001\r",
             b"tXYZ0\r",
+            // A time stamp that is no number.
+            b"t1230XYZW\r",
             b"T200000000\r",
             b"T1FFFFFFF8000102030405060708\r",
         ] {

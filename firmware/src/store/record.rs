@@ -209,6 +209,8 @@ mod tests {
                 }
             }
         }
+        let candidate = Candidate::Receiving { len: 400, digest: 6, have: 401 };
+        assert_eq!(StoreState::decode(&StoreState { confirmed: None, candidate }.encode(1)), None);
         assert_eq!(StoreState::decode(&[0; RECORD_LEN]), None);
         assert_eq!(StoreState::decode(&[0xFF; RECORD_LEN]), None);
     }

@@ -406,6 +406,9 @@ fn wrong_routes() {
         let sentence = "the route from motion 1 to motion 2 is wrong";
         expect(patched(6, 3 + 2, value), Section::Routes, sentence);
     }
+    // From stand to itself there is a way round, by which it is played once more.
+    let sentence = "the route from motion 0 to motion 0 is wrong";
+    expect(patched(6, 0, 0xFF), Section::Routes, sentence);
 }
 
 #[test]
@@ -464,6 +467,15 @@ fn appended(tag: usize, bytes: &[u8]) -> Reject {
         library[table.start - 4..table.start].copy_from_slice(&len.to_le_bytes());
         library.splice(table.end..table.end, bytes.iter().copied());
     })
+}
+
+/// Bytes that belong to no record.
+#[test]
+fn tables_have_whole_records() {
+    for tag in [2, 3, 5, 7, 8] {
+        let sentence = format!("section {tag} is out of order, repeated");
+        expect(appended(tag, &[0]), Section::Table, &sentence);
+    }
 }
 
 #[test]
