@@ -7,6 +7,7 @@
 //! | [`port`] | a bus in real time: an outlet, and a thread that listens |
 //! | [`can`] | SocketCAN: short queues; error reports of drivers as states and advice |
 //! | `line` | serial lines and sockets: reads with a short timeout, writes that never block |
+//! | [`priority`] | real-time priority for threads that carry frames |
 //! | [`serial`], [`slcan`] | the link over a serial line; CAN adapters on serial lines |
 //! | [`sim`] | a simulated robot's link on this computer |
 //! | [`lossy`] | a link that loses frames, for tests |
@@ -21,6 +22,7 @@ pub mod lossy;
 pub mod name;
 pub mod open;
 pub mod port;
+pub mod priority;
 pub mod serial;
 pub mod sim;
 pub mod slcan;

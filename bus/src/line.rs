@@ -2,15 +2,17 @@
 //!
 //! A device that accepts no bytes, such as an adapter whose CAN bus is dead, blocks the thread that writes to it for
 //! an unlimited time. So a thread of its own writes, from a queue of a few lines, and the line counts as down when
-//! that thread makes no progress. The program goes on reading keys, sending heartbeats or ticking a controller.
+//! the device takes nothing from that thread. The program goes on reading keys, sending heartbeats or ticking a controller.
+//! A thread that waits for its turn on a busy computer says nothing about the device: only attempts to write count.
 //!
 //! A line counts as written when the kernel has accepted it. The kernel's buffer comes on top, cannot be recalled
 //! and may be late: commands carry the time until which they are valid.
 
 use crate::link::LinkError;
+use crate::priority;
 use rollwalk_protocol::wire::HOST_TIMEOUT_MS;
 use std::io::{self, Read, Write};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -20,6 +22,12 @@ use std::time::{Duration, Instant};
 const WAITING: usize = 4;
 /// Time without progress after which a line is down: by then a robot behind it has timed out its host anyway.
 const DEAD: Duration = Duration::from_millis(HOST_TIMEOUT_MS as u64);
+/// Timeout of reads and writes, after which a thread checks the line again.
+pub(crate) const WAIT: Duration = Duration::from_millis(50);
+/// Timeouts in a row of attempts to write, each of [`WAIT`], that show a dead device.
+const REFUSALS: u32 = (DEAD.as_millis() / WAIT.as_millis()) as u32;
+/// Duration of a single attempt to write that shows one: writing to some devices has no timeout.
+const BLOCKED: Duration = Duration::from_secs(1);
 /// Longest wait for queued lines when the writer is dropped.
 const LAST_WORDS: Duration = Duration::from_millis(100);
 
@@ -39,6 +47,10 @@ struct Shared {
     waiting: AtomicUsize,
     /// When the device last accepted bytes, or the oldest queued line was put.
     moved: Mutex<Instant>,
+    /// Attempts to write that have timed out since.
+    refused: AtomicU32,
+    /// Start of the attempt that is being made.
+    attempt: Mutex<Option<Instant>>,
     failed: Mutex<Option<io::Error>>,
     /// The writer was dropped: bytes that the device does not accept at once are discarded.
     over: AtomicBool,
@@ -53,11 +65,14 @@ impl LineWriter {
         let shared = Arc::new(Shared {
             waiting: AtomicUsize::new(0),
             moved: Mutex::new(Instant::now()),
+            refused: AtomicU32::new(0),
+            attempt: Mutex::new(None),
             failed: Mutex::new(None),
             over: AtomicBool::new(false),
         });
         let ours = Arc::clone(&shared);
         thread::spawn(move || {
+            priority::raise();
             for line in to_write {
                 if let Err(error) = ours.write_all(&mut writer, &line) {
                     *lock(&ours.failed) = Some(error);
@@ -140,17 +155,26 @@ impl Drop for LineWriter {
 impl Shared {
     fn has_moved(&self) {
         *lock(&self.moved) = Instant::now();
+        self.refused.store(0, Ordering::Relaxed);
     }
 
-    /// Whether lines are queued and the device has accepted nothing for [`DEAD`].
+    /// Whether lines are queued and the device has accepted nothing for [`DEAD`], although it was offered them.
     fn is_dead(&self) -> bool {
-        self.waiting.load(Ordering::Relaxed) > 0 && lock(&self.moved).elapsed() >= DEAD
+        if self.waiting.load(Ordering::Relaxed) == 0 || lock(&self.moved).elapsed() < DEAD {
+            return false;
+        }
+        let attempt = *lock(&self.attempt);
+        self.refused.load(Ordering::Relaxed) >= REFUSALS
+            || attempt.is_some_and(|start| start.elapsed() >= BLOCKED)
     }
 
     /// Writes all bytes, retrying after every timeout until the writer is dropped.
     fn write_all(&self, writer: &mut impl Write, mut bytes: &[u8]) -> io::Result<()> {
         while !bytes.is_empty() {
-            match writer.write(bytes) {
+            *lock(&self.attempt) = Some(Instant::now());
+            let written = writer.write(bytes);
+            *lock(&self.attempt) = None;
+            match written {
                 Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
                 Ok(count) => {
                     self.has_moved();
@@ -159,7 +183,10 @@ impl Shared {
                 Err(error) => match error.kind() {
                     io::ErrorKind::Interrupted => {}
                     io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock
-                        if !self.over.load(Ordering::Relaxed) => {}
+                        if !self.over.load(Ordering::Relaxed) =>
+                    {
+                        self.refused.fetch_add(1, Ordering::Relaxed);
+                    }
                     _ => return Err(error),
                 },
             }
@@ -304,6 +331,29 @@ mod tests {
         // Nor does the end wait for it.
         drop(line);
         drop(far);
+    }
+
+    #[test]
+    fn a_late_thread_says_nothing_about_the_device() {
+        let shared = Shared {
+            waiting: AtomicUsize::new(WAITING),
+            moved: Mutex::new(Instant::now() - LONG),
+            refused: AtomicU32::new(0),
+            attempt: Mutex::new(None),
+            failed: Mutex::new(None),
+            over: AtomicBool::new(false),
+        };
+        assert!(!shared.is_dead(), "nothing was offered to it");
+        shared.refused.store(REFUSALS - 1, Ordering::Relaxed);
+        *lock(&shared.attempt) = Some(Instant::now());
+        assert!(!shared.is_dead());
+        shared.refused.store(REFUSALS, Ordering::Relaxed);
+        assert!(shared.is_dead(), "it has taken none of them");
+        shared.has_moved();
+        *lock(&shared.moved) = Instant::now() - LONG;
+        assert!(!shared.is_dead());
+        *lock(&shared.attempt) = Some(Instant::now() - BLOCKED);
+        assert!(shared.is_dead(), "it holds up the thread");
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //! accepted it, whose buffer comes on top. So commands carry a time at which they expire.
 
 use crate::link::{LinkBus, LinkError};
+use crate::priority;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{BusState, Report};
 use std::collections::VecDeque;
@@ -136,6 +137,7 @@ impl Hub {
         let (sender, over) = (self.sender.clone(), Arc::new(AtomicBool::new(false)));
         let is_over = Arc::clone(&over);
         thread::spawn(move || {
+            priority::raise();
             while !is_over.load(Ordering::Relaxed) {
                 let event = inlet.next_event().transpose();
                 let is_gone = matches!(event, Some(Err(_)));

@@ -3,7 +3,7 @@
 //! The bytes are those of [`rollwalk_protocol::serial`]. [`port`] takes any two ends of a line, [`open`] a
 //! device.
 
-use crate::line::{LineWriter, read};
+use crate::line::{LineWriter, WAIT, read};
 use crate::link::LinkError;
 use crate::open::OpenError;
 use crate::port::{Event, Inlet, Outlet, Port, since_us};
@@ -13,10 +13,7 @@ use std::collections::VecDeque;
 use std::fs;
 use std::io::{self, Read, Write};
 use std::path::Path;
-use std::time::{Duration, Instant};
-
-/// Read timeout, after which the thread checks the line again.
-const WAIT: Duration = Duration::from_millis(50);
+use std::time::Instant;
 
 /// Opens a device.
 ///
@@ -206,6 +203,7 @@ mod tests {
     use serialport::{SerialPort, TTYPort};
     use std::net::{TcpListener, TcpStream};
     use std::thread;
+    use std::time::Duration;
 
     /// Far longer than anything takes.
     const LONG: Duration = Duration::from_secs(60);

@@ -3,10 +3,11 @@
 //! The socket carries the packets of a serial line ([`rollwalk_protocol::serial`]). The robot and all other programs
 //! receive what one program sends.
 
+use crate::line::WAIT;
 use crate::link::LinkError;
 use crate::open::OpenError;
 use crate::port::{Event, Inlet, Outlet, Port};
-use crate::serial;
+use crate::{priority, serial};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::Packet;
 use std::env;
@@ -19,10 +20,12 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-/// Timeout for a frame, or for room for one, after which the thread checks whether to end.
-const WAIT: Duration = Duration::from_millis(50);
+/// Bytes that wait for a program that is late: some seconds of a robot with twenty motors.
+const WAITING: usize = 256 << 10;
+/// Interval between attempts to pass them on.
+const RETRY: Duration = Duration::from_millis(10);
 
 /// Default socket of a simulated robot, below the user's runtime folder.
 pub fn usual_socket() -> PathBuf {
@@ -49,8 +52,48 @@ pub fn connect(socket: Option<&Path>) -> Result<Port, OpenError> {
     Ok(serial::shared_port("the simulated robot", reader, writer))
 }
 
+/// A program that has joined.
+struct Member {
+    number: u64,
+    stream: UnixStream,
+    /// What it has not taken yet.
+    waiting: Vec<u8>,
+    retry: Instant,
+}
+
+impl Member {
+    /// Passes bytes on, after those that wait.
+    ///
+    /// # Errors
+    /// The program is gone, or so late that it can be taken for one that does not listen.
+    fn pass(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.waiting.extend_from_slice(bytes);
+        if Instant::now() < self.retry {
+            return if self.waiting.len() > WAITING {
+                Err(io::ErrorKind::TimedOut.into())
+            } else {
+                Ok(())
+            };
+        }
+        while !self.waiting.is_empty() {
+            match self.stream.write(&self.waiting) {
+                Ok(count) => drop(self.waiting.drain(..count)),
+                Err(error) => match error.kind() {
+                    io::ErrorKind::Interrupted => {}
+                    io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock => {
+                        self.retry = Instant::now() + RETRY;
+                        return Ok(());
+                    }
+                    _ => return Err(error),
+                },
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Programs that have joined.
-type Members = Arc<Mutex<Vec<(u64, UnixStream)>>>;
+type Members = Arc<Mutex<Vec<Member>>>;
 
 /// Makes the link of a simulated robot, for programs to join. The socket goes away with the outlet.
 ///
@@ -94,12 +137,15 @@ fn accept(listener: &UnixListener, members: &Members, to: &Sender<Frame>) {
             // A program that does not read must not block the others.
             stream.set_nonblocking(false)?;
             stream.set_write_timeout(Some(Duration::from_millis(1)))?;
-            members.lock().unwrap_or_else(PoisonError::into_inner).push((number, stream));
+            let (waiting, retry) = (Vec::new(), Instant::now());
+            let member = Member { number, stream, waiting, retry };
+            members.lock().unwrap_or_else(PoisonError::into_inner).push(member);
             Ok(reader)
         });
         let Ok(reader) = joined else { continue };
         let (members, to) = (Arc::clone(members), to.clone());
         thread::spawn(move || {
+            priority::raise();
             let mut inlet = serial::inlet("a program", reader);
             while let Ok(event) = inlet.next_event() {
                 if let Some(Event::Frame(frame)) = event {
@@ -118,20 +164,19 @@ fn accept(listener: &UnixListener, members: &Members, to: &Sender<Frame>) {
 fn broadcast(members: &Members, frame: &Frame, but: Option<u64>) {
     let Some(line) = Packet::Link(*frame).encode() else { return };
     let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
-    members.retain_mut(|(number, stream)| {
-        if Some(*number) == but || stream.write_all(&line).is_ok() {
+    members.retain_mut(|member| {
+        if Some(member.number) == but || member.pass(&line).is_ok() {
             return true;
         }
-        // A program that does not keep up is disconnected: half a packet would corrupt the next one, and a
-        // program that receives nothing must not go on sending.
-        let _ = stream.shutdown(Shutdown::Both);
+        // A program that receives nothing must not go on sending.
+        let _ = member.stream.shutdown(Shutdown::Both);
         false
     });
 }
 
 fn leave(members: &Members, number: u64) {
     let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
-    members.retain(|(member, _)| *member != number);
+    members.retain(|member| member.number != number);
 }
 
 struct SimOutlet {

@@ -14,6 +14,7 @@ use rollwalk_bus::link::LinkError;
 use rollwalk_bus::name::BusName;
 use rollwalk_bus::open::{self, OpenError};
 use rollwalk_bus::port::Port;
+use rollwalk_bus::priority;
 use rollwalk_bus::sim;
 use rollwalk_firmware::Settings;
 use rollwalk_host::describe::{fault_names, state_name};
@@ -211,6 +212,8 @@ fn run_controller(
     actuators: &[BusName],
     mut memory: Option<Memory>,
 ) -> miette::Result<()> {
+    // Motors that wait for their setpoints do so for a busy computer, too.
+    priority::raise();
     let mut core = core(robot, memory.as_ref())?;
     let period = Duration::from_secs(1) / u32::from(Settings::default().control_hz);
     let (port, ports) = (port(bus)?, ports(actuators)?);

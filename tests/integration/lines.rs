@@ -20,7 +20,7 @@ use std::time::Duration;
 const NOBODY: u32 = 65534;
 
 /// The name of a device, for the programs under test to open, and the other end of its line.
-fn device() -> (String, TTYPort) {
+pub fn device() -> (String, TTYPort) {
     let (mut far, device) = TTYPort::pair().expect("a pseudo terminal");
     far.set_timeout(Duration::from_millis(1)).expect("a timeout");
     (device.name().expect("a name"), far)
@@ -41,7 +41,7 @@ fn heard(line: &mut TTYPort) -> Vec<u8> {
 }
 
 /// A cable from `from` to `to`.
-fn cable(mut from: TTYPort, mut to: TTYPort) {
+pub fn cable(mut from: TTYPort, mut to: TTYPort) {
     thread::spawn(move || {
         loop {
             // What nobody has open takes nothing.

@@ -9,6 +9,7 @@ mod diagnosis;
 mod files;
 mod libraries;
 mod lines;
+mod load;
 mod operating;
 mod problem_files;
 mod readme;

@@ -7,6 +7,7 @@ use crate::output::Table;
 use crate::{Exit, interrupt, output};
 use miette::miette;
 use rollwalk_bus::link::LinkBus;
+use rollwalk_bus::priority;
 use rollwalk_host::decode::decode;
 use rollwalk_host::describe::{event_sentence, state_name};
 use rollwalk_host::doctor::{Finding, Findings, Gravity, Traffic};
@@ -179,7 +180,19 @@ fn report(
     });
     let load = load.collect();
     let load_percent = heard.load_percent(bitrate);
-    Report { findings: findings.diagnose(), log: log.collect(), load_percent, load }
+    let findings = findings.diagnose().into_iter().chain(priority_note()).collect();
+    Report { findings, log: log.collect(), load_percent, load }
+}
+
+/// Whether this computer runs us before others when it is busy.
+fn priority_note() -> Option<Finding> {
+    (cfg!(target_os = "linux") && !priority::raise()).then(|| Finding {
+        gravity: Gravity::Note,
+        what: "this computer gives rollwalk no real-time priority: when it is busy, heartbeats may come late, and the \
+               robot returns to SAFE"
+            .into(),
+        help: "the line `YOUR_NAME - rtprio 1` in /etc/security/limits.conf, and a new login".into(),
+    })
 }
 
 fn text(report: &Report) -> String {

@@ -10,6 +10,7 @@ use miette::{Diagnostic, Report, miette};
 use rollwalk_bus::name::BusName;
 use rollwalk_bus::open::{self, OpenError};
 use rollwalk_bus::port::Live;
+use rollwalk_bus::priority;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::Node;
 use thiserror::Error;
@@ -48,6 +49,8 @@ impl LinkArgs {
     /// # Errors
     /// The bus does not exist or cannot be used; the error names the command to type.
     pub fn live(&self) -> Result<Live, OpenError> {
+        // This thread sends heartbeats; where it is not permitted, `rollwalk doctor` says so.
+        priority::raise();
         open::open(&self.bus, DEPTH).map(Live::new)
     }
 

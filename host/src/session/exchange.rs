@@ -15,6 +15,14 @@ const COMMAND_SENDS: u32 = 9;
 const _: () = assert!(ACK_TIMEOUT_US * COMMAND_SENDS as u64 > COMMAND_LIFE_US);
 /// Interval between attempts to send while the transmit queue is full, µs.
 const BUSY_RETRY_US: u64 = 500;
+/// Lateness of a wake-up that shows a busy computer, µs.
+const LATE_US: u64 = 10_000;
+/// Largest number of late wake-ups that a timeout allows for: some computers are always late.
+const ALLOWANCES: u32 = 10;
+/// Largest number of frames that are looked at after a timeout: some buses are never silent.
+const LOOKS: u32 = 1000;
+/// Largest number of new attempts of a command that arrived too late.
+const EXPIRED_TRIES: u32 = 3;
 
 /// A bus and the client on it.
 pub(super) struct Exchange<B> {
@@ -53,6 +61,7 @@ impl<B: LinkBus> Exchange<B> {
         what: &'static str,
         action: Action,
     ) -> Result<CommandAck, SessionError> {
+        let mut expired = 0;
         for _ in 0..SEQUENCE_TRIES {
             let free_us = self.client.next_command_us();
             self.pump(free_us.saturating_sub(self.bus.now_us()), |_| None::<()>)?;
@@ -75,6 +84,8 @@ impl<B: LinkBus> Exchange<B> {
             match ack.result {
                 CommandResult::Ok => return Ok(ack),
                 CommandResult::OutOfOrder => {}
+                // Nothing was executed: on a busy computer a command may wait for its turn for half a second.
+                CommandResult::Expired if expired < EXPIRED_TRIES => expired += 1,
                 result => return Err(SessionError::Refused { what, result }),
             }
         }
@@ -159,28 +170,47 @@ impl<B: LinkBus> Exchange<B> {
         SessionError::Silent { node: self.node.number(), what, why }
     }
 
-    /// Sends and receives frames until `wanted` accepts a message, at most for `timeout_us`.
+    /// Sends and receives frames until `wanted` accepts a message, at most for `timeout_us`. Time that passed before a busy
+    /// computer let this program go on does not count, and what has arrived by then is looked at first.
     pub fn pump<T>(
         &mut self,
         timeout_us: u64,
         mut wanted: impl FnMut(Incoming) -> Option<T>,
     ) -> Result<Option<T>, SessionError> {
-        let deadline_us = self.bus.now_us().saturating_add(timeout_us);
+        let mut deadline_us = self.bus.now_us().saturating_add(timeout_us);
+        let (mut allowances, mut looks) = (ALLOWANCES, LOOKS);
         loop {
             let (failed, retry_us) = self.send_all()?;
             if let Some(found) = failed.and_then(&mut wanted) {
                 return Ok(Some(found));
             }
             let now_us = self.bus.now_us();
-            if now_us >= deadline_us {
-                return Ok(None);
-            }
             let wake_us = retry_us.unwrap_or(self.client.next_poll_us(now_us)).min(deadline_us);
-            if let Some(frame) = self.bus.receive(wake_us.max(now_us))?
-                && let Some(incoming) = self.client.on_frame(self.bus.now_us(), &frame)
-                && let Some(found) = wanted(incoming)
-            {
-                return Ok(Some(found));
+            let wake_us = wake_us.max(now_us);
+            let frame = self.bus.receive(wake_us)?;
+            let woken_us = self.bus.now_us();
+            let late_us = woken_us.saturating_sub(wake_us);
+            if late_us > LATE_US && allowances > 0 {
+                allowances -= 1;
+                // The thread that listens is late as well, and has its turn now.
+                deadline_us = deadline_us.saturating_add(late_us + LATE_US);
+            }
+            match frame {
+                Some(frame) => {
+                    if let Some(incoming) = self.client.on_frame(woken_us, &frame)
+                        && let Some(found) = wanted(incoming)
+                    {
+                        return Ok(Some(found));
+                    }
+                }
+                None if woken_us >= deadline_us => return Ok(None),
+                None => {}
+            }
+            if woken_us >= deadline_us {
+                looks -= 1;
+                if looks == 0 {
+                    return Ok(None);
+                }
             }
         }
     }

@@ -162,3 +162,64 @@ fn an_emergency_stop_goes_on_until_it_is_acknowledged() {
     assert_eq!(told.len(), 3);
     assert!(told[0].to_string().contains("(emergency stop): is it powered"), "{}", told[0]);
 }
+
+/// A bus on a busy computer: the first wait lasts longer than it should, and what has arrived is read after it.
+struct Late(Wire, bool);
+
+impl LinkBus for Late {
+    fn now_us(&self) -> u64 {
+        self.0.now_us()
+    }
+
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
+        self.0.send(frame)
+    }
+
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
+        if std::mem::take(&mut self.1) {
+            self.0.now_us = deadline_us + 200_000;
+            return Ok(None);
+        }
+        self.0.receive(deadline_us)
+    }
+}
+
+#[test]
+fn what_arrived_while_the_computer_was_late_is_no_silence() {
+    let mut wire = Wire::silent();
+    wire.says(30_000, Wire::status(State::Ready));
+    let mut exchange = Exchange::new(Late(wire, true), node(), Client::visitor(node()));
+    let heard =
+        exchange.pump(60_000, |incoming| matches!(incoming, Incoming::Status(_)).then_some(()));
+    assert_eq!(heard, Ok(Some(())));
+    let begun_us = exchange.bus.now_us();
+    assert_eq!(exchange.pump(60_000, |_| None::<()>), Ok(None));
+    assert_eq!(exchange.bus.now_us(), begun_us + 60_000);
+}
+
+#[test]
+fn a_command_that_was_late_is_sent_once_more() {
+    let mut refusals = 2;
+    let wire = Wire::answering(move |message| match message {
+        ToController::Heartbeat(heartbeat) => {
+            Some(HeartbeatReply { seq: heartbeat.seq, controller_ms: 7000 }.encode(node()))
+        }
+        ToController::Command(command) => {
+            let (seq, kind) = (command.seq, command.action.kind());
+            let late = refusals > 0;
+            refusals -= u32::from(late);
+            let result = if late { CommandResult::Expired } else { CommandResult::Ok };
+            let state = State::Playing;
+            Some(CommandAck { seq, kind, result, state, motion: None, value: 0 }.encode(node()))
+        }
+        _ => None,
+    });
+    let mut exchange = Exchange::new(wire, node(), Client::new(node()));
+    exchange.pump(10_000, |_| None::<()>).unwrap();
+    exchange.command("pause", Action::Pause).unwrap();
+    let commands = exchange.bus.sent.iter().filter_map(|message| match message {
+        ToController::Command(command) => Some(command.seq),
+        _ => None,
+    });
+    assert_eq!(commands.collect::<Vec<_>>(), [1, 2, 3]);
+}

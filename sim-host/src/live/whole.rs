@@ -10,6 +10,26 @@ use std::time::{Duration, Instant};
 
 /// Longest lag of the simulation behind real time while no frame arrives.
 const STEP: Duration = Duration::from_millis(1);
+/// Longest lag that it makes up for, µs. A computer that is busy for longer halts the robot's time, too: frames sent
+/// meanwhile wait to be read, and a robot whose time had gone on would have lost its host before it heard them.
+const MOST_LAG_US: u64 = 20_000;
+
+/// The robot's time, which follows the computer's.
+struct Clock {
+    now_us: u64,
+    /// Computer's time since the start.
+    elapsed_us: u64,
+}
+
+impl Clock {
+    /// The robot's time, `elapsed_us` after the start by the computer's clock.
+    fn now_us(&mut self, elapsed_us: u64) -> u64 {
+        let since_us = elapsed_us.saturating_sub(self.elapsed_us);
+        self.elapsed_us = elapsed_us;
+        self.now_us += since_us.min(MOST_LAG_US);
+        self.now_us
+    }
+}
 
 /// Runs the robot until `goes_on` returns `false`. `goes_on` is called at least once a millisecond,
 /// with the frames of all buses since its last call.
@@ -23,12 +43,12 @@ pub fn run(
     mut goes_on: impl FnMut(&Rig, &[LogEntry]) -> bool,
 ) -> Result<(), LinkError> {
     let start = Instant::now();
-    let offset_us = rig.now_us();
+    let mut clock = Clock { now_us: rig.now_us(), elapsed_us: 0 };
     let (mut hub, mut link) = (Hub::new([port]), Kept::new(Interface::Link, 0));
     // Frames of each direction that wait because the next bus has no room for them.
     let (mut inward, mut outward) = (Waiting::default(), Waiting::default());
     loop {
-        let now_us = offset_us + start.elapsed().as_micros() as u64;
+        let now_us = clock.now_us(start.elapsed().as_micros() as u64);
         rig.run_until(SimTime::from_us(now_us));
         while let Some(frame) = inward.0.front()
             && rig.send(frame).is_ok()
@@ -57,5 +77,20 @@ pub fn run(
             // Takes the other frames that have arrived already, without waiting for more.
             deadline = Instant::now();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_computer_that_stands_still_halts_the_robot() {
+        let mut clock = Clock { now_us: 5_000, elapsed_us: 0 };
+        assert_eq!(clock.now_us(1_000), 6_000);
+        assert_eq!(clock.now_us(20_000), 25_000);
+        // Two seconds without a turn.
+        assert_eq!(clock.now_us(2_020_000), 25_000 + MOST_LAG_US);
+        assert_eq!(clock.now_us(2_021_000), 26_000 + MOST_LAG_US);
     }
 }

@@ -28,6 +28,8 @@ pub enum NightlyStep {
     Replay,
     /// 100,000 attacks on a simulated robot over its link; commands killed, and on a full disk, while they write.
     Hostile,
+    /// Robots on a computer whose cores are busy four times over.
+    Load,
     /// Every fuzz target for ten minutes.
     Fuzz,
     /// A thousand random faults and combinations of them.
@@ -48,6 +50,7 @@ impl Step for NightlyStep {
             Self::Multibody => "kinematics and dynamics against MuJoCo, 1,000 states a robot",
             Self::Replay => "every shipped motion replayed in MuJoCo",
             Self::Hostile => "attacks on a simulated robot, and on files being written",
+            Self::Load => "robots on a busy computer",
             Self::Fuzz => "fuzz targets, ten minutes each",
             Self::FaultCampaign => "fault campaign with 1,000 seeds",
         }
@@ -64,6 +67,13 @@ impl Step for NightlyStep {
             Self::Multibody => mujoco::check(Extent::Full),
             Self::Replay => replay::check(Extent::Full),
             Self::Hostile => hostile::check(Extent::Full),
+            Self::Load => {
+                let programs = workspace::programs()?;
+                let tests = workspace::find(&programs, "tests", "integration", true)?;
+                // One after the other: each has the cores busy by itself.
+                let load = ["load::", "--ignored", "--test-threads=1", "--nocapture"];
+                shell::run(&mut tests.command(&load))
+            }
             Self::Fuzz => fuzz::check(Extent::Full),
             Self::FaultCampaign => {
                 let out = shell::target_folder().join("fault-campaign");

@@ -1,0 +1,69 @@
+//! Robots on a busy computer: no command fails while every core has four programs that would use it alone.
+//!
+//! These tests take minutes: `cargo xtask nightly --only load`.
+
+use crate::lines::{cable, device};
+use crate::simulated::{Robot, desk_with_library_file, on};
+use rollwalk_tests::Desk;
+use std::process::{Child, Command};
+use std::thread;
+
+/// Commands of each test.
+const COMMANDS: usize = 50;
+/// Programs that use all they get, for each core.
+const LOAD: usize = 4;
+
+/// Programs that do nothing, as fast as they can; ended when dropped.
+struct Busy(Vec<Child>);
+
+impl Busy {
+    fn start() -> Self {
+        let cores = thread::available_parallelism().map_or(1, usize::from);
+        let run = |_| Command::new("sh").args(["-c", "while :; do :; done"]).spawn();
+        Self((0..LOAD * cores).map(|k| run(k).expect("a shell")).collect())
+    }
+}
+
+impl Drop for Busy {
+    fn drop(&mut self) {
+        for program in &mut self.0 {
+            let _ = program.kill();
+            let _ = program.wait();
+        }
+    }
+}
+
+/// Flashes and plays, again and again.
+fn play(desk: &Desk, bus: &str) {
+    on(desk, bus, &["flash", "legbot.rwl"]).succeeds();
+    let _busy = Busy::start();
+    let failures = (0..COMMANDS).filter_map(|number| {
+        let outcome = on(desk, bus, &["send", "--arm", "rest"]);
+        (outcome.code != 0).then(|| format!("{number}: {}", outcome.stderr))
+    });
+    let failures: Vec<_> = failures.collect();
+    assert!(failures.is_empty(), "{} of {COMMANDS} failed: {failures:#?}", failures.len());
+}
+
+#[test]
+#[ignore = "minutes with all cores busy"]
+fn a_robot_at_the_socket_is_played_by_a_busy_computer() {
+    let desk = desk_with_library_file();
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    on(&desk, &bus, &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    let _robot = Robot::start(&desk, &bus);
+    play(&desk, &bus);
+}
+
+#[test]
+#[ignore = "minutes with all cores busy"]
+fn a_robot_at_a_serial_line_is_played_by_a_busy_computer() {
+    let desk = desk_with_library_file();
+    let ((robots, far), (hosts, near)) = (device(), device());
+    let (robots, hosts) = (format!("serial:{robots}"), format!("serial:{hosts}"));
+    on(&desk, &hosts, &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    cable(far.try_clone_native().unwrap(), near.try_clone_native().unwrap());
+    cable(near, far);
+    let _robot = Robot::start_at(&desk, &robots, &hosts);
+    play(&desk, &hosts);
+}
