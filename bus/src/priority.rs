@@ -17,7 +17,7 @@ pub fn raise() -> bool {
     })
 }
 
-/// Other systems have ways of their own, which nobody has asked for.
+/// Other systems have ways of their own.
 #[cfg(not(target_os = "linux"))]
 pub fn raise() -> bool {
     false

@@ -17,11 +17,20 @@ use thiserror::Error;
 #[error("the output was closed")]
 pub struct PipeClosed;
 
-/// Prints a result, followed by a line break.
+/// Prints a result, followed by a line break. A reader that has seen enough (`| head`) changes nothing about it: the exit
+/// code is that of the command.
+///
+/// # Errors
+/// Those of the operating system.
+pub fn print(text: &str) -> miette::Result<()> {
+    line(text).or_else(|error| if error.is::<PipeClosed>() { Ok(()) } else { Err(error) })
+}
+
+/// Prints a line of a stream that ends with its reader.
 ///
 /// # Errors
 /// [`PipeClosed`], or an error of the operating system.
-pub fn print(text: &str) -> miette::Result<()> {
+pub fn line(text: &str) -> miette::Result<()> {
     let mut stdout = io::stdout().lock();
     let outcome = writeln!(stdout, "{}", ShownLines(text.trim_end())).and_then(|()| stdout.flush());
     outcome.map_err(|error| match error.kind() {

@@ -26,6 +26,10 @@ impl Packed {
     /// A file is missing or wrong, or the library is for no robot that is known.
     pub fn read(path: &Path, robot: Option<&Path>) -> miette::Result<Self> {
         let bytes = files::read(path, Kind::Packed)?;
+        // What a library is built from is text.
+        if let Ok(text) = std::str::from_utf8(&bytes) {
+            Kind::Packed.expect(path, text)?;
+        }
         if let Some(robot) = robot {
             let robot = Source::Disk.robot(robot)?;
             return match check(&bytes, &robot)? {

@@ -245,3 +245,29 @@ fn two_outputs_are_two_files() {
     assert_ne!(outcome.code, 0);
     assert!(!desk.path("a").exists());
 }
+
+#[test]
+fn results_go_to_standard_output_by_themselves() {
+    let desk = desk_with_shipped_files();
+    for name in ["-", "/dev/stdout"] {
+        let outcome = desk.run(&["plan", "motions/stand.toml", "-o", name]);
+        let plan: serde_json::Value = serde_json::from_str(&outcome.stdout).expect("a plan alone");
+        assert_eq!(plan["motion"]["name"], "stand");
+        assert!(outcome.stderr.contains("stand on agilebot: converged"), "{}", outcome.stderr);
+        assert_eq!(outcome.code, 0);
+    }
+    assert!(!desk.path("-").exists());
+}
+
+#[test]
+fn files_that_people_write_are_no_results_and_no_libraries() {
+    let desk = desk_with_shipped_files();
+    desk.write("notes.toml", "mine");
+    let taken = ["notes.toml: it is there already, and by its name it is no result"];
+    desk.run(&["plan", "motions/stand.toml", "-o", "notes.toml"]).fails(1, &taken);
+    assert_eq!(desk.read_text("notes.toml"), "mine");
+    let library = "motions/agilebot_library.toml";
+    let words = ["is a library file, not a motion library", "rollwalk library build"];
+    desk.run(&["library", "inspect", library]).fails(1, &words);
+    desk.run(&["flash", library, "--bus", "sim:none.sock"]).fails(1, &words);
+}

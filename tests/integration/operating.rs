@@ -1,9 +1,9 @@
 //! The tools and a simulated robot on this computer's socket: what a maker without CAN does first.
 
 use crate::desk_with_shipped_files;
-use crate::simulated::{Robot, desk_with_library_file, on};
+use crate::simulated::{Robot, command_on, desk_with_library_file, on};
 use rollwalk_tests::Outcome;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -134,4 +134,17 @@ fn a_simulated_robot_keeps_its_library_and_loses_none() {
     refused("robots/legbot.toml", &["a robot file (TOML) that this run reads"]);
     refused("stand.toml", &["stand.toml", "not a motion library"]);
     refused("none/kept.rwl", &["there is no folder none"]);
+}
+
+#[test]
+fn a_reader_that_has_seen_enough_does_not_change_how_a_command_ends() {
+    let desk = desk_with_shipped_files();
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    let _robot = Robot::start(&desk, &bus);
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let mut doctor = command_on(&desk, &bus, &["doctor"]);
+    let status = doctor.stdout(writer).stderr(Stdio::null()).status().unwrap();
+    // It has no library.
+    assert_eq!(status.code(), Some(5));
 }

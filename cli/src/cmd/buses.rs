@@ -53,7 +53,9 @@ impl BusLoads {
                 format!("{}, {} kbit/s", row.kind.protocol.name(), row.kind.bit_rate / 1000),
                 row.actuators.to_string(),
                 row.traffic.bits_per_period.to_string(),
-                row.traffic.bits_per_s.to_string(),
+                (u64::from(row.traffic.bits_per_period) * u64::from(self.control_hz)
+                    + u64::from(row.traffic.bits_per_s))
+                .to_string(),
                 format!("{:.0} %", 100.0 * row.load),
                 if row.problem.is_none() { "fits" } else { "does not fit" }.to_owned(),
             ]);

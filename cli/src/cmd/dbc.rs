@@ -1,7 +1,8 @@
 //! `rollwalk dbc`: the frames of a bus as a DBC file, for cantools, SavvyCAN, Wireshark and their like.
 
+use crate::files::Output;
 use crate::inputs::Source;
-use crate::{Exit, files, output};
+use crate::{Exit, output};
 use rollwalk_host::dbc::{ChannelName, Database, RobotNames};
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use rollwalk_protocol::wire::Node;
@@ -103,9 +104,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let text = database.to_dbc();
     match &args.output {
         Some(path) => {
-            files::write(path, text.as_bytes())?;
+            let place = Output::at(path)?;
+            place.write(text.as_bytes())?;
             let (messages, path) = (database.messages.len(), path.display());
-            output::print(&format!("wrote {path}: {messages} messages"))?;
+            place.comment(&format!("wrote {path}: {messages} messages"))?;
         }
         None => output::print(&text)?,
     }

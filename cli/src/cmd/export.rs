@@ -1,6 +1,7 @@
 //! `rollwalk export`: a plan at any rate, as a table for other programs.
 
-use crate::{Exit, files, inputs, output};
+use crate::files::{self, Output};
+use crate::{Exit, inputs};
 use clap::ValueEnum;
 use miette::{IntoDiagnostic, miette};
 use rollwalk_planner::export::Table;
@@ -48,8 +49,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Format::Csv => table.to_csv(),
         Format::Json => table.to_json(),
     };
-    files::write(&args.output, text.as_bytes())?;
-    output::print(&format!(
+    let place = Output::at(&args.output)?;
+    place.write(text.as_bytes())?;
+    place.comment(&format!(
         "wrote {}: {} rows of {} columns at {} Hz",
         args.output.display(),
         table.rows.len(),

@@ -2,6 +2,7 @@
 
 use super::robot::describe;
 use super::standing::StandingReport;
+use crate::files::Output;
 use crate::kind::Kind;
 use crate::output::Table;
 use crate::{Exit, files, output};
@@ -65,7 +66,7 @@ fn import(urdf: Text<'_>, side: &Path, output: &Path, json: bool) -> miette::Res
     let text = files::read_text(side, Kind::Side)?;
     let side = Text { name: &side.to_string_lossy(), text: &text };
     let imported = urdf::import(urdf, side).map_err(Report::new)?;
-    files::write(output, imported.toml.as_bytes())?;
+    Output::of_source(output)?.write(imported.toml.as_bytes())?;
     let overlaps = StandingReport::new(&imported.robot).and_then(|standing| standing.overlaps());
     let warnings: Vec<_> = imported.warnings.iter().cloned().chain(overlaps).collect();
     say_warnings(&warnings);

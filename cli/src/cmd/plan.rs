@@ -76,6 +76,8 @@ pub struct Args {
 struct Outcome<'a> {
     #[serde(flatten)]
     solve: PlanOutcome<'a>,
+    /// By Ctrl-C, also where a plan had converged and was being refined.
+    interrupted: bool,
     judgement: Judgement,
     holds: bool,
     samples: usize,
@@ -120,7 +122,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if args.json {
         output::print_json(&outcome(&plan, &report, time_s, written))?;
     } else {
-        output::print(&describe(&plan, &report, time_s, written))?;
+        place.comment(&describe(&plan, &report, time_s, written, interrupted))?;
     }
     if matches!(plan.solve.status, Status::Stalled | Status::IterationLimit) {
         output::say(match &args.dump {
@@ -181,6 +183,7 @@ fn outcome<'a>(
 ) -> Outcome<'a> {
     Outcome {
         solve: PlanOutcome::new(plan, time_s),
+        interrupted: interrupt::requested(),
         judgement: report.judgement,
         holds: report.judgement.is_good(),
         samples: plan.samples.len(),
@@ -193,19 +196,34 @@ fn outcome<'a>(
     }
 }
 
-fn describe(plan: &Plan, report: &Report, time_s: f64, written: Option<&PathBuf>) -> String {
+fn describe(
+    plan: &Plan,
+    report: &Report,
+    time_s: f64,
+    written: Option<&PathBuf>,
+    interrupted: bool,
+) -> String {
     let solve = &plan.solve;
+    // A plan that is written after Ctrl-C had converged, and more samples were being tried.
+    let status = match written {
+        Some(_) if interrupted => {
+            format!(
+                "converged, interrupted while more than {} samples were tried",
+                plan.samples.len()
+            )
+        }
+        _ => solve.status.to_string(),
+    };
     let first = &plan.samples[0].com_m;
     let last = &plan.after.com_m;
     let [first_yaw, last_yaw] =
         [&plan.samples[0], &plan.after].map(|sample| sample.base_yaw_pitch_roll_rad[0]);
     format!(
-        "{} on {}: {} after {} iterations from {}, {} samples, {time_s:.2} s\n\
+        "{} on {}: {status} after {} iterations from {}, {} samples, {time_s:.2} s\n\
          the centre of mass moves {} m in x and {} m in y, turns {} rad, in {:.2} s\n\
          {}\n{}",
         plan.motion.name,
         plan.robot.name,
-        solve.status,
         solve.iterations,
         beginning(solve.start),
         plan.samples.len(),

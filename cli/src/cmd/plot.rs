@@ -1,6 +1,7 @@
 //! `rollwalk plot`: plans as figures.
 
-use crate::{Exit, files, inputs, output};
+use crate::files::{self, Output};
+use crate::{Exit, inputs};
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::plot;
 use std::path::PathBuf;
@@ -42,7 +43,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             ));
         }
     };
-    files::write(&args.output, svg.as_bytes())?;
-    output::print(&format!("wrote {}", args.output.display()))?;
+    let place = Output::at(&args.output)?;
+    place.write(svg.as_bytes())?;
+    place.comment(&format!("wrote {}", args.output.display()))?;
     Ok(Exit::Ok)
 }

@@ -99,6 +99,16 @@ pub enum FileError {
         /// What it is.
         kind: Kind,
     },
+    /// The output is a file such as people write.
+    #[error(
+        "cannot write {}: it is there already, and by its name it is no result of this command",
+        output.display()
+    )]
+    #[diagnostic(help("write to a file of another name, or remove this one first"))]
+    OverSource {
+        /// Where to write.
+        output: PathBuf,
+    },
     /// Two outputs are one file.
     #[error("cannot write {} and {}: they are the same file", first.display(), second.display())]
     #[diagnostic(help("give each its own file"))]

@@ -1,10 +1,15 @@
 //! Writes output files: replaces a regular file as a whole or not at all, and writes into devices and pipes.
 
 use super::{FileError, folder, identity};
+use crate::output;
 use miette::Report;
+use same_file::Handle;
 use std::fs::{self, File, OpenOptions, Permissions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::sync_channel;
+use std::thread;
+use std::time::Duration;
 use tempfile::NamedTempFile;
 
 /// Symbolic links that are followed to a file that is not there yet, as many as Linux follows.
@@ -13,7 +18,8 @@ const LINKS_MAX: usize = 40;
 /// A place to write to.
 ///
 /// A regular file is replaced at once when all has been written, so that an interrupted run leaves the earlier one as
-/// it was; symbolic links to it and its permissions stay. What is no regular file (a device, a pipe) is written to.
+/// it was; symbolic links to it and its permissions stay. What is no regular file (a device, a pipe) is written to, `-` is
+/// standard output. Files that people write (robots, motions, libraries, URDF) are not replaced by results.
 #[derive(Debug)]
 pub struct Output {
     /// As the user named it.
@@ -27,14 +33,43 @@ enum Place {
     File { path: PathBuf, permissions: Option<Permissions> },
     /// A device or a pipe.
     Stream,
+    /// Standard output, by the name `-` or another.
+    StandardOutput,
 }
+
+/// Endings of files that people write.
+const SOURCES: [&str; 3] = ["toml", "urdf", "xacro"];
+/// How long a pipe may be without a reader.
+const PATIENCE: Duration = Duration::from_secs(30);
 
 impl Output {
     /// Checks that a file can be written, so that a long run does not end with results that have nowhere to go.
     ///
     /// # Errors
-    /// The path is a file that was read, or a folder, lies in no folder, or the operating system refuses.
+    /// The path is a file that was read, one that people write, or a folder, lies in no folder, or the operating system
+    /// refuses.
     pub fn at(path: &Path) -> Result<Self, FileError> {
+        let output = Self::of_source(path)?;
+        match &output.place {
+            Place::File { path: target, permissions: Some(_) }
+                if target
+                    .extension()
+                    .is_some_and(|ending| SOURCES.iter().any(|s| ending == *s)) =>
+            {
+                Err(FileError::OverSource { output: path.to_owned() })
+            }
+            _ => Ok(output),
+        }
+    }
+
+    /// As [`at`](Self::at), for commands whose product is a file that people write on.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn of_source(path: &Path) -> Result<Self, FileError> {
+        if path == Path::new("-") || is_standard_output(path) {
+            return Ok(Self { path: path.to_owned(), place: Place::StandardOutput });
+        }
         let refused = |reason| FileError::Io { action: "write", path: path.to_owned(), reason };
         let place = match fs::metadata(path) {
             Ok(found) if found.is_file() => {
@@ -73,7 +108,21 @@ impl Output {
     pub fn target(&self) -> &Path {
         match &self.place {
             Place::File { path, .. } => path,
-            Place::Stream => &self.path,
+            Place::Stream | Place::StandardOutput => &self.path,
+        }
+    }
+
+    /// Prints what a run says about its result: on stdout, unless the result is there.
+    ///
+    /// # Errors
+    /// Standard output is closed.
+    pub fn comment(&self, text: &str) -> miette::Result<()> {
+        match self.place {
+            Place::StandardOutput => {
+                output::say(text);
+                Ok(())
+            }
+            _ => output::print(text),
         }
     }
 
@@ -87,7 +136,7 @@ impl Output {
                 let folder = fs::canonicalize(folder(path)).ok()?;
                 Some(folder.join(path.file_name()?))
             }
-            Place::Stream => None,
+            Place::Stream | Place::StandardOutput => None,
         };
         match (target(self), target(other)) {
             (Some(one), Some(two)) if one == two => {
@@ -104,7 +153,16 @@ impl Output {
     pub fn write(&self, content: &[u8]) -> miette::Result<()> {
         let attempt = || match &self.place {
             Place::File { path, permissions } => replace(path, permissions.as_ref(), content),
-            Place::Stream => OpenOptions::new().write(true).open(&self.path)?.write_all(content),
+            Place::Stream => open_stream(&self.path, PATIENCE)?.write_all(content),
+            Place::StandardOutput => {
+                let mut stdout = io::stdout().lock();
+                let written = stdout.write_all(content).and_then(|()| stdout.flush());
+                // Whoever reads it has seen enough.
+                written.or_else(|error| match error.kind() {
+                    io::ErrorKind::BrokenPipe => Ok(()),
+                    _ => Err(error),
+                })
+            }
         };
         attempt().map_err(|reason| cannot_write(&self.path, reason))
     }
@@ -115,8 +173,12 @@ impl Output {
     /// # Errors
     /// The operating system refuses.
     pub fn create(&self) -> miette::Result<BufWriter<File>> {
-        let file = File::create(&self.path).map_err(|reason| cannot_write(&self.path, reason))?;
-        Ok(BufWriter::new(file))
+        let file = match &self.place {
+            Place::File { path, .. } => File::create(path),
+            Place::Stream => open_stream(&self.path, PATIENCE),
+            Place::StandardOutput => open_stream(Path::new("/dev/stdout"), PATIENCE),
+        };
+        Ok(BufWriter::new(file.map_err(|reason| cannot_write(&self.path, reason))?))
     }
 }
 
@@ -126,6 +188,25 @@ impl Output {
 /// Those of [`Output`].
 pub fn write(path: &Path, content: &[u8]) -> miette::Result<()> {
     Output::at(path)?.write(content)
+}
+
+/// Whether a path is what standard output goes to, as `/dev/stdout` is.
+fn is_standard_output(path: &Path) -> bool {
+    let same = |path| Some(Handle::from_path(path).ok()? == Handle::stdout().ok()?);
+    // A regular file that output is redirected to is one to be replaced.
+    path.starts_with("/dev") && path != Path::new("/dev/null") && same(path).unwrap_or(false)
+}
+
+/// Opens a device or a pipe. Opening a pipe waits for its reader, which may never come.
+fn open_stream(path: &Path, patience: Duration) -> io::Result<File> {
+    let (sender, opened) = sync_channel(1);
+    let source = path.to_owned();
+    // A thread that waits for ever ends with the process.
+    thread::spawn(move || sender.send(OpenOptions::new().write(true).open(source)));
+    opened.recv_timeout(patience).unwrap_or_else(|_| {
+        let seconds = patience.as_secs();
+        Err(io::Error::other(format!("no program has read from it for {seconds} s")))
+    })
 }
 
 /// Makes a folder if it is missing, but not the one that it lies in, and makes sure that files can be written into it.
@@ -275,6 +356,17 @@ mod tests {
     }
 
     #[test]
+    fn what_people_write_is_not_replaced_by_results() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("motion.toml");
+        Output::at(&path).unwrap().write(b"new").unwrap();
+        let error = Output::at(&path).unwrap_err().to_string();
+        assert!(error.contains("motion.toml: it is there already"), "{error}");
+        Output::of_source(&path).unwrap().write(b"imported").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"imported");
+    }
+
+    #[test]
     fn two_outputs_are_two_files() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| Output::at(&folder.path().join(name)).unwrap();
@@ -341,6 +433,8 @@ mod tests {
             write(&pipe, b"through").unwrap();
             assert_eq!(reader.join().unwrap().unwrap(), "through");
             assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
+            let error = open_stream(&pipe, Duration::from_millis(50)).unwrap_err().to_string();
+            assert!(error.contains("no program has read from it"), "{error}");
         }
 
         #[cfg(target_os = "linux")]

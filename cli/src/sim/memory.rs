@@ -29,7 +29,7 @@ impl Memory {
     /// The library is for another robot or damaged; no file can be written there.
     pub fn open(path: &Path, robot: &Path) -> miette::Result<Self> {
         // In this order: what has been read is no output for any other purpose.
-        let output = Output::at(path)?;
+        let output = Output::of_source(path)?;
         let found = path.exists();
         let library = found.then(|| Packed::read(path, Some(robot))).transpose()?;
         let library = library.map(|packed| packed.bytes);

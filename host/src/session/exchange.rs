@@ -13,6 +13,8 @@ use rollwalk_protocol::wire::{
 /// out, so a command that was given up is not executed later.
 const COMMAND_SENDS: u32 = 9;
 const _: () = assert!(ACK_TIMEOUT_US * COMMAND_SENDS as u64 > COMMAND_LIFE_US);
+/// Longest wait for a status that says why a request is refused, µs.
+const STATUS_US: u64 = 200_000;
 /// Interval between attempts to send while the transmit queue is full, µs.
 const BUSY_RETRY_US: u64 = 500;
 /// Lateness of a wake-up that shows a busy computer, µs.
@@ -119,6 +121,10 @@ impl<B: LinkBus> Exchange<B> {
                 ParameterResult::Ok => return Ok(value),
                 ParameterResult::OutOfOrder => {}
                 _ => {
+                    if result == ParameterResult::WrongState && self.status().is_none() {
+                        let is_status = |incoming| matches!(incoming, Incoming::Status(_));
+                        self.pump(STATUS_US, |incoming| is_status(incoming).then_some(()))?;
+                    }
                     let state = self.status().map(|status| status.state);
                     return Err(SessionError::ParameterRefused { what, result, value, state });
                 }

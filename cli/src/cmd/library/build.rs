@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             plans: plans.all().map(|p| PlanOutcome::new(&p.plan, p.took.as_secs_f64())).collect(),
         })?;
     } else {
-        output::print(&describe(&plans, written, bytes.len()))?;
+        place.comment(&describe(&plans, written, bytes.len()))?;
     }
     Ok(if converged { Exit::Ok } else { Exit::DoesNotHold })
 }

@@ -156,7 +156,7 @@ fn describe(content: &Content) -> String {
         content.bytes,
         content.channels,
         content.rate_hz,
-        if content.torques { ", with torques" } else { "" },
+        if content.torques { ", with torques" } else { ", without torques" },
         motions.render(),
         transitions.render(),
     )

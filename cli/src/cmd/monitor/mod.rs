@@ -220,7 +220,7 @@ impl Monitor<'_> {
                 data: frame.data().iter().map(|byte| format!("{byte:02x}")).collect(),
                 decoded: decode(frame).ok(),
             };
-            output::print(&serde_json::to_string(&line).map_err(|error| miette!("{error}"))?)?;
+            output::line(&serde_json::to_string(&line).map_err(|error| miette!("{error}"))?)?;
         }
         self.view.take(at_us, self.node, frame)
     }

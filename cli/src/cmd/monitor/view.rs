@@ -94,7 +94,7 @@ impl<'a> View<'a> {
 
     fn say(&self, at_us: u64, what: &str) -> miette::Result<()> {
         let seconds = at_us.saturating_sub(self.start_us) as f64 * 1e-6;
-        output::print(&format!("{seconds:9.3} s  {what}"))
+        output::line(&format!("{seconds:9.3} s  {what}"))
     }
 
     fn status(&mut self, at_us: u64, status: &Status) -> miette::Result<()> {
@@ -160,7 +160,7 @@ impl<'a> View<'a> {
                 format!("{:.2}", joint.torque_nm),
             ]);
         }
-        output::print(&table.render())
+        output::line(&table.render())
     }
 
     fn clip_name(&self, clip: u8) -> String {
