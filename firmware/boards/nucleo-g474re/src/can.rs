@@ -84,7 +84,7 @@ impl Timing {
         let segment_2 = (quanta + 4) / 8;
         // The first quantum synchronises.
         let segment_1 = quanta.checked_sub(1 + segment_2)?;
-        let whole = quanta * bit_rate == CRYSTAL_HZ && segment_1 > 0 && segment_2 > 0;
+        let whole = CRYSTAL_HZ.is_multiple_of(bit_rate) && segment_1 > 0 && segment_2 > 0;
         let fits = segment_1 <= MAX_SEGMENTS.0 && segment_2 <= MAX_SEGMENTS.1;
         (whole && fits).then_some(Self { segment_1, segment_2 })
     }
@@ -133,9 +133,9 @@ impl Bus {
         });
         regs.nbtp().write(|w| {
             w.set_nbrp(0);
-            w.set_ntseg1((segment_1 - 1) as u8);
-            w.set_ntseg2((segment_2 - 1) as u8);
-            w.set_nsjw((segment_2 - 1) as u8);
+            w.set_ntseg1(segment_1.saturating_sub(1) as u8);
+            w.set_ntseg2(segment_2.saturating_sub(1) as u8);
+            w.set_nsjw(segment_2.saturating_sub(1) as u8);
         });
         regs.rxgfc().write(|w| {
             w.set_anfs(Anfs::ACCEPT_FIFO_0);
