@@ -112,7 +112,8 @@ fn every_shipped_robot_gets_an_image_or_is_refused_by_its_bus() {
             robot.channels().map(|channel| channel.actuator().bus).collect();
         let on_can =
             |number: &&u8| robot.buses.get(number).is_none_or(|bus| !bus.protocol.is_serial());
-        let fits = used.iter().filter(on_can).count() == used.len() && used.len() <= 2;
+        let can = used.iter().filter(on_can).count();
+        let fits = can <= 2 && used.len() - can <= 1;
         let outcome = image(file, "nucleo-g474re");
         assert_eq!(outcome.is_ok(), fits, "{file}: {outcome:?}");
         if let Err(why) = outcome {
