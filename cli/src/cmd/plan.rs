@@ -56,7 +56,7 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     iterations: Option<NonZeroU32>,
     /// Keep the number of samples of the motion file. By default `plan` doubles it when a residual between the samples
-    /// exceeds its tolerance, up to 480 samples.
+    /// exceeds its tolerance, up to as many as a motion file may have.
     #[arg(long)]
     samples_fixed: bool,
     /// Before solving, write all inputs to one file, for a bug report: motion, robot, neighbouring plan and

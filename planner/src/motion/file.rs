@@ -12,6 +12,8 @@ use std::f64::consts::TAU;
 const SAMPLES_PER_S: f64 = 15.0;
 /// Fewest samples of a motion whose file gives no count. With the 12 of Table 2.1 short gaits fail when they are played.
 const SAMPLES_DEFAULT_MIN: f64 = 24.0;
+/// Most samples of a plan, whether a motion file asks for them or a refinement.
+pub(crate) const SAMPLES_MAX: u32 = 480;
 /// Least share of torque or speed that a motion may use.
 const USE_MIN: f64 = 0.1;
 /// Most targets of a motion, and most height limits: each is compared with all others.
@@ -157,7 +159,7 @@ pub(crate) fn steps(
 ) -> Option<(f64, Vec<Vec<bool>>, f64)> {
     let duration_s = duration(table);
     let samples = if table.has("samples") {
-        table.integer("samples", 4..=480)
+        table.integer("samples", 4..=SAMPLES_MAX)
     } else {
         duration_s
             .map(|duration| (duration * SAMPLES_PER_S).max(SAMPLES_DEFAULT_MIN).round() as u32)

@@ -8,14 +8,13 @@
 use super::attempt::{attempt, counting_from};
 use super::trials::Watched;
 use super::{Options, Request, Solution, replan};
+use crate::motion::file::SAMPLES_MAX;
 use crate::motion::{Ends, Motion};
 use crate::plan::{Plan, Refinement, Status};
 use crate::report::{Judgement, Report};
 use crate::solve::Method;
 use rollwalk_robot::Robot;
 
-/// Most samples of a refined plan, as of a motion file.
-const MOST_SAMPLES: usize = 480;
 /// Shortest spacing of a refined plan, s: half of that of a library's frames, through which the motion is played.
 const LEAST_SPACING_S: f64 = 1.0 / 120.0;
 /// Most iterations of a solve on a finer grid, where the plan before it is nearly feasible: of 30 refinements half took 20 or
@@ -128,7 +127,7 @@ fn doubled(motion: &Motion) -> Option<Motion> {
     let finer = Motion { stance, ..motion.clone() };
     // Half a percent for the rounding of durations.
     let sensible = finer.interval_s() > 0.995 * LEAST_SPACING_S;
-    (finer.stance.len() <= MOST_SAMPLES && sensible).then_some(finer)
+    (finer.stance.len() <= SAMPLES_MAX as usize && sensible).then_some(finer)
 }
 
 #[cfg(test)]
