@@ -1,10 +1,11 @@
 //! A Dynamixel servo of the X series: its control table, as far as it matters here. Documents: e-Manual pages
 //! `dxl/protocol2`, `x/xm430-w210`, `x/xm540-w150`.
 //!
-//! Operating mode 0 where the controller closes the loop, 1 for wheels, 5 for joints. The manual has no gains in
+//! Operating mode 0 where the controller closes the loop, 1 for wheels, 5 for joints, 3 for those of servos without a
+//! current sensor. The manual has no gains in
 //! N·m: a servo follows its goal with those that the robot file promises of it.
 
-use crate::{Electronics, Law, Sent, Shaft, is_wheel};
+use crate::{Answer, Electronics, Law, Sent, Shaft, is_wheel};
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop};
 use rollwalk_protocol::actuators::dynamixel::Dynamixel;
 use rollwalk_protocol::config::Channel;
@@ -13,7 +14,6 @@ use std::f64::consts::TAU;
 /// Steps of the table.
 const RAD: f64 = TAU / 4096.0;
 const RAD_S: f64 = 0.229 * TAU / 60.0;
-const AMPERE: f64 = 2.69e-3;
 /// The position in the middle of a turn.
 const CENTRE: i32 = 2048;
 /// A step of the bus watchdog, µs.
@@ -26,6 +26,9 @@ const STUFFED: &[u8] = &[0xFF, 0xFF, 0xFD];
 const ALL: u8 = 0xFE;
 /// Instruction of answers.
 const STATUS: u8 = 0x55;
+/// Bytes of a packet up to its length, and the longest that there is any use for.
+const HEAD: usize = 7;
+const LONGEST: usize = 1024;
 
 /// What it follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +36,7 @@ enum Mode {
     Current,
     Velocity,
     CurrentBasedPosition,
+    Position,
 }
 
 /// A servo.
@@ -62,7 +66,8 @@ impl Drive {
         let mode = match bus.control {
             ControlLoop::OnController => Mode::Current,
             ControlLoop::InDrive if is_wheel(channel) => Mode::Velocity,
-            ControlLoop::InDrive => Mode::CurrentBasedPosition,
+            ControlLoop::InDrive if kind.model.has_current() => Mode::CurrentBasedPosition,
+            ControlLoop::InDrive => Mode::Position,
         };
         let most = i16::try_from(kind.model.max_current).unwrap_or(i16::MAX);
         Self {
@@ -80,19 +85,20 @@ impl Drive {
         }
     }
 
-    fn read(&self, address: u16, count: usize, shaft: &Shaft) -> Vec<u8> {
+    fn read(&self, address: u16, count: usize, shaft: &Shaft) -> Option<Vec<u8>> {
         if (address, count) != (126, 10) {
-            return vec![];
+            return None;
         }
         let torque_nm = if self.enabled { shaft.torque_nm } else { 0.0 };
-        let current = torque_nm / f64::from(self.kind.model.torque_nm_a) / AMPERE;
+        // Of servos without a current sensor, their load.
+        let current = torque_nm / self.torque_step_nm();
         let steps = |value: f64| value.round() as i32;
         // Error 0, current, velocity, position.
         let mut data = vec![STATUS, 0];
         data.extend((steps(current) as i16).to_le_bytes());
         data.extend(steps(shaft.speed_rad_s / RAD_S).to_le_bytes());
         data.extend((steps(shaft.position_rad / RAD) + CENTRE).to_le_bytes());
-        wrapped(self.id, &data)
+        Some(wrapped(self.id, &data))
     }
 
     fn write(&mut self, now_us: u64, address: u16, data: &[u8]) -> Option<Sent> {
@@ -113,7 +119,7 @@ impl Drive {
                 self.fed_us = now_us;
                 Sent::Watchdog
             }
-            102 => {
+            102 if self.kind.model.has_current() => {
                 self.goal_current = word()?;
                 match self.mode {
                     Mode::Current => Sent::Torque(self.goal_torque_nm() as f32),
@@ -137,7 +143,7 @@ impl Drive {
     }
 
     fn torque_step_nm(&self) -> f64 {
-        AMPERE * f64::from(self.kind.model.torque_nm_a)
+        self.kind.model.torque_step_nm.into()
     }
 
     fn goal_torque_nm(&self) -> f64 {
@@ -160,9 +166,13 @@ impl Drive {
                 let speed_rad_s = f64::from(self.goal_velocity) * RAD_S;
                 Law { speed_rad_s, kd_nm_s_rad, torque_limit_nm: f64::INFINITY, ..limited }
             }
-            Mode::CurrentBasedPosition => {
+            Mode::CurrentBasedPosition | Mode::Position => {
                 let position_rad = f64::from(self.goal_position.saturating_sub(CENTRE)) * RAD;
-                Law { position_rad, kp_nm_rad, kd_nm_s_rad, ..limited }
+                let torque_limit_nm = match self.mode {
+                    Mode::Position => f64::INFINITY,
+                    _ => limited.torque_limit_nm,
+                };
+                Law { position_rad, kp_nm_rad, kd_nm_s_rad, torque_limit_nm, ..limited }
             }
         }
     }
@@ -176,16 +186,25 @@ impl Electronics for Drive {
     }
 
     /// Takes sync writes and sync reads, which address all servos.
-    fn on_packet(&mut self, now_us: u64, bytes: &[u8], shaft: &Shaft) -> (Vec<Sent>, Vec<u8>) {
-        let nothing = (vec![], vec![]);
+    fn on_packet(
+        &mut self,
+        now_us: u64,
+        bytes: &[u8],
+        shaft: &Shaft,
+    ) -> (Vec<Sent>, Option<Answer>) {
+        let nothing = (vec![], None);
         let Some(told) = unwrapped(bytes) else { return nothing };
         let &[instruction, a0, a1, n0, n1, ref rest @ ..] = &told[..] else { return nothing };
         let (address, count) =
             (u16::from_le_bytes([a0, a1]), usize::from(u16::from_le_bytes([n0, n1])));
         match instruction {
-            0x82 if rest.contains(&self.id) => {
+            0x82 => {
+                // In the order of the question.
+                let Some(turn) = rest.iter().position(|&id| id == self.id) else { return nothing };
                 self.fed_us = now_us;
-                (vec![Sent::Query], self.read(address, count, shaft))
+                let delay_us = self.kind.return_delay_us.into();
+                let said = self.read(address, count, shaft);
+                (vec![Sent::Query], said.map(|bytes| Answer { bytes, turn, delay_us }))
             }
             0x83 => {
                 let Some([_, mine @ ..]) = rest.chunks(1 + count).find(|chunk| chunk[0] == self.id)
@@ -193,9 +212,30 @@ impl Electronics for Drive {
                     return nothing;
                 };
                 self.fed_us = now_us;
-                (vec![self.write(now_us, address, mine).unwrap_or(Sent::Odd)], vec![])
+                (vec![self.write(now_us, address, mine).unwrap_or(Sent::Odd)], None)
             }
             _ => nothing,
+        }
+    }
+
+    /// What has the sum of no packet is searched for a header again, from its second byte on.
+    fn take_packet(&self, line: &mut Vec<u8>) -> Option<Vec<u8>> {
+        loop {
+            let begins = |at: &usize| line[*at..].iter().zip(HEADER).all(|(&a, b)| a == b);
+            line.drain(..(0..line.len()).find(begins).unwrap_or(line.len()));
+            let &[_, _, _, _, _, low, high, ..] = &line[..] else { return None };
+            let whole = HEAD + usize::from(u16::from_le_bytes([low, high]));
+            if whole > LONGEST {
+                line.remove(0);
+                continue;
+            }
+            let packet = line.get(..whole)?;
+            if let Some((body, crc)) = packet.split_last_chunk()
+                && crc16(body) == u16::from_le_bytes(*crc)
+            {
+                return Some(line.drain(..whole).collect());
+            }
+            line.remove(0);
         }
     }
 

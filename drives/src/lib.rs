@@ -127,6 +127,18 @@ impl Sent {
     }
 }
 
+/// What a drive says on a serial line, and when.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Answer {
+    /// The packet.
+    pub bytes: Vec<u8>,
+    /// How many others answer before it, each after the one before. An adapter's one answer is given by all drives
+    /// behind it.
+    pub turn: usize,
+    /// How long it waits after the question, or after the answer before its own, µs.
+    pub delay_us: u64,
+}
+
 /// Electronics around a motor, as its maker built them. The defaults are those of a drive on another kind of
 /// bus, without timers and without a watchdog.
 pub trait Electronics {
@@ -141,10 +153,22 @@ pub trait Electronics {
         None
     }
 
-    /// Takes a whole packet of a serial line: what it was sent, and the bytes that it answers.
-    fn on_packet(&mut self, now_us: u64, packet: &[u8], shaft: &Shaft) -> (Vec<Sent>, Vec<u8>) {
+    /// Takes a whole packet of a serial line: what it was sent, and what it answers.
+    fn on_packet(
+        &mut self,
+        now_us: u64,
+        packet: &[u8],
+        shaft: &Shaft,
+    ) -> (Vec<Sent>, Option<Answer>) {
         let _ = (now_us, packet, shaft);
-        (vec![], vec![])
+        (vec![], None)
+    }
+
+    /// Takes the next packet out of the bytes of a serial line, with what precedes it. All drives of a line find the
+    /// same; whether the packet is sound is for [`Self::on_packet`] to see.
+    fn take_packet(&self, line: &mut Vec<u8>) -> Option<Vec<u8>> {
+        let _ = line;
+        None
     }
 
     /// The value of the setpoint in a frame for this drive, rad or rad/s of a wheel; `None` for any other
@@ -254,8 +278,17 @@ impl Electronics for Drive {
         self.kind.electronics_mut().on_frame(now_us, frame, shaft)
     }
 
-    fn on_packet(&mut self, now_us: u64, packet: &[u8], shaft: &Shaft) -> (Vec<Sent>, Vec<u8>) {
+    fn on_packet(
+        &mut self,
+        now_us: u64,
+        packet: &[u8],
+        shaft: &Shaft,
+    ) -> (Vec<Sent>, Option<Answer>) {
         self.kind.electronics_mut().on_packet(now_us, packet, shaft)
+    }
+
+    fn take_packet(&self, line: &mut Vec<u8>) -> Option<Vec<u8>> {
+        self.kind.electronics().take_packet(line)
     }
 
     fn commanded(&self, frame: &Frame) -> Option<f32> {

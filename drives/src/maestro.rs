@@ -2,7 +2,7 @@
 //! sections 5.c to 5.e. Nothing is measured; the servo follows its pulses with the gains that the robot file promises
 //! of it.
 
-use crate::{Electronics, Law, Sent, Shaft};
+use crate::{Answer, Electronics, Law, Sent, Shaft};
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::actuators::maestro::Maestro;
 use rollwalk_protocol::config::Channel;
@@ -63,22 +63,44 @@ impl Drive {
 
 impl Electronics for Drive {
     /// The board answers: each of its servos has the same answer.
-    fn on_packet(&mut self, _: u64, bytes: &[u8], _: &Shaft) -> (Vec<Sent>, Vec<u8>) {
-        let Some((command, data)) = self.unwrapped(bytes) else { return (vec![], vec![]) };
+    fn on_packet(&mut self, _: u64, bytes: &[u8], _: &Shaft) -> (Vec<Sent>, Option<Answer>) {
+        let Some((command, data)) = self.unwrapped(bytes) else { return (vec![], None) };
         let target = match (command, data) {
-            (0xA1, []) => return (vec![Sent::Query], vec![0, 0]),
+            (0xA1, []) => {
+                let answer = Answer { bytes: vec![0, 0], turn: 0, delay_us: 0 };
+                return (vec![Sent::Query], Some(answer));
+            }
             (0x84, [channel, low, high]) if *channel == self.channel => quarters(*low, *high),
             (0x9F, [_, first, targets @ ..]) => {
                 let mine = self.channel.checked_sub(*first).map(usize::from);
                 let Some([low, high]) = mine.and_then(|n| targets.chunks_exact(2).nth(n)) else {
-                    return (vec![], vec![]);
+                    return (vec![], None);
                 };
                 quarters(*low, *high)
             }
-            (0x84, _) => return (vec![], vec![]),
-            _ => return (vec![Sent::Odd], vec![]),
+            (0x84, _) => return (vec![], None),
+            _ => return (vec![Sent::Odd], None),
         };
-        (self.aim(target), vec![])
+        (self.aim(target), None)
+    }
+
+    /// A command begins with a byte whose highest bit is set, its data have none.
+    fn take_packet(&self, line: &mut Vec<u8>) -> Option<Vec<u8>> {
+        let is_numbered = self.board.device.is_some();
+        let begins = |byte: &u8| if is_numbered { *byte == 0xAA } else { byte & 0x80 != 0 };
+        line.drain(..line.iter().position(begins).unwrap_or(line.len()));
+        let (head, command, data) = match line[..] {
+            [_, _, command, ref data @ ..] if is_numbered => (3, command | 0x80, data),
+            [command, ref data @ ..] if !is_numbered => (1, command, data),
+            _ => return None,
+        };
+        let count = match command {
+            0x84 | 0x87 | 0x89 => 3,
+            0x9F => 2 + 2 * usize::from(*data.first()?),
+            _ => 0,
+        };
+        let whole = head + count + usize::from(self.board.crc);
+        (line.len() >= whole).then(|| line.drain(..whole).collect())
     }
 
     fn law(&self, _: &Shaft) -> Option<Law> {

@@ -1,6 +1,6 @@
 //! What the documents promise of a drive and no controller of ours relies on.
 
-use crate::{Drive, Electronics, Kind, Sent, Shaft};
+use crate::{Answer, Drive, Electronics, Kind, Sent, Shaft};
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Protocol};
 use rollwalk_protocol::actuators::cybergear::{CyberGear, SAMPLE_MAX_RAD};
 use rollwalk_protocol::actuators::dynamixel::{Dynamixel, packet::packet, table::XM430_W210};
@@ -210,7 +210,7 @@ fn a_dynamixel_whose_watchdog_has_expired_takes_no_goal_until_it_is_told_0() {
     tell(&mut drive, 100_001, 98, &[0]);
     drive.on_time(200_000);
     assert!(drive.law(&at(0.0)).is_some());
-    assert_eq!(drive.on_packet(0, &[0xFF, 0xFF], &at(0.0)), (vec![], vec![]));
+    assert_eq!(drive.on_packet(0, &[0xFF, 0xFF], &at(0.0)), (vec![], None));
 }
 
 /// The e-Manual's ping of servo 1, and what a servo makes of packets that are not as Protocol 2.0 has them.
@@ -230,12 +230,12 @@ fn a_dynamixel_takes_whole_packets_alone() {
     for index in 0..on.len() {
         let mut wrong = on.clone();
         wrong[index] ^= 1;
-        assert_eq!(drive.on_packet(0, &wrong, &at(0.0)), (vec![], vec![]), "byte {index}");
+        assert_eq!(drive.on_packet(0, &wrong, &at(0.0)), (vec![], None), "byte {index}");
     }
     for length in [on.len() as u16 - 8, on.len() as u16 - 6, 0] {
         let mut wrong = on.clone();
         [wrong[5], wrong[6]] = length.to_le_bytes();
-        assert_eq!(drive.on_packet(0, &resummed(wrong), &at(0.0)), (vec![], vec![]), "{length}");
+        assert_eq!(drive.on_packet(0, &resummed(wrong), &at(0.0)), (vec![], None), "{length}");
     }
     assert_eq!(drive.law(&at(0.0)), None);
     assert_eq!(drive.on_packet(0, &on, &at(0.0)).0, [Sent::Enable]);
@@ -250,7 +250,8 @@ fn a_dynamixel_takes_whole_packets_alone() {
         &[0, 0],
     ];
     let (sent, said) = drive.on_packet(0, &ask, &shaft);
-    assert_eq!((sent, said), (vec![Sent::Query], resummed(answer.concat())));
+    let answer = Answer { bytes: resummed(answer.concat()), turn: 0, delay_us: 0 };
+    assert_eq!((sent, said), (vec![Sent::Query], Some(answer)));
     // The same the other way round.
     let goal = i32::from_le_bytes([0xFF, 0xFF, 0xFD, 0xFF]);
     let stuffed = sync_write(116, &goal.to_le_bytes());
@@ -261,7 +262,7 @@ fn a_dynamixel_takes_whole_packets_alone() {
     let mut bare = stuffed;
     let stuffing = bare.windows(2).rposition(|two| two == [0xFD, 0xFD]).unwrap();
     bare[stuffing + 1] = 0;
-    assert_eq!(drive.on_packet(0, &resummed(bare), &at(0.0)), (vec![], vec![]));
+    assert_eq!(drive.on_packet(0, &resummed(bare), &at(0.0)), (vec![], None));
 }
 
 #[test]
@@ -285,7 +286,8 @@ fn a_maestro_takes_what_its_settings_frame() {
     let mut checked = board(None, true);
     assert_eq!(aims(&mut checked, &[0x84, ID, 88, 54, 0]), None, "a wrong sum");
     assert_eq!(crate::maestro::crc7(&[0x83, 0x01]), 0x17);
-    assert_eq!(checked.on_packet(0, &[0xA1, crate::maestro::crc7(&[0xA1])], &at(0.0)).1, [0, 0]);
+    let (_, errors) = checked.on_packet(0, &[0xA1, crate::maestro::crc7(&[0xA1])], &at(0.0));
+    assert_eq!(errors.map(|answer| answer.bytes), Some(vec![0, 0]));
 }
 
 /// Setting up the drive follows from where the loop is closed.

@@ -1,10 +1,11 @@
 //! Drives of several makers on the bench: the simulated ones of `rollwalk_drives`, with motors that show every
 //! step.
 
-use rollwalk_drives::{Electronics, Kind, Law, Sent, Shaft};
+use rollwalk_drives::{Answer, Electronics, Kind, Law, Sent, Shaft};
 use rollwalk_firmware::bus::{Bus, MAX_BUSES, Protocol};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind};
+use std::collections::BTreeMap;
 
 use crate::rig::Brain;
 
@@ -235,20 +236,20 @@ impl Drives {
                 brain.on_actuator_frame(now_us, bus, &answer);
             }
         } else if let Some(packet) = brain.poll_serial(bus) {
-            let mut answers = vec![];
+            let mut answers = BTreeMap::new();
             for drive in list {
                 let shaft = drive.motor.shaft();
                 let (sent, answer) = drive.inner.on_packet(now_us, &packet, &shaft);
                 sent.into_iter().for_each(|sent| drive.obey(sent));
-                match &drive.inner.kind {
-                    _ if drive.mute => {}
-                    // One board.
-                    Kind::Maestro(_) if !answer.is_empty() => answers = answer,
-                    _ => answers.extend(answer),
+                // Of the servos behind one board each gives the board's answer.
+                if let Some(Answer { bytes, turn, .. }) = answer
+                    && !drive.mute
+                {
+                    answers.insert(turn, bytes);
                 }
             }
             // In portions, as a UART hands them out.
-            for portion in answers.chunks(7) {
+            for portion in answers.into_values().flatten().collect::<Vec<_>>().chunks(7) {
                 brain.on_serial(now_us, bus, portion);
             }
         } else {

@@ -277,9 +277,11 @@ fn an_order_that_enables_is_whole() {
                     ],
                 ) => assert!((kd - drive.motor.channel.kd_nm_s_rad).abs() < 1e-4),
                 (
-                    Protocol::Dynamixel(_),
+                    Protocol::Dynamixel(servos),
                     [Sent::Limits, Sent::Limits, Sent::Setpoint { .. }, Sent::Enable, ..],
-                ) => {}
+                ) if servos.model.has_current() => {}
+                (Protocol::Dynamixel(servos), [Sent::Setpoint { .. }, Sent::Enable, ..])
+                    if !servos.model.has_current() => {}
                 (
                     Protocol::Mit(_)
                     | Protocol::CyberGear(_)
@@ -459,7 +461,13 @@ fn a_parameter_that_makes_no_difference_to_a_drive_is_refused() {
             (set(&mut rig, Parameter::Kp, 0, 10.0), set(&mut rig, Parameter::MaxTorque, 0, 2.0));
         let expected = match protocol {
             Protocol::Maestro(_) => (ParameterResult::NotSupported, ParameterResult::NotSupported),
-            Protocol::Dynamixel(_) => (ParameterResult::NotSupported, ParameterResult::Ok),
+            // Without a current sensor it has no torque limit.
+            Protocol::Dynamixel(servos) if servos.model.has_current() => {
+                (ParameterResult::NotSupported, ParameterResult::Ok)
+            }
+            Protocol::Dynamixel(_) => {
+                (ParameterResult::NotSupported, ParameterResult::NotSupported)
+            }
             _ => (ParameterResult::Ok, ParameterResult::Ok),
         };
         assert_eq!((kp, torque), expected, "{protocol:?}");

@@ -11,7 +11,9 @@ use rollwalk_protocol::actuators::dynamixel::{
     Dynamixel, SyncWrite, goal_pwm, position_gains, sync_read,
 };
 use rollwalk_protocol::actuators::serial::ReceiveBuffer;
-use rollwalk_protocol::actuators::{ActuatorCommand, Codec, Command, Faults, MAX_PACKET, Refusal};
+use rollwalk_protocol::actuators::{
+    ActuatorCommand, Codec, Command, Faults, MAX_PACKET, Refusal, UpdatePolicy,
+};
 use std::f32::consts::{FRAC_PI_2, PI};
 
 const SERVOS: Dynamixel = Dynamixel { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 500 };
@@ -107,6 +109,23 @@ fn error_byte() {
 fn control_table() {
     assert_eq!((XM430_W210.number, XM540_W150.number), (1030, 1130));
     assert_eq!((XM430_W210.max_current, XM540_W150.max_current), (1193, 2047));
+    // As the pages have them: stall torque, stall current and a step of current.
+    let nm_a = |model: table::Model, step_a: f32| model.torque_step_nm / step_a;
+    for (model, number, nm, a, step_a) in [
+        (table::XL330_M077, 1190, 0.215, 1.47, 1.0e-3),
+        (table::XL330_M288, 1200, 0.52, 1.47, 1.0e-3),
+        (table::XM430_W350, 1020, 4.1, 2.3, 2.69e-3),
+        (table::XM540_W270, 1120, 10.6, 4.4, 2.69e-3),
+        (table::XH430_W210, 1010, 2.5, 1.3, 2.69e-3),
+        (table::XH430_W350, 1000, 3.4, 1.3, 2.69e-3),
+    ] {
+        assert_eq!(model.number, number, "{}", model.name);
+        assert!((nm_a(model, step_a) - nm / a).abs() < 1e-5 * nm / a, "{}", model.name);
+        assert!(model.has_current(), "{}", model.name);
+    }
+    let mut numbers = table::MODELS.map(|model| model.number);
+    numbers.sort();
+    assert!(numbers.windows(2).all(|two| two[0] < two[1]));
     let addresses = [
         (table::OPERATING_MODE, 11),
         (table::TORQUE_ENABLE, 64),
@@ -141,7 +160,7 @@ fn units() {
     assert_eq!((velocity(75.6), velocity(75.8)), (Some(330), None));
     let current = |nm| SERVOS.goal_current(nm).map(i16::from_le_bytes);
     // 1 A is 371.7 steps of 2.69 mA.
-    assert_eq!(current(XM430_W210.torque_nm_a), Some(372));
+    assert_eq!(current(3.0 / 2.3), Some(372));
     assert_eq!(current(100.0), None);
     assert_eq!(goal_pwm(0.5), Some(442i16.to_le_bytes()));
     assert_eq!((goal_pwm(1.0), goal_pwm(1.01)), (Some(885i16.to_le_bytes()), None));
@@ -182,8 +201,25 @@ fn enabling_writes_in_order() {
     let current = |command| written(&[ActuatorCommand { id: 1, command }]);
     assert_eq!(current(Command::EnableTorque)[1], (102, vec![1, 0, 0]));
     // 372 steps of 2.69 mA are 1 A.
-    let one_amp = Command::Torque { torque_nm: -XM430_W210.torque_nm_a };
+    let one_amp = Command::Torque { torque_nm: -3.0 / 2.3 };
     assert_eq!(current(one_amp), [(102, vec![1, 0x8C, 0xFE])]);
+}
+
+/// It has no goal current, tells its load where others tell their current, and takes no torque.
+#[test]
+fn a_servo_without_a_current_sensor() {
+    let servos = Dynamixel { model: table::XL430_W250, ..SERVOS };
+    let limits = Command::Limits { speed_rad_s: 3.0, torque_nm: 1.0 };
+    assert_eq!(servos.capabilities().limits, UpdatePolicy::Never);
+    for command in [limits, Command::EnableTorque, Command::Torque { torque_nm: 0.1 }] {
+        let order = ActuatorCommand { id: 1, command };
+        assert_eq!(servos.check(&order), Err(Refusal::Unsupported("torque")));
+    }
+    // 50.0 % of 1.4 N·m.
+    let data = [0, 0xF4, 1, 0, 0, 0, 0, 0, 8, 0, 0];
+    let answer = framed(&packet(3, STATUS, &data).unwrap()).pop().unwrap();
+    let torque_nm = servos.decode(&answer).unwrap().1.torque_nm.unwrap();
+    assert!((torque_nm - 0.7).abs() < 1e-6, "{torque_nm}");
 }
 
 #[test]

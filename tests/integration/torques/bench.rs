@@ -3,7 +3,7 @@
 
 use embedded_hal::pwm::{ErrorType, SetDutyCycle};
 use rollwalk_bus::link::{LinkBus, LinkError};
-use rollwalk_drives::{Drive, Electronics, Sent, Shaft};
+use rollwalk_drives::{Answer, Drive, Electronics, Sent, Shaft};
 use rollwalk_firmware::hal::pwm::{PwmServo, PwmSettings};
 use rollwalk_firmware::player::Playing;
 use rollwalk_firmware::{Buses, Settings};
@@ -13,7 +13,7 @@ use rollwalk_protocol::config::{Channel, ChannelKind};
 use rollwalk_robot::Robot;
 use rollwalk_sim_host::core::Local;
 use std::cell::Cell;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::convert::Infallible;
 use std::rc::Rc;
 
@@ -115,7 +115,7 @@ impl Bench {
                 }
             }
             while let Some(packet) = self.core.controller_mut().poll_serial(bus) {
-                let mut answers = Vec::new();
+                let mut answers = BTreeMap::new();
                 for index in 0..self.motors.len() {
                     let motor = &mut self.motors[index];
                     if motor.channel.bus != bus {
@@ -124,9 +124,9 @@ impl Bench {
                     let (sent, answer) = motor.on_packet(self.now_us, &packet);
                     sent.into_iter().for_each(|sent| self.note(playing, index, sent));
                     // Of the servos behind one board each gives the board's answer.
-                    let is_said = answers.ends_with(&answer);
-                    answers.extend(if is_said { Vec::new() } else { answer });
+                    answers.extend(answer.map(|answer| (answer.turn, answer.bytes)));
                 }
+                let answers: Vec<_> = answers.into_values().flatten().collect();
                 self.core.controller_mut().on_serial(self.now_us, bus, &answers);
             }
         }
@@ -181,8 +181,8 @@ impl Motor {
         }
     }
 
-    fn on_packet(&mut self, now_us: u64, packet: &[u8]) -> (Vec<Sent>, Vec<u8>) {
-        let Kind::Drive(drive) = &mut self.drive else { return (Vec::new(), Vec::new()) };
+    fn on_packet(&mut self, now_us: u64, packet: &[u8]) -> (Vec<Sent>, Option<Answer>) {
+        let Kind::Drive(drive) = &mut self.drive else { return (Vec::new(), None) };
         let reply = drive.on_packet(now_us, packet, &self.shaft);
         self.follow();
         reply

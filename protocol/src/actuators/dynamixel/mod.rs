@@ -27,7 +27,7 @@ pub mod packet;
 pub mod table;
 
 use packet::{BROADCAST, MAX_ID, Message, SYNC_READ, SYNC_WRITE};
-use table::{CENTRE, CURRENT_STEP_A, Model, STEPS_PER_TURN, VELOCITY_STEP_RAD_S, XM430_W210};
+use table::{CENTRE, Model, STEPS_PER_TURN, VELOCITY_STEP_RAD_S, XM430_W210};
 
 /// Servos of one model on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -125,13 +125,13 @@ impl Dynamixel {
 
     /// The largest torque that a goal current can carry, N·m.
     pub fn goal_current_max_nm(&self) -> f32 {
-        self.model.max_current as f32 * self.model.torque_nm_a * CURRENT_STEP_A
+        self.model.max_current as f32 * self.model.torque_step_nm
     }
 
     /// For [`table::GOAL_CURRENT`].
     pub fn goal_current(&self, torque_nm: f32) -> Option<[u8; 2]> {
-        let (step, most) = (self.model.torque_nm_a * CURRENT_STEP_A, self.model.max_current);
-        nearest(torque_nm / step, most.saturating_neg(), most)
+        let most = self.model.max_current;
+        nearest(torque_nm / self.model.torque_step_nm, most.saturating_neg(), most)
             .map(|steps| (steps as i16).to_le_bytes())
     }
 
@@ -141,10 +141,10 @@ impl Dynamixel {
         let faults = Some(faults_of(status.alert, status.error));
         let mut feedback = Feedback { faults, ..Feedback::default() };
         if let &[c0, c1, v0, v1, v2, v3, p0, p1, p2, p3] = status.data {
-            let current_a = f32::from(i16::from_le_bytes([c0, c1])) * CURRENT_STEP_A;
+            let current = f32::from(i16::from_le_bytes([c0, c1]));
             let velocity = i32::from_le_bytes([v0, v1, v2, v3]);
             let position = i32::from_le_bytes([p0, p1, p2, p3]).wrapping_sub(CENTRE);
-            feedback.torque_nm = Some(current_a * self.model.torque_nm_a);
+            feedback.torque_nm = Some(current * self.model.torque_step_nm);
             feedback.speed_rad_s = Some(velocity as f32 * VELOCITY_STEP_RAD_S);
             feedback.position_rad = Some(position as f32 * (TAU / STEPS_PER_TURN));
         }
@@ -178,6 +178,11 @@ impl Dynamixel {
                 enable(table::GOAL_POSITION, position(measured_rad)?)
             }
             Command::EnableWheel => enable(table::GOAL_VELOCITY, [0; 4]),
+            Command::EnableTorque | Command::Torque { .. } | Command::Limits { .. }
+                if !self.model.has_current() =>
+            {
+                return Err(Refusal::Unsupported("torque"));
+            }
             Command::EnableTorque => enable(table::GOAL_CURRENT, [0; 4]),
             Command::Torque { torque_nm } => {
                 let goal = self.goal_current(torque_nm).ok_or(Refusal::OutOfRange("torque"))?;
@@ -239,23 +244,27 @@ fn faults_of(alert: bool, error: u8) -> Faults {
 impl Codec for Dynamixel {
     type Sent = Packet;
 
-    const EXAMPLES: &'static [Self] =
-        &[Self { model: table::XM540_W150, watchdog_20ms: 5, return_delay_us: 0 }];
+    const EXAMPLES: &'static [Self] = &[
+        Self { model: table::XM540_W150, watchdog_20ms: 5, return_delay_us: 0 },
+        Self { model: table::XL430_W250, watchdog_20ms: 5, return_delay_us: 20 },
+    ];
 
     fn name(&self) -> &'static str {
         self.model.name
     }
 
     fn capabilities(&self) -> Capabilities {
+        let current = self.model.has_current();
         Capabilities {
             joints: true,
             wheels: true,
             gains: UpdatePolicy::Never,
             max_gains: super::Gains { kp_nm_rad: f32::MAX, kd_nm_s_rad: f32::MAX },
-            limits: UpdatePolicy::Stored,
+            // Without a current sensor there is no torque to limit.
+            limits: if current { UpdatePolicy::Stored } else { UpdatePolicy::Never },
             joint_speed: false,
             torque: false,
-            torque_alone: true,
+            torque_alone: current,
             exact_zero_speed: true,
             answers: Answers::OnQuery,
             measures_position: true,
@@ -356,7 +365,9 @@ impl Codec for Dynamixel {
                 let most = self.model.max_velocity as f32 * VELOCITY_STEP_RAD_S;
                 report(format_args!("at most {most} rad/s"));
             }
-            "torque" => report(format_args!("at most {} N·m", self.goal_current_max_nm())),
+            "torque" if self.model.has_current() => {
+                report(format_args!("at most {} N·m", self.goal_current_max_nm()));
+            }
             _ => {}
         }
     }

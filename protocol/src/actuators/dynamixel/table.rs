@@ -1,7 +1,9 @@
-//! Control table of Dynamixel's XM430-W210 and XM540-W150, which share their addresses and units.
+//! Control table of Dynamixel's XL, XM and XH servos, which share their addresses and, but for the current of an
+//! XL330, their units.
 //!
-//! Document: e-Manual pages `x/xm430-w210` and `x/xm540-w150`, "Control Table of EEPROM Area" and
-//! "of RAM Area". Multi-byte values are little-endian, negative ones two's complement.
+//! Document: e-Manual pages `x/xm430-w210`, `x/xl330-m288`, and so on by the names of [`MODELS`]: "Specifications",
+//! "Control Table of EEPROM Area" (Current Limit, Velocity Limit) and "of RAM Area". Multi-byte values are
+//! little-endian, negative ones two's complement.
 
 use core::f32::consts::TAU;
 
@@ -21,7 +23,7 @@ pub const POSITION_D_GAIN: u16 = 80;
 pub const BUS_WATCHDOG: u16 = 98;
 /// 2 bytes, steps of 0.113 %.
 pub const GOAL_PWM: u16 = 100;
-/// 2 bytes, steps of 2.69 mA. The limit of the current in mode 5.
+/// 2 bytes, steps of 2.69 mA, of an XL330 1 mA. The limit of the current in mode 5. An XL430 has none.
 pub const GOAL_CURRENT: u16 = 102;
 /// 4 bytes, steps of 0.229 rev/min.
 pub const GOAL_VELOCITY: u16 = 104;
@@ -29,7 +31,7 @@ pub const GOAL_VELOCITY: u16 = 104;
 pub const PROFILE_VELOCITY: u16 = 112;
 /// 4 bytes, 4096 steps a turn.
 pub const GOAL_POSITION: u16 = 116;
-/// 2 bytes, steps of 2.69 mA; velocity and position follow, 4 bytes each.
+/// 2 bytes, steps of 2.69 mA, of an XL330 1 mA; of an XL430 load, 0.1 %. Velocity and position follow, 4 bytes each.
 pub const PRESENT_CURRENT: u16 = 126;
 /// 4 bytes, steps of 0.229 rev/min.
 pub const PRESENT_VELOCITY: u16 = 128;
@@ -44,8 +46,6 @@ pub const STEPS_PER_TURN: f32 = 4096.0;
 pub const CENTRE: i32 = 2048;
 /// A step of velocity, rad/s.
 pub const VELOCITY_STEP_RAD_S: f32 = 0.229 * TAU / 60.0;
-/// A step of current, A.
-pub const CURRENT_STEP_A: f32 = 2.69e-3;
 /// A step of PWM, share of the supply voltage.
 pub const PWM_STEP: f32 = 1.13e-3;
 /// Largest PWM, steps.
@@ -60,13 +60,27 @@ pub struct Model {
     pub name: &'static str,
     /// What it answers to a ping.
     pub number: u16,
-    /// Largest current, steps.
+    /// Largest current, steps; 0 for servos without a current sensor, which have no goal current.
     pub max_current: i32,
     /// Largest velocity as delivered, steps.
     pub max_velocity: i32,
-    /// Torque per current, N·m/A: stall torque over stall current at 12 V. An estimate, friction of
-    /// the gears is in it.
-    pub torque_nm_a: f32,
+    /// Torque of a step of [`PRESENT_CURRENT`] and [`GOAL_CURRENT`], N·m: stall torque over stall current at the
+    /// recommended voltage. An estimate, friction of the gears is in it. Of servos without a current sensor a step is
+    /// 0.1 % of the stall torque, estimated from the voltage at the motor.
+    pub torque_step_nm: f32,
+}
+
+impl Model {
+    /// From the lines of its page.
+    const fn new(name: &'static str, number: u16, max: (i32, i32), torque_step_nm: f32) -> Self {
+        let (max_current, max_velocity) = max;
+        Self { name, number, max_current, max_velocity, torque_step_nm }
+    }
+
+    /// Whether it measures and controls its current.
+    pub const fn has_current(&self) -> bool {
+        self.max_current > 0
+    }
 }
 
 impl Named for Model {
@@ -77,23 +91,33 @@ impl Named for Model {
     }
 }
 
-/// XM430-W210: 3.0 N·m at 2.3 A.
-pub const XM430_W210: Model = Model {
-    name: "XM430-W210",
-    number: 1030,
-    max_current: 1193,
-    max_velocity: 330,
-    torque_nm_a: 3.0 / 2.3,
-};
+/// A step of current, A; of XL330 servos 1 mA.
+const STEP_A: f32 = 2.69e-3;
+const XL330_STEP_A: f32 = 1.0e-3;
 
-/// XM540-W150: 7.3 N·m at 4.4 A.
-pub const XM540_W150: Model = Model {
-    name: "XM540-W150",
-    number: 1130,
-    max_current: 2047,
-    max_velocity: 230,
-    torque_nm_a: 7.3 / 4.4,
-};
+/// 0.215 N·m at 1.47 A and 5 V.
+pub const XL330_M077: Model =
+    Model::new("XL330-M077", 1190, (1750, 1620), XL330_STEP_A * 0.215 / 1.47);
+/// 0.52 N·m at 1.47 A and 5 V.
+pub const XL330_M288: Model =
+    Model::new("XL330-M288", 1200, (1750, 445), XL330_STEP_A * 0.52 / 1.47);
+/// 1.4 N·m at 11.1 V, no current sensor.
+pub const XL430_W250: Model = Model::new("XL430-W250", 1060, (0, 265), 1.0e-3 * 1.4);
+/// 3.0 N·m at 2.3 A and 12 V.
+pub const XM430_W210: Model = Model::new("XM430-W210", 1030, (1193, 330), STEP_A * 3.0 / 2.3);
+/// 4.1 N·m at 2.3 A and 12 V.
+pub const XM430_W350: Model = Model::new("XM430-W350", 1020, (1193, 200), STEP_A * 4.1 / 2.3);
+/// 7.3 N·m at 4.4 A and 12 V.
+pub const XM540_W150: Model = Model::new("XM540-W150", 1130, (2047, 230), STEP_A * 7.3 / 4.4);
+/// 10.6 N·m at 4.4 A and 12 V.
+pub const XM540_W270: Model = Model::new("XM540-W270", 1120, (2047, 128), STEP_A * 10.6 / 4.4);
+/// 2.5 N·m at 1.3 A and 12 V.
+pub const XH430_W210: Model = Model::new("XH430-W210", 1010, (648, 230), STEP_A * 2.5 / 1.3);
+/// 3.4 N·m at 1.3 A and 12 V.
+pub const XH430_W350: Model = Model::new("XH430-W350", 1000, (648, 135), STEP_A * 3.4 / 1.3);
 
 /// All of them.
-pub const MODELS: [Model; 2] = [XM430_W210, XM540_W150];
+pub const MODELS: [Model; 9] = [
+    XM430_W210, XM540_W150, XL330_M077, XL330_M288, XL430_W250, XM430_W350, XM540_W270, XH430_W210,
+    XH430_W350,
+];
