@@ -9,6 +9,7 @@
 //! | `line` | serial lines and sockets: reads with a short timeout, writes that never block |
 //! | [`priority`] | real-time priority for threads that carry frames |
 //! | [`serial`], [`slcan`] | the link over a serial line; CAN adapters on serial lines |
+//! | [`tty`] | serial lines of actuators: adapters and pseudo-terminals |
 //! | [`sim`] | a simulated robot's link on this computer |
 //! | [`lossy`] | a link that loses frames, for tests |
 //! | [`candump`] | logs in the format of can-utils |
@@ -26,3 +27,4 @@ pub mod priority;
 pub mod serial;
 pub mod sim;
 pub mod slcan;
+pub mod tty;

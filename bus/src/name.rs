@@ -38,13 +38,33 @@ pub enum BusName {
         /// Bitrate of the CAN bus, bit/s.
         bitrate: u32,
     },
+    /// `tty:DEVICE[@BAUD]`: a serial line of actuators.
+    Tty {
+        /// The device, such as `/dev/ttyUSB0`.
+        device: PathBuf,
+        /// Bits per second; unless the name says otherwise those of the robot file.
+        baud: Option<u32>,
+    },
+    /// `pty:PATH`: a serial line of simulated actuators, a pseudo-terminal that this program makes.
+    Pty {
+        /// Where the link to it is put.
+        link: PathBuf,
+    },
+}
+
+impl BusName {
+    /// Whether it is a serial line of actuators, which carries bytes instead of frames.
+    pub fn carries_bytes(&self) -> bool {
+        matches!(self, Self::Tty { .. } | Self::Pty { .. })
+    }
 }
 
 /// What is wrong with a name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "`{name}` is no bus: {what}. A bus is sim[:SOCKET], can:INTERFACE[@BITRATE], \
-     serial:DEVICE[@BAUD] or slcan:DEVICE[@BITRATE], such as {example}"
+     serial:DEVICE[@BAUD] or slcan:DEVICE[@BITRATE], one of actuators also tty:DEVICE[@BAUD] or pty:PATH, \
+     such as {example}"
 )]
 pub struct BadName {
     name: String,
@@ -69,6 +89,8 @@ impl FromStr for BusName {
             "can" => "can:can0",
             "serial" => "serial:/dev/ttyUSB0",
             "slcan" => "slcan:/dev/ttyACM0",
+            "tty" => "tty:/dev/ttyUSB0",
+            "pty" => "pty:/tmp/servos",
             _ if name.starts_with("/dev/") => {
                 return Err(bad(
                     "a device needs its protocol before it".into(),
@@ -91,6 +113,12 @@ impl FromStr for BusName {
             };
         }
         let rest = rest.ok_or_else(|| bad(format!("nothing follows `{kind}`")))?;
+        if kind == "pty" {
+            return match rest {
+                "" => Err(bad("nothing follows the colon".into())),
+                link => Ok(Self::Pty { link: link.into() }),
+            };
+        }
         let (place, rate) = match rest.rsplit_once('@') {
             Some((place, rate)) => (place, Some(rate)),
             None => (rest, None),
@@ -114,6 +142,7 @@ impl FromStr for BusName {
             "serial" => {
                 Ok(Self::Serial { device: place.into(), baud: rate.unwrap_or(DEFAULT_BAUD) })
             }
+            "tty" => Ok(Self::Tty { device: place.into(), baud: rate }),
             _ => Ok(Self::Slcan { device: place.into(), bitrate: rate.unwrap_or(DEFAULT_BITRATE) }),
         }
     }
@@ -134,6 +163,9 @@ impl fmt::Display for BusName {
                 write!(f, "slcan:{}", device.display())
             }
             Self::Slcan { device, bitrate } => write!(f, "slcan:{}@{bitrate}", device.display()),
+            Self::Tty { device, baud: None } => write!(f, "tty:{}", device.display()),
+            Self::Tty { device, baud: Some(baud) } => write!(f, "tty:{}@{baud}", device.display()),
+            Self::Pty { link } => write!(f, "pty:{}", link.display()),
         }
     }
 }
@@ -153,6 +185,9 @@ mod tests {
             "serial:/dev/serial/by-id/usb-FTDI_a@b@115200",
             "slcan:/dev/ttyACM0",
             "slcan:/dev/ttyACM0@250000",
+            "tty:/dev/ttyUSB0",
+            "tty:/dev/ttyUSB0@57600",
+            "pty:/tmp/a@b",
         ] {
             assert_eq!(name.parse::<BusName>().unwrap().to_string(), name);
         }
@@ -175,6 +210,8 @@ mod tests {
             ("serial:/dev/ttyUSB0@fast", "`fast` is no number", "serial:/dev/ttyUSB0"),
             ("slcan:/dev/ttyACM0@0", "`0` is no number", "slcan:/dev/ttyACM0"),
             ("sim:", "nothing follows", "sim"),
+            ("tty:/dev/ttyUSB0@3M", "`3M` is no number", "tty:/dev/ttyUSB0"),
+            ("pty:", "nothing follows", "pty:/tmp/servos"),
         ] {
             let error = name.parse::<BusName>().unwrap_err().to_string();
             assert!(error.contains(words), "{error}");

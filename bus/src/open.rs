@@ -1,8 +1,8 @@
 //! Opens a bus by its name.
 
-use crate::name::BusName;
+use crate::name::{BusName, DEFAULT_BAUD};
 use crate::port::Port;
-use crate::serial;
+use crate::{serial, tty};
 
 /// Why a bus cannot be used, and the remedy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -14,16 +14,32 @@ pub struct OpenError {
     pub help: String,
 }
 
-/// Opens a bus with at most `depth` frames in flight.
+/// Opens a bus of frames with at most `depth` of them in flight.
 ///
 /// # Errors
-/// The bus does not exist, or cannot be used in its present state.
+/// The bus does not exist, cannot be used in its present state, or is a line of servos.
 pub fn open(name: &BusName, depth: usize) -> Result<Port, OpenError> {
     match name {
         BusName::Can { interface, bitrate } => open_can(interface, *bitrate, depth),
         BusName::Serial { device, baud } => serial::open(device, *baud),
         BusName::Slcan { device, bitrate } => crate::slcan::open(device, *bitrate),
         BusName::Sim { socket } => crate::sim::connect(socket.as_deref()),
+        BusName::Tty { .. } | BusName::Pty { .. } => Err(OpenError {
+            what: format!("`{name}` is a line of servos, and carries no frames"),
+            help: "a controller at a serial line is serial:DEVICE".into(),
+        }),
+    }
+}
+
+/// Opens an actuator bus with at most `depth` frames in flight; a serial line of actuators as well.
+///
+/// # Errors
+/// The bus does not exist, or cannot be used in its present state.
+pub fn actuators(name: &BusName, depth: usize) -> Result<Port, OpenError> {
+    match name {
+        BusName::Tty { device, baud } => tty::open(device, baud.unwrap_or(DEFAULT_BAUD)),
+        BusName::Pty { link } => tty::serve(link),
+        _ => open(name, depth),
     }
 }
 

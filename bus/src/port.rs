@@ -30,6 +30,8 @@ pub enum Event {
     Message(u16, Vec<u8>),
     /// Status report of the board at the other end of a serial line.
     Report(Report),
+    /// Bytes of a serial line of actuators, in portions of any size.
+    Bytes(Vec<u8>),
 }
 
 /// Transmitting end of a bus.
@@ -42,6 +44,19 @@ pub trait Outlet: Send {
     /// # Errors
     /// [`LinkError::Busy`] when too many frames are in flight, otherwise why the bus is gone.
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError>;
+
+    /// Whether it is a serial line of actuators, which carries bytes instead of frames.
+    fn carries_bytes(&self) -> bool {
+        false
+    }
+
+    /// Sends a packet of bytes.
+    ///
+    /// # Errors
+    /// As [`Self::send`]; this bus carries frames.
+    fn send_bytes(&mut self, _bytes: &[u8]) -> Result<(), LinkError> {
+        Err(LinkError::Down("it carries frames, no bytes".into()))
+    }
 
     /// Requests a status report from the board at the other end; `false` when this kind of bus cannot.
     ///

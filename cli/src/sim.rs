@@ -26,7 +26,7 @@ use rollwalk_sim_host::core::Local;
 use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::interface::LogEntry;
 use rollwalk_sim_host::live::{Reopen, controller, motors, whole};
-use rollwalk_sim_host::rig::{CannotSimulate, Rig};
+use rollwalk_sim_host::rig::Rig;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -59,6 +59,8 @@ Examples:
   rollwalk-sim robots/agilebot.toml --bus can:vcan0 --actuators can:vcan1 --actuators can:vcan2
   rollwalk-sim robots/agilebot.toml --only controller --bus can:can0 \\
       --actuators can:can1 --actuators can:can2      # the firmware on this computer, real motors
+  rollwalk-sim robots/pup.toml --only controller --bus sim --actuators tty:/dev/ttyUSB0    # servos at a U2D2
+  rollwalk-sim robots/pup.toml --only motors --actuators pty:/tmp/servos    # simulated ones, at tty:/tmp/servos
 
 Then, in another terminal:
   rollwalk flash agilebot.rwl --bus sim
@@ -113,7 +115,6 @@ pub fn main() -> ExitCode {
 fn run(cli: &Cli) -> miette::Result<Exit> {
     let robot = Source::Disk.robot(&cli.robot)?;
     BusLoads::new(&robot).into_diagnostic()?.check(&cli.robot)?;
-    CannotSimulate::check(&robot).into_diagnostic()?;
     let buses = Body::new(&robot).addresses().iter().map(|&(bus, _)| usize::from(bus) + 1).max();
     let buses = buses.unwrap_or(0);
     if !cli.actuators.is_empty() && cli.actuators.len() != buses {
@@ -124,6 +125,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
             cli.actuators.len()
         ));
     }
+    check_kinds(&robot, &cli.actuators)?;
     let actuators = at_rates(&robot, &cli.actuators);
     let memory = cli.library.as_deref().map(|path| Memory::open(path, &cli.robot)).transpose()?;
     interrupt::listen();
@@ -138,6 +140,13 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
         (Some(Part::Controller), Some(bus)) => run_controller(&robot, bus, &actuators, memory)?,
         (None, Some(bus)) if actuators.is_empty() => {
             run_whole(&robot, bus, cli, memory)?;
+        }
+        (None, Some(_)) if actuators.iter().any(BusName::carries_bytes) => {
+            return Err(miette!(
+                help = "run it twice: --only motors --actuators pty:/tmp/servos, then \
+                        --only controller --actuators tty:/tmp/servos",
+                "a serial line has one end for each program, and here both would be in this one"
+            ));
         }
         (None, Some(bus)) => {
             // Two members of every bus, as the real ones are.
@@ -297,7 +306,7 @@ impl Reopen for Lost<'_> {
         let name = self.name(bus)?;
         let port = match bus {
             Interface::Link => open_link(name),
-            Interface::Actuator(_) => open::open(name, ACTUATOR_DEPTH),
+            Interface::Actuator(_) => open::actuators(name, ACTUATOR_DEPTH),
         };
         let port = port.ok()?;
         self.say(bus, "is back");
@@ -305,20 +314,50 @@ impl Reopen for Lost<'_> {
     }
 }
 
+/// Refuses a bus of frames where the robot has a serial line of servos, and the other way round.
+fn check_kinds(robot: &Robot, names: &[BusName]) -> miette::Result<()> {
+    for (number, name) in (0..).zip(names) {
+        let bus = robot.buses.get(&number).copied().unwrap_or_default();
+        let speaks = bus.protocol.name();
+        if bus.protocol.is_serial() != name.carries_bytes() {
+            let (is, right) = match bus.protocol.is_serial() {
+                true => {
+                    ("a serial line", "tty:/dev/ttyUSB0, or pty:/tmp/servos for simulated motors")
+                }
+                false => ("a CAN bus", "can:can0"),
+            };
+            return Err(miette!(
+                help = format!("give its name, such as {right}"),
+                "bus {number} of {} is {is} ({speaks}), which {name} is not",
+                robot.name
+            ));
+        }
+    }
+    Ok(())
+}
+
 /// The actuator buses. A CAN interface that is set up for another bit rate than the robot file has is no bus
-/// of this robot, unless its name says so.
+/// of this robot, unless its name says so; a serial line is opened at the file's rate.
 fn at_rates(robot: &Robot, names: &[BusName]) -> Vec<BusName> {
     let mut names = names.to_vec();
     for (number, name) in (0..).zip(&mut names) {
-        if let BusName::Can { bitrate: bitrate @ None, .. } = name {
-            *bitrate = robot.buses.get(&number).map(|bus| bus.bit_rate);
+        if let BusName::Can { bitrate: rate @ None, .. } | BusName::Tty { baud: rate @ None, .. } =
+            name
+        {
+            *rate = robot.buses.get(&number).map(|bus| bus.bit_rate);
         }
     }
     names
 }
 
 fn ports(names: &[BusName]) -> miette::Result<Vec<Port>> {
-    let open = |name| open::open(name, ACTUATOR_DEPTH).map_err(cannot_open);
+    let open = |name| {
+        let port = open::actuators(name, ACTUATOR_DEPTH).map_err(cannot_open)?;
+        if let Some(complaint) = port.outlet.complaint() {
+            output::say(format_args!("{name}: {complaint}"));
+        }
+        Ok(port)
+    };
     names.iter().map(open).collect()
 }
 

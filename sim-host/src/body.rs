@@ -4,6 +4,7 @@ use crate::clock::SimTime;
 use crate::load::joint_loads;
 use crate::plant::Plant;
 use crate::servo::Servo;
+use rollwalk_drives::Answer;
 use rollwalk_multibody::Tree;
 use rollwalk_protocol::can::Frame;
 use rollwalk_robot::{Channel, Robot};
@@ -84,6 +85,22 @@ impl Body {
     /// Passes a frame to the servo of `channel`; returns its answer, if the frame was for it.
     pub fn on_frame(&mut self, channel: usize, now: SimTime, frame: &Frame) -> Option<Frame> {
         self.servos[channel].on_frame(now, frame)
+    }
+
+    /// Takes the next packet out of the bytes that the servos of a serial line have heard, `channel` being one of
+    /// them.
+    pub fn take_packet(&self, channel: usize, line: &mut Vec<u8>) -> Option<Vec<u8>> {
+        self.servos[channel].take_packet(line)
+    }
+
+    /// Passes a packet to the servo of `channel`; returns the setpoint in it, if it was for this servo, and the answer.
+    pub fn on_packet(
+        &mut self,
+        channel: usize,
+        now: SimTime,
+        packet: &[u8],
+    ) -> (Option<f32>, Option<Answer>) {
+        self.servos[channel].on_packet(now, packet)
     }
 
     /// The value of the setpoint in a frame for the servo of `channel`.

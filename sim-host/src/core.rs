@@ -3,6 +3,7 @@
 use crate::store::{self, SimParameters, SimStore};
 use rollwalk_bus::link::LinkError;
 use rollwalk_firmware::{BusState, Buses, Controller, Settings};
+use rollwalk_protocol::actuators::Packet;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::Library;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
@@ -16,6 +17,23 @@ pub trait Core {
     /// # Errors
     /// The controller is out of reach.
     fn step(&mut self, step: Step) -> Result<Stepped, LinkError>;
+
+    /// Passes bytes of a serial line to the controller.
+    ///
+    /// # Errors
+    /// The controller is out of reach, or has no serial lines.
+    fn on_serial(&mut self, now_us: u64, bus: u8, bytes: &[u8]) -> Result<(), LinkError> {
+        let _ = (now_us, bytes);
+        Err(no_serial_lines(bus))
+    }
+
+    /// Takes the controller's next packet for a serial line whose last one has left.
+    ///
+    /// # Errors
+    /// As [`Self::on_serial`].
+    fn poll_serial(&mut self, bus: u8) -> Result<Option<Packet>, LinkError> {
+        Err(no_serial_lines(bus))
+    }
 
     /// Reports the error state of an actuator bus to the controller.
     ///
@@ -35,6 +53,10 @@ pub trait Core {
     fn take_bus_restart(&mut self, bus: u8) -> Result<bool, LinkError> {
         Err(LinkError::Down(format!("this controller cannot restart its buses (bus {bus})")))
     }
+}
+
+fn no_serial_lines(bus: u8) -> LinkError {
+    LinkError::Down(format!("this controller has no serial lines (bus {bus})"))
 }
 
 /// The firmware within this process.
@@ -108,6 +130,15 @@ impl Core for Local {
         }
         let playing = controller.playing().map(|p| (p.clip.0, p.frame, p.phase));
         Ok(Stepped { link, actuators, playing })
+    }
+
+    fn on_serial(&mut self, now_us: u64, bus: u8, bytes: &[u8]) -> Result<(), LinkError> {
+        self.controller.on_serial(now_us, bus, bytes);
+        Ok(())
+    }
+
+    fn poll_serial(&mut self, bus: u8) -> Result<Option<Packet>, LinkError> {
+        Ok(self.controller.poll_serial(bus))
     }
 
     fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) -> Result<(), LinkError> {

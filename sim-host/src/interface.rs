@@ -16,6 +16,28 @@ pub enum Interface {
 /// A frame on a bus of the simulation.
 pub type LogEntry = candump::LogEntry<Interface>;
 
+/// A packet on a serial line of the simulation; prints as a line of a log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PacketEntry {
+    /// Instant at which the packet ended, µs.
+    pub at_us: u64,
+    /// The line.
+    pub interface: Interface,
+    /// Whether the controller sent it.
+    pub from_controller: bool,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+}
+
+impl fmt::Display for PacketEntry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (s, fraction) = (self.at_us / 1_000_000, self.at_us % 1_000_000);
+        let arrow = if self.from_controller { '>' } else { '<' };
+        write!(f, "({s:010}.{fraction:06}) {} {arrow}", self.interface)?;
+        self.bytes.iter().try_for_each(|byte| write!(f, " {byte:02X}"))
+    }
+}
+
 impl fmt::Display for Interface {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

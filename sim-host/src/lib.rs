@@ -1,11 +1,12 @@
-//! A robot without hardware: simulated CAN buses and virtual servos around the real firmware core, in
-//! virtual time.
+//! A robot without hardware: simulated CAN buses and serial lines with virtual servos around the real firmware
+//! core, in virtual time.
 //!
 //! | module | is |
 //! |---|---|
 //! | [`rig`], [`store`] | controller, buses and motors, stepped in one fixed order |
 //! | [`core`] | the controller: firmware in this process, or anything else that answers its steps |
-//! | [`bus`], [`interface`], [`clock`] | a bus exact to the bit, the buses' names, virtual time |
+//! | [`bus`], [`line`] | a CAN bus and a half-duplex serial line, exact to the bit |
+//! | [`interface`], [`clock`] | the buses' names, virtual time |
 //! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle; their drives are [`rollwalk_drives`] |
 //! | [`live`] | in real time: the whole robot, its controller or its motors on buses of this computer |
 //! | [`faults`] | scheduled faults of buses and actuators |
@@ -15,8 +16,8 @@
 //! The host's end is `rollwalk-host`, for which a [`rig::Rig`] is a robot like any other. A [`rig::Observer`],
 //! such as the monitor of the fault campaign, sees every frame of a run.
 //!
-//! What is simulated: the buses to the bit (arbitration, stuff bits, CRC, intermission), the drives'
-//! protocols, watchdogs, control laws and limits, and for every joint the inertia and weight of what
+//! What is simulated: the buses to the bit (arbitration, stuff bits, CRC, intermission; on serial lines turns,
+//! return delays and collisions), the drives' protocols, watchdogs, control laws and limits, and for every joint the inertia and weight of what
 //! hangs on it. What is not: the ground, the motion of the body and the coupling between joints. The
 //! robot hangs on a stand, its body held level and still, its wheels in the air.
 //!
@@ -58,6 +59,7 @@ pub mod clock;
 pub mod core;
 pub mod faults;
 pub mod interface;
+pub mod line;
 pub mod live;
 pub mod load;
 pub mod one_leg;

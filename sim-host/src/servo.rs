@@ -6,7 +6,7 @@
 
 use crate::clock::SimTime;
 use crate::plant::Plant;
-use rollwalk_drives::{Drive, Electronics, Law, rollwalk};
+use rollwalk_drives::{Answer, Drive, Electronics, Law, Sent, rollwalk};
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
@@ -53,6 +53,21 @@ impl Servo {
     pub fn on_frame(&mut self, now: SimTime, frame: &Frame) -> Option<Frame> {
         let (_, answer) = self.drive.on_frame(now.as_us(), frame, &self.plant.shaft())?;
         answer
+    }
+
+    /// Takes the next packet out of the bytes of its serial line, with what precedes it.
+    pub fn take_packet(&self, line: &mut Vec<u8>) -> Option<Vec<u8>> {
+        self.drive.take_packet(line)
+    }
+
+    /// Processes a packet of its serial line; returns the setpoint in it, rad or rad/s of a wheel, and the answer.
+    pub fn on_packet(&mut self, now: SimTime, packet: &[u8]) -> (Option<f32>, Option<Answer>) {
+        let (sent, answer) = self.drive.on_packet(now.as_us(), packet, &self.plant.shaft());
+        let setpoint = sent.into_iter().find_map(|sent| match sent {
+            Sent::Setpoint { value, .. } => Some(value),
+            _ => None,
+        });
+        (setpoint, answer)
     }
 
     /// Time of its next unsolicited frame.

@@ -1,8 +1,9 @@
 //! The buses of a [`crate::rig`]: each with the controller's node and, on an actuator bus, the
-//! nodes of its servos.
+//! nodes of its servos; and serial lines with their servos.
 
 use crate::bus::{CanBus, NodeId, TxPolicy};
 use crate::clock::SimTime;
+use crate::line::SerialLine;
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::can::Frame;
 
@@ -67,7 +68,7 @@ impl Wire {
     }
 }
 
-/// An actuator bus with node and channel of each servo on it.
+/// A CAN bus of actuators with node and channel of each servo on it.
 pub struct ActuatorBus {
     pub wire: Wire,
     pub servos: Vec<(NodeId, usize)>,
@@ -81,5 +82,22 @@ impl ActuatorBus {
     /// The node of a servo.
     pub fn node_of(&self, channel: usize) -> Option<NodeId> {
         self.servos.iter().find(|(_, of)| *of == channel).map(|(node, _)| *node)
+    }
+}
+
+/// A serial line of actuators with the channels of the servos on it.
+pub struct ActuatorLine {
+    pub line: SerialLine,
+    pub channels: Vec<usize>,
+    /// What the servos have heard and is no whole packet yet.
+    pub received: Vec<u8>,
+    /// Whether the line is cut between controller and servos.
+    pub is_cut: bool,
+}
+
+impl ActuatorLine {
+    pub fn new(bus: &Bus) -> Self {
+        let line = SerialLine::new(bus.bit_rate);
+        Self { line, channels: Vec::new(), received: Vec::new(), is_cut: false }
     }
 }

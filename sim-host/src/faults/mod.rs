@@ -38,9 +38,10 @@ pub enum FaultKind {
     Stream(FramePath, StreamFault),
     /// A foreign node sends this frame at this interval.
     Babble(Interface, Frame, SimTime),
-    /// No node acknowledges on this bus: the sender repeats its frame again and again.
+    /// No node acknowledges on this bus: the sender repeats its frame again and again. A serial line is cut: what is
+    /// sent is lost.
     NoAck(Interface),
-    /// The controller's end of an actuator bus goes off, as after a short.
+    /// The controller's end of an actuator bus goes off, as after a short; without effect on a serial line.
     BusOff(u8),
     /// An actuator neither receives nor answers. It holds its last setpoint until its own watchdog expires.
     Deaf(usize),

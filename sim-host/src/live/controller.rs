@@ -5,6 +5,7 @@ use crate::core::{Core, Local};
 use crate::interface::Interface;
 use rollwalk_bus::link::LinkError;
 use rollwalk_bus::port::{Event, Hub, Port};
+use rollwalk_protocol::actuators::traffic::MAX_LOAD;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::BusState;
 use rollwalk_protocol::tunnel::{Buses, Input, MAX_ACTUATOR_BUSES, Step, Stepped};
@@ -31,15 +32,19 @@ pub fn run(
     let mut board = Board::new(core, port, keeper, actuators);
     let mut next_tick = start;
     loop {
-        // Ticks come before frames, so that even a full bus does not delay them.
+        // Ticks come before frames, so that even a full bus does not delay them. But answers that are there already count.
         let is_due = Instant::now() >= next_tick;
+        if is_due {
+            board.catch_up(start)?;
+        }
         let heard = if is_due { None } else { board.hub.next_event(next_tick) };
         let now_us = start.elapsed().as_micros() as u64;
         let input = match heard {
             Some((index, heard)) => board.hear(now_us, index, heard),
             None => {
-                // After a stall one tick is late; missed ticks are not repeated.
-                next_tick = (next_tick + period).max(Instant::now());
+                // After a stall one tick is late; missed ticks are not repeated, and the next one leaves servos on serial
+                // lines the time for their answers.
+                next_tick = (next_tick + period).max(Instant::now() + period.mul_f32(MAX_LOAD));
                 if !goes_on(board.core) {
                     return Ok(());
                 }
@@ -50,6 +55,9 @@ pub fn run(
         board.step(now_us, input)?;
     }
 }
+
+/// Most events that are heard between the instant of a tick and the tick.
+const CATCH_UP: usize = 64;
 
 /// The controller with its buses.
 struct Board<'a> {
@@ -113,9 +121,21 @@ impl<'a> Board<'a> {
                 self.buses[index].state = state;
                 self.core.controller_mut().on_bus_state(now_us, bus, state);
             }
+            Event::Bytes(bytes) => self.core.controller_mut().on_serial(now_us, bus, &bytes),
             Event::Sent | Event::Report(_) | Event::Message(..) => {}
         }
         None
+    }
+
+    /// Hears what has come in while this computer was busy with something else.
+    fn catch_up(&mut self, start: Instant) -> Result<(), LinkError> {
+        for _ in 0..CATCH_UP {
+            let Some((index, heard)) = self.hub.next_event(Instant::now()) else { return Ok(()) };
+            let now_us = start.elapsed().as_micros() as u64;
+            let input = self.hear(now_us, index, heard);
+            self.step(now_us, input)?;
+        }
+        Ok(())
     }
 
     /// Reports the state of the actuator buses in every control period: when an operator clears a bus-off, the
@@ -139,7 +159,8 @@ impl<'a> Board<'a> {
         loop {
             let step = Step { now_us, input: input.take(), free: self.free() };
             let stepped = self.core.step(step)?;
-            if !self.send(now_us, &stepped) {
+            let frames = self.send(now_us, &stepped);
+            if !self.send_packets(now_us) && !frames {
                 return Ok(());
             }
         }
@@ -147,7 +168,8 @@ impl<'a> Board<'a> {
 
     /// Buses that would take a frame, without lost ones.
     fn free(&self) -> Buses {
-        let outlets = self.hub.outlets.iter().enumerate().filter(|(_, outlet)| outlet.is_free());
+        let outlets = self.hub.outlets.iter().enumerate();
+        let outlets = outlets.filter(|(_, outlet)| outlet.is_free() && !outlet.carries_bytes());
         outlets.fold(Buses::default(), |free, (index, _)| match number(index) {
             None => free.with_link(),
             Some(number) => free.with_actuator(number),
@@ -172,6 +194,25 @@ impl<'a> Board<'a> {
             Ok(()) | Err(LinkError::Busy) => {}
             Err(error) => self.lose(now_us, index, &error),
         }
+    }
+
+    /// Sends the controller's next packet on each serial line; returns whether there was any.
+    fn send_packets(&mut self, now_us: u64) -> bool {
+        let mut any = false;
+        for index in 0..self.hub.outlets.len() {
+            let outlet = &mut self.hub.outlets[index];
+            let Some(bus) = number(index).filter(|_| outlet.carries_bytes() && outlet.is_free())
+            else {
+                continue;
+            };
+            let Some(packet) = self.core.controller_mut().poll_serial(bus) else { continue };
+            any = true;
+            match outlet.send_bytes(&packet) {
+                Ok(()) | Err(LinkError::Busy) => {}
+                Err(error) => self.lose(now_us, index, &error),
+            }
+        }
+        any
     }
 
     /// Handles the loss of a bus.

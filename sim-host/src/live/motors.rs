@@ -5,7 +5,9 @@ use crate::body::Body;
 use crate::clock::{Periodic, SimTime};
 use crate::interface::Interface;
 use crate::rig::MOTOR_RATE_HZ;
+use rollwalk_bus::link::LinkError;
 use rollwalk_bus::port::{Event, Hub, Port};
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// Interval between updates of weight and inertia on the joints.
@@ -22,6 +24,7 @@ pub fn run(
     let start = Instant::now();
     let mut hub = Hub::new(buses);
     let mut waiting: Vec<_> = hub.outlets.iter().map(|_| Waiting::default()).collect();
+    let mut lines: Vec<_> = hub.outlets.iter().map(|_| Vec::new()).collect();
     let mut kept: Vec<_> = (0..hub.outlets.len())
         .map(|index| Kept::new(Interface::Actuator(index as u8), index))
         .collect();
@@ -54,17 +57,25 @@ pub fn run(
                 }
             }
             Some((bus, Err(error))) => kept[bus].lose(&mut hub, keeper, &error),
-            Some((bus, Ok(heard))) => {
-                if let Event::Frame(frame) = heard {
-                    for channel in 0..body.addresses().len() {
-                        if usize::from(body.addresses()[channel].0) == bus
-                            && let Some(answer) = body.on_frame(channel, now, &frame)
-                        {
-                            waiting[bus].push(answer);
-                        }
+            Some((bus, Ok(Event::Frame(frame)))) => {
+                for channel in 0..body.addresses().len() {
+                    if usize::from(body.addresses()[channel].0) == bus
+                        && let Some(answer) = body.on_frame(channel, now, &frame)
+                    {
+                        waiting[bus].push(answer);
                     }
                 }
             }
+            Some((bus, Ok(Event::Bytes(bytes)))) => {
+                lines[bus].extend(bytes);
+                for answers in answers(body, bus, now, &mut lines[bus]) {
+                    match hub.outlets[bus].send_bytes(&answers) {
+                        Ok(()) | Err(LinkError::Busy) => {}
+                        Err(error) => kept[bus].lose(&mut hub, keeper, &error),
+                    }
+                }
+            }
+            Some((_, Ok(_))) => {}
         }
         for (waiting, bus) in waiting.iter_mut().zip(&mut kept) {
             if !bus.is_there(&mut hub, keeper) {
@@ -74,4 +85,26 @@ pub fn run(
             }
         }
     }
+}
+
+/// What the servos of a serial line answer to each packet among the bytes that they have heard: in their turns, without
+/// their return delays, which are shorter than what this computer takes.
+fn answers(body: &mut Body, bus: usize, now: SimTime, line: &mut Vec<u8>) -> Vec<Vec<u8>> {
+    let channels = body.addresses().iter().enumerate();
+    let channels = channels.filter(|(_, address)| usize::from(address.0) == bus);
+    let channels: Vec<_> = channels.map(|(channel, _)| channel).collect();
+    let mut all = Vec::new();
+    let Some(&first) = channels.first() else { return all };
+    while let Some(packet) = body.take_packet(first, line) {
+        // The drives behind one adapter have one answer together.
+        let mut turns = BTreeMap::new();
+        for &channel in &channels {
+            let (_, answer) = body.on_packet(channel, now, &packet);
+            turns.extend(answer.map(|answer| (answer.turn, answer.bytes)));
+        }
+        if !turns.is_empty() {
+            all.push(turns.into_values().flatten().collect());
+        }
+    }
+    all
 }

@@ -4,7 +4,7 @@
 use super::{Core, Interface, LinkError, Rig, SimTime};
 use crate::bus::{NodeId, TxPolicy};
 use crate::faults::{Fault, FaultKind};
-use crate::wire::ActuatorBus;
+use crate::wire::{ActuatorBus, ActuatorLine};
 use rollwalk_firmware::BusState;
 use rollwalk_protocol::can::Frame;
 
@@ -67,7 +67,7 @@ impl<C: Core> Rig<C> {
         if link.alone_since.is_some() && waits {
             self.faults.fire(now, |kind| *kind == FaultKind::NoAck(Interface::Link));
         }
-        for (number, ActuatorBus { wire, servos, .. }) in (0..).zip(&mut self.actuator_buses) {
+        for (&number, ActuatorBus { wire, servos, .. }) in &mut self.actuator_buses {
             let mut state = if wire.off { BusState::Off } else { BusState::Active };
             if let Some(since) = wire.alone_since
                 && wire.bus.pending(wire.controller) > 0
@@ -106,7 +106,7 @@ impl<C: Core> Rig<C> {
             .map(|(fault, _)| fault.kind)
             .collect();
         let on: Vec<FaultKind> = self.faults.on(now).copied().collect();
-        for (number, ActuatorBus { wire, servos, .. }) in (0..).zip(&mut self.actuator_buses) {
+        for (&number, ActuatorBus { wire, servos, .. }) in &mut self.actuator_buses {
             let silent = |channel| on.iter().any(|kind| kind.silences(channel));
             for &(node, channel) in servos.iter().filter(|(_, channel)| silent(*channel)) {
                 wire.bus.cancel(node);
@@ -128,6 +128,22 @@ impl<C: Core> Rig<C> {
                 }
                 // An error is ignored: the report is repeated in every control period, and its error returned there.
                 let _ = self.controller.on_bus_state(now.as_us(), number, BusState::Off);
+            }
+        }
+        for (&number, ActuatorLine { line, channels, is_cut, .. }) in &mut self.lines {
+            for &channel in channels.iter() {
+                if on.iter().any(|kind| kind.silences(channel)) {
+                    line.silence(channel);
+                }
+                if began.contains(&FaultKind::Unpowered(channel)) {
+                    self.body.cut_power(channel);
+                    self.faults.fire(now, |kind| *kind == FaultKind::Unpowered(channel));
+                }
+            }
+            let cut = FaultKind::NoAck(Interface::Actuator(number));
+            *is_cut = on.contains(&cut);
+            if began.contains(&cut) {
+                self.faults.fire(now, |kind| *kind == cut);
             }
         }
         self.link.connect(now, !on.contains(&FaultKind::NoAck(Interface::Link)));

@@ -15,8 +15,9 @@ impl<C: Core> Rig<C> {
                 continue;
             }
             let (bus, _) = self.body.addresses()[channel];
-            let actuators = &mut self.actuator_buses[usize::from(bus)];
-            if let Some(node) = actuators.node_of(channel) {
+            if let Some(actuators) = self.actuator_buses.get_mut(&bus)
+                && let Some(node) = actuators.node_of(channel)
+            {
                 let posted = actuators.wire.bus.post(now, node, frame);
                 posted.expect("a `Latest` node always takes frames");
             }
@@ -41,10 +42,10 @@ impl<C: Core> Rig<C> {
     }
 
     /// Completes a frame on an actuator bus; returns the controller's input, if any.
-    pub(super) fn end_actuator_frame(&mut self, index: usize) -> Option<Input> {
-        let ActuatorBus { wire, servos, .. } = &mut self.actuator_buses[index];
+    pub(super) fn end_actuator_frame(&mut self, number: u8) -> Option<Input> {
+        let ActuatorBus { wire, servos, .. } = self.actuator_buses.get_mut(&number)?;
         let delivery = wire.bus.next_delivery(self.now)?;
-        let (frame, number) = (delivery.frame, index as u8);
+        let frame = delivery.frame;
         let interface = Interface::Actuator(number);
         self.log.push(LogEntry { at_us: delivery.at.as_us(), interface, frame });
         let from_controller = delivery.from == wire.controller;
@@ -87,7 +88,9 @@ impl<C: Core> Rig<C> {
 
     fn reach_servos(&mut self, bus: u8, frame: &Frame) {
         let now = self.now;
-        let ActuatorBus { wire, servos, .. } = &mut self.actuator_buses[usize::from(bus)];
+        let Some(ActuatorBus { wire, servos, .. }) = self.actuator_buses.get_mut(&bus) else {
+            return;
+        };
         for &(node, channel) in servos.iter() {
             if let Some(value) = self.body.commanded(channel, frame) {
                 self.recorder.on_setpoint(channel, value);

@@ -8,7 +8,8 @@
 //!
 //! Time jumps from event to event. Events at the same instant happen in this order:
 //!
-//! 1. frames that end: link0, act0, act1, ...; a servo answers at the end of a frame meant for it
+//! 1. frames that end: link0, act0, act1, ...; a servo answers at the end of a frame meant for it; then packets of
+//!    serial lines that end, and servos whose turn to speak it is
 //! 2. delayed frames, faults that start or end, babbling nodes: [`crate::faults`]
 //! 3. unsolicited frames of drives, as of ODrives
 //! 4. motors: a step of 1/[`MOTOR_RATE_HZ`]
@@ -23,6 +24,7 @@
 
 mod fault_injection;
 mod frames;
+mod lines;
 mod observer;
 
 use crate::body::Body;
@@ -30,20 +32,21 @@ use crate::bus::{BusStatistics, DEFAULT_BITRATE, NodeId, TxPolicy};
 use crate::clock::{Periodic, SimTime};
 use crate::core::{Core, Local};
 use crate::faults::{Faults, FramePath};
-use crate::interface::{Interface, LogEntry};
+use crate::interface::{Interface, LogEntry, PacketEntry};
+use crate::line::LineStatistics;
 use crate::record::{Recorder, TickRecord};
-use crate::wire::{ActuatorBus, Wire};
+use crate::wire::{ActuatorBus, ActuatorLine, Wire};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::player::Playing;
-use rollwalk_protocol::actuators::bus::{ControlLoop, Protocol};
+use rollwalk_protocol::actuators::bus::ControlLoop;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::ClipId;
 use rollwalk_protocol::tunnel::{Buses, Input, Step};
 use rollwalk_protocol::wire::Node;
 use rollwalk_robot::{InvalidRobot, Robot};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 pub use fault_injection::Adapter;
 use fault_injection::Babbler;
@@ -66,12 +69,16 @@ pub struct Rig<C = Local> {
     link: Wire,
     host: NodeId,
     host_inbox: VecDeque<Frame>,
-    actuator_buses: Vec<ActuatorBus>,
+    /// The CAN buses of actuators by number.
+    actuator_buses: BTreeMap<u8, ActuatorBus>,
+    /// The serial lines of actuators by number.
+    lines: BTreeMap<u8, ActuatorLine>,
     body: Body,
     motor_step: Periodic,
     control_period: Periodic,
     recorder: Recorder,
     log: Vec<LogEntry>,
+    packets: Vec<PacketEntry>,
     adapter: Adapter,
     faults: Faults,
     /// Time up to which faults have been started and ended.
@@ -80,54 +87,11 @@ pub struct Rig<C = Local> {
     observer: Option<Box<dyn Observer>>,
 }
 
-/// Reason for which a robot cannot be simulated in virtual time.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum CannotSimulate {
-    /// It breaks a rule of robot files.
-    #[error(transparent)]
-    Invalid(#[from] InvalidRobot),
-    /// Serial lines have no bus here.
-    #[error(
-        "bus {bus} of {robot} is a serial line ({speaks}), and only CAN buses are simulated: those with \
-         protocol {}",
-        can_protocols()
-    )]
-    Serial {
-        /// Name of the robot.
-        robot: String,
-        /// Number of the bus.
-        bus: u8,
-        /// Protocol of its actuators.
-        speaks: &'static str,
-    },
-}
-
-/// Names in robot files of the protocols that run over CAN.
-fn can_protocols() -> String {
-    let can = Protocol::examples().filter(|protocol| !protocol.is_serial());
-    let mut keys: Vec<_> = can.map(|protocol| protocol.key()).collect();
-    keys.dedup();
-    keys.join(", ")
-}
-
-impl CannotSimulate {
-    /// Whether all buses of a robot can be simulated.
-    ///
-    /// # Errors
-    /// The first bus that cannot be simulated.
-    pub fn check(robot: &Robot) -> Result<(), Self> {
-        let serial = robot.buses.iter().find(|(_, bus)| bus.protocol.is_serial());
-        serial.map_or(Ok(()), |(&bus, kind)| {
-            let (robot, speaks) = (robot.name.clone(), kind.protocol.name());
-            Err(Self::Serial { robot, bus, speaks })
-        })
-    }
-}
-
 /// The kinds of events.
 enum Next {
     Link,
-    Actuator(usize),
+    Actuator(u8),
+    Line(u8),
     Late(FramePath),
     Edge,
     Babble(usize),
@@ -140,8 +104,8 @@ impl Rig {
     /// Creates a robot just after power-on, in its nominal pose, without a library.
     ///
     /// # Errors
-    /// The robot breaks a rule of robot files, or has a bus that is not simulated.
-    pub fn new(robot: &Robot) -> Result<Self, CannotSimulate> {
+    /// The robot breaks a rule of robot files.
+    pub fn new(robot: &Robot) -> Result<Self, InvalidRobot> {
         let (config, buses) = (robot.controller_config()?, robot.controller_buses());
         Self::with_core(robot, Local::new(config, buses, Settings::default()))
     }
@@ -156,22 +120,28 @@ impl<C: Core> Rig<C> {
     /// As [`Rig::new`], with a given controller just after power-on, with the default settings.
     ///
     /// # Errors
-    /// The robot breaks a rule of robot files, or has a bus that is not simulated.
-    pub fn with_core(robot: &Robot, controller: C) -> Result<Self, CannotSimulate> {
+    /// The robot breaks a rule of robot files.
+    pub fn with_core(robot: &Robot, controller: C) -> Result<Self, InvalidRobot> {
         let config = robot.controller_config()?;
-        CannotSimulate::check(robot)?;
         let settings = Settings::default();
         let mut link = Wire::new(DEFAULT_BITRATE);
         let host = link.bus.add_node(TxPolicy::Queue { depth: HOST_QUEUE });
 
         let body = Body::new(robot);
         let bus_of = |bus: u8| robot.buses.get(&bus).copied().unwrap_or_default();
-        let count = body.addresses().iter().map(|&(bus, _)| usize::from(bus) + 1).max();
-        let mut actuator_buses: Vec<_> =
-            (0..count.unwrap_or(0) as u8).map(|bus| ActuatorBus::new(&bus_of(bus))).collect();
-        for (channel, &(bus, _)) in body.addresses().iter().enumerate() {
-            let ActuatorBus { wire, servos, .. } = &mut actuator_buses[usize::from(bus)];
-            servos.push((wire.bus.add_node(TxPolicy::Latest), channel));
+        let count = body.addresses().iter().map(|&(bus, _)| bus + 1).max().unwrap_or(0);
+        let (serial, can): (Vec<_>, Vec<_>) =
+            (0..count).map(|bus| (bus, bus_of(bus))).partition(|(_, of)| of.protocol.is_serial());
+        let mut actuator_buses: BTreeMap<_, _> =
+            can.iter().map(|(bus, of)| (*bus, ActuatorBus::new(of))).collect();
+        let mut lines: BTreeMap<_, _> =
+            serial.iter().map(|(bus, of)| (*bus, ActuatorLine::new(of))).collect();
+        for (channel, (bus, _)) in body.addresses().iter().enumerate() {
+            if let Some(ActuatorBus { wire, servos }) = actuator_buses.get_mut(bus) {
+                servos.push((wire.bus.add_node(TxPolicy::Latest), channel));
+            } else if let Some(line) = lines.get_mut(bus) {
+                line.channels.push(channel);
+            }
         }
 
         // On a bus whose control loop the controller closes, setpoints are torques.
@@ -189,10 +159,12 @@ impl<C: Core> Rig<C> {
             host,
             host_inbox: VecDeque::new(),
             actuator_buses,
+            lines,
             body,
             motor_step: Periodic::new(MOTOR_RATE_HZ),
             control_period: Periodic::new(settings.control_hz.into()),
             log: Vec::new(),
+            packets: Vec::new(),
             adapter: Adapter::default(),
             faults: Faults::default(),
             edges_until: SimTime::ZERO,
@@ -227,10 +199,15 @@ impl<C: Core> Rig<C> {
         self.observer = Some(Box::new(observer));
     }
 
+    /// # Panics
+    /// The robot has no such CAN bus.
     fn wire(&mut self, bus: Interface) -> &mut Wire {
         match bus {
             Interface::Link => &mut self.link,
-            Interface::Actuator(bus) => &mut self.actuator_buses[usize::from(bus)].wire,
+            Interface::Actuator(bus) => {
+                let bus = self.actuator_buses.get_mut(&bus);
+                &mut bus.expect("a CAN bus of this robot").wire
+            }
         }
     }
 
@@ -259,9 +236,15 @@ impl<C: Core> Rig<C> {
         &self.log
     }
 
-    /// Takes the log so far and drops the records, for a robot that runs for days.
+    /// Every packet of every serial line so far, in the order of completion.
+    pub fn packets(&self) -> &[PacketEntry] {
+        &self.packets
+    }
+
+    /// Takes the log of frames so far and drops packets and records, for a robot that runs for days.
     pub fn take_log(&mut self) -> Vec<LogEntry> {
         self.recorder.forget();
+        self.packets.clear();
         std::mem::take(&mut self.log)
     }
 
@@ -270,13 +253,20 @@ impl<C: Core> Rig<C> {
         self.recorder.records()
     }
 
-    /// Load and latencies of every bus since the start, link first.
+    /// Load and latencies of every CAN bus since the start, link first.
     pub fn bus_statistics(&self) -> Vec<(Interface, BusStatistics)> {
         let link = (Interface::Link, self.link.bus.statistics().clone());
-        let actuators = self.actuator_buses.iter().enumerate().map(|(index, bus)| {
-            (Interface::Actuator(index as u8), bus.wire.bus.statistics().clone())
-        });
+        let actuators = self
+            .actuator_buses
+            .iter()
+            .map(|(&number, bus)| (Interface::Actuator(number), bus.wire.bus.statistics().clone()));
         std::iter::once(link).chain(actuators).collect()
+    }
+
+    /// Use of every serial line since the start.
+    pub fn line_statistics(&self) -> Vec<(Interface, LineStatistics)> {
+        let lines = self.lines.iter();
+        lines.map(|(&bus, line)| (Interface::Actuator(bus), line.line.statistics())).collect()
     }
 
     /// The controller.
@@ -305,6 +295,13 @@ impl<C: Core> Rig<C> {
         let noticed = match next {
             Next::Link => self.end_link_frame(),
             Next::Actuator(bus) => self.end_actuator_frame(bus),
+            Next::Line(bus) => match self.hear_line(bus) {
+                Ok(()) => None,
+                Err(error) => {
+                    self.lost = Some(error);
+                    return false;
+                }
+            },
             Next::Late(path) => match self.faults.pop(at, path) {
                 Some(frame) => self.arrive(path, &frame),
                 None => return true,
@@ -356,7 +353,7 @@ impl<C: Core> Rig<C> {
             if self.link.is_free(1) {
                 free = free.with_link();
             }
-            for (bus, actuators) in (0..).zip(&self.actuator_buses) {
+            for (&bus, actuators) in &self.actuator_buses {
                 if actuators.wire.is_free(depth) {
                     free = free.with_actuator(bus);
                 }
@@ -377,8 +374,15 @@ impl<C: Core> Rig<C> {
                 }
             }
             self.link.fill(at, sent.link);
-            for (actuators, frame) in self.actuator_buses.iter_mut().zip(sent.actuators) {
-                actuators.wire.fill(at, frame);
+            for (&bus, actuators) in &mut self.actuator_buses {
+                actuators.wire.fill(at, sent.actuators[usize::from(bus)]);
+            }
+            for (&bus, ActuatorLine { line, .. }) in &mut self.lines {
+                if line.is_free()
+                    && let Some(packet) = self.controller.poll_serial(bus)?
+                {
+                    line.send(at, &packet);
+                }
             }
             let any = sent.actuators.iter().any(Option::is_some);
             // A deeper buffer accepts several frames at once.
@@ -391,9 +395,11 @@ impl<C: Core> Rig<C> {
     /// The earliest event; of those at the same instant the first in the documented order.
     fn next_event(&self) -> (SimTime, Next) {
         let link = self.link.bus.next_completion().map(|at| (at, Next::Link));
-        let actuators = self.actuator_buses.iter().enumerate().filter_map(|(index, bus)| {
-            Some((bus.wire.bus.next_completion()?, Next::Actuator(index)))
+        let actuators = self.actuator_buses.iter().filter_map(|(&number, bus)| {
+            Some((bus.wire.bus.next_completion()?, Next::Actuator(number)))
         });
+        let lines = self.lines.iter();
+        let lines = lines.filter_map(|(&bus, of)| Some((of.line.next_event()?, Next::Line(bus))));
         let late = self.faults.next_due().map(|(at, path)| (at.max(self.now), Next::Late(path)));
         let edge = self.faults.next_edge(self.edges_until).map(|at| (at, Next::Edge));
         let babblers = self.babblers.iter().enumerate().filter(|(_, b)| b.next < b.until);
@@ -401,7 +407,7 @@ impl<C: Core> Rig<C> {
         let drives = self.body.next_timer().map(|at| (at.max(self.now), Next::Drives));
         let motors = (self.motor_step.next(), Next::Motors);
         let control = (self.control_period.next(), Next::Control);
-        let frames = link.into_iter().chain(actuators);
+        let frames = link.into_iter().chain(actuators).chain(lines);
         let faults = late.into_iter().chain(edge).chain(babblers);
         // `min_by_key` returns the first of several minima.
         let events = frames.chain(faults).chain(drives).chain([motors, control]);

@@ -7,6 +7,7 @@ mod playing;
 mod protocols;
 mod refusing;
 mod serial_line;
+mod servo_lines;
 mod standing;
 mod stopping;
 mod transfer_time;

@@ -7,7 +7,6 @@ use rollwalk_bus::candump::LogEntry;
 use rollwalk_host::session::Session;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Protocol};
 use rollwalk_protocol::actuators::cybergear::{CyberGear, SAMPLE_MAX_RAD};
-use rollwalk_protocol::actuators::dynamixel::{Dynamixel, table::XM430_W210};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
 use rollwalk_protocol::faults::Fault;
@@ -49,7 +48,7 @@ fn kinds() -> Vec<(&'static str, Bus)> {
 }
 
 /// The leg with hip and wheel on bus 0 and the knee on bus 1.
-fn leg(buses: [Bus; 2]) -> Robot {
+pub fn leg(buses: [Bus; 2]) -> Robot {
     Robot { buses: [(0, buses[0]), (1, buses[1])].into(), ..robot::robot() }
 }
 
@@ -58,7 +57,7 @@ fn rig(robot: &Robot) -> Rig {
 }
 
 /// With its library on board, in SAFE.
-fn armed(robot: &Robot) -> Session<Rig> {
+pub fn armed(robot: &Robot) -> Session<Rig> {
     let mut session = connect(rig(robot));
     // Who has just been switched on knows no poses yet.
     session.run_for(S / 2).unwrap();
@@ -69,7 +68,7 @@ fn armed(robot: &Robot) -> Session<Rig> {
 }
 
 /// Swings, rolls and comes back.
-fn play(session: &mut Session<Rig>) {
+pub fn play(session: &mut Session<Rig>) {
     for code in [robot::SWING, robot::ROLL] {
         session.select(code).unwrap();
         session.run_for(3 * S).unwrap();
@@ -249,15 +248,6 @@ fn a_slower_bus_is_as_slow_as_its_file_says() {
     let (fast, slow) = (load(1_000_000), load(250_000));
     // Each has one frame more or less at the ends of its second: 135 bits of 58,000, twice.
     assert!((slow / fast - 4.0).abs() < 0.02, "{fast} {slow}");
-}
-
-#[test]
-fn a_serial_line_is_refused_by_name() {
-    let servos = Dynamixel { model: XM430_W210, watchdog_20ms: 0, return_delay_us: 0 };
-    let mut robot = leg([mit(4, AnswerId::Own), on(Protocol::Dynamixel(servos))]);
-    robot.joints[1].actuator.torque_max_nm = 2.0;
-    let error = Rig::new(&robot).err().expect("it is not simulated").to_string();
-    assert!(error.starts_with("bus 1 of one_leg is a serial line (XM430-W210)"), "{error}");
 }
 
 /// The example of the documentation.

@@ -36,7 +36,8 @@ The folder then holds
   plans/*.json       one plan for each motion and transition
   plots/*.svg        one figure for each plan, and robot.svg, the robot in every motion
   ROBOT.rwl          the motion library
-  bus.log            every frame of every bus, as candump writes it")]
+  bus.log            every frame of every CAN bus, as candump writes it
+  serial.log         every packet of servos on serial lines, if the robot has any")]
 pub struct Args {
     /// Folder for plans, plots, library and bus log; made if missing, in a folder that exists. Its files are replaced.
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
@@ -85,6 +86,11 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut log = Vec::new();
     candump::write(played.rig.log(), &mut log).into_diagnostic()?;
     files::write(&args.out.join("bus.log"), &log)?;
+    let packets = played.rig.packets();
+    if !packets.is_empty() {
+        let lines: String = packets.iter().map(|packet| format!("{packet}\n")).collect();
+        files::write(&args.out.join("serial.log"), lines.as_bytes())?;
+    }
     if interrupt::requested() {
         return Ok(Exit::Interrupted);
     }

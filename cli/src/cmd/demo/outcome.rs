@@ -105,7 +105,7 @@ impl Outcome {
         let view = library::Library::open(packed, &index)
             .ok_or_else(|| miette::miette!("the library does not open"))?;
         let in_clip_order: Vec<&Plan> = plans.all().map(|planned| &planned.plan).collect();
-        let scores = scores(&in_clip_order, rig);
+        let scores = scores(&in_clip_order, rig, &library.robot);
         let mut clips = Vec::new();
         let mut levels = Levels::default();
         for (number, planned) in plans.all().enumerate() {

@@ -5,8 +5,9 @@ use rollwalk_firmware::Settings;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::sample::PlanSpline;
 use rollwalk_protocol::library::{ClipId, RATE_HZ};
+use rollwalk_robot::Robot;
 use rollwalk_sim_host::bus::DEFAULT_BITRATE;
-use rollwalk_sim_host::interface::{Interface, LogEntry};
+use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::record::{TickRecord, TrackingError, tracking_errors};
 use rollwalk_sim_host::rig::Rig;
 use std::collections::BTreeMap;
@@ -28,8 +29,8 @@ pub struct Score {
     pub bus_load: f64,
 }
 
-/// Scores every clip that was played; `plans` are those of the clips, in clip order.
-pub fn scores(plans: &[&Plan], rig: &Rig) -> BTreeMap<ClipId, Score> {
+/// Scores every clip that was played; `plans` are those of the clips, in clip order, `robot` is the rig's.
+pub fn scores(plans: &[&Plan], rig: &Rig, robot: &Robot) -> BTreeMap<ClipId, Score> {
     let (records, period_us) =
         (rig.records(), 1_000_000 / u64::from(Settings::default().control_hz));
     let splines: Vec<PlanSpline> = plans.iter().map(|plan| PlanSpline::new(plan)).collect();
@@ -54,7 +55,7 @@ pub fn scores(plans: &[&Plan], rig: &Rig) -> BTreeMap<ClipId, Score> {
             *worst = worst.max((commanded - planned).abs());
         }
     }
-    let loads = bus_loads(records, rig.log(), period_us);
+    let loads = bus_loads(records, &traffic(rig, robot), period_us);
     for (clip, score) in &mut scores {
         score.tracking = tracking.get(clip).copied().unwrap_or_default();
         score.bus_load = loads.get(clip).copied().unwrap_or_default();
@@ -77,24 +78,48 @@ fn planned_place(records: &[TickRecord]) -> (ClipId, f64) {
     }
 }
 
+/// A frame or packet: when it ended, and how long its bits took.
+struct Traffic {
+    at_us: u64,
+    interface: Interface,
+    busy_s: f64,
+}
+
+/// What went over all buses, in the order of time.
+fn traffic(rig: &Rig, robot: &Robot) -> Vec<Traffic> {
+    let rate = |interface| match interface {
+        Interface::Link => DEFAULT_BITRATE,
+        Interface::Actuator(bus) => robot.buses.get(&bus).copied().unwrap_or_default().bit_rate,
+    };
+    let entry = |at_us, interface, bits| {
+        let busy_s = f64::from(bits) / f64::from(rate(interface));
+        Traffic { at_us, interface, busy_s }
+    };
+    let frames = rig.log().iter().map(|of| entry(of.at_us, of.interface, of.frame.exact_bits()));
+    let packets = rig.packets().iter();
+    let packets = packets.map(|of| entry(of.at_us, of.interface, 10 * of.bytes.len() as u32));
+    let mut all: Vec<_> = frames.chain(packets).collect();
+    all.sort_by_key(|entry| entry.at_us);
+    all
+}
+
 /// Share of the time in which the fullest bus carried bits while a clip was played.
-fn bus_loads(records: &[TickRecord], log: &[LogEntry], period_us: u64) -> BTreeMap<ClipId, f64> {
-    let mut bits = BTreeMap::<(ClipId, Interface), u64>::new();
+fn bus_loads(records: &[TickRecord], traffic: &[Traffic], period_us: u64) -> BTreeMap<ClipId, f64> {
+    let mut busy_s = BTreeMap::<(ClipId, Interface), f64>::new();
     let mut periods = BTreeMap::<ClipId, u64>::new();
-    let mut frames = log.iter().peekable();
+    let mut traffic = traffic.iter().peekable();
     for record in records {
         *periods.entry(record.clip).or_default() += 1;
         let (start, end) = (record.time_us, record.time_us + period_us);
-        while frames.next_if(|entry| entry.at_us < start).is_some() {}
-        while let Some(entry) = frames.next_if(|entry| entry.at_us < end) {
-            *bits.entry((record.clip, entry.interface)).or_default() +=
-                u64::from(entry.frame.exact_bits());
+        while traffic.next_if(|entry| entry.at_us < start).is_some() {}
+        while let Some(entry) = traffic.next_if(|entry| entry.at_us < end) {
+            *busy_s.entry((record.clip, entry.interface)).or_default() += entry.busy_s;
         }
     }
     let mut loads = BTreeMap::<ClipId, f64>::new();
-    for ((clip, _), bits) in bits {
+    for ((clip, _), busy_s) in busy_s {
         let seconds = (periods[&clip] * period_us) as f64 * 1e-6;
-        let load = bits as f64 / (f64::from(DEFAULT_BITRATE) * seconds);
+        let load = busy_s / seconds;
         let fullest = loads.entry(clip).or_default();
         *fullest = fullest.max(load);
     }

@@ -187,6 +187,8 @@ fn interface(bus: &BusName) -> String {
         BusName::Sim { .. } => "sim0".into(),
         BusName::Serial { .. } => "serial0".into(),
         BusName::Slcan { .. } => "slcan0".into(),
+        // No link: it cannot be opened as one.
+        BusName::Tty { .. } | BusName::Pty { .. } => "tty0".into(),
     }
 }
 

@@ -1,0 +1,299 @@
+//! Serial lines of actuators: bytes as they are, both ways. [`open`] takes an adapter, such as a U2D2, [`serve`] makes a
+//! pseudo-terminal, behind which simulated servos are to another program what an adapter is.
+//!
+//! The line is for one program: a second one is refused as long as the first has it open, and no longer, however the
+//! first ends.
+
+use crate::line::{LineWriter, read};
+use crate::link::LinkError;
+use crate::open::OpenError;
+use crate::port::{Event, Inlet, Outlet, Port};
+use crate::serial::open_device;
+use rollwalk_protocol::can::Frame;
+use std::fs;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+
+/// The longest time that an adapter of FTDI's keeps bytes back, ms. From the factory 16: two control periods.
+const LATENCY_MS: u32 = 1;
+
+/// Opens a serial adapter at `baud` bits per second.
+///
+/// # Errors
+/// The device does not exist, access is denied, or it does not support this rate.
+pub fn open(device: &Path, baud: u32) -> Result<Port, OpenError> {
+    let (reader, writer) = open_device(device, baud)?;
+    let complaint = device.file_name().and_then(|name| {
+        let name = name.to_string_lossy();
+        hurry(Path::new("/sys/bus/usb-serial/devices"), &name)
+    });
+    Ok(port(&device.display().to_string(), reader, writer, complaint))
+}
+
+/// Has an adapter of FTDI's pass bytes on at once; returns what to do where that is not allowed. Other adapters have no
+/// such setting.
+fn hurry(devices: &Path, name: &str) -> Option<String> {
+    let setting = devices.join(name).join("latency_timer");
+    let latency_ms: u32 = fs::read_to_string(&setting).ok()?.trim().parse().ok()?;
+    if latency_ms <= LATENCY_MS || fs::write(&setting, LATENCY_MS.to_string()).is_ok() {
+        return None;
+    }
+    let setting = setting.display();
+    Some(format!(
+        "the adapter keeps answers back for up to {latency_ms} ms, and poses come too late: \
+         echo {LATENCY_MS} | sudo tee {setting}"
+    ))
+}
+
+/// Both ends of a line that carries bytes; `name` is for messages.
+pub fn port(
+    name: &str,
+    reader: impl Read + Send + 'static,
+    writer: impl Write + Send + 'static,
+    complaint: Option<String>,
+) -> Port {
+    let writer = LineWriter::new(name, writer);
+    let inlet = TtyInlet { name: name.to_owned(), reader };
+    Port { outlet: Box::new(TtyOutlet { writer, complaint }), inlet: Box::new(inlet) }
+}
+
+struct TtyOutlet {
+    writer: LineWriter,
+    complaint: Option<String>,
+}
+
+impl Outlet for TtyOutlet {
+    fn is_free(&self) -> bool {
+        self.writer.is_free()
+    }
+
+    fn send(&mut self, _frame: &Frame) -> Result<(), LinkError> {
+        Err(LinkError::Down(format!("{} carries bytes, no frames", self.writer.name())))
+    }
+
+    fn carries_bytes(&self) -> bool {
+        true
+    }
+
+    fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), LinkError> {
+        self.writer.put(bytes)
+    }
+
+    fn complaint(&self) -> Option<String> {
+        self.complaint.clone()
+    }
+}
+
+struct TtyInlet<R> {
+    name: String,
+    reader: R,
+}
+
+impl<R: Read + Send> Inlet for TtyInlet<R> {
+    fn next_event(&mut self) -> Result<Option<Event>, LinkError> {
+        let mut bytes = [0; 256];
+        let count = read(&self.name, &mut self.reader, &mut bytes)?;
+        Ok((count > 0).then(|| Event::Bytes(bytes[..count].to_vec())))
+    }
+}
+
+#[cfg(unix)]
+pub use pseudo::serve;
+
+/// Makes a pseudo-terminal, which this system does not have.
+///
+/// # Errors
+/// Always.
+#[cfg(not(unix))]
+pub fn serve(link: &Path) -> Result<Port, OpenError> {
+    let what = format!("`pty:{}` needs pseudo-terminals, which only Unix has", link.display());
+    Err(OpenError { what, help: "use two adapters and a cable between them".into() })
+}
+
+#[cfg(unix)]
+mod pseudo {
+    use super::*;
+    use serialport::{SerialPort, TTYPort};
+    use std::io;
+    use std::os::unix::fs::symlink;
+    use std::thread::sleep;
+    use std::time::Duration;
+
+    /// Read timeout, after which the thread looks whether the port is still wanted.
+    const WAIT: Duration = Duration::from_millis(50);
+    /// Interval at which the line looks for a program at its other end.
+    const LONELY: Duration = Duration::from_millis(5);
+    /// Where the system has its pseudo-terminals.
+    const TERMINALS: &str = "/dev/pts";
+
+    /// Makes a pseudo-terminal, and at `link` a symbolic link to the end that other programs open; it is there as long as
+    /// the port. Programs may come and go.
+    ///
+    /// # Errors
+    /// There is something else at `link`, or the system gives no pseudo-terminal.
+    pub fn serve(link: &Path) -> Result<Port, OpenError> {
+        let failed = |what: String| OpenError {
+            what: format!("`{}` cannot be made: {what}", link.display()),
+            help: "give a path in a folder that you may write, such as pty:/tmp/servos".into(),
+        };
+        // What an earlier run that was killed has left.
+        if fs::read_link(link).is_ok_and(|target| target.starts_with(TERMINALS)) {
+            let _ = fs::remove_file(link);
+        }
+        let (mut near, far) = TTYPort::pair().map_err(|error| failed(error.to_string()))?;
+        near.set_timeout(WAIT).map_err(|error| failed(error.to_string()))?;
+        let writer = near.try_clone_native().map_err(|error| failed(error.to_string()))?;
+        let device = far.name().ok_or_else(|| failed("it has no name".into()))?;
+        symlink(&device, link).map_err(|error| failed(error.to_string()))?;
+        let name = link.display().to_string();
+        let Port { outlet, inlet } = port(&name, Patient(near), Patient(writer), None);
+        Ok(Port { outlet: Box::new(Linked { outlet, link: link.to_owned(), device }), inlet })
+    }
+
+    /// The end of a pseudo-terminal whose other end may be open or not.
+    struct Patient(TTYPort);
+
+    /// Whether an error is one of a line that goes on.
+    fn passes(error: &io::Error) -> bool {
+        use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
+        matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
+    }
+
+    impl Read for Patient {
+        fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+            match self.0.read(bytes) {
+                Err(error) if !passes(&error) => {
+                    sleep(LONELY);
+                    Err(io::ErrorKind::TimedOut.into())
+                }
+                // The other end was closed.
+                Ok(0) => {
+                    sleep(LONELY);
+                    Err(io::ErrorKind::TimedOut.into())
+                }
+                read => read,
+            }
+        }
+    }
+
+    impl Write for Patient {
+        /// What no program reads is lost, as on a wire.
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            match self.0.write(bytes) {
+                Err(error) if !passes(&error) => Ok(bytes.len()),
+                written => written,
+            }
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    /// Removes the link when the port is dropped.
+    struct Linked {
+        outlet: Box<dyn Outlet>,
+        link: PathBuf,
+        device: String,
+    }
+
+    impl Outlet for Linked {
+        fn is_free(&self) -> bool {
+            self.outlet.is_free()
+        }
+
+        fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
+            self.outlet.send(frame)
+        }
+
+        fn carries_bytes(&self) -> bool {
+            true
+        }
+
+        fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), LinkError> {
+            self.outlet.send_bytes(bytes)
+        }
+    }
+
+    impl Drop for Linked {
+        fn drop(&mut self) {
+            // Unless another run has put its own there.
+            if fs::read_link(&self.link).is_ok_and(|target| target == Path::new(&self.device)) {
+                let _ = fs::remove_file(&self.link);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::port::Hub;
+    use std::time::{Duration, Instant};
+
+    /// Far longer than anything takes.
+    const LONG: Duration = Duration::from_secs(60);
+
+    /// So many bytes of a port.
+    fn heard(hub: &mut Hub, count: usize) -> Vec<u8> {
+        let (start, mut all) = (Instant::now(), Vec::new());
+        while all.len() < count {
+            assert!(start.elapsed() < LONG, "{all:?}");
+            if let Some((_, Ok(Event::Bytes(bytes)))) = hub.next_event(start + LONG) {
+                all.extend(bytes);
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn bytes_cross_a_pseudo_terminal_and_programs_come_and_go() {
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join("servos");
+        let mut servos = Hub::new([serve(&link).unwrap()]);
+        assert!(servos.outlets[0].carries_bytes());
+        // To nobody.
+        servos.outlets[0].send_bytes(&[1, 2]).unwrap();
+        for round in 0..2u8 {
+            let mut controller = Hub::new([open(&link, 1_000_000).unwrap()]);
+            // A terminal would take some of these for commands.
+            let all: Vec<u8> = (round..=255).collect();
+            controller.outlets[0].send_bytes(&all).unwrap();
+            assert_eq!(heard(&mut servos, all.len()), all);
+            servos.outlets[0].send_bytes(&all).unwrap();
+            assert!(heard(&mut controller, all.len()).ends_with(&all));
+            let busy = open(&link, 1_000_000).err().unwrap();
+            assert!(busy.what.starts_with("another program uses"), "{busy}");
+            drop(controller);
+            // Its threads let go of the device within their time-out.
+            let start = Instant::now();
+            while open(&link, 1_000_000).is_err() {
+                assert!(start.elapsed() < LONG);
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        }
+        drop(servos);
+        assert!(!link.exists() && fs::read_link(&link).is_err(), "the link is gone");
+    }
+
+    #[test]
+    fn what_is_in_the_way_of_a_pseudo_terminal_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("servos");
+        fs::write(&path, "mine").unwrap();
+        let error = serve(&path).err().unwrap();
+        assert!(error.what.contains("cannot be made"), "{error}");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "mine");
+    }
+
+    #[test]
+    fn an_adapter_that_keeps_bytes_back_is_told_not_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let setting = folder.path().join("ttyUSB7/latency_timer");
+        fs::create_dir(folder.path().join("ttyUSB7")).unwrap();
+        fs::write(&setting, "16\n").unwrap();
+        assert_eq!(hurry(folder.path(), "ttyUSB7"), None);
+        assert_eq!(fs::read_to_string(&setting).unwrap(), "1");
+        assert_eq!(hurry(folder.path(), "ttyACM0"), None, "no such setting");
+    }
+}

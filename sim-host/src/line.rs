@@ -1,0 +1,287 @@
+//! A half-duplex serial line in virtual time: controller and servos take turns, every byte takes its ten bits.
+//!
+//! Like [`crate::bus::CanBus`] the line is pulled: [`SerialLine::next_event`] is the instant of the next event, and
+//! [`SerialLine::advance`] handles it and returns a packet that has ended, which the caller hands to the other side.
+//! Servos that answer one question speak one after the other, each after its return delay
+//! ([`rollwalk_drives::Answer`]); who waits for a servo that says nothing waits for ever, so those behind it are silent
+//! too. A new packet of the controller makes servos forget what they were about to answer.
+//!
+//! No node listens before it talks. Where two talk at once, every byte that overlaps another is damaged.
+
+use crate::clock::SimTime;
+use rollwalk_drives::Answer;
+use std::collections::BTreeMap;
+
+/// Start bit, eight data bits, stop bit.
+const BITS_PER_BYTE: u64 = 10;
+
+/// Who speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Speaker {
+    /// The controller.
+    Controller,
+    /// The servo of a channel.
+    Servo(usize),
+}
+
+/// A packet that has crossed the line, as it is heard at the other ends.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Heard {
+    /// End of its last stop bit.
+    pub at: SimTime,
+    /// Whose it is.
+    pub from: Speaker,
+    /// Its bytes, some of them perhaps damaged.
+    pub bytes: Vec<u8>,
+}
+
+/// Use of a line since it was built.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LineStatistics {
+    /// Completed packets.
+    pub packets: u64,
+    /// Time in which the line carried bits.
+    pub busy: SimTime,
+    /// Packets of which others talked into a part.
+    pub collisions: u64,
+}
+
+/// A packet under way.
+#[derive(Clone, Debug)]
+struct Talk {
+    from: Speaker,
+    start: SimTime,
+    bytes: Vec<u8>,
+    is_damaged: bool,
+}
+
+/// Servos that have yet to answer a question: each by its place, with its channel.
+#[derive(Clone, Debug, Default)]
+struct Turns {
+    /// The place whose turn it is, and when it began.
+    next: usize,
+    since: SimTime,
+    answers: BTreeMap<usize, (usize, Answer)>,
+}
+
+impl Turns {
+    /// When the next servo speaks; `None` while one speaks that it waits for.
+    fn next_start(&self) -> Option<SimTime> {
+        let (_, answer) = self.answers.get(&self.next)?;
+        Some(self.since + SimTime::from_us(answer.delay_us))
+    }
+}
+
+/// One line.
+#[derive(Clone, Debug)]
+pub struct SerialLine {
+    baud: u64,
+    talks: Vec<Talk>,
+    turns: Turns,
+    statistics: LineStatistics,
+}
+
+impl SerialLine {
+    /// A silent line at `baud` bit/s.
+    ///
+    /// # Panics
+    /// `baud` is 0.
+    pub fn new(baud: u32) -> Self {
+        assert!(baud > 0, "a line needs a rate above 0 bit/s");
+        Self {
+            baud: baud.into(),
+            talks: Vec::new(),
+            turns: Turns::default(),
+            statistics: LineStatistics::default(),
+        }
+    }
+
+    /// Use since the line was built.
+    pub fn statistics(&self) -> LineStatistics {
+        self.statistics
+    }
+
+    /// Whether the controller's last packet has left.
+    pub fn is_free(&self) -> bool {
+        self.talks.iter().all(|talk| talk.from != Speaker::Controller)
+    }
+
+    /// The controller begins a packet. Its last one must have left, and all events before `now` been handled.
+    pub fn send(&mut self, now: SimTime, packet: &[u8]) {
+        self.talk(now, Speaker::Controller, packet.to_vec());
+    }
+
+    /// What servos answer, by channel, to a packet that has just been heard. They forget what they were about to answer
+    /// before. Of the drives behind one adapter each has its answer.
+    pub fn answer(&mut self, now: SimTime, answers: impl IntoIterator<Item = (usize, Answer)>) {
+        let answers = answers.into_iter().map(|(channel, said)| (said.turn, (channel, said)));
+        self.turns = Turns { next: 0, since: now, answers: answers.collect() };
+    }
+
+    /// A servo loses its power, or is cut off: what it says ends here.
+    pub fn silence(&mut self, channel: usize) {
+        self.talks.retain(|talk| talk.from != Speaker::Servo(channel));
+        self.turns.answers.retain(|_, (of, _)| *of != channel);
+    }
+
+    /// Instant of the next event; `None` while the line is silent and no servo is about to speak.
+    pub fn next_event(&self) -> Option<SimTime> {
+        let ends = self.talks.iter().map(|talk| self.end(talk));
+        ends.chain(self.turns.next_start()).min()
+    }
+
+    /// Handles the next event, if it is due by `now`: a servo that begins, or a packet that has ended, which is
+    /// returned.
+    pub fn advance(&mut self, now: SimTime) -> Option<Heard> {
+        let at = self.next_event().filter(|&at| at <= now)?;
+        if let Some(index) = self.talks.iter().position(|talk| self.end(talk) <= at) {
+            let Talk { from, bytes, is_damaged, start } = self.talks.remove(index);
+            self.statistics.packets += 1;
+            self.statistics.busy = self.statistics.busy + (at - start);
+            self.statistics.collisions += u64::from(is_damaged);
+            // Who waits for a packet that is damaged does not hear it end.
+            if !is_damaged && from != Speaker::Controller {
+                self.turns.since = at;
+                self.turns.next += 1;
+            }
+            return Some(Heard { at, from, bytes });
+        }
+        if let Some((channel, answer)) = self.turns.answers.remove(&self.turns.next) {
+            self.talk(at, Speaker::Servo(channel), answer.bytes);
+        }
+        None
+    }
+
+    fn talk(&mut self, start: SimTime, from: Speaker, bytes: Vec<u8>) {
+        let mut new = Talk { from, start, bytes, is_damaged: false };
+        let mut talks = std::mem::take(&mut self.talks);
+        for other in &mut talks {
+            self.collide(other, &mut new);
+        }
+        talks.push(new);
+        self.talks = talks;
+    }
+
+    /// Damages the bytes of two packets that are on the line at the same time.
+    fn collide(&self, a: &mut Talk, b: &mut Talk) {
+        let span = |talk: &Talk| (talk.start, self.end(talk));
+        let ((from_a, until_a), (from_b, until_b)) = (span(a), span(b));
+        let (from, until) = (from_a.max(from_b), until_a.min(until_b));
+        if from >= until {
+            return;
+        }
+        for talk in [a, b] {
+            talk.is_damaged = true;
+            for index in 0..talk.bytes.len() {
+                let begins = talk.start + self.duration(index);
+                let ends = talk.start + self.duration(index + 1);
+                if begins < until && ends > from {
+                    talk.bytes[index] = !talk.bytes[index];
+                }
+            }
+        }
+    }
+
+    fn end(&self, talk: &Talk) -> SimTime {
+        talk.start + self.duration(talk.bytes.len())
+    }
+
+    /// So many bytes on the line.
+    fn duration(&self, bytes: usize) -> SimTime {
+        SimTime::from_ns(bytes as u64 * BITS_PER_BYTE * 1_000_000_000 / self.baud)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn us(us: u64) -> SimTime {
+        SimTime::from_us(us)
+    }
+
+    fn answer(turn: usize, bytes: &[u8], delay_us: u64) -> Answer {
+        Answer { bytes: bytes.to_vec(), turn, delay_us }
+    }
+
+    /// Everything that is heard until silence: end in µs, sender, bytes.
+    fn heard(line: &mut SerialLine) -> Vec<(u64, Speaker, Vec<u8>)> {
+        let mut all = Vec::new();
+        while let Some(at) = line.next_event() {
+            all.extend(line.advance(at).map(|heard| (heard.at.as_us(), heard.from, heard.bytes)));
+        }
+        all
+    }
+
+    #[test]
+    fn servos_answer_in_turn_each_after_its_delay() {
+        let mut line = SerialLine::new(1_000_000);
+        line.send(us(100), &[1, 2, 3]);
+        assert!(!line.is_free());
+        assert_eq!(line.next_event(), Some(us(130)));
+        assert_eq!(line.advance(us(129)), None);
+        let asked = line.advance(us(130)).unwrap();
+        assert_eq!((asked.from, &asked.bytes[..]), (Speaker::Controller, &[1, 2, 3][..]));
+        assert!(line.is_free());
+        line.answer(us(130), [(7, answer(1, &[6; 4], 50)), (3, answer(0, &[5; 2], 20))]);
+        // 130 + 20 + 20, then 50 + 40.
+        let expected = [(170, Speaker::Servo(3), vec![5; 2]), (260, Speaker::Servo(7), vec![6; 4])];
+        assert_eq!(heard(&mut line), expected);
+        let statistics = LineStatistics { packets: 3, busy: us(90), collisions: 0 };
+        assert_eq!(line.statistics(), statistics);
+    }
+
+    #[test]
+    fn behind_a_servo_that_says_nothing_nobody_speaks() {
+        let mut line = SerialLine::new(1_000_000);
+        let three = || (0..3).map(|turn| (turn, answer(turn, &[turn as u8], 0)));
+        line.answer(us(0), three().filter(|(turn, _)| *turn != 1));
+        assert_eq!(heard(&mut line).len(), 1);
+        line.answer(us(100), three());
+        line.silence(1);
+        assert_eq!(heard(&mut line).len(), 1);
+    }
+
+    #[test]
+    fn an_adapter_answers_once_for_all_behind_it() {
+        let mut line = SerialLine::new(500_000);
+        line.answer(us(0), (0..4).map(|channel| (channel, answer(0, &[0, 0], 0))));
+        assert_eq!(heard(&mut line).len(), 1);
+    }
+
+    #[test]
+    fn who_is_told_something_new_forgets_the_old_answer() {
+        let mut line = SerialLine::new(1_000_000);
+        line.answer(us(0), [(0, answer(0, &[1], 500))]);
+        line.send(us(10), &[2]);
+        assert_eq!(line.advance(us(20)).unwrap().from, Speaker::Controller);
+        line.answer(us(20), []);
+        assert_eq!(line.next_event(), None);
+    }
+
+    #[test]
+    fn bytes_that_overlap_are_damaged_and_the_rest_is_not() {
+        let mut line = SerialLine::new(1_000_000);
+        line.answer(us(0), [(0, answer(0, &[0x11; 4], 0)), (1, answer(1, &[0x22], 0))]);
+        assert_eq!(line.advance(us(0)), None);
+        // The servo has 0 to 40 µs. A stop is sent in its third byte.
+        line.send(us(25), &[0x77; 4]);
+        let first = (40, Speaker::Servo(0), vec![0x11, 0x11, !0x11, !0x11]);
+        let second = (65, Speaker::Controller, vec![!0x77, !0x77, 0x77, 0x77]);
+        assert_eq!(heard(&mut line), [first, second], "and the next servo has heard no end");
+        assert_eq!(line.statistics().collisions, 2);
+    }
+
+    proptest! {
+        /// Rates whose bits are no whole number of nanoseconds lose or gain none over a packet.
+        #[test]
+        fn a_packet_takes_its_bits(baud in 9_600u32..4_500_000, bytes in 1usize..300) {
+            let mut line = SerialLine::new(baud);
+            line.send(us(5), &vec![0; bytes]);
+            let at = line.next_event().unwrap();
+            let expected_s = bytes as f64 * 10.0 / f64::from(baud);
+            prop_assert!(((at - us(5)).as_s() - expected_s).abs() <= 1e-9);
+        }
+    }
+}

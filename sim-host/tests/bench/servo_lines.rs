@@ -1,0 +1,193 @@
+//! Servos on half-duplex serial lines in virtual time: they are armed, follow, stop and are cleared; every packet takes
+//! its time, and a servo or a line that falls silent does no harm.
+
+use crate::S;
+use crate::protocols::{armed, leg, play};
+use crate::robot::{self, ROLL_RAD_S};
+use rollwalk_host::session::Session;
+use rollwalk_protocol::actuators::Codec;
+use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
+use rollwalk_protocol::actuators::dynamixel::{Dynamixel, table::XM430_W210};
+use rollwalk_protocol::actuators::maestro::Maestro;
+use rollwalk_protocol::faults::Fault;
+use rollwalk_protocol::library::ClipId;
+use rollwalk_protocol::wire::State;
+use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::faults::{Fault as InjectedFault, FaultKind};
+use rollwalk_sim_host::interface::Interface;
+use rollwalk_sim_host::record::tracking_errors;
+use rollwalk_sim_host::rig::Rig;
+
+fn dynamixel(bit_rate: u32, return_delay_us: u32, watchdog_20ms: u8) -> Bus {
+    let servos = Dynamixel { model: XM430_W210, watchdog_20ms, return_delay_us };
+    Bus { protocol: Protocol::Dynamixel(servos), bit_rate, ..Bus::default() }
+}
+
+/// With the factory's return delay.
+fn usual() -> Bus {
+    dynamixel(1_000_000, 500, 5)
+}
+
+fn fault(session: &mut Session<Rig>, kind: FaultKind, ms: u64) {
+    let rig = session.bus_mut();
+    let from = rig.now();
+    rig.add_fault(InjectedFault { kind, from, until: from + SimTime::from_ms(ms) });
+}
+
+/// As on CAN 27 mrad. 2.4 rad/s by kd over kp, 25 ms, are 60 mrad: there is no place for the speed of a setpoint. 1.5 ms
+/// of packets are 4 mrad, half a step of 1.5 mrad 1 mrad.
+const LAG_RAD: f64 = 0.092;
+
+#[track_caller]
+fn assert_followed(rig: &Rig, name: &str) {
+    let errors = tracking_errors(rig.config(), rig.records());
+    assert!(errors.len() >= 7, "{name}: {errors:?}");
+    for (clip, error) in &errors {
+        assert!(error.joint_rad > 1e-4 && error.joint_rad < LAG_RAD, "{name}: {clip:?} {error:?}");
+        // 9 rad/s² by 1/120 s and 2 ms, 5 mN·m·s² / 0.5; half a step of 24 mrad/s.
+        assert!(error.wheel_rad_s < 0.25, "{name}: {clip:?} {error:?}");
+    }
+    let rolling = rig.records().iter().filter(|record| record.clip == ClipId(2));
+    let fastest = rolling.map(|record| record.measured[2]).fold(0.0, f32::max);
+    // A step of velocity is 24 mrad/s.
+    assert!((fastest - ROLL_RAD_S).abs() < 0.03, "{name}: {fastest}");
+    let missed = rig.records().iter().filter(|record| record.missed > 0).count();
+    assert_eq!(missed, 0, "{name}: {missed} of {}", rig.records().len());
+    for (line, statistics) in rig.line_statistics() {
+        assert!(statistics.packets > 1000, "{name}: {line} {statistics:?}");
+    }
+}
+
+#[test]
+fn servos_follow_are_stopped_and_follow_again() {
+    let rates =
+        [(1_000_000, 500), (1_000_000, 0), (2_000_000, 250), (3_000_000, 0), (4_000_000, 20)];
+    for (bit_rate, delay_us) in rates {
+        let name = format!("{bit_rate} bit/s, {delay_us} µs");
+        let mut session = armed(&leg([dynamixel(bit_rate, delay_us, 5); 2]));
+        play(&mut session);
+        session.select(robot::SWING).unwrap();
+        session.run_for(S).unwrap();
+        session.estop().unwrap();
+        session.run_for(S / 100).unwrap();
+        let driving = session.bus().body().servos().iter().any(|servo| servo.is_driving());
+        assert!(!driving, "{name}: torque after an emergency stop");
+        session.run_for(S).unwrap();
+        assert_eq!(session.status().unwrap().state, State::EStopped, "{name}");
+        session.clear().unwrap();
+        session.arm().unwrap();
+        play(&mut session);
+        session.disarm().unwrap();
+        assert_followed(&session.into_bus(), &name);
+    }
+}
+
+#[test]
+fn the_same_run_puts_the_same_packets_on_the_line() {
+    let packets = || {
+        let mut session = armed(&leg([usual(); 2]));
+        play(&mut session);
+        session.into_bus().packets().to_vec()
+    };
+    let first = packets();
+    assert!(first.len() > 1000 && first == packets());
+    assert!(first.is_sorted_by_key(|packet| packet.at_us));
+}
+
+/// Hip and wheel on bus 0: a question of 16 bytes, and two answers of 21 after 500 µs each, at 10 µs a byte.
+#[test]
+fn every_byte_takes_its_ten_bits_and_every_answer_its_delay() {
+    let mut session = armed(&leg([usual(); 2]));
+    let since_us = session.bus().now().as_us();
+    session.run_for(S / 10).unwrap();
+    let rig = session.into_bus();
+    let on_0 = |packet: &&_| {
+        let packet: &rollwalk_sim_host::interface::PacketEntry = packet;
+        packet.interface == Interface::Actuator(0) && packet.at_us > since_us
+    };
+    let packets: Vec<_> = rig.packets().iter().filter(on_0).collect();
+    let mut seen = 0;
+    for three in packets.windows(3) {
+        let [asked, first, second] = three else { unreachable!() };
+        if asked.from_controller && !first.from_controller && !second.from_controller {
+            assert_eq!(asked.bytes.len(), 16);
+            for (before, answer) in [(asked, first), (first, second)] {
+                let wait_us = answer.at_us - before.at_us;
+                assert_eq!(wait_us, 500 + 10 * answer.bytes.len() as u64);
+            }
+            seen += 1;
+        }
+    }
+    assert!(seen >= 11, "{seen} questions in 100 ms");
+}
+
+/// One servo or its line falls silent while the robot plays: it lies down, and says why.
+#[test]
+fn without_answers_the_robot_is_let_down() {
+    let faults =
+        [FaultKind::Unpowered(1), FaultKind::Deaf(1), FaultKind::NoAck(Interface::Actuator(1))];
+    for kind in faults {
+        let mut session = armed(&leg([usual(); 2]));
+        session.select(robot::SWING).unwrap();
+        session.run_for(2 * S).unwrap();
+        fault(&mut session, kind, 2_000);
+        session.run_for(2 * S).unwrap();
+        let status = session.status().unwrap();
+        assert_eq!(status.state, State::TorqueOff, "{kind:?}: {status:?}");
+        assert!(status.faults.contains(Fault::ActuatorSilent), "{kind:?}");
+        // The knee's own watchdog has stopped it: 100 ms.
+        let driving = session.bus().body().servos().iter().any(|servo| servo.is_driving());
+        assert!(!driving, "{kind:?}");
+        // Back again, the robot can be cleared, armed and played.
+        session.run_for(S).unwrap();
+        session.clear().unwrap();
+        session.run_for(S / 10).unwrap();
+        session.arm().unwrap();
+        session.select(robot::SWING).unwrap();
+        session.run_for(S).unwrap();
+        assert_eq!(session.status().unwrap().state, State::Playing, "{kind:?}");
+    }
+}
+
+/// A gap shorter than the controller's patience is a gap in the answers, and nothing else.
+#[test]
+fn a_short_gap_is_ridden_through() {
+    let mut session = armed(&leg([usual(); 2]));
+    session.select(robot::SWING).unwrap();
+    session.run_for(2 * S).unwrap();
+    fault(&mut session, FaultKind::NoAck(Interface::Actuator(0)), 50);
+    session.run_for(2 * S).unwrap();
+    let status = session.status().unwrap();
+    assert_eq!((status.state, status.faults.is_empty()), (State::Playing, true), "{status:?}");
+}
+
+/// The controller makes the torque from a pose that is a period old.
+#[test]
+fn a_loop_can_be_closed_over_the_line() {
+    let by_torque = Bus { control: ControlLoop::OnController, ..dynamixel(3_000_000, 0, 5) };
+    let mut robot = leg([dynamixel(1_000_000, 100, 5), by_torque]);
+    let knee = &mut robot.joints[1].actuator;
+    (knee.armature_kg_m2, knee.kp_nm_rad, knee.kd_nm_s_rad) = (0.05, 40.0, 1.0);
+    let mut session = armed(&robot);
+    play(&mut session);
+    assert_eq!(session.status().unwrap().state, State::Ready);
+    session.run_for(S).unwrap();
+    // In SAFE its weight of 0.17 N·m by kp is 4 mrad; a step of current 0.1 mrad.
+    let error = session.bus().body().values()[1] - -0.6;
+    assert!(error.abs() < 0.006, "{error}");
+}
+
+/// Hobby servos do not say where they are; their board answers for them.
+#[test]
+fn hobby_servos_behind_a_board_follow() {
+    let board = Maestro::EXAMPLES[1];
+    let protocol = Protocol::Maestro(board);
+    let maestro = Bus { protocol, bit_rate: 115_200, pose: Pose::AssumedSafe, ..Bus::default() };
+    let mut session = armed(&leg([usual(), maestro]));
+    play(&mut session);
+    session.disarm().unwrap();
+    let rig = session.into_bus();
+    for (clip, error) in tracking_errors(rig.config(), rig.records()) {
+        assert!(error.joint_rad < LAG_RAD, "{clip:?} {error:?}");
+    }
+}
