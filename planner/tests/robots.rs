@@ -14,7 +14,7 @@ use std::path::Path;
 const CANNOT_DRIVE: &str = "car_tilted";
 
 /// All other robot files, with a motion file of each.
-const MOTIONS: [(&str, &str); 15] = [
+const MOTIONS: [(&str, &str); 16] = [
     ("agilebot", "slalom"),
     ("agilebot_sprint", "table_2_1/agilebot_start_stop"),
     ("anymal_wheels", "anymal_duck"),
@@ -23,6 +23,7 @@ const MOTIONS: [(&str, &str); 15] = [
     ("creature3", "table_2_1/creature3_walk"),
     ("dinobot", "table_2_1/dinobot_skating"),
     ("legbot", "legbot_walk"),
+    ("pup", "pup_walk"),
     ("skatebot", "table_2_1/skatebot_skating"),
     ("skaterbot", "skaterbot_stand"),
     ("swizzlebot", "swizzlebot_turn"),

@@ -27,7 +27,7 @@ fn every_shipped_library_builds_and_opens() {
 #[test]
 fn libraries_of_other_robots_play_within_the_bounds() {
     let desk = desk_with_shipped_files();
-    for robot in ["swizzlebot", "skaterbot", "anymal", "test_leg"] {
+    for robot in ["swizzlebot", "skaterbot", "anymal", "test_leg", "pup"] {
         let library = format!("motions/{robot}_library.toml");
         desk.run(&["demo", "--library", &library, "--out", robot, "--json"]).succeeds();
     }

@@ -17,6 +17,7 @@ mod recording;
 mod results;
 mod robots;
 mod sending;
+mod servo_lines;
 mod simulated;
 mod solver_options;
 mod torques;

@@ -1,7 +1,7 @@
 //! A simulated robot for the tools to work with, and a small library for it.
 
 use crate::desk_with_shipped_files;
-use rollwalk_tests::{Desk, Outcome};
+use rollwalk_tests::{Desk, Outcome, signal};
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -30,16 +30,52 @@ impl Robot {
         Self::run(desk, &[&["robots/legbot.toml"], args].concat(), bus, bus)
     }
 
+    /// The motors of a robot alone, behind a serial line that is ready when its link is there.
+    pub fn motors(desk: &Desk, robot: &str, line: &str) -> Self {
+        let line = desk.path(line);
+        let actuators = format!("pty:{}", line.display());
+        let motors =
+            Self::start_with(desk, &[robot, "--only", "motors", "--actuators", &actuators]);
+        let start = Instant::now();
+        while !line.exists() {
+            assert!(start.elapsed() < Duration::from_secs(60), "there is no {}", line.display());
+            sleep(Duration::from_millis(10));
+        }
+        motors
+    }
+
+    /// The controller of a robot alone, at a serial line of motors.
+    pub fn controller(desk: &Desk, robot: &str, bus: &str, line: &str) -> Self {
+        let actuators = format!("tty:{}", desk.path(line).display());
+        Self::run(desk, &[robot, "--only", "controller", "--actuators", &actuators], bus, bus)
+    }
+
     fn run(desk: &Desk, args: &[&str], bus: &str, host: &str) -> Self {
+        Self::start_with(desk, &[args, &["--bus", bus]].concat()).answering(desk, host)
+    }
+
+    fn start_with(desk: &Desk, args: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
-        command.args(args).args(["--bus", bus]).current_dir(desk.path(""));
-        let robot = Self(command.stderr(Stdio::null()).spawn().expect("the robot starts"));
+        command.args(args).current_dir(desk.path(""));
+        Self(command.stderr(Stdio::null()).spawn().expect("the robot starts"))
+    }
+
+    /// Waits until it answers.
+    fn answering(self, desk: &Desk, host: &str) -> Self {
         let start = Instant::now();
         while on(desk, host, &["discover"]).code != 0 {
             assert!(start.elapsed() < Duration::from_secs(60), "the robot does not answer");
             sleep(Duration::from_millis(10));
         }
-        robot
+        self
+    }
+}
+
+impl Robot {
+    /// Ends it as Ctrl-C does.
+    pub fn stop(&mut self) {
+        signal(&self.0, "INT");
+        self.0.wait().expect("it ends");
     }
 }
 

@@ -1,0 +1,84 @@
+//! A robot whose servos are on a serial line: played in virtual time, and in real time by a controller and motors that
+//! are two programs with a pseudo-terminal between them, as a computer and servos at an adapter are.
+
+use crate::desk_with_shipped_files;
+use crate::results::json;
+use crate::simulated::{Robot, on};
+use rollwalk_tests::Outcome;
+use std::process::Command;
+use std::thread::sleep;
+use std::time::Duration;
+
+const ROBOT: &str = "robots/pup.toml";
+
+#[test]
+fn the_demo_plays_a_robot_on_a_serial_line() {
+    let desk = desk_with_shipped_files();
+    let args = ["demo", "--library", "motions/pup_library.toml", "--out", "out", "--json"];
+    let outcome = json(&desk.run(&args).succeeds());
+    let clips = outcome["clips"].as_array().unwrap();
+    let names: Vec<_> = clips.iter().map(|clip| clip["name"].as_str().unwrap()).collect();
+    assert!(["stand", "drive", "walk"].iter().all(|name| names.contains(name)), "{names:?}");
+    for clip in clips {
+        // Two packets of setpoints, a question and twelve answers: 366 bytes of ten bits at 1 Mbit/s, 120 times a second.
+        let load = clip["bus_load"].as_f64().unwrap();
+        assert!((load - 0.439).abs() < 0.01, "{clip}");
+    }
+    let log = desk.read_text("out/serial.log");
+    let (asked, said) = (log.matches(" act0 > ").count(), log.matches(" act0 < ").count());
+    assert!(asked > 3_000 && said > 12_000, "{asked} {said}");
+    for motion in ["stand", "drive", "walk"] {
+        let plan = format!("out/plans/{motion}.json");
+        desk.run(&["report", &plan]).succeeds_with(0, &["holds: every residual"]);
+    }
+}
+
+#[test]
+fn a_controller_plays_motors_at_the_other_end_of_a_serial_line() {
+    let desk = desk_with_shipped_files();
+    let args = ["library", "build", "motions/pup_library.toml", "-o", "pup.rwl"];
+    desk.run(&args).succeeds();
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    let mut motors = Robot::motors(&desk, ROBOT, "servos");
+    let _controller = Robot::controller(&desk, ROBOT, &bus, "servos");
+    on(&desk, &bus, &["flash", "pup.rwl", "--robot", ROBOT]).succeeds();
+    on(&desk, &bus, &["gains", "feed-forward", "0"]).succeeds();
+    // A computer that is busy with other tests may miss a host's time-out, which brings the robot to SAFE: once more then.
+    let plays = || on(&desk, &bus, &["send", "--arm", "walk", "drive", "stand"]);
+    let mut outcome = plays();
+    for _ in 0..4 {
+        if outcome.code == 0 {
+            break;
+        }
+        sleep(Duration::from_secs(3));
+        on(&desk, &bus, &["clear"]);
+        outcome = plays();
+    }
+    outcome.succeeds();
+
+    // Without its servos a robot cannot be armed; with them back it can.
+    motors.stop();
+    sleep(Duration::from_millis(500));
+    let refused = on(&desk, &bus, &["send", "--arm", "stand"]);
+    assert_ne!(refused.code, 0, "{}", refused.stdout);
+    assert!(desk.path("servos").symlink_metadata().is_err(), "the line is gone");
+}
+
+#[test]
+fn a_line_of_servos_is_no_bus_of_frames() {
+    let desk = desk_with_shipped_files();
+    let says = |args: &[&str], words: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
+        command.current_dir(desk.path("")).env("COLUMNS", "1000").env("NO_COLOR", "1").args(args);
+        Outcome::from(command.output().expect("it starts")).fails(1, words);
+    };
+    let only = ["--only", "controller", "--bus", "sim:x.sock", "--actuators"];
+    let with = |robot, name| [&[robot], &only[..], &[name]].concat();
+    says(&with(ROBOT, "can:can0"), &["bus 0 of pup is a serial line (XL330-M288)", "tty:"]);
+    says(&with(ROBOT, "tty:/dev/ttyNONE"), &["no device `/dev/ttyNONE`"]);
+    says(
+        &[ROBOT, "--bus", "sim:x.sock", "--actuators", "tty:/dev/ttyNONE"],
+        &["one end for each program", "--only motors --actuators pty:"],
+    );
+    on(&desk, "tty:/dev/ttyUSB0", &["discover"]).fails(1, &["a line of servos", "serial:DEVICE"]);
+}
