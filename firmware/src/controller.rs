@@ -9,6 +9,7 @@ use rollwalk_protocol::serial::BusState;
 use rollwalk_protocol::wire::{State, Torque};
 
 use crate::actuators::load::loads;
+use crate::authentication::Authentication;
 use crate::bus::Buses;
 use crate::bus_watch::BusWatch;
 use crate::gate::Gate;
@@ -37,6 +38,7 @@ pub struct Controller<S, P = NoParameters> {
     pub(crate) bus_watch: BusWatch,
     pub(crate) tilt: TiltWatch,
     pub(crate) journal: Journal,
+    pub(crate) authentication: Authentication,
     safety: StateMachine,
     events: EventSet,
     /// Time at which the current state was entered.
@@ -82,6 +84,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             bus_watch: BusWatch::default(),
             tilt: TiltWatch::default(),
             journal: Journal::new(),
+            authentication: Authentication::default(),
             safety: StateMachine::new(State::Boot),
             events: EventSet::default(),
             since_us: 0,

@@ -54,6 +54,16 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         let event = event.code();
         self.journal.record(LogEntry { at_ms, event, before, after, fault, channel, value });
     }
+
+    /// Records that messages were refused because they were not authentic, with their count as the value.
+    #[cfg(feature = "authenticated")]
+    pub(crate) fn note_refused(&mut self, at_us: u64, count: u32) {
+        let (at_ms, event, state) =
+            (wrapping_ms(at_us), Event::Unauthenticated.code(), self.state());
+        let (before, after, fault, channel) = (state, state, None, None);
+        let value = count as f32;
+        self.journal.record(LogEntry { at_ms, event, before, after, fault, channel, value });
+    }
 }
 
 #[cfg(test)]

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! link frames ──> Controller ──> link frames
-//!                  │  messages: decodes requests and answers    (gate: once, in order, unexpired)
+//!                  │  messages: decodes requests and answers    (gate: once, in order, unexpired;
+//!                  │                                             authentication: from a host with the key)
 //!                  │  link:     transmit scheduler of the host link
 //!                  │  safety:   states, events, transitions     (pure state machine)
 //!                  │  motion:   setpoints of the actuators      (align or player, then
@@ -19,6 +20,7 @@
 
 mod actuators;
 mod align;
+mod authentication;
 mod bus_watch;
 mod controller;
 mod gate;

@@ -117,6 +117,11 @@ impl Link {
         if feeds {
             self.last_heartbeat = Some((heartbeat.seq, now_us));
         }
+        self.answer_heartbeat(now_us, heartbeat);
+    }
+
+    /// Answers a heartbeat, whether or not it fed the watchdog.
+    pub fn answer_heartbeat(&mut self, now_us: u64, heartbeat: Heartbeat) {
         let controller_ms = wrapping_ms(now_us);
         self.heartbeat = Some(HeartbeatReply { seq: heartbeat.seq, controller_ms });
     }
@@ -155,10 +160,15 @@ impl Link {
     pub fn respond(&mut self, response: &Response) {
         let mut bytes = [0; MAX_RESPONSE];
         if let Some(message) = response.encode(&mut bytes) {
-            self.endpoint.reset();
-            // No other message is in transmission, and answers fit.
-            let _ = self.endpoint.send(message);
+            self.send_message(message);
         }
+    }
+
+    /// Sends an answer that is encoded already.
+    pub fn send_message(&mut self, message: &[u8]) {
+        self.endpoint.reset();
+        // No other message is in transmission, and answers fit.
+        let _ = self.endpoint.send(message);
     }
 
     /// Permits the telemetry messages of one 60 Hz frame.

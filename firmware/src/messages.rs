@@ -10,6 +10,7 @@ use rollwalk_protocol::wire::{
     Status, ToController, Torque,
 };
 
+use crate::authentication::Admission;
 use crate::controller::Controller;
 use crate::gate::{Permit, Verdict};
 use crate::link::Outgoing;
@@ -22,6 +23,9 @@ type Done = (Option<NodeId>, u16);
 impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     /// Processes a frame of the link. Frames for other nodes are ignored, damaged ones counted.
     pub fn on_link_frame(&mut self, now_us: u64, frame: &Frame) {
+        if self.authentication.keep(self.link.node, frame) {
+            return;
+        }
         let (to, message) = match ToController::decode(frame) {
             Ok(received) => received,
             Err(DecodeError::OtherMessage) => return,
@@ -42,9 +46,21 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 // A late heartbeat must not hide the timeout, even if it arrives before the next tick.
                 self.notice_lost_host(now_us);
                 let timeout_us = self.setup.settings.heartbeat_timeout_us;
-                self.link.on_heartbeat(now_us, heartbeat, timeout_us);
+                match self.admit_frame(now_us, frame) {
+                    Admission::Admitted => self.link.on_heartbeat(now_us, heartbeat, timeout_us),
+                    // A host without the key learns the clock, and from the answers to its commands what it lacks.
+                    Admission::Missing => self.link.answer_heartbeat(now_us, heartbeat),
+                    // A host whose session has ended notices that nothing answers.
+                    Admission::Wrong => {}
+                }
             }
-            ToController::Command(command) => self.on_command(now_us, command),
+            ToController::Command(command) => {
+                if self.admit_frame(now_us, frame) == Admission::Admitted {
+                    self.on_command(now_us, command);
+                } else {
+                    self.refuse_command(command);
+                }
+            }
             // The transport is point to point: answers to a broadcast would collide.
             ToController::Transport if to == Node::BROADCAST => {}
             ToController::Transport => {
@@ -52,7 +68,13 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                     self.on_request(now_us);
                 }
             }
-            ToController::Parameter(request) => self.on_parameter(frame, request),
+            ToController::Parameter(request) => {
+                if self.admit_frame(now_us, frame) == Admission::Admitted {
+                    self.on_parameter(frame, request);
+                } else {
+                    self.refuse_parameter(request);
+                }
+            }
             ToController::Discover => self.link.discover(),
         }
     }
@@ -109,6 +131,18 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         };
         self.gate.answered(now_us, command, ack);
         self.link.acknowledge(ack);
+    }
+
+    /// Answers a command that is not authentic. The gate does not learn of it: it must not move the order of the host's.
+    fn refuse_command(&mut self, command: Command) {
+        self.link.acknowledge(CommandAck {
+            seq: command.seq,
+            kind: command.action.kind(),
+            result: CommandResult::AuthenticationRequired,
+            state: self.state(),
+            motion: None,
+            value: 0,
+        });
     }
 
     fn execute(&mut self, now_us: u64, action: Action) -> Result<Done, CommandResult> {
@@ -253,6 +287,16 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     fn on_request(&mut self, now_us: u64) {
+        #[cfg(feature = "authenticated")]
+        if self.answers_session_request(now_us) {
+            return;
+        }
+        let kind = self.link.request().first().copied().unwrap_or(0);
+        if Request::is_transfer(kind) && self.admit_request(now_us) != Admission::Admitted {
+            let required = TransferResult::AuthenticationRequired;
+            let reply = Reply::new(kind, required, self.storage.next());
+            return self.link.respond(&Response::Reply(reply));
+        }
         let config = &self.setup.config;
         let may_write = self.state() == State::Disarmed;
         let response = match Request::decode(self.link.request()) {
@@ -273,10 +317,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 self.gate.void();
                 Response::Reply(self.storage.handle(&request, may_write, config))
             }
-            Err(error) => {
-                let kind = self.link.request().first().copied().unwrap_or(0);
-                Response::Reply(Reply::new(kind, unreadable(error), self.storage.next()))
-            }
+            Err(error) => Response::Reply(Reply::new(kind, unreadable(error), self.storage.next())),
         };
         self.link.respond(&response);
     }

@@ -6,8 +6,11 @@
 //! [`FlashStore`] keeps two libraries in NOR flash, safe against power cuts, or in a [`RamFlash`] that
 //! stands for it; [`RamStore`] keeps one in RAM.
 //! [`FlashParameters`] keeps gains and limits, in a flash of its own.
-//! With the feature `ed25519`, `Signed` around either of them takes only signed libraries.
+//! With the feature `ed25519`, `Signed` around either of them takes only signed libraries; with `authenticated`,
+//! `BootCounter` counts boots.
 
+#[cfg(feature = "authenticated")]
+mod boots;
 mod flash;
 mod log;
 mod parameters;
@@ -20,6 +23,8 @@ mod slots;
 #[cfg(test)]
 pub(crate) mod tests;
 
+#[cfg(feature = "authenticated")]
+pub use boots::BootCounter;
 pub use flash::FlashStore;
 pub(crate) use parameters::PARAMETERS;
 pub use parameters::{FlashParameters, NoParameters, ParameterSet, ParameterStore};

@@ -65,6 +65,19 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         };
     }
 
+    /// Answers a request that is not authentic, without learning of it.
+    pub(crate) fn refuse_parameter(&mut self, request: ParameterRequest) {
+        let (parameter, channel) = request.action.about();
+        self.link.acknowledge_parameter(ParameterAck {
+            seq: request.seq,
+            kind: request.action.kind(),
+            result: ParameterResult::AuthenticationRequired,
+            parameter,
+            channel,
+            value: 0.0,
+        });
+    }
+
     /// Processes a request, which came in `frame`.
     pub(crate) fn on_parameter(&mut self, frame: &Frame, request: ParameterRequest) {
         let outcome = match self.tuning.known(frame, request.seq) {

@@ -2,17 +2,20 @@
 //!
 //! Keeps the heartbeat going, follows the controller's clock and state, numbers commands, repeats an
 //! emergency stop until it is acknowledged, and carries transport messages. [`crate::session`] and
-//! [`crate::operator`] decide what to send.
+//! [`crate::operator`] decide what to send. With a link key it keeps an authenticated session, begins another one when the
+//! controller has lost it, and proves each message; callers notice only that a message takes longer then.
 
+use crate::authentication::{Authentication, NoSession, Peer};
 use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::wire::authentication::{SessionOffer, SessionRequest, Subject};
 use rollwalk_protocol::wire::isotp::{self, IsoTpError, Output, SendError, Timing};
 use rollwalk_protocol::wire::transport::{
-    Endpoint, MAX_MESSAGE, Request, Response, frame_to_controller,
+    Endpoint, MAX_MESSAGE, Reply, Request, Response, TransferResult, frame_to_controller,
 };
 use rollwalk_protocol::wire::{
-    Action, Command, CommandAck, Estop, EstopAck, FaultReport, FromController, HEARTBEAT_PERIOD_MS,
-    Heartbeat, JointTelemetry, MOST_VALID_MS, Node, ParameterAck, ParameterAction,
-    ParameterRequest, Status,
+    Action, Command, CommandAck, CommandResult, Estop, EstopAck, FaultReport, FromController,
+    HEARTBEAT_PERIOD_MS, Heartbeat, JointTelemetry, MOST_VALID_MS, Node, ParameterAck,
+    ParameterAction, ParameterRequest, ParameterResult, Status,
 };
 
 /// Validity of a command, ms: covers its repetitions.
@@ -56,6 +59,10 @@ pub enum Incoming {
     TransportFailed(IsoTpError),
     /// Telemetry of a joint or wheel.
     Joint(JointTelemetry),
+    /// An authenticated session has begun, or none can.
+    Session(Result<(), NoSession>),
+    /// A message was not taken for authentic: another session is asked for, then it can be sent again.
+    SessionLost,
 }
 
 /// An output of the client.
@@ -98,13 +105,26 @@ pub struct Client {
     /// Whether heartbeats are withheld.
     silent: bool,
     status: Option<Status>,
+    /// Sessions with a controller that insists on them.
+    authentication: Option<Authentication>,
+    /// A frame whose authenticator has been given out.
+    proven: Option<Frame>,
+    /// A request in transmission whose authenticator is to be sent ahead.
+    unproven: Option<Vec<u8>>,
+    /// The last message of the transport was a request for a session.
+    asks_session: bool,
 }
 
 impl Client {
-    /// Creates a host without contact yet. It sends the first heartbeat at once.
-    pub fn new(node: Node) -> Self {
+    /// Creates a host without contact yet. It sends the first heartbeat at once, or as soon as it has a session.
+    pub fn new(peer: impl Into<Peer>) -> Self {
+        let Peer { node, credentials } = peer.into();
         Self {
             node,
+            authentication: credentials.map(|own| Authentication::new(node, own)),
+            proven: None,
+            unproven: None,
+            asks_session: false,
             transport: Endpoint::new(Timing::default()),
             heartbeat_seq: 0,
             next_heartbeat_us: 0,
@@ -124,8 +144,13 @@ impl Client {
 
     /// A visitor: sends no heartbeats, so that the controller still detects the loss of its host. Commands need the
     /// controller's clock, which a visitor overhears from the replies to a host: it can command only beside one.
-    pub fn visitor(node: Node) -> Self {
-        Self { next_heartbeat_us: u64::MAX, ..Self::new(node) }
+    pub fn visitor(peer: impl Into<Peer>) -> Self {
+        Self { next_heartbeat_us: u64::MAX, ..Self::new(peer) }
+    }
+
+    /// Whether commands wait for an authenticated session.
+    pub fn needs_session(&self) -> bool {
+        self.authentication.as_ref().is_some_and(|own| !own.has_session())
     }
 
     fn is_visitor(&self) -> bool {
@@ -151,10 +176,18 @@ impl Client {
     /// so that the robot returns to SAFE on the timeout.
     pub fn set_silent(&mut self, silent: bool) {
         self.silent = silent;
+        if silent {
+            self.drop_proven(Subject::Heartbeat);
+        }
+    }
+
+    /// Drops a frame whose authenticator was given out already.
+    fn drop_proven(&mut self, subject: Subject) {
+        self.proven.take_if(|frame| frame.standard_id().and_then(Subject::of) == Some(subject));
     }
 
     fn holds_heartbeats(&self) -> bool {
-        self.silent || self.stopping.is_some()
+        self.silent || self.stopping.is_some() || self.needs_session()
     }
 
     /// Processes a frame of the link. Frames of other nodes and damaged ones are ignored.
@@ -172,6 +205,9 @@ impl Client {
             FromController::HeartbeatReply(reply) => {
                 let expected = self.heartbeat_seq.wrapping_sub(1);
                 (reply.seq == expected).then(|| {
+                    if let Some(own) = &mut self.authentication {
+                        own.on_reply();
+                    }
                     let before = self.clocks.replace((now_us, reply.controller_ms));
                     self.round_trip_us = Some(now_us.saturating_sub(self.heartbeat_us));
                     // Modulo 2^32, so that a controller that runs for 50 days has not restarted.
@@ -189,19 +225,69 @@ impl Client {
                 Some(Incoming::EstopAck(ack))
             }
             FromController::FaultReport(report) => Some(Incoming::Fault(report)),
+            FromController::CommandAck(ack)
+                if ack.result == CommandResult::AuthenticationRequired && self.lose_session() =>
+            {
+                Some(Incoming::SessionLost)
+            }
             FromController::CommandAck(ack) => Some(Incoming::Ack(ack)),
             FromController::JointTelemetry(joint) => Some(Incoming::Joint(joint)),
             FromController::Transport => match self.transport.on_frame(frame.data(), now_us) {
                 isotp::Event::None => None,
                 isotp::Event::Failed(error) => Some(Incoming::TransportFailed(error)),
                 // A message that cannot be decoded is not the awaited answer.
-                isotp::Event::Received => {
-                    Response::decode(self.transport.received()).ok().map(Incoming::Response)
-                }
+                isotp::Event::Received => self.on_message(),
             },
+            FromController::ParameterAck(ack)
+                if ack.result == ParameterResult::AuthenticationRequired && self.lose_session() =>
+            {
+                Some(Incoming::SessionLost)
+            }
             FromController::ParameterAck(ack) => Some(Incoming::Parameter(ack)),
             FromController::Discovered(_) => None,
         }
+    }
+
+    /// Processes a complete message of the transport.
+    fn on_message(&mut self) -> Option<Incoming> {
+        let message = self.transport.received();
+        if let (Some(own), Ok(offer)) = (&mut self.authentication, SessionOffer::decode(message)) {
+            return own.on_offer(offer).map(Incoming::Session);
+        }
+        let response = Response::decode(message).ok()?;
+        if let Response::Reply(Reply { request, result, .. }) = response {
+            if request == SessionRequest::KIND && self.needs_session() {
+                let why = match result {
+                    TransferResult::StoreFailed => NoSession::CannotCount,
+                    _ => NoSession::NotNeeded,
+                };
+                return Some(Incoming::Session(Err(why)));
+            }
+            if result == TransferResult::AuthenticationRequired && self.lose_session() {
+                return Some(Incoming::SessionLost);
+            }
+        }
+        Some(Incoming::Response(response))
+    }
+
+    fn may_ask_session(&self) -> bool {
+        self.asks_session || !self.transport.is_sending()
+    }
+
+    /// Ends the authenticated session; `false` without a key.
+    fn lose_session(&mut self) -> bool {
+        let Some(own) = &mut self.authentication else { return false };
+        own.end_session();
+        true
+    }
+
+    /// The frame, or first the one that proves it.
+    fn with_proof(&mut self, frame: Frame) -> Frame {
+        let Some(proof) = self.authentication.as_mut().and_then(|own| own.of_frame(&frame)) else {
+            return frame;
+        };
+        self.proven = Some(frame);
+        proof
     }
 
     /// Next output at `now_us`; call until `None`.
@@ -214,6 +300,9 @@ impl Client {
             *next_us = now_us + if burst { ESTOP_BURST_PERIOD_US } else { ESTOP_PERIOD_US };
             return Some(Outgoing::Frame(Estop.encode(self.node)));
         }
+        if let Some(frame) = self.proven.take() {
+            return Some(Outgoing::Frame(frame));
+        }
         // Heartbeats are withheld until the stop is acknowledged: if no stop arrives, no heartbeat must either, so
         // that the controller switches torque off on the timeout.
         if now_us >= self.next_heartbeat_us && !self.holds_heartbeats() {
@@ -221,10 +310,31 @@ impl Client {
             self.heartbeat_seq = self.heartbeat_seq.wrapping_add(1);
             self.heartbeat_us = now_us;
             self.next_heartbeat_us = now_us + u64::from(HEARTBEAT_PERIOD_MS) * 1000;
-            return Some(Outgoing::Frame(heartbeat.encode(self.node)));
+            let first = self.with_proof(heartbeat.encode(self.node));
+            if let Some(own) = &mut self.authentication {
+                own.on_heartbeat();
+            }
+            return Some(Outgoing::Frame(first));
         }
-        if let Some(frame) = self.command.take().or_else(|| self.parameter.take()) {
-            return Some(Outgoing::Frame(frame));
+        if self.needs_session() {
+            // A caller's request in transmission is not disturbed.
+            if self.may_ask_session()
+                && let Some(request) =
+                    self.authentication.as_mut().and_then(|own| own.request(now_us))
+            {
+                if self.transport.is_sending() {
+                    self.transport.reset();
+                }
+                self.asks_session = self.transport.send(&request).is_ok();
+            }
+        } else if let Some(frame) = self.command.take().or_else(|| self.parameter.take()) {
+            return Some(Outgoing::Frame(self.with_proof(frame)));
+        }
+        if let Some(message) = self.unproven.take()
+            && let Some(proof) =
+                self.authentication.as_mut().and_then(|own| own.of_request(&message))
+        {
+            return Some(Outgoing::Frame(proof));
         }
         match self.transport.poll(now_us) {
             Output::Idle => None,
@@ -239,7 +349,9 @@ impl Client {
         let transport =
             if self.transport.is_sending() { now_us + TRANSPORT_POLL_US } else { u64::MAX };
         let heartbeat = if self.holds_heartbeats() { u64::MAX } else { self.next_heartbeat_us };
-        heartbeat.min(estop).min(transport)
+        let session = self.authentication.as_ref().filter(|_| self.may_ask_session());
+        let session = session.map_or(u64::MAX, Authentication::next_us);
+        heartbeat.min(estop).min(transport).min(session)
     }
 
     /// Creates a command, to be sent once or several times; `None` while the controller's clock is unknown, because
@@ -271,6 +383,7 @@ impl Client {
     /// Withdraws a command that has not been sent yet.
     pub fn withdraw_command(&mut self) {
         self.command = None;
+        self.drop_proven(Subject::Command);
     }
 
     /// Creates a parameter request, to be sent once or several times.
@@ -284,11 +397,16 @@ impl Client {
         self.parameter = Some(request.encode(self.node));
     }
 
-    /// Sends a transport request.
+    /// Sends a transport request. One of a library transfer to a controller that insists on authentication needs a
+    /// [session](Self::needs_session).
     pub fn request(&mut self, request: &Request<'_>) -> Result<(), SendError> {
         let mut message = [0; MAX_MESSAGE];
         let message = request.encode(&mut message).ok_or(SendError::BadLength)?;
-        self.transport.send(message)
+        self.transport.send(message)?;
+        self.asks_session = false;
+        let needs_proof = self.authentication.is_some() && Request::is_transfer(request.kind());
+        self.unproven = needs_proof.then(|| message.to_vec());
+        Ok(())
     }
 
     /// Drops the transport messages in flight.
@@ -300,6 +418,7 @@ impl Client {
     /// then, and drops a command that is not sent yet.
     pub fn estop(&mut self, now_us: u64) {
         self.command = None;
+        self.proven = None;
         self.stopping = Some(Stopping { sent: 0, next_us: now_us });
     }
 }

@@ -5,6 +5,7 @@
 
 use crate::dbc::{Database, Message};
 use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::wire::authentication::Authenticator;
 use rollwalk_protocol::wire::{DecodeError, FromController, ToController};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -45,6 +46,9 @@ pub enum Value {
 /// The frame is not one of the link, or is damaged.
 pub fn decode(frame: &Frame) -> Result<DecodedFrame, DecodeError> {
     let (node, from_controller) = match ToController::decode(frame) {
+        Err(DecodeError::OtherMessage) if let Ok((node, _)) = Authenticator::decode(frame) => {
+            (node, None)
+        }
         Err(DecodeError::OtherMessage) => {
             let (node, message) = FromController::decode(frame)?;
             (node, Some(message))

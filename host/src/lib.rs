@@ -6,6 +6,7 @@
 //! | [`dbc`] | every frame signal by signal, and as a DBC file |
 //! | [`decode`] | frames as named signals, for logs |
 //! | [`telemetry`] | telemetry files for Foxglove |
+//! | [`authentication`] | sessions with a controller that obeys only hosts with its key |
 //! | [`client`] | the protocol without clock or bus: frames and time in, frames out |
 //! | [`operator`] | the logic of a console: intents, frames and time in, frames and a view out |
 //! | [`discover`], [`listener`] | controllers on the link; other hosts of a controller |
@@ -14,6 +15,7 @@
 //! | [`describe`] | states, events and faults in words, and what to do next |
 //! | [`refusal`] | the controller's refusals in sentences |
 
+pub mod authentication;
 pub mod catalog;
 pub mod client;
 pub mod dbc;

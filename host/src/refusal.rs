@@ -1,7 +1,27 @@
 //! Sentences for the codes with which a controller refuses requests.
 
+use crate::authentication::NoSession;
 use rollwalk_protocol::wire::transport::{Reply, TransferResult};
 use rollwalk_protocol::wire::{CommandResult, ParameterResult, State};
+
+/// Of a controller that obeys only hosts with its key.
+const AUTHENTICATION_REQUIRED: &str = "authentication required; give the robot's link key, --link-key FILE or \
+     ROLLWALK_LINK_KEY (emergency stops need none)";
+
+/// Reason for which there is no authenticated session, after the controller's name, and remedy.
+pub fn session_refusal(why: NoSession) -> &'static str {
+    match why {
+        NoSession::WrongKey => {
+            "has another link key than the one given: give the file that its image was built with"
+        }
+        NoSession::NotNeeded => {
+            "has no link key and obeys every host: leave out --link-key, and unset ROLLWALK_LINK_KEY"
+        }
+        NoSession::CannotCount => {
+            "cannot store how often it was switched on, and so obeys emergency stops only: its flash is worn out or broken"
+        }
+    }
+}
 
 /// Reason for which a command was not executed, and remedy.
 pub fn command_refusal(result: CommandResult) -> &'static str {
@@ -24,6 +44,7 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
         CommandResult::UnknownKind => "its firmware is older than this kind of command",
         CommandResult::FaultPresent => "a fault is still present",
         CommandResult::BadSpeed => "playback speeds are 1/64 to 64/64 of the planned one",
+        CommandResult::AuthenticationRequired => AUTHENTICATION_REQUIRED,
     }
 }
 
@@ -51,6 +72,7 @@ pub fn parameter_refusal(result: ParameterResult, limit: f32, state: Option<Stat
         }
         ParameterResult::UnknownRequest => "its firmware is older than this kind of request",
         ParameterResult::NotSupported => "it makes no difference to the actuator of this channel",
+        ParameterResult::AuthenticationRequired => AUTHENTICATION_REQUIRED,
     };
     sentence.to_owned()
 }
@@ -70,6 +92,7 @@ pub fn transfer_refusal(reply: &Reply) -> String {
         TransferResult::NotFinished => "it holds another library than the one to activate",
         TransferResult::StoreFailed => "its memory cannot be written",
         TransferResult::UnknownRequest => "its firmware is older than this kind of transfer",
+        TransferResult::AuthenticationRequired => AUTHENTICATION_REQUIRED,
         TransferResult::Rejected => {
             let (section, why) = (section_name(reply.section), why_sentence(reply.why));
             return format!("{why} ({section}, byte {})", reply.next);

@@ -316,6 +316,9 @@ events! {
     DampingElapsed = 25: None, None, "its joints were damped long enough";
     /// Torque is off and no fault is latched.
     FaultFree = 26: None, None, "torque was off without a fault";
+    /// A message was refused because nothing proved that its sender has the link key. Changes no state; only the log has
+    /// it, with the count of such messages as its value.
+    Unauthenticated = 27: None, None, "messages were refused that were not authenticated";
 }
 
 #[cfg(test)]

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// Every package, and the features that are off by default.
-const SELECTION: [&str; 3] = ["--workspace", "--features", "rollwalk-firmware/ed25519"];
+const SELECTION: [&str; 3] =
+    ["--workspace", "--features", "rollwalk-firmware/authenticated,rollwalk-firmware/ed25519"];
 
 /// A cargo command on every package of the workspace.
 pub fn cargo(args: &[&str]) -> Command {

@@ -38,6 +38,7 @@ fn events_have_these_severities_and_faults() {
         (E::HoldElapsed, V::None, None),
         (E::DampingElapsed, V::None, None),
         (E::FaultFree, V::None, None),
+        (E::Unauthenticated, V::None, None),
     ];
     let catalogue = Event::ALL.iter().map(|&e| (e, e.severity(), e.fault()));
     assert!(catalogue.eq(expected));

@@ -2,6 +2,8 @@
 //! protocol's encoder.
 
 mod arming;
+#[cfg(feature = "authenticated")]
+mod authentication;
 mod deeds;
 mod documentation;
 mod drives;

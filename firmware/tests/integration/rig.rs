@@ -177,6 +177,8 @@ pub struct Rig {
     pub buses_up: bool,
     /// Whether the host sends heartbeats.
     pub host_alive: bool,
+    /// Address of the heartbeats.
+    pub heartbeats_to: Node,
     /// Whether feedback comes from the servos alone, so that the first setpoint must be their pose.
     pub trust_pose: bool,
     sent: Vec<Frame>,
@@ -189,6 +191,9 @@ pub struct Rig {
     commands: [Option<Command>; 16],
     parameter_seq: u8,
     endpoint: Endpoint,
+    /// What goes ahead of the host's messages.
+    #[cfg(feature = "authenticated")]
+    pub prover: Option<crate::authentication::Prover>,
 }
 
 pub fn me() -> Node {
@@ -217,6 +222,7 @@ impl Rig {
             settings,
             buses_up: true,
             host_alive: true,
+            heartbeats_to: Node::BROADCAST,
             trust_pose: true,
             sent: vec![],
             heard: vec![],
@@ -227,6 +233,8 @@ impl Rig {
             commands: [None; 16],
             parameter_seq: 0,
             endpoint: Endpoint::new(Timing::default()),
+            #[cfg(feature = "authenticated")]
+            prover: None,
         }
     }
 
@@ -285,6 +293,7 @@ impl Rig {
     }
 
     pub fn send(&mut self, frame: &Frame) {
+        self.prove(frame.standard_id().unwrap(), frame.data());
         self.brain.on_link_frame(self.now_us, frame);
         self.listen();
     }
@@ -400,7 +409,27 @@ impl Rig {
         self.exchange(bytes);
     }
 
+    /// Sends what proves a message, if the host has a key.
+    #[cfg(feature = "authenticated")]
+    fn prove(&mut self, id: u16, bytes: &[u8]) {
+        if let Some(proof) = self.prover.as_mut().and_then(|prover| prover.proof(id, bytes)) {
+            self.brain.on_link_frame(self.now_us, &proof);
+        }
+    }
+
+    #[cfg(not(feature = "authenticated"))]
+    fn prove(&mut self, _: u16, _: &[u8]) {}
+
+    /// The last message of the controller's transport.
+    #[cfg(feature = "authenticated")]
+    pub fn received(&self) -> &[u8] {
+        self.endpoint.received()
+    }
+
     fn exchange(&mut self, message: &[u8]) -> Option<Response> {
+        if message.first().is_some_and(|&kind| Request::is_transfer(kind)) {
+            self.prove(0x500 | u16::from(me().number()) << 4, message);
+        }
         self.endpoint.reset();
         self.endpoint.send(message).unwrap();
         for _ in 0..400 {
@@ -448,7 +477,10 @@ impl Rig {
             } else {
                 // Whoever sent it, garbage that happened to be a command included: numbers go on from it.
                 if let FromController::CommandAck(ack) = message
-                    && ack.result != CommandResult::OutOfOrder
+                    && !matches!(
+                        ack.result,
+                        CommandResult::OutOfOrder | CommandResult::AuthenticationRequired
+                    )
                 {
                     self.seq = ack.seq;
                 }
@@ -466,7 +498,7 @@ impl Rig {
             self.heartbeat_us = if next > self.now_us { next } else { self.now_us + 50_000 };
             self.heartbeat_seq = self.heartbeat_seq.wrapping_add(1);
             let beat = Heartbeat { seq: self.heartbeat_seq, host_ms: 0 };
-            self.send(&beat.encode(Node::BROADCAST));
+            self.send(&beat.encode(self.heartbeats_to));
         }
         self.brain.tick(self.now_us);
         self.ticks += 1;

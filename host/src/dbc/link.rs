@@ -102,7 +102,7 @@ impl Kind {
     }
 }
 
-fn kinds(names: Option<&RobotNames>) -> [Kind; 15] {
+fn kinds(names: Option<&RobotNames>) -> [Kind; 16] {
     let kind = |schema, class, number, len, from, comment, layout| {
         let (to_all, period_ms) = (false, 0);
         Kind { schema, class, number, len, from, to_all, period_ms, comment, layout }
@@ -129,6 +129,15 @@ fn kinds(names: Option<&RobotNames>) -> [Kind; 15] {
             )
         },
         from("estop_ack", 0, 1, 2, "The controller has stopped", state),
+        kind(
+            "authenticator",
+            0,
+            2,
+            8,
+            From::Host,
+            "Proof that the next message of a class is from a host with the key",
+            authenticator(),
+        ),
         Kind {
             period_ms: HEARTBEAT_PERIOD_MS,
             ..to("heartbeat", 1, 6, "The host is there", host_ms)
@@ -171,6 +180,20 @@ fn clocked(name: &str, text: &'static str) -> Layout {
 fn numbered(kinds: &[&str]) -> Layout {
     let layout = Layout::sealed().unsigned("seq", 4);
     layout.unsigned("kind", 4).names(listed(kinds))
+}
+
+fn authenticator() -> Layout {
+    let classes = [(1, "heartbeat"), (2, "command"), (5, "transfer"), (6, "parameter")];
+    Layout::new()
+        .unsigned("session", 4)
+        .comment("Low bits of the session's number")
+        .unsigned("class", 4)
+        .names(classes.map(|(class, name)| (class, name.to_owned())).to_vec())
+        .unsigned("counter", 8)
+        .comment("Low bits of the message's counter")
+        .unsigned("tag", 48)
+        .motorola()
+        .comment("Authentication code")
 }
 
 fn command() -> Layout {

@@ -23,9 +23,11 @@ pub use intent::{Deadman, Intent, LetGo};
 pub use log::{Message, Weight};
 pub use view::{FaultView, JointView, Leaving, LinkView, View};
 
+use crate::authentication::{NoSession, Peer};
 use crate::catalog::Catalog;
 use crate::client::{Client, Incoming, Outgoing};
 use crate::describe;
+use crate::refusal::session_refusal;
 use link_status::LinkStatus;
 use log::Log;
 use orders::{Ended, Order, Orders, Outcome};
@@ -33,7 +35,7 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_protocol::wire::transport::{Hello, Request, Response};
 use rollwalk_protocol::wire::{
-    CommandAck, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State, Torque,
+    CommandAck, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State, Torque,
 };
 use rules::Latch;
 
@@ -54,7 +56,9 @@ const FULL_SPEED: i8 = 64;
 #[derive(Clone, Debug)]
 pub struct Operator {
     client: Client,
-    node: Node,
+    peer: Peer,
+    /// Reason for which there is no authenticated session.
+    no_session: Option<NoSession>,
     /// Required hash of the controller's configuration; `None` accepts any.
     config_hash: Option<u32>,
     catalog: Option<Catalog>,
@@ -84,10 +88,12 @@ pub struct Operator {
 
 impl Operator {
     /// An operator without contact yet. With `config_hash` it arms that robot only.
-    pub fn new(node: Node, config_hash: Option<u32>) -> Self {
+    pub fn new(peer: impl Into<Peer>, config_hash: Option<u32>) -> Self {
+        let peer = peer.into();
         Self {
-            client: Client::new(node),
-            node,
+            client: Client::new(peer.clone()),
+            peer,
+            no_session: None,
             config_hash,
             catalog: None,
             orders: Orders::default(),
@@ -200,8 +206,10 @@ impl Operator {
                 self.ask_hello_us = now_us;
                 self.forget_orders();
             }
+            Some(Incoming::Session(begun)) => self.on_session(now_us, begun),
             Some(
                 Incoming::Alive
+                | Incoming::SessionLost
                 | Incoming::Parameter(_)
                 | Incoming::TransportFailed(_)
                 | Incoming::Response(_),
@@ -267,7 +275,7 @@ impl Operator {
         };
         View {
             now_us,
-            node: self.node.number(),
+            node: self.peer.node.number(),
             link: self.link.link(now_us, &self.client),
             bus_lost: self.bus_lost.clone(),
             complaint: self.complaint.clone(),
@@ -322,7 +330,9 @@ impl Operator {
         // A board with several ports sends STATUS to the port of the last frame it received: without heartbeats,
         // HELLO is that frame.
         let may_ask = self.silent || self.link.in_contact(now_us);
-        if self.hello.is_some() || now_us < self.ask_hello_us || !may_ask {
+        // The request for a session would be lost.
+        let waits = self.client.needs_session() && self.no_session.is_none();
+        if self.hello.is_some() || now_us < self.ask_hello_us || !may_ask || waits {
             return;
         }
         self.ask_hello_us = now_us + HELLO_US;
@@ -330,6 +340,14 @@ impl Operator {
         let request = Request::Hello { major: PROTOCOL_MAJOR, minor: PROTOCOL_MINOR };
         // No other request is in flight, and a lost one is repeated.
         let _ = self.client.request(&request);
+    }
+
+    fn on_session(&mut self, now_us: u64, begun: Result<(), NoSession>) {
+        let before = std::mem::replace(&mut self.no_session, begun.err());
+        if let Some(why) = self.no_session.filter(|why| before != Some(*why)) {
+            let text = format!("controller {} {}", self.peer.node.number(), session_refusal(why));
+            self.log.say(now_us, Weight::Warning, text);
+        }
     }
 
     fn on_hello(&mut self, now_us: u64, hello: Hello) {
@@ -343,8 +361,15 @@ impl Operator {
         if visiting != self.visiting {
             self.visiting = visiting;
             let stopping = self.client.is_stopping();
-            let made = if visiting { Client::visitor } else { Client::new };
-            self.client = made(self.node);
+            if let Some(own) = &mut self.peer.credentials {
+                // Beyond all nonces of the client before.
+                own.nonce = own.nonce.wrapping_add(1 << 32);
+            }
+            self.client = if visiting {
+                Client::visitor(self.peer.node)
+            } else {
+                Client::new(self.peer.clone())
+            };
             if stopping {
                 self.client.estop(now_us);
             }

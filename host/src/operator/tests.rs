@@ -6,7 +6,7 @@ use super::*;
 use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::{
     Action, Command, CommandResult, Estop, EstopAck, FaultReport, HeartbeatReply, JointTelemetry,
-    Status, ToController,
+    Node, Status, ToController,
 };
 
 fn node() -> Node {

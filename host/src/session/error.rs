@@ -1,7 +1,8 @@
 //! Errors of a session, in sentences for the operator.
 
+use crate::authentication::NoSession;
 use crate::describe::fault_names;
-use crate::refusal::{command_refusal, parameter_refusal, transfer_refusal};
+use crate::refusal::{command_refusal, parameter_refusal, session_refusal, transfer_refusal};
 use rollwalk_bus::link::LinkError;
 use rollwalk_protocol::wire::transport::Reply;
 use rollwalk_protocol::wire::{
@@ -66,6 +67,15 @@ pub enum SessionError {
         found: u32,
         /// Hash of the robot file's.
         expected: u32,
+    },
+    /// The controller insists on authentication and gave this host no session, or does not insist although this host has
+    /// a key.
+    #[error("controller {node} {}", session_refusal(*why))]
+    NoSession {
+        /// Its address.
+        node: u8,
+        /// The reason.
+        why: NoSession,
     },
     /// A command was refused.
     #[error("the controller refused to {what}: {}", command_refusal(*result))]

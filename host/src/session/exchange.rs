@@ -15,6 +15,8 @@ const COMMAND_SENDS: u32 = 9;
 const _: () = assert!(ACK_TIMEOUT_US * COMMAND_SENDS as u64 > COMMAND_LIFE_US);
 /// Longest wait for a status that says why a request is refused, µs.
 const STATUS_US: u64 = 200_000;
+/// Longest wait for an authenticated session, µs: 20 requests.
+const SESSION_TIMEOUT_US: u64 = 3_000_000;
 /// Interval between attempts to send while the transmit queue is full, µs.
 const BUSY_RETRY_US: u64 = 500;
 /// Lateness of a wake-up that shows a busy computer, µs.
@@ -55,6 +57,22 @@ impl<B: LinkBus> Exchange<B> {
     pub fn estop(&mut self) {
         self.unsent = None;
         self.client.estop(self.bus.now_us());
+    }
+
+    /// Waits for the authenticated session of a client that has a key, while it has none.
+    pub fn begin_session(&mut self) -> Result<(), SessionError> {
+        if !self.client.needs_session() {
+            return Ok(());
+        }
+        let begun = self.pump(SESSION_TIMEOUT_US, |incoming| match incoming {
+            Incoming::Session(begun) => Some(begun),
+            _ => None,
+        })?;
+        match begun {
+            Some(Ok(())) => Ok(()),
+            Some(Err(why)) => Err(SessionError::NoSession { node: self.node(), why }),
+            None => Err(self.silent("session")),
+        }
     }
 
     /// Sends a command and repeats it until the answer arrives; one other than `Ok` is an error.
@@ -158,12 +176,15 @@ impl<B: LinkBus> Exchange<B> {
         timeout_us: u64,
         mut wanted: impl FnMut(Response) -> Option<T>,
     ) -> Result<Option<T>, SessionError> {
+        if Request::is_transfer(request.kind()) {
+            self.begin_session()?;
+        }
         self.client.reset_transport();
         self.client.request(request).expect("requests fit, and nothing else is on its way");
         let answer = self.pump(timeout_us, |incoming| match incoming {
             Incoming::Response(response) => wanted(response).map(Some),
             // The answer can no longer arrive.
-            Incoming::TransportFailed(_) => Some(None),
+            Incoming::TransportFailed(_) | Incoming::SessionLost => Some(None),
             _ => None,
         })?;
         Ok(answer.flatten())

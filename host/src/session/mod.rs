@@ -15,6 +15,7 @@ pub use error::SessionError;
 pub use flash::Progress;
 pub use log::History;
 
+use crate::authentication::Peer;
 use crate::client::{Client, Incoming};
 use crate::listener::{self, Listener};
 use exchange::Exchange;
@@ -49,45 +50,54 @@ pub struct Session<B> {
 }
 
 impl<B: LinkBus> Session<B> {
-    /// Connects to the controller `node` as its only host, and reads its identity.
-    pub fn connect(bus: B, node: Node) -> Result<Self, SessionError> {
-        Self::alive(Exchange::new(bus, node, Client::new(node)), node)
+    /// Connects to the controller `peer`, a node or one with a link key, as its only host, and reads its identity.
+    pub fn connect(bus: B, peer: impl Into<Peer>) -> Result<Self, SessionError> {
+        let peer = peer.into();
+        let node = peer.node;
+        Self::alive(Exchange::new(bus, node, Client::new(peer)), node)
     }
 
     /// Connects as [`connect`](Self::connect) unless the controller has another host: listens first.
-    pub fn connect_alone(mut bus: B, node: Node) -> Result<Self, SessionError> {
-        if listener::find_host(&mut bus, node)?.has_host() {
-            return Err(SessionError::HasHost { node: node.number() });
+    pub fn connect_alone(mut bus: B, peer: impl Into<Peer>) -> Result<Self, SessionError> {
+        let peer = peer.into();
+        if listener::find_host(&mut bus, peer.node)?.has_host() {
+            return Err(SessionError::HasHost { node: peer.node.number() });
         }
-        Self::connect(bus, node)
+        Self::connect(bus, peer)
     }
 
     /// Connects beside the controller's host, in a pause of its transport messages: without heartbeats, so that the
     /// host's absence would still be noticed, and with the clock of the replies to it. Without a host, connects as
     /// [`connect`](Self::connect).
-    pub fn join(mut bus: B, node: Node) -> Result<Self, SessionError> {
+    pub fn join(mut bus: B, peer: impl Into<Peer>) -> Result<Self, SessionError> {
+        let peer = peer.into();
+        let node = peer.node;
         let listener = listener::find_host(&mut bus, node)?;
         if !listener.has_host() {
-            return Self::connect(bus, node);
+            return Self::connect(bus, peer);
         }
         wait_for_pause(&mut bus, node, listener)?;
-        Self::alive(Exchange::new(bus, node, Client::visitor(node)), node)
+        Self::alive(Exchange::new(bus, node, Client::visitor(peer)), node)
     }
 
     /// Reads the identity of controller `node` without becoming its host. Parameters can be read and set, the robot can
     /// be stopped; commands need a host beside it, whose clock it reads from their frames.
-    pub fn visit(bus: B, node: Node) -> Result<Self, SessionError> {
-        Self::introduced(Exchange::new(bus, node, Client::visitor(node)), node)
+    pub fn visit(bus: B, peer: impl Into<Peer>) -> Result<Self, SessionError> {
+        let peer = peer.into();
+        let node = peer.node;
+        Self::introduced(Exchange::new(bus, node, Client::visitor(peer)), node)
     }
 
     /// Visits as [`visit`](Self::visit) in a pause of others' transport messages: listens first.
-    pub fn visit_in_pause(mut bus: B, node: Node) -> Result<Self, SessionError> {
-        let listener = Listener::new(bus.now_us(), node);
-        wait_for_pause(&mut bus, node, listener)?;
-        Self::visit(bus, node)
+    pub fn visit_in_pause(mut bus: B, peer: impl Into<Peer>) -> Result<Self, SessionError> {
+        let peer = peer.into();
+        let listener = Listener::new(bus.now_us(), peer.node);
+        wait_for_pause(&mut bus, peer.node, listener)?;
+        Self::visit(bus, peer)
     }
 
     fn alive(mut exchange: Exchange<B>, node: Node) -> Result<Self, SessionError> {
+        exchange.begin_session()?;
         exchange
             .pump(CONNECT_TIMEOUT_US, |incoming| (incoming == Incoming::Alive).then_some(()))?
             .ok_or_else(|| exchange.silent("heartbeat"))?;
@@ -95,6 +105,7 @@ impl<B: LinkBus> Session<B> {
     }
 
     fn introduced(mut exchange: Exchange<B>, node: Node) -> Result<Self, SessionError> {
+        exchange.begin_session()?;
         let hello = ask_hello(&mut exchange)?;
         let Hello { major, minor, schema_hash, .. } = hello;
         if (major, schema_hash) != (PROTOCOL_MAJOR, SCHEMA_HASH) {

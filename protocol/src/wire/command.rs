@@ -178,6 +178,8 @@ coded! {
         FaultPresent = 12,
         /// Speed 0 or below, or beyond what the robot's limits allow.
         BadSpeed = 13,
+        /// Only hosts with the robot's link key are obeyed ([`super::authentication`]).
+        AuthenticationRequired = 14,
     }
 }
 

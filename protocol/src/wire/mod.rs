@@ -5,6 +5,7 @@
 //! | class | messages | from | |
 //! |---|---|---|---|
 //! | 0 | [`Estop`], [`EstopAck`] | both | the identifier alone stops |
+//! | 0 | [`authentication`] | host | ahead of a message that needs it |
 //! | 1 | [`Heartbeat`], [`HeartbeatReply`] | both | every [`HEARTBEAT_PERIOD_MS`] |
 //! | 2 | [`Command`] | host | answered by [`CommandAck`] |
 //! | 3 | [`Status`], [`FaultReport`], [`CommandAck`] | controller | every [`STATUS_PERIOD_MS`] and on change |
@@ -18,6 +19,7 @@
 //! Integers are little-endian. Layouts are normative in `docs/wire-format.md`; [`SCHEMA`] lists
 //! them in short, and its hash is part of HELLO.
 
+pub mod authentication;
 mod command;
 mod discovery;
 mod dispatch;
@@ -50,7 +52,7 @@ use thiserror::Error;
 /// Major protocol version: with different ones the two sides may only exchange HELLO.
 pub const PROTOCOL_MAJOR: u8 = 2;
 /// Minor protocol version: a higher one has messages that we ignore.
-pub const PROTOCOL_MINOR: u8 = 0;
+pub const PROTOCOL_MINOR: u8 = 1;
 /// Period of the host's heartbeats, ms.
 pub const HEARTBEAT_PERIOD_MS: u32 = 50;
 /// Timeout after which the host counts as lost, ms.
@@ -62,6 +64,7 @@ pub const STATUS_PERIOD_MS: u32 = 50;
 pub const SCHEMA: &str = "\
 0n0 estop
 0n1 estop_ack crc8 state:u8
+0n2 authenticator session:4 class:4 counter:u8 tag:6*u8
 1n0 heartbeat crc8 seq:u8 host_ms:u32
 1n1 heartbeat_reply crc8 seq:u8 controller_ms:u32
 2n0 command crc8 seq:4 kind:4 code:u8 speed:i8/64 arg:u16 valid_until_ms:u16
@@ -77,12 +80,14 @@ pub const SCHEMA: &str = "\
 7n1 discovered uid:6*u8 protocol_major:u8
 isotp 01 hello_request major:u8 minor:u8
 isotp 02 log_request since:u32
+isotp 03 session_request nonce:u64
 isotp 10 begin len:u32 digest:u32
 isotp 11 block offset:u32 crc32c:u32 bytes
 isotp 12 finish
 isotp 13 activate digest:u32
 isotp 81 hello major:u8 minor:u8 schema:u32 config:u32 format_major:u16 format_minor:u16 has_library:u8 library:u32 max_block:u16 channels:u8
 isotp 82 log now_ms:u32 first:u32 next:u32 0..16*[at_ms:u32 event:u8 before:4 after:4 fault:u8 channel:u8 value:f32]
+isotp 83 session number:u64 tag:8*u8
 isotp 90 reply request:u8 result:u8 next:u32 section:u8 why:u8
 080+n control command:u8
 100+n joint_setpoint position:i16*2e-4rad velocity:i16*2e-3rad/s kp:u16*1e-2Nm/rad kd:u16*1e-3Nms/rad

@@ -152,6 +152,8 @@ coded! {
         UnknownRequest = 7,
         /// The actuator of this channel has no such parameter, or its protocol cannot transmit it.
         NotSupported = 8,
+        /// Only hosts with the robot's link key are obeyed ([`super::authentication`]).
+        AuthenticationRequired = 9,
     }
 }
 

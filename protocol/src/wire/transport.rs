@@ -129,6 +129,11 @@ impl<'a> Request<'a> {
         }
     }
 
+    /// Whether requests of this type are about a library transfer, and so need [authentication](super::authentication).
+    pub fn is_transfer(kind: u8) -> bool {
+        (BEGIN..=ACTIVATE).contains(&kind)
+    }
+
     /// The message's bytes in `out`. `None` when they do not fit, or for a block that is empty or
     /// longer than [`MAX_BLOCK`].
     pub fn encode<'o>(&self, out: &'o mut [u8]) -> Option<&'o [u8]> {
@@ -244,6 +249,8 @@ coded! {
         StoreFailed = 9,
         /// This version does not know this request.
         UnknownRequest = 10,
+        /// Only hosts with the robot's link key are obeyed ([`super::authentication`]).
+        AuthenticationRequired = 11,
     }
 }
 

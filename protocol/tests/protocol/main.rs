@@ -7,6 +7,7 @@ mod actuators_dynamixel;
 mod actuators_maestro;
 mod actuators_mit;
 mod actuators_odrive;
+mod authentication_golden;
 mod config;
 mod encode_again;
 mod fixture;

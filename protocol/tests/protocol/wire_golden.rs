@@ -18,7 +18,7 @@ fn node() -> Node {
 
 #[test]
 fn schema_is_pinned() {
-    assert_eq!(SCHEMA_HASH, 0x9ed2_b139);
+    assert_eq!(SCHEMA_HASH, 0xa38f_3276);
 }
 
 #[test]
@@ -201,7 +201,7 @@ fn codes_are_pinned() {
         CommandResult::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
         "0 Ok, 1 UnknownCode, 2 WrongState, 3 Expired, 4 Unreachable, 5 NotArmed, 6 NoLibrary, \
          7 WrongNonce, 8 ConfigMismatch, 9 PoseUnknown, 10 OutOfOrder, 11 UnknownKind, \
-         12 FaultPresent, 13 BadSpeed",
+         12 FaultPresent, 13 BadSpeed, 14 AuthenticationRequired",
     );
     check(
         Event::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
@@ -209,7 +209,7 @@ fn codes_are_pinned() {
          6 BusPassive, 7 Tipped, 8 NotFollowing, 9 PlaybackFailed, 10 Overrun, 11 AlignFailed, \
          12 HostLost, 13 Leaning, 14 Disarm, 15 ClearConfirmed, 16 ArmConfirmed, 17 Started, \
          18 SelfTestPassed, 19 Aligned, 20 MotionStarted, 21 PauseAsked, 22 ResumeAsked, \
-         23 SafeReached, 24 HoldElapsed, 25 DampingElapsed, 26 FaultFree",
+         23 SafeReached, 24 HoldElapsed, 25 DampingElapsed, 26 FaultFree, 27 Unauthenticated",
     );
     check(
         Parameter::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
@@ -222,11 +222,11 @@ fn codes_are_pinned() {
     check(
         ParameterResult::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
         "0 Ok, 1 UnknownParameter, 2 UnknownChannel, 3 OutOfRange, 4 WrongState, 5 StoreFailed, \
-         6 OutOfOrder, 7 UnknownRequest, 8 NotSupported",
+         6 OutOfOrder, 7 UnknownRequest, 8 NotSupported, 9 AuthenticationRequired",
     );
     check(
         transport::TransferResult::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
         "0 Ok, 1 WrongState, 2 TooLong, 3 OutOfOrder, 4 BadCrc, 5 NotBegun, 6 Incomplete, \
-         7 Rejected, 8 NotFinished, 9 StoreFailed, 10 UnknownRequest",
+         7 Rejected, 8 NotFinished, 9 StoreFailed, 10 UnknownRequest, 11 AuthenticationRequired",
     );
 }

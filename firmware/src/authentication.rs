@@ -1,0 +1,299 @@
+//! Authentication of the host's messages: sessions, counters, and the proofs that go ahead of messages.
+//!
+//! A controller that was given a [`LinkKey`](rollwalk_protocol::wire::authentication::LinkKey) insists: heartbeats, commands,
+//! parameter requests and library transfers count only behind an authenticator that fits; emergency stops, identity and
+//! log need none. What is admitted goes to the same handlers as without a key. `docs/wire-format.md` specifies the bytes.
+//!
+//! Without the feature `authenticated` everything is admitted, and nothing of this is in the image.
+
+#[cfg(not(feature = "authenticated"))]
+pub(crate) use absent::Authentication;
+#[cfg(feature = "authenticated")]
+pub(crate) use present::Authentication;
+
+use crate::controller::Controller;
+use crate::store::{LibraryStore, ParameterStore};
+use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::wire::authentication::request_id;
+#[cfg(feature = "authenticated")]
+use rollwalk_protocol::wire::{
+    Response,
+    authentication::{LinkKey, SessionRequest},
+    transport::{Reply, TransferResult},
+};
+
+/// Decision on a message of a host.
+#[cfg_attr(not(feature = "authenticated"), expect(dead_code, reason = "everything is admitted"))]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Admission {
+    /// It is authentic, or need not be.
+    Admitted,
+    /// There was no authenticator for it.
+    Missing,
+    /// Its authenticator is wrong: forged, a copy, out of order or of another session.
+    Wrong,
+}
+
+impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
+    /// Decides on a frame that needs authentication.
+    pub(crate) fn admit_frame(&mut self, now_us: u64, frame: &Frame) -> Admission {
+        let id = frame.standard_id().unwrap_or_default();
+        let admission = self.authentication.admit(now_us, id, frame.data());
+        self.count(now_us, admission);
+        admission
+    }
+
+    /// Decides on the complete request of a transfer.
+    pub(crate) fn admit_request(&mut self, now_us: u64) -> Admission {
+        let id = self.link.node.map_or(0, request_id);
+        let admission = self.authentication.admit(now_us, id, self.link.request());
+        self.count(now_us, admission);
+        admission
+    }
+
+    #[cfg(not(feature = "authenticated"))]
+    fn count(&mut self, _: u64, _: Admission) {}
+
+    #[cfg(feature = "authenticated")]
+    fn count(&mut self, now_us: u64, admission: Admission) {
+        if admission != Admission::Admitted
+            && let Some(count) = self.authentication.count_refused()
+        {
+            self.note_refused(now_us, count);
+        }
+    }
+}
+
+#[cfg(feature = "authenticated")]
+impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
+    /// From here on commands, parameter requests, library transfers and the host's heartbeats count only from hosts
+    /// with `key`. `boot` is a number above that of every boot before ([`crate::store::BootCounter`]); without one no
+    /// session begins, and the robot obeys nothing but emergency stops.
+    pub fn insist_on(&mut self, key: LinkKey, boot: Option<u32>) {
+        self.authentication.insist(key, boot);
+    }
+
+    /// Count of messages on the link that were refused because nothing proved that they were from a host with the key.
+    pub fn unauthenticated_messages(&self) -> u32 {
+        self.authentication.refused()
+    }
+
+    /// Answers the request if it is one for a session; whether it is.
+    pub(crate) fn answers_session_request(&mut self, now_us: u64) -> bool {
+        let Ok(request) = SessionRequest::decode(self.link.request()) else { return false };
+        let Some(node) = self.link.node.filter(|_| self.authentication.insists()) else {
+            return false;
+        };
+        match self.authentication.offer(now_us, node, request) {
+            Some(offer) => self.link.send_message(&offer.encode()),
+            None => self.link.respond(&Response::Reply(Reply::new(
+                SessionRequest::KIND,
+                TransferResult::StoreFailed,
+                self.storage.next(),
+            ))),
+        }
+        true
+    }
+}
+
+#[cfg(not(feature = "authenticated"))]
+mod absent {
+    use super::Admission;
+    use rollwalk_protocol::can::Frame;
+    use rollwalk_protocol::wire::Node;
+
+    #[derive(Default)]
+    pub(crate) struct Authentication;
+
+    impl Authentication {
+        pub fn keep(&mut self, _: Option<Node>, _: &Frame) -> bool {
+            false
+        }
+
+        pub fn admit(&mut self, _: u64, _: u16, _: &[u8]) -> Admission {
+            Admission::Admitted
+        }
+    }
+}
+
+#[cfg(feature = "authenticated")]
+mod present {
+    use super::Admission;
+    use rollwalk_protocol::can::Frame;
+    use rollwalk_protocol::wire::Node;
+    use rollwalk_protocol::wire::authentication::{
+        Authenticator, COUNTERS, LinkKey, LinkSession, SessionOffer, SessionRequest, Subject,
+        response_id,
+    };
+
+    /// Sessions at a time: a host, and visitors that command now and then.
+    const SESSIONS: usize = 4;
+    /// Life of a session without a message, µs. Shorter than the time after which an old command's expiry, 16 bits of ms,
+    /// would be valid again.
+    const LIFE_US: u64 = 10_000_000;
+
+    /// A session with the counters of its last messages.
+    #[derive(Clone, Copy)]
+    struct Session {
+        session: LinkSession,
+        counters: [u32; COUNTERS],
+        used_us: u64,
+    }
+
+    impl Session {
+        fn is_alive(&self, now_us: u64) -> bool {
+            now_us.saturating_sub(self.used_us) <= LIFE_US
+        }
+    }
+
+    /// What a controller with a key knows of its hosts.
+    #[derive(Default)]
+    pub(crate) struct Authentication {
+        /// `None`: everything is admitted.
+        key: Option<LinkKey>,
+        /// Count of this boot; `None` when it could not be stored: no session then.
+        boot: Option<u32>,
+        /// Count of offers since the boot.
+        offers: u32,
+        /// The latest offer, until a message proves that its host has the key. Requests are not authenticated, and must not
+        /// end sessions.
+        offered: Option<Session>,
+        sessions: [Option<Session>; SESSIONS],
+        /// The latest authenticator of each subject, until its message arrives.
+        kept: [Option<Authenticator>; Subject::ALL.len()],
+        refused: u32,
+    }
+
+    impl Authentication {
+        /// Insists on the key from here on.
+        pub fn insist(&mut self, key: LinkKey, boot: Option<u32>) {
+            *self = Self { key: Some(key), boot, ..Self::default() };
+        }
+
+        /// Count of messages that were refused.
+        pub fn refused(&self) -> u32 {
+            self.refused
+        }
+
+        /// Counts a refused message; returns the count if it is to be logged: 1, 16, 256, ... so that a flood
+        /// does not displace what the log is for.
+        pub fn count_refused(&mut self) -> Option<u32> {
+            self.refused = self.refused.saturating_add(1);
+            let is_due =
+                self.refused.is_power_of_two() && self.refused.trailing_zeros().is_multiple_of(4);
+            is_due.then_some(self.refused)
+        }
+
+        /// Keeps an authenticator to `node` until its message arrives; returns whether the frame is an authenticator.
+        pub fn keep(&mut self, node: Option<Node>, frame: &Frame) -> bool {
+            let Ok((to, authenticator)) = Authenticator::decode(frame) else { return false };
+            if node == Some(to)
+                && let Some(kept) = self.place(authenticator.subject)
+            {
+                *kept = Some(authenticator);
+            }
+            true
+        }
+
+        /// Decides on the frame, or the request, `bytes` with the identifier `id`.
+        pub fn admit(&mut self, now_us: u64, id: u16, bytes: &[u8]) -> Admission {
+            if self.key.is_none() {
+                return Admission::Admitted;
+            }
+            let kept = Subject::of(id).and_then(|subject| self.place(subject)?.take());
+            let Some(authenticator) = kept else { return Admission::Missing };
+            if self.verify(now_us, authenticator, id, bytes).is_some() {
+                Admission::Admitted
+            } else {
+                Admission::Wrong
+            }
+        }
+
+        /// The session of an authentic message, whose counter has advanced.
+        fn verify(
+            &mut self,
+            now_us: u64,
+            authenticator: Authenticator,
+            id: u16,
+            bytes: &[u8],
+        ) -> Option<()> {
+            let named = |session: &&mut Session| {
+                session.session.short() == authenticator.session && session.is_alive(now_us)
+            };
+            let sessions = self.sessions.iter_mut().flatten().chain(&mut self.offered);
+            // No two sessions that are alive have the same short number.
+            let found = sessions.into_iter().find(named)?;
+            let counter = found.counters.get_mut(authenticator.subject.counter())?;
+            let next = authenticator.counter_after(*counter)?;
+            let Authenticator { tag, .. } = &authenticator;
+            if !self.key.as_ref()?.is_tag(tag, &found.session, next, id, bytes) {
+                return None;
+            }
+            *counter = next;
+            found.used_us = now_us;
+            let short = found.session.short();
+            if let Some(offered) = self.offered.take_if(|offered| offered.session.short() == short)
+            {
+                self.begin(now_us, offered);
+            }
+            Some(())
+        }
+
+        /// Puts a session in the place of one that has ended, otherwise of the one that was not used for the longest time.
+        fn begin(&mut self, now_us: u64, session: Session) {
+            let age = |place: &&mut Option<Session>| {
+                let alive = place.filter(|session| session.is_alive(now_us));
+                alive.map(|session| session.used_us)
+            };
+            if let Some(place) = self.sessions.iter_mut().min_by_key(age) {
+                *place = Some(session);
+            }
+        }
+
+        /// The answer to a request for a session. `None`: boots cannot be counted, or there were 2^32 offers.
+        pub fn offer(
+            &mut self,
+            now_us: u64,
+            node: Node,
+            SessionRequest { nonce }: SessionRequest,
+        ) -> Option<SessionOffer> {
+            let repeated = self
+                .offered
+                .filter(|offered| offered.session.nonce == nonce && offered.is_alive(now_us));
+            let session = match repeated {
+                Some(offered) => offered.session,
+                None => self.new_session(now_us, nonce)?,
+            };
+            // Lives from its last request.
+            self.offered = Some(Session { session, counters: [0; COUNTERS], used_us: now_us });
+            let tag = self.key.as_ref()?.offer_tag(&session, response_id(node));
+            Some(SessionOffer { number: session.number, tag })
+        }
+
+        /// A session with a number that was never used, and whose short number no session has that is alive.
+        fn new_session(&mut self, now_us: u64, nonce: u64) -> Option<LinkSession> {
+            let boot = u64::from(self.boot?) << 32;
+            for _ in 0..=SESSIONS {
+                self.offers = self.offers.checked_add(1)?;
+                let session = LinkSession { number: boot | u64::from(self.offers), nonce };
+                let has_it = |other: &Session| {
+                    other.session.short() == session.short() && other.is_alive(now_us)
+                };
+                if !self.sessions.iter().flatten().any(has_it) {
+                    return Some(session);
+                }
+            }
+            None
+        }
+
+        /// Whether a key was given.
+        pub fn insists(&self) -> bool {
+            self.key.is_some()
+        }
+
+        fn place(&mut self, subject: Subject) -> Option<&mut Option<Authenticator>> {
+            let index = Subject::ALL.iter().position(|other| *other == subject)?;
+            self.kept.get_mut(index)
+        }
+    }
+}

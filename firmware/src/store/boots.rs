@@ -1,0 +1,164 @@
+//! Count of a controller's boots, which never comes back to a number that it had: [`Controller::insist_on`] needs one.
+//!
+//! [`Controller::insist_on`]: crate::Controller::insist_on
+//!
+//! Each boot appends one record to a [log](super::log) of its own; the log's generation is the count. It rises with each
+//! attempt to write, so that a record that a power cut tore and that fades later gives its number to no other boot: the
+//! boot that could read it has written a higher one.
+//!
+//! Pages of 2 KiB hold 64 records: three of them are erased once in 192 boots, and last for 1.9 million boots if
+//! each endures 10,000 erasures.
+
+use embedded_storage::nor_flash::NorFlash;
+use rollwalk_protocol::crc::crc32c;
+
+use super::log::{Log, Record};
+use super::record::RECORD_LEN;
+use super::{GeometryError, StoreError};
+
+/// Units of the log, each of whole erase units.
+const UNITS: usize = 3;
+const MAGIC: [u8; 8] = *b"RW-BOOT1";
+
+/// A counter in NOR flash, which need not be mapped.
+#[derive(Debug)]
+pub struct BootCounter<F> {
+    flash: F,
+    log: Log,
+}
+
+impl<F: NorFlash> BootCounter<F> {
+    /// Finds the latest count after a reset. All of `flash` belongs to the counter: at least three erase units.
+    pub fn mount(mut flash: F) -> Result<Self, GeometryError> {
+        let divides = |size| size > 0 && RECORD_LEN.is_multiple_of(size);
+        if !divides(F::WRITE_SIZE) || !divides(F::READ_SIZE) {
+            return Err(GeometryError::WordSize);
+        }
+        let capacity = flash.capacity();
+        let erase_units = (capacity / UNITS).checked_div(F::ERASE_SIZE);
+        let unit_len = erase_units.ok_or(GeometryError::EraseSize)?.saturating_mul(F::ERASE_SIZE);
+        if unit_len < RECORD_LEN || u32::try_from(capacity).is_err() {
+            return Err(GeometryError::Capacity);
+        }
+        let (log, _) = Log::open::<RECORD_LEN, Boot, F>(&mut flash, UNITS, unit_len);
+        Ok(Self { flash, log })
+    }
+
+    /// Counts a boot: a number above that of every boot before. Call it once for each.
+    pub fn count(&mut self) -> Result<u32, StoreError> {
+        self.log.append(&mut self.flash, &Boot)?;
+        // The log's generation stays at its largest value.
+        if self.log.generation == u32::MAX {
+            Err(StoreError::OutOfRange)
+        } else {
+            Ok(self.log.generation)
+        }
+    }
+
+    /// Returns the flash.
+    pub fn into_flash(self) -> F {
+        self.flash
+    }
+}
+
+/// The record of a boot; its generation is all that it says.
+struct Boot;
+
+impl Record<RECORD_LEN> for Boot {
+    fn encode(&self, generation: u32) -> [u8; RECORD_LEN] {
+        let mut bytes = [0; RECORD_LEN];
+        let head = MAGIC.into_iter().chain(generation.to_le_bytes());
+        bytes.iter_mut().zip(head).for_each(|(place, byte)| *place = byte);
+        if let Some((body, crc)) = bytes.split_last_chunk_mut::<4>() {
+            *crc = crc32c(body).to_le_bytes();
+        }
+        bytes
+    }
+
+    fn decode(bytes: &[u8; RECORD_LEN]) -> Option<(u32, Self)> {
+        let (body, crc) = bytes.split_last_chunk::<4>()?;
+        let generation = body.strip_prefix(&MAGIC)?.first_chunk::<4>()?;
+        (crc32c(body).to_le_bytes() == *crc).then_some((u32::from_le_bytes(*generation), Self))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::RamFlash;
+    use crate::store::tests::nor::{ALL_TORN, Nor};
+    use embedded_storage::nor_flash::NorFlash;
+
+    #[test]
+    fn golden_bytes() {
+        let bytes = Boot.encode(0x0102_0304);
+        assert_eq!(bytes[..12], *b"RW-BOOT1\x04\x03\x02\x01");
+        assert_eq!(bytes[12..28], [0; 16]);
+        assert_eq!(bytes[28..], crc32c(&bytes[..28]).to_le_bytes());
+        assert_eq!(Boot::decode(&bytes).map(|(generation, _)| generation), Some(0x0102_0304));
+        for bit in 0..8 * RECORD_LEN {
+            let mut damaged = bytes;
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            assert!(Boot::decode(&damaged).is_none());
+        }
+    }
+
+    #[test]
+    fn every_boot_has_a_higher_number() {
+        let mut flash = RamFlash::new([0xFF; 3 * 4096]);
+        let mut last = 0;
+        // Twice round all units.
+        for boot in 0..2 * 3 * 128 {
+            let mut counter = BootCounter::mount(flash).unwrap();
+            let count = counter.count().unwrap();
+            assert!(count > last, "boot {boot}: {count} after {last}");
+            last = count;
+            flash = counter.into_flash();
+        }
+    }
+
+    /// Power fails at every byte of the records of every other boot, with every kind of damage.
+    #[test]
+    fn no_power_cut_brings_a_number_back() {
+        for torn in ALL_TORN {
+            for step in 1..RECORD_LEN {
+                let mut flash = Nor::<8, 64>::blank(UNITS);
+                let (mut last, mut cuts) = (0, 0);
+                for boot in 0..60 {
+                    let fuel = step * boot % (64 + RECORD_LEN);
+                    flash.arm(torn, (boot % 3 > 0).then_some(fuel));
+                    let mut counter = BootCounter::mount(flash).unwrap();
+                    let counted = counter.count();
+                    flash = counter.into_flash();
+                    if let Ok(count) = counted {
+                        assert!(
+                            count > last,
+                            "{torn:?}, {step}, boot {boot}: {count} after {last}"
+                        );
+                        last = count;
+                    }
+                    if flash.has_power() {
+                        // Words that the boot before has torn, and that this one could read.
+                        flash.fade();
+                    } else {
+                        cuts += 1;
+                    }
+                    flash.power_on();
+                }
+                assert!(cuts > 5 && last > 10, "{torn:?}, {step}: {cuts} cuts, {last}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_last_number_of_all_is_not_given_twice() {
+        let mut flash = RamFlash::new([0xFF; 3 * 4096]);
+        flash.write(0, &Boot.encode(u32::MAX - 3)).unwrap();
+        let mut counter = BootCounter::mount(flash).unwrap();
+        assert_eq!(counter.count(), Ok(u32::MAX - 1));
+        for _ in 0..3 {
+            assert_eq!(counter.count(), Err(StoreError::OutOfRange));
+            counter = BootCounter::mount(counter.into_flash()).unwrap();
+        }
+    }
+}

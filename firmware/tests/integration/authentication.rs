@@ -1,0 +1,482 @@
+//! A controller that insists on a link key: what needs a proof, and that nothing but the proof of the host's next message
+//! is one.
+
+use crate::rig::{Rig, me};
+use crate::robot;
+use crate::transfer::{flash, result};
+use proptest::prelude::*;
+use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::faults::{Event, Fault};
+use rollwalk_protocol::wire::authentication::*;
+use rollwalk_protocol::wire::transport::TransferResult;
+use rollwalk_protocol::wire::{
+    Action, Command, CommandResult, Discover, FromController, Heartbeat, Parameter,
+    ParameterAction, ParameterRequest, ParameterResult, Request, Response, State, Torque,
+};
+
+const BOOT: u32 = 7;
+const NONCE: u64 = 0x0123_4567_89AB_CDEF;
+
+fn key() -> LinkKey {
+    LinkKey::new(&[0x42; LINK_KEY_LEN])
+}
+
+/// A host with a session.
+#[derive(Clone)]
+pub struct Prover {
+    key: LinkKey,
+    session: LinkSession,
+    counters: [u32; COUNTERS],
+    /// Everything that it has proved, with its proof.
+    sent: Vec<(Frame, u16, Vec<u8>)>,
+}
+
+impl Prover {
+    fn new(key: LinkKey, session: LinkSession) -> Self {
+        Self { key, session, counters: [0; COUNTERS], sent: vec![] }
+    }
+
+    pub fn proof(&mut self, id: u16, bytes: &[u8]) -> Option<Frame> {
+        let subject = Subject::of(id)?;
+        let counter = &mut self.counters[subject.counter()];
+        *counter += 1;
+        let tag = self.key.tag(&self.session, *counter, id, bytes);
+        let session = self.session.short();
+        let proof = Authenticator { session, subject, counter: *counter as u8, tag }.encode(me());
+        self.sent.push((proof, id, bytes.to_vec()));
+        Some(proof)
+    }
+}
+
+/// Begins a session; `None` when the controller gives none.
+fn session(rig: &mut Rig, nonce: u64) -> Option<LinkSession> {
+    rig.send_message(&SessionRequest { nonce }.encode());
+    let offer = SessionOffer::decode(rig.received()).ok()?;
+    let session = LinkSession { number: offer.number, nonce };
+    assert!(key().is_offer_tag(&offer.tag, &session, response_id(me())));
+    Some(session)
+}
+
+/// A robot that has booted and insists, without a host that has a session.
+fn insisting() -> Rig {
+    let mut rig = Rig::booted();
+    rig.brain.insist_on(key(), Some(BOOT));
+    rig.heartbeats_to = me();
+    rig
+}
+
+fn with_host(mut rig: Rig) -> Rig {
+    let session = session(&mut rig, NONCE).unwrap();
+    rig.prover = Some(Prover::new(key(), session));
+    rig
+}
+
+fn ready() -> Rig {
+    let mut rig = with_host(insisting());
+    rig.run(10);
+    rig.arm();
+    rig.run_until(State::Ready, 1000);
+    rig
+}
+
+/// Sends a frame as it is, and returns what the controller says to it.
+fn say(rig: &mut Rig, frames: &[Frame]) -> Vec<FromController> {
+    let from = rig.heard.len();
+    let prover = rig.prover.take();
+    frames.iter().for_each(|frame| rig.send(frame));
+    rig.prover = prover;
+    rig.heard[from..].iter().map(|&(_, message)| message).collect()
+}
+
+fn results(heard: &[FromController]) -> Vec<CommandResult> {
+    let acks = heard.iter().filter_map(|message| match message {
+        FromController::CommandAck(ack) => Some(ack.result),
+        _ => None,
+    });
+    acks.collect()
+}
+
+#[test]
+fn with_the_key_everything_is_as_ever() {
+    let mut rig = with_host(insisting());
+    rig.run(10);
+    assert_eq!(flash(&mut rig, &robot::library()), TransferResult::Ok);
+    rig.arm();
+    rig.run_until(State::Ready, 1000);
+    let kp = Parameter::Kp.code();
+    let set = ParameterAction::Set { parameter: kp, channel: 0, value: 15.0 };
+    assert_eq!(rig.parameter(set).result, ParameterResult::Ok);
+    assert_eq!(rig.play(robot::CODE_WALK).result, CommandResult::Ok);
+    rig.run(2000);
+    assert_eq!(rig.brain.state(), State::Playing);
+    assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok);
+    rig.run_until(State::Disarmed, 3000);
+    assert_eq!(rig.brain.unauthenticated_messages(), 0);
+    assert_eq!(rig.prover.unwrap().session.number, u64::from(BOOT) << 32 | 1);
+}
+
+#[test]
+fn without_the_key_nothing_is_obeyed_but_the_emergency_stop() {
+    let mut rig = insisting();
+    rig.host_alive = false;
+    let command = rig.next_command(Action::ArmRequest).encode(me());
+    assert_eq!(results(&say(&mut rig, &[command])), [CommandResult::AuthenticationRequired]);
+    let kp = Parameter::Kp.code();
+    let set = ParameterAction::Set { parameter: kp, channel: 0, value: 15.0 };
+    let ack = rig.parameter(set);
+    assert_eq!((ack.result, ack.value), (ParameterResult::AuthenticationRequired, 0.0));
+    let library = robot::library();
+    for request in [
+        Request::Begin { len: library.len() as u32, digest: 1 },
+        Request::Block { offset: 0, bytes: &library[..64] },
+        Request::Finish,
+        Request::Activate { digest: 1 },
+    ] {
+        assert_eq!(result(rig.request(&request)), TransferResult::AuthenticationRequired);
+    }
+    assert!(rig.brain.library().is_some(), "it is not touched");
+    assert_eq!(rig.brain.unauthenticated_messages(), 6);
+    // Who it is, and what happened to it, it tells everybody.
+    let hello = Request::Hello { major: 2, minor: 0 };
+    assert!(matches!(rig.request(&hello), Response::Hello(_)));
+    assert!(matches!(rig.request(&Request::Log { since: 0 }), Response::Log(_)));
+    let heard = say(&mut rig, &[Discover.encode(me())]);
+    assert!(matches!(heard[..], [FromController::Discovered(_)]));
+    rig.estop();
+    assert_eq!(rig.brain.state(), State::EStopped);
+}
+
+/// The refused ones have not moved the order of the host's commands, nor taken its nonce.
+#[test]
+fn what_is_refused_leaves_the_host_s_commands_alone() {
+    let mut rig = with_host(insisting());
+    rig.run(10);
+    let nonce = rig.command(Action::ArmRequest).value;
+    let confirm = rig.next_command(Action::ArmConfirm { nonce });
+    for seq in 0..16 {
+        let command = Command { seq, action: Action::ArmConfirm { nonce }, ..confirm };
+        let heard = say(&mut rig, &[command.encode(me())]);
+        assert_eq!(results(&heard), [CommandResult::AuthenticationRequired]);
+    }
+    let digest = 1;
+    let prover = rig.prover.take();
+    assert_eq!(
+        result(rig.request(&Request::Activate { digest })),
+        TransferResult::AuthenticationRequired
+    );
+    rig.prover = prover;
+    assert_eq!(rig.repeat(confirm).result, CommandResult::Ok);
+    assert_eq!(rig.brain.state(), State::Aligning);
+}
+
+#[test]
+fn heartbeats_without_a_proof_are_answered_and_keep_no_robot_up() {
+    let mut rig = ready();
+    let prover = rig.prover.take();
+    let from = rig.heard.len();
+    rig.run_until(State::Returning, 60);
+    assert!(rig.brain.faults().contains(Fault::HostLost));
+    let answered = |(_, message): &&(u64, _)| matches!(message, FromController::HeartbeatReply(_));
+    assert!(rig.heard[from..].iter().filter(answered).count() >= 4);
+    // One with a wrong proof is not answered, so that its host notices.
+    rig.prover = prover.map(|prover| Prover { key: LinkKey::new(&[1; 32]), ..prover });
+    rig.run(10);
+    let from = rig.heard.len();
+    rig.run(60);
+    assert_eq!(rig.heard[from..].iter().filter(answered).count(), 0);
+}
+
+#[test]
+fn every_message_counts_once() {
+    let mut rig = ready();
+    rig.play(robot::CODE_WALK);
+    rig.run(100);
+    rig.command(Action::Return);
+    let sent = rig.prover.as_ref().unwrap().sent.clone();
+    let single =
+        |(proof, id, bytes): &(Frame, u16, Vec<u8>)| Some([*proof, Frame::standard(*id, bytes)?]);
+    let frames: Vec<[Frame; 2]> = sent.iter().filter_map(single).collect();
+    assert!(frames.len() > 30);
+    let before = rig.brain.unauthenticated_messages();
+    for pair in &frames {
+        let heard = say(&mut rig, pair);
+        let refused = heard.iter().all(|message| match message {
+            FromController::CommandAck(ack) => ack.result == CommandResult::AuthenticationRequired,
+            FromController::HeartbeatReply(_) => false,
+            _ => true,
+        });
+        assert!(refused, "{heard:?}");
+    }
+    assert_eq!(rig.brain.unauthenticated_messages(), before + frames.len() as u32);
+    // A proof for one message proves no other, and none twice.
+    let pause = rig.next_command(Action::Pause);
+    let proof = rig.prover.as_mut().unwrap().proof(0x210, pause.encode(me()).data()).unwrap();
+    let disarm = Command { action: Action::Disarm, ..pause }.encode(me());
+    let refused = CommandResult::AuthenticationRequired;
+    assert_eq!(results(&say(&mut rig, &[proof, disarm])), [refused]);
+    assert_eq!(results(&say(&mut rig, &[disarm])), [refused]);
+    assert_eq!(rig.command(Action::Return).result, CommandResult::Ok, "the host goes on");
+}
+
+#[test]
+fn what_was_overtaken_is_refused() {
+    let mut rig = with_host(insisting());
+    rig.run(10);
+    let [first, second] = [rig.next_command(Action::Disarm), rig.next_command(Action::Disarm)]
+        .map(|command| command.encode(me()));
+    let mut proof =
+        |frame: &Frame| rig.prover.as_mut().unwrap().proof(0x210, frame.data()).unwrap();
+    let (proof_1, proof_2) = (proof(&first), proof(&second));
+    assert_eq!(results(&say(&mut rig, &[proof_2, second])), [CommandResult::Ok]);
+    let refused = [CommandResult::AuthenticationRequired];
+    assert_eq!(results(&say(&mut rig, &[proof_1, first])), refused);
+    // What got lost leaves a gap: up to 255 messages, then the host begins another session.
+    for (lost, expected) in [(254, CommandResult::Ok), (256, CommandResult::AuthenticationRequired)]
+    {
+        for _ in 0..lost {
+            rig.prover.as_mut().unwrap().proof(0x210, &[]);
+        }
+        assert_eq!(rig.command(Action::Disarm).result, expected, "{lost} lost");
+    }
+}
+
+#[test]
+fn heartbeats_pass_between_the_frames_of_a_request() {
+    let mut rig = with_host(insisting());
+    let prover = rig.prover.as_mut().unwrap();
+    let request = [0x13, 1, 2, 3, 4];
+    let proof = prover.proof(0x510, &request).unwrap();
+    rig.run(30);
+    let heard = rig.heard.iter().any(|(_, m)| matches!(m, FromController::HeartbeatReply(_)));
+    assert!(heard);
+    let prover = rig.prover.take();
+    rig.send(&proof);
+    let Request::Activate { digest } = Request::decode(&request).unwrap() else { panic!() };
+    assert_eq!(result(rig.request(&Request::Activate { digest })), TransferResult::NotFinished);
+    rig.prover = prover;
+}
+
+#[test]
+fn no_session_outlives_its_boot() {
+    let mut rig = with_host(insisting());
+    rig.run(10);
+    assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok);
+    let former = rig.prover.take().unwrap();
+    let mut rig = rig.power_cycled(robot::config());
+    rig.brain.insist_on(key(), Some(BOOT + 1));
+    // The same nonce again, and the same count of sessions: only the boot differs.
+    let session = session(&mut rig, NONCE).unwrap();
+    assert_eq!(session.short(), former.session.short());
+    for (proof, id, bytes) in &former.sent {
+        if let Some(frame) = Frame::standard(*id, bytes) {
+            say(&mut rig, &[*proof, frame]);
+        }
+    }
+    assert_eq!(rig.brain.unauthenticated_messages(), former.sent.len() as u32);
+    rig.prover = Some(former);
+    assert_eq!(rig.command(Action::Disarm).result, CommandResult::AuthenticationRequired);
+    rig.prover = Some(Prover::new(key(), session));
+    assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok);
+}
+
+#[test]
+fn sessions_end_by_silence_or_by_others_with_the_key() {
+    let mut rig = insisting();
+    rig.host_alive = false;
+    let mut hosts: Vec<Prover> = (0..5)
+        .map(|host| {
+            rig.prover = Some(Prover::new(key(), session(&mut rig, host).unwrap()));
+            assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok);
+            rig.run(1);
+            rig.prover.take().unwrap()
+        })
+        .collect();
+    let ask = |rig: &mut Rig, host: &mut Prover| {
+        rig.prover = Some(host.clone());
+        let result = rig.command(Action::Disarm).result;
+        *host = rig.prover.take().unwrap();
+        result
+    };
+    // The fifth took the place of the one that had been silent for the longest time.
+    let (first, others) = hosts.split_first_mut().unwrap();
+    assert_eq!(ask(&mut rig, first), CommandResult::AuthenticationRequired);
+    for host in &mut *others {
+        assert_eq!(ask(&mut rig, host), CommandResult::Ok);
+    }
+    // Requests alone end none, however many.
+    for nonce in 0..300 {
+        session(&mut rig, 1000 + nonce).unwrap();
+    }
+    for host in &mut *others {
+        assert_eq!(ask(&mut rig, host), CommandResult::Ok);
+    }
+    // 10 s of silence.
+    rig.run(10 * u32::from(rig.settings.control_hz) - 2);
+    assert_eq!(ask(&mut rig, &mut others[0]), CommandResult::Ok);
+    rig.run(4);
+    assert_eq!(ask(&mut rig, &mut others[1]), CommandResult::AuthenticationRequired);
+    assert_eq!(ask(&mut rig, &mut others[0]), CommandResult::Ok);
+}
+
+#[test]
+fn the_same_request_gets_the_same_session_until_it_is_used() {
+    let mut rig = insisting();
+    let first = session(&mut rig, NONCE).unwrap();
+    assert_eq!(session(&mut rig, NONCE), Some(first));
+    rig.prover = Some(Prover::new(key(), first));
+    assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok);
+    let second = session(&mut rig, NONCE).unwrap();
+    assert_ne!(second.number, first.number);
+    assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok, "the first one goes on");
+}
+
+#[test]
+fn a_controller_that_cannot_count_its_boots_gives_no_session() {
+    let mut rig = Rig::booted();
+    rig.brain.insist_on(key(), None);
+    assert_eq!(session(&mut rig, NONCE), None);
+    let Ok(Response::Reply(reply)) = Response::decode(rig.received()) else { panic!("a reply") };
+    assert_eq!((reply.request, reply.result), (SessionRequest::KIND, TransferResult::StoreFailed));
+    rig.estop();
+    assert_eq!(rig.brain.state(), State::EStopped);
+}
+
+#[test]
+fn a_controller_without_a_key_knows_no_sessions() {
+    let mut rig = Rig::booted();
+    assert_eq!(session(&mut rig, NONCE), None);
+    let Ok(Response::Reply(reply)) = Response::decode(rig.received()) else { panic!("a reply") };
+    assert_eq!(
+        (reply.request, reply.result),
+        (SessionRequest::KIND, TransferResult::UnknownRequest)
+    );
+}
+
+#[test]
+fn a_flood_leaves_the_log_readable() {
+    let mut rig = insisting();
+    rig.host_alive = false;
+    for seq in 0..5000 {
+        say(&mut rig, &[Heartbeat { seq: seq as u8, host_ms: 0 }.encode(me())]);
+    }
+    let Response::Log(log) = rig.request(&Request::Log { since: 0 }) else { panic!("a log") };
+    let refused = log.entries().filter(|(_, entry)| entry.event == Event::Unauthenticated.code());
+    let counts: Vec<f32> = refused.map(|(_, entry)| entry.value).collect();
+    assert_eq!(counts, [1.0, 16.0, 256.0, 4096.0]);
+    assert_eq!(rig.brain.unauthenticated_messages(), 5000);
+}
+
+/// What a node on the link that has heard everything may send.
+#[derive(Clone, Debug)]
+enum Attack {
+    /// A message with its proof, as they were.
+    Replay { back: usize },
+    /// A message with the proof of another.
+    Mix { back: usize, other: usize },
+    /// With a bit of the proof or of the message flipped.
+    Forge { back: usize, bit: usize },
+    /// With a tag out of the air.
+    Guess { proof: [u8; 8], command: u8 },
+    /// A message alone.
+    Plain { back: usize },
+    /// A session that no host uses.
+    Session { nonce: u64 },
+}
+
+fn attack() -> impl Strategy<Value = Attack> {
+    let back = || 0usize..64;
+    prop_oneof![
+        back().prop_map(|back| Attack::Replay { back }),
+        (back(), back()).prop_map(|(back, other)| Attack::Mix { back, other }),
+        (back(), 0usize..128).prop_map(|(back, bit)| Attack::Forge { back, bit }),
+        (any::<[u8; 8]>(), any::<u8>())
+            .prop_map(|(proof, command)| Attack::Guess { proof, command }),
+        back().prop_map(|back| Attack::Plain { back }),
+        prop_oneof![Just(NONCE), any::<u64>()].prop_map(|nonce| Attack::Session { nonce }),
+    ]
+}
+
+/// Carries an attack out.
+fn attacked(rig: &mut Rig, attack: &Attack) {
+    let sent = &rig.prover.as_ref().unwrap().sent;
+    let former = |back: usize| sent.iter().rev().nth(back % sent.len().max(1)).cloned();
+    let frame = |id: u16, bytes: &[u8]| Frame::standard(id, bytes);
+    let flipped = |frame: &Frame, bit: usize| {
+        let mut data = frame.data().to_vec();
+        let bit = bit % (8 * data.len());
+        data[bit / 8] ^= 1 << (bit % 8);
+        Frame::standard(frame.standard_id().unwrap(), &data).unwrap()
+    };
+    let frames: Option<Vec<Frame>> = match *attack {
+        Attack::Replay { back } => {
+            former(back).and_then(|(proof, id, bytes)| Some(vec![proof, frame(id, &bytes)?]))
+        }
+        Attack::Mix { back, other } => former(back)
+            .zip(former(other))
+            .and_then(|((_, id, bytes), (proof, ..))| Some(vec![proof, frame(id, &bytes)?])),
+        Attack::Forge { back, bit } => former(back).and_then(|(proof, id, bytes)| {
+            let message = frame(id, &bytes)?;
+            let (proof, message) = if bit < 64 {
+                (flipped(&proof, bit), message)
+            } else {
+                (proof, flipped(&message, bit))
+            };
+            Some(vec![proof, message])
+        }),
+        Attack::Guess { proof, command } => {
+            let action = Action::Play { code: command, speed_64ths: 64 };
+            let valid_until_ms = ((rig.now_us / 1000) as u16).wrapping_add(400);
+            let command = Command { seq: command & 0xF, action, valid_until_ms };
+            Some(vec![frame(0x012, &proof).unwrap(), command.encode(me())])
+        }
+        Attack::Plain { back } => {
+            former(back).and_then(|(_, id, bytes)| Some(vec![frame(id, &bytes)?]))
+        }
+        Attack::Session { nonce } => {
+            rig.send_message(&SessionRequest { nonce }.encode());
+            None
+        }
+    };
+    if let Some(frames) = frames {
+        say(rig, &frames);
+    }
+    // What it kept is none of the host's.
+    let set = ParameterAction::Reset;
+    let request = ParameterRequest { seq: 3, action: set };
+    say(rig, &[request.encode(me())]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Two robots with the same host, one of them attacked between any two of its messages: they do the same.
+    #[test]
+    fn attacks_have_no_effect(
+        attacks in proptest::collection::vec((0u32..6, attack()), 60),
+        commands in proptest::collection::vec(0u8..5, 60),
+    ) {
+        let (mut left_alone, mut victim) = (ready(), ready());
+        for ((ticks, attack), command) in attacks.iter().zip(commands) {
+            attacked(&mut victim, attack);
+            for rig in [&mut left_alone, &mut victim] {
+                let action = match command {
+                    0 => Action::Play { code: robot::CODE_WALK, speed_64ths: 64 },
+                    1 => Action::Play { code: robot::CODE_DRIVE, speed_64ths: 40 },
+                    2 => Action::Return,
+                    3 => Action::Pause,
+                    _ => Action::Resume,
+                };
+                rig.command(action);
+                rig.run(*ticks);
+            }
+            let seen = |rig: &Rig| {
+                let setpoints: Vec<_> = rig.servos.iter().map(|s| s.setpoints.clone()).collect();
+                (rig.brain.state(), rig.brain.playing(), rig.brain.faults(), setpoints)
+            };
+            prop_assert_eq!(seen(&left_alone), seen(&victim));
+            prop_assert_ne!(victim.brain.state().torque(), Torque::Off);
+        }
+        prop_assert_eq!(left_alone.brain.unauthenticated_messages(), 0);
+        prop_assert!(victim.brain.unauthenticated_messages() >= 60);
+    }
+}

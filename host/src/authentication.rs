@@ -1,0 +1,155 @@
+//! The host's part of an authenticated link: asks for a session, and makes the frame that goes ahead of each message.
+//!
+//! No clock and no bus; [`crate::client`] drives it. Where nothing can be random, as in the cores, the first nonce is an
+//! argument.
+
+use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::wire::Node;
+use rollwalk_protocol::wire::authentication::{
+    Authenticator, COUNTERS, LinkKey, LinkSession, SessionOffer, SessionRequest, Subject,
+    request_id, response_id,
+};
+
+/// Interval of requests for a session, µs.
+const ASK_US: u64 = 150_000;
+/// Offers with a wrong tag after which the key is another one than the controller's. The offer to another host has a wrong
+/// tag, too.
+const WRONG_OFFERS: u32 = 3;
+/// Heartbeats in a row without an answer after which the session is over: the controller was restarted.
+const UNANSWERED: u32 = 5;
+
+/// The link key of a robot, and a number for its use.
+#[derive(Clone, Debug)]
+pub struct Credentials {
+    /// The secret that host and controller share.
+    pub key: LinkKey,
+    /// Start of the nonces, random: one that was used before could let an old session pass for a new one.
+    pub nonce: u64,
+}
+
+/// A controller to talk to.
+#[derive(Clone, Debug)]
+pub struct Peer {
+    /// Its address.
+    pub node: Node,
+    /// Its link key, if it insists on one.
+    pub credentials: Option<Credentials>,
+}
+
+impl From<Node> for Peer {
+    /// A controller that obeys everybody.
+    fn from(node: Node) -> Self {
+        Self { node, credentials: None }
+    }
+}
+
+/// Reason for which a controller gave no session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoSession {
+    /// It has another key than this host.
+    WrongKey,
+    /// It has no key.
+    NotNeeded,
+    /// It cannot count its boots, and so cannot tell old messages from new ones.
+    CannotCount,
+}
+
+/// Sessions with one controller.
+#[derive(Clone, Debug)]
+pub(crate) struct Authentication {
+    credentials: Credentials,
+    node: Node,
+    session: Option<(LinkSession, [u32; COUNTERS])>,
+    next_ask_us: u64,
+    wrong_offers: u32,
+    /// Heartbeats since the last answer.
+    unanswered: u32,
+}
+
+impl Authentication {
+    pub fn new(node: Node, credentials: Credentials) -> Self {
+        Self { credentials, node, session: None, next_ask_us: 0, wrong_offers: 0, unanswered: 0 }
+    }
+
+    pub fn has_session(&self) -> bool {
+        self.session.is_some()
+    }
+
+    /// Instant of the next request for a session, µs.
+    pub fn next_us(&self) -> u64 {
+        if self.has_session() { u64::MAX } else { self.next_ask_us }
+    }
+
+    /// The request for a session that is due.
+    pub fn request(&mut self, now_us: u64) -> Option<[u8; 9]> {
+        if now_us < self.next_us() {
+            return None;
+        }
+        self.next_ask_us = now_us + ASK_US;
+        Some(SessionRequest { nonce: self.credentials.nonce }.encode())
+    }
+
+    /// Ends the session: the controller did not know it. The next one is asked for with another nonce.
+    pub fn end_session(&mut self) {
+        if self.session.take().is_some() {
+            self.credentials.nonce = self.credentials.nonce.wrapping_add(1);
+            self.wrong_offers = 0;
+        }
+    }
+
+    /// Notes a heartbeat that was sent.
+    pub fn on_heartbeat(&mut self) {
+        self.unanswered += 1;
+        if self.unanswered > UNANSWERED {
+            self.end_session();
+            self.unanswered = 0;
+        }
+    }
+
+    /// Notes a heartbeat's answer.
+    pub fn on_reply(&mut self) {
+        self.unanswered = 0;
+    }
+
+    /// Takes the answer to a request for a session; `None` when it is none to ours.
+    pub fn on_offer(&mut self, offer: SessionOffer) -> Option<Result<(), NoSession>> {
+        if self.has_session() {
+            return None;
+        }
+        let Credentials { key, nonce } = &self.credentials;
+        let session = LinkSession { number: offer.number, nonce: *nonce };
+        if key.is_offer_tag(&offer.tag, &session, response_id(self.node)) {
+            self.session = Some((session, [0; COUNTERS]));
+            self.unanswered = 0;
+            return Some(Ok(()));
+        }
+        self.wrong_offers += 1;
+        (self.wrong_offers == WRONG_OFFERS).then_some(Err(NoSession::WrongKey))
+    }
+
+    /// The authenticator to send ahead of `frame`; `None` for frames that need none, and without a session.
+    pub fn of_frame(&mut self, frame: &Frame) -> Option<Frame> {
+        let id = frame.standard_id()?;
+        let subject = Subject::of(id).filter(|subject| *subject != Subject::Transfer)?;
+        self.authenticate(subject, id, frame.data())
+    }
+
+    /// The authenticator to send ahead of a request of a transfer.
+    pub fn of_request(&mut self, message: &[u8]) -> Option<Frame> {
+        self.authenticate(Subject::Transfer, request_id(self.node), message)
+    }
+
+    fn authenticate(&mut self, subject: Subject, id: u16, bytes: &[u8]) -> Option<Frame> {
+        let (session, counters) = self.session.as_mut()?;
+        let counter = &mut counters[subject.counter()];
+        // After 2^32 messages another session begins.
+        *counter = counter.checked_add(1)?;
+        let authenticator = Authenticator {
+            session: session.short(),
+            subject,
+            counter: *counter as u8,
+            tag: self.credentials.key.tag(session, *counter, id, bytes),
+        };
+        Some(authenticator.encode(self.node))
+    }
+}

@@ -1,0 +1,312 @@
+//! Authentication of what a host sends: a frame ahead of each message proves that its sender has the robot's link key, and
+//! that the message is no copy of an earlier one.
+//!
+//! The messages themselves stay as they are, so that tools read them as before. AUTOSAR calls this a secured PDU
+//! collection: the authentic and the cryptographic PDU are sent one after the other (AUTOSAR, Secure Onboard
+//! Communication, R22-11, section 7.1.1).
+//!
+//! ```text
+//! host                                       controller
+//! SESSION_REQUEST {nonce}              ──>   a number that it has never used, over all power cycles
+//!                                      <──   SESSION {number, tag}
+//! AUTHENTICATOR {counter, tag}         ──>   keeps it
+//! COMMAND, HEARTBEAT, BEGIN, …         ──>   computes the tag over session, counter and message; the counter must rise
+//! ```
+
+use super::transport::{TO_CONTROLLER, TO_HOST, TransportError};
+use super::{DecodeError, Kind, Node};
+use crate::can::Frame;
+
+const AUTHENTICATOR: Kind = Kind::new(0, 2);
+
+/// Bytes of a tag in an [`Authenticator`].
+pub const TAG_LEN: usize = 6;
+/// Bytes of the tag in a [`SessionOffer`].
+pub const OFFER_TAG_LEN: usize = 8;
+/// Bytes of a link key.
+pub const LINK_KEY_LEN: usize = 32;
+
+/// A session of a host with a controller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LinkSession {
+    /// Number that the controller uses once: its count of boots in the upper 32 bits, its count of offers in the lower.
+    pub number: u64,
+    /// Number that the host uses once.
+    pub nonce: u64,
+}
+
+impl LinkSession {
+    /// The part of the number that an [`Authenticator`] has: 4 bits.
+    pub fn short(&self) -> u8 {
+        self.number as u8 & 0xF
+    }
+}
+
+/// Message that an [`Authenticator`] is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Subject {
+    /// The next HEARTBEAT.
+    Heartbeat,
+    /// The next COMMAND.
+    Command,
+    /// The next request of a library transfer.
+    Transfer,
+    /// The next PARAMETER.
+    Parameter,
+}
+
+impl Subject {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Heartbeat, Self::Command, Self::Transfer, Self::Parameter];
+
+    /// Class of the message's identifier.
+    pub const fn class(self) -> u8 {
+        match self {
+            Self::Heartbeat => 1,
+            Self::Command => 2,
+            Self::Transfer => 5,
+            Self::Parameter => 6,
+        }
+    }
+
+    /// Subject of a frame with this identifier to a controller; `None` for frames that need no authentication.
+    pub fn of(id: u16) -> Option<Self> {
+        let is_it = |subject: &Self| id & 0x70F == u16::from(subject.class()) << 8;
+        Self::ALL.into_iter().find(is_it)
+    }
+
+    /// Counter of the session that it advances. Requests of a transfer have their own: heartbeats pass between the
+    /// frames of a long one.
+    pub const fn counter(self) -> usize {
+        match self {
+            Self::Transfer => 1,
+            _ => 0,
+        }
+    }
+}
+
+/// Counters of a session.
+pub const COUNTERS: usize = 2;
+
+/// Identifier of the requests to a controller.
+pub fn request_id(to: Node) -> u16 {
+    TO_CONTROLLER.id(to)
+}
+
+/// Identifier of the answers of a controller.
+pub fn response_id(from: Node) -> u16 {
+    TO_HOST.id(from)
+}
+
+/// Proof ahead of a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Authenticator {
+    /// [`LinkSession::short`].
+    pub session: u8,
+    /// Message that it is for.
+    pub subject: Subject,
+    /// Low 8 bits of the message's counter.
+    pub counter: u8,
+    /// First bytes of the message's authentication code.
+    pub tag: [u8; TAG_LEN],
+}
+
+impl Authenticator {
+    /// `[session 4 low bits, class 4 high bits][counter u8][tag 6 bytes]`
+    pub fn encode(self, to: Node) -> Frame {
+        let head = self.session & 0xF | self.subject.class() << 4;
+        let [a, b, c, d, e, f] = self.tag;
+        Frame::known(AUTHENTICATOR.id(to), [head, self.counter, a, b, c, d, e, f])
+    }
+
+    /// Addressee and message.
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
+        let (node, [head, counter, a, b, c, d, e, f]) = AUTHENTICATOR.plain(frame)?;
+        let subject = Subject::of(u16::from(head >> 4) << 8).ok_or(DecodeError::BadValue)?;
+        Ok((node, Self { session: head & 0xF, subject, counter, tag: [a, b, c, d, e, f] }))
+    }
+
+    /// The counter that it stands for, above `last`: the next one with its low 8 bits. `None` when there is none.
+    pub fn counter_after(&self, last: u32) -> Option<u32> {
+        let ahead = match self.counter.wrapping_sub(last as u8) {
+            0 => 256,
+            ahead => u32::from(ahead),
+        };
+        last.checked_add(ahead)
+    }
+}
+
+const SESSION_REQUEST: u8 = 0x03;
+const SESSION: u8 = 0x83;
+
+/// Asks for a session: a message of the [transport](super::transport).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SessionRequest {
+    /// Number that the host uses once, so that no old answer passes for this one's.
+    pub nonce: u64,
+}
+
+impl SessionRequest {
+    /// Type of the message; a [`super::transport::Reply`] names it.
+    pub const KIND: u8 = SESSION_REQUEST;
+
+    /// `[type][nonce u64]`
+    pub fn encode(self) -> [u8; 9] {
+        let mut message = [SESSION_REQUEST; 9];
+        if let Some((_, nonce)) = message.split_first_mut() {
+            nonce.copy_from_slice(&self.nonce.to_le_bytes());
+        }
+        message
+    }
+
+    /// The request in a received message.
+    pub fn decode(message: &[u8]) -> Result<Self, TransportError> {
+        let rest = of_type(message, SESSION_REQUEST)?;
+        let nonce = rest.try_into().map_err(|_| TransportError::BadLength)?;
+        Ok(Self { nonce: u64::from_le_bytes(nonce) })
+    }
+}
+
+/// The answer to a [`SessionRequest`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SessionOffer {
+    /// [`LinkSession::number`].
+    pub number: u64,
+    /// Proof that the controller has the key, over number, nonce and its address.
+    pub tag: [u8; OFFER_TAG_LEN],
+}
+
+impl SessionOffer {
+    /// `[type][number u64][tag 8 bytes]`
+    pub fn encode(self) -> [u8; 17] {
+        let mut message = [SESSION; 17];
+        if let Some((_, rest)) = message.split_first_mut() {
+            let fields = self.number.to_le_bytes().into_iter().chain(self.tag);
+            rest.iter_mut().zip(fields).for_each(|(place, byte)| *place = byte);
+        }
+        message
+    }
+
+    /// The answer in a received message.
+    pub fn decode(message: &[u8]) -> Result<Self, TransportError> {
+        let rest = of_type(message, SESSION)?;
+        let (number, tag) = rest.split_first_chunk().ok_or(TransportError::BadLength)?;
+        let tag = tag.try_into().map_err(|_| TransportError::BadLength)?;
+        Ok(Self { number: u64::from_le_bytes(*number), tag })
+    }
+}
+
+fn of_type(message: &[u8], wanted: u8) -> Result<&[u8], TransportError> {
+    match message.split_first().ok_or(TransportError::BadLength)? {
+        (&kind, rest) if kind == wanted => Ok(rest),
+        (&kind, _) => Err(TransportError::UnknownType(kind)),
+    }
+}
+
+#[cfg(feature = "authenticated")]
+mod key {
+    use super::{LINK_KEY_LEN, LinkSession, OFFER_TAG_LEN, TAG_LEN};
+    use core::fmt;
+    use hmac::{Hmac, KeyInit, Mac};
+    use sha2::Sha256;
+
+    /// What a code is over, so that one for a message is none for an offer.
+    const OF_MESSAGE: u8 = 1;
+    const OF_OFFER: u8 = 2;
+
+    /// The secret of a robot and its hosts: 32 random bytes, kept as the state of HMAC-SHA256 (RFC 2104, FIPS 198-1)
+    /// after its key.
+    #[derive(Clone)]
+    pub struct LinkKey(Hmac<Sha256>);
+
+    impl LinkKey {
+        /// A key from its bytes.
+        pub fn new(key: &[u8; LINK_KEY_LEN]) -> Self {
+            // HMAC fills keys up with zeros to the hash's blocks of 64 bytes.
+            let mut block = [0; 64];
+            block.iter_mut().zip(key).for_each(|(place, byte)| *place = *byte);
+            Self(Hmac::new(&block.into()))
+        }
+
+        /// Tag of a message to a controller: of the frame or transport message `bytes` with the identifier `id`.
+        pub fn tag(
+            &self,
+            session: &LinkSession,
+            counter: u32,
+            id: u16,
+            bytes: &[u8],
+        ) -> [u8; TAG_LEN] {
+            first(&self.of_message(session, counter, id, bytes).finalize().into_bytes())
+        }
+
+        /// Whether `tag` is that of a message; takes the same time for every wrong one.
+        pub fn is_tag(
+            &self,
+            tag: &[u8; TAG_LEN],
+            session: &LinkSession,
+            counter: u32,
+            id: u16,
+            bytes: &[u8],
+        ) -> bool {
+            self.of_message(session, counter, id, bytes).verify_truncated_left(tag).is_ok()
+        }
+
+        /// Tag of the offer of a session; `id` is the identifier of a controller's answers.
+        pub fn offer_tag(&self, session: &LinkSession, id: u16) -> [u8; OFFER_TAG_LEN] {
+            first(&self.of_offer(session, id).finalize().into_bytes())
+        }
+
+        /// Whether `tag` is that of an offer.
+        pub fn is_offer_tag(
+            &self,
+            tag: &[u8; OFFER_TAG_LEN],
+            session: &LinkSession,
+            id: u16,
+        ) -> bool {
+            self.of_offer(session, id).verify_truncated_left(tag).is_ok()
+        }
+
+        fn of_message(
+            &self,
+            session: &LinkSession,
+            counter: u32,
+            id: u16,
+            bytes: &[u8],
+        ) -> Hmac<Sha256> {
+            let mut mac = self.of_session(OF_MESSAGE, session);
+            mac.update(&counter.to_le_bytes());
+            mac.update(&id.to_le_bytes());
+            mac.update(bytes);
+            mac
+        }
+
+        fn of_offer(&self, session: &LinkSession, id: u16) -> Hmac<Sha256> {
+            let mut mac = self.of_session(OF_OFFER, session);
+            mac.update(&id.to_le_bytes());
+            mac
+        }
+
+        fn of_session(&self, of: u8, session: &LinkSession) -> Hmac<Sha256> {
+            let mut mac = self.0.clone();
+            mac.update(&[of]);
+            mac.update(&session.number.to_le_bytes());
+            mac.update(&session.nonce.to_le_bytes());
+            mac
+        }
+    }
+
+    impl fmt::Debug for LinkKey {
+        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("LinkKey(secret)")
+        }
+    }
+
+    fn first<const N: usize>(code: &[u8]) -> [u8; N] {
+        let mut tag = [0; N];
+        tag.iter_mut().zip(code).for_each(|(place, byte)| *place = *byte);
+        tag
+    }
+}
+
+#[cfg(feature = "authenticated")]
+pub use key::LinkKey;
