@@ -31,6 +31,8 @@ pub enum Kind {
     Packed,
     /// Names of a library's motions, in the user's cache.
     Names,
+    /// The secret of a robot and its hosts.
+    LinkKey,
 }
 
 /// As messages name a file of the kind.
@@ -47,6 +49,7 @@ impl fmt::Display for Kind {
             Self::Gamepad => "gamepad mapping (TOML)",
             Self::Packed => "motion library",
             Self::Names => "cached list of names (JSON)",
+            Self::LinkKey => "link key",
         })
     }
 }
@@ -80,6 +83,7 @@ impl Kind {
         match self {
             Self::Robot | Self::Motion | Self::Library | Self::Side => 1 << 20,
             Self::Gamepad | Self::Names => 1 << 20,
+            Self::LinkKey => 1 << 10,
             // The most samples of a robot with the most joints are 10 MB.
             Self::Plan | Self::Packed => 32 << 20,
             // It may carry a plan, whose quotes are escaped.
@@ -103,6 +107,7 @@ impl Kind {
             Self::Gamepad => "docs/gamepad.md shows how to write one",
             Self::Packed => "make one with `rollwalk library build LIBRARY.toml -o LIB.rwl`",
             Self::Names => "every build and flash of a library makes one",
+            Self::LinkKey => "make one with `rollwalk keys new FILE`",
         }
     }
 
@@ -124,6 +129,7 @@ impl Kind {
             Self::Gamepad => "a gamepad mapping",
             Self::Packed => "a motion library",
             Self::Names => "a list of names",
+            Self::LinkKey => "a link key",
         }
     }
 
@@ -141,6 +147,7 @@ impl Kind {
             Self::Gamepad => "`rollwalk console --mapping` reads it",
             Self::Packed => "`rollwalk library inspect` and `rollwalk flash` read it",
             Self::Names => "rollwalk keeps it for itself",
+            Self::LinkKey => "--link-key takes it",
         }
     }
 

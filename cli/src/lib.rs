@@ -13,6 +13,7 @@ mod files;
 mod gamepad;
 mod inputs;
 mod interrupt;
+mod keys;
 mod kind;
 mod link;
 mod output;

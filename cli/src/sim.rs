@@ -6,7 +6,7 @@ use crate::cmd::buses::BusLoads;
 use crate::files::{Lines, Output, RotationArgs};
 use crate::inputs::Source;
 use crate::link::cannot_open;
-use crate::{Exit, end, exit, interrupt, output};
+use crate::{Exit, end, exit, interrupt, keys, output};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
 use memory::Memory;
 use miette::{IntoDiagnostic, miette};
@@ -19,6 +19,7 @@ use rollwalk_bus::sim;
 use rollwalk_firmware::Settings;
 use rollwalk_host::describe::{fault_names, state_name};
 use rollwalk_protocol::faults::FaultBits;
+use rollwalk_protocol::wire::authentication::LinkKey;
 use rollwalk_protocol::wire::{FromController, State};
 use rollwalk_robot::Robot;
 use rollwalk_sim_host::body::Body;
@@ -89,6 +90,9 @@ struct Cli {
     log: Option<PathBuf>,
     #[command(flatten)]
     rotation: RotationArgs,
+    /// File with a link key (`rollwalk keys new`): the controller obeys only hosts that have it.
+    #[arg(long, value_name = "FILE")]
+    link_key: Option<PathBuf>,
 }
 
 /// A part of a robot.
@@ -128,6 +132,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
     check_kinds(&robot, &cli.actuators)?;
     let actuators = at_rates(&robot, &cli.actuators);
     let memory = cli.library.as_deref().map(|path| Memory::open(path, &cli.robot)).transpose()?;
+    let key = cli.link_key.as_deref().map(keys::link_key).transpose()?;
     interrupt::listen();
     match (cli.only, &cli.bus) {
         (Some(Part::Motors), _) if memory.is_some() => {
@@ -137,9 +142,11 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
         (_, None) => {
             return Err(miette!(help = "add --bus BUS", "the controller needs a link"));
         }
-        (Some(Part::Controller), Some(bus)) => run_controller(&robot, bus, &actuators, memory)?,
+        (Some(Part::Controller), Some(bus)) => {
+            run_controller(&robot, key, bus, &actuators, memory)?;
+        }
         (None, Some(bus)) if actuators.is_empty() => {
-            run_whole(&robot, bus, cli, memory)?;
+            run_whole(&robot, key, bus, cli, memory)?;
         }
         (None, Some(_)) if actuators.iter().any(BusName::carries_bytes) => {
             return Err(miette!(
@@ -157,24 +164,29 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
                 let mut lost = Lost { link: None, actuators: &names, says: false };
                 motors::run(&mut body, ports, &mut lost, || !interrupt::requested());
             });
-            run_controller(&robot, bus, &actuators, memory)?;
+            run_controller(&robot, key, bus, &actuators, memory)?;
         }
     }
     Ok(Exit::Ok)
 }
 
-/// The firmware, with the library of its memory.
-fn core(robot: &Robot, memory: Option<&Memory>) -> miette::Result<Local> {
+/// The firmware, with the library of its memory and the key that it insists on.
+fn core(robot: &Robot, key: Option<LinkKey>, memory: Option<&Memory>) -> miette::Result<Local> {
     let config = robot.controller_config().into_diagnostic()?;
     let (buses, settings) = (robot.controller_buses(), Settings::default());
-    Ok(match memory.and_then(Memory::library) {
+    let mut core = match memory.and_then(Memory::library) {
         Some(library) => Local::with_library(config, buses, settings, library),
         None => Local::new(config, buses, settings),
-    })
+    };
+    if let Some(key) = key {
+        core.insist_on(key);
+    }
+    Ok(core)
 }
 
 fn run_whole(
     robot: &Robot,
+    key: Option<LinkKey>,
     bus: &BusName,
     cli: &Cli,
     mut memory: Option<Memory>,
@@ -182,7 +194,7 @@ fn run_whole(
     let log = cli.log.as_deref().map(Output::at).transpose()?;
     let log = log.map(|output| Lines::create(&output, cli.rotation.rotate));
     let mut log = log.transpose()?;
-    let core = core(robot, memory.as_ref())?;
+    let core = core(robot, key, memory.as_ref())?;
     let mut rig = Rig::with_core(robot, core).into_diagnostic()?;
     let port = port(bus)?;
     ready(robot, bus);
@@ -217,13 +229,14 @@ fn run_whole(
 
 fn run_controller(
     robot: &Robot,
+    key: Option<LinkKey>,
     bus: &BusName,
     actuators: &[BusName],
     mut memory: Option<Memory>,
 ) -> miette::Result<()> {
     // Motors that wait for their setpoints do so for a busy computer, too.
     priority::raise();
-    let mut core = core(robot, memory.as_ref())?;
+    let mut core = core(robot, key, memory.as_ref())?;
     let period = Duration::from_secs(1) / u32::from(Settings::default().control_hz);
     let (port, ports) = (port(bus)?, ports(actuators)?);
     ready(robot, bus);

@@ -1,12 +1,14 @@
 //! Interface of the simulation to a controller: events in, frames to send out.
 
-use crate::store::{self, SimParameters, SimStore};
+use crate::store::{self, SimBoots, SimParameters, SimStore};
 use rollwalk_bus::link::LinkError;
+use rollwalk_firmware::store::BootCounter;
 use rollwalk_firmware::{BusState, Buses, Controller, Settings};
 use rollwalk_protocol::actuators::Packet;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::Library;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
+use rollwalk_protocol::wire::authentication::LinkKey;
 
 pub use crate::store::LIBRARY_MAX;
 
@@ -64,6 +66,8 @@ pub struct Local {
     controller: Controller<SimStore, SimParameters>,
     buses: Buses,
     settings: Settings,
+    link_key: Option<LinkKey>,
+    boots: SimBoots,
 }
 
 impl Local {
@@ -85,11 +89,22 @@ impl Local {
         Self::booting(config, buses, settings, (store::with(library), store::blank_parameters()))
     }
 
+    /// From here on, and after power cycles, the controller obeys only hosts with this key.
+    pub fn insist_on(&mut self, key: LinkKey) {
+        self.controller.insist_on(key.clone(), self.boots.count().ok());
+        self.link_key = Some(key);
+    }
+
     /// Restarts the controller with the content of its flash.
     pub fn power_cycled(self) -> Self {
         let config = self.controller.config().clone();
         let stores = store::mounted_again(self.controller.into_stores());
-        Self::booting(config, self.buses, self.settings, stores)
+        let boots = BootCounter::mount(self.boots.into_flash()).expect("it was mounted before");
+        let mut core = Self { boots, ..Self::booting(config, self.buses, self.settings, stores) };
+        if let Some(key) = self.link_key {
+            core.insist_on(key);
+        }
+        core
     }
 
     /// The library that is active.
@@ -110,7 +125,7 @@ impl Local {
     ) -> Self {
         let of = buses.clone();
         let controller = Controller::with_parameters(config, of, library, parameters, settings);
-        Self { controller, buses, settings }
+        Self { controller, buses, settings, link_key: None, boots: store::no_boots() }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Library store and parameter store of the simulated controller: the code of a real board, on
 //! flash that is simulated in RAM.
 
-use rollwalk_firmware::store::{FlashParameters, FlashStore, LibraryStore, RamFlash};
+use rollwalk_firmware::store::{BootCounter, FlashParameters, FlashStore, LibraryStore, RamFlash};
 use rollwalk_protocol::crc::file_digest;
 use rollwalk_protocol::wire::transport::MAX_BLOCK;
 
@@ -17,6 +17,14 @@ pub type SimStore = FlashStore<RamFlash<Vec<u8>>>;
 
 /// Parameter store of the simulated controller.
 pub type SimParameters = FlashParameters<RamFlash<Vec<u8>>>;
+
+/// Counter of the simulated controller's boots.
+pub type SimBoots = BootCounter<RamFlash<Vec<u8>>>;
+
+/// A counter before the first boot.
+pub fn no_boots() -> SimBoots {
+    BootCounter::mount(RamFlash::new(vec![0xFF; 12 << 10])).expect("three erase units")
+}
 
 /// A blank parameter store.
 pub fn blank_parameters() -> SimParameters {

@@ -1,5 +1,6 @@
 //! The whole pipeline as a user meets it: one binary, one module per subject.
 
+mod authenticated;
 mod bad_input;
 mod bench;
 mod command_line;

@@ -12,6 +12,7 @@ mod export;
 mod flash;
 mod gains;
 mod import;
+mod keys;
 mod library;
 mod monitor;
 mod orders;
@@ -44,6 +45,8 @@ pub enum Command {
     Gains(gains::Args),
     Doctor(doctor::Args),
     Console(console::Args),
+    #[command(subcommand)]
+    Keys(keys::Action),
     /// Emergency stop: torque off at once. Sent until the controller acknowledges it, or Ctrl-C; `clear` ends it.
     #[command(after_long_help = "Examples:\n  rollwalk estop --bus can:can0")]
     Estop(orders::Args),
@@ -88,6 +91,7 @@ impl Command {
             Command::Doctor(args) => doctor::run(args),
             Command::Gains(args) => gains::run(args),
             Command::Console(args) => console::run(args),
+            Command::Keys(action) => keys::run(action),
             Command::Estop(args) => orders::stop(args),
             Command::Clear(args) => orders::run(Order::Clear, args),
             Command::Disarm(args) => orders::run(Order::Disarm, args),

@@ -209,6 +209,24 @@ fn open_stream(path: &Path, patience: Duration) -> io::Result<File> {
     })
 }
 
+/// Writes a file that only its user may read, and that is not there yet.
+///
+/// # Errors
+/// It exists, or the operating system refuses.
+pub fn write_secret(path: &Path, content: &str) -> miette::Result<()> {
+    let mut options = OpenOptions::new();
+    options.write(true).create_new(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    let written = options.open(path).and_then(|mut file| {
+        file.write_all(content.as_bytes()).and_then(|()| file.sync_all()).inspect_err(|_| {
+            // Half a key is none, and would be in the way of the next attempt.
+            let _ = fs::remove_file(path);
+        })
+    });
+    written.map_err(|reason| cannot_write(path, reason))
+}
+
 /// Makes a folder if it is missing, but not the one that it lies in, and makes sure that files can be written into it.
 ///
 /// # Errors

@@ -5,14 +5,16 @@ pub mod names;
 
 pub use interruptible::Interruptible;
 
-use crate::{Exit, interrupt, output};
+use crate::{Exit, interrupt, keys, output};
 use miette::{Diagnostic, Report, miette};
 use rollwalk_bus::name::BusName;
 use rollwalk_bus::open::{self, OpenError};
 use rollwalk_bus::port::Live;
 use rollwalk_bus::priority;
+use rollwalk_host::authentication::Peer;
 use rollwalk_host::session::{Session, SessionError};
-use rollwalk_protocol::wire::Node;
+use rollwalk_protocol::wire::{CommandResult, Node};
+use std::path::PathBuf;
 use thiserror::Error;
 
 /// Maximum number of our frames in flight: enough to keep a bus busy, few enough to keep none stale.
@@ -27,6 +29,9 @@ pub struct LinkArgs {
     /// The controller's address, 0 to 14.
     #[arg(long, value_name = "N", default_value = "1", value_parser = node)]
     pub node: Node,
+    /// File with the robot's link key, for a controller that insists on one; `rollwalk keys new` makes it.
+    #[arg(long, value_name = "FILE", env = "ROLLWALK_LINK_KEY")]
+    link_key: Option<PathBuf>,
 }
 
 fn node(text: &str) -> Result<Node, String> {
@@ -64,6 +69,15 @@ impl LinkArgs {
         Ok(Interruptible::new(live))
     }
 
+    /// The controller, with the link key that was given.
+    ///
+    /// # Errors
+    /// The file cannot be read, or holds no link key.
+    pub fn peer(&self) -> miette::Result<Peer> {
+        let credentials = self.link_key.as_deref().map(keys::credentials).transpose()?;
+        Ok(Peer { node: self.node, credentials })
+    }
+
     /// Opens the bus and connects to the controller as its only host.
     ///
     /// # Errors
@@ -90,16 +104,17 @@ impl LinkArgs {
 
     fn session(
         &self,
-        connect: impl FnOnce(Interruptible, Node) -> Result<LiveSession, SessionError>,
+        connect: impl FnOnce(Interruptible, Peer) -> Result<LiveSession, SessionError>,
     ) -> miette::Result<LiveSession> {
-        connect(self.open()?, self.node).map_err(|error| Ended(ended(self, &error)).into())
+        let peer = self.peer()?;
+        connect(self.open()?, peer).map_err(|error| Ended(ended(self, &error)).into())
     }
 
     /// Report of a failed session, with the command to type next.
     pub fn explain(&self, error: &SessionError) -> Report {
         let bus = &self.bus;
         let help = match error {
-            SessionError::Silent { what: "heartbeat", .. } => {
+            SessionError::Silent { what: "heartbeat" | "session", .. } => {
                 format!("rollwalk discover --bus {bus} lists the controllers on it")
             }
             SessionError::HasHost { .. } => {
@@ -108,7 +123,12 @@ impl LinkArgs {
                     .into()
             }
             // These messages name the remedy themselves.
-            SessionError::ParameterRefused { .. } | SessionError::Transferring { .. } => return miette!("{error}"),
+            SessionError::ParameterRefused { .. }
+            | SessionError::Transferring { .. }
+            | SessionError::NoSession { .. }
+            | SessionError::Refused { result: CommandResult::AuthenticationRequired, .. } => {
+                return miette!("{error}");
+            }
             _ => format!("rollwalk doctor --bus {bus} says what is wrong and how to clear it"),
         };
         miette!(help = help, "{error}")

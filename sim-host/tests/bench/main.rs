@@ -1,6 +1,7 @@
 //! The simulated robot end to end: a library flashed over the bus and played by code.
 
 mod agilebot;
+mod authenticated;
 mod flashing;
 mod operating;
 mod playing;

@@ -97,7 +97,7 @@ impl LinkBus for Newer {
 fn a_controller_that_speaks_another_protocol() {
     let error = Session::connect(Newer(rig()), Node::new(1).unwrap()).err().unwrap();
     assert!(matches!(error, SessionError::ProtocolMismatch { major: 3, .. }), "{error}");
-    assert!(error.to_string().contains("speaks protocol 3.0"), "{error}");
+    assert!(error.to_string().contains("speaks protocol 3.1"), "{error}");
 }
 
 fn refused(session: &mut Session<Rig>, code: u8) -> (CommandResult, String) {

@@ -15,6 +15,7 @@ use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::Live;
+use rollwalk_host::authentication::Peer;
 use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -130,8 +131,14 @@ fn us_since(start: Instant) -> u64 {
 
 impl<'a> App<'a> {
     /// A console on an open bus.
-    pub fn new(link: &'a LinkArgs, lookup: Lookup, gamepad: Option<Gamepad>, bus: Live) -> Self {
-        let mut operator = Operator::new(link.node, lookup.config_hash());
+    pub fn new(
+        link: &'a LinkArgs,
+        peer: Peer,
+        lookup: Lookup,
+        gamepad: Option<Gamepad>,
+        bus: Live,
+    ) -> Self {
+        let mut operator = Operator::new(peer, lookup.config_hash());
         if let Some(gamepad) = &gamepad {
             operator.want(0, Intent::Deadman(gamepad.pad.released()));
         }

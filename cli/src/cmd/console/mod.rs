@@ -69,13 +69,14 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let gamepad =
         args.gamepad.as_deref().map(|device| Gamepad::open(device, args.mapping.as_deref()));
     let gamepad = gamepad.transpose()?;
+    let peer = args.link.peer()?;
     let mut bus = args.link.live().map_err(cannot_open)?;
     let node = args.link.node;
     // A bus that is lost by now is waited for by the console itself.
     if listener::find_host(&mut bus, node).is_ok_and(|listener| listener.has_host()) {
         return Ok(ended(&args.link, &SessionError::HasHost { node: node.number() }));
     }
-    let mut app = App::new(&args.link, lookup, gamepad, bus);
+    let mut app = App::new(&args.link, peer, lookup, gamepad, bus);
     let terminal = ratatui::try_init().map_err(|error| miette!("the terminal refuses: {error}"))?;
     let mut terminal = Terminal(terminal);
     let outcome = app.run(&mut terminal.0);

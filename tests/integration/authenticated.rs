@@ -1,0 +1,40 @@
+//! A simulated robot that obeys only hosts with its link key.
+
+use crate::simulated::{Robot, command_on, desk_with_library_file, on};
+use rollwalk_tests::Outcome;
+
+#[test]
+fn a_robot_with_a_link_key_obeys_those_who_have_it() {
+    let desk = desk_with_library_file();
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    on(&desk, &bus, &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    for key in ["robot.key", "other.key"] {
+        on(&desk, &bus, &["keys", "new", key]).succeeds();
+        on(&desk, &bus, &["keys", "new", key]).fails(1, &["cannot write", key, "exists"]);
+    }
+    let _robot = Robot::with(&desk, &bus, &["--link-key", "robot.key"]);
+
+    let without = ["authentication required", "--link-key FILE", "ROLLWALK_LINK_KEY"];
+    on(&desk, &bus, &["flash", "legbot.rwl"]).fails(5, &without);
+    on(&desk, &bus, &["gains", "reset"]).fails(5, &without);
+    on(&desk, &bus, &["disarm"]).fails(5, &without);
+    let wrong = ["has another link key"];
+    on(&desk, &bus, &["disarm", "--link-key", "other.key"]).fails(5, &wrong);
+    let none = ["legbot.toml is no link key"];
+    on(&desk, &bus, &["disarm", "--link-key", "legbot.toml"]).fails(1, &none);
+
+    let with_key = |args: &[&str]| {
+        let mut command = command_on(&desk, &bus, args);
+        command.env("ROLLWALK_LINK_KEY", "robot.key");
+        Outcome::from(command.output().expect("the command starts"))
+    };
+    with_key(&["flash", "legbot.rwl"]).succeeds();
+    with_key(&["send", "--arm", "rest"]).succeeds();
+    with_key(&["gains", "set", "all", "--kd", "1"]).succeeds();
+    // What needs no key takes none amiss.
+    for command in ["discover", "doctor", "estop"] {
+        with_key(&[command]).succeeds();
+    }
+    on(&desk, &bus, &["estop"]).succeeds();
+    with_key(&["clear"]).succeeds();
+}
