@@ -55,7 +55,7 @@ pub fn parameter_refusal(result: ParameterResult, limit: f32, state: Option<Stat
         ParameterResult::UnknownParameter => "its firmware is older than this parameter",
         ParameterResult::UnknownChannel => "the robot has fewer channels",
         ParameterResult::OutOfRange => {
-            return format!("the value is beyond the limit of {limit}");
+            return format!("the value is no number, or beyond the limit of {limit}");
         }
         ParameterResult::WrongState => match state {
             None => "it is not disarmed: disarm it first, or clear it if it has stopped",
