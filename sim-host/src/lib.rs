@@ -5,7 +5,7 @@
 //! |---|---|
 //! | [`rig`], [`store`] | controller, buses and motors, stepped in one fixed order |
 //! | [`core`] | the controller: firmware in this process, or anything else that answers its steps |
-//! | [`bus`], [`line`] | a CAN bus and a half-duplex serial line, exact to the bit |
+//! | [`mod@bus`], [`mod@line`] | a CAN bus and a half-duplex serial line, exact to the bit |
 //! | [`interface`], [`clock`] | the buses' names, virtual time |
 //! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle; their drives are [`rollwalk_drives`] |
 //! | [`live`] | in real time: the whole robot, its controller or its motors on buses of this computer |
