@@ -6,6 +6,7 @@ use rollwalk_protocol::actuator::{
 };
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
+use rollwalk_protocol::wire::authentication::{Authenticator, Subject, TAG_LEN};
 use rollwalk_protocol::wire::isotp::{Endpoint, Output, Timing};
 use rollwalk_protocol::wire::transport::{frame_to_controller, frame_to_host};
 use rollwalk_protocol::wire::*;
@@ -61,6 +62,20 @@ fn safety() -> impl Strategy<Value = Sample> {
             let values = says([("state", state.code().into())]);
             sealed("estop_ack", EstopAck { state }.encode(node), values)
         }),
+        (to(), 0u8..16, of(&Subject::ALL), any::<u8>(), any::<[u8; TAG_LEN]>()).prop_map(
+            |(to, session, subject, counter, tag)| {
+                let frame = Authenticator { session, subject, counter, tag }.encode(to);
+                // The tag's first byte is its highest.
+                let number = tag.iter().fold(0.0, |all, byte| 256.0 * all + f64::from(*byte));
+                let values = says([
+                    ("session", session.into()),
+                    ("class", subject.class().into()),
+                    ("counter", counter.into()),
+                    ("tag", number),
+                ]);
+                ("authenticator", frame, values)
+            }
+        ),
     ]
 }
 
