@@ -62,7 +62,7 @@ fn safety() -> impl Strategy<Value = Sample> {
             let values = says([("state", state.code().into())]);
             sealed("estop_ack", EstopAck { state }.encode(node), values)
         }),
-        (to(), 0u8..16, of(&Subject::ALL), any::<u8>(), any::<[u8; TAG_LEN]>()).prop_map(
+        (node(), 0u8..16, of(&Subject::ALL), any::<u8>(), any::<[u8; TAG_LEN]>()).prop_map(
             |(to, session, subject, counter, tag)| {
                 let frame = Authenticator { session, subject, counter, tag }.encode(to);
                 // The tag's first byte is its highest.
