@@ -31,12 +31,24 @@ fn record(desk: &Desk, bus: &str, name: &str) -> Child {
     monitor.expect("the monitor starts")
 }
 
+/// Whether programs that are started from here hear of a terminal that hangs up: below `nohup` they ignore it.
+fn hears_hang_ups() -> bool {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    // Signal 1.
+    ignored.is_none_or(|mask| mask & 1 == 0)
+}
+
 #[test]
 fn a_recording_is_whole_however_the_monitor_ends() {
     let desk = desk_with_shipped_files();
     let bus = format!("sim:{}", desk.path("robot.sock").display());
     let _robot = Robot::start(&desk, &bus);
     for name in ["INT", "TERM", "HUP", "KILL"] {
+        if name == "HUP" && !hears_hang_ups() {
+            continue;
+        }
         let monitor = record(&desk, &bus, name);
         signal(&monitor, name);
         let outcome = Outcome::from(monitor.wait_with_output().expect("it ends"));
