@@ -10,7 +10,8 @@ use std::sync::{Arc, LazyLock, Once};
 static REQUESTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 static LISTENING: Once = Once::new();
 
-/// From here on the first signal asks what is running to end; a second one ends the process.
+/// Installs the signal handler: the first signal requests an orderly end, which the running command polls; a second signal
+/// kills the process.
 pub fn listen() {
     LISTENING.call_once(install);
 }

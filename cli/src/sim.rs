@@ -45,9 +45,9 @@ const ACTUATOR_DEPTH: usize = 2;
 /// can take their place. Motors speak what the file's [[bus]] says. The robot hangs on a stand: there is
 /// no ground under it.
 ///
-/// Like a robot's, its memory keeps the library that was flashed, with --library: a file that is read when the robot
-/// is switched on, if it is there, and has what was flashed since. A library that was in it before is not lost: it is
-/// put aside in a file of its own (pup.2.rwl for pup.rwl) before the first other one takes its place.
+/// With --library FILE the simulated flash survives a restart: the simulator reads FILE at start, if it exists, and writes
+/// each library that a host flashes to FILE. Before it overwrites a library for the first time, it copies that one to a
+/// file of its own (pup.2.rwl for pup.rwl).
 ///
 /// Runs until Ctrl-C.
 #[derive(Parser)]

@@ -123,7 +123,8 @@ impl Series {
         self.clock.strikes()
     }
 
-    /// The file that follows if the present one is full. Only what is flushed counts.
+    /// Begins the next file of the series if the present one has reached its size limit; `None` if it has not. Bytes that are
+    /// not flushed yet do not count.
     ///
     /// # Errors
     /// The operating system refuses.

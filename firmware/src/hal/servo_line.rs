@@ -1,5 +1,5 @@
-//! A line of serial servos on one wire for both directions: packets go out byte by byte as the hardware has room, and
-//! what comes back from it is without the echo of what was sent.
+//! A line of serial servos on one wire for both directions: it feeds packets to the transmitter byte by
+//! byte, and removes the echo of the bytes that it sent from those that the receiver reports.
 //!
 //! The board takes packets from [`crate::Controller::poll_serial`] while the line [is free](ServoLine::is_free), hands the bytes
 //! of [`ServoLine::next_byte`] to its transmitter, and those that it received, after [`ServoLine::receive`], to

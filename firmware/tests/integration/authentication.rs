@@ -79,7 +79,7 @@ fn ready() -> Rig {
     rig
 }
 
-/// Sends a frame as it is, and returns what the controller says to it.
+/// Sends frames exactly as given, without authenticators of the rig, and returns the controller's answers.
 fn say(rig: &mut Rig, frames: &[Frame]) -> Vec<FromController> {
     let from = rig.heard.len();
     let prover = rig.prover.take();

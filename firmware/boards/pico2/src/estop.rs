@@ -1,7 +1,7 @@
 //! The emergency-stop contact: normally closed, from GP22 to ground.
 //!
 //! Closed is the only state that allows torque: a pressed button, a broken wire and a plug that is out are the same high
-//! level. The level counts in every control period; the hardware's memory of an edge catches what is shorter.
+//! level. The firmware reads the level in every control period, and the edge that the pin has latched, which catches shorter pulses.
 
 use crate::chip;
 use embassy_rp::pac::{IO_BANK0, SIO};

@@ -38,7 +38,7 @@ pub struct Line {
     received: Consumer<'static, u8>,
 }
 
-/// Stops all state machines: what is being sent ends in the middle of a byte, and the wires are released.
+/// Resets the PIO block: transmission stops at once, even within a byte, and the pins no longer drive the wires.
 pub fn silence() {
     RESETS.reset().modify(|w| w.set_pio0(true));
 }

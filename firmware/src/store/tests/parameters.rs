@@ -258,8 +258,8 @@ fn flash_that_cannot_hold_a_set_is_refused() {
     );
 }
 
-/// A set that cannot be read at one start may be readable at the next: by then it must be older than what was saved
-/// in between, wherever in the log both are.
+/// Flash may fail to read a set at one boot and read it at the next. A set that was saved between the two boots must have the
+/// higher generation, wherever in the log both are.
 #[test]
 fn a_set_that_comes_back_is_older_than_what_was_saved_without_it() {
     for saves in 1..=20 {
