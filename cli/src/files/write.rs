@@ -2,7 +2,7 @@
 
 use super::{FileError, folder, identity};
 use crate::output;
-use miette::Report;
+use miette::{Report, miette};
 use same_file::Handle;
 use std::fs::{self, File, OpenOptions, Permissions};
 use std::io::{self, BufWriter, Write};
@@ -224,7 +224,14 @@ pub fn write_secret(path: &Path, content: &str) -> miette::Result<()> {
             let _ = fs::remove_file(path);
         })
     });
-    written.map_err(|reason| cannot_write(path, reason))
+    written.map_err(|reason| match reason.kind() {
+        io::ErrorKind::AlreadyExists => miette!(
+            help = "name another file; or remove this one, if no robot has its key any more",
+            "cannot write {}: it exists, and a key is never overwritten",
+            path.display()
+        ),
+        _ => cannot_write(path, reason),
+    })
 }
 
 /// Makes a folder if it is missing, but not the one that it lies in, and makes sure that files can be written into it.

@@ -102,25 +102,31 @@ fn assert_on_time(rig: &Rig, name: &str) {
     assert_eq!(missed, 0, "{name}: {missed} of {}", rig.records().len());
 }
 
+/// A leg on these buses that is played, stopped by an emergency stop, cleared and played again; how that went.
+#[track_caller]
+pub fn stopped_and_played_again(buses: [Bus; 2], name: &str) -> Rig {
+    let mut session = armed(&leg(buses));
+    play(&mut session);
+    session.select(robot::SWING).unwrap();
+    session.run_for(S).unwrap();
+    session.estop().unwrap();
+    // What the ODrive tells comes every 8 ms.
+    session.run_for(S / 100).unwrap();
+    let driving = session.bus().body().servos().iter().any(|servo| servo.is_driving());
+    assert!(!driving, "{name}: torque after an emergency stop");
+    session.run_for(S).unwrap();
+    assert_eq!(session.status().unwrap().state, State::EStopped, "{name}");
+    session.clear().unwrap();
+    session.arm().unwrap();
+    play(&mut session);
+    session.disarm().unwrap();
+    session.into_bus()
+}
+
 #[test]
 fn every_protocol_follows_is_stopped_and_follows_again() {
     for (name, bus) in kinds() {
-        let mut session = armed(&leg([bus; 2]));
-        play(&mut session);
-        session.select(robot::SWING).unwrap();
-        session.run_for(S).unwrap();
-        session.estop().unwrap();
-        // What the ODrive tells comes every 8 ms.
-        session.run_for(S / 100).unwrap();
-        let driving = session.bus().body().servos().iter().any(|servo| servo.is_driving());
-        assert!(!driving, "{name}: torque after an emergency stop");
-        session.run_for(S).unwrap();
-        assert_eq!(session.status().unwrap().state, State::EStopped, "{name}");
-        session.clear().unwrap();
-        session.arm().unwrap();
-        play(&mut session);
-        session.disarm().unwrap();
-        assert_followed(&session.into_bus(), name);
+        assert_followed(&stopped_and_played_again([bus; 2], name), name);
     }
 }
 

@@ -2,7 +2,7 @@
 //! its time, and a servo or a line that falls silent does no harm.
 
 use crate::S;
-use crate::protocols::{armed, leg, play};
+use crate::protocols::{armed, leg, play, stopped_and_played_again};
 use crate::robot::{self, ROLL_RAD_S};
 use rollwalk_host::session::Session;
 use rollwalk_protocol::actuators::Codec;
@@ -64,21 +64,8 @@ fn servos_follow_are_stopped_and_follow_again() {
         [(1_000_000, 500), (1_000_000, 0), (2_000_000, 250), (3_000_000, 0), (4_000_000, 20)];
     for (bit_rate, delay_us) in rates {
         let name = format!("{bit_rate} bit/s, {delay_us} µs");
-        let mut session = armed(&leg([dynamixel(bit_rate, delay_us, 5); 2]));
-        play(&mut session);
-        session.select(robot::SWING).unwrap();
-        session.run_for(S).unwrap();
-        session.estop().unwrap();
-        session.run_for(S / 100).unwrap();
-        let driving = session.bus().body().servos().iter().any(|servo| servo.is_driving());
-        assert!(!driving, "{name}: torque after an emergency stop");
-        session.run_for(S).unwrap();
-        assert_eq!(session.status().unwrap().state, State::EStopped, "{name}");
-        session.clear().unwrap();
-        session.arm().unwrap();
-        play(&mut session);
-        session.disarm().unwrap();
-        assert_followed(&session.into_bus(), &name);
+        let servos = dynamixel(bit_rate, delay_us, 5);
+        assert_followed(&stopped_and_played_again([servos; 2], &name), &name);
     }
 }
 
