@@ -1,0 +1,90 @@
+//! Comparison of a force's derivatives with central differences, for the tests of all forces.
+
+use crate::force::{Derivative, Force, View, Wrench};
+use crate::motion::{Motion, Scheme, Weights};
+use crate::rotation::Increment;
+use fastrand::Rng;
+use nalgebra::{Matrix6, Vector3, Vector6};
+
+fn random(rng: &mut Rng, size: f64) -> Vector3<f64> {
+    Vector3::from_fn(|_, _| size * (2.0 * rng.f64() - 1.0))
+}
+
+/// Motions of some bodies near the origin.
+fn motions(rng: &mut Rng, count: usize) -> Vec<Motion> {
+    let one = |_| Motion {
+        position: random(rng, 0.2),
+        rotation: Increment::new(random(rng, 0.5)).rotation(),
+        velocity: random(rng, 1.0),
+        spin: random(rng, 2.0),
+    };
+    (0..count).map(one).collect()
+}
+
+/// A motion moved a little along one of its twelve directions.
+fn moved(motion: &Motion, direction: usize, by: f64) -> Motion {
+    let mut motion = *motion;
+    let mut along = Vector3::zeros();
+    along[direction % 3] = by;
+    match direction / 3 {
+        0 => motion.position += along,
+        1 => motion.rotation = Increment::new(along).rotation() * motion.rotation,
+        2 => motion.velocity += along,
+        _ => motion.spin += along,
+    }
+    motion
+}
+
+/// Panics where a derivative of a force differs from central differences, at random motions.
+pub fn agrees_with_finite_differences(force: &dyn Force) {
+    agrees_at(force, 20, |_| {});
+}
+
+/// The same at motions that `prepare` changes.
+pub fn agrees_at(force: &dyn Force, count: u64, prepare: impl Fn(&mut [Motion])) {
+    let bodies = force.bodies().len();
+    let step = 1e-6;
+    for seed in 0..count {
+        let mut rng = Rng::with_seed(seed);
+        let [mut now, last, before] = [0; 3].map(|_| motions(&mut rng, bodies));
+        prepare(&mut now);
+        let weights = Weights::new(Scheme::Bdf2, 0.01);
+        let wrenches = |now: &[Motion]| {
+            let mut wrenches = vec![Wrench::default(); bodies];
+            let view = View { now, last: &last, before: &before, weights: &weights };
+            force.wrenches(&view, &mut wrenches);
+            wrenches
+        };
+        let mut found = vec![Derivative::default(); bodies * bodies];
+        let mut again = vec![Wrench::default(); bodies];
+        let view = View { now: &now, last: &last, before: &before, weights: &weights };
+        force.derivatives(&view, &mut again, &mut found);
+        let scale = 1.0 + again.iter().map(|w| w.stacked().norm()).fold(0.0, f64::max);
+        for (one, other) in wrenches(&now).iter().zip(&again) {
+            assert!((one.stacked() - other.stacked()).norm() < 1e-12 * scale, "{force:?}");
+        }
+        for j in 0..bodies {
+            for direction in 0..12 {
+                let at = |by: f64| {
+                    let mut now = now.clone();
+                    now[j] = moved(&now[j], direction, by);
+                    wrenches(&now)
+                };
+                let (ahead, behind) = (at(step), at(-step));
+                for i in 0..bodies {
+                    let rate: Vector6<f64> =
+                        (ahead[i].stacked() - behind[i].stacked()) / (2.0 * step);
+                    let derivative = &found[i * bodies + j];
+                    let matrix: &Matrix6<f64> =
+                        if direction < 6 { &derivative.by_pose } else { &derivative.by_rate };
+                    let error = (rate - matrix.column(direction % 6)).norm();
+                    let bound = 1e-6 * (scale + matrix.norm());
+                    assert!(
+                        error < bound,
+                        "{force:?}: body {i} by direction {direction} of body {j}: {error} > {bound}"
+                    );
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,441 @@
+//! Contact of a foot, wheel or blade with the ground: a spring along the normal, friction across it.
+//!
+//! The contact point of a wheel is the point of its rim that is deepest for the ground's normal at its centre; that of a
+//! foot is the deepest point of a sphere. Both move over the body as it turns, and all derivatives know that.
+
+use crate::force::{By, Derivative, Force, View, Wrench};
+use crate::friction::Friction;
+use crate::ground::{Ground, Surface};
+use crate::motion::Motion;
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::rotation::skew;
+use std::sync::Arc;
+
+/// A wheel whose plane is nearer to the ground's than this has no lowest point: sine of the angle between them.
+const LEAST_SINE: f64 = 1e-3;
+/// Speed at which rolling resistance has three quarters of its size, m/s.
+const RESISTANCE_SPEED_M_S: f64 = 0.01;
+
+/// Stiffness and damping along the normal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Normal {
+    /// Stiffness k_n, N/m.
+    pub stiffness_n_m: f64,
+    /// Damping k_d, N·s/m.
+    pub damping_n_s_m: f64,
+    /// Depth over which the damping comes in, m. A damping that jumps at the surface leaves steps without any solution;
+    /// 0 is such a jump, for comparisons with closed forms.
+    pub ramp_m: f64,
+}
+
+/// Shape that touches the ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tip {
+    /// A sphere; with radius 0 a point.
+    Sphere,
+    /// A rim about an axis in the body.
+    Rim {
+        /// Unit axis, in body axes.
+        axis: Vector3<f64>,
+    },
+    /// A blade across an axis of the body: it slides along itself, and not across.
+    Blade {
+        /// Unit vector across the blade, in body axes.
+        axis: Vector3<f64>,
+    },
+}
+
+/// Resistance along the rolling direction, as a share of the normal force: c_rr s(v) + c_v v.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Resistance {
+    /// c_rr.
+    pub constant: f64,
+    /// c_v, s/m.
+    pub per_speed_s_m: f64,
+}
+
+/// A contact of one body with the ground.
+#[derive(Clone, Debug)]
+pub struct Contact {
+    /// The body.
+    pub body: [usize; 1],
+    /// Centre of sphere or wheel from the body's centre of mass, in body axes, m.
+    pub center: Vector3<f64>,
+    /// Radius, m.
+    pub radius_m: f64,
+    /// Shape.
+    pub tip: Tip,
+    /// Along the normal.
+    pub normal: Normal,
+    /// Across it.
+    pub friction: Friction,
+    /// Rolling resistance of a rim about its axis, or of a blade along itself.
+    pub resistance: Resistance,
+    /// What it touches.
+    pub ground: Arc<dyn Ground>,
+}
+
+/// State of a contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touch {
+    /// Distance from the ground, m; negative while it touches.
+    pub gap_m: f64,
+    /// The contact point in world axes, m.
+    pub point: Vector3<f64>,
+    /// Unit normal of the ground.
+    pub normal: Vector3<f64>,
+    /// Force of the ground on the body, N.
+    pub force: Vector3<f64>,
+    /// Its part along the normal, N.
+    pub normal_n: f64,
+    /// Velocity of the contact point along the ground, m/s.
+    pub sliding: Vector3<f64>,
+    /// Whether friction is at its limit.
+    pub slips: bool,
+}
+
+/// The contact point, with its derivatives by the body's pose.
+struct Place {
+    surface: Surface,
+    /// From the centre of mass, m.
+    arm: Vector3<f64>,
+    point_by_position: Matrix3<f64>,
+    point_by_rotation: Matrix3<f64>,
+    /// World axis of a rim or blade.
+    axis: Option<Vector3<f64>>,
+}
+
+/// A quantity with its derivatives by position, rotation, velocity and spin of the body.
+#[derive(Clone, Copy)]
+struct Varied {
+    value: Vector3<f64>,
+    by: [Matrix3<f64>; 4],
+}
+
+impl Contact {
+    /// The contact at a motion of its body.
+    pub fn touch(&self, body: &Motion) -> Touch {
+        let place = self.place(body);
+        let Surface { gap_m, normal, .. } = place.surface;
+        let speed = body.velocity + body.spin.cross(&place.arm);
+        let mut touch = Touch {
+            gap_m,
+            point: body.position + place.arm,
+            normal,
+            force: Vector3::zeros(),
+            normal_n: 0.0,
+            sliding: speed - normal * normal.dot(&speed),
+            slips: false,
+        };
+        if gap_m < 0.0 {
+            let (force, normal_n, slips) = self.force(&place, &speed);
+            touch = Touch { force, normal_n, slips, ..touch };
+        }
+        touch
+    }
+
+    fn place(&self, body: &Motion) -> Place {
+        let fixed = body.rotation * self.center;
+        let center_by_rotation = -skew(&fixed);
+        let at_center = self.ground.at(&(body.position + fixed));
+        let normal = at_center.normal;
+        let (lever, by_rotation, by_normal, axis) = match self.tip {
+            Tip::Sphere => {
+                let none = Matrix3::zeros();
+                (normal * -self.radius_m, none, Matrix3::identity() * -self.radius_m, None)
+            }
+            Tip::Rim { axis } | Tip::Blade { axis } => {
+                let axis = body.rotation * axis;
+                let (lever, by_axis, by_normal) = self.rim(&axis, &normal);
+                (lever, by_axis * -skew(&axis), by_normal, Some(axis))
+            }
+        };
+        let arm = fixed + lever;
+        let surface = self.ground.at(&(body.position + arm));
+        // The centre moves with the body, and with it the normal that the lever hangs by.
+        let with_center = Matrix3::identity() + by_normal * at_center.curvature;
+        Place {
+            surface,
+            arm,
+            point_by_position: with_center,
+            point_by_rotation: with_center * center_by_rotation + by_rotation,
+            axis,
+        }
+    }
+
+    /// From the centre of a disc to its lowest point, with derivatives by axis and normal:
+    /// −r (n − a (a·n)) / √(1 − (a·n)²).
+    fn rim(
+        &self,
+        axis: &Vector3<f64>,
+        normal: &Vector3<f64>,
+    ) -> (Vector3<f64>, Matrix3<f64>, Matrix3<f64>) {
+        let along = axis.dot(normal);
+        let down = normal - axis * along;
+        let sine = (1.0 - along * along).max(LEAST_SINE * LEAST_SINE).sqrt();
+        let (of_down, of_sine) = (-self.radius_m / sine, -self.radius_m * along / sine.powi(3));
+        let by_axis = (Matrix3::identity() * along + axis * normal.transpose()) * -of_down
+            + down * normal.transpose() * of_sine;
+        let by_normal = (Matrix3::identity() - axis * axis.transpose()) * of_down
+            + down * axis.transpose() * of_sine;
+        (down * of_down, by_axis, by_normal)
+    }
+
+    /// Damping at a gap, N·s/m, and its derivative by the gap.
+    fn damping(&self, gap_m: f64) -> (f64, f64) {
+        let Normal { damping_n_s_m: damping, ramp_m, .. } = self.normal;
+        if -gap_m < ramp_m {
+            (damping * -gap_m / ramp_m, -damping / ramp_m)
+        } else {
+            (damping, 0.0)
+        }
+    }
+
+    /// Share of the normal force that resists rolling, at a rolling speed, and its derivative.
+    fn resistance(&self, speed_m_s: f64) -> (f64, f64) {
+        let Resistance { constant, per_speed_s_m } = self.resistance;
+        let sign = (speed_m_s / RESISTANCE_SPEED_M_S).tanh();
+        let slope = constant * (1.0 - sign * sign) / RESISTANCE_SPEED_M_S;
+        (constant * sign + per_speed_s_m * speed_m_s, slope + per_speed_s_m)
+    }
+
+    /// Force of the ground, its spring's part, N, and whether the contact slips.
+    fn force(&self, place: &Place, speed: &Vector3<f64>) -> (Vector3<f64>, f64, bool) {
+        let Surface { gap_m, normal, .. } = place.surface;
+        let spring = -self.normal.stiffness_n_m * gap_m;
+        let approach = normal.dot(speed);
+        let normal_n = spring - self.damping(gap_m).0 * approach;
+        let mut sliding = speed - normal * approach;
+        let mut along = Vector3::zeros();
+        if let (Tip::Blade { .. }, Some(axis)) = (self.tip, place.axis) {
+            let (across, _, _) = across(&axis, &normal);
+            sliding = across * across.dot(speed);
+            let ahead = across.cross(&normal);
+            along = ahead * -(spring * self.resistance(ahead.dot(speed)).0);
+        }
+        let friction = self.friction.force(&sliding, spring);
+        (normal * normal_n + friction.force + along, spring, friction.slips)
+    }
+
+    /// Moment of the rolling resistance of a rim about its axis.
+    fn rolling_moment(&self, body: &Motion, place: &Place) -> Vector3<f64> {
+        match (self.tip, place.axis) {
+            (Tip::Rim { .. }, Some(axis)) => {
+                let spring = -self.normal.stiffness_n_m * place.surface.gap_m;
+                let (share, _) = self.resistance(self.radius_m * axis.dot(&body.spin));
+                axis * -(self.radius_m * spring * share)
+            }
+            _ => Vector3::zeros(),
+        }
+    }
+}
+
+/// The unit vector along a blade's axis in the plane across a normal, with derivatives by axis and normal.
+fn across(
+    axis: &Vector3<f64>,
+    normal: &Vector3<f64>,
+) -> (Vector3<f64>, Matrix3<f64>, Matrix3<f64>) {
+    let along = axis.dot(normal);
+    let flat = axis - normal * along;
+    let length = flat.norm().max(LEAST_SINE);
+    let unit = flat / length;
+    let project = (Matrix3::identity() - unit * unit.transpose()) / length;
+    let by_axis = project * (Matrix3::identity() - normal * normal.transpose());
+    let by_normal = -(project * (Matrix3::identity() * along + normal * axis.transpose()));
+    (unit, by_axis, by_normal)
+}
+
+impl Varied {
+    /// a·b and its derivatives.
+    fn dot(&self, other: &Self) -> (f64, [nalgebra::RowVector3<f64>; 4]) {
+        let by = [0, 1, 2, 3]
+            .map(|k| self.value.transpose() * other.by[k] + other.value.transpose() * self.by[k]);
+        (self.value.dot(&other.value), by)
+    }
+}
+
+impl Force for Contact {
+    fn bodies(&self) -> &[usize] {
+        &self.body
+    }
+
+    fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]) {
+        let body = &view.now[0];
+        let place = self.place(body);
+        if place.surface.gap_m >= 0.0 {
+            return;
+        }
+        let speed = body.velocity + body.spin.cross(&place.arm);
+        let (force, _, _) = self.force(&place, &speed);
+        wrenches[0].force += force;
+        wrenches[0].moment += place.arm.cross(&force) + self.rolling_moment(body, &place);
+    }
+
+    fn derivatives(
+        &self,
+        view: &View<'_>,
+        wrenches: &mut [Wrench],
+        derivatives: &mut [Derivative],
+    ) {
+        const PARTS: [By; 4] = [By::Position, By::Rotation, By::Velocity, By::Spin];
+        let body = &view.now[0];
+        let place = self.place(body);
+        let Surface { gap_m, normal, curvature } = place.surface;
+        if gap_m >= 0.0 {
+            return;
+        }
+        self.wrenches(view, wrenches);
+        let none = Matrix3::zeros();
+        let (by_position, by_rotation) = (place.point_by_position, place.point_by_rotation);
+        let arm = Varied {
+            value: place.arm,
+            by: [by_position - Matrix3::identity(), by_rotation, none, none],
+        };
+        let spin = skew(&body.spin);
+        let speed = Varied {
+            value: body.velocity + body.spin.cross(&place.arm),
+            by: [spin * arm.by[0], spin * arm.by[1], Matrix3::identity(), -skew(&place.arm)],
+        };
+        let normal = Varied {
+            value: normal,
+            by: [curvature * by_position, curvature * by_rotation, none, none],
+        };
+        let gap_by = [by_position, by_rotation, none, none].map(|m| normal.value.transpose() * m);
+        let (approach, approach_by) = normal.dot(&speed);
+        let stiffness = self.normal.stiffness_n_m;
+        let spring = -stiffness * gap_m;
+        let (damping, damping_slope) = self.damping(gap_m);
+        let normal_n = spring - damping * approach;
+
+        // What slides, and for a blade what resists along it.
+        let mut sliding = Varied {
+            value: speed.value - normal.value * approach,
+            by: [0, 1, 2, 3]
+                .map(|k| speed.by[k] - normal.by[k] * approach - normal.value * approach_by[k]),
+        };
+        let mut along = Varied { value: Vector3::zeros(), by: [none; 4] };
+        let axis =
+            place.axis.map(|axis| Varied { value: axis, by: [none, -skew(&axis), none, none] });
+        if let (Tip::Blade { .. }, Some(axis)) = (self.tip, axis) {
+            let (unit, by_axis, by_normal) = across(&axis.value, &normal.value);
+            let by = [0, 1, 2, 3].map(|k| by_axis * axis.by[k] + by_normal * normal.by[k]);
+            let unit = Varied { value: unit, by };
+            let (rate, rate_by) = unit.dot(&speed);
+            sliding = Varied {
+                value: unit.value * rate,
+                by: [0, 1, 2, 3].map(|k| unit.by[k] * rate + unit.value * rate_by[k]),
+            };
+            let (of_unit, of_normal) = (-skew(&normal.value), skew(&unit.value));
+            let ahead = Varied {
+                value: unit.value.cross(&normal.value),
+                by: [0, 1, 2, 3].map(|k| of_unit * unit.by[k] + of_normal * normal.by[k]),
+            };
+            let (pace, pace_by) = ahead.dot(&speed);
+            let (share, slope) = self.resistance(pace);
+            along.value = ahead.value * -(spring * share);
+            along.by = [0, 1, 2, 3].map(|k| {
+                let size_by = gap_by[k] * (stiffness * share) - pace_by[k] * (spring * slope);
+                ahead.by[k] * -(spring * share) + ahead.value * size_by
+            });
+        }
+        let friction = self.friction.force(&sliding.value, spring);
+
+        let force = normal.value * normal_n + friction.force + along.value;
+        let lever = skew(&place.arm);
+        for (k, part) in PARTS.into_iter().enumerate() {
+            let normal_by =
+                gap_by[k] * (-stiffness - damping_slope * approach) - approach_by[k] * damping;
+            let force_by = normal.value * normal_by
+                + normal.by[k] * normal_n
+                + friction.by_sliding * sliding.by[k]
+                + friction.by_normal * (gap_by[k] * -stiffness)
+                + along.by[k];
+            derivatives[0].add_force(part, &force_by);
+            let moment_by = lever * force_by - skew(&force) * arm.by[k];
+            derivatives[0].add_moment(part, &moment_by);
+        }
+        if let (Tip::Rim { .. }, Some(axis)) = (self.tip, axis) {
+            let spin = Varied { value: body.spin, by: [none, none, none, Matrix3::identity()] };
+            let (rate, rate_by) = axis.dot(&spin);
+            let radius = self.radius_m;
+            let (share, slope) = self.resistance(radius * rate);
+            for (k, part) in PARTS.into_iter().enumerate() {
+                let size_by = gap_by[k] * (radius * stiffness * share)
+                    - rate_by[k] * (radius * radius * spring * slope);
+                let moment_by = axis.by[k] * -(radius * spring * share) + axis.value * size_by;
+                derivatives[0].add_moment(part, &moment_by);
+            }
+        }
+    }
+
+    fn energy(&self, now: &[Motion]) -> f64 {
+        let gap = self.place(&now[0]).surface.gap_m.min(0.0);
+        0.5 * self.normal.stiffness_n_m * gap * gap
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::agrees_at;
+    use crate::friction::Model;
+    use crate::ground::{Plane, Sphere};
+
+    fn contact(tip: Tip, ground: Arc<dyn Ground>, model: Model) -> Contact {
+        Contact {
+            body: [0],
+            center: Vector3::new(0.02, -0.01, -0.1),
+            radius_m: 0.05,
+            tip,
+            normal: Normal { stiffness_n_m: 200.0, damping_n_s_m: 3.0, ramp_m: 0.02 },
+            friction: Friction { model, coefficient: 0.7, stick_n_s_m: 5.0 },
+            resistance: Resistance { constant: 0.02, per_speed_s_m: 0.05 },
+            ground,
+        }
+    }
+
+    #[test]
+    fn feet_wheels_and_blades_have_their_derivatives_on_planes_and_curved_ground() {
+        let axis = Vector3::new(0.1, 1.0, 0.05).normalize();
+        let ball = Sphere { center: Vector3::new(0.0, 0.1, -1.0), radius_m: 0.9 };
+        let grounds: [Arc<dyn Ground>; 3] =
+            [Arc::new(Plane::level()), Arc::new(Plane::rising(0.3)), Arc::new(ball)];
+        for ground in grounds {
+            for tip in [Tip::Sphere, Tip::Rim { axis }, Tip::Blade { axis }] {
+                for model in [Model::Linear, Model::Tanh] {
+                    let contact = contact(tip, Arc::clone(&ground), model);
+                    // Deep enough that it touches, and not near a kink.
+                    for depth in [0.005, 0.05] {
+                        agrees_at(&contact, 8, |now| {
+                            let gap = contact.touch(&now[0]).gap_m;
+                            let normal = contact.touch(&now[0]).normal;
+                            now[0].position -= normal * (gap + depth);
+                        });
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_above_the_ground_is_left_alone() {
+        let contact = contact(Tip::Sphere, Arc::new(Plane::level()), Model::Linear);
+        let touch = contact.touch(&Motion::at(Vector3::new(0.0, 0.0, 0.3)));
+        assert!((touch.gap_m - 0.15).abs() < 1e-15);
+        assert_eq!(touch.force, Vector3::zeros());
+    }
+
+    /// A wheel that rolls does not slide, one that is dragged does.
+    #[test]
+    fn the_contact_point_of_a_wheel_is_that_of_its_rim() {
+        let contact =
+            contact(Tip::Rim { axis: Vector3::y() }, Arc::new(Plane::level()), Model::Linear);
+        let mut body = Motion::at(Vector3::new(-0.02, 0.01, 0.149));
+        body.spin = Vector3::y() * 4.0;
+        body.velocity = Vector3::x() * 4.0 * 0.15;
+        // The centre of the wheel is 0.1 m below the body's, which the wheel turns about.
+        let touch = contact.touch(&body);
+        assert!((touch.point - Vector3::new(0.0, 0.0, -0.001)).norm() < 1e-12, "{touch:?}");
+        assert!((touch.sliding.x).abs() < 1e-12, "{touch:?}");
+    }
+}

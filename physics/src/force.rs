@@ -1,0 +1,112 @@
+//! What acts on bodies: the interface of springs, joints, motors and contacts.
+//!
+//! A force knows the bodies that it acts on and gives force and moment on each, with derivatives by position, rotation,
+//! velocity and spin of all of them. It knows nothing of unknowns, steps and matrices: the stepper applies the chain rule.
+//! So one element serves every integrator, and its derivatives can be tested by themselves.
+
+use crate::motion::{Motion, Weights};
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use std::any::Any;
+use std::fmt::Debug;
+
+/// Force, N, and moment about the centre of mass, N·m, in world axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wrench {
+    /// Force, N.
+    pub force: Vector3<f64>,
+    /// Moment, N·m.
+    pub moment: Vector3<f64>,
+}
+
+impl Wrench {
+    /// Force, then moment.
+    pub fn stacked(&self) -> Vector6<f64> {
+        let mut all = Vector6::zeros();
+        all.fixed_rows_mut::<3>(0).copy_from(&self.force);
+        all.fixed_rows_mut::<3>(3).copy_from(&self.moment);
+        all
+    }
+}
+
+/// Derivatives of a wrench by the motion of a body: rows force and moment, columns a shift δc and a turn δθ of the body
+/// (dR = [δθ] R) in `by_pose`, of its velocity and spin in `by_rate`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Derivative {
+    /// By δc, m, and δθ, rad.
+    pub by_pose: Matrix6<f64>,
+    /// By velocity, m/s, and spin, rad/s.
+    pub by_rate: Matrix6<f64>,
+}
+
+impl Default for Derivative {
+    fn default() -> Self {
+        Self { by_pose: Matrix6::zeros(), by_rate: Matrix6::zeros() }
+    }
+}
+
+/// Which of the motion's parts a block of a [`Derivative`] belongs to.
+#[derive(Clone, Copy, Debug)]
+pub enum By {
+    /// Shift of the centre of mass.
+    Position,
+    /// Turn.
+    Rotation,
+    /// Velocity of the centre of mass.
+    Velocity,
+    /// Angular velocity.
+    Spin,
+}
+
+impl Derivative {
+    /// Adds the derivative of the force by a part of the motion.
+    pub fn add_force(&mut self, by: By, block: &Matrix3<f64>) {
+        self.add(0, by, block);
+    }
+
+    /// Adds the derivative of the moment by a part of the motion.
+    pub fn add_moment(&mut self, by: By, block: &Matrix3<f64>) {
+        self.add(3, by, block);
+    }
+
+    fn add(&mut self, row: usize, by: By, block: &Matrix3<f64>) {
+        let (matrix, column) = match by {
+            By::Position => (&mut self.by_pose, 0),
+            By::Rotation => (&mut self.by_pose, 3),
+            By::Velocity => (&mut self.by_rate, 0),
+            By::Spin => (&mut self.by_rate, 3),
+        };
+        let mut part = matrix.fixed_view_mut::<3, 3>(row, column);
+        part += block;
+    }
+}
+
+/// Motions of the bodies of a force: now, and at the ends of the two steps before.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// At the end of the step.
+    pub now: &'a [Motion],
+    /// At its beginning.
+    pub last: &'a [Motion],
+    /// One step earlier.
+    pub before: &'a [Motion],
+    /// Weights of the step's backward differences.
+    pub weights: &'a Weights,
+}
+
+/// Something that acts on bodies. Results are functions of the motions alone, so that a step can be tried again.
+pub trait Force: Any + Debug + Send + Sync {
+    /// The bodies, by index in the system. A force that acts between a body and the world names the body alone.
+    fn bodies(&self) -> &[usize];
+
+    /// Adds the wrenches on its bodies, in their order.
+    fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]);
+
+    /// Adds the wrenches and their derivatives: that of the wrench on body `i` by the motion of body `j` is in
+    /// `derivatives[i * bodies + j]`.
+    fn derivatives(&self, view: &View<'_>, wrenches: &mut [Wrench], derivatives: &mut [Derivative]);
+
+    /// Stored energy, J.
+    fn energy(&self, _now: &[Motion]) -> f64 {
+        0.0
+    }
+}

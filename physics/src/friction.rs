@@ -1,0 +1,128 @@
+//! Friction of a contact point as a force that depends on its sliding velocity (thesis 4.4.2).
+
+use nalgebra::{Matrix3, Vector3};
+
+/// How friction grows with sliding.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Model {
+    /// Proportional to the sliding velocity up to the cone (Eq. 4.11).
+    #[default]
+    Linear,
+    /// Smooth across the transition (Eq. 4.12).
+    Tanh,
+}
+
+/// Friction of one contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Friction {
+    /// Its model.
+    pub model: Model,
+    /// Coefficient μ.
+    pub coefficient: f64,
+    /// Force over sliding velocity while it sticks, N·s/m. It is a parameter of its own: tied to the step, as in the
+    /// thesis (k_t = k_n h), refining the step would make contacts slip more.
+    pub stick_n_s_m: f64,
+}
+
+/// A friction force and its derivatives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrictionForce {
+    /// N, against the sliding.
+    pub force: Vector3<f64>,
+    /// By the sliding velocity, N·s/m.
+    pub by_sliding: Matrix3<f64>,
+    /// By the normal force.
+    pub by_normal: Vector3<f64>,
+    /// Whether it is beyond what the cone holds.
+    pub slips: bool,
+}
+
+impl Friction {
+    /// The force at a sliding velocity, m/s in the tangent plane, under a normal force, N.
+    pub fn force(&self, sliding: &Vector3<f64>, normal_n: f64) -> FrictionForce {
+        let limit = self.coefficient * normal_n;
+        let speed = sliding.norm();
+        let stick = self.stick_n_s_m;
+        let sticking = FrictionForce {
+            force: sliding * -stick,
+            by_sliding: Matrix3::identity() * -stick,
+            by_normal: Vector3::zeros(),
+            slips: false,
+        };
+        if limit <= 0.0 {
+            return FrictionForce {
+                force: Vector3::zeros(),
+                by_sliding: Matrix3::zeros(),
+                slips: speed > 0.0,
+                ..sticking
+            };
+        }
+        if speed == 0.0 {
+            return sticking;
+        }
+        let along = sliding / speed;
+        let across = Matrix3::identity() - along * along.transpose();
+        let ratio = stick * speed / limit;
+        match self.model {
+            Model::Linear if ratio < 1.0 => sticking,
+            Model::Linear => FrictionForce {
+                force: along * -limit,
+                by_sliding: across * (-limit / speed),
+                by_normal: along * -self.coefficient,
+                slips: true,
+            },
+            Model::Tanh => {
+                let share = ratio.tanh();
+                let slope = 1.0 - share * share;
+                FrictionForce {
+                    force: along * (-limit * share),
+                    by_sliding: across * (-limit * share / speed)
+                        - along * along.transpose() * (stick * slope),
+                    by_normal: along * (-self.coefficient * (share - ratio * slope)),
+                    slips: ratio >= 1.0,
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn derivatives_agree_with_finite_differences() {
+        let step = 1e-7;
+        for model in [Model::Linear, Model::Tanh] {
+            let friction = Friction { model, coefficient: 0.6, stick_n_s_m: 30.0 };
+            for sliding in [Vector3::new(0.01, -0.02, 0.0), Vector3::new(0.4, 0.1, 0.2)] {
+                let found = friction.force(&sliding, 5.0);
+                for axis in 0..3 {
+                    let at = |by: f64| {
+                        let mut sliding = sliding;
+                        sliding[axis] += by;
+                        friction.force(&sliding, 5.0).force
+                    };
+                    let rate = (at(step) - at(-step)) / (2.0 * step);
+                    assert!((rate - found.by_sliding.column(axis)).norm() < 1e-6, "{model:?}");
+                }
+                let at = |by: f64| friction.force(&sliding, 5.0 + by).force;
+                let rate = (at(step) - at(-step)) / (2.0 * step);
+                assert!((rate - found.by_normal).norm() < 1e-6, "{model:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_force_stays_within_the_cone_and_vanishes_without_load() {
+        for model in [Model::Linear, Model::Tanh] {
+            let friction = Friction { model, coefficient: 0.5, stick_n_s_m: 300.0 };
+            let fast = friction.force(&Vector3::new(3.0, 4.0, 0.0), 2.0);
+            assert!(fast.slips && (fast.force + Vector3::new(0.6, 0.8, 0.0)).norm() < 1e-12);
+            let free = friction.force(&Vector3::new(3.0, 4.0, 0.0), 0.0);
+            assert_eq!(free.force, Vector3::zeros());
+            let still = friction.force(&Vector3::zeros(), 2.0);
+            assert_eq!((still.force, still.slips), (Vector3::zeros(), false));
+        }
+    }
+}

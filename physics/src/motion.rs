@@ -1,0 +1,125 @@
+//! Position and velocity of what moves: rigid bodies and point masses, in world axes.
+
+use crate::rotation::Increment;
+use nalgebra::{Matrix3, Vector3};
+
+/// Pose and velocity of a rigid body at an instant; of a point mass with no rotation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Centre of mass, m.
+    pub position: Vector3<f64>,
+    /// World from body.
+    pub rotation: Matrix3<f64>,
+    /// Velocity of the centre of mass, m/s.
+    pub velocity: Vector3<f64>,
+    /// Angular velocity, rad/s.
+    pub spin: Vector3<f64>,
+}
+
+impl Motion {
+    /// At rest, its axes parallel to the world's.
+    pub fn at(position: Vector3<f64>) -> Self {
+        Self {
+            position,
+            rotation: Matrix3::identity(),
+            velocity: Vector3::zeros(),
+            spin: Vector3::zeros(),
+        }
+    }
+
+    /// A point of the body, given from its centre of mass in body axes: place and velocity.
+    pub fn point(&self, in_body: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        let arm = self.rotation * in_body;
+        (self.position + arm, self.velocity + self.spin.cross(&arm))
+    }
+}
+
+/// What a body has moved in a step, the unknowns of the step: `d` of its centre, m, and the rotation increment, rad.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Displacement {
+    /// Of the centre of mass, m.
+    pub shift: Vector3<f64>,
+    /// Rotation increment in world axes, rad: the new rotation is Exp(turn) times the old.
+    pub turn: Vector3<f64>,
+}
+
+/// Order of the integrator.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Scheme {
+    /// Backward Euler: first order, damps.
+    #[default]
+    Bdf1,
+    /// Two-step backward differentiation: second order, damps far less.
+    Bdf2,
+}
+
+/// Weights of a backward difference of a quantity y: (now·y_n + last·y_{n−1} + before·y_{n−2}) / h.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Weights {
+    /// Step h, s.
+    pub step_s: f64,
+    now: f64,
+    last: f64,
+    before: f64,
+}
+
+impl Weights {
+    /// Weights of a scheme with the step `step_s`.
+    pub fn new(scheme: Scheme, step_s: f64) -> Self {
+        match scheme {
+            Scheme::Bdf1 => Self { step_s, now: 1.0, last: -1.0, before: 0.0 },
+            Scheme::Bdf2 => Self { step_s, now: 1.5, last: -2.0, before: 0.5 },
+        }
+    }
+
+    /// Derivative of the rate by the quantity now, 1/s.
+    pub fn gain(&self) -> f64 {
+        self.now / self.step_s
+    }
+
+    /// The rate of a quantity from its value now and at the two steps before.
+    pub fn rate<T>(&self, now: T, last: T, before: T) -> T
+    where
+        T: std::ops::Mul<f64, Output = T> + std::ops::Add<T, Output = T>,
+    {
+        (now * self.now + last * self.last + before * self.before) * (1.0 / self.step_s)
+    }
+}
+
+/// A body's motion at the end of a step, with what its derivatives by the unknowns need.
+#[derive(Clone, Copy, Debug)]
+pub struct Trial {
+    /// The motion.
+    pub motion: Motion,
+    /// dθ/dφ: turn of the body by its rotation increment.
+    pub turn_by_phi: Matrix3<f64>,
+    /// dω/dφ, 1/s.
+    pub spin_by_phi: Matrix3<f64>,
+}
+
+impl Trial {
+    /// Where `displacement` leads from `last`; `before` is what the body moved in the step before, for BDF2.
+    pub fn new(
+        weights: &Weights,
+        last: &Motion,
+        before: &Displacement,
+        displacement: &Displacement,
+    ) -> Self {
+        let &Displacement { shift, turn } = displacement;
+        let increment = Increment::new(turn);
+        // BDF2 of the position is (1.5 d − 0.5 d1)/h; its rotation increments are carried to the same frame by J_l.
+        let share = weights.before / weights.step_s;
+        let (carried, carried_by_phi) = increment.left_jacobian_times(&before.turn);
+        let motion = Motion {
+            position: last.position + shift,
+            rotation: increment.rotation() * last.rotation,
+            velocity: shift * weights.gain() - before.shift * share,
+            spin: turn * weights.gain() - carried * share,
+        };
+        Self {
+            motion,
+            turn_by_phi: increment.left_jacobian(),
+            spin_by_phi: Matrix3::identity() * weights.gain() - carried_by_phi * share,
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! A motor on a hinge: a position and speed loop within the motor's limits, and the inertia of its rotor.
+
+use crate::force::{By, Derivative, Force, View, Wrench};
+use crate::motion::Motion;
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::rotation::skew;
+use std::f64::consts::PI;
+
+/// What the motor does with angle and speed at the end of a step:
+/// τ = clamp(kp (q* − q) + kd (q̇* − q̇) + τ_ff, ±limit).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Law {
+    /// Position gain, N·m/rad; 0 for a wheel.
+    pub kp_nm_rad: f64,
+    /// Speed gain, N·m·s/rad.
+    pub kd_nm_s_rad: f64,
+    /// Target angle q*, rad.
+    pub position_rad: f64,
+    /// Target speed q̇*, rad/s.
+    pub speed_rad_s: f64,
+    /// Feed-forward τ_ff, N·m.
+    pub torque_nm: f64,
+    /// Limit of the torque, N·m; 0 for a motor without power.
+    pub limit_nm: f64,
+    /// Stall torque, N·m, and no-load speed, rad/s, of the motor's torque-speed line, where it is known.
+    pub line: Option<(f64, f64)>,
+}
+
+/// The torque of a motor, N·m, and its derivatives by angle and speed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Torque {
+    /// N·m, on the driven body about the axis.
+    pub value_nm: f64,
+    by_angle: f64,
+    by_speed: f64,
+}
+
+impl Law {
+    /// The torque at an angle, rad, and a speed, rad/s.
+    pub fn torque(&self, angle_rad: f64, speed_rad_s: f64) -> Torque {
+        let error = wrapped(self.position_rad - angle_rad);
+        let wanted = self.kp_nm_rad * error
+            + self.kd_nm_s_rad * (self.speed_rad_s - speed_rad_s)
+            + self.torque_nm;
+        let limited =
+            |limit: f64, by_speed: f64| Torque { value_nm: limit, by_angle: 0.0, by_speed };
+        let mut torque =
+            Torque { value_nm: wanted, by_angle: -self.kp_nm_rad, by_speed: -self.kd_nm_s_rad };
+        if wanted.abs() > self.limit_nm {
+            torque = limited(self.limit_nm.copysign(wanted), 0.0);
+        }
+        if let Some((stall_nm, no_load_rad_s)) = self.line {
+            // While it drives its load: |τ|/stall + |speed|/no-load speed ≤ 1.
+            let sign = torque.value_nm.signum();
+            let available = stall_nm * (1.0 - sign * speed_rad_s / no_load_rad_s);
+            if sign * speed_rad_s > 0.0 && torque.value_nm.abs() > available.max(0.0) {
+                torque = if available > 0.0 {
+                    limited(sign * available, -stall_nm / no_load_rad_s)
+                } else {
+                    limited(0.0, 0.0)
+                };
+            }
+        }
+        torque
+    }
+}
+
+/// An angle between −π and π that differs by whole turns.
+fn wrapped(angle_rad: f64) -> f64 {
+    (angle_rad + PI).rem_euclid(2.0 * PI) - PI
+}
+
+/// The motor of a hinge between a first body, which carries it, and a second, which it turns.
+#[derive(Clone, Debug)]
+pub struct Motor {
+    /// The two bodies.
+    pub bodies: [usize; 2],
+    /// Unit axis in the first body.
+    pub axis: Vector3<f64>,
+    /// Unit vectors across the axis, in body axes, that are parallel at angle 0.
+    pub across: [Vector3<f64>; 2],
+    /// Inertia of rotor and gearbox at the output, kg·m².
+    pub armature_kg_m2: f64,
+    /// What it does.
+    pub law: Law,
+}
+
+impl Motor {
+    /// Unit axis of the hinge in world axes.
+    pub fn axis_in_world(&self, carrier: &Motion) -> Vector3<f64> {
+        carrier.rotation * self.axis
+    }
+
+    /// Angle of the second body about the axis from the first, rad, −π to π.
+    pub fn angle(&self, now: &[Motion]) -> f64 {
+        let (sine, cosine, _) = self.sine_cosine(now);
+        sine.atan2(cosine)
+    }
+
+    /// Speed of the second body about the axis relative to the first, rad/s.
+    pub fn speed(&self, now: &[Motion]) -> f64 {
+        self.axis_in_world(&now[0]).dot(&(now[1].spin - now[0].spin))
+    }
+
+    /// Torque at the motions `now`, rotor aside.
+    pub fn torque(&self, now: &[Motion]) -> Torque {
+        self.law.torque(self.angle(now), self.speed(now))
+    }
+
+    /// Sine and cosine of the angle, up to a common factor; and its gradient by the turn of the second body.
+    fn sine_cosine(&self, now: &[Motion]) -> (f64, f64, Vector3<f64>) {
+        let along = now[0].rotation * self.across[0];
+        let normal = self.axis_in_world(&now[0]).cross(&along);
+        let other = now[1].rotation * self.across[1];
+        let (sine, cosine) = (normal.dot(&other), along.dot(&other));
+        // δ(m·n) = (n × m)·… for a turn of `other`: δθ·(other × normal), δθ·(other × along).
+        let gradient = (other.cross(&normal) * cosine - other.cross(&along) * sine)
+            / (sine * sine + cosine * cosine);
+        (sine, cosine, gradient)
+    }
+
+    /// Moment about the axis on the second body.
+    fn moment(&self, view: &View<'_>) -> Torque {
+        let mut torque = self.torque(view.now);
+        let speed = |motions| self.speed(motions);
+        let acceleration = view.weights.rate(speed(view.now), speed(view.last), speed(view.before));
+        torque.value_nm -= self.armature_kg_m2 * acceleration;
+        torque.by_speed -= self.armature_kg_m2 * view.weights.gain();
+        torque
+    }
+}
+
+impl Force for Motor {
+    fn bodies(&self) -> &[usize] {
+        &self.bodies
+    }
+
+    fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]) {
+        let moment = self.axis_in_world(&view.now[0]) * self.moment(view).value_nm;
+        wrenches[0].moment -= moment;
+        wrenches[1].moment += moment;
+    }
+
+    fn derivatives(
+        &self,
+        view: &View<'_>,
+        wrenches: &mut [Wrench],
+        derivatives: &mut [Derivative],
+    ) {
+        let torque = self.moment(view);
+        let axis = self.axis_in_world(&view.now[0]);
+        let (_, _, gradient) = self.sine_cosine(view.now);
+        wrenches[0].moment -= axis * torque.value_nm;
+        wrenches[1].moment += axis * torque.value_nm;
+        // Both angle and axis turn with the first body: δ(u·Δω) = Δω·(δθ × u) = δθ·(u × Δω).
+        let relative = view.now[1].spin - view.now[0].spin;
+        let by_angle = axis * gradient.transpose() * torque.by_angle;
+        let by_speed = axis * axis.transpose() * torque.by_speed;
+        let by_axis: Matrix3<f64> = axis * axis.cross(&relative).transpose() * torque.by_speed
+            - skew(&axis) * torque.value_nm;
+        for (i, on_i) in [(0, -1.0), (1, 1.0)] {
+            let [of_first, of_second] = [2 * i, 2 * i + 1];
+            derivatives[of_first].add_moment(By::Rotation, &((by_axis - by_angle) * on_i));
+            derivatives[of_second].add_moment(By::Rotation, &(by_angle * on_i));
+            derivatives[of_first].add_moment(By::Spin, &(by_speed * -on_i));
+            derivatives[of_second].add_moment(By::Spin, &(by_speed * on_i));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::agrees_with_finite_differences;
+
+    fn motor(law: Law) -> Motor {
+        Motor {
+            bodies: [0, 1],
+            axis: Vector3::y(),
+            across: [Vector3::x(), Vector3::z()],
+            armature_kg_m2: 0.02,
+            law,
+        }
+    }
+
+    #[test]
+    fn a_motor_has_its_derivatives_free_at_its_limit_and_on_its_line() {
+        let free = Law {
+            kp_nm_rad: 5.0,
+            kd_nm_s_rad: 0.3,
+            position_rad: 0.2,
+            speed_rad_s: -0.4,
+            torque_nm: 0.7,
+            limit_nm: 1e3,
+            line: None,
+        };
+        agrees_with_finite_differences(&motor(free));
+        agrees_with_finite_differences(&motor(Law { limit_nm: 0.1, ..free }));
+        agrees_with_finite_differences(&motor(Law { line: Some((0.5, 30.0)), ..free }));
+    }
+
+    #[test]
+    fn a_law_is_a_spring_within_its_limits() {
+        let law = Law { kp_nm_rad: 10.0, position_rad: 1.0, limit_nm: 4.0, ..Law::default() };
+        assert!((law.torque(0.8, 0.0).value_nm - 2.0).abs() < 1e-12);
+        assert_eq!(law.torque(0.0, 0.0).value_nm, 4.0);
+        // The short way round.
+        assert!((law.torque(1.0 - 2.0 * PI + 0.1, 0.0).value_nm + 1.0).abs() < 1e-12);
+        let fast = Law { line: Some((4.0, 10.0)), ..law };
+        assert_eq!(fast.torque(0.0, 5.0).value_nm, 2.0);
+        assert_eq!(fast.torque(0.0, 12.0).value_nm, 0.0);
+        assert_eq!(fast.torque(0.0, -5.0).value_nm, 4.0, "it brakes with all it has");
+    }
+}

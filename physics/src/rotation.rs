@@ -1,0 +1,138 @@
+//! Rotation increments: the exponential map of SO(3) and its left Jacobian, as series.
+//!
+//! The stepper limits an increment to a fraction of a radian, where seven terms are exact to rounding. Series have no
+//! branch and no 0/0, so that their derivatives are exact as well.
+
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::rotation::skew;
+
+/// Terms of a series.
+const TERMS: u32 = 9;
+
+/// The increment φ, rad, with what the exponential map needs of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Increment {
+    phi: Vector3<f64>,
+    cross: Matrix3<f64>,
+    /// sin t / t, (1 − cos t)/t² and (t − sin t)/t³ with t = |φ|.
+    coefficients: [f64; 3],
+    /// Derivatives of the last two by t².
+    slopes: [f64; 2],
+}
+
+/// Σ (−s)^k / (2k + first)!, and its derivative by s.
+fn series(s: f64, first: u32) -> (f64, f64) {
+    // Horner's scheme from the last term.
+    let (mut value, mut slope) = (0.0, 0.0);
+    for k in (0..TERMS).rev() {
+        // The quotient of the term k + 1 to the term k is −s / ((2k + first + 1)(2k + first + 2)).
+        let next = f64::from((2 * k + first + 1) * (2 * k + first + 2));
+        slope = -(value + s * slope) / next;
+        value = 1.0 - s * value / next;
+    }
+    let factorial: f64 = (1..=first).map(f64::from).product();
+    (value / factorial, slope / factorial)
+}
+
+impl Increment {
+    /// The increment φ in world axes, rad.
+    pub fn new(phi: Vector3<f64>) -> Self {
+        let s = phi.norm_squared();
+        let (sine, _) = series(s, 1);
+        let (cosine, cosine_slope) = series(s, 2);
+        let (rest, rest_slope) = series(s, 3);
+        Self {
+            phi,
+            cross: skew(&phi),
+            coefficients: [sine, cosine, rest],
+            slopes: [cosine_slope, rest_slope],
+        }
+    }
+
+    /// Exp(φ): the rotation about φ by |φ|.
+    pub fn rotation(&self) -> Matrix3<f64> {
+        let [a, b, _] = self.coefficients;
+        Matrix3::identity() + self.cross * a + self.cross * self.cross * b
+    }
+
+    /// The left Jacobian J_l: Exp(φ + δ) = Exp(J_l δ) Exp(φ) to first order.
+    pub fn left_jacobian(&self) -> Matrix3<f64> {
+        let [_, a, b] = self.coefficients;
+        Matrix3::identity() + self.cross * a + self.cross * self.cross * b
+    }
+
+    /// J_l(φ) v, and its derivative by φ.
+    pub fn left_jacobian_times(&self, v: &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
+        let ([_, a, b], [da, db]) = (self.coefficients, self.slopes);
+        let once = self.cross * v;
+        let twice = self.cross * once;
+        // [φ]² v = φ (φ·v) − v φ·φ.
+        let of_twice = Matrix3::identity() * self.phi.dot(v) + self.phi * v.transpose()
+            - v * self.phi.transpose() * 2.0;
+        let derivative = -skew(v) * a
+            + once * self.phi.transpose() * (2.0 * da)
+            + of_twice * b
+            + twice * self.phi.transpose() * (2.0 * db);
+        (v + once * a + twice * b, derivative)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Rotation3;
+
+    fn vectors() -> impl Iterator<Item = Vector3<f64>> {
+        let mut rng = fastrand::Rng::with_seed(3);
+        let mut number = move || 2.0 * rng.f64() - 1.0;
+        let sizes = [0.0, 1e-9, 1e-4, 0.1, 0.3, 1.0];
+        sizes
+            .into_iter()
+            .map(move |size| Vector3::new(number(), number(), number()).normalize() * size)
+    }
+
+    #[test]
+    fn exp_is_the_rotation_about_the_increment() {
+        for phi in vectors() {
+            let error = Increment::new(phi).rotation() - Rotation3::new(phi).into_inner();
+            assert!(error.norm() < 1e-14, "{phi:?}");
+        }
+    }
+
+    #[test]
+    fn the_left_jacobian_is_the_derivative_of_exp() {
+        let step = 1e-6;
+        for phi in vectors() {
+            let jacobian = Increment::new(phi).left_jacobian();
+            let inverse = Increment::new(phi).rotation().transpose();
+            for axis in 0..3 {
+                let along = |h: f64| {
+                    let mut phi = phi;
+                    phi[axis] += h;
+                    Increment::new(phi).rotation()
+                };
+                let rate = (along(step) - along(-step)) * inverse / (2.0 * step);
+                let error = rate - skew(&jacobian.column(axis).into_owned());
+                assert!(error.norm() < 1e-9, "{phi:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_derivative_of_the_left_jacobian_agrees_with_finite_differences() {
+        let (v, step) = (Vector3::new(0.3, -0.7, 0.2), 1e-6);
+        for phi in vectors() {
+            let (value, derivative) = Increment::new(phi).left_jacobian_times(&v);
+            assert!((value - Increment::new(phi).left_jacobian() * v).norm() < 1e-15);
+            for axis in 0..3 {
+                let along = |h: f64| {
+                    let mut phi = phi;
+                    phi[axis] += h;
+                    Increment::new(phi).left_jacobian() * v
+                };
+                let rate = (along(step) - along(-step)) / (2.0 * step);
+                assert!((rate - derivative.column(axis)).norm() < 1e-9, "{phi:?}");
+            }
+        }
+    }
+}

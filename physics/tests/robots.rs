@@ -1,0 +1,108 @@
+//! Robots of the robot files on the ground.
+
+use nalgebra::Vector3;
+use rollwalk_physics::World;
+use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_physics::motor::Law;
+use rollwalk_physics::world::{Parameters, RobotState};
+use rollwalk_robot::{Channel, Robot};
+use std::sync::Arc;
+
+const STEP_S: f64 = 1.0 / 60.0;
+
+fn robot(name: &str) -> Robot {
+    let path = format!("{}/../robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// A robot with its servos holding the nominal pose, a little above the ground.
+fn standing(robot: &Robot, ground: Plane, parameters: &Parameters) -> World {
+    let mut state = RobotState::nominal(robot, Vector3::zeros());
+    let shared: Arc<dyn Ground> = Arc::new(ground);
+    let lowest = {
+        let world = World::new(robot, &shared, parameters, &state);
+        (0..robot.end_effectors.len()).map(|k| world.touch(k).gap_m).fold(f64::INFINITY, f64::min)
+    };
+    state.base_position_m = ground.normal * (1e-4 - lowest);
+    let mut world = World::new(robot, &shared, parameters, &state);
+    for (number, channel) in robot.channels().enumerate() {
+        let actuator = channel.actuator();
+        let position_rad = match channel {
+            Channel::Joint(joint) => joint.nominal_rad,
+            Channel::Wheel(..) => 0.0,
+        };
+        let law = Law {
+            kp_nm_rad: actuator.kp_nm_rad,
+            kd_nm_s_rad: actuator.kd_nm_s_rad,
+            position_rad,
+            limit_nm: actuator.torque_max_nm,
+            ..Law::default()
+        };
+        world.set_law(number, law);
+    }
+    world
+}
+
+#[test]
+fn a_standing_robot_bears_its_weight_and_hardly_creeps() {
+    for name in ["agilebot", "legbot", "swizzlebot", "anymal_wheels"] {
+        let robot = robot(name);
+        let mut world = standing(&robot, Plane::level(), &Parameters::default());
+        let mut iterations = 0;
+        for _ in 0..240 {
+            iterations += world.step(STEP_S).unwrap().iterations;
+        }
+        let weight: f64 = robot.links.iter().map(|link| link.mass_kg).sum::<f64>() * 9.81;
+        let touches: Vec<_> = (0..robot.end_effectors.len()).map(|k| world.touch(k)).collect();
+        let borne: f64 = touches.iter().map(|touch| touch.force.z).sum();
+        assert!((borne / weight - 1.0).abs() < 1e-3, "{name}: {borne} of {weight} N");
+        let (_, velocity) = world.com();
+        assert!(velocity.norm() < 1e-3, "{name}: {velocity:?}");
+        assert!(iterations < 4 * 240, "{name}: {iterations} iterations");
+    }
+}
+
+/// Speed of a robot whose drives only damp: what creeps under the wheels, and what the drives let roll.
+#[test]
+fn on_an_incline_a_robot_rolls_with_the_droop_of_its_drives() {
+    let robot = robot("agilebot");
+    let angle_rad = 10f64.to_radians();
+    let parameters = Parameters { stick_n_s_m: 300.0, ..Parameters::default() };
+    let mut world = standing(&robot, Plane::rising(angle_rad), &parameters);
+    for _ in 0..360 {
+        world.step(STEP_S).unwrap();
+    }
+    let mass: f64 = robot.links.iter().map(|link| link.mass_kg).sum();
+    let down = mass * 9.81 * angle_rad.sin();
+    let wheel = &robot.end_effectors[0];
+    let drive = wheel.contact.actuator().unwrap();
+    let expected = down / (4.0 * 300.0) + down * wheel.radius_m.powi(2) / (4.0 * drive.kd_nm_s_rad);
+    let speed = world.com().1.norm();
+    assert!((speed / expected - 1.0).abs() < 0.02, "{speed}, {expected}");
+}
+
+#[test]
+fn wheels_that_are_driven_roll_without_slip() {
+    let robot = robot("agilebot");
+    let mut world = standing(&robot, Plane::level(), &Parameters::default());
+    for _ in 0..60 {
+        world.step(STEP_S).unwrap();
+    }
+    for (number, channel) in robot.channels().enumerate() {
+        if let Channel::Wheel(_, actuator) = channel {
+            let law = Law {
+                kd_nm_s_rad: actuator.kd_nm_s_rad,
+                speed_rad_s: 3.0,
+                limit_nm: actuator.torque_max_nm,
+                ..Law::default()
+            };
+            world.set_law(number, law);
+        }
+    }
+    for _ in 0..120 {
+        world.step(STEP_S).unwrap();
+    }
+    let speed = world.com().1.x;
+    let expected = 3.0 * robot.end_effectors[0].radius_m;
+    assert!((speed / expected - 1.0).abs() < 0.01, "{speed}, {expected}");
+}
