@@ -34,15 +34,36 @@ pub struct Parameters {
     pub stick_n_s_m: f64,
 }
 
-impl Default for Parameters {
-    fn default() -> Self {
+/// Depth to which a quarter of a robot's weight presses a contact, m.
+const DEPTH_M: f64 = 5e-4;
+/// Time constant of a contact that bears a quarter of the weight, s: its damping over its stiffness.
+const DAMPING_S: f64 = 1.5e-3;
+/// Creep of a contact that bears a quarter of the weight and is pulled with as much, m/s.
+const CREEP_M_S: f64 = 3.6e-3;
+/// Distance by which a quarter of the weight pulls a joint apart, m.
+const JOINT_GAP_M: f64 = 2e-5;
+/// Length by which forces across a joint become moments about it, m.
+const JOINT_LEVER_M: f64 = 0.045;
+
+impl Parameters {
+    /// For a robot's weight: the same depth, creep and gaps for all.
+    pub fn new(robot: &Robot) -> Self {
+        let settings = Settings::default();
+        let mass_kg: f64 = robot.links.iter().map(|link| link.mass_kg).sum();
+        let quarter_n = 0.25 * mass_kg * settings.gravity_m_s2.norm();
+        let stiffness_n_m = quarter_n / DEPTH_M;
+        let joint_n_m = quarter_n / JOINT_GAP_M;
         Self {
-            settings: Settings::default(),
-            joint_n_m: 5e5,
-            axes_nm_rad: 1e3,
-            normal: Normal { stiffness_n_m: 2e4, damping_n_s_m: 30.0, ramp_m: 3e-4 },
+            settings,
+            joint_n_m,
+            axes_nm_rad: joint_n_m * JOINT_LEVER_M * JOINT_LEVER_M,
+            normal: Normal {
+                stiffness_n_m,
+                damping_n_s_m: DAMPING_S * stiffness_n_m,
+                ramp_m: 0.6 * DEPTH_M,
+            },
             friction: Model::Linear,
-            stick_n_s_m: 3e3,
+            stick_n_s_m: quarter_n / CREEP_M_S,
         }
     }
 }

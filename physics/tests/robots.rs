@@ -47,7 +47,7 @@ fn standing(robot: &Robot, ground: Plane, parameters: &Parameters) -> World {
 fn a_standing_robot_bears_its_weight_and_hardly_creeps() {
     for name in ["agilebot", "legbot", "swizzlebot", "anymal_wheels"] {
         let robot = robot(name);
-        let mut world = standing(&robot, Plane::level(), &Parameters::default());
+        let mut world = standing(&robot, Plane::level(), &Parameters::new(&robot));
         let mut iterations = 0;
         for _ in 0..240 {
             iterations += world.step(STEP_S).unwrap().iterations;
@@ -67,7 +67,7 @@ fn a_standing_robot_bears_its_weight_and_hardly_creeps() {
 fn on_an_incline_a_robot_rolls_with_the_droop_of_its_drives() {
     let robot = robot("agilebot");
     let angle_rad = 10f64.to_radians();
-    let parameters = Parameters { stick_n_s_m: 300.0, ..Parameters::default() };
+    let parameters = Parameters { stick_n_s_m: 300.0, ..Parameters::new(&robot) };
     let mut world = standing(&robot, Plane::rising(angle_rad), &parameters);
     for _ in 0..360 {
         world.step(STEP_S).unwrap();
@@ -84,7 +84,7 @@ fn on_an_incline_a_robot_rolls_with_the_droop_of_its_drives() {
 #[test]
 fn wheels_that_are_driven_roll_without_slip() {
     let robot = robot("agilebot");
-    let mut world = standing(&robot, Plane::level(), &Parameters::default());
+    let mut world = standing(&robot, Plane::level(), &Parameters::new(&robot));
     for _ in 0..60 {
         world.step(STEP_S).unwrap();
     }
