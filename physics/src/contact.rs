@@ -338,7 +338,10 @@ impl Force for Contact {
                 ahead.by[k] * -(spring * share) + ahead.value * size_by
             });
         }
-        let friction = self.friction.force(&sliding.value, spring);
+        let mut friction = self.friction.force(&sliding.value, spring);
+        if view.secant {
+            friction = friction.secant(&sliding.value);
+        }
 
         let force = normal.value * normal_n + friction.force + along.value;
         let lever = skew(&place.arm);

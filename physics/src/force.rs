@@ -91,6 +91,9 @@ pub struct View<'a> {
     pub before: &'a [Motion],
     /// Weights of the step's backward differences.
     pub weights: &'a Weights,
+    /// Whether derivatives may be those of a smoother force through the same point: where the exact ones lead Newton's
+    /// method to and fro across a kink.
+    pub secant: bool,
 }
 
 /// Something that acts on bodies. Results are functions of the motions alone, so that a step can be tried again.

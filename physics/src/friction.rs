@@ -37,6 +37,18 @@ pub struct FrictionForce {
     pub slips: bool,
 }
 
+impl FrictionForce {
+    /// The same with the derivative by the sliding velocity of a force proportional to it.
+    pub fn secant(self, sliding: &Vector3<f64>) -> Self {
+        let speed = sliding.norm();
+        if speed == 0.0 {
+            return self;
+        }
+        let by_sliding = Matrix3::identity() * (-self.force.norm() / speed);
+        Self { by_sliding, ..self }
+    }
+}
+
 impl Friction {
     /// The force at a sliding velocity, m/s in the tangent plane, under a normal force, N.
     pub fn force(&self, sliding: &Vector3<f64>, normal_n: f64) -> FrictionForce {

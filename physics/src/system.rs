@@ -60,6 +60,8 @@ const HALVINGS: u32 = 20;
 const MOST_TURN_RAD: f64 = 0.3;
 /// Times that a step that does not converge is halved.
 const SUBDIVISIONS: u32 = 6;
+/// Share of a Newton step below which the line search has met a kink.
+const SHORT: f64 = 0.3;
 
 /// What a step took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -283,7 +285,8 @@ impl System {
             .map(|m| Displacement { shift: m.velocity * step_s, turn: m.spin * step_s })
             .collect();
         self.work.begin(&self.inertias, &weights, &self.now, &self.last);
-        let mut norm = self.evaluate(&weights, &trial, true);
+        let mut secant = false;
+        let mut norm = self.evaluate(&weights, &trial, Some(secant));
         let mut iterations = 0;
         while !(norm < self.settings.tolerance) {
             if iterations == self.settings.iterations || !norm.is_finite() {
@@ -294,11 +297,12 @@ impl System {
             if !self.work.correct() {
                 return Err(self.failure(step_s, norm, iterations));
             }
-            let mut share = self.work.largest_share();
+            self.work.cap_turns();
+            let mut share = 1.0;
             let mut halvings = 0;
             loop {
                 let moved = self.work.moved(&trial, share);
-                let found = self.evaluate(&weights, &moved, false);
+                let found = self.evaluate(&weights, &moved, None);
                 // Where rounding ends the descent, the residual is as good as it gets.
                 if found < norm || halvings == HALVINGS {
                     trial = moved;
@@ -308,7 +312,9 @@ impl System {
                 halvings += 1;
                 report.halvings += 1;
             }
-            norm = self.evaluate(&weights, &trial, true);
+            // Where a kink cut the step short, the next one goes by the secants.
+            secant = !secant && share < SHORT;
+            norm = self.evaluate(&weights, &trial, Some(secant));
         }
         report.residual = norm;
         self.last = std::mem::replace(
@@ -329,8 +335,8 @@ impl System {
         StepError { time_s: self.time_s, part_s, residual, iterations, body }
     }
 
-    /// Residual at a trial, and its norm; with the matrix if asked for.
-    fn evaluate(&mut self, weights: &Weights, trial: &[Displacement], derive: bool) -> f64 {
+    /// Residual at a trial, and its norm; with the matrix if asked for, exact or of secants.
+    fn evaluate(&mut self, weights: &Weights, trial: &[Displacement], derive: Option<bool>) -> f64 {
         let before = if self.last_step_s == Some(weights.step_s) { &self.moved[..] } else { &[] };
         let work = &mut self.work;
         work.trials.clear();
@@ -340,10 +346,10 @@ impl System {
         }
         work.motions.clear();
         work.motions.extend(work.trials.iter().map(|trial| trial.motion));
-        if derive {
+        if derive.is_some() {
             work.matrix.clear();
         }
-        work.inertia(&self.inertias, weights, &self.settings.gravity_m_s2, derive);
+        work.inertia(&self.inertias, weights, &self.settings.gravity_m_s2, derive.is_some());
         for (force, slots) in self.forces.iter().zip(&work.slots) {
             let bodies = force.bodies();
             for (gathered, all) in
@@ -353,10 +359,11 @@ impl System {
                 gathered.extend(bodies.iter().map(|&body| all[body]));
             }
             let [now, last, before] = &work.gathered;
-            let view = View { now, last, before, weights };
+            let secant = derive == Some(true);
+            let view = View { now, last, before, weights, secant };
             work.wrenches.clear();
             work.wrenches.resize(bodies.len(), Wrench::default());
-            if derive {
+            if derive.is_some() {
                 work.derivatives.clear();
                 work.derivatives.resize(bodies.len() * bodies.len(), Derivative::default());
                 force.derivatives(&view, &mut work.wrenches, &mut work.derivatives);
@@ -444,11 +451,14 @@ impl Work {
         self.correction.iter().all(|value| value.is_finite())
     }
 
-    /// Share of the correction that turns no body too far.
-    fn largest_share(&self) -> f64 {
-        let turn = |of_body: &[f64]| Vector3::from_column_slice(&of_body[3..]).norm();
-        let most = self.correction.chunks(UNKNOWNS).map(turn).fold(0.0, f64::max);
-        if most > MOST_TURN_RAD { MOST_TURN_RAD / most } else { 1.0 }
+    /// Shortens the correction's turn of each body that it turns too far.
+    fn cap_turns(&mut self) {
+        for of_body in self.correction.chunks_mut(UNKNOWNS) {
+            let turn = Vector3::from_column_slice(&of_body[3..]).norm();
+            if turn > MOST_TURN_RAD {
+                of_body[3..].iter_mut().for_each(|part| *part *= MOST_TURN_RAD / turn);
+            }
+        }
     }
 
     /// A trial moved by a share of the correction.
