@@ -54,7 +54,7 @@ impl Default for Settings {
 }
 
 /// Times that the line search halves a Newton step.
-const HALVINGS: u32 = 20;
+const HALVINGS: u32 = 7;
 /// Largest rotation increment of a body in one Newton iteration, rad: beyond it the series and the linearisation are
 /// wrong.
 const MOST_TURN_RAD: f64 = 0.3;
@@ -303,9 +303,14 @@ impl System {
             loop {
                 let moved = self.work.moved(&trial, share);
                 let found = self.evaluate(&weights, &moved, None);
-                // Where rounding ends the descent, the residual is as good as it gets.
-                if found < norm || halvings == HALVINGS {
+                if found < norm {
                     trial = moved;
+                    break;
+                }
+                if halvings == HALVINGS {
+                    // At a kink the residual may rise in every direction that one side's derivatives give: the whole
+                    // step leads to the other side, whose derivatives know better.
+                    trial = self.work.moved(&trial, 1.0);
                     break;
                 }
                 share *= 0.5;

@@ -23,9 +23,9 @@ pub struct Parameters {
     pub settings: Settings,
     /// Stiffness of a joint against its two points coming apart, N/m.
     pub joint_n_m: f64,
-    /// Stiffness of a joint against its axes tilting, N·m/rad. It goes with the other by the square of a length of a few
-    /// centimetres: as large in its own unit, it would be too stiff for small wheels by far.
-    pub axes_nm_rad: f64,
+    /// Length by which that stiffness makes one against the axes tilting, as a multiple of the size of what turns. As
+    /// large in its own unit, the latter would be far too stiff for small wheels.
+    pub lever: f64,
     /// Along the normal of the ground.
     pub normal: Normal,
     /// Model of friction.
@@ -42,8 +42,6 @@ const DAMPING_S: f64 = 1.5e-3;
 const CREEP_M_S: f64 = 3.6e-3;
 /// Distance by which a quarter of the weight pulls a joint apart, m.
 const JOINT_GAP_M: f64 = 2e-5;
-/// Length by which forces across a joint become moments about it, m.
-const JOINT_LEVER_M: f64 = 0.045;
 
 impl Parameters {
     /// For a robot's weight: the same depth, creep and gaps for all.
@@ -56,7 +54,7 @@ impl Parameters {
         Self {
             settings,
             joint_n_m,
-            axes_nm_rad: joint_n_m * JOINT_LEVER_M * JOINT_LEVER_M,
+            lever: 2.0,
             normal: Normal {
                 stiffness_n_m,
                 damping_n_s_m: DAMPING_S * stiffness_n_m,
@@ -160,6 +158,7 @@ impl World {
                 ],
                 axes: [turn * joint.axis_in_joint, joint.axis_in_joint],
                 across: [turn * across, across],
+                size_m: gyration_m(&inertias[joint.child]),
             };
             motors.push(hinge.add(&mut forces, parameters, joint.actuator.armature_kg_m2));
         }
@@ -181,6 +180,7 @@ impl World {
                 points: [mount, Vector3::zeros()],
                 axes: [axis; 2],
                 across: [across; 2],
+                size_m: gyration_m(&inertias[body]),
             };
             if let Some(actuator) = end_effector.contact.actuator() {
                 motors.push(hinge.add(&mut forces, parameters, actuator.armature_kg_m2));
@@ -267,11 +267,14 @@ struct Hinge {
     points: [Vector3<f64>; 2],
     axes: [Vector3<f64>; 2],
     across: [Vector3<f64>; 2],
+    /// Size of what turns, m.
+    size_m: f64,
 }
 
 impl Hinge {
     fn add_free(&self, forces: &mut Vec<Box<dyn Force>>, parameters: &Parameters) {
-        let &Self { bodies, points, axes, .. } = self;
+        let &Self { bodies, points, axes, size_m, .. } = self;
+        let lever_m = parameters.lever * size_m;
         forces.push(Box::new(Ball {
             bodies,
             points,
@@ -281,7 +284,7 @@ impl Hinge {
         forces.push(Box::new(ParallelAxes {
             bodies,
             axes,
-            stiffness_nm_rad: parameters.axes_nm_rad,
+            stiffness_nm_rad: parameters.joint_n_m * lever_m * lever_m,
         }));
     }
 
@@ -302,6 +305,12 @@ impl Hinge {
         }));
         forces.len() - 1
     }
+}
+
+/// Radius of gyration of a body, m: about its thickest axis.
+fn gyration_m(inertia: &Inertia) -> f64 {
+    let moments = inertia.about_com_kg_m2.symmetric_eigenvalues();
+    (moments.max() / inertia.mass_kg).sqrt()
 }
 
 /// A unit vector across another.
