@@ -62,6 +62,8 @@ const MOST_TURN_RAD: f64 = 0.3;
 const SUBDIVISIONS: u32 = 6;
 /// Share of a Newton step below which the line search has met a kink.
 const SHORT: f64 = 0.3;
+/// Power of the residual along a correction, as a share of that at its beginning, at which a line search is content.
+const FLAT: f64 = 0.5;
 
 /// What a step took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -298,25 +300,8 @@ impl System {
                 return Err(self.failure(step_s, norm, iterations));
             }
             self.work.cap_turns();
-            let mut share = 1.0;
-            let mut halvings = 0;
-            loop {
-                let moved = self.work.moved(&trial, share);
-                let found = self.evaluate(&weights, &moved, None);
-                if found < norm {
-                    trial = moved;
-                    break;
-                }
-                if halvings == HALVINGS {
-                    // At a kink the residual may rise in every direction that one side's derivatives give: the whole
-                    // step leads to the other side, whose derivatives know better.
-                    trial = self.work.moved(&trial, 1.0);
-                    break;
-                }
-                share *= 0.5;
-                halvings += 1;
-                report.halvings += 1;
-            }
+            let (moved, share) = self.search(&weights, &trial, norm, report);
+            trial = moved;
             // Where a kink cut the step short, the next one goes by the secants.
             secant = !secant && share < SHORT;
             norm = self.evaluate(&weights, &trial, Some(secant));
@@ -330,6 +315,48 @@ impl System {
         self.last_step_s = Some(step_s);
         self.time_s += step_s;
         Ok(())
+    }
+
+    /// The trial moved by a share of the correction; and the share.
+    ///
+    /// The residual is nearly the gradient of a potential, in which contacts and friction are smooth; its norm is not, and
+    /// has lowest points at the kinks where contacts open and begin to slide. So the search is for the lowest point of the
+    /// potential along the correction, where the residual's power along it is 0.
+    fn search(
+        &mut self,
+        weights: &Weights,
+        trial: &[Displacement],
+        norm: f64,
+        report: &mut StepReport,
+    ) -> (Vec<Displacement>, f64) {
+        let before = -self.work.power();
+        let (mut low, mut high) = ((0.0, before), None);
+        let mut share = 1.0;
+        for _ in 0..HALVINGS {
+            let moved = self.work.moved(trial, share);
+            let found = self.evaluate(weights, &moved, None);
+            let power = -self.work.power();
+            let descends = power < 0.0 && share == 1.0 || power.abs() <= FLAT * before.abs();
+            if if before < 0.0 { descends } else { found < norm } {
+                return (moved, share);
+            }
+            report.halvings += 1;
+            if power < 0.0 {
+                low = (share, power);
+            } else {
+                high = Some((share, power));
+            }
+            let Some((end, power)) = high else {
+                share *= 0.5;
+                continue;
+            };
+            // Regula falsi, kept away from the ends; bisection where the residual is no number.
+            let guess = low.1 / (low.1 - power);
+            let within = if guess.is_finite() { guess.clamp(0.1, 0.9) } else { 0.5 };
+            share = low.0 + (end - low.0) * within;
+        }
+        // The whole step leads to the other side of a kink, whose derivatives know better.
+        (self.work.moved(trial, 1.0), 1.0)
     }
 
     fn failure(&self, part_s: f64, residual: f64, iterations: u32) -> StepError {
@@ -454,6 +481,11 @@ impl Work {
         self.correction.copy_from_slice(&self.residual);
         self.matrix.solve(&mut self.correction);
         self.correction.iter().all(|value| value.is_finite())
+    }
+
+    /// Power of the residual along the correction.
+    fn power(&self) -> f64 {
+        self.residual.iter().zip(&self.correction).map(|(r, c)| r * c).sum()
     }
 
     /// Shortens the correction's turn of each body that it turns too far.
