@@ -3,16 +3,20 @@
 //! The contact point of a wheel is the point of its rim that is deepest for the ground's normal at its centre; that of a
 //! foot is the deepest point of a sphere. Both move over the body as it turns, and all derivatives know that.
 
+mod place;
+
 use crate::force::{By, Derivative, Force, View, Wrench};
 use crate::friction::Friction;
 use crate::ground::{Ground, Surface};
 use crate::motion::Motion;
+use crate::touch::Touch;
 use nalgebra::{Matrix3, Vector3};
+use place::{Place, across};
 use rollwalk_multibody::rotation::skew;
 use std::sync::Arc;
 
-/// A wheel whose plane is nearer to the ground's than this has no lowest point: sine of the angle between them.
-const LEAST_SINE: f64 = 1e-3;
+pub use place::Tip;
+
 /// Speed at which rolling resistance has three quarters of its size, m/s.
 const RESISTANCE_SPEED_M_S: f64 = 0.01;
 
@@ -26,23 +30,6 @@ pub struct Normal {
     /// Depth over which the damping comes in, m. A damping that jumps at the surface leaves steps without any solution;
     /// 0 is such a jump, for comparisons with closed forms.
     pub ramp_m: f64,
-}
-
-/// Shape that touches the ground.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Tip {
-    /// A sphere; with radius 0 a point.
-    Sphere,
-    /// A rim about an axis in the body.
-    Rim {
-        /// Unit axis, in body axes.
-        axis: Vector3<f64>,
-    },
-    /// A blade across an axis of the body: it slides along itself, and not across.
-    Blade {
-        /// Unit vector across the blade, in body axes.
-        axis: Vector3<f64>,
-    },
 }
 
 /// Resistance along the rolling direction, as a share of the normal force: c_rr s(v) + c_v v.
@@ -75,36 +62,6 @@ pub struct Contact {
     pub ground: Arc<dyn Ground>,
 }
 
-/// State of a contact.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Touch {
-    /// Distance from the ground, m; negative while it touches.
-    pub gap_m: f64,
-    /// The contact point in world axes, m.
-    pub point: Vector3<f64>,
-    /// Unit normal of the ground.
-    pub normal: Vector3<f64>,
-    /// Force of the ground on the body, N.
-    pub force: Vector3<f64>,
-    /// Its part along the normal, N.
-    pub normal_n: f64,
-    /// Velocity of the contact point along the ground, m/s.
-    pub sliding: Vector3<f64>,
-    /// Whether friction is at its limit.
-    pub slips: bool,
-}
-
-/// The contact point, with its derivatives by the body's pose.
-struct Place {
-    surface: Surface,
-    /// From the centre of mass, m.
-    arm: Vector3<f64>,
-    point_by_position: Matrix3<f64>,
-    point_by_rotation: Matrix3<f64>,
-    /// World axis of a rim or blade.
-    axis: Option<Vector3<f64>>,
-}
-
 /// A quantity with its derivatives by position, rotation, velocity and spin of the body.
 #[derive(Clone, Copy)]
 struct Varied {
@@ -114,8 +71,8 @@ struct Varied {
 
 impl Contact {
     /// The contact at a motion of its body.
-    pub fn touch(&self, body: &Motion) -> Touch {
-        let place = self.place(body);
+    pub fn touch_at(&self, body: &Motion) -> Touch {
+        let place = Place::new(self, body);
         let Surface { gap_m, normal, .. } = place.surface;
         let speed = body.velocity + body.spin.cross(&place.arm);
         let mut touch = Touch {
@@ -126,59 +83,13 @@ impl Contact {
             normal_n: 0.0,
             sliding: speed - normal * normal.dot(&speed),
             slips: false,
+            friction: self.friction,
         };
         if gap_m < 0.0 {
             let (force, normal_n, slips) = self.force(&place, &speed);
             touch = Touch { force, normal_n, slips, ..touch };
         }
         touch
-    }
-
-    fn place(&self, body: &Motion) -> Place {
-        let fixed = body.rotation * self.center;
-        let center_by_rotation = -skew(&fixed);
-        let at_center = self.ground.at(&(body.position + fixed));
-        let normal = at_center.normal;
-        let (lever, by_rotation, by_normal, axis) = match self.tip {
-            Tip::Sphere => {
-                let none = Matrix3::zeros();
-                (normal * -self.radius_m, none, Matrix3::identity() * -self.radius_m, None)
-            }
-            Tip::Rim { axis } | Tip::Blade { axis } => {
-                let axis = body.rotation * axis;
-                let (lever, by_axis, by_normal) = self.rim(&axis, &normal);
-                (lever, by_axis * -skew(&axis), by_normal, Some(axis))
-            }
-        };
-        let arm = fixed + lever;
-        let surface = self.ground.at(&(body.position + arm));
-        // The centre moves with the body, and with it the normal that the lever hangs by.
-        let with_center = Matrix3::identity() + by_normal * at_center.curvature;
-        Place {
-            surface,
-            arm,
-            point_by_position: with_center,
-            point_by_rotation: with_center * center_by_rotation + by_rotation,
-            axis,
-        }
-    }
-
-    /// From the centre of a disc to its lowest point, with derivatives by axis and normal:
-    /// −r (n − a (a·n)) / √(1 − (a·n)²).
-    fn rim(
-        &self,
-        axis: &Vector3<f64>,
-        normal: &Vector3<f64>,
-    ) -> (Vector3<f64>, Matrix3<f64>, Matrix3<f64>) {
-        let along = axis.dot(normal);
-        let down = normal - axis * along;
-        let sine = (1.0 - along * along).max(LEAST_SINE * LEAST_SINE).sqrt();
-        let (of_down, of_sine) = (-self.radius_m / sine, -self.radius_m * along / sine.powi(3));
-        let by_axis = (Matrix3::identity() * along + axis * normal.transpose()) * -of_down
-            + down * normal.transpose() * of_sine;
-        let by_normal = (Matrix3::identity() - axis * axis.transpose()) * of_down
-            + down * axis.transpose() * of_sine;
-        (down * of_down, by_axis, by_normal)
     }
 
     /// Damping at a gap, N·s/m, and its derivative by the gap.
@@ -230,21 +141,6 @@ impl Contact {
     }
 }
 
-/// The unit vector along a blade's axis in the plane across a normal, with derivatives by axis and normal.
-fn across(
-    axis: &Vector3<f64>,
-    normal: &Vector3<f64>,
-) -> (Vector3<f64>, Matrix3<f64>, Matrix3<f64>) {
-    let along = axis.dot(normal);
-    let flat = axis - normal * along;
-    let length = flat.norm().max(LEAST_SINE);
-    let unit = flat / length;
-    let project = (Matrix3::identity() - unit * unit.transpose()) / length;
-    let by_axis = project * (Matrix3::identity() - normal * normal.transpose());
-    let by_normal = -(project * (Matrix3::identity() * along + normal * axis.transpose()));
-    (unit, by_axis, by_normal)
-}
-
 impl Varied {
     /// a·b and its derivatives.
     fn dot(&self, other: &Self) -> (f64, [nalgebra::RowVector3<f64>; 4]) {
@@ -261,7 +157,7 @@ impl Force for Contact {
 
     fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]) {
         let body = &view.now[0];
-        let place = self.place(body);
+        let place = Place::new(self, body);
         if place.surface.gap_m >= 0.0 {
             return;
         }
@@ -279,8 +175,8 @@ impl Force for Contact {
     ) {
         const PARTS: [By; 4] = [By::Position, By::Rotation, By::Velocity, By::Spin];
         let body = &view.now[0];
-        let place = self.place(body);
-        let Surface { gap_m, normal, curvature } = place.surface;
+        let place = Place::new(self, body);
+        let Surface { gap_m, gradient, normal, curvature } = place.surface;
         if gap_m >= 0.0 {
             return;
         }
@@ -300,7 +196,7 @@ impl Force for Contact {
             value: normal,
             by: [curvature * by_position, curvature * by_rotation, none, none],
         };
-        let gap_by = [by_position, by_rotation, none, none].map(|m| normal.value.transpose() * m);
+        let gap_by = [by_position, by_rotation, none, none].map(|m| gradient.transpose() * m);
         let (approach, approach_by) = normal.dot(&speed);
         let stiffness = self.normal.stiffness_n_m;
         let spring = -stiffness * gap_m;
@@ -371,8 +267,12 @@ impl Force for Contact {
         }
     }
 
+    fn touch(&self, now: &[Motion]) -> Option<Touch> {
+        Some(self.touch_at(&now[0]))
+    }
+
     fn energy(&self, now: &[Motion]) -> f64 {
-        let gap = self.place(&now[0]).surface.gap_m.min(0.0);
+        let gap = Place::new(self, &now[0]).surface.gap_m.min(0.0);
         0.5 * self.normal.stiffness_n_m * gap * gap
     }
 }
@@ -382,7 +282,7 @@ mod tests {
     use super::*;
     use crate::check::agrees_at;
     use crate::friction::Model;
-    use crate::ground::{Plane, Sphere};
+    use crate::ground::{Grid, HeightField, Plane, Profile, Sphere};
 
     fn contact(tip: Tip, ground: Arc<dyn Ground>, model: Model) -> Contact {
         Contact {
@@ -401,8 +301,18 @@ mod tests {
     fn feet_wheels_and_blades_have_their_derivatives_on_planes_and_curved_ground() {
         let axis = Vector3::new(0.1, 1.0, 0.05).normalize();
         let ball = Sphere { center: Vector3::new(0.0, 0.1, -1.0), radius_m: 0.9 };
-        let grounds: [Arc<dyn Ground>; 3] =
-            [Arc::new(Plane::level()), Arc::new(Plane::rising(0.3)), Arc::new(ball)];
+        let grid = Grid::of(&ball, Vector3::new(-1.2, -1.1, -2.2), 0.1, [25; 3]).unwrap();
+        let wave = |k: i32| 0.02 * (f64::from(k % 30) * 0.3).sin() + 0.01 * f64::from(k / 30);
+        let heights = (0..900).map(wave).collect();
+        let field = HeightField::new([-1.5, -1.5], 0.1, [30, 30], heights).unwrap();
+        let grounds: [Arc<dyn Ground>; 6] = [
+            Arc::new(Plane::level()),
+            Arc::new(Plane::rising(0.3)),
+            Arc::new(ball),
+            Arc::new(grid),
+            Arc::new(field),
+            Arc::new(Profile::ramp(-2.0, 4.0, 0.8).unwrap()),
+        ];
         for ground in grounds {
             for tip in [Tip::Sphere, Tip::Rim { axis }, Tip::Blade { axis }] {
                 for model in [Model::Linear, Model::Tanh] {
@@ -410,8 +320,8 @@ mod tests {
                     // Deep enough that it touches, and not near a kink.
                     for depth in [0.005, 0.05] {
                         agrees_at(&contact, 8, |now| {
-                            let gap = contact.touch(&now[0]).gap_m;
-                            let normal = contact.touch(&now[0]).normal;
+                            let gap = contact.touch_at(&now[0]).gap_m;
+                            let normal = contact.touch_at(&now[0]).normal;
                             now[0].position -= normal * (gap + depth);
                         });
                     }
@@ -423,7 +333,7 @@ mod tests {
     #[test]
     fn what_is_above_the_ground_is_left_alone() {
         let contact = contact(Tip::Sphere, Arc::new(Plane::level()), Model::Linear);
-        let touch = contact.touch(&Motion::at(Vector3::new(0.0, 0.0, 0.3)));
+        let touch = contact.touch_at(&Motion::at(Vector3::new(0.0, 0.0, 0.3)));
         assert!((touch.gap_m - 0.15).abs() < 1e-15);
         assert_eq!(touch.force, Vector3::zeros());
     }
@@ -437,7 +347,7 @@ mod tests {
         body.spin = Vector3::y() * 4.0;
         body.velocity = Vector3::x() * 4.0 * 0.15;
         // The centre of the wheel is 0.1 m below the body's, which the wheel turns about.
-        let touch = contact.touch(&body);
+        let touch = contact.touch_at(&body);
         assert!((touch.point - Vector3::new(0.0, 0.0, -0.001)).norm() < 1e-12, "{touch:?}");
         assert!((touch.sliding.x).abs() < 1e-12, "{touch:?}");
     }

@@ -5,6 +5,7 @@
 //! So one element serves every integrator, and its derivatives can be tested by themselves.
 
 use crate::motion::{Motion, Weights};
+use crate::touch::Touch;
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use std::any::Any;
 use std::fmt::Debug;
@@ -107,6 +108,11 @@ pub trait Force: Any + Debug + Send + Sync {
     /// Adds the wrenches and their derivatives: that of the wrench on body `i` by the motion of body `j` is in
     /// `derivatives[i * bodies + j]`.
     fn derivatives(&self, view: &View<'_>, wrenches: &mut [Wrench], derivatives: &mut [Derivative]);
+
+    /// State of its contact, of a force that is one.
+    fn touch(&self, _now: &[Motion]) -> Option<Touch> {
+        None
+    }
 
     /// Stored energy, J.
     fn energy(&self, _now: &[Motion]) -> f64 {

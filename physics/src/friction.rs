@@ -5,11 +5,14 @@ use nalgebra::{Matrix3, Vector3};
 /// How friction grows with sliding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Model {
-    /// Proportional to the sliding velocity up to the cone (Eq. 4.11).
+    /// Proportional to the sliding velocity up to the cone (Eq. 4.13).
     #[default]
     Linear,
-    /// Smooth across the transition (Eq. 4.12).
+    /// Smooth across the transition (Eq. 4.14).
     Tanh,
+    /// Linear while it slides; what sticks does not move at all (thesis 4.4.3). For particles; contacts of rigid bodies,
+    /// several of which would hold one body too often, are linear under it.
+    Hybrid,
 }
 
 /// Friction of one contact.
@@ -76,8 +79,8 @@ impl Friction {
         let across = Matrix3::identity() - along * along.transpose();
         let ratio = stick * speed / limit;
         match self.model {
-            Model::Linear if ratio < 1.0 => sticking,
-            Model::Linear => FrictionForce {
+            Model::Linear | Model::Hybrid if ratio < 1.0 => sticking,
+            Model::Linear | Model::Hybrid => FrictionForce {
                 force: along * -limit,
                 by_sliding: across * (-limit / speed),
                 by_normal: along * -self.coefficient,

@@ -6,14 +6,18 @@
 //!
 //! | module | is |
 //! |---|---|
-//! | [`motion`] | pose and velocity, and how they follow from what a step moves |
-//! | [`rotation`] | rotation increments |
+//! | [`motion`], [`rotation`] | pose and velocity, and how they follow from what a step moves; rotation increments |
+//! | [`body`], [`assembly`] | what moves: rigid bodies and particles; bodies and forces before they are a system |
 //! | [`force`] | the interface of what acts on bodies |
-//! | [`joint`], [`motor`] | hinges as stiff springs; motors on them |
-//! | [`ground`], [`contact`], [`friction`] | what is solid; what touches it; how it slides |
-//! | [`system`] | the step |
+//! | [`points`], [`joint`], [`spring`], [`motor`] | what holds points together; joints as stiff springs; springs and strings; motors |
+//! | [`ground`] | what is solid and does not move |
+//! | [`contact`], [`friction`], [`touch`] | what touches it; how it slides; what is reported of it |
+//! | [`system`] | the step, halved where it does not converge |
+//! | `newton`, `residual`, `matrix`, `sticking` | how a step is solved: the method, the equations, their matrix, what friction holds |
 //! | [`world`] | a robot from its description |
 
+pub mod assembly;
+pub mod body;
 #[cfg(test)]
 mod check;
 pub mod contact;
@@ -24,11 +28,20 @@ pub mod joint;
 mod matrix;
 pub mod motion;
 pub mod motor;
+mod newton;
+pub mod points;
+mod residual;
 pub mod rotation;
+pub mod spring;
+mod sticking;
 pub mod system;
+pub mod touch;
 pub mod world;
 
+pub use assembly::Assembly;
+pub use body::{Body, Inertia};
 pub use force::Force;
 pub use motion::{Motion, Scheme};
-pub use system::{Inertia, Settings, StepError, StepReport, System};
+pub use system::{Energy, Settings, StepError, StepReport, System};
+pub use touch::Touch;
 pub use world::World;

@@ -1,4 +1,5 @@
-//! The Newton matrix: 6×6 blocks in compressed columns, and its sparse LU factors. Pattern and ordering are found once.
+//! The Newton matrix: blocks of bodies in compressed columns, and its sparse LU factors. Pattern and ordering are found
+//! once.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::lu::partial_pivoting::factor::PartialPivLuParams;
@@ -8,15 +9,21 @@ use faer::sparse::linalg::lu::{
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use faer::{Conj, MatMut, Par, Spec};
-use nalgebra::Matrix6;
+use nalgebra::{Matrix3, Matrix6, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-/// Unknowns of a body.
-pub(crate) const UNKNOWNS: usize = 6;
+/// Most unknowns of a body.
+const MOST: usize = 6;
 
-/// Where a block begins in each of its columns.
-type Slot = [usize; UNKNOWNS];
+/// Where a block is among the values.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Slot {
+    /// Where it begins in each of its columns.
+    starts: [usize; MOST],
+    rows: usize,
+    columns: usize,
+}
 
 /// A square matrix of blocks with a fixed pattern.
 pub(crate) struct BlockMatrix {
@@ -35,22 +42,30 @@ impl fmt::Debug for BlockMatrix {
 }
 
 impl BlockMatrix {
-    /// A matrix of `bodies` × `bodies` blocks of which those in `coupled`, pairs of row and column, and the diagonal may be
-    /// other than 0.
-    pub fn new(bodies: usize, coupled: impl Iterator<Item = (usize, usize)>) -> Self {
-        let mut blocks: BTreeSet<(usize, usize)> = (0..bodies).map(|k| (k, k)).collect();
+    /// A matrix of bodies with so many unknowns each, of which the blocks in `coupled`, pairs of row and column, and the
+    /// diagonal may be other than 0.
+    pub fn new(unknowns: &[usize], coupled: impl Iterator<Item = (usize, usize)>) -> Self {
+        let mut blocks: BTreeSet<(usize, usize)> = (0..unknowns.len()).map(|k| (k, k)).collect();
         // By column, then row.
         blocks.extend(coupled.map(|(row, column)| (column, row)));
-        let size = UNKNOWNS * bodies;
+        let mut firsts = vec![0];
+        firsts.extend(unknowns.iter().scan(0, |sum, &count| {
+            *sum += count;
+            Some(*sum)
+        }));
+        let size = firsts[unknowns.len()];
         let (mut starts, mut rows) = (vec![0], Vec::new());
-        let mut slots = BTreeMap::new();
-        for column in 0..size {
-            let (block, within) = (column / UNKNOWNS, column % UNKNOWNS);
-            for &(_, row) in blocks.range((block, 0)..(block + 1, 0)) {
-                slots.entry((row, block)).or_insert([0; UNKNOWNS])[within] = rows.len();
-                rows.extend((0..UNKNOWNS).map(|k| UNKNOWNS * row + k));
+        let mut slots: BTreeMap<(usize, usize), Slot> = BTreeMap::new();
+        for (column, &columns) in unknowns.iter().enumerate() {
+            for within in 0..columns {
+                for &(_, row) in blocks.range((column, 0)..(column + 1, 0)) {
+                    let slot = slots.entry((row, column)).or_default();
+                    (slot.rows, slot.columns) = (unknowns[row], columns);
+                    slot.starts[within] = rows.len();
+                    rows.extend(firsts[row]..firsts[row + 1]);
+                }
+                starts.push(rows.len());
             }
-            starts.push(rows.len());
         }
         let values = vec![0.0; rows.len()];
         let pattern = SymbolicSparseColMat::new_checked(size, size, starts, None, rows);
@@ -77,11 +92,21 @@ impl BlockMatrix {
         self.slots[&(row, column)]
     }
 
-    /// Adds to a block.
+    /// Adds to a block; what is beyond its rows and columns is left out.
     pub fn add(&mut self, slot: &Slot, block: &Matrix6<f64>) {
-        for (&start, column) in slot.iter().zip(block.column_iter()) {
-            for (value, more) in self.values[start..start + UNKNOWNS].iter_mut().zip(&column) {
+        for (&start, column) in slot.starts[..slot.columns].iter().zip(block.column_iter()) {
+            for (value, more) in self.values[start..start + slot.rows].iter_mut().zip(&column) {
                 *value += more;
+            }
+        }
+    }
+
+    /// Multiplies the first three rows of a body by a matrix from the left.
+    pub fn mix_rows(&mut self, row: usize, by: &Matrix3<f64>) {
+        for slot in self.slots.range((row, 0)..(row + 1, 0)).map(|(_, slot)| slot) {
+            for &start in &slot.starts[..slot.columns] {
+                let part = &mut self.values[start..start + 3];
+                part.copy_from_slice((by * Vector3::from_column_slice(part)).as_slice());
             }
         }
     }
@@ -119,20 +144,26 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
 
     #[test]
-    fn a_chain_is_solved_as_a_dense_matrix_is() {
+    fn a_chain_of_bodies_and_particles_is_solved_as_a_dense_matrix_is() {
         let mut rng = fastrand::Rng::with_seed(1);
-        let bodies = 5;
-        let coupled: Vec<_> = (1..bodies).flat_map(|k| [(k - 1, k), (k, k - 1)]).collect();
-        let mut matrix = BlockMatrix::new(bodies, coupled.iter().copied());
+        let (unknowns, firsts) = ([6, 3, 6, 3, 3], [0, 6, 9, 15, 18]);
+        let coupled: Vec<_> = (1..5).flat_map(|k| [(k - 1, k), (k, k - 1)]).collect();
+        let mut matrix = BlockMatrix::new(&unknowns, coupled.iter().copied());
         for _ in 0..2 {
             matrix.clear();
-            let mut dense = DMatrix::zeros(30, 30);
-            for (row, column) in coupled.iter().copied().chain((0..bodies).map(|k| (k, k))) {
+            let mut dense = DMatrix::zeros(21, 21);
+            for (row, column) in coupled.iter().copied().chain((0..5).map(|k| (k, k))) {
                 let block = Matrix6::from_fn(|_, _| rng.f64() - 0.5);
                 matrix.add(&matrix.slot(row, column), &block);
-                dense.view_mut((6 * row, 6 * column), (6, 6)).copy_from(&block);
+                let size = (unknowns[row], unknowns[column]);
+                let mut part = dense.view_mut((firsts[row], firsts[column]), size);
+                part.copy_from(&block.view((0, 0), size));
             }
-            let side = DVector::from_fn(30, |_, _| rng.f64());
+            let mix = Matrix3::from_fn(|_, _| rng.f64() - 0.5);
+            matrix.mix_rows(1, &mix);
+            let mixed = mix * dense.rows(6, 3);
+            dense.rows_mut(6, 3).copy_from(&mixed);
+            let side = DVector::from_fn(21, |_, _| rng.f64());
             assert!(matrix.factorise());
             let mut found: Vec<f64> = side.iter().copied().collect();
             matrix.solve(&mut found);

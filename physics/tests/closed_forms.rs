@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::friction::{Friction, Model};
 use rollwalk_physics::ground::Plane;
-use rollwalk_physics::{Force, Inertia, Motion, Scheme, Settings, System};
+use rollwalk_physics::{Assembly, Body, Force, Inertia, Motion, Scheme, Settings, System};
 use std::sync::Arc;
 
 fn run(system: &mut System, step_s: f64, duration_s: f64) {
@@ -17,6 +17,16 @@ fn settings(scheme: Scheme, gravity_m_s2: Vector3<f64>) -> Settings {
     Settings { scheme, gravity_m_s2, tolerance: 1e-10, ..Settings::default() }
 }
 
+fn alone(
+    settings: Settings,
+    inertia: Inertia,
+    motion: Motion,
+    forces: Vec<Box<dyn Force>>,
+) -> System {
+    let assembly = Assembly { bodies: vec![inertia.into()], motions: vec![motion], forces };
+    System::new(settings, assembly)
+}
+
 /// An asymmetric top after two seconds of free flight; the exact axis is from a fine reference solution.
 #[test]
 fn a_free_top_keeps_its_angular_momentum_and_turns_as_euler_has_it() {
@@ -27,13 +37,13 @@ fn a_free_top_keeps_its_angular_momentum_and_turns_as_euler_has_it() {
         motion.spin = Vector3::new(0.1, 5.0, 0.1);
         let inertia = Inertia { mass_kg: 1.0, about_com_kg_m2 };
         let free = settings(scheme, Vector3::zeros());
-        let mut system = System::new(free, vec![inertia], vec![motion], Vec::new());
-        let (momentum, energy) = (system.angular_momentum(), system.energy_j());
+        let mut system = alone(free, inertia, motion, Vec::new());
+        let (momentum, energy) = (system.angular_momentum(), system.energy().total_j());
         run(&mut system, 1.0 / per_second, 2.0);
         let drift = (system.angular_momentum() - momentum).norm() / momentum.norm();
         assert!(drift < 1e-11, "{scheme:?}, {per_second}: {drift}");
         let axis = system.motions()[0].rotation * Vector3::y();
-        ((axis - exact).norm(), system.energy_j() / energy)
+        ((axis - exact).norm(), system.energy().total_j() / energy)
     };
     let (coarse, energy) = error(Scheme::Bdf2, 120.0);
     let (fine, _) = error(Scheme::Bdf2, 240.0);
@@ -82,7 +92,7 @@ fn a_point_on_an_incline_creeps_as_its_friction_model_says() {
         let motion = Motion::at(ground.normal * (-load / 2e4));
         let gravity = Vector3::new(0.0, 0.0, -9.81);
         let settings = settings(Scheme::Bdf1, gravity);
-        let mut system = System::new(settings, vec![kilogram()], vec![motion], forces);
+        let mut system = alone(settings, kilogram(), motion, forces);
         run(&mut system, 1.0 / 60.0, 3.0);
         let speed = system.motions()[0].velocity.norm();
         assert!((speed / expected - 1.0).abs() < 1e-6, "{model:?}: {speed}, {expected}");
@@ -106,7 +116,7 @@ fn a_bounce_keeps_what_the_scheme_and_the_damping_leave_of_it() {
         let forces: Vec<Box<dyn Force>> = vec![Box::new(point(normal, friction, Plane::level()))];
         let motion = Motion::at(Vector3::z() * 0.3);
         let settings = settings(scheme, Vector3::new(0.0, 0.0, -9.81));
-        let mut system = System::new(settings, vec![kilogram()], vec![motion], forces);
+        let mut system = alone(settings, kilogram(), motion, forces);
         let mut highest: f64 = 0.0;
         for _ in 0..(0.5 * per_second) as usize {
             system.step(1.0 / per_second).unwrap();
@@ -114,4 +124,59 @@ fn a_bounce_keeps_what_the_scheme_and_the_damping_leave_of_it() {
         }
         assert!((highest / expected - 1.0).abs() < 0.01, "{scheme:?}, {per_second}: {highest}");
     }
+}
+
+fn particle_on_incline(
+    model: Model,
+    angle_rad: f64,
+    velocity: Vector3<f64>,
+    scheme: Scheme,
+) -> System {
+    let load = 9.81 * angle_rad.cos();
+    let ground = Plane::rising(angle_rad);
+    let normal = Normal { stiffness_n_m: 2e4, damping_n_s_m: 30.0, ramp_m: 3e-4 };
+    let friction = Friction { model, coefficient: 0.5, stick_n_s_m: 50.0 };
+    let mut assembly = Assembly::default();
+    let motion = Motion { velocity, ..Motion::at(ground.normal * (-load / 2e4)) };
+    assembly.add_body(Body::Particle { mass_kg: 1.0 }, motion);
+    assembly.add(point(normal, friction, ground));
+    System::new(settings(scheme, Vector3::new(0.0, 0.0, -9.81)), assembly)
+}
+
+/// What hybrid friction holds does not creep, and takes the weight along the incline.
+#[test]
+fn a_particle_with_hybrid_friction_stands_on_an_incline() {
+    let angle_rad = 20f64.to_radians();
+    for scheme in [Scheme::Bdf1, Scheme::Bdf2] {
+        let mut system = particle_on_incline(Model::Hybrid, angle_rad, Vector3::zeros(), scheme);
+        run(&mut system, 1.0 / 60.0, 2.0);
+        let speed = system.motions()[0].velocity.norm();
+        assert!(speed < 1e-8, "{scheme:?}: {speed}");
+        let touch = system.touch(0).unwrap();
+        let balance = touch.force - Vector3::z() * 9.81;
+        assert!(balance.norm() < 1e-6, "{scheme:?}: {touch:?}");
+        assert!(!touch.slips);
+    }
+}
+
+/// On an incline steeper than its cone, or thrown along it, a particle slides with g (sin α − μ cos α) for every model,
+/// and hybrid friction stops it where that says, for good.
+#[test]
+fn what_slides_is_slowed_by_the_cone_and_hybrid_friction_stops_it() {
+    for model in [Model::Linear, Model::Tanh, Model::Hybrid] {
+        let angle_rad = 30f64.to_radians();
+        let expected = 9.81 * (angle_rad.sin() - 0.5 * angle_rad.cos());
+        let mut system = particle_on_incline(model, angle_rad, Vector3::zeros(), Scheme::Bdf1);
+        run(&mut system, 1.0 / 60.0, 0.5);
+        let early = system.motions()[0].velocity.norm();
+        run(&mut system, 1.0 / 60.0, 1.0);
+        let gained = system.motions()[0].velocity.norm() - early;
+        assert!((gained / expected - 1.0).abs() < 1e-3, "{model:?}: {gained}, {expected}");
+    }
+    let mut system = particle_on_incline(Model::Hybrid, 0.0, Vector3::x(), Scheme::Bdf1);
+    run(&mut system, 1e-3, 0.5);
+    let expected = 0.5 / (0.5 * 9.81);
+    let stopped = system.motions()[0];
+    assert!((stopped.position.x / expected - 1.0).abs() < 5e-3, "{stopped:?}, {expected}");
+    assert!(stopped.velocity.norm() < 1e-8, "{stopped:?}");
 }

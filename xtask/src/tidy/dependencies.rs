@@ -10,6 +10,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("rollwalk-drives", &["rollwalk-protocol"]),
     ("rollwalk-robot", &["rollwalk-protocol"]),
     ("rollwalk-multibody", &["rollwalk-robot"]),
+    ("rollwalk-physics", &["rollwalk-multibody", "rollwalk-robot"]),
     ("rollwalk-planner", &["rollwalk-multibody", "rollwalk-protocol", "rollwalk-robot"]),
     ("rollwalk-bus", &["rollwalk-protocol"]),
     ("rollwalk-host", &["rollwalk-bus", "rollwalk-protocol"]),

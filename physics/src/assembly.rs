@@ -1,0 +1,37 @@
+//! Bodies and forces while they are put together, before they are a system.
+
+use crate::body::Body;
+use crate::force::Force;
+use crate::motion::Motion;
+use nalgebra::Vector3;
+
+/// The parts of a system to be.
+#[derive(Debug, Default)]
+pub struct Assembly {
+    /// The bodies.
+    pub bodies: Vec<Body>,
+    /// Their motions at time 0.
+    pub motions: Vec<Motion>,
+    /// What acts on them.
+    pub forces: Vec<Box<dyn Force>>,
+}
+
+impl Assembly {
+    /// Adds a body; its index.
+    pub fn add_body(&mut self, body: impl Into<Body>, motion: Motion) -> usize {
+        self.bodies.push(body.into());
+        self.motions.push(motion);
+        self.bodies.len() - 1
+    }
+
+    /// Adds a particle at rest; its index.
+    pub fn add_particle(&mut self, mass_kg: f64, position: Vector3<f64>) -> usize {
+        self.add_body(Body::Particle { mass_kg }, Motion::at(position))
+    }
+
+    /// Adds a force; its index.
+    pub fn add(&mut self, force: impl Force) -> usize {
+        self.forces.push(Box::new(force));
+        self.forces.len() - 1
+    }
+}

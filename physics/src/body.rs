@@ -1,0 +1,71 @@
+//! What moves: rigid bodies, and particles, which do not turn.
+
+use crate::motion::Motion;
+use nalgebra::{Matrix3, Vector3};
+
+/// Mass and inertia of a rigid body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inertia {
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Inertia about the centre of mass in body axes, kg·m².
+    pub about_com_kg_m2: Matrix3<f64>,
+}
+
+/// Something with mass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Body {
+    /// It moves and turns: six unknowns of a step.
+    Rigid(Inertia),
+    /// A point mass, the node of a soft body: three unknowns. Moments on it come to nothing.
+    Particle {
+        /// Mass, kg.
+        mass_kg: f64,
+    },
+}
+
+impl From<Inertia> for Body {
+    fn from(inertia: Inertia) -> Self {
+        Self::Rigid(inertia)
+    }
+}
+
+impl Inertia {
+    /// Angular momentum about the centre of mass, kg·m²/s, and the inertia, both in world axes.
+    pub(crate) fn spinning(&self, motion: &Motion) -> (Vector3<f64>, Matrix3<f64>) {
+        let inertia = motion.rotation * self.about_com_kg_m2 * motion.rotation.transpose();
+        (inertia * motion.spin, inertia)
+    }
+}
+
+impl Body {
+    /// Mass, kg.
+    pub fn mass_kg(&self) -> f64 {
+        match self {
+            Self::Rigid(inertia) => inertia.mass_kg,
+            &Self::Particle { mass_kg } => mass_kg,
+        }
+    }
+
+    /// Unknowns of a step.
+    pub(crate) fn unknowns(&self) -> usize {
+        match self {
+            Self::Rigid(_) => 6,
+            Self::Particle { .. } => 3,
+        }
+    }
+
+    /// Angular momentum about the centre of mass, kg·m²/s.
+    pub(crate) fn spin_momentum(&self, motion: &Motion) -> Vector3<f64> {
+        match self {
+            Self::Rigid(inertia) => inertia.spinning(motion).0,
+            Self::Particle { .. } => Vector3::zeros(),
+        }
+    }
+
+    /// Kinetic energy, J.
+    pub(crate) fn kinetic_j(&self, motion: &Motion) -> f64 {
+        let linear = self.mass_kg() * motion.velocity.norm_squared();
+        0.5 * (linear + self.spin_momentum(motion).dot(&motion.spin))
+    }
+}

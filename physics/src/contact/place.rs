@@ -1,0 +1,103 @@
+//! Where a contact is: the lowest point of a sphere, rim or blade, and how it moves over the body as that turns.
+
+use crate::contact::Contact;
+use crate::ground::Surface;
+use crate::motion::Motion;
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::rotation::skew;
+
+/// A wheel whose plane is nearer to the ground's than this has no lowest point: sine of the angle between them.
+const LEAST_SINE: f64 = 1e-3;
+
+/// Shape that touches the ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tip {
+    /// A sphere; with radius 0 a point.
+    Sphere,
+    /// A rim about an axis in the body.
+    Rim {
+        /// Unit axis, in body axes.
+        axis: Vector3<f64>,
+    },
+    /// A blade across an axis of the body: it slides along itself, and not across.
+    Blade {
+        /// Unit vector across the blade, in body axes.
+        axis: Vector3<f64>,
+    },
+}
+
+/// The contact point, with its derivatives by the body's pose.
+pub(super) struct Place {
+    pub surface: Surface,
+    /// From the centre of mass, m.
+    pub arm: Vector3<f64>,
+    pub point_by_position: Matrix3<f64>,
+    pub point_by_rotation: Matrix3<f64>,
+    /// World axis of a rim or blade.
+    pub axis: Option<Vector3<f64>>,
+}
+
+impl Place {
+    /// Of a contact at a motion of its body.
+    pub fn new(contact: &Contact, body: &Motion) -> Self {
+        let fixed = body.rotation * contact.center;
+        let center_by_rotation = -skew(&fixed);
+        let at_center = contact.ground.at(&(body.position + fixed));
+        let normal = at_center.normal;
+        let (lever, by_rotation, by_normal, axis) = match contact.tip {
+            Tip::Sphere => {
+                let none = Matrix3::zeros();
+                (normal * -contact.radius_m, none, Matrix3::identity() * -contact.radius_m, None)
+            }
+            Tip::Rim { axis } | Tip::Blade { axis } => {
+                let axis = body.rotation * axis;
+                let (lever, by_axis, by_normal) = rim(contact.radius_m, &axis, &normal);
+                (lever, by_axis * -skew(&axis), by_normal, Some(axis))
+            }
+        };
+        let arm = fixed + lever;
+        let surface = contact.ground.at(&(body.position + arm));
+        // The centre moves with the body, and with it the normal that the lever hangs by.
+        let with_center = Matrix3::identity() + by_normal * at_center.curvature;
+        Self {
+            surface,
+            arm,
+            point_by_position: with_center,
+            point_by_rotation: with_center * center_by_rotation + by_rotation,
+            axis,
+        }
+    }
+}
+
+/// From the centre of a disc to its lowest point, with derivatives by axis and normal:
+/// −r (n − a (a·n)) / √(1 − (a·n)²).
+fn rim(
+    radius_m: f64,
+    axis: &Vector3<f64>,
+    normal: &Vector3<f64>,
+) -> (Vector3<f64>, Matrix3<f64>, Matrix3<f64>) {
+    let along = axis.dot(normal);
+    let down = normal - axis * along;
+    let sine = (1.0 - along * along).max(LEAST_SINE * LEAST_SINE).sqrt();
+    let (of_down, of_sine) = (-radius_m / sine, -radius_m * along / sine.powi(3));
+    let by_axis = (Matrix3::identity() * along + axis * normal.transpose()) * -of_down
+        + down * normal.transpose() * of_sine;
+    let by_normal = (Matrix3::identity() - axis * axis.transpose()) * of_down
+        + down * axis.transpose() * of_sine;
+    (down * of_down, by_axis, by_normal)
+}
+
+/// The unit vector along a blade's axis in the plane across a normal, with derivatives by axis and normal.
+pub(super) fn across(
+    axis: &Vector3<f64>,
+    normal: &Vector3<f64>,
+) -> (Vector3<f64>, Matrix3<f64>, Matrix3<f64>) {
+    let along = axis.dot(normal);
+    let flat = axis - normal * along;
+    let length = flat.norm().max(LEAST_SINE);
+    let unit = flat / length;
+    let project = (Matrix3::identity() - unit * unit.transpose()) / length;
+    let by_axis = project * (Matrix3::identity() - normal * normal.transpose());
+    let by_normal = -(project * (Matrix3::identity() * along + normal * axis.transpose()));
+    (unit, by_axis, by_normal)
+}

@@ -1,0 +1,252 @@
+//! Ground to walk on: profiles along x (steps, ramps, stairs) and height fields. A slope is a [`super::Plane`].
+
+use super::spline::Lattice;
+use super::{FieldError, Ground, Surface};
+use nalgebra::{Matrix3, Vector3};
+
+/// A line of heights along x, the same for all y, level before its first point and after its last one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
+    /// x and z of the corners, m.
+    corners: Vec<[f64; 2]>,
+}
+
+/// Why points are no profile.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum ProfileError {
+    /// There are none.
+    #[error("a profile needs a point")]
+    Empty,
+    /// A coordinate that is no number.
+    #[error("point {index} is ({x_m}, {z_m}) m: both must be finite numbers")]
+    Value {
+        /// Index of the point.
+        index: usize,
+        /// Along the profile, m.
+        x_m: f64,
+        /// Height, m.
+        z_m: f64,
+    },
+    /// An overhang, or the same point twice.
+    #[error(
+        "point {index} at x = {x_m} m is not ahead of the one before: x may not decrease, and steps need a height"
+    )]
+    Order {
+        /// Index of the point.
+        index: usize,
+        /// Along the profile, m.
+        x_m: f64,
+    },
+}
+
+impl Profile {
+    /// Through points of x and z, m; where x stays the ground is vertical.
+    ///
+    /// # Errors
+    /// No points, not a number, or x that decreases.
+    pub fn new(corners: Vec<[f64; 2]>) -> Result<Self, ProfileError> {
+        if corners.is_empty() {
+            return Err(ProfileError::Empty);
+        }
+        for (index, &[x_m, z_m]) in corners.iter().enumerate() {
+            if !(x_m.is_finite() && z_m.is_finite()) {
+                return Err(ProfileError::Value { index, x_m, z_m });
+            }
+        }
+        for (before, pair) in corners.windows(2).enumerate() {
+            if pair[1][0] < pair[0][0] || pair[1] == pair[0] {
+                return Err(ProfileError::Order { index: before + 1, x_m: pair[1][0] });
+            }
+        }
+        Ok(Self { corners })
+    }
+
+    /// Level ground with a step up, or down for a negative height.
+    ///
+    /// # Errors
+    /// Not a number, or no height.
+    pub fn step(at_x_m: f64, height_m: f64) -> Result<Self, ProfileError> {
+        Self::new(vec![[at_x_m, 0.0], [at_x_m, height_m]])
+    }
+
+    /// Level ground with a ramp to another height.
+    ///
+    /// # Errors
+    /// Not a number, or no length.
+    pub fn ramp(from_x_m: f64, length_m: f64, height_m: f64) -> Result<Self, ProfileError> {
+        Self::new(vec![[from_x_m, 0.0], [from_x_m + length_m, height_m]])
+    }
+}
+
+/// x and z.
+type Flat = nalgebra::Vector2<f64>;
+
+impl Ground for Profile {
+    fn at(&self, point: &Vector3<f64>) -> Surface {
+        let at = Flat::new(point.x, point.z);
+        let first = Flat::from(self.corners[0]);
+        let last = Flat::from(self.corners[self.corners.len() - 1]);
+        // Beginning, direction and length of all parts, the level ones to both sides included.
+        let ends = [(first, -Flat::x(), f64::INFINITY), (last, Flat::x(), f64::INFINITY)];
+        let parts = self.corners.windows(2).map(|pair| {
+            let (begin, end) = (Flat::from(pair[0]), Flat::from(pair[1]));
+            (begin, (end - begin).normalize(), (end - begin).norm())
+        });
+        let mut nearest: Option<(f64, Surface)> = None;
+        for (number, (begin, along, length)) in ends.into_iter().chain(parts).enumerate() {
+            let mut up = Flat::new(-along.y, along.x);
+            if number == 0 {
+                up = -up;
+            }
+            let share = along.dot(&(at - begin));
+            let corner = begin + along * share.clamp(0.0, length);
+            let from = at - corner;
+            let distance = from.norm();
+            if nearest.is_some_and(|(least, _)| least <= distance) {
+                continue;
+            }
+            let side = up.dot(&(at - begin));
+            let beside = !(0.0..=length).contains(&share) && distance > 0.0;
+            let (gap_m, normal, bend) = if beside {
+                let sign = 1f64.copysign(side);
+                let normal = from * (sign / distance);
+                let free = nalgebra::Matrix2::identity() - normal * normal.transpose();
+                (sign * distance, normal, free * (sign / distance))
+            } else {
+                (side, up, nalgebra::Matrix2::zeros())
+            };
+            let curvature = Matrix3::new(
+                bend.m11, 0.0, bend.m12, //
+                0.0, 0.0, 0.0, //
+                bend.m21, 0.0, bend.m22,
+            );
+            let normal = Vector3::new(normal.x, 0.0, normal.y);
+            nearest = Some((distance, Surface::exact(gap_m, normal, curvature)));
+        }
+        nearest.expect("there are level parts").1
+    }
+}
+
+/// Heights over a rectangle of x and y, and a spline through them; beyond the rectangle they go on as at its edge.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HeightField {
+    lattice: Lattice<2>,
+}
+
+impl HeightField {
+    /// Heights, m, at `origin_m` + `spacing_m` (i, j), i along x and fastest.
+    ///
+    /// # Errors
+    /// Not four or more finite samples along each axis.
+    pub fn new(
+        origin_m: [f64; 2],
+        spacing_m: f64,
+        counts: [usize; 2],
+        heights_m: Vec<f64>,
+    ) -> Result<Self, FieldError> {
+        Ok(Self { lattice: Lattice::new(origin_m, spacing_m, counts, heights_m)? })
+    }
+}
+
+impl Ground for HeightField {
+    fn at(&self, point: &Vector3<f64>) -> Surface {
+        let ranges = [0, 1].map(|axis| self.lattice.range(axis));
+        let within = [0, 1].map(|k| point[k].clamp(ranges[k][0], ranges[k][1]));
+        // Beyond the edge nothing changes with the coordinate.
+        let inside = [0, 1].map(|k| f64::from(u8::from(within[k] == point[k])));
+        let bases = [0, 1].map(|axis| self.lattice.basis(axis, within[axis]));
+        let sum = |orders| self.lattice.sum(&bases, orders);
+        let slope = [inside[0] * sum([1, 0]), inside[1] * sum([0, 1])];
+        let [xx, yy] = [inside[0] * sum([2, 0]), inside[1] * sum([0, 2])];
+        let xy = inside[0] * inside[1] * sum([1, 1]);
+        let gradient = Vector3::new(-slope[0], -slope[1], 1.0);
+        let hessian = Matrix3::new(-xx, -xy, 0.0, -xy, -yy, 0.0, 0.0, 0.0, 0.0);
+        Surface::of_level(point.z - sum([0, 0]), &gradient, &hessian)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ground::{Plane, agrees_with_finite_differences};
+
+    fn points(count: usize) -> impl Iterator<Item = Vector3<f64>> {
+        let mut rng = fastrand::Rng::with_seed(7);
+        (0..count).map(move |_| Vector3::from_fn(|_, _| 2.0 * rng.f64() - 1.0))
+    }
+
+    #[test]
+    fn profiles_have_their_derivatives() {
+        let stairs =
+            vec![[-0.4, 0.0], [-0.4, 0.2], [0.0, 0.2], [0.0, 0.3], [0.5, 0.1], [0.5, -0.2]];
+        for profile in [
+            Profile::step(0.1, 0.2).unwrap(),
+            Profile::step(0.1, -0.2).unwrap(),
+            Profile::ramp(-0.2, 0.5, 0.3).unwrap(),
+            Profile::new(stairs).unwrap(),
+        ] {
+            for point in points(200) {
+                agrees_with_finite_differences(&profile, &point);
+            }
+        }
+    }
+
+    #[test]
+    fn a_step_is_a_wall_before_it_and_a_corner_above_it() {
+        let step = Profile::step(1.0, 0.1).unwrap();
+        let at = |x, z| step.at(&Vector3::new(x, 0.3, z));
+        assert_eq!((at(0.5, 0.02).gap_m, at(0.5, 0.02).normal), (0.02, Vector3::z()));
+        assert!((at(0.98, 0.05).gap_m - 0.02).abs() < 1e-15);
+        assert_eq!(at(0.98, 0.05).normal, -Vector3::x());
+        assert!((at(0.97, 0.14).gap_m - 0.05).abs() < 1e-15);
+        assert!((at(0.97, 0.14).normal - Vector3::new(-0.6, 0.0, 0.8)).norm() < 1e-12);
+        assert!((at(1.5, 0.04).gap_m + 0.06).abs() < 1e-15, "inside");
+        assert!((at(1.02, 0.05).gap_m + 0.02).abs() < 1e-15, "inside, near the wall");
+    }
+
+    #[test]
+    fn a_ramp_is_a_slope_in_its_middle() {
+        let (ramp, slope) = (Profile::ramp(-1.0, 2.0, 0.5), Plane::rising(0.25_f64.atan()));
+        let ramp = ramp.unwrap();
+        for point in points(50).map(|point| point * 0.2) {
+            let (found, exact) = (ramp.at(&point), slope.at(&(point - Vector3::z() * 0.25)));
+            assert!((found.gap_m - exact.gap_m).abs() < 1e-12);
+            assert!((found.normal - exact.normal).norm() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn points_that_make_no_profile_are_refused() {
+        assert_eq!(Profile::new(vec![]).unwrap_err(), ProfileError::Empty);
+        let back = Profile::new(vec![[0.0, 0.0], [1.0, 0.0], [0.5, 0.1]]).unwrap_err();
+        assert_eq!(back, ProfileError::Order { index: 2, x_m: 0.5 });
+        assert!(Profile::step(0.0, f64::NAN).is_err());
+        assert!(Profile::step(0.0, 0.0).is_err());
+        assert!(Profile::ramp(0.0, -1.0, 0.1).is_err());
+    }
+
+    fn field(height: impl Fn(f64, f64) -> f64) -> HeightField {
+        let place = |k: usize| -1.2 + 0.1 * k as f64;
+        let heights = (0..25).flat_map(|j| (0..25).map(move |i| [place(i), place(j)]));
+        let heights = heights.map(|[x, y]| height(x, y)).collect();
+        HeightField::new([-1.2, -1.2], 0.1, [25, 25], heights).unwrap()
+    }
+
+    #[test]
+    fn height_fields_have_their_derivatives_and_are_planes_where_their_heights_are() {
+        let bumps = field(|x, y| 0.05 * (3.0 * x).sin() * (4.0 * y).cos());
+        for point in points(200) {
+            let low = Vector3::new(point.x, point.y, 0.1 * point.z);
+            agrees_with_finite_differences(&bumps, &low);
+        }
+        let (plane, slope) = (field(|x, _| 0.25 * x), Plane::rising(0.25_f64.atan()));
+        for point in points(50) {
+            let (found, exact) = (plane.at(&point), slope.at(&point));
+            assert!((found.gap_m - exact.gap_m).abs() < 1e-12);
+            assert!((found.normal - exact.normal).norm() < 1e-12);
+            assert!(found.curvature.norm() < 1e-10);
+        }
+        let beyond = bumps.at(&Vector3::new(3.0, -5.0, 1.0));
+        assert_eq!(beyond.normal, Vector3::z());
+    }
+}

@@ -1,0 +1,92 @@
+//! Forces between a point of one body and a point of another: what balls, springs and attachments share.
+
+use crate::force::{By, Derivative, Wrench};
+use crate::motion::Motion;
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::rotation::skew;
+
+/// A point of each of two bodies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Points {
+    /// The two bodies.
+    pub bodies: [usize; 2],
+    /// The point in each, from its centre of mass in body axes, m; 0 for a particle.
+    pub points: [Vector3<f64>; 2],
+}
+
+/// A force and its derivatives by offset and velocity of the second point from the first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Pull {
+    /// On the first point, N; the second has the opposite one.
+    pub force: Vector3<f64>,
+    /// N/m.
+    pub by_offset: Matrix3<f64>,
+    /// N·s/m.
+    pub by_velocity: Matrix3<f64>,
+}
+
+impl Points {
+    /// The points of two bodies that are at one place in world axes, m.
+    pub fn at(bodies: [usize; 2], motions: &[Motion], place: &Vector3<f64>) -> Self {
+        let points = bodies.map(|body| {
+            let motion = &motions[body];
+            motion.rotation.transpose() * (place - motion.position)
+        });
+        Self { bodies, points }
+    }
+
+    /// Offset, m, and velocity, m/s, of the second point from the first.
+    pub(crate) fn apart(&self, now: &[Motion]) -> (Vector3<f64>, Vector3<f64>) {
+        let [first, second] = [0, 1].map(|k| now[k].point(&self.points[k]));
+        (second.0 - first.0, second.1 - first.1)
+    }
+
+    fn arms(&self, now: &[Motion]) -> [Vector3<f64>; 2] {
+        [0, 1].map(|k| now[k].rotation * self.points[k])
+    }
+
+    pub(crate) fn add_wrenches(
+        &self,
+        now: &[Motion],
+        force: &Vector3<f64>,
+        wrenches: &mut [Wrench],
+    ) {
+        let arms = self.arms(now);
+        for (k, sign) in [(0, 1.0), (1, -1.0)] {
+            wrenches[k].force += force * sign;
+            wrenches[k].moment += arms[k].cross(force) * sign;
+        }
+    }
+
+    pub(crate) fn add_derivatives(
+        &self,
+        now: &[Motion],
+        pull: &Pull,
+        derivatives: &mut [Derivative],
+    ) {
+        let levers = self.arms(now).map(|arm| skew(&arm));
+        for (j, of_j) in [(0, -1.0), (1, 1.0)] {
+            // The force on the first body by the motion of body j.
+            let lever = levers[j];
+            // δ(ω × ρ) = [ω] δρ with δρ = −[ρ] δθ.
+            let turning = -(pull.by_offset * lever + pull.by_velocity * skew(&now[j].spin) * lever);
+            let blocks = [
+                (By::Position, pull.by_offset * of_j),
+                (By::Rotation, turning * of_j),
+                (By::Velocity, pull.by_velocity * of_j),
+                (By::Spin, pull.by_velocity * lever * -of_j),
+            ];
+            for (i, on_i) in [(0, 1.0), (1, -1.0)] {
+                let derivative = &mut derivatives[2 * i + j];
+                for (by, block) in &blocks {
+                    derivative.add_force(*by, &(block * on_i));
+                    derivative.add_moment(*by, &(levers[i] * block * on_i));
+                }
+                if i == j {
+                    // The moment's own arm turns: δρ × f = [f] [ρ] δθ.
+                    derivative.add_moment(By::Rotation, &(skew(&pull.force) * levers[i] * on_i));
+                }
+            }
+        }
+    }
+}

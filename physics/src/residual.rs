@@ -1,0 +1,246 @@
+//! The equations of one step: their residual, and the matrix of its derivatives by what the bodies move.
+//!
+//! The residual of a body is m (v̇ − g) − f, N, and L̇ − τ, N·m, with the angular momentum L about the centre of mass:
+//! angular momentum of a free body is conserved to rounding. Unknown is what each body moves in the step, as a shift and a
+//! rotation increment that begins anew at every step; the thesis's rotation vectors from a fixed origin need terms of
+//! their own and a change of coordinates at every turn.
+
+use crate::body::Body;
+use crate::force::{Derivative, Force, View, Wrench};
+use crate::matrix::{BlockMatrix, Slot};
+use crate::motion::{Displacement, Motion, Trial, Weights};
+use nalgebra::{Matrix3, Matrix6, Vector3};
+use rollwalk_multibody::rotation::skew;
+
+/// What is known of a step before it is solved.
+#[derive(Clone, Copy)]
+pub(crate) struct Step<'a> {
+    pub bodies: &'a [Body],
+    pub forces: &'a [Box<dyn Force>],
+    pub gravity_m_s2: Vector3<f64>,
+    pub weights: &'a Weights,
+    /// Motions at its beginning.
+    pub now: &'a [Motion],
+    /// One step earlier.
+    pub last: &'a [Motion],
+    /// What the bodies moved from there.
+    pub moved: &'a [Displacement],
+}
+
+/// Which derivatives come with a residual.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Derive {
+    Nothing,
+    Exact,
+    /// [`View::secant`].
+    Secant,
+}
+
+/// A particle that must not move across a normal: the hard sticking of hybrid friction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Hold {
+    pub body: usize,
+    pub normal: Vector3<f64>,
+    /// What weighs its velocity, m/s, against the other equations, N·s/m.
+    pub scale_n_s_m: f64,
+}
+
+/// Residual and matrix, with the memory that they need from step to step.
+#[derive(Debug)]
+pub(crate) struct Equations {
+    pub matrix: BlockMatrix,
+    pub residual: Vec<f64>,
+    /// First unknown of each body, and the number of all.
+    pub firsts: Vec<usize>,
+    /// Motions at the end of the last trial.
+    pub motions: Vec<Motion>,
+    /// What the held particles' equations were before they were held, N: of which friction has to hold the part across the
+    /// normal.
+    pub reactions: Vec<Vector3<f64>>,
+    diagonal: Vec<Slot>,
+    slots: Vec<Vec<Slot>>,
+    trials: Vec<Trial>,
+    /// Motions of one force's bodies, now, last and before, one after the other.
+    gathered: [Vec<Motion>; 3],
+    wrenches: Vec<Wrench>,
+    derivatives: Vec<Derivative>,
+    /// The part of the momentum's rate that comes from earlier steps, N and N·m.
+    inertial: Vec<Wrench>,
+}
+
+impl Equations {
+    /// Of bodies and what acts on them.
+    ///
+    /// # Panics
+    /// A force names a body that is not there.
+    pub fn new(bodies: &[Body], forces: &[Box<dyn Force>]) -> Self {
+        let pairs = |force: &dyn Force| {
+            let on = force.bodies().to_vec();
+            assert!(on.iter().all(|&body| body < bodies.len()), "{force:?} acts on no body");
+            let rows = on.clone().into_iter();
+            rows.flat_map(move |i| on.clone().into_iter().map(move |j| (i, j)))
+        };
+        let unknowns: Vec<_> = bodies.iter().map(Body::unknowns).collect();
+        let coupled = forces.iter().flat_map(|force| pairs(force.as_ref()));
+        let matrix = BlockMatrix::new(&unknowns, coupled);
+        let slots = forces
+            .iter()
+            .map(|force| pairs(force.as_ref()).map(|(i, j)| matrix.slot(i, j)).collect())
+            .collect();
+        let mut firsts = vec![0];
+        for count in &unknowns {
+            firsts.push(firsts[firsts.len() - 1] + count);
+        }
+        Self {
+            residual: vec![0.0; firsts[bodies.len()]],
+            diagonal: (0..bodies.len()).map(|k| matrix.slot(k, k)).collect(),
+            firsts,
+            slots,
+            matrix,
+            motions: Vec::new(),
+            reactions: Vec::new(),
+            trials: Vec::new(),
+            gathered: Default::default(),
+            wrenches: Vec::new(),
+            derivatives: Vec::new(),
+            inertial: Vec::new(),
+        }
+    }
+
+    /// Takes from earlier steps what stays the same in all trials of this one.
+    pub fn begin(&mut self, step: &Step<'_>) {
+        self.inertial.clear();
+        for ((body, now), last) in step.bodies.iter().zip(step.now).zip(step.last) {
+            let none = Vector3::zeros();
+            let (now_spin, last_spin) = (body.spin_momentum(now), body.spin_momentum(last));
+            self.inertial.push(Wrench {
+                force: step.weights.rate(none, now.velocity, last.velocity) * body.mass_kg(),
+                moment: step.weights.rate(none, now_spin, last_spin),
+            });
+        }
+    }
+
+    /// Residual at a trial, and its norm; with the matrix if derivatives are asked for.
+    pub fn evaluate(
+        &mut self,
+        step: &Step<'_>,
+        trial: &[Displacement],
+        holds: &[Hold],
+        derive: Derive,
+    ) -> f64 {
+        let of_body = trial.iter().zip(step.now).zip(step.moved);
+        self.trials.clear();
+        self.trials.extend(
+            of_body.map(|((trial, now), moved)| Trial::new(step.weights, now, moved, trial)),
+        );
+        self.motions.clear();
+        self.motions.extend(self.trials.iter().map(|trial| trial.motion));
+        if derive != Derive::Nothing {
+            self.matrix.clear();
+        }
+        for k in 0..step.bodies.len() {
+            self.inertia(step, k, derive);
+        }
+        for k in 0..step.forces.len() {
+            self.force(step, k, derive);
+        }
+        self.hold(step, holds, derive);
+        self.residual.iter().map(|r| r * r).sum::<f64>().sqrt()
+    }
+
+    /// Sets a body's residual to its inertia terms and its weight, and adds them to the matrix.
+    fn inertia(&mut self, step: &Step<'_>, k: usize, derive: Derive) {
+        let (body, trial, gain) = (&step.bodies[k], &self.trials[k], step.weights.gain());
+        let (mass_kg, motion) = (body.mass_kg(), &trial.motion);
+        let Wrench { force, moment } = self.inertial[k];
+        let force = (motion.velocity * gain - step.gravity_m_s2) * mass_kg + force;
+        let mut block = Matrix6::zeros();
+        let of_shift = Matrix3::identity() * (mass_kg * gain * gain);
+        block.fixed_view_mut::<3, 3>(0, 0).copy_from(&of_shift);
+        let rows = &mut self.residual[self.firsts[k]..self.firsts[k + 1]];
+        rows[..3].copy_from_slice(force.as_slice());
+        if let Body::Rigid(inertia) = body {
+            let (momentum, about_com) = inertia.spinning(motion);
+            rows[3..].copy_from_slice((momentum * gain + moment).as_slice());
+            // L = I ω: δL = δθ × L − I (δθ × ω) + I δω.
+            let by_turn = about_com * skew(&motion.spin) - skew(&momentum);
+            let by_phi = by_turn * trial.turn_by_phi + about_com * trial.spin_by_phi;
+            block.fixed_view_mut::<3, 3>(3, 3).copy_from(&(by_phi * gain));
+        }
+        if derive != Derive::Nothing {
+            self.matrix.add(&self.diagonal[k], &block);
+        }
+    }
+
+    /// Subtracts a force from the residuals of its bodies, and its derivatives from the matrix.
+    fn force(&mut self, step: &Step<'_>, k: usize, derive: Derive) {
+        let force = step.forces[k].as_ref();
+        let bodies = force.bodies();
+        for (gathered, all) in
+            self.gathered.iter_mut().zip([&self.motions[..], step.now, step.last])
+        {
+            gathered.clear();
+            gathered.extend(bodies.iter().map(|&body| all[body]));
+        }
+        let [now, last, before] = &self.gathered;
+        let secant = derive == Derive::Secant;
+        let view = View { now, last, before, weights: step.weights, secant };
+        self.wrenches.clear();
+        self.wrenches.resize(bodies.len(), Wrench::default());
+        if derive == Derive::Nothing {
+            force.wrenches(&view, &mut self.wrenches);
+        } else {
+            self.derivatives.clear();
+            self.derivatives.resize(bodies.len() * bodies.len(), Derivative::default());
+            force.derivatives(&view, &mut self.wrenches, &mut self.derivatives);
+            for ((derivative, slot), pair) in self.derivatives.iter().zip(&self.slots[k]).zip(0..) {
+                let by = bodies[pair % bodies.len()];
+                let turns = matches!(step.bodies[by], Body::Rigid(_));
+                let block = chained(derivative, &self.trials[by], step.weights.gain(), turns);
+                self.matrix.add(slot, &-block);
+            }
+        }
+        for (&body, wrench) in bodies.iter().zip(&self.wrenches) {
+            let rows = &mut self.residual[self.firsts[body]..self.firsts[body + 1]];
+            for (row, part) in rows.iter_mut().zip(&wrench.stacked()) {
+                *row -= part;
+            }
+        }
+    }
+
+    /// Puts the velocity across the normal in place of that part of a held particle's equations.
+    fn hold(&mut self, step: &Step<'_>, holds: &[Hold], derive: Derive) {
+        self.reactions.clear();
+        for hold in holds {
+            let along = hold.normal * hold.normal.transpose();
+            let across = (Matrix3::identity() - along) * hold.scale_n_s_m;
+            let rows = &mut self.residual[self.firsts[hold.body]..][..3];
+            let residual = Vector3::from_column_slice(rows);
+            self.reactions.push(residual);
+            let held = along * residual + across * self.motions[hold.body].velocity;
+            rows.copy_from_slice(held.as_slice());
+            if derive != Derive::Nothing {
+                self.matrix.mix_rows(hold.body, &along);
+                let mut block = Matrix6::zeros();
+                block.fixed_view_mut::<3, 3>(0, 0).copy_from(&(across * step.weights.gain()));
+                self.matrix.add(&self.diagonal[hold.body], &block);
+            }
+        }
+    }
+}
+
+/// Derivative by the unknowns of a body: by its shift and, if it turns, by its rotation increment; through velocity and
+/// spin as well.
+fn chained(derivative: &Derivative, by: &Trial, gain: f64, turns: bool) -> Matrix6<f64> {
+    let Derivative { by_pose, by_rate } = derivative;
+    let mut by_unknowns = Matrix6::zeros();
+    let mut shift = by_unknowns.fixed_columns_mut::<3>(0);
+    shift.copy_from(&by_pose.fixed_columns::<3>(0));
+    shift += by_rate.fixed_columns::<3>(0) * gain;
+    if turns {
+        let mut turn = by_unknowns.fixed_columns_mut::<3>(3);
+        turn.copy_from(&(by_pose.fixed_columns::<3>(3) * by.turn_by_phi));
+        turn += by_rate.fixed_columns::<3>(3) * by.spin_by_phi;
+    }
+    by_unknowns
+}

@@ -1,0 +1,25 @@
+//! State of a contact, as it is reported.
+
+use crate::friction::Friction;
+use nalgebra::Vector3;
+
+/// State of a contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touch {
+    /// Distance from the ground, m; negative while it touches.
+    pub gap_m: f64,
+    /// The contact point in world axes, m.
+    pub point: Vector3<f64>,
+    /// Unit normal of the ground.
+    pub normal: Vector3<f64>,
+    /// Force of the ground on the body, N.
+    pub force: Vector3<f64>,
+    /// Its part along the normal, N.
+    pub normal_n: f64,
+    /// Velocity of the contact point along the ground, m/s.
+    pub sliding: Vector3<f64>,
+    /// Whether friction is at its limit.
+    pub slips: bool,
+    /// How it slides.
+    pub friction: Friction,
+}

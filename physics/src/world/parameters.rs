@@ -1,0 +1,56 @@
+//! Stiffnesses and dampings of a robot's joints and contacts, scaled with its weight.
+
+use crate::contact::Normal;
+use crate::friction::Model;
+use crate::system::Settings;
+use rollwalk_robot::Robot;
+
+/// Stiffnesses and dampings of everything that is ideal in a robot file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameters {
+    /// The stepper.
+    pub settings: Settings,
+    /// Stiffness of a joint against its two points coming apart, N/m.
+    pub joint_n_m: f64,
+    /// Length by which that stiffness makes one against the axes tilting, as a multiple of the size of what turns. As
+    /// large in its own unit, the latter would be far too stiff for small wheels.
+    pub lever: f64,
+    /// Along the normal of the ground.
+    pub normal: Normal,
+    /// Model of friction.
+    pub friction: Model,
+    /// Friction over sliding velocity of a contact that sticks, N·s/m.
+    pub stick_n_s_m: f64,
+}
+
+/// Depth to which a quarter of a robot's weight presses a contact, m.
+const DEPTH_M: f64 = 5e-4;
+/// Time constant of a contact that bears a quarter of the weight, s: its damping over its stiffness.
+const DAMPING_S: f64 = 1.5e-3;
+/// Creep of a contact that bears a quarter of the weight and is pulled with as much, m/s.
+const CREEP_M_S: f64 = 3.6e-3;
+/// Distance by which a quarter of the weight pulls a joint apart, m.
+const JOINT_GAP_M: f64 = 2e-5;
+
+impl Parameters {
+    /// For a robot's weight: the same depth, creep and gaps for all.
+    pub fn new(robot: &Robot) -> Self {
+        let settings = Settings::default();
+        let mass_kg: f64 = robot.links.iter().map(|link| link.mass_kg).sum();
+        let quarter_n = 0.25 * mass_kg * settings.gravity_m_s2.norm();
+        let stiffness_n_m = quarter_n / DEPTH_M;
+        let joint_n_m = quarter_n / JOINT_GAP_M;
+        Self {
+            settings,
+            joint_n_m,
+            lever: 2.0,
+            normal: Normal {
+                stiffness_n_m,
+                damping_n_s_m: DAMPING_S * stiffness_n_m,
+                ramp_m: 0.6 * DEPTH_M,
+            },
+            friction: Model::Linear,
+            stick_n_s_m: quarter_n / CREEP_M_S,
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! Pose and velocity of a robot, and of the bodies that it is made of.
+
+use crate::motion::Motion;
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::{Configuration, Frames, Tree};
+use rollwalk_robot::Robot;
+
+/// Pose and velocity of a robot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RobotState {
+    /// Origin of the root link in world, m.
+    pub base_position_m: Vector3<f64>,
+    /// World from body.
+    pub world_from_body: Matrix3<f64>,
+    /// Velocity of the origin of the root link, m/s.
+    pub base_velocity_m_s: Vector3<f64>,
+    /// Angular velocity of the root link in world axes, rad/s.
+    pub base_spin_rad_s: Vector3<f64>,
+    /// Angles of the joints, rad.
+    pub joint_rad: Vec<f64>,
+    /// Speeds of the joints, rad/s.
+    pub joint_rad_s: Vec<f64>,
+    /// Speeds of the end effectors' wheels about their axes, relative to their links, rad/s; 0 for what does not spin.
+    pub wheel_rad_s: Vec<f64>,
+}
+
+impl RobotState {
+    /// At rest in the nominal pose with the root link's origin at a place.
+    pub fn nominal(robot: &Robot, base_position_m: Vector3<f64>) -> Self {
+        Self {
+            base_position_m,
+            world_from_body: Matrix3::identity(),
+            base_velocity_m_s: Vector3::zeros(),
+            base_spin_rad_s: Vector3::zeros(),
+            joint_rad: robot.joints.iter().map(|joint| joint.nominal_rad).collect(),
+            joint_rad_s: vec![0.0; robot.joints.len()],
+            wheel_rad_s: vec![0.0; robot.end_effectors.len()],
+        }
+    }
+}
+
+/// Motions of the links' bodies, whose centres of mass are at `centers` in their links.
+pub(super) fn link_motions(
+    robot: &Robot,
+    state: &RobotState,
+    centers: &[Vector3<f64>],
+) -> Vec<Motion> {
+    let tree = Tree::new(robot);
+    let at = Configuration {
+        base_position_m: state.base_position_m,
+        world_from_body: state.world_from_body,
+        joint_rad: &state.joint_rad,
+    };
+    let frames = Frames::new(&tree, &at);
+    // Of the origins of the links first.
+    let mut motions: Vec<Motion> = (0..robot.links.len())
+        .map(|link| Motion {
+            position: frames.link_origins[link],
+            rotation: frames.world_from_link[link],
+            velocity: state.base_velocity_m_s,
+            spin: state.base_spin_rad_s,
+        })
+        .collect();
+    for (number, joint) in robot.joints.iter().enumerate() {
+        let parent = motions[joint.parent];
+        let (_, velocity) = parent.point(&joint.parent_from_joint.translation.vector);
+        let child = &mut motions[joint.child];
+        child.velocity = velocity;
+        child.spin = parent.spin + frames.joint_axes[number] * state.joint_rad_s[number];
+    }
+    for (motion, center) in motions.iter_mut().zip(centers) {
+        (motion.position, motion.velocity) = motion.point(center);
+    }
+    motions
+}
