@@ -18,7 +18,7 @@ pub enum NightlyStep {
     Vcan,
     /// The whole demo on the emulated board, over its UART, and a robot of other drives.
     BoardUart,
-    /// Flash, RAM, stack and instructions of the emulated board's image; planted panics.
+    /// Flash, RAM, stack and instructions of the emulated board's image; the Pico 2's image; planted panics.
     Sizes,
     /// Tests of protocol and firmware in Miri.
     Miri,
@@ -62,7 +62,9 @@ impl Step for NightlyStep {
             Self::Vcan => vcan::check(Extent::Full),
             Self::BoardUart => board::demo_over_uart()
                 .and_then(|()| board::other_robot(&shell::workspace_root().join(OTHER_ROBOT))),
-            Self::Sizes => board::sizes(false).and_then(|()| board::planted_panics()),
+            Self::Sizes => board::sizes(false)
+                .and_then(|()| board::other_boards())
+                .and_then(|()| board::planted_panics()),
             Self::Miri => miri::check(Extent::Full),
             Self::Multibody => mujoco::check(Extent::Full),
             Self::Replay => replay::check(Extent::Full),
