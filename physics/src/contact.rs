@@ -74,19 +74,20 @@ impl Contact {
     pub fn touch_at(&self, body: &Motion) -> Touch {
         let place = Place::new(self, body);
         let Surface { gap_m, normal, .. } = place.surface;
-        let speed = body.velocity + body.spin.cross(&place.arm);
+        let velocity = body.velocity + body.spin.cross(&place.arm);
         let mut touch = Touch {
             gap_m,
             point: body.position + place.arm,
             normal,
             force: Vector3::zeros(),
             normal_n: 0.0,
-            sliding: speed - normal * normal.dot(&speed),
+            approach_m_s: -normal.dot(&velocity),
+            sliding: velocity - normal * normal.dot(&velocity),
             slips: false,
             friction: self.friction,
         };
         if gap_m < 0.0 {
-            let (force, normal_n, slips) = self.force(&place, &speed);
+            let (force, normal_n, slips) = self.force(&place, &velocity);
             touch = Touch { force, normal_n, slips, ..touch };
         }
         touch
@@ -102,7 +103,7 @@ impl Contact {
         }
     }
 
-    /// Share of the normal force that resists rolling, at a rolling speed, and its derivative.
+    /// Share of the normal force that resists rolling, at a rolling velocity, and its derivative.
     fn resistance(&self, speed_m_s: f64) -> (f64, f64) {
         let Resistance { constant, per_speed_s_m } = self.resistance;
         let sign = (speed_m_s / RESISTANCE_SPEED_M_S).tanh();
@@ -111,18 +112,18 @@ impl Contact {
     }
 
     /// Force of the ground, its spring's part, N, and whether the contact slips.
-    fn force(&self, place: &Place, speed: &Vector3<f64>) -> (Vector3<f64>, f64, bool) {
+    fn force(&self, place: &Place, velocity: &Vector3<f64>) -> (Vector3<f64>, f64, bool) {
         let Surface { gap_m, normal, .. } = place.surface;
         let spring = -self.normal.stiffness_n_m * gap_m;
-        let approach = normal.dot(speed);
+        let approach = normal.dot(velocity);
         let normal_n = spring - self.damping(gap_m).0 * approach;
-        let mut sliding = speed - normal * approach;
+        let mut sliding = velocity - normal * approach;
         let mut along = Vector3::zeros();
         if let (Tip::Blade { .. }, Some(axis)) = (self.tip, place.axis) {
             let (across, _, _) = across(&axis, &normal);
-            sliding = across * across.dot(speed);
+            sliding = across * across.dot(velocity);
             let ahead = across.cross(&normal);
-            along = ahead * -(spring * self.resistance(ahead.dot(speed)).0);
+            along = ahead * -(spring * self.resistance(ahead.dot(velocity)).0);
         }
         let friction = self.friction.force(&sliding, spring);
         (normal * normal_n + friction.force + along, spring, friction.slips)
@@ -161,8 +162,8 @@ impl Force for Contact {
         if place.surface.gap_m >= 0.0 {
             return;
         }
-        let speed = body.velocity + body.spin.cross(&place.arm);
-        let (force, _, _) = self.force(&place, &speed);
+        let velocity = body.velocity + body.spin.cross(&place.arm);
+        let (force, _, _) = self.force(&place, &velocity);
         wrenches[0].force += force;
         wrenches[0].moment += place.arm.cross(&force) + self.rolling_moment(body, &place);
     }
@@ -188,7 +189,7 @@ impl Force for Contact {
             by: [by_position - Matrix3::identity(), by_rotation, none, none],
         };
         let spin = skew(&body.spin);
-        let speed = Varied {
+        let velocity = Varied {
             value: body.velocity + body.spin.cross(&place.arm),
             by: [spin * arm.by[0], spin * arm.by[1], Matrix3::identity(), -skew(&place.arm)],
         };
@@ -197,7 +198,7 @@ impl Force for Contact {
             by: [curvature * by_position, curvature * by_rotation, none, none],
         };
         let gap_by = [by_position, by_rotation, none, none].map(|m| gradient.transpose() * m);
-        let (approach, approach_by) = normal.dot(&speed);
+        let (approach, approach_by) = normal.dot(&velocity);
         let stiffness = self.normal.stiffness_n_m;
         let spring = -stiffness * gap_m;
         let (damping, damping_slope) = self.damping(gap_m);
@@ -205,9 +206,9 @@ impl Force for Contact {
 
         // What slides, and for a blade what resists along it.
         let mut sliding = Varied {
-            value: speed.value - normal.value * approach,
+            value: velocity.value - normal.value * approach,
             by: [0, 1, 2, 3]
-                .map(|k| speed.by[k] - normal.by[k] * approach - normal.value * approach_by[k]),
+                .map(|k| velocity.by[k] - normal.by[k] * approach - normal.value * approach_by[k]),
         };
         let mut along = Varied { value: Vector3::zeros(), by: [none; 4] };
         let axis =
@@ -216,7 +217,7 @@ impl Force for Contact {
             let (unit, by_axis, by_normal) = across(&axis.value, &normal.value);
             let by = [0, 1, 2, 3].map(|k| by_axis * axis.by[k] + by_normal * normal.by[k]);
             let unit = Varied { value: unit, by };
-            let (rate, rate_by) = unit.dot(&speed);
+            let (rate, rate_by) = unit.dot(&velocity);
             sliding = Varied {
                 value: unit.value * rate,
                 by: [0, 1, 2, 3].map(|k| unit.by[k] * rate + unit.value * rate_by[k]),
@@ -226,7 +227,7 @@ impl Force for Contact {
                 value: unit.value.cross(&normal.value),
                 by: [0, 1, 2, 3].map(|k| of_unit * unit.by[k] + of_normal * normal.by[k]),
             };
-            let (pace, pace_by) = ahead.dot(&speed);
+            let (pace, pace_by) = ahead.dot(&velocity);
             let (share, slope) = self.resistance(pace);
             along.value = ahead.value * -(spring * share);
             along.by = [0, 1, 2, 3].map(|k| {

@@ -9,18 +9,21 @@
 //! | [`motion`], [`rotation`] | pose and velocity, and how they follow from what a step moves; rotation increments |
 //! | [`body`], [`assembly`] | what moves: rigid bodies and particles; bodies and forces before they are a system |
 //! | [`force`] | the interface of what acts on bodies |
-//! | [`points`], [`joint`], [`spring`], [`motor`] | what holds points together; joints as stiff springs; springs and strings; motors |
+//! | [`points`], [`joint`], [`spring`], [`anchor`], [`motor`] | what holds points together; joints as stiff springs; springs and strings; bolts in the world; motors |
+//! | [`soft`] | soft bodies of tetrahedra |
 //! | [`ground`] | what is solid and does not move |
-//! | [`contact`], [`friction`], [`touch`] | what touches it; how it slides; what is reported of it |
+//! | [`contact`], [`friction`], [`touch`], [`event`] | what touches it; how it slides; what is reported of it, and when it changes |
 //! | [`system`] | the step, halved where it does not converge |
 //! | `newton`, `residual`, `matrix`, `sticking` | how a step is solved: the method, the equations, their matrix, what friction holds |
 //! | [`world`] | a robot from its description |
 
+pub mod anchor;
 pub mod assembly;
 pub mod body;
 #[cfg(test)]
 mod check;
 pub mod contact;
+pub mod event;
 pub mod force;
 pub mod friction;
 pub mod ground;
@@ -32,6 +35,7 @@ mod newton;
 pub mod points;
 mod residual;
 pub mod rotation;
+pub mod soft;
 pub mod spring;
 mod sticking;
 pub mod system;
@@ -40,6 +44,7 @@ pub mod world;
 
 pub use assembly::Assembly;
 pub use body::{Body, Inertia};
+pub use event::{ContactChange, ContactEvent};
 pub use force::Force;
 pub use motion::{Motion, Scheme};
 pub use system::{Energy, Settings, StepError, StepReport, System};

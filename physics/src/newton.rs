@@ -18,6 +18,10 @@ const SHORT: f64 = 0.3;
 /// Power of the residual along a correction, as a share of that at its beginning, at which a line search is content.
 const FLAT: f64 = 0.5;
 
+/// Correction, as a share of the coordinates, that is lost in their rounding: what is left of the residual then is rounding
+/// of stiff forces.
+const ROUNDING: f64 = 1e-15;
+
 /// The solver, with its memory.
 #[derive(Debug)]
 pub(crate) struct Newton {
@@ -56,7 +60,7 @@ impl Newton {
         &self.sticking
     }
 
-    /// What the bodies move in a step: a trial at which the residual's norm is below a tolerance.
+    /// What the bodies move in a step: a trial at which the residual's norm is below a tolerance, or nothing but rounding.
     pub fn solve(
         &mut self,
         step: &Step<'_>,
@@ -90,6 +94,10 @@ impl Newton {
             }
             if iterations == most_iterations || !norm.is_finite() || !self.correct() {
                 return Err(self.failure(norm, iterations));
+            }
+            if self.is_rounding() {
+                report.residual = norm;
+                return Ok(trial);
             }
             iterations += 1;
             report.iterations += 1;
@@ -157,6 +165,13 @@ impl Newton {
         self.correction.copy_from_slice(&self.equations.residual);
         self.equations.matrix.solve(&mut self.correction);
         self.correction.iter().all(|value| value.is_finite())
+    }
+
+    /// Whether the correction would change nothing.
+    fn is_rounding(&self) -> bool {
+        let places = self.equations.motions.iter().map(|motion| motion.position.amax());
+        let bound = ROUNDING * places.fold(1.0, f64::max);
+        self.correction.iter().all(|part| part.abs() < bound)
     }
 
     /// Power of the residual along the correction.

@@ -2,6 +2,7 @@
 
 use crate::assembly::Assembly;
 use crate::body::Body;
+use crate::event::{ContactEvent, Contacts};
 use crate::force::Force;
 use crate::motion::{Displacement, Motion, Scheme, Weights};
 use crate::newton::{Failure, Newton};
@@ -38,7 +39,7 @@ impl Default for Settings {
 const SUBDIVISIONS: u32 = 6;
 
 /// What a step took.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepReport {
     /// Newton iterations, those of halved steps included.
     pub iterations: u32,
@@ -48,6 +49,8 @@ pub struct StepReport {
     pub subdivisions: u32,
     /// Norm of the last residual, N and N·m.
     pub residual: f64,
+    /// What began and ended at contacts, by the index of their forces.
+    pub events: Vec<ContactEvent>,
 }
 
 /// A step has no solution that Newton's method finds, even in parts.
@@ -94,6 +97,7 @@ pub struct System {
     bodies: Vec<Body>,
     forces: Vec<Box<dyn Force>>,
     state: State,
+    contacts: Contacts,
     newton: Newton,
 }
 
@@ -119,6 +123,7 @@ impl System {
         let Assembly { bodies, motions, forces } = assembly;
         assert_eq!(bodies.len(), motions.len(), "a motion for each body");
         let newton = Newton::new(&bodies, &forces);
+        let contacts = Contacts::new(&forces, &motions);
         let state = State {
             time_s: 0.0,
             last: motions.clone(),
@@ -126,7 +131,7 @@ impl System {
             now: motions,
             last_step_s: None,
         };
-        Self { settings, bodies, forces, state, newton }
+        Self { settings, bodies, forces, state, contacts, newton }
     }
 
     /// Time, s.
@@ -205,7 +210,10 @@ impl System {
         let kept = self.state.clone();
         let mut report = StepReport::default();
         match self.advance(step_s, SUBDIVISIONS, &mut report) {
-            Ok(()) => Ok(report),
+            Ok(()) => {
+                report.events = self.contacts.update(&self.forces, &self.state.now);
+                Ok(report)
+            }
             Err(error) => {
                 self.state = kept;
                 Err(error)

@@ -16,6 +16,8 @@ pub struct Touch {
     pub force: Vector3<f64>,
     /// Its part along the normal, N.
     pub normal_n: f64,
+    /// Speed of the contact point towards the ground, m/s.
+    pub approach_m_s: f64,
     /// Velocity of the contact point along the ground, m/s.
     pub sliding: Vector3<f64>,
     /// Whether friction is at its limit.

@@ -1,0 +1,88 @@
+//! A point of a body that is held to a place in the world: a wall's bolt, or a handle that moves.
+
+use crate::force::{By, Derivative, Force, View, Wrench};
+use crate::motion::Motion;
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::rotation::skew;
+
+/// The point, the place and the spring between them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Anchor {
+    /// The body.
+    pub body: [usize; 1],
+    /// The point, from the centre of mass in body axes, m; 0 for a particle.
+    pub point: Vector3<f64>,
+    /// Where it is held in world axes, m.
+    pub place: Vector3<f64>,
+    /// Stiffness, N/m.
+    pub stiffness_n_m: f64,
+    /// Damping of the point's velocity, N·s/m.
+    pub damping_n_s_m: f64,
+}
+
+impl Anchor {
+    /// Force on the body, N, and the point's arm, m.
+    fn force(&self, now: &Motion) -> (Vector3<f64>, Vector3<f64>) {
+        let (place, velocity) = now.point(&self.point);
+        let force = (self.place - place) * self.stiffness_n_m - velocity * self.damping_n_s_m;
+        (force, now.rotation * self.point)
+    }
+}
+
+impl Force for Anchor {
+    fn bodies(&self) -> &[usize] {
+        &self.body
+    }
+
+    fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]) {
+        let (force, arm) = self.force(&view.now[0]);
+        wrenches[0].force += force;
+        wrenches[0].moment += arm.cross(&force);
+    }
+
+    fn derivatives(
+        &self,
+        view: &View<'_>,
+        wrenches: &mut [Wrench],
+        derivatives: &mut [Derivative],
+    ) {
+        self.wrenches(view, wrenches);
+        let (force, arm) = self.force(&view.now[0]);
+        let lever = skew(&arm);
+        // δ(ω × ρ) = [ω] δρ with δρ = −[ρ] δθ.
+        let spin = skew(&view.now[0].spin);
+        let one = Matrix3::identity();
+        for (by, block) in [
+            (By::Position, one * -self.stiffness_n_m),
+            (By::Rotation, lever * self.stiffness_n_m + spin * lever * self.damping_n_s_m),
+            (By::Velocity, one * -self.damping_n_s_m),
+            (By::Spin, lever * self.damping_n_s_m),
+        ] {
+            derivatives[0].add_force(by, &block);
+            derivatives[0].add_moment(by, &(lever * block));
+        }
+        derivatives[0].add_moment(By::Rotation, &(skew(&force) * lever));
+    }
+
+    fn energy(&self, now: &[Motion]) -> f64 {
+        let (place, _) = now[0].point(&self.point);
+        0.5 * self.stiffness_n_m * (self.place - place).norm_squared()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::agrees_with_finite_differences;
+
+    #[test]
+    fn an_anchor_has_its_derivatives() {
+        agrees_with_finite_differences(&Anchor {
+            body: [0],
+            point: Vector3::new(0.1, -0.2, 0.05),
+            place: Vector3::new(0.0, 0.3, 0.1),
+            stiffness_n_m: 50.0,
+            damping_n_s_m: 3.0,
+        });
+    }
+}

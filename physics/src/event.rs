@@ -1,0 +1,69 @@
+//! What begins and ends at contacts.
+
+use crate::force::Force;
+use crate::motion::Motion;
+use crate::touch::Touch;
+
+/// A change at a contact between the beginning and the end of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactEvent {
+    /// Index of the contact's force.
+    pub force: usize,
+    /// What happened.
+    pub change: ContactChange,
+}
+
+/// What changes at a contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ContactChange {
+    /// It touches; at this speed along the normal before the step, m/s, positive towards the ground.
+    TouchDown {
+        /// Speed of approach, m/s.
+        approach_m_s: f64,
+    },
+    /// It touches no more.
+    LiftOff,
+    /// Friction reached its limit.
+    SlipBegins,
+    /// Friction holds again.
+    SlipEnds,
+}
+
+/// The contacts of a system as they were after the last step.
+#[derive(Clone, Debug)]
+pub(crate) struct Contacts {
+    of_force: Vec<(usize, Touch)>,
+}
+
+impl Contacts {
+    pub fn new(forces: &[Box<dyn Force>], motions: &[Motion]) -> Self {
+        let numbered = |number: usize| Some((number, touch(forces[number].as_ref(), motions)?));
+        Self { of_force: (0..forces.len()).filter_map(numbered).collect() }
+    }
+
+    /// Takes over the contacts at the end of a step; what has changed.
+    pub fn update(&mut self, forces: &[Box<dyn Force>], motions: &[Motion]) -> Vec<ContactEvent> {
+        let mut events = Vec::new();
+        for (number, before) in &mut self.of_force {
+            let Some(now) = touch(forces[*number].as_ref(), motions) else { continue };
+            let [touched, touches] = [before.gap_m < 0.0, now.gap_m < 0.0];
+            let change = match (touched, touches) {
+                (false, true) => {
+                    Some(ContactChange::TouchDown { approach_m_s: before.approach_m_s })
+                }
+                (true, false) => Some(ContactChange::LiftOff),
+                (true, true) if now.slips && !before.slips => Some(ContactChange::SlipBegins),
+                (true, true) if before.slips && !now.slips => Some(ContactChange::SlipEnds),
+                _ => None,
+            };
+            events.extend(change.map(|change| ContactEvent { force: *number, change }));
+            *before = now;
+        }
+        events
+    }
+}
+
+fn touch(force: &dyn Force, motions: &[Motion]) -> Option<Touch> {
+    let now: Vec<_> = force.bodies().iter().map(|&body| motions[body]).collect();
+    force.touch(&now)
+}

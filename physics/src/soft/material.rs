@@ -1,0 +1,104 @@
+//! An elastic and viscous material: stress and its derivatives, by the deformation gradient (thesis 4.5.1).
+
+use nalgebra::{Matrix3, Vector3};
+
+/// Neo-Hookean elasticity Ψ = μ/2 (tr FᵀF − 3) − μ ln J + λ/4 (J² − 1) − λ/2 ln J, and a viscosity that no rotation
+/// feels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Material {
+    /// Density at rest, kg/m³.
+    pub density_kg_m3: f64,
+    /// Lamé parameter μ, the shear modulus, Pa.
+    pub mu_pa: f64,
+    /// Lamé parameter λ, Pa.
+    pub lambda_pa: f64,
+    /// Viscosity η of the stress 2 η F D, with the rate of Green's strain D = (ḞᵀF + FᵀḞ)/2, Pa·s. It is 32 times the ν of
+    /// the thesis's tables.
+    pub viscosity_pa_s: f64,
+}
+
+/// Stress of a deformation, and what its derivatives need.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stress {
+    material: Material,
+    deformation: Matrix3<f64>,
+    rate: Matrix3<f64>,
+    /// F⁻ᵀ.
+    inverse: Matrix3<f64>,
+    /// J² − 1, and J².
+    growth: f64,
+    squared: f64,
+    /// D.
+    strain_rate: Matrix3<f64>,
+}
+
+impl Material {
+    /// With Young's modulus, Pa, and Poisson's ratio, without viscosity.
+    pub fn elastic(density_kg_m3: f64, young_pa: f64, poisson: f64) -> Self {
+        Self {
+            density_kg_m3,
+            mu_pa: 0.5 * young_pa / (1.0 + poisson),
+            lambda_pa: young_pa * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)),
+            viscosity_pa_s: 0.0,
+        }
+    }
+
+    /// Energy of a deformation gradient, J/m³; not a number where it is turned inside out.
+    pub(super) fn energy_density(&self, deformation: &Matrix3<f64>) -> f64 {
+        let volume = deformation.determinant();
+        let &Self { mu_pa, lambda_pa, .. } = self;
+        0.5 * mu_pa * (deformation.norm_squared() - 3.0)
+            + 0.25 * lambda_pa * (volume * volume - 1.0)
+            - (mu_pa + 0.5 * lambda_pa) * volume.ln()
+    }
+}
+
+impl Stress {
+    /// Of a deformation gradient F and its rate Ḟ, 1/s; none where F is turned inside out.
+    pub fn new(
+        material: &Material,
+        deformation: &Matrix3<f64>,
+        rate: &Matrix3<f64>,
+    ) -> Option<Self> {
+        let volume = deformation.determinant();
+        if volume.is_nan() || volume <= 0.0 {
+            return None;
+        }
+        let half = deformation.transpose() * rate;
+        Some(Self {
+            material: *material,
+            deformation: *deformation,
+            rate: *rate,
+            inverse: deformation.try_inverse()?.transpose(),
+            growth: volume * volume - 1.0,
+            squared: volume * volume,
+            strain_rate: (half + half.transpose()) * 0.5,
+        })
+    }
+
+    /// First Piola–Kirchhoff stress, Pa: μ (F − F⁻ᵀ) + λ/2 (J² − 1) F⁻ᵀ + 2 η F D.
+    pub fn value(&self) -> Matrix3<f64> {
+        let Material { mu_pa, lambda_pa, viscosity_pa_s, .. } = self.material;
+        (self.deformation - self.inverse) * mu_pa
+            + self.inverse * (0.5 * lambda_pa * self.growth)
+            + self.deformation * self.strain_rate * (2.0 * viscosity_pa_s)
+    }
+
+    /// Derivatives of the traction P a by the vectors x and ẋ where F = … + x bᵀ and Ḟ = … + ẋ bᵀ, Pa: what moving one node
+    /// does to the force on another, if a and b are the gradients of their shape functions.
+    pub fn derivatives(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> [Matrix3<f64>; 2] {
+        let Material { mu_pa, lambda_pa, viscosity_pa_s, .. } = self.material;
+        let (ab, one) = (a.dot(b), Matrix3::identity());
+        let (inverse_a, inverse_b) = (self.inverse * a, self.inverse * b);
+        let elastic = one * (mu_pa * ab)
+            + inverse_b * inverse_a.transpose() * (mu_pa - 0.5 * lambda_pa * self.growth)
+            + inverse_a * inverse_b.transpose() * (lambda_pa * self.squared);
+        let (f, f_rate) = (&self.deformation, &self.rate);
+        let (moved_a, moved_b) = (f * a, f * b);
+        // δ(F D a) = δF D a + F (δFᵀḞ + ḞᵀδF) a / 2, and likewise by Ḟ.
+        let by_place = one * b.dot(&(self.strain_rate * a))
+            + (f * f_rate.transpose() * ab + moved_b * (f_rate * a).transpose()) * 0.5;
+        let by_rate = (f * f.transpose() * ab + moved_b * moved_a.transpose()) * 0.5;
+        [elastic + by_place * (2.0 * viscosity_pa_s), by_rate * (2.0 * viscosity_pa_s)]
+    }
+}

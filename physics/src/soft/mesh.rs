@@ -1,0 +1,101 @@
+//! Shapes of soft bodies.
+
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
+
+/// Nodes and the tetrahedra between them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Places of the nodes at rest, m.
+    pub places: Vec<Vector3<f64>>,
+    /// Nodes of the elements; seen from the first, the others go round against the clock.
+    pub elements: Vec<[usize; 4]>,
+}
+
+/// Why a mesh is no body.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum MeshError {
+    /// An element without volume.
+    #[error(
+        "the tetrahedron of nodes {nodes:?} has a volume of {volume_m3:.3e} m³: it must be positive; swapping two nodes \
+         changes its sign"
+    )]
+    Flat {
+        /// Its nodes.
+        nodes: [usize; 4],
+        /// Its volume, m³.
+        volume_m3: f64,
+    },
+}
+
+/// The six tetrahedra of a cube around its diagonal from corner 0 to corner 7; bit k of a corner is its place on axis k.
+const OF_CUBE: [[usize; 4]; 6] =
+    [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
+
+impl Mesh {
+    /// A box from a corner, m, with edges, m, of so many cells of six elements each.
+    pub fn block(corner: Vector3<f64>, edges_m: Vector3<f64>, cells: [usize; 3]) -> Self {
+        let [nx, ny, nz] = cells.map(|count| count + 1);
+        let number = |at: [usize; 3]| at[0] + nx * (at[1] + ny * at[2]);
+        let mut mesh = Self::default();
+        for k in 0..nx * ny * nz {
+            let at = [k % nx, k / nx % ny, k / (nx * ny)];
+            let share = |axis: usize| at[axis] as f64 / cells[axis] as f64;
+            let offset = Vector3::from_fn(|axis, _| share(axis) * edges_m[axis]);
+            mesh.places.push(corner + offset);
+            if (0..3).all(|axis| at[axis] < cells[axis]) {
+                let corner = |bits: usize| {
+                    number([at[0] + (bits & 1), at[1] + (bits >> 1 & 1), at[2] + (bits >> 2)])
+                };
+                mesh.elements.extend(OF_CUBE.map(|element| element.map(corner)));
+            }
+        }
+        mesh
+    }
+
+    /// The mesh with its places changed, by which boxes become other shapes.
+    pub fn shaped(mut self, shape: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Self {
+        self.places.iter_mut().for_each(|place| *place = shape(*place));
+        self
+    }
+
+    /// Area of the surface that each node stands for, m²: a third of each triangle that belongs to one element only.
+    pub(super) fn areas_m2(&self) -> Vec<f64> {
+        let mut faces: BTreeMap<[usize; 3], usize> = BTreeMap::new();
+        for element in &self.elements {
+            for left_out in 0..4 {
+                let mut face = [1, 2, 3].map(|k| element[(left_out + k) % 4]);
+                face.sort_unstable();
+                *faces.entry(face).or_default() += 1;
+            }
+        }
+        let mut areas = vec![0.0; self.places.len()];
+        for (face, _) in faces.iter().filter(|(_, count)| **count == 1) {
+            let [a, b, c] = face.map(|node| self.places[node]);
+            let area = 0.5 * (b - a).cross(&(c - a)).norm();
+            face.iter().for_each(|&node| areas[node] += area / 3.0);
+        }
+        areas
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::assembly::Assembly;
+    use crate::soft::{Material, SoftBody};
+
+    #[test]
+    fn a_block_has_the_mass_and_the_surface_of_a_box() {
+        let edges = Vector3::new(0.2, 0.3, 0.4);
+        let mesh = Mesh::block(Vector3::repeat(-0.1), edges, [2, 3, 4]);
+        assert_eq!((mesh.places.len(), mesh.elements.len()), (60, 144));
+        let surface = 2.0 * (0.2 * 0.3 + 0.2 * 0.4 + 0.3 * 0.4);
+        assert!((mesh.areas_m2().iter().sum::<f64>() - surface).abs() < 1e-12);
+        assert_eq!(mesh.areas_m2().iter().filter(|area| **area == 0.0).count(), 6);
+        let mut assembly = Assembly::default();
+        SoftBody::add(&mut assembly, &mesh, &Material::elastic(50.0, 1e4, 0.3)).unwrap();
+        let mass: f64 = assembly.bodies.iter().map(|body| body.mass_kg()).sum();
+        assert!((mass - 50.0 * 0.2 * 0.3 * 0.4).abs() < 1e-12);
+    }
+}
