@@ -11,6 +11,7 @@
 //! | [`force`] | the interface of what acts on bodies |
 //! | [`points`], [`joint`], [`spring`], [`anchor`], [`motor`] | what holds points together; joints as stiff springs; springs and strings; bolts in the world; motors |
 //! | [`soft`] | soft bodies of tetrahedra |
+//! | [`hold`] | a hoist, a stand or a hand |
 //! | [`ground`] | what is solid and does not move |
 //! | [`contact`], [`friction`], [`touch`], [`event`] | what touches it; how it slides; what is reported of it, and when it changes |
 //! | [`system`] | the step, halved where it does not converge |
@@ -27,6 +28,7 @@ pub mod event;
 pub mod force;
 pub mod friction;
 pub mod ground;
+pub mod hold;
 pub mod joint;
 mod matrix;
 pub mod motion;

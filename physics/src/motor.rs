@@ -1,4 +1,4 @@
-//! A motor on a hinge: a position and speed loop within the motor's limits, and the inertia of its rotor.
+//! A motor on a hinge: a position and speed loop within the motor's limits, the inertia of its rotor, and the stops of the hinge.
 
 use crate::force::{By, Derivative, Force, View, Wrench};
 use crate::motion::Motion;
@@ -81,8 +81,28 @@ pub struct Motor {
     pub across: [Vector3<f64>; 2],
     /// Inertia of rotor and gearbox at the output, kg·m².
     pub armature_kg_m2: f64,
+    /// Where the hinge ends, if it does.
+    pub stops: Option<Stops>,
     /// What it does.
     pub law: Law,
+}
+
+/// Mechanical stops of a hinge: springs beyond two angles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stops {
+    /// The angles, rad, between −π and π.
+    pub range_rad: [f64; 2],
+    /// Stiffness, N·m/rad.
+    pub stiffness_nm_rad: f64,
+}
+
+impl Stops {
+    fn torque(&self, angle_rad: f64) -> Torque {
+        let [min, max] = self.range_rad;
+        let beyond = angle_rad - angle_rad.clamp(min, max);
+        let by_angle = if beyond == 0.0 { 0.0 } else { -self.stiffness_nm_rad };
+        Torque { value_nm: -self.stiffness_nm_rad * beyond, by_angle, by_speed: 0.0 }
+    }
 }
 
 impl Motor {
@@ -102,7 +122,7 @@ impl Motor {
         self.axis_in_world(&now[0]).dot(&(now[1].spin - now[0].spin))
     }
 
-    /// Torque at the motions `now`, rotor aside.
+    /// Torque of the motor at the motions `now`, rotor and stops aside.
     pub fn torque(&self, now: &[Motion]) -> Torque {
         self.law.torque(self.angle(now), self.speed(now))
     }
@@ -122,6 +142,11 @@ impl Motor {
     /// Moment about the axis on the second body.
     fn moment(&self, view: &View<'_>) -> Torque {
         let mut torque = self.torque(view.now);
+        if let Some(stops) = &self.stops {
+            let stop = stops.torque(self.angle(view.now));
+            torque.value_nm += stop.value_nm;
+            torque.by_angle += stop.by_angle;
+        }
         let speed = |motions| self.speed(motions);
         let acceleration = view.weights.rate(speed(view.now), speed(view.last), speed(view.before));
         torque.value_nm -= self.armature_kg_m2 * acceleration;
@@ -179,7 +204,16 @@ mod tests {
             axis: Vector3::y(),
             across: [Vector3::x(), Vector3::z()],
             armature_kg_m2: 0.02,
+            stops: None,
             law,
+        }
+    }
+
+    #[test]
+    fn a_hinge_has_its_derivatives_at_its_stops_and_between_them() {
+        for range_rad in [[-3.0, 3.0], [-0.01, 0.01]] {
+            let stops = Some(Stops { range_rad, stiffness_nm_rad: 30.0 });
+            agrees_with_finite_differences(&Motor { stops, ..motor(Law::default()) });
         }
     }
 

@@ -14,19 +14,25 @@ use crate::contact::{Contact, Resistance, Tip};
 use crate::force::Force;
 use crate::friction::Friction;
 use crate::ground::Ground;
+use crate::hold::{Hold, Place};
 use crate::motion::Motion;
-use crate::motor::{Law, Motor};
+use crate::motor::{Law, Motor, Stops};
 use crate::system::{StepError, StepReport, System};
 use crate::touch::Touch;
 use hinge::{Hinge, gyration_m, perpendicular};
 use nalgebra::{Matrix3, Vector3};
-use rollwalk_robot::{EndEffector, Robot};
+use rollwalk_robot::{EndEffector, Joint, Robot};
 use state::link_motions;
 use std::sync::Arc;
 use wheels::{Spinning, wheels_of, without};
 
 pub use parameters::Parameters;
 pub use state::RobotState;
+
+/// Angle by which the motor's greatest torque bends a stop, rad.
+const STOP_RAD: f64 = 0.02;
+/// Largest angle of a stop, rad: beyond it a hinge that is pushed on would come round to the other side.
+const STOP_MAX_RAD: f64 = 3.0;
 
 /// A robot in its world.
 #[derive(Debug)]
@@ -40,6 +46,8 @@ pub struct World {
     motors: Vec<usize>,
     /// Forces that are contacts, by end effector.
     contacts: Vec<usize>,
+    /// Force that can hold the root link.
+    hold: usize,
 }
 
 impl World {
@@ -80,7 +88,8 @@ impl World {
                 across: [turn * across, across],
                 size_m: gyration_m(&inertias[joint.child]),
             };
-            motors.push(hinge.add(&mut forces, parameters, joint.actuator.armature_kg_m2));
+            let stops = stops(joint);
+            motors.push(hinge.add(&mut forces, parameters, joint.actuator.armature_kg_m2, stops));
         }
         let mut wheels = vec![None; robot.end_effectors.len()];
         for Spinning { end_effector: number, inertia } in spinning {
@@ -103,7 +112,7 @@ impl World {
                 size_m: gyration_m(&inertias[body]),
             };
             if let Some(actuator) = end_effector.contact.actuator() {
-                motors.push(hinge.add(&mut forces, parameters, actuator.armature_kg_m2));
+                motors.push(hinge.add(&mut forces, parameters, actuator.armature_kg_m2, None));
             } else {
                 hinge.add_free(&mut forces, parameters);
             }
@@ -114,9 +123,11 @@ impl World {
             let contact = contact(end_effector, *wheel, &centers, parameters, ground);
             forces.push(Box::new(contact));
         }
+        let hold = forces.len();
+        forces.push(Box::new(Hold { body: [0], grip: parameters.grip, place: None }));
         let bodies = inertias.into_iter().map(Body::from).collect();
         let system = System::new(parameters.settings, Assembly { bodies, motions, forces });
-        Self { system, root_center: centers[0], wheels, motors, contacts }
+        Self { system, root_center: centers[0], wheels, motors, contacts, hold }
     }
 
     /// Advances by `step_s`.
@@ -125,6 +136,16 @@ impl World {
     /// The step does not converge; the world is where it was.
     pub fn step(&mut self, step_s: f64) -> Result<StepReport, StepError> {
         self.system.step(step_s)
+    }
+
+    /// Holds the root link with its origin at a place, m, and turned as given, or lets go of it.
+    pub fn hold(&mut self, place: Option<(Vector3<f64>, Matrix3<f64>)>) {
+        let place = place.map(|(origin, rotation)| Place {
+            position: origin + rotation * self.root_center,
+            rotation,
+        });
+        let hold = self.system.force_mut::<Hold>(self.hold);
+        hold.expect("the root link's hold").place = place;
     }
 
     /// Bodies and forces.
@@ -176,6 +197,14 @@ impl World {
     pub fn wheel(&self, end_effector: usize) -> Option<usize> {
         self.wheels[end_effector]
     }
+}
+
+/// Stops at the limits of a joint, as far as angles between −π and π can tell.
+fn stops(joint: &Joint) -> Option<Stops> {
+    let range_rad = [joint.position_min_rad, joint.position_max_rad];
+    let within = range_rad.iter().all(|angle| angle.abs() < STOP_MAX_RAD);
+    let stiffness_nm_rad = joint.actuator.torque_max_nm / STOP_RAD;
+    within.then_some(Stops { range_rad, stiffness_nm_rad })
 }
 
 fn contact(

@@ -3,7 +3,7 @@
 use crate::body::Inertia;
 use crate::force::Force;
 use crate::joint::{Ball, ParallelAxes};
-use crate::motor::{Law, Motor};
+use crate::motor::{Law, Motor, Stops};
 use crate::points::Points;
 use crate::world::Parameters;
 use nalgebra::Vector3;
@@ -42,6 +42,7 @@ impl Hinge {
         forces: &mut Vec<Box<dyn Force>>,
         parameters: &Parameters,
         armature_kg_m2: f64,
+        stops: Option<Stops>,
     ) -> usize {
         self.add_free(forces, parameters);
         forces.push(Box::new(Motor {
@@ -49,6 +50,7 @@ impl Hinge {
             axis: self.axes[0],
             across: self.across,
             armature_kg_m2,
+            stops,
             law: Law::default(),
         }));
         forces.len() - 1

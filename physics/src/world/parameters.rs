@@ -2,6 +2,7 @@
 
 use crate::contact::Normal;
 use crate::friction::Model;
+use crate::hold::Grip;
 use crate::system::Settings;
 use rollwalk_robot::Robot;
 
@@ -21,6 +22,8 @@ pub struct Parameters {
     pub friction: Model,
     /// Friction over sliding velocity of a contact that sticks, N·s/m.
     pub stick_n_s_m: f64,
+    /// Of a hoist that holds the root link.
+    pub grip: Grip,
 }
 
 /// Depth to which a quarter of a robot's weight presses a contact, m.
@@ -29,6 +32,10 @@ const DEPTH_M: f64 = 5e-4;
 const DAMPING_S: f64 = 1.5e-3;
 /// Creep of a contact that bears a quarter of the weight and is pulled with as much, m/s.
 const CREEP_M_S: f64 = 3.6e-3;
+/// Depth to which the whole weight sinks in a hoist, m.
+const HOIST_M: f64 = 2e-3;
+/// Distance from the hoist at which the weight turns the body by as much, m.
+const HOIST_LEVER_M: f64 = 0.3;
 /// Distance by which a quarter of the weight pulls a joint apart, m.
 const JOINT_GAP_M: f64 = 2e-5;
 
@@ -40,6 +47,10 @@ impl Parameters {
         let quarter_n = 0.25 * mass_kg * settings.gravity_m_s2.norm();
         let stiffness_n_m = quarter_n / DEPTH_M;
         let joint_n_m = quarter_n / JOINT_GAP_M;
+        // Critically damped: 2 sqrt(k m).
+        let shift_n_m = 4.0 * quarter_n / HOIST_M;
+        let velocity_n_s_m = 2.0 * (shift_n_m * mass_kg).sqrt();
+        let lever = HOIST_LEVER_M * HOIST_LEVER_M;
         Self {
             settings,
             joint_n_m,
@@ -51,6 +62,12 @@ impl Parameters {
             },
             friction: Model::Linear,
             stick_n_s_m: quarter_n / CREEP_M_S,
+            grip: Grip {
+                shift_n_m,
+                velocity_n_s_m,
+                turn_nm_rad: shift_n_m * lever,
+                spin_nm_s_rad: velocity_n_s_m * lever,
+            },
         }
     }
 }
