@@ -1,25 +1,31 @@
-//! Motors of the robot on its stand: servos in channel order, loaded with the links that they carry.
+//! Motors of the robot: servos in channel order, on a stand loaded with the links that they carry, or on the ground.
 
 use crate::clock::SimTime;
+use crate::ground::Grounded;
 use crate::load::joint_loads;
 use crate::plant::Plant;
 use crate::servo::Servo;
 use rollwalk_drives::Answer;
 use rollwalk_multibody::Tree;
+use rollwalk_physics::StepError;
+use rollwalk_physics::ground::Ground;
 use rollwalk_protocol::can::Frame;
 use rollwalk_robot::{Channel, Robot};
+use std::sync::Arc;
 
-/// The motors of a robot whose body is held level and still.
-#[derive(Clone, Debug)]
+/// The motors of a robot.
+#[derive(Debug)]
 pub struct Body {
     tree: Tree,
     /// Servos in channel order: joints, then actuated wheels.
     servos: Vec<Servo>,
     addresses: Vec<(u8, u8)>,
+    /// The world, unless the body is held level and still by a stand.
+    ground: Option<Grounded>,
 }
 
 impl Body {
-    /// Creates a robot at rest in its nominal pose, with torque off.
+    /// Creates a robot at rest in its nominal pose on a stand, with torque off.
     pub fn new(robot: &Robot) -> Self {
         let servos = robot.channels().map(|channel| {
             let plant = match channel {
@@ -33,9 +39,24 @@ impl Body {
         });
         let servos = servos.collect();
         let addresses = robot.channels().map(|c| (c.actuator().bus, c.actuator().id)).collect();
-        let mut body = Self { tree: Tree::new(robot), servos, addresses };
+        let mut body = Self { tree: Tree::new(robot), servos, addresses, ground: None };
         body.update_loads();
         body
+    }
+
+    /// The same on the ground.
+    pub fn on_ground(robot: &Robot, ground: Arc<dyn Ground>) -> Self {
+        Self { ground: Some(Grounded::new(robot, ground)), ..Self::new(robot) }
+    }
+
+    /// The world of a robot on the ground.
+    pub fn ground(&self) -> Option<&Grounded> {
+        self.ground.as_ref()
+    }
+
+    /// Takes a robot on the ground out of its hoist.
+    pub fn set_down(&mut self) {
+        self.ground.iter_mut().for_each(Grounded::set_down);
     }
 
     /// Bus and address of each servo, in channel order.
@@ -58,8 +79,11 @@ impl Body {
         self.servos.iter().enumerate().map(value).collect()
     }
 
-    /// Recomputes inertia and weight on every joint from the present pose.
+    /// Recomputes inertia and weight on every joint of a robot on a stand from its present pose.
     pub fn update_loads(&mut self) {
+        if self.ground.is_some() {
+            return;
+        }
         let joints: Vec<f64> = self.servos[..self.tree.robot().joints.len()]
             .iter()
             .map(|servo| servo.plant.position_rad)
@@ -71,10 +95,16 @@ impl Body {
     }
 
     /// Advances the motors by `dt_s` up to the time `now`.
-    pub fn step(&mut self, now: SimTime, dt_s: f64) {
-        for servo in &mut self.servos {
-            servo.step(now, dt_s);
-        }
+    ///
+    /// # Errors
+    /// A step of the world has no solution. It stands still from then on.
+    pub fn step(&mut self, now: SimTime, dt_s: f64) -> Result<(), StepError> {
+        let Some(ground) = &mut self.ground else {
+            self.servos.iter_mut().for_each(|servo| servo.step(now, dt_s));
+            return Ok(());
+        };
+        self.servos.iter_mut().for_each(|servo| servo.on_time(now));
+        ground.step(now, &mut self.servos)
     }
 
     /// Cuts the power of the motor of `channel`: it gives no torque and loses its state.

@@ -48,6 +48,11 @@ pub trait Core {
         )))
     }
 
+    /// Passes the direction of up in the body frame, of a robot on the ground. A controller without an IMU ignores it.
+    fn on_attitude(&mut self, now_us: u64, up_in_body: [f32; 3]) {
+        let _ = (now_us, up_in_body);
+    }
+
     /// Takes the controller's request to restart an actuator bus that is off; `true` once per request.
     ///
     /// # Errors
@@ -154,6 +159,10 @@ impl Core for Local {
 
     fn poll_serial(&mut self, bus: u8) -> Result<Option<Packet>, LinkError> {
         Ok(self.controller.poll_serial(bus))
+    }
+
+    fn on_attitude(&mut self, now_us: u64, up_in_body: [f32; 3]) {
+        self.controller.on_attitude(now_us, up_in_body);
     }
 
     fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) -> Result<(), LinkError> {

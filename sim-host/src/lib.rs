@@ -8,6 +8,7 @@
 //! | [`mod@bus`], [`mod@line`] | a CAN bus and a half-duplex serial line, exact to the bit |
 //! | [`interface`], [`clock`] | the buses' names, virtual time |
 //! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle; their drives are [`rollwalk_drives`] |
+//! | [`ground`] | the robot on the ground, in the world of [`rollwalk_physics`], with a hoist |
 //! | [`live`] | in real time: the whole robot, its controller or its motors on buses of this computer |
 //! | [`faults`] | scheduled faults of buses and actuators |
 //! | [`one_leg`] | a small robot with a library, for tests and fault campaigns |
@@ -17,9 +18,10 @@
 //! such as the monitor of the fault campaign, sees every frame of a run.
 //!
 //! What is simulated: the buses to the bit (arbitration, stuff bits, CRC, intermission; on serial lines turns,
-//! return delays and collisions), the drives' protocols, watchdogs, control laws and limits, and for every joint the inertia and weight of what
-//! hangs on it. What is not: the ground, the motion of the body and the coupling between joints. The
-//! robot hangs on a stand, its body held level and still, its wheels in the air.
+//! return delays and collisions), the drives' protocols, watchdogs, control laws and limits; and either
+//! the whole robot on the ground, or for every joint the inertia and weight of what hangs on it. In the
+//! latter case the robot hangs on a stand, its body held level and still, its wheels in the air, and no
+//! joint feels another one move.
 //!
 //! Everything is deterministic: the same calls give the same bytes on every bus.
 //!
@@ -58,6 +60,7 @@ pub mod bus;
 pub mod clock;
 pub mod core;
 pub mod faults;
+pub mod ground;
 pub mod interface;
 pub mod line;
 pub mod live;

@@ -64,6 +64,11 @@ impl Plant {
         self.armature_kg_m2 + self.load_inertia_kg_m2
     }
 
+    /// Greatest torque of the motor, N·m.
+    pub fn torque_max_nm(&self) -> f64 {
+        self.torque_max_nm
+    }
+
     /// Measurements that a drive takes of it.
     pub fn shaft(&self) -> Shaft {
         let &Self { position_rad, speed_rad_s, torque_nm, torque_limited, .. } = self;

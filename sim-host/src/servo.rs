@@ -80,11 +80,20 @@ impl Servo {
         self.drive.on_timer(now.as_us(), &self.plant.shaft())
     }
 
-    /// Lets `dt_s` pass up to `now`.
-    pub fn step(&mut self, now: SimTime, dt_s: f64) {
+    /// Lets time pass in the drive, up to `now`.
+    pub fn on_time(&mut self, now: SimTime) {
         self.drive.on_time(now.as_us());
-        let law = self.drive.law(&self.plant.shaft());
-        self.plant.step(&law.unwrap_or(self.friction), dt_s);
+    }
+
+    /// What the motor does at present: the law of its drive, or friction.
+    pub fn law(&self) -> Law {
+        self.drive.law(&self.plant.shaft()).unwrap_or(self.friction)
+    }
+
+    /// Lets `dt_s` pass up to `now`, for a motor with nothing but its own load.
+    pub fn step(&mut self, now: SimTime, dt_s: f64) {
+        self.on_time(now);
+        self.plant.step(&self.law(), dt_s);
     }
 }
 

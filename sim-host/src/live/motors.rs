@@ -41,7 +41,8 @@ pub fn run(
         };
         let now = SimTime::from_us(start.elapsed().as_micros() as u64);
         while steps.next() <= now {
-            body.step(steps.next(), 1.0 / f64::from(MOTOR_RATE_HZ));
+            body.step(steps.next(), 1.0 / f64::from(MOTOR_RATE_HZ))
+                .expect("a stand has no steps to solve");
             steps.advance();
         }
         while let Some((channel, frame)) = body.on_timer(now) {

@@ -39,6 +39,7 @@ use crate::wire::{ActuatorBus, ActuatorLine, Wire};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::player::Playing;
+use rollwalk_physics::ground::Ground;
 use rollwalk_protocol::actuators::bus::ControlLoop;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
@@ -47,6 +48,7 @@ use rollwalk_protocol::tunnel::{Buses, Input, Step};
 use rollwalk_protocol::wire::Node;
 use rollwalk_robot::{InvalidRobot, Robot};
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
 
 pub use fault_injection::Adapter;
 use fault_injection::Babbler;
@@ -108,6 +110,14 @@ impl Rig {
     pub fn new(robot: &Robot) -> Result<Self, InvalidRobot> {
         let (config, buses) = (robot.controller_config()?, robot.controller_buses());
         Self::with_core(robot, Local::new(config, buses, Settings::default()))
+    }
+
+    /// As [`Self::new`], standing on the ground, with an IMU.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn on_ground(robot: &Robot, ground: Arc<dyn Ground>) -> Result<Self, InvalidRobot> {
+        Ok(Self { body: Body::on_ground(robot, ground), ..Self::new(robot)? })
     }
 
     /// Restarts the controller of the robot with a power cycle.
@@ -320,7 +330,10 @@ impl<C: Core> Rig<C> {
             }
             Next::Motors => {
                 self.motor_step.advance();
-                self.body.step(at, 1.0 / f64::from(MOTOR_RATE_HZ));
+                if let Err(error) = self.body.step(at, 1.0 / f64::from(MOTOR_RATE_HZ)) {
+                    self.lost = Some(LinkError::Down(format!("the simulated world: {error}")));
+                    return false;
+                }
                 if let Some(observer) = &mut self.observer {
                     observer.on_motor_step(at, &self.body);
                 }
@@ -330,6 +343,10 @@ impl<C: Core> Rig<C> {
                 self.control_period.advance();
                 self.body.update_loads();
                 self.recorder.end_period();
+                if let Some(ground) = self.body.ground() {
+                    let up = ground.up_in_body();
+                    self.controller.on_attitude(at.as_us(), [up.x, up.y, up.z].map(|x| x as f32));
+                }
                 Some(Input::Tick)
             }
         };
@@ -362,6 +379,7 @@ impl<C: Core> Rig<C> {
             if input.take() == Some(Input::Tick)
                 && let Some((clip, frame, phase)) = sent.playing
             {
+                self.body.set_down();
                 let playing = Playing { clip: ClipId(clip), frame, phase };
                 self.recorder.begin_period(at, playing, self.body.values());
             }

@@ -10,16 +10,16 @@ use rollwalk_sim_host::rig::Rig;
 use std::f32::consts::TAU;
 
 const STAND: u8 = 1;
-const SQUAT: u8 = 2;
+pub const SQUAT: u8 = 2;
 
-fn agilebot() -> Robot {
+pub fn agilebot() -> Robot {
     let text = include_str!("../../../robots/agilebot.toml");
     Robot::from_toml("agilebot.toml", text).unwrap()
 }
 
 /// Standing, and a loop of two seconds in which every joint swings by 0.15 rad about its nominal
 /// angle and every wheel by 2 rad/s.
-fn library(robot: &Robot) -> Vec<u8> {
+pub fn library(robot: &Robot) -> Vec<u8> {
     let config = robot.controller_config().unwrap();
     let frame = |wave: f32| -> Vec<f32> {
         let nominal = robot.joints.iter().map(|joint| joint.nominal_rad as f32);

@@ -3,6 +3,7 @@
 mod agilebot;
 mod authenticated;
 mod flashing;
+mod grounded;
 mod operating;
 mod playing;
 mod protocols;

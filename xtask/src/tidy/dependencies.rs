@@ -23,6 +23,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rollwalk-drives",
             "rollwalk-firmware",
             "rollwalk-multibody",
+            "rollwalk-physics",
             "rollwalk-protocol",
             "rollwalk-robot",
         ],

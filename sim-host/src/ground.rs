@@ -1,0 +1,224 @@
+//! The robot on the ground: what its motors move is the simulated world of [`rollwalk_physics`].
+//!
+//! A hoist holds the body while the motors have no torque, so high that the feet just touch the ground whatever the
+//! limbs do, and level. It lets go when the robot begins to play, and takes the robot again when it has no torque or
+//! has fallen.
+
+use crate::clock::{Periodic, SimTime};
+use crate::plant::Plant;
+use crate::servo::Servo;
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_drives as drives;
+use rollwalk_physics::ground::Ground;
+use rollwalk_physics::motor::Law;
+use rollwalk_physics::world::{Parameters, RobotState};
+use rollwalk_physics::{StepError, World};
+use rollwalk_robot::{Channel, Robot, TorqueSpeedLine};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// Steps of the world per second.
+pub const WORLD_RATE_HZ: u32 = 240;
+/// Tilt beyond which a robot has fallen, rad.
+const FALLEN_RAD: f64 = 1.0;
+/// Height of the body beneath which a robot has fallen, as a share of its height in the nominal pose.
+const FALLEN_HEIGHT: f64 = 0.4;
+/// Fastest that the hoist goes up and down, m/s.
+const HOIST_M_S: f64 = 0.3;
+/// Stall torque of a motor of unknown torque-speed line, as a multiple of its greatest torque: at its top speed the
+/// torque ends abruptly.
+const ABRUPT: f64 = 20.0;
+
+/// A fall.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fall {
+    /// When it was seen.
+    pub at: SimTime,
+    /// Tilt from the vertical, rad.
+    pub tilt_rad: f64,
+    /// Height of the body's origin above the ground, m.
+    pub height_m: f64,
+}
+
+/// Where the hoist holds the body's origin, m, and which way it faces about the vertical, rad.
+#[derive(Clone, Copy, Debug)]
+struct Hoist {
+    origin: Vector3<f64>,
+    heading_rad: f64,
+}
+
+/// A robot in its world, with its hoist.
+#[derive(Debug)]
+pub struct Grounded {
+    world: World,
+    steps: Periodic,
+    hoist: Option<Hoist>,
+    /// Of the body's origin in the nominal pose, m.
+    standing_m: f64,
+    /// Height of the ground beneath a place.
+    ground: Arc<dyn Ground>,
+    /// Torque-speed lines in channel order: stall torque, N·m, and no-load speed, rad/s.
+    lines: Vec<(f64, f64)>,
+    end_effectors: usize,
+    falls: Vec<Fall>,
+    /// It has fallen since its motors had no torque last: the hoist keeps it.
+    is_caught: bool,
+}
+
+impl Grounded {
+    /// A robot in its nominal pose in the hoist.
+    pub fn new(robot: &Robot, ground: Arc<dyn Ground>) -> Self {
+        let parameters = Parameters::new(robot);
+        let end_effectors = robot.end_effectors.len();
+        let mut state = RobotState::nominal(robot, Vector3::zeros());
+        let lowest = lowest_m(&World::new(robot, &ground, &parameters, &state), end_effectors);
+        state.base_position_m.z = -lowest;
+        let world = World::new(robot, &ground, &parameters, &state);
+        let lines = robot.channels().map(|channel| line(&channel)).collect();
+        let origin = state.base_position_m;
+        Self {
+            world,
+            steps: Periodic::new(WORLD_RATE_HZ),
+            hoist: Some(Hoist { origin, heading_rad: 0.0 }),
+            standing_m: origin.z,
+            ground,
+            lines,
+            end_effectors,
+            falls: Vec::new(),
+            is_caught: false,
+        }
+    }
+
+    /// The world.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// Falls so far.
+    pub fn falls(&self) -> &[Fall] {
+        &self.falls
+    }
+
+    /// Whether the hoist holds the body.
+    pub fn is_held(&self) -> bool {
+        self.hoist.is_some()
+    }
+
+    /// Up in the axes of the body.
+    pub fn up_in_body(&self) -> Vector3<f64> {
+        self.world.base().1.transpose() * Vector3::z()
+    }
+
+    /// The hoist lets go, unless it has caught the robot falling: then first without torque.
+    pub fn set_down(&mut self) {
+        if !self.is_caught {
+            self.hoist = None;
+        }
+    }
+
+    /// Lets the world go on up to `now`, with each motor under its drive's law, and writes into the plants what
+    /// became of them.
+    ///
+    /// # Errors
+    /// A step without a solution.
+    pub fn step(&mut self, now: SimTime, servos: &mut [Servo]) -> Result<(), StepError> {
+        while self.steps.next() < now {
+            self.steps.advance();
+            self.one_step(servos)?;
+            self.watch(now, servos);
+        }
+        Ok(())
+    }
+
+    fn one_step(&mut self, servos: &mut [Servo]) -> Result<(), StepError> {
+        let laws: Vec<_> = servos.iter().map(Servo::law).collect();
+        for (channel, (servo, wanted)) in servos.iter().zip(&laws).enumerate() {
+            self.world.set_law(
+                channel,
+                Law {
+                    kp_nm_rad: wanted.kp_nm_rad,
+                    kd_nm_s_rad: wanted.kd_nm_s_rad,
+                    position_rad: wanted.position_rad,
+                    speed_rad_s: wanted.speed_rad_s,
+                    torque_nm: wanted.torque_nm,
+                    limit_nm: servo.plant.torque_max_nm().min(wanted.torque_limit_nm),
+                    line: Some(self.lines[channel]),
+                },
+            );
+        }
+        let step_s = 1.0 / f64::from(WORLD_RATE_HZ);
+        self.follow_feet(step_s);
+        self.world.hold(self.hoist.map(|hoist| (hoist.origin, about_vertical(hoist.heading_rad))));
+        self.world.step(step_s)?;
+        for (channel, (servo, law)) in servos.iter_mut().zip(&laws).enumerate() {
+            self.read(channel, law, &mut servo.plant);
+        }
+        Ok(())
+    }
+
+    /// Angle, speed and torque of a motor; angles of wheels count turns.
+    fn read(&self, channel: usize, law: &drives::Law, plant: &mut Plant) {
+        let [angle_rad, speed_rad_s, torque_nm] = self.world.shaft(channel);
+        plant.position_rad += wrapped(angle_rad - plant.position_rad);
+        plant.speed_rad_s = speed_rad_s;
+        plant.torque_nm = torque_nm;
+        let wanted = law.kp_nm_rad * wrapped(law.position_rad - angle_rad)
+            + law.kd_nm_s_rad * (law.speed_rad_s - speed_rad_s)
+            + law.torque_nm;
+        plant.torque_limited = (wanted - torque_nm).abs() > 1e-9 * (1.0 + wanted.abs());
+    }
+
+    /// Moves the hoist so that the lowest foot just touches the ground.
+    fn follow_feet(&mut self, step_s: f64) {
+        let lowest = lowest_m(&self.world, self.end_effectors);
+        if let Some(hoist) = &mut self.hoist {
+            let most = HOIST_M_S * step_s;
+            hoist.origin.z -= lowest.clamp(-most, most);
+        }
+    }
+
+    /// Takes the robot into the hoist without torque, or after a fall.
+    fn watch(&mut self, now: SimTime, servos: &[Servo]) {
+        let has_torque = servos.iter().any(Servo::is_driving);
+        if self.hoist.is_some() {
+            self.is_caught &= has_torque;
+            return;
+        }
+        let (origin, rotation) = self.world.base();
+        let tilt_rad = rotation[(2, 2)].clamp(-1.0, 1.0).acos();
+        let height_m = self.ground.at(&origin).gap_m;
+        let fallen = tilt_rad > FALLEN_RAD || height_m < FALLEN_HEIGHT * self.standing_m;
+        if fallen {
+            self.falls.push(Fall { at: now, tilt_rad, height_m });
+        }
+        if fallen || !has_torque {
+            self.is_caught = fallen;
+            let heading_rad = rotation[(1, 0)].atan2(rotation[(0, 0)]);
+            self.hoist = Some(Hoist { origin, heading_rad });
+        }
+    }
+}
+
+/// Distance of the lowest foot or wheel from the ground, m.
+fn lowest_m(world: &World, end_effectors: usize) -> f64 {
+    (0..end_effectors).map(|number| world.touch(number).gap_m).fold(f64::INFINITY, f64::min)
+}
+
+fn line(channel: &Channel) -> (f64, f64) {
+    let actuator = channel.actuator();
+    match actuator.torque_speed {
+        Some(TorqueSpeedLine { stall_torque_nm, no_load_speed_rad_s }) => {
+            (stall_torque_nm, no_load_speed_rad_s)
+        }
+        None => (ABRUPT * actuator.torque_max_nm, actuator.speed_max_rad_s),
+    }
+}
+
+fn about_vertical(angle_rad: f64) -> Matrix3<f64> {
+    *nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), angle_rad).matrix()
+}
+
+/// An angle between −π and π that differs by whole turns.
+fn wrapped(angle_rad: f64) -> f64 {
+    (angle_rad + PI).rem_euclid(2.0 * PI) - PI
+}

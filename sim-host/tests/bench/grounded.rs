@@ -1,0 +1,73 @@
+//! The robot of the demo on the ground: the hoist, standing, falling, the IMU.
+
+use crate::agilebot::{SQUAT, agilebot, library};
+use crate::{S, connect};
+use rollwalk_host::session::Session;
+use rollwalk_physics::ground::Plane;
+use rollwalk_protocol::wire::State;
+use rollwalk_sim_host::ground::Grounded;
+use rollwalk_sim_host::rig::Rig;
+use std::sync::Arc;
+
+/// With the library on board, in the hoist above a plane that rises by an angle, rad.
+fn in_hoist(slope_rad: f64) -> Session<Rig> {
+    let robot = agilebot();
+    let rig = Rig::on_ground(&robot, Arc::new(Plane::rising(slope_rad))).unwrap();
+    let mut session = connect(rig);
+    session.flash(&library(&robot), |_| {}).unwrap();
+    session
+}
+
+fn ground(session: &Session<Rig>) -> &Grounded {
+    session.bus().body().ground().unwrap()
+}
+
+/// What the feet bear over the robot's weight.
+fn borne(session: &Session<Rig>) -> f64 {
+    let robot = agilebot();
+    let mass_kg: f64 = robot.links.iter().map(|link| link.mass_kg).sum();
+    let touches =
+        (0..robot.end_effectors.len()).map(|number| ground(session).world().touch(number));
+    touches.map(|touch| touch.force.z).sum::<f64>() / (9.81 * mass_kg)
+}
+
+#[test]
+fn a_robot_hangs_in_the_hoist_until_it_plays_and_again_without_torque() {
+    let mut session = in_hoist(0.0);
+    session.run_for(S).unwrap();
+    assert!(ground(&session).is_held());
+    assert!(borne(&session).abs() < 0.3, "{}", borne(&session));
+    session.arm().unwrap();
+    session.run_for(2 * S).unwrap();
+    assert!(!ground(&session).is_held());
+    assert!((borne(&session) - 1.0).abs() < 0.01, "{}", borne(&session));
+    session.disarm().unwrap();
+    session.run_for(5 * S).unwrap();
+    assert!(ground(&session).is_held());
+    assert_eq!(ground(&session).falls(), []);
+}
+
+#[test]
+fn what_is_played_on_the_ground_is_the_same_to_the_bit() {
+    let run = || {
+        let mut session = in_hoist(0.0);
+        session.arm().unwrap();
+        session.select(SQUAT).unwrap();
+        session.run_for(4 * S).unwrap();
+        let (origin, rotation) = ground(&session).world().base();
+        assert!(rotation[(2, 2)] > 0.99, "it stands");
+        (origin.map(f64::to_bits), session.bus().body().values())
+    };
+    assert_eq!(run(), run());
+}
+
+#[test]
+fn a_robot_that_leans_too_far_is_stopped_by_its_imu_and_caught_when_it_falls() {
+    // Steeper than what its wheels' drives hold, and than the tilt that the controller allows.
+    let mut session = in_hoist(0.7);
+    assert!(session.arm().is_ok());
+    session.run_for(4 * S).unwrap();
+    assert_ne!(session.status().unwrap().state, State::Playing);
+    session.run_for(8 * S).unwrap();
+    assert!(ground(&session).is_held());
+}
