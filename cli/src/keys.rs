@@ -48,7 +48,11 @@ pub fn credentials(path: &Path) -> miette::Result<Credentials> {
     Ok(Credentials { key: link_key(path)?, nonce: u64::from_le_bytes(random()?) })
 }
 
-fn random<const N: usize>() -> miette::Result<[u8; N]> {
+/// Random bytes of the operating system.
+///
+/// # Errors
+/// It has none.
+pub fn random<const N: usize>() -> miette::Result<[u8; N]> {
     let mut bytes = [0; N];
     getrandom::fill(&mut bytes)
         .into_diagnostic()
@@ -77,8 +81,9 @@ fn parse<const N: usize>(kind: &str, text: &str) -> Option<[u8; N]> {
     Some(bytes)
 }
 
+/// Says that a file with a secret can be read by others.
 #[cfg(unix)]
-fn warn_if_readable_by_others(path: &Path) {
+pub fn warn_if_readable_by_others(path: &Path) {
     use std::os::unix::fs::PermissionsExt;
     // A pipe has no permissions that matter.
     let found = std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file);
@@ -90,8 +95,9 @@ fn warn_if_readable_by_others(path: &Path) {
     }
 }
 
+/// Says nothing: permissions of files are unknown here.
 #[cfg(not(unix))]
-fn warn_if_readable_by_others(_: &Path) {}
+pub fn warn_if_readable_by_others(_: &Path) {}
 
 #[cfg(test)]
 mod tests {

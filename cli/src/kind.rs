@@ -33,6 +33,10 @@ pub enum Kind {
     Names,
     /// The secret of a robot and its hosts.
     LinkKey,
+    /// The half of a key pair that signs libraries.
+    PrivateKey,
+    /// The half of a key pair that controllers have.
+    PublicKey,
 }
 
 /// As messages name a file of the kind.
@@ -50,6 +54,8 @@ impl fmt::Display for Kind {
             Self::Packed => "motion library",
             Self::Names => "cached list of names (JSON)",
             Self::LinkKey => "link key",
+            Self::PrivateKey => "private key (PEM)",
+            Self::PublicKey => "public key (PEM)",
         })
     }
 }
@@ -83,7 +89,7 @@ impl Kind {
         match self {
             Self::Robot | Self::Motion | Self::Library | Self::Side => 1 << 20,
             Self::Gamepad | Self::Names => 1 << 20,
-            Self::LinkKey => 1 << 10,
+            Self::LinkKey | Self::PrivateKey | Self::PublicKey => 1 << 10,
             // The most samples of a robot with the most joints are 10 MB.
             Self::Plan | Self::Packed => 32 << 20,
             // It may carry a plan, whose quotes are escaped.
@@ -108,6 +114,8 @@ impl Kind {
             Self::Packed => "make one with `rollwalk library build LIBRARY.toml -o LIB.rwl`",
             Self::Names => "every build and flash of a library makes one",
             Self::LinkKey => "make one with `rollwalk keys new FILE`",
+            Self::PrivateKey => "make one with `rollwalk keys new-pair KEY.pem`",
+            Self::PublicKey => "`rollwalk keys new-pair KEY.pem` makes one, KEY.pub.pem",
         }
     }
 
@@ -130,6 +138,8 @@ impl Kind {
             Self::Packed => "a motion library",
             Self::Names => "a list of names",
             Self::LinkKey => "a link key",
+            Self::PrivateKey => "a private key",
+            Self::PublicKey => "a public key",
         }
     }
 
@@ -148,6 +158,8 @@ impl Kind {
             Self::Packed => "`rollwalk library inspect` and `rollwalk flash` read it",
             Self::Names => "rollwalk keeps it for itself",
             Self::LinkKey => "--link-key takes it",
+            Self::PrivateKey => "`rollwalk library sign --key` takes it",
+            Self::PublicKey => "`rollwalk library verify --key` takes it",
         }
     }
 

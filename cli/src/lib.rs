@@ -22,6 +22,7 @@ mod planning;
 mod problem;
 mod progress;
 mod shipped;
+mod signing;
 pub mod sim;
 
 pub use exit::Exit;

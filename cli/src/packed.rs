@@ -5,7 +5,7 @@ use crate::kind::Kind;
 use crate::{files, shipped};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_host::catalog::{Catalog, check_names};
-use rollwalk_protocol::library::{Index, Library, Reject, Why, validate};
+use rollwalk_protocol::library::{Index, Library, Reject, SignedFile, Why, validate};
 use rollwalk_robot::Robot;
 use std::path::Path;
 
@@ -13,8 +13,8 @@ use std::path::Path;
 pub struct Packed {
     /// The robot that it is for.
     pub robot: Robot,
-    /// The file.
-    pub bytes: Vec<u8>,
+    /// The file, with its signature if it has one.
+    pub file: Vec<u8>,
     index: Index,
 }
 
@@ -25,24 +25,24 @@ impl Packed {
     /// # Errors
     /// A file is missing or wrong, or the library is for no robot that is known.
     pub fn read(path: &Path, robot: Option<&Path>) -> miette::Result<Self> {
-        let bytes = files::read(path, Kind::Packed)?;
+        let file = files::read(path, Kind::Packed)?;
         // What a library is built from is text.
-        if let Ok(text) = std::str::from_utf8(&bytes) {
+        if let Ok(text) = std::str::from_utf8(&file) {
             Kind::Packed.expect(path, text)?;
         }
         if let Some(robot) = robot {
             let robot = Source::Disk.robot(robot)?;
-            return match check(&bytes, &robot)? {
-                Ok(index) => Self { robot, bytes, index }.named(path),
+            return match check(&file, &robot)? {
+                Ok(index) => Self { robot, file, index }.named(path),
                 Err(reject) => Err(miette!("{}: {reject}", path.display())),
             };
         }
         // One robot after the other while the library only says that it is for another one.
-        for file in shipped::robots() {
-            let robot = Source::Shipped.robot(file)?;
-            match check(&bytes, &robot)? {
+        for shipped in shipped::robots() {
+            let robot = Source::Shipped.robot(shipped)?;
+            match check(&file, &robot)? {
                 Err(Reject { why: Why::WrongRobot { .. }, .. }) => {}
-                Ok(index) => return Self { robot, bytes, index }.named(path),
+                Ok(index) => return Self { robot, file, index }.named(path),
                 Err(reject) => return Err(miette!("{}: {reject}", path.display())),
             }
         }
@@ -66,14 +66,14 @@ impl Packed {
     ///
     /// # Errors
     /// A controller would refuse it.
-    pub fn new(robot: Robot, bytes: Vec<u8>) -> miette::Result<Self> {
-        let index = check(&bytes, &robot)?.map_err(|reject| miette!("{reject}"))?;
-        Ok(Self { robot, bytes, index })
+    pub fn new(robot: Robot, file: Vec<u8>) -> miette::Result<Self> {
+        let index = check(&file, &robot)?.map_err(|reject| miette!("{reject}"))?;
+        Ok(Self { robot, file, index })
     }
 
     /// What is in it.
     pub fn library(&self) -> Library<'_> {
-        Library::open(&self.bytes, &self.index).expect("these bytes were validated")
+        Library::open(unsigned(&self.file), &self.index).expect("these bytes were validated")
     }
 
     /// Names for its numbers.
@@ -89,6 +89,11 @@ pub fn channel_names(robot: &Robot) -> Vec<String> {
     robot.channels().map(|channel| channel.name().to_owned()).collect()
 }
 
-fn check(bytes: &[u8], robot: &Robot) -> miette::Result<Result<Index, Reject>> {
-    Ok(validate(bytes, &robot.controller_config().into_diagnostic()?))
+/// A file's library without the signature.
+fn unsigned(file: &[u8]) -> &[u8] {
+    SignedFile::split(file).map_or(file, |signed| signed.library)
+}
+
+fn check(file: &[u8], robot: &Robot) -> miette::Result<Result<Index, Reject>> {
+    Ok(validate(unsigned(file), &robot.controller_config().into_diagnostic()?))
 }

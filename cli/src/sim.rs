@@ -6,7 +6,7 @@ use crate::cmd::buses::BusLoads;
 use crate::files::{Lines, Output, RotationArgs};
 use crate::inputs::Source;
 use crate::link::cannot_open;
-use crate::{Exit, end, exit, interrupt, keys, output};
+use crate::{Exit, end, exit, interrupt, keys, output, signing};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
 use memory::Memory;
 use miette::{IntoDiagnostic, miette};
@@ -28,6 +28,7 @@ use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::interface::LogEntry;
 use rollwalk_sim_host::live::{Reopen, controller, motors, whole};
 use rollwalk_sim_host::rig::Rig;
+use rollwalk_sim_host::store::VerifyingKey;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -56,6 +57,7 @@ const ACTUATOR_DEPTH: usize = 2;
 Examples:
   rollwalk-sim robots/agilebot.toml --bus sim
   rollwalk-sim robots/agilebot.toml --bus sim --library agilebot.rwl
+  rollwalk-sim robots/agilebot.toml --bus sim --link-key robot.key --library-key owner.pub.pem
   rollwalk-sim robots/agilebot.toml --bus can:vcan0 --log robot.log
   rollwalk-sim robots/agilebot.toml --bus can:vcan0 --actuators can:vcan1 --actuators can:vcan2
   rollwalk-sim robots/agilebot.toml --only controller --bus can:can0 \\
@@ -93,6 +95,17 @@ struct Cli {
     /// File with a link key (`rollwalk keys new`): the controller obeys only hosts that have it.
     #[arg(long, value_name = "FILE")]
     link_key: Option<PathBuf>,
+    /// File with a public key (`rollwalk keys new-pair`): the controller plays only libraries that were signed with the
+    /// private one.
+    #[arg(long, value_name = "KEY.pub.pem")]
+    library_key: Option<PathBuf>,
+}
+
+/// What the controller insists on.
+#[derive(Default)]
+struct Keys {
+    link: Option<LinkKey>,
+    library: Option<VerifyingKey>,
 }
 
 /// A part of a robot.
@@ -131,8 +144,12 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
     }
     check_kinds(&robot, &cli.actuators)?;
     let actuators = at_rates(&robot, &cli.actuators);
-    let memory = cli.library.as_deref().map(|path| Memory::open(path, &cli.robot)).transpose()?;
-    let key = cli.link_key.as_deref().map(keys::link_key).transpose()?;
+    let keys = Keys {
+        link: cli.link_key.as_deref().map(keys::link_key).transpose()?,
+        library: cli.library_key.as_deref().map(signing::public_key).transpose()?,
+    };
+    let open = |path| Memory::open(path, &cli.robot, keys.library.as_ref());
+    let memory = cli.library.as_deref().map(open).transpose()?;
     interrupt::listen();
     match (cli.only, &cli.bus) {
         (Some(Part::Motors), _) if memory.is_some() => {
@@ -143,10 +160,10 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
             return Err(miette!(help = "add --bus BUS", "the controller needs a link"));
         }
         (Some(Part::Controller), Some(bus)) => {
-            run_controller(&robot, key, bus, &actuators, memory)?;
+            run_controller(&robot, keys, bus, &actuators, memory)?;
         }
         (None, Some(bus)) if actuators.is_empty() => {
-            run_whole(&robot, key, bus, cli, memory)?;
+            run_whole(&robot, keys, bus, cli, memory)?;
         }
         (None, Some(_)) if actuators.iter().any(BusName::carries_bytes) => {
             return Err(miette!(
@@ -164,21 +181,24 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
                 let mut lost = Lost { link: None, actuators: &names, says: false };
                 motors::run(&mut body, ports, &mut lost, || !interrupt::requested());
             });
-            run_controller(&robot, key, bus, &actuators, memory)?;
+            run_controller(&robot, keys, bus, &actuators, memory)?;
         }
     }
     Ok(Exit::Ok)
 }
 
-/// The firmware, with the library of its memory and the key that it insists on.
-fn core(robot: &Robot, key: Option<LinkKey>, memory: Option<&Memory>) -> miette::Result<Local> {
+/// The firmware, with the library of its memory and the keys that it insists on.
+fn core(robot: &Robot, keys: Keys, memory: Option<&Memory>) -> miette::Result<Local> {
     let config = robot.controller_config().into_diagnostic()?;
     let (buses, settings) = (robot.controller_buses(), Settings::default());
     let mut core = match memory.and_then(Memory::library) {
         Some(library) => Local::with_library(config, buses, settings, library),
         None => Local::new(config, buses, settings),
     };
-    if let Some(key) = key {
+    if let Some(key) = keys.library {
+        core = core.insisting_on_libraries_of(key);
+    }
+    if let Some(key) = keys.link {
         core.insist_on(key);
     }
     Ok(core)
@@ -186,7 +206,7 @@ fn core(robot: &Robot, key: Option<LinkKey>, memory: Option<&Memory>) -> miette:
 
 fn run_whole(
     robot: &Robot,
-    key: Option<LinkKey>,
+    keys: Keys,
     bus: &BusName,
     cli: &Cli,
     mut memory: Option<Memory>,
@@ -194,7 +214,7 @@ fn run_whole(
     let log = cli.log.as_deref().map(Output::at).transpose()?;
     let log = log.map(|output| Lines::create(&output, cli.rotation.rotate));
     let mut log = log.transpose()?;
-    let core = core(robot, key, memory.as_ref())?;
+    let core = core(robot, keys, memory.as_ref())?;
     let mut rig = Rig::with_core(robot, core).into_diagnostic()?;
     let port = port(bus)?;
     ready(robot, bus);
@@ -214,7 +234,7 @@ fn run_whole(
                 failed = Some(error);
             }
             if let Some(memory) = &mut memory
-                && let Err(error) = memory.watch(rig.core().library())
+                && let Err(error) = memory.watch(rig.core().library_file())
             {
                 failed = Some(error);
             }
@@ -223,20 +243,20 @@ fn run_whole(
     );
     outcome.map_err(|error| miette!("{error}"))?;
     failed.map_or(Ok(()), Err)?;
-    memory.map_or(Ok(()), |mut memory| memory.keep(rig.core().library()))?;
+    memory.map_or(Ok(()), |mut memory| memory.keep(rig.core().library_file()))?;
     log.map_or(Ok(()), |mut log| log.flush())
 }
 
 fn run_controller(
     robot: &Robot,
-    key: Option<LinkKey>,
+    keys: Keys,
     bus: &BusName,
     actuators: &[BusName],
     mut memory: Option<Memory>,
 ) -> miette::Result<()> {
     // Motors that wait for their setpoints do so for a busy computer, too.
     priority::raise();
-    let mut core = core(robot, key, memory.as_ref())?;
+    let mut core = core(robot, keys, memory.as_ref())?;
     let period = Duration::from_secs(1) / u32::from(Settings::default().control_hz);
     let (port, ports) = (port(bus)?, ports(actuators)?);
     ready(robot, bus);
@@ -247,7 +267,7 @@ fn run_controller(
         let controller = core.controller_mut();
         printer.print(controller.state(), controller.faults());
         if let Some(memory) = &mut memory
-            && let Err(error) = memory.watch(controller.library())
+            && let Err(error) = memory.watch(core.library_file())
         {
             failed = Some(error);
         }
@@ -255,7 +275,7 @@ fn run_controller(
     });
     outcome.map_err(|error| miette!("{error}"))?;
     failed.map_or(Ok(()), Err)?;
-    memory.map_or(Ok(()), |mut memory| memory.keep(core.library()))
+    memory.map_or(Ok(()), |mut memory| memory.keep(core.library_file()))
 }
 
 fn run_motors(robot: &Robot, actuators: &[BusName]) -> miette::Result<()> {

@@ -216,6 +216,11 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         &self.setup.config
     }
 
+    /// The store of libraries.
+    pub fn library_store(&self) -> &S {
+        self.storage.store()
+    }
+
     /// The active library.
     pub fn library(&self) -> Option<Library<'_>> {
         self.storage.library()

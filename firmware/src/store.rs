@@ -31,7 +31,7 @@ pub use parameters::{FlashParameters, NoParameters, ParameterSet, ParameterStore
 pub use ram::RamStore;
 pub use ram_flash::RamFlash;
 #[cfg(feature = "ed25519")]
-pub use signed::{SIGNATURE_LEN, Signed};
+pub use signed::{Signed, VerifyingKey};
 pub use slots::{GeometryError, MappedFlash};
 
 /// Memory for the motion library.

@@ -57,6 +57,11 @@ impl<S: LibraryStore> LibraryStorage<S> {
     }
 
     /// The store.
+    pub fn store(&self) -> &S {
+        &self.store
+    }
+
+    /// Takes the store out.
     pub fn into_store(self) -> S {
         self.store
     }

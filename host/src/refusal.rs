@@ -1,7 +1,7 @@
 //! Sentences for the codes with which a controller refuses requests.
 
 use crate::authentication::NoSession;
-use rollwalk_protocol::wire::transport::{Reply, TransferResult};
+use rollwalk_protocol::wire::transport::{Reply, TransferResult, UNSIGNED};
 use rollwalk_protocol::wire::{CommandResult, ParameterResult, State};
 
 /// Of a controller that obeys only hosts with its key.
@@ -93,6 +93,10 @@ pub fn transfer_refusal(reply: &Reply) -> String {
         TransferResult::StoreFailed => "its memory cannot be written",
         TransferResult::UnknownRequest => "its firmware is older than this kind of transfer",
         TransferResult::AuthenticationRequired => AUTHENTICATION_REQUIRED,
+        TransferResult::Rejected if reply.why == UNSIGNED => {
+            "it is not signed with the key that this controller was built for: sign it with `rollwalk library sign \
+             LIB.rwl --key KEY.pem -o SIGNED.rwl`, and flash that"
+        }
         TransferResult::Rejected => {
             let (section, why) = (section_name(reply.section), why_sentence(reply.why));
             return format!("{why} ({section}, byte {})", reply.next);
@@ -125,7 +129,6 @@ fn section_name(code: u8) -> &'static str {
 /// Fault of a library, by [`rollwalk_protocol::library::Why::code`].
 fn why_sentence(code: u8) -> String {
     let known = match code {
-        0 => "the library is not signed by the owner of this controller's key",
         1 => "this is not a motion library",
         2 => "the library is truncated",
         3 => "something follows the end of the library",

@@ -1,12 +1,11 @@
 //! Interface of the simulation to a controller: events in, frames to send out.
 
-use crate::store::{self, SimBoots, SimParameters, SimStore};
+use crate::store::{self, SimBoots, SimParameters, SimStore, VerifyingKey};
 use rollwalk_bus::link::LinkError;
 use rollwalk_firmware::store::BootCounter;
 use rollwalk_firmware::{BusState, Buses, Controller, Settings};
 use rollwalk_protocol::actuators::Packet;
 use rollwalk_protocol::config::RobotConfig;
-use rollwalk_protocol::library::Library;
 use rollwalk_protocol::tunnel::{Input, Step, Stepped};
 use rollwalk_protocol::wire::authentication::LinkKey;
 
@@ -72,6 +71,7 @@ pub struct Local {
     buses: Buses,
     settings: Settings,
     link_key: Option<LinkKey>,
+    library_key: Option<VerifyingKey>,
     boots: SimBoots,
 }
 
@@ -100,21 +100,31 @@ impl Local {
         self.link_key = Some(key);
     }
 
+    /// Restarts the controller with the content of its flash. From here on it plays only libraries that the owner of `key` has
+    /// signed.
+    pub fn insisting_on_libraries_of(mut self, key: VerifyingKey) -> Self {
+        self.library_key = Some(key);
+        self.power_cycled()
+    }
+
     /// Restarts the controller with the content of its flash.
     pub fn power_cycled(self) -> Self {
         let config = self.controller.config().clone();
-        let stores = store::mounted_again(self.controller.into_stores());
+        let library_key = self.library_key;
+        let stores = store::mounted_again(self.controller.into_stores(), library_key);
         let boots = BootCounter::mount(self.boots.into_flash()).expect("it was mounted before");
-        let mut core = Self { boots, ..Self::booting(config, self.buses, self.settings, stores) };
+        let booting = Self::booting(config, self.buses, self.settings, stores);
+        let mut core = Self { boots, library_key, ..booting };
         if let Some(key) = self.link_key {
             core.insist_on(key);
         }
         core
     }
 
-    /// The library that is active.
-    pub fn library(&self) -> Option<Library<'_>> {
-        self.controller.library()
+    /// The file of the library that is active, with its signature if it has one.
+    pub fn library_file(&self) -> Option<&[u8]> {
+        self.controller.library()?;
+        Some(self.controller.library_store().signed_bytes())
     }
 
     /// The controller itself, for inputs that a real bus gives and the simulated one does not.
@@ -130,7 +140,8 @@ impl Local {
     ) -> Self {
         let of = buses.clone();
         let controller = Controller::with_parameters(config, of, library, parameters, settings);
-        Self { controller, buses, settings, link_key: None, boots: store::no_boots() }
+        let boots = store::no_boots();
+        Self { controller, buses, settings, link_key: None, library_key: None, boots }
     }
 }
 

@@ -1,7 +1,10 @@
 //! Library store and parameter store of the simulated controller: the code of a real board, on
 //! flash that is simulated in RAM.
 
-use rollwalk_firmware::store::{BootCounter, FlashParameters, FlashStore, LibraryStore, RamFlash};
+pub use rollwalk_firmware::store::VerifyingKey;
+use rollwalk_firmware::store::{
+    BootCounter, FlashParameters, FlashStore, LibraryStore, RamFlash, Signed,
+};
 use rollwalk_protocol::crc::file_digest;
 use rollwalk_protocol::wire::transport::MAX_BLOCK;
 
@@ -13,7 +16,7 @@ const CAPACITY: usize = 2 * LIBRARY_MAX + (8 << 10);
 const TRIAL_BOOTS: u8 = 3;
 
 /// Library store of the simulated controller.
-pub type SimStore = FlashStore<RamFlash<Vec<u8>>>;
+pub type SimStore = Signed<FlashStore<RamFlash<Vec<u8>>>>;
 
 /// Parameter store of the simulated controller.
 pub type SimParameters = FlashParameters<RamFlash<Vec<u8>>>;
@@ -31,13 +34,15 @@ pub fn blank_parameters() -> SimParameters {
     FlashParameters::mount(RamFlash::new(vec![0xFF; 12 << 10])).expect("three erase units")
 }
 
-/// Both stores after a power cycle.
+/// Both stores after a power cycle, the library's with this key.
 pub fn mounted_again(
     (library, parameters): (SimStore, SimParameters),
+    key: Option<VerifyingKey>,
 ) -> (SimStore, SimParameters) {
-    let library = FlashStore::mount(library.into_flash(), TRIAL_BOOTS);
+    let library = FlashStore::mount(library.into_inner().into_flash(), TRIAL_BOOTS);
     let parameters = FlashParameters::mount(parameters.into_flash());
-    (library.expect("it was mounted before"), parameters.expect("it was mounted before"))
+    let library = Signed::new(library.expect("it was mounted before"), key);
+    (library, parameters.expect("it was mounted before"))
 }
 
 /// A store with an active library that is not on trial.
@@ -55,8 +60,8 @@ pub fn with(library: &[u8]) -> SimStore {
     store
 }
 
-/// A blank library store.
+/// A blank library store that takes every library.
 pub fn blank() -> SimStore {
-    FlashStore::mount(RamFlash::new(vec![0xFF; CAPACITY]), TRIAL_BOOTS)
-        .expect("the capacity is made of whole erase units")
+    let flash = FlashStore::mount(RamFlash::new(vec![0xFF; CAPACITY]), TRIAL_BOOTS);
+    Signed::new(flash.expect("the capacity is made of whole erase units"), None)
 }

@@ -19,6 +19,7 @@ mod results;
 mod robots;
 mod sending;
 mod servo_lines;
+mod signed;
 mod simulated;
 mod solver_options;
 mod torques;

@@ -72,6 +72,13 @@ impl Robot {
 }
 
 impl Robot {
+    /// One that does not start with these arguments.
+    pub fn refuses(desk: &Desk, args: &[&str]) -> Outcome {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
+        command.args(args).current_dir(desk.path(""));
+        command.output().expect("the robot starts").into()
+    }
+
     /// Ends it as Ctrl-C does.
     pub fn stop(&mut self) {
         signal(&self.0, "INT");

@@ -3,10 +3,13 @@
 use crate::cmd::demo::transfer_bar;
 use crate::link::{LinkArgs, ended, names};
 use crate::packed::Packed;
+use crate::signing::{self, Fingerprint};
 use crate::{Exit, interrupt, output};
 use miette::miette;
-use rollwalk_host::session::SessionError;
-use rollwalk_protocol::library::Library;
+use rollwalk_bus::link::LinkBus;
+use rollwalk_host::session::{Session, SessionError};
+use rollwalk_protocol::library::{Library, Why};
+use rollwalk_protocol::wire::transport::{TransferResult, UNSIGNED};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -16,10 +19,14 @@ use std::time::Instant;
 /// The library is first validated on this computer, by the controller's rules. The controller must be disarmed. It
 /// checks every block and then the whole library; until then its previous library stays active. A transfer that was
 /// interrupted resumes where it stopped.
+///
+/// A controller that was built with a key takes only libraries that `rollwalk library sign` has signed with it. One without a
+/// key takes signed libraries, too; it is sent them without the signature.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
   rollwalk flash agilebot.rwl --bus can:can0
+  rollwalk flash agilebot.signed.rwl --bus can:can0
   rollwalk flash pup.rwl --robot pup.toml --bus serial:/dev/ttyUSB0")]
 pub struct Args {
     /// Motion library.
@@ -60,22 +67,55 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         ));
     }
     let start = Instant::now();
-    let bar = transfer_bar(packed.bytes.len());
-    let outcome = session.flash(&packed.bytes, |progress| bar.set_position(progress.done as u64));
+    let signer = signing::signer(&packed.file);
+    let mut outcome = flash(&mut session, &packed.file);
+    let trailing = Why::TrailingBytes { len: 0, expected: 0 }.code();
+    if signer.is_some() && outcome.as_ref().err().and_then(refused_for) == Some(trailing) {
+        output::say(
+            "The controller checks no signatures; once more, without the one of this library.",
+        );
+        outcome = flash(&mut session, packed.library().bytes());
+    }
+    if let Err(error) = outcome {
+        return Ok(broken_off(args, signer, &error));
+    }
+    names::keep(&packed.catalog());
+    report(args, &packed.robot.name, &packed.library(), packed.file.len(), start)
+}
+
+/// Transfers a file, with a bar that shows how far it is.
+fn flash<B: LinkBus>(session: &mut Session<B>, file: &[u8]) -> Result<(), SessionError> {
+    let bar = transfer_bar(file.len());
+    let outcome = session.flash(file, |progress| bar.set_position(progress.done as u64));
     if outcome.is_ok() {
         bar.finish_and_clear();
     } else {
         bar.abandon();
     }
-    if let Err(error) = outcome {
-        return Ok(broken_off(args, &error));
-    }
-    names::keep(&packed.catalog());
-    report(args, &packed.robot.name, &packed.library(), packed.bytes.len(), start)
+    outcome
 }
 
-fn broken_off(args: &Args, error: &SessionError) -> Exit {
+/// Code of the reason for which the controller rejected the library.
+fn refused_for(error: &SessionError) -> Option<u8> {
+    match error {
+        SessionError::LibraryRefused { reply } if reply.result == TransferResult::Rejected => {
+            Some(reply.why)
+        }
+        _ => None,
+    }
+}
+
+fn broken_off(args: &Args, signer: Option<Fingerprint>, error: &SessionError) -> Exit {
     let exit = ended(&args.link, error);
+    if refused_for(error) == Some(UNSIGNED) {
+        let path = args.library.display();
+        output::say(match signer {
+            Some(key) => format!(
+                "{path} is signed with key {key}, or was changed afterwards: `rollwalk library verify` tells."
+            ),
+            None => format!("{path} is not signed."),
+        });
+    }
     if interrupt::requested()
         || matches!(error, SessionError::Link(_) | SessionError::Silent { .. })
     {

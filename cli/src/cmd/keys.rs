@@ -1,12 +1,13 @@
 //! `rollwalk keys`: secrets of a robot.
 
-use crate::{Exit, keys, output};
+use crate::{Exit, keys, output, signing};
 use std::path::PathBuf;
 
 /// Make keys.
 #[derive(clap::Subcommand)]
 pub enum Action {
     New(New),
+    NewPair(NewPair),
 }
 
 /// Make a link key, the secret that a robot shares with its hosts.
@@ -26,6 +27,24 @@ pub struct New {
     file: PathBuf,
 }
 
+/// Make a key pair for signing motion libraries.
+///
+/// Writes the private key to KEY.pem, readable by its user only, and the public key to KEY.pub.pem. Neither is ever
+/// overwritten. A controller that was built with the public key plays only libraries that were signed with the private
+/// one. Without the private key no library can be signed for it: keep a copy in a safe place, and on no robot.
+/// The keys are Ed25519 in PEM, as OpenSSL reads and writes them.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk keys new-pair owner.pem
+  rollwalk library sign agilebot.rwl --key owner.pem -o agilebot.signed.rwl
+  rollwalk-sim robots/agilebot.toml --bus sim --library-key owner.pub.pem")]
+pub struct NewPair {
+    /// File of the private key to make.
+    #[arg(value_name = "KEY.pem")]
+    file: PathBuf,
+}
+
 /// Runs the subcommand.
 pub fn run(action: &Action) -> miette::Result<Exit> {
     match action {
@@ -33,6 +52,17 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
             keys::new_link_key(file)?;
             let file = file.display();
             output::print(&format!("wrote {file}; --link-key {file} uses it"))?;
+        }
+        Action::NewPair(NewPair { file }) => {
+            let pair = signing::new_pair(file)?;
+            output::print(&format!(
+                "wrote {}, which signs libraries: keep it secret, and a copy of it\n\
+                 wrote {}, which controllers have: key {}\n{}",
+                file.display(),
+                pair.public.display(),
+                pair.fingerprint,
+                pair.pem.trim_end()
+            ))?;
         }
     }
     Ok(Exit::Ok)

@@ -225,13 +225,25 @@ pub fn write_secret(path: &Path, content: &str) -> miette::Result<()> {
         })
     });
     written.map_err(|reason| match reason.kind() {
-        io::ErrorKind::AlreadyExists => miette!(
-            help = "name another file; or remove this one, if no robot has its key any more",
-            "cannot write {}: it exists, and a key is never overwritten",
-            path.display()
-        ),
+        io::ErrorKind::AlreadyExists => key_exists(path),
         _ => cannot_write(path, reason),
     })
+}
+
+/// Refuses the path of a key where a file is.
+///
+/// # Errors
+/// There is one.
+pub fn refuse_existing(path: &Path) -> miette::Result<()> {
+    if path.symlink_metadata().is_ok() { Err(key_exists(path)) } else { Ok(()) }
+}
+
+fn key_exists(path: &Path) -> Report {
+    miette!(
+        help = "name another file; or remove this one, if no robot has its key any more",
+        "cannot write {}: it exists, and a key is never overwritten",
+        path.display()
+    )
 }
 
 /// Makes a folder if it is missing, but not the one that it lies in, and makes sure that files can be written into it.

@@ -1,11 +1,10 @@
 //! The file that keeps the library of a simulated controller while it is switched off.
 
 use crate::files::{self, Output};
-use crate::output;
 use crate::packed::Packed;
+use crate::{output, signing};
 use miette::miette;
-use rollwalk_protocol::library::Library;
-use rollwalk_sim_host::core::LIBRARY_MAX;
+use rollwalk_sim_host::store::{LIBRARY_MAX, VerifyingKey};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -26,13 +25,19 @@ impl Memory {
     /// Reads the library, if there is one, and makes sure that another can be written.
     ///
     /// # Errors
-    /// The library is for another robot or damaged; no file can be written there.
-    pub fn open(path: &Path, robot: &Path) -> miette::Result<Self> {
+    /// The library is for another robot, damaged or not signed with `key`; no file can be written there.
+    pub fn open(path: &Path, robot: &Path, key: Option<&VerifyingKey>) -> miette::Result<Self> {
         // In this order: what has been read is no output for any other purpose.
         let output = Output::of_source(path)?;
         let found = path.exists();
         let library = found.then(|| Packed::read(path, Some(robot))).transpose()?;
-        let library = library.map(|packed| packed.bytes);
+        let library = library.map(|packed| packed.file);
+        if let (Some(file), Some(key)) = (&library, key)
+            && let Err(why) = signing::check(file, key)
+        {
+            let help = "`rollwalk library sign` signs it; or name a file that is not there yet, and flash a signed library";
+            return Err(miette!(help = help, "{} {why}", path.display()));
+        }
         if let Some(bytes) = library.as_ref().map(Vec::len).filter(|bytes| *bytes > LIBRARY_MAX) {
             return Err(miette!(
                 "{} has {bytes} bytes; the memory of a simulated controller has {LIBRARY_MAX}",
@@ -42,7 +47,7 @@ impl Memory {
         Ok(Self { path: path.to_owned(), output, library, found, compared: Instant::now() })
     }
 
-    /// The library that the file has.
+    /// The library that the file has, with its signature if it has one.
     pub fn library(&self) -> Option<&[u8]> {
         self.library.as_deref()
     }
@@ -51,7 +56,7 @@ impl Memory {
     ///
     /// # Errors
     /// As [`keep`](Self::keep).
-    pub fn watch(&mut self, library: Option<Library<'_>>) -> miette::Result<()> {
+    pub fn watch(&mut self, library: Option<&[u8]>) -> miette::Result<()> {
         if self.compared.elapsed() < PERIOD {
             return Ok(());
         }
@@ -63,11 +68,10 @@ impl Memory {
     ///
     /// # Errors
     /// The operating system refuses.
-    pub fn keep(&mut self, library: Option<Library<'_>>) -> miette::Result<()> {
-        let Some(library) = library.map(|library| library.bytes()) else { return Ok(()) };
-        if self.library() == Some(library) {
+    pub fn keep(&mut self, library: Option<&[u8]>) -> miette::Result<()> {
+        let Some(library) = library.filter(|library| self.library() != Some(library)) else {
             return Ok(());
-        }
+        };
         let before = std::mem::take(&mut self.found).then(|| self.put_aside()).transpose()?;
         self.output.write(library)?;
         self.library = Some(library.to_vec());

@@ -16,8 +16,6 @@ use super::log::{Log, Record};
 use super::record::RECORD_LEN;
 use super::{GeometryError, StoreError};
 
-/// Units of the log, each of whole erase units.
-const UNITS: usize = 3;
 const MAGIC: [u8; 8] = *b"RW-BOOT1";
 
 /// A counter in NOR flash, which need not be mapped.
@@ -30,17 +28,7 @@ pub struct BootCounter<F> {
 impl<F: NorFlash> BootCounter<F> {
     /// Finds the latest count after a reset. All of `flash` belongs to the counter: at least three erase units.
     pub fn mount(mut flash: F) -> Result<Self, GeometryError> {
-        let divides = |size| size > 0 && RECORD_LEN.is_multiple_of(size);
-        if !divides(F::WRITE_SIZE) || !divides(F::READ_SIZE) {
-            return Err(GeometryError::WordSize);
-        }
-        let capacity = flash.capacity();
-        let erase_units = (capacity / UNITS).checked_div(F::ERASE_SIZE);
-        let unit_len = erase_units.ok_or(GeometryError::EraseSize)?.saturating_mul(F::ERASE_SIZE);
-        if unit_len < RECORD_LEN || u32::try_from(capacity).is_err() {
-            return Err(GeometryError::Capacity);
-        }
-        let (log, _) = Log::open::<RECORD_LEN, Boot, F>(&mut flash, UNITS, unit_len);
+        let (log, _) = Log::mount::<RECORD_LEN, Boot, F>(&mut flash)?;
         Ok(Self { flash, log })
     }
 
@@ -86,6 +74,7 @@ impl Record<RECORD_LEN> for Boot {
 mod tests {
     use super::*;
     use crate::store::RamFlash;
+    use crate::store::log::MOST_UNITS;
     use crate::store::tests::nor::{ALL_TORN, Nor};
     use embedded_storage::nor_flash::NorFlash;
 
@@ -122,7 +111,7 @@ mod tests {
     fn no_power_cut_brings_a_number_back() {
         for torn in ALL_TORN {
             for step in 1..RECORD_LEN {
-                let mut flash = Nor::<8, 64>::blank(UNITS);
+                let mut flash = Nor::<8, 64>::blank(MOST_UNITS);
                 let (mut last, mut cuts) = (0, 0);
                 for boot in 0..60 {
                     let fuel = step * boot % (64 + RECORD_LEN);

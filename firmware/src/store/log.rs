@@ -12,11 +12,11 @@
 
 use embedded_storage::nor_flash::NorFlash;
 
-use super::StoreError;
-use super::record::is_blank;
+use super::record::{RECORD_LEN, is_blank};
+use super::{GeometryError, StoreError};
 
 /// Largest number of units; the log is at the start of its flash.
-const MOST_UNITS: usize = 3;
+pub(super) const MOST_UNITS: usize = 3;
 /// Attempts to write a record, each at another place.
 const ATTEMPTS: usize = 4;
 
@@ -46,6 +46,23 @@ pub(super) struct Log {
 }
 
 impl Log {
+    /// Finds the newest record in a flash that belongs to the log alone, in [`MOST_UNITS`] units of whole erase units.
+    pub fn mount<const N: usize, R: Record<N>, F: NorFlash>(
+        flash: &mut F,
+    ) -> Result<(Log, Option<R>), GeometryError> {
+        let divides = |size| size > 0 && RECORD_LEN.is_multiple_of(size);
+        if !divides(F::WRITE_SIZE) || !divides(F::READ_SIZE) {
+            return Err(GeometryError::WordSize);
+        }
+        let capacity = flash.capacity();
+        let erase_units = (capacity / MOST_UNITS).checked_div(F::ERASE_SIZE);
+        let unit_len = erase_units.ok_or(GeometryError::EraseSize)?.saturating_mul(F::ERASE_SIZE);
+        if unit_len < N || u32::try_from(capacity).is_err() {
+            return Err(GeometryError::Capacity);
+        }
+        Ok(Self::open(flash, MOST_UNITS, unit_len))
+    }
+
     /// Finds the newest record in `units` units, three at most.
     pub fn open<const N: usize, R: Record<N>, F: NorFlash>(
         flash: &mut F,

@@ -10,7 +10,6 @@ use rollwalk_protocol::crc::crc32c;
 use rollwalk_protocol::wire::Parameter;
 
 use super::log::{Log, Record};
-use super::record::RECORD_LEN;
 use super::{GeometryError, StoreError};
 
 /// Parameters of a channel.
@@ -18,8 +17,6 @@ pub(crate) const PARAMETERS: usize = Parameter::MaxTorque as usize + 1;
 
 /// Bytes of a set: head, values, checksum, and padding to a multiple of 32 bytes, the largest write unit in use.
 pub(super) const SET_LEN: usize = 320;
-/// Units of the log, each of whole erase units.
-pub(super) const UNITS: usize = 3;
 const MAGIC: u8 = 0xB3;
 const _: () = assert!(12 + 4 * PARAMETERS * MAX_CHANNELS + 8 <= SET_LEN, "a set fits");
 
@@ -61,8 +58,6 @@ impl ParameterStore for NoParameters {
 #[derive(Debug)]
 pub struct FlashParameters<F> {
     pub(super) flash: F,
-    /// Bytes of a unit of the log.
-    unit_len: usize,
     pub(super) log: Log,
 }
 
@@ -70,18 +65,8 @@ impl<F: NorFlash> FlashParameters<F> {
     /// Finds the saved set after a reset. All of `flash` belongs to the store: at least three units of 320 bytes,
     /// each of whole erase units.
     pub fn mount(mut flash: F) -> Result<Self, GeometryError> {
-        let divides = |size| size > 0 && RECORD_LEN.is_multiple_of(size);
-        if !divides(F::WRITE_SIZE) || !divides(F::READ_SIZE) {
-            return Err(GeometryError::WordSize);
-        }
-        let capacity = flash.capacity();
-        let erase_units = (capacity / UNITS).checked_div(F::ERASE_SIZE);
-        let unit_len = erase_units.ok_or(GeometryError::EraseSize)?.saturating_mul(F::ERASE_SIZE);
-        if unit_len < SET_LEN || u32::try_from(capacity).is_err() {
-            return Err(GeometryError::Capacity);
-        }
-        let (log, _) = Log::open::<SET_LEN, ParameterSet, F>(&mut flash, UNITS, unit_len);
-        Ok(Self { flash, unit_len, log })
+        let (log, _) = Log::mount::<SET_LEN, ParameterSet, F>(&mut flash)?;
+        Ok(Self { flash, log })
     }
 
     /// Returns the flash.
@@ -92,7 +77,7 @@ impl<F: NorFlash> FlashParameters<F> {
 
 impl<F: NorFlash> ParameterStore for FlashParameters<F> {
     fn load(&mut self) -> Option<ParameterSet> {
-        let (log, set) = Log::open(&mut self.flash, UNITS, self.unit_len);
+        let (log, set) = Log::mount(&mut self.flash).ok()?;
         self.log = log;
         set
     }

@@ -1,20 +1,20 @@
 //! Library store that accepts only libraries with the owner's Ed25519 signature.
 //!
-//! The library is sent and stored with the 64 bytes of its signature behind it. The signature is checked when a
+//! The library is sent and stored with its [signature](SignedFile) behind it. The signature is checked when a
 //! library has been received, before it is validated, and after a reset.
 
-use ed25519_dalek::{Signature, VerifyingKey};
+use ed25519_dalek::Signature;
+pub use ed25519_dalek::VerifyingKey;
+use rollwalk_protocol::library::SignedFile;
 
 use super::{LibraryStore, StoreError};
-
-/// Bytes of the signature behind a library.
-pub const SIGNATURE_LEN: usize = 64;
 
 /// A store that accepts and returns only libraries signed with one key.
 #[derive(Debug)]
 pub struct Signed<S> {
     store: S,
-    key: VerifyingKey,
+    /// `None`: libraries pass as they are.
+    key: Option<VerifyingKey>,
     /// Whether the signature of the active library is valid.
     trusted: bool,
     /// Whether that of the sealed library is valid.
@@ -22,8 +22,8 @@ pub struct Signed<S> {
 }
 
 impl<S: LibraryStore> Signed<S> {
-    /// Wraps `store`; only libraries signed by the owner of `key` pass.
-    pub fn new(store: S, key: VerifyingKey) -> Self {
+    /// Wraps `store`; only libraries signed by the owner of `key` pass. Without a key `store` is as it was.
+    pub fn new(store: S, key: Option<VerifyingKey>) -> Self {
         let mut signed = Self { store, key, trusted: false, sealed: false };
         signed.trust();
         if !signed.trusted && signed.store.roll_back() {
@@ -32,21 +32,35 @@ impl<S: LibraryStore> Signed<S> {
         signed
     }
 
+    /// The active library with its signature; empty when there is none.
+    pub fn signed_bytes(&self) -> &[u8] {
+        if self.trusted { self.store.bytes() } else { &[] }
+    }
+
+    /// Returns the store.
+    pub fn into_inner(self) -> S {
+        self.store
+    }
+
     fn trust(&mut self) {
         self.trusted = self.is_signed(self.store.bytes());
     }
 
     fn is_signed(&self, stored: &[u8]) -> bool {
-        stored.split_last_chunk::<SIGNATURE_LEN>().is_some_and(|(library, signature)| {
-            self.key.verify_strict(library, &Signature::from_bytes(signature)).is_ok()
+        let Some(key) = &self.key else { return true };
+        SignedFile::split(stored).is_some_and(|SignedFile { message, signature, .. }| {
+            key.verify_strict(message, &Signature::from_bytes(signature)).is_ok()
         })
     }
-}
 
-/// The library without its signature; empty unless `trusted`.
-fn library(stored: &[u8], trusted: bool) -> &[u8] {
-    let library = stored.split_last_chunk::<SIGNATURE_LEN>().filter(|_| trusted);
-    library.map_or(&[], |(library, _)| library)
+    /// The library without its signature; empty unless `trusted`.
+    fn library<'a>(&self, stored: &'a [u8], trusted: bool) -> &'a [u8] {
+        match (trusted, self.key) {
+            (false, _) => &[],
+            (true, None) => stored,
+            (true, Some(_)) => SignedFile::split(stored).map_or(&[], |file| file.library),
+        }
+    }
 }
 
 impl<S: LibraryStore> LibraryStore for Signed<S> {
@@ -75,7 +89,7 @@ impl<S: LibraryStore> LibraryStore for Signed<S> {
     }
 
     fn received(&self) -> &[u8] {
-        library(self.store.received(), self.sealed)
+        self.library(self.store.received(), self.sealed)
     }
 
     fn activate(&mut self) -> Result<(), StoreError> {
@@ -94,7 +108,7 @@ impl<S: LibraryStore> LibraryStore for Signed<S> {
     }
 
     fn bytes(&self) -> &[u8] {
-        library(self.store.bytes(), self.trusted)
+        self.library(self.store.bytes(), self.trusted)
     }
 
     fn keeps_library(&self) -> bool {
@@ -119,21 +133,24 @@ impl<S: LibraryStore> LibraryStore for Signed<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::RamStore;
+    use crate::store::{FlashStore, RamFlash, RamStore};
     use ed25519_dalek::{Signer, SigningKey};
     use rollwalk_protocol::crc::file_digest;
+    use rollwalk_protocol::library::{SIGNATURE_BLOCK_LEN, signature_head};
 
     const LIBRARY: [u8; 100] = [7; 100];
+    const SIGNED_LEN: usize = LIBRARY.len() + SIGNATURE_BLOCK_LEN;
 
-    fn signed_by(seed: u8) -> [u8; 164] {
-        let mut bytes = [7; 164];
-        let signature = SigningKey::from_bytes(&[seed; 32]).sign(&LIBRARY);
-        bytes[100..].copy_from_slice(&signature.to_bytes());
+    fn signed_by(seed: u8) -> [u8; SIGNED_LEN] {
+        let mut bytes = [7; SIGNED_LEN];
+        bytes[100..116].copy_from_slice(&signature_head([0x5A; 8]));
+        let signature = SigningKey::from_bytes(&[seed; 32]).sign(&bytes[..116]);
+        bytes[116..].copy_from_slice(&signature.to_bytes());
         bytes
     }
 
-    fn owner() -> VerifyingKey {
-        SigningKey::from_bytes(&[1; 32]).verifying_key()
+    fn owner() -> Option<VerifyingKey> {
+        Some(SigningKey::from_bytes(&[1; 32]).verifying_key())
     }
 
     fn send(store: &mut impl LibraryStore, bytes: &[u8]) -> Result<(), StoreError> {
@@ -149,14 +166,24 @@ mod tests {
         assert_eq!(store.received(), LIBRARY);
         assert_eq!(store.activate(), Ok(()));
         assert_eq!(store.bytes(), LIBRARY);
+        assert_eq!(store.signed_bytes(), signed_by(1));
 
-        let mut altered = signed_by(1);
-        altered[3] ^= 1;
-        for bad in [&signed_by(2)[..], &altered, &LIBRARY, &LIBRARY[..10]] {
+        let end = SIGNED_LEN - 1;
+        let altered = [3, 100, 110, 116, end].map(|at| {
+            let mut altered = signed_by(1);
+            altered[at] ^= 1;
+            altered
+        });
+        let altered = altered.iter().map(|bytes| &bytes[..]);
+        let short = signed_by(1);
+        let others = signed_by(2);
+        for bad in
+            altered.chain([&others[..], &LIBRARY, &LIBRARY[..10], &short[..end], &short[1..]])
+        {
             assert_eq!(send(&mut store, bad), Err(StoreError::Unsigned));
             assert_eq!(store.received(), b"");
             assert_eq!(store.activate(), Err(StoreError::NotSealed));
-            assert_eq!(store.bytes(), b"");
+            assert_eq!((store.bytes(), store.signed_bytes()), (&b""[..], &b""[..]));
         }
     }
 
@@ -167,24 +194,35 @@ mod tests {
         assert_eq!(Signed::new(holding(&signed_by(2)), owner()).bytes(), b"");
     }
 
-    /// RFC 8032, section 7.1, test 2: the message 0x72.
+    /// A library on trial that is not the owner's, as after an image with another key was flashed.
     #[test]
-    fn signature_of_the_rfc() {
-        let hex = |text: &str, out: &mut [u8]| {
-            for (byte, i) in out.iter_mut().zip((0..).step_by(2)) {
-                *byte = u8::from_str_radix(&text[i..i + 2], 16).unwrap();
+    fn a_library_on_trial_that_is_not_the_owners_is_rolled_back_at_power_on() {
+        let flash = FlashStore::mount(RamFlash::new([0xFF; 8 * 4096]), 2).unwrap();
+        let mut store = Signed::new(flash, None);
+        for (library, confirm) in [(signed_by(1), true), (signed_by(2), false)] {
+            assert_eq!(send(&mut store, &library), Ok(()));
+            store.activate().unwrap();
+            if confirm {
+                store.confirm().unwrap();
             }
-        };
-        let mut key = [0; 32];
-        hex("3d4017c3e843895a92b70aa74d1b7ebc9c982ccf2ec4968cc0cd55f12af4660c", &mut key);
-        let mut stored = [0x72; 65];
-        hex(
-            "92a009a9f0d4cab8720e820b5f642540a2b27b5416503f8fb3762223ebdb69da\
-             085ac1e43e15996e458f3613d0f11d8c387b2eaeb4302aeeb00d291612bb0c00",
-            &mut stored[1..],
-        );
-        let key = VerifyingKey::from_bytes(&key).unwrap();
-        let store = Signed::new(RamStore::<65>::holding(&stored).unwrap(), key);
-        assert_eq!(store.bytes(), [0x72]);
+        }
+        assert_eq!(store.bytes(), signed_by(2), "without a key it passes as it is");
+        let again = FlashStore::mount(store.into_inner().into_flash(), 2).unwrap();
+        assert_eq!(Signed::new(again, owner()).bytes(), LIBRARY);
+    }
+
+    /// Signed by `openssl pkeyutl -sign -rawin`, with the fingerprint of `sha256sum` over OpenSSL's DER of the public key.
+    #[test]
+    fn what_openssl_signed_passes() {
+        let fingerprint = [0xFD, 0x11, 0x0D, 0x30, 0x1D, 0x2F, 0x07, 0x7D];
+        let signature = "cb8b2c55166e85e5a94ce6ed45b18708a54cf573c80c88b913127c270c619b09\
+                         5e2120fe9e01b5f23822bc620793ff204534863ddbf0e2659ccd567fdde9b703";
+        let mut stored = [7; SIGNED_LEN];
+        stored[100..116].copy_from_slice(&signature_head(fingerprint));
+        for (byte, at) in stored[116..].iter_mut().zip((0..).step_by(2)) {
+            *byte = u8::from_str_radix(&signature[at..at + 2], 16).unwrap();
+        }
+        let store = Signed::new(RamStore::<256>::holding(&stored).unwrap(), owner());
+        assert_eq!(store.bytes(), LIBRARY);
     }
 }

@@ -41,6 +41,7 @@ mod quantise;
 mod records;
 mod reject;
 mod routes;
+mod signature;
 mod source;
 mod spec;
 mod validate;
@@ -54,6 +55,10 @@ pub use container::identity;
 pub use cursor::{Advance, ClipCursor, Unreadable};
 pub use encode::{encode, encode_with_attitudes};
 pub use reject::{Reject, Section, Why};
+pub use signature::{
+    FINGERPRINT_LEN, SIGNATURE_BLOCK_LEN, SIGNATURE_LEN, SIGNATURE_MAGIC, SignedFile,
+    signature_head,
+};
 pub use spec::{
     ClipRef, EncodeError, JOIN_TOLERANCE_RAD, LibrarySpec, MotionSpec, TORQUE_BLEND_FRAMES,
     TransitionSpec,

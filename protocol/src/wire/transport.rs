@@ -254,6 +254,9 @@ coded! {
     }
 }
 
+/// [`Reply::why`] of a library whose signature is missing or not the owner's; validation has no such code.
+pub const UNSIGNED: u8 = 0;
+
 /// The answer to a transfer request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reply {
@@ -266,7 +269,7 @@ pub struct Reply {
     pub next: u32,
     /// After [`TransferResult::Rejected`]: code of the section ([`crate::library::Section::code`]).
     pub section: u8,
-    /// After [`TransferResult::Rejected`]: code of the reason ([`crate::library::Why::code`]).
+    /// After [`TransferResult::Rejected`]: code of the reason ([`crate::library::Why::code`], or [`UNSIGNED`]).
     pub why: u8,
 }
 

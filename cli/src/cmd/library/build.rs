@@ -5,7 +5,7 @@ use crate::inputs::Source;
 use crate::link::names;
 use crate::packed::Packed;
 use crate::planning::{PlanOutcome, Plans, plan_all};
-use crate::{Exit, output};
+use crate::{Exit, output, signing};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -17,6 +17,7 @@ use std::path::PathBuf;
 Examples:
   rollwalk library build motions/agilebot_library.toml -o agilebot.rwl
   rollwalk library build pup.library.toml -o pup.rwl --json | jq .bytes
+  rollwalk library build motions/agilebot_library.toml -o agilebot.rwl --sign owner.pem
 
 The format of library files is described in docs/motion-files.md, that of the result in
 docs/motion-library.md.")]
@@ -27,6 +28,9 @@ pub struct Args {
     /// Where to write the motion library.
     #[arg(short, long, value_name = "LIB.rwl")]
     output: PathBuf,
+    /// Sign the library with this private key (`rollwalk keys new-pair`).
+    #[arg(long, value_name = "KEY.pem")]
+    sign: Option<PathBuf>,
     /// Print every iteration to stderr.
     #[arg(short, long)]
     verbose: bool,
@@ -48,12 +52,16 @@ struct Outcome<'a> {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let library = Source::Disk.library(&args.library)?;
+    let key = args.sign.as_deref().map(signing::private_key).transpose()?;
     let place = Output::at(&args.output)?;
     let Some(plans) = plan_all(&library, args.verbose)? else { return Ok(Exit::Interrupted) };
     let converged = plans.failures().is_empty();
     let bytes = if converged { plans.pack(&library)?.bytes } else { Vec::new() };
     if converged {
-        place.write(&bytes)?;
+        match &key {
+            Some(key) => place.write(&signing::signed(&bytes, key))?,
+            None => place.write(&bytes)?,
+        }
         // So that tools know the motions by name wherever the library is flashed to.
         names::keep(&Packed::new(library.robot.clone(), bytes.clone())?.catalog());
     }

@@ -2,6 +2,7 @@
 
 use crate::output::Table;
 use crate::packed::Packed;
+use crate::signing::{self, Fingerprint};
 use crate::{Exit, output};
 use rollwalk_protocol::library::{EdgeId, Library, NodeId, RATE_HZ};
 use rollwalk_robot::Robot;
@@ -37,8 +38,10 @@ pub struct Args {
 struct Content {
     robot: String,
     bytes: u32,
-    /// CRC-32C of the body, by which a controller names the library.
+    /// Digest of the library, by which a controller names it.
     id: String,
+    /// Fingerprint of the key that the file claims to be signed with.
+    signed_with: Option<String>,
     config_hash: String,
     rate_hz: u16,
     channels: usize,
@@ -72,7 +75,7 @@ struct Transition {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let packed = Packed::read(&args.library, args.robot.as_deref())?;
-    let content = content(&packed.robot, &packed.library());
+    let content = content(&packed.robot, &packed.library(), signing::signer(&packed.file));
     if args.json {
         output::print_json(&content)?;
     } else {
@@ -81,7 +84,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
-fn content(robot: &Robot, library: &Library) -> Content {
+fn content(robot: &Robot, library: &Library, signer: Option<Fingerprint>) -> Content {
     let name = |node: NodeId| library.name(node).unwrap_or_default().to_owned();
     let seconds = |frames: u16| f64::from(frames) / f64::from(RATE_HZ);
     let motion = |node: NodeId| {
@@ -114,6 +117,7 @@ fn content(robot: &Robot, library: &Library) -> Content {
         robot: robot.name.clone(),
         bytes: index.len_bytes(),
         id: format!("{:#010x}", index.id()),
+        signed_with: signer.map(|key| key.to_string()),
         config_hash: format!("{:#010x}", index.config_hash()),
         rate_hz: RATE_HZ,
         channels: library.channel_count(),
@@ -149,7 +153,7 @@ fn describe(content: &Content) -> String {
         ]);
     }
     format!(
-        "motion library {} for {} (configuration {}): {} B, {} channels at {} Hz{}\n\n{}\n\n{}",
+        "motion library {} for {} (configuration {}): {} B, {} channels at {} Hz{}\n{}\n\n{}\n\n{}",
         content.id,
         content.robot,
         content.config_hash,
@@ -157,6 +161,10 @@ fn describe(content: &Content) -> String {
         content.channels,
         content.rate_hz,
         if content.torques { ", with torques" } else { ", without torques" },
+        match &content.signed_with {
+            Some(key) => format!("signed with key {key}; `rollwalk library verify` checks it"),
+            None => "not signed".to_owned(),
+        },
         motions.render(),
         transitions.render(),
     )

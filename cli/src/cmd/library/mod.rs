@@ -2,14 +2,18 @@
 
 mod build;
 mod inspect;
+mod sign;
+mod verify;
 
 use crate::Exit;
 
-/// Build and inspect motion libraries.
+/// Build, inspect and sign motion libraries.
 #[derive(clap::Subcommand)]
 pub enum Action {
     Build(build::Args),
     Inspect(inspect::Args),
+    Sign(sign::Args),
+    Verify(verify::Args),
 }
 
 /// Runs the subcommand.
@@ -17,5 +21,7 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
     match action {
         Action::Build(args) => build::run(args),
         Action::Inspect(args) => inspect::run(args),
+        Action::Sign(args) => sign::run(args),
+        Action::Verify(args) => verify::run(args),
     }
 }

@@ -10,7 +10,7 @@ use super::std::string::String;
 use super::std::{format, println};
 use super::*;
 use crate::store::log::{Log, Record};
-use crate::store::parameters::{SET_LEN, UNITS};
+use crate::store::parameters::SET_LEN;
 use embedded_storage::nor_flash::NorFlash;
 use rollwalk_protocol::crc::crc32c;
 
@@ -94,8 +94,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     fn judge(&self, flash: &Nor<W, E>, saved: bool) -> Result<bool, String> {
         let mut flash = flash.clone();
         let loaded = if self.bug == Bug::BelieveAnything {
-            let unit_len = flash.cells().len() / UNITS;
-            Log::open::<SET_LEN, Gullible, _>(&mut flash, UNITS, unit_len).1.map(|set| set.0)
+            Log::mount::<SET_LEN, Gullible, _>(&mut flash).unwrap().1.map(|set| set.0)
         } else {
             FlashParameters::mount(flash.clone()).unwrap().load()
         };

@@ -1,0 +1,51 @@
+//! `rollwalk library sign`: a motion library with the owner's signature behind it.
+
+use crate::Exit;
+use crate::files::Output;
+use crate::packed::Packed;
+use crate::signing::{self, Fingerprint};
+use std::path::PathBuf;
+
+/// Sign a motion library, for controllers that play only signed ones.
+///
+/// The library is first validated as a controller does. A signature that it has already is replaced.
+/// `rollwalk keys new-pair` makes the key.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk library sign agilebot.rwl --key owner.pem -o agilebot.signed.rwl
+  rollwalk library verify agilebot.signed.rwl --key owner.pub.pem
+  rollwalk flash agilebot.signed.rwl --bus sim
+
+docs/motion-library.md describes what is added to the file.")]
+pub struct Args {
+    /// Motion library.
+    #[arg(value_name = "LIB.rwl")]
+    library: PathBuf,
+    /// Private key.
+    #[arg(long, value_name = "KEY.pem")]
+    key: PathBuf,
+    /// Where to write the signed library.
+    #[arg(short, long, value_name = "SIGNED.rwl")]
+    output: PathBuf,
+    /// Robot file (TOML) of the robot that the library is for, if it does not ship with rollwalk.
+    #[arg(long, value_name = "ROBOT.toml")]
+    robot: Option<PathBuf>,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let packed = Packed::read(&args.library, args.robot.as_deref())?;
+    let key = signing::private_key(&args.key)?;
+    let place = Output::at(&args.output)?;
+    let signed = signing::signed(packed.library().bytes(), &key);
+    place.write(&signed)?;
+    place.comment(&format!(
+        "wrote {}: {} for {}, signed with key {}",
+        args.output.display(),
+        args.library.display(),
+        packed.robot.name,
+        Fingerprint::of(&key.verifying_key())
+    ))?;
+    Ok(Exit::Ok)
+}

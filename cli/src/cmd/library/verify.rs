@@ -1,0 +1,44 @@
+//! `rollwalk library verify`: whether a motion library has the owner's signature.
+
+use crate::kind::Kind;
+use crate::signing::{self, Fingerprint};
+use crate::{Exit, files, output};
+use miette::miette;
+use rollwalk_protocol::library::identity;
+use std::path::PathBuf;
+
+/// Check the signature of a motion library as a controller with this public key does.
+///
+/// Ends with exit code 1 if the library is not signed, was signed with another key, or was changed afterwards. What is in the
+/// library is shown by `rollwalk library inspect`.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk library verify agilebot.signed.rwl --key owner.pub.pem")]
+pub struct Args {
+    /// Motion library.
+    #[arg(value_name = "LIB.rwl")]
+    library: PathBuf,
+    /// Public key.
+    #[arg(long, value_name = "KEY.pub.pem")]
+    key: PathBuf,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let key = signing::public_key(&args.key)?;
+    let file = files::read(&args.library, Kind::Packed)?;
+    let path = args.library.display();
+    if let Err(why) = signing::check(&file, &key) {
+        let help = "`rollwalk library sign LIB.rwl --key KEY.pem -o SIGNED.rwl` signs it, with the private key of the pair";
+        return Err(miette!(help = help, "{path} {why}"));
+    }
+    let Some(identity) = identity(&file) else {
+        return Err(miette!("{path} is signed, and is no motion library"));
+    };
+    output::print(&format!(
+        "{path}: motion library {identity:#010x}, signed with key {}",
+        Fingerprint::of(&key)
+    ))?;
+    Ok(Exit::Ok)
+}

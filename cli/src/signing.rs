@@ -1,0 +1,208 @@
+//! Signatures of motion libraries: key pairs in PEM, as OpenSSL reads and writes them (PKCS #8 and SPKI, RFC 8410), signing and
+//! checking. `rollwalk_protocol::library::SignedFile` is what a signed file looks like.
+
+use crate::files::{self, Output};
+use crate::keys::{random, warn_if_readable_by_others};
+use crate::kind::Kind;
+use ed25519_dalek::pkcs8::spki::der::pem::LineEnding;
+use ed25519_dalek::pkcs8::{
+    DecodePrivateKey, DecodePublicKey, EncodePrivateKey, EncodePublicKey, KeypairBytes,
+};
+use ed25519_dalek::{Signature, Signer, SigningKey, VerifyingKey};
+use miette::{IntoDiagnostic, miette};
+use rollwalk_protocol::library::{FINGERPRINT_LEN, SignedFile, signature_head};
+use sha2::{Digest, Sha256};
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// The first bytes of the SHA-256 of a public key's DER, which tell keys apart for people:
+/// `openssl pkey -pubin -in KEY.pub.pem -outform DER | sha256sum`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fingerprint(pub [u8; FINGERPRINT_LEN]);
+
+impl Fingerprint {
+    /// That of a key.
+    pub fn of(key: &VerifyingKey) -> Self {
+        let der = key.to_public_key_der().expect("44 bytes");
+        let mut bytes = [0; FINGERPRINT_LEN];
+        bytes.iter_mut().zip(Sha256::digest(der.as_bytes())).for_each(|(to, byte)| *to = byte);
+        Self(bytes)
+    }
+}
+
+impl fmt::Display for Fingerprint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+/// A key pair that was just made.
+pub struct Pair {
+    /// File of the public key.
+    pub public: PathBuf,
+    /// The public key in PEM.
+    pub pem: String,
+    /// Its fingerprint.
+    pub fingerprint: Fingerprint,
+}
+
+/// Makes a key pair: the private key in `path`, the public one beside it, `owner.pub.pem` for `owner.pem`.
+///
+/// # Errors
+/// One of the files exists, or cannot be written.
+pub fn new_pair(path: &Path) -> miette::Result<Pair> {
+    let public = path.with_extension(match path.extension() {
+        Some(ending) => format!("pub.{}", ending.to_string_lossy()),
+        None => "pub".to_owned(),
+    });
+    let secret_key = random()?;
+    let key = SigningKey::from_bytes(&secret_key).verifying_key();
+    // The first version of PKCS #8, without the public key: OpenSSL reads no other.
+    let private = KeypairBytes { secret_key, public_key: None }.to_pkcs8_pem(LineEnding::LF);
+    let private = private.map_err(|error| miette!("{error}"))?;
+    let pem = key.to_public_key_pem(LineEnding::LF).into_diagnostic()?;
+    files::refuse_existing(&public)?;
+    files::write_secret(path, &private)?;
+    Output::at(&public)?.write(pem.as_bytes())?;
+    Ok(Pair { public, pem, fingerprint: Fingerprint::of(&key) })
+}
+
+/// Reads the private key of a pair.
+///
+/// # Errors
+/// The file cannot be read, or holds no such key.
+pub fn private_key(path: &Path) -> miette::Result<SigningKey> {
+    let text = files::read_text(path, Kind::PrivateKey)?;
+    warn_if_readable_by_others(path);
+    SigningKey::from_pkcs8_pem(&text).map_err(|_| {
+        let help = match text.contains("PUBLIC KEY") {
+            true => "it is a public key: libraries are signed with the private one of the pair",
+            false => "`rollwalk keys new-pair KEY.pem` makes one, and so does `openssl genpkey -algorithm ed25519`",
+        };
+        miette!(help = help, "{} is no private Ed25519 key in PEM (PKCS #8)", path.display())
+    })
+}
+
+/// Reads the public key of a pair.
+///
+/// # Errors
+/// The file cannot be read, or holds no such key.
+pub fn public_key(path: &Path) -> miette::Result<VerifyingKey> {
+    let text = files::read_text(path, Kind::PublicKey)?;
+    let key = VerifyingKey::from_public_key_pem(&text).ok().filter(|key| !key.is_weak());
+    key.ok_or_else(|| {
+        let help = match text.contains("PRIVATE KEY") {
+            true => "it is a private key, which only signing needs: give the public one, such as KEY.pub.pem",
+            false => "`rollwalk keys new-pair KEY.pem` makes one, KEY.pub.pem",
+        };
+        miette!(help = help, "{} is no public Ed25519 key in PEM", path.display())
+    })
+}
+
+/// A library with a signature behind it.
+pub fn signed(library: &[u8], key: &SigningKey) -> Vec<u8> {
+    let fingerprint = Fingerprint::of(&key.verifying_key());
+    let mut file = [library, &signature_head(fingerprint.0)].concat();
+    let signature = key.sign(&file);
+    file.extend(signature.to_bytes());
+    file
+}
+
+/// Whose signature a file claims to have.
+pub fn signer(file: &[u8]) -> Option<Fingerprint> {
+    SignedFile::split(file).map(|file| Fingerprint(file.fingerprint))
+}
+
+/// Checks a file's signature as a controller with `key` does.
+///
+/// # Errors
+/// It has none, that of another key, or was changed; the sentence goes on after the file's name.
+pub fn check(file: &[u8], key: &VerifyingKey) -> Result<(), String> {
+    let ours = Fingerprint::of(key);
+    let Some(file) = SignedFile::split(file) else {
+        return Err("is not signed".to_owned());
+    };
+    let theirs = Fingerprint(file.fingerprint);
+    match key.verify_strict(file.message, &Signature::from_bytes(file.signature)) {
+        Ok(()) => Ok(()),
+        Err(_) if theirs == ours => {
+            Err(format!("was changed after it was signed with key {ours}, or its signature was"))
+        }
+        Err(_) => Err(format!("is signed with key {theirs}, not with {ours}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn a_pair_is_made_once_and_its_private_key_for_its_user_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let made = new_pair(&at("owner.pem")).unwrap();
+        assert_eq!(made.public, at("owner.pub.pem"));
+        assert_eq!(fs::read_to_string(&made.public).unwrap(), made.pem);
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            assert_eq!(fs::metadata(at("owner.pem")).unwrap().permissions().mode() & 0o777, 0o600);
+        }
+        let private = private_key(&at("owner.pem")).unwrap();
+        let public = public_key(&made.public).unwrap();
+        assert_eq!(private.verifying_key(), public);
+        assert_eq!(Fingerprint::of(&public), made.fingerprint);
+        // Neither half is written over, and no half is made alone.
+        fs::remove_file(at("owner.pem")).unwrap();
+        assert!(new_pair(&at("owner.pem")).err().unwrap().to_string().contains("exists"));
+        assert!(!at("owner.pem").exists());
+        fs::rename(&made.public, at("owner.pem")).unwrap();
+        assert!(new_pair(&at("owner.pem")).err().unwrap().to_string().contains("exists"));
+        assert!(!made.public.exists());
+        assert_eq!(new_pair(&at("plain")).unwrap().public, at("plain.pub"));
+    }
+
+    /// Keys as `openssl genpkey -algorithm ed25519` and `openssl pkey -pubout` write them; fingerprint by `sha256sum`.
+    #[test]
+    fn keys_of_openssl() {
+        let folder = tempfile::tempdir().unwrap();
+        let [private, public] = ["k.pem", "p.pem"].map(|name| folder.path().join(name));
+        let pem = "-----BEGIN PRIVATE KEY-----\n\
+                   MC4CAQAwBQYDK2VwBCIEIAEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEB\n\
+                   -----END PRIVATE KEY-----\n";
+        fs::write(&private, pem).unwrap();
+        let pem = "-----BEGIN PUBLIC KEY-----\n\
+                   MCowBQYDK2VwAyEAiojj3XQJ8ZX9UtstPLpdcspnCb8dlBIb83SIAbQPb1w=\n\
+                   -----END PUBLIC KEY-----\n";
+        fs::write(&public, pem).unwrap();
+        let key = private_key(&private).unwrap();
+        assert_eq!(key.to_bytes(), [1; 32]);
+        assert_eq!(key.verifying_key(), public_key(&public).unwrap());
+        assert_eq!(Fingerprint::of(&key.verifying_key()).to_string(), "fd110d301d2f077d");
+
+        let error = private_key(&public).unwrap_err();
+        assert!(format!("{error:?}").contains("it is a public key"), "{error:?}");
+        let error = public_key(&private).unwrap_err();
+        assert!(format!("{error:?}").contains("it is a private key"), "{error:?}");
+        fs::write(&private, "x").unwrap();
+        assert!(private_key(&private).is_err() && public_key(&private).is_err());
+    }
+
+    #[test]
+    fn a_signature_is_for_one_key_and_one_library() {
+        let [ours, theirs] = [1, 2].map(|seed| SigningKey::from_bytes(&[seed; 32]));
+        let key = ours.verifying_key();
+        let file = signed(b"library", &ours);
+        assert_eq!(signer(&file), Some(Fingerprint::of(&key)));
+        assert_eq!(check(&file, &key), Ok(()));
+        assert_eq!(check(b"library", &key), Err("is not signed".to_owned()));
+        let error = check(&signed(b"library", &theirs), &key).unwrap_err();
+        assert!(error.contains("is signed with key"), "{error}");
+        for at in 0..file.len() {
+            let mut changed = file.clone();
+            changed[at] ^= 1;
+            assert!(check(&changed, &key).is_err(), "byte {at}");
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! The signature behind a library: where it is in a file, and what it covers. What checks and makes it is elsewhere.
+//!
+//! ```text
+//! library │ `RW-SIGN1` │ fingerprint of the key 8 B │ Ed25519 signature 64 B, over everything before it
+//! ```
+//!
+//! The fingerprint only tells people whose signature it claims to be. `docs/motion-library.md` is normative.
+
+/// Begins the block behind a signed library.
+pub const SIGNATURE_MAGIC: [u8; 8] = *b"RW-SIGN1";
+/// Bytes of the fingerprint of a public key.
+pub const FINGERPRINT_LEN: usize = 8;
+/// Bytes of an Ed25519 signature (RFC 8032).
+pub const SIGNATURE_LEN: usize = 64;
+/// Bytes before the signature that are not the library's.
+const HEAD_LEN: usize = SIGNATURE_MAGIC.len() + FINGERPRINT_LEN;
+/// Bytes that a signature adds to a library.
+pub const SIGNATURE_BLOCK_LEN: usize = HEAD_LEN + SIGNATURE_LEN;
+
+/// A file that ends with a signature, which may be wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SignedFile<'a> {
+    /// The library alone.
+    pub library: &'a [u8],
+    /// What the signature is over: the library, magic and fingerprint.
+    pub message: &'a [u8],
+    /// First bytes of the SHA-256 of the public key, as the file has it.
+    pub fingerprint: [u8; FINGERPRINT_LEN],
+    /// The signature.
+    pub signature: &'a [u8; SIGNATURE_LEN],
+}
+
+impl<'a> SignedFile<'a> {
+    /// Takes a file apart; `None` if it does not end with a signature.
+    pub fn split(file: &'a [u8]) -> Option<Self> {
+        let (message, signature) = file.split_last_chunk::<SIGNATURE_LEN>()?;
+        let (rest, fingerprint) = message.split_last_chunk::<FINGERPRINT_LEN>()?;
+        let library = rest.strip_suffix(&SIGNATURE_MAGIC)?;
+        Some(Self { library, message, fingerprint: *fingerprint, signature })
+    }
+}
+
+/// The bytes between a library and its signature, which the signature covers.
+pub fn signature_head(fingerprint: [u8; FINGERPRINT_LEN]) -> [u8; HEAD_LEN] {
+    let mut head = [0; HEAD_LEN];
+    let bytes = SIGNATURE_MAGIC.into_iter().chain(fingerprint);
+    head.iter_mut().zip(bytes).for_each(|(place, byte)| *place = byte);
+    head
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec::Vec;
+
+    #[test]
+    fn a_file_comes_apart_where_it_was_joined() {
+        for len in [0, 1, 1000] {
+            let library: Vec<u8> = (0..len).map(|i| i as u8).collect();
+            let message = [&library[..], &signature_head(*b"12345678")].concat();
+            assert_eq!(message[len as usize..], *b"RW-SIGN112345678");
+            let file = [&message[..], &[7; SIGNATURE_LEN]].concat();
+            assert_eq!(file.len(), library.len() + SIGNATURE_BLOCK_LEN);
+            let split = SignedFile::split(&file).unwrap();
+            assert_eq!((split.library, split.message), (&library[..], &message[..]));
+            assert_eq!((split.fingerprint, split.signature), (*b"12345678", &[7; SIGNATURE_LEN]));
+            assert_eq!(SignedFile::split(&file[..file.len() - 1]), None);
+        }
+        assert_eq!(SignedFile::split(&[0; 1000]), None);
+    }
+}
