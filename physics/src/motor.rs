@@ -4,6 +4,7 @@ use crate::force::{By, Derivative, Force, View, Wrench};
 use crate::motion::Motion;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::skew;
+use rollwalk_robot::Actuator;
 use std::f64::consts::PI;
 
 /// What the motor does with angle and speed at the end of a step:
@@ -36,6 +37,19 @@ pub struct Torque {
 }
 
 impl Law {
+    /// A servo with the gains and limits of an actuator, which holds angle 0 at rest.
+    pub fn servo(actuator: &Actuator) -> Self {
+        Self {
+            kp_nm_rad: actuator.kp_nm_rad,
+            kd_nm_s_rad: actuator.kd_nm_s_rad,
+            limit_nm: actuator.torque_max_nm,
+            line: actuator
+                .torque_speed
+                .map(|line| (line.stall_torque_nm, line.no_load_speed_rad_s)),
+            ..Self::default()
+        }
+    }
+
     /// The torque at an angle, rad, and a speed, rad/s.
     pub fn torque(&self, angle_rad: f64, speed_rad_s: f64) -> Torque {
         let error = wrapped(self.position_rad - angle_rad);

@@ -3,36 +3,27 @@
 //! A wheel that spins is a body of its own, whose mass and inertia are taken out of its link, so that both together are the
 //! link of the robot file.
 
+mod build;
+mod foot;
 mod hinge;
 mod parameters;
 mod state;
 mod wheels;
 
-use crate::assembly::Assembly;
-use crate::body::{Body, Inertia};
-use crate::contact::{Contact, Resistance, Tip};
-use crate::force::Force;
-use crate::friction::Friction;
 use crate::ground::Ground;
 use crate::hold::{Hold, Place};
-use crate::motion::Motion;
-use crate::motor::{Law, Motor, Stops};
+use crate::motor::{Law, Motor};
 use crate::system::{StepError, StepReport, System};
 use crate::touch::Touch;
-use hinge::{Hinge, gyration_m, perpendicular};
+use build::Build;
 use nalgebra::{Matrix3, Vector3};
-use rollwalk_robot::{EndEffector, Joint, Robot};
-use state::link_motions;
+use rollwalk_robot::{Channel, Robot};
+use std::ops::Range;
 use std::sync::Arc;
-use wheels::{Spinning, wheels_of, without};
 
+pub use foot::SoftFeet;
 pub use parameters::Parameters;
 pub use state::RobotState;
-
-/// Angle by which the motor's greatest torque bends a stop, rad.
-const STOP_RAD: f64 = 0.02;
-/// Largest angle of a stop, rad: beyond it a hinge that is pushed on would come round to the other side.
-const STOP_MAX_RAD: f64 = 3.0;
 
 /// A robot in its world.
 #[derive(Debug)]
@@ -44,8 +35,8 @@ pub struct World {
     wheels: Vec<Option<usize>>,
     /// Forces that are motors, by channel.
     motors: Vec<usize>,
-    /// Forces that are contacts, by end effector.
-    contacts: Vec<usize>,
+    /// Forces that are contacts, by end effector: several of a soft foot.
+    contacts: Vec<Range<usize>>,
     /// Force that can hold the root link.
     hold: usize,
 }
@@ -61,73 +52,35 @@ impl World {
         parameters: &Parameters,
         state: &RobotState,
     ) -> Self {
-        let links = robot.links.len();
-        let mut inertias: Vec<Inertia> = Vec::with_capacity(links);
-        let mut centers: Vec<Vector3<f64>> = Vec::with_capacity(links);
-        let mut spinning = Vec::new();
-        for (number, link) in robot.links.iter().enumerate() {
-            let wheels = wheels_of(robot, number);
-            let (inertia, center) = without(robot, link, &wheels);
-            inertias.push(inertia);
-            centers.push(center);
-            spinning.extend(wheels);
-        }
-        let mut motions = link_motions(robot, state, &centers);
-        let mut forces: Vec<Box<dyn Force>> = Vec::new();
-        let mut motors = Vec::new();
-        for joint in &robot.joints {
-            let turn = joint.parent_from_joint.rotation.to_rotation_matrix();
-            let across = perpendicular(&joint.axis_in_joint);
-            let hinge = Hinge {
-                bodies: [joint.parent, joint.child],
-                points: [
-                    joint.parent_from_joint.translation.vector - centers[joint.parent],
-                    -centers[joint.child],
-                ],
-                axes: [turn * joint.axis_in_joint, joint.axis_in_joint],
-                across: [turn * across, across],
-                size_m: gyration_m(&inertias[joint.child]),
-            };
-            let stops = stops(joint);
-            motors.push(hinge.add(&mut forces, parameters, joint.actuator.armature_kg_m2, stops));
-        }
-        let mut wheels = vec![None; robot.end_effectors.len()];
-        for Spinning { end_effector: number, inertia } in spinning {
-            let end_effector = &robot.end_effectors[number];
-            let (link, body) = (end_effector.link, inertias.len());
-            wheels[number] = Some(body);
-            inertias.push(inertia);
-            let axis = *end_effector.contact.axis_in_link().expect("what spins has an axis");
-            let mount = end_effector.center_in_link_m - centers[link];
-            let (position, velocity) = motions[link].point(&mount);
-            let rotation = motions[link].rotation;
-            let spin = motions[link].spin + rotation * axis * state.wheel_rad_s[number];
-            motions.push(Motion { position, rotation, velocity, spin });
-            let across = perpendicular(&axis);
-            let hinge = Hinge {
-                bodies: [link, body],
-                points: [mount, Vector3::zeros()],
-                axes: [axis; 2],
-                across: [across; 2],
-                size_m: gyration_m(&inertias[body]),
-            };
-            if let Some(actuator) = end_effector.contact.actuator() {
-                motors.push(hinge.add(&mut forces, parameters, actuator.armature_kg_m2, None));
-            } else {
-                hinge.add_free(&mut forces, parameters);
-            }
-        }
-        let mut contacts = Vec::new();
-        for (end_effector, wheel) in robot.end_effectors.iter().zip(&wheels) {
-            contacts.push(forces.len());
-            let contact = contact(end_effector, *wheel, &centers, parameters, ground);
-            forces.push(Box::new(contact));
-        }
-        let hold = forces.len();
-        forces.push(Box::new(Hold { body: [0], grip: parameters.grip, place: None }));
-        let bodies = inertias.into_iter().map(Body::from).collect();
-        let system = System::new(parameters.settings, Assembly { bodies, motions, forces });
+        let mut build = Build::links(robot, parameters, state);
+        build.joints();
+        let wheels = build.wheels(state);
+        let contacts = build.contacts(&wheels, ground);
+        let Build { mut assembly, centers, motors, .. } = build;
+        let hold = assembly.add(Hold { body: [0], grip: parameters.grip, place: None });
+        let system = System::new(parameters.settings, assembly);
         Self { system, root_center: centers[0], wheels, motors, contacts, hold }
+    }
+
+    /// A robot in its nominal pose that its servos hold, just touching the ground below the origin.
+    pub fn standing(robot: &Robot, ground: &Arc<dyn Ground>, parameters: &Parameters) -> Self {
+        let mut state = RobotState::nominal(robot, Vector3::zeros());
+        let mut world = Self::new(robot, ground, parameters, &state);
+        // Along the vertical, and again where the ground is not level.
+        for _ in 0..20 {
+            let touches = (0..robot.end_effectors.len()).map(|k| world.touch(k));
+            let drops = touches.map(|touch| touch.gap_m / touch.normal.z);
+            state.base_position_m.z -= drops.fold(f64::INFINITY, f64::min);
+            world = Self::new(robot, ground, parameters, &state);
+        }
+        for (number, channel) in robot.channels().enumerate() {
+            let mut law = Law::servo(channel.actuator());
+            if let Channel::Joint(joint) = channel {
+                law.position_rad = joint.nominal_rad;
+            }
+            world.set_law(number, law);
+        }
+        world
     }
 
     /// Advances by `step_s`.
@@ -170,10 +123,16 @@ impl World {
         [motor.angle(&now), motor.speed(&now), motor.torque(&now).value_nm]
     }
 
-    /// Contact of an end effector.
+    /// Contact of an end effector. Of a soft foot it is that of its deepest node, with the force on all nodes.
     pub fn touch(&self, end_effector: usize) -> Touch {
-        let touch = self.system.touch(self.contacts[end_effector]);
-        touch.expect("an end effector's force is its contact")
+        let touches = self.contacts[end_effector].clone();
+        let touches = touches.map(|force| self.system.touch(force).expect("it is a contact"));
+        let join = |one: Touch, other: Touch| {
+            let deepest = if other.gap_m < one.gap_m { other } else { one };
+            let force = one.force + other.force;
+            Touch { force, normal_n: one.normal_n + other.normal_n, ..deepest }
+        };
+        touches.reduce(join).expect("every end effector has a contact")
     }
 
     /// Origin of the root link, m, and world from body.
@@ -196,47 +155,5 @@ impl World {
     /// Body of a wheel that spins, of an end effector.
     pub fn wheel(&self, end_effector: usize) -> Option<usize> {
         self.wheels[end_effector]
-    }
-}
-
-/// Stops at the limits of a joint, as far as angles between −π and π can tell.
-fn stops(joint: &Joint) -> Option<Stops> {
-    let range_rad = [joint.position_min_rad, joint.position_max_rad];
-    let within = range_rad.iter().all(|angle| angle.abs() < STOP_MAX_RAD);
-    let stiffness_nm_rad = joint.actuator.torque_max_nm / STOP_RAD;
-    within.then_some(Stops { range_rad, stiffness_nm_rad })
-}
-
-fn contact(
-    end_effector: &EndEffector,
-    wheel: Option<usize>,
-    centers: &[Vector3<f64>],
-    parameters: &Parameters,
-    ground: &Arc<dyn Ground>,
-) -> Contact {
-    let kind = &end_effector.contact;
-    let tip = match kind.axis_in_link() {
-        None => Tip::Sphere,
-        Some(&axis) if kind.blade_length_m().is_some() => Tip::Blade { axis },
-        Some(&axis) => Tip::Rim { axis },
-    };
-    let mount = end_effector.center_in_link_m - centers[end_effector.link];
-    let drag = kind.drag();
-    Contact {
-        body: [wheel.unwrap_or(end_effector.link)],
-        center: if wheel.is_some() { Vector3::zeros() } else { mount },
-        radius_m: end_effector.radius_m,
-        tip,
-        normal: parameters.normal,
-        friction: Friction {
-            model: parameters.friction,
-            coefficient: end_effector.friction_coefficient,
-            stick_n_s_m: parameters.stick_n_s_m,
-        },
-        resistance: drag.map_or_else(Resistance::default, |drag| Resistance {
-            constant: drag.rolling_resistance,
-            per_speed_s_m: drag.rolling_drag_s_m,
-        }),
-        ground: Arc::clone(ground),
     }
 }

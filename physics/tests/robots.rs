@@ -1,10 +1,10 @@
 //! Robots of the robot files on the ground.
 
-use nalgebra::Vector3;
 use rollwalk_physics::World;
 use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Law;
-use rollwalk_physics::world::{Parameters, RobotState};
+use rollwalk_physics::soft::Material;
+use rollwalk_physics::world::{Parameters, SoftFeet};
 use rollwalk_robot::{Channel, Robot};
 use std::sync::Arc;
 
@@ -15,32 +15,9 @@ fn robot(name: &str) -> Robot {
     Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// A robot with its servos holding the nominal pose, a little above the ground.
 fn standing(robot: &Robot, ground: Plane, parameters: &Parameters) -> World {
-    let mut state = RobotState::nominal(robot, Vector3::zeros());
-    let shared: Arc<dyn Ground> = Arc::new(ground);
-    let lowest = {
-        let world = World::new(robot, &shared, parameters, &state);
-        (0..robot.end_effectors.len()).map(|k| world.touch(k).gap_m).fold(f64::INFINITY, f64::min)
-    };
-    state.base_position_m = ground.normal * (1e-4 - lowest);
-    let mut world = World::new(robot, &shared, parameters, &state);
-    for (number, channel) in robot.channels().enumerate() {
-        let actuator = channel.actuator();
-        let position_rad = match channel {
-            Channel::Joint(joint) => joint.nominal_rad,
-            Channel::Wheel(..) => 0.0,
-        };
-        let law = Law {
-            kp_nm_rad: actuator.kp_nm_rad,
-            kd_nm_s_rad: actuator.kd_nm_s_rad,
-            position_rad,
-            limit_nm: actuator.torque_max_nm,
-            ..Law::default()
-        };
-        world.set_law(number, law);
-    }
-    world
+    let ground: Arc<dyn Ground> = Arc::new(ground);
+    World::standing(robot, &ground, parameters)
 }
 
 #[test]
@@ -90,12 +67,7 @@ fn wheels_that_are_driven_roll_without_slip() {
     }
     for (number, channel) in robot.channels().enumerate() {
         if let Channel::Wheel(_, actuator) = channel {
-            let law = Law {
-                kd_nm_s_rad: actuator.kd_nm_s_rad,
-                speed_rad_s: 3.0,
-                limit_nm: actuator.torque_max_nm,
-                ..Law::default()
-            };
+            let law = Law { speed_rad_s: 3.0, ..Law::servo(actuator) };
             world.set_law(number, law);
         }
     }
@@ -105,4 +77,26 @@ fn wheels_that_are_driven_roll_without_slip() {
     let speed = world.com().1.x;
     let expected = 3.0 * robot.end_effectors[0].radius_m;
     assert!((speed / expected - 1.0).abs() < 0.01, "{speed}, {expected}");
+}
+
+/// Soft feet bear what rigid ones do, and sink by their own softness.
+#[test]
+fn a_robot_stands_on_soft_feet() {
+    for name in ["legbot", "creature3"] {
+        let robot = robot(name);
+        let rigid = Parameters::new(&robot);
+        let material = Material { viscosity_pa_s: 5.0, ..Material::elastic(100.0, 2e5, 0.3) };
+        let soft_feet = Some(SoftFeet { material, cells: 2, attach_n_m: rigid.joint_n_m });
+        let mut world = standing(&robot, Plane::level(), &Parameters { soft_feet, ..rigid });
+        let bodies = world.system().bodies();
+        assert_eq!(bodies.len(), robot.links.len() + 4 * 27, "{name}");
+        let weight: f64 = bodies.iter().map(|body| body.mass_kg() * 9.81).sum();
+        for _ in 0..180 {
+            world.step(STEP_S).unwrap();
+        }
+        let borne: f64 = (0..robot.end_effectors.len()).map(|k| world.touch(k).force.z).sum();
+        assert!((borne / weight - 1.0).abs() < 1e-3, "{name}: {borne} of {weight} N");
+        let (_, velocity) = world.com();
+        assert!(velocity.norm() < 1e-3, "{name}: {velocity:?}");
+    }
 }

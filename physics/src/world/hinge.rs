@@ -1,12 +1,18 @@
 //! Hinges of a robot: a ball joint, parallel axes and a motor.
 
+use crate::assembly::Assembly;
 use crate::body::Inertia;
-use crate::force::Force;
 use crate::joint::{Ball, ParallelAxes};
 use crate::motor::{Law, Motor, Stops};
 use crate::points::Points;
 use crate::world::Parameters;
 use nalgebra::Vector3;
+use rollwalk_robot::Joint;
+
+/// Angle by which the motor's greatest torque bends a stop, rad.
+const STOP_RAD: f64 = 0.02;
+/// Largest angle of a stop, rad: beyond it a hinge that is pushed on would come round to the other side.
+const STOP_MAX_RAD: f64 = 3.0;
 
 /// A hinge between two bodies.
 pub(super) struct Hinge {
@@ -19,42 +25,36 @@ pub(super) struct Hinge {
 }
 
 impl Hinge {
-    /// Without a motor.
-    pub fn add_free(&self, forces: &mut Vec<Box<dyn Force>>, parameters: &Parameters) {
+    /// Holds the two bodies together.
+    pub fn add(&self, assembly: &mut Assembly, parameters: &Parameters) {
         let &Self { bodies, points, axes, size_m, .. } = self;
         let lever_m = parameters.lever * size_m;
-        forces.push(Box::new(Ball {
+        assembly.add(Ball {
             ends: Points { bodies, points },
             stiffness_n_m: parameters.joint_n_m,
             damping_n_s_m: 0.0,
-        }));
-        forces.push(Box::new(ParallelAxes {
+        });
+        assembly.add(ParallelAxes {
             bodies,
             axes,
             stiffness_nm_rad: parameters.joint_n_m * lever_m * lever_m,
             damping_nm_s_rad: 0.0,
-        }));
+        });
     }
 
-    /// With a motor; the index of its force.
-    pub fn add(
-        &self,
-        forces: &mut Vec<Box<dyn Force>>,
-        parameters: &Parameters,
-        armature_kg_m2: f64,
-        stops: Option<Stops>,
-    ) -> usize {
-        self.add_free(forces, parameters);
-        forces.push(Box::new(Motor {
-            bodies: self.bodies,
-            axis: self.axes[0],
-            across: self.across,
-            armature_kg_m2,
-            stops,
-            law: Law::default(),
-        }));
-        forces.len() - 1
+    /// Its motor, without power.
+    pub fn motor(&self, armature_kg_m2: f64, stops: Option<Stops>) -> Motor {
+        let &Self { bodies, axes, across, .. } = self;
+        Motor { bodies, axis: axes[0], across, armature_kg_m2, stops, law: Law::default() }
     }
+}
+
+/// Stops at the limits of a joint, as far as angles between −π and π can tell.
+pub(super) fn stops(joint: &Joint) -> Option<Stops> {
+    let range_rad = [joint.position_min_rad, joint.position_max_rad];
+    let within = range_rad.iter().all(|angle| angle.abs() < STOP_MAX_RAD);
+    let stiffness_nm_rad = joint.actuator.torque_max_nm / STOP_RAD;
+    within.then_some(Stops { range_rad, stiffness_nm_rad })
 }
 
 /// Radius of gyration of a body, m: about its thickest axis.

@@ -4,6 +4,7 @@ use crate::contact::Normal;
 use crate::friction::Model;
 use crate::hold::Grip;
 use crate::system::Settings;
+use crate::world::SoftFeet;
 use rollwalk_robot::Robot;
 
 /// Stiffnesses and dampings of everything that is ideal in a robot file.
@@ -24,6 +25,8 @@ pub struct Parameters {
     pub stick_n_s_m: f64,
     /// Of a hoist that holds the root link.
     pub grip: Grip,
+    /// Soft material for feet and for wheels that do not turn; without it they are rigid.
+    pub soft_feet: Option<SoftFeet>,
 }
 
 /// Depth to which a quarter of a robot's weight presses a contact, m.
@@ -68,6 +71,7 @@ impl Parameters {
                 turn_nm_rad: shift_n_m * lever,
                 spin_nm_s_rad: velocity_n_s_m * lever,
             },
+            soft_feet: None,
         }
     }
 }

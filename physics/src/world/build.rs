@@ -1,0 +1,156 @@
+//! Puts a robot's bodies, hinges, motors and contacts together.
+
+use super::foot;
+use super::hinge::{Hinge, gyration_m, perpendicular, stops};
+use super::state::link_motions;
+use super::wheels::{Spinning, wheels_of, without};
+use super::{Parameters, RobotState};
+use crate::assembly::Assembly;
+use crate::body::Inertia;
+use crate::contact::{Contact, Resistance, Tip};
+use crate::friction::Friction;
+use crate::ground::Ground;
+use crate::motion::Motion;
+use nalgebra::Vector3;
+use rollwalk_robot::{EndEffector, Robot};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// A robot while it is put together: its links are the first bodies, in their order.
+pub(super) struct Build<'a> {
+    robot: &'a Robot,
+    parameters: &'a Parameters,
+    pub assembly: Assembly,
+    /// Centres of mass of the links' bodies, in the links, m.
+    pub centers: Vec<Vector3<f64>>,
+    inertias: Vec<Inertia>,
+    spinning: Vec<Spinning>,
+    /// Forces that are motors, by channel.
+    pub motors: Vec<usize>,
+}
+
+impl<'a> Build<'a> {
+    /// The links, without the wheels that spin.
+    pub fn links(robot: &'a Robot, parameters: &'a Parameters, state: &RobotState) -> Self {
+        let (mut inertias, mut centers, mut spinning) = (Vec::new(), Vec::new(), Vec::new());
+        for (number, link) in robot.links.iter().enumerate() {
+            let wheels = wheels_of(robot, number);
+            let (inertia, center) = without(robot, link, &wheels);
+            inertias.push(inertia);
+            centers.push(center);
+            spinning.extend(wheels);
+        }
+        // Channels of wheels are in the order of end effectors.
+        spinning.sort_by_key(|wheel| wheel.end_effector);
+        let mut assembly = Assembly::default();
+        for (inertia, motion) in inertias.iter().zip(link_motions(robot, state, &centers)) {
+            assembly.add_body(*inertia, motion);
+        }
+        Self { robot, parameters, assembly, centers, inertias, spinning, motors: Vec::new() }
+    }
+
+    /// The joints and their motors.
+    pub fn joints(&mut self) {
+        for joint in &self.robot.joints {
+            let turn = joint.parent_from_joint.rotation.to_rotation_matrix();
+            let across = perpendicular(&joint.axis_in_joint);
+            let mount = joint.parent_from_joint.translation.vector;
+            let hinge = Hinge {
+                bodies: [joint.parent, joint.child],
+                points: [mount - self.centers[joint.parent], -self.centers[joint.child]],
+                axes: [turn * joint.axis_in_joint, joint.axis_in_joint],
+                across: [turn * across, across],
+                size_m: gyration_m(&self.inertias[joint.child]),
+            };
+            hinge.add(&mut self.assembly, self.parameters);
+            let motor = hinge.motor(joint.actuator.armature_kg_m2, stops(joint));
+            self.motors.push(self.assembly.add(motor));
+        }
+    }
+
+    /// The wheels that spin, their hinges and motors; the body of each, by end effector.
+    pub fn wheels(&mut self, state: &RobotState) -> Vec<Option<usize>> {
+        let mut wheels = vec![None; self.robot.end_effectors.len()];
+        for &Spinning { end_effector: number, inertia } in &self.spinning {
+            let end_effector = &self.robot.end_effectors[number];
+            let link = end_effector.link;
+            let axis = *end_effector.contact.axis_in_link().expect("what spins has an axis");
+            let mount = end_effector.center_in_link_m - self.centers[link];
+            let carrier = self.assembly.motions[link];
+            let (position, velocity) = carrier.point(&mount);
+            let rotation = carrier.rotation;
+            let spin = carrier.spin + rotation * axis * state.wheel_rad_s[number];
+            let motion = Motion { position, rotation, velocity, spin };
+            let body = self.assembly.add_body(inertia, motion);
+            wheels[number] = Some(body);
+            let across = perpendicular(&axis);
+            let hinge = Hinge {
+                bodies: [link, body],
+                points: [mount, Vector3::zeros()],
+                axes: [axis; 2],
+                across: [across; 2],
+                size_m: gyration_m(&inertia),
+            };
+            hinge.add(&mut self.assembly, self.parameters);
+            if let Some(actuator) = end_effector.contact.actuator() {
+                let motor = hinge.motor(actuator.armature_kg_m2, None);
+                self.motors.push(self.assembly.add(motor));
+            }
+        }
+        wheels
+    }
+
+    /// The contacts of each end effector, and soft feet.
+    pub fn contacts(
+        &mut self,
+        wheels: &[Option<usize>],
+        ground: &Arc<dyn Ground>,
+    ) -> Vec<Range<usize>> {
+        let mut contacts = Vec::new();
+        for (end_effector, wheel) in self.robot.end_effectors.iter().zip(wheels) {
+            let contact = self.contact(end_effector, *wheel, ground);
+            contacts.push(match &self.parameters.soft_feet {
+                Some(soft) if wheel.is_none() && !matches!(contact.tip, Tip::Blade { .. }) => {
+                    foot::add(&mut self.assembly, &contact, soft)
+                }
+                _ => {
+                    let force = self.assembly.add(contact);
+                    force..force + 1
+                }
+            });
+        }
+        contacts
+    }
+
+    fn contact(
+        &self,
+        end_effector: &EndEffector,
+        wheel: Option<usize>,
+        ground: &Arc<dyn Ground>,
+    ) -> Contact {
+        let kind = &end_effector.contact;
+        let tip = match kind.axis_in_link() {
+            None => Tip::Sphere,
+            Some(&axis) if kind.blade_length_m().is_some() => Tip::Blade { axis },
+            Some(&axis) => Tip::Rim { axis },
+        };
+        let mount = end_effector.center_in_link_m - self.centers[end_effector.link];
+        Contact {
+            body: [wheel.unwrap_or(end_effector.link)],
+            center: if wheel.is_some() { Vector3::zeros() } else { mount },
+            radius_m: end_effector.radius_m,
+            tip,
+            normal: self.parameters.normal,
+            friction: Friction {
+                model: self.parameters.friction,
+                coefficient: end_effector.friction_coefficient,
+                stick_n_s_m: self.parameters.stick_n_s_m,
+            },
+            resistance: kind.drag().map_or_else(Resistance::default, |drag| Resistance {
+                constant: drag.rolling_resistance,
+                per_speed_s_m: drag.rolling_drag_s_m,
+            }),
+            ground: Arc::clone(ground),
+        }
+    }
+}
