@@ -15,11 +15,12 @@
 //! | [`ground`] | what is solid and does not move |
 //! | [`contact`], [`friction`], [`touch`], [`event`] | what touches it; how it slides; what is reported of it, and when it changes |
 //! | [`system`] | the step, halved where it does not converge |
-//! | `newton`, `residual`, `matrix`, `sticking` | how a step is solved: the method, the equations, their matrix, what friction holds |
+//! | `newton`, `residual`, `matrix`, `block_lu`, `sticking` | how a step is solved: the method, the equations, their matrix and its factors, what friction holds |
 //! | [`world`] | a robot from its description |
 
 pub mod anchor;
 pub mod assembly;
+mod block_lu;
 pub mod body;
 #[cfg(test)]
 mod check;

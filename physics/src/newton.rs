@@ -159,12 +159,9 @@ impl Newton {
 
     /// Finds Newton's correction of the last residual; false without one.
     fn correct(&mut self) -> bool {
-        if !self.equations.matrix.factorise() {
-            return false;
-        }
         self.correction.copy_from_slice(&self.equations.residual);
-        self.equations.matrix.solve(&mut self.correction);
-        self.correction.iter().all(|value| value.is_finite())
+        self.equations.matrix.solve(&mut self.correction)
+            && self.correction.iter().all(|value| value.is_finite())
     }
 
     /// Whether the correction would change nothing.

@@ -1,0 +1,339 @@
+//! LU factors of a matrix of blocks whose pattern is symmetric, without exchanging rows between blocks.
+//!
+//! Newton's matrix is masses over the step squared and stiffnesses: nearly symmetric and positive, so that pivots within
+//! the blocks of the diagonal are enough. Where they are not, the solution's error shows it (`matrix.rs`). An order of
+//! minimum degree on bodies, instead of unknowns, leaves a robot's tree without any fill.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::sparse::SymbolicSparseColMatRef;
+use faer::sparse::linalg::amd;
+use nalgebra::SMatrix;
+
+/// Most products of blocks that are planned: beyond it a method without a plan serves better.
+const MOST_UPDATES: usize = 20_000_000;
+
+/// Factors and the plan that makes them.
+#[derive(Debug)]
+pub(crate) struct BlockLu {
+    /// First unknown of each body, and the number of all.
+    firsts: Vec<usize>,
+    pivots: Vec<Pivot>,
+    /// Where each body's pivot is in the order of elimination.
+    places: Vec<usize>,
+    values: Vec<f64>,
+}
+
+/// What eliminating one body does.
+#[derive(Debug)]
+struct Pivot {
+    body: usize,
+    /// Where its block on the diagonal begins, after elimination its inverse.
+    diagonal: usize,
+    /// Pivots that it is coupled with and that come later, in order.
+    later: Vec<usize>,
+    /// Where their blocks in its column, and in its row, begin.
+    below: Vec<usize>,
+    beside: Vec<usize>,
+    /// Where the blocks that are changed begin, for each pair of `later`, rows first.
+    changed: Vec<u32>,
+}
+
+impl BlockLu {
+    /// For bodies with so many unknowns; `coupled` has each block off the diagonal, in either order. None where the plan
+    /// would be too long.
+    pub fn plan(unknowns: &[usize], coupled: &[(usize, usize)]) -> Option<Self> {
+        let count = unknowns.len();
+        let mut neighbours = vec![Vec::new(); count];
+        for &(row, column) in coupled.iter().filter(|(row, column)| row != column) {
+            neighbours[row].push(column);
+            neighbours[column].push(row);
+        }
+        for of_body in &mut neighbours {
+            of_body.sort_unstable();
+            of_body.dedup();
+        }
+        let (order, places) = minimum_degree(&neighbours);
+        let mut firsts = vec![0];
+        for unknown in unknowns {
+            firsts.push(firsts[firsts.len() - 1] + unknown);
+        }
+
+        // What a pivot is coupled with later: its own neighbours, and those of pivots that it is the first to inherit.
+        let mut later: Vec<Vec<usize>> = Vec::with_capacity(count);
+        let mut heirs: Vec<Vec<usize>> = vec![Vec::new(); count];
+        for (place, &body) in order.iter().enumerate() {
+            let own = neighbours[body].iter().map(|&other| places[other]);
+            let mut all: Vec<usize> = own.filter(|&other| other > place).collect();
+            for &heir in &heirs[place] {
+                all.extend(later[heir].iter().filter(|&&other| other > place));
+            }
+            all.sort_unstable();
+            all.dedup();
+            if let Some(&first) = all.first() {
+                heirs[first].push(place);
+            }
+            later.push(all);
+        }
+        let updates: usize = later.iter().map(|all| all.len() * all.len()).sum();
+        if updates > MOST_UPDATES {
+            return None;
+        }
+
+        let mut end = 0;
+        let mut block = |rows: usize, columns: usize| {
+            let begin = end;
+            end += unknowns[order[rows]] * unknowns[order[columns]];
+            begin
+        };
+        let mut pivots: Vec<Pivot> = Vec::with_capacity(count);
+        for (place, all) in later.into_iter().enumerate() {
+            pivots.push(Pivot {
+                body: order[place],
+                diagonal: block(place, place),
+                below: all.iter().map(|&other| block(other, place)).collect(),
+                beside: all.iter().map(|&other| block(place, other)).collect(),
+                later: all,
+                changed: Vec::new(),
+            });
+        }
+        for place in 0..count {
+            let all = &pivots[place].later;
+            let mut changed = vec![0; all.len() * all.len()];
+            for (a, &first) in all.iter().enumerate() {
+                let of_first = &pivots[first];
+                changed[a * all.len() + a] = of_first.diagonal as u32;
+                let mut at = 0;
+                for (b, &second) in all.iter().enumerate().skip(a + 1) {
+                    while of_first.later[at] != second {
+                        at += 1;
+                    }
+                    changed[b * all.len() + a] = of_first.below[at] as u32;
+                    changed[a * all.len() + b] = of_first.beside[at] as u32;
+                }
+            }
+            pivots[place].changed = changed;
+        }
+        Some(Self { firsts, pivots, places, values: vec![0.0; end] })
+    }
+
+    /// Where a block of the matrix begins among the factors' values.
+    pub fn begin(&self, row: usize, column: usize) -> usize {
+        let [row, column] = [row, column].map(|body| self.places[body]);
+        let pivot = &self.pivots[row.min(column)];
+        let find = |place| pivot.later.binary_search(&place).expect("the block is in the pattern");
+        match row.cmp(&column) {
+            std::cmp::Ordering::Equal => pivot.diagonal,
+            std::cmp::Ordering::Greater => pivot.below[find(row)],
+            std::cmp::Ordering::Less => pivot.beside[find(column)],
+        }
+    }
+
+    /// Values to be set to those of the matrix before [`BlockLu::factorise`]: blocks by columns.
+    pub fn values(&mut self) -> &mut [f64] {
+        &mut self.values
+    }
+
+    /// Factorises in place; false where a pivot has no inverse.
+    pub fn factorise(&mut self) -> bool {
+        let Self { firsts, pivots, values, .. } = self;
+        let size = |pivot: &Pivot| firsts[pivot.body + 1] - firsts[pivot.body];
+        for pivot in pivots.iter() {
+            let own = size(pivot);
+            let inverted = match own {
+                3 => invert::<3>(values, pivot.diagonal),
+                _ => invert::<6>(values, pivot.diagonal),
+            };
+            if !inverted {
+                return false;
+            }
+            let count = pivot.later.len();
+            for (a, &below) in pivot.below.iter().enumerate() {
+                let rows = size(&pivots[pivot.later[a]]);
+                match (rows, own) {
+                    (3, 3) => divide::<3, 3>(values, below, pivot.diagonal),
+                    (3, _) => divide::<3, 6>(values, below, pivot.diagonal),
+                    (_, 3) => divide::<6, 3>(values, below, pivot.diagonal),
+                    _ => divide::<6, 6>(values, below, pivot.diagonal),
+                }
+                for (b, &beside) in pivot.beside.iter().enumerate() {
+                    let target = pivot.changed[a * count + b] as usize;
+                    let columns = size(&pivots[pivot.later[b]]);
+                    let subtract = match (rows, own, columns) {
+                        (3, 3, 3) => subtract::<3, 3, 3>,
+                        (3, 3, _) => subtract::<3, 3, 6>,
+                        (3, _, 3) => subtract::<3, 6, 3>,
+                        (3, _, _) => subtract::<3, 6, 6>,
+                        (_, 3, 3) => subtract::<6, 3, 3>,
+                        (_, 3, _) => subtract::<6, 3, 6>,
+                        (_, _, 3) => subtract::<6, 6, 3>,
+                        _ => subtract::<6, 6, 6>,
+                    };
+                    subtract(values, target, below, beside);
+                }
+            }
+        }
+        true
+    }
+
+    /// Solves with the factors, in place.
+    pub fn solve(&self, side: &mut [f64]) {
+        let own = |pivot: &Pivot| self.firsts[pivot.body]..self.firsts[pivot.body + 1];
+        for pivot in &self.pivots {
+            let known = Small::new(&side[own(pivot)]);
+            for (&other, &below) in pivot.later.iter().zip(&pivot.below) {
+                self.subtract_product(below, &known, &mut side[own(&self.pivots[other])]);
+            }
+        }
+        for pivot in self.pivots.iter().rev() {
+            let mut part = Small::new(&side[own(pivot)]);
+            for (&other, &beside) in pivot.later.iter().zip(&pivot.beside) {
+                let known = Small::new(&side[own(&self.pivots[other])]);
+                self.subtract_product(beside, &known, part.as_mut());
+            }
+            let rows = &mut side[own(pivot)];
+            rows.fill(0.0);
+            self.subtract_product(pivot.diagonal, &part, rows);
+            rows.iter_mut().for_each(|row| *row = -*row);
+        }
+    }
+
+    /// Subtracts the product of a block and a vector.
+    fn subtract_product(&self, begin: usize, vector: &Small, from: &mut [f64]) {
+        let block = &self.values[begin..begin + from.len() * vector.length];
+        for (column, part) in block.chunks_exact(from.len()).zip(vector.parts) {
+            for (row, value) in from.iter_mut().zip(column) {
+                *row -= value * part;
+            }
+        }
+    }
+}
+
+/// A body's part of a vector.
+struct Small {
+    parts: [f64; 6],
+    length: usize,
+}
+
+impl Small {
+    fn new(of: &[f64]) -> Self {
+        let mut parts = [0.0; 6];
+        parts[..of.len()].copy_from_slice(of);
+        Self { parts, length: of.len() }
+    }
+
+    fn as_mut(&mut self) -> &mut [f64] {
+        &mut self.parts[..self.length]
+    }
+}
+
+fn load<const R: usize, const C: usize>(values: &[f64], begin: usize) -> SMatrix<f64, R, C> {
+    SMatrix::from_column_slice(&values[begin..begin + R * C])
+}
+
+fn store<const R: usize, const C: usize>(
+    values: &mut [f64],
+    begin: usize,
+    block: &SMatrix<f64, R, C>,
+) {
+    values[begin..begin + R * C].copy_from_slice(block.as_slice());
+}
+
+/// Replaces a block by its inverse; false without one.
+fn invert<const N: usize>(values: &mut [f64], begin: usize) -> bool {
+    let inverse = load::<N, N>(values, begin).try_inverse();
+    let Some(inverse) = inverse.filter(|inverse| inverse.iter().all(|value| value.is_finite()))
+    else {
+        return false;
+    };
+    store(values, begin, &inverse);
+    true
+}
+
+/// Multiplies a block by an inverse from the right.
+fn divide<const R: usize, const K: usize>(values: &mut [f64], block: usize, inverse: usize) {
+    let product = load::<R, K>(values, block) * load::<K, K>(values, inverse);
+    store(values, block, &product);
+}
+
+/// Subtracts the product of two blocks from a third.
+fn subtract<const R: usize, const K: usize, const C: usize>(
+    values: &mut [f64],
+    target: usize,
+    left: usize,
+    right: usize,
+) {
+    let product = load::<R, K>(values, left) * load::<K, C>(values, right);
+    for (value, part) in values[target..target + R * C].iter_mut().zip(product.as_slice()) {
+        *value -= part;
+    }
+}
+
+/// An order of elimination with little fill, and the place of each body in it.
+fn minimum_degree(neighbours: &[Vec<usize>]) -> (Vec<usize>, Vec<usize>) {
+    let count = neighbours.len();
+    let mut starts = vec![0];
+    let mut rows = Vec::new();
+    for of_body in neighbours {
+        rows.extend(of_body);
+        starts.push(rows.len());
+    }
+    let pattern = SymbolicSparseColMatRef::new_checked(count, count, &starts, None, &rows);
+    let (mut order, mut places) = (vec![0; count], vec![0; count]);
+    let mut memory = MemBuffer::new(amd::order_scratch::<usize>(count, rows.len()));
+    let stack = MemStack::new(&mut memory);
+    amd::order(&mut order, &mut places, pattern, amd::Control::default(), stack)
+        .expect("there is memory");
+    (order, places)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DMatrix, DVector};
+
+    /// A ring with chords, of bodies and particles: with fill in every case.
+    #[test]
+    fn factors_solve_what_a_dense_matrix_solves() {
+        for seed in 0..20 {
+            let mut rng = fastrand::Rng::with_seed(seed);
+            let count = 1 + seed as usize;
+            let unknowns: Vec<usize> = (0..count).map(|_| 3 * rng.usize(1..3)).collect();
+            let firsts: Vec<usize> = (0..count).map(|body| unknowns[..body].iter().sum()).collect();
+            let mut coupled: Vec<_> = (0..count).map(|k| (k, (k + 1) % count)).collect();
+            coupled.extend((0..count / 2).map(|_| (rng.usize(0..count), rng.usize(0..count))));
+            let size: usize = unknowns.iter().sum();
+            let mut dense = DMatrix::from_diagonal_element(size, size, 4.0);
+            let mut lu = BlockLu::plan(&unknowns, &coupled).unwrap();
+            let both = coupled.iter().flat_map(|&(i, j)| [(i, j), (j, i)]);
+            for (i, j) in both.chain((0..count).map(|k| (k, k))) {
+                let shape = (unknowns[i], unknowns[j]);
+                for value in dense.view_mut((firsts[i], firsts[j]), shape).iter_mut() {
+                    *value += rng.f64() - 0.5;
+                }
+                let begin = lu.begin(i, j);
+                let block = dense.view((firsts[i], firsts[j]), shape).clone_owned();
+                lu.values()[begin..begin + block.len()].copy_from_slice(block.as_slice());
+            }
+            let side = DVector::from_fn(size, |_, _| rng.f64() - 0.5);
+            assert!(lu.factorise());
+            let mut found: Vec<f64> = side.iter().copied().collect();
+            lu.solve(&mut found);
+            let residual = &dense * DVector::from_vec(found) - &side;
+            assert!(residual.norm() < 1e-9, "seed {seed}: {}", residual.norm());
+        }
+    }
+
+    #[test]
+    fn a_tree_has_no_fill() {
+        let coupled: Vec<_> = (1..40).map(|k| ((k - 1) / 2, k)).collect();
+        let lu = BlockLu::plan(&[6; 40], &coupled).unwrap();
+        assert!(lu.pivots.iter().all(|pivot| pivot.later.len() <= 1));
+    }
+
+    #[test]
+    fn a_singular_pivot_is_told() {
+        let mut lu = BlockLu::plan(&[3, 3], &[(0, 1)]).unwrap();
+        lu.values().fill(0.0);
+        assert!(!lu.factorise());
+    }
+}
