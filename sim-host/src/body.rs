@@ -54,9 +54,9 @@ impl Body {
         self.ground.as_ref()
     }
 
-    /// Takes a robot on the ground out of its hoist.
-    pub fn set_down(&mut self) {
-        self.ground.iter_mut().for_each(Grounded::set_down);
+    /// The same, to tell it what is played and to take what became of it.
+    pub fn ground_mut(&mut self) -> Option<&mut Grounded> {
+        self.ground.as_mut()
     }
 
     /// Bus and address of each servo, in channel order.

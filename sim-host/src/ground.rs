@@ -4,6 +4,8 @@
 //! limbs do, and level. It lets go when the robot begins to play, and takes the robot again when it has no torque or
 //! has fallen.
 
+mod travel;
+
 use crate::clock::{Periodic, SimTime};
 use crate::plant::Plant;
 use crate::servo::Servo;
@@ -13,12 +15,18 @@ use rollwalk_physics::ground::Ground;
 use rollwalk_physics::motor::Law;
 use rollwalk_physics::world::{Parameters, RobotState};
 use rollwalk_physics::{StepError, World};
+use rollwalk_protocol::library::ClipId;
 use rollwalk_robot::{Channel, Robot, TorqueSpeedLine};
 use std::f64::consts::PI;
 use std::sync::Arc;
+use travel::{heading_rad, tilt_rad};
+
+pub use travel::Travel;
 
 /// Steps of the world per second.
 pub const WORLD_RATE_HZ: u32 = 240;
+/// Length of a step, s.
+const STEP_S: f64 = 1.0 / WORLD_RATE_HZ as f64;
 /// Tilt beyond which a robot has fallen, rad.
 const FALLEN_RAD: f64 = 1.0;
 /// Height of the body beneath which a robot has fallen, as a share of its height in the nominal pose.
@@ -63,6 +71,10 @@ pub struct Grounded {
     falls: Vec<Fall>,
     /// It has fallen since its motors had no torque last: the hoist keeps it.
     is_caught: bool,
+    /// Of the clip that is being played.
+    travel: Option<Travel>,
+    /// Of the clips before, which nobody has taken yet.
+    travels: Vec<Travel>,
 }
 
 impl Grounded {
@@ -86,6 +98,8 @@ impl Grounded {
             end_effectors,
             falls: Vec::new(),
             is_caught: false,
+            travel: None,
+            travels: Vec::new(),
         }
     }
 
@@ -109,10 +123,21 @@ impl Grounded {
         self.world.base().1.transpose() * Vector3::z()
     }
 
-    /// The hoist lets go, unless it has caught the robot falling: then first without torque.
-    pub fn set_down(&mut self) {
-        if !self.is_caught {
+    /// Takes the ways of all clips that have ended.
+    pub fn take_travels(&mut self) -> Vec<Travel> {
+        std::mem::take(&mut self.travels)
+    }
+
+    /// Hears which clip the robot plays. For the first one the hoist lets go, unless it has caught the robot falling: then
+    /// first without torque.
+    pub fn on_playing(&mut self, now: SimTime, clip: Option<ClipId>) {
+        if clip.is_some() && !self.is_caught {
             self.hoist = None;
+        }
+        let on_ground = clip.filter(|_| self.hoist.is_none());
+        if self.travel.map(|travel| travel.clip) != on_ground {
+            self.travels.extend(self.travel.take());
+            self.travel = on_ground.map(|clip| Travel::begin(clip, now, &self.world));
         }
     }
 
@@ -125,6 +150,9 @@ impl Grounded {
         while self.steps.next() < now {
             self.steps.advance();
             self.one_step(servos)?;
+            if let Some(travel) = &mut self.travel {
+                travel.add(now, STEP_S, &self.world, self.lines.len(), self.end_effectors);
+            }
             self.watch(now, servos);
         }
         Ok(())
@@ -146,10 +174,9 @@ impl Grounded {
                 },
             );
         }
-        let step_s = 1.0 / f64::from(WORLD_RATE_HZ);
-        self.follow_feet(step_s);
+        self.follow_feet();
         self.world.hold(self.hoist.map(|hoist| (hoist.origin, about_vertical(hoist.heading_rad))));
-        self.world.step(step_s)?;
+        self.world.step(STEP_S)?;
         for (channel, (servo, law)) in servos.iter_mut().zip(&laws).enumerate() {
             self.read(channel, law, &mut servo.plant);
         }
@@ -169,10 +196,10 @@ impl Grounded {
     }
 
     /// Moves the hoist so that the lowest foot just touches the ground.
-    fn follow_feet(&mut self, step_s: f64) {
+    fn follow_feet(&mut self) {
         let lowest = lowest_m(&self.world, self.end_effectors);
         if let Some(hoist) = &mut self.hoist {
-            let most = HOIST_M_S * step_s;
+            let most = HOIST_M_S * STEP_S;
             hoist.origin.z -= lowest.clamp(-most, most);
         }
     }
@@ -185,7 +212,7 @@ impl Grounded {
             return;
         }
         let (origin, rotation) = self.world.base();
-        let tilt_rad = rotation[(2, 2)].clamp(-1.0, 1.0).acos();
+        let tilt_rad = tilt_rad(&rotation);
         let height_m = self.ground.at(&origin).gap_m;
         let fallen = tilt_rad > FALLEN_RAD || height_m < FALLEN_HEIGHT * self.standing_m;
         if fallen {
@@ -193,7 +220,7 @@ impl Grounded {
         }
         if fallen || !has_torque {
             self.is_caught = fallen;
-            let heading_rad = rotation[(1, 0)].atan2(rotation[(0, 0)]);
+            let heading_rad = heading_rad(&rotation);
             self.hoist = Some(Hoist { origin, heading_rad });
         }
     }

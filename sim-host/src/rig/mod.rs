@@ -32,6 +32,7 @@ use crate::bus::{BusStatistics, DEFAULT_BITRATE, NodeId, TxPolicy};
 use crate::clock::{Periodic, SimTime};
 use crate::core::{Core, Local};
 use crate::faults::{Faults, FramePath};
+use crate::ground::{Grounded, Travel};
 use crate::interface::{Interface, LogEntry, PacketEntry};
 use crate::line::LineStatistics;
 use crate::record::{Recorder, TickRecord};
@@ -241,6 +242,11 @@ impl<C: Core> Rig<C> {
         &self.body
     }
 
+    /// Takes what became in the world of all clips that have ended, of a robot on the ground.
+    pub fn take_travels(&mut self) -> Vec<Travel> {
+        self.body.ground_mut().map(Grounded::take_travels).unwrap_or_default()
+    }
+
     /// Every frame of every bus so far, in the order of completion.
     pub fn log(&self) -> &[LogEntry] {
         &self.log
@@ -376,10 +382,11 @@ impl<C: Core> Rig<C> {
                 }
             }
             let sent = self.controller.step(Step { now_us: at.as_us(), input, free })?;
-            if input.take() == Some(Input::Tick)
-                && let Some((clip, frame, phase)) = sent.playing
-            {
-                self.body.set_down();
+            let is_tick = input.take() == Some(Input::Tick);
+            if is_tick && let Some(ground) = self.body.ground_mut() {
+                ground.on_playing(at, sent.playing.map(|(clip, ..)| ClipId(clip)));
+            }
+            if is_tick && let Some((clip, frame, phase)) = sent.playing {
                 let playing = Playing { clip: ClipId(clip), frame, phase };
                 self.recorder.begin_period(at, playing, self.body.values());
             }

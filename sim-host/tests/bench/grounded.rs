@@ -4,6 +4,7 @@ use crate::agilebot::{SQUAT, agilebot, library};
 use crate::{S, connect};
 use rollwalk_host::session::Session;
 use rollwalk_physics::ground::Plane;
+use rollwalk_protocol::library::ClipId;
 use rollwalk_protocol::wire::State;
 use rollwalk_sim_host::ground::Grounded;
 use rollwalk_sim_host::rig::Rig;
@@ -45,6 +46,25 @@ fn a_robot_hangs_in_the_hoist_until_it_plays_and_again_without_torque() {
     session.run_for(5 * S).unwrap();
     assert!(ground(&session).is_held());
     assert_eq!(ground(&session).falls(), []);
+}
+
+#[test]
+fn what_became_of_each_clip_in_the_world_is_told() {
+    let mut session = in_hoist(0.0);
+    session.arm().unwrap();
+    session.select(SQUAT).unwrap();
+    session.run_for(5 * S).unwrap();
+    session.return_to_safe().unwrap();
+    session.disarm().unwrap();
+    let rig = &mut session.into_bus();
+    let travels = rig.take_travels();
+    let squat = travels.iter().find(|travel| travel.clip == ClipId(1)).expect("it was played");
+    assert!(squat.duration_s() > 3.0, "{squat:?}");
+    // No planner made it: the wheels roll forth and back against the swinging legs, and slip. It goes nowhere, and costs work.
+    assert!(squat.way_m().norm() < 0.1 && squat.turn_rad.abs() < 0.2, "{squat:?}");
+    assert!(squat.tilt_max_rad < 0.2 && squat.slid_m > 0.1 && squat.work_j > 0.1, "{squat:?}");
+    assert!(squat.force_max_n > 10.0 && squat.force_max_n < 100.0, "{squat:?}");
+    assert_eq!(rig.take_travels(), []);
 }
 
 #[test]
