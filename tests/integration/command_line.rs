@@ -15,6 +15,7 @@ fn help_teaches_by_example_and_documents_exit_codes() {
         &["plan"],
         &["report"],
         &["export"],
+        &["simulate"],
         &["plot"],
         &["robot", "check"],
         &["library", "build"],

@@ -21,6 +21,7 @@ mod plot;
 mod report;
 mod robot;
 mod send;
+mod simulate;
 mod standing;
 
 use crate::Exit;
@@ -36,6 +37,7 @@ pub enum Command {
     Report(report::Args),
     Plot(plot::Args),
     Export(export::Args),
+    Simulate(simulate::Args),
     #[command(subcommand)]
     Library(library::Action),
     Discover(discover::Args),
@@ -83,6 +85,7 @@ impl Command {
             Command::Report(args) => report::run(args),
             Command::Plot(args) => plot::run(args),
             Command::Export(args) => export::run(args),
+            Command::Simulate(args) => simulate::run(args),
             Command::Library(action) => library::run(action),
             Command::Discover(args) => discover::run(args),
             Command::Flash(args) => flash::run(args),

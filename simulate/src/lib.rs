@@ -1,0 +1,18 @@
+//! Plans in the simulated world: setpoints of a plan go to the servos of a robot on the ground, open loop, and what
+//! becomes of it is measured against the plan (thesis sec. 2.6.4).
+//!
+//! | module | is |
+//! |---|---|
+//! | [`script`] | a plan as the state in which it begins and the control law of each motor at any time |
+//! | [`run`] | the plan played in a [`rollwalk_physics::World`], period by period |
+//! | [`outcome`] | ways, turns, falls, slip and forces against the plan, and whether it holds |
+//!
+//! There is no bus and no controller in between: those are in `rollwalk-sim-host`.
+
+pub mod outcome;
+pub mod run;
+pub mod script;
+
+pub use outcome::{Outcome, Way};
+pub use run::{Options, play};
+pub use script::Script;

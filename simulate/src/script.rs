@@ -1,0 +1,141 @@
+//! A plan as what a simulated robot needs: the state in which it begins, and the control law of each motor.
+
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use rollwalk_physics::motor::Law;
+use rollwalk_physics::world::RobotState;
+use rollwalk_planner::motion::Ends;
+use rollwalk_planner::plan::{Plan, Sample};
+use rollwalk_planner::sample::PlanSpline;
+use rollwalk_robot::{Channel, Robot};
+
+/// Half of the time over which velocities at the start are differences, s.
+const INSTANT_S: f64 = 1e-4;
+
+/// A plan to be played.
+pub struct Script<'a> {
+    plan: &'a Plan,
+    spline: PlanSpline,
+    feed_forward: bool,
+}
+
+impl<'a> Script<'a> {
+    /// The script of a validated plan, with the planned torques on top of the servos' own, or without.
+    pub fn new(plan: &'a Plan, feed_forward: bool) -> Self {
+        Self { plan, spline: PlanSpline::new(plan), feed_forward }
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> &'a Robot {
+        &self.plan.robot
+    }
+
+    /// Whether the motion repeats.
+    pub fn repeats(&self) -> bool {
+        self.plan.motion.ends == Ends::Periodic
+    }
+
+    /// Duration of the motion, s; of one that repeats its period.
+    pub fn duration_s(&self) -> f64 {
+        self.spline.duration_s()
+    }
+
+    /// Planned state at the start, on a ground that is turned. A motion that repeats begins at its speed, another one at
+    /// rest.
+    pub fn start(&self, world_from_plan: &Rotation3<f64>) -> RobotState {
+        let robot = self.robot();
+        let first = self.spline.sample(0.0);
+        let (position, rotation) = base(&first);
+        let mut state = RobotState {
+            world_from_body: rotation,
+            joint_rad: first.joint_rad,
+            ..RobotState::nominal(robot, position)
+        };
+        if self.repeats() {
+            let [before, after] = [-INSTANT_S, INSTANT_S].map(|t| base(&self.spline.sample(t)));
+            let per_s = 1.0 / (2.0 * INSTANT_S);
+            state.base_velocity_m_s = (after.0 - before.0) * per_s;
+            let turned = Rotation3::from_matrix_unchecked(after.1 * before.1.transpose());
+            state.base_spin_rad_s = turned.scaled_axis() * per_s;
+            state.joint_rad_s = self.spline.setpoints(0.0).joint_speed_rad_s;
+            let planned = first.end_effectors.iter().zip(&robot.end_effectors);
+            let speeds = planned.map(|(sample, end_effector)| {
+                match end_effector.contact.actuator() {
+                    Some(_) => sample.motor_speed_rad_s,
+                    // A free wheel rolls: its spin about the axis, less that of its link, is near to its spin.
+                    None if end_effector.contact.freewheels() => sample.wheel_speed_rad_s,
+                    None => 0.0,
+                }
+            });
+            state.wheel_rad_s = speeds.collect();
+        }
+        state.base_position_m = world_from_plan * state.base_position_m;
+        state.world_from_body = world_from_plan.matrix() * state.world_from_body;
+        state.base_velocity_m_s = world_from_plan * state.base_velocity_m_s;
+        state.base_spin_rad_s = world_from_plan * state.base_spin_rad_s;
+        state
+    }
+
+    /// Control law of each motor at a time of the motion, s, in channel order: the servos of the robot file.
+    pub fn laws(&self, time_s: f64) -> Vec<Law> {
+        let setpoints = self.spline.setpoints(time_s);
+        let sample = self.spline.sample(time_s);
+        let share = f64::from(u8::from(self.feed_forward));
+        let joints = (0..).zip(&self.robot().joints).map(|(number, _): (usize, _)| {
+            let [position, speed, torque] = [
+                setpoints.joint_rad[number],
+                setpoints.joint_speed_rad_s[number],
+                sample.joint_torque_nm[number],
+            ];
+            (position, speed, torque)
+        });
+        let motors = sample.end_effectors.iter().filter_map(|of| of.motor_torque_nm);
+        let wheels = setpoints.motor_speed_rad_s.iter().zip(motors);
+        let wheels = wheels.map(|(&speed, torque)| (0.0, speed, torque));
+        let rest = if self.repeats() { 1.0 } else { self.moves(time_s) };
+        self.robot()
+            .channels()
+            .zip(joints.chain(wheels))
+            .map(|(channel, (position_rad, speed, torque))| Law {
+                position_rad,
+                speed_rad_s: rest * speed,
+                torque_nm: share * torque,
+                ..servo(&channel)
+            })
+            .collect()
+    }
+
+    /// 1 while a motion that ends moves, 0 before and after, where its ends are held.
+    fn moves(&self, time_s: f64) -> f64 {
+        f64::from(u8::from(time_s > 0.0 && time_s < self.duration_s()))
+    }
+
+    /// Planned way of the centre of mass ahead and to the left, m, and turn, rad, of the whole motion.
+    pub fn planned(&self) -> [f64; 3] {
+        self.plan.reached()
+    }
+
+    /// Which of them are goals of the motion.
+    pub fn goals(&self) -> [bool; 3] {
+        let goal = &self.plan.motion.goal;
+        [goal.forward_m, goal.left_m, goal.turn_rad].map(|of| of.is_some_and(|of| of != 0.0))
+    }
+}
+
+/// The servo of a channel at rest, with the gains and limits of the robot file.
+fn servo(channel: &Channel<'_>) -> Law {
+    let actuator = channel.actuator();
+    Law {
+        kp_nm_rad: if matches!(channel, Channel::Joint(_)) { actuator.kp_nm_rad } else { 0.0 },
+        kd_nm_s_rad: actuator.kd_nm_s_rad,
+        limit_nm: actuator.torque_max_nm,
+        line: actuator.torque_speed.map(|line| (line.stall_torque_nm, line.no_load_speed_rad_s)),
+        ..Law::default()
+    }
+}
+
+/// Origin of the body, m, and world from body.
+fn base(sample: &Sample) -> (Vector3<f64>, Matrix3<f64>) {
+    let [w, x, y, z] = sample.base_orientation_wxyz;
+    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+    (sample.base_position_m.into(), rotation.to_rotation_matrix().into_inner())
+}
