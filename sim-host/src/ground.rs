@@ -73,7 +73,7 @@ pub struct Grounded {
     is_caught: bool,
     /// Of the clip that is being played.
     travel: Option<Travel>,
-    /// Of the clips before, which nobody has taken yet.
+    /// Of the clips before, which were not taken yet.
     travels: Vec<Travel>,
 }
 

@@ -51,7 +51,7 @@ struct Document<'a> {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    if !(args.slope.abs() <= 45.0) {
+    if !(-45.0..=45.0).contains(&args.slope) {
         return Err(miette!("--slope is {}: it must be from -45 to 45 degrees", args.slope));
     }
     let plan = inputs::plan(&args.plan)?;
