@@ -8,7 +8,8 @@
 //! | [`mit`] | mini cheetah drives and T-Motor's AK series |
 //! | [`odrive`] | an axis of an ODrive, firmware 0.5 and 0.6 |
 //! | [`cybergear`] | Xiaomi CyberGear |
-//! | [`dynamixel`], [`maestro`] | Dynamixel X; a hobby servo behind a Pololu Maestro |
+//! | [`dynamixel`], [`feetech`] | Dynamixel X; Feetech STS |
+//! | [`maestro`] | a hobby servo behind a Pololu Maestro |
 //!
 //! Written from the makers' documents (`docs/actuators.md`), apart from the codecs of
 //! `rollwalk_protocol::actuators`: an error in those shows against these. A drive is as its maker
@@ -22,6 +23,7 @@ use rollwalk_protocol::config::{Channel, ChannelKind};
 
 pub mod cybergear;
 pub mod dynamixel;
+pub mod feetech;
 pub mod maestro;
 pub mod mit;
 pub mod odrive;

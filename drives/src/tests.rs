@@ -4,6 +4,7 @@ use crate::{Answer, Drive, Electronics, Kind, Sent, Shaft};
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Protocol};
 use rollwalk_protocol::actuators::cybergear::{CyberGear, SAMPLE_MAX_RAD};
 use rollwalk_protocol::actuators::dynamixel::{Dynamixel, packet::packet, table::XM430_W210};
+use rollwalk_protocol::actuators::feetech::{self, Feetech, table::STS3215_C018};
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
@@ -263,6 +264,58 @@ fn a_dynamixel_takes_whole_packets_alone() {
     let stuffing = bare.windows(2).rposition(|two| two == [0xFD, 0xFD]).unwrap();
     bare[stuffing + 1] = 0;
     assert_eq!(drive.on_packet(0, &resummed(bare), &at(0.0)), (vec![], None));
+}
+
+/// The manual's examples 7 and 8, and the memory table: what a servo makes of values that it cannot have.
+#[test]
+fn a_feetech_servo_takes_whole_packets_alone() {
+    assert_eq!(crate::feetech::complement(&[1, 2, 1]), 0xFB);
+    let servos = Feetech { model: STS3215_C018, return_delay_us: 500 };
+    let mut drive = drive(Protocol::Feetech(servos));
+    let write = |address: u8, data: &[u8]| {
+        let parameters = [&[address, data.len() as u8, ID][..], data].concat();
+        feetech::packet::packet(0xFE, 0x83, &parameters).unwrap().to_vec()
+    };
+    let on = write(40, &[1]);
+    for index in 0..on.len() {
+        let mut wrong = on.clone();
+        wrong[index] ^= 1;
+        assert_eq!(drive.on_packet(0, &wrong, &at(0.0)), (vec![], None), "byte {index}");
+    }
+    assert_eq!(drive.on_packet(0, &on, &at(0.0)).0, [Sent::Enable]);
+    // 1024 steps from the middle, a quarter turn; half of 30 kg·cm.
+    drive.on_packet(0, &write(42, &[0, 0x0C]), &at(0.0));
+    drive.on_packet(0, &write(48, &[0xF4, 1]), &at(0.0));
+    let law = drive.law(&at(0.0)).unwrap();
+    assert!((law.position_rad - TAU / 4.0).abs() < 1e-9, "{law:?}");
+    assert!((law.torque_limit_nm - 1.471).abs() < 1e-3, "{law:?}");
+    for (address, data) in [
+        (40, &[128][..]),
+        (40, &[1, 0]),
+        (41, &[10]),
+        (42, &[0]),
+        (48, &[0xE9, 3]),
+        (48, &[1, 0x80]),
+        (33, &[1]),
+    ] {
+        let (sent, said) = drive.on_packet(0, &write(address, data), &at(0.0));
+        assert_eq!((sent, said), (vec![Sent::Odd], None), "{address} {data:?}");
+        assert_eq!(drive.law(&at(0.0)), Some(law), "{address}");
+    }
+
+    // Second of two: it waits for the first. −3 steps a second, −50.0 % of its torque.
+    let ask = feetech::packet::packet(0xFE, 0x82, &[56, 8, 2, ID]).unwrap();
+    let shaft = Shaft { speed_rad_s: -3.0 * TAU / 4096.0, torque_nm: -1.471, ..at(TAU / 4.0) };
+    let bytes = [0xFF, 0xFF, ID, 10, 0, 0, 0x0C, 3, 0x80, 0xF4, 5, 74, 35];
+    let bytes = [&bytes[..], &[crate::feetech::complement(&bytes[2..])]].concat();
+    let answer = Answer { bytes, turn: 1, delay_us: 500 };
+    assert_eq!(drive.on_packet(0, &ask, &shaft), (vec![Sent::Query], Some(answer)));
+
+    let mut line = [&[3, 0xFF, 0xFF][..], &on, &on[..5]].concat();
+    assert_eq!(drive.take_packet(&mut line), Some(on.clone()));
+    assert_eq!((drive.take_packet(&mut line), line), (None, on[..5].to_vec()));
+    drive.cut_power();
+    assert_eq!(drive.law(&at(0.0)), None);
 }
 
 #[test]

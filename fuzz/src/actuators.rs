@@ -8,6 +8,7 @@ use rollwalk_protocol::actuators::cybergear::{CyberGear, SAMPLE_MAX_RAD, TABLE_M
 use rollwalk_protocol::actuators::dynamixel::Dynamixel;
 use rollwalk_protocol::actuators::dynamixel::packet::take;
 use rollwalk_protocol::actuators::dynamixel::table::XM540_W150;
+use rollwalk_protocol::actuators::feetech::{self, Feetech};
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
 use rollwalk_protocol::actuators::mit::{AnswerId, Codes, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
@@ -25,6 +26,7 @@ struct All {
     odrive: Odrive,
     cybergear: CyberGear,
     dynamixel: Dynamixel,
+    feetech: Feetech,
     maestro: Maestro,
 }
 
@@ -45,6 +47,10 @@ impl<'a> Arbitrary<'a> for All {
             dynamixel: Dynamixel {
                 model: XM540_W150,
                 watchdog_20ms: u.arbitrary()?,
+                return_delay_us: u.arbitrary()?,
+            },
+            feetech: Feetech {
+                model: *u.choose(&feetech::table::MODELS)?,
                 return_delay_us: u.arbitrary()?,
             },
             maestro: Maestro {
@@ -194,6 +200,12 @@ fn tell(all: &All, orders: &[ActuatorCommand]) {
         assert_eq!(all.dynamixel.decode(&message), None);
         assert_eq!(take(&mut line, false), None);
     });
+    let mut line = ReceiveBuffer::default();
+    send(&all.feetech, orders, serial, |packet| {
+        packet.iter().for_each(|&byte| line.push(byte));
+        assert_eq!(feetech::packet::take(&mut line, false), None, "none of ours is an answer");
+        assert_eq!(line.bytes(), [], "and each is whole");
+    });
     send(&all.maestro, orders, serial, |packet| {
         let (head, rest) = packet.split_first().expect("not empty");
         // The high bit marks the beginning of a command and nothing else.
@@ -241,7 +253,7 @@ fn hear(all: &All, id: u32, data: &[u8]) {
 
 fn play(u: &mut Unstructured<'_>) -> Result<()> {
     let all: All = u.arbitrary()?;
-    let mut line = ReceiveBuffer::default();
+    let (mut line, mut other) = (ReceiveBuffer::default(), ReceiveBuffer::default());
     while !u.is_empty() {
         match u.arbitrary::<u8>()? % 4 {
             0 => {
@@ -263,6 +275,10 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
             _ => {
                 let len = usize::from(u.arbitrary::<u8>()?).min(u.len());
                 for &byte in u.bytes(len)? {
+                    other.push(byte);
+                    while let Some(answer) = feetech::packet::take(&mut other, byte == 0) {
+                        assert_finite(Some(all.feetech.decode(&answer)));
+                    }
                     line.push(byte);
                     while let Some(message) = take(&mut line, false) {
                         assert_finite(all.dynamixel.decode(&message));
@@ -274,7 +290,8 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
     let actuators = u.arbitrary()?;
     let _ = (all.mit.traffic(actuators), all.maestro.traffic(actuators));
     let _ = (all.odrive.traffic(actuators), all.cybergear.traffic(actuators));
-    let _ = (all.dynamixel.traffic(actuators), Rollwalk.traffic(actuators));
+    let _ = (all.dynamixel.traffic(actuators), all.feetech.traffic(actuators));
+    let _ = Rollwalk.traffic(actuators);
     Ok(())
 }
 
@@ -301,11 +318,14 @@ pub fn seeds() -> Vec<Vec<u8>> {
         frame(0, &[4, 0]),
     ];
     let status = rollwalk_protocol::actuators::dynamixel::packet::packet(1, 0x55, &[0; 11]);
-    let settings = [1u8; 48];
+    let settings = [1u8; 54];
     let orders: Vec<u8> = (0..=255).flat_map(|i: u8| [1, i % 8, i, 1, i, 0]).collect();
     vec![
         [&settings[..], &answers.concat()].concat(),
         [&settings[..], &line(&status.expect("short"))].concat(),
+        // The manual's answer to example 8.
+        [&settings[..], &line(&[0xFF, 0xFF, 1, 10, 0, 0, 8, 0, 0, 0, 0, 0x79, 0x1E, 0x55])]
+            .concat(),
         [&settings[..], &orders].concat(),
         orders,
     ]

@@ -3,6 +3,7 @@
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
 use rollwalk_protocol::actuators::cybergear::CyberGear;
 use rollwalk_protocol::actuators::dynamixel::{Dynamixel, table::XM430_W210};
+use rollwalk_protocol::actuators::feetech::{Feetech, table::STS3215_C018};
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
@@ -59,6 +60,8 @@ const ODRIVE: &str = "protocol = \"odrive\"\nfirmware = \"0.6\"\nreduction = -9\
 const CYBERGEAR: &str = "protocol = \"cybergear\"\nhost_id = 253\nmax_position_rad = 12.5\n";
 const DYNAMIXEL: &str = "protocol = \"dynamixel\"\nmodel = \"XM430-W210\"\nwatchdog_ms = 100\n\
     return_delay_us = 0\nbit_rate = 1_000_000\n";
+const FEETECH: &str = "protocol = \"feetech\"\nmodel = \"STS3215-C018\"\nreturn_delay_us = 500\n\
+    bit_rate = 1_000_000\n";
 const MAESTRO: &str = "protocol = \"maestro\"\nbit_rate = 115_200\npulse_us = [500, 2500]\n";
 
 fn read(number: u8, lines: &str) -> Result<Robot, rollwalk_robot::document::DocumentError> {
@@ -108,6 +111,11 @@ fn every_protocol_is_read_with_its_parameters() {
     let protocol =
         Protocol::Dynamixel(Dynamixel { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 0 });
     assert_eq!(bus(1, DYNAMIXEL), Bus { protocol, ..like });
+    // The speeds of this arm are beyond those of an STS3215 at 12 V.
+    let text = ROBOT.replace("speed_max_rad_s = 5.0", "speed_max_rad_s = 4.7");
+    let text = format!("{text}\n[[bus]]\nnumber = 1\n{FEETECH}");
+    let protocol = Protocol::Feetech(Feetech { model: STS3215_C018, return_delay_us: 500 });
+    assert_eq!(Robot::from_toml("arm.toml", &text).unwrap().buses[&1], Bus { protocol, ..like });
     let text = ROBOT.replace("id = 70", "id = 3");
     let text = format!("{text}\n[[bus]]\nnumber = 0\n{MAESTRO}pose = \"assumed_safe\"\n");
     let protocol = Protocol::Maestro(Maestro {
@@ -216,6 +224,29 @@ fn a_table_that_cannot_be_read_is_named() {
         "`bit_rate` is missing",
         "",
     );
+    assert_fault(
+        1,
+        &FEETECH.replace("STS3215-C018", "STS3215"),
+        "model",
+        "\"STS3215\"",
+        "known are: `STS3215-C001`, ",
+    );
+    assert_fault(
+        1,
+        &FEETECH.replace("return_delay_us = 500\n", ""),
+        "[[bus]]",
+        "`return_delay_us` is missing",
+        "",
+    );
+    let late = FEETECH.replace("= 500", "= 509");
+    assert_fault(1, &late, "return_delay_us", "`return_delay_us`", "from 0 to 508");
+    assert_fault(
+        1,
+        &format!("{FEETECH}watchdog_ms = 100\n"),
+        "watchdog_ms",
+        "unknown key",
+        "known are",
+    );
     let again = format!("{CYBERGEAR}[[bus]]\nnumber = 1\n{MIT}");
     assert_fault(1, &again, "number = 1", "a second time", "one table");
     assert_fault(1, &format!("{MIT}control = 1\n"), "control", "control", "string");
@@ -310,6 +341,7 @@ fn what_an_actuator_cannot_be_told_is_found_at_the_motor() {
         ("torque_max_nm = 1.5", "torque_max_nm = 18.5", MIT, "at most 18 N·m"),
         ("kd_nm_s_rad = 1.0", "kd_nm_s_rad = 0", ODRIVE, "give kd above 0"),
         ("speed_max_rad_s = 5.0", "speed_max_rad_s = 9.0", DYNAMIXEL, "at most 7.91"),
+        ("speed_max_rad_s = 5.0", "speed_max_rad_s = 4.8", FEETECH, "at most 4.71"),
     ] {
         let (line, said) = text(from, to, lines);
         assert_eq!(line, to, "{said}");

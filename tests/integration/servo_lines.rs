@@ -4,7 +4,8 @@
 use crate::desk_with_shipped_files;
 use crate::results::json;
 use crate::simulated::{Robot, on};
-use rollwalk_tests::Outcome;
+use rollwalk_tests::{Desk, Outcome};
+use std::fs;
 use std::process::Command;
 use std::thread::sleep;
 use std::time::Duration;
@@ -33,6 +34,22 @@ fn the_demo_plays_a_robot_on_a_serial_line() {
     }
 }
 
+/// Arms a robot and plays motions. A computer that is busy with other tests may miss a host's time-out, which brings the
+/// robot to SAFE: once more then.
+fn played(desk: &Desk, bus: &str, motions: &[&str]) {
+    let plays = || on(desk, bus, &[&["send", "--arm"], motions].concat());
+    let mut outcome = plays();
+    for _ in 0..4 {
+        if outcome.code == 0 {
+            break;
+        }
+        sleep(Duration::from_secs(3));
+        on(desk, bus, &["clear"]);
+        outcome = plays();
+    }
+    outcome.succeeds();
+}
+
 #[test]
 fn a_controller_plays_motors_at_the_other_end_of_a_serial_line() {
     let desk = desk_with_shipped_files();
@@ -43,18 +60,7 @@ fn a_controller_plays_motors_at_the_other_end_of_a_serial_line() {
     let _controller = Robot::controller(&desk, ROBOT, &bus, "servos");
     on(&desk, &bus, &["flash", "pup.rwl", "--robot", ROBOT]).succeeds();
     on(&desk, &bus, &["gains", "feed-forward", "0"]).succeeds();
-    // A computer that is busy with other tests may miss a host's time-out, which brings the robot to SAFE: once more then.
-    let plays = || on(&desk, &bus, &["send", "--arm", "walk", "drive", "stand"]);
-    let mut outcome = plays();
-    for _ in 0..4 {
-        if outcome.code == 0 {
-            break;
-        }
-        sleep(Duration::from_secs(3));
-        on(&desk, &bus, &["clear"]);
-        outcome = plays();
-    }
-    outcome.succeeds();
+    played(&desk, &bus, &["walk", "drive", "stand"]);
 
     // Without its servos a robot cannot be armed; with them back it can.
     motors.stop();
@@ -62,6 +68,33 @@ fn a_controller_plays_motors_at_the_other_end_of_a_serial_line() {
     let refused = on(&desk, &bus, &["send", "--arm", "stand"]);
     assert_ne!(refused.code, 0, "{}", refused.stdout);
     assert!(desk.path("servos").symlink_metadata().is_err(), "the line is gone");
+}
+
+/// Pup with Feetech servos in place of its Dynamixels: slower, and on a line without a watchdog.
+fn with_feetech_servos(pup: &str) -> String {
+    let (before, rest) = pup.split_once("[[bus]]").expect("Pup has a line of servos");
+    let (_, links) = rest.split_once("[[link]]").expect("links follow");
+    let before = before.replace("speed_max_rad_s = 8.09", "speed_max_rad_s = 4.2");
+    let bus = "[[bus]]\nnumber = 0\nprotocol = \"feetech\"\nmodel = \"STS3215-C018\"\n\
+               bit_rate = 1_000_000\nreturn_delay_us = 0\n\n";
+    format!("{before}{bus}[[link]]{links}")
+}
+
+#[test]
+fn feetech_servos_are_played_over_a_serial_line() {
+    let desk = desk_with_shipped_files();
+    fs::write(desk.path(ROBOT), with_feetech_servos(&desk.read_text(ROBOT))).unwrap();
+    // Two packets of setpoints, a question and twelve answers: 240 bytes of ten bits at 1 Mbit/s, 120 times a second.
+    desk.run(&["robot", "check", ROBOT]).succeeds_with(0, &["STS3215-C018", "29 %"]);
+    let library = "name = \"sts\"\nrobot = \"../robots/pup.toml\"\nsafe = \"stand\"\n\n\
+                   [[motion]]\nname = \"stand\"\nfile = \"pup_stand.toml\"\ncode = 1\n";
+    fs::write(desk.path("motions/sts_library.toml"), library).unwrap();
+    desk.run(&["library", "build", "motions/sts_library.toml", "-o", "sts.rwl"]).succeeds();
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    let _motors = Robot::motors(&desk, ROBOT, "servos");
+    let _controller = Robot::controller(&desk, ROBOT, &bus, "servos");
+    on(&desk, &bus, &["flash", "sts.rwl", "--robot", ROBOT]).succeeds();
+    played(&desk, &bus, &["stand"]);
 }
 
 #[test]

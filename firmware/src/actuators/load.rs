@@ -4,7 +4,7 @@
 use rollwalk_protocol::actuators::bus::{Bus, Buses, MAX_BUSES};
 use rollwalk_protocol::actuators::traffic::Overload;
 use rollwalk_protocol::actuators::{Refusal, Traffic};
-use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::config::{MAX_CHANNELS, RobotConfig};
 
 use super::FRESH_TICKS;
 
@@ -72,7 +72,9 @@ pub fn loads<'a>(
 ) -> impl Iterator<Item = BusLoad> + 'a {
     (0..=u8::MAX).filter_map(move |bus| {
         let on_bus = config.channels.iter().filter(|c| c.bus == bus);
-        let actuators = on_bus.fold(0u32, |count, _| count.saturating_add(1));
+        // No configuration has more: so the compiler knows that their traffic fits its numbers.
+        let actuators =
+            on_bus.fold(0u32, |count, _| count.saturating_add(1)).min(MAX_CHANNELS as u32);
         let kind = buses.get(usize::from(bus)).copied().unwrap_or_default();
         let traffic = kind.protocol.traffic(actuators);
         let (hz, bit_rate) = (f32::from(control_hz), kind.bit_rate as f32);

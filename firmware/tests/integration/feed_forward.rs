@@ -12,7 +12,7 @@ use rollwalk_protocol::wire::{
 };
 
 use crate::protocols::{
-    aligned, bench_with, cybergear, dynamixel, maestro, mit, odrive, slow_down,
+    aligned, bench_with, cybergear, dynamixel, feetech, maestro, mit, odrive, slow_down,
 };
 use crate::rig::Rig;
 use crate::robot::{self, CODE_DRIVE, CODE_WALK, STAND, library_with_torques};
@@ -41,7 +41,7 @@ fn loaded(protocol: Protocol) -> Rig {
     let mut on = [protocol; 2];
     let mut speed = 1.0;
     match protocol {
-        Protocol::Dynamixel(_) => {
+        Protocol::Dynamixel(_) | Protocol::Feetech(_) => {
             slow_down(&mut config);
             speed = 0.5;
         }
@@ -77,6 +77,7 @@ fn a_load_is_held_with_every_protocol() {
         (odrive(Version::V06), 0.2e-3),
         (cybergear(), 0.3e-3),
         (dynamixel(), 0.8e-3),
+        (feetech(), 0.8e-3),
         (maestro(), 0.6e-3),
     ] {
         let mut rig = loaded(protocol);

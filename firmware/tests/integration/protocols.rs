@@ -7,12 +7,13 @@ use crate::robot::{self, CODE_DRIVE, CODE_WALK, STAND};
 use rollwalk_drives::{Kind, Sent};
 use rollwalk_firmware::bus::{Bus, Buses, Pose, Protocol};
 use rollwalk_firmware::{Controller, Settings};
-use rollwalk_protocol::actuators::UpdatePolicy;
 use rollwalk_protocol::actuators::cybergear::{CyberGear, TABLE_MAX_RAD};
 use rollwalk_protocol::actuators::dynamixel::{Dynamixel, table};
+use rollwalk_protocol::actuators::feetech::Feetech;
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
+use rollwalk_protocol::actuators::{Codec, UpdatePolicy};
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::{CommandResult, Parameter, ParameterAction, ParameterResult, State};
@@ -35,6 +36,10 @@ pub fn dynamixel() -> Protocol {
     Protocol::Dynamixel(Dynamixel { model, watchdog_20ms: 5, return_delay_us: 0 })
 }
 
+pub fn feetech() -> Protocol {
+    Protocol::Feetech(Feetech::EXAMPLES[0])
+}
+
 pub fn maestro() -> Protocol {
     let pulse = Pulse { limits_us: (500.0, 2500.0), ..Pulse::default() };
     Protocol::Maestro(Maestro { device: None, crc: false, set_multiple: true, pulse })
@@ -55,10 +60,13 @@ fn bench(protocol: Protocol) -> Rig {
     bench_of(config, [protocol; 2], Bus::default())
 }
 
-/// What an XM540-W150 can do: 230 steps of 0.229 rev/min.
+/// What an XM540-W150 can do, 230 steps of 0.229 rev/min, and an STS3215 at 12 V, 45 rev/min and 2.94 N·m.
 pub fn slow_down(config: &mut RobotConfig) {
-    config.channels.iter_mut().for_each(|c| c.max_rate = c.max_rate.min(5.0));
-    (config.channels[2].min, config.channels[2].max) = (-5.0, 5.0);
+    for channel in &mut config.channels {
+        channel.max_rate = channel.max_rate.min(4.7);
+        channel.max_torque_nm = channel.max_torque_nm.min(2.9);
+    }
+    (config.channels[2].min, config.channels[2].max) = (-4.7, 4.7);
     config.channels[2].max_rate = 60.0;
 }
 
@@ -282,8 +290,14 @@ fn an_order_that_enables_is_whole() {
                 ) if servos.model.has_current() => {}
                 (Protocol::Dynamixel(servos), [Sent::Setpoint { .. }, Sent::Enable, ..])
                     if !servos.model.has_current() => {}
+                // The limit of its torque; acceleration and speed, and of a joint the pose; torque on.
+                (
+                    Protocol::Feetech(_),
+                    [Sent::Limits, Sent::Limits, Sent::Setpoint { .. }, Sent::Enable, ..],
+                ) => {}
                 (
                     Protocol::Mit(_)
+                    | Protocol::Feetech(_)
                     | Protocol::CyberGear(_)
                     | Protocol::Odrive(_)
                     | Protocol::Dynamixel(_),
@@ -329,13 +343,15 @@ fn a_silent_drive_damps_the_others_as_far_as_they_can() {
 
 #[test]
 fn a_drive_that_reports_a_fault_damps_all() {
-    for protocol in [mit(4, AnswerId::Own), odrive(Version::V05), odrive(Version::V06), cybergear()]
+    for protocol in
+        [mit(4, AnswerId::Own), odrive(Version::V05), odrive(Version::V06), cybergear(), feetech()]
     {
         let mut rig = playing(protocol);
         match &mut rig.drives.list[0].inner.kind {
             Kind::Mit(drive) => drive.error = 1,
             Kind::Odrive(axis) => (axis.error, axis.closed_loop) = (0x40, false),
             Kind::CyberGear(motor) => motor.faults = 1 << 2,
+            Kind::Feetech(servo) => servo.status = 1 << 5,
             _ => unreachable!(),
         }
         rig.run_until(State::Damped, 20);
@@ -461,6 +477,7 @@ fn a_parameter_that_makes_no_difference_to_a_drive_is_refused() {
             (set(&mut rig, Parameter::Kp, 0, 10.0), set(&mut rig, Parameter::MaxTorque, 0, 2.0));
         let expected = match protocol {
             Protocol::Maestro(_) => (ParameterResult::NotSupported, ParameterResult::NotSupported),
+            Protocol::Feetech(_) => (ParameterResult::NotSupported, ParameterResult::Ok),
             // Without a current sensor it has no torque limit.
             Protocol::Dynamixel(servos) if servos.model.has_current() => {
                 (ParameterResult::NotSupported, ParameterResult::Ok)

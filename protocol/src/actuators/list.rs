@@ -32,6 +32,7 @@ macro_rules! actuator_protocols {
             cybergear CyberGear can "cybergear",
             dynamixel Dynamixel serial "dynamixel",
             maestro Maestro serial "maestro",
+            feetech Feetech serial "feetech",
         }
     };
 }

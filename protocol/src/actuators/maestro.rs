@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::fixed::nearest;
 use super::serial::{Answer, ReceiveBuffer};
 use super::settings::{Keys, Report, check_integer, or};
-use super::traffic::serial_bits;
+use super::traffic::polled;
 use super::{
     ActuatorCommand, Answers, Capabilities, Codec, Command, Faults, Feedback, Packet, Refusal,
     SerialCodec, Traffic, UpdatePolicy, Watchdog, without, without_torque,
@@ -265,13 +265,8 @@ impl Codec for Maestro {
     /// Targets, and one question for errors with its answer.
     fn traffic(&self, actuators: u32) -> Traffic {
         let around = if self.device.is_some() { 3 } else { 1 } + u32::from(self.crc);
-        let targets = if self.set_multiple {
-            actuators.saturating_mul(2).saturating_add(2 + around)
-        } else {
-            actuators.saturating_mul(3 + around)
-        };
-        let bytes = targets.saturating_add(around + 2);
-        Traffic { bits_per_period: serial_bits(bytes), ..Traffic::default() }
+        let (once, each) = if self.set_multiple { (2 + around, 2) } else { (0, 3 + around) };
+        polled(actuators, once + around + 2, each, 0)
     }
 
     fn from_keys(keys: &dyn Keys) -> Self {

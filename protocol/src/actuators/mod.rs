@@ -8,6 +8,7 @@
 //! | [`odrive`] | ODrive CANSimple, firmware 0.5 and 0.6 | CAN, 11-bit identifiers |
 //! | [`cybergear`] | Xiaomi CyberGear | CAN, 29-bit identifiers |
 //! | [`dynamixel`] | Dynamixel X, Protocol 2.0 | a half-duplex serial line |
+//! | [`feetech`] | Feetech STS and SMS | a half-duplex serial line |
 //! | [`maestro`] | hobby servos behind a Pololu Maestro | a serial line |
 //! | [`list`] | the list of these, and the dispatch to their codecs | |
 //! | [`bus`] | the protocol and the settings of a bus | |
@@ -25,6 +26,7 @@ use thiserror::Error;
 pub mod bus;
 pub mod cybergear;
 pub mod dynamixel;
+pub mod feetech;
 mod fixed;
 pub mod list;
 pub mod maestro;
@@ -254,6 +256,8 @@ pub enum Watchdog {
     GoesHome,
     /// Not documented.
     Unknown,
+    /// There is none: it goes on with what it was sent last.
+    Missing,
 }
 
 /// What a protocol can do.

@@ -44,7 +44,14 @@ impl Traffic {
     }
 }
 
-/// Bits of bytes on a serial line: start bit, 8 bits, stop bit.
-pub(super) fn serial_bits(bytes: u32) -> u32 {
-    bytes.saturating_mul(10)
+/// What a serial line carries whose servos are commanded and asked all at once: bytes in a period, `once` and for `each` of
+/// them, and how long each waits before it answers.
+pub(super) fn polled(actuators: u32, once: u32, each: u32, return_delay_us: u32) -> Traffic {
+    // Start bit, 8 bits, stop bit.
+    let bits = |bytes: u32| bytes.saturating_mul(10);
+    Traffic {
+        bits_per_period: bits(each.saturating_mul(actuators).saturating_add(once)),
+        waiting_us_per_period: actuators.saturating_mul(return_delay_us),
+        bits_per_s: 0,
+    }
 }

@@ -6,6 +6,7 @@ use rollwalk_protocol::actuators::bus::Protocol;
 use rollwalk_protocol::actuators::cybergear::{CyberGear, TABLE_MAX_RAD};
 use rollwalk_protocol::actuators::dynamixel::Dynamixel;
 use rollwalk_protocol::actuators::dynamixel::table::XM540_W150;
+use rollwalk_protocol::actuators::feetech::{Feetech, table::STS3250};
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
 use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
@@ -43,6 +44,7 @@ const ODRIVE: Odrive =
     Odrive { version: Version::V06, reduction: 9.0, torque_constant_nm_a: 0.05, estimates_hz: 100 };
 const CYBERGEAR: CyberGear = CyberGear { host: 0xFD, max_position_rad: TABLE_MAX_RAD };
 const DYNAMIXEL: Dynamixel = Dynamixel { model: XM540_W150, watchdog_20ms: 5, return_delay_us: 20 };
+const FEETECH: Feetech = Feetech { model: STS3250, return_delay_us: 100 };
 const MAESTRO: Maestro = Maestro {
     device: None,
     crc: true,
@@ -223,7 +225,7 @@ fn traffic_is_the_worst_case() {
                 largest = largest.max(sum as f32 / worst as f32);
             }
         }
-        // Answers are up to three quarters of it (Dynamixel). Less than that is too careful.
+        // Answers are up to three quarters of it (Dynamixel, Feetech). Less than that is too careful.
         assert!(largest > 0.2, "{name} {largest}");
     }
     with_all!(check);
@@ -242,6 +244,9 @@ fn loads_of_sixteen_actuators() {
     // 10 + 84 + 28, 10 + 20 + 6, and 16 times 10 + 11 + 3 bytes; 16 times 20 µs.
     let period_s = (122.0 + 36.0 + 16.0 * 24.0) * 10.0 / 3e6 + 16.0 * 20e-6;
     near(DYNAMIXEL.traffic(16).load(60.0, 3e6), 60.0 * period_s);
+    // 2 times 8 + 48 bytes, 8 + 16, and 16 times 14; 16 times 100 µs.
+    let period_s = (64.0 + 24.0 + 16.0 * 14.0) * 10.0 / 1e6 + 16.0 * 100e-6;
+    near(FEETECH.traffic(16).load(60.0, 1e6), 60.0 * period_s);
     // 2 + 32 + 2 bytes with its CRC, 2 to ask for errors, 2 that come back.
     near(MAESTRO.traffic(16).load(50.0, 115_200.0), 50.0 * 400.0 / 115_200.0);
     assert!(MIT.traffic(16).check(160.0, 1e6).is_ok());

@@ -4,6 +4,7 @@ mod actuator_golden;
 mod actuators_all;
 mod actuators_cybergear;
 mod actuators_dynamixel;
+mod actuators_feetech;
 mod actuators_maestro;
 mod actuators_mit;
 mod actuators_odrive;

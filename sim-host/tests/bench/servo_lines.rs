@@ -8,6 +8,7 @@ use rollwalk_host::session::Session;
 use rollwalk_protocol::actuators::Codec;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
 use rollwalk_protocol::actuators::dynamixel::{Dynamixel, table::XM430_W210};
+use rollwalk_protocol::actuators::feetech::{Feetech, table::STS3250};
 use rollwalk_protocol::actuators::maestro::Maestro;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::library::ClipId;
@@ -21,6 +22,11 @@ use rollwalk_sim_host::rig::Rig;
 fn dynamixel(bit_rate: u32, return_delay_us: u32, watchdog_20ms: u8) -> Bus {
     let servos = Dynamixel { model: XM430_W210, watchdog_20ms, return_delay_us };
     Bus { protocol: Protocol::Dynamixel(servos), bit_rate, ..Bus::default() }
+}
+
+fn feetech(return_delay_us: u32) -> Bus {
+    let servos = Feetech { model: STS3250, return_delay_us };
+    Bus { protocol: Protocol::Feetech(servos), ..Bus::default() }
 }
 
 /// With the factory's return delay.
@@ -70,6 +76,14 @@ fn servos_follow_are_stopped_and_follow_again() {
 }
 
 #[test]
+fn feetech_servos_follow_are_stopped_and_follow_again() {
+    for delay_us in [0, 100, 500] {
+        let name = format!("Feetech, {delay_us} µs");
+        assert_followed(&stopped_and_played_again([feetech(delay_us); 2], &name), &name);
+    }
+}
+
+#[test]
 fn the_same_run_puts_the_same_packets_on_the_line() {
     let packets = || {
         let mut session = armed(&leg([usual(); 2]));
@@ -106,6 +120,29 @@ fn every_byte_takes_its_ten_bits_and_every_answer_its_delay() {
         }
     }
     assert!(seen >= 11, "{seen} questions in 100 ms");
+}
+
+/// Feetech servos have no watchdog. All that hear the controller let go; one that does not, holds on to what it was sent
+/// last.
+#[test]
+fn feetech_servos_that_hear_the_controller_are_let_down() {
+    for (kind, still_driving) in [(FaultKind::Unpowered(1), vec![]), (FaultKind::Deaf(1), vec![1])]
+    {
+        let mut session = armed(&leg([feetech(0); 2]));
+        session.select(robot::SWING).unwrap();
+        session.run_for(2 * S).unwrap();
+        fault(&mut session, kind, 3_000);
+        session.run_for(2 * S).unwrap();
+        let status = session.status().unwrap();
+        assert!(status.faults.contains(Fault::ActuatorSilent), "{kind:?}: {status:?}");
+        let servos = session.bus().body().servos().iter().enumerate();
+        let driving: Vec<_> = servos.filter(|(_, s)| s.is_driving()).map(|(i, _)| i).collect();
+        assert_eq!(driving, still_driving, "{kind:?}");
+        // It is told again and again, until it says that it has heard it.
+        session.run_for(3 * S).unwrap();
+        assert_eq!(session.status().unwrap().state, State::TorqueOff, "{kind:?}");
+        assert!(!session.bus().body().servos().iter().any(|servo| servo.is_driving()));
+    }
 }
 
 /// One servo or its line falls silent while the robot plays: it lies down, and says why.

@@ -15,7 +15,7 @@ use super::fixed::nearest;
 use super::named;
 use super::serial::{Answer, ReceiveBuffer};
 use super::settings::{Keys, Report, check_integer};
-use super::traffic::serial_bits;
+use super::traffic::polled;
 use super::{
     ActuatorCommand, Answers, Capabilities, Codec, Command, Faults, Feedback, Packet, Refusal,
     SerialCodec, Traffic, UpdatePolicy, Watchdog, without, without_torque,
@@ -328,16 +328,13 @@ impl Codec for Dynamixel {
     /// A sync write of goals, a sync read, and an answer of each servo, every one with as much
     /// stuffing as there can be.
     fn traffic(&self, actuators: u32) -> Traffic {
-        let stuffed = |bytes: u32| bytes + bytes / 3;
-        let packet = |parameters: u32| 10 + stuffed(parameters);
-        let n = actuators.min(MAX_ID as u32 + 1);
-        let answer = packet(1 + u32::from(PRESENT_BYTES));
-        let bytes = packet(4 + 5 * n) + packet(4 + n) + n * answer;
-        Traffic {
-            bits_per_period: serial_bits(bytes),
-            waiting_us_per_period: n.saturating_mul(self.return_delay_us),
-            bits_per_s: 0,
+        const fn packet(parameters: u32) -> u32 {
+            10 + parameters + parameters / 3
         }
+        // Of 4 + 5 n and 4 + n parameters a third is 2 + 2 n, rounded down one by one as well.
+        const ONCE: u32 = 2 * (10 + 4) + 2;
+        const EACH: u32 = 5 + 1 + 2 + packet(1 + PRESENT_BYTES as u32);
+        polled(actuators, ONCE, EACH, self.return_delay_us)
     }
 
     fn from_keys(keys: &dyn Keys) -> Self {

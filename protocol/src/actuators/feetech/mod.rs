@@ -1,0 +1,312 @@
+//! Feetech servos of the STS and SMS series, on a half-duplex serial line.
+//!
+//! Documents: Feetech, "Communication Protocol User Manual" (FT-SCS) and the memory tables ([`table`]). As with Dynamixel
+//! servos, commands of one kind for many servos go out as one sync write, questions as one sync read.
+
+use core::f32::consts::PI;
+use core::fmt::Arguments;
+use core::ops::RangeInclusive;
+
+use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+use super::fixed::nearest;
+use super::named;
+use super::serial::{Answer, ReceiveBuffer};
+use super::settings::{Keys, Report, check_integer};
+use super::traffic::polled;
+use super::{
+    ActuatorCommand, Answers, Capabilities, Codec, Command, Faults, Feedback, Packet, Refusal,
+    SerialCodec, Traffic, UpdatePolicy, Watchdog, without, without_torque,
+};
+use crate::config::MAX_CHANNELS;
+use crate::packet::append;
+
+pub mod packet;
+pub mod table;
+
+use packet::{ANSWER_BYTES, BROADCAST, MAX_ID, SYNC_READ, SYNC_WRITE};
+use table::{CENTRE, Model, STEP_RAD, STS3215_C001};
+
+/// Servos of one model on a line.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Feetech {
+    /// Their model.
+    #[serde(with = "named")]
+    pub model: Model,
+    /// What the servos wait before they answer ("Return delay"), µs. 500 from the factory.
+    pub return_delay_us: u32,
+}
+
+/// Return delay, µs: 254 steps of 2 at most.
+const RETURN_DELAYS_US: RangeInclusive<u32> = 0..=508;
+
+/// Bits of an answer's status: voltage, encoder, temperature, current and load.
+const STATUS: [(u32, Faults); 4] = [
+    (1 << 0, Faults::BAD_VOLTAGE),
+    (1 << 1, Faults::SENSOR),
+    (1 << 2, Faults::OVERHEATED),
+    (1 << 3 | 1 << 5, Faults::OVERCURRENT),
+];
+
+/// Bytes from an address on, of which so many are written.
+type Range = (u8, u8);
+
+/// Torque switch.
+const SWITCH: Range = (table::TORQUE_ENABLE, 1);
+/// Torque limit.
+const LIMIT: Range = (table::TORQUE_LIMIT, 2);
+/// Acceleration, position, two bytes in between, velocity.
+const MOTION: Range = (table::ACCELERATION, 7);
+/// Acceleration alone.
+const ACCELERATION: Range = (table::ACCELERATION, 1);
+/// Goal of a joint.
+const POSITION: Range = (table::GOAL_POSITION, 2);
+/// Goal of a wheel.
+const VELOCITY: Range = (table::GOAL_VELOCITY, 2);
+
+/// What [`Feetech::encode`] writes, the urgent first.
+const RANGES: [Range; 6] = [SWITCH, LIMIT, ACCELERATION, MOTION, POSITION, VELOCITY];
+
+/// Values for a range of [`RANGES`], as many bytes of it as that has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Write {
+    range: Range,
+    data: [u8; 7],
+}
+
+impl Write {
+    fn byte(range: Range, byte: u8) -> Self {
+        Self { range, data: [byte, 0, 0, 0, 0, 0, 0] }
+    }
+
+    fn word(range: Range, [low, high]: [u8; 2]) -> Self {
+        Self { range, data: [low, high, 0, 0, 0, 0, 0] }
+    }
+}
+
+/// What an order writes, one after the other.
+type Writes = Vec<Write, 3>;
+
+/// A magnitude with its sign in `bit`.
+fn signed(bytes: [u8; 2], bit: u32) -> i32 {
+    let value = i32::from(u16::from_le_bytes(bytes));
+    let magnitude = value & (1i32.wrapping_shl(bit).wrapping_sub(1));
+    if value.wrapping_shr(bit) & 1 == 1 { magnitude.wrapping_neg() } else { magnitude }
+}
+
+/// Steps as a magnitude with its sign in bit 15.
+fn steps(value: i32) -> [u8; 2] {
+    let sign = if value < 0 { 0x8000 } else { 0 };
+    (value.unsigned_abs() as u16 | sign).to_le_bytes()
+}
+
+impl Feetech {
+    /// For [`table::GOAL_POSITION`]: the turn around 0 rad.
+    pub fn goal_position(&self, position_rad: f32) -> Option<[u8; 2]> {
+        nearest(position_rad / STEP_RAD + CENTRE as f32, 0, 4095).map(steps)
+    }
+
+    /// For [`table::GOAL_VELOCITY`].
+    pub fn goal_velocity(&self, speed_rad_s: f32) -> Option<[u8; 2]> {
+        let most = self.model.max_velocity;
+        nearest(speed_rad_s / STEP_RAD, most.saturating_neg(), most).map(steps)
+    }
+
+    /// For [`table::TORQUE_LIMIT`]; 0 would be no torque at all.
+    pub fn torque_limit(&self, torque_nm: f32) -> Option<[u8; 2]> {
+        nearest(torque_nm / self.model.stall_torque_nm * 1000.0, 1, 1000).map(steps)
+    }
+
+    /// What an order writes.
+    fn writes(&self, order: &ActuatorCommand) -> Result<Writes, Refusal> {
+        super::address(order.id, MAX_ID)?;
+        let position = |rad| self.goal_position(rad).ok_or(Refusal::OutOfRange("position"));
+        let velocity = |rad_s| self.goal_velocity(rad_s).ok_or(Refusal::OutOfRange("speed"));
+        let all = |writes: &[Write]| Vec::from_slice(writes).unwrap_or_default();
+        let on = Write::byte(SWITCH, 1);
+        Ok(match order.command {
+            // Torque off is also what ends an overload.
+            Command::Disable | Command::ClearFaults => all(&[Write::byte(SWITCH, 0)]),
+            Command::EnableJoint { measured_rad } => {
+                let [p0, p1] = position(measured_rad)?;
+                // The speed of a goal's way there has no other limit than the motor: the setpoints have one.
+                let [v0, v1] = steps(self.model.max_velocity);
+                all(&[Write { range: MOTION, data: [0, p0, p1, 0, 0, v0, v1] }, on])
+            }
+            Command::EnableWheel => {
+                all(&[Write::byte(ACCELERATION, 0), Write::word(VELOCITY, [0; 2]), on])
+            }
+            Command::Query => Vec::new(),
+            Command::Limits { speed_rad_s, torque_nm } => {
+                // Not sent: for a wheel it would be a goal.
+                velocity(speed_rad_s)?;
+                let limit = self.torque_limit(torque_nm).ok_or(Refusal::OutOfRange("torque"))?;
+                all(&[Write::word(LIMIT, limit)])
+            }
+            Command::Joint(joint) => {
+                without(joint.gains, "gains")?;
+                without_torque(joint.torque_nm)?;
+                all(&[Write::word(POSITION, position(joint.position_rad)?)])
+            }
+            Command::Wheel(wheel) => {
+                without(wheel.kd_nm_s_rad, "kd")?;
+                without(wheel.torque_limit_nm, "torque limit in setpoints")?;
+                without_torque(wheel.torque_nm)?;
+                all(&[Write::word(VELOCITY, velocity(wheel.speed_rad_s)?)])
+            }
+            Command::Gains(_) => return Err(Refusal::Unsupported("gains")),
+            Command::EnableTorque | Command::Torque { .. } => {
+                return Err(Refusal::Unsupported("torque"));
+            }
+        })
+    }
+
+    /// Address and feedback of an answer.
+    pub fn decode(&self, answer: &packet::Answer) -> (u8, Feedback) {
+        let [p0, p1, v0, v1, l0, l1, _voltage, temperature] = answer.data;
+        let position = signed([p0, p1], 15).wrapping_sub(CENTRE);
+        let load = signed([l0, l1], 10) as f32 * 1e-3;
+        let feedback = Feedback {
+            position_rad: Some(position as f32 * STEP_RAD),
+            speed_rad_s: Some(signed([v0, v1], 15) as f32 * STEP_RAD),
+            torque_nm: Some(load * self.model.stall_torque_nm),
+            temperature_c: Some(temperature.into()),
+            enabled: None,
+            faults: Some(Faults::translate(answer.status.into(), &STATUS)),
+        };
+        (answer.id, feedback)
+    }
+}
+
+impl Codec for Feetech {
+    type Sent = Packet;
+
+    const EXAMPLES: &'static [Self] = &[
+        Self { model: table::STS3215_C018, return_delay_us: 0 },
+        Self { model: table::STS3250, return_delay_us: 100 },
+    ];
+
+    fn name(&self) -> &'static str {
+        self.model.name
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        Capabilities {
+            joints: true,
+            wheels: true,
+            gains: UpdatePolicy::Never,
+            max_gains: super::Gains { kp_nm_rad: f32::MAX, kd_nm_s_rad: f32::MAX },
+            limits: UpdatePolicy::Stored,
+            joint_speed: false,
+            torque: false,
+            torque_alone: false,
+            exact_zero_speed: true,
+            answers: Answers::OnQuery,
+            measures_position: true,
+            measures_torque: true,
+            query: true,
+            reports_enabled: false,
+            pose_while_disabled: true,
+            watchdog: Watchdog::Missing,
+            max_id: MAX_ID,
+        }
+    }
+
+    fn emit(&self, order: &ActuatorCommand, send: &mut dyn FnMut(Packet)) -> Result<(), Refusal> {
+        self.encode(core::slice::from_ref(order), send).map_err(|(_, refusal)| refusal)
+    }
+
+    /// Without making packets of it.
+    fn check(&self, order: &ActuatorCommand) -> Result<(), Refusal> {
+        self.writes(order).map(|_| ())
+    }
+
+    /// One sync write for each range, torque switches before setpoints, and at last one sync read.
+    fn encode(
+        &self,
+        orders: &[ActuatorCommand],
+        send: &mut dyn FnMut(Packet),
+    ) -> Result<(), (usize, Refusal)> {
+        for (i, order) in orders.iter().enumerate() {
+            self.writes(order).map_err(|refusal| (i, refusal))?;
+        }
+        for orders in orders.chunks(MAX_CHANNELS) {
+            let mut all = Vec::<(u8, Writes), MAX_CHANNELS>::new();
+            for order in orders {
+                // Checked above, and chunks are as large as there is room.
+                let _ = all.push((order.id, self.writes(order).unwrap_or_default()));
+            }
+            for step in 0..3 {
+                for (address, bytes) in RANGES {
+                    let mut parameters = Packet::new();
+                    let _ = append(&mut parameters, &[address, bytes]);
+                    for (id, writes) in &all {
+                        if let Some(write) =
+                            writes.get(step).filter(|w| w.range == (address, bytes))
+                            && let Some(data) = write.data.get(..usize::from(bytes))
+                        {
+                            let _ = parameters.push(*id);
+                            let _ = append(&mut parameters, data);
+                        }
+                    }
+                    to_all(SYNC_WRITE, &parameters).into_iter().for_each(&mut *send);
+                }
+            }
+            let mut parameters = Packet::new();
+            let _ = append(&mut parameters, &[table::PRESENT_POSITION, ANSWER_BYTES as u8]);
+            for order in orders.iter().filter(|order| order.command == Command::Query) {
+                let _ = parameters.push(order.id);
+            }
+            to_all(SYNC_READ, &parameters).into_iter().for_each(&mut *send);
+        }
+        Ok(())
+    }
+
+    /// Sync writes of joints and of wheels, a sync read, and an answer of each servo.
+    fn traffic(&self, actuators: u32) -> Traffic {
+        // Around parameters and around data.
+        const PACKET: u32 = 8;
+        const ANSWER: u32 = 6 + ANSWER_BYTES as u32;
+        polled(actuators, 3 * PACKET, 3 + 1 + ANSWER, self.return_delay_us)
+    }
+
+    fn from_keys(keys: &dyn Keys) -> Self {
+        let model = keys.choice("model", &table::MODELS.map(|model| model.name));
+        let model = *table::MODELS.get(model).unwrap_or(&STS3215_C001);
+        let return_delay_us = keys.integer("return_delay_us", RETURN_DELAYS_US);
+        Self { model, return_delay_us }
+    }
+
+    fn check_settings(&self, report: &mut dyn Report) {
+        check_integer(report, "return_delay_us", self.return_delay_us, RETURN_DELAYS_US, " µs");
+    }
+
+    fn explain_range(&self, quantity: &'static str, report: &mut dyn FnMut(Arguments<'_>)) {
+        match quantity {
+            "position" => report(format_args!("the turn around 0 rad, {} to {PI} rad", -PI)),
+            "speed" => {
+                report(format_args!("at most {} rad/s", self.model.max_velocity as f32 * STEP_RAD));
+            }
+            "torque" => report(format_args!("at most {} N·m", self.model.stall_torque_nm)),
+            _ => {}
+        }
+    }
+}
+
+/// A packet for all servos; `None` when only address and count are in it.
+fn to_all(instruction: u8, parameters: &[u8]) -> Option<Packet> {
+    let any = parameters.len() > 2;
+    any.then(|| packet::packet(BROADCAST, instruction, parameters)).flatten()
+}
+
+impl SerialCodec for Feetech {
+    fn receive(&self, buffer: &mut ReceiveBuffer, byte: u8, _: bool) {
+        buffer.push(byte);
+    }
+
+    fn take(&self, buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Answer> {
+        let (id, feedback) = self.decode(&packet::take(buffer, is_silent)?);
+        Some(Answer::Actuator(id, feedback))
+    }
+}
