@@ -5,8 +5,10 @@
 use arbitrary::{Result, Unstructured};
 use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::wire::{Action, ParameterAction, Request, State};
+use rollwalk_protocol::wire::authentication::SessionRequest;
+use rollwalk_protocol::wire::{Action, ParameterAction, Request, State, Torque};
 
+use crate::authentication;
 use crate::deeds::{Deed, act, assert_way_home};
 use crate::rig::Rig;
 use crate::robot::{self, CODE_DRIVE, CODE_STAND, CODE_WALK};
@@ -15,7 +17,7 @@ use crate::robot::{self, CODE_DRIVE, CODE_STAND, CODE_WALK};
 const DEEDS: usize = 80;
 
 /// Identifiers that mean something to the controller.
-const KNOWN: [u16; 9] = [0x010, 0x0F0, 0x110, 0x1F0, 0x210, 0x510, 0x610, 0x710, 0x7F0];
+const KNOWN: [u16; 10] = [0x010, 0x0F0, 0x110, 0x1F0, 0x210, 0x510, 0x610, 0x710, 0x7F0, 0x012];
 
 /// Tags of deeds, for seeds.
 mod tag {
@@ -134,26 +136,35 @@ fn deed(u: &mut Unstructured<'_>, lies: bool) -> Result<Deed> {
     })
 }
 
-/// What became of a controller.
-fn after(u: &mut Unstructured<'_>, lies: bool) -> Result<Rig> {
+/// What became of a controller. One that insists on a key never obeys: nothing here has it.
+fn after(u: &mut Unstructured<'_>, lies: bool, insists: bool) -> Result<Rig> {
     let mut rig = Rig::new(Some(&robot::library()));
     rig.trust_pose = !lies;
+    if insists {
+        rig.brain.insist_on(authentication::key(), Some(1));
+        // Its library is loaded by the self test.
+        rig.run(20);
+    }
     for _ in 0..DEEDS {
         if u.is_empty() {
             break;
         }
         act(&mut rig, &deed(u, lies)?);
+        if insists {
+            assert_eq!(rig.brain.state().torque(), Torque::Off);
+            assert!(rig.brain.library().is_some());
+        }
     }
     Ok(rig)
 }
 
 fn play(u: &mut Unstructured<'_>) -> Result<()> {
     let how = u.arbitrary::<u8>()?;
-    let lies = how & 1 != 0;
-    let mut rig = after(u, lies)?;
+    let (lies, insists) = (how & 1 != 0, how & 8 != 0);
+    let mut rig = after(u, lies, insists)?;
     // A controller that was lied to may have reason not to go on; one in four of the others shows that
     // it does.
-    if !lies && how & 6 == 0 {
+    if !lies && !insists && how & 6 == 0 {
         assert_way_home(&mut rig);
     }
     rig.estop();
@@ -161,7 +172,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
     Ok(())
 }
 
-/// A sequence of deeds; the first byte says whether actuators and clock lie.
+/// A sequence of deeds; the first byte says whether actuators and clock lie, and whether the controller insists on a key.
 pub fn run(data: &[u8]) {
     // An error means that a deed was cut off.
     let _ = play(&mut Unstructured::new(data));
@@ -190,7 +201,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let lies = [FEEDBACK, 0, 50, 9, 1, 1, 0, FRAME, 0, 9, 0, 8, 1, 2, 3, 4, 5, 6, 7, 8, TIME, 9, 9];
     let lying = [&armed[..], &lies, &plays].concat();
     // Seeds that lead nowhere would go unnoticed.
-    let plays_in = after(&mut Unstructured::new(&[&armed[..], &plays[..4]].concat()), false);
+    let plays_in = after(&mut Unstructured::new(&[&armed[..], &plays[..4]].concat()), false, false);
     assert_eq!(plays_in.map(|rig| rig.brain.state()), Ok(State::Playing));
     let seed = |how: u8, deeds: &[u8]| [&[how], deeds].concat();
     let mut seeds: Vec<_> =
@@ -199,5 +210,10 @@ pub fn seeds() -> Vec<Vec<u8>> {
             .flat_map(|deeds| [seed(0, deeds), seed(2, deeds), seed(1, deeds)])
             .collect();
     seeds.push(seed(1, &lying));
+    let request = SessionRequest { nonce: 7 }.encode();
+    let proof = [LINK, 9, 8, 0x21, 1, 2, 3, 4, 5, 6, 7, LINK, 4, 8, 0, 0, 0, 0, 0, 0, 0, 0];
+    let session =
+        [&[RUN, 30, MESSAGE, request.len() as u8 - 1][..], &request, &proof, &armed].concat();
+    seeds.extend([&session, &day, &flashed].map(|deeds| seed(8, deeds)));
     seeds
 }

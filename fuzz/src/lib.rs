@@ -16,6 +16,7 @@
 //! `cargo xtask fuzz` builds and runs them; a program of `src/bin/` is libFuzzer around one module.
 
 pub mod actuators;
+pub mod authentication;
 pub mod deframer;
 pub mod dispatcher;
 pub mod flash;

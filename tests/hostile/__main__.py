@@ -25,13 +25,10 @@ import time
 import attacks
 import robot
 import wire
-from client import Client
+from client import HEARTBEAT_S, NODE, Broken, Client, alive, expect, transfer
 from libraries import hostile
 from rules import Rules
 
-# Address of a controller that was not given one.
-NODE = 1
-HEARTBEAT_S = 0.05
 # Lines in one write: some milliseconds of the bus.
 BURST = 20
 # Attacks on a driven robot before the operator has it driven again.
@@ -48,15 +45,6 @@ def arguments():
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=pathlib.Path, help="folder for the log of all buses")
     return parser.parse_args()
-
-
-class Broken(Exception):
-    """What must not have happened."""
-
-
-def expect(condition, what):
-    if not condition:
-        raise Broken(what)
 
 
 class Operator:
@@ -104,23 +92,6 @@ class Operator:
             client.command(confirm, arg=client.nonce)
 
 
-def transfer(client, library):
-    """Transfers a library; the step that was refused and the answer, or None when it is active."""
-    digest = wire.digest(library)
-    head = len(library).to_bytes(4, "little") + digest.to_bytes(4, "little")
-    steps = [b"\x10" + head]
-    for at in range(0, len(library), 512):
-        block = library[at : at + 512]
-        steps.append(b"\x11" + at.to_bytes(4, "little") + wire.crc32c(block).to_bytes(4, "little") + block)
-    steps += [b"\x12", b"\x13" + digest.to_bytes(4, "little")]
-    for step in steps:
-        answer = client.request(step)
-        expect(answer is not None, f"no answer to request {step[0]:02x} of a transfer")
-        if answer[2] != 0:
-            return step[0], answer
-    return None
-
-
 def attack(client, rng, count, stops, between=None):
     """Sends `count` attacks; calls `between` after every wave of them."""
     sent = 0
@@ -131,17 +102,6 @@ def attack(client, rng, count, stops, between=None):
         client.send(*burst)
         sent += len(burst)
         time.sleep(0.003)
-
-
-def alive(client, what):
-    """The controller still answers."""
-    # Ends a packet that an attack has left open.
-    client.send(b"\0")
-    time.sleep(0.6)
-    before = client.heard
-    answer = client.request(b"\x01\x02\x00", answered=0x81, timeout_s=5)
-    expect(answer is not None, f"no answer to HELLO_REQUEST {what}")
-    expect(client.heard > before and client.state is not None, f"no STATUS {what}")
 
 
 def phases(options, path):

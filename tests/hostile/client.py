@@ -8,6 +8,19 @@ import time
 
 import wire
 
+# Address of a controller that was not given one.
+NODE = 1
+HEARTBEAT_S = 0.05
+
+
+class Broken(Exception):
+    """What must not have happened."""
+
+
+def expect(condition, what):
+    if not condition:
+        raise Broken(what)
+
 
 class Client:
     """Joins the socket; a thread of its own listens."""
@@ -21,6 +34,9 @@ class Client:
         self.library = None
         self.nonce = None
         self.acknowledgements = collections.Counter()
+        self.parameters = collections.Counter()
+        self.answers = collections.Counter()
+        self.states = set()
         self.heard = 0
         self.seq = 0
         self.beat = 0
@@ -108,6 +124,7 @@ class Client:
         identifier ^= self.node << 4
         if identifier == wire.STATUS and len(data) == 8:
             self.state, self.library = wire.STATES[data[1] & 15], data[7]
+            self.states.add(self.state)
         elif identifier == wire.HEARTBEAT_REPLY and len(data) == 6:
             self._clock = struct.unpack("<I", data[2:])[0], time.monotonic()
         elif identifier == wire.COMMAND_ACK and len(data) == 7:
@@ -115,6 +132,8 @@ class Client:
             self.acknowledgements[kind, result] += 1
             if result == 0 and kind in (wire.ARM, wire.CLEAR):
                 self.nonce = struct.unpack("<H", data[5:])[0]
+        elif identifier == wire.PARAMETER_ACK and len(data) >= 3:
+            self.parameters[data[2] >> 4] += 1
         elif identifier == wire.TO_HOST and data:
             self._segment(data)
 
@@ -123,6 +142,8 @@ class Client:
         kind = data[0] >> 4
         if kind == 0:
             self.replies.append(data[1 : 1 + (data[0] & 15)])
+            if data[1:2] == b"\x90":
+                self.answers[data[2:4]] += 1
         elif kind == 1 and len(data) == 8:
             self._expected = (data[0] & 15) << 8 | data[1]
             self._message = data[2:]
@@ -135,3 +156,31 @@ class Client:
         elif kind == 3 and data[0] & 15 == 0:
             # Block size 0: no more flow control follows.
             self._room = data[1] or 1 << 20
+
+
+def transfer(client, library):
+    """Transfers a library; the step that was refused and the answer, or None when it is active."""
+    digest = wire.digest(library)
+    head = len(library).to_bytes(4, "little") + digest.to_bytes(4, "little")
+    steps = [b"\x10" + head]
+    for at in range(0, len(library), 512):
+        block = library[at : at + 512]
+        steps.append(b"\x11" + at.to_bytes(4, "little") + wire.crc32c(block).to_bytes(4, "little") + block)
+    steps += [b"\x12", b"\x13" + digest.to_bytes(4, "little")]
+    for step in steps:
+        answer = client.request(step)
+        expect(answer is not None, f"no answer to request {step[0]:02x} of a transfer")
+        if answer[2] != 0:
+            return step[0], answer
+    return None
+
+
+def alive(client, what):
+    """The controller still answers."""
+    # Ends a packet that an attack has left open.
+    client.send(b"\0")
+    time.sleep(0.6)
+    before = client.heard
+    answer = client.request(b"\x01\x02\x00", answered=0x81, timeout_s=5)
+    expect(answer is not None, f"no answer to HELLO_REQUEST {what}")
+    expect(client.heard > before and client.state is not None, f"no STATUS {what}")

@@ -61,6 +61,12 @@ class TheBytes(unittest.TestCase):
         self.assertEqual(wire.crc32c(b"123456789"), 0xE3069283)
         self.assertEqual(wire.digest(b"123456789"), 0xCBF43926)
 
+    def test_have_the_codes_of_the_document(self):
+        session = 0x010203040506070B, 0x1112131415161718
+        message = bytes.fromhex("2305144000001027")
+        frame = wire.authenticator(3, bytes(range(32)), *session, 0x1FE, 0x230, message)
+        self.assertEqual(frame, (0x032, bytes.fromhex("2BFEEF24036DBF3D")))
+
     def test_are_stuffed_and_found_again(self):
         rng = random.Random(0)
         for length in [0, 1, 253, 254, 255, 300]:

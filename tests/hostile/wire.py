@@ -1,15 +1,18 @@
 """The link of a controller, written from docs/wire-format.md alone: checksums, packets of the serial line, messages."""
 
+import hashlib
+import hmac
 import struct
 import zlib
 
 ESTOP, HEARTBEAT, COMMAND, PARAMETER, DISCOVER = 0x000, 0x100, 0x200, 0x600, 0x700
-STATUS, COMMAND_ACK, HEARTBEAT_REPLY, DISCOVERED = 0x300, 0x302, 0x101, 0x701
+STATUS, COMMAND_ACK, HEARTBEAT_REPLY, PARAMETER_ACK, DISCOVERED = 0x300, 0x302, 0x101, 0x601, 0x701
 TO_CONTROLLER, TO_HOST = 0x500, 0x501
 PLAY, PAUSE, RESUME, RETURN, DISARM, ARM, ARM_CONFIRM, CLEAR, CLEAR_CONFIRM = range(9)
 STATES = "Boot SelfTest Disarmed Aligning Ready Playing Paused Returning Damped TorqueOff EStopped".split()
 # Kind of PARAMETER.
 RESET = 2
+AUTHENTICATOR, SESSION_REQUEST, SESSION = 0x002, 0x03, 0x83
 KIND_FRAME, KIND_MESSAGE = 16, 19
 
 
@@ -66,6 +69,24 @@ def parameter(node, seq, kind, which, channel, value):
 
 def heartbeat(node, seq, host_ms):
     return sealed(HEARTBEAT | node << 4, struct.pack("<BI", seq & 255, host_ms & 0xFFFFFFFF))
+
+
+def code(key, number, nonce, counter, identifier, message):
+    """The authentication code of a host's message."""
+    head = struct.pack("<BQQIH", 1, number, nonce, counter, identifier)
+    return hmac.digest(key, head + message, hashlib.sha256)
+
+
+def session_code(key, number, nonce, identifier):
+    """The code of the controller's offer of a session."""
+    return hmac.digest(key, struct.pack("<BQQH", 2, number, nonce, identifier), hashlib.sha256)
+
+
+def authenticator(node, key, number, nonce, counter, identifier, message):
+    """The frame that goes ahead of a message."""
+    tag = code(key, number, nonce, counter, identifier, message)[:6]
+    head = bytes([number & 15 | (identifier >> 8) << 4, counter & 255])
+    return AUTHENTICATOR | node << 4, head + tag
 
 
 def stuffed(data):

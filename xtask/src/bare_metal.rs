@@ -13,6 +13,7 @@ pub const CORTEX_M4F: &str = "thumbv7em-none-eabihf";
 /// Target of the Cortex-M33 with FPU.
 pub const CORTEX_M33F: &str = "thumbv8m.main-none-eabihf";
 const CRATES: [&str; 4] = ["-p", "rollwalk-protocol", "-p", "rollwalk-firmware"];
+const KEYS: [&str; 2] = ["--features", "rollwalk-firmware/authenticated,rollwalk-firmware/ed25519"];
 const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "lld"];
 const DEBIAN_CARGO: &str = "/usr/bin/cargo";
 const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
@@ -25,12 +26,13 @@ pub struct Build {
     pub artefacts: PathBuf,
 }
 
-/// Builds the controller's crates for the Cortex-M4F.
+/// Builds the controller's crates for the Cortex-M4F, without keys and with them.
 ///
 /// # Errors
 /// The compiler's errors, or the command that installs a toolchain.
 pub fn check() -> Result<(), String> {
-    shell::run(build(CORTEX_M4F)?.cargo.args(CRATES))
+    shell::run(build(CORTEX_M4F)?.cargo.args(CRATES))?;
+    shell::run(build(CORTEX_M4F)?.cargo.args(CRATES).args(KEYS))
 }
 
 /// A build with rustup's toolchain or, without its target, Debian's.

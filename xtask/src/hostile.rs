@@ -1,5 +1,6 @@
-//! A simulated robot attacked over its link, and outputs under kill -9 and a full disk: `tests/hostile/`, programs that
-//! share no code with the workspace.
+//! A simulated robot attacked over its link, without and with a link key, and outputs under kill -9 and a full disk:
+//! `tests/hostile/`, programs that share no code with the workspace. Controllers with a key are attacked in the firmware's own
+//! tests as well, by a node that can hold messages back.
 
 use crate::steps::Extent;
 use crate::workspace::{self, Program};
@@ -10,8 +11,8 @@ use std::process::Command;
 /// Library file of the robot that is attacked, AgileBot.
 const LIBRARY_FILE: &str = "motions/agilebot_library.toml";
 
-/// Tests the rules. In full it attacks a simulated robot with 100,000 frames and 200 libraries as well, and ends
-/// commands while they write.
+/// Tests the rules. In full it attacks a simulated robot with 100,000 frames and 200 libraries as well, one with a link key
+/// with 20,000, and controllers with a key 120,000 times; and ends commands while they write.
 ///
 /// # Errors
 /// A broken rule, a half-written file, or the command that installs what is missing.
@@ -41,6 +42,11 @@ fn attack() -> Result<(), String> {
     let mut attack = python("__main__.py");
     attack.arg("--simulator").arg(&simulator.path).arg("--library").arg(&library);
     shell::run(attack.arg("--out").arg(&out))?;
+    let mut with_key = python("authenticated.py");
+    with_key.arg("--simulator").arg(&simulator.path).arg("--library").arg(&library);
+    shell::run(with_key.arg("--out").arg(&out))?;
+    let firmware = workspace::find(&programs, "firmware", "integration", true)?;
+    shell::run(&mut firmware.tests(&["attacks::campaign", "--ignored", "--nocapture"])?)?;
     shell::run(python("files.py").arg("--rollwalk").arg(&rollwalk.path))
 }
 

@@ -4,20 +4,19 @@
 use crate::rig::{Rig, me};
 use crate::robot;
 use crate::transfer::{flash, result};
-use proptest::prelude::*;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Event, Fault};
 use rollwalk_protocol::wire::authentication::*;
 use rollwalk_protocol::wire::transport::TransferResult;
 use rollwalk_protocol::wire::{
     Action, Command, CommandResult, Discover, FromController, Heartbeat, Parameter,
-    ParameterAction, ParameterRequest, ParameterResult, Request, Response, State, Torque,
+    ParameterAction, ParameterResult, Request, Response, State,
 };
 
-const BOOT: u32 = 7;
-const NONCE: u64 = 0x0123_4567_89AB_CDEF;
+pub const BOOT: u32 = 7;
+pub const NONCE: u64 = 0x0123_4567_89AB_CDEF;
 
-fn key() -> LinkKey {
+pub fn key() -> LinkKey {
     LinkKey::new(&[0x42; LINK_KEY_LEN])
 }
 
@@ -25,14 +24,14 @@ fn key() -> LinkKey {
 #[derive(Clone)]
 pub struct Prover {
     key: LinkKey,
-    session: LinkSession,
-    counters: [u32; COUNTERS],
+    pub session: LinkSession,
+    pub counters: [u32; COUNTERS],
     /// Everything that it has proved, with its proof.
-    sent: Vec<(Frame, u16, Vec<u8>)>,
+    pub sent: Vec<(Frame, u16, Vec<u8>)>,
 }
 
 impl Prover {
-    fn new(key: LinkKey, session: LinkSession) -> Self {
+    pub fn new(key: LinkKey, session: LinkSession) -> Self {
         Self { key, session, counters: [0; COUNTERS], sent: vec![] }
     }
 
@@ -49,7 +48,7 @@ impl Prover {
 }
 
 /// Begins a session; `None` when the controller gives none.
-fn session(rig: &mut Rig, nonce: u64) -> Option<LinkSession> {
+pub fn session(rig: &mut Rig, nonce: u64) -> Option<LinkSession> {
     rig.send_message(&SessionRequest { nonce }.encode());
     let offer = SessionOffer::decode(rig.received()).ok()?;
     let session = LinkSession { number: offer.number, nonce };
@@ -71,7 +70,7 @@ fn with_host(mut rig: Rig) -> Rig {
     rig
 }
 
-fn ready() -> Rig {
+pub fn ready() -> Rig {
     let mut rig = with_host(insisting());
     rig.run(10);
     rig.arm();
@@ -80,7 +79,7 @@ fn ready() -> Rig {
 }
 
 /// Sends frames exactly as given, without authenticators of the rig, and returns the controller's answers.
-fn say(rig: &mut Rig, frames: &[Frame]) -> Vec<FromController> {
+pub fn say(rig: &mut Rig, frames: &[Frame]) -> Vec<FromController> {
     let from = rig.heard.len();
     let prover = rig.prover.take();
     frames.iter().for_each(|frame| rig.send(frame));
@@ -364,119 +363,4 @@ fn a_flood_leaves_the_log_readable() {
     let counts: Vec<f32> = refused.map(|(_, entry)| entry.value).collect();
     assert_eq!(counts, [1.0, 16.0, 256.0, 4096.0]);
     assert_eq!(rig.brain.unauthenticated_messages(), 5000);
-}
-
-/// What a node on the link that has heard everything may send.
-#[derive(Clone, Debug)]
-enum Attack {
-    /// A message with its proof, as they were.
-    Replay { back: usize },
-    /// A message with the proof of another.
-    Mix { back: usize, other: usize },
-    /// With a bit of the proof or of the message flipped.
-    Forge { back: usize, bit: usize },
-    /// With a tag out of the air.
-    Guess { proof: [u8; 8], command: u8 },
-    /// A message alone.
-    Plain { back: usize },
-    /// A session that no host uses.
-    Session { nonce: u64 },
-}
-
-fn attack() -> impl Strategy<Value = Attack> {
-    let back = || 0usize..64;
-    prop_oneof![
-        back().prop_map(|back| Attack::Replay { back }),
-        (back(), back()).prop_map(|(back, other)| Attack::Mix { back, other }),
-        (back(), 0usize..128).prop_map(|(back, bit)| Attack::Forge { back, bit }),
-        (any::<[u8; 8]>(), any::<u8>())
-            .prop_map(|(proof, command)| Attack::Guess { proof, command }),
-        back().prop_map(|back| Attack::Plain { back }),
-        prop_oneof![Just(NONCE), any::<u64>()].prop_map(|nonce| Attack::Session { nonce }),
-    ]
-}
-
-/// Carries an attack out.
-fn attacked(rig: &mut Rig, attack: &Attack) {
-    let sent = &rig.prover.as_ref().unwrap().sent;
-    let former = |back: usize| sent.iter().rev().nth(back % sent.len().max(1)).cloned();
-    let frame = |id: u16, bytes: &[u8]| Frame::standard(id, bytes);
-    let flipped = |frame: &Frame, bit: usize| {
-        let mut data = frame.data().to_vec();
-        let bit = bit % (8 * data.len());
-        data[bit / 8] ^= 1 << (bit % 8);
-        Frame::standard(frame.standard_id().unwrap(), &data).unwrap()
-    };
-    let frames: Option<Vec<Frame>> = match *attack {
-        Attack::Replay { back } => {
-            former(back).and_then(|(proof, id, bytes)| Some(vec![proof, frame(id, &bytes)?]))
-        }
-        Attack::Mix { back, other } => former(back)
-            .zip(former(other))
-            .and_then(|((_, id, bytes), (proof, ..))| Some(vec![proof, frame(id, &bytes)?])),
-        Attack::Forge { back, bit } => former(back).and_then(|(proof, id, bytes)| {
-            let message = frame(id, &bytes)?;
-            let (proof, message) = if bit < 64 {
-                (flipped(&proof, bit), message)
-            } else {
-                (proof, flipped(&message, bit))
-            };
-            Some(vec![proof, message])
-        }),
-        Attack::Guess { proof, command } => {
-            let action = Action::Play { code: command, speed_64ths: 64 };
-            let valid_until_ms = ((rig.now_us / 1000) as u16).wrapping_add(400);
-            let command = Command { seq: command & 0xF, action, valid_until_ms };
-            Some(vec![frame(0x012, &proof).unwrap(), command.encode(me())])
-        }
-        Attack::Plain { back } => {
-            former(back).and_then(|(_, id, bytes)| Some(vec![frame(id, &bytes)?]))
-        }
-        Attack::Session { nonce } => {
-            rig.send_message(&SessionRequest { nonce }.encode());
-            None
-        }
-    };
-    if let Some(frames) = frames {
-        say(rig, &frames);
-    }
-    // What it kept is none of the host's.
-    let set = ParameterAction::Reset;
-    let request = ParameterRequest { seq: 3, action: set };
-    say(rig, &[request.encode(me())]);
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
-
-    /// Two robots with the same host, one of them attacked between any two of its messages: they do the same.
-    #[test]
-    fn attacks_have_no_effect(
-        attacks in proptest::collection::vec((0u32..6, attack()), 60),
-        commands in proptest::collection::vec(0u8..5, 60),
-    ) {
-        let (mut left_alone, mut victim) = (ready(), ready());
-        for ((ticks, attack), command) in attacks.iter().zip(commands) {
-            attacked(&mut victim, attack);
-            for rig in [&mut left_alone, &mut victim] {
-                let action = match command {
-                    0 => Action::Play { code: robot::CODE_WALK, speed_64ths: 64 },
-                    1 => Action::Play { code: robot::CODE_DRIVE, speed_64ths: 40 },
-                    2 => Action::Return,
-                    3 => Action::Pause,
-                    _ => Action::Resume,
-                };
-                rig.command(action);
-                rig.run(*ticks);
-            }
-            let seen = |rig: &Rig| {
-                let setpoints: Vec<_> = rig.servos.iter().map(|s| s.setpoints.clone()).collect();
-                (rig.brain.state(), rig.brain.playing(), rig.brain.faults(), setpoints)
-            };
-            prop_assert_eq!(seen(&left_alone), seen(&victim));
-            prop_assert_ne!(victim.brain.state().torque(), Torque::Off);
-        }
-        prop_assert_eq!(left_alone.brain.unauthenticated_messages(), 0);
-        prop_assert!(victim.brain.unauthenticated_messages() >= 60);
-    }
 }

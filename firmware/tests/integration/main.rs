@@ -3,6 +3,8 @@
 
 mod arming;
 #[cfg(feature = "authenticated")]
+mod attacks;
+#[cfg(feature = "authenticated")]
 mod authentication;
 mod deeds;
 mod documentation;

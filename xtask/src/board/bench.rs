@@ -101,6 +101,16 @@ impl Bench {
         serde_json::from_str(&report).map(Figures).map_err(|error| format!("the bench: {error}"))
     }
 
+    /// Measures what keys cost on the emulated board.
+    ///
+    /// # Errors
+    /// The image that does it, or the bench, failed.
+    pub fn keys(&self, image: &Path) -> Result<Figures, String> {
+        need_qemu()?;
+        let report = shell::output(self.command("keys").arg(image))?;
+        serde_json::from_str(&report).map(Figures).map_err(|error| format!("the bench: {error}"))
+    }
+
     /// Runs a short scenario on the emulated board over its UART, or the whole demo.
     ///
     /// # Errors

@@ -3,9 +3,13 @@
 use crate::bare_metal::{self, CORTEX_M4F, CORTEX_M33F};
 use crate::shell;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// Names the module of the robot that an image is for (`firmware/boards/robot_module.rs`).
 const ROBOT: &str = "ROLLWALK_ROBOT";
+
+/// The sha2 crate's loops instead of its unrolled rounds, which are 30 KiB of SHA-256 and SHA-512.
+const COMPACT_HASHES: &str = "--cfg sha2_backend_soft=\"compact\"";
 
 /// An image of a board: a program of the board's workspace.
 pub struct Image {
@@ -29,6 +33,12 @@ pub const MPS2_AN386_SLCAN: Image = Image {
     folder: "firmware/boards/mps2-an386",
     target: CORTEX_M4F,
     name: "rollwalk-mps2-an386-slcan",
+};
+/// The emulated board's that measures what keys cost.
+pub const MPS2_AN386_KEYS: Image = Image {
+    folder: "firmware/boards/mps2-an386",
+    target: CORTEX_M4F,
+    name: "rollwalk-mps2-an386-keys",
 };
 /// The NUCLEO-G474RE's.
 pub const NUCLEO_G474RE: Image = Image {
@@ -65,7 +75,28 @@ impl Image {
         self.run(&["--bin", self.name, "--features", feature], None)
     }
 
+    /// Builds the image with cargo features of keys; the next build without replaces the file.
+    ///
+    /// # Errors
+    /// As for [`Self::build`].
+    pub fn build_with_keys(&self, features: &str) -> Result<PathBuf, String> {
+        let (mut cargo, path) = self.cargo(&["--bin", self.name, "--features", features], None)?;
+        shell::run(cargo.env("RUSTFLAGS", COMPACT_HASHES))?;
+        Ok(path)
+    }
+
     fn run(&self, selection: &[&str], robot: Option<&Path>) -> Result<PathBuf, String> {
+        let (mut cargo, path) = self.cargo(selection, robot)?;
+        shell::run(&mut cargo)?;
+        Ok(path)
+    }
+
+    /// The command that builds, and the file that it makes.
+    fn cargo(
+        &self,
+        selection: &[&str],
+        robot: Option<&Path>,
+    ) -> Result<(Command, PathBuf), String> {
         let bare_metal::Build { mut cargo, artefacts } = bare_metal::build(self.target)?;
         cargo.current_dir(shell::workspace_root().join(self.folder)).arg("--quiet").args(selection);
         // Not the robot of the shell that runs this.
@@ -73,7 +104,6 @@ impl Image {
             Some(module) => cargo.env(ROBOT, module),
             None => cargo.env_remove(ROBOT),
         };
-        shell::run(&mut cargo)?;
-        Ok(artefacts.join(self.name))
+        Ok((cargo, artefacts.join(self.name)))
     }
 }

@@ -10,6 +10,7 @@ mod bench;
 mod contents;
 mod formats;
 mod image;
+mod keys;
 mod limits;
 mod own;
 mod real;
@@ -97,7 +98,7 @@ pub fn check() -> Result<(), String> {
     real::report(&real::NUCLEO)?;
     slcan::report()?;
     let bench = Bench::build()?;
-    sizes::measure(&bench, false)?;
+    sizes::measure(&bench)?;
     bench.uart(&image::MPS2_AN386.build()?, false)
 }
 

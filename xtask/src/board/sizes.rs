@@ -6,6 +6,7 @@
 use super::bench::Bench;
 use super::contents::{Contents, Sections, read, sections};
 use super::image::{MPS2_AN386, MPS2_AN386_REPLAY};
+use super::keys::Keys;
 use serde_json::json;
 
 /// Most bytes of code and constants: 64 KiB, as before torques were fed forward, and 6 KiB for these.
@@ -30,11 +31,17 @@ pub const RAM: std::ops::Range<u64> = 0x2000_0000..0x2000_8000;
 /// # Errors
 /// Every figure above its limit; or a failure of compiler, emulator or bench.
 pub fn report(is_json: bool) -> Result<(), String> {
-    measure(&Bench::build()?, is_json)
+    let bench = Bench::build()?;
+    let keys = Keys::measure(&bench)?;
+    figures(&bench, is_json, Some(&keys))
 }
 
-/// The same with a bench.
-pub fn measure(bench: &Bench, is_json: bool) -> Result<(), String> {
+/// The same with a bench, as a table and without what keys cost.
+pub fn measure(bench: &Bench) -> Result<(), String> {
+    figures(bench, false, None)
+}
+
+fn figures(bench: &Bench, is_json: bool, keys: Option<&Keys>) -> Result<(), String> {
     let every = sections(&read(&MPS2_AN386.build_with("every-line")?)?, RAM)?.text;
     let replay = MPS2_AN386_REPLAY.build()?;
     let contents = Contents::read(MPS2_AN386.build()?, &read(&replay)?, RAM)?;
@@ -53,6 +60,7 @@ pub fn measure(bench: &Bench, is_json: bool) -> Result<(), String> {
             "static_ram_bytes": data + bss,
             "stack_bytes": stack.max(start_stack) as u64,
             "instructions_per_tick": mean_tick.round() as u64,
+            "keys": keys.map(Keys::json),
         });
         println!("{json}");
     } else {
@@ -79,6 +87,9 @@ pub fn measure(bench: &Bench, is_json: bool) -> Result<(), String> {
             "control period {mean_period:>7.0} instructions on average, {worst_period:.0} at worst, of at most \
              {MAX_PERIOD}: the tick, 20 feedbacks, 20 setpoints and the link's frames, commands included"
         );
+        if let Some(keys) = keys {
+            keys.print();
+        }
         println!("panic paths    {:>7} (those of the replay image were found)", panics.len());
     }
 
@@ -87,5 +98,8 @@ pub fn measure(bench: &Bench, is_json: bool) -> Result<(), String> {
     limits.instructions("control tick, on average", mean_tick, MAX_MEAN_TICK);
     limits.instructions("control tick, at worst", worst_tick, MAX_TICK);
     limits.instructions("control period, at worst", worst_period, MAX_PERIOD);
+    if let Some(keys) = keys {
+        keys.judge(&mut limits);
+    }
     limits.verdict()
 }

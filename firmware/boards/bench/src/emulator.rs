@@ -19,13 +19,24 @@ const REPLAY_TIMEOUT: Duration = Duration::from_secs(600);
 /// An instruction takes 2 to the power of this many ns of virtual time: so long that the 25 MHz timer
 /// counts 25.6 times in each.
 const ICOUNT_SHIFT: u32 = 10;
+/// The same for spans of up to 40 million instructions: the timer counts twice in five.
+const COARSE_SHIFT: u32 = 4;
 const TIMER_HZ: f64 = 25e6;
 /// Symbol of the image at the address of its script.
 const SCRIPT: &str = "_script_start";
 
 /// Instructions in a span of the board's timer during a [`replay`].
 pub fn instructions(counts: f64) -> f64 {
-    counts / (f64::from(1 << ICOUNT_SHIFT) * 1e-9 * TIMER_HZ)
+    instructions_at(ICOUNT_SHIFT, counts)
+}
+
+/// The same during [`measure`].
+pub fn coarse_instructions(counts: f64) -> f64 {
+    instructions_at(COARSE_SHIFT, counts)
+}
+
+fn instructions_at(shift: u32, counts: f64) -> f64 {
+    counts / (f64::from(1 << shift) * 1e-9 * TIMER_HZ)
 }
 
 /// Boots an image with a script in its memory, its time counting instructions, and returns what it wrote to the console.
@@ -34,12 +45,23 @@ pub fn instructions(counts: f64) -> f64 {
 /// The board did not come to the end of its program.
 pub fn replay(image: &Path, script: &Path) -> Result<Vec<u8>, String> {
     let address = script_address(image)?;
-    let mut qemu = command(image);
+    let loader = format!("loader,file={},addr={address:#x},force-raw=on", script.display());
+    console(command(image).args(["-device", &loader]), ICOUNT_SHIFT)
+}
+
+/// Boots an image that measures long spans, and returns what it wrote to the console.
+///
+/// # Errors
+/// The board did not come to the end of its program.
+pub fn measure(image: &Path) -> Result<Vec<u8>, String> {
+    console(&mut command(image), COARSE_SHIFT)
+}
+
+fn console(qemu: &mut Command, shift: u32) -> Result<Vec<u8>, String> {
     qemu.args(["-serial", "none", "-chardev", "stdio,id=console"]);
     qemu.args(["-semihosting-config", "enable=on,target=native,chardev=console"]);
-    qemu.args(["-icount", &format!("shift={ICOUNT_SHIFT},sleep=off")]);
-    let loader = format!("loader,file={},addr={address:#x},force-raw=on", script.display());
-    let mut running = Running::start(qemu.args(["-device", &loader]).stdout(Stdio::piped()))?;
+    qemu.args(["-icount", &format!("shift={shift},sleep=off")]);
+    let mut running = Running::start(qemu.stdout(Stdio::piped()))?;
     let mut output = running.0.stdout.take().ok_or("QEMU has no output")?;
     let (sender, receiver) = mpsc::channel();
     thread::spawn(move || {

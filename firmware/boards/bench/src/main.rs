@@ -10,6 +10,7 @@
 
 mod config;
 mod emulator;
+mod keys;
 mod quiet;
 mod remote;
 mod replay;
@@ -61,6 +62,11 @@ enum Task {
         #[arg(long)]
         out: PathBuf,
     },
+    /// Print as JSON what keys cost on the emulated board.
+    Keys {
+        /// Image that measures it.
+        image: PathBuf,
+    },
     /// Run a scenario on the emulated board over its UART and compare the logs of all buses.
     Uart {
         /// Image that answers over the UART.
@@ -106,6 +112,7 @@ fn run(cli: &Cli) -> Result<(), String> {
         Task::Replay { image, library, out } => {
             replay::run(&robot, image, &library_or_short(library.as_deref(), &robot)?, out)
         }
+        Task::Keys { image } => keys::run(image),
         Task::Uart { image, library, out } => {
             uart::run(&robot, image, &library_or_short(library.as_deref(), &robot)?, out)
         }

@@ -29,6 +29,8 @@ impl Board {
         let buses = robot::buses()?;
         let build = || Controller::with_buses(robot::config(), buses, store, Settings::default());
         let controller = CONTROLLER.try_init_with(build)?;
+        #[cfg(feature = "authenticated")]
+        controller.insist_on(crate::public_keys::link(), Some(1));
         let start_stack_bytes = stack::deepest();
         stack::paint();
         let cost = Cost::new(peripherals.SYST);

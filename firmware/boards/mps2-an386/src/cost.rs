@@ -51,7 +51,8 @@ impl Cost {
         self.figures
     }
 
-    fn counted<T>(&mut self, work: impl FnOnce() -> T) -> (T, u32) {
+    /// Does some work; what it returns, and the counts that it took.
+    pub fn counted<T>(&mut self, work: impl FnOnce() -> T) -> (T, u32) {
         self.timer.enable_counter();
         let before = SYST::get_current();
         let done = work();

@@ -7,6 +7,8 @@
 mod board;
 mod cost;
 mod halt;
+#[cfg(any(feature = "authenticated", feature = "signed"))]
+mod public_keys;
 mod registers;
 mod stack;
 mod store;

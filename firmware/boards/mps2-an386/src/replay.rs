@@ -8,6 +8,8 @@
 mod board;
 mod cost;
 mod semihosting;
+#[cfg(any(feature = "authenticated", feature = "signed"))]
+mod public_keys;
 mod stack;
 mod store;
 

@@ -9,8 +9,14 @@ const CAPACITY: usize = (2 << 20) + (8 << 10);
 /// Starts that a library on trial is given.
 const TRIAL_BOOTS: u8 = 3;
 
+type Libraries = FlashStore<RamFlash<&'static mut [u8; CAPACITY]>>;
+
 /// The board's store of libraries.
-pub type BoardStore = FlashStore<RamFlash<&'static mut [u8; CAPACITY]>>;
+#[cfg(not(feature = "signed"))]
+pub type BoardStore = Libraries;
+/// The board's store of signed libraries.
+#[cfg(feature = "signed")]
+pub type BoardStore = rollwalk_firmware::store::Signed<Libraries>;
 
 struct Psram(UnsafeCell<[u8; CAPACITY]>);
 
@@ -29,5 +35,8 @@ pub fn mount() -> Option<BoardStore> {
     }
     // SAFETY: the flag lets one caller through.
     let memory = unsafe { &mut *PSRAM.0.get() };
-    FlashStore::mount(RamFlash::new(memory), TRIAL_BOOTS).ok()
+    let store = FlashStore::mount(RamFlash::new(memory), TRIAL_BOOTS).ok()?;
+    #[cfg(feature = "signed")]
+    let store = BoardStore::new(store, Some(crate::public_keys::library()?));
+    Some(store)
 }

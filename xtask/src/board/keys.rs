@@ -1,0 +1,101 @@
+//! What keys cost on the emulated board: its images with them, a proven command, the signature of a library.
+
+use super::bench::Bench;
+use super::contents::{Contents, Sections, read, sections};
+use super::image::{MPS2_AN386, MPS2_AN386_KEYS};
+use super::limits::Limits;
+use super::sizes::RAM;
+use serde_json::{Value, json};
+
+/// Cargo features of the board: a link key, and a library key besides.
+const LINK: &str = "authenticated";
+const BOTH: &str = "authenticated,signed";
+/// Today's sizes and counts, and a tenth more.
+const MAX_TEXT_LINK: u64 = 84_600;
+const MAX_TEXT_BOTH: u64 = 102_700;
+const MAX_COMMAND: f64 = 11_800.0;
+const MAX_SIGNATURE: f64 = 1_925_000.0;
+const MAX_SIGNATURE_PER_KIB: f64 = 98_800.0;
+/// The stack of the real boards has 32 KiB.
+const MAX_STACK: u64 = 24 << 10;
+
+/// What was measured.
+pub struct Keys {
+    /// The image with a link key.
+    link: Contents,
+    /// The image with both.
+    both: Sections,
+    command_without_proof: f64,
+    proven_command: f64,
+    forged_command: f64,
+    signature: f64,
+    signature_per_kib: f64,
+    stack: f64,
+}
+
+impl Keys {
+    /// Builds the images and measures.
+    ///
+    /// # Errors
+    /// A failure of compiler, emulator or bench.
+    pub fn measure(bench: &Bench) -> Result<Self, String> {
+        let measuring = MPS2_AN386_KEYS.build_with_keys(BOTH)?;
+        let figures = bench.keys(&measuring)?;
+        let both = sections(&read(&MPS2_AN386.build_with_keys(BOTH)?)?, RAM)?;
+        let link = MPS2_AN386.build_with_keys(LINK)?;
+        Ok(Self {
+            link: Contents::read(link, &read(&measuring)?, RAM)?,
+            both,
+            command_without_proof: figures.number("command_without_proof_instructions")?,
+            proven_command: figures.number("proven_command_instructions")?,
+            forged_command: figures.number("forged_command_instructions")?,
+            signature: figures.number("signature_instructions")?,
+            signature_per_kib: figures.number("signature_instructions_per_kib")?,
+            stack: figures.number("stack_bytes")?,
+        })
+    }
+
+    /// For `--json`.
+    pub fn json(&self) -> Value {
+        json!({
+            "text_bytes_with_link_key": self.link.sections.text,
+            "text_bytes_with_both": self.both.text,
+            "stack_bytes": self.stack as u64,
+            "instructions_per_proven_command": self.proven_command.round() as u64,
+            "instructions_per_forged_command": self.forged_command.round() as u64,
+            "instructions_per_signature": self.signature.round() as u64,
+            "instructions_per_signed_kib": self.signature_per_kib.round() as u64,
+        })
+    }
+
+    /// Prints it below the other sizes.
+    pub fn print(&self) {
+        println!(
+            "with keys      {:>7} B of text with a link key, {} B with a library key, too",
+            self.link.sections.text, self.both.text
+        );
+        println!(
+            "               {:>7.0} instructions for a proven command, {:.0} for a forged one, {:.0} for one without \
+             authenticator",
+            self.proven_command, self.forged_command, self.command_without_proof
+        );
+        println!(
+            "               {:>7.0} instructions for the signature of a library and {:.0} for each of its KiB, {:.0} B \
+             of stack",
+            self.signature, self.signature_per_kib, self.stack
+        );
+    }
+
+    /// What is above its limit. The crate that checks signatures has checks of indices that the compiler cannot prove:
+    /// only the image without it can have no panics.
+    pub fn judge(&self, limits: &mut Limits) {
+        limits.bytes("text with a link key", self.link.sections.text, MAX_TEXT_LINK);
+        limits.no_panics(&self.link.panics);
+        limits.bytes("text with both keys", self.both.text, MAX_TEXT_BOTH);
+        limits.bytes("stack of a signature", self.stack as u64, MAX_STACK);
+        let command = self.proven_command.max(self.forged_command);
+        limits.instructions("a command with its proof", command, MAX_COMMAND);
+        limits.instructions("a signature", self.signature, MAX_SIGNATURE);
+        limits.instructions("a KiB that is signed", self.signature_per_kib, MAX_SIGNATURE_PER_KIB);
+    }
+}
