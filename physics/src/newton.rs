@@ -7,6 +7,7 @@ use crate::residual::{Derive, Equations, Step};
 use crate::sticking::Sticking;
 use crate::system::StepReport;
 use nalgebra::Vector3;
+use std::ops::Range;
 
 /// Times that the line search halves a Newton step.
 const HALVINGS: u32 = 7;
@@ -15,6 +16,9 @@ const HALVINGS: u32 = 7;
 const MOST_TURN_RAD: f64 = 0.3;
 /// Share of a Newton step below which the line search has met a kink.
 const SHORT: f64 = 0.3;
+/// Iterations that go by the secants in a step that goes to and fro between kinks: longer and longer runs, and between them
+/// exact ones, which end it. Measured on the shipped motions, of which they leave one step in thousands to be halved.
+const SECANT_RUNS: [Range<u32>; 3] = [10..15, 17..26, 29..39];
 /// Power of the residual along a correction, as a share of that at its beginning, at which a line search is content.
 const FLAT: f64 = 0.5;
 
@@ -105,7 +109,11 @@ impl Newton {
             let share;
             (trial, share) = self.search(step, &trial, norm, report);
             // Where a kink cut the step short, the next one goes by the secants.
-            secant = !secant && share < SHORT;
+            secant = if iterations < SECANT_RUNS[0].start {
+                !secant && share < SHORT
+            } else {
+                SECANT_RUNS.iter().any(|run| run.contains(&iterations))
+            };
             let derive = if secant { Derive::Secant } else { Derive::Exact };
             norm = self.evaluate(step, &trial, derive);
         }

@@ -71,9 +71,13 @@ fn wheels_that_are_driven_roll_without_slip() {
             world.set_law(number, law);
         }
     }
+    let mut iterations = 0;
     for _ in 0..120 {
-        world.step(STEP_S).unwrap();
+        let report = world.step(STEP_S).unwrap();
+        assert_eq!(report.subdivisions, 0, "{report:?}");
+        iterations += report.iterations;
     }
+    assert!(iterations < 4 * 120, "{iterations} iterations");
     let speed = world.com().1.x;
     let expected = 3.0 * robot.end_effectors[0].radius_m;
     assert!((speed / expected - 1.0).abs() < 0.01, "{speed}, {expected}");
