@@ -57,15 +57,16 @@ fn bench(protocol: Protocol) -> Rig {
     if config.channels.iter().any(|channel| bus.can_drive(channel).is_err()) {
         slow_down(&mut config);
     }
+    if matches!(protocol, Protocol::Feetech(_)) {
+        // The stall torque of an STS3215 at 12 V is 2.94 N·m.
+        config.channels.iter_mut().for_each(|c| c.max_torque_nm = c.max_torque_nm.min(2.9));
+    }
     bench_of(config, [protocol; 2], Bus::default())
 }
 
-/// What an XM540-W150 can do, 230 steps of 0.229 rev/min, and an STS3215 at 12 V, 45 rev/min and 2.94 N·m.
+/// What an XM540-W150 can do, 230 steps of 0.229 rev/min, and an STS3215 at 12 V, 45 rev/min.
 pub fn slow_down(config: &mut RobotConfig) {
-    for channel in &mut config.channels {
-        channel.max_rate = channel.max_rate.min(4.7);
-        channel.max_torque_nm = channel.max_torque_nm.min(2.9);
-    }
+    config.channels.iter_mut().for_each(|c| c.max_rate = c.max_rate.min(4.7));
     (config.channels[2].min, config.channels[2].max) = (-4.7, 4.7);
     config.channels[2].max_rate = 60.0;
 }
