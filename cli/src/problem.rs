@@ -7,13 +7,12 @@ use crate::choices::Choices;
 use crate::files::FileError;
 use crate::inputs::{MotionTexts, TextFile};
 use crate::kind::Kind;
-use miette::Diagnostic;
+use rollwalk_planner::json::{Format, JsonError};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use thiserror::Error;
 
 /// What `format` says.
 pub const FORMAT: &str = "rollwalk-problem";
@@ -38,51 +37,14 @@ pub struct Problem {
     from: Option<TextFile>,
 }
 
-/// Why a problem file cannot be used.
-#[derive(Debug, Error, Diagnostic)]
-pub enum ProblemError {
-    /// The text is not JSON, or a field is missing, unknown or of the wrong type.
-    #[error("{file}:{line}:{column}: {}{message}", if path == "." { String::new() } else { format!("{path}: ") })]
-    #[diagnostic(help(
-        "docs/problem-files.md lists every field; `rollwalk plan --dump` writes such files"
-    ))]
-    Syntax {
-        /// The file.
-        file: String,
-        /// Line, from 1.
-        line: usize,
-        /// Column, from 1.
-        column: usize,
-        /// JSON path of the field; `.` is the whole file.
-        path: String,
-        /// What is wrong.
-        message: String,
-    },
-    /// Another format or version.
-    #[error("{file}: {path} is {value}; expected {expected}")]
-    #[diagnostic(help(
-        "docs/problem-files.md lists every field; `rollwalk plan --dump` writes such files"
-    ))]
-    Value {
-        /// The file.
-        file: String,
-        /// The field.
-        path: &'static str,
-        /// The value found.
-        value: String,
-        /// What would be right.
-        expected: String,
-    },
-}
-
-/// The two fields that every version of the format has.
-#[derive(Deserialize)]
-struct Header {
-    #[serde(default)]
-    format: serde_json::Value,
-    #[serde(default)]
-    version: serde_json::Value,
-}
+/// The format of problem files.
+const JSON: Format = Format {
+    name: FORMAT,
+    version: VERSION,
+    what: "problem",
+    make_again: "dump it once more",
+    help: "docs/problem-files.md lists every field; `rollwalk plan --dump` writes such files",
+};
 
 /// A problem, read and validated.
 pub struct Parsed {
@@ -105,36 +67,9 @@ impl Problem {
     /// Reads a problem file; `file` is how errors name it.
     ///
     /// # Errors
-    /// [`ProblemError`] names file, place, value and what would be right.
-    pub fn from_json(file: &str, text: &str) -> Result<Self, ProblemError> {
-        let syntax = |path: String, error: &serde_json::Error| {
-            let message = error.to_string();
-            let message = message.rsplit_once(" at line ").map_or(&*message, |(head, _)| head);
-            let not = if error.is_data() { "" } else { "this is not whole JSON: " };
-            let (line, column) = (error.line(), error.column());
-            let message = format!("{not}{message}");
-            ProblemError::Syntax { file: file.to_owned(), line, column, path, message }
-        };
-        // Format and version first: a problem of another version may differ in any other field.
-        let header: Header =
-            serde_json::from_str(text).map_err(|error| syntax(".".to_owned(), &error))?;
-        let fault = |path, value: &serde_json::Value, expected: String| {
-            let value = if value.is_null() { "missing".to_owned() } else { value.to_string() };
-            Err(ProblemError::Value { file: file.to_owned(), path, value, expected })
-        };
-        if header.format != FORMAT {
-            return fault("format", &header.format, format!("\"{FORMAT}\""));
-        }
-        if header.version.as_u64().is_some_and(|version| version > u64::from(VERSION)) {
-            let newer = "the problem is from a newer rollwalk, update this one";
-            return fault("version", &header.version, format!("{VERSION}: {newer}"));
-        }
-        if header.version != VERSION {
-            return fault("version", &header.version, VERSION.to_string());
-        }
-        let mut deserializer = serde_json::Deserializer::from_str(text);
-        serde_path_to_error::deserialize(&mut deserializer)
-            .map_err(|error| syntax(error.path().to_string(), error.inner()))
+    /// [`JsonError`] names file, place, value and what would be right.
+    pub fn from_json(file: &str, text: &str) -> Result<Self, JsonError> {
+        JSON.read(file, text)
     }
 
     /// The program that wrote the file, if it is not this one and plans may differ.

@@ -11,6 +11,7 @@ pub mod export;
 pub mod families;
 mod formulation;
 mod growth;
+pub mod json;
 pub mod library;
 pub mod library_file;
 pub mod motion;

@@ -27,6 +27,7 @@ pub const VERSION: u32 = 3;
 
 /// A planned motion with the robot and the goal it was planned for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Plan {
     /// Always `rollwalk-plan`.
     pub format: String,
@@ -86,6 +87,7 @@ impl Plan {
 
 /// Planar placement: turn by `yaw_rad` about the world's vertical, then move by `offset_m`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Placement {
     /// D: offset in world x and y, m.
     pub offset_m: [f64; 2],
@@ -95,6 +97,7 @@ pub struct Placement {
 
 /// The robot at one instant (Eq. 2.1). World frame throughout.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Sample {
     /// Seconds since the start of the motion.
     pub time_s: f64,
@@ -117,6 +120,7 @@ pub struct Sample {
 
 /// One end effector at one instant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct EndEffectorSample {
     /// Contact flag c.
     pub contact: bool,
@@ -139,6 +143,7 @@ pub struct EndEffectorSample {
 
 /// Summary of a solve.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SolveSummary {
     /// Outcome.
     pub status: Status,
@@ -162,6 +167,7 @@ pub struct SolveSummary {
 
 /// A grid that was refined, and the residual as played that was the reason.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Refinement {
     /// Count of samples of the grid.
     pub samples: usize,

@@ -10,7 +10,7 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Kind of end effector (thesis sec. 2.4.1).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case")]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Contact {
     /// A small sphere that does not slip.
     PointFoot,
@@ -52,6 +52,7 @@ pub(crate) const KINDS: [&str; 5] =
 /// Drag of a passive wheel or blade along its rolling direction: f·t = −f_n (c_rr s(v) + c_v v) for a
 /// rolling velocity v and its sign s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct RollingDrag {
     /// The part that does not depend on speed, c_rr.
     pub rolling_resistance: f64,

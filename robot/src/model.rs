@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 
 /// A robot with legs and wheels. Built from a robot file; see `docs/conventions.md` for frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Robot {
     /// Name of the robot.
     pub name: String,
@@ -29,6 +30,7 @@ pub struct Robot {
 
 /// A rigid link.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Link {
     /// Name of the link.
     pub name: String,
@@ -45,6 +47,7 @@ pub struct Link {
 
 /// A revolute, motor-driven joint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Joint {
     /// Name of the joint.
     pub name: String,
@@ -69,6 +72,7 @@ pub struct Joint {
 
 /// The motor of a joint or of an actuated wheel, after its gearbox.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Actuator {
     /// Model name, such as `XM430-W210-T`.
     pub model: String,
@@ -93,6 +97,7 @@ pub struct Actuator {
 /// The straight line of a DC motor at its supply voltage: while it drives its load,
 /// |torque| / stall torque + |speed| / no-load speed ≤ 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TorqueSpeedLine {
     /// Torque at standstill, N·m.
     pub stall_torque_nm: f64,
@@ -102,6 +107,7 @@ pub struct TorqueSpeedLine {
 
 /// A foot or wheel that may touch the ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct EndEffector {
     /// Name of the end effector.
     pub name: String,

@@ -13,7 +13,7 @@ pub const DEFAULT_CLEARANCE_MARGIN_M: f64 = 0.01;
 
 /// Room that is taken by a link.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case")]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
     /// All points within `radius_m` of a line segment; of a single point, where both ends are the same.
     Capsule {

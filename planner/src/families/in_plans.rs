@@ -2,6 +2,7 @@
 
 use super::{AGREEMENT, CLEARANCE_M, Family, Kind, Level, ROLLING_SIGN_WIDTH_M_S};
 use rollwalk_robot::GRAVITY_M_S2;
+use rollwalk_robot::document::alternatives;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
@@ -94,8 +95,21 @@ fn agree(found: &Value, known: &Value) -> Result<(), String> {
         for key in ["kind", "unit", "level", "level_of"] {
             same(&format!("{path}."), found, known, key)?;
         }
+        no_others(&format!("{path}: "), found, known)?;
     }
-    Ok(())
+    no_others("", found, known)
+}
+
+/// Refuses fields that a catalogue of this program has not.
+fn no_others(start: &str, found: &Value, known: &Value) -> Result<(), String> {
+    let (Value::Object(found), Value::Object(known)) = (found, known) else { return Ok(()) };
+    match found.keys().find(|key| !known.contains_key(*key)) {
+        Some(key) => {
+            let known = alternatives(key, known.keys().map(String::as_str));
+            Err(format!("{start}unknown field `{key}`; {known}"))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Compares one field; numbers agree to a relative [`AGREEMENT`].

@@ -36,6 +36,7 @@ impl Subject {
 
 /// Required state of a subject at one time. A component that is `None` is left to the optimiser.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Target {
     /// Subject of the target.
     pub of: Subject,
@@ -52,6 +53,7 @@ pub struct Target {
 
 /// Height limits of the body or the centre of mass over a span of time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct HeightLimit {
     /// Subject whose height above the ground is limited.
     pub of: Subject,

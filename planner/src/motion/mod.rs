@@ -18,6 +18,7 @@ use std::fmt;
 
 /// A motion goal, resolved against a robot: everything the optimiser needs besides the robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Motion {
     /// Name of the motion.
     pub name: String,
@@ -99,6 +100,7 @@ impl fmt::Display for Ends {
 
 /// Shares of the motors that plans may use. What is left is for feedback, and for what the model does not know.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Reserve {
     /// Share of the torque limits of the joints' motors.
     pub torque_use: f64,
@@ -115,6 +117,7 @@ impl Default for Reserve {
 
 /// Functional objectives. `None` leaves the optimiser free.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Goal {
     /// Displacement along the starting heading over the motion, m.
     pub forward_m: Option<f64>,

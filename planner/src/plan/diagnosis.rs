@@ -7,6 +7,7 @@ use std::fmt;
 
 /// Diagnosis of a request that cannot be met.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Diagnosis {
     /// Evidence against the request.
     pub verdict: Verdict,
@@ -39,6 +40,7 @@ impl Verdict {
 
 /// A constraint that takes part in the contradiction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Culprit {
     /// The constraint.
     pub constraint: Family,

@@ -1,33 +1,30 @@
-//! Plans as JSON text: one writer, one reader, and what the reader says about a bad file.
+//! Plans as JSON text: one writer, one reader.
 //!
 //! Every field with its unit and frame: `docs/plan-format.md`. The writer is deterministic: the same plan
 //! gives the same bytes. Arrays of plain values stay on one line, so that a plan can be read and diffed.
 
 use super::{FORMAT, Plan, VERSION};
+use crate::json::{Format, JsonError};
 use miette::Diagnostic;
 use rollwalk_robot::InvalidRobot;
-use serde::Deserialize;
-use serde_json::error::Category;
 use thiserror::Error;
+
+/// The format of plans.
+pub(super) const JSON: Format = Format {
+    name: FORMAT,
+    version: VERSION,
+    what: "plan",
+    make_again: "plan the motion once more",
+    help: "docs/plan-format.md lists every field with its unit and frame; `rollwalk plan` writes such files",
+};
 
 /// Why a plan file cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, Error, Diagnostic)]
 pub enum PlanError {
-    /// The text is not JSON, or a field is missing or of the wrong type.
-    #[error("{file}:{line}:{column}: {}{message}", field(path))]
-    #[diagnostic(help("docs/plan-format.md lists every field; `rollwalk plan` writes such files"))]
-    Syntax {
-        /// The file as the caller named it.
-        file: String,
-        /// Line of the trouble, from 1.
-        line: usize,
-        /// Column of the trouble, from 1.
-        column: usize,
-        /// JSON path of the field, such as `samples[3].com_m`; `.` is the whole file.
-        path: String,
-        /// What is wrong.
-        message: String,
-    },
+    /// The text is no plan, or a field has a value that no plan can have.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Json(#[from] JsonError),
     /// The robot breaks the rules of robot files.
     #[error("{file}: robot: {error}")]
     #[diagnostic(help("the same rules as for robot files: `rollwalk robot check`"))]
@@ -37,24 +34,6 @@ pub enum PlanError {
         /// The broken rules.
         error: InvalidRobot,
     },
-    /// A field has a value that no plan can have.
-    #[error("{file}: {path} is {value}; expected {expected}")]
-    #[diagnostic(help("docs/plan-format.md lists every field with its unit and frame"))]
-    Value {
-        /// The file as the caller named it.
-        file: String,
-        /// JSON path of the field.
-        path: String,
-        /// The value found.
-        value: String,
-        /// What would be right.
-        expected: String,
-    },
-}
-
-/// A field as the beginning of a message; nothing for the whole file.
-fn field(path: &str) -> String {
-    if path == "." { String::new() } else { format!("{path}: ") }
 }
 
 impl Plan {
@@ -72,85 +51,10 @@ impl Plan {
     /// # Errors
     /// [`PlanError`] names file, field, value and what would be right.
     pub fn from_json(file: &str, text: &str) -> Result<Self, PlanError> {
-        let syntax = |path: String, error: &serde_json::Error| PlanError::Syntax {
-            file: file.to_owned(),
-            line: error.line(),
-            column: error.column(),
-            path,
-            message: match error.classify() {
-                Category::Data => without_position(error),
-                Category::Eof if text.trim().is_empty() => "the file is empty, no JSON".to_owned(),
-                Category::Eof => "this is not whole JSON: the file ends too early".to_owned(),
-                _ => format!("{}: {}", not_json(text, error), without_position(error)),
-            },
-        };
-        // Format and version first: a plan of another version may differ in any other field.
-        let header: Header =
-            serde_json::from_str(text).map_err(|error| syntax(".".to_owned(), &error))?;
-        header.check(file)?;
-        let mut deserializer = serde_json::Deserializer::from_str(text);
-        let plan: Self = serde_path_to_error::deserialize(&mut deserializer)
-            .map_err(|error| syntax(error.path().to_string(), error.inner()))?;
+        let plan: Self = JSON.read(file, text)?;
         plan.validate(file)?;
         Ok(plan)
     }
-}
-
-/// The two fields that every version of the format has.
-#[derive(Deserialize)]
-struct Header {
-    #[serde(default)]
-    format: serde_json::Value,
-    #[serde(default)]
-    version: serde_json::Value,
-}
-
-impl Header {
-    fn check(&self, file: &str) -> Result<(), PlanError> {
-        let fault = |path: &str, value: &serde_json::Value, expected: String| PlanError::Value {
-            file: file.to_owned(),
-            path: path.to_owned(),
-            value: if value.is_null() { "missing".to_owned() } else { value.to_string() },
-            expected,
-        };
-        if self.format.as_str() != Some(FORMAT) {
-            return Err(fault("format", &self.format, format!("\"{FORMAT}\"")));
-        }
-        match self.version.as_u64() {
-            Some(version) if version == u64::from(VERSION) => Ok(()),
-            Some(version) if version > u64::from(VERSION) => {
-                let expected =
-                    format!("{VERSION}: the plan is from a newer rollwalk, update this one");
-                Err(fault("version", &self.version, expected))
-            }
-            Some(_) => {
-                let expected = format!(
-                    "{VERSION}: the plan is from an older rollwalk, plan the motion once more"
-                );
-                Err(fault("version", &self.version, expected))
-            }
-            None => Err(fault("version", &self.version, format!("{VERSION}"))),
-        }
-    }
-}
-
-/// What is wrong with the syntax: a number that JSON cannot have is likelier than anything else.
-fn not_json(text: &str, error: &serde_json::Error) -> &'static str {
-    let line = text.lines().nth(error.line().saturating_sub(1)).unwrap_or_default();
-    // The reader may stop within the word.
-    let before = error.column().saturating_sub(1 + "-Infinity".len());
-    let near = line.as_bytes().get(before..).unwrap_or_default();
-    let near = String::from_utf8_lossy(&near[..near.len().min(2 * "-Infinity".len())]);
-    match ["NaN", "Infinity"].iter().any(|word| near.contains(word)) {
-        true => "NaN and Infinity are no numbers in JSON",
-        false => "this is not JSON",
-    }
-}
-
-/// The message without serde_json's trailing position, which the error carries as fields.
-fn without_position(error: &serde_json::Error) -> String {
-    let message = error.to_string();
-    message.rsplit_once(" at line ").map_or(message.clone(), |(head, _)| head.to_owned())
 }
 
 /// Puts every array that holds no array and no object on one line.
@@ -201,15 +105,33 @@ fn find_outside_strings(text: &str, wanted: impl Fn(char) -> bool) -> Option<usi
 mod tests {
     use super::*;
     use crate::families::{Family, Kind};
-    use crate::motion::Ends;
-    use crate::plan::{Culprit, Diagnosis, Sample, Status, Verdict};
+    use crate::motion::{Ends, HeightLimit, Subject, Target};
+    use crate::plan::{Culprit, Diagnosis, Refinement, Sample, Status, Verdict};
     use crate::test_plans;
+    use rollwalk_protocol::actuators::bus::Bus;
+    use serde_json::{Value, json};
 
     /// The plan with one piece of its JSON replaced.
     fn tampered(from: &str, to: &str) -> PlanError {
         let text = test_plans::start_stop().to_json();
         assert!(text.contains(from), "the text to replace, {from}, is not there");
         Plan::from_json("x.json", &text.replacen(from, to, 1)).expect_err("a bad plan was accepted")
+    }
+
+    fn slip() -> Culprit {
+        Culprit {
+            constraint: Family::Slip,
+            part: Kind::Build,
+            subject: None,
+            time_s: [0.0, 1.0],
+            worst: 0.1,
+            unit: "m/s".to_owned(),
+            share: 1.0,
+            field: None,
+            given: None,
+            would_do: None,
+            advice: "steps".to_owned(),
+        }
     }
 
     #[test]
@@ -256,7 +178,7 @@ mod tests {
                 "\"clearance_m\": 0.01",
                 "formulation: clearance_m is 0.01; expected 0.02, as this program",
             ),
-            ("\"samples\": [", "\"samples\": [ 5,", "samples[0]: invalid type: integer `5`"),
+            ("\"samples\": [", "\"samples\": [ 5,", "samples[0] is 5; expected an object"),
             (
                 "base_orientation_wxyz\": [1.0, 0.0, 0.0, 0.0]",
                 "base_orientation_wxyz\": [1.0, 0.1, 0.0, 0.0]",
@@ -278,11 +200,15 @@ mod tests {
                 "samples[0].joint_torque_nm is 5 long; expected one per joint of the robot, 4",
             ),
             (
-                "\"motor_torque_nm\": ",
-                "\"motor_torque_nm\": null, \"old\": ",
-                "samples[0].end_effectors[0].motor_torque_nm is null; expected the torque of its",
+                "\"joint_torque_nm\": ",
+                "\"joint_torques_nm\": ",
+                "samples[0]: unknown field `joint_torques_nm`; did you mean `joint_torque_nm`?",
             ),
-            ("\"joint_torque_nm\": ", "\"old\": ", "samples[0]: missing field `joint_torque_nm`"),
+            (
+                "\"format\"",
+                "\"comment\": 0, \"format\"",
+                "unknown field `comment`; known are: `format`",
+            ),
             (
                 "\"time_s\": 0.05,",
                 "\"time_s\": 0.04,",
@@ -317,22 +243,126 @@ mod tests {
         }
     }
 
+    /// Every object and value of a plan, by its path as JSON pointers write it; of lists the first item.
+    fn places(value: &Value, path: &str, found: &mut Vec<String>) {
+        found.push(path.to_owned());
+        match value {
+            Value::Object(fields) => {
+                fields
+                    .iter()
+                    .for_each(|(key, value)| places(value, &format!("{path}/{key}"), found));
+            }
+            Value::Array(items) => {
+                items.iter().take(1).for_each(|value| places(value, &format!("{path}/0"), found));
+            }
+            _ => {}
+        }
+    }
+
+    #[test]
+    fn no_field_is_unknown_and_no_error_speaks_rust() {
+        let mut plan = test_plans::start_stop();
+        plan.solve.status = Status::Infeasible;
+        plan.solve.diagnosis = Some(Diagnosis { verdict: Verdict::Stuck, culprits: vec![slip()] });
+        plan.solve.refinements = vec![Refinement {
+            samples: 20,
+            residual: Family::Slip,
+            worst: 0.1,
+            tolerance: 0.05,
+            unit: "m/s".to_owned(),
+        }];
+        plan.motion.targets = vec![Target {
+            of: Subject::EndEffector(1),
+            at_s: 0.5,
+            position_m: [None, None, Some(0.0)],
+            velocity_m_s: [None; 3],
+            heading_rad: None,
+        }];
+        let limit = HeightLimit {
+            of: Subject::Com,
+            from_s: 0.0,
+            to_s: 1.0,
+            above_m: Some(0.1),
+            below_m: None,
+        };
+        plan.motion.heights = vec![limit];
+        plan.robot.buses.insert(0, Bus::default());
+        let whole = serde_json::to_value(&plan).expect("a plan becomes JSON");
+        let read = |changed: &Value| Plan::from_json("x.json", &changed.to_string());
+        read(&whole).expect("a plan");
+        let mut all = Vec::new();
+        places(&whole, "", &mut all);
+        let rust = [
+            "f64",
+            "u8",
+            "u32",
+            "u64",
+            "usize",
+            "struct",
+            "enum",
+            "sequence",
+            "map",
+            "tuple",
+            "variant",
+            "unit value",
+            "identifier",
+            "invalid",
+            "borrowed",
+            "integer `",
+            "Option",
+        ];
+        for path in all {
+            let mut changed = whole.clone();
+            let place = changed.pointer_mut(&path).expect("it is there");
+            // Keys of buses are numbers, and their settings are read as controllers do; the subject of a target is a word or an object with a single field.
+            let own_keys = ["/of", "/buses", "/buses/0"].iter().any(|end| path.ends_with(end));
+            if let Some(fields) = place.as_object_mut().filter(|_| !own_keys) {
+                fields.insert("shoe_size".to_owned(), 43.into());
+                let message = read(&changed).expect_err(&path).to_string();
+                assert!(message.contains("shoe_size"), "{path}: {message}");
+            }
+            for value in
+                [json!({}), json!([]), json!("x"), json!(-1), json!(0.5), json!(null), json!(true)]
+            {
+                let mut changed = whole.clone();
+                *changed.pointer_mut(&path).expect("it is there") = value.clone();
+                let Err(error) = read(&changed) else { continue };
+                let message = error.to_string();
+                let word = rust.iter().find(|word| message.contains(*word));
+                assert_eq!(word, None, "{path} = {value}: {message}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_motor_has_a_torque() {
+        let mut plan = test_plans::start_stop();
+        plan.samples[0].end_effectors[0].motor_torque_nm = None;
+        let message = plan.validate("x.json").expect_err("no torque").to_string();
+        let expected =
+            "samples[0].end_effectors[0].motor_torque_nm is null; expected the torque of its motor";
+        assert!(message.contains(expected), "{message}");
+    }
+
     #[test]
     fn what_is_not_json_is_located() {
         let error = Plan::from_json("x.json", "{\n  \"format\": ,").expect_err("not JSON");
-        assert!(matches!(error, PlanError::Syntax { line: 2, column: 13, .. }), "{error}");
+        assert!(error.to_string().starts_with("x.json:2:13: "), "{error}");
         let whole = test_plans::start_stop().to_json();
         let error = Plan::from_json("x.json", &whole[..whole.len() / 2]).expect_err("half a plan");
         assert!(error.to_string().contains("the file ends too early"), "{error}");
         // A number too large for a float is not silently infinite.
         assert!(
-            tampered("\"energy\": 0.0", "\"energy\": 1e999").to_string().contains("out of range")
+            tampered("\"energy\": 0.0", "\"energy\": 1e999")
+                .to_string()
+                .contains("solve.energy is out of the range")
         );
         for number in ["NaN", "Infinity", "-Infinity", "null"] {
             let error = tampered("\"energy\": 0.0", &format!("\"energy\": {number}"));
-            assert!(matches!(error, PlanError::Syntax { .. }), "{error}");
-            let expected =
-                if number == "null" { "invalid type: null" } else { "are no numbers in JSON" };
+            let expected = match number {
+                "null" => "solve.energy is null; expected a number",
+                _ => "are no numbers in JSON",
+            };
             assert!(error.to_string().contains(expected), "{error}");
         }
     }
@@ -380,19 +410,7 @@ mod tests {
     fn a_diagnosis_repeats_the_catalogue_and_says_nothing_else() {
         let mut plan = test_plans::start_stop();
         plan.solve.status = Status::Infeasible;
-        let slip = Culprit {
-            constraint: Family::Slip,
-            part: Kind::Build,
-            subject: None,
-            time_s: [0.0, 1.0],
-            worst: 0.1,
-            unit: "m/s".to_owned(),
-            share: 1.0,
-            field: None,
-            given: None,
-            would_do: None,
-            advice: "steps".to_owned(),
-        };
+        let slip = slip();
         let with = |culprit: Culprit| {
             let diagnosis = Diagnosis { verdict: Verdict::Stuck, culprits: vec![culprit] };
             let mut plan = plan.clone();

@@ -23,6 +23,7 @@ pub enum StartKind {
 
 /// Where a solve started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Started {
     /// Kind of the start.
     pub kind: StartKind,

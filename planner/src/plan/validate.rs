@@ -3,6 +3,7 @@
 
 mod ends;
 
+use super::json::JSON;
 use super::{EndEffectorSample, FORMAT, Plan, PlanError, Sample, Status, VERSION};
 use crate::families::{AGREEMENT, Kind};
 use crate::motion::{Ends, Reserve, Subject};
@@ -22,7 +23,7 @@ impl Plan {
     /// Checks that the plan is whole and consistent; `file` is how errors name it.
     ///
     /// # Errors
-    /// [`PlanError::Value`] names the first field that cannot be right.
+    /// [`PlanError`] names the first field that cannot be right.
     pub fn validate(&self, file: &str) -> Result<(), PlanError> {
         let at = Field { file, path: String::new() };
         at.of("format").holds(self.format == FORMAT, &self.format, FORMAT)?;
@@ -270,12 +271,8 @@ impl Field<'_> {
         if ok {
             return Ok(());
         }
-        Err(PlanError::Value {
-            file: self.file.to_owned(),
-            path: self.path.clone(),
-            value: value.to_string(),
-            expected: expected.to_string(),
-        })
+        let (value, expected) = (value.to_string(), expected.to_string());
+        Err(JSON.fault(self.file, &self.path, &value, expected).into())
     }
 
     fn finite(&self, values: &[f64]) -> Result<(), PlanError> {

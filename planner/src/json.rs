@@ -1,0 +1,383 @@
+//! JSON files that carry their format and its version, such as plans: one reader, and what it says about a bad file.
+//!
+//! serde names what it expects by types of Rust; people who edit a plan by hand or with a script know numbers, lists and
+//! fields. The reader translates, and shows what others wrote in a form that is safe to print.
+
+use miette::Diagnostic;
+use rollwalk_protocol::text::Shown;
+use rollwalk_robot::document::alternatives;
+use serde::Deserialize;
+use serde::de::{DeserializeOwned, IgnoredAny};
+use serde_json::Value;
+use serde_json::error::Category;
+use std::fmt;
+use thiserror::Error;
+
+/// Most characters of a message and of a value in it: they quote what the file says.
+const WORDS_MAX: usize = 1000;
+const VALUE_MAX: usize = 60;
+
+/// A format of JSON files: objects with `format` and `version`.
+#[derive(Clone, Copy, Debug)]
+pub struct Format {
+    /// What `format` says.
+    pub name: &'static str,
+    /// The version that is read, in `version`.
+    pub version: u32,
+    /// What such a file is, as in "the plan is from a newer rollwalk".
+    pub what: &'static str,
+    /// What to do with one of an older version.
+    pub make_again: &'static str,
+    /// Where to look.
+    pub help: &'static str,
+}
+
+/// Why a file cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum JsonError {
+    /// The text is not JSON, or a field is missing, unknown or of the wrong type.
+    #[error("{file}:{line}:{column}: {message}")]
+    Syntax {
+        /// The file as the caller named it.
+        file: String,
+        /// Line of the trouble, from 1.
+        line: usize,
+        /// Column of the trouble, from 1.
+        column: usize,
+        /// What is wrong, with the path of the field, such as `samples[3].com_m`.
+        message: String,
+        /// Where to look.
+        help: &'static str,
+    },
+    /// A field has a value that no such file can have.
+    #[error("{file}: {path} is {value}; expected {expected}")]
+    Value {
+        /// The file as the caller named it.
+        file: String,
+        /// JSON path of the field.
+        path: String,
+        /// The value found.
+        value: String,
+        /// What would be right.
+        expected: String,
+        /// Where to look.
+        help: &'static str,
+    },
+}
+
+impl Diagnostic for JsonError {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        let (Self::Syntax { help, .. } | Self::Value { help, .. }) = self;
+        Some(Box::new(help))
+    }
+}
+
+/// The two fields that every version of a format has.
+#[derive(Deserialize)]
+struct Header {
+    #[serde(default)]
+    format: Value,
+    #[serde(default)]
+    version: Value,
+}
+
+impl Format {
+    /// Reads a file of this format and version. `file` is how errors name the text.
+    ///
+    /// # Errors
+    /// [`JsonError`] names file, field, value and what would be right.
+    pub fn read<T: DeserializeOwned>(&self, file: &str, text: &str) -> Result<T, JsonError> {
+        let syntax = |path: &str, error: &serde_json::Error| {
+            let message = without_position(error);
+            let message = match error.classify() {
+                Category::Data => in_words(path, &message),
+                Category::Eof if text.trim().is_empty() => "the file is empty, no JSON".to_owned(),
+                Category::Eof => "this is not whole JSON: the file ends too early".to_owned(),
+                // serde_json says so of numbers, keys and words that are no others, too.
+                _ if serde_json::from_str::<IgnoredAny>(text).is_ok() => in_words(path, &message),
+                _ => format!("{}: {message}", not_json(text, error)),
+            };
+            JsonError::Syntax {
+                file: file.to_owned(),
+                line: error.line(),
+                column: error.column(),
+                message: Shown(&cut(&message, WORDS_MAX)).to_string(),
+                help: self.help,
+            }
+        };
+        // Format and version first: a file of another version may differ in any other field.
+        let header: Header = serde_json::from_str(text).map_err(|error| syntax(".", &error))?;
+        self.check(&header, file)?;
+        let mut deserializer = serde_json::Deserializer::from_str(text);
+        serde_path_to_error::deserialize(&mut deserializer)
+            .map_err(|error| syntax(&error.path().to_string(), error.inner()))
+    }
+
+    fn check(&self, header: &Header, file: &str) -> Result<(), JsonError> {
+        let fault = |path: &str, value: &Value, expected: String| {
+            let value = if value.is_null() { "missing".to_owned() } else { value.to_string() };
+            Err(self.fault(file, path, &cut(&value, VALUE_MAX), expected))
+        };
+        let &Self { name, version, what, make_again, .. } = self;
+        if header.format != name {
+            return fault("format", &header.format, format!("\"{name}\""));
+        }
+        let expected = match header.version.as_u64() {
+            Some(found) if found == u64::from(version) => return Ok(()),
+            Some(found) if found > u64::from(version) => {
+                format!("{version}: the {what} is from a newer rollwalk, update this one")
+            }
+            Some(_) => format!("{version}: the {what} is from an older rollwalk, {make_again}"),
+            None => version.to_string(),
+        };
+        fault("version", &header.version, expected)
+    }
+
+    /// The error of a value that no such file can have.
+    pub fn fault(
+        &self,
+        file: &str,
+        path: &str,
+        value: &str,
+        expected: impl Into<String>,
+    ) -> JsonError {
+        JsonError::Value {
+            file: file.to_owned(),
+            path: path.to_owned(),
+            value: Shown(&cut(value, WORDS_MAX)).to_string(),
+            expected: expected.into(),
+            help: self.help,
+        }
+    }
+}
+
+/// What is wrong with the syntax: a number that JSON cannot have is likelier than anything else.
+fn not_json(text: &str, error: &serde_json::Error) -> &'static str {
+    let line = text.lines().nth(error.line().saturating_sub(1)).unwrap_or_default();
+    // The reader may stop within the word.
+    let before = error.column().saturating_sub(1 + "-Infinity".len());
+    let near = line.as_bytes().get(before..).unwrap_or_default();
+    let near = String::from_utf8_lossy(&near[..near.len().min(2 * "-Infinity".len())]);
+    match ["NaN", "Infinity"].iter().any(|word| near.contains(word)) {
+        true => "NaN and Infinity are no numbers in JSON",
+        false => "this is not JSON",
+    }
+}
+
+/// The message without serde_json's trailing position, which the error carries as fields.
+fn without_position(error: &serde_json::Error) -> String {
+    let message = error.to_string();
+    message.rsplit_once(" at line ").map_or(message.clone(), |(head, _)| head.to_owned())
+}
+
+/// What serde says of the value at a path, as people who write files say it. Messages of our own readers stay.
+fn in_words(path: &str, message: &str) -> String {
+    let (start, subject) = match path {
+        "." => (String::new(), "the file"),
+        path => (format!("{path}: "), path),
+    };
+    let after = |beginning: &str| message.strip_prefix(beginning);
+    let named = |rest: &str| {
+        let (name, rest) =
+            rest.rsplit_once("`, expected ").unwrap_or((rest.trim_end_matches('`'), ""));
+        // Every other piece stands between backticks.
+        let known: Vec<_> = rest.split('`').skip(1).step_by(2).map(str::to_owned).collect();
+        (name.to_owned(), known)
+    };
+    let likely = |(name, known): &(String, Vec<String>)| {
+        alternatives(&cut(name, VALUE_MAX), known.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    let wrong = after("invalid type: ").or(after("invalid value: "));
+    if let Some((found, wanted)) = wrong.and_then(|rest| rest.rsplit_once(", expected ")) {
+        format!("{subject} is {}; expected {}", found_as(found), wanted_as(wanted))
+    } else if let Some((length, wanted)) =
+        after("invalid length ").and_then(|rest| rest.split_once(", expected "))
+    {
+        format!("{subject} is a list of {length}; expected {}", wanted_as(wanted))
+    } else if let Some(rest) = after("missing field `") {
+        format!("{start}`{}` is missing", named(rest).0)
+    } else if let Some(rest) = after("duplicate field `") {
+        format!("{start}`{}` is given twice", named(rest).0)
+    } else if let Some(rest) = after("unknown field `") {
+        let field = named(rest);
+        // The path leads to the unknown field itself.
+        let parent = path.strip_suffix(&field.0).unwrap_or(path).trim_end_matches('.');
+        let start = if parent.is_empty() { "" } else { &format!("{parent}: ") };
+        format!("{start}unknown field `{}`; {}", cut(&field.0, VALUE_MAX), likely(&field))
+    } else if let Some(rest) = after("unknown variant `") {
+        let word = named(rest);
+        format!("{subject} is \"{}\"; {}", cut(&word.0, VALUE_MAX), likely(&word))
+    } else if message == "expected value" {
+        format!("{subject} is of another kind; expected {}", wanted_as("string or map"))
+    } else if message == "number out of range" {
+        format!("{subject} is out of the range of numbers")
+    } else {
+        format!("{start}{message}")
+    }
+}
+
+/// A value that serde describes, as it stands in a file.
+fn found_as(found: &str) -> String {
+    let value = |kind: &str| found.strip_prefix(kind)?.strip_suffix('`').map(str::to_owned);
+    match found {
+        "sequence" => "a list".to_owned(),
+        "map" => "an object".to_owned(),
+        _ => ["boolean `", "integer `", "floating point `"]
+            .into_iter()
+            .find_map(value)
+            .unwrap_or_else(|| cut(found.strip_prefix("string ").unwrap_or(found), VALUE_MAX)),
+    }
+}
+
+/// What serde expects, as a file would say it.
+fn wanted_as(wanted: &str) -> String {
+    if let Some(count) = wanted.strip_prefix("an array of length ") {
+        return format!("a list of {count}");
+    }
+    let word = match wanted.split_once(' ').map_or(wanted, |(word, _)| word) {
+        "f64" | "f32" => "a number",
+        "u8" => "a whole number from 0 to 255",
+        "u16" | "u32" | "u64" | "usize" => "a whole number, not negative",
+        "struct" | "internally" => "an object",
+        "enum" | "variant" | "unit" => "a word in quotes",
+        _ => match wanted {
+            "a boolean" => "true or false",
+            "a string" | "a borrowed string" => "text in quotes",
+            "a sequence" => "a list",
+            "a map" => "an object",
+            _ if wanted.starts_with("a nonzero ") => "a whole number above 0",
+            "string or map" => "a word in quotes or an object",
+            _ => wanted,
+        },
+    };
+    word.to_owned()
+}
+
+/// The beginning of a text that is too long to be shown.
+fn cut(text: &str, most: usize) -> String {
+    match text.char_indices().nth(most) {
+        Some((at, _)) => format!("{}…", &text[..at]),
+        None => text.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    const FORMAT: Format = Format {
+        name: "thing",
+        version: 2,
+        what: "thing",
+        make_again: "make it again",
+        help: "see the book",
+    };
+
+    #[derive(Debug, PartialEq, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    enum Colour {
+        Red,
+        Green,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+    #[expect(dead_code, reason = "read from files only")]
+    enum Shape {
+        Ball { radius_m: f64 },
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    #[expect(dead_code, reason = "read from files only")]
+    struct Thing {
+        format: String,
+        version: u32,
+        sizes_m: Vec<[f64; 3]>,
+        colour: Colour,
+        shape: Shape,
+        named: BTreeMap<u8, bool>,
+        count: u64,
+        note: Option<String>,
+    }
+
+    const GOOD: &str = r#"{"format": "thing", "version": 2, "sizes_m": [[1, 2, 3], [4, 5, 6]], "colour": "red",
+        "shape": {"kind": "ball", "radius_m": 1}, "named": {"7": true}, "count": 5, "note": null}"#;
+
+    fn refused(text: &str) -> String {
+        let error = FORMAT.read::<Thing>("x.json", text).unwrap_err();
+        assert_eq!(error.help().unwrap().to_string(), FORMAT.help);
+        error.to_string()
+    }
+
+    #[test]
+    fn every_slip_is_told_in_words_of_the_file() {
+        FORMAT.read::<Thing>("x.json", GOOD).unwrap();
+        for (from, to, expected) in [
+            (
+                "[1, 2, 3]",
+                "[1, \"2\", 3]",
+                "x.json:1:53: sizes_m[0][1] is \"2\"; expected a number",
+            ),
+            ("[1, 2, 3]", "[1, 2]", "sizes_m[0] is a list of 2; expected a list of 3"),
+            ("[1, 2, 3]", "[1, true, 2]", "sizes_m[0][1] is true; expected a number"),
+            ("[[1, 2, 3], [4, 5, 6]]", "{}", "sizes_m is an object; expected a list"),
+            (
+                "\"red\"",
+                "\"gren\"",
+                "colour is \"gren\"; did you mean `green`? known are: `red`, `green`",
+            ),
+            ("\"red\"", "7", "colour is of another kind; expected a word in quotes or an object"),
+            ("\"ball\"", "\"cube\"", "shape.kind is \"cube\"; known are: `ball`"),
+            (
+                "\"radius_m\": 1",
+                "\"radius_mm\": 1",
+                "shape: unknown field `radius_mm`; did you mean `radius_m`?",
+            ),
+            ("\"kind\": \"ball\", ", "", "shape: `kind` is missing"),
+            (", \"radius_m\": 1", "", "shape: `radius_m` is missing"),
+            ("true", "0.5", "named.7 is 0.5; expected true or false"),
+            ("\"count\": 5", "\"count\": -5", "count is -5; expected a whole number, not negative"),
+            (
+                "\"count\": 5",
+                "\"cuont\": 5",
+                "x.json:2:79: unknown field `cuont`; did you mean `count`?",
+            ),
+            ("\"count\": 5", "\"count\": 5, \"count\": 6", "`count` is given twice"),
+            ("\"count\": 5, ", "", "`count` is missing"),
+            ("null", "[]", "note is a list; expected text in quotes"),
+            ("1, 2, 3", "1, 1e999, 3", "sizes_m[0][1] is out of the range of numbers"),
+            ("null", "NaN", "NaN and Infinity are no numbers in JSON"),
+            (
+                "\"version\": 2",
+                "\"version\": 1",
+                "version is 1; expected 2: the thing is from an older rollwalk, make",
+            ),
+            ("\"version\": 2", "\"version\": {}", "version is {}; expected 2"),
+            ("\"format\": \"thing\", ", "", "format is missing; expected \"thing\""),
+            (GOOD, "[]", "x.json: format is missing"),
+            (GOOD, "7", "the file is 7; expected an object"),
+        ] {
+            assert!(GOOD.contains(from), "{from}");
+            let message = refused(&GOOD.replacen(from, to, 1));
+            assert!(message.contains(expected), "{from} -> {to}:\n{message}\n{expected}");
+            assert!(message.starts_with("x.json:"), "{message}");
+        }
+    }
+
+    #[test]
+    fn what_strangers_wrote_is_short_and_without_escapes() {
+        let long = format!("\u{1b}[2J{}", "x`, ".repeat(10_000));
+        for hostile in [
+            GOOD.replace("\"count\"", &format!("\"{}\"", long.replace('\u{1b}', "\\u001b"))),
+            GOOD.replace("\"red\"", &format!("\"{}\"", long.replace('\u{1b}', "\\u001b"))),
+            GOOD.replace("\"thing\"", &format!("\"{}\"", long.replace('\u{1b}', "\\u001b"))),
+            GOOD.replace("null", "[\"\\u202e\"]"),
+        ] {
+            let message = refused(&hostile);
+            assert!(message.len() < 500, "{message}");
+            assert!(!message.contains(['\u{1b}', '\u{202e}']), "{message:?}");
+        }
+    }
+}
