@@ -17,6 +17,7 @@ mod clearance;
 mod grid;
 mod judgement;
 mod motors;
+mod room;
 mod rows;
 mod sag;
 #[cfg(test)]
@@ -27,6 +28,7 @@ mod table;
 pub use crate::growth::Growth;
 pub use as_played::{LargestTorque, MotorKind};
 pub use judgement::{Conclusion, Judgement};
+pub use room::{Least, Room};
 pub use sag::Sag;
 
 use crate::families::Family;
@@ -59,6 +61,8 @@ pub struct Report {
     pub rows: Vec<Row>,
     /// Largest torque of every motor as played at 60 Hz: joints, then wheels.
     pub torques: Vec<LargestTorque>,
+    /// Smallest distances as played at 60 Hz.
+    pub room: Room,
     /// The swing that loses most of its height where servos yield without torque feed-forward; `None` where nothing
     /// swings.
     pub sag: Option<Sag>,
@@ -119,9 +123,12 @@ impl Report {
     pub fn new(plan: &Plan) -> Self {
         let samples = grid::Timeline::new(plan);
         let mut rows = rows::at_samples(&samples);
-        let torques = in_frames(plan, &mut rows);
+        let frames = resample(plan, LIBRARY_RATE_HZ);
+        let frames = grid::Timeline::new(&frames);
+        let torques = in_frames(plan, &frames, &mut rows);
         in_ticks(plan, &mut rows);
         Self {
+            room: Room::of(&frames),
             sag: sag::sag(&samples),
             growth_per_cycle: growth::per_cycle(plan),
             ..Self::of(plan, rows, torques)
@@ -132,7 +139,8 @@ impl Report {
     /// it open, which spares most plans most of the effort, and without growth.
     pub(crate) fn as_played(plan: &Plan) -> Self {
         let mut rows = Vec::new();
-        let torques = in_frames(plan, &mut rows);
+        let frames = resample(plan, LIBRARY_RATE_HZ);
+        let torques = in_frames(plan, &grid::Timeline::new(&frames), &mut rows);
         let part = rows.iter().map(Row::part_of_level).fold(0.0, f64::max);
         if (CLEAR_PART..=1.0).contains(&part) {
             in_ticks(plan, &mut rows);
@@ -148,6 +156,7 @@ impl Report {
             judgement: Judgement::new(plan, &rows),
             rows,
             torques,
+            room: Room::default(),
             sag: None,
             growth_per_cycle: None,
         }
@@ -176,11 +185,9 @@ impl Report {
 }
 
 /// Adds the rows of the motion at 60 Hz; returns its torques.
-fn in_frames(plan: &Plan, rows: &mut Vec<Row>) -> Vec<LargestTorque> {
-    let frames = resample(plan, LIBRARY_RATE_HZ);
-    let frames = grid::Timeline::new(&frames);
-    rows.extend(rows::between(&frames, Grid::Library60Hz));
-    let (torques, of_torques) = as_played::as_played(plan, &frames);
+fn in_frames(plan: &Plan, frames: &grid::Timeline, rows: &mut Vec<Row>) -> Vec<LargestTorque> {
+    rows.extend(rows::between(frames, Grid::Library60Hz));
+    let (torques, of_torques) = as_played::as_played(plan, frames);
     rows.extend(of_torques);
     torques
 }

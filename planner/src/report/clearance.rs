@@ -5,7 +5,7 @@ use super::grid::{State, Timeline};
 use super::rows::Worst;
 use crate::families::Family;
 use rollwalk_multibody::distance::{Capsule, OrientedBox};
-use rollwalk_multibody::euler::Pair;
+use rollwalk_multibody::euler::{GroundPoint, Pair};
 
 /// What is missing of the margins, over all samples or frames.
 pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
@@ -20,16 +20,20 @@ pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
             links.see(missing.max(0.0), &w, names.as_deref());
         }
         for point in clearance.points() {
-            let height = point.center(&w.here.pose).z - point.radius_m;
-            let missing = (point.least_m - height).max(0.0);
+            let missing = (point.least_m - height_m(w.here, point)).max(0.0);
             ground.see(missing, &w, Some(&robot.links[point.link].name));
         }
     }
     vec![links, ground]
 }
 
+/// Height of the lowest point of a shape or joint above the ground, m.
+pub fn height_m(state: &State, point: &GroundPoint) -> f64 {
+    point.center(&state.pose).z - point.radius_m
+}
+
 /// Distance of the surfaces of a pair, m.
-fn distance(state: &State, pair: &Pair) -> f64 {
+pub fn distance(state: &State, pair: &Pair) -> f64 {
     let place = |k: usize| {
         let link = pair.links[k];
         (&pair.shapes[k], &state.pose.link_origins[link], &state.pose.world_from_link[link])

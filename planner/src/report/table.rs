@@ -51,6 +51,7 @@ impl fmt::Display for Report {
                 "  {word}: {torque_nm} of {limit_nm} N·m ({percent:.0} %) at {time_s:.3} s, {motor}"
             )?;
         }
+        write!(f, "{}", self.room)?;
         // Growth that is much goes with the verdict, below the table.
         if let Some(growth) = self.growth_per_cycle.filter(|growth| !growth.is_much()) {
             writeln!(f, "{growth}")?;

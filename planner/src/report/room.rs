@@ -1,0 +1,132 @@
+//! Room that a motion leaves, as it is played: how high swings go, how near limbs come to each other and to the ground.
+//! Residuals are only what is missing of a margin; this is what is there.
+
+use super::clearance::{distance, height_m};
+use super::grid::{State, Timeline};
+use super::rows::feet;
+use crate::motion::Ends;
+use serde::Serialize;
+use std::fmt;
+
+/// A distance and where it is smallest.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Least {
+    /// The distance, m; negative by the depth where shapes overlap.
+    pub distance_m: f64,
+    /// Name of the end effector, link or links.
+    pub subject: String,
+    /// When, s.
+    pub time_s: f64,
+}
+
+/// Smallest distances of a motion.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Room {
+    /// The lowest swing: height of the end effector's contact point where that swing is highest. `None` where nothing
+    /// swings.
+    pub swing: Option<Least>,
+    /// Distance of two links; `None` for robots without shapes that could meet.
+    pub links: Option<Least>,
+    /// Height of a link above the ground.
+    pub ground: Option<Least>,
+}
+
+impl Room {
+    /// What a motion leaves at the times of a timeline.
+    pub(super) fn of(timeline: &Timeline) -> Self {
+        let swings = feet(timeline).flat_map(|(j, foot)| {
+            let highest = highest_of_swings(timeline, j);
+            highest.into_iter().map(|(distance_m, time_s)| (distance_m, time_s, &foot.name))
+        });
+        let swing = least(swings).map(|(distance_m, time_s, name)| Least {
+            distance_m,
+            subject: name.clone(),
+            time_s,
+        });
+        let (robot, clearance) = (&timeline.plan.robot, timeline.model.clearance());
+        let pairs = timeline.samples().flat_map(|w| {
+            let time_s = w.here.sample.time_s;
+            clearance.pairs().iter().map(move |pair| (distance(w.here, pair), time_s, pair))
+        });
+        let links = least(pairs).map(|(distance_m, time_s, pair)| Least {
+            distance_m,
+            subject: robot.pair_name(pair.links),
+            time_s,
+        });
+        let points = timeline.samples().flat_map(|w| {
+            let time_s = w.here.sample.time_s;
+            let points = clearance.points().iter();
+            points.map(move |point| (height_m(w.here, point), time_s, point.link))
+        });
+        let ground = least(points).map(|(distance_m, time_s, link)| Least {
+            distance_m,
+            subject: robot.links[link].name.clone(),
+            time_s,
+        });
+        Self { swing, links, ground }
+    }
+}
+
+/// The entry with the smallest distance, the first of equals.
+fn least<T>(of: impl Iterator<Item = (f64, f64, T)>) -> Option<(f64, f64, T)> {
+    of.min_by(|a, b| a.0.total_cmp(&b.0))
+}
+
+/// Height and time of the highest point of every swing of an end effector.
+fn highest_of_swings(timeline: &Timeline, j: usize) -> Vec<(f64, f64)> {
+    let states: Vec<&State> = timeline.samples().map(|w| w.here).collect();
+    // A swing of a periodic motion may go on in its next period.
+    let first = match timeline.plan.motion.ends {
+        Ends::Periodic => states.iter().position(|state| state.stands(j)).unwrap_or(0),
+        Ends::AtRest | Ends::Prescribed => 0,
+    };
+    let (end, begin) = states.split_at(first);
+    let in_order: Vec<&State> = begin.iter().chain(end).copied().collect();
+    let swings = in_order.split(|state| state.stands(j));
+    let highest = |swing: &[&State]| {
+        let heights = swing.iter().map(|state| (state.contact(j).z, state.sample.time_s));
+        heights.max_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    swings.filter_map(highest).collect()
+}
+
+impl fmt::Display for Room {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let lines = [
+            ("lowest swing", &self.swing),
+            ("between links", &self.links),
+            ("links above the ground", &self.ground),
+        ];
+        writeln!(f, "smallest distances as played, 60 Hz")?;
+        for (what, least) in lines {
+            let Some(Least { distance_m, subject, time_s }) = least else { continue };
+            writeln!(f, "  {what}: {:.1} mm at {time_s:.3} s, {subject}", 1e3 * distance_m)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_plans;
+
+    #[test]
+    fn the_lowest_of_the_swings_counts_by_its_highest_point() {
+        let mut plan = test_plans::cruise();
+        assert_eq!(Room::of(&Timeline::new(&plan)).swing, None, "nothing swings");
+        let last = plan.samples.len() - 1;
+        // One of 30 mm, and one of 20 mm that goes on in the next period.
+        for (sample, height_m) in [(4, 0.01), (5, 0.03), (6, 0.02), (last, 0.02), (0, 0.005)] {
+            let foot = &mut plan.samples[sample].end_effectors[1];
+            (foot.contact, foot.position_m[2]) = (false, height_m);
+        }
+        let room = Room::of(&Timeline::new(&plan));
+        let swing = room.swing.clone().expect("two swings");
+        assert_eq!(swing.distance_m, 0.02);
+        assert_eq!(swing.time_s, plan.samples[last].time_s);
+        assert_eq!(swing.subject, plan.robot.end_effectors[1].name);
+        let shown = room.to_string();
+        assert!(shown.contains("lowest swing: 20.0 mm at"), "{shown}");
+    }
+}
