@@ -1,6 +1,7 @@
 //! Sentences for the codes with which a controller refuses requests.
 
 use crate::authentication::NoSession;
+use rollwalk_protocol::text::Number;
 use rollwalk_protocol::wire::transport::{Reply, TransferResult, UNSIGNED};
 use rollwalk_protocol::wire::{CommandResult, ParameterResult, State};
 
@@ -29,7 +30,7 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
         CommandResult::Ok => "it was not refused",
         CommandResult::UnknownCode => "no motion of the active library has this code",
         CommandResult::WrongState => "this is not possible in its present state",
-        CommandResult::Expired => "the command arrived too late",
+        CommandResult::Expired => "the command arrived too late: this computer or the bus is busy",
         CommandResult::Unreachable => "the motion graph has no route to this motion",
         CommandResult::NotArmed => "torque is off; arm first",
         CommandResult::NoLibrary => "it has no valid library; flash one first",
@@ -55,7 +56,10 @@ pub fn parameter_refusal(result: ParameterResult, limit: f32, state: Option<Stat
         ParameterResult::UnknownParameter => "its firmware is older than this parameter",
         ParameterResult::UnknownChannel => "the robot has fewer channels",
         ParameterResult::OutOfRange => {
-            return format!("the value is no number, or beyond the limit of {limit}");
+            return format!(
+                "the value is no number, or beyond the limit of {}",
+                Number::from(limit)
+            );
         }
         ParameterResult::WrongState => match state {
             None => "it is not disarmed: disarm it first, or clear it if it has stopped",

@@ -5,6 +5,7 @@
 
 use crate::actuator;
 use crate::crc::{crc32c, crc32c_append};
+use crate::text::Number;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -57,7 +58,7 @@ pub struct Channel {
 
 /// A configuration that no controller can run.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("channel {channel}: {field} is {value}, must be {must}")]
+#[error("channel {channel}: {field} is {}, must be {must}", Number::from(*value))]
 pub struct ConfigError {
     /// Number of the channel; the number of channels when there are none.
     pub channel: u8,

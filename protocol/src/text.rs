@@ -40,6 +40,35 @@ impl fmt::Display for ShownLines<'_> {
     }
 }
 
+/// A number as messages show it: at most five digits that count, and no zeros at its end. Limits in single precision have
+/// more digits than anyone gave.
+#[derive(Clone, Copy, Debug)]
+pub struct Number(pub f64);
+
+impl From<f32> for Number {
+    fn from(value: f32) -> Self {
+        Self(value.into())
+    }
+}
+
+impl fmt::Display for Number {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let size = self.0.abs();
+        if !(1e-9..1e5).contains(&size) {
+            return write!(f, "{}", if size < 1e-9 { 0.0 } else { self.0 });
+        }
+        let (mut decimals, mut bound) = (0, 1e4);
+        while size < bound && decimals < 13 {
+            decimals += 1;
+            bound /= 10.0;
+        }
+        let mut digits = heapless::String::<32>::new();
+        write!(digits, "{:.decimals$}", self.0)?;
+        let digits = if decimals > 0 { digits.trim_end_matches('0') } else { &digits };
+        f.write_str(digits.trim_end_matches('.'))
+    }
+}
+
 fn write_shown(f: &mut fmt::Formatter<'_>, text: &str, is_hidden: fn(char) -> bool) -> fmt::Result {
     for c in text.chars() {
         if is_hidden(c) {
@@ -81,5 +110,29 @@ mod tests {
         {
             assert!(!is_plain_name(name), "{name:?}");
         }
+    }
+
+    #[test]
+    fn numbers_have_the_digits_that_count() {
+        for (value, shown) in [
+            (0.0, "0"),
+            (-0.0, "0"),
+            (3.0, "3"),
+            (-0.5, "-0.5"),
+            (f64::from(0.1f32), "0.1"),
+            (f64::from(655.35f32), "655.35"),
+            (f64::from(0.3f32 * 3.0), "0.9"),
+            (1.0 / 3.0, "0.33333"),
+            (9.999_99, "10"),
+            (1e-6, "0.000001"),
+            (10_000.0, "10000"),
+            (99_999.7, "100000"),
+            (1_000_000.0, "1000000"),
+            (f64::NAN, "NaN"),
+            (f64::NEG_INFINITY, "-inf"),
+        ] {
+            assert_eq!(format!("{}", Number(value)), shown);
+        }
+        assert_eq!(format!("{}", Number::from(6.000_000_5f32)), "6");
     }
 }

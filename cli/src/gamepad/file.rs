@@ -143,7 +143,7 @@ fn estop(document: &Document<'_>, root: &Table<'_>, taken: &mut Taken) -> Option
     }
     let mut inputs = Vec::new();
     for (name, span) in names {
-        let input = input(document, "this file", name, span.clone())?;
+        let input = input(document, "estop", name, span.clone())?;
         taken.take(document, span, input, "estop");
         inputs.push(input);
     }

@@ -140,9 +140,11 @@ fn time(table: &Table<'_>, key: &'static str, duration_s: Option<f64>) -> Option
     match duration_s {
         // Durations are whole numbers of frames, which files round to four decimals.
         Some(duration_s) => {
-            let given =
-                table.number_in(key, 0.0..=duration_s + 0.6e-4, "s, the motion's duration")?;
-            Some(given.min(duration_s))
+            let given = table.number(key)?;
+            if (duration_s..=duration_s + 0.6e-4).contains(&given) {
+                return Some(duration_s);
+            }
+            table.number_in(key, 0.0..=duration_s, "s, the motion's duration")
         }
         None => table.number(key),
     }

@@ -1,6 +1,7 @@
 //! Why a library is refused, as a value that reads as a sentence.
 
 use super::{ClipId, EdgeId, FORMAT_MAJOR, MAX_CLIP_FRAMES, NodeId, RATE_HZ};
+use crate::text::Number;
 use core::fmt;
 use thiserror::Error;
 
@@ -259,8 +260,9 @@ pub enum Why {
     /// A change from the frame before that is faster than the channel's limit.
     #[error(
         "clip {}, frame {frame}, channel {channel}: changes at {rate} per second, limit is \
-         {max_rate} (rad/s, or rad/s² for a wheel)",
-        clip.0
+         {limit} (rad/s, or rad/s² for a wheel)",
+        clip.0,
+        limit = Number::from(*max_rate)
     )]
     TooFast {
         /// The clip.
@@ -277,8 +279,9 @@ pub enum Why {
     /// The last frame of a looping motion does not lead to its first one.
     #[error(
         "clip {}, channel {channel}: jumps by {step} from its last frame to its first, largest \
-         step is {max_step} (rad, or rad/s for a wheel)",
-        clip.0
+         step is {most} (rad, or rad/s for a wheel)",
+        clip.0,
+        most = Number::from(*max_step)
     )]
     SeamJump {
         /// The clip.
@@ -291,7 +294,7 @@ pub enum Why {
         max_step: f32,
     },
     /// A motion that ends with a turning wheel would leave it turning for ever.
-    #[error("clip {} ends, but channel {channel}, a wheel, turns at {speed} rad/s in its last frame", clip.0)]
+    #[error("clip {} ends, but channel {channel}, a wheel, turns at {} rad/s in its last frame", clip.0, Number::from(*speed))]
     EndsInMotion {
         /// The clip.
         clip: ClipId,

@@ -193,7 +193,7 @@ impl<'t> Document<'t> {
 
     /// The top-level table.
     pub fn root(&self) -> Table<'_> {
-        Table::new(self, self.root.get_ref(), 0..0, "this file".to_owned())
+        Table::new(self, self.root.get_ref(), 0..0, String::new())
     }
 
     /// Notes a fault. The same advice at the same place is noted once: one line of a template may be

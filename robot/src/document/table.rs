@@ -1,6 +1,7 @@
 //! Reading one TOML table: typed getters that note a fault where the text is wrong.
 
 use super::{Document, Span, alternatives};
+use rollwalk_protocol::text::Number;
 use std::cell::RefCell;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -115,9 +116,14 @@ impl<'d> Table<'d> {
         self.table.iter().filter_map(read).collect()
     }
 
+    /// How messages about this table begin; those about the whole file need no words for it.
+    fn start(&self) -> String {
+        if self.what.is_empty() { String::new() } else { format!("{}: ", self.what) }
+    }
+
     /// Notes a fault at the value of `key`.
     pub fn fault(&self, key: &str, problem: impl Display, label: impl Display, help: impl Display) {
-        let message = format!("{}: `{key}` {problem}", self.what);
+        let message = format!("{}`{key}` {problem}", self.start());
         self.document.fault(self.span_of(key), message, label.to_string(), help.to_string());
     }
 
@@ -129,7 +135,7 @@ impl<'d> Table<'d> {
             if !asked.contains(&name) {
                 self.document.fault(
                     key.span(),
-                    format!("{}: unknown key `{name}`", self.what),
+                    format!("{}unknown key `{name}`", self.start()),
                     "not a key of this table",
                     alternatives(name, asked.iter().copied()),
                 );
@@ -177,7 +183,8 @@ impl<'d> Table<'d> {
         if range.contains(&value) {
             return Some(value);
         }
-        let help = format!("allowed is {} to {} {unit}", range.start(), range.end());
+        let [least, most] = [*range.start(), *range.end()].map(Number);
+        let help = format!("allowed is {least} to {most} {unit}");
         self.fault(key, format_args!("is {value}"), "out of range", help.trim_end());
         None
     }
@@ -289,7 +296,7 @@ impl<'d> Table<'d> {
     fn required(&self, key: &'static str, expected: &str) -> Option<&'d Spanned<DeValue<'d>>> {
         let value = self.raw(key);
         if value.is_none() {
-            let message = format!("{}: `{key}` is missing", self.what);
+            let message = format!("{}`{key}` is missing", self.start());
             let help = format!("give `{key}`, {expected}");
             self.document.fault(self.span(), message, format!("needs `{key}`"), help);
         }
@@ -305,7 +312,7 @@ impl<'d> Table<'d> {
     ) -> Option<T> {
         let converted = convert(value.get_ref());
         if converted.is_none() {
-            let message = format!("{}: `{key}` must be {expected}", self.what);
+            let message = format!("{}`{key}` must be {expected}", self.start());
             let label = format!("this {} is not", value.get_ref().type_str());
             self.document.fault(value.span(), message, label, format!("expected is {expected}"));
         }
