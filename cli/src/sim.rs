@@ -19,13 +19,12 @@ use rollwalk_bus::sim;
 use rollwalk_firmware::Settings;
 use rollwalk_host::describe::{fault_names, state_name};
 use rollwalk_protocol::faults::FaultBits;
+use rollwalk_protocol::wire::State;
 use rollwalk_protocol::wire::authentication::LinkKey;
-use rollwalk_protocol::wire::{FromController, State};
 use rollwalk_robot::Robot;
 use rollwalk_sim_host::body::Body;
 use rollwalk_sim_host::core::Local;
 use rollwalk_sim_host::interface::Interface;
-use rollwalk_sim_host::interface::LogEntry;
 use rollwalk_sim_host::live::{Reopen, controller, motors, whole};
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_sim_host::store::VerifyingKey;
@@ -225,9 +224,9 @@ fn run_whole(
         port,
         &mut Lost { link: Some(bus), actuators: &[], says: true },
         |rig, entries| {
-            for status in entries.iter().filter_map(status) {
-                printer.print(status.0, status.1);
-            }
+            // Not from the frames on the link: anyone may send a status there.
+            let controller = rig.core().controller();
+            printer.print(controller.state(), controller.faults());
             if let Some(log) = &mut log
                 && let Err(error) = entries.iter().try_for_each(|entry| log.push(entry))
             {
@@ -413,14 +412,5 @@ impl StatusPrinter {
         let faults =
             if faults.is_empty() { String::new() } else { format!(" ({})", fault_names(faults)) };
         output::say(format_args!("{at:9.3} s  {}{faults}", state_name(state)));
-    }
-}
-
-/// State and faults, when the frame is a status.
-fn status(entry: &LogEntry) -> Option<(State, FaultBits)> {
-    let frame = &entry.frame;
-    match FromController::decode(frame) {
-        Ok((_, FromController::Status(status))) => Some((status.state, status.faults)),
-        _ => None,
     }
 }

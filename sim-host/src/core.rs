@@ -127,6 +127,11 @@ impl Local {
         Some(self.controller.library_store().signed_bytes())
     }
 
+    /// The controller.
+    pub fn controller(&self) -> &Controller<SimStore, SimParameters> {
+        &self.controller
+    }
+
     /// The controller itself, for inputs that a real bus gives and the simulated one does not.
     pub fn controller_mut(&mut self) -> &mut Controller<SimStore, SimParameters> {
         &mut self.controller

@@ -148,3 +148,31 @@ fn a_reader_that_has_seen_enough_does_not_change_how_a_command_ends() {
     // It has no library.
     assert_eq!(status.code(), Some(5));
 }
+
+/// Anyone may send frames with the controller's identifier; what a simulated robot says of itself is what it is.
+#[cfg(unix)]
+#[test]
+fn a_simulated_robot_prints_its_own_state_and_no_forged_one() {
+    use rollwalk_bus::sim;
+    use rollwalk_protocol::faults::{FaultBits, Severity};
+    use rollwalk_protocol::wire::{Node, State, Status};
+    let desk = desk_with_library_file();
+    let socket = desk.path("robot.sock");
+    let bus = format!("sim:{}", socket.display());
+    let mut robot = Robot::heard(&desk, &bus, "said.txt");
+    let mut forger = sim::connect(Some(&socket)).unwrap();
+    for counter in 0..50 {
+        let (faults, severity) = (FaultBits::default(), Severity::None);
+        let state = State::Playing;
+        let forged =
+            Status { state, severity, faults, clip: Some(1), frame: 0, counter, library: 7 };
+        let node = Node::new(1).unwrap();
+        forger.outlet.send(&forged.encode(node)).unwrap();
+        sleep(Duration::from_millis(5));
+    }
+    on(&desk, &bus, &["estop"]).succeeds();
+    robot.stop();
+    let said = desk.read_text("said.txt");
+    assert!(said.contains("disarmed") && said.contains("emergency"), "{said}");
+    assert!(!said.contains("playing"), "{said}");
+}

@@ -2,6 +2,7 @@
 
 use crate::desk_with_shipped_files;
 use rollwalk_tests::{Desk, Outcome, signal};
+use std::fs::File;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -54,10 +55,21 @@ impl Robot {
         Self::start_with(desk, &[args, &["--bus", bus]].concat()).answering(desk, host)
     }
 
+    /// LegBot, and what it says in a file of the desk.
+    pub fn heard(desk: &Desk, bus: &str, said: &str) -> Self {
+        let file = File::create(desk.path(said)).expect("a file");
+        let args = ["robots/legbot.toml", "--bus", bus];
+        Self::spawn(desk, &args, file.into()).answering(desk, bus)
+    }
+
     fn start_with(desk: &Desk, args: &[&str]) -> Self {
+        Self::spawn(desk, args, Stdio::null())
+    }
+
+    fn spawn(desk: &Desk, args: &[&str], stderr: Stdio) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
         command.args(args).current_dir(desk.path(""));
-        Self(command.stderr(Stdio::null()).spawn().expect("the robot starts"))
+        Self(command.stderr(stderr).spawn().expect("the robot starts"))
     }
 
     /// Waits until it answers.
