@@ -31,6 +31,9 @@ const BLOCKED: Duration = Duration::from_secs(1);
 /// Longest wait for queued lines when the writer is dropped.
 const LAST_WORDS: Duration = Duration::from_millis(100);
 
+/// The line of a simulated robot, which nobody can unplug.
+pub(crate) const SIMULATED: &str = "the simulated robot";
+
 /// Writes lines, whole and in their order.
 pub(crate) struct LineWriter {
     name: String,
@@ -130,9 +133,11 @@ impl LineWriter {
             return Err(LinkError::Busy);
         }
         let name = &self.name;
-        Err(LinkError::Down(format!(
-            "{name} takes nothing any more: unplug it and plug it in again"
-        )))
+        let remedy = match &**name {
+            SIMULATED => "rollwalk-sim stands still; if Ctrl-Z halted it, `fg` lets it go on",
+            _ => "unplug it and plug it in again",
+        };
+        Err(LinkError::Down(format!("{name} takes nothing any more: {remedy}")))
     }
 
     /// Waits until everything is written, unless the line is dead, and has the device closed.
@@ -223,7 +228,9 @@ fn gone(name: &str, error: &io::Error) -> LinkError {
     // drops their numbers.
     let why = match error.kind() {
         io::ErrorKind::BrokenPipe | io::ErrorKind::NotFound | io::ErrorKind::Other => {
-            format!("{name} is gone: was it unplugged? ({error})")
+            let cause =
+                if name == SIMULATED { "has rollwalk-sim ended" } else { "was it unplugged" };
+            format!("{name} is gone: {cause}? ({error})")
         }
         _ => format!("{name}: {error}"),
     };
@@ -331,6 +338,19 @@ mod tests {
         // Nor does the end wait for it.
         drop(line);
         drop(far);
+    }
+
+    #[test]
+    fn a_simulated_robot_is_not_unplugged() {
+        let (mut line, _takes, _taken) = line(false);
+        line.name = SIMULATED.to_owned();
+        (0..4).for_each(|number| line.put(&[number]).unwrap());
+        line.shared.refused.store(REFUSALS, Ordering::Relaxed);
+        *lock(&line.shared.moved) = Instant::now() - LONG;
+        let why = line.put(&[4]).unwrap_err().to_string();
+        assert!(why.contains("takes nothing any more: rollwalk-sim stands still"), "{why}");
+        let why = gone(SIMULATED, &io::ErrorKind::BrokenPipe.into()).to_string();
+        assert!(why.contains("is gone: has rollwalk-sim ended?"), "{why}");
     }
 
     #[test]

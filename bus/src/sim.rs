@@ -3,7 +3,7 @@
 //! The socket carries the packets of a serial line ([`rollwalk_protocol::serial`]). The robot and all other programs
 //! receive what one program sends.
 
-use crate::line::WAIT;
+use crate::line::{SIMULATED, WAIT};
 use crate::link::LinkError;
 use crate::open::OpenError;
 use crate::port::{Event, Inlet, Outlet, Port};
@@ -49,7 +49,7 @@ pub fn connect(socket: Option<&Path>) -> Result<Port, OpenError> {
         let name = socket.map_or("sim".into(), |path| format!("sim:{}", path.display()));
         OpenError { what, help: format!("start one: rollwalk-sim ROBOT.toml --bus {name}") }
     })?;
-    Ok(serial::shared_port("the simulated robot", reader, writer))
+    Ok(serial::shared_port(SIMULATED, reader, writer))
 }
 
 /// A program that has joined.

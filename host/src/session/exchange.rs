@@ -23,6 +23,8 @@ const BUSY_RETRY_US: u64 = 500;
 const LATE_US: u64 = 10_000;
 /// Largest number of late wake-ups that a timeout allows for: some computers are always late.
 const ALLOWANCES: u32 = 10;
+/// Time during which a silence may be due to the lateness before it, µs: that of all repetitions of a command.
+const LATE_MEMORY_US: u64 = 1_000_000;
 /// Largest number of frames that are looked at after a timeout: some buses are never silent.
 const LOOKS: u32 = 1000;
 /// Largest number of new attempts of a command that arrived too late.
@@ -35,11 +37,13 @@ pub(super) struct Exchange<B> {
     node: Node,
     /// A frame refused by a full transmit queue.
     unsent: Option<Frame>,
+    /// The latest wake-up of late, if it shows a busy computer: when it came and by how much it was late, µs.
+    late: Option<(u64, u64)>,
 }
 
 impl<B: LinkBus> Exchange<B> {
     pub fn new(bus: B, node: Node, client: Client) -> Self {
-        Self { bus, client, node, unsent: None }
+        Self { bus, client, node, unsent: None, late: None }
     }
 
     /// The controller's address.
@@ -193,8 +197,21 @@ impl<B: LinkBus> Exchange<B> {
     /// The error of a controller that does not answer.
     pub fn silent(&self, what: &'static str) -> SessionError {
         let why = self.bus.complaint();
-        let why = why.unwrap_or_else(|| "is it powered, and on this bus?".into());
+        let mut why = why.unwrap_or_else(|| "is it powered, and on this bus?".into());
+        if let Some(late_us) = self.lately() {
+            let late_ms = late_us / 1000;
+            why += &format!(
+                " This computer is busy: it let this program go on {late_ms} ms late; end other programs and try again"
+            );
+        }
         SessionError::Silent { node: self.node.number(), what, why }
+    }
+
+    /// By how much a wake-up was late within the last second, µs.
+    fn lately(&self) -> Option<u64> {
+        let now_us = self.bus.now_us();
+        let recent = |(at_us, _): &(u64, u64)| now_us.saturating_sub(*at_us) <= LATE_MEMORY_US;
+        self.late.filter(recent).map(|(_, late_us)| late_us)
     }
 
     /// Sends and receives frames until `wanted` accepts a message, at most for `timeout_us`. Time that passed before a busy
@@ -217,10 +234,15 @@ impl<B: LinkBus> Exchange<B> {
             let frame = self.bus.receive(wake_us)?;
             let woken_us = self.bus.now_us();
             let late_us = woken_us.saturating_sub(wake_us);
-            if late_us > LATE_US && allowances > 0 {
-                allowances -= 1;
-                // The thread that listens is late as well, and has its turn now.
-                deadline_us = deadline_us.saturating_add(late_us + LATE_US);
+            if late_us > LATE_US {
+                if self.lately().is_none_or(|worst_us| worst_us < late_us) {
+                    self.late = Some((woken_us, late_us));
+                }
+                if allowances > 0 {
+                    allowances -= 1;
+                    // The thread that listens is late as well, and has its turn now.
+                    deadline_us = deadline_us.saturating_add(late_us + LATE_US);
+                }
             }
             match frame {
                 Some(frame) => {

@@ -198,6 +198,21 @@ fn what_arrived_while_the_computer_was_late_is_no_silence() {
 }
 
 #[test]
+fn a_silence_while_the_computer_was_late_says_so() {
+    let mut exchange = Exchange::new(Late(Wire::silent(), true), node(), Client::visitor(node()));
+    let why = |exchange: &mut Exchange<Late>| {
+        assert_eq!(exchange.pump(60_000, |_| None::<()>), Ok(None));
+        exchange.silent("pause").to_string()
+    };
+    let said = why(&mut exchange);
+    assert!(said.contains("it let this program go on 200 ms late"), "{said}");
+    // It is not the reason for a silence long afterwards.
+    exchange.pump(1_000_000, |_| None::<()>).unwrap();
+    let said = why(&mut exchange);
+    assert!(said.ends_with("(pause): is it powered, and on this bus?"), "{said}");
+}
+
+#[test]
 fn a_command_that_was_late_is_sent_once_more() {
     let mut refusals = 2;
     let wire = Wire::answering(move |message| match message {
