@@ -214,6 +214,9 @@ fn open_stream(path: &Path, patience: Duration) -> io::Result<File> {
 /// # Errors
 /// It exists, or the operating system refuses.
 pub fn write_secret(path: &Path, content: &str) -> miette::Result<()> {
+    if path == Path::new("-") {
+        return Err(miette!("a key is kept in a file: `-`, standard output, is none"));
+    }
     let mut options = OpenOptions::new();
     options.write(true).create_new(true);
     #[cfg(unix)]
@@ -401,6 +404,13 @@ mod tests {
         assert!(error.contains("motion.toml: it is there already"), "{error}");
         Output::of_source(&path).unwrap().write(b"imported").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"imported");
+    }
+
+    #[test]
+    fn a_secret_is_never_printed() {
+        let error = write_secret(Path::new("-"), "secret").unwrap_err().to_string();
+        assert!(error.contains("a key is kept in a file"), "{error}");
+        assert!(!Path::new("-").exists());
     }
 
     #[test]
