@@ -351,6 +351,19 @@ mod tests {
     }
 
     #[test]
+    fn a_clamped_joint_has_the_speed_at_which_it_moves() {
+        let config = config(ChannelKind::JointPosition);
+        // The range ends at 2 rad and the rate at 6 rad/s.
+        for (start, value, slope) in [(0.5, 1.5, 6.0), (0.5, -0.9, -6.0), (1.97, 2.5, 3.0)] {
+            let mut limiter = Limiter::new(0.01);
+            limiter.start(0, start);
+            let target = Target { value, slope: 0.0, torque_nm: 0.0 };
+            let out = limiter.apply(&config.channels[0], 0, target, true).unwrap();
+            assert!((out.slope - slope).abs() < 1e-3, "{out:?} for {value}");
+        }
+    }
+
+    #[test]
     fn a_joint_on_its_stop_stays_or_follows_inwards() {
         // The range is −1 to 2 rad: beyond the stop at either end.
         for (stop, inwards) in [(2.5, -1.0), (-1.5, 1.0)] {

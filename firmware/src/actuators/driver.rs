@@ -256,3 +256,29 @@ pub fn order(
     let command = orders::command(request, limits, bus, can, actuator.gains, &feedback);
     Some(ActuatorCommand { id: limits.id, command })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An order may be dropped when its turn comes: the pose is unknown, or too old.
+    #[test]
+    fn an_order_of_no_frames_switches_nothing() {
+        for (request, frames, waits) in [
+            (DriveRequest::Enable, 0, false),
+            (DriveRequest::Enable, 1, true),
+            (DriveRequest::Disable, 0, true),
+            (DriveRequest::Disable, 1, false),
+        ] {
+            let config = RobotConfig { robot: 0, channels: heapless::Vec::new() };
+            let mut driver = BusDriver::new(Bus::default(), &config, 0);
+            let mut list = [Actuator::default()];
+            if request == DriveRequest::Disable {
+                list[0].switched_on();
+            }
+            let content = Content::DriveRequest(request);
+            driver.frame_sent(&mut list, Transmission { content, channels: 1, sent: 0 }, frames);
+            assert_eq!(list[0].waits_for_enable(1), waits, "{request:?}, {frames} frames");
+        }
+    }
+}
