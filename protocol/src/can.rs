@@ -167,7 +167,7 @@ impl Stuffed {
     }
 
     fn wire(&mut self, bit: u32) {
-        self.run = if self.count > 0 && bit == self.last { self.run + 1 } else { 1 };
+        self.run = if bit == self.last { self.run + 1 } else { 1 };
         self.last = bit;
         self.count += 1;
     }

@@ -23,6 +23,7 @@ pub fn decode(bytes: &[u8]) -> Option<Buses> {
 
 /// A bus and the actuators on it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Bus {
     /// What they speak.
     pub protocol: Protocol,

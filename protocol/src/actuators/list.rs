@@ -247,3 +247,19 @@ impl Protocol {
 fn adapter_answers<C: SerialCodec>(_: &C) -> bool {
     C::ADAPTER_ANSWERS
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Protocol;
+    use std::mem::discriminant;
+    use std::vec::Vec;
+
+    #[test]
+    fn names_tell_protocols_apart() {
+        let all: Vec<_> = Protocol::examples().collect();
+        for (one, other) in all.iter().flat_map(|one| all.iter().map(move |other| (one, other))) {
+            let same = discriminant(one) == discriminant(other);
+            assert!(same || one.name() != other.name(), "{one:?} and {other:?}");
+        }
+    }
+}
