@@ -93,12 +93,29 @@ impl Drive {
         // Of servos without a current sensor, their load.
         let current = torque_nm / self.torque_step_nm();
         let steps = |value: f64| value.round() as i32;
-        // Error 0, current, velocity, position.
-        let mut data = vec![STATUS, 0];
+        let mut data = Vec::new();
         data.extend((steps(current) as i16).to_le_bytes());
         data.extend(steps(shaft.speed_rad_s / RAD_S).to_le_bytes());
         data.extend((steps(shaft.position_rad / RAD) + CENTRE).to_le_bytes());
-        Some(wrapped(self.id, &data))
+        Some(data)
+    }
+
+    /// Its answer to a question for `of` servos in which it is the one after `turn` others; `data` it has been asked for.
+    fn answer(&self, is_fast: bool, (turn, of): (usize, usize), data: &[u8]) -> Answer {
+        let delay_us = self.kind.return_delay_us.into();
+        // Error 0 in both.
+        if !is_fast {
+            let bytes = wrapped(self.id, &[&[STATUS, 0], data].concat());
+            return Answer { bytes, turn, delay_us, is_part: false };
+        }
+        let part = [&[0, self.id], data].concat();
+        if turn > 0 {
+            return Answer { bytes: part, turn, delay_us: 0, is_part: true };
+        }
+        // The header of all parts, each of which ends with a sum of two bytes.
+        let [low, high] = (1 + of as u16 * (part.len() as u16 + 2)).to_le_bytes();
+        let bytes = [&HEADER[..], &[ALL, low, high, STATUS], &part].concat();
+        Answer { bytes, turn, delay_us, is_part: true }
     }
 
     fn write(&mut self, now_us: u64, address: u16, data: &[u8]) -> Option<Sent> {
@@ -198,13 +215,14 @@ impl Electronics for Drive {
         let (address, count) =
             (u16::from_le_bytes([a0, a1]), usize::from(u16::from_le_bytes([n0, n1])));
         match instruction {
-            0x82 => {
+            0x82 | 0x8A => {
                 // In the order of the question.
                 let Some(turn) = rest.iter().position(|&id| id == self.id) else { return nothing };
                 self.fed_us = now_us;
-                let delay_us = self.kind.return_delay_us.into();
-                let said = self.read(address, count, shaft);
-                (vec![Sent::Query], said.map(|bytes| Answer { bytes, turn, delay_us }))
+                let data = self.read(address, count, shaft);
+                let turns = (turn, rest.len());
+                let said = data.map(|data| self.answer(instruction == 0x8A, turns, &data));
+                (vec![Sent::Query], said)
             }
             0x83 => {
                 let Some([_, mine @ ..]) = rest.chunks(1 + count).find(|chunk| chunk[0] == self.id)

@@ -135,7 +135,10 @@ impl Electronics for Drive {
                 let Some(turn) = rest.iter().position(|&id| id == self.id) else { return nothing };
                 let delay_us = self.kind.return_delay_us.into();
                 let said = self.read(address, count, shaft);
-                (vec![Sent::Query], said.map(|bytes| Answer { bytes, turn, delay_us }))
+                (
+                    vec![Sent::Query],
+                    said.map(|bytes| Answer { bytes, turn, delay_us, is_part: false }),
+                )
             }
             0x83 => {
                 let mut chunks = rest.chunks(1 + usize::from(count));

@@ -139,6 +139,19 @@ pub struct Answer {
     pub turn: usize,
     /// How long it waits after the question, or after the answer before its own, µs.
     pub delay_us: u64,
+    /// It is a part of one packet that all who answer make together, without the sum that ends it: [`Self::said`].
+    pub is_part: bool,
+}
+
+impl Answer {
+    /// What is on the line when its turn has come, after the answers before it.
+    pub fn said(&self, before: &[u8]) -> Vec<u8> {
+        let mut said = self.bytes.clone();
+        if self.is_part {
+            said.extend(dynamixel::crc16(&[before, &said].concat()).to_le_bytes());
+        }
+        said
+    }
 }
 
 /// Electronics around a motor, as its maker built them. The defaults are those of a drive on another kind of

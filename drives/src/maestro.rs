@@ -67,7 +67,7 @@ impl Electronics for Drive {
         let Some((command, data)) = self.unwrapped(bytes) else { return (vec![], None) };
         let target = match (command, data) {
             (0xA1, []) => {
-                let answer = Answer { bytes: vec![0, 0], turn: 0, delay_us: 0 };
+                let answer = Answer { bytes: vec![0, 0], turn: 0, delay_us: 0, is_part: false };
                 return (vec![Sent::Query], Some(answer));
             }
             (0x84, [channel, low, high]) if *channel == self.channel => quarters(*low, *high),

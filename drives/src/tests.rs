@@ -193,7 +193,8 @@ fn sync_write(address: u16, data: &[u8]) -> Vec<u8> {
 /// As the e-Manual has address 98.
 #[test]
 fn a_dynamixel_whose_watchdog_has_expired_takes_no_goal_until_it_is_told_0() {
-    let model = Dynamixel { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 0 };
+    let model =
+        Dynamixel { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 0, reads_fast: false };
     let mut drive = drive(Protocol::Dynamixel(model));
     let tell = |drive: &mut Drive, now_us, address, data: &[u8]| {
         drive.on_packet(now_us, &sync_write(address, data), &at(0.0)).0
@@ -220,7 +221,8 @@ fn a_dynamixel_takes_whole_packets_alone() {
     let ping = [0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x03, 0x00, 0x01];
     assert_eq!(crate::dynamixel::crc16(&ping).to_le_bytes(), [0x19, 0x4E]);
 
-    let model = Dynamixel { model: XM430_W210, watchdog_20ms: 0, return_delay_us: 0 };
+    let model =
+        Dynamixel { model: XM430_W210, watchdog_20ms: 0, return_delay_us: 0, reads_fast: false };
     let mut drive = drive(Protocol::Dynamixel(model));
     let on = sync_write(64, &[1]);
     let resummed = |mut bytes: Vec<u8>| {
@@ -251,7 +253,8 @@ fn a_dynamixel_takes_whole_packets_alone() {
         &[0, 0],
     ];
     let (sent, said) = drive.on_packet(0, &ask, &shaft);
-    let answer = Answer { bytes: resummed(answer.concat()), turn: 0, delay_us: 0 };
+    let bytes = resummed(answer.concat());
+    let answer = Answer { bytes, turn: 0, delay_us: 0, is_part: false };
     assert_eq!((sent, said), (vec![Sent::Query], Some(answer)));
     // The same the other way round.
     let goal = i32::from_le_bytes([0xFF, 0xFF, 0xFD, 0xFF]);
@@ -308,7 +311,7 @@ fn a_feetech_servo_takes_whole_packets_alone() {
     let shaft = Shaft { speed_rad_s: -3.0 * TAU / 4096.0, torque_nm: -1.471, ..at(TAU / 4.0) };
     let bytes = [0xFF, 0xFF, ID, 10, 0, 0, 0x0C, 3, 0x80, 0xF4, 5, 74, 35];
     let bytes = [&bytes[..], &[crate::feetech::complement(&bytes[2..])]].concat();
-    let answer = Answer { bytes, turn: 1, delay_us: 500 };
+    let answer = Answer { bytes, turn: 1, delay_us: 500, is_part: false };
     assert_eq!(drive.on_packet(0, &ask, &shaft), (vec![Sent::Query], Some(answer)));
 
     let mut line = [&[3, 0xFF, 0xFF][..], &on, &on[..5]].concat();
@@ -346,7 +349,8 @@ fn a_maestro_takes_what_its_settings_frame() {
 /// Setting up the drive follows from where the loop is closed.
 #[test]
 fn a_drive_for_torques_gives_torques() {
-    let model = Dynamixel { model: XM430_W210, watchdog_20ms: 0, return_delay_us: 0 };
+    let model =
+        Dynamixel { model: XM430_W210, watchdog_20ms: 0, return_delay_us: 0, reads_fast: false };
     let protocol = Protocol::Dynamixel(model);
     let bus = Bus { protocol, control: ControlLoop::OnController, ..Bus::default() };
     let mut drive = Drive::new(&bus, &joint());

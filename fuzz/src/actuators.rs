@@ -6,7 +6,7 @@ use rollwalk_protocol::actuator;
 use rollwalk_protocol::actuators::bus::Protocol;
 use rollwalk_protocol::actuators::cybergear::{CyberGear, SAMPLE_MAX_RAD, TABLE_MAX_RAD};
 use rollwalk_protocol::actuators::dynamixel::Dynamixel;
-use rollwalk_protocol::actuators::dynamixel::packet::take;
+use rollwalk_protocol::actuators::dynamixel::packet::{Taken, next, take};
 use rollwalk_protocol::actuators::dynamixel::table::XM540_W150;
 use rollwalk_protocol::actuators::feetech::{self, Feetech};
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
@@ -48,6 +48,7 @@ impl<'a> Arbitrary<'a> for All {
                 model: XM540_W150,
                 watchdog_20ms: u.arbitrary()?,
                 return_delay_us: u.arbitrary()?,
+                reads_fast: u.arbitrary()?,
             },
             feetech: Feetech {
                 model: *u.choose(&feetech::table::MODELS)?,
@@ -280,8 +281,11 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
                         assert_finite(Some(all.feetech.decode(&answer)));
                     }
                     line.push(byte);
-                    while let Some(message) = take(&mut line, false) {
-                        assert_finite(all.dynamixel.decode(&message));
+                    while let Some(taken) = next(&mut line, byte == 0, all.dynamixel.reads_fast) {
+                        assert_finite(match taken {
+                            Taken::Message(message) => all.dynamixel.decode(&message),
+                            Taken::Part(part) => Some(all.dynamixel.decode_part(&part)),
+                        });
                     }
                 }
             }

@@ -108,9 +108,22 @@ fn every_protocol_is_read_with_its_parameters() {
     assert_eq!(bus(1, ODRIVE), Bus { protocol, ..like });
     let protocol = Protocol::CyberGear(CyberGear { host: 253, max_position_rad: 12.5 });
     assert_eq!(bus(1, CYBERGEAR), Bus { protocol, ..like });
-    let protocol =
-        Protocol::Dynamixel(Dynamixel { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 0 });
+    let protocol = Protocol::Dynamixel(Dynamixel {
+        model: XM430_W210,
+        watchdog_20ms: 5,
+        return_delay_us: 0,
+        reads_fast: false,
+    });
     assert_eq!(bus(1, DYNAMIXEL), Bus { protocol, ..like });
+    let sync = format!("{DYNAMIXEL}read = \"sync\"\n");
+    assert_eq!(bus(1, &sync), Bus { protocol, ..like });
+    let fast = format!("{DYNAMIXEL}read = \"fast\"\n");
+    let Protocol::Dynamixel(servos) = protocol else { unreachable!() };
+    let protocol = Protocol::Dynamixel(Dynamixel { reads_fast: true, ..servos });
+    assert_eq!(bus(1, &fast), Bus { protocol, ..like });
+    let robot = read(1, &fast).unwrap();
+    let text = serde_json::to_string(&robot).unwrap();
+    assert_eq!(serde_json::from_str::<Robot>(&text).unwrap(), robot);
     // The speeds of this arm are beyond those of an STS3215 at 12 V.
     let text = ROBOT.replace("speed_max_rad_s = 5.0", "speed_max_rad_s = 4.7");
     let text = format!("{text}\n[[bus]]\nnumber = 1\n{FEETECH}");
@@ -247,6 +260,8 @@ fn a_table_that_cannot_be_read_is_named() {
         "unknown key",
         "known are",
     );
+    let bulk = format!("{DYNAMIXEL}read = \"bulk\"\n");
+    assert_fault(1, &bulk, "read", "\"bulk\"", "`sync`");
     let again = format!("{CYBERGEAR}[[bus]]\nnumber = 1\n{MIT}");
     assert_fault(1, &again, "number = 1", "a second time", "one table");
     assert_fault(1, &format!("{MIT}control = 1\n"), "control", "control", "string");

@@ -61,6 +61,8 @@ struct Turns {
     /// The place whose turn it is, and when it began.
     next: usize,
     since: SimTime,
+    /// What has been answered so far.
+    said: Vec<u8>,
     answers: BTreeMap<usize, (usize, Answer)>,
 }
 
@@ -115,7 +117,7 @@ impl SerialLine {
     /// before. Of the drives behind one adapter each has its answer.
     pub fn answer(&mut self, now: SimTime, answers: impl IntoIterator<Item = (usize, Answer)>) {
         let answers = answers.into_iter().map(|(channel, said)| (said.turn, (channel, said)));
-        self.turns = Turns { next: 0, since: now, answers: answers.collect() };
+        self.turns = Turns { since: now, answers: answers.collect(), ..Turns::default() };
     }
 
     /// A servo loses its power, or is cut off: what it says ends here.
@@ -143,11 +145,13 @@ impl SerialLine {
             if !is_damaged && from != Speaker::Controller {
                 self.turns.since = at;
                 self.turns.next += 1;
+                self.turns.said.extend(&bytes);
             }
             return Some(Heard { at, from, bytes });
         }
         if let Some((channel, answer)) = self.turns.answers.remove(&self.turns.next) {
-            self.talk(at, Speaker::Servo(channel), answer.bytes);
+            let said = answer.said(&self.turns.said);
+            self.talk(at, Speaker::Servo(channel), said);
         }
         None
     }
@@ -202,7 +206,7 @@ mod tests {
     }
 
     fn answer(turn: usize, bytes: &[u8], delay_us: u64) -> Answer {
-        Answer { bytes: bytes.to_vec(), turn, delay_us }
+        Answer { bytes: bytes.to_vec(), turn, delay_us, is_part: false }
     }
 
     /// Everything that is heard until silence: end in µs, sender, bytes.

@@ -242,14 +242,16 @@ impl Drives {
                 let (sent, answer) = drive.inner.on_packet(now_us, &packet, &shaft);
                 sent.into_iter().for_each(|sent| drive.obey(sent));
                 // Of the servos behind one board each gives the board's answer.
-                if let Some(Answer { bytes, turn, .. }) = answer
-                    && !drive.mute
-                {
-                    answers.insert(turn, bytes);
+                if let Some(answer) = answer.filter(|_| !drive.mute) {
+                    answers.insert(answer.turn, answer);
                 }
             }
             // In portions, as a UART hands them out.
-            for portion in answers.into_values().flatten().collect::<Vec<_>>().chunks(7) {
+            let said = answers.values().fold(Vec::new(), |mut said, answer: &Answer| {
+                said.extend(answer.said(&said));
+                said
+            });
+            for portion in said.chunks(7) {
                 brain.on_serial(now_us, bus, portion);
             }
         } else {

@@ -33,7 +33,12 @@ pub fn cybergear() -> Protocol {
 
 pub fn dynamixel() -> Protocol {
     let model = table::XM540_W150;
-    Protocol::Dynamixel(Dynamixel { model, watchdog_20ms: 5, return_delay_us: 0 })
+    Protocol::Dynamixel(Dynamixel {
+        model,
+        watchdog_20ms: 5,
+        return_delay_us: 0,
+        reads_fast: false,
+    })
 }
 
 pub fn feetech() -> Protocol {

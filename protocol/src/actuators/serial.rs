@@ -4,7 +4,20 @@ use super::{Feedback, Packet};
 
 /// Bytes of a line that are no whole message yet.
 #[derive(Clone, Debug, Default)]
-pub struct ReceiveBuffer(Packet);
+pub struct ReceiveBuffer {
+    bytes: Packet,
+    /// Of a packet whose parts are answers, what follows those that have been taken.
+    pub(super) parts: Option<Parts>,
+}
+
+/// Parts of a packet that are still to come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Parts {
+    /// How many.
+    pub left: u8,
+    /// The sum of all bytes before them.
+    pub crc: u16,
+}
 
 /// An answer on a serial line.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,31 +31,31 @@ pub enum Answer {
 impl ReceiveBuffer {
     /// Appends a byte; when there is no room, the oldest makes way.
     pub fn push(&mut self, byte: u8) {
-        if self.0.push(byte).is_err() {
+        if self.bytes.push(byte).is_err() {
             self.drop_front(1);
-            let _ = self.0.push(byte);
+            let _ = self.bytes.push(byte);
         }
     }
 
     /// The bytes, oldest first.
     pub fn bytes(&self) -> &[u8] {
-        &self.0
+        &self.bytes
     }
 
     /// Removes the oldest bytes.
     pub fn drop_front(&mut self, count: usize) {
-        let left = self.0.len().saturating_sub(count);
+        let left = self.bytes.len().saturating_sub(count);
         for to in 0..left {
-            let byte = self.0.get(to.saturating_add(count)).copied().unwrap_or(0);
-            if let Some(slot) = self.0.get_mut(to) {
+            let byte = self.bytes.get(to.saturating_add(count)).copied().unwrap_or(0);
+            if let Some(slot) = self.bytes.get_mut(to) {
                 *slot = byte;
             }
         }
-        self.0.truncate(left);
+        self.bytes.truncate(left);
     }
 
     /// Removes all bytes.
     pub fn clear(&mut self) {
-        self.0.clear();
+        *self = Self::default();
     }
 }

@@ -43,7 +43,8 @@ const MIT: Mit = Mit { model: MODELS[4], answers_from: AnswerId::Master(0) };
 const ODRIVE: Odrive =
     Odrive { version: Version::V06, reduction: 9.0, torque_constant_nm_a: 0.05, estimates_hz: 100 };
 const CYBERGEAR: CyberGear = CyberGear { host: 0xFD, max_position_rad: TABLE_MAX_RAD };
-const DYNAMIXEL: Dynamixel = Dynamixel { model: XM540_W150, watchdog_20ms: 5, return_delay_us: 20 };
+const DYNAMIXEL: Dynamixel =
+    Dynamixel { model: XM540_W150, watchdog_20ms: 5, return_delay_us: 20, reads_fast: false };
 const FEETECH: Feetech = Feetech { model: STS3250, return_delay_us: 100 };
 const MAESTRO: Maestro = Maestro {
     device: None,

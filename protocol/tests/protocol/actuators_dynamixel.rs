@@ -4,19 +4,21 @@
 use crate::actuators_all::{joint, sent, wheel};
 use proptest::prelude::*;
 use rollwalk_protocol::actuators::dynamixel::packet::{
-    BROADCAST, HEADER, Message, READ, REBOOT, STATUS, WRITE, crc16, packet, take,
+    BROADCAST, HEADER, MAX_PARTS, Message, Part, READ, REBOOT, STATUS, Taken, WRITE, crc16, next,
+    packet, take,
 };
 use rollwalk_protocol::actuators::dynamixel::table::{self, XM430_W210, XM540_W150};
 use rollwalk_protocol::actuators::dynamixel::{
-    Dynamixel, SyncWrite, goal_pwm, position_gains, sync_read,
+    Dynamixel, SyncWrite, fast_sync_read, goal_pwm, position_gains, sync_read,
 };
 use rollwalk_protocol::actuators::serial::ReceiveBuffer;
 use rollwalk_protocol::actuators::{
-    ActuatorCommand, Codec, Command, Faults, MAX_PACKET, Refusal, UpdatePolicy,
+    ActuatorCommand, Codec, Command, Faults, MAX_PACKET, Refusal, SerialCodec, UpdatePolicy,
 };
 use std::f32::consts::{FRAC_PI_2, PI};
 
-const SERVOS: Dynamixel = Dynamixel { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 500 };
+const SERVOS: Dynamixel =
+    Dynamixel { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 500, reads_fast: false };
 
 fn bytes(hex: &str) -> Vec<u8> {
     hex.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
@@ -81,6 +83,100 @@ fn answers_of_the_manual() {
     assert_eq!((echo.status(), SERVOS.decode(&echo)), (None, None));
 }
 
+/// What servos make together of answers to a fast sync read: each part ends with the sum of all before it.
+fn fast(answers: &[(u8, [u8; 10])]) -> Vec<u8> {
+    let [low, high] = (1 + 14 * answers.len() as u16).to_le_bytes();
+    let mut all = [&HEADER[..], &[BROADCAST, low, high, STATUS]].concat();
+    for (id, data) in answers {
+        all.extend([0, *id]);
+        all.extend(data);
+        all.extend(crc16(&all).to_le_bytes());
+    }
+    all
+}
+
+/// Every part is taken as soon as its last byte is there; then silence.
+fn parts(stream: &[u8]) -> Vec<(usize, u8, [u8; 10])> {
+    let mut line = ReceiveBuffer::default();
+    let mut found = Vec::new();
+    for (at, &byte) in stream.iter().enumerate() {
+        line.push(byte);
+        while let Some(taken) = next(&mut line, false, true) {
+            let Taken::Part(Part { id, error: 0, data }) = taken else { continue };
+            found.push((at, id, data));
+        }
+    }
+    while let Some(taken) = next(&mut line, true, true) {
+        let Taken::Part(Part { id, error: 0, data }) = taken else { continue };
+        found.push((stream.len(), id, data));
+    }
+    found
+}
+
+/// The page's example of fast sync read: its question; and its answer, of 4 bytes each, has the sums that ours have.
+#[test]
+fn fast_sync_read_of_the_manual() {
+    let question = fast_sync_read(table::PRESENT_POSITION, 4, &[3, 7, 4]).unwrap();
+    assert_eq!(question[..], bytes("FF FF FD 00 FE 0A 00 8A 84 00 04 00 03 07 04 20 F2"));
+    let answer = bytes(
+        "FF FF FD 00 FE 19 00 55 00 03 A6 00 00 00 84 08 00 07 1F 08 00 00 16 CA \
+         00 04 FF 03 00 00 D1 9E",
+    );
+    for end in [16, 24, 32] {
+        let (body, sum) = answer[..end].split_last_chunk().unwrap();
+        assert_eq!(crc16(body), u16::from_le_bytes(*sum), "{end}");
+    }
+}
+
+/// A servo that is silent or not understood costs its own part and those behind it, none before; and no header is looked
+/// for in what is known to be data, but in all that turns out to be none.
+#[test]
+fn parts_of_an_answer_of_many() {
+    let header = [0xFF, 0xFF, 0xFD, 0, 0xFE, 15, 0, 0x55, 0xFF, 0xFF];
+    let three = [(3, [1; 10]), (7, header), (4, [2; 10])];
+    let whole = fast(&three);
+    assert_eq!(whole.len(), 8 + 3 * 14);
+    let all: Vec<_> = (1..=3).zip(three).map(|(n, (id, data))| (7 + 14 * n, id, data)).collect();
+    assert_eq!(parts(&whole), all);
+    assert_eq!(parts(&whole[..whole.len() - 1])[..], all[..2]);
+    for at in 8..whole.len() {
+        let mut wrong = whole.clone();
+        wrong[at] ^= 0x40;
+        assert_eq!(parts(&wrong)[..], all[..(at - 8) / 14], "byte {at}");
+        // And the next one is whole again.
+        let after = parts(&[&wrong[..], &whole].concat());
+        assert!(after.len() >= 3 && after[after.len() - 1].1 == 4, "byte {at}: {after:?}");
+    }
+    // After a cut one and silence.
+    let servos = Dynamixel { reads_fast: true, ..SERVOS };
+    let mut line = ReceiveBuffer::default();
+    whole[..30].iter().for_each(|&byte| line.push(byte));
+    let take = |line: &mut ReceiveBuffer, silent| servos.take(line, silent);
+    assert!(take(&mut line, false).is_some() && take(&mut line, false).is_none());
+    assert!(take(&mut line, true).is_none() && line.bytes().is_empty());
+    whole.iter().for_each(|&byte| line.push(byte));
+    assert_eq!(std::iter::from_fn(|| take(&mut line, false)).count(), 3);
+}
+
+/// As many as fit into a packet; more are asked one by one.
+#[test]
+fn a_line_of_many_is_read_as_ever() {
+    let servos = Dynamixel { reads_fast: true, ..SERVOS };
+    let query = |id| ActuatorCommand { id, command: Command::Query };
+    let instruction = |count| {
+        let mut sent = Vec::new();
+        let orders: Vec<_> = (0..count).map(query).collect();
+        servos.encode(&orders, &mut |packet| sent.push(packet[7])).unwrap();
+        sent
+    };
+    assert_eq!(MAX_PARTS, 17);
+    assert_eq!((instruction(17), instruction(18)), (vec![0x8A], vec![0x82]));
+    // Setpoints 30 + 8 n bytes, as ever; 8 and 14 for each that answers; one delay.
+    let fast = servos.traffic(12);
+    assert_eq!((fast.bits_per_period, fast.waiting_us_per_period), (10 * (38 + 22 * 12), 500));
+    assert_eq!(servos.traffic(18), SERVOS.traffic(18));
+}
+
 /// "0xFF 0xFF 0xFD" in the parameters gets an 0xFD more, and the length counts it.
 #[test]
 fn stuffing() {
@@ -118,6 +214,8 @@ fn control_table() {
         (table::XM540_W270, 1120, 10.6, 4.4, 2.69e-3),
         (table::XH430_W210, 1010, 2.5, 1.3, 2.69e-3),
         (table::XH430_W350, 1000, 3.4, 1.3, 2.69e-3),
+        (table::XH540_W150, 1110, 7.1, 4.9, 2.69e-3),
+        (table::XH540_W270, 1100, 9.9, 4.9, 2.69e-3),
     ] {
         assert_eq!(model.number, number, "{}", model.name);
         assert!((nm_a(model, step_a) - nm / a).abs() < 1e-5 * nm / a, "{}", model.name);

@@ -101,10 +101,13 @@ fn answers(body: &mut Body, bus: usize, now: SimTime, line: &mut Vec<u8>) -> Vec
         let mut turns = BTreeMap::new();
         for &channel in &channels {
             let (_, answer) = body.on_packet(channel, now, &packet);
-            turns.extend(answer.map(|answer| (answer.turn, answer.bytes)));
+            turns.extend(answer.map(|answer| (answer.turn, answer)));
         }
         if !turns.is_empty() {
-            all.push(turns.into_values().flatten().collect());
+            all.push(turns.values().fold(Vec::new(), |mut said, answer| {
+                said.extend(answer.said(&said));
+                said
+            }));
         }
     }
     all

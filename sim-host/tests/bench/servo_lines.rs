@@ -20,7 +20,7 @@ use rollwalk_sim_host::record::tracking_errors;
 use rollwalk_sim_host::rig::Rig;
 
 fn dynamixel(bit_rate: u32, return_delay_us: u32, watchdog_20ms: u8) -> Bus {
-    let servos = Dynamixel { model: XM430_W210, watchdog_20ms, return_delay_us };
+    let servos = Dynamixel { model: XM430_W210, watchdog_20ms, return_delay_us, reads_fast: false };
     Bus { protocol: Protocol::Dynamixel(servos), bit_rate, ..Bus::default() }
 }
 
@@ -72,6 +72,22 @@ fn servos_follow_are_stopped_and_follow_again() {
         let name = format!("{bit_rate} bit/s, {delay_us} µs");
         let servos = dynamixel(bit_rate, delay_us, 5);
         assert_followed(&stopped_and_played_again([servos; 2], &name), &name);
+    }
+}
+
+/// All servos of a line answer in one packet, after one return delay.
+#[test]
+fn servos_that_are_read_fast_follow_are_stopped_and_follow_again() {
+    for delay_us in [0, 500] {
+        let servos = Dynamixel {
+            model: XM430_W210,
+            watchdog_20ms: 5,
+            return_delay_us: delay_us,
+            reads_fast: true,
+        };
+        let bus = Bus { protocol: Protocol::Dynamixel(servos), ..Bus::default() };
+        let name = format!("fast, {delay_us} µs");
+        assert_followed(&stopped_and_played_again([bus; 2], &name), &name);
     }
 }
 

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::fixed::nearest;
 use super::named;
 use super::serial::{Answer, ReceiveBuffer};
-use super::settings::{Keys, Report, check_integer};
+use super::settings::{Keys, Report, check_integer, or};
 use super::traffic::polled;
 use super::{
     ActuatorCommand, Answers, Capabilities, Codec, Command, Faults, Feedback, Packet, Refusal,
@@ -26,21 +26,61 @@ use crate::packet::append;
 pub mod packet;
 pub mod table;
 
-use packet::{BROADCAST, MAX_ID, Message, SYNC_READ, SYNC_WRITE};
+use packet::{
+    BROADCAST, FAST_SYNC_READ, MAX_ID, MAX_PARTS, Message, PART_BYTES, Part, SYNC_READ, SYNC_WRITE,
+    Taken,
+};
 use table::{CENTRE, Model, STEPS_PER_TURN, VELOCITY_STEP_RAD_S, XM430_W210};
 
 /// Servos of one model on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "Encoded", into = "Encoded")]
 pub struct Dynamixel {
     /// Their model.
-    #[serde(with = "named")]
     pub model: Model,
     /// Bus watchdog while torque is on: 1 to 127 times 20 ms; 0 is none.
     pub watchdog_20ms: u8,
     /// What the servos wait before they answer ("Return Delay Time"), µs. 500 from the factory.
     pub return_delay_us: u32,
+    /// They answer all at once ([`FAST_SYNC_READ`]), up to [`MAX_PARTS`] of them: firmware 45 and later, of an XL330 46.
+    pub reads_fast: bool,
 }
 
+/// As it is encoded. Whether it reads fast is a bit of the return delay, far above all delays: servos that read as
+/// before have the encoding of before, which the hash of a robot's configuration covers.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename = "Dynamixel")]
+struct Encoded {
+    #[serde(with = "named")]
+    model: Model,
+    watchdog_20ms: u8,
+    return_delay_us: u32,
+}
+
+const READS_FAST: u32 = 1 << 31;
+
+impl From<Dynamixel> for Encoded {
+    fn from(servos: Dynamixel) -> Self {
+        let Dynamixel { model, watchdog_20ms, return_delay_us, reads_fast } = servos;
+        let fast = if reads_fast { READS_FAST } else { 0 };
+        Self { model, watchdog_20ms, return_delay_us: return_delay_us | fast }
+    }
+}
+
+impl From<Encoded> for Dynamixel {
+    fn from(encoded: Encoded) -> Self {
+        let Encoded { model, watchdog_20ms, return_delay_us } = encoded;
+        Self {
+            model,
+            watchdog_20ms,
+            return_delay_us: return_delay_us & !READS_FAST,
+            reads_fast: return_delay_us & READS_FAST != 0,
+        }
+    }
+}
+
+/// The bit of an answer's error byte that says that something is wrong with the hardware.
+const ALERT: u8 = 0x80;
 /// Bytes of the sync write that is longest: gains.
 const MAX_WRITE: usize = 4 + MAX_CHANNELS * 7;
 /// A step of the bus watchdog, ms.
@@ -50,7 +90,7 @@ const WATCHDOGS_MS: RangeInclusive<u32> = 0..=127 * WATCHDOG_STEP_MS;
 /// Return Delay Time, µs: 254 steps of 2 at most.
 const RETURN_DELAYS_US: RangeInclusive<u32> = 0..=508;
 /// Current, velocity and position.
-const PRESENT_BYTES: u16 = 10;
+const PRESENT_BYTES: u16 = PART_BYTES as u16;
 
 /// One address range of many servos, written at once.
 #[derive(Clone, Debug)]
@@ -87,11 +127,20 @@ impl SyncWrite {
 /// Reads the same `bytes` from `address` on of many servos; they answer in this order. `None` for
 /// more than fit, or none.
 pub fn sync_read(address: u16, bytes: u16, ids: &[u8]) -> Option<Packet> {
+    read_all(SYNC_READ, address, bytes, ids)
+}
+
+/// The same for servos that answer in one packet.
+pub fn fast_sync_read(address: u16, bytes: u16, ids: &[u8]) -> Option<Packet> {
+    read_all(FAST_SYNC_READ, address, bytes, ids)
+}
+
+fn read_all(instruction: u8, address: u16, bytes: u16, ids: &[u8]) -> Option<Packet> {
     let mut parameters = Vec::<u8, MAX_WRITE>::new();
     append(&mut parameters, &address.to_le_bytes())?;
     append(&mut parameters, &bytes.to_le_bytes())?;
     append(&mut parameters, ids)?;
-    (!ids.is_empty()).then(|| packet::packet(BROADCAST, SYNC_READ, &parameters)).flatten()
+    (!ids.is_empty()).then(|| packet::packet(BROADCAST, instruction, &parameters)).flatten()
 }
 
 /// Gains of the position controller, in the servo's units: D, I, P from
@@ -138,9 +187,19 @@ impl Dynamixel {
     /// Address and feedback of an answer: measurements where it is one to a query, otherwise its faults.
     pub fn decode(&self, received: &Message) -> Option<(u8, Feedback)> {
         let status = received.status()?;
-        let faults = Some(faults_of(status.alert, status.error));
+        let error = status.error | if status.alert { ALERT } else { 0 };
+        Some((status.id, self.feedback(error, status.data)))
+    }
+
+    /// The same for a part of an answer of many.
+    pub fn decode_part(&self, part: &Part) -> (u8, Feedback) {
+        (part.id, self.feedback(part.error, &part.data))
+    }
+
+    fn feedback(&self, error: u8, data: &[u8]) -> Feedback {
+        let faults = Some(faults_of(error & ALERT != 0, error & !ALERT));
         let mut feedback = Feedback { faults, ..Feedback::default() };
-        if let &[c0, c1, v0, v1, v2, v3, p0, p1, p2, p3] = status.data {
+        if let &[c0, c1, v0, v1, v2, v3, p0, p1, p2, p3] = data {
             let current = f32::from(i16::from_le_bytes([c0, c1]));
             let velocity = i32::from_le_bytes([v0, v1, v2, v3]);
             let position = i32::from_le_bytes([p0, p1, p2, p3]).wrapping_sub(CENTRE);
@@ -148,7 +207,7 @@ impl Dynamixel {
             feedback.speed_rad_s = Some(velocity as f32 * VELOCITY_STEP_RAD_S);
             feedback.position_rad = Some(position as f32 * (TAU / STEPS_PER_TURN));
         }
-        Some((status.id, feedback))
+        feedback
     }
 
     /// What an order writes.
@@ -245,8 +304,9 @@ impl Codec for Dynamixel {
     type Sent = Packet;
 
     const EXAMPLES: &'static [Self] = &[
-        Self { model: table::XM540_W150, watchdog_20ms: 5, return_delay_us: 0 },
-        Self { model: table::XL430_W250, watchdog_20ms: 5, return_delay_us: 20 },
+        Self { model: table::XM540_W150, watchdog_20ms: 5, return_delay_us: 0, reads_fast: false },
+        Self { model: table::XL430_W250, watchdog_20ms: 5, return_delay_us: 20, reads_fast: false },
+        Self { model: table::XH540_W150, watchdog_20ms: 5, return_delay_us: 20, reads_fast: true },
     ];
 
     fn name(&self) -> &'static str {
@@ -319,7 +379,9 @@ impl Codec for Dynamixel {
             for order in orders.iter().filter(|order| order.command == Command::Query) {
                 let _ = ids.push(order.id);
             }
-            let read = sync_read(table::PRESENT_CURRENT, PRESENT_BYTES, &ids);
+            let is_fast = self.reads_fast && ids.len() <= MAX_PARTS;
+            let instruction = if is_fast { FAST_SYNC_READ } else { SYNC_READ };
+            let read = read_all(instruction, table::PRESENT_CURRENT, PRESENT_BYTES, &ids);
             read.into_iter().for_each(&mut *send);
         }
         Ok(())
@@ -334,6 +396,11 @@ impl Codec for Dynamixel {
         // Of 4 + 5 n and 4 + n parameters a third is 2 + 2 n, rounded down one by one as well.
         const ONCE: u32 = 2 * (10 + 4) + 2;
         const EACH: u32 = 5 + 1 + 2 + packet(1 + PRESENT_BYTES as u32);
+        if self.reads_fast && actuators <= MAX_PARTS as u32 {
+            // One header, no stuffing, one delay.
+            let bytes = polled(actuators, ONCE + 8, 5 + 1 + 2 + PART_BYTES as u32 + 4, 0);
+            return Traffic { waiting_us_per_period: self.return_delay_us, ..bytes };
+        }
         polled(actuators, ONCE, EACH, self.return_delay_us)
     }
 
@@ -347,7 +414,8 @@ impl Codec for Dynamixel {
         }
         let watchdog_20ms = (watchdog_ms / WATCHDOG_STEP_MS) as u8;
         let return_delay_us = keys.integer("return_delay_us", RETURN_DELAYS_US);
-        Self { model, watchdog_20ms, return_delay_us }
+        let reads_fast = or(keys, "read", false, |key| keys.choice(key, &["sync", "fast"]) == 1);
+        Self { model, watchdog_20ms, return_delay_us, reads_fast }
     }
 
     fn check_settings(&self, report: &mut dyn Report) {
@@ -377,9 +445,12 @@ impl SerialCodec for Dynamixel {
 
     fn take(&self, buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Answer> {
         loop {
-            let message = packet::take(buffer, is_silent)?;
-            // Our own packets come back on a half-duplex line.
-            if let Some((id, feedback)) = self.decode(&message) {
+            let told = match packet::next(buffer, is_silent, self.reads_fast)? {
+                Taken::Part(part) => Some(self.decode_part(&part)),
+                // Our own packets come back on a half-duplex line.
+                Taken::Message(message) => self.decode(&message),
+            };
+            if let Some((id, feedback)) = told {
                 return Some(Answer::Actuator(id, feedback));
             }
         }

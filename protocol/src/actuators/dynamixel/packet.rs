@@ -4,7 +4,7 @@
 use crc::{CRC_16_UMTS, Crc};
 use heapless::Vec;
 
-use crate::actuators::serial::ReceiveBuffer;
+use crate::actuators::serial::{Parts, ReceiveBuffer};
 use crate::actuators::{MAX_PACKET, Packet};
 use crate::packet::append;
 
@@ -31,6 +31,8 @@ pub const REBOOT: u8 = 0x08;
 pub const STATUS: u8 = 0x55;
 /// Instruction: read the same addresses from many servos.
 pub const SYNC_READ: u8 = 0x82;
+/// Instruction: read the same addresses from many servos, which make one packet of their answers.
+pub const FAST_SYNC_READ: u8 = 0x8A;
 /// Instruction: write the same addresses of many servos.
 pub const SYNC_WRITE: u8 = 0x83;
 
@@ -78,9 +80,44 @@ pub fn packet(id: u8, instruction: u8, parameters: &[u8]) -> Option<Packet> {
 /// header: bytes that were mistaken for a packet are searched again. A packet that is there in part
 /// is waited for, unless the line `is_silent`: then it is not going to end.
 pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Message> {
-    // Every turn takes bytes away.
+    match next(buffer, is_silent, false)? {
+        Taken::Message(message) => Some(message),
+        Taken::Part(_) => None,
+    }
+}
+
+/// What [`next`] has found.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there are no boxes without alloc, and it is not kept"
+)]
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Taken {
+    /// A packet.
+    Message(Message),
+    /// A part of an answer to [`FAST_SYNC_READ`].
+    Part(Part),
+}
+
+/// As [`take`]; where answers to [`FAST_SYNC_READ`] are waited for (`with_parts`), their parts one by one.
+pub fn next(buffer: &mut ReceiveBuffer, is_silent: bool, with_parts: bool) -> Option<Taken> {
+    // Every turn takes bytes away, or ends a packet of parts, whose beginning was taken before.
     while !buffer.bytes().is_empty() {
-        buffer.drop_front(header_at(buffer.bytes()));
+        if buffer.parts.is_none() {
+            buffer.drop_front(header_at(buffer.bytes()));
+        }
+        if with_parts {
+            if let Some(part) = take_part(buffer) {
+                return Some(Taken::Part(part));
+            }
+            if buffer.parts.is_some() {
+                if !is_silent {
+                    return None;
+                }
+                buffer.parts = None;
+                continue;
+            }
+        }
         let whole = match *buffer.bytes() {
             [_, _, _, _, _, low, high, ..] => usize::from(u16::from_le_bytes([low, high])) + BEFORE,
             _ if is_silent => MAX_PACKET,
@@ -92,7 +129,7 @@ pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Message> {
                 Some(packet) => {
                     if let Some(message) = message(packet) {
                         buffer.drop_front(whole);
-                        return Some(message);
+                        return Some(Taken::Message(message));
                     }
                 }
                 None if is_silent => {}
@@ -102,6 +139,60 @@ pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Message> {
         buffer.drop_front(1);
     }
     None
+}
+
+/// Data of a part of an answer to [`FAST_SYNC_READ`], the only ones that we ask for.
+pub const PART_BYTES: usize = 10;
+/// A part: error, address, data, CRC.
+const PART: usize = PART_BYTES + 4;
+/// What comes before the first part.
+const BEFORE_PARTS: usize = BEFORE + 1;
+/// Most servos that can answer in one packet, so that it fits into a buffer.
+pub const MAX_PARTS: usize = (MAX_PACKET - BEFORE_PARTS) / PART;
+
+/// A servo's part of an answer to [`FAST_SYNC_READ`], whose CRC was right.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Whose it is.
+    pub id: u8,
+    /// Its error byte.
+    pub error: u8,
+    /// What was read.
+    pub data: [u8; PART_BYTES],
+}
+
+/// Removes the next part of an answer to [`FAST_SYNC_READ`], each as soon as it is there: servos that are silent cost the
+/// parts behind them and none before. These packets have no stuffing, and the CRC of a part covers all before it. `None`
+/// where none begins, or more of it has to come first.
+fn take_part(buffer: &mut ReceiveBuffer) -> Option<Part> {
+    if buffer.parts.is_none() {
+        let [_, _, _, _, BROADCAST, low, high, STATUS, ..] = *buffer.bytes() else { return None };
+        let left = usize::from(u16::from_le_bytes([low, high])).checked_sub(1)?;
+        let parts = left / PART;
+        if !left.is_multiple_of(PART) || parts == 0 || parts > MAX_PARTS {
+            return None;
+        }
+        let crc = crc16(buffer.bytes().get(..BEFORE_PARTS)?);
+        buffer.drop_front(BEFORE_PARTS);
+        buffer.parts = Some(Parts { left: parts as u8, crc });
+    }
+    let Parts { left, crc } = buffer.parts?;
+    let (body, sum) = buffer.bytes().get(..PART)?.split_last_chunk()?;
+    let [error, id, data @ ..] = body else { return None };
+    let part = data.try_into().ok().map(|data| Part { id: *id, error: *error, data });
+    let after = |crc, bytes| {
+        let mut digest = CRC_16.digest_with_initial(crc);
+        digest.update(bytes);
+        digest.finalize()
+    };
+    let of_body = after(crc, body);
+    let is_whole = of_body == u16::from_le_bytes(*sum);
+    let more = left.checked_sub(1).filter(|left| *left > 0 && is_whole);
+    buffer.parts = more.map(|left| Parts { left, crc: after(of_body, sum) });
+    if is_whole {
+        buffer.drop_front(PART);
+    }
+    part.filter(|_| is_whole)
 }
 
 /// Index of the first header, complete or cut off by the end of the bytes; their count without one.

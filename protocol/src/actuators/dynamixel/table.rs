@@ -115,9 +115,13 @@ pub const XM540_W270: Model = Model::new("XM540-W270", 1120, (2047, 128), STEP_A
 pub const XH430_W210: Model = Model::new("XH430-W210", 1010, (648, 230), STEP_A * 2.5 / 1.3);
 /// 3.4 N·m at 1.3 A and 12 V.
 pub const XH430_W350: Model = Model::new("XH430-W350", 1000, (648, 135), STEP_A * 3.4 / 1.3);
+/// 7.1 N·m at 4.9 A and 12 V.
+pub const XH540_W150: Model = Model::new("XH540-W150", 1110, (2047, 300), STEP_A * 7.1 / 4.9);
+/// 9.9 N·m at 4.9 A and 12 V.
+pub const XH540_W270: Model = Model::new("XH540-W270", 1100, (2047, 167), STEP_A * 9.9 / 4.9);
 
 /// All of them.
-pub const MODELS: [Model; 9] = [
+pub const MODELS: [Model; 11] = [
     XM430_W210, XM540_W150, XL330_M077, XL330_M288, XL430_W250, XM430_W350, XM540_W270, XH430_W210,
-    XH430_W350,
+    XH430_W350, XH540_W150, XH540_W270,
 ];
