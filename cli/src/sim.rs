@@ -1,5 +1,6 @@
 //! `rollwalk-sim`: a robot without hardware on a bus of this computer, in real time.
 
+mod ground;
 mod memory;
 
 use crate::cmd::buses::BusLoads;
@@ -42,8 +43,11 @@ const ACTUATOR_DEPTH: usize = 2;
 /// By itself it is a whole robot with only its link on a bus of this computer; the rollwalk tools find it
 /// there as they find a real one. With --actuators its motors are on buses of this computer, too, one for
 /// each actuator bus of the robot file; --only leaves out the motors or the controller, so that real ones
-/// can take their place. Motors speak what the file's [[bus]] says. The robot hangs on a stand: there is
-/// no ground under it.
+/// can take their place. Motors speak what the file's [[bus]] says.
+///
+/// The robot hangs on a stand, its body held still and its wheels in the air. With --on ground the whole robot stands on the ground:
+/// a hoist holds it until it plays, and takes it again when it has no torque or has fallen. The simulator prints the
+/// way that each motion has made.
 ///
 /// With --library FILE the simulated flash survives a restart: the simulator reads FILE at start, if it exists, and writes
 /// each library that a host flashes to FILE. Before it overwrites a library for the first time, it copies that one to a
@@ -56,6 +60,7 @@ const ACTUATOR_DEPTH: usize = 2;
 Examples:
   rollwalk-sim robots/agilebot.toml --bus sim
   rollwalk-sim robots/agilebot.toml --bus sim --library agilebot.rwl
+  rollwalk-sim robots/agilebot.toml --bus sim --on ground --slope 3
   rollwalk-sim robots/agilebot.toml --bus sim --link-key robot.key --library-key owner.pub.pem
   rollwalk-sim robots/agilebot.toml --bus can:vcan0 --log robot.log
   rollwalk-sim robots/agilebot.toml --bus can:vcan0 --actuators can:vcan1 --actuators can:vcan2
@@ -83,6 +88,12 @@ struct Cli {
     /// Run this part of the robot only.
     #[arg(long, value_name = "PART", requires = "actuators")]
     only: Option<Part>,
+    /// What carries the robot.
+    #[arg(long, value_name = "SUPPORT", value_enum, default_value_t = Support::Stand, conflicts_with = "actuators")]
+    on: Support,
+    /// Slope of the ground, degrees, rising ahead of the robot [default: 0].
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, requires = "on")]
+    slope: Option<f64>,
     /// Keep the controller's library in this file.
     #[arg(long, value_name = "LIB.rwl")]
     library: Option<PathBuf>,
@@ -105,6 +116,15 @@ struct Cli {
 struct Keys {
     link: Option<LinkKey>,
     library: Option<VerifyingKey>,
+}
+
+/// What carries a whole robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Support {
+    /// A stand: the body does not move, and joints do not feel each other.
+    Stand,
+    /// The ground, with gravity, contact and friction.
+    Ground,
 }
 
 /// A part of a robot.
@@ -215,9 +235,14 @@ fn run_whole(
     let mut log = log.transpose()?;
     let core = core(robot, keys, memory.as_ref())?;
     let mut rig = Rig::with_core(robot, core).into_diagnostic()?;
+    if cli.on == Support::Ground {
+        rig = rig.onto_ground(robot, ground::level_or_sloping(cli.slope)?);
+    } else if cli.slope.is_some() {
+        return Err(miette!("--slope is for --on ground: a stand has none"));
+    }
     let port = port(bus)?;
     ready(robot, bus);
-    let mut printer = StatusPrinter::new();
+    let (mut printer, mut world) = (StatusPrinter::new(), ground::Printer::default());
     let mut failed = None;
     let outcome = whole::run(
         &mut rig,
@@ -227,6 +252,7 @@ fn run_whole(
             // Not from the frames on the link: anyone may send a status there.
             let controller = rig.core().controller();
             printer.print(controller.state(), controller.faults());
+            world.print(rig);
             if let Some(log) = &mut log
                 && let Err(error) = entries.iter().try_for_each(|entry| log.push(entry))
             {

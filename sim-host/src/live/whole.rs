@@ -40,7 +40,7 @@ pub fn run(
     rig: &mut Rig,
     port: Port,
     keeper: &mut dyn Reopen,
-    mut goes_on: impl FnMut(&Rig, &[LogEntry]) -> bool,
+    mut goes_on: impl FnMut(&mut Rig, &[LogEntry]) -> bool,
 ) -> Result<(), LinkError> {
     let start = Instant::now();
     let mut clock = Clock { now_us: rig.now_us(), elapsed_us: 0 };

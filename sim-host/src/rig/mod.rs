@@ -113,14 +113,6 @@ impl Rig {
         Self::with_core(robot, Local::new(config, buses, Settings::default()))
     }
 
-    /// As [`Self::new`], standing on the ground, with an IMU.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
-    pub fn on_ground(robot: &Robot, ground: Arc<dyn Ground>) -> Result<Self, InvalidRobot> {
-        Ok(Self { body: Body::on_ground(robot, ground), ..Self::new(robot)? })
-    }
-
     /// Restarts the controller of the robot with a power cycle.
     pub fn power_cycled(self) -> Self {
         Self { controller: self.controller.power_cycled(), ..self }
@@ -182,6 +174,11 @@ impl<C: Core> Rig<C> {
             babblers: Vec::new(),
             observer: None,
         })
+    }
+
+    /// The same robot just after power-on on the ground instead of a stand, in a hoist and with an IMU.
+    pub fn onto_ground(self, robot: &Robot, ground: Arc<dyn Ground>) -> Self {
+        Self { body: Body::on_ground(robot, ground), ..self }
     }
 
     /// Replaces the adapter of the actuator buses.

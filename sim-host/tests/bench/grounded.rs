@@ -13,8 +13,8 @@ use std::sync::Arc;
 /// With the library on board, in the hoist above a plane that rises by an angle, rad.
 fn in_hoist(slope_rad: f64) -> Session<Rig> {
     let robot = agilebot();
-    let rig = Rig::on_ground(&robot, Arc::new(Plane::rising(slope_rad))).unwrap();
-    let mut session = connect(rig);
+    let ground = Arc::new(Plane::rising(slope_rad));
+    let mut session = connect(Rig::new(&robot).unwrap().onto_ground(&robot, ground));
     session.flash(&library(&robot), |_| {}).unwrap();
     session
 }
