@@ -8,6 +8,7 @@ mod console;
 mod demo;
 mod diagnosis;
 mod files;
+mod grounded;
 mod libraries;
 mod lines;
 mod load;

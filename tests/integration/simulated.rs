@@ -55,10 +55,10 @@ impl Robot {
         Self::start_with(desk, &[args, &["--bus", bus]].concat()).answering(desk, host)
     }
 
-    /// LegBot, and what it says in a file of the desk.
-    pub fn heard(desk: &Desk, bus: &str, said: &str) -> Self {
+    /// A robot by its file and more arguments, and what it says in a file of the desk.
+    pub fn heard(desk: &Desk, args: &[&str], bus: &str, said: &str) -> Self {
         let file = File::create(desk.path(said)).expect("a file");
-        let args = ["robots/legbot.toml", "--bus", bus];
+        let args = [args, &["--bus", bus]].concat();
         Self::spawn(desk, &args, file.into()).answering(desk, bus)
     }
 
