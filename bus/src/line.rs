@@ -31,7 +31,7 @@ const BLOCKED: Duration = Duration::from_secs(1);
 /// Longest wait for queued lines when the writer is dropped.
 const LAST_WORDS: Duration = Duration::from_millis(100);
 
-/// The line of a simulated robot, which nobody can unplug.
+/// The line of a simulated robot, which has no plug.
 pub(crate) const SIMULATED: &str = "the simulated robot";
 
 /// Writes lines, whole and in their order.

@@ -33,7 +33,7 @@ impl Printer {
     pub fn print(&mut self, rig: &mut Rig) {
         for travel in rig.take_travels() {
             // Transitions have no names.
-            let library = rig.core().library();
+            let library = rig.core().controller().library();
             if let Some(name) = library.and_then(|library| library.name(NodeId(travel.clip.0))) {
                 say(name, &travel);
             }
