@@ -30,7 +30,7 @@ impl Wrench {
 }
 
 /// Derivatives of a wrench by the motion of a body: rows force and moment, columns a shift δc and a turn δθ of the body
-/// (dR = [δθ] R) in `by_pose`, of its velocity and spin in `by_rate`.
+/// (`dR = [δθ] R`) in `by_pose`, of its velocity and spin in `by_rate`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Derivative {
     /// By δc, m, and δθ, rad.

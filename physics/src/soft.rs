@@ -3,7 +3,7 @@
 //! A [`Mesh`] is a shape; put into an assembly with a [`Material`] it becomes a [`SoftBody`]: a particle for each node, a
 //! force for each element. Contacts are at the nodes of its surface, as stiff and as rough as the area is large that each
 //! node stands for, so that a finer mesh has no stiffer contact. Nodes are held to rigid bodies by
-//! [`Ball`](crate::joint::Ball)s.
+//! [`Ball`]s.
 
 mod material;
 mod mesh;
