@@ -4,8 +4,23 @@ use crate::force::{By, Derivative, Force, View, Wrench};
 use crate::motion::Motion;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::skew;
-use rollwalk_robot::Actuator;
+use rollwalk_robot::{Actuator, TorqueSpeedLine};
 use std::f64::consts::PI;
+
+/// Stall torque of a motor of unknown torque-speed line, as a multiple of its torque limit: it has full torque up to 95 % of
+/// its speed limit.
+const ABRUPT: f64 = 20.0;
+
+/// Stall torque, N·m, and no-load speed, rad/s, of an actuator's torque-speed line. Where its robot file has none, the
+/// torque ends abruptly at `speed_max_rad_s`.
+pub fn torque_speed_line(actuator: &Actuator) -> (f64, f64) {
+    match actuator.torque_speed {
+        Some(TorqueSpeedLine { stall_torque_nm, no_load_speed_rad_s }) => {
+            (stall_torque_nm, no_load_speed_rad_s)
+        }
+        None => (ABRUPT * actuator.torque_max_nm, actuator.speed_max_rad_s),
+    }
+}
 
 /// What the motor does with angle and speed at the end of a step:
 /// τ = clamp(kp (q* − q) + kd (q̇* − q̇) + τ_ff, ±limit).
@@ -23,7 +38,7 @@ pub struct Law {
     pub torque_nm: f64,
     /// Limit of the torque, N·m; 0 for a motor without power.
     pub limit_nm: f64,
-    /// Stall torque, N·m, and no-load speed, rad/s, of the motor's torque-speed line, where it is known.
+    /// Stall torque, N·m, and no-load speed, rad/s, of the motor's torque-speed line; `None` for torque at any speed.
     pub line: Option<(f64, f64)>,
 }
 
@@ -37,15 +52,13 @@ pub struct Torque {
 }
 
 impl Law {
-    /// A servo with the gains and limits of an actuator, which holds angle 0 at rest.
+    /// A servo with the gains, limits and [`torque_speed_line`] of an actuator, which holds angle 0 at rest.
     pub fn servo(actuator: &Actuator) -> Self {
         Self {
             kp_nm_rad: actuator.kp_nm_rad,
             kd_nm_s_rad: actuator.kd_nm_s_rad,
             limit_nm: actuator.torque_max_nm,
-            line: actuator
-                .torque_speed
-                .map(|line| (line.stall_torque_nm, line.no_load_speed_rad_s)),
+            line: Some(torque_speed_line(actuator)),
             ..Self::default()
         }
     }
@@ -258,5 +271,31 @@ mod tests {
         assert_eq!(fast.torque(0.0, 5.0).value_nm, 2.0);
         assert_eq!(fast.torque(0.0, 12.0).value_nm, 0.0);
         assert_eq!(fast.torque(0.0, -5.0).value_nm, 4.0, "it brakes with all it has");
+    }
+
+    #[test]
+    fn a_servo_has_no_torque_beyond_its_top_speed_whether_its_file_has_a_line_or_not() {
+        let actuator = Actuator {
+            model: "test".into(),
+            speed_max_rad_s: 8.0,
+            torque_max_nm: 3.0,
+            torque_speed: None,
+            kp_nm_rad: 20.0,
+            kd_nm_s_rad: 0.5,
+            armature_kg_m2: 0.01,
+            bus: 0,
+            id: 5,
+        };
+        let torque = |actuator: &Actuator, speed_rad_s| {
+            let law = Law { torque_nm: 100.0, ..Law::servo(actuator) };
+            law.torque(0.0, speed_rad_s).value_nm
+        };
+        assert_eq!(torque(&actuator, 7.5), 3.0);
+        assert!((torque(&actuator, 7.8) - 1.5).abs() < 1e-12);
+        assert_eq!(torque(&actuator, 8.0), 0.0);
+        let line = TorqueSpeedLine { stall_torque_nm: 4.0, no_load_speed_rad_s: 10.0 };
+        let known = Actuator { torque_speed: Some(line), ..actuator };
+        assert_eq!(torque(&known, 5.0), 2.0);
+        assert_eq!(torque(&known, 10.0), 0.0);
     }
 }
