@@ -91,7 +91,7 @@ struct Cli {
     /// What carries the robot.
     #[arg(long, value_name = "SUPPORT", value_enum, default_value_t = Support::Stand, conflicts_with = "actuators")]
     on: Support,
-    /// Slope of the ground, degrees, rising ahead of the robot [default: 0].
+    /// Slope of the ground, degrees from -30 to 30, rising ahead of the robot [default: 0].
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, requires = "on")]
     slope: Option<f64>,
     /// Keep the controller's library in this file.

@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 use rollwalk_drives as drives;
 use rollwalk_physics::ground::Ground;
 use rollwalk_physics::motor::Law;
-use rollwalk_physics::world::{Parameters, RobotState};
+use rollwalk_physics::world::Parameters;
 use rollwalk_physics::{StepError, World};
 use rollwalk_protocol::library::ClipId;
 use rollwalk_robot::{Channel, Robot, TorqueSpeedLine};
@@ -61,7 +61,7 @@ pub struct Grounded {
     world: World,
     steps: Periodic,
     hoist: Option<Hoist>,
-    /// Of the body's origin in the nominal pose, m.
+    /// Distance of the body's origin from the ground in the nominal pose, m.
     standing_m: f64,
     /// Height of the ground beneath a place.
     ground: Arc<dyn Ground>,
@@ -82,17 +82,14 @@ impl Grounded {
     pub fn new(robot: &Robot, ground: Arc<dyn Ground>) -> Self {
         let parameters = Parameters::new(robot);
         let end_effectors = robot.end_effectors.len();
-        let mut state = RobotState::nominal(robot, Vector3::zeros());
-        let lowest = lowest_m(&World::new(robot, &ground, &parameters, &state), end_effectors);
-        state.base_position_m.z = -lowest;
-        let world = World::new(robot, &ground, &parameters, &state);
+        let world = World::standing(robot, &ground, &parameters);
         let lines = robot.channels().map(|channel| line(&channel)).collect();
-        let origin = state.base_position_m;
+        let (origin, _) = world.base();
         Self {
             world,
             steps: Periodic::new(WORLD_RATE_HZ),
             hoist: Some(Hoist { origin, heading_rad: 0.0 }),
-            standing_m: origin.z,
+            standing_m: ground.at(&origin).gap_m,
             ground,
             lines,
             end_effectors,
@@ -215,7 +212,8 @@ impl Grounded {
         let tilt_rad = tilt_rad(&rotation);
         let height_m = self.ground.at(&origin).gap_m;
         let fallen = tilt_rad > FALLEN_RAD || height_m < FALLEN_HEIGHT * self.standing_m;
-        if fallen {
+        // One that lies down without being moved has not fallen.
+        if fallen && self.travel.is_some() {
             self.falls.push(Fall { at: now, tilt_rad, height_m });
         }
         if fallen || !has_torque {
@@ -226,9 +224,10 @@ impl Grounded {
     }
 }
 
-/// Distance of the lowest foot or wheel from the ground, m.
+/// Height of the lowest foot or wheel above the ground, m.
 fn lowest_m(world: &World, end_effectors: usize) -> f64 {
-    (0..end_effectors).map(|number| world.touch(number).gap_m).fold(f64::INFINITY, f64::min)
+    let touches = (0..end_effectors).map(|number| world.touch(number));
+    touches.map(|touch| touch.gap_m / touch.normal.z).fold(f64::INFINITY, f64::min)
 }
 
 fn line(channel: &Channel) -> (f64, f64) {

@@ -109,8 +109,8 @@ pub(crate) struct Tracker {
     slid_m: f64,
     force_max_n: f64,
     work_j: f64,
-    steps: u32,
-    iterations: u32,
+    steps: u64,
+    iterations: u64,
     iterations_max: u32,
     subdivided: u32,
     heading_rad: f64,
@@ -168,7 +168,7 @@ impl Tracker {
             self.work_j += step_s * speed_rad_s * torque_nm;
         }
         self.steps += 1;
-        self.iterations += report.iterations;
+        self.iterations += u64::from(report.iterations);
         self.iterations_max = self.iterations_max.max(report.iterations);
         self.subdivided += u32::from(report.subdivisions > 0);
         // Against the start, because not every robot begins level.
@@ -208,7 +208,7 @@ impl Tracker {
             slid_m: self.slid_m,
             force_max_n: self.force_max_n,
             work_j: self.work_j,
-            iterations: f64::from(self.iterations) / f64::from(self.steps.max(1)),
+            iterations: self.iterations as f64 / self.steps.max(1) as f64,
             iterations_max: self.iterations_max,
             subdivided: self.subdivided,
         }

@@ -45,8 +45,8 @@ pub fn play(
     // So that a motion is a whole number of steps.
     let count = (script.duration_s() * f64::from(options.rate_hz)).round().max(1.0);
     let step_s = script.duration_s() / count;
-    let beats = beats(&script, options.cycles, step_s);
-    let total_s = beats.len() as f64 * step_s;
+    let (beats, total) = beats(&script, options.cycles, step_s);
+    let total_s = total as f64 * step_s;
     for (done, beat) in (1..).zip(beats) {
         // The law at the end of the step is the one that acts in it.
         for (channel, law) in script.laws(beat.time_s).into_iter().enumerate() {
@@ -54,7 +54,7 @@ pub fn play(
         }
         let report = world.step(step_s)?;
         tracker.add(&world, step_s, &report);
-        if tracker.has_fallen() || !goes_on(f64::from(done) * step_s, total_s) {
+        if tracker.has_fallen() || !goes_on(done as f64 * step_s, total_s) {
             break;
         }
         match beat.mark {
@@ -82,25 +82,25 @@ enum Mark {
     End,
 }
 
-/// All steps: of a motion that repeats its periods, of another one rest, motion and rest.
-fn beats(script: &Script<'_>, cycles: usize, step_s: f64) -> Vec<Beat> {
+/// All steps, and how many they are: of a motion that repeats its periods, of another one rest, motion and rest.
+fn beats(
+    script: &Script<'_>,
+    cycles: usize,
+    step_s: f64,
+) -> (Box<dyn Iterator<Item = Beat>>, usize) {
     let duration_s = script.duration_s();
     let count = (duration_s / step_s).round() as usize;
-    let moving = (1..=count).map(|number| number as f64 * step_s);
-    let rest = (REST_S / step_s).round() as usize;
-    let mut beats = Vec::new();
-    let mut add = |times: &mut dyn Iterator<Item = f64>, mark| {
-        beats.extend(times.map(|time_s| Beat { time_s, mark: None }));
-        beats.last_mut().expect("there are steps").mark = mark;
+    let beat = move |number: usize, of: usize, time_s: f64, mark: Mark| Beat {
+        time_s,
+        mark: (number == of).then_some(mark),
     };
+    let period = move || (1..=count).map(move |k| beat(k, count, k as f64 * step_s, Mark::End));
     if script.repeats() {
-        for _ in 0..cycles {
-            add(&mut moving.clone(), Some(Mark::End));
-        }
-    } else {
-        add(&mut std::iter::repeat_n(0.0, rest), Some(Mark::Start));
-        add(&mut moving.clone(), None);
-        add(&mut std::iter::repeat_n(duration_s, rest), Some(Mark::End));
+        return (Box::new((0..cycles).flat_map(move |_| period())), count * cycles);
     }
-    beats
+    let rest = (REST_S / step_s).round() as usize;
+    let before = (1..=rest).map(move |k| beat(k, rest, 0.0, Mark::Start));
+    let moving = period().map(|beat| Beat { mark: None, ..beat });
+    let after = (1..=rest).map(move |k| beat(k, rest, duration_s, Mark::End));
+    (Box::new(before.chain(moving).chain(after)), count + 2 * rest)
 }

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 /// Play a plan on the simulated ground and compare what becomes of it with the plan.
 ///
-/// The servos of the robot file play the plan open loop, with the planned torques on top, on rigid level ground with
+/// The servos of the robot file play the plan open loop, with the planned torques on top, on a rigid plane with
 /// the friction of the robot file. A motion holds if the robot stays on its feet and comes, on the mean of its periods,
 /// to 0.95 to 1.05 of every goal; the exit code is 3 if it does not.
 #[derive(clap::Args)]
@@ -30,7 +30,7 @@ pub struct Args {
     /// Leave the planned torques out: the servos' own only.
     #[arg(long)]
     no_feed_forward: bool,
-    /// Slope of the ground, degrees, rising ahead.
+    /// Slope of the ground, degrees from -45 to 45, rising ahead.
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true)]
     slope: f64,
     /// Steps of the simulation per second.

@@ -22,6 +22,9 @@ pub fn level_or_sloping(slope_deg: Option<f64>) -> miette::Result<Arc<dyn Ground
     Ok(Arc::new(Plane::rising(slope_deg.to_radians())))
 }
 
+/// Shortest motion of which something is said, s.
+const SHORTEST_S: f64 = 0.2;
+
 /// Prints the way of each motion, and falls, to stderr.
 #[derive(Default)]
 pub struct Printer {
@@ -31,11 +34,11 @@ pub struct Printer {
 impl Printer {
     /// Prints what is new.
     pub fn print(&mut self, rig: &mut Rig) {
-        for travel in rig.take_travels() {
+        for travel in rig.take_travels().iter().filter(|travel| travel.duration_s() >= SHORTEST_S) {
             // Transitions have no names.
             let library = rig.core().controller().library();
             if let Some(name) = library.and_then(|library| library.name(NodeId(travel.clip.0))) {
-                say(name, &travel);
+                say(name, travel);
             }
         }
         let falls = rig.body().ground().map(|ground| ground.falls()).unwrap_or_default();
@@ -56,7 +59,7 @@ fn say(name: &str, travel: &Travel) {
     let way = travel.way_m();
     output::say(format_args!(
         "{:9.3} s  {name}: {:.3} m ahead, {:.3} m to the left, turned by {:.1}° in {:.2} s; tilt to {:.1}°, slid {:.3} m, \
-         {:.1} N on a foot or wheel, {:.2} J",
+         at most {:.1} N on a foot or wheel, {:.2} J of work by the motors",
         travel.to.as_s(),
         way.x,
         way.y,

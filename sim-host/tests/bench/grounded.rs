@@ -4,6 +4,7 @@ use crate::agilebot::{SQUAT, agilebot, library};
 use crate::{S, connect};
 use rollwalk_host::session::Session;
 use rollwalk_physics::ground::Plane;
+use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::library::ClipId;
 use rollwalk_protocol::wire::State;
 use rollwalk_sim_host::ground::Grounded;
@@ -82,12 +83,32 @@ fn what_is_played_on_the_ground_is_the_same_to_the_bit() {
 }
 
 #[test]
-fn a_robot_that_leans_too_far_is_stopped_by_its_imu_and_caught_when_it_falls() {
-    // Steeper than what its wheels' drives hold, and than the tilt that the controller allows.
-    let mut session = in_hoist(0.7);
-    assert!(session.arm().is_ok());
+fn a_robot_that_leans_too_far_is_stopped_by_its_imu() {
+    // Steeper than the tilt that the controller allows.
+    let mut session = in_hoist(0.5);
+    session.arm().unwrap();
+    session.run_for(S / 10).unwrap();
+    assert!(!ground(&session).is_held(), "it has been set down");
     session.run_for(4 * S).unwrap();
-    assert_ne!(session.status().unwrap().state, State::Playing);
-    session.run_for(8 * S).unwrap();
+    let status = session.status().unwrap();
+    assert!(status.faults.contains(Fault::Tilt) && status.state != State::Playing, "{status:?}");
+}
+
+#[test]
+fn a_robot_that_falls_is_caught_until_its_torque_has_been_off() {
+    // It rolls over on its way down, faster than the controller lets go.
+    let mut session = in_hoist(0.9);
+    session.arm().unwrap();
+    for _ in 0..100 {
+        session.run_for(S / 10).unwrap();
+        if !ground(&session).falls().is_empty() {
+            break;
+        }
+    }
+    let [fall] = ground(&session).falls() else { panic!("it falls") };
+    assert!(fall.tilt_rad > 0.9, "{fall:?}");
     assert!(ground(&session).is_held());
+    session.run_for(S / 2).unwrap();
+    assert!(ground(&session).is_held());
+    assert_eq!(ground(&session).falls().len(), 1);
 }
