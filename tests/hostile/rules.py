@@ -12,6 +12,8 @@ TORQUE = {wire.STATES.index(state) for state in "Aligning Ready Playing Paused R
 CONTROL, JOINT, WHEEL, JOINT_TORQUE, WHEEL_TORQUE = 0x080, 0x100, 0x200, 0x280, 0x300
 # A change of state is told by STATUS, which waits for the bus.
 STATUS_LATE_S = 0.1
+# The frame that switches a motor on is shorter than the answer that ARM was taken, and can be the first of both to be complete.
+ANSWER_LATE_S = 0.002
 # After ESTOP the controller has taken the torque away before it looks at its next frame; frames that its bus has begun remain.
 ESTOP_LATE_S = 0.02
 # Rounding: half a step, and the error of short numbers.
@@ -68,6 +70,8 @@ class Rules:
         self.torque_until = -math.inf
         self.state = None
         self.stopped = None
+        # Torque before it was told: broken, unless the answer that ARM was taken follows at once.
+        self.early = []
 
     def check(self, log):
         for at, interface, identifier, data in entries(log):
@@ -77,7 +81,13 @@ class Rules:
                 self._link(at, identifier, data)
             else:
                 self._actuators(at, int(bus), identifier, data)
+        self._settle(math.inf)
         return self
+
+    def _settle(self, now):
+        """Counts what came early and was not answered for."""
+        while self.early and now > self.early[0][0] + ANSWER_LATE_S:
+            self._break(*self.early.pop(0))
 
     def _link(self, at, identifier, data):
         if identifier >> 8 == 0 and identifier & 15 == 0 and identifier >> 4 & 15 in (self.node, 15):
@@ -94,6 +104,8 @@ class Rules:
             if ok and data[1] >> 4 == wire.CLEAR_CONFIRM:
                 self.stopped = None
             if ok and data[1] >> 4 == wire.ARM_CONFIRM:
+                self._settle(at)
+                self.early.clear()
                 self.torque_until = at + STATUS_LATE_S
 
     def _actuators(self, at, bus, identifier, data):
@@ -102,7 +114,8 @@ class Rules:
         if not enable and not found:
             return
         if self.state not in TORQUE and at > self.torque_until:
-            self._break(at, f"{identifier:03X}#{data.hex()} on bus {bus} in state {self.state}")
+            self._settle(at)
+            self.early.append((at, f"{identifier:03X}#{data.hex()} on bus {bus} in state {self.state}"))
         if self.stopped is not None and at > self.stopped + ESTOP_LATE_S:
             self._break(at, f"{identifier:03X}#{data.hex()} on bus {bus} after ESTOP at {self.stopped:.3f} s")
         if found:

@@ -42,6 +42,14 @@ class TheRules(unittest.TestCase):
         self.assertEqual(len(broken((0, "link0", status("Disarmed")), (1, "act0", (0x081, b"\1")))), 1)
         self.assertEqual(broken((0, "link0", status("Disarmed")), (1, "act0", (0x081, b"\0"))), [])
 
+    def test_know_that_a_motor_may_be_on_before_the_answer_to_arm_is_complete(self):
+        disarmed, on = (0, "link0", status("Disarmed")), (1, "act0", (0x081, b"\1"))
+        answer = wire.sealed(0x312, bytes([wire.ARM_CONFIRM << 4, 0, 2, 255, 0, 0]))
+        self.assertEqual(broken(disarmed, on, (1.00003, "link0", answer)), [])
+        self.assertEqual(len(broken(disarmed, on, (1.01, "link0", answer))), 1)
+        refused = wire.sealed(0x312, bytes([wire.ARM_CONFIRM << 4, 3, 2, 255, 0, 0]))
+        self.assertEqual(len(broken(disarmed, on, (1.00003, "link0", refused))), 1)
+
     def test_find_what_is_beyond_a_limit(self):
         playing = (0, "link0", status("Playing"))
         for bad in [joint(1.01), joint(-1.01), joint(0, kp=201), (0x102, joint(0)[1]), (0x201, bytes(8))]:
