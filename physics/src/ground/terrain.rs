@@ -76,6 +76,16 @@ impl Profile {
     pub fn ramp(from_x_m: f64, length_m: f64, height_m: f64) -> Result<Self, ProfileError> {
         Self::new(vec![[from_x_m, 0.0], [from_x_m + length_m, height_m]])
     }
+
+    /// Whether a point is below the line. Nearest to a corner the parts' own sides do not tell: both are as far away as the
+    /// corner, and where they meet at less than a right angle the point can be behind one of them in the air.
+    fn is_below(&self, at: &Flat) -> bool {
+        let ahead = self.corners.partition_point(|corner| corner[0] <= at.x);
+        let [behind, ahead] = [ahead.saturating_sub(1), ahead.min(self.corners.len() - 1)];
+        let ([x0, z0], [x1, z1]) = (self.corners[behind], self.corners[ahead]);
+        let share = if x1 > x0 { (at.x - x0) / (x1 - x0) } else { 0.0 };
+        at.y < z0 + share * (z1 - z0)
+    }
 }
 
 /// x and z.
@@ -108,7 +118,7 @@ impl Ground for Profile {
             let side = up.dot(&(at - begin));
             let beside = !(0.0..=length).contains(&share) && distance > 0.0;
             let (gap_m, normal, bend) = if beside {
-                let sign = 1f64.copysign(side);
+                let sign = if self.is_below(&at) { -1.0 } else { 1.0 };
                 let normal = from * (sign / distance);
                 let free = nalgebra::Matrix2::identity() - normal * normal.transpose();
                 (sign * distance, normal, free * (sign / distance))
@@ -184,6 +194,7 @@ mod tests {
             Profile::step(0.1, -0.2).unwrap(),
             Profile::ramp(-0.2, 0.5, 0.3).unwrap(),
             Profile::new(stairs).unwrap(),
+            Profile::new(vec![[0.0, 0.0], [0.0, 0.2], [0.3, 0.0]]).unwrap(),
         ] {
             for point in points(200) {
                 agrees_with_finite_differences(&profile, &point);
@@ -202,6 +213,32 @@ mod tests {
         assert!((at(0.97, 0.14).normal - Vector3::new(-0.6, 0.0, 0.8)).norm() < 1e-12);
         assert!((at(1.5, 0.04).gap_m + 0.06).abs() < 1e-15, "inside");
         assert!((at(1.02, 0.05).gap_m + 0.02).abs() < 1e-15, "inside, near the wall");
+    }
+
+    /// Stairs whose solid ends in corners of less than a right angle, upwards and downwards.
+    #[test]
+    fn the_gap_is_negative_below_the_profile_and_nowhere_else() {
+        let stairs =
+            vec![[-0.4, 0.0], [-0.4, 0.2], [0.0, 0.2], [0.0, 0.3], [0.5, 0.1], [0.5, -0.2]];
+        let teeth =
+            vec![[-0.5, 0.0], [-0.2, 0.6], [-0.2, -0.4], [0.0, 0.1], [0.0, -0.3], [0.3, 0.5]];
+        for corners in [stairs, teeth, vec![[0.0, 0.0], [0.0, 0.2], [0.3, 0.0]]] {
+            let profile = Profile::new(corners.clone()).unwrap();
+            for point in points(5000) {
+                let above = |pair: &[[f64; 2]]| {
+                    let ([x0, z0], [x1, z1]) = (pair[0], pair[1]);
+                    (x0 <= point.x && point.x < x1)
+                        .then(|| (point.z - z0) * (x1 - x0) > (point.x - x0) * (z1 - z0))
+                };
+                let end = if point.x < corners[0][0] { 0 } else { corners.len() - 1 };
+                let above = corners.windows(2).find_map(above).unwrap_or(point.z > corners[end][1]);
+                let gap_m = profile.at(&point).gap_m;
+                assert_eq!(gap_m > 0.0, above, "{gap_m} m at {point:?} of {corners:?}");
+            }
+        }
+        let tooth = Profile::new(vec![[0.0, 0.0], [0.0, 0.2], [0.3, 0.0]]).unwrap();
+        let gap_m = tooth.at(&Vector3::new(0.05, 0.0, 0.3)).gap_m;
+        assert!((gap_m - 0.05_f64.hypot(0.1)).abs() < 1e-15, "{gap_m}");
     }
 
     #[test]
