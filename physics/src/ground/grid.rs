@@ -4,7 +4,7 @@ use super::spline::Lattice;
 use super::{FieldError, Ground, Surface};
 use nalgebra::{Matrix3, Vector3};
 
-/// Signed distances at the points of a grid, and a spline through them. Outside of the grid there is nothing.
+/// Signed distances at the points of a grid, and a spline through them. Outside of the grid there is nothing more.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
     lattice: Lattice<3>,
@@ -58,16 +58,9 @@ impl Grid {
     }
 }
 
-impl Ground for Grid {
-    fn at(&self, point: &Vector3<f64>) -> Surface {
-        let ranges = [0, 1, 2].map(|axis| self.lattice.range(axis));
-        let within = Vector3::from([0, 1, 2].map(|k| point[k].clamp(ranges[k][0], ranges[k][1])));
-        let beyond = point - within;
-        if beyond != Vector3::zeros() {
-            // Nothing is there, and the grid's own distances are positive at its boundary.
-            let gap_m = beyond.norm();
-            return Surface::exact(gap_m, beyond / gap_m, Matrix3::zeros());
-        }
+impl Grid {
+    /// The solid as seen from a point within the lattice.
+    fn within(&self, point: &Vector3<f64>) -> Surface {
         let bases = [0, 1, 2].map(|axis| self.lattice.basis(axis, point[axis]));
         let sum = |orders| self.lattice.sum(&bases, orders);
         let gradient = Vector3::new(sum([1, 0, 0]), sum([0, 1, 0]), sum([0, 0, 1]));
@@ -78,10 +71,41 @@ impl Ground for Grid {
     }
 }
 
+impl Ground for Grid {
+    fn at(&self, point: &Vector3<f64>) -> Surface {
+        let ranges = [0, 1, 2].map(|axis| self.lattice.range(axis));
+        let within = Vector3::from([0, 1, 2].map(|k| point[k].clamp(ranges[k][0], ranges[k][1])));
+        let surface = self.within(&within);
+        let beyond = point - within;
+        if beyond == Vector3::zeros() {
+            return surface;
+        }
+        // Distance from the point of the solid that is nearest to where the lattice ends, so that gap and normal go on
+        // across its boundary.
+        let Surface { gap_m, gradient, normal, curvature } = surface;
+        let from_solid = beyond + normal * gap_m;
+        let gap_m = from_solid.norm().max(f64::MIN_POSITIVE);
+        let inside = Matrix3::from_diagonal(&beyond.map(|part| f64::from(u8::from(part == 0.0))));
+        let moves = curvature * surface.gap_m + normal * gradient.transpose();
+        let by_point = Matrix3::identity() - inside + moves * inside;
+        let normal = from_solid / gap_m;
+        Surface {
+            gap_m,
+            gradient: by_point.transpose() * normal,
+            normal,
+            curvature: (by_point - normal * (normal.transpose() * by_point)) / gap_m,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ground::{Sphere, agrees_with_finite_differences};
+    use crate::contact::{Contact, Normal, Resistance, Tip};
+    use crate::friction::{Friction, Model};
+    use crate::ground::{Plane, Sphere, Union, agrees_with_finite_differences};
+    use crate::{Assembly, Settings, System};
+    use std::sync::Arc;
 
     const BALL: Sphere = Sphere { center: Vector3::new(0.013, -0.007, 0.02), radius_m: 0.1 };
 
@@ -130,6 +154,57 @@ mod tests {
         }
         // A tenth of a per cent of the radius on cells of a sixteenth.
         assert!(fine[0] < 1e-4, "{}", fine[0]);
+    }
+
+    /// Where a ray from the middle of the lattice leaves it, a micron on either side; and how far outside all is smooth.
+    #[test]
+    fn gap_and_normal_go_on_across_the_boundary_of_the_lattice() {
+        let grid = grid(24);
+        let ends = grid.lattice.range(0);
+        let (middle, half_m) =
+            (Vector3::repeat(0.5 * (ends[0] + ends[1])), 0.5 * (ends[1] - ends[0]));
+        for direction in directions() {
+            let to_boundary = direction * (half_m / direction.amax());
+            let [inside, outside] =
+                [-1e-6, 1e-6].map(|by| grid.at(&(middle + to_boundary + direction * by)));
+            assert!((outside.gap_m - inside.gap_m).abs() < 1e-5, "{inside:?}, {outside:?}");
+            assert!((outside.normal - inside.normal).norm() < 1e-4, "{inside:?}, {outside:?}");
+            for share in [1.1, 2.0] {
+                let point = middle + to_boundary * share;
+                agrees_with_finite_differences(&grid, &point);
+                let (found, exact) = (grid.at(&point), BALL.at(&point));
+                assert!(found.gap_m > 0.95 * exact.gap_m && found.gap_m < 1.2 * exact.gap_m);
+            }
+        }
+    }
+
+    /// A ball of 2 cm on level ground with its centre 5 mm beside the lattice of something else.
+    #[test]
+    fn beside_the_lattice_a_foot_stands_on_the_ground_of_the_union() {
+        let ball = grid(24);
+        let [_, end_x_m] = ball.lattice.range(0);
+        let ground = Union { parts: vec![Arc::new(Plane::level()), Arc::new(ball)] };
+        let stiffness_n_m = 1e4;
+        let mut assembly = Assembly::default();
+        assembly.add_particle(1.0, Vector3::new(end_x_m + 0.005, 0.0, 0.021));
+        assembly.add(Contact {
+            body: [0],
+            center: Vector3::zeros(),
+            radius_m: 0.02,
+            tip: Tip::Sphere,
+            normal: Normal { stiffness_n_m, damping_n_s_m: 100.0, ramp_m: 0.0 },
+            friction: Friction { model: Model::Linear, coefficient: 0.4, stick_n_s_m: 200.0 },
+            resistance: Resistance::default(),
+            ground: Arc::new(ground),
+        });
+        let mut system = System::new(Settings::default(), assembly);
+        for _ in 0..240 {
+            system.step(1.0 / 240.0).unwrap();
+        }
+        let touch = system.touch(0).unwrap();
+        assert_eq!(touch.normal, Vector3::z());
+        assert!((touch.gap_m + 9.81 / stiffness_n_m).abs() < 1e-6, "{touch:?}");
+        assert!((system.motions()[0].position.x - end_x_m - 0.005).abs() < 1e-6);
     }
 
     #[test]
