@@ -63,7 +63,13 @@ fn a_robot_with_a_library_key_plays_only_what_its_owner_signed() {
         Robot::refuses(&desk, &[&other[..], &["--library-key", "other.pub.pem"]].concat());
     started.fails(1, &["memory.rwl is signed with key", "not with"]);
 
-    // One without a key takes it, too.
+    // One without a key begins with it, too, and leaves the file as it is.
+    let mut robot = Robot::with(&desk, &bus, &["--library", "memory.rwl"]);
+    on(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
+    robot.stop();
+    assert_eq!(read("memory.rwl"), signed);
+
+    // And it takes one that is sent.
     let _robot = Robot::start(&desk, &bus);
     let flashed = flash("own.rwl");
     assert!(flashed.stderr.contains("checks no signatures"), "{}", flashed.stderr);

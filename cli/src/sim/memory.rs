@@ -22,7 +22,8 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Reads the library, if there is one, and makes sure that another can be written.
+    /// Reads the library, if there is one, and makes sure that another can be written. A controller without a key
+    /// has no use for its signature, and gets the library alone, as `rollwalk flash` sends it.
     ///
     /// # Errors
     /// The library is for another robot, damaged or not signed with `key`; no file can be written there.
@@ -30,14 +31,17 @@ impl Memory {
         // In this order: what has been read is no output for any other purpose.
         let output = Output::of_source(path)?;
         let found = path.exists();
-        let library = found.then(|| Packed::read(path, Some(robot))).transpose()?;
-        let library = library.map(|packed| packed.file);
-        if let (Some(file), Some(key)) = (&library, key)
-            && let Err(why) = signing::check(file, key)
+        let packed = found.then(|| Packed::read(path, Some(robot))).transpose()?;
+        if let (Some(packed), Some(key)) = (&packed, key)
+            && let Err(why) = signing::check(&packed.file, key)
         {
             let help = "`rollwalk library sign` signs it; or name a file that is not there yet, and flash a signed library";
             return Err(miette!(help = help, "{} {why}", path.display()));
         }
+        let library = packed.map(|packed| match key {
+            Some(_) => packed.file,
+            None => packed.library().bytes().to_vec(),
+        });
         if let Some(bytes) = library.as_ref().map(Vec::len).filter(|bytes| *bytes > LIBRARY_MAX) {
             return Err(miette!(
                 "{} has {bytes} bytes; the memory of a simulated controller has {LIBRARY_MAX}",
@@ -47,7 +51,7 @@ impl Memory {
         Ok(Self { path: path.to_owned(), output, library, found, compared: Instant::now() })
     }
 
-    /// The library that the file has, with its signature if it has one.
+    /// The library that the file has, with its signature if the controller checks it.
     pub fn library(&self) -> Option<&[u8]> {
         self.library.as_deref()
     }
