@@ -47,6 +47,13 @@ pub fn say(text: impl Display) {
     let _ = writeln!(io::stderr().lock(), "{}", ShownLines(&text));
 }
 
+/// Prints warnings to stderr.
+pub fn say_warnings(warnings: &[String]) {
+    for warning in warnings {
+        say(format_args!("warning: {warning}"));
+    }
+}
+
 /// Prints why a run failed on stderr, with colours of ours where the terminal has them.
 pub fn say_report(report: &Report) {
     let _ = writeln!(io::stderr().lock(), "{}", Reported(report));

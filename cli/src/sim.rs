@@ -150,7 +150,12 @@ pub fn main() -> ExitCode {
 
 fn run(cli: &Cli) -> miette::Result<Exit> {
     let robot = Source::Disk.robot(&cli.robot)?;
-    BusLoads::new(&robot).into_diagnostic()?.check(&cli.robot)?;
+    let loads = BusLoads::new(&robot).into_diagnostic()?;
+    loads.check(&cli.robot)?;
+    // Drives on buses of this computer may be real ones.
+    if !cli.actuators.is_empty() && cli.only != Some(Part::Motors) {
+        output::say_warnings(&loads.warnings());
+    }
     let buses = Body::new(&robot).addresses().iter().map(|&(bus, _)| usize::from(bus) + 1).max();
     let buses = buses.unwrap_or(0);
     if !cli.actuators.is_empty() && cli.actuators.len() != buses {

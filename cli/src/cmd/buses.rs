@@ -4,6 +4,9 @@ use crate::output::Table;
 use crate::packed::channel_names;
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::load::{BusLoad, BusProblem, examine};
+use rollwalk_protocol::actuators::Watchdog;
+use rollwalk_protocol::actuators::bus::Protocol;
+use rollwalk_protocol::actuators::dynamixel::Dynamixel;
 use rollwalk_protocol::actuators::traffic::MAX_LOAD;
 use rollwalk_robot::{InvalidRobot, Robot};
 use std::fmt::Write;
@@ -63,6 +66,28 @@ impl BusLoads {
         table.render()
     }
 
+    /// Warnings about buses whose drives go on without a controller, because their watchdog is missing or off.
+    pub fn warnings(&self) -> Vec<String> {
+        let warning = |row: &BusLoad| {
+            let protocol = &row.kind.protocol;
+            let (lack, remedy) = match protocol {
+                Protocol::Dynamixel(Dynamixel { watchdog_20ms: 0, .. }) => {
+                    ("their watchdog off (`watchdog_ms = 0`)", "give `watchdog_ms`, such as 100")
+                }
+                _ if protocol.capabilities().watchdog == Watchdog::Missing => {
+                    ("no watchdog", "put a switch into their supply, within reach")
+                }
+                _ => return None,
+            };
+            Some(format!(
+                "bus {}: its drives ({}) have {lack}: if controller or cable fails, joints hold and wheels go on turning; {remedy}",
+                row.bus,
+                protocol.name()
+            ))
+        };
+        self.rows.iter().filter_map(warning).collect()
+    }
+
     /// Reasons for which a controller would refuse the robot, one line for each bus; `None` if it accepts it.
     fn refusal(&self) -> Option<String> {
         let mut text = String::new();
@@ -87,7 +112,7 @@ impl BusLoads {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rollwalk_protocol::actuators::bus::{Bus, Protocol};
+    use rollwalk_protocol::actuators::bus::Bus;
     use rollwalk_protocol::actuators::odrive::{Odrive, Version};
 
     fn robots() -> impl Iterator<Item = (String, Robot)> {
@@ -136,6 +161,19 @@ mod tests {
         assert!(loads.table().contains("250 kbit/s"), "{}", loads.table());
         let error = loads.check(Path::new("a.toml")).unwrap_err().to_string();
         assert!(error.starts_with("a.toml: no controller can drive"), "{error}");
+    }
+
+    #[test]
+    fn a_watchdog_that_is_off_is_named() {
+        let mut robot = robots().find(|(name, _)| name == "pup.toml").unwrap().1;
+        assert!(BusLoads::new(&robot).unwrap().warnings().is_empty());
+        let bus = robot.buses.get_mut(&0).unwrap();
+        let Protocol::Dynamixel(servos) = bus.protocol else { panic!("Pup has Dynamixels") };
+        bus.protocol = Protocol::Dynamixel(Dynamixel { watchdog_20ms: 0, ..servos });
+        let warnings = BusLoads::new(&robot).unwrap().warnings();
+        assert_eq!(warnings.len(), 1);
+        assert!(warnings[0].starts_with("bus 0: "), "{warnings:?}");
+        assert!(warnings[0].contains("watchdog off (`watchdog_ms = 0`)"), "{warnings:?}");
     }
 
     #[test]

@@ -69,7 +69,7 @@ fn import(urdf: Text<'_>, side: &Path, output: &Path, json: bool) -> miette::Res
     Output::of_source(output)?.write(imported.toml.as_bytes())?;
     let overlaps = StandingReport::new(&imported.robot).and_then(|standing| standing.overlaps());
     let warnings: Vec<_> = imported.warnings.iter().cloned().chain(overlaps).collect();
-    say_warnings(&warnings);
+    output::say_warnings(&warnings);
     if json {
         let mass_kg = imported.robot.total_mass_kg();
         output::print_json(&Made { robot: output, mass_kg, warnings: &warnings })?;
@@ -93,7 +93,7 @@ fn look(urdf: Text<'_>, args: &Args) -> miette::Result<Exit> {
         }
         files::write(path, survey.template.as_bytes())?;
     }
-    say_warnings(&survey.warnings);
+    output::say_warnings(&survey.warnings);
     if args.json {
         output::print_json(&survey)?;
         return Ok(Exit::Ok);
@@ -109,12 +109,6 @@ fn look(urdf: Text<'_>, args: &Args) -> miette::Result<Exit> {
     };
     output::print(&format!("{}\n\n{next}", show(&survey)))?;
     Ok(Exit::Ok)
-}
-
-pub(super) fn say_warnings(warnings: &[String]) {
-    for warning in warnings {
-        output::say(format_args!("warning: {warning}"));
-    }
 }
 
 fn show(survey: &Survey) -> String {

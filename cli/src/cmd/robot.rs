@@ -2,7 +2,7 @@
 //! about robot files.
 
 use super::buses::BusLoads;
-use super::import::{self, say_warnings};
+use super::import;
 use super::standing::StandingReport;
 use crate::inputs::Source;
 use crate::output::Table;
@@ -58,7 +58,8 @@ fn check(check: &Check) -> miette::Result<Exit> {
     let robot = Source::Disk.robot(&check.robot)?;
     let buses = BusLoads::new(&robot).into_diagnostic()?;
     let standing = StandingReport::new(&robot);
-    let warnings = standing.as_ref().map_or(Vec::new(), |standing| standing.warnings().to_vec());
+    let mut warnings = standing.as_ref().map_or(Vec::new(), |s| s.warnings().to_vec());
+    warnings.extend(buses.warnings());
     if check.json {
         let mass_kg = robot.total_mass_kg();
         output::print_json(&Report { mass_kg, robot: &robot, standing })?;
@@ -66,7 +67,7 @@ fn check(check: &Check) -> miette::Result<Exit> {
         let standing = standing.map_or(String::new(), |standing| standing.show());
         output::print(&format!("{}\n\n{standing}\n{}", describe(&robot), buses.table()))?;
     }
-    say_warnings(&warnings);
+    output::say_warnings(&warnings);
     buses.check(&check.robot)?;
     Ok(Exit::Ok)
 }
