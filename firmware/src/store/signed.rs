@@ -22,8 +22,17 @@ pub struct Signed<S> {
 }
 
 impl<S: LibraryStore> Signed<S> {
-    /// Wraps `store`; only libraries signed by the owner of `key` pass. Without a key `store` is as it was.
-    pub fn new(store: S, key: Option<VerifyingKey>) -> Self {
+    /// Wraps `store`; only libraries signed by the owner of `key` pass, and none with a weak key, which has no owner.
+    pub fn new(store: S, key: VerifyingKey) -> Self {
+        Self::checking(store, Some(key))
+    }
+
+    /// Wraps `store`, which stays as it was: every library passes. For one type of store with a key and without.
+    pub fn unchecked(store: S) -> Self {
+        Self::checking(store, None)
+    }
+
+    fn checking(store: S, key: Option<VerifyingKey>) -> Self {
         let mut signed = Self { store, key, trusted: false, sealed: false };
         signed.trust();
         if !signed.trusted && signed.store.roll_back() {
@@ -149,8 +158,8 @@ mod tests {
         bytes
     }
 
-    fn owner() -> Option<VerifyingKey> {
-        Some(SigningKey::from_bytes(&[1; 32]).verifying_key())
+    fn owner() -> VerifyingKey {
+        SigningKey::from_bytes(&[1; 32]).verifying_key()
     }
 
     fn send(store: &mut impl LibraryStore, bytes: &[u8]) -> Result<(), StoreError> {
@@ -194,11 +203,29 @@ mod tests {
         assert_eq!(Signed::new(holding(&signed_by(2)), owner()).bytes(), b"");
     }
 
+    /// The neutral element of the curve: anyone can sign with it.
+    #[test]
+    fn a_weak_key_lets_no_library_pass() {
+        let mut neutral = [0; 32];
+        neutral[0] = 1;
+        let key = VerifyingKey::from_bytes(&neutral).unwrap();
+        assert!(key.is_weak());
+        let mut forged = signed_by(1);
+        forged[116..].copy_from_slice(&[&neutral[..], &[0; 32]].concat());
+        let signature = Signature::from_slice(&forged[116..]).unwrap();
+        ed25519_dalek::Verifier::verify(&key, &forged[..116], &signature).unwrap();
+        for bytes in [forged, signed_by(1)] {
+            let mut store = Signed::new(RamStore::<256>::new(), key);
+            assert_eq!(send(&mut store, &bytes), Err(StoreError::Unsigned));
+            assert_eq!(store.bytes(), b"");
+        }
+    }
+
     /// A library on trial that is not the owner's, as after an image with another key was flashed.
     #[test]
     fn a_library_on_trial_that_is_not_the_owners_is_rolled_back_at_power_on() {
         let flash = FlashStore::mount(RamFlash::new([0xFF; 8 * 4096]), 2).unwrap();
-        let mut store = Signed::new(flash, None);
+        let mut store = Signed::unchecked(flash);
         for (library, confirm) in [(signed_by(1), true), (signed_by(2), false)] {
             assert_eq!(send(&mut store, &library), Ok(()));
             store.activate().unwrap();

@@ -102,7 +102,7 @@ fn signature(cost: &mut Cost, more: usize) -> Option<u32> {
     let file = file.get_mut(..SHORT + more + SIGNATURE_BLOCK_LEN)?;
     let end = signature_head(FINGERPRINT).into_iter().chain(SIGNATURE);
     file.iter_mut().skip(SHORT + more).zip(end).for_each(|(place, byte)| *place = byte);
-    let key = public_keys::library();
+    let key = public_keys::library()?;
     let store = RamStore::<{ SHORT + MORE + SIGNATURE_BLOCK_LEN }>::holding(file).ok()?;
     let (store, counts) = cost.counted(|| Signed::new(store, key));
     ((more == 0) == (store.bytes().len() == SHORT)).then_some(counts)

@@ -9,7 +9,8 @@ pub fn link() -> LinkKey {
     LinkKey::new(&[0x42; LINK_KEY_LEN])
 }
 
-/// The public key of the private one whose bytes are 1.
+/// The public key of the private one whose bytes are 1. Without one the board does not start: a key that is wrong must not
+/// end up as no key.
 #[cfg(feature = "signed")]
 pub fn library() -> Option<rollwalk_firmware::store::VerifyingKey> {
     let bytes = [

@@ -37,6 +37,6 @@ pub fn mount() -> Option<BoardStore> {
     let memory = unsafe { &mut *PSRAM.0.get() };
     let store = FlashStore::mount(RamFlash::new(memory), TRIAL_BOOTS).ok()?;
     #[cfg(feature = "signed")]
-    let store = BoardStore::new(store, Some(crate::public_keys::library()?));
+    let store = BoardStore::new(store, crate::public_keys::library()?);
     Some(store)
 }
