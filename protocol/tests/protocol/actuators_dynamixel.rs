@@ -158,6 +158,29 @@ fn parts_of_an_answer_of_many() {
     assert_eq!(std::iter::from_fn(|| take(&mut line, false)).count(), 3);
 }
 
+/// What follows parts that never came, or one that was damaged, is taken as soon as it is there.
+#[test]
+fn a_packet_after_parts_that_failed() {
+    let whole = fast(&[(3, [1; 10]), (7, [2; 10])]);
+    let answer = packet(5, STATUS, &[0]).unwrap();
+    let message = Message { id: 5, instruction: STATUS, parameters: [0].into_iter().collect() };
+    let expected = Some(Taken::Message(message));
+    // Only the beginning came, and its bytes were taken while the line was not silent yet.
+    let mut line = ReceiveBuffer::default();
+    whole[..8].iter().for_each(|&byte| line.push(byte));
+    assert_eq!(next(&mut line, false, true), None);
+    assert!(line.bytes().is_empty());
+    assert_eq!(next(&mut line, true, true), None);
+    answer.iter().for_each(|&byte| line.push(byte));
+    assert_eq!(next(&mut line, false, true), expected);
+    // A damaged part whose data would be the length of a long packet.
+    let mut line = ReceiveBuffer::default();
+    let mut wrong = fast(&[(3, [0, 0, 0, 100, 0, 0, 0, 0, 0, 0])]);
+    wrong[21] ^= 1;
+    wrong.iter().chain(&answer).for_each(|&byte| line.push(byte));
+    assert_eq!(next(&mut line, false, true), expected);
+}
+
 /// As many as fit into a packet; more are asked one by one.
 #[test]
 fn a_line_of_many_is_read_as_ever() {

@@ -101,19 +101,29 @@ pub enum Taken {
 
 /// As [`take`]; where answers to [`FAST_SYNC_READ`] are waited for (`with_parts`), their parts one by one.
 pub fn next(buffer: &mut ReceiveBuffer, is_silent: bool, with_parts: bool) -> Option<Taken> {
+    if is_silent && buffer.bytes().is_empty() {
+        buffer.parts = None;
+    }
     // Every turn takes bytes away, or ends a packet of parts, whose beginning was taken before.
     while !buffer.bytes().is_empty() {
         if buffer.parts.is_none() {
             buffer.drop_front(header_at(buffer.bytes()));
         }
         if with_parts {
-            if let Some(part) = take_part(buffer) {
-                return Some(Taken::Part(part));
+            if buffer.parts.is_none()
+                && let Some(parts) = parts_at(buffer.bytes())
+            {
+                buffer.drop_front(BEFORE_PARTS);
+                buffer.parts = Some(parts);
             }
             if buffer.parts.is_some() {
-                if !is_silent {
+                if let Some(part) = take_part(buffer) {
+                    return Some(Taken::Part(part));
+                }
+                if buffer.parts.is_some() && !is_silent {
                     return None;
                 }
+                // What is there begins in the middle of a packet.
                 buffer.parts = None;
                 continue;
             }
@@ -161,21 +171,21 @@ pub struct Part {
     pub data: [u8; PART_BYTES],
 }
 
+/// The parts of an answer to [`FAST_SYNC_READ`], if that is what begins here.
+fn parts_at(bytes: &[u8]) -> Option<Parts> {
+    let [_, _, _, _, BROADCAST, low, high, STATUS, ..] = *bytes else { return None };
+    let left = usize::from(u16::from_le_bytes([low, high])).checked_sub(1)?;
+    let parts = left / PART;
+    if !left.is_multiple_of(PART) || parts == 0 || parts > MAX_PARTS {
+        return None;
+    }
+    Some(Parts { left: parts as u8, crc: crc16(bytes.get(..BEFORE_PARTS)?) })
+}
+
 /// Removes the next part of an answer to [`FAST_SYNC_READ`], each as soon as it is there: servos that are silent cost the
 /// parts behind them and none before. These packets have no stuffing, and the CRC of a part covers all before it. `None`
-/// where none begins, or more of it has to come first.
+/// where more of it has to come first, or it is damaged, which ends the parts.
 fn take_part(buffer: &mut ReceiveBuffer) -> Option<Part> {
-    if buffer.parts.is_none() {
-        let [_, _, _, _, BROADCAST, low, high, STATUS, ..] = *buffer.bytes() else { return None };
-        let left = usize::from(u16::from_le_bytes([low, high])).checked_sub(1)?;
-        let parts = left / PART;
-        if !left.is_multiple_of(PART) || parts == 0 || parts > MAX_PARTS {
-            return None;
-        }
-        let crc = crc16(buffer.bytes().get(..BEFORE_PARTS)?);
-        buffer.drop_front(BEFORE_PARTS);
-        buffer.parts = Some(Parts { left: parts as u8, crc });
-    }
     let Parts { left, crc } = buffer.parts?;
     let (body, sum) = buffer.bytes().get(..PART)?.split_last_chunk()?;
     let [error, id, data @ ..] = body else { return None };
