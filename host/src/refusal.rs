@@ -1,7 +1,6 @@
 //! Sentences for the codes with which a controller refuses requests.
 
 use crate::authentication::NoSession;
-use rollwalk_protocol::text::Number;
 use rollwalk_protocol::wire::transport::{Reply, TransferResult, UNSIGNED};
 use rollwalk_protocol::wire::{CommandResult, ParameterResult, State};
 
@@ -56,10 +55,8 @@ pub fn parameter_refusal(result: ParameterResult, limit: f32, state: Option<Stat
         ParameterResult::UnknownParameter => "its firmware is older than this parameter",
         ParameterResult::UnknownChannel => "the robot has fewer channels",
         ParameterResult::OutOfRange => {
-            return format!(
-                "the value is no number, or beyond the limit of {}",
-                Number::from(limit)
-            );
+            // All its digits: whether it is the largest value or the smallest is not known here.
+            return format!("the value is no number, or beyond the limit of {limit}");
         }
         ParameterResult::WrongState => match state {
             None => "it is not disarmed: disarm it first, or clear it if it has stopped",

@@ -5,6 +5,7 @@
 //! either can pass for another. For hosts: a controller prints nothing.
 
 use core::fmt::{self, Write};
+use core::str::FromStr;
 
 /// Whether a character changes how a terminal shows others: control characters, line and paragraph separators, marks of
 /// direction, and characters without width.
@@ -40,10 +41,19 @@ impl fmt::Display for ShownLines<'_> {
     }
 }
 
-/// A number as messages show it: at most five digits that count, and no zeros at its end. Limits in single precision have
+/// A number as messages show it: at most five digits that count, and no zeros at its end. Values in single precision have
 /// more digits than anyone gave.
 #[derive(Clone, Copy, Debug)]
 pub struct Number(pub f64);
+
+/// A limit as messages show it: with the digits of a [`Number`], but never rounded to a value that the limit refuses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Limit<T> {
+    /// The smallest value that is allowed.
+    AtLeast(T),
+    /// The largest one.
+    AtMost(T),
+}
 
 impl From<f32> for Number {
     fn from(value: f32) -> Self {
@@ -53,20 +63,55 @@ impl From<f32> for Number {
 
 impl fmt::Display for Number {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let size = self.0.abs();
-        if !(1e-9..1e5).contains(&size) {
-            return write!(f, "{}", if size < 1e-9 { 0.0 } else { self.0 });
+        match digits(self.0, 0.0) {
+            Some(digits) => f.write_str(&digits),
+            None => write!(f, "{}", if self.0.abs() < 1e-9 { 0.0 } else { self.0 }),
         }
-        let (mut decimals, mut bound) = (0, 1e4);
-        while size < bound && decimals < 13 {
-            decimals += 1;
-            bound /= 10.0;
-        }
-        let mut digits = heapless::String::<32>::new();
-        write!(digits, "{:.decimals$}", self.0)?;
-        let digits = if decimals > 0 { digits.trim_end_matches('0') } else { &digits };
-        f.write_str(digits.trim_end_matches('.'))
     }
+}
+
+impl<T: Copy + PartialOrd + Into<f64> + FromStr> fmt::Display for Limit<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // As whoever types it in will have it read.
+        let is_allowed = |text: &str| {
+            text.parse().is_ok_and(|given: T| match self {
+                Self::AtLeast(least) => given >= *least,
+                Self::AtMost(most) => given <= *most,
+            })
+        };
+        let (limit, inwards) = match *self {
+            Self::AtLeast(least) => (least.into(), 1.0),
+            Self::AtMost(most) => (most.into(), -1.0),
+        };
+        let mut candidates = [0.0, inwards].into_iter().filter_map(|steps| digits(limit, steps));
+        match candidates.find(|text| is_allowed(text)) {
+            Some(text) => f.write_str(&text),
+            // Added to 0, -0 is 0.
+            None => write!(f, "{}", 0.0 + limit),
+        }
+    }
+}
+
+/// `value` and so many steps of its fifth digit, without zeros at the end; `None` below 1e-9, and from 100,000 on, where
+/// more digits stand before the point.
+fn digits(value: f64, steps: f64) -> Option<heapless::String<32>> {
+    let size = value.abs();
+    if !(1e-9..1e5).contains(&size) {
+        return None;
+    }
+    let (mut decimals, mut step, mut bound) = (0, 1.0, 1e4);
+    while size < bound && decimals < 13 {
+        decimals += 1;
+        step /= 10.0;
+        bound /= 10.0;
+    }
+    let mut digits = heapless::String::new();
+    write!(digits, "{:.decimals$}", value + steps * step).ok()?;
+    while decimals > 0 && digits.ends_with(['0', '.']) {
+        // The point is the last to go.
+        decimals = if digits.pop() == Some('.') { 0 } else { decimals };
+    }
+    Some(digits)
 }
 
 fn write_shown(f: &mut fmt::Formatter<'_>, text: &str, is_hidden: fn(char) -> bool) -> fmt::Result {
@@ -134,5 +179,41 @@ mod tests {
             assert_eq!(format!("{}", Number(value)), shown);
         }
         assert_eq!(format!("{}", Number::from(6.000_000_5f32)), "6");
+    }
+
+    #[test]
+    fn a_limit_that_is_shown_is_allowed() {
+        use core::f64::consts::TAU;
+        for (least, most, limit) in [
+            ("6.2832", "6.2831", TAU),
+            ("-6.2831", "-6.2832", -TAU),
+            ("0.66667", "0.66666", 2.0 / 3.0),
+            ("10", "9.9999", 9.999_99),
+            ("99999", "99998", 99_998.25),
+            ("0.5", "0.5", 0.5),
+            ("0", "0", -0.0),
+            ("1000000.5", "1000000.5", 1_000_000.5),
+            ("0.0000000001", "0.0000000001", 1e-10),
+        ] {
+            assert_eq!(format!("{}", Limit::AtLeast(limit)), least);
+            assert_eq!(format!("{}", Limit::AtMost(limit)), most);
+        }
+        // In single precision 655.35 is what was given.
+        for limit in [655.35f32, 0.1, 6.5] {
+            assert_eq!(format!("{}", Limit::AtMost(limit)), format!("{limit}"));
+        }
+        let mut size = 1e-12;
+        while size < 1e9 {
+            for limit in [size, -size] {
+                let single = limit as f32;
+                let read = |text: std::string::String| text.parse::<f64>().unwrap();
+                assert!(read(format!("{}", Limit::AtLeast(limit))) >= limit, "{limit}");
+                assert!(read(format!("{}", Limit::AtMost(limit))) <= limit, "{limit}");
+                let read = |text: std::string::String| text.parse::<f32>().unwrap();
+                assert!(read(format!("{}", Limit::AtLeast(single))) >= single, "{limit}");
+                assert!(read(format!("{}", Limit::AtMost(single))) <= single, "{limit}");
+            }
+            size *= 1.003_7;
+        }
     }
 }

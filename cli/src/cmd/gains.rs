@@ -8,7 +8,7 @@ use crate::{Exit, output};
 use miette::miette;
 use rollwalk_host::catalog::{Catalog, channel_name};
 use rollwalk_host::session::SessionError;
-use rollwalk_protocol::text::Number;
+use rollwalk_protocol::text::Limit;
 use rollwalk_protocol::wire::{Parameter, ParameterOrigin, ParameterResult};
 use serde::Serialize;
 
@@ -319,13 +319,14 @@ fn refusal(error: &SessionError, what: &str, value: f32, unit: &str) -> Option<S
     if has_none(error) {
         return Some(format!("{what}: it has no such value, as wheels have no stiffness"));
     }
-    let shown = Number::from(*limit);
     match result {
-        ParameterResult::OutOfRange if value > *limit => {
-            Some(format!("{what} is too much: its robot file allows up to {shown}{unit}"))
-        }
+        ParameterResult::OutOfRange if value > *limit => Some(format!(
+            "{what} is too much: its robot file allows up to {}{unit}",
+            Limit::AtMost(*limit)
+        )),
         ParameterResult::OutOfRange => Some(format!(
-            "{what} is too little: at least {shown}{unit}; while torque is on, half of the robot file's"
+            "{what} is too little: at least {}{unit}; while torque is on, half of the robot file's",
+            Limit::AtLeast(*limit)
         )),
         _ => None,
     }

@@ -1,7 +1,7 @@
 //! Why a library is refused, as a value that reads as a sentence.
 
 use super::{ClipId, EdgeId, FORMAT_MAJOR, MAX_CLIP_FRAMES, NodeId, RATE_HZ};
-use crate::text::Number;
+use crate::text::{Limit, Number};
 use core::fmt;
 use thiserror::Error;
 
@@ -262,7 +262,7 @@ pub enum Why {
         "clip {}, frame {frame}, channel {channel}: changes at {rate} per second, limit is \
          {limit} (rad/s, or rad/s² for a wheel)",
         clip.0,
-        limit = Number::from(*max_rate)
+        limit = Limit::AtMost(*max_rate)
     )]
     TooFast {
         /// The clip.
@@ -281,7 +281,7 @@ pub enum Why {
         "clip {}, channel {channel}: jumps by {step} from its last frame to its first, largest \
          step is {most} (rad, or rad/s for a wheel)",
         clip.0,
-        most = Number::from(*max_step)
+        most = Limit::AtMost(*max_step)
     )]
     SeamJump {
         /// The clip.

@@ -1,7 +1,7 @@
 //! Reading one TOML table: typed getters that note a fault where the text is wrong.
 
 use super::{Document, Span, alternatives};
-use rollwalk_protocol::text::Number;
+use rollwalk_protocol::text::Limit;
 use std::cell::RefCell;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -183,7 +183,7 @@ impl<'d> Table<'d> {
         if range.contains(&value) {
             return Some(value);
         }
-        let [least, most] = [*range.start(), *range.end()].map(Number);
+        let (least, most) = (Limit::AtLeast(*range.start()), Limit::AtMost(*range.end()));
         let help = format!("allowed is {least} to {most} {unit}");
         self.fault(key, format_args!("is {value}"), "out of range", help.trim_end());
         None

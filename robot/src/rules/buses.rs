@@ -6,7 +6,7 @@ use crate::controller::Channel;
 use rollwalk_protocol::actuators::Refusal;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
 use rollwalk_protocol::actuators::settings::Report;
-use rollwalk_protocol::text::Number;
+use rollwalk_protocol::text::Limit;
 use std::fmt::Arguments;
 
 /// Bit rates of CAN that adapters and drives have.
@@ -105,8 +105,8 @@ fn range_of(protocol: &Protocol, refused: Refusal) -> String {
         return format!("addresses are 0 to {}", can.max_id);
     };
     let mut range = match quantity {
-        "kp" => format!("at most {} N·m/rad", Number::from(can.max_gains.kp_nm_rad)),
-        "kd" => format!("at most {} N·m·s/rad", Number::from(can.max_gains.kd_nm_s_rad)),
+        "kp" => format!("at most {} N·m/rad", Limit::AtMost(can.max_gains.kp_nm_rad)),
+        "kd" => format!("at most {} N·m·s/rad", Limit::AtMost(can.max_gains.kd_nm_s_rad)),
         _ => "less".to_owned(),
     };
     protocol.explain_range(quantity, &mut |text| range = text.to_string());
