@@ -193,7 +193,7 @@ fn unwrapped(bytes: &[u8]) -> Option<&[u8]> {
     (whole && *sum == complement(body)).then_some(body)
 }
 
-/// An answer with what is around its status and data.
+/// Packet of an answer: header, address and length before status and data, checksum after them.
 fn wrapped(id: u8, data: &[u8]) -> Vec<u8> {
     let body = [&[id, data.len() as u8 + 1], data].concat();
     [&[0xFF, 0xFF], &body[..], &[complement(&body)]].concat()

@@ -12,8 +12,8 @@
 //! | [`points`], [`joint`], [`spring`], [`anchor`], [`motor`] | what holds points together; joints as stiff springs; springs and strings; bolts in the world; motors |
 //! | [`soft`] | soft bodies of tetrahedra |
 //! | [`hold`] | a hoist, a stand or a hand |
-//! | [`ground`] | what is solid and does not move |
-//! | [`contact`], [`friction`], [`touch`], [`event`] | what touches it; how it slides; what is reported of it, and when it changes |
+//! | [`ground`] | signed distance of terrain and fixed solids |
+//! | [`contact`], [`friction`], [`touch`], [`event`] | contact with the ground, its friction law, its reported state, and touch-down, lift-off and slip |
 //! | [`system`] | the step, halved where it does not converge |
 //! | `newton`, `residual`, `matrix`, `block_lu`, `sticking` | how a step is solved: the method, the equations, their matrix and its factors, what friction holds |
 //! | [`world`] | a robot from its description |

@@ -100,7 +100,7 @@ impl BlockMatrix {
         self.slots[&(row, column)]
     }
 
-    /// Adds to a block; what is beyond its rows and columns is left out.
+    /// Adds to a block. A particle has three rows or columns: the block's others are ignored.
     pub fn add(&mut self, slot: &Slot, block: &Matrix6<f64>) {
         for (&start, column) in slot.starts[..slot.columns].iter().zip(block.column_iter()) {
             for (value, more) in self.values[start..start + slot.rows].iter_mut().zip(&column) {

@@ -22,8 +22,8 @@ const SECANT_RUNS: [Range<u32>; 3] = [10..15, 17..26, 29..39];
 /// Power of the residual along a correction, as a share of that at its beginning, at which a line search is content.
 const FLAT: f64 = 0.5;
 
-/// Correction, as a share of the coordinates, that is lost in their rounding: what is left of the residual then is rounding
-/// of stiff forces.
+/// Relative correction below which the coordinates no longer change in floating point. The residual that remains is the
+/// rounding error of stiff forces.
 const ROUNDING: f64 = 1e-15;
 
 /// The solver, with its memory.

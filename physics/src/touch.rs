@@ -1,4 +1,4 @@
-//! State of a contact, as it is reported.
+//! Reported state of a contact: gap, force, sliding velocity.
 
 use crate::friction::Friction;
 use nalgebra::Vector3;

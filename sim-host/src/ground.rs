@@ -12,11 +12,11 @@ use crate::servo::Servo;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_drives as drives;
 use rollwalk_physics::ground::Ground;
-use rollwalk_physics::motor::Law;
+use rollwalk_physics::motor::{Law, torque_speed_line};
 use rollwalk_physics::world::Parameters;
 use rollwalk_physics::{StepError, World};
 use rollwalk_protocol::library::ClipId;
-use rollwalk_robot::{Channel, Robot, TorqueSpeedLine};
+use rollwalk_robot::Robot;
 use std::f64::consts::PI;
 use std::sync::Arc;
 use travel::{heading_rad, tilt_rad};
@@ -33,9 +33,6 @@ const FALLEN_RAD: f64 = 1.0;
 const FALLEN_HEIGHT: f64 = 0.4;
 /// Fastest that the hoist goes up and down, m/s.
 const HOIST_M_S: f64 = 0.3;
-/// Stall torque of a motor of unknown torque-speed line, as a multiple of its greatest torque: at its top speed the
-/// torque ends abruptly.
-const ABRUPT: f64 = 20.0;
 
 /// A fall.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,7 +80,7 @@ impl Grounded {
         let parameters = Parameters::new(robot);
         let end_effectors = robot.end_effectors.len();
         let world = World::standing(robot, &ground, &parameters);
-        let lines = robot.channels().map(|channel| line(&channel)).collect();
+        let lines = robot.channels().map(|channel| torque_speed_line(channel.actuator())).collect();
         let (origin, _) = world.base();
         Self {
             world,
@@ -228,16 +225,6 @@ impl Grounded {
 fn lowest_m(world: &World, end_effectors: usize) -> f64 {
     let touches = (0..end_effectors).map(|number| world.touch(number));
     touches.map(|touch| touch.gap_m / touch.normal.z).fold(f64::INFINITY, f64::min)
-}
-
-fn line(channel: &Channel) -> (f64, f64) {
-    let actuator = channel.actuator();
-    match actuator.torque_speed {
-        Some(TorqueSpeedLine { stall_torque_nm, no_load_speed_rad_s }) => {
-            (stall_torque_nm, no_load_speed_rad_s)
-        }
-        None => (ABRUPT * actuator.torque_max_nm, actuator.speed_max_rad_s),
-    }
 }
 
 fn about_vertical(angle_rad: f64) -> Matrix3<f64> {

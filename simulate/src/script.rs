@@ -123,13 +123,10 @@ impl<'a> Script<'a> {
 
 /// The servo of a channel at rest, with the gains and limits of the robot file.
 fn servo(channel: &Channel<'_>) -> Law {
-    let actuator = channel.actuator();
-    Law {
-        kp_nm_rad: if matches!(channel, Channel::Joint(_)) { actuator.kp_nm_rad } else { 0.0 },
-        kd_nm_s_rad: actuator.kd_nm_s_rad,
-        limit_nm: actuator.torque_max_nm,
-        line: actuator.torque_speed.map(|line| (line.stall_torque_nm, line.no_load_speed_rad_s)),
-        ..Law::default()
+    let law = Law::servo(channel.actuator());
+    match channel {
+        Channel::Joint(_) => law,
+        Channel::Wheel(..) => Law { kp_nm_rad: 0.0, ..law },
     }
 }
 

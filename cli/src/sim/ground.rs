@@ -32,7 +32,7 @@ pub struct Printer {
 }
 
 impl Printer {
-    /// Prints what is new.
+    /// Prints the motions that ended and the falls since the last call.
     pub fn print(&mut self, rig: &mut Rig) {
         for travel in rig.take_travels().iter().filter(|travel| travel.duration_s() >= SHORTEST_S) {
             // Transitions have no names.

@@ -1,4 +1,4 @@
-//! Solids whose distance has a closed form, and what is made of them.
+//! Signed distances in closed form: plane, sphere, capsule, cuboid; rounded solids and unions.
 
 use super::{Ground, Surface};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};

@@ -1,5 +1,5 @@
-//! Room that a motion leaves, as it is played: how high swings go, how near limbs come to each other and to the ground.
-//! Residuals are only what is missing of a margin; this is what is there.
+//! Smallest distances of a motion as it is played: swing height, between limbs, and between limbs and the ground.
+//! Residuals show only by how much a margin is missed; these are the distances themselves.
 
 use super::clearance::{distance, height_m};
 use super::grid::{State, Timeline};
