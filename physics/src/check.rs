@@ -51,14 +51,27 @@ pub fn agrees_at(force: &dyn Force, count: u64, prepare: impl Fn(&mut [Motion]))
         let weights = Weights::new(Scheme::Bdf2, 0.01);
         let wrenches = |now: &[Motion]| {
             let mut wrenches = vec![Wrench::default(); bodies];
-            let view = View { now, last: &last, before: &before, weights: &weights, secant: false };
+            let view = View {
+                now,
+                last: &last,
+                before: &before,
+                weights: &weights,
+                tame: false,
+                held: None,
+            };
             force.wrenches(&view, &mut wrenches);
             wrenches
         };
         let mut found = vec![Derivative::default(); bodies * bodies];
         let mut again = vec![Wrench::default(); bodies];
-        let view =
-            View { now: &now, last: &last, before: &before, weights: &weights, secant: false };
+        let view = View {
+            now: &now,
+            last: &last,
+            before: &before,
+            weights: &weights,
+            tame: false,
+            held: None,
+        };
         force.derivatives(&view, &mut again, &mut found);
         let scale = 1.0 + again.iter().map(|w| w.stacked().norm()).fold(0.0, f64::max);
         for (one, other) in wrenches(&now).iter().zip(&again) {

@@ -5,12 +5,13 @@
 
 mod place;
 
-use crate::force::{By, Derivative, Force, View, Wrench};
+use crate::force::{By, Derivative, Force, Held, View, Wrench};
 use crate::friction::Friction;
 use crate::ground::{Ground, Surface};
+use crate::kinks::Kink;
 use crate::motion::Motion;
 use crate::touch::Touch;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Matrix6x3, RowVector3, Vector3};
 use place::{Place, across};
 use rollwalk_multibody::rotation::skew;
 use std::sync::Arc;
@@ -19,6 +20,11 @@ pub use place::Tip;
 
 /// Speed at which rolling resistance has three quarters of its size, m/s.
 const RESISTANCE_SPEED_M_S: f64 = 0.01;
+
+/// Gap beyond which a point is not expected to touch within an iteration, m.
+const REACH_M: f64 = 0.02;
+/// Gap beyond which one is not expected to touch within a step, besides what it moves, m.
+const FAR_M: f64 = 0.005;
 
 /// Stiffness and damping along the normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,6 +68,19 @@ pub struct Contact {
     pub ground: Arc<dyn Ground>,
 }
 
+/// Where a contact is at a motion of its body.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spot {
+    /// From the centre of mass, m.
+    pub arm: Vector3<f64>,
+    pub gap_m: f64,
+    pub normal: Vector3<f64>,
+    /// Of the body there, m/s.
+    pub velocity: Vector3<f64>,
+    /// Unit vector across a blade.
+    blade: Option<Vector3<f64>>,
+}
+
 /// A quantity with its derivatives by position, rotation, velocity and spin of the body.
 #[derive(Clone, Copy)]
 struct Varied {
@@ -87,7 +106,7 @@ impl Contact {
             friction: self.friction,
         };
         if gap_m < 0.0 {
-            let (force, normal_n, slips) = self.force(&place, &velocity);
+            let (force, normal_n, slips) = self.force(&place, &velocity, None);
             touch = Touch { force, normal_n, slips, ..touch };
         }
         touch
@@ -112,7 +131,12 @@ impl Contact {
     }
 
     /// Force of the ground, its spring's part, N, and whether the contact slips.
-    fn force(&self, place: &Place, velocity: &Vector3<f64>) -> (Vector3<f64>, f64, bool) {
+    fn force(
+        &self,
+        place: &Place,
+        velocity: &Vector3<f64>,
+        held: Option<&Held>,
+    ) -> (Vector3<f64>, f64, bool) {
         let Surface { gap_m, normal, .. } = place.surface;
         let spring = -self.normal.stiffness_n_m * gap_m;
         let approach = normal.dot(velocity);
@@ -125,8 +149,61 @@ impl Contact {
             let ahead = across.cross(&normal);
             along = ahead * -(spring * self.resistance(ahead.dot(velocity)).0);
         }
-        let friction = self.friction.force(&sliding, spring);
+        let friction = self.friction.held_force(held, &sliding, spring);
         (normal * normal_n + friction.force + along, spring, friction.slips)
+    }
+
+    /// Where it is, at a motion of its body.
+    pub(crate) fn spot(&self, body: &Motion) -> Spot {
+        let place = Place::new(self, body);
+        let Surface { gap_m, normal, .. } = place.surface;
+        let velocity = body.velocity + body.spin.cross(&place.arm);
+        let blade = match (self.tip, place.axis) {
+            (Tip::Blade { .. }, Some(axis)) => Some(across(&axis, &normal).0),
+            _ => None,
+        };
+        Spot { arm: place.arm, gap_m, normal, velocity, blade }
+    }
+
+    /// Force after a small displacement of the point, m, with its velocity changed by `gain` times as much; and the
+    /// derivative by the displacement.
+    pub(crate) fn law(
+        &self,
+        spot: &Spot,
+        held: Option<&Held>,
+        gain: f64,
+        shift: &Vector3<f64>,
+    ) -> (Vector3<f64>, Matrix3<f64>) {
+        let Spot { normal, blade, .. } = *spot;
+        let gap_m = spot.gap_m + normal.dot(shift);
+        if gap_m >= 0.0 {
+            return (Vector3::zeros(), Matrix3::zeros());
+        }
+        let velocity = spot.velocity + shift * gain;
+        let stiffness = self.normal.stiffness_n_m;
+        let spring = -stiffness * gap_m;
+        let (damping, damping_slope) = self.damping(gap_m);
+        let approach = normal.dot(&velocity);
+        let normal_n = spring - damping * approach;
+        let by_gap = -stiffness - damping_slope * approach - damping * gain;
+        let mut force = normal * normal_n;
+        let mut by_shift = normal * normal.transpose() * by_gap;
+        let across = match blade {
+            Some(across) => across * across.transpose(),
+            None => Matrix3::identity() - normal * normal.transpose(),
+        };
+        let friction = self.friction.held_force(held, &(across * velocity), spring);
+        force += friction.force;
+        by_shift += friction.by_sliding * across * gain
+            - friction.by_normal * normal.transpose() * stiffness;
+        if let Some(across) = blade {
+            let ahead = across.cross(&normal);
+            let (share, slope) = self.resistance(ahead.dot(&velocity));
+            force -= ahead * (spring * share);
+            by_shift += ahead * normal.transpose() * (stiffness * share)
+                - ahead * ahead.transpose() * (spring * slope * gain);
+        }
+        (force, by_shift)
     }
 
     /// Moment of the rolling resistance of a rim about its axis.
@@ -144,7 +221,7 @@ impl Contact {
 
 impl Varied {
     /// a·b and its derivatives.
-    fn dot(&self, other: &Self) -> (f64, [nalgebra::RowVector3<f64>; 4]) {
+    fn dot(&self, other: &Self) -> (f64, [RowVector3<f64>; 4]) {
         let by = [0, 1, 2, 3]
             .map(|k| self.value.transpose() * other.by[k] + other.value.transpose() * self.by[k]);
         (self.value.dot(&other.value), by)
@@ -163,7 +240,7 @@ impl Force for Contact {
             return;
         }
         let velocity = body.velocity + body.spin.cross(&place.arm);
-        let (force, _, _) = self.force(&place, &velocity);
+        let (force, _, _) = self.force(&place, &velocity, view.held.as_ref());
         wrenches[0].force += force;
         wrenches[0].moment += place.arm.cross(&force) + self.rolling_moment(body, &place);
     }
@@ -177,7 +254,7 @@ impl Force for Contact {
         const PARTS: [By; 4] = [By::Position, By::Rotation, By::Velocity, By::Spin];
         let body = &view.now[0];
         let place = Place::new(self, body);
-        let Surface { gap_m, gradient, normal, curvature } = place.surface;
+        let Surface { gap_m, normal, .. } = place.surface;
         if gap_m >= 0.0 {
             return;
         }
@@ -195,9 +272,10 @@ impl Force for Contact {
         };
         let normal = Varied {
             value: normal,
-            by: [curvature * by_position, curvature * by_rotation, none, none],
+            by: [place.normal_by_position, place.normal_by_rotation, none, none],
         };
-        let gap_by = [by_position, by_rotation, none, none].map(|m| gradient.transpose() * m);
+        let still = RowVector3::zeros();
+        let gap_by = [place.gap_by_position, place.gap_by_rotation, still, still];
         let (approach, approach_by) = normal.dot(&velocity);
         let stiffness = self.normal.stiffness_n_m;
         let spring = -stiffness * gap_m;
@@ -235,8 +313,8 @@ impl Force for Contact {
                 ahead.by[k] * -(spring * share) + ahead.value * size_by
             });
         }
-        let mut friction = self.friction.force(&sliding.value, spring);
-        if view.secant {
+        let mut friction = self.friction.held_force(view.held.as_ref(), &sliding.value, spring);
+        if view.tame && view.held.is_none() {
             friction = friction.secant(&sliding.value);
         }
 
@@ -268,6 +346,37 @@ impl Force for Contact {
         }
     }
 
+    fn has_kink(&self) -> bool {
+        true
+    }
+
+    fn kink(&self, now: &[Motion], held: Option<Held>) -> Option<Kink<'_>> {
+        let spot = self.spot(&now[0]);
+        if spot.gap_m > self.radius_m.max(REACH_M) {
+            return None;
+        }
+        let mut lever = Matrix6x3::zeros();
+        lever.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+        lever.fixed_view_mut::<3, 3>(3, 0).copy_from(&skew(&spot.arm));
+        Some(Kink {
+            levers: [lever, Matrix6x3::zeros()],
+            directions: 3,
+            always: spot.gap_m < 0.0,
+            law: Box::new(move |gain, shift| self.law(&spot, held.as_ref(), gain, shift)),
+        })
+    }
+
+    fn is_far(&self, now: &[Motion], step_s: f64) -> bool {
+        let (center, velocity) = now[0].point(&self.center);
+        let speed_m_s = velocity.norm() + self.radius_m * now[0].spin.norm();
+        let clear_m = self.ground.at(&center).gap_m - self.radius_m;
+        clear_m > FAR_M + 2.0 * step_s * speed_m_s
+    }
+
+    fn friction(&self) -> Option<&Friction> {
+        Some(&self.friction)
+    }
+
     fn touch(&self, now: &[Motion]) -> Option<Touch> {
         Some(self.touch_at(&now[0]))
     }
@@ -283,7 +392,7 @@ mod tests {
     use super::*;
     use crate::check::agrees_at;
     use crate::friction::Model;
-    use crate::ground::{Grid, HeightField, Plane, Profile, Sphere};
+    use crate::ground::{Capsule, Grid, HeightField, Plane, Profile, Sphere};
 
     fn contact(tip: Tip, ground: Arc<dyn Ground>, model: Model) -> Contact {
         Contact {
@@ -306,7 +415,9 @@ mod tests {
         let wave = |k: i32| 0.02 * (f64::from(k % 30) * 0.3).sin() + 0.01 * f64::from(k / 30);
         let heights = (0..900).map(wave).collect();
         let field = HeightField::new([-1.5, -1.5], 0.1, [30, 30], heights).unwrap();
-        let grounds: [Arc<dyn Ground>; 6] = [
+        let ends = [Vector3::new(-2.0, 0.3, -0.2), Vector3::new(2.0, -0.4, 0.1)];
+        let grounds: [Arc<dyn Ground>; 7] = [
+            Arc::new(Capsule { ends, radius_m: 0.3 }),
             Arc::new(Plane::level()),
             Arc::new(Plane::rising(0.3)),
             Arc::new(ball),
@@ -326,6 +437,39 @@ mod tests {
                             now[0].position -= normal * (gap + depth);
                         });
                     }
+                }
+            }
+        }
+    }
+
+    /// Its law of a shift is its force after that shift, and has its derivative.
+    #[test]
+    fn the_law_of_a_shift_is_the_force_after_it() {
+        let (axis, gain) = (Vector3::new(0.1, 1.0, 0.05).normalize(), 60.0);
+        for (tip, model) in [
+            (Tip::Sphere, Model::Linear),
+            (Tip::Rim { axis }, Model::Tanh),
+            (Tip::Blade { axis }, Model::Linear),
+        ] {
+            let contact = contact(tip, Arc::new(Plane::rising(0.3)), model);
+            let mut body = Motion::at(Vector3::new(0.0, 0.0, 0.1));
+            body.velocity = Vector3::new(0.3, -0.2, 0.1);
+            let spot = contact.spot(&body);
+            // Deep, shallow, open.
+            for shift in [[0.01, 0.02, -0.04], [-0.01, 0.003, 0.003], [0.0, 0.0, 0.2]] {
+                let shift = Vector3::from(shift);
+                let mut moved = body;
+                moved.position += shift;
+                moved.velocity += shift * gain;
+                let (force, by_shift) = contact.law(&spot, None, gain, &shift);
+                let expected = contact.touch_at(&moved).force;
+                assert!((force - expected).norm() < 1e-9 * (1.0 + force.norm()), "{tip:?}");
+                for axis in 0..3 {
+                    let step = Vector3::ith(axis, 1e-7);
+                    let at = |shift| contact.law(&spot, None, gain, &shift).0;
+                    let rate = (at(shift + step) - at(shift - step)) / 2e-7;
+                    let error = (rate - by_shift.column(axis)).norm();
+                    assert!(error < 1e-5 * (1.0 + by_shift.norm()), "{tip:?}: {rate} {by_shift}");
                 }
             }
         }

@@ -4,6 +4,8 @@
 //! velocity and spin of all of them. It knows nothing of unknowns, steps and matrices: the stepper applies the chain rule.
 //! So one element serves every integrator, and its derivatives can be tested by themselves.
 
+use crate::friction::Friction;
+use crate::kinks::Kink;
 use crate::motion::{Motion, Weights};
 use crate::touch::Touch;
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
@@ -92,9 +94,21 @@ pub struct View<'a> {
     pub before: &'a [Motion],
     /// Weights of the step's backward differences.
     pub weights: &'a Weights,
-    /// Whether derivatives may be those of a smoother force through the same point: where the exact ones lead Newton's
-    /// method to and fro across a kink.
-    pub secant: bool,
+    /// Whether derivatives may be those of a tamer force with the same value here: friction by its secant, joints whose
+    /// forces keep their moments as they turn. For where the exact ones lead Newton's method to and fro across a kink, or
+    /// down from a saddle.
+    pub tame: bool,
+    /// What hybrid friction makes of a contact that it holds.
+    pub held: Option<Held>,
+}
+
+/// Friction of a sticking contact: the friction force found so far, minus a stiffness times the remaining sliding velocity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Held {
+    /// N.
+    pub force: Vector3<f64>,
+    /// Stiffness against sliding, N·s/m.
+    pub stick_n_s_m: f64,
 }
 
 /// Something that acts on bodies. Results are functions of the motions alone, so that a step can be tried again.
@@ -108,6 +122,31 @@ pub trait Force: Any + Debug + Send + Sync {
     /// Adds the wrenches and their derivatives: that of the wrench on body `i` by the motion of body `j` is in
     /// `derivatives[i * bodies + j]`.
     fn derivatives(&self, view: &View<'_>, wrenches: &mut [Wrench], derivatives: &mut [Derivative]);
+
+    /// Hears that a step has ended with these motions of all bodies: for what the motions do not tell. To hear of motions at the
+    /// beginning of a step again must undo it.
+    fn end_step(&mut self, _motions: &[Motion]) {}
+
+    /// Whether it may ever have a [`Kink`].
+    fn has_kink(&self) -> bool {
+        false
+    }
+
+    /// Its law near motions of its bodies, of a force with kinks that its derivatives do not see.
+    fn kink(&self, _now: &[Motion], _held: Option<Held>) -> Option<Kink<'_>> {
+        None
+    }
+
+    /// Whether it does nothing in a step of this length, s, unless its bodies move in ways that their motions do not show. The
+    /// solver looks again when it has the step.
+    fn is_far(&self, _now: &[Motion], _step_s: f64) -> bool {
+        false
+    }
+
+    /// Friction of its contact, of a force that is one.
+    fn friction(&self) -> Option<&Friction> {
+        None
+    }
 
     /// State of its contact, of a force that is one.
     fn touch(&self, _now: &[Motion]) -> Option<Touch> {

@@ -1,5 +1,6 @@
 //! Friction of a contact point as a force that depends on its sliding velocity (thesis 4.4.2).
 
+use crate::force::Held;
 use nalgebra::{Matrix3, Vector3};
 
 /// How friction grows with sliding.
@@ -10,8 +11,7 @@ pub enum Model {
     Linear,
     /// Smooth across the transition (Eq. 4.14).
     Tanh,
-    /// Linear while it slides; what sticks does not move at all (thesis 4.4.3). For particles; contacts of rigid bodies,
-    /// several of which would hold one body too often, are linear under it.
+    /// Linear while it slides; what sticks does not move at all (thesis 4.4.3).
     Hybrid,
 }
 
@@ -53,6 +53,17 @@ impl FrictionForce {
 }
 
 impl Friction {
+    /// The force of a contact that is held, up to the cone, or of one that is not.
+    pub(crate) fn held_force(
+        &self,
+        held: Option<&Held>,
+        sliding: &Vector3<f64>,
+        normal_n: f64,
+    ) -> FrictionForce {
+        let Some(&Held { force, stick_n_s_m }) = held else { return self.force(sliding, normal_n) };
+        Self { stick_n_s_m, ..*self }.force(&(sliding - force / stick_n_s_m), normal_n)
+    }
+
     /// The force at a sliding velocity, m/s in the tangent plane, under a normal force, N.
     pub fn force(&self, sliding: &Vector3<f64>, normal_n: f64) -> FrictionForce {
         let limit = self.coefficient * normal_n;

@@ -1,16 +1,21 @@
 //! Ground as a signed distance: gap, normal and curvature at a point (thesis 4.5).
 
+mod convex;
+pub mod file;
 mod grid;
 mod shapes;
 mod spline;
 mod terrain;
+mod turned;
 
 use nalgebra::{Matrix3, Vector3};
+use std::sync::Arc;
 
 pub use grid::Grid;
 pub use shapes::{Capsule, Cuboid, Plane, Rounded, Sphere, Union};
 pub use spline::FieldError;
 pub use terrain::{HeightField, Profile, ProfileError};
+pub use turned::Turned;
 
 /// The ground as seen from a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +54,23 @@ impl Surface {
 pub trait Ground: std::fmt::Debug + Send + Sync {
     /// The ground as seen from a point in world axes, m.
     fn at(&self, point: &Vector3<f64>) -> Surface;
+
+    /// Whether the gap is the distance at all points outside. Spheres and wheels then touch where their centres are nearest,
+    /// edges included; else where their own surface is deepest.
+    fn is_distance(&self) -> bool {
+        false
+    }
+
+    /// Parts that something can touch at the same time; none where all of it is one. The nearest of them is the ground.
+    fn parts(&self) -> Vec<Arc<dyn Ground>> {
+        Vec::new()
+    }
+}
+
+/// Every part of a ground for itself; of one without parts, the ground.
+pub(crate) fn parts_of(ground: &Arc<dyn Ground>) -> Vec<Arc<dyn Ground>> {
+    let parts = ground.parts();
+    if parts.is_empty() { vec![Arc::clone(ground)] } else { parts }
 }
 
 /// Panics where gradient or curvature differ from central differences at a point.

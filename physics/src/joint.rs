@@ -58,7 +58,7 @@ impl Force for Ball {
         derivatives: &mut [Derivative],
     ) {
         self.wrenches(view, wrenches);
-        self.ends.add_derivatives(view.now, &self.pull(view.now), derivatives);
+        self.ends.add_derivatives(view.now, &self.pull(view.now), view.tame, derivatives);
     }
 
     fn energy(&self, now: &[Motion]) -> f64 {
@@ -99,7 +99,12 @@ impl Force for ParallelAxes {
         // δ(b × a) and δ((a·w) a): δa = −[a] δθ_a, δb = −[b] δθ_b.
         let about = Matrix3::identity() * axis.dot(&slip) + axis * slip.transpose();
         let by_first = b * a * -self.stiffness_nm_rad - about * a * self.damping_nm_s_rad;
-        let by_turn = [by_first, a * b * self.stiffness_nm_rad];
+        let by_turn = if view.tame {
+            let stiffness = (Matrix3::identity() - axis * axis.transpose()) * self.stiffness_nm_rad;
+            [stiffness - about * a * self.damping_nm_s_rad, -stiffness]
+        } else {
+            [by_first, a * b * self.stiffness_nm_rad]
+        };
         let across = Matrix3::identity() - axis * axis.transpose();
         let by_spin = [1.0, -1.0].map(|sign| across * (sign * self.damping_nm_s_rad));
         for (i, on_i) in [(0, -1.0), (1, 1.0)] {

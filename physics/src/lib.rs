@@ -11,9 +11,10 @@
 //! | [`force`] | the interface of what acts on bodies |
 //! | [`points`], [`joint`], [`spring`], [`anchor`], [`motor`] | what holds points together; joints as stiff springs; springs and strings; bolts in the world; motors |
 //! | [`soft`] | soft bodies of tetrahedra |
-//! | [`hold`] | a hoist, a stand or a hand |
+//! | [`hold`], [`push`] | a hoist, a stand or a hand; forces from outside |
 //! | [`ground`] | signed distance of terrain and fixed solids |
 //! | [`contact`], [`friction`], [`touch`], [`event`] | contact with the ground, its friction law, its reported state, and touch-down, lift-off and slip |
+//! | [`kinks`] | where forces are not smooth, and how the solver passes there |
 //! | [`system`] | the step, halved where it does not converge |
 //! | `newton`, `residual`, `matrix`, `block_lu`, `sticking` | how a step is solved: the method, the equations, their matrix and its factors, what friction holds |
 //! | [`world`] | a robot from its description |
@@ -31,11 +32,13 @@ pub mod friction;
 pub mod ground;
 pub mod hold;
 pub mod joint;
+pub mod kinks;
 mod matrix;
 pub mod motion;
 pub mod motor;
 mod newton;
 pub mod points;
+pub mod push;
 mod residual;
 pub mod rotation;
 pub mod soft;

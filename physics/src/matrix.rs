@@ -38,6 +38,8 @@ pub(crate) struct BlockMatrix {
     blocks: Option<(BlockLu, Vec<usize>)>,
     /// Made when it is needed first.
     exchanging: Option<Exchanging>,
+    /// Whether its factors are those that solve the matrix.
+    exchanged: bool,
     solution: Vec<f64>,
 }
 
@@ -87,7 +89,15 @@ impl BlockMatrix {
             (lu, begins)
         });
         let pattern = SymbolicSparseColMat::new_checked(size, size, starts, None, rows);
-        Self { pattern, values, slots, blocks, exchanging: None, solution: vec![0.0; size] }
+        Self {
+            pattern,
+            values,
+            slots,
+            blocks,
+            exchanging: None,
+            exchanged: false,
+            solution: vec![0.0; size],
+        }
     }
 
     /// Sets all to 0.
@@ -119,10 +129,22 @@ impl BlockMatrix {
         }
     }
 
-    /// Solves in place; false for a singular matrix or one with an entry that is no number.
+    /// Factorises and solves in place; false for a singular matrix or one with an entry that is no number.
     pub fn solve(&mut self, side: &mut [f64]) -> bool {
-        self.values.iter().all(|value| value.is_finite())
-            && (self.solve_blocks(side) || self.solve_exchanging(side))
+        if !self.values.iter().all(|value| value.is_finite()) {
+            return false;
+        }
+        self.exchanged = !self.solve_blocks(side);
+        !self.exchanged || self.solve_exchanging(side)
+    }
+
+    /// Solves in place for another right side, with the factors of the last [`BlockMatrix::solve`].
+    pub fn solve_again(&mut self, side: &mut [f64]) {
+        match (&self.blocks, &mut self.exchanging) {
+            (_, Some(exchanging)) if self.exchanged => exchanging.solve(side),
+            (Some((lu, _)), _) => lu.solve(side),
+            _ => unreachable!("the matrix was solved before"),
+        }
     }
 
     /// By blocks; false, and the right side as it was, where that is not exact.
@@ -181,11 +203,19 @@ impl BlockMatrix {
         if symbolic.factorize_numeric_lu(numeric, matrix, Par::Seq, stack, params).is_err() {
             return false;
         }
+        exchanging.solve(side);
+        true
+    }
+}
+
+impl Exchanging {
+    /// With the last factors.
+    fn solve(&mut self, side: &mut [f64]) {
         let size = side.len();
         let side = MatMut::from_column_major_slice_mut(side, size, 1);
-        let factors = LuRef::new_unchecked(symbolic, numeric);
+        let factors = LuRef::new_unchecked(&self.symbolic, &self.numeric);
+        let stack = MemStack::new(&mut self.memory);
         factors.solve_in_place_with_conj(Conj::No, side, Par::Seq, stack);
-        true
     }
 }
 

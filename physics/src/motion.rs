@@ -44,9 +44,24 @@ pub struct Displacement {
 }
 
 /// Order of the integrator.
+///
+/// Of robots, both settle and converge alike in iterations. BDF2 is much nearer to small steps, also where feet touch down:
+/// way of the third period, in % of that at 1/1920 s,
+///
+/// | plan | BDF1 1/60 s | 1/120 s | 1/240 s | BDF2 1/60 s | 1/120 s | 1/240 s |
+/// |---|---|---|---|---|---|---|
+/// | walk | +0.8 | +0.6 | +0.5 | −0.5 | +0.1 | +0.1 |
+/// | trot | +2.0 | +1.4 | +0.7 | −0.8 | −0.1 | 0.0 |
+/// | legbot_walk | −1.0 | +0.1 | +0.4 | +3.5 | −0.3 | −0.2 |
+/// | pup_walk | +1.9 | +1.1 | +0.6 | −0.2 | −0.1 | 0.0 |
+/// | swizzlebot_forward | −0.6 | −0.3 | −0.1 | 0.0 | 0.0 | 0.0 |
+/// | skate | −3.5 | −1.8 | −0.9 | +1.2 | +0.3 | +0.1 |
+///
+/// An impact lasts about a step, and costs BDF2 its lead at 1/60 s; at 1/120 s it is as good as BDF1 at 1/960 s. Where a
+/// robot flies and falls at an edge of stability (flying_trot) no step of either settles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Scheme {
-    /// Backward Euler: first order, damps.
+    /// Backward Euler: first order, damps; eats impacts and spin.
     #[default]
     Bdf1,
     /// Two-step backward differentiation: second order, damps far less.

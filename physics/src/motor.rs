@@ -1,11 +1,12 @@
 //! A motor on a hinge: a position and speed loop within the motor's limits, the inertia of its rotor, and the stops of the hinge.
 
-use crate::force::{By, Derivative, Force, View, Wrench};
+use crate::force::{By, Derivative, Force, Held, View, Wrench};
+use crate::kinks::Kink;
 use crate::motion::Motion;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Matrix6x3, Vector3};
 use rollwalk_multibody::rotation::skew;
 use rollwalk_robot::{Actuator, TorqueSpeedLine};
-use std::f64::consts::PI;
+use std::f64::consts::TAU;
 
 /// Stall torque of a motor of unknown torque-speed line, as a multiple of its torque limit: it has full torque up to 95 % of
 /// its speed limit.
@@ -65,7 +66,7 @@ impl Law {
 
     /// The torque at an angle, rad, and a speed, rad/s.
     pub fn torque(&self, angle_rad: f64, speed_rad_s: f64) -> Torque {
-        let error = wrapped(self.position_rad - angle_rad);
+        let error = self.position_rad - angle_rad;
         let wanted = self.kp_nm_rad * error
             + self.kd_nm_s_rad * (self.speed_rad_s - speed_rad_s)
             + self.torque_nm;
@@ -92,11 +93,6 @@ impl Law {
     }
 }
 
-/// An angle between −π and π that differs by whole turns.
-fn wrapped(angle_rad: f64) -> f64 {
-    (angle_rad + PI).rem_euclid(2.0 * PI) - PI
-}
-
 /// The motor of a hinge between a first body, which carries it, and a second, which it turns.
 #[derive(Clone, Debug)]
 pub struct Motor {
@@ -110,6 +106,8 @@ pub struct Motor {
     pub armature_kg_m2: f64,
     /// Where the hinge ends, if it does.
     pub stops: Option<Stops>,
+    /// Angle at the end of the last step, rad. Bodies do not tell whole turns; it does.
+    pub angle_rad: f64,
     /// What it does.
     pub law: Law,
 }
@@ -117,7 +115,7 @@ pub struct Motor {
 /// Mechanical stops of a hinge: springs beyond two angles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stops {
-    /// The angles, rad, between −π and π.
+    /// The angles, rad.
     pub range_rad: [f64; 2],
     /// Stiffness, N·m/rad.
     pub stiffness_nm_rad: f64,
@@ -138,10 +136,11 @@ impl Motor {
         carrier.rotation * self.axis
     }
 
-    /// Angle of the second body about the axis from the first, rad, −π to π.
+    /// Angle of the second body about the axis from the first, rad, within half a turn of that at the end of the last step.
     pub fn angle(&self, now: &[Motion]) -> f64 {
         let (sine, cosine, _) = self.sine_cosine(now);
-        sine.atan2(cosine)
+        let within_turn = sine.atan2(cosine);
+        within_turn + TAU * ((self.angle_rad - within_turn) / TAU).round()
     }
 
     /// Speed of the second body about the axis relative to the first, rad/s.
@@ -166,14 +165,20 @@ impl Motor {
         (sine, cosine, gradient)
     }
 
-    /// Moment about the axis on the second body.
-    fn moment(&self, view: &View<'_>) -> Torque {
-        let mut torque = self.torque(view.now);
+    /// Torque of motor and stops.
+    fn bounded(&self, angle_rad: f64, speed_rad_s: f64) -> Torque {
+        let mut torque = self.law.torque(angle_rad, speed_rad_s);
         if let Some(stops) = &self.stops {
-            let stop = stops.torque(self.angle(view.now));
+            let stop = stops.torque(angle_rad);
             torque.value_nm += stop.value_nm;
             torque.by_angle += stop.by_angle;
         }
+        torque
+    }
+
+    /// Moment about the axis on the second body.
+    fn moment(&self, view: &View<'_>) -> Torque {
+        let mut torque = self.bounded(self.angle(view.now), self.speed(view.now));
         let speed = |motions| self.speed(motions);
         let acceleration = view.weights.rate(speed(view.now), speed(view.last), speed(view.before));
         torque.value_nm -= self.armature_kg_m2 * acceleration;
@@ -185,6 +190,31 @@ impl Motor {
 impl Force for Motor {
     fn bodies(&self) -> &[usize] {
         &self.bodies
+    }
+
+    fn end_step(&mut self, motions: &[Motion]) {
+        let now = self.bodies.map(|body| motions[body]);
+        self.angle_rad = self.angle(&now);
+    }
+
+    fn has_kink(&self) -> bool {
+        true
+    }
+
+    fn kink(&self, now: &[Motion], _held: Option<Held>) -> Option<Kink<'_>> {
+        let axis = self.axis_in_world(&now[0]);
+        let mut lever = Matrix6x3::zeros();
+        lever.fixed_view_mut::<3, 1>(3, 0).copy_from(&axis);
+        let (angle, speed) = (self.angle(now), self.speed(now));
+        let law = move |gain: f64, shift: &Vector3<f64>| {
+            let torque = self.bounded(angle + shift.x, speed + gain * shift.x);
+            let by_shift = torque.by_angle + gain * torque.by_speed;
+            (
+                Vector3::new(torque.value_nm, 0.0, 0.0),
+                Matrix3::from_diagonal(&Vector3::new(by_shift, 0.0, 0.0)),
+            )
+        };
+        Some(Kink { levers: [-lever, lever], directions: 1, always: false, law: Box::new(law) })
     }
 
     fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]) {
@@ -232,6 +262,7 @@ mod tests {
             across: [Vector3::x(), Vector3::z()],
             armature_kg_m2: 0.02,
             stops: None,
+            angle_rad: 0.0,
             law,
         }
     }
@@ -265,8 +296,9 @@ mod tests {
         let law = Law { kp_nm_rad: 10.0, position_rad: 1.0, limit_nm: 4.0, ..Law::default() };
         assert!((law.torque(0.8, 0.0).value_nm - 2.0).abs() < 1e-12);
         assert_eq!(law.torque(0.0, 0.0).value_nm, 4.0);
-        // The short way round.
-        assert!((law.torque(1.0 - 2.0 * PI + 0.1, 0.0).value_nm + 1.0).abs() < 1e-12);
+        // Whole turns count.
+        assert!((law.torque(1.1, 0.0).value_nm + 1.0).abs() < 1e-12);
+        assert_eq!(law.torque(1.1 - TAU, 0.0).value_nm, 4.0);
         let fast = Law { line: Some((4.0, 10.0)), ..law };
         assert_eq!(fast.torque(0.0, 5.0).value_nm, 2.0);
         assert_eq!(fast.torque(0.0, 12.0).value_nm, 0.0);

@@ -1,7 +1,11 @@
 //! Newton's method on the equations of a step, with a line search (thesis 4.3.1).
+//!
+//! What an iteration costs is evaluating the matrix and factorising it. So kinks of contacts and motors are solved apart
+//! (`kinks.rs`), the last correction goes by the matrix before, and a step begins where bodies go with their acceleration.
 
 use crate::body::Body;
 use crate::force::Force;
+use crate::kinks::{Kinks, Leap};
 use crate::motion::Displacement;
 use crate::residual::{Derive, Equations, Step};
 use crate::sticking::Sticking;
@@ -16,9 +20,15 @@ const HALVINGS: u32 = 7;
 const MOST_TURN_RAD: f64 = 0.3;
 /// Share of a Newton step below which the line search has met a kink.
 const SHORT: f64 = 0.3;
-/// Iterations that go by the secants in a step that goes to and fro between kinks: longer and longer runs, and between them
-/// exact ones, which end it. Measured on the shipped motions, of which they leave one step in thousands to be halved.
-const SECANT_RUNS: [Range<u32>; 3] = [10..15, 17..26, 29..39];
+/// Iterations that go by the tame matrix in a step that goes to and fro between kinks: longer and longer runs, and between
+/// them exact ones, which end it. For soft feet, whose kinks are too many to be solved apart.
+const TAME_RUNS: [Range<u32>; 3] = [10..15, 17..26, 29..39];
+/// Share of the residual below which a whole step ends such a run.
+const CONVERGES: f64 = 0.3;
+/// Growth of the residual at which a step over kinks is taken back.
+const GROWTH: f64 = 10.0;
+/// Share of the residual below which a second correction by the same matrix must come.
+const STRAIGHT: f64 = 0.5;
 /// Power of the residual along a correction, as a share of that at its beginning, at which a line search is content.
 const FLAT: f64 = 0.5;
 
@@ -31,6 +41,7 @@ const ROUNDING: f64 = 1e-15;
 pub(crate) struct Newton {
     equations: Equations,
     correction: Vec<f64>,
+    kinks: Kinks,
     sticking: Sticking,
 }
 
@@ -51,7 +62,8 @@ impl Newton {
     pub fn new(bodies: &[Body], forces: &[Box<dyn Force>]) -> Self {
         let equations = Equations::new(bodies, forces);
         let correction = vec![0.0; equations.residual.len()];
-        Self { equations, correction, sticking: Sticking::new(bodies, forces) }
+        let kinks = Kinks::new(bodies, forces);
+        Self { equations, correction, kinks, sticking: Sticking::new(bodies, forces) }
     }
 
     /// The equations at the last trial: after [`Newton::solve`], at its solution.
@@ -59,7 +71,7 @@ impl Newton {
         &self.equations
     }
 
-    /// The particles that hybrid friction held in the last step.
+    /// What hybrid friction held in the last step.
     pub fn sticking(&self) -> &Sticking {
         &self.sticking
     }
@@ -74,49 +86,127 @@ impl Newton {
     ) -> Result<Vec<Displacement>, Failure> {
         self.equations.begin(step);
         self.sticking.begin();
-        let step_s = step.weights.step_s;
-        // A body goes on as it moves; if that turns a soft body inside out, it stays.
-        let going_on = step.now.iter().map(|motion| Displacement {
-            shift: motion.velocity * step_s,
-            turn: motion.spin * step_s,
-        });
-        let mut trial: Vec<Displacement> = going_on.collect();
-        let mut norm = self.evaluate(step, &trial, Derive::Exact);
-        if !norm.is_finite() {
-            trial.fill(Displacement::default());
-            norm = self.evaluate(step, &trial, Derive::Exact);
-        }
-        let (mut secant, mut iterations) = (false, 0);
+        let (mut trial, mut norm, guessed) = self.guess(step, tolerance);
+        // Whether the matrix is that of the trial, and whether it is, or is to be, the tame one.
+        let (mut derived, mut tame, mut iterations) = (guessed, false, 0);
         loop {
             if norm < tolerance.sqrt() && self.sticking.decide(step, &self.equations) {
-                norm = self.evaluate(step, &trial, Derive::Exact);
+                norm = self.evaluate(step, &trial, Derive::Nothing);
+                (derived, tame) = (false, false);
+                if iterations > 0 {
+                    (trial, norm) = self.again(step, trial, norm);
+                }
+                continue;
+            }
+            if norm < tolerance && self.equations.wake(step) {
+                norm = self.evaluate(step, &trial, Derive::Nothing);
+                derived = false;
                 continue;
             }
             if norm < tolerance {
                 report.residual = norm;
                 return Ok(trial);
             }
+            if !derived {
+                norm = self.evaluate(step, &trial, if tame { Derive::Tame } else { Derive::Exact });
+            }
             if iterations == most_iterations || !norm.is_finite() || !self.correct() {
                 return Err(self.failure(norm, iterations));
             }
-            if self.is_rounding() {
+            if self.is_rounding() && !self.equations.wake(step) {
                 report.residual = norm;
                 return Ok(trial);
             }
             iterations += 1;
             report.iterations += 1;
-            self.cap_turns();
-            let share;
-            (trial, share) = self.search(step, &trial, norm, report);
-            // Where a kink cut the step short, the next one goes by the secants.
-            secant = if iterations < SECANT_RUNS[0].start {
-                !secant && share < SHORT
+            // Particles that are held have other equations than their forces.
+            let leap = if self.sticking.holds().is_empty() {
+                let Self { equations, correction, kinks, sticking } = self;
+                kinks.correct(step, equations, sticking.held(), norm, correction)
             } else {
-                SECANT_RUNS.iter().any(|run| run.contains(&iterations))
+                Leap::Stays
             };
-            let derive = if secant { Derive::Secant } else { Derive::Exact };
-            norm = self.evaluate(step, &trial, derive);
+            derived = false;
+            if leap == Leap::Fails && !tame {
+                tame = true;
+                continue;
+            }
+            self.cap_turns();
+            let before = norm;
+            let (moved, share, found) = self.search(step, &trial, norm, report);
+            // Beyond kinks, what is no lowest point leads far away.
+            let astray = found > GROWTH * norm || !found.is_finite();
+            if leap == Leap::Leaps && !tame && astray {
+                tame = true;
+                continue;
+            }
+            (trial, norm) = (moved, found);
+            // The matrix is wrong by about the share of the residual that it left.
+            let ends = norm >= tolerance && norm * (norm / before) <= tolerance;
+            if ends && share == 1.0 && leap == Leap::Stays {
+                (trial, norm) = self.again(step, trial, norm);
+            }
+            // Where a kink cut the step short, the next one goes by the tame matrix.
+            let converges = share == 1.0 && norm < CONVERGES * before;
+            tame = if iterations < TAME_RUNS[0].start {
+                !tame && share < SHORT
+            } else {
+                !converges && TAME_RUNS.iter().any(|run| run.contains(&iterations))
+            };
         }
+    }
+
+    /// Where to begin, and whether with the matrix there: bodies go on with their acceleration, or at their velocity, whichever leaves
+    /// the smaller residual. Impacts make the one worse; without it joints of spinning bodies come apart. If both turn a
+    /// soft body inside out, all stay where they are.
+    fn guess(&mut self, step: &Step<'_>, tolerance: f64) -> (Vec<Displacement>, f64, bool) {
+        let step_s = step.weights.step_s;
+        let going_on = |share: f64| -> Vec<Displacement> {
+            let on = |now: Vector3<f64>, last: Vector3<f64>| (now + (now - last) * share) * step_s;
+            let both = step.now.iter().zip(step.last);
+            both.map(|(now, last)| Displacement {
+                shift: on(now.velocity, last.velocity),
+                turn: on(now.spin, last.spin),
+            })
+            .collect()
+        };
+        let mut steady = going_on(0.0);
+        if step.acceleration_share != 0.0 {
+            let found = self.evaluate(step, &steady, Derive::Nothing);
+            if found < tolerance {
+                return (steady, found, false);
+            }
+            let speeding = going_on(step.acceleration_share);
+            let norm = self.evaluate(step, &speeding, Derive::Exact);
+            if norm < found {
+                return (speeding, norm, true);
+            }
+        }
+        let mut norm = self.evaluate(step, &steady, Derive::Exact);
+        if !norm.is_finite() {
+            steady.fill(Displacement::default());
+            norm = self.evaluate(step, &steady, Derive::Exact);
+        }
+        (steady, norm, true)
+    }
+
+    /// One more correction by the same matrix, unless it is none: evaluating and factorising it are most of what an iteration
+    /// costs.
+    fn again(
+        &mut self,
+        step: &Step<'_>,
+        trial: Vec<Displacement>,
+        norm: f64,
+    ) -> (Vec<Displacement>, f64) {
+        self.correction.copy_from_slice(&self.equations.residual);
+        self.equations.matrix.solve_again(&mut self.correction);
+        let moved = self.moved(&trial, 1.0);
+        let found = self.evaluate(step, &moved, Derive::Nothing);
+        if found < norm {
+            return (moved, found);
+        }
+        let norm = self.evaluate(step, &trial, Derive::Nothing);
+        (trial, norm)
     }
 
     /// The trial moved by a share of the correction; and the share.
@@ -130,7 +220,7 @@ impl Newton {
         trial: &[Displacement],
         norm: f64,
         report: &mut StepReport,
-    ) -> (Vec<Displacement>, f64) {
+    ) -> (Vec<Displacement>, f64, f64) {
         let before = -self.power();
         let (mut low, mut high) = ((0.0, before), None);
         let mut share = 1.0;
@@ -140,7 +230,13 @@ impl Newton {
             let power = -self.power();
             let descends = power < 0.0 && share == 1.0 || power.abs() <= FLAT * before.abs();
             if if before < 0.0 { descends } else { found < norm } {
-                return (moved, share);
+                return (moved, share, found);
+            }
+            let whole = share == 1.0;
+            if let Some((again, found)) =
+                whole.then(|| self.straighten(step, &moved, norm)).flatten()
+            {
+                return (again, share, found);
             }
             report.halvings += 1;
             if power < 0.0 {
@@ -158,11 +254,32 @@ impl Newton {
             share = low.0 + (end - low.0) * within;
         }
         // The whole step leads to the other side of a kink, whose derivatives know better.
-        (self.moved(trial, 1.0), 1.0)
+        let moved = self.moved(trial, 1.0);
+        let found = self.evaluate(step, &moved, Derive::Nothing);
+        (moved, 1.0, found)
+    }
+
+    /// A whole step that leaves a much smaller residual after another correction by the same matrix: along a straight one
+    /// joints come apart, at first order not at all, but so stiff they are that the line search would turn it down.
+    fn straighten(
+        &mut self,
+        step: &Step<'_>,
+        moved: &[Displacement],
+        norm: f64,
+    ) -> Option<(Vec<Displacement>, f64)> {
+        let straight = self.correction.clone();
+        self.correction.copy_from_slice(&self.equations.residual);
+        self.equations.matrix.solve_again(&mut self.correction);
+        self.cap_turns();
+        let again = self.moved(moved, 1.0);
+        self.correction = straight;
+        let found = self.evaluate(step, &again, Derive::Nothing);
+        (found < STRAIGHT * norm).then_some((again, found))
     }
 
     fn evaluate(&mut self, step: &Step<'_>, trial: &[Displacement], derive: Derive) -> f64 {
-        self.equations.evaluate(step, trial, self.sticking.holds(), derive)
+        let Self { equations, sticking, .. } = self;
+        equations.evaluate(step, trial, sticking.holds(), sticking.held(), derive)
     }
 
     /// Finds Newton's correction of the last residual; false without one.

@@ -62,6 +62,7 @@ impl Points {
         &self,
         now: &[Motion],
         pull: &Pull,
+        tame: bool,
         derivatives: &mut [Derivative],
     ) {
         let levers = self.arms(now).map(|arm| skew(&arm));
@@ -82,7 +83,7 @@ impl Points {
                     derivative.add_force(*by, &(block * on_i));
                     derivative.add_moment(*by, &(levers[i] * block * on_i));
                 }
-                if i == j {
+                if i == j && !tame {
                     // The moment's own arm turns: δρ × f = [f] [ρ] δθ.
                     derivative.add_moment(By::Rotation, &(skew(&pull.force) * levers[i] * on_i));
                 }

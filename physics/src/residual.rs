@@ -6,7 +6,7 @@
 //! their own and a change of coordinates at every turn.
 
 use crate::body::Body;
-use crate::force::{Derivative, Force, View, Wrench};
+use crate::force::{Derivative, Force, Held, View, Wrench};
 use crate::matrix::{BlockMatrix, Slot};
 use crate::motion::{Displacement, Motion, Trial, Weights};
 use nalgebra::{Matrix3, Matrix6, Vector3};
@@ -25,6 +25,8 @@ pub(crate) struct Step<'a> {
     pub last: &'a [Motion],
     /// What the bodies moved from there.
     pub moved: &'a [Displacement],
+    /// Share of the acceleration of the step before with which bodies are first taken to go on: 0 where that is unknown.
+    pub acceleration_share: f64,
 }
 
 /// Which derivatives come with a residual.
@@ -32,8 +34,8 @@ pub(crate) struct Step<'a> {
 pub(crate) enum Derive {
     Nothing,
     Exact,
-    /// [`View::secant`].
-    Secant,
+    /// [`View::tame`].
+    Tame,
 }
 
 /// A particle that must not move across a normal: the hard sticking of hybrid friction.
@@ -66,6 +68,8 @@ pub(crate) struct Equations {
     derivatives: Vec<Derivative>,
     /// The part of the momentum's rate that comes from earlier steps, N and N·m.
     inertial: Vec<Wrench>,
+    /// Forces that are left out, because they do nothing.
+    asleep: Vec<bool>,
 }
 
 impl Equations {
@@ -104,6 +108,7 @@ impl Equations {
             wrenches: Vec::new(),
             derivatives: Vec::new(),
             inertial: Vec::new(),
+            asleep: vec![false; forces.len()],
         }
     }
 
@@ -118,14 +123,37 @@ impl Equations {
                 moment: step.weights.rate(none, now_spin, last_spin),
             });
         }
+        let step_s = step.weights.step_s;
+        for (asleep, force) in self.asleep.iter_mut().zip(step.forces) {
+            *asleep = is_far(force.as_ref(), step.now, step_s, &mut self.gathered[0]);
+        }
     }
 
-    /// Residual at a trial, and its norm; with the matrix if derivatives are asked for.
+    /// Whether a force is left out.
+    pub fn is_asleep(&self, force: usize) -> bool {
+        self.asleep[force]
+    }
+
+    /// Takes in forces that the last trial has brought near; whether there are any.
+    pub fn wake(&mut self, step: &Step<'_>) -> bool {
+        let mut any = false;
+        for (asleep, force) in
+            self.asleep.iter_mut().zip(step.forces).filter(|(asleep, _)| **asleep)
+        {
+            *asleep = is_far(force.as_ref(), &self.motions, 0.0, &mut self.gathered[0]);
+            any |= !*asleep;
+        }
+        any
+    }
+
+    /// Residual at a trial, and its norm; with the matrix if derivatives are asked for. `holds` are of particles, `held` of
+    /// contacts of bodies that turn, by force.
     pub fn evaluate(
         &mut self,
         step: &Step<'_>,
         trial: &[Displacement],
         holds: &[Hold],
+        held: &[Option<Held>],
         derive: Derive,
     ) -> f64 {
         let of_body = trial.iter().zip(step.now).zip(step.moved);
@@ -142,7 +170,7 @@ impl Equations {
             self.inertia(step, k, derive);
         }
         for k in 0..step.forces.len() {
-            self.force(step, k, derive);
+            self.force(step, k, held, derive);
         }
         self.hold(step, holds, derive);
         self.residual.iter().map(|r| r * r).sum::<f64>().sqrt()
@@ -173,7 +201,10 @@ impl Equations {
     }
 
     /// Subtracts a force from the residuals of its bodies, and its derivatives from the matrix.
-    fn force(&mut self, step: &Step<'_>, k: usize, derive: Derive) {
+    fn force(&mut self, step: &Step<'_>, k: usize, helds: &[Option<Held>], derive: Derive) {
+        if self.asleep[k] {
+            return;
+        }
         let force = step.forces[k].as_ref();
         let bodies = force.bodies();
         for (gathered, all) in
@@ -183,8 +214,9 @@ impl Equations {
             gathered.extend(bodies.iter().map(|&body| all[body]));
         }
         let [now, last, before] = &self.gathered;
-        let secant = derive == Derive::Secant;
-        let view = View { now, last, before, weights: step.weights, secant };
+        let tame = derive == Derive::Tame;
+        let held = helds.get(k).copied().flatten();
+        let view = View { now, last, before, weights: step.weights, tame, held };
         self.wrenches.clear();
         self.wrenches.resize(bodies.len(), Wrench::default());
         if derive == Derive::Nothing {
@@ -227,6 +259,13 @@ impl Equations {
             }
         }
     }
+}
+
+/// [`Force::is_far`] of motions of all bodies.
+fn is_far(force: &dyn Force, motions: &[Motion], step_s: f64, now: &mut Vec<Motion>) -> bool {
+    now.clear();
+    now.extend(force.bodies().iter().map(|&body| motions[body]));
+    force.is_far(now, step_s)
 }
 
 /// Derivative by the unknowns of a body: by its shift and, if it turns, by its rotation increment; through velocity and

@@ -61,7 +61,7 @@ impl Force for Spring {
     ) {
         let pull = self.pull(view.now);
         self.ends.add_wrenches(view.now, &pull.force, wrenches);
-        self.ends.add_derivatives(view.now, &pull, derivatives);
+        self.ends.add_derivatives(view.now, &pull, view.tame, derivatives);
     }
 
     fn energy(&self, now: &[Motion]) -> f64 {

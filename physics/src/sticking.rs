@@ -1,20 +1,38 @@
-//! Hybrid friction: particles that stick are held, until that takes more than the friction cone gives (thesis 4.4.3).
+//! Hybrid friction: contacts that stick are held, until that takes more than the friction cone gives (thesis 4.4.3).
 //!
-//! A step is solved roughly with friction proportional to sliding. Then what sticks is held across the normal, and its part
-//! of the equations tells the friction that this takes. Where that is too much, the particle is let go for the rest of
-//! the step. So a body at rest does not creep, and friction is always within its cone.
+//! A step is solved roughly with friction proportional to sliding. Then what sticks is held across the normal, and that tells
+//! the friction which this takes. Where it is too much, the contact is let go for the rest of the step. So a body at
+//! rest does not creep, and friction is always within its cone.
+//!
+//! A particle is held by an equation in place of its own, as in the thesis. Several contacts of a rigid body would hold it too
+//! often: there the friction that a solution has is taken as given, and only what slides in spite of it meets a
+//! stiffness, until friction changes no more (an augmented Lagrangian): then nothing slides, or friction is that of the cone.
+//! Contacts that could share a load in many ways share it as stiff friction does.
 
 use crate::body::Body;
-use crate::force::Force;
+use crate::force::{Force, Held};
 use crate::friction::Model;
 use crate::residual::{Equations, Hold, Step};
 use nalgebra::Vector3;
 
-/// The particles whose contacts have hybrid friction, and which of them are held.
+/// Stiffness of what holds a rigid body, as a multiple of what stops all bodies within a step: a round leaves a share of
+/// the sliding of about its inverse.
+const FIRM: f64 = 30.0;
+/// Share of its limit up to which friction of a rigid body is found.
+const ACCURACY: f64 = 1e-6;
+/// Rounds of a step.
+const ROUNDS: usize = 20;
+
+/// The contacts with hybrid friction, and which of them are held.
 #[derive(Debug)]
 pub(crate) struct Sticking {
-    /// Forces that may hold, and their particles.
+    /// Forces that may hold particles, and their particles.
     able: Vec<(usize, usize)>,
+    /// Forces that may hold rigid bodies, and their bodies.
+    rigid: Vec<(usize, usize)>,
+    /// How the latter do, by force; none of it without them.
+    held: Vec<Option<Held>>,
+    rounds: usize,
     holds: Vec<Hold>,
     /// Force of each hold, and the friction that it takes, N.
     taken: Vec<(usize, Vector3<f64>)>,
@@ -22,16 +40,24 @@ pub(crate) struct Sticking {
 }
 
 impl Sticking {
-    /// Of contacts of particles; those of bodies that turn keep to linear friction.
+    /// Of forces on one body each.
     pub fn new(bodies: &[Body], forces: &[Box<dyn Force>]) -> Self {
-        let particle = |force: &dyn Force| match force.bodies() {
-            &[body] if matches!(bodies[body], Body::Particle { .. }) => Some(body),
-            _ => None,
-        };
         let all = forces.iter().enumerate();
-        let able = all.filter_map(|(number, force)| Some((number, particle(force.as_ref())?)));
-        let able = able.collect();
-        Self { able, holds: Vec::new(), taken: Vec::new(), decided: false }
+        let of_one = all.filter_map(|(number, force)| match force.bodies() {
+            &[body] => Some((number, body)),
+            _ => None,
+        });
+        let (able, rigid) =
+            of_one.partition(|&(_, body)| matches!(bodies[body], Body::Particle { .. }));
+        Self {
+            able,
+            rigid,
+            held: Vec::new(),
+            rounds: 0,
+            holds: Vec::new(),
+            taken: Vec::new(),
+            decided: false,
+        }
     }
 
     /// At the beginning of a step nothing is held.
@@ -39,6 +65,13 @@ impl Sticking {
         self.holds.clear();
         self.taken.clear();
         self.decided = false;
+        self.held.clear();
+        self.rounds = 0;
+    }
+
+    /// How contacts of rigid bodies are held, by force.
+    pub fn held(&self) -> &[Option<Held>] {
+        &self.held
     }
 
     /// The held particles.
@@ -46,21 +79,60 @@ impl Sticking {
         &self.holds
     }
 
-    /// Friction that holds a contact's particle, N; none if it is not held.
+    /// Friction that holds a contact, N; none if it is not held.
     pub fn friction(&self, force: usize) -> Option<Vector3<f64>> {
+        if let Some(held) = self.held.get(force).copied().flatten() {
+            return Some(held.force);
+        }
         self.taken.iter().find(|(held, _)| *held == force).map(|(_, friction)| *friction)
     }
 
     /// Holds what sticks at a rough solution, later lets go what takes too much; whether anything changed.
     pub fn decide(&mut self, step: &Step<'_>, equations: &Equations) -> bool {
+        let first = !self.decided;
+        let particles = self.decide_particles(step, equations);
+        let rigid = self.decide_rigid(step, equations, first);
+        particles || rigid
+    }
+
+    /// Holds what sticks at a rough solution, and takes as given what friction later solutions have.
+    fn decide_rigid(&mut self, step: &Step<'_>, equations: &Equations, first: bool) -> bool {
+        let mass_kg: f64 = step.bodies.iter().map(Body::mass_kg).sum();
+        let stick_n_s_m = FIRM * mass_kg * step.weights.gain();
+        self.rounds += 1;
+        if self.rounds > ROUNDS {
+            return false;
+        }
+        let mut changed = false;
+        for &(force, body) in self.rigid.iter().filter(|(force, _)| is_hybrid(step, *force)) {
+            let before = self.held.get(force).copied().flatten();
+            if before.is_none() && !first {
+                continue;
+            }
+            let touch = step.forces[force].touch(&[equations.motions[body]]);
+            let Some(touch) = touch.filter(|touch| touch.gap_m < 0.0) else { continue };
+            let friction =
+                touch.friction.held_force(before.as_ref(), &touch.sliding, touch.normal_n);
+            if before.is_none() && friction.slips {
+                continue;
+            }
+            self.held.resize(step.forces.len(), None);
+            let held = Held { force: friction.force, stick_n_s_m };
+            let moves = before.map_or(f64::INFINITY, |before| (held.force - before.force).norm());
+            changed |= moves > ACCURACY * touch.friction.coefficient * touch.normal_n;
+            self.held[force] = Some(held);
+        }
+        changed
+    }
+
+    fn decide_particles(&mut self, step: &Step<'_>, equations: &Equations) -> bool {
         let touch = |force: usize, body: usize| {
             step.forces[force].touch(&[equations.motions[body]]).filter(|touch| touch.gap_m < 0.0)
         };
         if !self.decided {
             self.decided = true;
-            for &(force, body) in &self.able {
-                let sticks = touch(force, body)
-                    .filter(|touch| touch.friction.model == Model::Hybrid && !touch.slips);
+            for &(force, body) in self.able.iter().filter(|(force, _)| is_hybrid(step, *force)) {
+                let sticks = touch(force, body).filter(|touch| !touch.slips);
                 // Two contacts of one particle would hold it twice.
                 let free = self.holds.iter().all(|hold| hold.body != body);
                 if let (Some(touch), true) = (sticks, free) {
@@ -87,4 +159,8 @@ impl Sticking {
         self.taken.retain(|_| *of_taken.next().expect("one for each"));
         self.holds.len() < before
     }
+}
+
+fn is_hybrid(step: &Step<'_>, force: usize) -> bool {
+    step.forces[force].friction().is_some_and(|friction| friction.model == Model::Hybrid)
 }

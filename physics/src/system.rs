@@ -41,7 +41,8 @@ const SUBDIVISIONS: u32 = 6;
 /// What a step took.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepReport {
-    /// Newton iterations, those of halved steps included.
+    /// Newton iterations, each with a new matrix; those of halved steps included. What the solver does with a matrix that it
+    /// has already does not count.
     pub iterations: u32,
     /// Halvings of the line search.
     pub halvings: u32,
@@ -216,6 +217,7 @@ impl System {
             }
             Err(error) => {
                 self.state = kept;
+                self.end_step();
                 Err(error)
             }
         }
@@ -246,6 +248,12 @@ impl System {
         let Settings { scheme, gravity_m_s2, tolerance, iterations } = self.settings;
         let goes_on = self.state.last_step_s == Some(step_s);
         let weights = Weights::new(if goes_on { scheme } else { Scheme::Bdf1 }, step_s);
+        // At the end of a step of BDF1 bodies have the velocity of the whole step.
+        let acceleration_share = match (goes_on, scheme) {
+            (false, _) => 0.0,
+            (true, Scheme::Bdf1) => 1.0,
+            (true, Scheme::Bdf2) => 0.5,
+        };
         let step = Step {
             bodies: &self.bodies,
             forces: &self.forces,
@@ -254,6 +262,7 @@ impl System {
             now: &self.state.now,
             last: &self.state.last,
             moved: &self.state.moved,
+            acceleration_share,
         };
         let moved = self.newton.solve(&step, tolerance, iterations, report)?;
         let ends = self.newton.equations().motions.clone();
@@ -262,6 +271,13 @@ impl System {
         state.last = std::mem::replace(&mut state.now, ends);
         state.moved = moved;
         state.last_step_s = Some(step_s);
+        self.end_step();
         Ok(())
+    }
+
+    fn end_step(&mut self) {
+        for force in &mut self.forces {
+            force.end_step(&self.state.now);
+        }
     }
 }

@@ -6,6 +6,7 @@
 mod build;
 mod foot;
 mod hinge;
+mod odometer;
 mod parameters;
 mod state;
 mod wheels;
@@ -13,6 +14,7 @@ mod wheels;
 use crate::ground::Ground;
 use crate::hold::{Hold, Place};
 use crate::motor::{Law, Motor};
+use crate::push::Push;
 use crate::system::{StepError, StepReport, System};
 use crate::touch::Touch;
 use build::Build;
@@ -22,6 +24,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 pub use foot::SoftFeet;
+pub use odometer::{Fall, FallWatch, Odometer, Totals, Way, heading_rad};
 pub use parameters::Parameters;
 pub use state::RobotState;
 
@@ -35,10 +38,14 @@ pub struct World {
     wheels: Vec<Option<usize>>,
     /// Forces that are motors, by channel.
     motors: Vec<usize>,
-    /// Forces that are contacts, by end effector: several of a soft foot.
+    /// Forces that are contacts, by end effector: several of a soft foot, and on ground that has parts.
     contacts: Vec<Range<usize>>,
+    /// Forces that are contacts of the links' shapes.
+    shapes: Range<usize>,
     /// Force that can hold the root link.
     hold: usize,
+    /// Force that pushes it.
+    push: usize,
 }
 
 impl World {
@@ -53,13 +60,15 @@ impl World {
         state: &RobotState,
     ) -> Self {
         let mut build = Build::links(robot, parameters, state);
-        build.joints();
+        build.joints(state);
         let wheels = build.wheels(state);
         let contacts = build.contacts(&wheels, ground);
+        let shapes = build.shapes(ground);
         let Build { mut assembly, centers, motors, .. } = build;
         let hold = assembly.add(Hold { body: [0], grip: parameters.grip, place: None });
+        let push = assembly.add(Push { body: [0], force_n: Vector3::zeros() });
         let system = System::new(parameters.settings, assembly);
-        Self { system, root_center: centers[0], wheels, motors, contacts, hold }
+        Self { system, root_center: centers[0], wheels, motors, contacts, shapes, hold, push }
     }
 
     /// A robot in its nominal pose that its servos hold, just touching the ground below the origin.
@@ -68,9 +77,7 @@ impl World {
         let mut world = Self::new(robot, ground, parameters, &state);
         // Along the vertical, and again where the ground is not level.
         for _ in 0..20 {
-            let touches = (0..robot.end_effectors.len()).map(|k| world.touch(k));
-            let drops = touches.map(|touch| touch.gap_m / touch.normal.z);
-            state.base_position_m.z -= drops.fold(f64::INFINITY, f64::min);
+            state.base_position_m.z -= lowest_m(world.foot_touches());
             world = Self::new(robot, ground, parameters, &state);
         }
         for (number, channel) in robot.channels().enumerate() {
@@ -101,6 +108,12 @@ impl World {
         hold.expect("the root link's hold").place = place;
     }
 
+    /// Pushes the root link at its centre of mass from now on, with a force in world axes, N.
+    pub fn push(&mut self, force_n: Vector3<f64>) {
+        let push = self.system.force_mut::<Push>(self.push);
+        push.expect("the root link's push").force_n = force_n;
+    }
+
     /// Bodies and forces.
     pub fn system(&self) -> &System {
         &self.system
@@ -115,7 +128,7 @@ impl World {
         motor.expect("a channel's force is its motor").law = law;
     }
 
-    /// Angle, rad, −π to π, speed, rad/s, and torque, N·m, of the motor of a channel.
+    /// Angle, rad, whole turns included, speed, rad/s, and torque, N·m, of the motor of a channel.
     pub fn shaft(&self, channel: usize) -> [f64; 3] {
         let motor = self.system.force::<Motor>(self.motors[channel]);
         let motor = motor.expect("a channel's force is its motor");
@@ -123,7 +136,7 @@ impl World {
         [motor.angle(&now), motor.speed(&now), motor.torque(&now).value_nm]
     }
 
-    /// Contact of an end effector. Of a soft foot it is that of its deepest node, with the force on all nodes.
+    /// Contact of an end effector, where it is deepest, with the force on all of it.
     pub fn touch(&self, end_effector: usize) -> Touch {
         let touches = self.contacts[end_effector].clone();
         let touches = touches.map(|force| self.system.touch(force).expect("it is a contact"));
@@ -133,6 +146,41 @@ impl World {
             Touch { force, normal_n: one.normal_n + other.normal_n, ..deepest }
         };
         touches.reduce(join).expect("every end effector has a contact")
+    }
+
+    /// Contacts of all end effectors, in their order.
+    pub fn touches(&self) -> impl Iterator<Item = Touch> {
+        (0..self.contacts.len()).map(|end_effector| self.touch(end_effector))
+    }
+
+    /// Height of the lowest foot, wheel or link above the ground, m.
+    pub fn clearance_m(&self) -> f64 {
+        lowest_m(self.foot_touches().chain(self.shape_touches()))
+    }
+
+    /// Force of the ground on the links themselves, N: on a robot that lies.
+    pub fn force_on_links(&self) -> Vector3<f64> {
+        self.shape_touches().map(|touch| touch.force).sum()
+    }
+
+    /// How deep the robot is in the ground where it is deepest, m.
+    pub fn depth_m(&self) -> f64 {
+        let touches = self.foot_touches().chain(self.shape_touches());
+        touches.map(|touch| -touch.gap_m).fold(0.0, f64::max)
+    }
+
+    /// Of all parts of the ground.
+    fn foot_touches(&self) -> impl Iterator<Item = Touch> {
+        self.contacts.iter().flat_map(Clone::clone).filter_map(|force| self.system.touch(force))
+    }
+
+    fn shape_touches(&self) -> impl Iterator<Item = Touch> {
+        self.shapes.clone().filter_map(|force| self.system.touch(force))
+    }
+
+    /// [`shaft`](Self::shaft) of all channels, in their order.
+    pub fn shafts(&self) -> impl Iterator<Item = [f64; 3]> {
+        (0..self.motors.len()).map(|channel| self.shaft(channel))
     }
 
     /// Origin of the root link, m, and world from body.
@@ -156,4 +204,18 @@ impl World {
     pub fn wheel(&self, end_effector: usize) -> Option<usize> {
         self.wheels[end_effector]
     }
+}
+
+/// Steepest ground that counts for the height above it: the vertical part of its normal.
+const STEEPEST: f64 = 0.1;
+
+/// Height above the ground along the vertical where it is least, m. Walls beside a robot say nothing of it; out of one it has to
+/// rise.
+fn lowest_m(touches: impl Iterator<Item = Touch>) -> f64 {
+    let height = |touch: Touch| match touch.normal.z > STEEPEST || touch.gap_m < 0.0 {
+        true => touch.gap_m / touch.normal.z.max(STEEPEST),
+        false => f64::INFINITY,
+    };
+    let lowest = touches.map(height).fold(f64::INFINITY, f64::min);
+    if lowest.is_finite() { lowest } else { 0.0 }
 }

@@ -1,6 +1,6 @@
 //! Contacts that come and go: energy over many bounces, restitution, symmetry, events.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::friction::{Friction, Model};
 use rollwalk_physics::ground::Plane;
@@ -108,6 +108,21 @@ fn symmetric_bounces_stay_symmetric() {
     }
     let motion = system.motions()[0];
     assert!(motion.position.xy().norm() < 1e-9 && motion.spin.norm() < 1e-9, "{motion:?}");
+}
+
+/// One that falls a little askew tumbles.
+#[test]
+fn a_cube_that_falls_askew_tumbles() {
+    let gravity = Vector3::new(0.0, 0.0, -9.81);
+    let rotation = Rotation3::from_axis_angle(&Vector3::x_axis(), 1e-3).into_inner();
+    let motion = Motion { rotation, ..Motion::at(Vector3::z() * 0.3) };
+    let mut system = cube(4, 1e3, 0.0, motion, gravity);
+    let mut most_rad_s: f64 = 0.0;
+    for _ in 0..600 {
+        system.step(1.0 / 60.0).unwrap();
+        most_rad_s = most_rad_s.max(system.motions()[0].spin.norm());
+    }
+    assert!(most_rad_s > 0.1, "{most_rad_s}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use crate::contact::Contact;
 use crate::ground::Surface;
 use crate::motion::Motion;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, RowVector3, Vector3};
 use rollwalk_multibody::rotation::skew;
 
 /// A wheel whose plane is nearer to the ground's than this has no lowest point: sine of the angle between them.
@@ -33,6 +33,10 @@ pub(super) struct Place {
     pub arm: Vector3<f64>,
     pub point_by_position: Matrix3<f64>,
     pub point_by_rotation: Matrix3<f64>,
+    pub gap_by_position: RowVector3<f64>,
+    pub gap_by_rotation: RowVector3<f64>,
+    pub normal_by_position: Matrix3<f64>,
+    pub normal_by_rotation: Matrix3<f64>,
     /// World axis of a rim or blade.
     pub axis: Option<Vector3<f64>>,
 }
@@ -56,14 +60,37 @@ impl Place {
             }
         };
         let arm = fixed + lever;
-        let surface = contact.ground.at(&(body.position + arm));
         // The centre moves with the body, and with it the normal that the lever hangs by.
-        let with_center = Matrix3::identity() + by_normal * at_center.curvature;
+        let point_by_position = Matrix3::identity() + by_normal * at_center.curvature;
+        let point_by_rotation = point_by_position * center_by_rotation + by_rotation;
+        if contact.ground.is_distance() {
+            // The lever is as deep as the centre is high: inside a solid the nearest face says nothing of the edge that was
+            // touched.
+            let by_center = lever.transpose() * at_center.curvature;
+            let gap_m = at_center.gap_m + normal.dot(&lever);
+            return Self {
+                surface: Surface { gap_m, ..at_center },
+                arm,
+                point_by_position,
+                point_by_rotation,
+                gap_by_position: normal.transpose() * point_by_position + by_center,
+                gap_by_rotation: normal.transpose() * point_by_rotation
+                    + by_center * center_by_rotation,
+                normal_by_position: at_center.curvature,
+                normal_by_rotation: at_center.curvature * center_by_rotation,
+                axis,
+            };
+        }
+        let surface = contact.ground.at(&(body.position + arm));
         Self {
             surface,
             arm,
-            point_by_position: with_center,
-            point_by_rotation: with_center * center_by_rotation + by_rotation,
+            point_by_position,
+            point_by_rotation,
+            gap_by_position: surface.gradient.transpose() * point_by_position,
+            gap_by_rotation: surface.gradient.transpose() * point_by_rotation,
+            normal_by_position: surface.curvature * point_by_position,
+            normal_by_rotation: surface.curvature * point_by_rotation,
             axis,
         }
     }

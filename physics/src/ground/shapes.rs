@@ -1,6 +1,6 @@
 //! Signed distances in closed form: plane, sphere, capsule, cuboid; rounded solids and unions.
 
-use super::{Ground, Surface};
+use super::{Ground, Surface, parts_of};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use std::sync::Arc;
 
@@ -27,6 +27,10 @@ impl Plane {
 }
 
 impl Ground for Plane {
+    fn is_distance(&self) -> bool {
+        true
+    }
+
     fn at(&self, point: &Vector3<f64>) -> Surface {
         let gap_m = self.normal.dot(&(point - self.point));
         Surface::exact(gap_m, self.normal, Matrix3::zeros())
@@ -52,6 +56,10 @@ fn distance(from_nearest: &Vector3<f64>, free: &Matrix3<f64>) -> Surface {
 }
 
 impl Ground for Sphere {
+    fn is_distance(&self) -> bool {
+        true
+    }
+
     fn at(&self, point: &Vector3<f64>) -> Surface {
         let surface = distance(&(point - self.center), &Matrix3::identity());
         Surface { gap_m: surface.gap_m - self.radius_m, ..surface }
@@ -68,6 +76,10 @@ pub struct Capsule {
 }
 
 impl Ground for Capsule {
+    fn is_distance(&self) -> bool {
+        true
+    }
+
     fn at(&self, point: &Vector3<f64>) -> Surface {
         let line = self.ends[1] - self.ends[0];
         let share = line.dot(&(point - self.ends[0])) / line.norm_squared().max(f64::MIN_POSITIVE);
@@ -91,6 +103,10 @@ pub struct Cuboid {
 }
 
 impl Ground for Cuboid {
+    fn is_distance(&self) -> bool {
+        true
+    }
+
     fn at(&self, point: &Vector3<f64>) -> Surface {
         let inside = self.world_from_box.inverse_transform_point(&Point3::from(*point)).coords;
         let over = inside.abs() - self.half_m;
@@ -123,6 +139,10 @@ pub struct Rounded {
 }
 
 impl Ground for Rounded {
+    fn is_distance(&self) -> bool {
+        self.inner.is_distance()
+    }
+
     fn at(&self, point: &Vector3<f64>) -> Surface {
         let surface = self.inner.at(point);
         Surface { gap_m: surface.gap_m - self.radius_m, ..surface }
@@ -137,6 +157,14 @@ pub struct Union {
 }
 
 impl Ground for Union {
+    fn is_distance(&self) -> bool {
+        self.parts.iter().all(|part| part.is_distance())
+    }
+
+    fn parts(&self) -> Vec<Arc<dyn Ground>> {
+        self.parts.iter().flat_map(parts_of).collect()
+    }
+
     fn at(&self, point: &Vector3<f64>) -> Surface {
         let seen = self.parts.iter().map(|part| part.at(point));
         seen.min_by(|a, b| a.gap_m.total_cmp(&b.gap_m)).expect("a union has parts")

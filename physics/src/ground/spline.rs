@@ -53,8 +53,10 @@ pub enum FieldError {
 /// Samples along axes, the first axis fastest.
 #[derive(Clone, PartialEq)]
 pub(super) struct Lattice<const N: usize> {
+    /// Of the first coefficient, one place before the first sample.
     pub origin: [f64; N],
     pub spacing_m: f64,
+    /// Coefficients along each axis, two more than samples.
     pub counts: [usize; N],
     /// Coefficients of the spline.
     coefficients: Vec<f64>,
@@ -81,7 +83,7 @@ impl<const N: usize> Lattice<N> {
         origin: [f64; N],
         spacing_m: f64,
         counts: [usize; N],
-        mut samples: Vec<f64>,
+        samples: Vec<f64>,
     ) -> Result<Self, FieldError> {
         if !(spacing_m > 0.0 && spacing_m.is_finite()) {
             return Err(FieldError::Spacing { spacing_m });
@@ -97,15 +99,28 @@ impl<const N: usize> Lattice<N> {
         if let Some((index, &value)) = none {
             return Err(FieldError::Value { index, value });
         }
-        let mut stride = 1;
+        let mut coefficients = padded(&samples, counts);
+        let origin = origin.map(|first| first - spacing_m);
+        let counts = counts.map(|count| count + 2);
+        let (mut stride, mut line) = (1, Vec::new());
         for count in counts {
-            interpolate(&mut samples, stride, count);
+            for first in 0..coefficients.len() {
+                // Where a line along the axis begins. Lines beyond the samples along later axes are 0, and stay so.
+                if (first / stride).is_multiple_of(count) {
+                    line.clear();
+                    line.extend((0..count).map(|k| coefficients[first + stride * k]));
+                    interpolate(&mut line);
+                    for (k, value) in line.iter().enumerate() {
+                        coefficients[first + stride * k] = *value;
+                    }
+                }
+            }
             stride *= count;
         }
-        Ok(Self { origin, spacing_m, counts, coefficients: samples })
+        Ok(Self { origin, spacing_m, counts, coefficients })
     }
 
-    /// First and last coordinate along an axis between which the spline is defined, m: the outermost samples are beyond.
+    /// Coordinates of the first and the last sample along an axis, m, between which the spline is defined.
     pub fn range(&self, axis: usize) -> [f64; 2] {
         [1, self.counts[axis] - 2].map(|k| self.origin[axis] + self.spacing_m * k as f64)
     }
@@ -151,20 +166,35 @@ impl<const N: usize> Lattice<N> {
     }
 }
 
-/// Turns samples along one axis into coefficients whose spline is close to the samples, to fourth order in their spacing:
-/// c = f − δ²f/6. Those at the ends stay.
-fn interpolate(samples: &mut [f64], stride: usize, count: usize) {
-    for first in 0..samples.len() {
-        // Only where a line along the axis begins.
-        if !(first / stride).is_multiple_of(count) {
-            continue;
-        }
-        let mut behind = samples[first];
-        for k in 1..count - 1 {
-            let here = samples[first + stride * k];
-            let ahead = samples[first + stride * (k + 1)];
-            samples[first + stride * k] = here - (behind - 2.0 * here + ahead) / 6.0;
-            behind = here;
-        }
+/// Turns samples along one axis into the coefficients of the natural spline through them: its second derivative is 0 at both
+/// ends. Of a line, the first and the last place are beyond the samples.
+fn interpolate(line: &mut [f64]) {
+    let last = line.len() - 2;
+    // c(k−1) + 4 c(k) + c(k+1) = 6 f(k), and at the ends c = f: elimination from the front.
+    let mut over = vec![0.0; line.len()];
+    for k in 2..last {
+        let pivot = 4.0 - over[k - 1];
+        over[k] = 1.0 / pivot;
+        line[k] = (6.0 * line[k] - line[k - 1]) / pivot;
     }
+    for k in (2..last).rev() {
+        line[k] -= over[k] * line[k + 1];
+    }
+    line[0] = 2.0 * line[1] - line[2];
+    line[last + 1] = 2.0 * line[last] - line[last - 1];
+}
+
+/// Copies samples into a lattice with one more place at both ends of each axis.
+fn padded<const N: usize>(samples: &[f64], counts: [usize; N]) -> Vec<f64> {
+    let mut all = vec![0.0; counts.iter().map(|count| count + 2).product()];
+    for (number, sample) in samples.iter().enumerate() {
+        let (mut index, mut stride, mut rest) = (0, 1, number);
+        for count in counts {
+            index += stride * (rest % count + 1);
+            rest /= count;
+            stride *= count + 2;
+        }
+        all[index] = *sample;
+    }
+    all
 }

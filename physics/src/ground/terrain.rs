@@ -1,8 +1,13 @@
 //! Ground to walk on: profiles along x (steps, ramps, stairs) and height fields. A slope is a [`super::Plane`].
 
+use super::convex::{Flat, in_plane, parts};
 use super::spline::Lattice;
 use super::{FieldError, Ground, Surface};
 use nalgebra::{Matrix3, Vector3};
+use std::sync::Arc;
+
+/// Least distance of two corners, m: nearer ones are one point.
+pub(super) const CORNER_MIN_M: f64 = 1e-6;
 
 /// A line of heights along x, the same for all y, level before its first point and after its last one.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,7 +59,8 @@ impl Profile {
             }
         }
         for (before, pair) in corners.windows(2).enumerate() {
-            if pair[1][0] < pair[0][0] || pair[1] == pair[0] {
+            let [dx, dz] = [pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]];
+            if dx < 0.0 || dx.max(dz.abs()) < CORNER_MIN_M {
                 return Err(ProfileError::Order { index: before + 1, x_m: pair[1][0] });
             }
         }
@@ -88,10 +94,15 @@ impl Profile {
     }
 }
 
-/// x and z.
-type Flat = nalgebra::Vector2<f64>;
-
 impl Ground for Profile {
+    fn is_distance(&self) -> bool {
+        true
+    }
+
+    fn parts(&self) -> Vec<Arc<dyn Ground>> {
+        parts(&self.corners)
+    }
+
     fn at(&self, point: &Vector3<f64>) -> Surface {
         let at = Flat::new(point.x, point.z);
         let first = Flat::from(self.corners[0]);
@@ -125,13 +136,7 @@ impl Ground for Profile {
             } else {
                 (side, up, nalgebra::Matrix2::zeros())
             };
-            let curvature = Matrix3::new(
-                bend.m11, 0.0, bend.m12, //
-                0.0, 0.0, 0.0, //
-                bend.m21, 0.0, bend.m22,
-            );
-            let normal = Vector3::new(normal.x, 0.0, normal.y);
-            nearest = Some((distance, Surface::exact(gap_m, normal, curvature)));
+            nearest = Some((distance, in_plane(gap_m, &normal, &bend)));
         }
         nearest.expect("there are level parts").1
     }
@@ -215,6 +220,40 @@ mod tests {
         assert!((at(1.02, 0.05).gap_m + 0.02).abs() < 1e-15, "inside, near the wall");
     }
 
+    /// The nearest of all parts is the profile, from above and just beneath.
+    #[test]
+    fn parts_make_up_their_profile() {
+        let teeth =
+            vec![[-0.5, 0.0], [-0.2, 0.6], [-0.2, -0.4], [0.0, 0.1], [0.0, -0.3], [0.3, 0.5]];
+        let block = vec![[-0.2, 0.0], [-0.2, 0.3], [0.1, 0.3], [0.1, 0.0]];
+        let deep = vec![[0.0, 0.0], [0.0, 0.2], [0.1, 0.2], [0.5, -2.0]];
+        for (corners, count) in [
+            (vec![[0.1, 0.0], [0.1, 0.2]], 2),
+            (vec![[0.1, 0.0], [0.1, -0.2]], 2),
+            (vec![[0.0, 0.0], [0.5, 0.2]], 2),
+            (vec![[0.0, 0.0]], 1),
+            (block, 3),
+            (deep, 3),
+            (teeth, 4),
+        ] {
+            let profile = Profile::new(corners).unwrap();
+            let parts = profile.parts();
+            assert_eq!(parts.len(), count, "{profile:?}");
+            for point in points(3000) {
+                let whole = profile.at(&point);
+                let seen = parts.iter().map(|part| part.at(&point));
+                let nearest = seen.min_by(|a, b| a.gap_m.total_cmp(&b.gap_m)).unwrap();
+                assert_eq!(whole.gap_m > 0.0, nearest.gap_m > 0.0, "{point:?} {profile:?}");
+                if whole.gap_m > -1e-3 {
+                    assert!((whole.gap_m - nearest.gap_m).abs() < 1e-12, "{point:?} {profile:?}");
+                }
+            }
+            for point in points(200) {
+                parts.iter().for_each(|part| agrees_with_finite_differences(part.as_ref(), &point));
+            }
+        }
+    }
+
     /// Stairs whose solid ends in corners of less than a right angle, upwards and downwards.
     #[test]
     fn the_gap_is_negative_below_the_profile_and_nowhere_else() {
@@ -283,6 +322,17 @@ mod tests {
             assert!((found.normal - exact.normal).norm() < 1e-12);
             assert!(found.curvature.norm() < 1e-10);
         }
+        let mut rng = fastrand::Rng::with_seed(4);
+        let heights: Vec<_> = (0..35).map(|_| rng.f64()).collect();
+        let random = HeightField::new([1.0, 2.0], 0.5, [5, 7], heights.clone()).unwrap();
+        for (number, height) in heights.into_iter().enumerate() {
+            let at = [number % 5, number / 5].map(|k| 0.5 * k as f64);
+            let top = random.at(&Vector3::new(1.0 + at[0], 2.0 + at[1], height));
+            assert!(top.gap_m.abs() < 1e-12, "sample {number}: {}", top.gap_m);
+        }
+        let corner = random.at(&Vector3::new(3.1, 5.1, 2.0));
+        let far = random.at(&Vector3::new(9.0, 9.0, 2.0));
+        assert!((corner.gap_m - far.gap_m).abs() < 1e-12, "it goes on as at its edge");
         let beyond = bumps.at(&Vector3::new(3.0, -5.0, 1.0));
         assert_eq!(beyond.normal, Vector3::z());
     }

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
 /// Nodes and the tetrahedra between them.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -53,6 +54,33 @@ impl Mesh {
         mesh
     }
 
+    /// A ring about the z axis, of so many bent cells around, of six elements each, and `across` of them in each direction of
+    /// its round section: from the origin to the middle of the section, and from there to the surface, m.
+    pub fn ring(radius_m: f64, tube_m: f64, around: usize, across: usize) -> Self {
+        let beam = Self::block(
+            Vector3::new(0.0, -1.0, -1.0),
+            Vector3::new(TAU, 2.0, 2.0),
+            [around, across, across],
+        );
+        // The last section is the first.
+        let (turns, sections) = (around + 1, (across + 1) * (across + 1));
+        let number = |node: usize| node / turns * around + node % turns % around;
+        let bent = |place: &Vector3<f64>| {
+            // A square drawn to the circle inside of it.
+            let flat = Vector3::new(0.0, place.y, place.z);
+            let section = flat * (tube_m * flat.amax() / flat.norm().max(f64::MIN_POSITIVE));
+            let (sine, cosine) = place.x.sin_cos();
+            let out = radius_m - section.y;
+            Vector3::new(out * cosine, out * sine, section.z)
+        };
+        let mut places = vec![Vector3::zeros(); around * sections];
+        for (node, place) in beam.places.iter().enumerate() {
+            places[number(node)] = bent(place);
+        }
+        let elements = beam.elements.iter().map(|element| element.map(number)).collect();
+        Self { places, elements }
+    }
+
     /// The mesh with its places changed, by which boxes become other shapes.
     pub fn shaped(mut self, shape: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Self {
         self.places.iter_mut().for_each(|place| *place = shape(*place));
@@ -84,6 +112,21 @@ mod tests {
     use super::*;
     use crate::assembly::Assembly;
     use crate::soft::{Material, SoftBody};
+
+    /// Of a fine torus 2 π² R r² and 4 π² R r, from below; inscribed in its circles.
+    #[test]
+    fn a_ring_has_nearly_the_mass_and_the_surface_of_a_torus() {
+        let (radius, tube) = (0.1, 0.03);
+        let mesh = Mesh::ring(radius, tube, 48, 6);
+        assert_eq!((mesh.places.len(), mesh.elements.len()), (48 * 49, 48 * 36 * 6));
+        let mut assembly = Assembly::default();
+        SoftBody::add(&mut assembly, &mesh, &Material::elastic(50.0, 1e4, 0.3)).unwrap();
+        let mass: f64 = assembly.bodies.iter().map(|body| body.mass_kg()).sum();
+        let torus = TAU * radius * 0.5 * TAU * tube * tube;
+        assert!((0.95..1.0).contains(&(mass / (50.0 * torus))), "{mass}");
+        let surface = mesh.areas_m2().iter().sum::<f64>() / (TAU * TAU * radius * tube);
+        assert!((0.97..1.0).contains(&surface), "{surface}");
+    }
 
     #[test]
     fn a_block_has_the_mass_and_the_surface_of_a_box() {

@@ -113,7 +113,7 @@ mod tests {
     /// Forces on nodes with these motions.
     fn forces(element: &Tetrahedron, now: &[Motion]) -> [Vector3<f64>; 4] {
         let weights = Weights::new(Scheme::Bdf1, 0.01);
-        let view = View { now, last: now, before: now, weights: &weights, secant: false };
+        let view = View { now, last: now, before: now, weights: &weights, tame: false, held: None };
         let mut wrenches = [Wrench::default(); 4];
         element.wrenches(&view, &mut wrenches);
         wrenches.map(|wrench| wrench.force)

@@ -9,9 +9,10 @@ use crate::assembly::Assembly;
 use crate::body::Inertia;
 use crate::contact::{Contact, Resistance, Tip};
 use crate::friction::Friction;
-use crate::ground::Ground;
+use crate::ground::{Ground, parts_of};
 use crate::motion::Motion;
 use nalgebra::Vector3;
+use rollwalk_robot::shape::Shape;
 use rollwalk_robot::{EndEffector, Robot};
 use std::ops::Range;
 use std::sync::Arc;
@@ -50,8 +51,8 @@ impl<'a> Build<'a> {
     }
 
     /// The joints and their motors.
-    pub fn joints(&mut self) {
-        for joint in &self.robot.joints {
+    pub fn joints(&mut self, state: &RobotState) {
+        for (joint, &angle_rad) in self.robot.joints.iter().zip(&state.joint_rad) {
             let turn = joint.parent_from_joint.rotation.to_rotation_matrix();
             let across = perpendicular(&joint.axis_in_joint);
             let mount = joint.parent_from_joint.translation.vector;
@@ -63,7 +64,8 @@ impl<'a> Build<'a> {
                 size_m: gyration_m(&self.inertias[joint.child]),
             };
             hinge.add(&mut self.assembly, self.parameters);
-            let motor = hinge.motor(joint.actuator.armature_kg_m2, stops(joint));
+            let stops = Some(stops(joint));
+            let motor = hinge.motor(joint.actuator.armature_kg_m2, stops, angle_rad);
             self.motors.push(self.assembly.add(motor));
         }
     }
@@ -93,7 +95,7 @@ impl<'a> Build<'a> {
             };
             hinge.add(&mut self.assembly, self.parameters);
             if let Some(actuator) = end_effector.contact.actuator() {
-                let motor = hinge.motor(actuator.armature_kg_m2, None);
+                let motor = hinge.motor(actuator.armature_kg_m2, None, 0.0);
                 self.motors.push(self.assembly.add(motor));
             }
         }
@@ -113,13 +115,45 @@ impl<'a> Build<'a> {
                 Some(soft) if wheel.is_none() && !matches!(contact.tip, Tip::Blade { .. }) => {
                     foot::add(&mut self.assembly, &contact, soft)
                 }
-                _ => {
-                    let force = self.assembly.add(contact);
-                    force..force + 1
-                }
+                _ => self.add_contact(&contact),
             });
         }
         contacts
+    }
+
+    /// Contacts of the links' shapes, which touch the ground when the robot lies: the ends of capsules, the corners of
+    /// boxes.
+    pub fn shapes(&mut self, ground: &Arc<dyn Ground>) -> Range<usize> {
+        let before = self.assembly.forces.len();
+        for (number, link) in self.robot.links.iter().enumerate() {
+            let points = link.shapes.iter().flat_map(points);
+            for (point, radius_m) in points {
+                self.add_contact(&Contact {
+                    body: [number],
+                    center: point - self.centers[number],
+                    radius_m,
+                    tip: Tip::Sphere,
+                    normal: self.parameters.normal,
+                    friction: Friction {
+                        model: self.parameters.friction,
+                        coefficient: self.parameters.shape_friction,
+                        stick_n_s_m: self.parameters.stick_n_s_m,
+                    },
+                    resistance: Resistance::default(),
+                    ground: Arc::clone(ground),
+                });
+            }
+        }
+        before..self.assembly.forces.len()
+    }
+
+    /// A contact with each part of its ground; the forces.
+    fn add_contact(&mut self, contact: &Contact) -> Range<usize> {
+        let before = self.assembly.forces.len();
+        for ground in parts_of(&contact.ground) {
+            self.assembly.add(Contact { ground, ..contact.clone() });
+        }
+        before..self.assembly.forces.len()
     }
 
     fn contact(
@@ -151,6 +185,24 @@ impl<'a> Build<'a> {
                 per_speed_s_m: drag.rolling_drag_s_m,
             }),
             ground: Arc::clone(ground),
+        }
+    }
+}
+
+/// Spheres at the outermost points of a shape: centres in the link, m, and radii, m.
+fn points(shape: &Shape) -> Vec<(Vector3<f64>, f64)> {
+    match *shape {
+        Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
+            let mut ends = vec![from_in_link_m, to_in_link_m];
+            ends.dedup();
+            ends.into_iter().map(|end| (end, radius_m)).collect()
+        }
+        Shape::Box { center_in_link_m, size_m } => {
+            let sign =
+                |corner: usize, axis: usize| if corner >> axis & 1 == 0 { -0.5 } else { 0.5 };
+            let corner =
+                |corner| size_m.map_with_location(|axis, _, size| size * sign(corner, axis));
+            (0..8).map(|number| (center_in_link_m + corner(number), 0.0)).collect()
         }
     }
 }

@@ -11,8 +11,6 @@ use rollwalk_robot::Joint;
 
 /// Angle by which the motor's greatest torque bends a stop, rad.
 const STOP_RAD: f64 = 0.02;
-/// Largest angle of a stop, rad: beyond it a hinge that is pushed on would come round to the other side.
-const STOP_MAX_RAD: f64 = 3.0;
 
 /// A hinge between two bodies.
 pub(super) struct Hinge {
@@ -42,19 +40,18 @@ impl Hinge {
         });
     }
 
-    /// Its motor, without power.
-    pub fn motor(&self, armature_kg_m2: f64, stops: Option<Stops>) -> Motor {
+    /// Its motor at an angle, rad, without power.
+    pub fn motor(&self, armature_kg_m2: f64, stops: Option<Stops>, angle_rad: f64) -> Motor {
         let &Self { bodies, axes, across, .. } = self;
-        Motor { bodies, axis: axes[0], across, armature_kg_m2, stops, law: Law::default() }
+        let (axis, law) = (axes[0], Law::default());
+        Motor { bodies, axis, across, armature_kg_m2, stops, angle_rad, law }
     }
 }
 
-/// Stops at the limits of a joint, as far as angles between −π and π can tell.
-pub(super) fn stops(joint: &Joint) -> Option<Stops> {
+/// Stops at the limits of a joint.
+pub(super) fn stops(joint: &Joint) -> Stops {
     let range_rad = [joint.position_min_rad, joint.position_max_rad];
-    let within = range_rad.iter().all(|angle| angle.abs() < STOP_MAX_RAD);
-    let stiffness_nm_rad = joint.actuator.torque_max_nm / STOP_RAD;
-    within.then_some(Stops { range_rad, stiffness_nm_rad })
+    Stops { range_rad, stiffness_nm_rad: joint.actuator.torque_max_nm / STOP_RAD }
 }
 
 /// Radius of gyration of a body, m: about its thickest axis.
