@@ -206,6 +206,12 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.motion.playing()
     }
 
+    /// What the latest target of a channel was offset by in place of a torque, rad or rad/s: 0 of actuators that take
+    /// torques.
+    pub fn torque_offset(&self, channel: usize) -> f32 {
+        self.motion.torque_offset(channel)
+    }
+
     /// The latest target in a channel's mailbox; `None` while torque is off.
     pub fn setpoint(&self, channel: usize) -> Option<Target> {
         self.motion.emitted(channel)

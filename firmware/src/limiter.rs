@@ -86,6 +86,11 @@ impl Limiter {
         self.last.get(channel)?.map(|last| last.meant)
     }
 
+    /// What the last value was offset by in place of a torque, rad or rad/s; 0 for a channel that is stopped.
+    pub fn torque_offset(&self, channel: usize) -> f32 {
+        self.last.get(channel).copied().flatten().map_or(0.0, |last| last.value - last.meant)
+    }
+
     /// Clamps the target to the channel's `limits`; returns `None` for a channel that has not been started. A torque
     /// for an actuator that does not take any becomes an offset of the value.
     pub fn apply(

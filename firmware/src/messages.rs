@@ -1,5 +1,6 @@
 //! Messages of the host link: decodes requests and commands, executes them and produces the answers.
 
+use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 use rollwalk_protocol::library::{FORMAT_MAJOR, FORMAT_MINOR, NodeId};
@@ -344,8 +345,12 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         }
     }
 
-    fn telemetry(&self, channel: u8) -> Option<JointTelemetry> {
-        let feedback = self.motion.actuators.feedback(usize::from(channel))?;
+    fn telemetry(&mut self, channel: u8) -> Option<JointTelemetry> {
+        let actuators = &mut self.motion.actuators;
+        let mut feedback = actuators.feedback(usize::from(channel))?;
+        if actuators.take_unanswered(usize::from(channel)) {
+            feedback.status.0 |= ActuatorStatus::UNANSWERED;
+        }
         Some(JointTelemetry {
             channel,
             position_rad: feedback.position_rad,

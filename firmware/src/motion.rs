@@ -69,6 +69,11 @@ impl Motion {
         self.emitted.get(channel).copied().flatten()
     }
 
+    /// What the latest target was offset by in place of a torque, rad or rad/s.
+    pub fn torque_offset(&self, channel: usize) -> f32 {
+        self.limiter.torque_offset(channel)
+    }
+
     /// Clip and frame that are playing.
     pub fn playing(&self) -> Option<Playing> {
         match &self.stage {

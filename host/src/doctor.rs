@@ -17,6 +17,9 @@ use std::collections::BTreeMap;
 /// Bus load above which frames come late, percent.
 const FULL_PERCENT: f64 = 70.0;
 
+/// Tilt beyond that of the motion that no operator would call one, rad: 3 degrees. Controllers stop at 0.35 rad.
+const LEVEL_RAD: f32 = 0.05;
+
 /// Traffic on the link over a span of time.
 #[derive(Clone, Debug, Default)]
 pub struct Traffic {
@@ -28,6 +31,8 @@ pub struct Traffic {
     pub faults: BTreeMap<u8, FaultReport>,
     /// Last telemetry of each channel.
     pub joints: BTreeMap<u8, JointTelemetry>,
+    /// Of each channel, telemetry that tells of a servo that did not answer, and all of its telemetry.
+    pub unanswered: BTreeMap<u8, (u32, u32)>,
     /// Duration, µs.
     pub span_us: u64,
 }
@@ -46,6 +51,9 @@ impl Traffic {
                     self.faults.insert(report.fault.code(), report);
                 }
                 FromController::JointTelemetry(joint) => {
+                    let (missed, all) = self.unanswered.entry(joint.channel).or_default();
+                    *missed += u32::from(joint.status.is_unanswered());
+                    *all += 1;
                     self.joints.insert(joint.channel, joint);
                 }
                 _ => {}
@@ -128,6 +136,7 @@ impl Findings<'_> {
         found.push(self.state(&status, hello));
         found.extend(status.faults.iter().map(|fault| self.fault(fault)));
         found.extend(self.silent_channels(hello, &status));
+        found.extend(self.unanswered());
         found.extend(self.last_stop());
         found.extend(self.host(&status));
         found.push(self.load());
@@ -205,7 +214,12 @@ impl Findings<'_> {
     fn fault(&self, fault: Fault) -> Finding {
         let (code, report) = (fault.code(), self.heard.faults.get(&fault.code()));
         let channel = report.and_then(|report| self.channel_of(report.channel));
-        let described = fault_report(fault, channel, report.map(|report| report.value));
+        let mut described = fault_report(fault, channel, report.map(|report| report.value));
+        // What is reported is the tilt of now; the fault is latched since that of then.
+        let is_level = |report: &FaultReport| (0.0..LEVEL_RAD).contains(&report.value);
+        if fault == Fault::Tilt && report.is_some_and(is_level) {
+            described = "the body was tilted, and is not any more".to_owned();
+        }
         let help = format!("{} (docs/faults.md, {code} {fault:?})", fault.description().advice);
         finding(Gravity::Wrong, format!("fault {code}: {described}"), help)
     }
@@ -227,6 +241,23 @@ impl Findings<'_> {
             "is it powered and connected, and does it have the address in the robot file?"
         };
         Some(finding(gravity, what, help.into()))
+    }
+
+    /// Servos on serial lines that now and then do not answer: what a disturbed line shows first.
+    fn unanswered(&self) -> Option<Finding> {
+        let missed = self.heard.unanswered.iter().filter(|(_, (missed, _))| *missed > 0);
+        let who = missed.map(|(&channel, (missed, all))| {
+            format!("{} in {missed} of {all} reports", self.channel(channel))
+        });
+        let who: Vec<_> = who.collect();
+        if who.is_empty() {
+            return None;
+        }
+        let what = format!("servos did not answer: {}", who.join(", "));
+        let help = "look at the data wire, its pull-up, the servos' supply and their return delay; after a tenth of a second \
+                    without any answer the robot is let down";
+        // A robot that gets by is not one that does not work.
+        Some(finding(Gravity::Note, what, help.into()))
     }
 
     fn last_stop(&self) -> Option<Finding> {
@@ -288,6 +319,7 @@ fn finding(gravity: Gravity, what: String, help: String) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rollwalk_protocol::actuator::ActuatorStatus;
     use rollwalk_protocol::faults::{FaultBits, Severity};
     use rollwalk_protocol::wire::Node;
 
@@ -375,6 +407,49 @@ mod tests {
             );
             assert!(text.contains("rollwalk clear --bus can:can0"), "{text}");
         }
+    }
+
+    /// The report has the tilt of now. A body that was set up again is not tilted by 0.001 rad.
+    #[test]
+    fn a_body_that_was_set_up_again_is_not_called_tilted() {
+        let node = Node::new(1).unwrap();
+        let told = |value| {
+            let fault = Fault::Tilt;
+            let mut heard = heard(State::TorqueOff, FaultBits::default().with(fault), 2);
+            let report = FaultReport { counter: 0, fault, channel: None, value };
+            heard.take(1, &report.encode(node));
+            diagnose(&heard, Some(&hello()))
+        };
+        let text = told(0.001);
+        assert!(text.contains("fault 7: the body was tilted, and is not any more ->"), "{text}");
+        let text = told(0.5);
+        assert!(text.contains("the body is tilted (0.500 rad beyond"), "{text}");
+        let text = told(-1.0);
+        assert!(text.contains("the IMU is silent"), "{text}");
+    }
+
+    #[test]
+    fn servos_that_do_not_always_answer_are_named() {
+        let node = Node::new(1).unwrap();
+        let told = |missed: u8| {
+            let mut heard = heard(State::Disarmed, FaultBits::default(), 2);
+            for n in 0..39 {
+                let status = if n < missed { ActuatorStatus::UNANSWERED } else { 0 };
+                let joint = JointTelemetry {
+                    channel: 1,
+                    position_rad: 0.0,
+                    velocity_rad_s: 0.0,
+                    torque_nm: 0.0,
+                    status: ActuatorStatus(status),
+                };
+                heard.take(1, &joint.encode(node));
+            }
+            diagnose(&heard, Some(&hello()))
+        };
+        assert!(!told(0).contains("did not answer"), "{}", told(0));
+        let text = told(3);
+        let expected = "Note: servos did not answer: channel 1 in 3 of 40 reports -> look at";
+        assert!(text.contains(expected), "{text}");
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //! | [`decode`] | frames as named signals, for logs |
 //! | [`telemetry`] | telemetry files for Foxglove |
 //! | [`authentication`] | sessions with a controller that obeys only hosts with its key |
+//! | [`key_file`] | files with keys |
 //! | [`client`] | the protocol without clock or bus: frames and time in, frames out |
 //! | [`operator`] | the logic of a console: intents, frames and time in, frames and a view out |
 //! | [`discover`], [`listener`] | controllers on the link; other hosts of a controller |
@@ -23,6 +24,7 @@ pub mod decode;
 pub mod describe;
 pub mod discover;
 pub mod doctor;
+pub mod key_file;
 pub mod listener;
 pub mod operator;
 pub mod refusal;

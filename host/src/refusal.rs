@@ -1,8 +1,9 @@
 //! Sentences for the codes with which a controller refuses requests.
 
 use crate::authentication::NoSession;
+use crate::describe::{fault_report, state_name};
 use rollwalk_protocol::wire::transport::{Reply, TransferResult, UNSIGNED};
-use rollwalk_protocol::wire::{CommandResult, ParameterResult, State};
+use rollwalk_protocol::wire::{CommandResult, FaultReport, ParameterResult, State};
 
 /// Of a controller that obeys only hosts with its key.
 const AUTHENTICATION_REQUIRED: &str = "authentication required; give the robot's link key, --link-key FILE or \
@@ -45,6 +46,33 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
         CommandResult::FaultPresent => "a fault is still present",
         CommandResult::BadSpeed => "playback speeds are 1/64 to 64/64 of the planned one",
         CommandResult::AuthenticationRequired => AUTHENTICATION_REQUIRED,
+    }
+}
+
+/// [`command_refusal`], with the controller's state after the command and the fault that it reported with its answer, where
+/// the host knows them.
+pub fn command_refusal_in(
+    result: CommandResult,
+    state: Option<State>,
+    fault: Option<FaultReport>,
+) -> String {
+    match (result, state, fault) {
+        (CommandResult::WrongState, Some(State::EStopped), _) => {
+            "it is stopped by an emergency stop; clear it first".to_owned()
+        }
+        (CommandResult::WrongState, Some(State::TorqueOff), _) => {
+            "it has stopped, torque off; clear it first".to_owned()
+        }
+        (CommandResult::WrongState, Some(state), _) => {
+            format!("this is not possible while it is {}", state_name(state))
+        }
+        (CommandResult::FaultPresent | CommandResult::PoseUnknown, _, Some(report)) => {
+            let FaultReport { fault, channel, value, .. } = report;
+            let channel = channel.map(|channel| format!("channel {channel}"));
+            let found = fault_report(fault, channel, Some(value));
+            format!("{found}; {}", fault.description().advice)
+        }
+        _ => command_refusal(result).to_owned(),
     }
 }
 
@@ -156,6 +184,7 @@ fn why_sentence(code: u8) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rollwalk_protocol::faults::Fault;
     use rollwalk_protocol::library::{ClipId, Reject, Section, Why};
 
     fn sentence(section: Section, why: Why) -> String {
@@ -171,6 +200,22 @@ mod tests {
             assert_eq!(sentence(Some(state)), "torque is on; disarm first");
         }
         assert!(sentence(None).contains("disarm it first, or clear it"));
+    }
+
+    /// The controller reports what keeps it from arming with its answer.
+    #[test]
+    fn the_fault_behind_a_refusal_is_named() {
+        let report = |fault, channel, value| FaultReport { counter: 0, fault, channel, value };
+        let told = |fault| command_refusal_in(CommandResult::PoseUnknown, None, fault);
+        let silent = told(Some(report(Fault::ActuatorSilent, Some(3), 0.0)));
+        assert!(silent.contains("channel 3"), "{silent}");
+        assert!(silent.contains(Fault::ActuatorSilent.description().name), "{silent}");
+        assert!(silent.contains(Fault::ActuatorSilent.description().advice), "{silent}");
+        assert_eq!(told(None), command_refusal(CommandResult::PoseUnknown));
+        // A fault has nothing to do with a code that there is not.
+        let unrelated = Some(report(Fault::HostLost, None, 0.0));
+        let told = command_refusal_in(CommandResult::UnknownCode, Some(State::Ready), unrelated);
+        assert_eq!(told, command_refusal(CommandResult::UnknownCode));
     }
 
     #[test]

@@ -345,12 +345,19 @@ impl ActuatorStatus {
     pub const BAD_VOLTAGE: u8 = 1 << 5;
     /// Position sensor or other hardware failed: torque is off.
     pub const HARDWARE: u8 = 1 << 6;
+    /// In telemetry alone: a servo on a serial line was asked and did not answer since the telemetry before.
+    pub const UNANSWERED: u8 = 1 << 7;
     /// All bits that mean that the actuator cannot follow commands.
     pub const FAULTS: u8 = Self::TIMED_OUT | Self::OVERHEATED | Self::BAD_VOLTAGE | Self::HARDWARE;
 
     /// Torque is on.
     pub fn enabled(self) -> bool {
         self.0 & Self::ENABLED != 0
+    }
+
+    /// It was asked and did not answer.
+    pub fn is_unanswered(self) -> bool {
+        self.0 & Self::UNANSWERED != 0
     }
 
     /// The actuator cannot follow commands.

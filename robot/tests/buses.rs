@@ -278,6 +278,11 @@ fn a_bus_that_cannot_be_is_refused() {
         "is 115200",
         "125000, 250000",
     );
+    for rate in ["2_000_000", "300_000"] {
+        let fast = FEETECH.replace("1_000_000", rate);
+        let expected = format!("is {}, to which no STS3215-C018 can be set", rate.replace('_', ""));
+        assert_fault(1, &fast, "bit_rate", &expected, "1000000, 500000, 250000");
+    }
     let flat = ODRIVE.replace("-9", "0");
     assert_fault(1, &flat, "reduction", "is 0", "turns of the motor");
     let motor = ODRIVE.replace("0.05", "-0.05");

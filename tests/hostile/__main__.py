@@ -171,7 +171,7 @@ def main():
         out = options.out or pathlib.Path(scratch)
         out.mkdir(parents=True, exist_ok=True)
         path, log = pathlib.Path(scratch) / "link.sock", out / "buses.log"
-        command = [options.simulator, options.robot, "--bus", f"sim:{path}", "--log", log]
+        command = [options.simulator, options.robot, "--bus", f"sim:{path}", "--on", "stand", "--log", log]
         robot_process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         try:
             for _ in range(200):

@@ -239,7 +239,7 @@ def main():
         (scratch / "robot.key").write_text(f"rollwalk-link-key-1 {key.hex()}\n")
         (scratch / "robot.key").chmod(0o600)
         path, log = scratch / "link.sock", out / "authenticated.log"
-        command = [options.simulator, options.robot, "--bus", f"sim:{path}", "--log", log]
+        command = [options.simulator, options.robot, "--bus", f"sim:{path}", "--on", "stand", "--log", log]
         command += ["--link-key", scratch / "robot.key"]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         try:

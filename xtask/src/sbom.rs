@@ -74,6 +74,7 @@ impl Shipped {
         let options = ["cyclonedx", "--quiet", "--format", "json", "--spec-version", "1.5"];
         let mut write = shell::command(cyclonedx, &options);
         write.args(["--all", "--no-build-deps", "--manifest-path"]).arg(self.manifest());
+        write.args(self.features());
         write.args(self.target.iter().flat_map(|target| ["--target", target]));
         shell::run(&mut write)?;
         let mut metadata = shell::cargo(&["metadata", "--no-deps", "--format-version", "1"]);
@@ -98,11 +99,16 @@ impl Shipped {
         found.map(|text| text.replace(&format!("{}", root.display()), ""))
     }
 
+    /// Images may have keys, whose crates are features of theirs.
+    fn features(&self) -> Option<&'static str> {
+        self.target.map(|_| "--all-features")
+    }
+
     /// The crates that are compiled into it, a line each.
     fn tree(&self) -> Result<String, String> {
         let mut tree = shell::cargo(&["tree", "--locked", "--edges", "normal", "--prefix", "none"]);
         tree.arg("--manifest-path").arg(self.manifest()).args(["--package", self.package]);
-        tree.args(self.target.iter().flat_map(|target| ["--target", target]));
+        tree.args(self.target.iter().flat_map(|target| ["--target", target])).args(self.features());
         shell::output(&mut tree)
     }
 }

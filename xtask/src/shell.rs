@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 
 /// Root of the workspace: the folder above this crate.
 pub fn workspace_root() -> PathBuf {
@@ -70,15 +70,28 @@ pub fn output(command: &mut Command) -> Result<String, String> {
 /// # Errors
 /// Its error output, when it does not exit with 0.
 pub fn said(command: &mut Command) -> Result<String, String> {
+    answer(command).map(|out| String::from_utf8_lossy(&out.stdout).into_owned())
+}
+
+fn answer(command: &mut Command) -> Result<Output, String> {
     let out = command
         .output()
         .map_err(|error| format!("`{}` could not be started: {error}", shown(command)))?;
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     if out.status.success() {
-        Ok(text(&out.stdout))
+        Ok(out)
     } else {
-        Err(text(&out.stderr).trim_end().into())
+        Err(String::from_utf8_lossy(&out.stderr).trim_end().into())
     }
+}
+
+/// As [`said`], with what it says besides on the terminal when it succeeds.
+///
+/// # Errors
+/// Its error output, when it does not exit with 0.
+pub fn noted(command: &mut Command) -> Result<String, String> {
+    let out = answer(command)?;
+    eprint!("{}", String::from_utf8_lossy(&out.stderr));
+    Ok(String::from_utf8_lossy(&out.stdout).into_owned())
 }
 
 /// Runs a command silently and returns its output.

@@ -24,6 +24,8 @@ pub struct Actuator {
     faults_are_new: bool,
     /// Ticks since the last new pose.
     pub silent_ticks: u16,
+    /// It was asked and has not answered, since [`Self::take_unanswered`].
+    unanswered: bool,
     /// Torque off was sent, and the last feedback since then confirms it.
     pub known_off: bool,
     switched: Switched,
@@ -125,6 +127,16 @@ impl Actuator {
     /// Enabling was sent less than `patience_ticks` ago and may not be confirmed yet.
     pub fn waits_for_enable(&self, patience_ticks: u16) -> bool {
         self.switched == Switched::On && self.switched_ticks < patience_ticks
+    }
+
+    /// Call before each request, once per control period: records a missed answer if the request before was not answered.
+    pub fn note_unanswered(&mut self) {
+        self.unanswered |= self.silent_ticks > 1 && self.is_known();
+    }
+
+    /// Whether an answer has been missed since the last call.
+    pub fn take_unanswered(&mut self) -> bool {
+        core::mem::take(&mut self.unanswered)
     }
 
     /// A control period has passed.

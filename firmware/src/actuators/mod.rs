@@ -152,6 +152,11 @@ impl Actuators {
         self.list.iter().all(|a| a.known_off)
     }
 
+    /// Whether an actuator on a serial line has missed an answer since the last call.
+    pub fn take_unanswered(&mut self, channel: usize) -> bool {
+        self.list.get_mut(channel).is_some_and(Actuator::take_unanswered)
+    }
+
     /// Last feedback of an actuator.
     pub fn feedback(&self, channel: usize) -> Option<Feedback> {
         self.list.get(channel)?.feedback()

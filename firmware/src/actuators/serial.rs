@@ -81,6 +81,9 @@ impl Actuators {
                     driver.frame_sent(&mut self.list, transmission, packets);
                     if packet.is_some() {
                         driver.listening = question;
+                        if question {
+                            members(&mut self.list, driver).for_each(Actuator::note_unanswered);
+                        }
                         return packet;
                     }
                 }

@@ -8,9 +8,11 @@
 //! | [`slcan`] | the link on a serial line, as an SLCAN adapter |
 //! | [`servo_line`] | a line of serial servos on one wire |
 //! | [`usb_serial`] | the link's serial port over USB: the answers at the control endpoint |
+//! | [`key_block`] | the keys of an image |
 //! | [`ports`] | which bus of the robot is at which port of the board |
 
 pub mod estop;
+pub mod key_block;
 pub mod ports;
 pub mod pwm;
 pub mod servo_line;

@@ -185,9 +185,13 @@ impl<F: MappedFlash> LibraryStore for FlashStore<F> {
         let resumes = have == len || have.is_multiple_of(F::ERASE_SIZE);
         let written = if resumes { have } else { 0 };
         if written == 0 {
+            // A library that there is none to go back from stays, in case that the incoming one is refused.
+            if self.on_trial() && self.active.is_some() && self.intact_confirmed().is_none() {
+                self.confirm()?;
+            }
             let candidate = Candidate::Receiving { len: announced, digest, have: 0 };
             self.save(StoreState { candidate, ..self.state })?;
-            // A library on trial is being overwritten; the confirmed one is used instead.
+            // Another library on trial is being overwritten; the confirmed one is used instead.
             self.active = self.intact_confirmed();
             slots::erase_footers(&mut self.flash, self.state.candidate_slot())
                 .ok_or(StoreError::Medium)?;

@@ -50,7 +50,8 @@ impl Log {
     pub fn mount<const N: usize, R: Record<N>, F: NorFlash>(
         flash: &mut F,
     ) -> Result<(Log, Option<R>), GeometryError> {
-        let divides = |size| size > 0 && RECORD_LEN.is_multiple_of(size);
+        // 0 does not divide.
+        let divides = |size| RECORD_LEN.is_multiple_of(size);
         if !divides(F::WRITE_SIZE) || !divides(F::READ_SIZE) {
             return Err(GeometryError::WordSize);
         }

@@ -36,7 +36,8 @@ pub enum GeometryError {
 
 /// Whether the store can work with this flash.
 pub(super) fn check<F: MappedFlash>(flash: &F) -> Result<(), GeometryError> {
-    let divides = |size| size > 0 && RECORD_LEN.is_multiple_of(size);
+    // 0 does not divide.
+    let divides = |size| RECORD_LEN.is_multiple_of(size);
     if !divides(F::WRITE_SIZE) || !divides(F::READ_SIZE) {
         return Err(GeometryError::WordSize);
     }

@@ -16,7 +16,9 @@ use rollwalk_protocol::actuators::odrive::{Odrive, Version};
 use rollwalk_protocol::actuators::{Codec, UpdatePolicy};
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::faults::Fault;
-use rollwalk_protocol::wire::{CommandResult, Parameter, ParameterAction, ParameterResult, State};
+use rollwalk_protocol::wire::{
+    CommandResult, FromController, Parameter, ParameterAction, ParameterResult, State,
+};
 
 pub fn mit(model: usize, answers_from: AnswerId) -> Protocol {
     Protocol::Mit(Mit { model: MODELS[model], answers_from })
@@ -396,6 +398,35 @@ fn faults_that_drives_keep_are_cleared_while_torque_is_off() {
     rig.run(60);
     rig.arm();
     rig.run_until(State::Ready, 2000);
+}
+
+/// Telemetry of channels with the mark of a missed answer, over so many control periods.
+fn unanswered(rig: &mut Rig, ticks: u32) -> Vec<u8> {
+    let from = rig.heard.len();
+    rig.run(ticks);
+    let told = rig.heard[from..].iter().filter_map(|(_, message)| match message {
+        FromController::JointTelemetry(joint) => Some(joint),
+        _ => None,
+    });
+    told.filter(|joint| joint.status.is_unanswered()).map(|joint| joint.channel).collect()
+}
+
+/// A disturbed line shows before it stops the robot.
+#[test]
+fn a_servo_that_does_not_answer_once_is_told_of_once() {
+    for protocol in [dynamixel(), feetech()] {
+        let mut rig = playing(protocol);
+        assert_eq!(unanswered(&mut rig, 60), [0; 0], "{protocol:?}");
+        rig.drives.list[1].mute = true;
+        rig.run(1);
+        rig.drives.list[1].mute = false;
+        assert_eq!(unanswered(&mut rig, 60), [1], "{protocol:?}");
+        assert_eq!(unanswered(&mut rig, 60), [0; 0], "{protocol:?}");
+        assert_eq!(rig.brain.state(), State::Playing);
+    }
+    // Drives on CAN are not asked, or on timers of their own.
+    let mut rig = playing(odrive(Version::V06));
+    assert_eq!(unanswered(&mut rig, 60), [0; 0]);
 }
 
 /// Heartbeats tell nothing of the pose, and go on when the encoder has gone.

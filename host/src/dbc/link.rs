@@ -268,12 +268,12 @@ fn channel(layout: Layout) -> Layout {
 fn joint(names: Option<&RobotNames>) -> Layout {
     let layout = Layout::new().unsigned("channel", 8);
     let Some(names) = names else {
-        return servo::measured(layout.comment("As in the robot's configuration"));
+        return servo::telemetry(layout.comment("As in the robot's configuration"));
     };
     let names: Vec<_> = (0..).zip(names.identified()).map(|(i, (name, _))| (i, name)).collect();
     let mut layout = layout.names(names.clone()).selects();
     for (i, name) in names {
-        layout = layout.when(i, servo::measured_of(&name, 8));
+        layout = layout.when(i, servo::telemetry_of(&name, 8));
     }
     layout
 }

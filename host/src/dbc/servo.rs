@@ -142,8 +142,18 @@ fn pose(layout: Layout) -> Layout {
         .unit("rad/s")
 }
 
-/// Adds the measurements of an actuator and its status, which telemetry contains too.
-pub(super) fn measured(layout: Layout) -> Layout {
+/// Adds the measurements of an actuator and its status.
+fn measured(layout: Layout) -> Layout {
+    reported(layout, &[])
+}
+
+/// Adds what telemetry has of an actuator.
+pub(super) fn telemetry(layout: Layout) -> Layout {
+    let text = "It was asked on its serial line and did not answer: the rest is of before";
+    reported(layout, &[(ActuatorStatus::UNANSWERED, "unanswered", text)])
+}
+
+fn reported(layout: Layout, more: &[(u8, &'static str, &'static str)]) -> Layout {
     let flags = [
         (ActuatorStatus::ENABLED, "enabled", "Torque is on"),
         (ActuatorStatus::TORQUE_LIMITED, "torque_limited", "The torque is at its limit"),
@@ -154,15 +164,17 @@ pub(super) fn measured(layout: Layout) -> Layout {
         (ActuatorStatus::HARDWARE, "hardware", "Sensor or other hardware failed: torque off"),
     ];
     let flags = flags
-        .map(|(mask, name, text)| (mask.trailing_zeros() as u16, format!("status_{name}"), text));
+        .iter()
+        .chain(more)
+        .map(|&(mask, name, text)| (mask.trailing_zeros() as u16, format!("status_{name}"), text));
     pose(layout).steps("torque", 16, 5e-3).unit("Nm").flags(8, flags)
 }
 
-/// Fields of [`measured`] from bit `at` on, with signals named after a joint.
-pub(super) fn measured_of(name: &str, at: u16) -> Vec<Signal> {
+/// Fields of [`telemetry`] from bit `at` on, with signals named after a joint.
+pub(super) fn telemetry_of(name: &str, at: u16) -> Vec<Signal> {
     let renamed = |signal: Signal| {
         let name = format!("{name}_{}", signal.name);
         Signal { name, ..signal }
     };
-    measured(Layout::new().at(at)).finish().into_iter().map(renamed).collect()
+    telemetry(Layout::new().at(at)).finish().into_iter().map(renamed).collect()
 }

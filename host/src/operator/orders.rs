@@ -2,7 +2,7 @@
 
 use crate::catalog::Catalog;
 use crate::client::{ACK_TIMEOUT_US, COMMAND_LIFE_US, Client, SEQUENCE_TRIES};
-use crate::refusal::command_refusal;
+use crate::refusal::command_refusal_in;
 use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
 
 /// Timeout of a waiting order, µs.
@@ -102,7 +102,7 @@ pub struct Ended {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     Done(CommandAck),
-    Refused(&'static str),
+    Refused(String),
     Unanswered,
     /// It could not be sent at all.
     Unsent,
@@ -215,7 +215,7 @@ impl Orders {
         }
         let outcome = match ack.result {
             CommandResult::Ok => Outcome::Done(ack),
-            result => Outcome::Refused(command_refusal(result)),
+            result => Outcome::Refused(command_refusal_in(result, Some(ack.state), None)),
         };
         Some(Ended { order, outcome, quiet })
     }

@@ -2,11 +2,12 @@
 
 use crate::authentication::NoSession;
 use crate::describe::fault_names;
-use crate::refusal::{command_refusal, parameter_refusal, session_refusal, transfer_refusal};
+use crate::refusal::{command_refusal_in, parameter_refusal, session_refusal, transfer_refusal};
 use rollwalk_bus::link::LinkError;
 use rollwalk_protocol::wire::transport::Reply;
 use rollwalk_protocol::wire::{
-    CommandResult, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterResult, SCHEMA_HASH, State, Status,
+    CommandResult, FaultReport, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterResult, SCHEMA_HASH,
+    State, Status,
 };
 
 /// Failure of a session.
@@ -78,12 +79,16 @@ pub enum SessionError {
         why: NoSession,
     },
     /// A command was refused.
-    #[error("the controller refused to {what}: {}", command_refusal(*result))]
+    #[error("the controller refused to {what}: {}", command_refusal_in(*result, *state, *fault))]
     Refused {
         /// The request, in words.
         what: &'static str,
         /// Its answer.
         result: CommandResult,
+        /// State of the controller, if it has answered.
+        state: Option<State>,
+        /// The fault that it reported with its answer.
+        fault: Option<FaultReport>,
     },
     /// A request about parameters was refused.
     #[error("the controller refused to {what}: {}", parameter_refusal(*result, *value, *state))]

@@ -91,10 +91,15 @@ impl<B: LinkBus> Exchange<B> {
             self.pump(free_us.saturating_sub(self.bus.now_us()), |_| None::<()>)?;
             let now_us = self.bus.now_us();
             let command = self.client.command(now_us, action).ok_or(self.silent("heartbeat"))?;
-            let mut answer = None;
+            let (mut answer, mut fault) = (None, None);
             for _ in 0..COMMAND_SENDS {
                 self.client.send_command(command);
                 answer = self.pump(ACK_TIMEOUT_US, |incoming| match incoming {
+                    // What a command is refused for is reported just before the answer.
+                    Incoming::Fault(report) => {
+                        fault = Some(report);
+                        None
+                    }
                     Incoming::Ack(ack) => {
                         ((ack.seq, ack.kind) == (command.seq, command.action.kind())).then_some(ack)
                     }
@@ -110,10 +115,18 @@ impl<B: LinkBus> Exchange<B> {
                 CommandResult::OutOfOrder => {}
                 // Nothing was executed: on a busy computer a command may wait for its turn for half a second.
                 CommandResult::Expired if expired < EXPIRED_TRIES => expired += 1,
-                result => return Err(SessionError::Refused { what, result }),
+                result => {
+                    return Err(SessionError::Refused {
+                        what,
+                        result,
+                        state: Some(ack.state),
+                        fault,
+                    });
+                }
             }
         }
-        Err(SessionError::Refused { what, result: CommandResult::OutOfOrder })
+        let result = CommandResult::OutOfOrder;
+        Err(SessionError::Refused { what, result, state: None, fault: None })
     }
 
     /// Sends a request about parameters and repeats it until the answer arrives; one other than

@@ -221,16 +221,18 @@ fn measures([position, velocity, torque]: [i16; 3], status: u8) -> Vec<(String, 
 }
 
 fn joint() -> impl Strategy<Value = Sample> {
-    (node(), any::<u8>(), measured()).prop_map(|(node, channel, (steps, status))| {
+    let unanswered = any::<bool>();
+    (node(), any::<u8>(), measured(), unanswered).prop_map(|(node, channel, (steps, status), u)| {
         let [position, velocity, torque] = steps.map(f32::from);
         let telemetry = JointTelemetry {
             channel,
             position_rad: position / 5000.0,
             velocity_rad_s: velocity / 500.0,
             torque_nm: torque / 200.0,
-            status: ActuatorStatus(status),
+            status: ActuatorStatus(status | u8::from(u) << 7),
         };
         let mut values = measures(steps, status);
+        values.push(("status_unanswered".into(), u.into()));
         values.push(("channel".into(), channel.into()));
         ("joint", telemetry.encode(node), values)
     })

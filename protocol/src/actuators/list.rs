@@ -179,6 +179,11 @@ impl Protocol {
         with_codec!(self, codec => codec.check(order))
     }
 
+    /// Bit rates that the actuators can be set to; empty where their makers name no list.
+    pub fn bit_rates(&self) -> &'static [u32] {
+        with_codec!(self, codec => codec.bit_rates())
+    }
+
     /// Reports the settings that no actuator can have.
     pub fn check_settings(&self, report: &mut dyn Report) {
         with_codec!(self, codec => codec.check_settings(report));

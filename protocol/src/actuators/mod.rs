@@ -367,6 +367,11 @@ pub trait Codec: Copy + 'static {
     /// Reads the settings from a robot file.
     fn from_keys(keys: &dyn Keys) -> Self;
 
+    /// Bit rates that the actuators can be set to; empty where their makers name no list.
+    fn bit_rates(&self) -> &'static [u32] {
+        &[]
+    }
+
     /// Reports settings that no actuator can have.
     fn check_settings(&self, report: &mut dyn Report) {
         let _ = report;

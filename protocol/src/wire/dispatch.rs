@@ -80,3 +80,71 @@ impl FromController {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::faults::{Fault, FaultBits, Severity};
+    use crate::wire::{Action, CommandResult, ParameterAction, ParameterResult, State};
+
+    fn node() -> Node {
+        Node::new(3).unwrap()
+    }
+
+    /// Each frame is taken for the message that it carries, and by its receiver alone.
+    #[test]
+    fn every_message_to_a_controller_arrives() {
+        let heartbeat = Heartbeat { seq: 1, host_ms: 2 };
+        let command = Command { seq: 1, action: Action::Disarm, valid_until_ms: 2 };
+        let parameter = ParameterRequest { seq: 1, action: ParameterAction::Save };
+        for (frame, message) in [
+            (Estop.encode(node()), ToController::Estop),
+            (heartbeat.encode(node()), ToController::Heartbeat(heartbeat)),
+            (command.encode(node()), ToController::Command(command)),
+            (Frame::known(TO_CONTROLLER.id(node()), [1, 2]), ToController::Transport),
+            (parameter.encode(node()), ToController::Parameter(parameter)),
+            (Discover.encode(node()), ToController::Discover),
+        ] {
+            assert_eq!(ToController::decode(&frame), Ok((node(), message)));
+            assert_eq!(FromController::decode(&frame), Err(DecodeError::OtherMessage));
+        }
+    }
+
+    #[test]
+    fn every_message_of_a_controller_arrives() {
+        use FromController as M;
+        let estop = EstopAck { state: State::EStopped };
+        let reply = HeartbeatReply { seq: 1, controller_ms: 2 };
+        let (severity, faults) = (Severity::None, FaultBits::default());
+        let (clip, state) = (None, State::Ready);
+        let status = Status { state, severity, faults, clip, frame: 1, counter: 2, library: 3 };
+        let report = FaultReport { counter: 1, fault: Fault::Tilt, channel: None, value: 0.5 };
+        let (result, kind) = (CommandResult::Ok, Action::Disarm.kind());
+        let ack = CommandAck { seq: 1, kind, result, state, motion: None, value: 0 };
+        let joint = JointTelemetry {
+            channel: 1,
+            position_rad: 0.0,
+            velocity_rad_s: 0.0,
+            torque_nm: 0.0,
+            status: Default::default(),
+        };
+        let result = ParameterResult::Ok;
+        let kind = ParameterAction::Save.kind();
+        let saved = ParameterAck { seq: 1, kind, result, parameter: 0, channel: None, value: 0.0 };
+        let found = Discovered { uid: [1; 6], protocol_major: 2 };
+        for (frame, message) in [
+            (estop.encode(node()), M::EstopAck(estop)),
+            (reply.encode(node()), M::HeartbeatReply(reply)),
+            (status.encode(node()), M::Status(status)),
+            (report.encode(node()), M::FaultReport(report)),
+            (ack.encode(node()), M::CommandAck(ack)),
+            (joint.encode(node()), M::JointTelemetry(joint)),
+            (Frame::known(TO_HOST.id(node()), [1, 2]), M::Transport),
+            (saved.encode(node()), M::ParameterAck(saved)),
+            (found.encode(node()), M::Discovered(found)),
+        ] {
+            assert_eq!(FromController::decode(&frame), Ok((node(), message)));
+            assert_eq!(ToController::decode(&frame), Err(DecodeError::OtherMessage));
+        }
+    }
+}

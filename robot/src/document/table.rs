@@ -210,6 +210,17 @@ impl<'d> Table<'d> {
         })
     }
 
+    /// A required array of numbers, as many as `count` allows.
+    pub fn list(&self, key: &'static str, count: RangeInclusive<usize>) -> Option<Vec<f64>> {
+        let expected = format!("an array of {} to {} finite numbers", count.start(), count.end());
+        let value = self.required(key, &expected)?;
+        self.typed(key, value, &expected, |value| {
+            let items = value.as_array()?;
+            let numbers = items.iter().map(|item| number(item.get_ref()));
+            if count.contains(&items.len()) { numbers.collect() } else { None }
+        })
+    }
+
     /// Whether the value of a key is an array.
     pub fn is_array(&self, key: &'static str) -> bool {
         self.raw(key).is_some_and(|value| value.get_ref().is_array())

@@ -34,6 +34,14 @@ impl Check<'_> {
             if !(300..=10_000_000).contains(&bus.bit_rate) {
                 let help = "a serial line has 300 to 10000000 bit/s";
                 self.violated("bit_rate", format_args!("is {}", bus.bit_rate), help);
+            } else if let rates = bus.protocol.bit_rates()
+                && !rates.is_empty()
+                && !rates.contains(&bus.bit_rate)
+            {
+                let rates: Vec<_> = rates.iter().map(ToString::to_string).collect();
+                let help = format!("rates of these servos are {} bit/s", rates.join(", "));
+                let problem = format_args!("is {}, to which no {name} can be set", bus.bit_rate);
+                self.violated("bit_rate", problem, help);
             }
         } else if !CAN_BIT_RATES.contains(&bus.bit_rate) {
             let rates = CAN_BIT_RATES.map(|rate| rate.to_string()).join(", ");

@@ -43,6 +43,19 @@ pub struct Module {
     pub wiring: String,
 }
 
+/// Files with the keys of an image.
+#[derive(clap::Args, Default)]
+pub struct KeyFiles {
+    /// File with the robot's link key (`rollwalk keys new`): the robot then obeys only hosts that have it. The image has the
+    /// key in it, and its files are for their user alone.
+    #[arg(long, value_name = "FILE")]
+    pub link_key: Option<PathBuf>,
+    /// File with the public key of a pair (`rollwalk keys new-pair`): the robot then plays only libraries signed with the
+    /// private one.
+    #[arg(long, value_name = "KEY.pub.pem")]
+    pub library_key: Option<PathBuf>,
+}
+
 impl Bench {
     /// Builds the bench alone.
     ///
@@ -71,6 +84,21 @@ impl Bench {
         let here = env::current_dir().map_err(|error| format!("the current folder: {error}"))?;
         image.arg(board).arg("--robot").arg(robot).arg("--out").arg(&path).current_dir(here);
         shell::said(&mut image).map(|wiring| Module { path, wiring })
+    }
+
+    /// The block with the keys of these files for the image of a robot, in hexadecimal digits, which are a secret.
+    ///
+    /// # Errors
+    /// Which file is no such key, and what it should be.
+    pub fn key_block(&self, robot: &Path, keys: &KeyFiles) -> Result<String, String> {
+        let here = env::current_dir().map_err(|error| format!("the current folder: {error}"))?;
+        let mut block = self.command("key-block");
+        block.arg("--robot").arg(robot).current_dir(here);
+        for (option, path) in [("--link-key", &keys.link_key), ("--library-key", &keys.library_key)]
+        {
+            block.args(path.iter().flat_map(|path| [OsStr::new(option), path.as_os_str()]));
+        }
+        shell::noted(&mut block)
     }
 
     /// Builds the bench, and the demo's library with the command line.
@@ -123,6 +151,25 @@ impl Bench {
             uart.args(self.library());
         }
         shell::run(&mut uart)
+    }
+
+    /// Runs the short scenario on an image with keys, from a host with these.
+    ///
+    /// # Errors
+    /// The first difference from the simulation, what the board refused, or a failure of the bench.
+    pub fn uart_with_keys(
+        &self,
+        image: &Path,
+        link: Option<&Path>,
+        signing: Option<&Path>,
+    ) -> Result<(), String> {
+        need_qemu()?;
+        let mut uart = self.command("uart");
+        uart.arg(image).arg("--out").arg(&self.out);
+        for (option, path) in [("--link-key", link), ("--signing-key", signing)] {
+            uart.args(path.iter().flat_map(|path| [OsStr::new(option), path.as_os_str()]));
+        }
+        shell::said(&mut uart).map(|said| print!("{said}"))
     }
 
     /// Prints the report of a NUCLEO-G474RE at a serial port and transfers the demo's library.

@@ -59,12 +59,13 @@ impl Image {
         self.run(&["--bins"], None)
     }
 
-    /// Builds the image for the robot of a generated module; the next build without replaces the file.
+    /// Builds the image for the robot of a generated module, with cargo features of keys or without any; the next build
+    /// replaces the file.
     ///
     /// # Errors
     /// As for [`Self::build`].
-    pub fn build_for(&self, module: &Path) -> Result<PathBuf, String> {
-        self.run(&["--bin", self.name], Some(module))
+    pub fn build_for(&self, module: &Path, key_features: &str) -> Result<PathBuf, String> {
+        self.keyed(key_features, Some(module))
     }
 
     /// Builds the image with a cargo feature; the next build without replaces the file.
@@ -80,8 +81,15 @@ impl Image {
     /// # Errors
     /// As for [`Self::build`].
     pub fn build_with_keys(&self, features: &str) -> Result<PathBuf, String> {
-        let (mut cargo, path) = self.cargo(&["--bin", self.name, "--features", features], None)?;
-        shell::run(cargo.env("RUSTFLAGS", COMPACT_HASHES))?;
+        self.keyed(features, None)
+    }
+
+    fn keyed(&self, features: &str, robot: Option<&Path>) -> Result<PathBuf, String> {
+        let (mut cargo, path) = self.cargo(&["--bin", self.name, "--features", features], robot)?;
+        if !features.is_empty() {
+            cargo.env("RUSTFLAGS", COMPACT_HASHES);
+        }
+        shell::run(&mut cargo)?;
         Ok(path)
     }
 

@@ -10,6 +10,8 @@ mod bench;
 mod contents;
 mod formats;
 mod image;
+mod key_block;
+mod keyed;
 mod keys;
 mod limits;
 mod own;
@@ -102,12 +104,16 @@ pub fn check() -> Result<(), String> {
     bench.uart(&image::MPS2_AN386.build()?, false)
 }
 
-/// Builds and measures the images of the real boards that [`check`] leaves out: for `cargo xtask nightly`.
+/// Builds and measures the images of the real boards that [`check`] leaves out, those with keys among them, and has the
+/// emulated board obey its keys: for `cargo xtask nightly`.
 ///
 /// # Errors
-/// As for [`run`].
+/// As for [`run`], or what was not refused.
 pub fn other_boards() -> Result<(), String> {
-    real::report(&real::PICO)
+    real::report(&real::PICO)?;
+    real::report_with_keys(&real::NUCLEO)?;
+    real::report_with_keys(&real::PICO)?;
+    keyed::check()
 }
 
 /// Checks that a panic planted in the emulated board's images of the controller shows: for `cargo xtask nightly`.
@@ -139,8 +145,8 @@ pub fn other_robot(robot: &Path) -> Result<(), String> {
     let bench::Module { path: module, wiring } = bench.module(robot, "mps2-an386")?;
     eprint!("{wiring}");
     // Of the workspace's programs, those for other robots replace each other.
-    let replay = image::MPS2_AN386_REPLAY.build_for(&module)?;
-    let uart = image::MPS2_AN386.build_for(&module)?;
+    let replay = image::MPS2_AN386_REPLAY.build_for(&module, "")?;
+    let uart = image::MPS2_AN386.build_for(&module, "")?;
     let bench = bench.of_robot(&path::absolute(robot).map_err(|error| error.to_string())?);
     bench.replay(&replay)?;
     bench.uart(&uart, false)

@@ -1,16 +1,17 @@
 //! `cargo xtask image`: the image of a board for a robot of one's own. The bench makes the robot's module and says how it is
 //! connected; the board's program is built with it, and written as the board's boot loader takes it.
 
-use super::bench::{Bench, Module};
+use super::bench::{Bench, KeyFiles, Module};
 use super::contents::{self, Sections};
 use super::formats::Format;
 use super::image::{self, Image};
-use super::{Board, real, shown, sizes};
+use super::{Board, key_block, real, shown, sizes};
 use crate::shell;
 use clap::ValueEnum;
+use std::fs::{self, OpenOptions};
+use std::io::{self, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 /// Command line.
 #[derive(clap::Args)]
@@ -25,6 +26,8 @@ pub struct Options {
     /// folder.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    keys: KeyFiles,
 }
 
 /// What an image of a board becomes.
@@ -90,25 +93,41 @@ fn product(board: Board) -> Product {
 /// Builds the image and prints how the robot is connected, sizes, and how the board gets the image.
 ///
 /// # Errors
-/// What the board has not got for the robot, before anything is built; the compiler's verdict; a file that cannot be
-/// written.
+/// What the board has not got for the robot, or a file that has no key in it, before anything is built; the compiler's
+/// verdict; an image that is larger than the board's flash or RAM; a file that cannot be written.
 pub fn run(options: &Options) -> Result<(), String> {
     let Product { image, ram, flash, formats, flashing } = product(options.board);
     let name = options.board.to_possible_value().map_or_else(String::new, |v| v.get_name().into());
     let outputs = outputs(options, formats, &name)?;
 
-    let Module { path: module, wiring } = Bench::program()?.module(&options.robot, &name)?;
-    let built = contents::read(&image.build_for(&module)?)?;
-    let panics = contents::panic_paths(&built)?;
-    if !panics.is_empty() {
-        return Err(format!("the image can panic: {}", panics.join(", ")));
+    let bench = Bench::program()?;
+    let Module { path: module, wiring } = bench.module(&options.robot, &name)?;
+    let Options { keys, .. } = options;
+    let has_keys = !features(keys).is_empty();
+    let block = has_keys.then(|| bench.key_block(&options.robot, keys)).transpose()?;
+    let mut built = build(&image, &module, keys)
+        .map_err(|why| if has_keys { format!("with keys: {why}") } else { why })?;
+    let Sections { text, data, bss } = contents::sections(&built, ram.clone())?;
+    fits(&name, "flash", text, flash)?;
+    fits(&name, "RAM", data + bss, ram.end - ram.start)?;
+    if let Some(block) = block {
+        key_block::fill(&mut built, &block)?;
     }
+    let is_secret = keys.link_key.is_some();
     for (format, path) in &outputs {
-        save(path, &format.of(&built)?).map_err(|error| format!("{}: {error}", shown(path)))?;
+        save(path, &format.of(&built)?, is_secret)
+            .map_err(|error| format!("{}: {error}", shown(path)))?;
     }
 
-    let Sections { text, data, bss } = contents::sections(&built, ram.clone())?;
     println!("{} on {name}\n\n{wiring}", options.robot.display());
+    for (key, what) in [
+        (&keys.link_key, "obeys only hosts with the link key of"),
+        (&keys.library_key, "plays only libraries signed for"),
+    ] {
+        if let Some(path) = key {
+            println!("{what} {}", path.display());
+        }
+    }
     println!("flash {text} B of {flash}, RAM {} B of {}", data + bss, ram.end - ram.start);
     for (format, path) in outputs {
         println!("\n{}", shown(&path));
@@ -116,7 +135,43 @@ pub fn run(options: &Options) -> Result<(), String> {
             println!("  {}", how.replace("FILE", &shown(&path)));
         }
     }
+    if is_secret {
+        println!(
+            "\nThe link key is in these files: keep them as secret as the key, and lock the chip's debug port \
+             (docs/threat-model.md)"
+        );
+    }
     Ok(())
+}
+
+/// Cargo features of the boards for these keys.
+fn features(keys: &KeyFiles) -> String {
+    let features = [(&keys.link_key, "authenticated"), (&keys.library_key, "signed")];
+    let wanted = features.into_iter().filter(|(key, _)| key.is_some()).map(|(_, feature)| feature);
+    wanted.collect::<Vec<_>>().join(",")
+}
+
+/// Builds the image, its keys blank, and checks that nothing of ours in it can panic. The crate that checks signatures has
+/// checks of indices that the compiler cannot prove (`docs/threat-model.md`, G5): all else is looked at without it.
+fn build(image: &Image, module: &Path, keys: &KeyFiles) -> Result<Vec<u8>, String> {
+    let ours = if keys.link_key.is_some() { "authenticated" } else { "" };
+    let built = contents::read(&image.build_for(module, ours)?)?;
+    let panics = contents::panic_paths(&built)?;
+    if !panics.is_empty() {
+        return Err(format!("the image can panic: {}", panics.join(", ")));
+    }
+    match keys.library_key {
+        Some(_) => contents::read(&image.build_for(module, &features(keys))?),
+        None => Ok(built),
+    }
+}
+
+/// Whether an image fits a board's memory.
+fn fits(board: &str, memory: &str, taken: u64, room: u64) -> Result<(), String> {
+    if taken <= room {
+        return Ok(());
+    }
+    Err(format!("the image takes {taken} B of {memory}, and {board} has {room} for it"))
 }
 
 /// The files to write: the one that the user names, or one of each format.
@@ -143,13 +198,25 @@ fn outputs(
     Ok(vec![(*format, path.clone())])
 }
 
-/// Writes a file in place, so that links and devices stay what they are.
-fn save(path: &Path, bytes: &[u8]) -> io::Result<()> {
+/// Writes a file in place, so that links and devices stay what they are; one with a secret for its user alone.
+pub fn save(path: &Path, bytes: &[u8], is_secret: bool) -> io::Result<()> {
     if let Some(folder) = path.parent().filter(|folder| folder.starts_with(shell::target_folder()))
     {
         fs::create_dir_all(folder)?;
     }
-    fs::write(path, bytes)
+    let mut options = OpenOptions::new();
+    options.write(true).create(true).truncate(true);
+    #[cfg(unix)]
+    if is_secret {
+        std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    }
+    let mut file = options.open(path)?;
+    // One that is there already keeps its permissions otherwise.
+    #[cfg(unix)]
+    if is_secret && file.metadata()?.is_file() {
+        file.set_permissions(std::os::unix::fs::PermissionsExt::from_mode(0o600))?;
+    }
+    file.write_all(bytes)
 }
 
 #[cfg(test)]
@@ -162,6 +229,7 @@ mod tests {
             robot: "robots/pup.toml".into(),
             board,
             output: output.map(PathBuf::from),
+            keys: KeyFiles::default(),
         };
         let outputs_of = |board, output| {
             let options = options(board, output);
@@ -176,5 +244,28 @@ mod tests {
         let both = outputs_of(Board::NucleoG474re, None).unwrap();
         let names: Vec<_> = both.iter().map(|(_, path)| path.file_name().unwrap()).collect();
         assert_eq!(names, ["pup-this board.elf", "pup-this board.bin"]);
+    }
+
+    #[test]
+    fn an_image_that_does_not_fit_says_by_how_much() {
+        assert_eq!(fits("this board", "flash", 512, 512), Ok(()));
+        let why = fits("this board", "flash", 513, 512).unwrap_err();
+        assert_eq!(why, "the image takes 513 B of flash, and this board has 512 for it");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_image_with_a_secret_is_for_its_user_alone() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("image.bin");
+        let mode = || fs::metadata(&path).unwrap().permissions().mode() & 0o777;
+        save(&path, b"no key", false).unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o644)).unwrap();
+        save(&path, b"key", true).unwrap();
+        assert_eq!((fs::read(&path).unwrap(), mode()), (b"key".to_vec(), 0o600));
+        fs::remove_file(&path).unwrap();
+        save(&path, b"key", true).unwrap();
+        assert_eq!(mode(), 0o600);
     }
 }

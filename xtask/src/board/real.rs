@@ -1,7 +1,8 @@
 //! The images of real boards, which no emulator runs: they build, fit and cannot panic.
 
-use super::contents::{Contents, Sections, read};
+use super::contents::{Contents, Sections, panic_paths, read, sections};
 use super::image::{Image, NUCLEO_G474RE, PICO2};
+use super::limits::Limits;
 use super::shown;
 use super::sizes::MAX_STATIC_RAM;
 use std::ops::Range;
@@ -18,6 +19,9 @@ pub struct Memory {
     pub flash_bytes: u64,
     /// Most bytes of code and constants.
     max_text: u64,
+    /// The same with a link key, and with a library key as well: today's sizes and a tenth more.
+    max_text_link: u64,
+    max_text_both: u64,
 }
 
 /// Its limit is that of the emulated board, which is the core's, and half as much for drivers, the store of parameters and
@@ -29,6 +33,8 @@ pub const NUCLEO: Memory = Memory {
     stack_bytes: 32 << 10,
     flash_bytes: 256 << 10,
     max_text: 96 << 10,
+    max_text_link: 104_500,
+    max_text_both: 123_000,
 };
 
 /// The same limit.
@@ -39,6 +45,8 @@ pub const PICO: Memory = Memory {
     stack_bytes: 32 << 10,
     flash_bytes: 2 << 20,
     max_text: 96 << 10,
+    max_text_link: 106_000,
+    max_text_both: 122_200,
 };
 
 /// Builds the image of a board and prints its sizes.
@@ -46,7 +54,7 @@ pub const PICO: Memory = Memory {
 /// # Errors
 /// Sizes above their limits, or the compiler's verdict.
 pub fn report(board: &Memory) -> Result<(), String> {
-    let Memory { name, image, ram, stack_bytes, flash_bytes, max_text } = board;
+    let Memory { name, image, ram, stack_bytes, flash_bytes, max_text, .. } = board;
     let panicking = read(&image.build_with("planted-panic")?)?;
     let contents = Contents::read(image.build()?, &panicking, ram.clone())?;
     let Contents { path, sections: Sections { text, data, bss }, panics } = &contents;
@@ -62,4 +70,31 @@ pub fn report(board: &Memory) -> Result<(), String> {
     println!("panic paths    {:>7} (a planted one was found)", panics.len());
 
     contents.limits(*max_text).verdict()
+}
+
+/// Builds the image of a board with keys, and prints their sizes.
+///
+/// # Errors
+/// As for [`report`].
+pub fn report_with_keys(board: &Memory) -> Result<(), String> {
+    let Memory { name, image, ram, flash_bytes, max_text_link, max_text_both, .. } = board;
+    let mut limits = Limits::default();
+    // The crate that checks signatures has checks of indices that the compiler cannot prove.
+    for (keys, features, most, is_ours) in [
+        ("a link key", "authenticated", *max_text_link, true),
+        ("both keys", "authenticated,signed", *max_text_both, false),
+    ] {
+        let built = read(&image.build_with_keys(features)?)?;
+        let Sections { text, data, bss } = sections(&built, ram.clone())?;
+        println!(
+            "{name} with {keys}: text {text} B of {most}, in {flash_bytes} of flash; data + bss {} B",
+            data + bss
+        );
+        limits.bytes(&format!("text with {keys}"), text, most);
+        limits.bytes("static RAM", data + bss, MAX_STATIC_RAM);
+        if is_ours {
+            limits.no_panics(&panic_paths(&built)?);
+        }
+    }
+    limits.verdict()
 }

@@ -24,7 +24,7 @@ const MAX_MEAN_TICK: f64 = 13_600.0;
 const MAX_TICK: f64 = 25_100.0;
 const MAX_PERIOD: f64 = 59_700.0;
 /// The image's own RAM (`memory.x`); what lies above stands for external memory.
-pub const RAM: std::ops::Range<u64> = 0x2000_0000..0x2000_8000;
+pub const RAM: std::ops::Range<u64> = 0x2000_0000..0x2001_0000;
 
 /// Builds the images, replays the demo and prints the figures, as a table or as JSON.
 ///

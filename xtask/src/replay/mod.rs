@@ -5,14 +5,21 @@ mod urdf;
 
 use crate::steps::Extent;
 use crate::workspace::{self, Program};
-use crate::{mujoco, shell};
+use crate::{mujoco, parallel, shell};
+use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Mutex;
 
 /// Folders of motion files, below the root.
 const MOTIONS: [&str; 2] = ["motions", "motions/table_2_1"];
+/// Steps of our own simulator per second.
+const GROUND_RATES_HZ: [u32; 2] = [60, 240];
+/// Periods of the level runs and of our own simulator.
+const CYCLES: &str = "20";
 /// Periods of a disturbed run: its table has cycles 2 to 5.
 const DISTURBED_CYCLES: &str = "6";
 
@@ -33,7 +40,7 @@ pub fn check(extent: Extent) -> Result<(), String> {
     shell::run(&mut replay.python("test_replay.py"))?;
     match extent {
         Extent::Short => Ok(()),
-        Extent::Full => replay.shipped("all", true),
+        Extent::Full => replay.shipped("all", true).map(drop),
     }
 }
 
@@ -44,9 +51,12 @@ pub fn check(extent: Extent) -> Result<(), String> {
 /// A motion without plan, or the command that installs what is missing.
 pub fn document(options: &Options) -> Result<(), String> {
     let replay = Replay::new()?;
-    replay.shipped("both", false)?;
+    let plans = replay.shipped("both", false)?;
+    replay.grounded(&plans)?;
     let mut document = replay.python("document.py");
-    document.arg(replay.out.join("level.json")).arg(replay.out.join("disturbed.json"));
+    for results in ["level.json", "disturbed.json", "ground.json"] {
+        document.arg(replay.out.join(results));
+    }
     for urdf in &options.urdf {
         document.arg(urdf::replayed(&replay, urdf)?);
     }
@@ -84,8 +94,8 @@ impl Replay {
         replay
     }
 
-    /// Every shipped motion; a motion that does not hold is an error if they must.
-    fn shipped(&self, feed_forward: &str, must_hold: bool) -> Result<(), String> {
+    /// Every shipped motion; a motion that does not hold is an error if they must. Returns the plans.
+    fn shipped(&self, feed_forward: &str, must_hold: bool) -> Result<Vec<PathBuf>, String> {
         let rollwalk = rollwalk()?;
         let failed = |error: std::io::Error| format!("motions: {error}");
         let plans: Vec<PathBuf> = motions()
@@ -106,7 +116,43 @@ impl Replay {
                 _ => return Err("tests/replay failed, or some motion does not hold".to_owned()),
             }
         }
-        Ok(())
+        Ok(plans)
+    }
+
+    /// The same plans in our own simulator, into `ground.json`.
+    fn grounded(&self, plans: &[PathBuf]) -> Result<(), String> {
+        let rollwalk = rollwalk()?;
+        let simulate = |plan: &Path, rate_hz: u32| {
+            let rate = rate_hz.to_string();
+            let args = ["simulate", "--json", "--cycles", CYCLES, "--rate", &rate];
+            let mut command = shell::command(&rollwalk.path.to_string_lossy(), &args);
+            let output = command.arg(plan).output();
+            let output = output.map_err(|error| format!("rollwalk: {error}"))?;
+            // Exit code 3: it does not come where the plan does. An error of the simulation has no outcome.
+            serde_json::from_slice::<Value>(&output.stdout).map_err(|_| {
+                let why = String::from_utf8_lossy(&output.stderr);
+                format!("rollwalk simulate {} at {rate} Hz: {why}", plan.display())
+            })
+        };
+        let results = Mutex::new(BTreeMap::new());
+        let failures = parallel::each(plans, |plan| {
+            let mut rates = Map::new();
+            for rate_hz in GROUND_RATES_HZ {
+                rates.insert(rate_hz.to_string(), simulate(plan, rate_hz)?);
+            }
+            let name = plan.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let result = json!({ "plan": name, "rates": rates });
+            results.lock().expect("no worker panics").insert(name, result);
+            Ok(())
+        });
+        if let Some(why) = failures.into_iter().next() {
+            return Err(why);
+        }
+        let results: Vec<_> =
+            results.into_inner().expect("no worker panics").into_values().collect();
+        let path = self.out.join("ground.json");
+        fs::write(&path, Value::from(results).to_string())
+            .map_err(|error| format!("{}: {error}", path.display()))
     }
 
     /// Plans a motion; the name of the plan has that of the folder, because some motions of the two folders share theirs.

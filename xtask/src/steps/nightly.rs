@@ -6,8 +6,9 @@ use clap::ValueEnum;
 
 /// A robot of MIT drives and an ODrive.
 const OTHER_ROBOT: &str = "robots/test_leg.toml";
-/// Random seeds of the fault campaign.
+/// Random seeds of the fault campaign on a stand, and on the ground: of each scenario and loss, a thousand runs.
 const CAMPAIGN_SEEDS: &str = "1000";
+const GROUND_CAMPAIGN_SEEDS: &str = "9";
 
 /// A step of the nightly command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -32,7 +33,7 @@ pub enum NightlyStep {
     Load,
     /// Every fuzz target for ten minutes.
     Fuzz,
-    /// A thousand random faults and combinations of them.
+    /// Random faults and combinations of them: a thousand runs on the ground, and on a stand a thousand of each.
     FaultCampaign,
 }
 
@@ -52,7 +53,7 @@ impl Step for NightlyStep {
             Self::Hostile => "attacks on a simulated robot, and on files being written",
             Self::Load => "robots on a busy computer",
             Self::Fuzz => "fuzz targets, ten minutes each",
-            Self::FaultCampaign => "fault campaign with 1,000 seeds",
+            Self::FaultCampaign => "fault campaign with 1,000 seeds, and 1,000 runs on the ground",
         }
     }
 
@@ -81,8 +82,12 @@ impl Step for NightlyStep {
                 let out = shell::target_folder().join("fault-campaign");
                 let programs = workspace::optimised_programs()?;
                 let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
-                let campaign = ["bench", "fault-campaign", "--seeds", CAMPAIGN_SEEDS];
-                shell::run(rollwalk.command(&campaign).arg("--out").arg(out))
+                let run = |on, seeds| {
+                    let campaign = ["bench", "fault-campaign", "--on", on, "--seeds", seeds];
+                    let out = out.with_extension(on);
+                    shell::run(rollwalk.command(&campaign).arg("--out").arg(out))
+                };
+                run("ground", GROUND_CAMPAIGN_SEEDS).and_then(|()| run("stand", CAMPAIGN_SEEDS))
             }
         }
     }

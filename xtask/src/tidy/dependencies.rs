@@ -35,6 +35,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rollwalk-bus",
             "rollwalk-firmware",
             "rollwalk-host",
+            "rollwalk-physics",
             "rollwalk-protocol",
             "rollwalk-robot",
             "rollwalk-sim-host",
@@ -45,9 +46,12 @@ const ALLOWED: &[(&str, &[&str])] = &[
         &[
             "rollwalk-bus",
             "rollwalk-campaign",
+            "rollwalk-physics",
             "rollwalk-planner",
             "rollwalk-protocol",
             "rollwalk-robot",
+            "rollwalk-sim-host",
+            "rollwalk-simulate",
         ],
     ),
 ];

@@ -10,6 +10,7 @@
 
 mod config;
 mod emulator;
+mod image_keys;
 mod keys;
 mod quiet;
 mod remote;
@@ -23,6 +24,7 @@ mod wiring;
 
 use clap::{Parser, Subcommand};
 use rollwalk_robot::Robot;
+use scenario::HostKeys;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -51,6 +53,15 @@ enum Task {
         #[arg(long)]
         out: PathBuf,
     },
+    /// Print, in hexadecimal digits, the block of keys that `cargo xtask image` fills into an image.
+    KeyBlock {
+        /// File with the link key.
+        #[arg(long)]
+        link_key: Option<PathBuf>,
+        /// File with the public key of those who sign libraries.
+        #[arg(long)]
+        library_key: Option<PathBuf>,
+    },
     /// Replay a library's scenario from the emulated board's memory; print what it cost as JSON.
     Replay {
         /// Image with the replay.
@@ -74,6 +85,12 @@ enum Task {
         /// Library to flash and play; without one, a short motion made for this.
         #[arg(long)]
         library: Option<PathBuf>,
+        /// The link key that the image has.
+        #[arg(long)]
+        link_key: Option<PathBuf>,
+        /// Private key whose public one the image has, to sign the library.
+        #[arg(long)]
+        signing_key: Option<PathBuf>,
         /// Folder for the logs.
         #[arg(long)]
         out: PathBuf,
@@ -109,12 +126,21 @@ fn run(cli: &Cli) -> Result<(), String> {
             print!("{wiring}");
             Ok(())
         }
+        Task::KeyBlock { link_key, library_key } => {
+            let block = image_keys::block(link_key.as_deref(), library_key.as_deref())?;
+            print!("{block}");
+            Ok(())
+        }
         Task::Replay { image, library, out } => {
             replay::run(&robot, image, &library_or_short(library.as_deref(), &robot)?, out)
         }
         Task::Keys { image } => keys::run(image),
-        Task::Uart { image, library, out } => {
-            uart::run(&robot, image, &library_or_short(library.as_deref(), &robot)?, out)
+        Task::Uart { image, library, link_key, signing_key, out } => {
+            let keys = HostKeys {
+                link: link_key.as_deref().map(image_keys::link_key).transpose()?,
+                signing: signing_key.as_deref().map(image_keys::signing_key).transpose()?,
+            };
+            uart::run(&robot, image, &keys, &library_or_short(library.as_deref(), &robot)?, out)
         }
         Task::Visit { port, library } => visit::run(&robot, port, &read(library)?),
     }

@@ -5,7 +5,7 @@
 
 use crate::quiet::Quiet;
 use rollwalk_bus::link::LinkError;
-use rollwalk_protocol::tunnel::{Answer, Deframer, Hello, Request, Step, Stepped};
+use rollwalk_protocol::tunnel::{Answer, Deframer, Figures, Hello, Request, Step, Stepped};
 use rollwalk_sim_host::core::Core;
 use std::io::{Read, Write};
 
@@ -40,6 +40,17 @@ impl<T: Read + Write> Remote<T> {
     /// Steps that crossed the line.
     pub fn steps(&self) -> u64 {
         self.steps
+    }
+
+    /// What the steps cost.
+    ///
+    /// # Errors
+    /// The line failed, or the board answered something else.
+    pub fn figures(&mut self) -> Result<Figures, LinkError> {
+        match self.ask(Request::Figures)? {
+            Answer::Figures(figures) => Ok(figures),
+            other => Err(out_of_turn(&other)),
+        }
     }
 
     fn ask(&mut self, request: Request) -> Result<Answer, LinkError> {

@@ -1,8 +1,12 @@
 //! The scenario: flash the library, arm, play every motion by its code there and back, return, disarm.
 
+use crate::image_keys;
+use ed25519_dalek::SigningKey;
+use rollwalk_host::authentication::{Credentials, Peer};
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::library::{Library, NodeId, RATE_HZ, validate};
 use rollwalk_protocol::wire::State;
+use rollwalk_protocol::wire::authentication::{LINK_KEY_LEN, LinkKey};
 use rollwalk_sim_host::core::Core;
 use rollwalk_sim_host::rig::Rig;
 
@@ -17,14 +21,42 @@ struct Motion {
     duration_us: u64,
 }
 
-/// Runs the scenario on a robot that has just been switched on; `say` gets a line for each part.
+/// Keys that the host has.
+#[derive(Default)]
+pub struct HostKeys {
+    /// The robot's link key.
+    pub link: Option<[u8; LINK_KEY_LEN]>,
+    /// The key that libraries are signed with.
+    pub signing: Option<SigningKey>,
+}
+
+/// Runs the scenario on a robot that has just been switched on, without keys; `say` gets a line for each part.
 ///
 /// # Errors
 /// The controller's refusal, or the motion that did not begin.
 pub fn run<C: Core>(rig: Rig<C>, library: &[u8], say: impl Fn(&str)) -> Result<Rig<C>, String> {
+    run_with(&HostKeys::default(), rig, library, say)
+}
+
+/// The same with keys.
+///
+/// # Errors
+/// As for [`run`].
+pub fn run_with<C: Core>(
+    keys: &HostKeys,
+    rig: Rig<C>,
+    library: &[u8],
+    say: impl Fn(&str),
+) -> Result<Rig<C>, String> {
     let motions = motions(&rig, library)?;
-    let node = rig.node();
-    play(Session::connect(rig, node), library, &motions, say).map_err(|error| error.to_string())
+    let signed = keys.signing.as_ref().map(|key| image_keys::signed(library, key));
+    // Both runs of a comparison have the same numbers.
+    let key = keys.link.as_ref().map(LinkKey::new);
+    let credentials = key.map(|key| Credentials { key, nonce: 1 });
+    let peer = Peer { node: rig.node(), credentials };
+    let session = Session::connect(rig, peer);
+    play(session, signed.as_deref().unwrap_or(library), &motions, say)
+        .map_err(|error| error.to_string())
 }
 
 fn motions<C: Core>(rig: &Rig<C>, bytes: &[u8]) -> Result<Vec<Motion>, String> {

@@ -2,19 +2,31 @@
 
 use crate::emulator::Emulator;
 use crate::remote::Remote;
-use crate::{scenario, write};
+use crate::scenario::{self, HostKeys};
+use crate::write;
 use rollwalk_bus::candump;
+use rollwalk_firmware::Settings;
+use rollwalk_protocol::wire::authentication::LinkKey;
 use rollwalk_robot::Robot;
-use rollwalk_sim_host::core::Core;
+use rollwalk_sim_host::core::{Core, Local};
 use rollwalk_sim_host::rig::Rig;
 use std::path::Path;
 use std::time::Instant;
 
-/// Runs the scenario on both and compares.
+/// Most bytes of stack: three quarters of what real boards have.
+const MAX_STACK: u32 = 24 << 10;
+
+/// Runs the scenario on both, with the keys of image and host, and compares.
 ///
 /// # Errors
 /// Where the logs differ, or what failed.
-pub fn run(robot: &Robot, image: &Path, library: &[u8], out: &Path) -> Result<(), String> {
+pub fn run(
+    robot: &Robot,
+    image: &Path,
+    keys: &HostKeys,
+    library: &[u8],
+    out: &Path,
+) -> Result<(), String> {
     let config = robot.controller_config().map_err(|error| error.to_string())?;
     let emulator = Emulator::boot(image)?;
     let (remote, hello) = Remote::connect(emulator.line()?).map_err(|e| e.to_string())?;
@@ -32,17 +44,30 @@ pub fn run(robot: &Robot, image: &Path, library: &[u8], out: &Path) -> Result<()
 
     let start = Instant::now();
     let rig = Rig::with_core(robot, remote).map_err(|e| e.to_string())?;
-    let mut board = scenario::run(rig, library, |line| eprintln!("board: {line}"))?;
+    let mut board = scenario::run_with(keys, rig, library, |line| eprintln!("board: {line}"))?;
     eprintln!(
         "board: {} steps over the UART for {:.1} s of the robot's time, in {:.1} s",
         board.core_mut().steps(),
         board.now().as_s(),
         start.elapsed().as_secs_f64()
     );
+    let figures = board.core_mut().figures().map_err(|error| error.to_string())?;
+    let stack = figures.stack_bytes.max(figures.start_stack_bytes);
+    eprintln!("board: deepest stack {stack} B");
+    if stack > MAX_STACK {
+        return Err(format!("the board has used {stack} B of stack, at most {MAX_STACK}"));
+    }
     drop(emulator);
 
-    let rig = Rig::new(robot).map_err(|e| e.to_string())?;
-    let host = scenario::run(rig, library, |_| {})?;
+    let mut core = Local::new(config, robot.controller_buses(), Settings::default());
+    if let Some(key) = &keys.signing {
+        core = core.insisting_on_libraries_of(key.verifying_key());
+    }
+    if let Some(key) = &keys.link {
+        core.insist_on(LinkKey::new(key));
+    }
+    let rig = Rig::with_core(robot, core).map_err(|e| e.to_string())?;
+    let host = scenario::run_with(keys, rig, library, |_| {})?;
     let (board_log, host_log) = (log(&board)?, log(&host)?);
     write(&out.join("board.log"), &board_log)?;
     write(&out.join("host.log"), &host_log)?;

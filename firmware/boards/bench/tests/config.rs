@@ -3,15 +3,19 @@
 
 #[path = "../../agilebot.rs"]
 mod agilebot;
+#[path = "../../pup.rs"]
+mod pup;
 mod test_leg;
 
 use rollwalk_robot::Robot;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// Robots with generated modules in the repository: the default of all images, and one with buses of other protocols.
-const GENERATED: [(&str, &str); 2] = [
+/// Robots with generated modules in the repository: the default of images for boards with CAN, that of the Pico 2's, and one with
+/// buses of two other protocols.
+const GENERATED: [(&str, &str); 3] = [
     ("robots/agilebot.toml", "firmware/boards/agilebot.rs"),
+    ("robots/pup.toml", "firmware/boards/pup.rs"),
     ("robots/test_leg.toml", "firmware/boards/bench/tests/test_leg.rs"),
 ];
 
@@ -46,6 +50,7 @@ fn generated_modules_hold_the_robot() {
     let robots = GENERATED.map(|(file, _)| robot(file));
     let modules = [
         (agilebot::config(), agilebot::buses(), agilebot::CHANNELS.to_vec()),
+        (pup::config(), pup::buses(), pup::CHANNELS.to_vec()),
         (test_leg::config(), test_leg::buses(), test_leg::CHANNELS.to_vec()),
     ];
     for (robot, (config, buses, channels)) in robots.iter().zip(modules) {

@@ -1,9 +1,10 @@
 //! The controller on the emulated board: makes the steps that it is asked for, and counts their cost.
 
 use crate::cost::Cost;
+use crate::image_keys;
 use crate::robot;
 use crate::stack;
-use crate::store::{self, BoardStore};
+use crate::store::{self, Flash, Stores};
 use cortex_m::Peripherals;
 use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::tunnel::{
@@ -12,11 +13,14 @@ use rollwalk_protocol::tunnel::{
 use rollwalk_protocol::wire::State;
 use static_cell::StaticCell;
 
-static CONTROLLER: StaticCell<Controller<BoardStore>> = StaticCell::new();
+/// The controller with its store.
+type Core = Controller<image_keys::Libraries<Flash<{ store::CAPACITY }>>>;
+
+static CONTROLLER: StaticCell<Core> = StaticCell::new();
 
 /// The controller and its cost.
 pub struct Board {
-    controller: &'static mut Controller<BoardStore>,
+    controller: &'static mut Core,
     cost: Cost,
     steps: u32,
     start_stack_bytes: u32,
@@ -25,12 +29,12 @@ pub struct Board {
 impl Board {
     /// Makes the controller, once, and measures the stack that this takes.
     pub fn start(peripherals: Peripherals) -> Option<Self> {
-        let store = store::mount()?;
+        let Stores { libraries, boots } = store::mount()?;
+        let store = image_keys::trusting(libraries)?;
         let buses = robot::buses()?;
         let build = || Controller::with_buses(robot::config(), buses, store, Settings::default());
         let controller = CONTROLLER.try_init_with(build)?;
-        #[cfg(feature = "authenticated")]
-        controller.insist_on(crate::public_keys::link(), Some(1));
+        image_keys::insist(controller, boots)?;
         let start_stack_bytes = stack::deepest();
         stack::paint();
         let cost = Cost::new(peripherals.SYST);
@@ -89,7 +93,7 @@ impl Board {
 /// Serves serial lines and buses with 29-bit identifiers, as a board that has them would: `cargo xtask sizes` counts
 /// their code.
 #[cfg(feature = "every-line")]
-fn every_line(controller: &mut Controller<BoardStore>, now_us: u64, input: Option<Input>) {
+fn every_line(controller: &mut Core, now_us: u64, input: Option<Input>) {
     use core::hint::black_box;
     if let Some(Input::Actuator(bus, frame)) = input {
         controller.on_serial(now_us, bus, frame.data());

@@ -18,7 +18,7 @@ include!(concat!(env!("OUT_DIR"), "/robot.rs"));
 use core::panic::PanicInfo;
 use cortex_m_rt::entry;
 use cost::Cost;
-use rollwalk_firmware::store::{LibraryStore, RamStore, Signed};
+use rollwalk_firmware::store::{BootCounter, LibraryStore, RamStore, Signed};
 use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::library::{SIGNATURE_BLOCK_LEN, signature_head};
 use rollwalk_protocol::wire::authentication::{
@@ -29,8 +29,9 @@ use rollwalk_protocol::wire::transport::{Endpoint, frame_to_controller};
 use rollwalk_protocol::wire::{Action, Command, CommandResult, FromController, Node};
 use semihosting::{FAILURE, SUCCESS, exit};
 use static_cell::StaticCell;
+use store::Stores;
 
-type Core = Controller<store::BoardStore>;
+type Core = Controller<Signed<store::Libraries>>;
 
 static CONTROLLER: StaticCell<Core> = StaticCell::new();
 
@@ -63,11 +64,13 @@ fn measured() -> Option<[u32; 6]> {
 
 /// Counts of a command without authenticator, with one, and with a wrong one.
 fn commands(cost: &mut Cost) -> Option<[u32; 3]> {
-    let (settings, store) = (Settings::default(), store::mount()?);
+    let settings = Settings::default();
+    let Stores { libraries, boots } = store::mount()?;
+    let store = Signed::new(libraries, public_keys::library()?);
     let buses = robot::buses()?;
     let build = || Controller::with_buses(robot::config(), buses, store, settings);
     let controller = CONTROLLER.try_init_with(build)?;
-    controller.insist_on(public_keys::link(), Some(1));
+    controller.insist_on(public_keys::link(), BootCounter::mount(boots).ok()?.count().ok());
     let node = Node::new(settings.node)?;
     let session = LinkSession { number: offer(controller, node)?.number, nonce: NONCE };
     let mut sent = |counter: Option<u8>, forge: u8| {

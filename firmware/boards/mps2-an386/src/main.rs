@@ -7,8 +7,8 @@
 mod board;
 mod cost;
 mod halt;
-#[cfg(any(feature = "authenticated", feature = "signed"))]
-mod public_keys;
+#[path = "../../image_keys.rs"]
+mod image_keys;
 mod registers;
 mod stack;
 mod store;

@@ -7,9 +7,9 @@
 
 mod board;
 mod cost;
+#[path = "../../image_keys.rs"]
+mod image_keys;
 mod semihosting;
-#[cfg(any(feature = "authenticated", feature = "signed"))]
-mod public_keys;
 mod stack;
 mod store;
 

@@ -8,6 +8,8 @@
 
 mod clock;
 mod halt;
+#[path = "../../image_keys.rs"]
+mod image_keys;
 mod line;
 mod registers;
 mod servos;
@@ -25,18 +27,23 @@ use static_cell::StaticCell;
 use clock::Clock;
 use line::Line;
 use servos::Servos;
-use store::BoardStore;
+use store::{Flash, Stores};
 
-static CONTROLLER: StaticCell<Controller<BoardStore>> = StaticCell::new();
+/// The controller with its store.
+type Core = Controller<image_keys::Libraries<Flash<{ store::CAPACITY }>>>;
+
+static CONTROLLER: StaticCell<Core> = StaticCell::new();
 
 #[entry]
 fn main() -> ! {
     let Some(peripherals) = cortex_m::Peripherals::take() else { halt::halt() };
-    let Some(store) = store::mount() else { halt::halt() };
+    let Some(Stores { libraries, boots }) = store::mount() else { halt::halt() };
+    let Some(store) = image_keys::trusting(libraries) else { halt::halt() };
     let settings = Settings::default();
     let Some(buses) = robot::buses() else { halt::halt() };
     let build = || Controller::with_buses(robot::config(), buses, store, settings);
     let Some(controller) = CONTROLLER.try_init_with(build) else { halt::halt() };
+    let Some(()) = image_keys::insist(controller, boots) else { halt::halt() };
     let Some(line) = Line::new() else { halt::halt() };
     let clock = Clock::start(peripherals.SYST, settings.control_hz);
     let adapter = Adapter::default();
@@ -53,7 +60,7 @@ fn main() -> ! {
 
 /// The controller and everything around it.
 struct Board {
-    controller: &'static mut Controller<BoardStore>,
+    controller: &'static mut Core,
     servos: Servos,
     line: Line,
     adapter: Adapter,

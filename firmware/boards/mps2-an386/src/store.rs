@@ -1,42 +1,49 @@
-//! The library store, in PSRAM that stands for flash: the emulator has no model of NOR flash.
+//! The library store and the count of boots, in PSRAM that stands for flash: the emulator has no model of NOR flash.
 
 use core::cell::UnsafeCell;
 use core::sync::atomic::{AtomicBool, Ordering};
 use rollwalk_firmware::store::{FlashStore, RamFlash};
 
 /// As large as that of the host's simulation: a controller reports it, and both must report the same.
-const CAPACITY: usize = (2 << 20) + (8 << 10);
+pub const CAPACITY: usize = (2 << 20) + (8 << 10);
 /// Starts that a library on trial is given.
 const TRIAL_BOOTS: u8 = 3;
 
-type Libraries = FlashStore<RamFlash<&'static mut [u8; CAPACITY]>>;
+/// Three erase units for the count of boots.
+const BOOTS: usize = 12 << 10;
 
+/// Flash in memory.
+pub type Flash<const N: usize> = RamFlash<&'static mut [u8; N]>;
 /// The board's store of libraries.
-#[cfg(not(feature = "signed"))]
-pub type BoardStore = Libraries;
-/// The board's store of signed libraries.
-#[cfg(feature = "signed")]
-pub type BoardStore = rollwalk_firmware::store::Signed<Libraries>;
+pub type Libraries = FlashStore<Flash<CAPACITY>>;
 
-struct Psram(UnsafeCell<[u8; CAPACITY]>);
+/// The stores, which are taken once.
+pub struct Stores {
+    /// With the libraries in memory.
+    pub libraries: Libraries,
+    /// For the count of boots. A real board's outlasts its power, this one ends with the emulator.
+        pub boots: Flash<BOOTS>,
+}
 
-// SAFETY: `mount` hands out the only reference, once.
-unsafe impl Sync for Psram {}
+struct Psram<const N: usize>(UnsafeCell<[u8; N]>);
+
+// SAFETY: `mount` hands out the only references, once.
+unsafe impl<const N: usize> Sync for Psram<N> {}
 
 /// The start-up code neither clears nor fills it. Every value of a byte is one.
 #[unsafe(link_section = ".library")]
-static PSRAM: Psram = Psram(UnsafeCell::new([0; CAPACITY]));
+static LIBRARIES: Psram<CAPACITY> = Psram(UnsafeCell::new([0; CAPACITY]));
+#[unsafe(link_section = ".library")]
+static COUNT: Psram<BOOTS> = Psram(UnsafeCell::new([0; BOOTS]));
 static TAKEN: AtomicBool = AtomicBool::new(false);
 
-/// Mounts the store with the libraries in memory; the first time only.
-pub fn mount() -> Option<BoardStore> {
+/// Mounts the stores; the first time only.
+pub fn mount() -> Option<Stores> {
     if TAKEN.swap(true, Ordering::AcqRel) {
         return None;
     }
     // SAFETY: the flag lets one caller through.
-    let memory = unsafe { &mut *PSRAM.0.get() };
-    let store = FlashStore::mount(RamFlash::new(memory), TRIAL_BOOTS).ok()?;
-    #[cfg(feature = "signed")]
-    let store = BoardStore::new(store, crate::public_keys::library()?);
-    Some(store)
+    let (libraries, boots) = unsafe { (&mut *LIBRARIES.0.get(), &mut *COUNT.0.get()) };
+    let libraries = FlashStore::mount(RamFlash::new(libraries), TRIAL_BOOTS).ok()?;
+    Some(Stores { libraries, boots: RamFlash::new(boots) })
 }

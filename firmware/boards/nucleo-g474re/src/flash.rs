@@ -1,4 +1,4 @@
-//! The flash of libraries and parameters: bank 2, 256 KiB in pages of 2 KiB, written in words of 8
+//! The flash of libraries, parameters and the count of boots: bank 2, 256 KiB in pages of 2 KiB, written in words of 8
 //! bytes (RM0440, 3.3).
 //!
 //! Code runs from bank 1 meanwhile (read-while-write, 3.3.8). Words carry an ECC (3.3.2): one that a
@@ -21,6 +21,9 @@ const START: usize = 0x0804_0000;
 const SIZE: usize = 256 << 10;
 /// The last three pages are the parameters'.
 const PARAMETERS: usize = 3 * PAGE;
+/// The three before them are the boot counter's, also in images without a link key: libraries stay where they are
+/// when an image with one follows.
+const BOOTS: usize = 3 * PAGE;
 const WORD: usize = 8;
 const PAGE: usize = 2048;
 
@@ -88,12 +91,23 @@ pub struct Part {
     size: usize,
 }
 
-/// The library's part and the parameters'; to be called once, by `main`. `None` with the option byte
-/// DBANK cleared: the flash is one bank then, and other than described here.
-pub fn parts() -> Option<(Part, Part)> {
-    let library = Part { start: START, size: SIZE - PARAMETERS };
-    let parameters = Part { start: START + library.size, size: PARAMETERS };
-    FLASH.optr().read().dbank().then_some((library, parameters))
+/// The parts of the bank.
+pub struct Parts {
+    /// The libraries'.
+    pub libraries: Part,
+    /// The boot counter's.
+    pub boots: Part,
+    /// The parameters'.
+    pub parameters: Part,
+}
+
+/// The parts; to be called once, by `main`. `None` with the option byte DBANK cleared: the flash is one bank then, and
+/// other than described here.
+pub fn parts() -> Option<Parts> {
+    let libraries = Part { start: START, size: SIZE - BOOTS - PARAMETERS };
+    let boots = Part { start: START + libraries.size, size: BOOTS };
+    let parameters = Part { start: boots.start + boots.size, size: PARAMETERS };
+    FLASH.optr().read().dbank().then_some(Parts { libraries, boots, parameters })
 }
 
 impl Part {

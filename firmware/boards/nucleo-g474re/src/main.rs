@@ -13,6 +13,8 @@ mod clock;
 mod estop;
 mod fault;
 mod flash;
+#[path = "../../image_keys.rs"]
+mod image_keys;
 mod line;
 mod serial;
 mod watchdog;
@@ -36,7 +38,8 @@ use static_cell::StaticCell;
 use can::Bus;
 use clock::Clock;
 use estop::Contact;
-use flash::Part;
+use flash::{Part, Parts};
+use image_keys::Libraries;
 use line::Line;
 use serial::Serial;
 use watchdog::Watchdog;
@@ -50,7 +53,7 @@ const TRIAL_BOOTS: u8 = 3;
 const LINK_PATIENCE_US: u64 = 50_000;
 
 /// The controller with its stores.
-type Core = Controller<FlashStore<Part>, FlashParameters<Part>>;
+type Core = Controller<Libraries<Part>, FlashParameters<Part>>;
 
 static CONTROLLER: StaticCell<Core> = StaticCell::new();
 
@@ -65,8 +68,9 @@ fn main() -> ! {
     let period_us = 1_000_000 / u32::from(settings.control_hz.max(1));
     // A period that was missed is one too many.
     let settings = Settings { overrun_us: period_us * 3 / 2, ..settings };
-    let Some((library, parameters)) = flash::parts() else { fault::halt() };
-    let Ok(library) = FlashStore::mount(library, TRIAL_BOOTS) else { fault::halt() };
+    let Some(Parts { libraries, boots, parameters }) = flash::parts() else { fault::halt() };
+    let Ok(libraries) = FlashStore::mount(libraries, TRIAL_BOOTS) else { fault::halt() };
+    let Some(libraries) = image_keys::trusting(libraries) else { fault::halt() };
     let Ok(parameters) = FlashParameters::mount(parameters) else { fault::halt() };
     let (config, Some(buses)) = (robot::config(), robot::buses()) else { fault::halt() };
     // No image is made for a robot with others: `firmware/boards/bench/src/wiring.rs`.
@@ -75,8 +79,9 @@ fn main() -> ! {
     if on_can.len() > ACTUATOR_PORTS || on_serial.len() > 1 {
         fault::halt();
     }
-    let build = || Controller::with_parameters(config, buses, library, parameters, settings);
+    let build = || Controller::with_parameters(config, buses, libraries, parameters, settings);
     let Some(controller) = CONTROLLER.try_init_with(build) else { fault::halt() };
+    let Some(()) = image_keys::insist(controller, boots) else { fault::halt() };
 
     let Some(serial) = Serial::new(p.PA3, p.PA2) else { fault::halt() };
     can::connect::<peripherals::FDCAN1>(p.PA11, p.PA12);

@@ -1,4 +1,4 @@
-//! The flash of libraries and parameters: the upper half of the Pico 2's 4 MiB, erased in sectors of 4 KiB and written in
+//! The flash of libraries, parameters and the count of boots: the upper half of the Pico 2's 4 MiB, erased in sectors of 4 KiB and written in
 //! pages of 256 bytes.
 //!
 //! **The program stands still meanwhile**, interrupts included: it runs from the same flash. Erasing a sector takes 45 ms, up
@@ -18,6 +18,9 @@ const ALL: usize = 4 << 20;
 const START: usize = 2 << 20;
 /// The last sectors are the parameters'.
 const PARAMETERS: usize = 3 * ERASE_SIZE;
+/// Those before them are the boot counter's, also in images without a link key: libraries stay where they are when an
+/// image with one follows.
+const BOOTS: usize = 3 * ERASE_SIZE;
 /// Least that is written at once: the hardware programs bits, and pages may be filled in pieces.
 const WORD: usize = 32;
 
@@ -46,11 +49,22 @@ pub struct Part {
     size: usize,
 }
 
-/// The library's part and the parameters'; to be called once, by `main`.
-pub fn parts() -> (Part, Part) {
-    let library = Part { start: START, size: ALL - START - PARAMETERS };
-    let parameters = Part { start: START + library.size, size: PARAMETERS };
-    (library, parameters)
+/// The parts of the flash.
+pub struct Parts {
+    /// The libraries'.
+    pub libraries: Part,
+    /// The boot counter's.
+    pub boots: Part,
+    /// The parameters'.
+    pub parameters: Part,
+}
+
+/// The parts; to be called once, by `main`.
+pub fn parts() -> Parts {
+    let libraries = Part { start: START, size: ALL - START - BOOTS - PARAMETERS };
+    let boots = Part { start: START + libraries.size, size: BOOTS };
+    let parameters = Part { start: boots.start + boots.size, size: PARAMETERS };
+    Parts { libraries, boots, parameters }
 }
 
 impl Part {
@@ -59,7 +73,8 @@ impl Part {
         let offset = offset as usize;
         let within = offset.checked_add(len).is_some_and(|end| end <= self.size);
         let whole = offset.is_multiple_of(unit) && len.is_multiple_of(unit);
-        if within && whole { Ok((self.start + offset) as u32) } else { Err(FlashError::Range) }
+        let at = self.start.checked_add(offset).and_then(|at| u32::try_from(at).ok());
+        at.filter(|_| within && whole).ok_or(FlashError::Range)
     }
 
     fn driver() -> Flash<'static, FLASH, Blocking, ALL> {
@@ -77,9 +92,11 @@ impl ReadNorFlash for Part {
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
         let at = self.place(offset, bytes.len(), 1)? as usize;
-        for (address, byte) in (FLASH_BASE as usize + at..).zip(bytes) {
+        let mut place = (FLASH_BASE as usize).wrapping_add(at) as *const u8;
+        for byte in bytes {
             // SAFETY: within the part, by `place`.
-            *byte = unsafe { read_volatile(address as *const u8) };
+            *byte = unsafe { read_volatile(place) };
+            place = place.wrapping_add(1);
         }
         Ok(())
     }
@@ -96,19 +113,20 @@ impl NorFlash for Part {
     fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         let len = to.checked_sub(from).ok_or(FlashError::Range)?;
         let at = self.place(from, len as usize, ERASE_SIZE)?;
-        for sector in (at..at + len).step_by(ERASE_SIZE) {
+        for sector in (at..at.saturating_add(len)).step_by(ERASE_SIZE) {
             Self::driver()
-                .blocking_erase(sector, sector + ERASE_SIZE as u32)
+                .blocking_erase(sector, sector.saturating_add(ERASE_SIZE as u32))
                 .map_err(|_| FlashError::Hardware)?;
         }
         Ok(())
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
-        let at = self.place(offset, bytes.len(), WORD)?;
+        let mut at = self.place(offset, bytes.len(), WORD)?;
         let (words, _) = bytes.as_chunks::<WORD>();
-        for (place, word) in (at..).step_by(WORD).zip(words) {
-            Self::driver().blocking_write(place, word).map_err(|_| FlashError::Hardware)?;
+        for word in words {
+            Self::driver().blocking_write(at, word).map_err(|_| FlashError::Hardware)?;
+            at = at.saturating_add(WORD as u32);
         }
         Ok(())
     }
@@ -116,7 +134,7 @@ impl NorFlash for Part {
 
 impl MappedFlash for Part {
     fn mapped(&self) -> &[u8] {
-        let start = FLASH_BASE as usize + self.start;
+        let start = (FLASH_BASE as usize).wrapping_add(self.start);
         // SAFETY: flash that no linker section uses, and that changes in calls with `&mut self` only.
         unsafe { core::slice::from_raw_parts(start as *const u8, self.size) }
     }

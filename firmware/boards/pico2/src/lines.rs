@@ -104,7 +104,7 @@ impl Line {
 
     /// Hands bytes to the hardware while it has room.
     pub fn work(&mut self) {
-        let sender = 2 * self.number;
+        let sender = if self.number == 0 { 0 } else { 2 };
         while PIO0.fstat().read().txfull() & 1 << sender == 0
             && let Some(byte) = self.state.next_byte()
         {
@@ -159,10 +159,10 @@ fn load_programs() -> (Wrap, Wrap) {
 fn load(code: &[u16], at: u8) -> Wrap {
     for (place, &word) in (at..32).zip(code) {
         // The targets of jumps, which have the opcode 0, move along.
-        let moved = if word >> 13 == 0 { word + u16::from(at) } else { word };
+        let moved = if word >> 13 == 0 { word.saturating_add(u16::from(at)) } else { word };
         PIO0.instr_mem(usize::from(place & 31)).write(|w| w.set_instr_mem(moved));
     }
-    (at, at + (code.len() as u8).saturating_sub(1))
+    (at, at.saturating_add((code.len() as u8).saturating_sub(1)))
 }
 
 fn set_up_sender<const SM: usize>(pin: u8, divisor: u32, (first, last): Wrap) {

@@ -54,6 +54,6 @@ impl<P: Port> Link<P> {
     /// Hands bytes to the port while it has room.
     pub fn work(&mut self) {
         let rest = self.line.get(self.sent..).unwrap_or_default();
-        self.sent += self.port.write(rest);
+        self.sent = self.sent.saturating_add(self.port.write(rest));
     }
 }

@@ -10,6 +10,8 @@ mod clock;
 mod estop;
 mod fault;
 mod flash;
+#[path = "../../image_keys.rs"]
+mod image_keys;
 mod lines;
 mod link;
 mod uart;
@@ -32,7 +34,8 @@ use rollwalk_protocol::wire::{Node, ToController, Torque};
 use static_cell::StaticCell;
 
 use estop::Contact;
-use flash::Part;
+use flash::{Part, Parts};
+use image_keys::Libraries;
 use lines::Line;
 use link::{Link, Port};
 use uart::Uart;
@@ -45,7 +48,7 @@ const TRIAL_BOOTS: u8 = 3;
 const LIGHT: usize = 25;
 
 /// The controller with its stores.
-type Core = Controller<FlashStore<Part>, FlashParameters<Part>>;
+type Core = Controller<Libraries<Part>, FlashParameters<Part>>;
 
 static CONTROLLER: StaticCell<Core> = StaticCell::new();
 
@@ -58,8 +61,9 @@ fn main() -> ! {
     let period_us = 1_000_000 / u32::from(settings.control_hz.max(1));
     // A period that was missed is one too many.
     let settings = Settings { overrun_us: period_us * 3 / 2, ..settings };
-    let (library, parameters) = flash::parts();
-    let Ok(library) = FlashStore::mount(library, TRIAL_BOOTS) else { fault::halt() };
+    let Parts { libraries, boots, parameters } = flash::parts();
+    let Ok(libraries) = FlashStore::mount(libraries, TRIAL_BOOTS) else { fault::halt() };
+    let Some(libraries) = image_keys::trusting(libraries) else { fault::halt() };
     let Ok(parameters) = FlashParameters::mount(parameters) else { fault::halt() };
     let (config, Some(buses)) = (robot::config(), robot::buses()) else { fault::halt() };
     // No image is made for a robot with others: `firmware/boards/bench/src/wiring.rs`.
@@ -68,8 +72,9 @@ fn main() -> ! {
     if on_serial.len() > lines::COUNT || !on_can.is_empty() {
         fault::halt();
     }
-    let build = || Controller::with_parameters(config, buses, library, parameters, settings);
+    let build = || Controller::with_parameters(config, buses, libraries, parameters, settings);
     let Some(controller) = CONTROLLER.try_init_with(build) else { fault::halt() };
+    let Some(()) = image_keys::insist(controller, boots) else { fault::halt() };
 
     let Some(uart) = Uart::new() else { fault::halt() };
     let mut actuators = Vec::new();

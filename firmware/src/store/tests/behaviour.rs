@@ -2,6 +2,7 @@
 
 use super::nor::Nor;
 use super::*;
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 
 type Flash = Nor<8, 256>;
 
@@ -67,6 +68,33 @@ fn the_first_library_is_not_rolled_back_to_nothing() {
     }
     store.confirm().unwrap();
     assert!(!reboot(store).on_trial());
+}
+
+/// It may be refused: the first library has not played yet, and is the only one.
+#[test]
+fn the_first_library_outlasts_the_next_transfer() {
+    let (a, b) = (library(1, 90), library(2, 100));
+    for resets in [0, 1] {
+        let mut store = FlashStore::mount(Flash::blank(10), TRIAL_BOOTS).unwrap();
+        send(&mut store, &a).unwrap();
+        store.activate().unwrap();
+        for _ in 0..resets {
+            store = reboot(store);
+        }
+        send(&mut store, &b).unwrap();
+        assert_eq!(store.bytes(), a);
+        store.abandon();
+        assert_eq!(store.bytes(), a);
+        let mut store = reboot(store);
+        assert_eq!(store.bytes(), a);
+        // And the next is on trial, with the first to go back to.
+        send(&mut store, &b).unwrap();
+        store.activate().unwrap();
+        assert_eq!((store.bytes(), store.on_trial()), (&b[..], true));
+        assert!(store.roll_back());
+        assert_eq!(store.bytes(), a);
+        assert_eq!(store.into_flash().overwrites, 0);
+    }
 }
 
 #[test]
@@ -209,6 +237,60 @@ fn unusable_flash_is_refused() {
     let full: Vec<u8> = (0..192).map(|i| i as u8).collect();
     let store = holding(Flash::blank(4), &full);
     assert_eq!(reboot(store).bytes(), full);
+}
+
+/// A flash that reads or writes in units of other sizes.
+struct Odd<const READ: usize, const WRITE: usize>(RamFlash<[u8; 8 * 4096]>);
+
+impl<const READ: usize, const WRITE: usize> ErrorType for Odd<READ, WRITE> {
+    type Error = NorFlashErrorKind;
+}
+
+impl<const READ: usize, const WRITE: usize> ReadNorFlash for Odd<READ, WRITE> {
+    const READ_SIZE: usize = READ;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        self.0.read(offset, bytes)
+    }
+
+    fn capacity(&self) -> usize {
+        self.0.capacity()
+    }
+}
+
+impl<const READ: usize, const WRITE: usize> NorFlash for Odd<READ, WRITE> {
+    const WRITE_SIZE: usize = WRITE;
+    const ERASE_SIZE: usize = 4096;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        self.0.erase(from, to)
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        self.0.write(offset, bytes)
+    }
+}
+
+impl<const READ: usize, const WRITE: usize> MappedFlash for Odd<READ, WRITE> {
+    fn mapped(&self) -> &[u8] {
+        self.0.mapped()
+    }
+}
+
+/// Why neither store can be in such a flash.
+fn refused<const READ: usize, const WRITE: usize>() -> [Option<GeometryError>; 2] {
+    let blank = || Odd::<READ, WRITE>(RamFlash::new([0xFF; _]));
+    [FlashStore::mount(blank(), 3).err(), FlashParameters::mount(blank()).err()]
+}
+
+#[test]
+fn each_word_size_is_looked_at() {
+    let word_size = [Some(GeometryError::WordSize); 2];
+    assert_eq!(refused::<1, 8>(), [None; 2]);
+    assert_eq!(refused::<24, 8>(), word_size);
+    assert_eq!(refused::<1, 24>(), word_size);
+    assert_eq!(refused::<0, 8>(), word_size);
+    assert_eq!(refused::<1, 0>(), word_size);
 }
 
 /// Footers that stay would name a slot whose library is being overwritten.

@@ -278,6 +278,10 @@ impl Codec for Feetech {
         Self { model, return_delay_us }
     }
 
+    fn bit_rates(&self) -> &'static [u32] {
+        &table::BIT_RATES
+    }
+
     fn check_settings(&self, report: &mut dyn Report) {
         check_integer(report, "return_delay_us", self.return_delay_us, RETURN_DELAYS_US, " µs");
     }

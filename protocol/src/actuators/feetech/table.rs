@@ -28,6 +28,9 @@ pub const PRESENT_POSITION: u8 = 56;
 pub const CENTRE: i32 = 2048;
 /// A step of position, rad; a step a second of velocity, rad/s.
 pub const STEP_RAD: f32 = TAU / 4096.0;
+/// Bits per second by the values of the baud rate (6), 0 to 7.
+pub const BIT_RATES: [u32; 8] =
+    [1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400];
 /// A kg·cm, in which data sheets give torques, N·m.
 const KG_CM_NM: f32 = 0.098_066_5;
 

@@ -1,0 +1,97 @@
+//! Blocks of keys are made of key files, and of nothing else.
+
+use rollwalk_firmware::hal::key_block::{KEY_LEN, Keys, LEN};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const LINK: [u8; KEY_LEN] = [0x5A; KEY_LEN];
+/// Made by `openssl pkey -pubout` of the private key whose bytes are 1, and that private key.
+const PUBLIC: &str = "-----BEGIN PUBLIC KEY-----\n\
+                      MCowBQYDK2VwAyEAiojj3XQJ8ZX9UtstPLpdcspnCb8dlBIb83SIAbQPb1w=\n\
+                      -----END PUBLIC KEY-----\n";
+const PRIVATE: &str = "-----BEGIN PRIVATE KEY-----\n\
+                       MC4CAQAwBQYDK2VwBCIEIAEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEB\n\
+                       -----END PRIVATE KEY-----\n";
+
+/// Hexadecimal digits of a key block, or the error that refused it, and the other output of the command.
+fn block(options: &[(&str, &Path)]) -> Result<(String, String), String> {
+    let mut bench = Command::new(env!("CARGO_BIN_EXE_rollwalk-board-bench"));
+    bench
+        .arg("key-block")
+        .args(options.iter().flat_map(|(name, path)| [name.as_ref(), path.as_os_str()]));
+    let output =
+        bench.current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..")).output().unwrap();
+    let [out, error] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+    if output.status.success() { Ok((out, error)) } else { Err(error) }
+}
+
+fn keys(digits: &str) -> Keys {
+    let mut block = [0; LEN];
+    assert_eq!(digits.len(), 2 * LEN);
+    for (byte, at) in block.iter_mut().zip((0..).step_by(2)) {
+        *byte = u8::from_str_radix(&digits[at..at + 2], 16).unwrap();
+    }
+    Keys::decode(&block).unwrap()
+}
+
+struct Files(tempfile::TempDir);
+
+impl Files {
+    fn write(&self, name: &str, text: &str, mode: u32) -> PathBuf {
+        let path = self.0.path().join(name);
+        fs::write(&path, text).unwrap();
+        #[cfg(unix)]
+        fs::set_permissions(&path, std::os::unix::fs::PermissionsExt::from_mode(mode)).unwrap();
+        path
+    }
+}
+
+#[test]
+fn a_block_has_the_keys_of_the_files() {
+    let files = Files(tempfile::tempdir().unwrap());
+    let link = files.write("robot.key", &rollwalk_host::key_file::text(&LINK), 0o600);
+    let library = files.write("owner.pub.pem", PUBLIC, 0o644);
+    let (digits, said) = block(&[("--link-key", &link), ("--library-key", &library)]).unwrap();
+    let both = keys(&digits);
+    assert_eq!(both.link, Some(LINK));
+    assert_eq!(both.library.unwrap()[..4], [0x8A, 0x88, 0xE3, 0xDD]);
+    // A public key is for all.
+    assert_eq!(said, "");
+    assert!(keys(&block(&[("--link-key", &link)]).unwrap().0).library.is_none());
+    assert!(keys(&block(&[("--library-key", &library)]).unwrap().0).link.is_none());
+
+    #[cfg(unix)]
+    {
+        let open = files.write("open.key", &rollwalk_host::key_file::text(&LINK), 0o644);
+        let (_, said) = block(&[("--link-key", &open)]).unwrap();
+        assert!(said.contains("other users") && said.contains("chmod 600"), "{said}");
+        assert!(!said.contains("5a5a"), "{said}");
+    }
+}
+
+#[test]
+fn what_is_no_key_says_what_it_is_and_what_would_be_right() {
+    let files = Files(tempfile::tempdir().unwrap());
+    let link = files.write("robot.key", &rollwalk_host::key_file::text(&LINK), 0o644);
+    let public = files.write("owner.pub.pem", PUBLIC, 0o644);
+    let private = files.write("owner.pem", PRIVATE, 0o644);
+    let cut = files.write("cut.key", &rollwalk_host::key_file::text(&LINK)[..50], 0o644);
+    let large = files.write("large", &"5".repeat(2000), 0o644);
+    let none = files.0.path().join("none");
+    for (option, path, expected) in [
+        ("--link-key", &cut, "is no link key: that is one line"),
+        ("--link-key", &public, "--library-key takes its public one"),
+        ("--link-key", &none, "`rollwalk keys new FILE` makes one"),
+        ("--link-key", &large, "has more than 1024 bytes"),
+        ("--library-key", &link, "it is a link key, which --link-key takes"),
+        ("--library-key", &private, "it is a private key, which no robot must have"),
+        ("--library-key", &cut, "`rollwalk keys new-pair KEY.pem` makes one"),
+    ] {
+        let why = block(&[(option, path)]).unwrap_err();
+        assert!(why.contains(expected), "{why}");
+        assert!(why.contains(path.to_str().unwrap()), "{why}");
+        // Neither a secret nor advice to keep one that is none.
+        assert!(!why.contains("5a5a") && !why.contains("chmod") && !why.contains("MC4C"), "{why}");
+    }
+}

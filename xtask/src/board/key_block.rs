@@ -1,0 +1,48 @@
+//! Keys into a program that was compiled without: the block that `firmware/boards/image_keys.rs` reads at the start.
+
+use object::{Object, ObjectSection, ObjectSymbol};
+use std::ops::Range;
+
+/// The block's symbol.
+const SYMBOL: &str = "ROLLWALK_KEYS";
+/// Its first bytes, blank or not.
+const MAGIC: &[u8] = b"RW-KEYS1";
+
+/// Puts a block, in hexadecimal digits, in the place of the blank one of a program.
+///
+/// # Errors
+/// The program has no blank block of this size.
+pub fn fill(image: &mut [u8], digits: &str) -> Result<(), String> {
+    let block = bytes(digits).ok_or("the bench made no block of keys")?;
+    let place = place(image)?;
+    let blank = image.get_mut(place).filter(|place| place.len() == block.len());
+    let blank = blank.ok_or("the program has room for keys of another version")?;
+    let (magic, rest) = blank.split_at(MAGIC.len().min(blank.len()));
+    if magic != MAGIC || rest.iter().any(|&byte| byte != 0) {
+        return Err("the program has keys already".into());
+    }
+    blank.copy_from_slice(&block);
+    Ok(())
+}
+
+/// Where in the file of a program its block is.
+fn place(image: &[u8]) -> Result<Range<usize>, String> {
+    let file = object::File::parse(image).map_err(|error| format!("the image: {error}"))?;
+    let found = file.symbols().find(|symbol| symbol.name() == Ok(SYMBOL));
+    let place = found.and_then(|symbol| {
+        let section = file.section_by_index(symbol.section_index()?).ok()?;
+        let (start, size) = section.file_range()?;
+        let offset = symbol.address().checked_sub(section.address())?;
+        let within = offset.checked_add(symbol.size())? <= size;
+        let from = usize::try_from(start.checked_add(offset)?).ok()?;
+        within.then_some(from..from.checked_add(usize::try_from(symbol.size()).ok()?)?)
+    });
+    place.ok_or_else(|| format!("the program has no {SYMBOL}: it was built without keys"))
+}
+
+fn bytes(digits: &str) -> Option<Vec<u8>> {
+    let pairs = digits.as_bytes().chunks(2).map(|pair| std::str::from_utf8(pair).ok());
+    let byte =
+        |pair: Option<&str>| u8::from_str_radix(pair.filter(|pair| pair.len() == 2)?, 16).ok();
+    pairs.map(byte).collect()
+}
